@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/vec.hpp"
+#include "material/material.hpp"
+#include "mpm/collider.hpp"
+#include "mpm/keyed.hpp"
+
+namespace matterfit::mpm {
+
+enum class Formulation {
+  kAuto,     ///< total for elastic laws, updated for the rest
+  kTotal,    ///< total Lagrangian: grid of the rest shape, node velocities the state
+  kUpdated,  ///< updated Lagrangian MLS-MPM with APIC
+};
+
+/// Where a body's particles lie: x = origin + axes · (spacing · (i + ½, j + ½, k + ½)) for integer
+/// i, j, k where `regular`. A total Lagrangian grid takes these axes, so particles keep their place
+/// in the cell. The lattice of jittered or imported particles is not regular; axes and origin still
+/// orient the grid.
+struct Lattice {
+  Vec3d origin = Vec3d::Zero();
+  Quatd axes = Quatd::Identity();
+  double spacing = 0.0;
+  bool regular = false;
+};
+
+/// A region of the body at rest whose motion is prescribed.
+struct Pin {
+  enum class Region {
+    kAll,      ///< the whole body
+    kPlane,    ///< everything on the plane or behind it (opposite to its normal)
+    kBox,      ///< axis-aligned, `low` to `high`
+    kSphere,   ///< `point`, `radius`
+    kPoints,   ///< material within `radius` of any of `points`
+  };
+  Region region = Region::kAll;
+  Vec3d point = Vec3d::Zero();
+  Vec3d normal = Vec3d::UnitZ();
+  Vec3d low = Vec3d::Zero();
+  Vec3d high = Vec3d::Zero();
+  double radius = 0.0;
+  Points points;
+  /// Motion relative to the rest position (identity: held still). The pose's origin is `pivot`.
+  Keyed<Pose> motion = Keyed<Pose>(Pose{});
+  Vec3d pivot = Vec3d::Zero();
+  /// Seconds after the scene's first frame from which the pin no longer holds.
+  double release = std::numeric_limits<double>::infinity();
+};
+
+/// A point mass that moves with the body: inertia and weight [kg] at rest position `position`.
+struct AttachedMass {
+  Vec3d position = Vec3d::Zero();
+  double mass = 0.0;
+  double attach = 0.0;  ///< seconds after the scene's first frame from which it is there
+};
+
+struct Body {
+  std::string name;
+  material::Material material;
+  double density = 1000.0;  ///< at rest [kg/m³]
+  Formulation formulation = Formulation::kAuto;
+  Points rest;                  ///< particle positions at rest, where the body starts (world)
+  std::vector<double> volumes;  ///< rest volume of each particle [m³]
+  Lattice lattice;
+  Vec3d velocity = Vec3d::Zero();  ///< initial, of the centre of mass [m/s]
+  Vec3d spin = Vec3d::Zero();      ///< initial, world axes through the centre of mass [rad/s]
+  std::vector<Vec3d> particle_velocities;  ///< optional, added to the rigid motion, one each
+  std::vector<Pin> pins;
+  std::vector<AttachedMass> masses;
+};
+
+/// Contact between two different bodies.
+struct BodyContact {
+  std::string first;
+  std::string second;
+  Contact contact;
+};
+
+/// Closed walls of the domain, seen from inside; a particle beyond them is an error.
+struct Walls {
+  Vec3d low = Vec3d::Constant(-std::numeric_limits<double>::infinity());
+  Vec3d high = Vec3d::Constant(std::numeric_limits<double>::infinity());
+  Contact contact;
+};
+
+struct Scene {
+  double fps = 24.0;
+  int first_frame = 0;
+  int end_frame = 1;  ///< half-open
+  double dx = 0.02;   ///< grid spacing, twice the particle separation [m]
+  Keyed<Vec3d> gravity = Keyed<Vec3d>(Vec3d(0, 0, -9.81));
+  std::vector<Body> bodies;
+  std::vector<ColliderPtr> colliders;
+  std::vector<BodyContact> contacts;
+  std::optional<Walls> walls;
+  double cfl = 0.4;                  ///< largest motion in one substep, in cells
+  double dt = 0.0;                   ///< overrides the solver's substep where > 0 [s]
+  double dt_safety = 0.8;            ///< fraction of the stability limit that is used
+  /// Moves the total Lagrangian grid inside each body by this fraction of a cell (tests of
+  /// accuracy below the cell).
+  Vec3d grid_shift = Vec3d::Zero();
+};
+
+}  // namespace matterfit::mpm

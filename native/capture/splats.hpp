@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/vec.hpp"
+
+namespace matterfit::capture {
+
+/// A 3D Gaussian Splatting scene (Kerbl et al. 2023), in plain quantities.
+struct Splats {
+  int sh_degree = 0;                          ///< 0 to 3
+  bool isotropic = false;                     ///< the file had scale_0 only
+  std::vector<Vec3f> means;                   ///< (N) [m]
+  std::vector<Eigen::Quaternionf> rotations;  ///< (N) normalised
+  std::vector<Vec3f> scales;                  ///< (N) standard deviations [m] (exp applied)
+  std::vector<float> opacities;               ///< (N) in (0, 1) (sigmoid applied)
+  /// (N, (degree+1)², 3) real spherical harmonics, coefficient-major: [i][band][rgb];
+  /// colour of band 0 alone = 0.5 + 0.28209479 · sh[i][0].
+  std::vector<float> sh;
+
+  [[nodiscard]] std::size_t size() const { return means.size(); }
+  [[nodiscard]] std::size_t sh_bands() const {
+    return static_cast<std::size_t>((sh_degree + 1) * (sh_degree + 1));
+  }
+};
+
+/// Reads the PLY that 3DGS trainers write: x y z, f_dc_0..2, f_rest_* channel-major (0, 9, 24 or 45
+/// of them), opacity (logit), scale_0..2 or scale_0 (natural log), rot_0..3 (w x y z; absent in
+/// isotropic files). Throws Error(kInput) naming property or row and reason.
+[[nodiscard]] Splats parse_splats(std::span<const std::byte> bytes, const std::string& name);
+[[nodiscard]] Splats read_splats(const std::filesystem::path& path);
+
+/// Writes the same conventions back (log, logit, channel-major), binary little endian.
+void write_splats(const std::filesystem::path& path, const Splats& splats);
+
+}  // namespace matterfit::capture

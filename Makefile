@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+# Matterfit: everything a person does with this tree. `make` alone says what there is.
+# Works from any current directory (make -C PATH …); writes only below build/.
+
+ROOT := $(patsubst %/,%,$(dir $(abspath $(lastword $(MAKEFILE_LIST)))))
+RUN := bash $(ROOT)/scripts/in_tree.sh
+PYTHON := $(RUN) python
+.DEFAULT_GOAL := help
+.PHONY: help demo test build bench format lint fuzz run package clean
+
+help: ## Say what each target does (the default)
+	@grep -hE '^[a-z]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | sort | \
+	  while IFS="$$(printf '\t')" read -r name text; do printf '  make %-8s %s\n' "$$name" "$$text"; done
+
+demo: ## The main job on the sample under `blender -b`: capture, simulate, compare, throw, rerun, bake, render
+	@bash $(ROOT)/scripts/dependencies.sh demo
+	@$(RUN) bash $(ROOT)/scripts/build.sh
+	@$(RUN) bash $(ROOT)/scripts/demo.sh
+
+test: ## Every test; ends with `N passed, N failed, N skipped` (ONLY="native blender" runs some parts)
+	@bash $(ROOT)/scripts/dependencies.sh test
+	@$(PYTHON) $(ROOT)/scripts/test.py $(ONLY)
+
+build: ## build/bin/matterfit and build/lib/libmatterfit.so, optimised
+	@bash $(ROOT)/scripts/dependencies.sh build
+	@$(RUN) bash $(ROOT)/scripts/build.sh
+
+bench: ## Speed of the solver, one JSON object a line (OTHERS=1: Taichi and Genesis beside it, by pip)
+	@bash $(ROOT)/scripts/dependencies.sh build 1>&2
+	@$(PYTHON) $(ROOT)/scripts/bench.py $(if $(OTHERS),--others)
+
+format: ## Bring C++ and Python into the tree's form
+	@bash $(ROOT)/scripts/dependencies.sh test
+	@$(PYTHON) $(ROOT)/scripts/lint.py --fix
+
+lint: ## Form, ruff and clang-tidy (changed files; ALL=1 for the whole tree)
+	@bash $(ROOT)/scripts/dependencies.sh test
+	@$(PYTHON) $(ROOT)/scripts/lint.py $(if $(ALL),--all)
+
+fuzz: ## A minute of libFuzzer with sanitizers for each parser (SECONDS_EACH=600 for more)
+	@bash $(ROOT)/scripts/dependencies.sh test
+	@$(PYTHON) $(ROOT)/scripts/fuzz.py --seconds $(or $(SECONDS_EACH),60)
+
+run: ## Open Blender with the add-on switched on
+	@bash $(ROOT)/scripts/dependencies.sh demo
+	@$(RUN) bash $(ROOT)/scripts/build.sh
+	@$(RUN) bash $(ROOT)/scripts/blender.sh
+
+package: ## build/matterfit-VERSION.zip: installs in Blender 3.4 to 5.x, native library inside
+	@bash $(ROOT)/scripts/dependencies.sh package
+	@$(RUN) bash $(ROOT)/scripts/build.sh
+	@$(PYTHON) $(ROOT)/scripts/package.py
+
+clean: ## Remove build/ (compiled files, downloaded test environments, results of the demo)
+	rm -rf $(ROOT)/build

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Form and static checks: clang-format, ruff, clang-tidy on changed files, the licence line.
+
+    lint.py            check; --all: clang-tidy on the whole tree, not only on what changed
+    lint.py --fix      rewrite files into form instead
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+
+from parts import BUILD, ROOT, Tally, require_in_tree, run, say
+
+RUFF = "ruff==0.12.12"
+CLANG_FORMAT = "clang-format-14"
+CLANG_TIDY = "clang-tidy-14"
+PYTHON_FOLDERS = ["addon", "scripts", "blender_tests"]
+# clang-tidy parses OpenVDB and Eigen anew for every file, 10 to 40 s each.
+TIDY_AT_MOST = 12
+
+
+def native_sources():
+    kinds = {".cpp", ".hpp", ".h"}
+    return sorted(f for f in (ROOT / "native").rglob("*") if f.suffix in kinds)
+
+
+def ruff():
+    """The pinned ruff in its own environment below build/, or None where pip cannot fetch it."""
+    folder = BUILD / "venv-ruff"
+    program = folder / "bin" / "ruff"
+    if not program.exists():
+        run("lint-venv", [sys.executable, "-m", "venv", folder])
+        run("lint-pip", [folder / "bin" / "pip", "install", "-q", RUFF], limit=300)
+    return program if program.exists() else None
+
+
+def changed_sources():
+    """C++ files that differ from where this work began: the published main, or the last commit."""
+
+    def git(*arguments):
+        done = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+        return done.stdout.split() if done.returncode == 0 else []
+
+    head = git("rev-parse", "HEAD")
+    base = git("merge-base", "HEAD", "origin/main") or git("rev-parse", "HEAD~1")
+    if base == head:
+        base = git("rev-parse", "HEAD~1")
+    names = git("diff", "--name-only", base[0]) if base else []
+    return sorted(ROOT / n for n in names if n.endswith(".cpp") and (ROOT / n).exists())
+
+
+def check_form(tally):
+    files = native_sources()
+    done = run("lint-clang-format", [CLANG_FORMAT, "--dry-run", "-Werror", *files])
+    tally.check("lint: clang-format", done.status == 0, "run `make format`\n" + done.tail(10))
+
+
+def check_licence(tally):
+    bare = []
+    python = (f for folder in PYTHON_FOLDERS for f in (ROOT / folder).rglob("*.py"))
+    for file in [*native_sources(), *python]:
+        with open(file, encoding="utf-8") as text:
+            head = text.readline() + text.readline()
+        if "SPDX-License-Identifier: GPL-3.0-or-later" not in head:
+            bare.append(str(file.relative_to(ROOT)))
+    tally.check("lint: licence line", not bare, "no SPDX line at the top of: " + ", ".join(bare))
+
+
+def check_python(tally):
+    program = ruff()
+    if program is None:
+        tally.skipped.append(("lint: ruff", f"pip could not install {RUFF}"))
+        return
+    folders = [f for f in PYTHON_FOLDERS if (ROOT / f).exists()]
+    done = run("lint-ruff", [program, "check", "--no-cache", *folders])
+    tally.check("lint: ruff check", done.status == 0, done.tail(40))
+    done = run("lint-ruff-format", [program, "format", "--check", "--no-cache", *folders])
+    tally.check("lint: ruff format", done.status == 0, "run `make format`\n" + done.tail(10))
+
+
+def check_tidy(tally, everything):
+    database = BUILD / "release" / "compile_commands.json"
+    if not database.exists():
+        tally.skipped.append(("lint: clang-tidy", "needs `make build` first"))
+        return
+    known = database.read_text(encoding="utf-8")
+    files = native_sources() if everything else changed_sources()
+    files = [f for f in files if str(f) in known]
+    if not everything and len(files) > TIDY_AT_MOST:
+        rest = len(files) - TIDY_AT_MOST
+        files = files[:TIDY_AT_MOST]
+        tally.skipped.append((f"lint: clang-tidy on {rest} more changed files", "`make lint ALL=1` takes all"))
+    if not files:
+        tally.skipped.append(("lint: clang-tidy", "no C++ file changed"))
+    for file in files:
+        name = f"lint: clang-tidy {file.relative_to(ROOT)}"
+        command = [CLANG_TIDY, "-p", database.parent, "--quiet", "--warnings-as-errors=*", file]
+        done = run(f"lint-tidy-{file.stem}", command)
+        tally.check(name, done.status == 0, done.tail(30))
+
+
+def lint(everything=False):
+    tally = Tally()
+    check_form(tally)
+    check_licence(tally)
+    check_python(tally)
+    check_tidy(tally, everything)
+    return tally
+
+
+def fix():
+    files = native_sources()
+    if files:
+        subprocess.run([CLANG_FORMAT, "-i", *files], cwd=ROOT, check=True)
+    program = ruff()
+    folders = [f for f in PYTHON_FOLDERS if (ROOT / f).exists()]
+    if program is None:
+        say(f"Python files left as they are: pip could not install {RUFF}")
+        return 0
+    subprocess.run([program, "format", "--no-cache", *folders], cwd=ROOT, check=True)
+    return subprocess.run([program, "check", "--fix", "--no-cache", *folders], cwd=ROOT, check=False).returncode
+
+
+def main():
+    require_in_tree()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--fix", action="store_true")
+    parser.add_argument("--all", action="store_true")
+    options = parser.parse_args()
+    if options.fix:
+        return fix()
+    if not os.path.exists(BUILD / "release" / "compile_commands.json"):
+        run("configure", ["cmake", "-S", ROOT, "-B", BUILD / "release", "-G", "Ninja"])
+    tally = lint(options.all)
+    for name, detail in tally.failed:
+        say(f"FAILED {name}\n{detail}")
+    for name, reason in tally.skipped:
+        say(f"skipped {name}: {reason}")
+    say(str(tally))
+    return 1 if tally.failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

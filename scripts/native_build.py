@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The two native builds that the tests run: build/release and build/sanitize."""
+
+import json
+
+from parts import BUILD, ROOT, Finished, Tally, run
+
+# What a sanitized program needs to hear. Blender's own libraries leak at exit; ours must not.
+SANITIZER_ENVIRONMENT = {
+    "ASAN_OPTIONS": "detect_leaks=1:strict_string_checks=1:allocator_may_return_null=1",
+    "UBSAN_OPTIONS": "print_stacktrace=1",
+    "LSAN_OPTIONS": f"suppressions={ROOT}/scripts/leaks.supp:print_suppressions=0",
+}
+
+
+def _configure_and_build(name, settings, targets, limit):
+    folder = BUILD / name
+    configure = ["cmake", "-S", ROOT, "-B", folder, "-G", "Ninja", *settings]
+    done = run(f"configure-{name}", configure)
+    if done.status != 0:
+        return done
+    return run(f"build-{name}", ["ninja", "-C", folder, *targets], limit=limit)
+
+
+def build_release() -> Finished:
+    """Everything with g++, optimised, warnings as errors, and the tool and library put in place."""
+    return run("build-release", ["bash", ROOT / "scripts" / "build.sh", "all"], limit=2400)
+
+
+def build_sanitized(fuzzers_only=False) -> Finished:
+    """Tests and fuzzers with clang, AddressSanitizer and UBSan; the second compiler's warnings too."""
+    settings = [
+        "-DCMAKE_C_COMPILER=clang-14",
+        "-DCMAKE_CXX_COMPILER=clang++-14",
+        "-DCMAKE_BUILD_TYPE=Release",
+        "-DCMAKE_CXX_FLAGS_RELEASE=-O1",
+        "-DMATTERFIT_SANITIZE=ON",
+        "-DMATTERFIT_FUZZ=ON",
+        "-DMATTERFIT_WERROR=ON",
+        "-DMATTERFIT_BENCH=OFF",
+    ]
+    targets = [f.stem for f in sorted((ROOT / "native").glob("*/*_fuzz.cpp"))]
+    if not fuzzers_only:
+        targets += sorted({"test_" + f.parent.name for f in (ROOT / "native").glob("*/*_test.cpp")})
+    return _configure_and_build("sanitize", settings, targets, limit=2400)
+
+
+def run_gtest(program, prefix, *, limit, env=None) -> Tally:
+    """Runs one GoogleTest program and counts its tests; a crash counts the program as failed."""
+    tally = Tally()
+    name = f"{prefix}: {program.name}"
+    report = BUILD / "logs" / f"{prefix}-{program.name}.json"
+    report.unlink(missing_ok=True)
+    done = run(f"{prefix}-{program.name}", [program, f"--gtest_output=json:{report}"], limit=limit, env=env)
+    if report.exists():
+        for suite in json.loads(report.read_text(encoding="utf-8"))["testsuites"]:
+            for test in suite["testsuite"]:
+                full = f"{prefix}: {suite['name']}.{test['name']}"
+                if test.get("failures"):
+                    detail = "\n".join(f["failure"] for f in test["failures"])
+                    tally.failed.append((full, detail))
+                elif test.get("result") == "SKIPPED":
+                    reasons = [s.get("message", "") for s in test.get("skipped", [])]
+                    tally.skipped.append((full, " ".join(reasons).strip()))
+                elif test.get("status") == "NOTRUN":
+                    tally.skipped.append((full, "switched off in the code"))
+                else:
+                    tally.passed.append(full)
+    if done.status != 0 and not tally.failed:
+        tally.failed.append((name, f"{done.reason()}\n{done.tail(60)}"))
+    elif not report.exists():
+        tally.failed.append((name, "left no report"))
+    return tally

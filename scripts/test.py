@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs every test of the tree and closes with one line: `N passed, N failed, N skipped`.
+
+    test.py            all parts, in order
+    test.py PART …     only these (test.py --list names them)
+"""
+
+import argparse
+import datetime
+import json
+import os
+import shutil
+import sys
+import time
+
+import fuzz
+import lint
+import package
+from blender_versions import VERSIONS, bpy_python
+from native_build import SANITIZER_ENVIRONMENT, build_release, build_sanitized, run_gtest
+from parts import BUILD, LOGS, ROOT, Tally, require_in_tree, run, say
+
+RUNNER = ROOT / "blender_tests" / "run.py"
+LIBRARY = {"MATTERFIT_LIBRARY": str(BUILD / "lib" / "libmatterfit.so")}
+
+
+def part_build():
+    """g++, warnings as errors"""
+    tally = Tally()
+    done = build_release()
+    tally.check("build: release", done.status == 0, done.tail(60))
+    return tally
+
+
+def part_lint():
+    """clang-format, licence lines, ruff, clang-tidy on changed files"""
+    return lint.lint()
+
+
+def part_native():
+    """native tests, optimised"""
+    tally = Tally()
+    for program in sorted((BUILD / "release" / "bin").glob("test_*")):
+        tally.add(run_gtest(program, "native", limit=900))
+    return tally
+
+
+def part_sanitize():
+    """the same native tests under ASan and UBSan (clang)"""
+    tally = Tally()
+    done = build_sanitized()
+    if not tally.check("build: sanitize", done.status == 0, done.tail(60)):
+        return tally
+    for program in sorted((BUILD / "sanitize" / "bin").glob("test_*")):
+        tally.add(run_gtest(program, "sanitize", limit=1500, env=SANITIZER_ENVIRONMENT))
+    return tally
+
+
+def part_fuzz():
+    """each parser five seconds of libFuzzer from its saved seeds"""
+    return fuzz.fuzz(5)
+
+
+def read_record(prefix, done, report):
+    """The tally of a run of blender_tests/run.py; a run that left no report counts as one failure."""
+    tally = Tally()
+    if not report.exists():
+        tally.failed.append((f"{prefix}: {RUNNER.name}", f"{done.reason()}, no report\n{done.tail(60)}"))
+        return tally
+    record = json.loads(report.read_text(encoding="utf-8"))
+    tally.passed += [f"{prefix}: {name}" for name in record["passed"]]
+    tally.failed += [(f"{prefix}: {f['name']}", f["detail"]) for f in record["failed"]]
+    tally.skipped += [(f"{prefix}: {s['name']}", s["reason"]) for s in record["skipped"]]
+    if done.status != 0 and not tally.failed:
+        tally.failed.append((f"{prefix}: {RUNNER.name}", f"{done.reason()}\n{done.tail(60)}"))
+    return tally
+
+
+def user_folder(name):
+    """A bare Blender user folder, so that no part sees what another left."""
+    folder = BUILD / "users" / name
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return {"BLENDER_USER_RESOURCES": str(folder), "HOME": str(folder)}
+
+
+def run_blender_tests(name, program, *patterns):
+    report = LOGS / f"{name}.json"
+    report.unlink(missing_ok=True)
+    env = {**LIBRARY, **user_folder(name)}
+    done = run(name, [*program, "--json", report, *patterns], limit=1200, env=env)
+    return read_record(name, done, report)
+
+
+BLENDER = ["blender", "-b", "--factory-startup", "--python-exit-code", "1", "-P", RUNNER, "--"]
+
+
+def part_blender():
+    """blender_tests under `blender -b`"""
+    return run_blender_tests("blender", BLENDER)
+
+
+def part_window():
+    """the panel in a real window under Xvfb, with a screenshot"""
+    tally = Tally()
+    script = ROOT / "blender_tests" / "window.py"
+    picture = BUILD / "screenshots" / "panel.png"
+    if not script.exists():
+        tally.skipped.append(("window: panel", "blender_tests/window.py is not there"))
+        return tally
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    picture.unlink(missing_ok=True)
+    env = {**LIBRARY, **user_folder("window"), "LIBGL_ALWAYS_SOFTWARE": "1"}
+    screen = ["xvfb-run", "-a", "-s", "-screen 0 1400x900x24"]
+    blender = ["blender", "--factory-startup", "--python-exit-code", "1", "-P", script, "--", picture]
+    done = run("window", [*screen, *blender], limit=300, env=env)
+    ok = done.status == 0 and picture.exists() and picture.stat().st_size > 10_000
+    tally.check("window: panel", ok, f"{done.reason()}\n{done.tail(40)}")
+    if ok:
+        say(f"  screenshot: {picture.relative_to(ROOT)}")
+    return tally
+
+
+def part_package():
+    """the zip: built, carrying its own libraries, installed in a bare user folder, a job run with it"""
+    tally = Tally()
+    try:
+        archive = package.build_package()
+    except package.PackageError as error:
+        tally.failed.append(("package: build", str(error)))
+        return tally
+    tally.passed.append("package: build")
+    tally.check("package: same bytes again", package.is_deterministic(archive), "two builds of it differ")
+    script = ROOT / "scripts" / "check_package.py"
+    programs = {"3.4": ["blender", "-b", "--factory-startup", "--python-exit-code", "1", "-P", script, "--"]}
+    for version in VERSIONS:
+        python, reason = bpy_python(version)
+        if python:
+            programs[f"bpy {version}"] = [python, script]
+        else:
+            tally.skipped.append((f"package: bpy {version}", reason))
+    for name, program in programs.items():
+        slug = "package-" + name.replace(" ", "-")
+        env = user_folder(slug)
+        done = run(slug, [*program, archive], limit=300, env=env)
+        ok = done.status == 0 and "package works" in done.tail(20)
+        tally.check(f"package: installed and run in {name}", ok, f"{done.reason()}\n{done.tail(40)}")
+    return tally
+
+
+def part_bpy():
+    """the Blender tests on the bpy wheels"""
+    tally = Tally()
+    for version in VERSIONS:
+        python, reason = bpy_python(version)
+        if not python:
+            tally.skipped.append((f"bpy {version}", reason))
+            if version == "4.5" and os.environ.get("CI"):
+                tally.failed.append(("bpy 4.5", f"must run where CI is set, but: {reason}"))
+            continue
+        tally.add(run_blender_tests(f"bpy-{version}", [python, RUNNER]))
+    return tally
+
+
+PARTS = {
+    "build": part_build,
+    "lint": part_lint,
+    "native": part_native,
+    "sanitize": part_sanitize,
+    "fuzz": part_fuzz,
+    "blender": part_blender,
+    "window": part_window,
+    "package": part_package,
+    "bpy": part_bpy,
+}
+# What a part runs with must be built in this run, not be what an earlier one left.
+NEEDS_BUILD = {"native", "blender", "window", "package", "bpy", "lint"}
+NEEDS_SANITIZE = {"fuzz"}
+
+
+def chosen_parts(names):
+    if not names:
+        return list(PARTS)
+    parts = [p for p in PARTS if p in names]
+    if NEEDS_BUILD & set(parts) and "build" not in parts:
+        parts.insert(0, "build")
+    if NEEDS_SANITIZE & set(parts) and "sanitize" not in parts:
+        parts.insert(parts.index("fuzz"), "sanitize")
+    return parts
+
+
+def main():
+    require_in_tree()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("parts", nargs="*", metavar="PART")
+    parser.add_argument("--list", action="store_true")
+    options = parser.parse_args()
+    unknown = set(options.parts) - set(PARTS)
+    if options.list or unknown:
+        for name, part in PARTS.items():
+            say(f"  {name:9} {part.__doc__}")
+        return 2 if unknown else 0
+
+    started = time.monotonic()
+    total = Tally()
+    parts = chosen_parts(options.parts)
+    say(f"Testing {ROOT} in {len(parts)} parts; logs in {LOGS.relative_to(ROOT)}/")
+    for number, name in enumerate(parts, 1):
+        say(f"[{number}/{len(parts)}] {name}: {PARTS[name].__doc__}")
+        begun = time.monotonic()
+        tally = PARTS[name]()
+        total.add(tally)
+        for test, detail in tally.failed:
+            say(f"  FAILED {test}\n    " + detail.strip().replace("\n", "\n    "))
+        for test, reason in tally.skipped:
+            say(f"  skipped {test}: {reason}")
+        took = datetime.timedelta(seconds=round(time.monotonic() - begun))
+        say(f"  {name}: {tally} in {took}")
+        if name == "build" and tally.failed:
+            say("Nothing else can run without the build.")
+            break
+    took = datetime.timedelta(seconds=round(time.monotonic() - started))
+    say(f"Took {took}.")
+    if total.failed:
+        say("Failed: " + ", ".join(test for test, _ in total.failed))
+    say(str(total))
+    return 1 if total.failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -7,7 +7,7 @@
 
 add_library(matterfit_flags INTERFACE)
 target_compile_options(matterfit_flags INTERFACE -Wall -Wextra -Wpedantic -Wconversion
-  -Wno-sign-conversion -march=x86-64-v2 -ffp-contract=fast -fno-math-errno)
+  -Wno-sign-conversion -march=x86-64-v2 -maes -mpclmul -ffp-contract=fast -fno-math-errno)
 if(MATTERFIT_WERROR)
   target_compile_options(matterfit_flags INTERFACE -Werror)
 endif()
@@ -24,7 +24,7 @@ if(MATTERFIT_FUZZ)
 endif()
 # Exactly the three targets that we test: SSE4, AVX2, AVX-512.
 target_compile_definitions(matterfit_flags INTERFACE
-  HWY_DISABLED_TARGETS=\(HWY_AVX3_DL|HWY_AVX3_ZEN4|HWY_SSSE3|HWY_SSE2\)
+  HWY_DISABLED_TARGETS=\(HWY_AVX3_DL|HWY_SSSE3\)
   MATTERFIT_VERSION=\"${PROJECT_VERSION}\")
 
 # Links rooms by name and other libraries with their headers as system headers.
@@ -128,10 +128,17 @@ function(matterfit_binaries)
   endif()
   if(MATTERFIT_BENCH)
     file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/native/bench/*_bench.cpp)
+    add_library(matterfit_bench STATIC ${CMAKE_SOURCE_DIR}/native/bench/probe.cpp
+      ${CMAKE_SOURCE_DIR}/native/bench/serial_mpm.cpp)
+    # The yardstick gets what a compiler alone can do with plain code on this very machine.
+    set_source_files_properties(${CMAKE_SOURCE_DIR}/native/bench/serial_mpm.cpp PROPERTIES
+      COMPILE_OPTIONS "-O3;-march=native")
+    matterfit_link(matterfit_bench PUBLIC math)
+    matterfit_test(bench ${CMAKE_SOURCE_DIR}/native/bench/serial_mpm_test.cpp)
     foreach(file IN LISTS sources)
       get_filename_component(bench ${file} NAME_WE)
       add_executable(${bench} ${file})
-      target_link_libraries(${bench} PRIVATE matterfit_job benchmark::benchmark)
+      matterfit_link(${bench} PRIVATE bench mpm CLI11::CLI11)
     endforeach()
   endif()
 endfunction()

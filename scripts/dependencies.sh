@@ -14,7 +14,7 @@ build_packages="
   libosd-dev libopenimageio-dev libopenexr-dev libimath-dev
   libeigen3-dev libhwy-dev libxxhash-dev libzip-dev libnanoflann-dev
   nlohmann-json3-dev libcli11-dev libfmt-dev
-  libgtest-dev libgmock-dev libbenchmark-dev"
+  libgtest-dev libgmock-dev"
 demo_packages="blender python3-numpy"
 package_packages="patchelf python3"
 test_packages="

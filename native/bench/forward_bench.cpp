@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Speed of the forward solver beside the serial yardstick, one JSON object a line on standard
+// output; progress on standard error. Both simulate the same cube of jelly falling on a floor.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/error.hpp"
+#include "base/interrupter.hpp"
+#include "base/parallel.hpp"
+#include "bench/probe.hpp"
+#include "bench/serial_mpm.hpp"
+#include "mpm/simulation.hpp"
+
+namespace matterfit::bench {
+namespace {
+
+// Of one particle and substep, counted on paper for quadratic 3D transfers with fixed corotated
+// elasticity: 27 nodes × (22 to scatter + 24 to gather) + weights, F, R, stress.
+constexpr double kFlopsPerParticleStep = 1350.0;
+constexpr double kProbeMayMove = 0.10;
+constexpr double kSeparation = 0.01;
+constexpr double kDensity = 1000.0;
+constexpr double kYoungsModulus = 1e5;
+constexpr double kPoissonRatio = 0.3;
+constexpr double kDt = 2e-4;
+constexpr int kClearanceCells = 4;  // of air below the cube, and to the sides
+// Rates of the initial motion: without strain the polar decomposition would end at once, which no
+// real scene lets it do.
+constexpr double kStretchRate = 3.0;  // [1/s]
+constexpr double kTwistRate = 3.0;    // [rad/s] between bottom and top
+constexpr double kFall = -0.5;        // [m/s]
+
+struct Measurement {
+  double mps = 0.0;           ///< million particle-steps per second, median
+  double probe_gflops = 0.0;  ///< median of the probes around the runs kept
+  int dropped = 0;
+};
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
+}
+
+/// `run` advances the simulation a while and returns (particle-steps, seconds).
+Measurement measure(const std::function<std::pair<double, double>()>& run, int threads,
+                    int repetitions) {
+  Measurement result;
+  std::vector<double> rates;
+  std::vector<double> probes;
+  run();  // first touch of memory, thread start
+  while (static_cast<int>(rates.size()) < repetitions) {
+    const double before = peak_fma_gflops(threads);
+    const auto [steps, seconds] = run();
+    const double after = peak_fma_gflops(threads);
+    const bool moved = std::abs(after - before) > kProbeMayMove * std::max(before, after);
+    if (moved && result.dropped < 4 * repetitions) {
+      ++result.dropped;
+      continue;
+    }
+    rates.push_back(steps / seconds * 1e-6);
+    probes.push_back(0.5 * (before + after));
+  }
+  result.mps = median(rates);
+  result.probe_gflops = median(probes);
+  return result;
+}
+
+void print(const std::string& name, const std::string& formulation, int threads,
+           std::size_t particles, const Measurement& m, double serial_mps) {
+  const double fraction = m.mps * 1e-3 * kFlopsPerParticleStep / m.probe_gflops;
+  std::printf(
+      "{\"name\": \"%s\", \"formulation\": \"%s\", \"threads\": %d, \"particles\": %zu, "
+      "\"mps\": %.3f, \"probe_gflops\": %.1f, \"probe_fraction\": %.4f, \"ratio_to_serial\": %.2f, "
+      "\"dropped\": %d}\n",
+      name.c_str(), formulation.c_str(), threads, particles, m.mps, m.probe_gflops, fraction,
+      serial_mps > 0.0 ? m.mps / serial_mps : 0.0, m.dropped);
+  std::fflush(stdout);
+}
+
+/// Particles along an edge of a cube of about `particles`.
+int edge_of(std::size_t particles) {
+  return static_cast<int>(std::lround(std::cbrt(static_cast<double>(particles))));
+}
+
+/// Initial velocity of the particle at `p`, both in the cube's frame of [0, 1]³ times its side.
+Vec3d initial_velocity(const Vec3d& p, double side) {
+  const Vec3d r = p - Vec3d::Constant(0.5 * side);
+  const double spin = kTwistRate * (p.z() / side - 0.5);
+  return {kStretchRate * r.x() - spin * r.y(), -kStretchRate * r.y() + spin * r.x(), kFall};
+}
+
+Measurement measure_serial(int edge, double seconds, int repetitions) {
+  SerialMpm::Options options;
+  options.dx = static_cast<float>(2.0 * kSeparation);
+  options.dt = static_cast<float>(kDt);
+  options.mu = static_cast<float>(kYoungsModulus / (2.0 * (1.0 + kPoissonRatio)));
+  options.lambda = static_cast<float>(kYoungsModulus * kPoissonRatio /
+                                      ((1.0 + kPoissonRatio) * (1.0 - 2.0 * kPoissonRatio)));
+  options.grid = edge / 2 + 5 * kClearanceCells;
+  std::vector<SerialMpm::Particle> particles;
+  const double side = edge * kSeparation;
+  const double volume = kSeparation * kSeparation * kSeparation;
+  const auto place = [](int i, int cells) {
+    return static_cast<float>((0.5 + i) * kSeparation + cells * 2.0 * kSeparation);
+  };
+  for (int i = 0; i < edge; ++i) {
+    for (int j = 0; j < edge; ++j) {
+      for (int k = 0; k < edge; ++k) {
+        SerialMpm::Particle p{};
+        // Room below, so that it falls, touches the floor and wobbles while it is measured.
+        p.x = {place(i, 2 * kClearanceCells), place(j, 2 * kClearanceCells),
+               place(k, kClearanceCells)};
+        const Vec3d v = initial_velocity(kSeparation * Vec3d(i + 0.5, j + 0.5, k + 0.5), side);
+        p.v = {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+        p.F = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+        p.mass = static_cast<float>(kDensity * volume);
+        p.volume = static_cast<float>(volume);
+        particles.push_back(p);
+      }
+    }
+  }
+  const std::size_t count = particles.size();
+  SerialMpm serial(std::move(particles), options);
+  return measure(
+      [&] {
+        using Clock = std::chrono::steady_clock;
+        const auto start = Clock::now();
+        double took = 0.0;
+        double steps = 0.0;
+        while (took < seconds) {
+          serial.step();
+          steps += static_cast<double>(count);
+          took = std::chrono::duration<double>(Clock::now() - start).count();
+        }
+        return std::pair(steps, took);
+      },
+      1, repetitions);
+}
+
+mpm::Scene jelly(int edge, mpm::Formulation formulation) {
+  mpm::Scene scene;
+  scene.fps = 1.0 / (10.0 * kDt);  // ten substeps a frame
+  scene.end_frame = 1 << 28;
+  scene.dx = 2.0 * kSeparation;
+  scene.dt = kDt;
+  mpm::Body body;
+  body.name = "jelly";
+  body.material.law = material::Law::kFixedCorotated;
+  body.material.youngs_modulus = kYoungsModulus;
+  body.material.poisson_ratio = kPoissonRatio;
+  body.density = kDensity;
+  body.formulation = formulation;
+  body.lattice.spacing = kSeparation;
+  body.lattice.regular = true;
+  body.lattice.origin = Vec3d(0, 0, kClearanceCells * 2.0 * kSeparation);
+  for (int i = 0; i < edge; ++i) {
+    for (int j = 0; j < edge; ++j) {
+      for (int k = 0; k < edge; ++k) {
+        const Vec3d p = kSeparation * Vec3d(i + 0.5, j + 0.5, k + 0.5);
+        body.rest.push_back(body.lattice.origin + p);
+        body.particle_velocities.push_back(initial_velocity(p, edge * kSeparation));
+      }
+    }
+  }
+  body.volumes.assign(body.rest.size(), kSeparation * kSeparation * kSeparation);
+  scene.bodies.push_back(std::move(body));
+  mpm::Contact contact;
+  scene.colliders.push_back(mpm::make_plane("ground", contact, Vec3d::Zero(), Vec3d::UnitZ()));
+  return scene;
+}
+
+Measurement measure_forward(int edge, mpm::Formulation formulation, int threads, double seconds,
+                            int repetitions) {
+  mpm::Simulation simulation(jelly(edge, formulation), std::make_shared<Arena>(threads));
+  const double count = std::pow(edge, 3);
+  const Interrupter interrupter;
+  return measure(
+      [&] {
+        double took = 0.0;
+        double steps = 0.0;
+        using Clock = std::chrono::steady_clock;
+        const auto start = Clock::now();
+        while (took < seconds) {
+          steps += count * simulation.advance(interrupter).substeps;
+          took = std::chrono::duration<double>(Clock::now() - start).count();
+        }
+        return std::pair(steps, took);
+      },
+      threads, repetitions);
+}
+
+int run(int argc, char** argv) {
+  std::vector<std::size_t> sizes{10'000, 100'000, 1'000'000};
+  std::vector<int> thread_counts{1, 2};
+  double seconds = 1.0;
+  int repetitions = 5;
+  CLI::App app("Forward speed of the solver in million particle-steps a second");
+  app.add_option("--particles", sizes, "about how many particles")->capture_default_str();
+  app.add_option("--threads", thread_counts)->capture_default_str();
+  app.add_option("--seconds", seconds, "of one repetition, at least")->capture_default_str();
+  app.add_option("--repetitions", repetitions)->capture_default_str()->check(CLI::Range(1, 99));
+  CLI11_PARSE(app, argc, argv);
+
+  std::fprintf(stderr, "probe: %s, %.1f GFLOP/s on one thread\n", probe_target().c_str(),
+               peak_fma_gflops(1));
+  const std::map<std::string, mpm::Formulation> formulations{
+      {"updated", mpm::Formulation::kUpdated}, {"total", mpm::Formulation::kTotal}};
+  for (const std::size_t size : sizes) {
+    const int edge = edge_of(size);
+    const std::size_t count = static_cast<std::size_t>(edge) * static_cast<std::size_t>(edge) *
+                              static_cast<std::size_t>(edge);
+    std::fprintf(stderr, "%zu particles\n", count);
+    const Measurement serial = measure_serial(edge, seconds, repetitions);
+    print("serial", "updated", 1, count, serial, serial.mps);
+    for (const auto& [name, formulation] : formulations) {
+      for (const int threads : thread_counts) {
+        const Measurement forward =
+            measure_forward(edge, formulation, threads, seconds, repetitions);
+        print("forward", name, threads, count, forward, serial.mps);
+      }
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace matterfit::bench
+
+int main(int argc, char** argv) {
+  try {
+    return matterfit::bench::run(argc, argv);
+  } catch (const matterfit::Error& error) {
+    std::fprintf(stderr, "forward_bench: %s\n", error.what());
+    return matterfit::exit_status(error.kind());
+  }
+}

@@ -110,7 +110,7 @@ TEST(Ringdown, OfTheMeasuredBeam) {
         std::filesystem::path(MATTERFIT_DATA_DIR) / "beam" / expected.file;
     if (!std::filesystem::exists(file)) GTEST_SKIP() << file << " is not there";
     capture::TracksOptions options;
-    options.markers = {"Tip-1", "Tip-2", "Tip-3"};
+    options.markers = {"Tip - 1", "Tip - 2", "Tip - 3"};
     const capture::Tracks tracks = capture::read_tracks(file, options);
     Points mean(tracks.frames());
     for (std::size_t t = 0; t < tracks.frames(); ++t) {

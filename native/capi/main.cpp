@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <string>
+#include <vector>
+
+#include "base/error.hpp"
+#include "base/file.hpp"
+#include "capi/job_thread.hpp"
+#include "capi/terminal.hpp"
+#include "job/document.hpp"
+#include "job/inputs.hpp"
+#include "job/run.hpp"
+
+namespace {
+
+using matterfit::Error;
+using matterfit::ErrorKind;
+namespace job = matterfit::job;
+namespace capi = matterfit::capi;
+
+std::atomic<int> caught_signal{0};
+
+extern "C" void on_signal(int number) {
+  // The second one of a kind ends the process the usual way.
+  caught_signal.store(number, std::memory_order_relaxed);
+  std::signal(number, SIG_DFL);
+}
+
+struct Arguments {
+  std::string job;
+  std::string folder;
+  std::vector<std::string> set;
+  int threads = 0;
+  std::string target = "auto";
+  std::string report;
+  bool json = false;
+  bool restart = false;
+  bool quiet = false;
+};
+
+void add_common(CLI::App& app, Arguments& arguments) {
+  app.add_option("JOB", arguments.job, "job document (docs/formats.md)")->required();
+  app.add_option("--set", arguments.set,
+                 "PATH=VALUE: change the document, as in scene.gravity=[0,0,-3.7]; may be repeated")
+      ->expected(1)
+      ->take_all()
+      ->allow_extra_args(false);
+  app.add_option("--threads", arguments.threads, "threads; 0: as many as the machine has");
+  app.add_option("--target", arguments.target, "instruction set: auto, sse4, avx2, avx512");
+  app.add_option("--report", arguments.report, "write the result to this file too");
+  app.add_flag("--json", arguments.json, "print the result as JSON on standard output");
+  app.add_flag("--restart", arguments.restart,
+               "begin afresh, removing the results that the output folder's manifest lists");
+  app.add_flag("--quiet", arguments.quiet, "no progress on standard error");
+}
+
+int fail(const Arguments& arguments, ErrorKind kind, const std::string& message) {
+  const int status = matterfit::exit_status(kind);
+  std::fprintf(stderr, "matterfit: %s\n", message.c_str());
+  if (arguments.json) {
+    const job::Json json = {{"status", "error"}, {"error", message}, {"exit_status", status}};
+    std::printf("%s\n", json.dump(2, ' ', false, job::Json::error_handler_t::replace).c_str());
+  }
+  return status;
+}
+
+job::Job read(const Arguments& arguments, const std::string& verb) {
+  job::ReadOptions options;
+  options.overrides = arguments.set;
+  if (verb != "estimate" && verb != "validate") options.task = job::task_from_name(verb);
+  return job::read_job_file(arguments.job, options);
+}
+
+int run(const Arguments& arguments, const std::string& verb) {
+  job::RunOptions options;
+  options.threads = arguments.threads;
+  options.target = job::target_from_name(arguments.target);
+  options.restart = arguments.restart;
+  capi::JobThread thread(read(arguments, verb), options);
+  capi::ProgressLine progress(!arguments.quiet);
+  while (!thread.wait(0.1)) {
+    if (caught_signal.load(std::memory_order_relaxed) != 0) thread.cancel();
+    progress.show(thread.progress(), thread.seconds_left());
+  }
+  progress.finish();
+  const capi::Outcome& outcome = thread.outcome();
+  if (!outcome.error.empty()) std::fprintf(stderr, "matterfit: %s\n", outcome.error.c_str());
+  if (!arguments.report.empty()) matterfit::write_file(arguments.report, outcome.result + "\n");
+  if (arguments.json) {
+    std::printf("%s\n", outcome.result.c_str());
+  } else if (outcome.exit_status == 0) {
+    std::fputs(capi::summary(job::Json::parse(outcome.result)).c_str(), stdout);
+  }
+  return outcome.exit_status;
+}
+
+int inspect(const Arguments& arguments) {
+  const job::Json json = job::inspect_folder(arguments.folder);
+  const std::string text = json.dump(2, ' ', false, job::Json::error_handler_t::replace);
+  if (!arguments.report.empty()) matterfit::write_file(arguments.report, text + "\n");
+  std::fputs(arguments.json ? (text + "\n").c_str() : capi::summary(json).c_str(), stdout);
+  const bool sound = json.at("faults").empty();
+  if (!sound) {
+    for (const auto& fault : json.at("faults")) {
+      std::fprintf(stderr, "matterfit: %s %s\n", fault.at("path").get<std::string>().c_str(),
+                   fault.at("what").get<std::string>().c_str());
+    }
+  }
+  return sound ? 0 : 2;
+}
+
+int command(int argc, char** argv, Arguments& arguments) {
+  CLI::App app("Matterfit: simulates, compares with captures, and bakes what Blender plays.",
+               "matterfit");
+  app.set_version_flag("--version", std::string(MATTERFIT_VERSION));
+  app.require_subcommand(1);
+  app.footer("Exit status: 0 done, 2 the input is wrong, 3 could not be completed, 130 cancelled.");
+  std::vector<CLI::App*> verbs;
+  const auto add = [&](const char* name, const char* what) {
+    verbs.push_back(app.add_subcommand(name, what));
+    add_common(*verbs.back(), arguments);
+  };
+  add("simulate", "write the states of every frame, and simulated.npz at the captures' points");
+  add("fit", "identify materials from captures (not available in this version)");
+  add("diagnose", "find what the simulation gets wrong (not available in this version)");
+  add("compare", "simulate if need be, and measure the error against the captures");
+  add("bake", "simulate and write every cache under `output`");
+  add("estimate", "memory and time that a job needs");
+  add("validate", "check a document and print it as it was understood");
+  CLI::App* look = app.add_subcommand("inspect", "result hash of a cache folder; checks its files");
+  look->add_option("FOLDER", arguments.folder, "a job's output folder")->required();
+  look->add_option("--report", arguments.report, "write the result to this file too");
+  look->add_flag("--json", arguments.json, "print the result as JSON");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    const int status = app.exit(error);
+    return status == 0 ? 0 : matterfit::exit_status(ErrorKind::kInput);
+  }
+  if (look->parsed()) return inspect(arguments);
+  for (const CLI::App* verb : verbs) {
+    if (!verb->parsed()) continue;
+    if (verb->get_name() == "validate") {
+      const job::Job job = read(arguments, "validate");
+      std::fputs(job::write_job(job, job.base_folder).c_str(), stdout);
+      return 0;
+    }
+    if (verb->get_name() == "estimate") {
+      job::RunOptions options;
+      options.target = job::target_from_name(arguments.target);
+      const job::Json json = job::estimate_job(read(arguments, "estimate"), options);
+      std::fputs((json.dump(2) + "\n").c_str(), stdout);
+      return 0;
+    }
+    return run(arguments, verb->get_name());
+  }
+  return matterfit::exit_status(ErrorKind::kInput);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::signal(SIGINT, on_signal);
+  std::signal(SIGTERM, on_signal);
+  // A file size limit or a closed pipe is an error to be named, not the end of the process.
+  std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGPIPE, SIG_IGN);
+  Arguments arguments;
+  int status = 3;
+  try {
+    status = command(argc, argv, arguments);
+  } catch (const Error& error) {
+    status = fail(arguments, error.kind(), error.what());
+  } catch (const std::exception& error) {
+    status = fail(arguments, ErrorKind::kCompute, error.what());
+  }
+  if (std::fflush(stdout) != 0 && status == 0) status = 3;
+  return status;
+}

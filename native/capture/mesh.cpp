@@ -100,7 +100,7 @@ class ObjParser {
       std::int64_t value = 0;
       const auto done = std::from_chars(index.data(), index.data() + index.size(), value);
       if (done.ec != std::errc() || done.ptr != index.data() + index.size()) {
-        fail("'" + std::string(word.substr(0, 40)) + "' is no vertex of a face.");
+        fail(std::string(word.substr(0, 40)) + " is no vertex of a face.");
       }
       // 1 is the first vertex of the file, −1 the latest.
       const auto count = static_cast<std::int64_t>(mesh_.vertices.size());

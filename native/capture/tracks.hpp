@@ -33,12 +33,14 @@ struct Tracks {
 
 /// How the numbers of a file become metres, seconds, Z up: x = transform · turn(up) · unit · file.
 struct TracksOptions {
-  double unit = 0.0;  ///< metres per unit of the file; 0: what the file says, else metres
-  char up = 0;        ///< 'x', 'y' or 'z'; 0: what the file says, else 'z'
+  /// Metres per unit of the file; 0: what a C3D file says (one that does not is refused), else 1.
+  double unit = 0.0;
+  char up = 0;  ///< 'x', 'y' or 'z'; 0: what the file says, else 'z'
   /// After unit and up; maps points (last row 0 0 0 1). Velocities and noise follow its scale.
   Eigen::Matrix4d transform = Eigen::Matrix4d::Identity();
   double fps = 0.0;  ///< frames per second of files that have no times (.npy, PLY, PC2)
-  /// Names, or indices as decimal numbers, of the markers to keep, in this order; empty: all.
+  /// Names (case and spaces do not matter), or indices as decimal numbers, of the markers to keep,
+  /// in this order; empty: all.
   std::vector<std::string> markers;
   std::vector<double> noise;  ///< [m] overrides the file's: one value or one a kept marker
 };
@@ -73,16 +75,18 @@ struct NumberedFiles {
   std::vector<std::filesystem::path> paths;
 };
 
-/// Files that match a pattern (one run of #, as many digits or more), the sequence that an existing
-/// file belongs to, or the one sequence of .ply in a folder. Throws Error(kInput) if none, or more
-/// than one in the folder.
+/// Files that match a pattern (one run of # in the file's name: as many digits or more), the
+/// sequence that an existing file belongs to (same name but for the last digits before the suffix),
+/// or the one sequence of .ply in a folder. Throws Error(kInput) if there is none, if two files
+/// have one number, or if the folder holds more than one sequence.
 [[nodiscard]] NumberedFiles find_sequence(const std::filesystem::path& pattern_or_first);
 
-/// Applies unit, up and transform of `options` to positions (NaN stays NaN).
+/// The matrix transform · turn(up) · unit; `up` is 'x', 'y' or 'z' and becomes z by a turn about
+/// one axis (y up: about x; x up: about y). Throws Error(kInput) if it is not affine and regular.
 [[nodiscard]] Eigen::Matrix4d tracks_matrix(double unit, char up, const Eigen::Matrix4d& transform);
 
 /// Throws Error(kInput), with words that name frame and point, if sizes disagree, times are not
-/// finite and strictly ascending, or a visible position is not finite.
+/// finite and strictly ascending, a visible position is not finite, or nothing is visible.
 void check_tracks(const Tracks& tracks);
 
 }  // namespace matterfit::capture

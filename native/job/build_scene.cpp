@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/build_scene.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.hpp"
+#include "capture/mesh.hpp"
+#include "capture/npz.hpp"
+#include "capture/ply.hpp"
+#include "mpm/collider_mesh.hpp"
+
+namespace matterfit::job {
+namespace {
+
+/// An error of a room below begins with the file; the document's path goes before it.
+template <class Work>
+auto at_path(const std::string& path, const Work& work) {
+  try {
+    return work();
+  } catch (const Error& error) {
+    const std::string message = error.what();
+    if (message.rfind(path, 0) == 0) throw;
+    throw Error(error.kind(), path + ": " + message);
+  }
+}
+
+mpm::PolygonArrays arrays(const capture::Mesh& mesh) {
+  return {mesh.vertices, mesh.face_sizes, mesh.face_vertices};
+}
+
+mpm::ColliderPtr build_collider(const ColliderDoc& doc, const SceneDoc& scene) {
+  using Shape = ColliderDoc::Shape;
+  const auto pose = doc.transform.in_seconds(scene.first_frame, scene.fps);
+  mpm::MeshColliderOptions mesh;
+  mesh.voxel_size = doc.voxel_size;
+  // A particle's surface is half a separation from its centre, and contact reaches as far again.
+  mesh.band = 8.0 * scene.particle_separation;
+  mesh.memory_limit = 0.5e9 * scene.solver.memory_limit_gb;
+  switch (doc.shape) {
+    case Shape::kGround:
+      return mpm::make_plane(doc.name, doc.contact, Vec3d(0, 0, doc.height), Vec3d::UnitZ());
+    case Shape::kPlane:
+      return mpm::make_plane(doc.name, doc.contact, doc.point, doc.normal, pose);
+    case Shape::kSphere:
+      return mpm::make_sphere(doc.name, doc.contact, doc.radius, pose);
+    case Shape::kBox:
+      return mpm::make_box(doc.name, doc.contact, doc.half_extents, pose);
+    case Shape::kCapsule:
+      return mpm::make_capsule(doc.name, doc.contact, doc.radius, doc.half_length, pose);
+    case Shape::kMesh:
+      return mpm::make_mesh_collider(doc.name, doc.contact,
+                                     arrays(capture::read_mesh(doc.files.front())), pose, mesh);
+    case Shape::kMeshes:
+      break;
+  }
+  std::vector<std::vector<Vec3f>> frames;
+  std::vector<double> times;
+  capture::Mesh first;
+  for (std::size_t i = 0; i < doc.files.size(); ++i) {
+    capture::Mesh read = capture::read_mesh(doc.files[i]);
+    if (i == 0) first = read;
+    if (read.vertices.size() != first.vertices.size() ||
+        read.face_vertices != first.face_vertices) {
+      throw_input(doc.files[i].string() + " has other vertices or faces than " +
+                  doc.files[0].string() + "; a deforming collider keeps its topology.");
+    }
+    frames.push_back(std::move(read.vertices));
+    times.push_back(scene.seconds(doc.first_frame + double(i)));
+  }
+  return mpm::make_deforming_collider(doc.name, doc.contact, arrays(first), std::move(frames),
+                                      std::move(times), mesh);
+}
+
+}  // namespace
+
+Points read_points(const std::filesystem::path& path) {
+  std::vector<double> values;
+  if (path.extension() == ".ply") {
+    values = capture::ply_positions(capture::read_ply(path), path.string());
+  } else {
+    const capture::Arrays arrays = capture::read_npz(path);
+    const capture::Array& positions = capture::require(arrays, "positions", path.string());
+    const auto& shape = positions.shape;
+    const bool frames = shape.size() == 3;
+    if ((shape.size() != 2 && !frames) || shape.back() != 3 || (frames && shape[0] == 0)) {
+      throw_input(path.string() + ": 'positions' has shape " + positions.shape_text() +
+                  ", expected (points, 3) or (frames, points, 3).");
+    }
+    values = positions.doubles(path.string() + ": 'positions'");
+    if (frames) values.resize(3 * shape[1]);
+  }
+  Points points(values.size() / 3);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    points[i] = Vec3d(values[3 * i], values[3 * i + 1], values[3 * i + 2]);
+    if (!points[i].allFinite()) {
+      throw_input(path.string() + ": point " + std::to_string(i) + " is not finite.");
+    }
+  }
+  if (points.empty()) throw_input(path.string() + ": there are no points in it.");
+  return points;
+}
+
+mpm::Pin pin_region(const Region& region) {
+  mpm::Pin pin;
+  pin.region = static_cast<mpm::Pin::Region>(region.shape);
+  pin.point = region.point;
+  pin.normal = region.normal;
+  pin.low = region.low;
+  pin.high = region.high;
+  pin.radius = region.radius;
+  if (region.shape == Region::Shape::kPoints) pin.points = read_points(region.file);
+  return pin;
+}
+
+RegionDistance region_distance(const mpm::Pin& pin, const Vec3d& x) {
+  RegionDistance result{0.0, x};
+  switch (pin.region) {
+    case mpm::Pin::Region::kAll:
+      result.distance = -std::numeric_limits<double>::infinity();
+      break;
+    case mpm::Pin::Region::kPlane:
+      result.distance = pin.normal.dot(x - pin.point);
+      if (result.distance > 0.0) result.nearest = x - result.distance * pin.normal;
+      break;
+    case mpm::Pin::Region::kBox: {
+      result.nearest = x.cwiseMax(pin.low).cwiseMin(pin.high);
+      const double outside = (x - result.nearest).norm();
+      const double inside = (x - pin.low).cwiseMin(pin.high - x).minCoeff();
+      result.distance = outside > 0.0 ? outside : -inside;
+      break;
+    }
+    case mpm::Pin::Region::kSphere: {
+      const double length = (x - pin.point).norm();
+      result.distance = length - pin.radius;
+      if (result.distance > 0.0) {
+        result.nearest = pin.point + (x - pin.point) * (pin.radius / length);
+      }
+      break;
+    }
+    case mpm::Pin::Region::kPoints: {
+      double least = std::numeric_limits<double>::infinity();
+      Vec3d closest = x;
+      for (const Vec3d& point : pin.points) {
+        const double length = (x - point).norm();
+        if (length < least) {
+          least = length;
+          closest = point;
+        }
+      }
+      result.distance = least - pin.radius;
+      if (result.distance > 0.0) result.nearest = closest + (x - closest) * (pin.radius / least);
+      break;
+    }
+  }
+  return result;
+}
+
+BuiltScene build_scene(const Job& job, Arena& arena, const Interrupter& interrupter) {
+  static_assert(static_cast<int>(Region::Shape::kPoints) ==
+                static_cast<int>(mpm::Pin::Region::kPoints));
+  const SceneDoc& doc = job.scene;
+  BuiltScene built;
+  mpm::Scene& scene = built.scene;
+  scene.fps = doc.fps;
+  scene.first_frame = doc.first_frame;
+  scene.end_frame = doc.end_frame;
+  scene.dx = 2.0 * doc.particle_separation;
+  scene.gravity = doc.gravity.in_seconds(doc.first_frame, doc.fps);
+  for (std::size_t i = 0; i < doc.bodies.size(); ++i) {
+    interrupter.check();
+    const std::string path = "scene.bodies[" + std::to_string(i) + "]";
+    std::string report;
+    scene.bodies.push_back(at_path(
+        path, [&] { return build_body(doc.bodies[i], doc, path, report, arena, interrupter); }));
+    built.fill_reports.push_back(report);
+  }
+  for (std::size_t i = 0; i < doc.colliders.size(); ++i) {
+    interrupter.check();
+    scene.colliders.push_back(at_path("scene.colliders[" + std::to_string(i) + "]",
+                                      [&] { return build_collider(doc.colliders[i], doc); }));
+  }
+  scene.contacts = doc.contacts;
+  scene.walls = doc.walls;
+  scene.cfl = doc.solver.cfl;
+  scene.dt = doc.solver.dt;
+  scene.dt_safety = doc.solver.dt_safety;
+  scene.grid_shift = doc.solver.grid_shift;
+  return built;
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "capture/splats.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <map>
+
+#include "base/error.hpp"
+#include "capture/ply.hpp"
+
+namespace matterfit::capture {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+template <class Call>
+std::string message_of(const Call& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kInput);
+    return error.what();
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return "";
+}
+
+class SplatsTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    path_ = fs::temp_directory_path() / ("matterfit_splats_" + std::to_string(::getpid()) + ".ply");
+  }
+  void TearDown() override { fs::remove(path_); }
+
+  /// One row as a trainer writes it, with f_rest_k = 100 + k.
+  static std::map<std::string, float> row(int rest) {
+    std::map<std::string, float> values = {
+        {"x", 1.0F},        {"y", 2.0F},        {"z", 3.0F},        {"nx", 0.0F},
+        {"f_dc_0", 0.1F},   {"f_dc_1", 0.2F},   {"f_dc_2", 0.3F},   {"opacity", 0.0F},
+        {"scale_0", -3.0F}, {"scale_1", -4.0F}, {"scale_2", -5.0F}, {"rot_0", 2.0F},
+        {"rot_1", 0.0F},    {"rot_2", 0.0F},    {"rot_3", 2.0F}};
+    for (int k = 0; k < rest; ++k) {
+      values["f_rest_" + std::to_string(k)] = static_cast<float>(100 + k);
+    }
+    return values;
+  }
+  Splats read(const std::map<std::string, float>& row) const {
+    std::vector<PlyColumn> columns;
+    for (const auto& [name, value] : row) columns.push_back({name, std::span(&value, 1)});
+    write_ply_points(path_, columns);
+    return read_splats(path_);
+  }
+  fs::path path_;
+};
+
+TEST_F(SplatsTest, ActivationsAndChannelMajorHarmonics) {
+  int degree = 0;
+  for (const int rest : {0, 9, 24, 45}) {
+    const Splats splats = read(row(rest));
+    SCOPED_TRACE(rest);
+    ASSERT_EQ(splats.size(), 1U);
+    EXPECT_EQ(splats.sh_degree, degree++);
+    EXPECT_EQ(splats.means[0], Vec3f(1, 2, 3));
+    EXPECT_FLOAT_EQ(splats.scales[0].y(), std::exp(-4.0F));
+    EXPECT_FLOAT_EQ(splats.opacities[0], 0.5F);
+    EXPECT_FLOAT_EQ(splats.rotations[0].w(), std::sqrt(0.5F));
+    EXPECT_FLOAT_EQ(splats.rotations[0].z(), std::sqrt(0.5F));
+    const std::size_t bands = splats.sh_bands();
+    ASSERT_EQ(splats.sh.size(), bands * 3);
+    EXPECT_EQ(splats.sh[1], 0.2F);
+    if (rest > 0) {
+      // The green part of the first band lies after all of red in the file.
+      EXPECT_EQ(splats.sh[3 + 1], 100.0F + static_cast<float>(bands - 1));
+      EXPECT_EQ(splats.sh[(bands - 1) * 3 + 2], static_cast<float>(99 + rest));
+    }
+  }
+}
+
+TEST_F(SplatsTest, IsotropicFilesHaveOneScale) {
+  auto values = row(0);
+  for (const char* key : {"scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"}) {
+    values.erase(key);
+  }
+  const Splats splats = read(values);
+  EXPECT_TRUE(splats.isotropic);
+  EXPECT_EQ(splats.scales[0], Vec3f::Constant(std::exp(-3.0F)));
+  EXPECT_EQ(splats.rotations[0].coeffs(), Eigen::Quaternionf::Identity().coeffs());
+}
+
+TEST_F(SplatsTest, RoundTrip) {
+  for (const int rest : {0, 45}) {
+    const Splats first = read(row(rest));
+    write_splats(path_, first);
+    const Splats second = read_splats(path_);
+    EXPECT_EQ(second.sh_degree, first.sh_degree);
+    EXPECT_EQ(second.sh, first.sh);
+    EXPECT_EQ(second.means, first.means);
+    EXPECT_LT((second.scales[0] - first.scales[0]).norm(), 1e-7F);
+    EXPECT_LT(second.rotations[0].angularDistance(first.rotations[0]), 1e-3F);
+    EXPECT_NEAR(second.opacities[0], first.opacities[0], 1e-6F);
+  }
+}
+
+TEST_F(SplatsTest, WhatIsNoSplatFileIsRefusedInWords) {
+  const auto refuse = [&](const std::map<std::string, float>& values, const char* words) {
+    EXPECT_THAT(message_of([&] { (void)read(values); }), HasSubstr(words));
+  };
+  auto values = row(9);
+  values.erase("f_rest_3");
+  refuse(values, "has 8 properties f_rest_*");
+  values = row(0);
+  values.erase("opacity");
+  refuse(values, "no property 'opacity'");
+  values = row(0);
+  values["scale_1"] = 1000.0F;
+  refuse(values, "row 0: a scale overflows");
+  values = row(0);
+  values["rot_0"] = values["rot_3"] = 0.0F;
+  refuse(values, "the rotation is zero");
+  values = row(0);
+  values["x"] = NAN;
+  refuse(values, "'x' is not finite");
+}
+
+}  // namespace
+}  // namespace matterfit::capture

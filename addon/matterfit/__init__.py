@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Matterfit: fits materials to captured motion, simulates them, bakes caches.
+
+The version shown is the native library's; bl_info serves Blender up to 4.1 and is read by no code.
+"""
+
+bl_info = {
+    "name": "Matterfit",
+    "author": "Matterfit developers",
+    "version": (0, 1, 0),
+    "blender": (3, 4, 0),
+    "location": "3D View > Sidebar > Matterfit",
+    "description": "Fit materials to captured motion, simulate them, bake caches",
+    "category": "Physics",
+}
+
+import bpy
+
+from . import handlers, i18n, jobs, native, ops, props, ui
+
+_CLASSES = (*props.CLASSES, *ops.CLASSES, *ui.CLASSES)
+
+
+def register():
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+    props.attach()
+    handlers.register()
+    i18n.register(__package__)
+    ui.register()
+    native.load()
+    handlers.migrate_open_file()
+
+
+def unregister():
+    jobs.registry.stop_all()
+    ui.unregister()
+    i18n.unregister(__package__)
+    handlers.unregister()
+    props.detach()
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)
+    native.unload()

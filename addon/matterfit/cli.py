@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The verbs of the matterfit tool under Blender:
+
+    blender -b [scene.blend] --python-exit-code 1 -P addon/matterfit/cli.py -- bake JOB.json --json
+
+The same document, the same native code, the same exit statuses. Without JOB the open scene's
+active take is written as job.json and run; `bake` then attaches and saves it with --save.
+"""
+
+import argparse
+import importlib
+import json
+import os
+import sys
+
+EXIT_INPUT = 2
+EXIT_COMPUTE = 3
+
+VERBS = {
+    "simulate": "write the states of every frame, and simulated.npz at the captures' points",
+    "fit": "identify materials from captures (not available in this version)",
+    "diagnose": "find what the simulation gets wrong (not available in this version)",
+    "compare": "simulate if need be, and measure the error against the captures",
+    "bake": "simulate and write every cache under `output`",
+    "estimate": "memory and time that a job needs",
+    "validate": "check a document and print it as it was understood",
+}
+
+
+def package():
+    """Our package, registered: the enabled add-on where this file belongs to one, else by path."""
+    here = os.path.dirname(os.path.realpath(__file__))
+    for name, module in list(sys.modules.items()):
+        path = getattr(module, "__file__", None)
+        if path and os.path.realpath(path) == os.path.join(here, "__init__.py"):
+            return module
+    sys.path.insert(0, os.path.dirname(here))
+    module = importlib.import_module(os.path.basename(here))
+    module.register()
+    return module
+
+
+def parser():
+    top = argparse.ArgumentParser(prog="matterfit (in Blender)", description=__doc__,
+                                  formatter_class=argparse.RawDescriptionHelpFormatter)
+    verbs = top.add_subparsers(dest="verb", required=True)
+    for verb, help_text in VERBS.items():
+        sub = verbs.add_parser(verb, help=help_text)
+        sub.add_argument("job", nargs="?", metavar="JOB", help="job document (docs/formats.md); "
+                         "without it, the open scene's active take")
+        sub.add_argument("--set", action="append", default=[], metavar="PATH=VALUE",
+                         help="change the document, as in scene.gravity=[0,0,-3.7]")
+        sub.add_argument("--threads", type=int, default=0, help="0: as many as the machine has")
+        sub.add_argument("--target", default="auto",
+                         help="instruction set: auto, sse4, avx2, avx512")
+        sub.add_argument("--report", help="write the result to this file too")
+        sub.add_argument("--json", action="store_true", help="print the result as JSON")
+        sub.add_argument("--restart", action="store_true",
+                         help="begin afresh, removing the results that the manifest lists")
+        sub.add_argument("--quiet", action="store_true", help="no progress on standard error")
+        sub.add_argument("--save", action="store_true",
+                         help="without JOB: attach the result and save the .blend file")
+    look = verbs.add_parser("inspect", help="result hash of a cache folder; checks its files")
+    look.add_argument("folder", metavar="FOLDER", help="a job's output folder")
+    look.add_argument("--report", help="write the result to this file too")
+    look.add_argument("--json", action="store_true", help="print the result as JSON")
+    return top
+
+
+class Progress:
+    """One line on standard error for each frame; a rewritten one where that is a terminal."""
+
+    def __init__(self, quiet):
+        self.quiet = quiet
+        self.last = None
+
+    def __call__(self, job):
+        snapshot = job.snapshot
+        place = (snapshot.stage, snapshot.frame)
+        if self.quiet or place == self.last:
+            return
+        self.last = place
+        print(f"{100.0 * job.fraction:5.1f} %  {snapshot.stage}  frame {snapshot.frame} of "
+              f"{snapshot.last_frame}", file=sys.stderr, flush=True)
+
+
+def give(result, arguments, files):
+    """The result where it was asked for."""
+    text = json.dumps(result, indent=2, ensure_ascii=False)
+    if arguments.report:
+        files.write_bytes(os.path.abspath(arguments.report), (text + "\n").encode("utf-8"))
+    if arguments.json:
+        print(text, flush=True)
+
+
+def scene_job(module):
+    """Writes the open scene's active take as job.json; returns (path, take's folder)."""
+    import bpy
+    job_document = importlib.import_module(module.__name__ + ".io.job_document")
+    takes = importlib.import_module(module.__name__ + ".io.takes")
+    takes.require_saved()
+    scene = bpy.context.scene
+    take = takes.ensure_active(scene.matterfit)
+    folder = takes.claim(take)
+    return job_document.write(job_document.build(scene, take, folder, "bake"), folder), folder
+
+
+def run(module, arguments):
+    native, jobs = module.native, module.jobs
+    files = importlib.import_module(module.__name__ + ".io.files")
+    native.require()
+    if arguments.verb == "inspect":
+        found = native.inspect(os.path.abspath(arguments.folder))
+        give(found, arguments, files)
+        for fault in found.get("faults", []):
+            print(f"matterfit: {fault['path']} {fault['what']}", file=sys.stderr)
+        return EXIT_INPUT if found.get("faults") else 0
+    path, folder = os.path.abspath(arguments.job) if arguments.job else None, None
+    if path is None:
+        path, folder = scene_job(module)
+    if arguments.verb in ("estimate", "validate"):
+        function = getattr(native, arguments.verb)
+        give(function(files.read_text(path), os.path.dirname(path), overrides=arguments.set),
+             argparse.Namespace(report=arguments.report, json=True), files)
+        return 0
+    job = jobs.Job(arguments.verb, lambda: native.start(
+        path, task=arguments.verb, threads=arguments.threads, restart=arguments.restart,
+        target=arguments.target, overrides=arguments.set))
+    jobs.registry.add(job)
+    job.run(on_tick=Progress(arguments.quiet))
+    if job.error:
+        print(f"matterfit: {job.error}", file=sys.stderr)
+    result = job.result or {"status": "error", "error": job.error, "exit_status": job.status}
+    give(result, arguments, files)
+    if folder is not None and arguments.save and job.status == 0:
+        attach_and_save(module, folder)
+    return job.status
+
+
+def attach_and_save(module, folder):
+    import bpy
+    attach = importlib.import_module(module.__name__ + ".io.attach")
+    takes = importlib.import_module(module.__name__ + ".io.takes")
+    files = importlib.import_module(module.__name__ + ".io.files")
+    scene = bpy.context.scene
+    take = takes.by_folder(scene.matterfit, folder)
+    document = files.read_json(os.path.join(folder, "job.json"))
+    take.first_frame, end = document["scene"]["frames"]
+    take.frame_count = end - take.first_frame
+    take.frames_done = attach.Attachment(scene, take, folder, document).update()
+    take.baked = True
+    bpy.ops.wm.save_mainfile()
+
+
+def main():
+    arguments = parser().parse_args(
+        sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else [])
+    try:
+        module = package()
+    except Exception as error:  # whatever it is, the caller must not see status 0
+        print(f"matterfit: the add-on could not be loaded: {error}", file=sys.stderr)
+        return EXIT_COMPUTE
+    try:
+        return run(module, arguments)
+    except module.jobs.JobError as error:
+        print(f"matterfit: {error}", file=sys.stderr)
+        if getattr(arguments, "json", False):
+            print(json.dumps({"status": "error", "error": str(error),
+                              "exit_status": error.status}, indent=2), flush=True)
+        return error.status
+    finally:
+        module.jobs.registry.stop_all()
+
+
+if __name__ == "__main__":
+    sys.stdout.flush()
+    sys.exit(main())

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Everything that differs between Blender 3.4 and 5.x, in one place."""
+
+import bpy
+
+VERSION = bpy.app.version
+
+
+def add_group_socket(tree, name, in_out, socket_type):
+    """A socket of a node group; `in_out` is 'INPUT' or 'OUTPUT'. The interface came with 4.0."""
+    if hasattr(tree, "interface"):
+        return tree.interface.new_socket(name=name, in_out=in_out, socket_type=socket_type)
+    sockets = tree.inputs if in_out == "INPUT" else tree.outputs
+    return sockets.new(socket_type, name)
+
+
+def modifier_input_set(modifier, tree, name, value):
+    """Sets the value of a Geometry Nodes modifier's input by the socket's name."""
+    if hasattr(tree, "interface"):
+        sockets = [item for item in tree.interface.items_tree
+                   if getattr(item, "in_out", "") == "INPUT"]
+    else:
+        sockets = tree.inputs
+    for socket in sockets:
+        if socket.name == name:
+            modifier[socket.identifier] = value
+            return
+    raise KeyError(name)
+
+
+def socket(sockets, name, kind=None):
+    """The enabled socket of that name (nodes of 3.4 carry one of each type, all named 'Value')."""
+    candidates = [item for item in sockets if item.name == name]
+    if kind is not None:
+        typed = [item for item in candidates if item.type == kind]
+        candidates = typed or candidates
+    for item in candidates:
+        if item.enabled:
+            return item
+    if candidates:
+        return candidates[0]
+    raise KeyError(f"no socket '{name}' among {[item.name for item in sockets]}")
+
+
+def progress_bar(layout, fraction, text):
+    """UILayout.progress from 4.0; a factor drawn as text before."""
+    if hasattr(layout, "progress"):
+        layout.progress(factor=fraction, text=text)
+        return
+    filled = int(round(fraction * 16))
+    row = layout.row()
+    row.label(text="█" * filled + "░" * (16 - filled) + " " + text)
+
+
+def layout_panel(layout, identifier, title):
+    """A collapsible part of a panel: (header, body or None). Plain box before 4.1."""
+    if hasattr(layout, "panel"):
+        header, body = layout.panel(identifier, default_closed=True)
+        header.label(text=title)
+        return header, body
+    box = layout.box()
+    box.label(text=title)
+    return box, box
+
+
+def flat_shader():
+    """The built-in shader for one colour per vertex."""
+    import gpu
+    name = "SMOOTH_COLOR" if VERSION >= (4, 0, 0) else "3D_SMOOTH_COLOR"
+    return gpu.shader.from_builtin(name)
+
+
+def uniform_shader():
+    """The built-in shader for one colour for all."""
+    import gpu
+    name = "UNIFORM_COLOR" if VERSION >= (4, 0, 0) else "3D_UNIFORM_COLOR"
+    return gpu.shader.from_builtin(name)
+
+
+def font_size(font, points):
+    import blf
+    if VERSION >= (4, 0, 0):
+        blf.size(font, points)
+    else:
+        blf.size(font, points, 72)
+
+
+def eevee_name():
+    """EEVEE's engine name: it was BLENDER_EEVEE_NEXT from 4.2 to 4.5."""
+    engines = {item.identifier for item in
+               bpy.types.RenderSettings.bl_rna.properties["engine"].enum_items}
+    for name in ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT"):
+        if name in engines:
+            return name
+    return "BLENDER_EEVEE_NEXT" if (4, 2, 0) <= VERSION < (5, 0, 0) else "BLENDER_EEVEE"
+
+
+def translate(text):
+    """A message that is built in Python."""
+    translations = bpy.app.translations
+    function = getattr(translations, "pgettext_rpt", None) or translations.pgettext_tip
+    return function(text)
+
+
+def translate_label(text):
+    return bpy.app.translations.pgettext_iface(text)
+
+
+def operator_exists(path):
+    """Whether this build has the operator ('wm.alembic_export')."""
+    module, name = path.split(".")
+    try:
+        getattr(getattr(bpy.ops, module), name).get_rna_type()
+    except (AttributeError, KeyError):
+        return False
+    return True
+
+
+def move_modifier(item, name, index):
+    """Moves a modifier to a place in the stack: a method from 4.1, an operator before."""
+    current = item.modifiers.find(name)
+    if current == index:
+        return
+    if hasattr(item.modifiers, "move"):
+        item.modifiers.move(current, index)
+        return
+    with bpy.context.temp_override(object=item, active_object=item, selected_objects=[item]):
+        bpy.ops.object.modifier_move_to_index(modifier=name, index=index)

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What happens around opening and saving files. No frame handlers: results play natively."""
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import jobs
+from .props import migration
+
+
+@persistent
+def stop_jobs(*_arguments):
+    """A job belongs to the file that started it."""
+    jobs.registry.stop_all()
+
+
+@persistent
+def migrate_all(*_arguments):
+    messages = [migration.migrate_scene(scene) for scene in bpy.data.scenes]
+    state = bpy.context.window_manager.matterfit
+    state.last_error = next((message for message in messages if message), "")
+    from .ui import overlay
+    overlay.forget()
+
+
+def migrate_open_file():
+    """For a file that was opened before the add-on was enabled. At start-up there is none yet."""
+    if hasattr(bpy.data, "scenes"):
+        migrate_all()
+
+
+@persistent
+def stamp_version(*_arguments):
+    """Scenes made since the file was opened get the version before they are saved."""
+    for scene in bpy.data.scenes:
+        if migration.is_used(scene.matterfit) and scene.matterfit.schema_version == 0:
+            scene.matterfit.schema_version = migration.SCHEMA_VERSION
+
+
+_HANDLERS = (("load_pre", stop_jobs), ("load_post", migrate_all), ("save_pre", stamp_version))
+
+
+def register():
+    for name, function in _HANDLERS:
+        getattr(bpy.app.handlers, name).append(function)
+
+
+def unregister():
+    for name, function in _HANDLERS:
+        handlers = getattr(bpy.app.handlers, name)
+        if function in handlers:
+            handlers.remove(function)

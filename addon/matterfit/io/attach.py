@@ -1,0 +1,342 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Baked caches as Blender's own objects: Volume, Mesh Cache, Geometry Nodes.
+
+Each take has one collection. Objects carry the custom property `matterfit` that says what they
+show, by which they are found again; nothing of ours has to be loaded for them to play.
+"""
+
+import os
+
+import bpy
+import numpy
+from mathutils import Quaternion, Vector
+
+from .. import compat
+from ..jobs import JobError
+from . import cache, files, meshes, nodes, transforms
+
+TAG = "matterfit"
+HIDDEN_TAG = "matterfit_hidden"
+COLORS = ((0.80, 0.36, 0.22), (0.24, 0.50, 0.72), (0.45, 0.62, 0.28), (0.74, 0.60, 0.25),
+          (0.52, 0.36, 0.62), (0.35, 0.62, 0.60))
+
+
+class Attachment:
+    """Attaches one take's cache. Made anew for every update: it keeps no data-block."""
+
+    def __init__(self, scene, take, folder, document):
+        self.scene = scene
+        self.take = take
+        self.folder = folder
+        self.document = document
+        self.first = document["scene"]["frames"][0]
+        self.separation = document["scene"]["particle_separation"]
+        self.unit = 1.0 / transforms.metres(scene)
+        self.made = []
+
+    def update(self):
+        """Everything that the cache holds by now. Returns how many frames play."""
+        self._collection()
+        done = 0
+        wanted = self.document.get("output", {})
+        grids = wanted.get("volume", [])
+        if grids:
+            for name, sequence in cache.sequences(self.folder, "volume").items():
+                done = max(done, self._volume(name, sequence, grids))
+        attributes = cache.sequences(self.folder, "attributes")
+        for name, points in cache.point_caches(self.folder, "points").items():
+            self._particles(name, points, attributes)
+            done = max(done, points.samples)
+        for entry in wanted.get("mesh", []):
+            path = os.path.join(self.folder, "mesh", entry["name"] + ".pc2")
+            if os.path.isfile(path):
+                points = cache.read_pc2(path)
+                self._render_mesh(entry, points)
+                done = max(done, points.samples)
+        self._visibility()
+        return done
+
+    # -- collections and objects ---------------------------------------------------------------
+
+    def _collection(self):
+        collection = self.take.collection
+        if collection is None:
+            collection = bpy.data.collections.new(f"Matterfit {self.take.name}")
+            self.take.collection = collection
+        if self.scene.collection.children.get(collection.name) is None:
+            self.scene.collection.children.link(collection)
+        self.collection = collection
+
+    def _object(self, tag, name, make):
+        """The object of that tag in the take's collection, made where it is missing."""
+        for item in self.collection.objects:
+            if item.get(TAG) == tag:
+                return item
+        item = make(f"{self.take.name} {name}")
+        item[TAG] = tag
+        self.collection.objects.link(item)
+        self.made.append(item.name)
+        return item
+
+    def _body(self, name):
+        for index, body in enumerate(self.scene.matterfit.bodies):
+            if files.safe_name(body.name) == name or body.name == name:
+                return index, body
+        return 0, None
+
+    def _material(self, name):
+        """The artist's own material where the body has one."""
+        index, body = self._body(name)
+        if body is not None and body.source == "OBJECT" and body.object is not None:
+            if body.object.active_material is not None:
+                return body.object.active_material
+        return nodes.surface_material(f"Matterfit {name}", COLORS[index % len(COLORS)])
+
+    # -- the three kinds of cache --------------------------------------------------------------
+
+    def _volume(self, name, sequence, grids):
+        count = sequence.last - sequence.first + 1
+        item = self._object(
+            f"volume:{name}", f"{name} volume",
+            lambda label: bpy.data.objects.new(label, bpy.data.volumes.new(label)))
+        item.scale = (self.unit,) * 3
+        volume = item.data
+        volume.filepath = nodes.relative_path(sequence.path(sequence.first))
+        volume.is_sequence = True
+        volume.frame_start = sequence.first
+        volume.frame_offset = sequence.first - 1
+        volume.frame_duration = count
+        volume.sequence_mode = "EXTEND"
+        if hasattr(volume, "velocity_unit"):
+            volume.velocity_unit = "SECOND"
+            volume.velocity_grid = "velocity"
+        if not volume.materials:
+            index, _body = self._body(name)
+            volume.materials.append(nodes.volume_material(f"Matterfit {name} Volume",
+                                                          COLORS[index % len(COLORS)]))
+        if "density" not in grids:
+            # Only a source for the surface: there is nothing to see in it.
+            item.hide_render = True
+            volume.display.wireframe_type = "NONE"
+        if "surface" in grids:
+            self._surface(name, item)
+        return count
+
+    def _surface(self, name, volume_object):
+        def make(label):
+            mesh = bpy.data.meshes.new(label)
+            mesh.materials.append(self._material(name))
+            return bpy.data.objects.new(label, mesh)
+
+        item = self._object(f"surface:{name}", f"{name} surface", make)
+        modifier = item.modifiers.get("Matterfit Surface")
+        if modifier is None:
+            modifier = item.modifiers.new("Matterfit Surface", "VOLUME_TO_MESH")
+        modifier.object = volume_object
+        modifier.grid_name = "surface"
+        modifier.threshold = 0.0
+        modifier.resolution_mode = "GRID"
+        modifier.use_smooth_shade = True
+        item.active_material = item.active_material or self._material(name)
+
+    def _particles(self, name, points, attributes):
+        item = self._object(
+            f"points:{name}", f"{name} particles",
+            lambda label: bpy.data.objects.new(label, bpy.data.meshes.new(label)))
+        item.scale = (self.unit,) * 3
+        mesh = item.data
+        if len(mesh.vertices) != points.points:
+            # A cloud of another size would show undeformed without a word.
+            mesh.clear_geometry()
+            mesh.vertices.add(points.points)
+        if points.samples:
+            first = cache.read_pc2_frame(points, 0)
+            mesh.vertices.foreach_set("co", numpy.ascontiguousarray(first).ravel())
+            mesh.update()
+        self._mesh_cache(item, points)
+        textures = []
+        for attribute in self.document.get("output", {}).get("attributes", []):
+            sequence = attributes.get(f"{name}_{attribute}")
+            if sequence is not None:
+                image = nodes.sequence_image(sequence.path(sequence.first))
+                textures.append((attribute, image, sequence.first, sequence.last))
+        tree = nodes.particles_tree(f"Matterfit Particles {item.name}", 0.5 * self.separation,
+                                    self._material(name), textures)
+        modifier = item.modifiers.get("Matterfit Particles")
+        if modifier is None:
+            modifier = item.modifiers.new("Matterfit Particles", "NODES")
+        modifier.node_group = tree
+
+    def _render_mesh(self, entry, points):
+        """A linked copy of the artist's object, without its animation: the cache holds it all."""
+        index, body = self._body(entry["body"])
+        if body is None or body.object is None:
+            return
+        source = body.object
+
+        def make(label):
+            copy = source.copy()
+            copy.name = label
+            copy.animation_data_clear()
+            copy.constraints.clear()
+            copy.parent = None
+            for modifier in [other for other in copy.modifiers
+                             if meshes.is_own(other) or other.type == "PARTICLE_SYSTEM"]:
+                copy.modifiers.remove(modifier)
+            copy.hide_render = False
+            copy.hide_viewport = False
+            if HIDDEN_TAG in copy:
+                del copy[HIDDEN_TAG]
+            return copy
+
+        item = self._object(f"mesh:{entry['name']}", f"{body.name} mesh", make)
+        place = entry["transform"]
+        item.rotation_mode = "QUATERNION"
+        item.location = Vector(place["position"]) * self.unit
+        item.rotation_quaternion = Quaternion(place["rotation"])
+        item.scale = (1.0, 1.0, 1.0)
+        for name in ("delta_location",):
+            setattr(item, name, (0.0, 0.0, 0.0))
+        item.delta_rotation_quaternion = (1.0, 0.0, 0.0, 0.0)
+        item.delta_scale = (1.0, 1.0, 1.0)
+        if item.data is not source.data:
+            item.data = source.data
+        count = len(source.data.vertices)
+        if count != points.points:
+            raise JobError(f"{points.path}: holds {points.points} points, but the mesh of "
+                           f"'{source.name}' has {count} vertices. It was changed after the bake: "
+                           "bake again.")
+        self._mesh_cache(item, points)
+        if not item.material_slots:
+            # Through the object, so that the artist's mesh stays as it is.
+            if source.data.materials:
+                return
+            source.data.materials.append(
+                nodes.surface_material(f"Matterfit {body.name}", COLORS[index % len(COLORS)]))
+
+    def _mesh_cache(self, item, points):
+        name = "Matterfit Cache"
+        modifier = item.modifiers.get(name)
+        if modifier is None:
+            stop = meshes.first_topology_modifier(item)
+            modifier = item.modifiers.new(name, "MESH_CACHE")
+            compat.move_modifier(item, name, stop)
+            modifier = item.modifiers[name]
+        modifier.cache_format = "PC2"
+        modifier.filepath = nodes.relative_path(points.path)
+        modifier.interpolation = "LINEAR"
+        modifier.deform_mode = "OVERWRITE"
+        modifier.play_mode = "SCENE"
+        modifier.time_mode = "FRAME"
+        modifier.frame_start = float(self.first)
+        modifier.frame_scale = 1.0
+        modifier.forward_axis = "POS_Y"
+        modifier.up_axis = "POS_Z"
+
+    # -- what is seen --------------------------------------------------------------------------
+
+    def _visibility(self):
+        """New objects only: a mesh hides surface and particles of its body, a surface particles."""
+        tags = {item.get(TAG, "") for item in self.collection.objects}
+        has_mesh = any(tag.startswith("mesh:") for tag in tags)
+        has_surface = any(tag.startswith("surface:") for tag in tags)
+        for item in self.collection.objects:
+            if item.name not in self.made:
+                continue
+            kind = item.get(TAG, "").split(":")[0]
+            hide = (kind == "surface" and has_mesh) or (
+                kind == "points" and (has_mesh or has_surface))
+            if hide:
+                item.hide_render = True
+                item.hide_viewport = True
+        self.collection.hide_render = False
+        self.collection.hide_viewport = False
+        for body in self.scene.matterfit.bodies:
+            if body.enabled and body.role == "BODY" and body.source == "OBJECT" and body.object:
+                hide_original(body.object)
+
+
+def hide_original(item):
+    """The artist's object gives way to the result; what it was is remembered on it."""
+    if HIDDEN_TAG not in item:
+        item[HIDDEN_TAG] = int(item.hide_render) + 2 * int(item.hide_viewport)
+    item.hide_render = True
+    item.hide_viewport = True
+
+
+def show_original(item):
+    if HIDDEN_TAG in item:
+        state = int(item[HIDDEN_TAG])
+        item.hide_render = bool(state & 1)
+        item.hide_viewport = bool(state & 2)
+        del item[HIDDEN_TAG]
+
+
+def show_take(settings):
+    """The active take's collection is seen, the others' are not."""
+    shown = False
+    for index, take in enumerate(settings.takes):
+        if take.collection is not None:
+            active = index == settings.take_index
+            take.collection.hide_render = not active
+            take.collection.hide_viewport = not active
+            shown = shown or active
+    for body in settings.bodies:
+        if body.role == "BODY" and body.object is not None:
+            if shown and body.enabled:
+                hide_original(body.object)
+            else:
+                show_original(body.object)
+
+
+def show_only(settings, take):
+    """The collection of `take` is seen (a preview's as well), no other."""
+    for other in (*settings.takes, settings.preview):
+        if other.collection is not None:
+            hidden = other.collection != take.collection
+            other.collection.hide_render = hidden
+            other.collection.hide_viewport = hidden
+
+
+# Which objects show the files of a folder of the cache.
+KIND_TAGS = {"volume": ("volume:", "surface:"), "mesh": ("mesh:",), "points": ("points:",)}
+
+
+def detach_kind(take, kind):
+    """Removes the objects that show one kind of files."""
+    if take.collection is not None:
+        _remove_objects(take.collection, KIND_TAGS.get(kind, ()))
+
+
+def detach(scene, take):
+    """Removes the take's objects; the artist's own come back where no other take is shown."""
+    collection = take.collection
+    take.collection = None
+    if collection is None:
+        return
+    _remove_objects(collection, ("",))
+    if not collection.objects:
+        bpy.data.collections.remove(collection)
+    for image in [image for image in bpy.data.images
+                  if image.source == "SEQUENCE" and image.users == 0]:
+        if take.folder and image.filepath.startswith(take.folder):
+            bpy.data.images.remove(image)
+    show_take(scene.matterfit)
+
+
+def _remove_objects(collection, prefixes):
+    """Removes our objects whose tags begin so, with the data only they use."""
+    for item in list(collection.objects):
+        tag = item.get(TAG, "")
+        if not tag or not tag.startswith(prefixes):
+            continue
+        data = item.data
+        trees = [modifier.node_group for modifier in item.modifiers
+                 if modifier.type == "NODES" and modifier.node_group is not None
+                 and meshes.is_own(modifier)]
+        bpy.data.objects.remove(item)
+        if not tag.startswith("mesh:") and data is not None and data.users == 0:
+            bpy.data.batch_remove([data])
+        for tree in trees:
+            if tree.users == 0:
+                bpy.data.node_groups.remove(tree)

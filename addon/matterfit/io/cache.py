@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What lies in a take's cache folder."""
+
+import os
+import re
+import struct
+from dataclasses import dataclass, field
+
+from ..jobs import EXIT_COMPUTE, JobError
+from . import files
+
+PC2_HEADER = struct.Struct("<12siiffi")
+FRAME_FILE = re.compile(r"^(?P<name>.+)_(?P<frame>\d{4,})\.(?P<kind>vdb|ply|exr)$")
+
+
+@dataclass
+class Sequence:
+    """Files of one name, a frame each."""
+
+    folder: str
+    name: str
+    kind: str
+    frames: list = field(default_factory=list)
+
+    def path(self, frame):
+        return os.path.join(self.folder, f"{self.name}_{frame:04d}.{self.kind}")
+
+    @property
+    def first(self):
+        return self.frames[0]
+
+    @property
+    def last(self):
+        """Last frame of the unbroken run from the first."""
+        last = self.frames[0]
+        for frame in self.frames[1:]:
+            if frame != last + 1:
+                break
+            last = frame
+        return last
+
+
+@dataclass(frozen=True)
+class PointCache:
+    """A PC2 file's header."""
+
+    path: str
+    points: int
+    samples: int
+
+
+def sequences(folder, sub):
+    """{name: Sequence} of the frame files in <folder>/<sub>."""
+    base = os.path.join(folder, sub)
+    found = {}
+    try:
+        names = os.listdir(base)
+    except OSError:
+        return found
+    for file_name in names:
+        match = FRAME_FILE.match(file_name)
+        if match:
+            name = match.group("name")
+            sequence = found.setdefault(name, Sequence(base, name, match.group("kind")))
+            sequence.frames.append(int(match.group("frame")))
+    for sequence in found.values():
+        sequence.frames.sort()
+    return dict(sorted(found.items()))
+
+
+def read_pc2(path):
+    """The header, checked against the file's size; Blender itself says nothing about either."""
+    try:
+        size = os.path.getsize(path)
+        with open(path, "rb") as stream:
+            header = stream.read(PC2_HEADER.size)
+    except OSError as error:
+        raise JobError(f"{path}: could not be read: {error.strerror or error}") from error
+    if len(header) < PC2_HEADER.size:
+        raise JobError(f"{path}: has {len(header)} bytes, a PC2 header has {PC2_HEADER.size}. "
+                       "It is truncated: bake again.")
+    magic, version, points, _start, _rate, samples = PC2_HEADER.unpack(header)
+    if magic != b"POINTCACHE2\0" or version != 1:
+        raise JobError(f"{path}: is not a PC2 file (it begins with {magic!r}).")
+    expected = PC2_HEADER.size + 12 * points * samples
+    if points < 0 or samples < 0 or size != expected:
+        raise JobError(f"{path}: has {size} bytes; {points} points at {samples} frames take "
+                       f"{expected}. It is truncated: bake again.")
+    return PointCache(path, points, samples)
+
+
+def point_caches(folder, sub):
+    """{name: PointCache} of the finished PC2 files in <folder>/<sub>."""
+    base = os.path.join(folder, sub)
+    try:
+        names = sorted(os.listdir(base))
+    except OSError:
+        return {}
+    return {name[:-4]: read_pc2(os.path.join(base, name))
+            for name in names if name.endswith(".pc2")}
+
+
+def read_pc2_frame(cache, sample):
+    """(points, 3) float32 of one sample."""
+    import numpy
+    with open(cache.path, "rb") as stream:
+        stream.seek(PC2_HEADER.size + 12 * cache.points * sample)
+        return numpy.fromfile(stream, dtype="<f4", count=3 * cache.points).reshape(-1, 3)
+
+
+def size_of(folder):
+    """(bytes, files) below the folder."""
+    total, count = 0, 0
+    for base, _folders, names in os.walk(folder):
+        for name in names:
+            try:
+                total += os.path.getsize(os.path.join(base, name))
+                count += 1
+            except OSError:
+                pass
+    return total, count
+
+
+def manifest(folder):
+    """The manifest's document, or {} where none was written yet."""
+    path = os.path.join(folder, "manifest.json")
+    if not os.path.isfile(path):
+        return {}
+    document = files.read_json(path)
+    if not isinstance(document, dict) or not isinstance(document.get("files", {}), dict):
+        raise JobError(f"{path}: is damaged: 'files' is not an object. Bake again.")
+    return document
+
+
+def listed_files(folder):
+    """Paths below the folder that are ours: by the manifest, the input list, and fixed names."""
+    from . import job_writer
+    names = set(manifest(folder).get("files", {}))
+    listing = os.path.join(folder, job_writer.INPUT_FOLDER, job_writer.INPUT_LIST)
+    if os.path.isfile(listing):
+        document = files.read_json(listing)
+        names.update(str(name) for name in document.get("files", []))
+        names.add(f"{job_writer.INPUT_FOLDER}/{job_writer.INPUT_LIST}")
+    names.update(name for name in ("job.json", "manifest.json")
+                 if os.path.isfile(os.path.join(folder, name)))
+    return sorted(name for name in names if _inside(folder, name))
+
+
+def _inside(folder, name):
+    path = os.path.normpath(os.path.join(folder, name))
+    return path.startswith(os.path.normpath(folder) + os.sep)
+
+
+def free(folder, only=""):
+    """Deletes what listed_files() names below `only`, the manifest last; then empty folders.
+
+    Returns the files that stay because they are not ours.
+    """
+    if not os.path.isdir(folder):
+        return []
+    names = [name for name in listed_files(folder) if name.startswith(only)]
+    names.sort(key=lambda name: (name == "manifest.json", name))
+    for name in names:
+        path = os.path.join(folder, name)
+        try:
+            os.remove(path)
+        except FileNotFoundError:
+            pass
+        except OSError as error:
+            raise JobError(f"{path}: could not be deleted: {error.strerror or error}. Close the "
+                           "program that uses it, or change the folder's permissions.",
+                           EXIT_COMPUTE) from error
+    if only:
+        _forget(folder, names)
+    left = []
+    for base, _folders, found in os.walk(folder, topdown=False):
+        left.extend(os.path.relpath(os.path.join(base, name), folder) for name in found)
+        try:
+            os.rmdir(base)
+        except OSError:
+            pass
+    return sorted(left)
+
+
+def _forget(folder, names):
+    """Takes removed files out of the manifest; Resume then bakes them again."""
+    document = manifest(folder)
+    if not document:
+        return
+    document["files"] = {name: entry for name, entry in document["files"].items()
+                         if name not in names}
+    document.update(frames_baked=0, complete=False, output_hash="")
+    files.write_json(os.path.join(folder, "manifest.json"), document)

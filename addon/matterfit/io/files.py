@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of ours: written atomically, with the same bytes for the same content."""
+
+import io
+import json
+import os
+import re
+import zipfile
+
+import numpy
+
+from ..jobs import EXIT_COMPUTE, JobError
+
+
+def write_bytes(path, content):
+    """Writes beside `path` and renames, so that no half-written file has the final name."""
+    temporary = path + ".tmp"
+    try:
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        with open(temporary, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        try:
+            os.remove(temporary)
+        except OSError:
+            pass
+        raise JobError(f"{path}: could not be written: {error.strerror or error}. "
+                       "Is the disk full, or the folder read-only?", EXIT_COMPUTE) from error
+    return path
+
+
+def write_json(path, document):
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return write_bytes(path, text.encode("utf-8"))
+
+
+def read_text(path):
+    try:
+        with open(path, encoding="utf-8") as stream:
+            return stream.read()
+    except OSError as error:
+        raise JobError(f"{path}: could not be read: {error.strerror or error}") from error
+
+
+def read_json(path):
+    """The document, or JobError that names the file and the reason."""
+    try:
+        return json.loads(read_text(path))
+    except ValueError as error:
+        raise JobError(f"{path}: is not valid JSON: {error}. Was it edited by hand?") from error
+
+
+def npz_bytes(arrays):
+    """A .npz (stored, dates constant): numpy's own writer puts the time of day in."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        for name in sorted(arrays):
+            member = io.BytesIO()
+            numpy.lib.format.write_array(member, numpy.ascontiguousarray(arrays[name]),
+                                         allow_pickle=False)
+            information = zipfile.ZipInfo(name + ".npy", date_time=(1980, 1, 1, 0, 0, 0))
+            information.create_system = 3
+            archive.writestr(information, member.getvalue())
+    return buffer.getvalue()
+
+
+def write_npz(path, arrays):
+    return write_bytes(path, npz_bytes(arrays))
+
+
+def safe_name(name):
+    """A name that any file system takes: letters, digits, - and _."""
+    return re.sub(r"[^0-9A-Za-z_\-]+", "_", name).strip("_") or "unnamed"
+
+
+def number(value):
+    """A float32 property as the decimal the user typed (7 digits), a plain int where it is one."""
+    value = float(f"{float(value):.7g}")
+    return int(value) if value.is_integer() and abs(value) < 1e15 else value
+
+
+def numbers(values):
+    return [number(value) for value in values]

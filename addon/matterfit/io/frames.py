@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Walking through the scene's frames and putting it back where it was."""
+
+import contextlib
+
+import bpy
+
+
+@contextlib.contextmanager
+def frame_kept(scene):
+    """Restores the current frame and subframe on leaving."""
+    frame, subframe = scene.frame_current, scene.frame_subframe
+    try:
+        yield
+    finally:
+        scene.frame_set(frame, subframe=subframe)
+
+
+def walk(scene, frames, visitors):
+    """Calls every visitor(frame, depsgraph) at each of `frames`, in order."""
+    with frame_kept(scene):
+        for frame in frames:
+            scene.frame_set(frame)
+            depsgraph = bpy.context.evaluated_depsgraph_get()
+            for visitor in visitors:
+                visitor(frame, depsgraph)
+
+
+def frame_range(scene):
+    """[first, end) of the simulation: Blender's ranges include their last frame."""
+    solver = scene.matterfit.solver
+    if solver.use_range:
+        return solver.frame_start, solver.frame_end + 1
+    return scene.frame_start, scene.frame_end + 1
+
+
+def frames_per_second(scene):
+    """[numerator, denominator] where Blender's base makes a fraction (29.97), else a number."""
+    fps, base = scene.render.fps, scene.render.fps_base
+    if abs(base - 1.0) < 1e-9:
+        return fps
+    if abs(base - 1.001) < 1e-6:
+        return [fps * 1000, 1001]
+    return float(f"{fps / base:.9g}")

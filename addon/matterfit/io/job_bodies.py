@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bodies of the job document: shape, material, throw, pins, masses, render mesh."""
+
+import numpy
+from mathutils import Matrix, Quaternion, Vector
+
+from ..jobs import JobError
+from ..props import choices
+from . import files, meshes, transforms
+from .files import number, numbers
+
+
+def material_document(material):
+    """{law, parameters}, only those the law takes; damping only where there is some."""
+    document = {"law": material.law.lower()}
+    for name in choices.LAW_PARAMETERS[material.law]:
+        document[name] = number(getattr(material, name))
+    for name in choices.DAMPING_PARAMETERS:
+        if getattr(material, name) > 0.0:
+            document[name] = number(getattr(material, name))
+    return document
+
+
+class BodyPart:
+    """One body while the document is written. Source space: the object's rotation and position
+    taken off, its scale kept, metres."""
+
+    def __init__(self, writer, body, throw):
+        self.writer = writer
+        self.body = body
+        self.throw = throw
+        self.where = f"body '{body.name}'"
+        self.arrays = None
+        self.shape = None
+        self.render = None
+        self.position = Vector()
+        self.rotation = Quaternion()
+        self.object_position = Vector()
+        self.object_rotation = Quaternion()
+        self.pin_points = {}
+        self._follow = {}
+        if body.source == "OBJECT":
+            self._prepare_object()
+        for index, pin in enumerate(body.pins):
+            if pin.follow is not None:
+                self._follow[index] = writer.keyed_matrix(pin.follow)
+
+    # -- sampling ------------------------------------------------------------------------------
+
+    def _prepare_object(self):
+        item = self.body.object
+        if item is None:
+            raise JobError(f"{self.where}: no object is chosen. Choose one in Bodies, or remove "
+                           "the row.")
+        if item.type not in {"MESH", "CURVE", "SURFACE", "META", "FONT"}:
+            raise JobError(f"{self.where}: object '{item.name}' is of type {item.type.lower()}, "
+                           "which has no surface. Choose a mesh.")
+        self.shape = meshes.body_shape(item)
+        self.writer.show(item)
+        self.writer.at_first(self._sample)
+
+    def _sample(self, _frame, depsgraph):
+        import bpy
+        item = self.body.object
+        matrix = Matrix(item.evaluated_get(depsgraph).matrix_world)
+        scale = self.writer.scale
+        self.object_position, self.object_rotation, stretch = transforms.split(matrix, scale)
+        with meshes.modifiers_limited(item, self.shape.stop):
+            with meshes.evaluated_mesh(item, bpy.context.evaluated_depsgraph_get()) as mesh:
+                self.arrays = meshes.read_arrays(mesh, stretch, scale,
+                                                 creases=self.shape.kind == "cage")
+        meshes.check_faces(item, self.arrays)
+        if item.type == "MESH" and self.writer.settings.output.mesh:
+            render = meshes.render_shape(item)
+            with meshes.modifiers_limited(item, render.stop):
+                with meshes.evaluated_mesh(item, bpy.context.evaluated_depsgraph_get()) as mesh:
+                    self.render = meshes.read_arrays(mesh, stretch, 1.0, creases=True)
+        self._sample_pins(item, stretch)
+
+    def _sample_pins(self, item, stretch):
+        """Rest positions (source space) of the vertices of pinned vertex groups."""
+        for index, pin in enumerate(self.body.pins):
+            if pin.kind != "VERTEX_GROUP":
+                continue
+            where = f"{self.where}, pin '{pin.name}'"
+            group = item.vertex_groups.get(pin.vertex_group) if item.type == "MESH" else None
+            if group is None:
+                raise JobError(f"{where}: object '{item.name}' has no vertex group "
+                               f"'{pin.vertex_group}'. Choose one of its groups.")
+            chosen = [vertex.index for vertex in item.data.vertices
+                      if any(entry.group == group.index and entry.weight >= 0.5
+                             for entry in vertex.groups)]
+            if not chosen:
+                raise JobError(f"{where}: no vertex has a weight of at least .5 in "
+                               f"'{pin.vertex_group}'. Paint or assign some.")
+            source = self.render if self.render is not None else None
+            if source is not None and len(source["vertices"]) == len(item.data.vertices):
+                points = source["vertices"][chosen].astype(numpy.float64) * self.writer.scale
+            else:
+                matrix = numpy.array(stretch, dtype=numpy.float64) * self.writer.scale
+                points = numpy.array([item.data.vertices[i].co for i in chosen]) @ matrix.T
+            self.pin_points[index] = points
+
+    # -- documents -----------------------------------------------------------------------------
+
+    def place(self):
+        """Where the source starts: the throw's placement, else where the object is."""
+        self.position, self.rotation = self.object_position, self.object_rotation
+        if self.throw is not None and self.throw.use_placement:
+            self.position, self.rotation = transforms.take_placement(self.throw,
+                                                                     self.writer.scale)
+
+    def document(self):
+        body = self.body
+        self.place()
+        document = {
+            "name": body.name,
+            "source": self._source(),
+            "density": number(body.density),
+            "material": material_document(body.material),
+            "formulation": body.formulation.lower(),
+        }
+        velocity, spin = self._velocity()
+        document["velocity"] = numbers(velocity)
+        document["spin"] = numbers(spin)
+        if self.position.length > 0.0 or transforms.quaternion_list(self.rotation) != [1, 0, 0, 0]:
+            document["placement"] = transforms.pose(self.position, self.rotation)
+        if body.pins:
+            document["pins"] = [self._pin(index, pin) for index, pin in enumerate(body.pins)]
+        if body.masses:
+            document["masses"] = [self._mass(mass) for mass in body.masses]
+        if body.seed:
+            document["seed"] = body.seed
+        return document
+
+    def _source(self):
+        body = self.body
+        if body.source == "POINTS":
+            return {"points": self.writer.external(body.filepath, self.where)}
+        if body.source == "GAUSSIANS":
+            return {"gaussians": self.writer.external(body.filepath, self.where),
+                    "fill_inside": body.fill_inside,
+                    "opacity_threshold": number(body.opacity_threshold)}
+        path = self.writer.write_npz("body_" + files.safe_name(body.name), self.arrays)
+        if self.shape.kind == "cage":
+            return {"cage": path, "level": self.shape.level}
+        return {"mesh": path}
+
+    def _velocity(self):
+        body, throw, writer = self.body, self.throw, self.writer
+        if throw is None or throw.velocity_from == "BODY":
+            return Vector(body.velocity) * writer.scale, Vector(body.spin)
+        if throw.velocity_from == "VALUE":
+            return Vector(throw.velocity) * writer.scale, Vector(throw.spin)
+        if body.source != "OBJECT":
+            raise JobError(f"{self.where}: is made from a file and has no animation. Set the "
+                           "take's velocity to Values Below.")
+        linear, angular = transforms.motion_velocity(writer.scene, body.object, writer.first,
+                                                     writer.fps)
+        # The animation moves the object's origin; the job wants the centre of mass.
+        arm = self.rotation @ Vector(meshes.center_of_mass(self.arrays))
+        return linear + angular.cross(arm), angular
+
+    def _pin(self, index, pin):
+        where = f"{self.where}, pin '{pin.name}'"
+        document = {"region": self._region(index, pin, where)}
+        if index in self._follow:
+            document.update(self._pin_motion(self._follow[index]))
+        if pin.use_release:
+            document["release"] = pin.release
+        return document
+
+    def _region(self, index, pin, where):
+        scale = self.writer.scale
+        if pin.kind == "ALL":
+            return {"shape": "all"}
+        if pin.kind == "VERTEX_GROUP":
+            if index not in self.pin_points:
+                raise JobError(f"{where}: bodies made from files have no vertex groups. Use a "
+                               "plane or a box.")
+            points = transforms.turned(self.rotation, self.pin_points[index])
+            points = points + numpy.array(self.position)
+            name = f"pin_{files.safe_name(self.body.name)}_{index}"
+            path = self.writer.write_npz(name, {"positions": points})
+            return {"shape": "points", "file": path, "radius": number(pin.radius * scale)}
+        if pin.object is None:
+            raise JobError(f"{where}: no object marks the region. Choose an empty.")
+        if pin.kind == "PLANE":
+            position, rotation, _ = transforms.split(pin.object.matrix_world, scale)
+            return {"shape": "plane", "point": numbers(position),
+                    "normal": numbers(rotation @ Vector((0.0, 0.0, 1.0)))}
+        low, high = world_box(pin.object, scale)
+        return {"shape": "box", "low": numbers(low), "high": numbers(high)}
+
+    def _pin_motion(self, matrices):
+        """Relative to the first frame, about the followed object's place there."""
+        scale = self.writer.scale
+        pivot, rotation_0, _ = transforms.split(matrices[0], scale)
+        values = []
+        for matrix in matrices:
+            position, rotation, _ = transforms.split(matrix, scale)
+            values.append(transforms.pose(position - pivot, rotation @ rotation_0.conjugated()))
+        return {"motion": transforms.keyed(self.writer.frames, values), "pivot": numbers(pivot)}
+
+    def _mass(self, mass):
+        if mass.object is None:
+            raise JobError(f"{self.where}, mass '{mass.name}': no object says where it hangs. "
+                           "Choose an empty.")
+        document = {"position": numbers(mass.object.matrix_world.translation * self.writer.scale),
+                    "mass": number(mass.mass)}
+        if mass.use_attach:
+            document["attach"] = mass.attach
+        return document
+
+    def mesh_output(self):
+        """The entry of output.mesh, or None. PC2 is in Blender units, without the pose."""
+        if self.render is None or len(self.render["face_sizes"]) == 0:
+            return None
+        item = self.body.object
+        stop = meshes.first_topology_modifier(item)
+        subdivided = (stop < len(item.modifiers) and item.modifiers[stop].type == "SUBSURF"
+                      and item.modifiers[stop].subdivision_type == "CATMULL_CLARK")
+        arrays = dict(self.render)
+        if not subdivided:
+            del arrays["crease_edges"], arrays["crease_sharpness"]
+        path = self.writer.write_npz("mesh_" + files.safe_name(self.body.name), arrays)
+        entry = {"name": files.safe_name(self.body.name), "body": self.body.name}
+        if subdivided:
+            entry["cage"] = path
+            entry["level"] = max(item.modifiers[stop].levels, 1)
+        else:
+            entry["mesh"] = path
+        placement = transforms.pose(self.position, self.rotation)
+        placement["scale"] = number(self.writer.scale)
+        entry["transform"] = placement
+        return entry
+
+
+def world_box(item, scale):
+    """(low, high) of the object's bounding box in the world [m]; an empty is a box of its size."""
+    if item.type == "EMPTY":
+        size = item.empty_display_size
+        corners = [Vector((x, y, z)) * size for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    else:
+        corners = [Vector(corner) for corner in item.bound_box]
+    points = [item.matrix_world @ corner * scale for corner in corners]
+    low = Vector([min(point[axis] for point in points) for axis in range(3)])
+    high = Vector([max(point[axis] for point in points) for axis in range(3)])
+    return low, high

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scene as a job document (docs/formats.md). The file this writes is all the native code gets:
+the tool on that file gives the same results as the panel."""
+
+import os
+
+from ..jobs import JobError
+from . import files, job_bodies, job_captures, job_colliders, job_writer, transforms
+from .files import number, numbers
+
+SCHEMA = "matterfit.job/1"
+JOB_FILE = "job.json"
+MAX_FRAME = 9_999_999
+
+
+def build(scene, take, folder, task, quality=None, separation=None, outputs=True):
+    """Samples the scene, writes <folder>/input/, returns the document.
+
+    `separation` [m] overrides the solver's (Preview); without `outputs` nothing but the particles
+    is baked. Raises JobError with what to change.
+    """
+    settings = scene.matterfit
+    writer = job_writer.JobWriter(scene, take, folder)
+    _check(writer)
+    bodies, colliders = [], []
+    for body in settings.bodies:
+        if not body.enabled:
+            continue
+        if body.role == "BODY":
+            bodies.append(job_bodies.BodyPart(writer, body, _throw(take, body.name)))
+        elif _collider_on(take, body.name):
+            colliders.append(job_colliders.ColliderPart(writer, body))
+    captures = [job_captures.CapturePart(writer, capture)
+                for capture in settings.captures if capture.enabled]
+    gravity = _gravity(writer)
+    writer.walk()
+
+    solver = settings.solver
+    separation = solver.particle_separation * writer.scale if separation is None else separation
+    document = {"schema": SCHEMA, "task": task}
+    scene_document = {
+        "fps": writer.fps_document,
+        "frames": [writer.first, writer.end],
+        "gravity": gravity(),
+        "particle_separation": number(separation),
+        "quality": quality or solver.quality.lower(),
+        "bodies": [part.document() for part in bodies],
+        "colliders": [part.document() for part in colliders],
+        "solver": {"cfl": number(solver.cfl), "memory_limit_gb": number(solver.memory_limit)},
+    }
+    if solver.use_ground:
+        scene_document["colliders"].insert(
+            0, job_colliders.ground_document(solver, writer.scale))
+    if solver.use_walls:
+        scene_document["walls"] = job_colliders.walls_document(solver, writer.scale)
+    document["scene"] = scene_document
+    if captures:
+        document["captures"] = [part.document() for part in captures]
+    document["output"] = _output(writer, bodies, outputs)
+    writer.finish_inputs()
+    return document
+
+
+def write(document, folder):
+    """Writes job.json; returns its path."""
+    return files.write_json(os.path.join(folder, JOB_FILE), document)
+
+
+def _check(writer):
+    """What can be said before anything is sampled."""
+    settings = writer.settings
+    bodies = [body for body in settings.bodies if body.enabled and body.role == "BODY"]
+    if not bodies:
+        raise JobError("Bodies: there is no body to simulate. Select an object and press Add "
+                       "Body.")
+    seen = {}
+    for body in settings.bodies:
+        if not body.enabled:
+            continue
+        name = files.safe_name(body.name)
+        if not body.name:
+            raise JobError("Bodies: a row has no name. Give it one.")
+        if name in seen:
+            raise JobError(f"Bodies: '{body.name}' and '{seen[name]}' have the same name, or "
+                           "names that would give the same file. Rename one.")
+        seen[name] = body.name
+    names = set()
+    for capture in settings.captures:
+        if capture.enabled:
+            name = files.safe_name(capture.name)
+            if name in names:
+                raise JobError(f"Capture: two captures are named '{capture.name}'. Rename one.")
+            names.add(name)
+            if capture.body and capture.body not in {body.name for body in bodies}:
+                raise JobError(f"capture '{capture.name}': there is no body '{capture.body}'. "
+                               "Choose one of the Bodies.")
+    if writer.first < 0:
+        raise JobError(f"Frame range: the first frame is {writer.first}. Cache files carry the "
+                       "frame's number, so it must not be negative.")
+    if writer.end > MAX_FRAME:
+        raise JobError(f"Frame range: the last frame is {writer.end - 1}, above {MAX_FRAME}.")
+    if writer.end - writer.first < 1:
+        raise JobError(f"Frame range: it ends at {writer.end - 1}, before it starts at "
+                       f"{writer.first}. Set another End.")
+
+
+def _throw(take, name):
+    if take is not None:
+        for throw in take.throws:
+            if throw.name == name:
+                return throw
+    return None
+
+
+def _collider_on(take, name):
+    if take is not None:
+        for switch in take.colliders:
+            if switch.name == name:
+                return switch.enabled
+    return True
+
+
+def _gravity(writer):
+    """A function that gives the gravity after the walk: a value, or keyed where it is animated."""
+    take, scene = writer.take, writer.scene
+    if take is not None and take.use_gravity:
+        return lambda: numbers(take.gravity)
+    if not _animated(scene, "matterfit.solver.gravity"):
+        return lambda: numbers(writer.settings.solver.gravity)
+    values = []
+    writer.at_every(lambda _frame, _depsgraph: values.append(
+        numbers(scene.matterfit.solver.gravity)))
+    return lambda: transforms.keyed(writer.frames, values)
+
+
+def _animated(scene, data_path):
+    animation = scene.animation_data
+    if animation is None:
+        return False
+    if any(driver.data_path == data_path for driver in animation.drivers):
+        return True
+    # Actions have layers from 4.4 on, and lose `fcurves` with 5.0: animated, then, is any action.
+    action = animation.action
+    if action is None:
+        return False
+    curves = getattr(action, "fcurves", None)
+    return True if curves is None else any(curve.data_path == data_path for curve in curves)
+
+
+def _output(writer, bodies, outputs):
+    output = writer.settings.output
+    document = {"folder": "."}
+    if not outputs:
+        document["points"] = True
+        return document
+    volume = [name for name in ("density", "velocity", "surface") if getattr(output, name)]
+    if volume:
+        document["volume"] = volume
+        if output.use_voxel_size:
+            document["voxel_size"] = number(output.voxel_size * writer.scale)
+    if output.points:
+        document["points"] = True
+        attributes = [name for name, wanted in (
+            ("velocity", output.velocity_attribute), ("plastic_strain", output.plastic_strain),
+            ("volume_ratio", output.volume_ratio), ("stretch", output.stretch)) if wanted]
+        if attributes:
+            document["attributes"] = attributes
+    if output.mesh:
+        entries = [entry for entry in (part.mesh_output() for part in bodies) if entry]
+        if entries:
+            document["mesh"] = entries
+    if output.splats:
+        entries = [{"name": files.safe_name(part.body.name), "body": part.body.name,
+                    "gaussians": writer.external(part.body.filepath, part.where)}
+                   for part in bodies if part.body.source == "GAUSSIANS"]
+        if entries:
+            document["splats"] = entries
+    return document

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the parts of a job document share while it is written."""
+
+import os
+
+import bpy
+from mathutils import Matrix
+
+from ..jobs import JobError
+from . import files, frames, transforms
+
+INPUT_FOLDER = "input"
+INPUT_LIST = "files.json"
+
+
+class JobWriter:
+    """Collects what has to be sampled, walks the frames once, and writes the input files.
+
+    A part registers `at_first(visitor)` for what is needed once and `at_every(visitor)` for what
+    is needed at every frame; both get (frame, depsgraph). Lengths leave here in metres.
+    """
+
+    def __init__(self, scene, take, folder):
+        self.scene = scene
+        self.settings = scene.matterfit
+        self.take = take
+        self.folder = folder
+        self.scale = transforms.metres(scene)
+        self.first, self.end = frames.frame_range(scene)
+        fps = frames.frames_per_second(scene)
+        self.fps = fps[0] / fps[1] if isinstance(fps, list) else float(fps)
+        self.fps_document = fps
+        self.written = []
+        self._first_visitors = []
+        self._visitors = []
+        self._shown = []
+
+    # -- sampling ------------------------------------------------------------------------------
+
+    def at_first(self, visitor):
+        self._first_visitors.append(visitor)
+
+    def at_every(self, visitor):
+        self._visitors.append(visitor)
+
+    def show(self, item):
+        """`item` is evaluated even if it is hidden (a hidden object has no evaluated mesh)."""
+        self._shown.append(item)
+        return item
+
+    def walk(self):
+        scene = self.scene
+        hidden = []
+        try:
+            for item in self._shown:
+                state = (item.name, item.hide_viewport, item.hide_get())
+                hidden.append(state)
+                item.hide_viewport = False
+                try:
+                    item.hide_set(False)
+                except RuntimeError as error:
+                    raise JobError(f"object '{item.name}': is not in this view layer. Add it to "
+                                   "the scene, or switch its collection on.") from error
+            bpy.context.view_layer.update()
+            frames.walk(scene, [self.first], self._first_visitors)
+            if self._visitors:
+                frames.walk(scene, range(self.first, self.end), self._visitors)
+        finally:
+            for name, viewport, eye in hidden:
+                item = bpy.data.objects[name]
+                try:
+                    item.hide_set(eye)
+                except RuntimeError:
+                    pass
+                item.hide_viewport = viewport
+
+    def keyed_matrix(self, item):
+        """A list that holds the object's world matrix at every frame after walk()."""
+        matrices = []
+
+        def visit(_frame, depsgraph):
+            matrices.append(Matrix(item.evaluated_get(depsgraph).matrix_world))
+
+        self.at_every(visit)
+        return matrices
+
+    @property
+    def frames(self):
+        return range(self.first, self.end)
+
+    # -- files ---------------------------------------------------------------------------------
+
+    def write_npz(self, name, arrays):
+        """Writes <folder>/input/<name>.npz; returns the path for the document."""
+        relative = f"{INPUT_FOLDER}/{name}.npz"
+        files.write_npz(os.path.join(self.folder, INPUT_FOLDER, name + ".npz"), arrays)
+        self.written.append(relative)
+        return relative
+
+    def external(self, path, what):
+        """A file that exists, as a path relative to the document."""
+        absolute = os.path.normpath(bpy.path.abspath(path))
+        if not path:
+            raise JobError(f"{what}: no file is chosen. Choose one, or remove the row.")
+        if not os.path.isfile(absolute):
+            raise JobError(f"{what}: the file {absolute} does not exist. Was it moved?")
+        return self.relative(absolute)
+
+    def relative(self, absolute):
+        try:
+            return os.path.relpath(absolute, self.folder).replace(os.sep, "/")
+        except ValueError:  # another drive on Windows
+            return absolute.replace(os.sep, "/")
+
+    def finish_inputs(self):
+        """Lists our input files for Free, and removes those of an older run that are not used."""
+        listing = os.path.join(self.folder, INPUT_FOLDER, INPUT_LIST)
+        if os.path.isfile(listing):
+            known = files.read_json(listing)
+            old = known.get("files", []) if isinstance(known, dict) else []
+            for relative in old:
+                path = os.path.normpath(os.path.join(self.folder, str(relative)))
+                inside = path.startswith(os.path.join(self.folder, INPUT_FOLDER) + os.sep)
+                if inside and relative not in self.written and os.path.isfile(path):
+                    os.remove(path)
+        if self.written or os.path.isfile(listing):
+            files.write_json(listing, {"files": sorted(self.written)})

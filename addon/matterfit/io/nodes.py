@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Node set-ups of attached caches. They use Blender's own nodes only, so they play without us."""
+
+import os
+
+import bpy
+
+from .. import compat
+
+# Scalar attributes live in the red channel, vectors in red, green, blue.
+VECTOR_ATTRIBUTES = frozenset({"velocity"})
+
+
+class _Builder:
+    """Adds nodes from left to right."""
+
+    def __init__(self, tree):
+        self.tree = tree
+        self.column = 0
+
+    def add(self, kind, **values):
+        node = self.tree.nodes.new(kind)
+        node.location = (self.column * 180, 0)
+        self.column += 1
+        for name, value in values.items():
+            setattr(node, name, value)
+        return node
+
+    def link(self, source, target):
+        self.tree.links.new(source, target)
+
+    def math(self, operation, first, second):
+        node = self.add("ShaderNodeMath", operation=operation)
+        for index, value in enumerate((first, second)):
+            if isinstance(value, (int, float)):
+                node.inputs[index].default_value = value
+            elif value is not None:
+                self.link(value, node.inputs[index])
+        return node.outputs[0]
+
+
+def particles_tree(name, radius, material, attributes):
+    """Vertices to points with a radius, a material and attributes from textures.
+
+    `attributes`: [(name, image, first frame, last frame)].
+    """
+    tree = bpy.data.node_groups.get(name)
+    if tree is None or tree.type != "GEOMETRY":
+        tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
+        compat.add_group_socket(tree, "Geometry", "INPUT", "NodeSocketGeometry")
+        compat.add_group_socket(tree, "Geometry", "OUTPUT", "NodeSocketGeometry")
+    tree.nodes.clear()
+    builder = _Builder(tree)
+    entry = builder.add("NodeGroupInput")
+    points = builder.add("GeometryNodeMeshToPoints")
+    compat.socket(points.inputs, "Radius").default_value = radius
+    builder.link(entry.outputs[0], points.inputs[0])
+    geometry = points.outputs[0]
+    for attribute in attributes:
+        geometry = _stored_attribute(builder, geometry, *attribute)
+    assign = builder.add("GeometryNodeSetMaterial")
+    compat.socket(assign.inputs, "Material").default_value = material
+    builder.link(geometry, assign.inputs[0])
+    leave = builder.add("NodeGroupOutput")
+    builder.link(assign.outputs[0], leave.inputs[0])
+    return tree
+
+
+def _stored_attribute(builder, geometry, name, image, first, last):
+    """`geometry` with the attribute read from the frame's texture, points packed row-major.
+
+    The frame is clamped to [first, last]: past the end the texture would give zeros.
+    """
+    width, height = image.size
+    index = builder.add("GeometryNodeInputIndex").outputs[0]
+    column = builder.math("MODULO", index, float(width))
+    row = builder.math("FLOOR", builder.math("DIVIDE", index, float(width)), None)
+    u = builder.math("DIVIDE", builder.math("ADD", column, 0.5), float(width))
+    # Blender's textures begin at the bottom, the file at the top.
+    v = builder.math("SUBTRACT", 1.0,
+                     builder.math("DIVIDE", builder.math("ADD", row, 0.5), float(height)))
+    place = builder.add("ShaderNodeCombineXYZ")
+    builder.link(u, place.inputs[0])
+    builder.link(v, place.inputs[1])
+    time = builder.add("GeometryNodeInputSceneTime")
+    frame = builder.math("FLOOR", compat.socket(time.outputs, "Frame"), None)
+    frame = builder.math("MAXIMUM", frame, float(first))
+    frame = builder.math("MINIMUM", frame, float(last))
+    texture = builder.add("GeometryNodeImageTexture", interpolation="Closest")
+    texture.extension = "EXTEND"
+    compat.socket(texture.inputs, "Image").default_value = image
+    builder.link(place.outputs[0], compat.socket(texture.inputs, "Vector"))
+    builder.link(frame, compat.socket(texture.inputs, "Frame"))
+    store = builder.add("GeometryNodeStoreNamedAttribute")
+    store.domain = "POINT"
+    color = compat.socket(texture.outputs, "Color")
+    if name in VECTOR_ATTRIBUTES:
+        store.data_type = "FLOAT_VECTOR"
+        value = color
+    else:
+        store.data_type = "FLOAT"
+        split = builder.add("ShaderNodeSeparateXYZ")
+        builder.link(color, split.inputs[0])
+        value = split.outputs[0]
+    compat.socket(store.inputs, "Name").default_value = name
+    builder.link(value, compat.socket(store.inputs, "Value"))
+    builder.link(geometry, store.inputs[0])
+    return store.outputs[0]
+
+
+def sequence_image(path):
+    """The image sequence that begins with `path`, colours left alone."""
+    relative = relative_path(path)
+    for image in bpy.data.images:
+        if image.source == "SEQUENCE" and image.filepath == relative:
+            return image
+    image = bpy.data.images.load(path)
+    image.filepath = relative
+    image.source = "SEQUENCE"
+    image.colorspace_settings.name = "Non-Color"
+    return image
+
+
+def relative_path(path):
+    """// path where the .blend is on the same drive."""
+    if not bpy.data.filepath:
+        return path
+    try:
+        return bpy.path.relpath(path).replace(os.sep, "/")
+    except ValueError:
+        return path
+
+
+def surface_material(name, color):
+    """A plain material in a colour, made once."""
+    material = bpy.data.materials.get(name)
+    if material is None:
+        material = bpy.data.materials.new(name)
+        material.use_nodes = True
+        material.diffuse_color = (*color, 1.0)
+        for node in material.node_tree.nodes:
+            if node.type == "BSDF_PRINCIPLED":
+                node.inputs["Base Color"].default_value = (*color, 1.0)
+                node.inputs["Roughness"].default_value = 0.5
+    return material
+
+
+def volume_material(name, color):
+    """Principled Volume that reads the grid 'density'; made once."""
+    material = bpy.data.materials.get(name)
+    if material is None:
+        material = bpy.data.materials.new(name)
+        material.use_nodes = True
+        nodes = material.node_tree.nodes
+        nodes.clear()
+        volume = nodes.new("ShaderNodeVolumePrincipled")
+        volume.inputs["Color"].default_value = (*color, 1.0)
+        volume.inputs["Density"].default_value = 20.0
+        output = nodes.new("ShaderNodeOutputMaterial")
+        output.location = (300, 0)
+        material.node_tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
+    return material

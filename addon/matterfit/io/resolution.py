@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The quality presets: how many cells lie across the thinnest part that matters."""
+
+import numpy
+from mathutils import Vector
+from mathutils.bvhtree import BVHTree
+
+from . import presets
+
+RAYS = 400
+_applying = []
+
+
+def separation_typed(solver):
+    """Called when the particle separation changes; typing it makes the quality Custom."""
+    if not _applying and solver.quality != "CUSTOM":
+        _set(solver, "quality", "CUSTOM")
+
+
+def apply_quality(solver, scene):
+    """Sets the particle separation from the quality; without bodies nothing changes."""
+    if _applying or solver.quality == "CUSTOM":
+        return
+    thickness = thinnest(scene)
+    if thickness is not None:
+        _set(solver, "particle_separation", separation(thickness, solver.quality))
+
+
+def separation(thickness, quality):
+    """Particle separation for a thickness: a cell is twice the separation."""
+    return thickness / (2.0 * presets.cells_across(quality))
+
+
+def thinnest(scene):
+    """Thickness of the thinnest body in Blender units, or None where there is no body."""
+    found = [object_thickness(body.object) for body in scene.matterfit.bodies
+             if body.enabled and body.role == "BODY" and body.source == "OBJECT"
+             and body.object is not None and body.object.type == "MESH"]
+    found = [value for value in found if value]
+    return min(found) if found else None
+
+
+def object_thickness(item):
+    """The 5th percentile of the distances from face centres straight through the object.
+
+    Rays that find no other side (open meshes) do not count; without any the smallest side of the
+    bounding box is taken.
+    """
+    mesh = item.data
+    scale = item.matrix_world.to_3x3()
+    vertices = [scale @ vertex.co for vertex in mesh.vertices]
+    if not vertices:
+        return None
+    extent = numpy.ptp(numpy.array(vertices), axis=0)
+    sides = [float(side) for side in extent if side > 1e-9]
+    smallest = min(item.dimensions) if min(item.dimensions) > 1e-9 else min(sides, default=None)
+    polygons = [tuple(polygon.vertices) for polygon in mesh.polygons]
+    if not polygons:
+        return smallest
+    tree = BVHTree.FromPolygons(vertices, polygons)
+    step = max(1, len(polygons) // RAYS)
+    distances = []
+    for index in range(0, len(polygons), step):
+        corners = [vertices[vertex] for vertex in polygons[index]]
+        center = sum(corners, Vector()) / len(corners)
+        normal = (corners[1] - corners[0]).cross(corners[-1] - corners[0])
+        if normal.length < 1e-12:
+            continue
+        normal.normalize()
+        start = center - normal * (1e-5 * float(max(extent)))
+        _, _, _, distance = tree.ray_cast(start, -normal)
+        if distance:
+            distances.append(distance)
+    if not distances:
+        return smallest
+    return float(numpy.percentile(distances, 5.0))
+
+
+def cells_across(scene):
+    """Cells across the thinnest part with the present separation, or None."""
+    thickness = thinnest(scene)
+    return None if thickness is None else thickness / (
+        2.0 * scene.matterfit.solver.particle_separation)
+
+
+def _set(solver, name, value):
+    _applying.append(name)
+    try:
+        setattr(solver, name, value)
+    finally:
+        _applying.pop()

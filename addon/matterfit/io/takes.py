@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Takes and their cache folders. A folder belongs to one take of one .blend file for good."""
+
+import os
+import secrets
+
+import bpy
+
+from ..compat import translate
+from ..jobs import JobError
+from ..props import scene as scene_props
+
+PREFIX = "cache_matterfit_"
+
+
+class Location:
+    """Where a take's cache is, and whether it is another file's (linked: read-only)."""
+
+    def __init__(self, folder, linked):
+        self.folder = folder
+        self.linked = linked
+
+    @property
+    def exists(self):
+        return bool(self.folder) and os.path.isdir(self.folder)
+
+
+def require_saved():
+    """The folder of the .blend file; JobError where there is none."""
+    if not bpy.data.filepath:
+        raise JobError(translate("The .blend file is not saved, so there is no folder for the "
+                                 "cache. Save the file first (File > Save)."))
+    return os.path.dirname(os.path.abspath(bpy.data.filepath))
+
+
+def locate(take):
+    """The take's cache. A take that Save As copied stays linked to where it was baked."""
+    if not take.folder:
+        return Location("", False)
+    name = os.path.basename(take.folder.rstrip("/\\"))
+    here = os.path.abspath(bpy.data.filepath) if bpy.data.filepath else ""
+    beside = os.path.join(os.path.dirname(here), name) if here else ""
+    owner = take.owner
+    if not owner or owner == here:
+        return Location(beside, False)
+    at_owner = os.path.join(os.path.dirname(owner), name)
+    if os.path.isfile(owner):
+        # The other file is still there: this one was saved under another name.
+        return Location(at_owner if os.path.isdir(at_owner) else beside, True)
+    # The other file is gone: it was renamed or moved together with its cache.
+    return Location(beside, False)
+
+
+def claim(take):
+    """The take's own folder for writing; a linked or new take gets a new one."""
+    base = require_saved()
+    location = locate(take)
+    if not take.folder or location.linked:
+        while True:
+            name = PREFIX + secrets.token_hex(4)
+            if not os.path.exists(os.path.join(base, name)):
+                break
+        take.folder = f"//{name}/"
+        take.baked = False
+        take.frames_done = 0
+        take.collection = None
+    take.owner = os.path.abspath(bpy.data.filepath)
+    return os.path.join(base, os.path.basename(take.folder.rstrip("/\\")))
+
+
+def unique_name(settings, base):
+    names = {take.name for take in settings.takes}
+    if base not in names:
+        return base
+    number = 2
+    while f"{base} {number}" in names:
+        number += 1
+    return f"{base} {number}"
+
+
+def add(settings, name, source=None):
+    """A new take, with the throws of `source` where given. It has no cache yet."""
+    take = settings.takes.add()
+    take.name = unique_name(settings, name)
+    if source is not None:
+        copy_settings(source, take)
+    return take
+
+
+def copy_settings(source, target):
+    """Throws, gravity and collider switches; never the cache."""
+    target.use_gravity = source.use_gravity
+    target.gravity = source.gravity
+    for collection in ("throws", "colliders"):
+        ours, theirs = getattr(target, collection), getattr(source, collection)
+        ours.clear()
+        for item in theirs:
+            added = ours.add()
+            for name in item.bl_rna.properties.keys():
+                if name != "rna_type":
+                    setattr(added, name, getattr(item, name))
+
+
+def ensure_active(settings):
+    """The active take; the first one is made where there is none."""
+    take = scene_props.active_take(settings)
+    if take is None:
+        if not settings.takes:
+            add(settings, translate("Take 1"))
+        settings.take_index = 0
+        take = settings.takes[0]
+    return take
+
+
+def by_folder(settings, folder):
+    """The take whose cache is `folder`, looked up anew at every tick of a job."""
+    name = os.path.basename(os.path.normpath(folder))
+    for take in (*settings.takes, settings.preview):
+        if take.folder and os.path.basename(take.folder.rstrip("/\\")) == name:
+            return take
+    return None

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Object transforms as the job document writes them: metres, quaternions [w, x, y, z]."""
+
+import math
+
+from mathutils import Euler, Matrix, Quaternion, Vector
+
+from .files import number, numbers
+from .frames import frame_kept
+
+
+def metres(scene):
+    """Metres in one Blender unit."""
+    return scene.unit_settings.scale_length
+
+
+def split(matrix, scale_length):
+    """(position [m], rotation, 3×3 stretch) with matrix = position · rotation · stretch.
+
+    The stretch holds scale, shear and mirroring; it belongs to the shape.
+    """
+    rotation = matrix.decompose()[1].normalized()
+    stretch = rotation.to_matrix().inverted() @ matrix.to_3x3()
+    return matrix.translation * scale_length, rotation, stretch
+
+
+def quaternion_list(rotation):
+    """[w, x, y, z] with w ≥ 0, so that equal rotations give equal text."""
+    rotation = rotation.normalized()
+    if rotation.w < 0.0:
+        rotation = -rotation
+    return numbers(rotation)
+
+
+def pose(position, rotation):
+    return {"position": numbers(position), "rotation": quaternion_list(rotation)}
+
+
+def world_pose(matrix, scale_length):
+    position, rotation, _ = split(matrix, scale_length)
+    return pose(position, rotation)
+
+
+def keyed(frames, values):
+    """{frames, values, interpolation}, or the value alone where it never changes."""
+    if all(value == values[0] for value in values):
+        return values[0]
+    return {"frames": list(frames), "values": list(values), "interpolation": "linear"}
+
+
+def motion_velocity(scene, item, frame, fps):
+    """(linear [m/s], angular [rad/s]) of the object's origin at `frame`.
+
+    The steeper of the differences before and after the frame: a throw either begins there or has
+    been going on until there, and keys hold still on the other side.
+    """
+    step = 0.05
+    scale = metres(scene)
+    poses = []
+    with frame_kept(scene):
+        for time in (frame - step, frame, frame + step):
+            whole = math.floor(time)
+            scene.frame_set(whole, subframe=time - whole)
+            matrix = item.matrix_world.copy()
+            poses.append((matrix.translation * scale, matrix.decompose()[1].normalized()))
+    seconds = step / fps
+    best = (Vector(), Vector())
+    for (position_a, rotation_a), (position_b, rotation_b) in zip(poses, poses[1:]):
+        linear = (position_b - position_a) / seconds
+        turn = rotation_b @ rotation_a.conjugated()
+        if turn.w < 0.0:
+            turn = -turn
+        angular = turn.axis * (turn.angle / seconds) if turn.angle > 1e-9 else Vector()
+        if linear.length + angular.length > best[0].length + best[1].length:
+            best = (linear, angular)
+    return best
+
+
+def take_placement(throw, scale_length):
+    """(position [m], rotation) of a throw's own placement."""
+    return Vector(throw.location) * scale_length, Euler(throw.rotation).to_quaternion()
+
+
+def turned(rotation, points):
+    """`points` (N, 3) numpy, turned."""
+    import numpy
+    return points @ numpy.array(rotation.to_matrix(), dtype=numpy.float64).T
+
+
+def identity():
+    return Vector((0.0, 0.0, 0.0)), Quaternion()
+
+
+def numbers_matrix(matrix):
+    return [[number(value) for value in row] for row in Matrix(matrix)]

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The native library. The only file that knows its C interface (native/capi/matterfit.h)."""
+
+import ctypes
+import json
+import os
+import sys
+
+from .jobs import EXIT_COMPUTE, EXIT_DONE, JobError, Outcome, Snapshot
+
+ABI_VERSION = 1
+MF_RUNNING = 1
+
+_FILE_NAMES = {"win32": "matterfit.dll", "darwin": "libmatterfit.dylib"}
+_library = None
+_load_error = ""
+
+
+class _Options(ctypes.Structure):
+    _fields_ = [
+        ("size", ctypes.c_uint32), ("threads", ctypes.c_int32), ("target", ctypes.c_char_p),
+        ("task", ctypes.c_char_p), ("restart", ctypes.c_int32),
+        ("override_count", ctypes.c_uint32), ("overrides", ctypes.POINTER(ctypes.c_char_p)),
+    ]
+
+
+class _Progress(ctypes.Structure):
+    _fields_ = [
+        ("size", ctypes.c_uint32), ("status", ctypes.c_int32), ("frame", ctypes.c_int32),
+        ("last_frame", ctypes.c_int32), ("fraction", ctypes.c_double),
+        ("seconds", ctypes.c_double), ("seconds_left", ctypes.c_double),
+        ("memory_bytes", ctypes.c_uint64), ("label", ctypes.c_char * 64),
+    ]
+
+
+# -- loading -----------------------------------------------------------------------------------
+
+def candidates():
+    """Where the library may be: the environment's word, the package, the source tree."""
+    name = _FILE_NAMES.get(sys.platform, "libmatterfit.so")
+    given = os.environ.get("MATTERFIT_LIBRARY")
+    if given:
+        return [given]
+    package = os.path.dirname(os.path.realpath(__file__))
+    tree = os.path.dirname(os.path.dirname(package))
+    return [os.path.join(package, "lib", name), os.path.join(tree, "build", "lib", name)]
+
+
+def load():
+    """Loads the library once; True where it is there. load_error() says why not."""
+    global _library, _load_error
+    if _library is not None:
+        return True
+    paths = [path for path in candidates() if os.path.isfile(path)]
+    if not paths:
+        _load_error = ("The native library was not found at " + " or ".join(candidates())
+                       + ". Install the packaged add-on, or run `make build` in the source tree.")
+        return False
+    try:
+        # RTLD_LOCAL: Blender has its own OpenVDB and TBB, whose symbols must not mix with ours.
+        library = ctypes.CDLL(paths[0], mode=getattr(os, "RTLD_LOCAL", 0)
+                              | getattr(os, "RTLD_NOW", 0))
+        _declare(library)
+    except (OSError, AttributeError) as error:
+        _load_error = (f"{paths[0]}: could not be loaded: {error}. It was built for another "
+                       "system: install the package for this one.")
+        return False
+    found = library.mf_abi_version()
+    if found != ABI_VERSION:
+        _load_error = (f"{paths[0]}: has interface version {found}, this add-on needs "
+                       f"{ABI_VERSION}. Install add-on and library from one package.")
+        return False
+    _library, _load_error = library, ""
+    return True
+
+
+def unload():
+    """Forgets the library; jobs must have ended. The file stays mapped: dlclose under running
+    thread-local destructors is not worth its risk."""
+    global _library
+    _library = None
+
+
+def load_error():
+    return _load_error
+
+
+def require():
+    """JobError where the library is not there."""
+    if not load():
+        raise JobError(_load_error)
+
+
+def version():
+    """"0.1.0", or "" without a library."""
+    return _text(_library.mf_version()) if load() else ""
+
+
+def _declare(library):
+    pointer, text = ctypes.c_void_p, ctypes.c_char_p
+    options, out = ctypes.POINTER(_Options), ctypes.POINTER(ctypes.c_void_p)
+    signatures = {
+        "mf_abi_version": (ctypes.c_uint32, []),
+        "mf_version": (text, []),
+        "mf_last_error": (text, []),
+        "mf_job_start": (ctypes.c_int, [text, text, options, out]),
+        "mf_job_poll": (ctypes.c_int, [pointer, ctypes.POINTER(_Progress)]),
+        "mf_job_cancel": (ctypes.c_int, [pointer]),
+        "mf_job_wait": (ctypes.c_int, [pointer, ctypes.c_double]),
+        "mf_job_result": (text, [pointer]),
+        "mf_job_free": (None, [pointer]),
+        "mf_estimate": (ctypes.c_int, [text, text, options, out]),
+        "mf_validate": (ctypes.c_int, [text, text, options, out]),
+        "mf_capture_summary": (ctypes.c_int, [text, text, out]),
+        "mf_inspect": (ctypes.c_int, [text, out]),
+        "mf_text_free": (None, [pointer]),
+    }
+    for name, (result, arguments) in signatures.items():
+        function = getattr(library, name)
+        function.restype = result
+        function.argtypes = arguments
+
+
+def _text(value):
+    return (value or b"").decode("utf-8", "replace")
+
+
+def _error(status):
+    status = int(status)
+    return JobError(_text(_library.mf_last_error()),
+                    status if status in (2, 3, 130) else EXIT_COMPUTE)
+
+
+def _options(threads=0, task=None, restart=False, target=None, overrides=()):
+    values = (ctypes.c_char_p * len(overrides))(*[item.encode() for item in overrides])
+    options = _Options(ctypes.sizeof(_Options), threads, target.encode() if target else None,
+                       task.encode() if task else None, int(restart), len(overrides),
+                       ctypes.cast(values, ctypes.POINTER(ctypes.c_char_p)))
+    return options, values  # `values` must live as long as `options`
+
+
+def _json_call(function, *arguments):
+    """Calls a function whose last argument takes a JSON text; returns it parsed."""
+    text = ctypes.c_void_p()
+    status = function(*arguments, ctypes.byref(text))
+    if status != 0:
+        raise _error(status)
+    try:
+        return json.loads(_text(ctypes.string_at(text)))
+    finally:
+        _library.mf_text_free(text)
+
+
+# -- jobs --------------------------------------------------------------------------------------
+
+class NativeRun:
+    """A running job, as jobs.Job drives it."""
+
+    def __init__(self, handle):
+        self._handle = handle
+
+    def poll(self):
+        progress = _Progress(size=ctypes.sizeof(_Progress))
+        status = _library.mf_job_poll(self._handle, ctypes.byref(progress))
+        if status != 0:
+            raise _error(status)
+        return Snapshot(finished=progress.status != MF_RUNNING, fraction=progress.fraction,
+                        stage=_text(progress.label), frame=progress.frame,
+                        last_frame=progress.last_frame, memory=progress.memory_bytes)
+
+    def cancel(self):
+        _library.mf_job_cancel(self._handle)
+
+    def wait(self):
+        _library.mf_job_wait(self._handle, -1.0)
+
+    def outcome(self):
+        """Call it after the job has ended."""
+        status = _library.mf_job_wait(self._handle, -1.0)
+        error = "" if status == EXIT_DONE else _text(_library.mf_last_error())
+        text = _library.mf_job_result(self._handle)
+        return Outcome(int(status), json.loads(_text(text)) if text else {}, error)
+
+    def free(self):
+        handle, self._handle = self._handle, None
+        if handle is not None:
+            _library.mf_job_free(handle)
+
+    def __del__(self):
+        if self._handle is not None and _library is not None:
+            self.free()
+
+
+def start(path, task=None, threads=0, restart=False, target=None, overrides=()):
+    """Starts the job in the file `path`. Raises JobError where the document is wrong."""
+    require()
+    text = _read(path)
+    options, _values = _options(threads, task, restart, target, overrides)
+    handle = ctypes.c_void_p()
+    status = _library.mf_job_start(text, os.path.dirname(os.path.abspath(path)).encode(),
+                                   ctypes.byref(options), ctypes.byref(handle))
+    if status != 0:
+        raise _error(status)
+    return NativeRun(handle)
+
+
+def _read(path):
+    try:
+        with open(path, "rb") as stream:
+            return stream.read()
+    except OSError as error:
+        raise JobError(f"{path}: could not be read: {error.strerror or error}.") from error
+
+
+# -- questions that are answered at once ---------------------------------------------------------
+
+def estimate(text, folder, threads=0, overrides=()):
+    """{"particles", "bytes", "seconds", "fits", …} of a document (a dict, or its JSON text) whose
+    inputs lie in `folder`."""
+    require()
+    options, _values = _options(threads, overrides=overrides)
+    return _json_call(_library.mf_estimate, _json(text), folder.encode(), ctypes.byref(options))
+
+
+def validate(text, folder, overrides=()):
+    """The document as it was understood; JobError with the JSON path of what is wrong."""
+    require()
+    options, _values = _options(overrides=overrides)
+    return _json_call(_library.mf_validate, _json(text), folder.encode(), ctypes.byref(options))
+
+
+def _json(document):
+    return document.encode() if isinstance(document, str) else json.dumps(document).encode()
+
+
+def capture_summary(path, options):
+    """What a capture file is like. `options`: keys of a job's capture."""
+    require()
+    return _json_call(_library.mf_capture_summary, path.encode(), json.dumps(options).encode())
+
+
+def inspect(folder):
+    """What a cache folder holds, its result hash, and every file that is missing or damaged."""
+    require()
+    return _json_call(_library.mf_inspect, folder.encode())
+
+
+def free_memory():
+    """Bytes that programs may still take, 0 where the system does not say."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as stream:
+            for line in stream:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    return 0

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every operator of ours does alike; above all the long job, modal or blocking."""
+
+import bpy
+
+from .. import jobs
+from ..compat import translate
+from ..jobs import JobError, State
+
+INTERVAL = 0.1
+
+
+def session(context):
+    return context.window_manager.matterfit
+
+
+def report_error(operator, context, message):
+    """Shows the error, keeps it for Status > Copy, and returns what execute() returns."""
+    session(context).last_error = message
+    operator.report({"ERROR"}, message)
+    redraw(context)
+    return {"CANCELLED"}
+
+
+def redraw(context):
+    """The panels read the job itself, so they only have to be drawn again."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def status_text(context, text):
+    workspace = context.workspace
+    if workspace is not None:
+        workspace.status_text_set(text)
+
+
+class PlainOperator:
+    """An operator whose `act(context)` may raise JobError."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        try:
+            result = self.act(context)
+        except JobError as error:
+            return report_error(self, context, str(error))
+        redraw(context)
+        return result or {"FINISHED"}
+
+
+class JobOperator:
+    """A long job. `execute()` blocks and is the truth; the modal side polls the same job.
+
+    A subclass has `begin(context)`, which returns a jobs.Job not yet started; `progressed(context,
+    job)`, called when more frames are done; and `ended(context, job)`, called when it is DONE, whose
+    changes make the one undo step.
+    """
+
+    bl_options = {"REGISTER", "UNDO"}
+    _timer = None
+    _job = None
+    _frame_shown = -1
+
+    @classmethod
+    def poll(cls, context):
+        if jobs.registry.running is not None:
+            if hasattr(cls, "poll_message_set"):
+                cls.poll_message_set("Another job is running: cancel it first")
+            return False
+        return True
+
+    def progressed(self, context, job):
+        pass
+
+    def ended(self, context, job):
+        pass
+
+    def execute(self, context):
+        try:
+            job = jobs.registry.add(self.begin(context))
+        except JobError as error:
+            return report_error(self, context, str(error))
+        manager = context.window_manager
+        manager.progress_begin(0.0, 100.0)
+        try:
+            job.run(on_tick=lambda running: self._tick(context, running))
+        except KeyboardInterrupt:
+            job.cancel()
+            job.join()
+        finally:
+            manager.progress_end()
+        return self._finish(context, job)
+
+    def invoke(self, context, _event):
+        if bpy.app.background:
+            return self.execute(context)
+        try:
+            self._job = jobs.registry.add(self.begin(context))
+        except JobError as error:
+            return report_error(self, context, str(error))
+        self._job.start()
+        session(context).last_error = ""
+        self._frame_shown = -1
+        manager = context.window_manager
+        manager.progress_begin(0.0, 100.0)
+        self._timer = manager.event_timer_add(INTERVAL, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        job = self._job
+        if job.tick():
+            self._tick(context, job)
+        redraw(context)  # time left moves between ticks too
+        if not job.ended:
+            return {"PASS_THROUGH"}
+        self._remove_timer(context)
+        return self._finish(context, job)
+
+    def cancel(self, context):
+        """Blender takes the operator away: a file is loaded, or the window closes."""
+        if self._job is not None:
+            self._job.cancel()
+            self._job.join()
+        self._remove_timer(context)
+
+    def _remove_timer(self, context):
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+            context.window_manager.progress_end()
+            status_text(context, None)
+
+    def _tick(self, context, job):
+        context.window_manager.progress_update(100.0 * job.fraction)
+        status_text(context, progress_text(job))
+        if job.snapshot.frame != self._frame_shown and not job.ended:
+            self._frame_shown = job.snapshot.frame
+            try:
+                self.progressed(context, job)
+            except (JobError, OSError):
+                pass  # a frame that cannot be shown yet is shown at the end, or named there
+
+    def _finish(self, context, job):
+        status_text(context, None)
+        if job.state is State.CANCELLED:
+            self.report({"WARNING"}, translate("Cancelled: {name}. Resume goes on where it "
+                                               "stopped").format(name=job.label))
+            self.stopped(context, job)
+            redraw(context)
+            return {"CANCELLED"}
+        if job.state is State.FAILED:
+            self.stopped(context, job)
+            return report_error(self, context, job.error)
+        try:
+            self.ended(context, job)
+        except JobError as error:
+            return report_error(self, context, str(error))
+        session(context).last_error = ""
+        redraw(context)
+        return {"FINISHED"}
+
+    def stopped(self, context, job):
+        """Called after CANCELLED and FAILED: what there is by now may be shown."""
+
+
+def progress_text(job):
+    """One line: label, frame n of N, time left, memory."""
+    parts = [job.label]
+    if job.state is State.CANCELLING:
+        parts.append(translate("cancelling"))
+    snapshot = job.snapshot
+    if snapshot.stage:
+        parts.append(snapshot.stage)
+    if snapshot.last_frame:
+        parts.append(translate("frame {n} of {total}").format(n=snapshot.frame,
+                                                              total=snapshot.last_frame))
+    left = jobs.duration_text(job.seconds_left)
+    if left:
+        parts.append(translate("{time} left").format(time=left))
+    if snapshot.memory:
+        parts.append(jobs.size_text(snapshot.memory))
+    return " · ".join(parts)

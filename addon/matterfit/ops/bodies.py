@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Bodies list, pins and masses."""
+
+import bpy
+from bpy.props import EnumProperty, IntProperty
+
+from ..compat import translate
+from ..io import presets, resolution
+from ..jobs import JobError
+from ..props import scene as scene_props
+from .base import PlainOperator
+
+USABLE = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+
+
+def unique_body_name(settings, base):
+    names = {body.name for body in settings.bodies}
+    name, number = base, 2
+    while name in names:
+        name = f"{base} {number}"
+        number += 1
+    return name
+
+
+def add_body(settings, item, role):
+    """A row for the object; the first preset is Jelly, so that it moves at once."""
+    name = unique_body_name(settings, item.name if item is not None else translate("Body"))
+    body = settings.bodies.add()
+    body.name = name
+    body.role = role
+    body.object = item
+    if role == "BODY":
+        body.material.preset = "JELLY"
+    settings.body_index = len(settings.bodies) - 1
+    return body
+
+
+class MATTERFIT_OT_add_body(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.add_body"
+    bl_label = "Add Body"
+    bl_description = "Make the selected objects bodies or colliders of the simulation"
+
+    role: EnumProperty(
+        name="Role", default="BODY", description="Simulated, or run into",
+        items=(("BODY", "Body", "Simulated"), ("COLLIDER", "Collider", "Bodies run into it")))
+
+    def act(self, context):
+        settings = context.scene.matterfit
+        chosen = [item for item in context.selected_objects if item.type in USABLE
+                  or (self.role == "COLLIDER" and item.type == "EMPTY")]
+        used = {body.object for body in settings.bodies if body.object is not None}
+        chosen = [item for item in chosen if item not in used]
+        if not chosen:
+            raise JobError(translate("No new object with a surface is selected. Select one that "
+                                     "is not in the list."))
+        for item in sorted(chosen, key=lambda other: other.name):
+            body = add_body(settings, item, self.role)
+            if item.type == "EMPTY":
+                body.collider_shape = "PLANE"
+        resolution.apply_quality(settings.solver, context.scene)
+
+
+class MATTERFIT_OT_add_body_file(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.add_body_file"
+    bl_label = "Add Body from File"
+    bl_description = "Add a body made from a points file or from 3D Gaussians"
+
+    def act(self, context):
+        body = add_body(context.scene.matterfit, None, "BODY")
+        body.source = "POINTS"
+
+
+class MATTERFIT_OT_remove_body(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.remove_body"
+    bl_label = "Remove Body"
+    bl_description = "Remove the active body from the list; the object stays"
+
+    @classmethod
+    def poll(cls, context):
+        return scene_props.active_body(context.scene.matterfit) is not None
+
+    def act(self, context):
+        from ..io import attach
+        settings = context.scene.matterfit
+        body = scene_props.active_body(settings)
+        if body.object is not None:
+            attach.show_original(body.object)
+        settings.bodies.remove(settings.body_index)
+        settings.body_index = max(0, min(settings.body_index, len(settings.bodies) - 1))
+
+
+class MATTERFIT_OT_move_body(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.move_body"
+    bl_label = "Move Body"
+    bl_description = "Move the active body up or down in the list"
+
+    step: IntProperty(name="Step", default=1, min=-1, max=1, description="-1 is up, 1 is down")
+
+    def act(self, context):
+        settings = context.scene.matterfit
+        target = settings.body_index + self.step
+        if 0 <= target < len(settings.bodies):
+            settings.bodies.move(settings.body_index, target)
+            settings.body_index = target
+
+
+class _ActiveBody:
+    @classmethod
+    def poll(cls, context):
+        return scene_props.active_body(context.scene.matterfit) is not None
+
+
+class MATTERFIT_OT_add_pin(_ActiveBody, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.add_pin"
+    bl_label = "Add Pin"
+    bl_description = "Hold or move a region of the active body"
+
+    def act(self, context):
+        body = scene_props.active_body(context.scene.matterfit)
+        pin = body.pins.add()
+        pin.name = f"{translate('Pin')} {len(body.pins)}"
+        item = body.object
+        if item is not None and item.type == "MESH" and item.vertex_groups:
+            pin.vertex_group = (item.vertex_groups.active or item.vertex_groups[0]).name
+        else:
+            pin.kind = "PLANE"
+        scale = 2.0 * context.scene.matterfit.solver.particle_separation
+        pin.radius = scale
+        body.pin_index = len(body.pins) - 1
+
+
+class MATTERFIT_OT_remove_pin(_ActiveBody, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.remove_pin"
+    bl_label = "Remove Pin"
+    bl_description = "Remove the active pin"
+
+    def act(self, context):
+        body = scene_props.active_body(context.scene.matterfit)
+        body.pins.remove(body.pin_index)
+        body.pin_index = max(0, min(body.pin_index, len(body.pins) - 1))
+
+
+class MATTERFIT_OT_add_mass(_ActiveBody, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.add_mass"
+    bl_label = "Add Mass"
+    bl_description = "Hang a point mass on the active body; the active empty says where"
+
+    def act(self, context):
+        body = scene_props.active_body(context.scene.matterfit)
+        mass = body.masses.add()
+        mass.name = f"{translate('Mass')} {len(body.masses)}"
+        item = context.active_object
+        if item is not None and item.type == "EMPTY":
+            mass.object = item
+        body.mass_index = len(body.masses) - 1
+
+
+class MATTERFIT_OT_remove_mass(_ActiveBody, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.remove_mass"
+    bl_label = "Remove Mass"
+    bl_description = "Remove the active mass"
+
+    def act(self, context):
+        body = scene_props.active_body(context.scene.matterfit)
+        body.masses.remove(body.mass_index)
+        body.mass_index = max(0, min(body.mass_index, len(body.masses) - 1))
+
+
+class MATTERFIT_OT_reset_material(_ActiveBody, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.reset_material"
+    bl_label = "Reset to Preset"
+    bl_description = "Fill in the preset's values again"
+
+    def act(self, context):
+        presets.apply(scene_props.active_body(context.scene.matterfit).material)
+
+
+class MATTERFIT_OT_set_resolution(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.set_resolution"
+    bl_label = "Set from Quality"
+    bl_description = ("Measure the thinnest part of the bodies and set the particle separation "
+                      "that the quality asks for")
+
+    def act(self, context):
+        solver = context.scene.matterfit.solver
+        if solver.quality == "CUSTOM":
+            solver.quality = "STANDARD"
+        if resolution.thinnest(context.scene) is None:
+            raise JobError(translate("There is no body made from a mesh to measure. Add a body, or "
+                                     "type the particle separation."))
+        resolution.apply_quality(solver, context.scene)
+
+
+CLASSES = (MATTERFIT_OT_add_body, MATTERFIT_OT_add_body_file, MATTERFIT_OT_remove_body,
+           MATTERFIT_OT_move_body, MATTERFIT_OT_add_pin, MATTERFIT_OT_remove_pin,
+           MATTERFIT_OT_add_mass, MATTERFIT_OT_remove_mass, MATTERFIT_OT_reset_material,
+           MATTERFIT_OT_set_resolution)

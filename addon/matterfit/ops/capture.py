@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Importing captures."""
+
+import os
+
+import bpy
+from bpy.props import CollectionProperty, EnumProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from .. import native
+from ..compat import translate
+from ..io import job_captures
+from ..jobs import JobError
+from ..props import choices
+from ..props import scene as scene_props
+from .base import PlainOperator, redraw
+
+EXTENSIONS = (".npz", ".npy", ".c3d", ".pc2", ".ply")
+
+
+def add_capture(settings, name):
+    capture = settings.captures.add()
+    taken = {other.name for other in settings.captures if other != capture}
+    base, number = name, 2
+    while name in taken:
+        name = f"{base} {number}"
+        number += 1
+    capture.name = name
+    settings.capture_index = len(settings.captures) - 1
+    return capture
+
+
+def summarize(scene, capture):
+    """Reads the file, fills in the summary; JobError where it cannot be read."""
+    path = os.path.normpath(bpy.path.abspath(capture.filepath))
+    if not os.path.isfile(path):
+        raise JobError(translate("capture '{name}': the file {path} does not exist. Was it moved?")
+                       .format(name=capture.name, path=path))
+    if job_captures.is_numbered(path):
+        path = job_captures.numbered_pattern(path)
+    options = job_captures.reading_options(capture)
+    # Files without times play at the scene's rate.
+    options.setdefault("fps", scene.render.fps / scene.render.fps_base)
+    found = native.capture_summary(path, options)
+    capture.summary = "\n".join(found.get("text", []))
+
+
+class MATTERFIT_OT_import_capture(PlainOperator, bpy.types.Operator, ImportHelper):
+    bl_idname = "matterfit.import_capture"
+    bl_label = "Import Capture"
+    bl_description = "Add a recording: .npz, .npy, .c3d, .pc2, or the first of numbered .ply files"
+
+    filter_glob: StringProperty(default=";".join("*" + kind for kind in EXTENSIONS),
+                                options={"HIDDEN"})
+    files: CollectionProperty(type=bpy.types.OperatorFileListElement,
+                              options={"HIDDEN", "SKIP_SAVE"})
+    unit: EnumProperty(
+        name="Unit", default="AUTO", description="What one unit of the file's positions is",
+        items=choices.UNITS[:4])
+
+    def act(self, context):
+        extension = os.path.splitext(self.filepath)[1].lower()
+        if extension not in EXTENSIONS:
+            raise JobError(translate("{path}: captures are {kinds} files. Choose one of them.")
+                           .format(path=self.filepath, kinds=", ".join(EXTENSIONS)))
+        settings = context.scene.matterfit
+        name = os.path.splitext(os.path.basename(self.filepath))[0]
+        index = settings.capture_index
+        capture = add_capture(settings, name)
+        path = self.filepath
+        if bpy.data.filepath:
+            try:
+                path = bpy.path.relpath(path)
+            except ValueError:
+                pass
+        capture.filepath = path
+        capture.unit = self.unit
+        try:
+            summarize(context.scene, capture)
+        except JobError:
+            settings.captures.remove(len(settings.captures) - 1)
+            settings.capture_index = index
+            raise
+
+
+class MATTERFIT_OT_add_capture_object(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.add_capture_object"
+    bl_label = "Use Active Object"
+    bl_description = "Use the active object's animation as a capture: its mesh at every frame"
+
+    @classmethod
+    def poll(cls, context):
+        return context.active_object is not None and context.active_object.type == "MESH"
+
+    def act(self, context):
+        item = context.active_object
+        capture = add_capture(context.scene.matterfit, item.name)
+        capture.source = "OBJECT"
+        capture.object = item
+        capture.summary = translate("{n} points, sampled at every frame of the range").format(
+            n=len(item.data.vertices))
+
+
+class MATTERFIT_OT_remove_capture(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.remove_capture"
+    bl_label = "Remove Capture"
+    bl_description = "Remove the active capture from the list; no file is deleted"
+
+    @classmethod
+    def poll(cls, context):
+        return scene_props.active_capture(context.scene.matterfit) is not None
+
+    def act(self, context):
+        settings = context.scene.matterfit
+        settings.captures.remove(settings.capture_index)
+        settings.capture_index = max(0, min(settings.capture_index, len(settings.captures) - 1))
+
+
+class MATTERFIT_OT_check_capture(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.check_capture"
+    bl_label = "Check Capture"
+    bl_description = ("Read the active capture again: frames, spacing in time, size, missing "
+                      "samples, jumps, noise")
+
+    @classmethod
+    def poll(cls, context):
+        capture = scene_props.active_capture(context.scene.matterfit)
+        return capture is not None and capture.source == "FILE"
+
+    def act(self, context):
+        summarize(context.scene, scene_props.active_capture(context.scene.matterfit))
+        redraw(context)
+
+
+CLASSES = (MATTERFIT_OT_import_capture, MATTERFIT_OT_add_capture_object,
+           MATTERFIT_OT_remove_capture, MATTERFIT_OT_check_capture)

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Compare the active take with its captures."""
+
+import bpy
+
+from .. import jobs, native
+from ..compat import translate
+from ..io import comparison, job_document, takes
+from ..jobs import JobError
+from .base import JobOperator, session
+from .simulate import check_estimate, start_job
+
+
+class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
+    bl_idname = "matterfit.compare"
+    bl_label = "Compare"
+    bl_description = ("Compare the simulation with the captures, point by point and frame by frame; "
+                      "simulates first where the take has no result of the same settings")
+
+    def begin(self, context):
+        takes.require_saved()
+        native.require()
+        scene = context.scene
+        settings = scene.matterfit
+        if not any(capture.enabled for capture in settings.captures):
+            raise JobError(translate("There is no capture to compare with. Import one in "
+                                     "Capture."))
+        take = takes.ensure_active(settings)
+        folder = takes.claim(take)
+        document = job_document.build(scene, take, folder, "compare")
+        check_estimate(context, document, folder)
+        return start_job(context, translate("Compare {name}").format(name=take.name), document,
+                         folder, restart=False)
+
+    def ended(self, context, job):
+        scene = context.scene
+        settings = scene.matterfit
+        found = comparison.load(job.folder)
+        store(settings.compare, found)
+        session(context).last_report = translate(
+            "Mean error {mean} mm, 95 % below {p95} mm, in {time}").format(
+                mean=f"{found.mean:.4g}", p95=f"{found.percentile95:.4g}",
+                time=jobs.duration_text(job.elapsed))
+
+
+def store(compare, found):
+    """Fills in what the panel shows."""
+    compare.done = True
+    compare.mean_mm = found.mean
+    compare.p95_mm = found.percentile95
+    compare.worst.clear()
+    for frame, mean, largest in found.worst():
+        row = compare.worst.add()
+        row.name = str(frame)
+        row.frame = frame
+        row.mean = mean
+        row.largest = largest
+
+
+CLASSES = (MATTERFIT_OT_compare,)

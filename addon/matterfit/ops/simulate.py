@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Preview, Bake, Resume, Free, Cancel, and the estimate before a run."""
+
+import os
+
+import bpy
+
+from .. import jobs, native
+from ..compat import translate
+from ..io import attach, cache, files, job_document, takes
+from ..jobs import JobError
+from ..props import scene as scene_props
+from .base import JobOperator, PlainOperator, redraw, report_error, session
+
+
+def check_estimate(context, document, folder):
+    """The estimate of a run; JobError with the numbers where it will not fit."""
+    estimate = native.estimate(document, folder)
+    state = session(context)
+    state.estimate = estimate_text(estimate)
+    needed = estimate.get("bytes", 0)
+    limit = document["scene"]["solver"]["memory_limit_gb"] * 1e9
+    free = native.free_memory()
+    state.estimate_fits = needed <= limit and (not free or needed <= free)
+    if needed > limit:
+        raise JobError(translate(
+            "This needs about {needed} of memory, the limit is {limit}. Raise Particle Separation, "
+            "or Memory Limit in Solver.").format(needed=jobs.size_text(needed),
+                                                 limit=jobs.size_text(limit)))
+    if free and needed > free:
+        raise JobError(translate(
+            "This needs about {needed} of memory, and {free} are free. Raise Particle Separation, "
+            "or close other programs.").format(needed=jobs.size_text(needed),
+                                               free=jobs.size_text(free)))
+    return estimate
+
+
+def estimate_text(estimate):
+    parts = []
+    particles = estimate.get("particles")
+    if particles:
+        parts.append(translate("{n} particles").format(n=f"{particles:,}".replace(",", " ")))
+    memory = estimate.get("bytes")
+    if memory:
+        parts.append(translate("{size} of memory").format(size=jobs.size_text(memory)))
+    disk = estimate.get("disk_bytes")
+    if disk:
+        parts.append(translate("{size} on disk").format(size=jobs.size_text(disk)))
+    seconds = estimate.get("seconds")
+    if seconds:
+        parts.append(translate("about {time}").format(time=jobs.duration_text(seconds)))
+    return ", ".join(parts)
+
+
+def start_job(context, label, document, folder, restart=True, task=None):
+    """A job on <folder>/job.json, which is written first: the file is what is run.
+
+    Without `restart` it goes on from what the folder holds, which the library refuses where the
+    inputs have changed.
+    """
+    threads = context.scene.matterfit.solver.threads
+    path = job_document.write(document, folder)
+
+    def start():
+        return native.start(path, task=task or document["task"], threads=threads,
+                            restart=restart)
+
+    return jobs.Job(label, start, folder=folder)
+
+
+def written_document(folder):
+    """The job document of a cache, or JobError."""
+    path = os.path.join(folder, job_document.JOB_FILE)
+    if not os.path.isfile(path):
+        raise JobError(translate("{path} does not exist: this take was not baked yet. Press Bake.")
+                       .format(path=path))
+    return files.read_json(path)
+
+
+class BakeJob(JobOperator):
+    """What Bake, Resume and Preview share: the cache is attached as it grows."""
+
+    def progressed(self, context, job):
+        self.show(context, job)
+
+    def stopped(self, context, job):
+        try:
+            self.show(context, job)
+        except (JobError, OSError):
+            pass  # the reason why the job stopped is reported, not what could not be shown of it
+
+    def ended(self, context, job):
+        take = self.show(context, job)
+        if take is not None:
+            take.baked = True
+        result = job.result
+        session(context).last_report = translate("{name}: {n} frames in {time}").format(
+            name=job.label, n=result.get("frames", job.snapshot.frame),
+            time=jobs.duration_text(job.elapsed))
+
+    def show(self, context, job):
+        scene = context.scene
+        take = takes.by_folder(scene.matterfit, job.folder)
+        if take is None:
+            return None
+        document = written_document(job.folder)
+        first, end = document["scene"]["frames"]
+        take.first_frame, take.frame_count = first, end - first
+        take.frames_done = attach.Attachment(scene, take, job.folder, document).update()
+        attach.show_only(scene.matterfit, take)
+        return take
+
+
+class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
+    bl_idname = "matterfit.bake"
+    bl_label = "Bake"
+    bl_description = ("Simulate the active take and write its caches beside the .blend file; "
+                      "frames appear as they are done")
+
+    def begin(self, context):
+        takes.require_saved()
+        native.require()
+        scene = context.scene
+        take = takes.ensure_active(scene.matterfit)
+        discard_preview(scene)
+        folder = takes.claim(take)
+        document = job_document.build(scene, take, folder, "bake")
+        check_estimate(context, document, folder)
+        return start_job(context, translate("Bake {name}").format(name=take.name), document,
+                         folder)
+
+
+class MATTERFIT_OT_resume(BakeJob, bpy.types.Operator):
+    bl_idname = "matterfit.resume"
+    bl_label = "Resume"
+    bl_description = ("Go on from the last checkpoint of a bake that was cancelled or killed; "
+                      "refused where the scene has changed since")
+
+    @classmethod
+    def poll(cls, context):
+        take = scene_props.active_take(context.scene.matterfit)
+        return super().poll(context) and take is not None and bool(take.folder)
+
+    def begin(self, context):
+        takes.require_saved()
+        native.require()
+        scene = context.scene
+        take = scene_props.active_take(scene.matterfit)
+        if take is None or not take.folder:
+            raise JobError(translate("This take was not baked yet. Press Bake."))
+        location = takes.locate(take)
+        if location.linked:
+            raise JobError(translate("This take belongs to another .blend file and is linked, "
+                                     "read-only. Press Bake to make one of its own."))
+        written_document(location.folder)
+        document = job_document.build(scene, take, location.folder, "bake")
+        check_estimate(context, document, location.folder)
+        return start_job(context, translate("Resume {name}").format(name=take.name), document,
+                         location.folder, restart=False)
+
+
+class MATTERFIT_OT_preview(BakeJob, bpy.types.Operator):
+    bl_idname = "matterfit.preview"
+    bl_label = "Preview"
+    bl_description = ("Simulate the active take coarsely, particles only, to see roughly what "
+                      "happens; no take is changed")
+
+    def begin(self, context):
+        takes.require_saved()
+        native.require()
+        scene = context.scene
+        settings = scene.matterfit
+        source = takes.ensure_active(settings)
+        discard_preview(scene)
+        preview = settings.preview
+        preview.name = translate("Preview")
+        takes.copy_settings(source, preview)
+        folder = takes.claim(preview)
+        separation = (settings.solver.particle_separation * scene.unit_settings.scale_length
+                      * session(context).preview_scale)
+        document = job_document.build(scene, preview, folder, "bake", quality="preview",
+                                      separation=separation, outputs=False)
+        check_estimate(context, document, folder)
+        return start_job(context, translate("Preview"), document, folder)
+
+
+def discard_preview(scene):
+    """Removes an earlier preview, its cache and its objects."""
+    preview = scene.matterfit.preview
+    if not preview.folder:
+        return
+    attach.detach(scene, preview)
+    location = takes.locate(preview)
+    if location.exists and not location.linked:
+        cache.free(location.folder)
+    preview.folder = ""
+    preview.baked = False
+    preview.frames_done = 0
+
+
+class MATTERFIT_OT_free(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.free"
+    bl_label = "Free"
+    bl_description = ("Delete the active take's cache and the objects that show it. Only files "
+                      "that the cache's own lists name are deleted")
+
+    @classmethod
+    def poll(cls, context):
+        settings = context.scene.matterfit
+        take = scene_props.active_take(settings)
+        return jobs.registry.running is None and (
+            bool(settings.preview.folder) or (take is not None and bool(take.folder)))
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_confirm(self, event)
+
+    def act(self, context):
+        scene = context.scene
+        discard_preview(scene)
+        take = scene_props.active_take(scene.matterfit)
+        if take is None or not take.folder:
+            return None
+        location = takes.locate(take)
+        attach.detach(scene, take)
+        left = []
+        if location.exists and not location.linked:
+            left = cache.free(location.folder)
+        take.baked = False
+        take.frames_done = 0
+        scene.matterfit.compare.done = False
+        if not location.linked and not left:
+            take.folder = ""
+        if left:
+            self.report({"WARNING"}, translate(
+                "{n} files in {folder} are not ours and stay: {names}").format(
+                    n=len(left), folder=location.folder, names=", ".join(left[:5])))
+        return None
+
+
+class MATTERFIT_OT_cancel(bpy.types.Operator):
+    bl_idname = "matterfit.cancel"
+    bl_label = "Cancel"
+    bl_description = "Stop the running job within a second; what is done is kept for Resume"
+
+    @classmethod
+    def poll(cls, _context):
+        return jobs.registry.running is not None
+
+    def execute(self, context):
+        jobs.registry.running.cancel()
+        redraw(context)
+        return {"FINISHED"}
+
+
+class MATTERFIT_OT_estimate(bpy.types.Operator):
+    bl_idname = "matterfit.estimate"
+    bl_label = "Estimate"
+    bl_description = "Count the particles, and say what memory and time a bake will need"
+
+    def execute(self, context):
+        scene = context.scene
+        try:
+            takes.require_saved()
+            native.require()
+            take = takes.ensure_active(scene.matterfit)
+            folder = takes.claim(take)
+            document = job_document.build(scene, take, folder, "bake")
+            check_estimate(context, document, folder)
+        except JobError as error:
+            return report_error(self, context, str(error))
+        redraw(context)
+        return {"FINISHED"}
+
+
+class MATTERFIT_OT_write_job(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.write_job"
+    bl_label = "Write Job"
+    bl_description = ("Write job.json and its input files into the take's cache folder, for the "
+                      "matterfit tool or a farm; nothing is simulated")
+
+    def act(self, context):
+        scene = context.scene
+        takes.require_saved()
+        take = takes.ensure_active(scene.matterfit)
+        folder = takes.claim(take)
+        path = job_document.write(job_document.build(scene, take, folder, "bake"), folder)
+        session(context).last_report = path
+        self.report({"INFO"}, path)
+
+
+CLASSES = (MATTERFIT_OT_bake, MATTERFIT_OT_resume, MATTERFIT_OT_preview, MATTERFIT_OT_free,
+           MATTERFIT_OT_cancel, MATTERFIT_OT_estimate, MATTERFIT_OT_write_job)

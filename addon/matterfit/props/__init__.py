@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender properties: what a .blend file stores of us."""
+
+import bpy
+
+from . import body, capture, compare, material, scene, solver, take
+
+CLASSES = (*material.CLASSES, *body.CLASSES, *capture.CLASSES, *take.CLASSES, *solver.CLASSES,
+           *compare.CLASSES, *scene.CLASSES)
+
+
+def attach():
+    bpy.types.Scene.matterfit = bpy.props.PointerProperty(type=scene.MatterfitScene)
+    bpy.types.WindowManager.matterfit = bpy.props.PointerProperty(type=scene.MatterfitSession)
+
+
+def detach():
+    del bpy.types.WindowManager.matterfit
+    del bpy.types.Scene.matterfit

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bodies and colliders, and what is attached to them."""
+
+import bpy
+from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProperty,
+                       FloatVectorProperty, IntProperty, PointerProperty, StringProperty)
+
+from . import choices
+from .material import MatterfitMaterial
+
+
+class MatterfitContact(bpy.types.PropertyGroup):
+    """How a body touches a surface."""
+
+    kind: EnumProperty(
+        name="Contact", items=choices.CONTACT_KINDS, default="FRICTION",
+        description="What happens where a body touches this surface")
+    mu: FloatProperty(
+        name="Friction", default=0.4, min=0.0, soft_min=0.0, max=10.0, soft_max=1.0, precision=3,
+        description="Coulomb's coefficient, without unit: 0 ice, .4 wood, 1 rubber")
+    use_stiffness: BoolProperty(
+        name="Set Stiffness", default=False,
+        description="Use the stiffness below instead of one derived from the body")
+    stiffness: FloatProperty(
+        name="Stiffness [Pa/m]", default=1e7, min=1.0, soft_min=1e4, max=1e15, soft_max=1e10,
+        precision=0, step=100000,
+        description="Pressure per depth of penetration, in pascals per metre")
+    use_damping: BoolProperty(
+        name="Set Damping", default=False,
+        description="Use the damping below instead of the solver's default")
+    damping: FloatProperty(
+        name="Damping", default=0.1, min=0.0, soft_min=0.0, max=2.0, soft_max=1.0, precision=3,
+        description="Normal damping while touching, as a fraction of critical damping")
+
+
+class MatterfitPin(bpy.types.PropertyGroup):
+    """A region of a body that is held or moved."""
+
+    name: StringProperty(name="Name", default="Pin", description="A name for this pin")
+    kind: EnumProperty(
+        name="Region", default="VERTEX_GROUP",
+        items=(("VERTEX_GROUP", "Vertex Group", "Material near the vertices of a vertex group"),
+               ("PLANE", "Behind a Plane", "Material behind an empty's local XY plane, opposite "
+                                           "to its Z axis"),
+               ("BOX", "Inside a Box", "Material inside the world box around an object"),
+               ("ALL", "Whole Body", "The whole body moves as prescribed")),
+        description="Which part of the body at rest is held")
+    vertex_group: StringProperty(
+        name="Vertex Group", description="Vertices with a weight of at least one half are held")
+    radius: FloatProperty(
+        name="Reach", default=0.02, min=1e-6, soft_min=1e-3, max=1e4, soft_max=1.0, precision=4,
+        unit="LENGTH", description="Material within this distance of a pinned vertex is held")
+    object: PointerProperty(
+        name="Object", type=bpy.types.Object,
+        description="The empty whose plane, or the object whose world box, marks the region")
+    follow: PointerProperty(
+        name="Follow", type=bpy.types.Object,
+        description="The held region moves with this object, sampled once a frame; empty: it "
+                    "stands still")
+    use_release: BoolProperty(
+        name="Release", default=False, description="Let go at a frame")
+    release: IntProperty(
+        name="Release Frame", default=1, min=0, soft_min=0, max=1048574, soft_max=10000,
+        description="Scene frame from which the pin no longer holds")
+
+
+class MatterfitMass(bpy.types.PropertyGroup):
+    """A point mass hung on a body."""
+
+    name: StringProperty(name="Name", default="Mass", description="A name for this mass")
+    object: PointerProperty(
+        name="Position", type=bpy.types.Object,
+        description="The mass hangs where this object is at the first frame")
+    mass: FloatProperty(
+        name="Mass", default=0.05, min=0.0, soft_min=0.0, max=1e6, soft_max=10.0, precision=4,
+        unit="MASS", description="Inertia and weight, in kilograms")
+    use_attach: BoolProperty(
+        name="Attach Later", default=False, description="Hang the mass on at a frame")
+    attach: IntProperty(
+        name="Attach Frame", default=1, min=0, soft_min=0, max=1048574, soft_max=10000,
+        description="Scene frame from which the mass is there")
+
+
+def _object_poll(_self, item):
+    return item.type in {"MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY"}
+
+
+class MatterfitBody(bpy.types.PropertyGroup):
+    """One row of the Bodies list."""
+
+    name: StringProperty(name="Name", default="Body", description="The name in the job document")
+    role: EnumProperty(
+        name="Role", default="BODY",
+        items=(("BODY", "Body", "Simulated", "MESH_ICOSPHERE", 0),
+               ("COLLIDER", "Collider", "Bodies run into it", "MOD_PHYSICS", 1)),
+        description="Simulated, or something that bodies run into")
+    enabled: BoolProperty(
+        name="Enabled", default=True, description="Takes part in the simulation")
+
+    source: EnumProperty(
+        name="Source", default="OBJECT",
+        items=(("OBJECT", "Object", "An object of this scene, filled with particles"),
+               ("POINTS", "Points File", "Particles from a .ply, .npz or .npy file"),
+               ("GAUSSIANS", "Gaussians File", "A 3D Gaussian splat .ply, its inside filled")),
+        description="What the body is made from")
+    object: PointerProperty(
+        name="Object", type=bpy.types.Object, poll=_object_poll,
+        description="The object that is simulated, or run into")
+    filepath: StringProperty(
+        name="File", subtype="FILE_PATH", description="Particles or Gaussians in metres, Z up")
+    fill_inside: BoolProperty(
+        name="Fill Inside", default=True,
+        description="Fill the inside of the Gaussians' surface with particles")
+    opacity_threshold: FloatProperty(
+        name="Opacity Threshold", default=0.02, min=0.0, soft_min=0.0, max=1.0, soft_max=0.5,
+        subtype="FACTOR", description="Gaussians with less opacity are left out, without unit")
+
+    material: PointerProperty(type=MatterfitMaterial)
+    density: FloatProperty(
+        name="Density [kg/m³]", default=1000.0, min=1e-3, soft_min=10.0, max=1e6, soft_max=8000.0,
+        precision=1, step=1000,
+        description="Mass per volume at rest, in kilograms per cubic metre: water 1000")
+    formulation: EnumProperty(
+        name="Formulation", items=choices.FORMULATIONS, default="AUTO",
+        description="Where the computation's grid lives")
+    velocity: FloatVectorProperty(
+        name="Velocity", subtype="VELOCITY", unit="VELOCITY", size=3,
+        min=-1e5, soft_min=-20.0, max=1e5, soft_max=20.0,
+        description="Initial velocity of the centre of mass, per second")
+    spin: FloatVectorProperty(
+        name="Spin [rad/s]", size=3, min=-1e5, soft_min=-20.0, max=1e5, soft_max=20.0,
+        description="Initial angular velocity about world axes through the centre of mass, in "
+                    "radians per second")
+    seed: IntProperty(
+        name="Seed", default=0, min=0, soft_min=0, max=2147483647, soft_max=1000,
+        description="Changes the places of jittered particles; without effect on solids")
+    pins: CollectionProperty(type=MatterfitPin)
+    pin_index: IntProperty(name="Active Pin", default=0, min=0, soft_max=100, max=100000,
+                           description="The pin shown below the list")
+    masses: CollectionProperty(type=MatterfitMass)
+    mass_index: IntProperty(name="Active Mass", default=0, min=0, soft_max=100, max=100000,
+                            description="The mass shown below the list")
+
+    collider_kind: EnumProperty(
+        name="Motion", default="STATIC",
+        items=(("STATIC", "Static", "Stands still where it is at the first frame"),
+               ("RIGID", "Rigid Animated", "Its transform is sampled once a frame"),
+               ("DEFORMING", "Deforming", "Its evaluated mesh is sampled at every frame")),
+        description="How the collider moves")
+    collider_shape: EnumProperty(
+        name="Shape", default="MESH",
+        items=(("MESH", "Mesh", "The mesh itself, as a distance grid"),
+               ("PLANE", "Plane", "Everything below the object's local XY plane is solid"),
+               ("SPHERE", "Sphere", "The sphere around the object's bounding box, exactly"),
+               ("BOX", "Box", "The object's bounding box, exactly"),
+               ("CAPSULE", "Capsule", "A capsule along the longest side of the bounding box")),
+        description="What bodies run into; all but Mesh are exact at any resolution")
+    contact: PointerProperty(type=MatterfitContact)
+
+
+CLASSES = (MatterfitContact, MatterfitPin, MatterfitMass, MatterfitBody)

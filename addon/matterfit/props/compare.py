@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Compare found, and how it is shown."""
+
+import bpy
+from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty,
+                       StringProperty)
+
+
+def _jump(self, context):
+    if 0 <= self.worst_index < len(self.worst):
+        context.scene.frame_set(self.worst[self.worst_index].frame)
+
+
+def _redraw(_self, context):
+    for area in context.screen.areas if context.screen else ():
+        if area.type == "VIEW_3D":
+            area.tag_redraw()
+
+
+class MatterfitWorstFrame(bpy.types.PropertyGroup):
+    """One of the frames with the largest error."""
+
+    name: StringProperty(name="Frame", description="The scene frame as text")
+    frame: IntProperty(name="Frame", default=0, min=0, max=1048574, soft_max=10000,
+                       description="Scene frame")
+    mean: FloatProperty(name="Mean [mm]", default=0.0, min=0.0, max=1e12, soft_max=100.0,
+                        description="Mean error of the points in this frame, in millimetres")
+    largest: FloatProperty(name="Largest [mm]", default=0.0, min=0.0, max=1e12, soft_max=100.0,
+                           description="Largest error of a point in this frame, in millimetres")
+
+
+class MatterfitCompare(bpy.types.PropertyGroup):
+    """Shown in the Compare panel and the viewport. The errors themselves lie in the cache."""
+
+    done: BoolProperty(name="Compared", default=False, description="A comparison is loaded")
+    mean_mm: FloatProperty(name="Mean [mm]", default=0.0, min=0.0, max=1e12, soft_max=100.0,
+                           precision=3, description="Mean error over points and frames, in mm")
+    p95_mm: FloatProperty(name="95 % [mm]", default=0.0, min=0.0, max=1e12, soft_max=100.0,
+                          precision=3, description="95 % of the errors are smaller, in mm")
+    worst: CollectionProperty(type=MatterfitWorstFrame)
+    worst_index: IntProperty(name="Worst Frame", default=0, min=0, soft_max=100, max=100000,
+                             update=_jump, description="Jumps to this frame")
+    show_heatmap: BoolProperty(
+        name="Heat-Map", default=True, update=_redraw,
+        description="Draw the captured points in the viewport, coloured by their error")
+    show_graph: BoolProperty(
+        name="Error over Time", default=True, update=_redraw,
+        description="Draw the mean error of every frame in the viewport")
+    show_links: BoolProperty(
+        name="Lines to Simulation", default=False, update=_redraw,
+        description="Draw a line from each captured point to its simulated place")
+    range_mode: EnumProperty(
+        name="Range", default="AUTO", update=_redraw,
+        items=(("AUTO", "Automatic", "Red is the 95th percentile of all errors"),
+               ("FIXED", "Fixed", "Red is the value below")),
+        description="Which error is drawn red")
+    range_mm: FloatProperty(
+        name="Red At [mm]", default=10.0, min=1e-6, soft_min=0.01, max=1e9, soft_max=1000.0,
+        precision=3, update=_redraw, description="Errors from this on are red, in millimetres")
+    point_size: FloatProperty(
+        name="Point Size [px]", default=6.0, min=1.0, soft_min=1.0, max=64.0, soft_max=20.0,
+        precision=1, update=_redraw, description="Size of a drawn point, in pixels")
+
+
+CLASSES = (MatterfitWorstFrame, MatterfitCompare)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Brings the settings of older files up to date: property defaults are not stored in a .blend."""
+
+from .scene import SCHEMA_VERSION
+
+
+def _from_1(settings):
+    """Version 1 had no preview and its takes did not know their owner: a cache beside the file is
+    this file's."""
+    import os
+
+    import bpy
+    for take in settings.takes:
+        if take.folder and not take.owner and bpy.data.filepath:
+            take.owner = os.path.abspath(bpy.data.filepath)
+
+
+STEPS = {1: _from_1}
+
+
+def is_used(settings):
+    """Whether the scene holds anything of ours."""
+    return bool(settings.captures or settings.bodies or settings.takes)
+
+
+def migrate_scene(scene):
+    """Returns a message where the scene comes from a newer version, else ""."""
+    settings = scene.matterfit
+    version = settings.schema_version
+    if version == 0:
+        # Never saved with us: new. (Version 1 stored its number.)
+        settings.schema_version = SCHEMA_VERSION
+        return ""
+    if version > SCHEMA_VERSION:
+        return (f"Scene '{scene.name}' was saved by a newer Matterfit (settings {version}, this "
+                f"one knows {SCHEMA_VERSION}). Some settings may be missing: update the add-on.")
+    while version < SCHEMA_VERSION:
+        STEPS[version](settings)
+        version += 1
+    settings.schema_version = SCHEMA_VERSION
+    return ""

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The root of our settings: scene.matterfit; and window_manager.matterfit, which is not saved."""
+
+import bpy
+from bpy.props import (BoolProperty, CollectionProperty, FloatProperty, IntProperty,
+                       PointerProperty, StringProperty)
+
+from .body import MatterfitBody
+from .capture import MatterfitCapture
+from .compare import MatterfitCompare
+from .solver import MatterfitOutput, MatterfitSolver
+from .take import MatterfitTake
+
+# Raised with every change of the properties that an older file needs help with (migration.py).
+SCHEMA_VERSION = 2
+
+
+def _take_switched(self, _context):
+    from ..io import attach
+    attach.show_take(self)
+
+
+class MatterfitScene(bpy.types.PropertyGroup):
+    """Everything of ours that a .blend file stores."""
+
+    schema_version: IntProperty(
+        name="Schema Version", default=0, min=0, max=1000000, soft_max=100, options={"HIDDEN"},
+        description="Version of these settings; 0 in a scene that was never used")
+    captures: CollectionProperty(type=MatterfitCapture)
+    capture_index: IntProperty(name="Active Capture", default=0, min=0, max=100000, soft_max=100,
+                               description="The capture shown below the list")
+    bodies: CollectionProperty(type=MatterfitBody)
+    body_index: IntProperty(name="Active Body", default=0, min=0, max=100000, soft_max=100,
+                            description="The body shown below the list")
+    solver: PointerProperty(type=MatterfitSolver)
+    output: PointerProperty(type=MatterfitOutput)
+    compare: PointerProperty(type=MatterfitCompare)
+    preview: PointerProperty(type=MatterfitTake)
+    takes: CollectionProperty(type=MatterfitTake)
+    take_index: IntProperty(name="Active Take", default=0, min=0, max=100000, soft_max=100,
+                            update=_take_switched,
+                            description="The take that is shown, baked and compared")
+
+
+class MatterfitSession(bpy.types.PropertyGroup):
+    """What this window manager knows and no file stores."""
+
+    last_error: StringProperty(name="Last Error", description="The full text of the last error")
+    last_report: StringProperty(name="Last Report", description="What the last job said")
+    verify: StringProperty(name="Verification", description="What Verify found, a line a file")
+    estimate: StringProperty(name="Estimate", description="What the next bake will need")
+    estimate_fits: BoolProperty(name="Fits", default=True,
+                                description="The next bake fits into memory")
+    throw_index: IntProperty(name="Active Throw", default=0, min=0, max=100000, soft_max=100,
+                             description="The throw shown below the list")
+    collider_index: IntProperty(name="Active Collider", default=0, min=0, max=100000,
+                                soft_max=100, description="The collider chosen in the list")
+    preview_scale: FloatProperty(
+        name="Preview Coarseness", default=2.0, min=1.0, soft_min=1.0, max=16.0, soft_max=4.0,
+        description="Preview's particle separation over the one of Solver, without unit")
+
+
+CLASSES = (MatterfitScene, MatterfitSession)
+
+
+def active_item(collection, index):
+    """The item at `index`, or None."""
+    return collection[index] if 0 <= index < len(collection) else None
+
+
+def active_take(settings):
+    return active_item(settings.takes, settings.take_index)
+
+
+def active_body(settings):
+    return active_item(settings.bodies, settings.body_index)
+
+
+def active_capture(settings):
+    return active_item(settings.captures, settings.capture_index)

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Takes: reruns of the scene with another throw, each with its own cache."""
+
+import bpy
+from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatVectorProperty,
+                       IntProperty, PointerProperty, StringProperty)
+
+
+class MatterfitThrow(bpy.types.PropertyGroup):
+    """How one body starts in one take."""
+
+    name: StringProperty(name="Body", description="The body that is thrown")
+    use_placement: BoolProperty(
+        name="New Position", default=False, description="Start somewhere else than the object is")
+    location: FloatVectorProperty(
+        name="Position", subtype="TRANSLATION", unit="LENGTH", size=3,
+        min=-1e6, soft_min=-100.0, max=1e6, soft_max=100.0, precision=4,
+        description="World position of the object's origin at the start")
+    rotation: FloatVectorProperty(
+        name="Rotation", subtype="EULER", unit="ROTATION", size=3,
+        min=-1e3, soft_min=-6.283185, max=1e3, soft_max=6.283185,
+        description="World rotation of the object at the start")
+    velocity_from: EnumProperty(
+        name="Velocity From", default="BODY",
+        items=(("BODY", "Body", "The velocity and spin set in Bodies"),
+               ("VALUE", "Values Below", "Another velocity and spin in this take"),
+               ("ANIMATION", "Object's Animation",
+                "Linear and angular velocity of the object's own animation at the first frame")),
+        description="Where the initial velocity comes from")
+    velocity: FloatVectorProperty(
+        name="Velocity", subtype="VELOCITY", unit="VELOCITY", size=3,
+        min=-1e5, soft_min=-20.0, max=1e5, soft_max=20.0,
+        description="Initial velocity of the centre of mass, per second")
+    spin: FloatVectorProperty(
+        name="Spin [rad/s]", size=3, min=-1e5, soft_min=-20.0, max=1e5, soft_max=20.0,
+        description="Initial angular velocity about world axes through the centre of mass, in "
+                    "radians per second")
+
+
+class MatterfitTakeCollider(bpy.types.PropertyGroup):
+    """A collider's switch in one take."""
+
+    name: StringProperty(name="Collider", description="The collider this switch is for")
+    enabled: BoolProperty(
+        name="Enabled", default=True, description="Bodies run into this collider in this take")
+
+
+class MatterfitTake(bpy.types.PropertyGroup):
+    """One row of the Takes list. Its cache is `folder`, which no other take uses."""
+
+    name: StringProperty(name="Name", default="Take", description="A name for this take")
+    folder: StringProperty(
+        name="Cache Folder", description="Relative to the .blend file: //cache_matterfit_…/")
+    owner: StringProperty(
+        name="Owner", description="The .blend file that baked this take")
+    throws: CollectionProperty(type=MatterfitThrow)
+    use_gravity: BoolProperty(
+        name="Other Gravity", default=False, description="Another gravity in this take")
+    gravity: FloatVectorProperty(
+        name="Gravity [m/s²]", size=3, default=(0.0, 0.0, -9.81),
+        min=-1e5, soft_min=-30.0, max=1e5, soft_max=30.0, precision=3,
+        description="Acceleration of gravity in this take, in metres per second squared")
+    colliders: CollectionProperty(type=MatterfitTakeCollider)
+
+    baked: BoolProperty(name="Baked", default=False, description="A cache has been baked")
+    first_frame: IntProperty(name="First Frame", default=0, min=0, max=1048574, soft_max=10000,
+                             description="First baked scene frame")
+    frames_done: IntProperty(name="Frames Done", default=0, min=0, max=1048574, soft_max=10000,
+                             description="How many frames the cache holds")
+    frame_count: IntProperty(name="Frames", default=0, min=0, max=1048574, soft_max=10000,
+                             description="How many frames the cache should hold")
+    collection: PointerProperty(
+        name="Results", type=bpy.types.Collection,
+        description="The collection that holds the objects of this take")
+
+
+CLASSES = (MatterfitThrow, MatterfitTakeCollider, MatterfitTake)

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import bpy
+
+from ..io import meshes, presets
+from ..props import choices
+from ..props import scene as scene_props
+from .common import MatterfitPanel, contact, form, lines
+
+
+class MATTERFIT_UL_bodies(bpy.types.UIList):
+    def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
+        row = layout.row(align=True)
+        row.prop(item, "name", text="", emboss=False,
+                 icon="MESH_ICOSPHERE" if item.role == "BODY" else "MOD_PHYSICS")
+        row.prop(item, "enabled", text="")
+
+
+class MATTERFIT_UL_names(bpy.types.UIList):
+    """Pins, masses, throws: a name a row."""
+
+    def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
+        layout.prop(item, "name", text="", emboss=False)
+
+
+class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
+    bl_label = "Bodies"
+    bl_order = 2
+    bl_options = set()
+
+    def draw(self, context):
+        layout = self.layout
+        settings = context.scene.matterfit
+        row = layout.row()
+        row.template_list("MATTERFIT_UL_bodies", "", settings, "bodies", settings, "body_index",
+                          rows=3)
+        column = row.column(align=True)
+        column.operator("matterfit.add_body", text="", icon="ADD").role = "BODY"
+        column.operator("matterfit.remove_body", text="", icon="REMOVE")
+        column.separator()
+        column.operator("matterfit.move_body", text="", icon="TRIA_UP").step = -1
+        column.operator("matterfit.move_body", text="", icon="TRIA_DOWN").step = 1
+        row = layout.row(align=True)
+        row.operator("matterfit.add_body", text="Add Body", icon="MESH_ICOSPHERE").role = "BODY"
+        row.operator("matterfit.add_body", text="Add Collider",
+                     icon="MOD_PHYSICS").role = "COLLIDER"
+        row.operator("matterfit.add_body_file", text="", icon="FILE_FOLDER")
+        body = scene_props.active_body(settings)
+        if body is None:
+            return
+        form(layout).prop(body, "role")
+        if body.role == "COLLIDER":
+            self._collider(layout, body)
+        else:
+            self._body(layout, body)
+
+    def _collider(self, layout, body):
+        column = form(layout)
+        column.prop(body, "object")
+        column.prop(body, "collider_kind")
+        if body.collider_kind != "DEFORMING":
+            column.prop(body, "collider_shape")
+        contact(layout, body.contact)
+
+    def _body(self, layout, body):
+        column = form(layout)
+        column.prop(body, "source")
+        if body.source == "OBJECT":
+            column.prop(body, "object")
+            if body.object is not None:
+                lines(column, _shape_text(body.object), icon="INFO")
+        else:
+            column.prop(body, "filepath")
+            if body.source == "GAUSSIANS":
+                column.prop(body, "fill_inside")
+                column.prop(body, "opacity_threshold")
+        material = body.material
+        column = form(layout)
+        column.separator()
+        row = column.row(align=True)
+        row.prop(material, "preset")
+        if presets.differs(material):
+            row.operator("matterfit.reset_material", text="", icon="LOOP_BACK")
+        column.prop(material, "law")
+        for name in choices.LAW_PARAMETERS[material.law]:
+            column.prop(material, name)
+        column.prop(body, "density")
+
+
+def _shape_text(item):
+    from ..compat import translate
+    return translate("Used: {shape}").format(shape=translate(meshes.body_shape(item).text))
+
+
+class _BodyDetail(MatterfitPanel):
+    bl_parent_id = "MATTERFIT_PT_bodies"
+
+    @classmethod
+    def poll(cls, context):
+        body = scene_props.active_body(context.scene.matterfit)
+        return body is not None and body.role == "BODY"
+
+
+class MATTERFIT_PT_body_motion(_BodyDetail, bpy.types.Panel):
+    bl_label = "Motion and Formulation"
+
+    def draw(self, context):
+        body = scene_props.active_body(context.scene.matterfit)
+        column = form(self.layout)
+        column.prop(body, "velocity")
+        column.prop(body, "spin")
+        column.prop(body, "formulation")
+        for name in choices.DAMPING_PARAMETERS:
+            column.prop(body.material, name)
+        column.prop(body, "seed")
+        if body.material.source:
+            lines(self.layout, body.material.source, icon="BOOKMARKS")
+
+
+class MATTERFIT_PT_body_pins(_BodyDetail, bpy.types.Panel):
+    bl_label = "Pins"
+
+    def draw(self, context):
+        layout = self.layout
+        body = scene_props.active_body(context.scene.matterfit)
+        row = layout.row()
+        row.template_list("MATTERFIT_UL_names", "pins", body, "pins", body, "pin_index", rows=2)
+        column = row.column(align=True)
+        column.operator("matterfit.add_pin", text="", icon="ADD")
+        column.operator("matterfit.remove_pin", text="", icon="REMOVE")
+        pin = scene_props.active_item(body.pins, body.pin_index)
+        if pin is None:
+            return
+        column = form(layout)
+        column.prop(pin, "kind")
+        if pin.kind == "VERTEX_GROUP":
+            if body.object is not None:
+                column.prop_search(pin, "vertex_group", body.object, "vertex_groups")
+            column.prop(pin, "radius")
+        elif pin.kind != "ALL":
+            column.prop(pin, "object")
+        column.prop(pin, "follow")
+        row = column.row(align=True, heading="Release")
+        row.prop(pin, "use_release", text="")
+        entry = row.row(align=True)
+        entry.active = pin.use_release
+        entry.prop(pin, "release", text="")
+
+
+class MATTERFIT_PT_body_masses(_BodyDetail, bpy.types.Panel):
+    bl_label = "Masses"
+
+    def draw(self, context):
+        layout = self.layout
+        body = scene_props.active_body(context.scene.matterfit)
+        row = layout.row()
+        row.template_list("MATTERFIT_UL_names", "masses", body, "masses", body, "mass_index",
+                          rows=2)
+        column = row.column(align=True)
+        column.operator("matterfit.add_mass", text="", icon="ADD")
+        column.operator("matterfit.remove_mass", text="", icon="REMOVE")
+        mass = scene_props.active_item(body.masses, body.mass_index)
+        if mass is None:
+            return
+        column = form(layout)
+        column.prop(mass, "object")
+        column.prop(mass, "mass")
+        row = column.row(align=True, heading="Attach Later")
+        row.prop(mass, "use_attach", text="")
+        entry = row.row(align=True)
+        entry.active = mass.use_attach
+        entry.prop(mass, "attach", text="")
+
+
+CLASSES = (MATTERFIT_UL_bodies, MATTERFIT_UL_names, MATTERFIT_PT_bodies, MATTERFIT_PT_body_motion,
+           MATTERFIT_PT_body_pins, MATTERFIT_PT_body_masses)

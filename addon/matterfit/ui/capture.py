@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import bpy
+
+from ..props import scene as scene_props
+from .common import MatterfitPanel, form, lines
+
+
+class MATTERFIT_UL_captures(bpy.types.UIList):
+    def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
+        row = layout.row(align=True)
+        row.prop(item, "name", text="", emboss=False,
+                 icon="FILE" if item.source == "FILE" else "OBJECT_DATA")
+        row.prop(item, "enabled", text="")
+
+
+class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
+    bl_label = "Capture"
+    bl_order = 1
+    bl_options = set()
+
+    def draw(self, context):
+        layout = self.layout
+        settings = context.scene.matterfit
+        row = layout.row()
+        row.template_list("MATTERFIT_UL_captures", "", settings, "captures", settings,
+                          "capture_index", rows=2)
+        column = row.column(align=True)
+        column.operator("matterfit.import_capture", text="", icon="FILE_FOLDER")
+        column.operator("matterfit.add_capture_object", text="", icon="OBJECT_DATA")
+        column.operator("matterfit.remove_capture", text="", icon="REMOVE")
+        if not settings.captures:
+            layout.operator("matterfit.import_capture", icon="IMPORT")
+        capture = scene_props.active_capture(settings)
+        if capture is not None:
+            self._source(layout, settings, capture)
+            self._place(layout, capture)
+            self._use(layout, capture)
+            if capture.summary:
+                box = layout.box()
+                lines(box, capture.summary)
+        column = form(layout)
+        column.separator()
+        column.prop(settings.solver, "use_ground")
+        if settings.solver.use_ground:
+            column.prop(settings.solver, "ground_height")
+
+    def _source(self, layout, settings, capture):
+        column = form(layout)
+        column.prop(capture, "source")
+        if capture.source == "FILE":
+            column.prop(capture, "filepath")
+        else:
+            column.prop(capture, "object")
+        column.prop_search(capture, "body", settings, "bodies")
+        if capture.source == "FILE":
+            column.prop(capture, "unit")
+            if capture.unit == "CUSTOM":
+                column.prop(capture, "scale")
+            column.prop(capture, "up")
+            _switched(column, capture, "use_fps", "fps")
+            column.prop(capture, "markers")
+            layout.operator("matterfit.check_capture", icon="VIEWZOOM")
+
+    def _place(self, layout, capture):
+        column = form(layout)
+        _switched(column, capture, "use_start_frame", "start_frame")
+        column.prop(capture, "align")
+        if capture.align is None:
+            column.prop(capture, "location")
+            column.prop(capture, "rotation")
+        _switched(column, capture, "use_release", "release")
+
+    def _use(self, layout, capture):
+        column = form(layout)
+        _switched(column, capture, "use_noise", "noise")
+        column.prop(capture, "holdout")
+        if capture.holdout == "FRAMES":
+            column.prop(capture, "holdout_start")
+
+
+def _switched(column, item, switch, value):
+    """A value with the switch that makes it count."""
+    row = column.row(align=True, heading=item.bl_rna.properties[switch].name)
+    row.prop(item, switch, text="")
+    entry = row.row(align=True)
+    entry.active = getattr(item, switch)
+    entry.prop(item, value, text="")
+
+
+CLASSES = (MATTERFIT_UL_captures, MATTERFIT_PT_capture)

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import bpy
+
+from ..compat import translate
+from .common import MatterfitPanel, form
+
+
+class MATTERFIT_UL_worst(bpy.types.UIList):
+    def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
+        row = layout.row()
+        row.label(text=str(item.frame), icon="TIME", translate=False)
+        row.label(text=f"{item.mean:.3g} mm", translate=False)
+        row.label(text=f"max {item.largest:.3g} mm", translate=False)
+
+
+class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
+    bl_label = "Compare"
+    bl_order = 5
+
+    def draw(self, context):
+        layout = self.layout
+        settings = context.scene.matterfit
+        compare = settings.compare
+        layout.operator("matterfit.compare", icon="ARROW_LEFTRIGHT")
+        if not compare.done:
+            return
+        box = layout.box()
+        row = box.row()
+        row.label(text="Mean")
+        row.label(text=f"{compare.mean_mm:.4g} mm", translate=False)
+        row = box.row()
+        row.label(text="95 %")
+        row.label(text=f"{compare.p95_mm:.4g} mm", translate=False)
+        column = form(layout)
+        column.prop(compare, "show_heatmap")
+        column.prop(compare, "show_graph")
+        if compare.show_heatmap:
+            column.prop(compare, "show_links")
+            column.prop(compare, "range_mode")
+            if compare.range_mode == "FIXED":
+                column.prop(compare, "range_mm")
+            column.prop(compare, "point_size")
+        layout.label(text=translate("Worst frames: click to jump"), translate=False)
+        layout.template_list("MATTERFIT_UL_worst", "", compare, "worst", compare, "worst_index",
+                             rows=4)
+
+
+CLASSES = (MATTERFIT_UL_worst, MATTERFIT_PT_compare)

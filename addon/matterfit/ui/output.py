@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import os
+
+import bpy
+
+from .. import jobs
+from ..compat import translate
+from ..io import attach, cache, takes
+from ..props import scene as scene_props
+from .common import MatterfitPanel, form, lines
+
+
+class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
+    bl_label = "Output"
+    bl_order = 7
+
+    def draw(self, context):
+        layout = self.layout
+        settings = context.scene.matterfit
+        output = settings.output
+        column = form(layout)
+        column = layout.column(heading="Volume (OpenVDB)")
+        column.use_property_split = True
+        column.use_property_decorate = False
+        for name in ("density", "velocity", "surface"):
+            column.prop(output, name)
+        row = column.row(align=True, heading="Voxel Size")
+        row.prop(output, "use_voxel_size", text="")
+        entry = row.row(align=True)
+        entry.active = output.use_voxel_size
+        entry.prop(output, "voxel_size", text="")
+        column = layout.column(heading="Caches")
+        column.use_property_split = True
+        column.use_property_decorate = False
+        for name in ("mesh", "points", "splats"):
+            column.prop(output, name)
+        column = layout.column(heading="Attributes")
+        column.use_property_split = True
+        column.use_property_decorate = False
+        column.enabled = output.points
+        for name in ("velocity_attribute", "plastic_strain", "volume_ratio", "stretch"):
+            column.prop(output, name)
+        take = scene_props.active_take(settings)
+        if take is not None and take.folder:
+            self._cache(layout, context, take)
+        row = layout.row(align=True)
+        row.operator("matterfit.export_alembic", icon="EXPORT")
+        row.operator("matterfit.export_usd", icon="EXPORT")
+
+    def _cache(self, layout, context, take):
+        session = context.window_manager.matterfit
+        location = takes.locate(take)
+        box = layout.box()
+        lines(box, location.folder, icon="FILE_FOLDER")
+        if not location.exists:
+            box.label(text="The folder does not exist", icon="ERROR")
+            return
+        total = 0
+        for kind, title in (("volume", "Volumes"), ("mesh", "Render Meshes"),
+                            ("points", "Particles"), ("attributes", "Attributes"),
+                            ("splat", "Splats"), ("state", "States")):
+            size, count = _sizes(os.path.join(location.folder, kind))
+            total += size
+            if not count:
+                continue
+            row = box.row(align=True)
+            row.label(text=title)
+            row.label(text=f"{count} · {jobs.size_text(size)}", translate=False)
+            if kind != "state":
+                row.operator("matterfit.remove_output", text="", icon="TRASH").kind = kind
+        box.label(text=translate("{size} on disk").format(size=jobs.size_text(total)),
+                  translate=False)
+        row = box.row(align=True)
+        row.operator("matterfit.verify", icon="CHECKMARK")
+        row.operator("matterfit.open_folder", icon="FILEBROWSER")
+        if session.verify:
+            lines(box, session.verify)
+        if take.collection is not None:
+            for item in take.collection.objects:
+                if item.get(attach.TAG):
+                    row = box.row(align=True)
+                    row.label(text=item.name, translate=False)
+                    row.prop(item, "hide_viewport", text="", emboss=False)
+                    row.prop(item, "hide_render", text="", emboss=False)
+
+
+_known = {}
+
+
+def _sizes(folder):
+    """(bytes, files); the disk is asked again only when the folder has changed."""
+    try:
+        stamp = os.stat(folder).st_mtime_ns
+    except OSError:
+        return 0, 0
+    if _known.get(folder, (None,))[0] != stamp:
+        _known[folder] = (stamp, cache.size_of(folder))
+    return _known[folder][1]
+
+
+CLASSES = (MATTERFIT_PT_output,)

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The heat-map on captured points, its legend in mm, and error over time, in the 3D View."""
+
+import bpy
+import numpy
+
+from .. import compat
+from ..compat import translate_label
+from ..io import comparison, takes, transforms
+from ..props import scene as scene_props
+
+# Dark blue, cyan, green, yellow, red: error from nothing to the range's end.
+STOPS = numpy.array(((0.10, 0.20, 0.60), (0.10, 0.65, 0.80), (0.25, 0.75, 0.30),
+                     (0.95, 0.85, 0.20), (0.90, 0.15, 0.10)))
+LEGEND = (24, 60, 14, 160)  # left, bottom, width, height in pixels
+GRAPH = (90, 40, 320, 110)
+
+_handles = []
+_loaded = {}
+
+
+def forget():
+    """Drops what was read of a cache: another file was opened, or it was compared again."""
+    _loaded.clear()
+
+
+def active_comparison(scene):
+    """The comparison of the active take, read once for each change on disk; None without one."""
+    settings = scene.matterfit
+    take = scene_props.active_take(settings)
+    if take is None or not settings.compare.done or not take.folder:
+        return None
+    folder = takes.locate(take).folder
+    stamp = comparison.stamp(folder)
+    if _loaded.get("key") != (folder, stamp):
+        _loaded.update(key=(folder, stamp), value=comparison.load_quietly(folder))
+    return _loaded["value"]
+
+
+def colors(errors, top):
+    """(N, 4) colours of errors [mm]; `top` is drawn red."""
+    place = numpy.clip(numpy.nan_to_num(errors) / max(top, 1e-12), 0.0, 1.0) * (len(STOPS) - 1)
+    low = numpy.minimum(place.astype(int), len(STOPS) - 2)
+    part = (place - low)[:, None]
+    rgb = STOPS[low] * (1.0 - part) + STOPS[low + 1] * part
+    return numpy.concatenate((rgb, numpy.ones((len(rgb), 1))), axis=1).astype(numpy.float32)
+
+
+def top_of_range(settings, found):
+    compare = settings.compare
+    return compare.range_mm if compare.range_mode == "FIXED" else max(found.percentile95, 1e-6)
+
+
+def draw_points():
+    context = bpy.context
+    scene = context.scene
+    settings = scene.matterfit
+    if not settings.compare.done or not settings.compare.show_heatmap:
+        return
+    found = active_comparison(scene)
+    if found is None:
+        return
+    row = found.row_at(scene.frame_current + scene.frame_subframe)
+    if row is None:
+        return
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+    unit = 1.0 / transforms.metres(scene)
+    errors = found.errors[row]
+    seen = numpy.isfinite(errors)
+    points = (found.captured[row][seen] * unit).astype(numpy.float32)
+    shader = compat.flat_shader()
+    gpu.state.point_size_set(settings.compare.point_size)
+    gpu.state.depth_test_set("LESS_EQUAL")
+    color = colors(errors[seen], top_of_range(settings, found))
+    batch_for_shader(shader, "POINTS", {"pos": points, "color": color}).draw(shader)
+    if settings.compare.show_links:
+        simulated = (found.simulated[row][seen] * unit).astype(numpy.float32)
+        ends = numpy.empty((2 * len(points), 3), dtype=numpy.float32)
+        ends[0::2], ends[1::2] = points, simulated
+        batch_for_shader(shader, "LINES", {"pos": ends, "color": numpy.repeat(color, 2, axis=0)}
+                         ).draw(shader)
+    gpu.state.depth_test_set("NONE")
+    gpu.state.point_size_set(1.0)
+
+
+def draw_legend():
+    context = bpy.context
+    scene = context.scene
+    settings = scene.matterfit
+    compare = settings.compare
+    if not compare.done or not (compare.show_heatmap or compare.show_graph):
+        return
+    found = active_comparison(scene)
+    if found is None:
+        return
+    scale = context.preferences.system.ui_scale
+    if compare.show_heatmap:
+        _legend(scale, top_of_range(settings, found))
+    if compare.show_graph:
+        _graph(scale, scene, found)
+
+
+def _text(text, x, y, scale):
+    import blf
+    compat.font_size(0, 11 * scale)
+    blf.color(0, 0.95, 0.95, 0.95, 1.0)
+    blf.position(0, x, y, 0)
+    blf.draw(0, text)
+
+
+def _polygons(points, color, kind="TRIS", indices=None):
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+    shader = compat.uniform_shader()
+    gpu.state.blend_set("ALPHA")
+    shader.bind()
+    shader.uniform_float("color", color)
+    batch_for_shader(shader, kind, {"pos": points}, indices=indices).draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def _box(left, bottom, width, height, color):
+    _polygons(((left, bottom, 0), (left + width, bottom, 0), (left + width, bottom + height, 0),
+               (left, bottom + height, 0)), color, indices=((0, 1, 2), (0, 2, 3)))
+
+
+def _legend(scale, top):
+    from gpu_extras.batch import batch_for_shader
+    left, bottom, width, height = (value * scale for value in LEGEND)
+    _box(left - 8 * scale, bottom - 12 * scale, width + 64 * scale, height + 40 * scale,
+         (0.1, 0.1, 0.1, 0.7))
+    count = len(STOPS)
+    points, color, indices = [], [], []
+    for index, stop in enumerate(STOPS):
+        y = bottom + height * index / (count - 1)
+        points += [(left, y, 0), (left + width, y, 0)]
+        color += [(*stop, 1.0)] * 2
+        if index:
+            first = 2 * index - 2
+            indices += [(first, first + 1, first + 3), (first, first + 3, first + 2)]
+    shader = compat.flat_shader()
+    batch_for_shader(shader, "TRIS", {"pos": points, "color": color}, indices=indices).draw(shader)
+    for index in range(count):
+        value = top * index / (count - 1)
+        _text(f"{value:.3g}", left + width + 6 * scale,
+              bottom + height * index / (count - 1) - 4 * scale, scale)
+    _text(translate_label("Error [mm]"), left, bottom + height + 12 * scale, scale)
+
+
+def _graph(scale, scene, found):
+    left, bottom, width, height = (value * scale for value in GRAPH)
+    _box(left - 8 * scale, bottom - 24 * scale, width + 16 * scale, height + 48 * scale,
+         (0.1, 0.1, 0.1, 0.7))
+    first, last = float(found.frames[0]), float(found.frames[-1])
+    span = max(last - first, 1e-9)
+    largest = max(float(numpy.nanmax(found.largest)), 1e-9)
+
+    def polyline(values, color):
+        seen = numpy.isfinite(values)
+        if seen.sum() < 2:
+            return
+        x = left + width * (found.frames[seen] - first) / span
+        y = bottom + height * values[seen] / largest
+        points = numpy.stack((x, y, numpy.zeros_like(x)), axis=1).astype(numpy.float32)
+        _polygons(points, color, kind="LINE_STRIP")
+
+    polyline(found.largest, (0.9, 0.35, 0.25, 1.0))
+    polyline(found.means, (0.95, 0.95, 0.95, 1.0))
+    now = min(max((scene.frame_current - first) / span, 0.0), 1.0)
+    _polygons(((left + width * now, bottom, 0), (left + width * now, bottom + height, 0)),
+              (0.3, 0.6, 1.0, 1.0), kind="LINES")
+    _text(f"{largest:.3g} mm", left, bottom + height + 8 * scale, scale)
+    _text(translate_label("Mean (white) and largest (red) error"), left + 70 * scale,
+          bottom + height + 8 * scale, scale)
+    _text(f"{first:.0f}", left, bottom - 16 * scale, scale)
+    _text(f"{last:.0f}", left + width - 24 * scale, bottom - 16 * scale, scale)
+
+
+def register():
+    if bpy.app.background:
+        return
+    view = bpy.types.SpaceView3D
+    _handles.append(view.draw_handler_add(draw_points, (), "WINDOW", "POST_VIEW"))
+    _handles.append(view.draw_handler_add(draw_legend, (), "WINDOW", "POST_PIXEL"))
+
+
+def unregister():
+    for handle in _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
+    _handles.clear()
+    forget()

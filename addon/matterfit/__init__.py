@@ -4,6 +4,10 @@
 The version shown is the native library's; bl_info serves Blender up to 4.1 and is read by no code.
 """
 
+import bpy
+
+from . import handlers, i18n, jobs, native, ops, props, ui
+
 bl_info = {
     "name": "Matterfit",
     "author": "Matterfit developers",
@@ -13,10 +17,6 @@ bl_info = {
     "description": "Fit materials to captured motion, simulate them, bake caches",
     "category": "Physics",
 }
-
-import bpy
-
-from . import handlers, i18n, jobs, native, ops, props, ui
 
 _CLASSES = (*props.CLASSES, *ops.CLASSES, *ui.CLASSES)
 

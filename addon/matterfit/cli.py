@@ -30,7 +30,7 @@ VERBS = {
 def package():
     """Our package, registered: the enabled add-on where this file belongs to one, else by path."""
     here = os.path.dirname(os.path.realpath(__file__))
-    for name, module in list(sys.modules.items()):
+    for _name, module in list(sys.modules.items()):
         path = getattr(module, "__file__", None)
         if path and os.path.realpath(path) == os.path.join(here, "__init__.py"):
             return module

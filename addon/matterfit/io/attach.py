@@ -87,9 +87,9 @@ class Attachment:
     def _material(self, name):
         """The artist's own material where the body has one."""
         index, body = self._body(name)
-        if body is not None and body.source == "OBJECT" and body.object is not None:
-            if body.object.active_material is not None:
-                return body.object.active_material
+        item = body.object if body is not None and body.source == "OBJECT" else None
+        if item is not None and item.active_material is not None:
+            return item.active_material
         return nodes.surface_material(f"Matterfit {name}", COLORS[index % len(COLORS)])
 
     # -- the three kinds of cache --------------------------------------------------------------

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What lies in a take's cache folder."""
 
+import contextlib
 import os
 import re
 import struct
@@ -175,10 +176,8 @@ def free(folder, only=""):
     left = []
     for base, _folders, found in os.walk(folder, topdown=False):
         left.extend(os.path.relpath(os.path.join(base, name), folder) for name in found)
-        try:
+        with contextlib.suppress(OSError):
             os.rmdir(base)
-        except OSError:
-            pass
     return sorted(left)
 
 

@@ -45,7 +45,7 @@ class Comparison:
     def worst(self, count=10):
         """[(scene frame, mean, largest)] of the worst scene frames, the worst first."""
         best = {}
-        for frame, mean, largest in zip(self.frames, self.means, self.largest):
+        for frame, mean, largest in zip(self.frames, self.means, self.largest, strict=False):
             whole = int(round(float(frame)))
             if numpy.isfinite(mean) and mean > best.get(whole, (-1.0, 0.0))[0]:
                 best[whole] = (float(mean), float(largest))

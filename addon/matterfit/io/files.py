@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files of ours: written atomically, with the same bytes for the same content."""
 
+import contextlib
 import io
 import json
 import os
@@ -23,10 +24,8 @@ def write_bytes(path, content):
             os.fsync(stream.fileno())
         os.replace(temporary, path)
     except OSError as error:
-        try:
+        with contextlib.suppress(OSError):
             os.remove(temporary)
-        except OSError:
-            pass
         raise JobError(f"{path}: could not be written: {error.strerror or error}. "
                        "Is the disk full, or the folder read-only?", EXIT_COMPUTE) from error
     return path

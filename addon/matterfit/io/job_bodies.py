@@ -60,21 +60,16 @@ class BodyPart:
         self.writer.at_first(self._sample)
 
     def _sample(self, _frame, depsgraph):
-        import bpy
         item = self.body.object
         matrix = Matrix(item.evaluated_get(depsgraph).matrix_world)
         scale = self.writer.scale
         self.object_position, self.object_rotation, stretch = transforms.split(matrix, scale)
-        with meshes.modifiers_limited(item, self.shape.stop):
-            with meshes.evaluated_mesh(item, bpy.context.evaluated_depsgraph_get()) as mesh:
-                self.arrays = meshes.read_arrays(mesh, stretch, scale,
-                                                 creases=self.shape.kind == "cage")
+        self.arrays = meshes.read_shape(item, self.shape, stretch, scale,
+                                        creases=self.shape.kind == "cage")
         meshes.check_faces(item, self.arrays)
         if item.type == "MESH" and self.writer.settings.output.mesh:
-            render = meshes.render_shape(item)
-            with meshes.modifiers_limited(item, render.stop):
-                with meshes.evaluated_mesh(item, bpy.context.evaluated_depsgraph_get()) as mesh:
-                    self.render = meshes.read_arrays(mesh, stretch, 1.0, creases=True)
+            self.render = meshes.read_shape(item, meshes.render_shape(item), stretch, 1.0,
+                                            creases=True)
         self._sample_pins(item, stretch)
 
     def _sample_pins(self, item, stretch):

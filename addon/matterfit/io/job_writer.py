@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the parts of a job document share while it is written."""
 
+import contextlib
 import os
 
 import bpy
@@ -68,10 +69,8 @@ class JobWriter:
         finally:
             for name, viewport, eye in hidden:
                 item = bpy.data.objects[name]
-                try:
+                with contextlib.suppress(RuntimeError):
                     item.hide_set(eye)
-                except RuntimeError:
-                    pass
                 item.hide_viewport = viewport
 
     def keyed_matrix(self, item):

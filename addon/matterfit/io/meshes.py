@@ -141,6 +141,14 @@ def _reversed_faces(sizes, corners):
     return result
 
 
+def read_shape(item, shape, stretch, scale_length, creases=False):
+    """read_arrays() of the object as `shape` says, at the present frame."""
+    with modifiers_limited(item, shape.stop):
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        with evaluated_mesh(item, depsgraph) as mesh:
+            return read_arrays(mesh, stretch, scale_length, creases)
+
+
 @contextlib.contextmanager
 def evaluated_mesh(item, depsgraph):
     """The object's evaluated mesh; freed on leaving."""

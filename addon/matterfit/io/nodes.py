@@ -32,7 +32,7 @@ class _Builder:
     def math(self, operation, first, second):
         node = self.add("ShaderNodeMath", operation=operation)
         for index, value in enumerate((first, second)):
-            if isinstance(value, (int, float)):
+            if isinstance(value, int | float):
                 node.inputs[index].default_value = value
             elif value is not None:
                 self.link(value, node.inputs[index])

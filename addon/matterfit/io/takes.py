@@ -96,9 +96,9 @@ def copy_settings(source, target):
         ours.clear()
         for item in theirs:
             added = ours.add()
-            for name in item.bl_rna.properties.keys():
-                if name != "rna_type":
-                    setattr(added, name, getattr(item, name))
+            for found in item.bl_rna.properties:
+                if found.identifier != "rna_type":
+                    setattr(added, found.identifier, getattr(item, found.identifier))
 
 
 def ensure_active(settings):

@@ -65,7 +65,7 @@ def motion_velocity(scene, item, frame, fps):
             poses.append((matrix.translation * scale, matrix.decompose()[1].normalized()))
     seconds = step / fps
     best = (Vector(), Vector())
-    for (position_a, rotation_a), (position_b, rotation_b) in zip(poses, poses[1:]):
+    for (position_a, rotation_a), (position_b, rotation_b) in zip(poses, poses[1:], strict=False):
         linear = (position_b - position_a) / seconds
         turn = rotation_b @ rotation_a.conjugated()
         if turn.w < 0.0:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What every operator of ours does alike; above all the long job, modal or blocking."""
 
+import contextlib
+
 import bpy
 
 from .. import jobs
@@ -140,10 +142,9 @@ class JobOperator:
         status_text(context, progress_text(job))
         if job.snapshot.frame != self._frame_shown and not job.ended:
             self._frame_shown = job.snapshot.frame
-            try:
+            # A frame that cannot be shown yet is shown at the end, or named there.
+            with contextlib.suppress(JobError, OSError):
                 self.progressed(context, job)
-            except (JobError, OSError):
-                pass  # a frame that cannot be shown yet is shown at the end, or named there
 
     def _finish(self, context, job):
         status_text(context, None)

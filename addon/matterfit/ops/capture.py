@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Importing captures."""
 
+import contextlib
 import os
 
 import bpy
@@ -69,10 +70,8 @@ class MATTERFIT_OT_import_capture(PlainOperator, bpy.types.Operator, ImportHelpe
         capture = add_capture(settings, name)
         path = self.filepath
         if bpy.data.filepath:
-            try:
+            with contextlib.suppress(ValueError):
                 path = bpy.path.relpath(path)
-            except ValueError:
-                pass
         capture.filepath = path
         capture.unit = self.unit
         try:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Preview, Bake, Resume, Free, Cancel, and the estimate before a run."""
 
+import contextlib
 import os
 
 import bpy
@@ -84,10 +85,9 @@ class BakeJob(JobOperator):
         self.show(context, job)
 
     def stopped(self, context, job):
-        try:
+        # The reason why the job stopped is reported, not what could not be shown of it.
+        with contextlib.suppress(JobError, OSError):
             self.show(context, job)
-        except (JobError, OSError):
-            pass  # the reason why the job stopped is reported, not what could not be shown of it
 
     def ended(self, context, job):
         take = self.show(context, job)
@@ -219,7 +219,7 @@ class MATTERFIT_OT_free(PlainOperator, bpy.types.Operator):
         discard_preview(scene)
         take = scene_props.active_take(scene.matterfit)
         if take is None or not take.folder:
-            return None
+            return
         location = takes.locate(take)
         attach.detach(scene, take)
         left = []
@@ -234,7 +234,7 @@ class MATTERFIT_OT_free(PlainOperator, bpy.types.Operator):
             self.report({"WARNING"}, translate(
                 "{n} files in {folder} are not ours and stay: {names}").format(
                     n=len(left), folder=location.folder, names=", ".join(left[:5])))
-        return None
+        return
 
 
 class MATTERFIT_OT_cancel(bpy.types.Operator):

@@ -2,8 +2,14 @@
 """The root of our settings: scene.matterfit; and window_manager.matterfit, which is not saved."""
 
 import bpy
-from bpy.props import (BoolProperty, CollectionProperty, FloatProperty, IntProperty,
-                       PointerProperty, StringProperty)
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from .body import MatterfitBody
 from .capture import MatterfitCapture

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -18,7 +19,8 @@ struct FillOptions {
   bool jitter = false;       ///< off: regular lattice (solids); on: one jittered a sub-cell (flows)
   std::uint64_t seed = 0;
   /// The lattice's axes and a point that a plane of cell faces goes through on each axis; default:
-  /// world axes, the lattice centred in the shape's bounding box.
+  /// world axes, the lattice centred in the shape's bounding box, so that a side of n·h is filled
+  /// by exactly n cells.
   Quatd axes = Quatd::Identity();
   std::optional<Vec3d> anchor;
   std::size_t limit = 50'000'000;  ///< particles; more is Error(kInput) with the count
@@ -29,8 +31,66 @@ struct FilledBody {
   Points positions;
   std::vector<double> volumes;  ///< [m³]; their sum is the shape's volume
   mpm::Lattice lattice;
-  double volume = 0.0;   ///< of the shape itself [m³]
-  std::string report;    ///< what the fill did, one sentence for the panel
+  double volume = 0.0;  ///< of the shape itself [m³]
+  std::string report;   ///< what the fill did, a sentence or a few for the panel
 };
+
+/// All fills of shapes: a particle sits in the centre of each lattice cell (or, jittered, at a
+/// place in it that depends on seed and cell only) of which at least half is inside, with the
+/// volume that is inside. A cell with less gives its volume to its kept neighbours over faces (else
+/// edges, else corners); one that has no such neighbour (parts thinner than the lattice) is kept
+/// itself from 5 % up. Cells within 1e-4 of empty or full count as such. The volumes of cut cells
+/// are scaled to the shape's exact volume where that is known. Same result for any number of
+/// threads. Throws Error(kInput) if nothing is inside, or for more than `limit` particles.
+
+/// A polygon mesh. Unwelded corners are joined, faces turned to agree, a shell that faces inward by
+/// itself is turned; overlapping shells join, inward shells within another are cavities. Holes are
+/// closed by fans around the middle of their rims; what is inside then is decided by the
+/// generalised winding number, so that crossing or doubled faces do no harm. The report says which
+/// of these happened.
+[[nodiscard]] FilledBody fill_mesh(const Mesh& mesh, const FillOptions& options);
+
+/// The Catmull–Clark limit surface of a cage: facets no longer than half a separation with corners
+/// exactly on the limit surface (capture/limit_surface.hpp), then as fill_mesh.
+[[nodiscard]] FilledBody fill_cage(const Mesh& cage, const FillOptions& options);
+
+[[nodiscard]] FilledBody fill_box(const Vec3d& low, const Vec3d& high, const FillOptions& options);
+[[nodiscard]] FilledBody fill_sphere(const Vec3d& centre, double radius,
+                                     const FillOptions& options);
+/// `centre` is the middle of the axis, `height` the whole length along `axis`.
+[[nodiscard]] FilledBody fill_cylinder(const Vec3d& centre, double radius, double height,
+                                       const Vec3d& axis, const FillOptions& options);
+
+/// Imported points become the particles as they are; of `options` only `limit` and `axes` are used.
+/// Volumes: equal (spacing³) where the points form a lattice along `axes`; otherwise in proportion
+/// to the cube of the local spacing, and their sum `total_volume` [m³] or, if that is 0, the volume
+/// of the points' closed hull (discs of 1.5 spacings joined, shrunk back to half a spacing).
+[[nodiscard]] FilledBody fill_points(const Points& points, const FillOptions& options,
+                                     double total_volume = 0.0);
+
+/// Gaussian splats in plain arrays, equally many of each.
+struct GaussianArrays {
+  Points centres;                 ///< [m]
+  std::vector<Vec3d> scales;      ///< standard deviations along the own axes [m]
+  std::vector<Quatd> rotations;   ///< own axes
+  std::vector<double> opacities;  ///< 0 … 1
+};
+
+struct GaussianFillOptions {
+  double opacity_threshold = 0.1;  ///< fainter splats are left out
+  bool fill_inside = true;         ///< cavities closed off from outside are filled
+  double level = 0.5;              ///< of Σ opacity·exp(−½ d²): the surface
+  double closing = 1.5;            ///< gaps up to twice this many separations are bridged; 0: none
+};
+
+/// Density Σ opacity·exp(−½ d²) of the splats (each widened by a quarter of a separation so that
+/// flat ones are seen) on an OpenVDB grid of half a separation; its level surface, closed and
+/// without cavities, is filled as fill_mesh does. Bodies from flat splats come out about a quarter
+/// of a separation too thick on each side.
+[[nodiscard]] FilledBody fill_gaussians(const GaussianArrays& splats, const FillOptions& options,
+                                        const GaussianFillOptions& gaussian_options = {});
+
+/// Turns and moves a filled body and its lattice: x → rotation · x + position.
+void place(FilledBody& body, const Vec3d& position, const Quatd& rotation);
 
 }  // namespace matterfit::capture

@@ -1,0 +1,393 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "capture/fill_lattice.hpp"
+
+#include <fmt/format.h>
+#include <openvdb/openvdb.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+
+#include "base/error.hpp"
+
+namespace matterfit::capture {
+namespace {
+
+using openvdb::Coord;
+using Tree = openvdb::FloatTree;
+using Leaf = Tree::LeafNodeType;
+
+constexpr int kBlock = 8;        // cells along a side of an OpenVDB leaf
+constexpr int kSubCells = 4;     // along a side of a cut cell
+constexpr float kKeep = 0.5F;    // part inside from which a cell gets a particle
+constexpr float kCrumb = 0.05F;  // … if none of its neighbours has one
+constexpr double kSnap = 1e-4;
+const double kHalfDiagonal = 0.5 * std::sqrt(3.0);
+
+std::uint64_t mix(std::uint64_t z) {  // splitmix64, Steele et al. 2014
+  z += 0x9e3779b97f4a7c15ULL;
+  z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9ULL;
+  z = (z ^ (z >> 27U)) * 0x94d049bb133111ebULL;
+  return z ^ (z >> 31U);
+}
+
+/// A place in the unit cell that depends on its arguments only.
+Vec3d random_place(std::uint64_t seed, const Coord& cell, int draw) {
+  std::uint64_t state = mix(seed);
+  for (const int i : {cell.x(), cell.y(), cell.z(), draw}) {
+    state = mix(state ^ static_cast<std::uint32_t>(i));
+  }
+  Vec3d place;
+  for (int axis = 0; axis < 3; ++axis) {
+    state = mix(state);
+    place[axis] = static_cast<double>(state >> 11U) * 0x1.0p-53;
+  }
+  return place;
+}
+
+class LatticeFill {
+ public:
+  LatticeFill(const FillShape& shape, const FillOptions& options)
+      : shape_(shape), options_(options), h_(options.separation) {
+    if (!(h_ > 0) || !std::isfinite(h_)) {
+      throw_input(fmt::format("particle_separation is {} m, expected a length above 0.", h_));
+    }
+    if (!(options.axes.norm() > 1e-6)) {
+      throw_input("The lattice's rotation is a zero quaternion; no rotation is [1, 0, 0, 0].");
+    }
+    axes_ = options.axes.normalized();
+    const Eigen::AlignedBox3d box = shape.box(axes_);
+    if (box.isEmpty() || !box.min().allFinite() || !box.max().allFinite()) {
+      throw_input("The shape to fill has no finite extent.");
+    }
+    const double cube = h_ * h_ * h_;
+    if (const auto volume = shape.volume()) refuse_above_limit(*volume / cube, "about");
+    for (int axis = 0; axis < 3; ++axis) {
+      const double low = box.min()[axis];
+      const double high = box.max()[axis];
+      if (options.anchor) {
+        origin_[axis] = (axes_.conjugate() * *options.anchor)[axis];
+      } else {
+        const double cells = std::max(1.0, std::round((high - low) / h_));
+        origin_[axis] = 0.5 * (low + high) - 0.5 * cells * h_;
+      }
+      const double first = std::floor((low - origin_[axis]) / h_ - 1e-6);
+      const double last = std::ceil((high - origin_[axis]) / h_ + 1e-6);
+      if (!(std::abs(first) < 1e8 && std::abs(last) < 1e8) || last - first > 1 << 20) {
+        throw_input(fmt::format(
+            "particle_separation {} m is too small for a shape of {} m: more than a million "
+            "cells along one side. Use a larger separation, or check the unit and the anchor.",
+            h_, high - low));
+      }
+      first_[axis] = static_cast<int>(first);
+      last_[axis] = static_cast<int>(last);
+      layers_[axis] = (high - low) / h_;
+    }
+  }
+
+  FilledBody run(const std::string& notes) {
+    find_blocks();
+    cut_blocks();
+    choose();
+    return emit(notes);
+  }
+
+ private:
+  [[nodiscard]] Vec3d world(const Vec3d& cells) const { return axes_ * (origin_ + h_ * cells); }
+  [[nodiscard]] static Vec3d vec(const Coord& c) {
+    return {double(c.x()), double(c.y()), double(c.z())};
+  }
+
+  void refuse_above_limit(double count, const char* how) const {
+    if (count <= static_cast<double>(options_.limit)) return;
+    const double factor = std::cbrt(count / static_cast<double>(options_.limit));
+    throw_input(fmt::format(
+        "Filling at a particle_separation of {:.6g} m makes {} {:.4g} particles, more than the "
+        "limit of {}. Use a separation of at least {:.3g} m.",
+        h_, how, count, options_.limit, h_ * factor * 1.01));
+  }
+
+  /// Halves the box until a part is surely empty, surely full, or one block of cells.
+  void split(const Coord& block, int size) {
+    const auto outside = [&](int axis) {
+      return (block[axis] + size) * kBlock <= first_[axis] || block[axis] * kBlock >= last_[axis];
+    };
+    if (outside(0) || outside(1) || outside(2)) return;
+    const Vec3d centre = world((vec(block) + Vec3d::Constant(0.5 * size)) * kBlock);
+    const FillShape::Surface surface = shape_.at(centre);
+    if (std::abs(surface.distance) > kHalfDiagonal * kBlock * size * h_ * (1 + 1e-9)) {
+      if (!shape_.inside(centre, surface)) return;
+      full_cells_ += std::pow(static_cast<double>(size) * kBlock, 3.0);
+      refuse_above_limit(full_cells_, "at least");
+      for (int i = 0; i < size; ++i) {
+        for (int j = 0; j < size; ++j) {
+          for (int k = 0; k < size; ++k) {
+            const Coord at = block.offsetBy(i, j, k);
+            tree_.addTile(1, Coord(at.x() * kBlock, at.y() * kBlock, at.z() * kBlock), 1.0F, true);
+          }
+        }
+      }
+      return;
+    }
+    if (size == 1) {
+      blocks_.emplace_back(block.x() * kBlock, block.y() * kBlock, block.z() * kBlock);
+      // A block cut by the surface holds at least a few cells that matter.
+      refuse_above_limit(full_cells_ + static_cast<double>(blocks_.size()), "at least");
+      return;
+    }
+    const int half = size / 2;
+    for (int corner = 0; corner < 8; ++corner) {
+      split(block.offsetBy((corner & 1) * half, (corner >> 1 & 1) * half, (corner >> 2) * half),
+            half);
+    }
+  }
+
+  void find_blocks() {
+    const auto down = [](int cell) {
+      return static_cast<int>(std::floor(static_cast<double>(cell) / kBlock));
+    };
+    const Coord low(down(first_[0]), down(first_[1]), down(first_[2]));
+    int size = 1;
+    for (int axis = 0; axis < 3; ++axis) {
+      while ((low[axis] + size) * kBlock < last_[axis]) size *= 2;
+    }
+    split(low, size);
+  }
+
+  /// Do the distance's sign and the shape's last word differ in the cell's middle or near a corner?
+  [[nodiscard]] bool is_tangled(const Vec3d& low_corner) const {
+    for (int n = 0; n < 9; ++n) {
+      const double near = 0.5 / kSubCells;
+      const Vec3d corner =
+          near * Vec3d::Ones() + (1 - 2 * near) * Vec3d(n & 1, n >> 1 & 1, n >> 2 & 1);
+      const Vec3d x = world(low_corner + (n == 8 ? Vec3d(Vec3d::Constant(0.5)) : corner));
+      const FillShape::Surface surface = shape_.at(x);
+      if (std::abs(surface.distance) > 1e-3 * h_ &&
+          shape_.inside(x, surface) != (surface.distance < 0)) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  [[nodiscard]] double cut_cell(const Vec3d& low_corner, bool tangled) const {
+    double sum = 0;
+    for (int n = 0; n < kSubCells * kSubCells * kSubCells; ++n) {
+      const Vec3d sub(n / (kSubCells * kSubCells), n / kSubCells % kSubCells, n % kSubCells);
+      const Vec3d x = world(low_corner + (sub + Vec3d::Constant(0.5)) / kSubCells);
+      const FillShape::Surface surface = shape_.at(x);
+      if (tangled) {
+        sum += shape_.inside(x, surface) ? 1.0 : 0.0;
+      } else {
+        sum += cube_fraction(surface.distance * kSubCells / h_, axes_.conjugate() * surface.normal);
+      }
+    }
+    const double fraction = sum / (kSubCells * kSubCells * kSubCells);
+    return fraction < kSnap ? 0.0 : fraction > 1 - kSnap ? 1.0 : fraction;
+  }
+
+  void cut_blocks() {
+    std::vector<Leaf*> leaves;
+    for (const Coord& block : blocks_) leaves.push_back(tree_.touchLeaf(block));
+    std::atomic<std::size_t> tangled_cells{0};
+    tbb::parallel_for(std::size_t{0}, leaves.size(), [&](std::size_t b) {
+      for (openvdb::Index offset = 0; offset < Leaf::SIZE; ++offset) {
+        const Vec3d low = vec(leaves[b]->offsetToGlobalCoord(offset));
+        const Vec3d centre = world(low + Vec3d::Constant(0.5));
+        const FillShape::Surface surface = shape_.at(centre);
+        const bool inside = shape_.inside(centre, surface);
+        double fraction = inside ? 1.0 : 0.0;
+        if (std::abs(surface.distance) < kHalfDiagonal * h_) {
+          const bool tangled = is_tangled(low);
+          tangled_cells += tangled;
+          fraction = cut_cell(low, tangled);
+        }
+        if (fraction > 0) leaves[b]->setValueOn(offset, static_cast<float>(fraction));
+      }
+    });
+    tangled_cells_ = tangled_cells;
+  }
+
+  /// Which cells get a particle, and where the volume of the others goes.
+  void choose() {
+    volumes_ = std::make_unique<Tree>(tree_);
+    openvdb::tree::ValueAccessor<const Tree> part(tree_);
+    openvdb::tree::ValueAccessor<Tree> volume(*volumes_);
+    openvdb::BoolTree alone(false);  // kept though less than half is inside
+    openvdb::tree::ValueAccessor<openvdb::BoolTree> kept_alone(alone);
+    const auto for_each_small = [&](const auto& visit) {
+      for (auto leaf = tree_.cbeginLeaf(); leaf; ++leaf) {
+        for (auto value = leaf->cbeginValueOn(); value; ++value) {
+          inside_ += static_cast<double>(*value);
+          if (*value < kKeep) visit(value.getCoord(), *value);
+        }
+      }
+    };
+    inside_ = full_cells_;
+    for_each_small([&](const Coord& cell, float fraction) {
+      if (fraction < kCrumb) return;
+      for (int n = 0; n < 27; ++n) {
+        if (part.getValue(cell.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)) >= kKeep) return;
+      }
+      kept_alone.setValue(cell, true);
+    });
+    inside_ = full_cells_;
+    for_each_small([&](const Coord& cell, float fraction) {
+      if (kept_alone.getValue(cell)) return;
+      volume.setValueOff(cell, 0.0F);
+      ++dropped_;
+      // Neighbours over a face, else an edge, else a corner.
+      for (int distance = 1; distance <= 3; ++distance) {
+        std::vector<Coord> heirs;
+        for (int n = 0; n < 27; ++n) {
+          const Coord step(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+          if (std::abs(step.x()) + std::abs(step.y()) + std::abs(step.z()) != distance) continue;
+          const Coord other = cell + step;
+          if (part.getValue(other) >= kKeep || kept_alone.getValue(other)) heirs.push_back(other);
+        }
+        for (const Coord& heir : heirs) {
+          volume.setValueOn(heir, volume.getValue(heir) + fraction / float(heirs.size()));
+        }
+        if (!heirs.empty()) break;
+      }
+    });
+  }
+
+  FilledBody emit(const std::string& notes) {
+    const double cube = h_ * h_ * h_;
+    volumes_->voxelizeActiveTiles(false);
+    const auto count = static_cast<std::size_t>(volumes_->activeVoxelCount());
+    if (count == 0) {
+      throw_input(fmt::format(
+          "Nothing to fill at a particle_separation of {:.6g} m: the shape, {:.4g} × {:.4g} × "
+          "{:.4g} m, holds no cell of which a part is inside.{} Use a smaller separation, or check "
+          "that the shape is closed and its unit.",
+          h_, layers_[0] * h_, layers_[1] * h_, layers_[2] * h_, notes.empty() ? "" : " " + notes));
+    }
+    refuse_above_limit(static_cast<double>(count), "exactly");
+
+    double whole = 0;
+    double cut = 0;
+    for (auto value = volumes_->cbeginValueOn(); value; ++value) {
+      (*value == 1.0F ? whole : cut) += static_cast<double>(*value);
+    }
+    FilledBody body;
+    body.volume = inside_ * cube;
+    const auto exact = shape_.volume();
+    if (exact && tangled_cells_ == 0 && std::abs(*exact - body.volume) < 0.05 * body.volume) {
+      body.volume = *exact;
+    }
+    const double scale = cut > 1e-3 ? (body.volume / cube - whole) / cut : 1.0;
+    const bool scaled = scale > 0.5 && scale < 2.0;
+
+    body.lattice.origin = axes_ * origin_;
+    body.lattice.axes = axes_;
+    body.lattice.spacing = h_;
+    body.lattice.regular = !options_.jitter;
+    body.positions.reserve(count);
+    body.volumes.reserve(count);
+    double sum = 0;
+    Eigen::AlignedBox3i cells;
+    for (auto value = volumes_->cbeginValueOn(); value; ++value) {
+      const Coord cell = value.getCoord();
+      const bool is_whole = *value == 1.0F;
+      cells.extend(Eigen::Vector3i(cell.x(), cell.y(), cell.z()));
+      body.positions.push_back(position(cell, is_whole));
+      body.volumes.push_back(static_cast<double>(*value) * cube *
+                             (is_whole || !scaled ? 1 : scale));
+      sum += body.volumes.back();
+    }
+    const Eigen::Vector3i across = cells.sizes() + Eigen::Vector3i::Ones();
+    body.report = fmt::format(
+        "{} particles {:.4g} m apart ({} × {} × {} cells), {} of them cut by the surface; volume "
+        "{:.6g} m³, particles hold {:.2f} % of it.",
+        count, h_, across.x(), across.y(), across.z(), dropped_ + cut_count(), body.volume,
+        100.0 * sum / body.volume);
+    if (tangled_cells_ > 0) {
+      body.report += fmt::format(
+          " The surface crosses or doubles itself near {} cells; the winding number decided there.",
+          tangled_cells_);
+    }
+    if (across.minCoeff() < 4) {
+      body.report += fmt::format(
+          " Only {} layer{} across the thinnest side ({:.4g} m); a separation of {:.3g} m gives "
+          "12.",
+          across.minCoeff(), across.minCoeff() == 1 ? "" : "s", layers_.minCoeff() * h_,
+          layers_.minCoeff() * h_ / 12);
+    }
+    if (!notes.empty()) body.report += " " + notes;
+    return body;
+  }
+
+  [[nodiscard]] std::size_t cut_count() const {
+    std::size_t count = 0;
+    for (auto value = volumes_->cbeginValueOn(); value; ++value) count += *value != 1.0F;
+    return count;
+  }
+
+  [[nodiscard]] Vec3d position(const Coord& cell, bool whole) const {
+    const Vec3d centre = world(vec(cell) + Vec3d::Constant(0.5));
+    if (!options_.jitter) return centre;
+    // In a cut cell a few draws, so that the particle lies inside the shape.
+    for (int draw = 0; draw < 16; ++draw) {
+      const Vec3d x = world(vec(cell) + random_place(options_.seed, cell, draw));
+      if (whole || shape_.inside(x, shape_.at(x))) return x;
+    }
+    return centre;
+  }
+
+  const FillShape& shape_;
+  const FillOptions& options_;
+  double h_;
+  Quatd axes_;
+  Vec3d origin_ = Vec3d::Zero();                     ///< in the lattice's own axes
+  Vec3d layers_ = Vec3d::Zero();                     ///< sides of the shape in cells
+  Eigen::Vector3i first_ = Eigen::Vector3i::Zero();  ///< cells that may be touched: [first, last)
+  Eigen::Vector3i last_ = Eigen::Vector3i::Zero();
+  Tree tree_{0.0F};                ///< part of each cell that is inside
+  std::unique_ptr<Tree> volumes_;  ///< of each particle, in cells
+  std::vector<Coord> blocks_;      ///< low corners of blocks the surface may cut
+  double full_cells_ = 0;          ///< in blocks that are wholly inside
+  double inside_ = 0;              ///< volume inside, in cells
+  std::size_t dropped_ = 0;
+  std::size_t tangled_cells_ = 0;
+};
+
+}  // namespace
+
+double cube_fraction(double distance, const Vec3d& n) {
+  // By symmetry the plane m·y = a in the cube [0, 1]³ with m ≥ 0, Σ m = 1.
+  Vec3d m = n.cwiseAbs().cwiseMax(1e-4 * n.norm());
+  const double total = m.sum();
+  m /= total;
+  double a = 0.5 - distance / total;
+  if (a <= 0) return 0.0;
+  if (a >= 1) return 1.0;
+  // The smaller side, where the cubes do not cancel.
+  const bool upper = a > 0.5;
+  if (upper) a = 1.0 - a;
+  const auto cubed = [](double v) { return v > 0 ? v * v * v : 0.0; };
+  double sum = cubed(a);
+  for (int i = 0; i < 3; ++i) {
+    sum -= cubed(a - m[i]);
+    sum += cubed(a - m[i] - m[(i + 1) % 3]);
+  }
+  const double fraction = std::clamp(sum / (6.0 * m.prod()), 0.0, 1.0);
+  return upper ? 1.0 - fraction : fraction;
+}
+
+FilledBody fill_lattice(const FillShape& shape, const FillOptions& options,
+                        const std::string& notes) {
+  openvdb::initialize();
+  return LatticeFill(shape, options).run(notes);
+}
+
+void place(FilledBody& body, const Vec3d& position, const Quatd& rotation) {
+  const Quatd turn = rotation.normalized();
+  for (Vec3d& x : body.positions) x = turn * x + position;
+  body.lattice.origin = turn * body.lattice.origin + position;
+  body.lattice.axes = (turn * body.lattice.axes).normalized();
+}
+
+}  // namespace matterfit::capture

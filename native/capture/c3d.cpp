@@ -227,9 +227,11 @@ class Parser {
     if (const Parameter* units = find("POINT:UNITS"); units != nullptr && units->type == -1) {
       file.units = clean(units->data);
     }
-    const auto block = static_cast<std::size_t>(number("POINT:DATA_START", data_block_));
-    if (block < 2) fail("has no data section (POINT:DATA_START is " + std::to_string(block) + ").");
-    data_ = (block - 1) * kBlock;
+    const double block = number("POINT:DATA_START", data_block_);
+    if (!(block >= 2.0 && block <= 65535.0)) {
+      fail("has no data section (POINT:DATA_START is " + std::to_string(block) + ").");
+    }
+    data_ = (static_cast<std::size_t>(block) - 1) * kBlock;
   }
 
   void read_labels(C3d& file) const {

@@ -21,6 +21,8 @@ constexpr double kJumpOverMotion = 3.0;
 /// Values that a pooled median looks at, at most; more are thinned evenly by point.
 constexpr std::size_t kPool = 2'000'000;
 constexpr std::size_t kNoiseBlocks = 8;
+constexpr std::size_t kNoiseSamples =
+    32;  // of a block at least, so that its median means something
 constexpr double kMadToSigma = 1.4826;
 const double kThirdDifference = std::sqrt(20.0);  // 1² + 3² + 3² + 1²
 
@@ -148,7 +150,8 @@ class Summariser {
     out_.point_noise.assign(tracks_.points, 0.0);
     const std::size_t windows = tracks_.frames() > 3 ? tracks_.frames() - 3 : 0;
     if (windows == 0) return;
-    const std::size_t blocks = std::min(kNoiseBlocks, std::max<std::size_t>(1, windows / 8));
+    const std::size_t blocks = std::clamp<std::size_t>(windows * tracks_.points / kNoiseSamples, 1,
+                                                       std::min(kNoiseBlocks, windows));
     struct Block {
       double level;
       std::size_t begin;
@@ -282,7 +285,7 @@ class Summariser {
                      point_text(tracks_, out_.never_visible[0]) +
                      (out_.never_visible.size() > 1 ? ", …" : ""));
     }
-    text.push_back(out_.noise > 0.0 ? "Noise about " + length_text(out_.noise)
+    text.push_back(out_.noise > 0.0 ? "Noise at most about " + length_text(out_.noise)
                                     : std::string("Noise not measurable"));
   }
 

@@ -38,8 +38,10 @@ struct CaptureSummary {
   std::size_t jump_count = 0;
   double missing = 0.0;                    ///< fraction of samples that are not visible
   std::vector<std::size_t> never_visible;  ///< points seen in no frame
-  /// Standard deviation of one coordinate [m] over the quiet half of the samples, from third
-  /// differences in time (their MAD / (0.6745 √20)); 0 with fewer than 4 frames in a row.
+  /// Standard deviation of one coordinate [m], from third differences in time (their MAD /
+  /// (0.6745 √20)) over the quieter half of the clip; 0 with fewer than 4 frames in a row. Motion
+  /// that third differences do not remove (vibration near the frame rate) adds to it: noise is at
+  /// most this.
   double noise = 0.0;
   std::vector<double> point_noise;  ///< the same for each point, (N,)
   std::vector<std::string> text;    ///< lines for the panel, in the order above

@@ -47,6 +47,9 @@ class Attachment:
         for name, points in cache.point_caches(self.folder, "points").items():
             self._particles(name, points, attributes)
             done = max(done, points.samples)
+        for name, points in cache.partial_points(self.folder, "points").items():
+            self._live_particles(name, points)
+            done = max(done, points.samples)
         for entry in wanted.get("mesh", []):
             path = os.path.join(self.folder, "mesh", entry["name"] + ".pc2")
             if os.path.isfile(path):
@@ -109,7 +112,6 @@ class Attachment:
         volume.sequence_mode = "EXTEND"
         if hasattr(volume, "velocity_unit"):
             volume.velocity_unit = "SECOND"
-            volume.velocity_grid = "velocity"
         if not volume.materials:
             index, _body = self._body(name)
             volume.materials.append(nodes.volume_material(f"Matterfit {name} Volume",
@@ -139,7 +141,8 @@ class Attachment:
         modifier.use_smooth_shade = True
         item.active_material = item.active_material or self._material(name)
 
-    def _particles(self, name, points, attributes):
+    def _cloud(self, name, points, sample):
+        """The vertex-only mesh of a body's particles, at one sample of the cache."""
         item = self._object(
             f"points:{name}", f"{name} particles",
             lambda label: bpy.data.objects.new(label, bpy.data.meshes.new(label)))
@@ -150,16 +153,32 @@ class Attachment:
             mesh.clear_geometry()
             mesh.vertices.add(points.points)
         if points.samples:
-            first = cache.read_pc2_frame(points, 0)
-            mesh.vertices.foreach_set("co", numpy.ascontiguousarray(first).ravel())
+            places = cache.read_pc2_frame(points, sample)
+            mesh.vertices.foreach_set("co", numpy.ascontiguousarray(places).ravel())
             mesh.update()
+        return item
+
+    def _live_particles(self, name, points):
+        """The newest baked frame: a PC2 plays only once it is finished."""
+        item = self._cloud(name, points, points.samples - 1)
+        modifier = item.modifiers.get("Matterfit Cache")
+        if modifier is not None:
+            item.modifiers.remove(modifier)
+        self._points_nodes(item, name, [])
+
+    def _particles(self, name, points, attributes):
+        item = self._cloud(name, points, 0)
         self._mesh_cache(item, points)
         textures = []
         for attribute in self.document.get("output", {}).get("attributes", []):
             sequence = attributes.get(f"{name}_{attribute}")
             if sequence is not None:
-                image = nodes.sequence_image(sequence.path(sequence.first))
-                textures.append((attribute, image, sequence.first, sequence.last))
+                path = sequence.path(sequence.first)
+                textures.append((attribute, nodes.sequence_image(path), cache.exr_size(path),
+                                 sequence.first, sequence.last))
+        self._points_nodes(item, name, textures)
+
+    def _points_nodes(self, item, name, textures):
         tree = nodes.particles_tree(f"Matterfit Particles {item.name}", 0.5 * self.separation,
                                     self._material(name), textures)
         modifier = item.modifiers.get("Matterfit Particles")

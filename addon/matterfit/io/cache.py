@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from ..jobs import EXIT_COMPUTE, JobError
 from . import files
 
+LOCK_FILE = ".lock"
 PC2_HEADER = struct.Struct("<12siiffi")
 FRAME_FILE = re.compile(r"^(?P<name>.+)_(?P<frame>\d{4,})\.(?P<kind>vdb|ply|exr)$")
 
@@ -101,6 +102,39 @@ def point_caches(folder, sub):
             for name in names if name.endswith(".pc2")}
 
 
+def exr_size(path):
+    """(width, height) from an EXR file's header: Blender gives no size of an image sequence."""
+    with open(path, "rb") as stream:
+        head = stream.read(65536)
+    place = head.find(b"dataWindow\0box2i\0")
+    if head[:4] != b"v/1\x01" or place < 0 or len(head) < place + 37:
+        raise JobError(f"{path}: is not an OpenEXR file. Bake again.")
+    low_x, low_y, high_x, high_y = struct.unpack_from("<4i", head, place + 21)
+    return high_x - low_x + 1, high_y - low_y + 1
+
+
+def partial_points(folder, sub):
+    """{name: PointCache} of PC2 files that are still being written."""
+    base = os.path.join(folder, sub)
+    found = {}
+    try:
+        names = sorted(os.listdir(base))
+    except OSError:
+        return found
+    for name in names:
+        if not name.endswith(".pc2.partial"):
+            continue
+        path = os.path.join(base, name)
+        with open(path, "rb") as stream:
+            header = stream.read(PC2_HEADER.size)
+        if len(header) == PC2_HEADER.size:
+            points = PC2_HEADER.unpack(header)[2]
+            if points > 0:
+                samples = (os.path.getsize(path) - PC2_HEADER.size) // (12 * points)
+                found[name[:-len(".pc2.partial")]] = PointCache(path, points, samples)
+    return found
+
+
 def read_pc2_frame(cache, sample):
     """(points, 3) float32 of one sample."""
     import numpy
@@ -142,9 +176,23 @@ def listed_files(folder):
         document = files.read_json(listing)
         names.update(str(name) for name in document.get("files", []))
         names.add(f"{job_writer.INPUT_FOLDER}/{job_writer.INPUT_LIST}")
-    names.update(name for name in ("job.json", "manifest.json")
+    names.update(_unfinished(folder, names))
+    names.update(name for name in ("job.json", "manifest.json", LOCK_FILE)
                  if os.path.isfile(os.path.join(folder, name)))
     return sorted(name for name in names if _inside(folder, name))
+
+
+def _unfinished(folder, listed):
+    """What a cancelled or killed bake leaves of files it would have listed."""
+    found = {name + ".tmp" for name in listed}
+    path = os.path.join(folder, "job.json")
+    if os.path.isfile(path):
+        document = files.read_json(path)
+        bodies = [body["name"] for body in document.get("scene", {}).get("bodies", [])]
+        meshes = [entry["name"] for entry in document.get("output", {}).get("mesh", [])]
+        for sub, names in (("points", bodies), ("mesh", meshes)):
+            found.update(f"{sub}/{name}.pc2.partial" for name in names)
+    return {name for name in found if os.path.isfile(os.path.join(folder, name))}
 
 
 def _inside(folder, name):

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy
 
 from ..jobs import JobError
-
-FILE = "comparison.npz"
+from . import files
 
 
 @dataclass
@@ -53,16 +52,53 @@ class Comparison:
         return [(frame, *best[frame]) for frame in order[:count]]
 
 
-def stamp(folder):
+def _files(document, name):
+    """(compare file, simulated file, capture) of a capture of a job document."""
+    captures = document.get("captures", [])
+    chosen = [capture for capture in captures if name in ("", capture["name"])]
+    if not chosen:
+        raise JobError(f"Compare: '{name}' was not among the captures. Compare again.")
+    end = "" if len(captures) == 1 else "_" + chosen[0]["name"]
+    return f"compare{end}.npz", f"simulated{end}.npz", chosen[0]
+
+
+def load(folder, name=""):
+    """The comparison with the capture `name` ("": the first) in a cache folder."""
+    document = files.read_json(os.path.join(folder, "job.json"))
+    compare_file, simulated_file, capture = _files(document, name)
+    path = os.path.join(folder, compare_file)
     try:
-        return os.stat(os.path.join(folder, FILE)).st_mtime_ns
-    except OSError:
+        with numpy.load(path, allow_pickle=False) as arrays:
+            errors, times = arrays["error_mm"], arrays["times"]
+            captured, labels = arrays["captured"], arrays["labels"]
+        path = os.path.join(folder, simulated_file)
+        with numpy.load(path, allow_pickle=False) as arrays:
+            simulated = arrays["positions"]
+    except (OSError, ValueError, KeyError) as error:
+        raise JobError(f"{path}: could not be read: {error}. Compare again.") from error
+    if simulated.shape != captured.shape or errors.shape != captured.shape[:2]:
+        raise JobError(f"{path}: has positions of shape {simulated.shape}, the comparison "
+                       f"{captured.shape}. Compare again.")
+    scene = document["scene"]
+    fps = scene["fps"]
+    fps = fps[0] / fps[1] if isinstance(fps, list) else float(fps)
+    start = float(capture.get("start_frame", scene["frames"][0]))
+    return Comparison(start + times * fps, captured, simulated, errors,
+                      [str(label) for label in labels])
+
+
+def stamp(folder):
+    """Changes whenever a comparison is written."""
+    try:
+        return max(os.stat(entry.path).st_mtime_ns for entry in os.scandir(folder)
+                   if entry.name.startswith("compare") and entry.name.endswith(".npz"))
+    except (OSError, ValueError):
         return 0
 
 
-def load_quietly(folder):
+def load_quietly(folder, name=""):
     """load(), or None: a drawing handler must not raise."""
     try:
-        return load(folder)
+        return load(folder, name)
     except (JobError, OSError, ValueError, KeyError):
         return None

@@ -2,6 +2,8 @@
 """The scene as a job document (docs/formats.md). The file this writes is all the native code gets:
 the tool on that file gives the same results as the panel."""
 
+import hashlib
+import json
 import os
 
 from ..jobs import JobError
@@ -64,6 +66,41 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
 def write(document, folder):
     """Writes job.json; returns its path."""
     return files.write_json(os.path.join(folder, JOB_FILE), document)
+
+
+def fingerprint(folder):
+    """A hash of what the simulation in job.json depends on; "" where there is none, or where it
+    reads files that are not ours (those may change behind our back)."""
+    path = os.path.join(folder, JOB_FILE)
+    if not os.path.isfile(path):
+        return ""
+    document = files.read_json(path)
+    scene = {key: value for key, value in document.get("scene", {}).items() if key != "quality"}
+    digest = hashlib.sha256(json.dumps(scene, sort_keys=True).encode())
+    for name in sorted(_file_names(scene)):
+        if not name.startswith(job_writer.INPUT_FOLDER + "/"):
+            return ""
+        try:
+            with open(os.path.join(folder, name), "rb") as stream:
+                digest.update(stream.read())
+        except OSError:
+            return ""
+    return digest.hexdigest()
+
+
+def _file_names(value):
+    """Every file that a part of the document names."""
+    if isinstance(value, list):
+        for item in value:
+            yield from _file_names(item)
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            if key in ("points", "mesh", "cage", "gaussians", "file") and isinstance(item, str):
+                yield item
+            elif key == "meshes":
+                yield from item
+            else:
+                yield from _file_names(item)
 
 
 def _check(writer):

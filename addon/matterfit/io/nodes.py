@@ -42,7 +42,7 @@ class _Builder:
 def particles_tree(name, radius, material, attributes):
     """Vertices to points with a radius, a material and attributes from textures.
 
-    `attributes`: [(name, image, first frame, last frame)].
+    `attributes`: [(name, image, (width, height), first frame, last frame)].
     """
     tree = bpy.data.node_groups.get(name)
     if tree is None or tree.type != "GEOMETRY":
@@ -66,12 +66,12 @@ def particles_tree(name, radius, material, attributes):
     return tree
 
 
-def _stored_attribute(builder, geometry, name, image, first, last):
+def _stored_attribute(builder, geometry, name, image, size, first, last):
     """`geometry` with the attribute read from the frame's texture, points packed row-major.
 
     The frame is clamped to [first, last]: past the end the texture would give zeros.
     """
-    width, height = image.size
+    width, height = size
     index = builder.add("GeometryNodeInputIndex").outputs[0]
     column = builder.math("MODULO", index, float(width))
     row = builder.math("FLOOR", builder.math("DIVIDE", index, float(width)), None)

@@ -156,7 +156,7 @@ class JobOperator:
             return {"CANCELLED"}
         if job.state is State.FAILED:
             self.stopped(context, job)
-            return report_error(self, context, job.error)
+            return report_error(self, context, panel_words(job.error))
         try:
             self.ended(context, job)
         except JobError as error:
@@ -167,6 +167,15 @@ class JobOperator:
 
     def stopped(self, context, job):
         """Called after CANCELLED and FAILED: what there is by now may be shown."""
+
+
+def panel_words(message):
+    """The tool's advice in the panel's words."""
+    head, found, _tail = message.partition("Run with --restart")
+    if not found:
+        return message
+    return head.rstrip() + "\n" + translate("Press Bake to replace them, or add a take and bake "
+                                            "that.")
 
 
 def progress_text(job):

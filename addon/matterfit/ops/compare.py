@@ -7,6 +7,7 @@ from .. import jobs, native
 from ..compat import translate
 from ..io import comparison, job_document, takes
 from ..jobs import JobError
+from ..props import scene as scene_props
 from .base import JobOperator, session
 from .simulate import check_estimate, start_job
 
@@ -35,7 +36,9 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
     def ended(self, context, job):
         scene = context.scene
         settings = scene.matterfit
-        found = comparison.load(job.folder)
+        capture = scene_props.active_capture(settings)
+        name = capture.name if capture is not None and capture.enabled else ""
+        found = comparison.load(job.folder, name)
         store(settings.compare, found)
         session(context).last_report = translate(
             "Mean error {mean} mm, 95 % below {p95} mm, in {time}").format(

@@ -124,10 +124,14 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         take = takes.ensure_active(scene.matterfit)
         discard_preview(scene)
         folder = takes.claim(take)
+        before = job_document.fingerprint(folder)
         document = job_document.build(scene, take, folder, "bake")
+        job_document.write(document, folder)
         check_estimate(context, document, folder)
+        # States of the very same inputs are used again: another output bakes without simulating.
+        same = bool(before) and before == job_document.fingerprint(folder)
         return start_job(context, translate("Bake {name}").format(name=take.name), document,
-                         folder)
+                         folder, restart=not same)
 
 
 class MATTERFIT_OT_resume(BakeJob, bpy.types.Operator):

@@ -31,9 +31,11 @@ def active_comparison(scene):
     if take is None or not settings.compare.done or not take.folder:
         return None
     folder = takes.locate(take).folder
-    stamp = comparison.stamp(folder)
-    if _loaded.get("key") != (folder, stamp):
-        _loaded.update(key=(folder, stamp), value=comparison.load_quietly(folder))
+    capture = scene_props.active_capture(settings)
+    name = capture.name if capture is not None and capture.enabled else ""
+    key = (folder, name, comparison.stamp(folder))
+    if _loaded.get("key") != key:
+        _loaded.update(key=key, value=comparison.load_quietly(folder, name))
     return _loaded["value"]
 
 

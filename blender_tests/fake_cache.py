@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cache files made without the solver, so that attaching is tested by itself."""
+
+import os
+import struct
+
+import bpy
+import numpy
+
+
+def write_pc2(path, samples, first=1.0):
+    """samples (T, N, 3)."""
+    samples = numpy.asarray(samples, dtype="<f4")
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    with open(path, "wb") as stream:
+        stream.write(struct.pack("<12siiffi", b"POINTCACHE2\0", 1, samples.shape[1], first, 1.0,
+                                 samples.shape[0]))
+        stream.write(samples.tobytes())
+
+
+def write_exr(path, values, width):
+    """values (N, 3), packed row-major from the top, in a float EXR."""
+    height = -(-len(values) // width)
+    pixels = numpy.zeros((height, width, 4), dtype=numpy.float32)
+    pixels[..., 3] = 1.0
+    flat = pixels.reshape(-1, 4)
+    flat[:len(values), :3] = values
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    image = bpy.data.images.new("exr", width, height, float_buffer=True, alpha=True)
+    image.colorspace_settings.name = "Non-Color"
+    image.pixels.foreach_set(pixels[::-1].ravel())  # Blender begins at the bottom
+    image.filepath_raw = path
+    image.file_format = "OPEN_EXR"
+    image.save()
+    bpy.data.images.remove(image)
+
+
+def write_vdb(path, radius):
+    """A fog sphere 'density' and its level set 'surface'."""
+    import pyopenvdb
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    surface = pyopenvdb.createLevelSetSphere(radius=radius, center=(0, 0, 1), voxelSize=0.02)
+    surface.name = "surface"
+    density = pyopenvdb.createLevelSetSphere(radius=radius, center=(0, 0, 1), voxelSize=0.02)
+    density.name = "density"
+    pyopenvdb.write(path, grids=[density, surface])
+
+
+def has_openvdb():
+    try:
+        import pyopenvdb  # noqa: F401
+    except ImportError:
+        return False
+    return True

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the Blender tests share: a fresh scene in a folder of its own, objects, a second process."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import bpy
+import matterfit
+from matterfit import native
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+SCRATCH = os.path.join(ROOT, "build", "tmp")
+CLI = os.path.join(ROOT, "addon", "matterfit", "cli.py")
+
+
+def register_once():
+    """The add-on stays registered for the whole run; test_register takes it off and on."""
+    if not hasattr(bpy.types.Scene, "matterfit"):
+        matterfit.register()
+
+
+def needs_library(function):
+    """Skips by name where the native library was not built; MATTERFIT_REQUIRE_LIBRARY forbids it."""
+    if native.load() or os.environ.get("MATTERFIT_REQUIRE_LIBRARY"):
+        return function
+    return unittest.skip(f"the native library is not there: {native.load_error()}")(function)
+
+
+class SceneCase(unittest.TestCase):
+    """A saved, empty .blend in a folder that is removed afterwards."""
+
+    def setUp(self):
+        register_once()
+        os.makedirs(SCRATCH, exist_ok=True)
+        self.folder = tempfile.mkdtemp(prefix="blend_", dir=SCRATCH)
+        self.addCleanup(shutil.rmtree, self.folder, True)
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        self.save("scene.blend")
+        self.scene = bpy.context.scene
+        self.scene.frame_start, self.scene.frame_end = 1, 6
+        self.settings = self.scene.matterfit
+
+    def tearDown(self):
+        matterfit.jobs.registry.stop_all()
+
+    def save(self, name):
+        bpy.ops.wm.save_as_mainfile(filepath=os.path.join(self.folder, name), check_existing=False)
+
+    def reopen(self, name="scene.blend"):
+        bpy.ops.wm.open_mainfile(filepath=os.path.join(self.folder, name))
+        self.scene = bpy.context.scene
+        self.settings = self.scene.matterfit
+
+    def cube(self, name="Cube", size=0.2, location=(0.0, 0.0, 0.5)):
+        bpy.ops.mesh.primitive_cube_add(size=size, location=location)
+        item = bpy.context.active_object
+        item.name = name
+        return item
+
+    def body(self, item, role="BODY"):
+        select(item)
+        bpy.ops.matterfit.add_body(role=role)
+        return self.settings.bodies[len(self.settings.bodies) - 1]
+
+    def jelly(self, separation=0.02, **arguments):
+        """A soft cube that is cheap to simulate."""
+        item = self.cube(**arguments)
+        body = self.body(item)
+        body.material.E = 1e4
+        self.settings.solver.particle_separation = separation
+        return body
+
+    def document(self, task="bake", **arguments):
+        """The job document of the active take, as a dictionary, and its folder."""
+        from matterfit.io import job_document, takes
+        take = takes.ensure_active(self.settings)
+        folder = takes.claim(take)
+        return job_document.build(self.scene, take, folder, task, **arguments), folder
+
+    def fails(self, operator, words, **arguments):
+        """The operator must fail; its message must hold all `words`."""
+        with self.assertRaises(RuntimeError) as caught:
+            operator(**arguments)
+        message = self.error()
+        for word in words:
+            self.assertIn(word, message)
+        self.assertIn(message.split("\n")[0], str(caught.exception))
+        return message
+
+    def error(self):
+        return bpy.context.window_manager.matterfit.last_error
+
+
+def select(*items):
+    for other in bpy.context.view_layer.objects:
+        other.select_set(False)
+    for item in items:
+        item.select_set(True)
+    bpy.context.view_layer.objects.active = items[0]
+
+
+def second_process(code, blend=None, addon=False, environment=None, timeout=300):
+    """Runs Python in another Blender (or another Python with bpy) and returns its last line as JSON.
+
+    Without `addon` nothing of ours is importable there.
+    """
+    head = ["import bpy, json, sys"]
+    if addon:
+        head.append(f"sys.path.insert(0, {os.path.join(ROOT, 'addon')!r})")
+    if blend:
+        head.append(f"bpy.ops.wm.open_mainfile(filepath={blend!r})")
+    script = tempfile.NamedTemporaryFile("w", suffix=".py", dir=SCRATCH, delete=False)
+    with script:
+        script.write("\n".join([*head, code]))
+    try:
+        done = subprocess.run([*program(), script.name], capture_output=True, text=True,
+                              timeout=timeout, env={**os.environ, **(environment or {})},
+                              check=False)
+    finally:
+        os.remove(script.name)
+    if done.returncode != 0:
+        raise AssertionError(f"second process: status {done.returncode}\n{done.stdout}\n"
+                             f"{done.stderr}")
+    lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
+    return json.loads(lines[-1])
+
+
+def program():
+    """How a script is run by the same Blender: the binary, or Python where bpy is a module."""
+    if bpy.app.binary_path:
+        return [bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "-P"]
+    return [sys.executable]
+
+
+def run_cli(*arguments, blend=None, timeout=300):
+    """cli.py as a user calls it. Returns the finished process."""
+    if bpy.app.binary_path:
+        command = [bpy.app.binary_path, "-b", "--factory-startup"]
+        command += [blend] if blend else []
+        command += ["--python-exit-code", "1", "-P", CLI, "--", *arguments]
+    else:
+        command = [sys.executable, CLI, "--", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)

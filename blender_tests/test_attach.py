@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Attached caches play natively: here, in a second Blender that does not know us, and rendered."""
+
+import json
+import os
+import unittest
+
+import bpy
+import numpy
+from fake_cache import has_openvdb, write_exr, write_pc2, write_vdb
+from matterfit.io import attach, cache, takes
+from matterfit.jobs import JobError
+from support import SceneCase, second_process
+
+FRAMES = range(3, 8)
+
+
+def evaluated_points(item, frame):
+    """(N, 3) world positions of the evaluated mesh."""
+    bpy.context.scene.frame_set(frame)
+    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = evaluated.to_mesh()
+    points = numpy.empty(len(mesh.vertices) * 3, dtype=numpy.float32)
+    mesh.vertices.foreach_get("co", points)
+    evaluated.to_mesh_clear()
+    matrix = numpy.array(evaluated.matrix_world)
+    return points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+class AttachCase(SceneCase):
+    def setUp(self):
+        super().setUp()
+        self.item = self.cube(location=(0.0, 0.0, 1.0))
+        self.body_row = self.body(self.item)
+        self.scene.frame_start, self.scene.frame_end = FRAMES[0], FRAMES[-1]
+        self.take = takes.ensure_active(self.settings)
+
+    def attach(self, **output):
+        """Attaches the fake cache of the active take."""
+        document, self.folder_of_cache = self.document()
+        document["output"].update(output)
+        self.write_files(document)
+        shown = attach.Attachment(self.scene, self.take, self.folder_of_cache, document)
+        self.frames_done = shown.update()
+        return {item["matterfit"]: item for item in self.take.collection.objects}
+
+    def write_files(self, document):
+        raise NotImplementedError
+
+
+class MeshTest(AttachCase):
+    """A render mesh whose cache lifts it by .1 m a frame."""
+
+    def write_files(self, document):
+        local = numpy.array([vertex.co for vertex in self.item.data.vertices])
+        samples = [local + (0.0, 0.0, 0.1 * k) for k in range(len(FRAMES))]
+        write_pc2(os.path.join(self.folder_of_cache, "mesh", "Cube.pc2"), samples)
+
+    def test_moves_and_gives_way(self):
+        """The result moves with the cache; the artist's object hides and comes back."""
+        items = self.attach()
+        result = items["mesh:Cube"]
+        for k, frame in enumerate(FRAMES):
+            points = evaluated_points(result, frame)
+            numpy.testing.assert_allclose(points.mean(axis=0), (0, 0, 1 + 0.1 * k), atol=1e-5)
+        self.assertEqual(self.frames_done, len(FRAMES))
+        self.assertTrue(self.item.hide_render)
+        self.assertIs(result.data, self.item.data)
+        attach.detach(self.scene, self.take)
+        self.assertFalse(self.item.hide_render)
+        self.assertNotIn("matterfit_hidden", self.item)
+        self.assertIsNone(self.take.collection)
+        self.assertEqual([item.name for item in self.scene.objects], ["Cube"])
+
+    def test_before_subdivision_after_deformers(self):
+        self.item.modifiers.new("Cast", "CAST").factor = 0.0
+        self.item.modifiers.new("Subdivision", "SUBSURF").levels = 2
+        result = self.attach()["mesh:Cube"]
+        self.assertEqual([modifier.name for modifier in result.modifiers],
+                         ["Cast", "Matterfit Cache", "Subdivision"])
+        self.assertGreater(len(evaluated_points(result, FRAMES[0])), 8)
+
+    def test_scaled_turned_and_animated(self):
+        """The result stands where the cache says, whatever the object's own transform does."""
+        self.item.scale = (1.0, 2.0, 0.5)
+        self.item.rotation_euler = (0.3, 0.2, 0.1)
+        self.item.keyframe_insert("location", frame=FRAMES[0])
+        self.item.location.x = 9.0
+        self.item.keyframe_insert("location", frame=FRAMES[-1])
+        self.scene.frame_set(FRAMES[0])
+        start = evaluated_points(self.item, FRAMES[0])
+        document, folder = self.document()
+        with numpy.load(os.path.join(folder, document["output"]["mesh"][0]["mesh"])) as arrays:
+            local = arrays["vertices"]
+        write_pc2(os.path.join(folder, "mesh", "Cube.pc2"), [local] * len(FRAMES))
+        attach.Attachment(self.scene, self.take, folder, document).update()
+        result = next(item for item in self.take.collection.objects)
+        for frame in (FRAMES[0], FRAMES[-1]):
+            numpy.testing.assert_allclose(evaluated_points(result, frame), start, atol=1e-5)
+
+    def test_changed_mesh_is_said(self):
+        """Blender would show the undeformed mesh and say nothing."""
+        self.attach()
+        document, folder = self.document()
+        self.item.data = self.item.data.copy()
+        self.item.data.vertices.add(1)
+        with self.assertRaisesRegex(JobError, "holds 8 points.*9 vertices.*bake again"):
+            attach.Attachment(self.scene, self.take, folder, document).update()
+
+    def test_plays_without_us(self):
+        """Saved, opened in another process that has no add-on: the same places."""
+        self.attach()
+        self.save("scene.blend")
+        found = second_process("""
+assert not hasattr(bpy.types.Scene, "matterfit")
+heights = {}
+item = next(item for item in bpy.context.scene.objects if item.get("matterfit") == "mesh:Cube")
+for frame in (3, 5, 7):
+    bpy.context.scene.frame_set(frame)
+    mesh = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    heights[frame] = sum(vertex.co.z for vertex in mesh.vertices) / len(mesh.vertices)
+print(json.dumps(heights))
+""", blend=os.path.join(self.folder, "scene.blend"))
+        for frame, height in found.items():
+            self.assertAlmostEqual(height, 0.1 * (int(frame) - 3), places=5)
+
+
+class ParticleTest(AttachCase):
+    """Seven particles in textures of three columns, so that rows are not full."""
+
+    COUNT = 7
+
+    def write_files(self, document):
+        folder = self.folder_of_cache
+        k = numpy.arange(self.COUNT, dtype=float)
+        self.places = numpy.stack((k, 0.0 * k, 0.0 * k), axis=1)
+        write_pc2(os.path.join(folder, "points", "Cube.pc2"),
+                  [self.places + (0.0, float(step), 0.0) for step in range(len(FRAMES))])
+        for step, frame in enumerate(FRAMES):
+            values = numpy.stack((k + 1.0, 10.0 * k, 100.0 * step + 0.0 * k), axis=1)
+            write_exr(os.path.join(folder, "attributes", f"Cube_velocity_{frame:04d}.exr"),
+                      values, 3)
+
+    def test_points_and_attributes(self):
+        """The vertices move; the texture's pixel of each particle arrives, clamped past the end."""
+        item = self.attach(points=True, attributes=["velocity"])["points:Cube"]
+        item.hide_viewport = False
+        modifier = item.modifiers["Matterfit Particles"]
+        # Points are no mesh: their attributes are read through Points to Vertices.
+        tree = modifier.node_group
+        output = next(node for node in tree.nodes if node.type == "GROUP_OUTPUT")
+        source = output.inputs[0].links[0].from_socket
+        back = tree.nodes.new("GeometryNodePointsToVertices")
+        tree.links.new(source, back.inputs[0])
+        tree.links.new(back.outputs[0], output.inputs[0])
+        k = numpy.arange(self.COUNT)
+        for frame, step in ((3, 0), (5, 2), (7, 4), (40, 4), (1, 0)):
+            self.scene.frame_set(frame)
+            evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+            mesh = evaluated.to_mesh()
+            attribute = mesh.attributes["velocity"]
+            values = numpy.empty(self.COUNT * 3, dtype=numpy.float32)
+            attribute.data.foreach_get("vector", values)
+            places = numpy.empty(self.COUNT * 3, dtype=numpy.float32)
+            mesh.vertices.foreach_get("co", places)
+            evaluated.to_mesh_clear()
+            expected = numpy.stack((k + 1.0, 10.0 * k, 100.0 * step + 0.0 * k), axis=1)
+            numpy.testing.assert_allclose(values.reshape(-1, 3), expected, err_msg=str(frame))
+            numpy.testing.assert_allclose(places.reshape(-1, 3),
+                                          self.places + (0.0, step, 0.0), atol=1e-6)
+
+    def test_scale_length(self):
+        """The cache is in metres: the object that shows it is 1 / scale_length as large."""
+        self.scene.unit_settings.scale_length = 0.01
+        item = self.attach(points=True)["points:Cube"]
+        numpy.testing.assert_allclose(tuple(item.scale), (100.0,) * 3, rtol=1e-6)
+
+    def test_truncated(self):
+        self.attach(points=True)
+        path = os.path.join(self.folder_of_cache, "points", "Cube.pc2")
+        with open(path, "r+b") as stream:
+            stream.truncate(os.path.getsize(path) - 5)
+        with self.assertRaisesRegex(JobError, "Cube.pc2: has .* truncated"):
+            cache.read_pc2(path)
+        with open(path, "wb") as stream:
+            stream.write(b"x" * 40)
+        with self.assertRaisesRegex(JobError, "is not a PC2 file"):
+            cache.read_pc2(path)
+
+    def test_unfinished_shows_its_newest_frame(self):
+        """While baking the PC2 has another name; what it holds by now is seen."""
+        document, folder = self.document()
+        document["output"].update(points=True)
+        path = os.path.join(folder, "points", "Cube.pc2.partial")
+        write_pc2(path, numpy.zeros((2, 4, 3)) + [[[1.0]], [[2.0]]])
+        done = attach.Attachment(self.scene, self.take, folder, document).update()
+        item = next(item for item in self.take.collection.objects)
+        self.assertEqual(done, 2)
+        self.assertEqual([vertex.co.x for vertex in item.data.vertices], [2.0] * 4)
+
+
+@unittest.skipUnless(has_openvdb(), "pyopenvdb is not installed for Blender's Python")
+class VolumeTest(AttachCase):
+    """A sphere that grows."""
+
+    def write_files(self, document):
+        for k, frame in enumerate(FRAMES):
+            write_vdb(os.path.join(self.folder_of_cache, "volume", f"Cube_{frame:04d}.vdb"),
+                      0.2 + 0.05 * k)
+
+    def test_sequence_and_surface(self):
+        """Files carry the scene's frames; the level set becomes a mesh of the right size."""
+        items = self.attach(volume=["density", "surface"])
+        volume = items["volume:Cube"].data
+        self.assertEqual((volume.frame_start, volume.frame_offset, volume.frame_duration),
+                         (3, 2, 5))
+        self.assertEqual(volume.velocity_unit, "SECOND")
+        surface = items["surface:Cube"]
+        surface.hide_viewport = False
+        for k, frame in enumerate(FRAMES):
+            points = evaluated_points(surface, frame)
+            radius = numpy.linalg.norm(points - (0, 0, 1), axis=1).mean()
+            self.assertAlmostEqual(radius, 0.2 + 0.05 * k, delta=0.004)
+
+    def test_renders_without_us(self):
+        """`-a` of the saved file in a bare Blender: pictures that differ from frame to frame."""
+        self.attach(volume=["surface"])
+        camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+        camera.location, camera.rotation_euler = (0.0, -3.0, 1.0), (1.5708, 0.0, 0.0)
+        light = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+        for item in (camera, light):
+            self.scene.collection.objects.link(item)
+        self.scene.camera = camera
+        self.scene.render.engine = "CYCLES"
+        self.scene.cycles.samples = 2
+        self.scene.cycles.use_denoising = False
+        self.scene.render.resolution_x = self.scene.render.resolution_y = 32
+        self.scene.render.image_settings.file_format = "OPEN_EXR"
+        self.scene.render.filepath = os.path.join(self.folder, "shot_")
+        self.scene.frame_step = 4
+        self.save("scene.blend")
+        found = second_process(f"""
+bpy.ops.render.render(animation=True)
+sums = {{}}
+for frame in (3, 7):
+    image = bpy.data.images.load({self.folder!r} + "/shot_%04d.exr" % frame)
+    pixels = list(image.pixels)
+    sums[frame] = sum(1 for value in pixels[0::4] if value > 0.02)
+print(json.dumps(sums))
+""", blend=os.path.join(self.folder, "scene.blend"))
+        small, large = found["3"], found["7"]
+        self.assertGreater(small, 5)
+        self.assertGreater(large, 2 * small)
+
+
+class FreeTest(AttachCase):
+    def write_files(self, document):
+        local = numpy.array([vertex.co for vertex in self.item.data.vertices])
+        write_pc2(os.path.join(self.folder_of_cache, "mesh", "Cube.pc2"), [local] * 5)
+        with open(os.path.join(self.folder_of_cache, "manifest.json"), "w") as stream:
+            json.dump({"files": {"mesh/Cube.pc2": {"size": 1, "hash": ""}}}, stream)
+        with open(os.path.join(self.folder_of_cache, "job.json"), "w") as stream:
+            json.dump(document, stream)
+
+    def test_only_what_is_listed(self):
+        """Ours goes, a stranger's file stays and is named; the folder stays with it."""
+        self.attach()
+        stranger = os.path.join(self.folder_of_cache, "mesh", "notes.txt")
+        with open(stranger, "w") as stream:
+            stream.write("mine")
+        left = cache.free(self.folder_of_cache)
+        self.assertEqual(left, [os.path.join("mesh", "notes.txt")])
+        self.assertEqual(sorted(os.listdir(self.folder_of_cache)), ["mesh"])
+        os.remove(stranger)
+        self.assertEqual(cache.free(self.folder_of_cache), [])
+        self.assertFalse(os.path.exists(self.folder_of_cache))
+
+    def test_a_manifest_cannot_point_outside(self):
+        self.attach()
+        outside = os.path.join(self.folder, "precious.txt")
+        with open(outside, "w") as stream:
+            stream.write("mine")
+        with open(os.path.join(self.folder_of_cache, "manifest.json"), "w") as stream:
+            json.dump({"files": {"../precious.txt": {}, outside: {}}}, stream)
+        cache.free(self.folder_of_cache)
+        self.assertTrue(os.path.isfile(outside))

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The state machine of jobs, with a backend that does nothing and a clock that we turn."""
+
+import unittest
+
+from matterfit import jobs
+from matterfit.jobs import Job, JobError, Outcome, Snapshot, State
+
+
+class FakeBackend:
+    def __init__(self, steps=4, status=0, error=""):
+        self.steps = steps
+        self.step = 0
+        self.status = status
+        self.error = error
+        self.cancelled = False
+        self.freed = 0
+
+    def poll(self):
+        if not self.cancelled and self.step < self.steps:
+            self.step += 1
+        finished = self.cancelled or self.step >= self.steps
+        return Snapshot(finished=finished, fraction=self.step / self.steps, frame=self.step)
+
+    def cancel(self):
+        self.cancelled = True
+
+    def wait(self):
+        self.step = self.steps
+
+    def outcome(self):
+        if self.cancelled:
+            return Outcome(jobs.EXIT_CANCELLED, {}, "cancelled")
+        return Outcome(self.status, {"ok": True}, self.error)
+
+    def free(self):
+        self.freed += 1
+
+
+class Clock:
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+class JobTest(unittest.TestCase):
+    def job(self, backend, clock=None):
+        return Job("test", lambda: backend, clock=clock or Clock())
+
+    def test_runs_to_done_and_frees_once(self):
+        """A blocking run polls until the end and hands over the result."""
+        backend = FakeBackend()
+        ticks = []
+        job = self.job(backend).run(on_tick=lambda j: ticks.append(j.snapshot.frame), interval=0.0)
+        self.assertIs(job.state, State.DONE)
+        self.assertEqual(job.result, {"ok": True})
+        self.assertEqual(ticks, [1, 2, 3, 4])
+        self.assertEqual(backend.freed, 1)
+        self.assertFalse(job.tick(), "a finished job must not poll a freed backend")
+        job.cancel()
+        self.assertIs(job.state, State.DONE)
+
+    def test_cancel(self):
+        """Cancel goes through CANCELLING, and the next poll ends it."""
+        backend = FakeBackend()
+        job = self.job(backend).start()
+        job.tick()
+        job.cancel()
+        self.assertIs(job.state, State.CANCELLING)
+        job.cancel()
+        self.assertTrue(job.tick())
+        self.assertIs(job.state, State.CANCELLED)
+        self.assertEqual(job.status, 130)
+        self.assertEqual(backend.freed, 1)
+
+    def test_failure_keeps_status_and_message(self):
+        job = self.job(FakeBackend(status=3, error="particle 7 left")).run(interval=0.0)
+        self.assertIs(job.state, State.FAILED)
+        self.assertEqual((job.status, job.error), (3, "particle 7 left"))
+
+    def test_start_that_raises(self):
+        """A document that is refused never has a backend."""
+        def start():
+            raise JobError("scene.frames is empty", 2)
+
+        job = Job("test", start).run(interval=0.0)
+        self.assertIs(job.state, State.FAILED)
+        self.assertEqual((job.status, job.error), (2, "scene.frames is empty"))
+        with self.assertRaises(RuntimeError):
+            job.start()
+
+    def test_time_left_counts_from_what_was_seen_first(self):
+        """A resumed run stands at 50 % at once; its rate must not count that half."""
+        clock = Clock()
+        backend = FakeBackend(steps=10)
+        backend.step = 4
+        job = self.job(backend, clock).start()
+        self.assertIsNone(job.seconds_left)
+        job.tick()  # .5 at 100 s
+        clock.now += 20.0
+        job.tick()  # .6 at 120 s: .1 in 20 s
+        self.assertAlmostEqual(job.seconds_left, 80.0)
+        self.assertAlmostEqual(job.elapsed, 20.0)
+
+    def test_registry_stops_all(self):
+        registry = jobs.Registry()
+        first, second = FakeBackend(steps=99), FakeBackend(steps=99)
+        running = registry.add(self.job(first).start())
+        also = registry.add(self.job(second).start())
+        self.assertIs(registry.running, also)
+        registry.stop_all()
+        self.assertIs(running.state, State.CANCELLED)
+        self.assertIs(also.state, State.CANCELLED)
+        self.assertEqual((first.freed, second.freed), (1, 1))
+        self.assertIsNone(registry.current)
+
+    def test_texts(self):
+        self.assertEqual(jobs.duration_text(3.4), "3 s")
+        self.assertEqual(jobs.duration_text(125), "2 min 5 s")
+        self.assertEqual(jobs.duration_text(3840), "1 h 4 min")
+        self.assertEqual(jobs.duration_text(None), "")
+        self.assertEqual(jobs.size_text(512), "512 B")
+        self.assertEqual(jobs.size_text(3277), "3.2 kB")
+        self.assertEqual(jobs.size_text(2 * 1024**4), "2048.0 GB")

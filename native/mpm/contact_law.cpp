@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/contact_law.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace matterfit::mpm {
+
+Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int16_t surface,
+                    double dt, ContactMemory& memory) {
+  const double depth = point.radius - point.distance;
+  const bool separates = law.kind == ContactKind::kSeparating || law.kind == ContactKind::kFriction;
+  const bool held = memory.surface == surface;
+  if (depth <= 0.0 && (separates || !held)) {
+    if (held) memory = {};
+    return Vec3d::Zero();
+  }
+  if (!held) {
+    memory.surface = surface;
+    memory.stretch.setZero();
+  }
+  const double spring = law.stiffness * point.area;
+  const double dashpot = 2.0 * law.damping * std::sqrt(spring * point.mass);
+  const double approach = -point.normal.dot(point.relative_velocity);
+  double normal_force = spring * depth + dashpot * approach;
+  if (separates) normal_force = std::max(normal_force, 0.0);
+  Vec3d force = normal_force * point.normal;
+  if (law.kind == ContactKind::kSlip || law.kind == ContactKind::kSeparating) return force;
+
+  const Vec3d sliding = point.relative_velocity + approach * point.normal;
+  Vec3d stretch = memory.stretch.cast<double>() + dt * sliding;
+  stretch -= point.normal.dot(stretch) * point.normal;
+  Vec3d tangential = -spring * stretch - dashpot * sliding;
+  if (law.kind == ContactKind::kFriction) {
+    const double most = law.mu * normal_force;
+    const double size = tangential.norm();
+    if (size > most) {
+      tangential *= size > 0.0 ? most / size : 0.0;
+      // The spring keeps what it can carry, so that reversal starts from there.
+      stretch = -tangential / spring;
+    }
+  }
+  memory.stretch = stretch.cast<float>();
+  return force + tangential;
+}
+
+ContactLaw resolve_contact(const Contact& contact, const Body& body, double dx) {
+  ContactLaw law;
+  law.kind = contact.kind;
+  law.mu = contact.mu;
+  law.damping = contact.damping >= 0.0 ? contact.damping : kContactDamping;
+  law.stiffness = contact.stiffness;
+  if (!(law.stiffness > 0.0)) {
+    double modulus = body.material.p_wave_modulus();
+    const double mu = body.material.mu();
+    if (body.material.law != material::Law::kNewtonian && body.material.poisson_ratio > 0.4) {
+      modulus = std::min(modulus, 4.0 * mu);
+    }
+    double volume = 0.0;
+    for (const double v : body.volumes) volume += v;
+    const double size = std::cbrt(6.0 * volume / std::numbers::pi);  // of the ball of equal volume
+    law.stiffness = std::min(8.0 * modulus / size, modulus / dx);
+  }
+  return law;
+}
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+
+#include "base/vec.hpp"
+#include "mpm/collider.hpp"
+#include "mpm/scene.hpp"
+
+namespace matterfit::mpm {
+
+/// Contact of particles with surfaces, accurate below the cell: a penalty on the exact distance,
+///   f_n = k A ⟨r − d⟩ − damping,  A = J V/(2r₀),  r = r₀ √(nᵀ F Fᵀ n),
+/// k [Pa/m] a property of the contact (a skin's compliance), so that results converge with dx.
+/// Friction is a tangential spring with memory, capped at μ f_n: it sticks without creeping.
+struct ContactLaw {
+  ContactKind kind = ContactKind::kFriction;
+  double mu = 0.0;
+  double stiffness = 0.0;  ///< [Pa/m]
+  double damping = 0.0;    ///< fraction of critical, of the particle on its spring
+};
+
+/// What a particle remembers of the surface it touches.
+struct ContactMemory {
+  Vec3f stretch = Vec3f::Zero();  ///< of the tangential spring, world axes [m]
+  std::int16_t surface = -1;      ///< index of the surface, −1: none
+};
+
+/// One particle at one surface.
+struct ContactPoint {
+  double distance = 0.0;  ///< of the particle's centre, signed [m]
+  double radius = 0.0;    ///< present half-size along the normal [m]
+  double area = 0.0;      ///< [m²]
+  double mass = 0.0;      ///< [kg]
+  Vec3d normal = Vec3d::UnitZ();
+  Vec3d relative_velocity = Vec3d::Zero();  ///< of the particle against the surface [m/s]
+};
+
+/// Force on the particle [N]; updates its memory over `dt`.
+[[nodiscard]] Vec3d contact_force(const ContactLaw& law, const ContactPoint& point,
+                                  std::int16_t surface, double dt, ContactMemory& memory);
+
+/// Fills in the defaults: stiffness 8 M/size, at most M/dx, with M = λ+2μ, or 4μ where ν is near ½.
+[[nodiscard]] ContactLaw resolve_contact(const Contact& contact, const Body& body, double dx);
+
+/// Default damping, as a fraction of critical: what brings the spread of a rebound over sub-cell
+/// offsets below 1 % (docs/validation.md says what it costs).
+inline constexpr double kContactDamping = 0.05;
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "material/law_constants.hpp"
+#include "mpm/simulation.hpp"
+
+namespace matterfit::mpm {
+
+/// What a kernel saw of a block's particles.
+template <class S>
+struct BlockExtremes {
+  S min_volume_ratio;  ///< NaN-proof: a NaN makes it −infinity
+  S max_volume_ratio;
+};
+
+/// The mean dilatation of cell `cell` (slab · 16 + lane) is taken over it and cell `into` together.
+struct CellMerge {
+  std::uint8_t cell;
+  std::uint8_t into;
+};
+
+/// A total Lagrangian body as its force kernel sees it (layout.hpp). Coordinates are the body's own.
+template <class S>
+struct TotalView {
+  const double* displacement;          ///< per node block [3][64], [m]
+  const double* velocity;              ///< per node block [3][64], [m/s]; read if damped
+  const std::uint32_t* block_nodes;    ///< per block: 8 node blocks at (+a, +b, +c), index 4a+2b+c
+  const std::uint32_t* block_merges;   ///< first of `merges` of each block, and the end; or null
+  const CellMerge* merges;
+  const std::uint32_t* slab_chunks;    ///< first chunk of each slab, 4 a block, and the end
+  const S* geometry;                   ///< per chunk [4][16]: x/dx − base (3), rest volume [m³]
+  S* plastic;                          ///< per chunk [10][16]: Fᵖ⁻¹ − I, plastic strain; or null
+  const S* point_force;                ///< per chunk [3][16], force on the particle [N]; or null
+  const std::uint8_t* block_has_force; ///< per block: point_force is not all zero
+  S* force;                            ///< out, per block [3][216]: internal and point forces [N]
+  BlockExtremes<S>* extremes;          ///< out, per block
+  material::LawConstants<S> law;
+  S dx;
+  S dt;                  ///< of the flow rule and of `commit`
+  bool mean_dilatation;  ///< volume term of each cell's mean J̄, variational
+  bool commit;           ///< plastic history advances
+};
+
+/// State of particles as samples: what output, contact and time step control need.
+template <class S>
+struct TotalSamples {
+  S* position;  ///< per chunk [3][16]: displacement at the particle [m]
+  S* velocity;  ///< per chunk [3][16]; or null
+  S* gradient;  ///< per chunk [9][16]: H = F − I; or null
+};
+
+template <class S>
+struct Kernels {
+  /// Forces of one block. Equation: f_I = −Σ V P ∇₀w_I + Σ w_I f_p (docs/why.md).
+  void (*total_forces)(const TotalView<S>& view, std::size_t block);
+  void (*total_samples)(const TotalView<S>& view, const TotalSamples<S>& out, std::size_t block);
+};
+
+/// The kernels of an instruction set; kAuto: the best this processor has. Throws Error(kInput) if
+/// the processor lacks it.
+template <class S>
+[[nodiscard]] const Kernels<S>& kernels(SimdTarget target);
+
+}  // namespace matterfit::mpm

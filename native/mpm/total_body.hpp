@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/parallel.hpp"
+#include "base/vec.hpp"
+#include "material/law_constants.hpp"
+#include "mpm/kernels.hpp"
+#include "mpm/scene.hpp"
+#include "mpm/simulation.hpp"
+#include "mpm/state_bytes.hpp"
+#include "mpm/total_grid.hpp"
+
+namespace matterfit::mpm {
+
+class TotalPins;
+
+/// A body in the total Lagrangian formulation: the grid belongs to the rest shape, node
+/// displacements and velocities (double) are the state, particles are quadrature points:
+///   f_I = −Σ V P ∇₀w_I,  v_I += kick (f_I/m_I + g),  u_I += dt v_I,  F_p = I + Σ u_I ⊗ ∇₀w_I.
+/// Elastic laws and isochoric plastic flow take the volume term of each cell's mean J̄, variational,
+/// so that nearly incompressible solids do not lock. Nothing is transferred back and forth, so the
+/// integrator itself damps nothing (leapfrog).
+/// Limits: no contact with itself; strains that turn a cell inside out end the run.
+/// S is the scalar of the particles' kernels; nodes are always double.
+template <class S>
+class TotalBody {
+ public:
+  TotalBody(const Body& body, const Scene& scene, const Kernels<S>& kernels);
+  ~TotalBody();
+  TotalBody(const TotalBody&) = delete;
+  TotalBody& operator=(const TotalBody&) = delete;
+
+  /// Internal forces at the present displacement, into the blocks' halos.
+  void compute_forces(Arena& arena, double dt, bool commit);
+  /// Velocities by `kick` [s], displacements by `dt` [s]; gravity in world axes; `time` is that of
+  /// the present displacements, in seconds after the scene's first frame.
+  void step_nodes(Arena& arena, double kick, double dt, const Vec3d& gravity, double time);
+  /// True while every node is prescribed: forces are not needed.
+  [[nodiscard]] bool held(double time) const;
+  /// True if a pin lets go in (from, to]: the step that follows starts with a half kick.
+  [[nodiscard]] bool releases_between(double from, double to) const;
+
+  /// Largest stable time step [s] of the unforced body at its present shape: 2/ω with ω the highest
+  /// frequency, by power iteration on the linearised forces.
+  [[nodiscard]] double stable_time_step(Arena& arena, int iterations);
+
+  /// Forces on particles, in world axes, are set before compute_forces. One block's chunk range is
+  /// touched by one thread only.
+  void allocate_point_forces();
+  void clear_point_forces(std::size_t block);
+  void add_point_force(std::uint32_t particle, const Vec3d& world_force);
+
+  /// Present position, velocity and F of one particle, world axes, from the nodes (double).
+  struct PointState {
+    Vec3d position;
+    Vec3d velocity;
+  };
+  [[nodiscard]] PointState point_state(std::uint32_t particle) const;
+  [[nodiscard]] Mat3d deformation_gradient(std::uint32_t particle) const;
+  /// The same at the particle's quadrature point, where forces on it act.
+  [[nodiscard]] PointState quadrature_state(std::uint32_t particle) const;
+  /// Half the edge at rest of the particle's share of the cell, from its quadrature point [m].
+  [[nodiscard]] double half_size(std::uint32_t particle) const;
+
+  void sample(Arena& arena, BodyState& out) const;
+  [[nodiscard]] BlockExtremes<S> extremes() const;
+  [[nodiscard]] double max_speed() const;
+  [[nodiscard]] double kinetic_energy() const;
+
+  void save(ByteWriter& out) const;
+  void load(ByteReader& in);
+
+  [[nodiscard]] const std::string& name() const { return name_; }
+  [[nodiscard]] std::size_t particles() const { return grid_.particles(); }
+  [[nodiscard]] std::size_t blocks() const { return grid_.blocks(); }
+  [[nodiscard]] const TotalGrid& grid() const { return grid_; }
+  [[nodiscard]] double density() const { return density_; }
+  /// Particles of block b, in storage order.
+  [[nodiscard]] const std::vector<std::uint32_t>& block_particles(std::size_t b) const {
+    return grid_.block_particles(b);
+  }
+  [[nodiscard]] bool is_surface(std::uint32_t particle) const { return grid_.is_surface(particle); }
+  [[nodiscard]] double volume(std::uint32_t particle) const { return grid_.volume(particle); }
+  /// Momentum sum of nodes, world axes [kg m/s].
+  [[nodiscard]] Vec3d momentum() const;
+
+ private:
+  [[nodiscard]] PointState state_at(std::uint32_t particle, const Vec3d& f, const Vec3d& rest) const;
+  [[nodiscard]] TotalView<S> view(double dt, bool commit) const;
+  void sum_forces(std::size_t node_block, double* out) const;
+
+  std::string name_;
+  double density_;
+  material::LawConstants<S> law_;
+  const Kernels<S>* kernels_;
+  TotalGrid grid_;
+  std::vector<double> displacement_;  ///< node blocks × [3][64]
+  std::vector<double> velocity_;
+  std::vector<S> geometry_;     ///< chunks × [4][16]
+  std::vector<S> plastic_;      ///< chunks × [10][16], or empty
+  std::vector<S> point_force_;  ///< chunks × [3][16], allocated with the first force
+  std::vector<std::uint8_t> block_has_force_;
+  mutable std::vector<S> force_;  ///< blocks × [3][216]
+  mutable std::vector<BlockExtremes<S>> extremes_;
+  std::vector<double> mode_;  ///< last vector of the power iteration
+  std::unique_ptr<TotalPins> pins_;
+};
+
+extern template class TotalBody<float>;
+extern template class TotalBody<double>;
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,326 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/total_grid.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <string>
+#include <tuple>
+
+#include "base/error.hpp"
+
+namespace matterfit::mpm {
+namespace {
+
+bool before(const Vec3i& a, const Vec3i& b) {
+  return std::tie(a[0], a[1], a[2]) < std::tie(b[0], b[1], b[2]);
+}
+struct Before {
+  bool operator()(const Vec3i& a, const Vec3i& b) const { return before(a, b); }
+};
+
+std::uint32_t find(const std::vector<Vec3i>& sorted, const Vec3i& value) {
+  const auto place = std::lower_bound(sorted.begin(), sorted.end(), value, before);
+  if (place == sorted.end() || *place != value) return kNoBlock;
+  return static_cast<std::uint32_t>(place - sorted.begin());
+}
+
+Vec3i corner(int k) { return {k / 4, (k / 2) % 2, k % 2}; }
+
+Vec3i floor_divide(const Vec3i& v) { return {v[0] >> 2, v[1] >> 2, v[2] >> 2}; }
+
+/// Where along the lattice the grid's nodes lie, in cells: a pinned plane, or else the body's lowest
+/// face, is the boundary of a cell (half way between two nodes), so that outer cells are full. Half
+/// a cell at a clamp either locks (its mean dilatation on its own) or gives (docs/why.md).
+Vec3d grid_phase(const Body& body, double dx, const Mat3d& axes, const Vec3d& origin,
+                 const Points& rest) {
+  Vec3d low = rest.front();
+  for (const Vec3d& x : rest) low = low.cwiseMin(x);
+  const double half = body.lattice.regular ? 0.5 * body.lattice.spacing : 0.25 * dx;
+  Vec3d phase;
+  for (int axis = 0; axis < 3; ++axis) phase[axis] = (low[axis] - half) / dx - 0.5;
+  for (const Pin& pin : body.pins) {
+    if (pin.region != Pin::Region::kPlane) continue;
+    const Vec3d normal = axes.transpose() * pin.normal.normalized();
+    for (int axis = 0; axis < 3; ++axis) {
+      if (std::abs(std::abs(normal[axis]) - 1.0) > 1e-6) continue;
+      phase[axis] = (axes.transpose() * (pin.point - origin))[axis] / dx - 0.5;
+    }
+  }
+  // The lowest cell is cell 0, so that a small body touches as few blocks as it can.
+  for (int axis = 0; axis < 3; ++axis) {
+    phase[axis] += std::floor(low[axis] / dx - phase[axis] - 0.5 + 1e-9);
+  }
+  return phase;
+}
+
+}  // namespace
+
+TotalGrid::TotalGrid(const Body& body, const Scene& scene)
+    : dx_(scene.dx),
+      axes_(body.lattice.axes.normalized().toRotationMatrix()),
+      origin_(body.lattice.origin),
+      volumes_(body.volumes) {
+  rest_.reserve(body.rest.size());
+  for (const Vec3d& x : body.rest) rest_.push_back(to_local(x));
+  // A shifted grid starts a cell lower.
+  phase_ = grid_phase(body, dx_, axes_, origin_, rest_) + scene.grid_shift -
+           scene.grid_shift.cwiseSign().cwiseAbs();
+  place_particles();
+  link_blocks();
+  find_surface(body.lattice);
+  lump_mass(body.density);
+  merge_cells();
+  find_full_cells();
+}
+
+std::pair<Vec3i, Vec3d> TotalGrid::cell(const Vec3d& local) const {
+  Vec3i base;
+  Vec3d f;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double x = node_coordinate(local, axis);
+    base[axis] = static_cast<int>(std::floor(x - 0.5));
+    f[axis] = x - base[axis];
+  }
+  return {base, f};
+}
+
+void TotalGrid::place_particles() {
+  std::vector<Vec3i> bases(rest_.size());
+  std::set<Vec3i, Before> coordinates;
+  for (std::size_t p = 0; p < rest_.size(); ++p) {
+    bases[p] = cell(rest_[p]).first;
+    coordinates.insert(floor_divide(bases[p]));
+  }
+  block_coordinates_.assign(coordinates.begin(), coordinates.end());
+  particle_block_.resize(rest_.size());
+  block_particles_.resize(block_coordinates_.size());
+  for (std::size_t p = 0; p < rest_.size(); ++p) {
+    particle_block_[p] = find(block_coordinates_, floor_divide(bases[p]));
+    block_particles_[particle_block_[p]].push_back(static_cast<std::uint32_t>(p));
+  }
+  place_.resize(rest_.size());
+  slab_chunks_.assign(1, 0);
+  for (std::size_t b = 0; b < block_coordinates_.size(); ++b) {
+    std::array<std::array<std::uint32_t, kLanes>, kSlabs> filled{};
+    std::vector<std::uint32_t> slot(block_particles_[b].size());
+    for (std::size_t i = 0; i < slot.size(); ++i) {
+      const Vec3i c = bases[block_particles_[b][i]] - 4 * block_coordinates_[b];
+      slot[i] = filled[static_cast<std::size_t>(c[0])][static_cast<std::size_t>(4 * c[1] + c[2])]++;
+    }
+    const std::size_t first_slab = slab_chunks_.size() - 1;
+    for (const auto& cells : filled) {
+      slab_chunks_.push_back(slab_chunks_.back() + *std::max_element(cells.begin(), cells.end()));
+    }
+    for (std::size_t i = 0; i < slot.size(); ++i) {
+      const std::uint32_t p = block_particles_[b][i];
+      const Vec3i c = bases[p] - 4 * block_coordinates_[b];
+      const std::uint32_t chunk = slab_chunks_[first_slab + static_cast<std::size_t>(c[0])] + slot[i];
+      place_[p] = chunk * static_cast<std::uint32_t>(kLanes) +
+                  static_cast<std::uint32_t>(4 * c[1] + c[2]);
+    }
+  }
+}
+
+void TotalGrid::link_blocks() {
+  std::set<Vec3i, Before> coordinates;
+  for (const Vec3i& b : block_coordinates_) {
+    for (int k = 0; k < 8; ++k) coordinates.insert(b + corner(k));
+  }
+  node_block_coordinates_.assign(coordinates.begin(), coordinates.end());
+  block_nodes_.resize(block_coordinates_.size());
+  node_sources_.resize(node_block_coordinates_.size());
+  for (std::size_t b = 0; b < block_coordinates_.size(); ++b) {
+    for (int k = 0; k < 8; ++k) {
+      block_nodes_[b][static_cast<std::size_t>(k)] =
+          find(node_block_coordinates_, block_coordinates_[b] + corner(k));
+    }
+  }
+  for (std::size_t n = 0; n < node_block_coordinates_.size(); ++n) {
+    for (int k = 0; k < 8; ++k) {
+      node_sources_[n][static_cast<std::size_t>(k)] =
+          find(block_coordinates_, node_block_coordinates_[n] - corner(k));
+    }
+  }
+}
+
+void TotalGrid::find_surface(const Lattice& lattice) {
+  surface_.assign(rest_.size(), 1);
+  if (!lattice.regular || !(lattice.spacing > 0.0)) return;
+  const auto coordinates = [&](const Vec3d& x) {
+    return Vec3i(static_cast<int>(std::floor(x[0] / lattice.spacing)),
+                 static_cast<int>(std::floor(x[1] / lattice.spacing)),
+                 static_cast<int>(std::floor(x[2] / lattice.spacing)));
+  };
+  std::vector<Vec3i> places(rest_.size());
+  for (std::size_t p = 0; p < rest_.size(); ++p) places[p] = coordinates(rest_[p]);
+  std::vector<Vec3i> sorted = places;
+  std::sort(sorted.begin(), sorted.end(), before);
+  for (std::size_t p = 0; p < rest_.size(); ++p) {
+    bool inside = true;
+    for (int axis = 0; axis < 3 && inside; ++axis) {
+      for (const int step : {-1, 1}) {
+        Vec3i next = places[p];
+        next[axis] += step;
+        inside = inside && std::binary_search(sorted.begin(), sorted.end(), next, before);
+      }
+    }
+    surface_[p] = inside ? 0 : 1;
+  }
+}
+
+void TotalGrid::lump_mass(double density) {
+  mass_.assign(node_blocks() * kBlockNodes, 0.0);
+  center_.setZero();
+  for (std::uint32_t p = 0; p < rest_.size(); ++p) {
+    const auto [base, f] = cell(rest_[p]);
+    double w[3][3];
+    for (int axis = 0; axis < 3; ++axis) {
+      w[axis][0] = 0.5 * (1.5 - f[axis]) * (1.5 - f[axis]);
+      w[axis][1] = 0.75 - (f[axis] - 1.0) * (f[axis] - 1.0);
+      w[axis][2] = 0.5 * (f[axis] - 0.5) * (f[axis] - 0.5);
+    }
+    const double m = density * volumes_[p];
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        for (int k = 0; k < 3; ++k)
+          mass_[find_node(base + Vec3i(i, j, k))] += m * w[0][i] * w[1][j] * w[2][k];
+    total_mass_ += m;
+    center_ += m * rest_[p];
+  }
+  center_ /= total_mass_;
+  inverse_mass_.resize(mass_.size());
+  for (std::size_t n = 0; n < mass_.size(); ++n) {
+    inverse_mass_[n] = mass_[n] > 0.0 ? 1.0 / mass_[n] : 0.0;
+  }
+}
+
+void TotalGrid::find_full_cells() {
+  in_full_cell_.assign(rest_.size(), 0);
+  for (std::size_t b = 0; b < blocks(); ++b) {
+    std::array<std::uint8_t, kSlabs * kLanes> octants{};
+    std::array<std::uint8_t, kSlabs * kLanes> count{};
+    const auto cell_of = [&](std::uint32_t p) {
+      const Vec3i c = cell(rest_[p]).first - 4 * block_coordinates_[b];
+      return static_cast<std::size_t>(c[0] * 16 + c[1] * 4 + c[2]);
+    };
+    for (const std::uint32_t p : block_particles_[b]) {
+      const Vec3d f = cell(rest_[p]).second;
+      bool centred = std::abs(volumes_[p] - dx_ * dx_ * dx_ / 8.0) < 1e-6 * dx_ * dx_ * dx_;
+      int octant = 0;
+      for (int axis = 0; axis < 3; ++axis) {
+        centred = centred && std::abs(std::abs(f[axis] - 1.0) - 0.25) < 1e-6;
+        octant = 2 * octant + (f[axis] > 1.0 ? 1 : 0);
+      }
+      const std::size_t c = cell_of(p);
+      ++count[c];
+      if (centred) octants[c] = static_cast<std::uint8_t>(octants[c] | (1U << static_cast<unsigned>(octant)));
+    }
+    for (const std::uint32_t p : block_particles_[b]) {
+      const std::size_t c = cell_of(p);
+      in_full_cell_[p] = octants[c] == 0xff && count[c] == 8 ? 1 : 0;
+    }
+  }
+}
+
+Vec3d TotalGrid::quadrature_point(std::uint32_t particle) const {
+  const Vec3d f = cell(rest_[particle]).second;
+  if (in_full_cell_[particle] == 0) return f;
+  // ±1/(2√3) in place of ±1/4: exact for cubics, so that coarse bodies bend with their full EI.
+  return Vec3d::Ones() + (f - Vec3d::Ones()) * (2.0 / std::sqrt(3.0));
+}
+
+void TotalGrid::merge_cells() {
+  block_merges_.assign(1, 0);
+  const double full = dx_ * dx_ * dx_;
+  for (std::size_t b = 0; b < blocks(); ++b) {
+    std::array<double, kSlabs * kLanes> filled{};
+    for (const std::uint32_t p : block_particles_[b]) {
+      const Vec3i c = cell(rest_[p]).first - 4 * block_coordinates_[b];
+      filled[static_cast<std::size_t>(c[0] * 16 + c[1] * 4 + c[2])] += volumes_[p];
+    }
+    std::array<bool, kSlabs * kLanes> used{};
+    for (int i = 0; i < 64; ++i) {
+      const double here = filled[static_cast<std::size_t>(i)];
+      if (!(here > 0.0) || here > 0.6 * full || used[static_cast<std::size_t>(i)]) continue;
+      int best = -1;
+      for (const int step : {16, -16, 4, -4, 1, -1}) {
+        const int axis_step = std::abs(step);
+        const int coordinate = i / axis_step % 4 + (step > 0 ? 1 : -1);
+        if (coordinate < 0 || coordinate > 3) continue;
+        const int j = i + step;
+        if (filled[static_cast<std::size_t>(j)] > 0.6 * full &&
+            (best < 0 || filled[static_cast<std::size_t>(j)] > filled[static_cast<std::size_t>(best)])) {
+          best = j;
+        }
+      }
+      if (best < 0) continue;
+      used[static_cast<std::size_t>(i)] = true;
+      merges_.push_back({static_cast<std::uint8_t>(i), static_cast<std::uint8_t>(best)});
+    }
+    block_merges_.push_back(static_cast<std::uint32_t>(merges_.size()));
+  }
+}
+
+Vec3i TotalGrid::node_coordinates(std::uint32_t node) const {
+  const auto n = static_cast<int>(node % kBlockNodes);
+  return 4 * node_block_coordinates_[node / kBlockNodes] + Vec3i(n / 16, (n / 4) % 4, n % 4);
+}
+
+Vec3d TotalGrid::node_position(std::uint32_t node) const {
+  return (node_coordinates(node).cast<double>() + phase_) * dx_;
+}
+
+std::uint32_t TotalGrid::find_node(const Vec3i& coordinates) const {
+  const Vec3i b = floor_divide(coordinates);
+  const std::uint32_t block = find(node_block_coordinates_, b);
+  if (block == kNoBlock) return kNoBlock;
+  const Vec3i n = coordinates - 4 * b;
+  return block * static_cast<std::uint32_t>(kBlockNodes) +
+         static_cast<std::uint32_t>((n[0] * 4 + n[1]) * 4 + n[2]);
+}
+
+NodeWeights TotalGrid::point_weights(const Vec3d& local) const {
+  const Vec3i middle = cell(local).first + Vec3i(1, 1, 1);
+  const double full = 8.0 * total_mass_ / static_cast<double>(particles());
+  for (int reach = 1; reach <= 8; ++reach) {
+    std::vector<std::uint32_t> nodes;
+    std::vector<double> theta;
+    const double radius = (reach + 0.5) * dx_;
+    for (int i = -reach; i <= reach; ++i)
+      for (int j = -reach; j <= reach; ++j)
+        for (int k = -reach; k <= reach; ++k) {
+          const std::uint32_t node = find_node(middle + Vec3i(i, j, k));
+          if (node == kNoBlock || mass_[node] < 1e-3 * full) continue;
+          const double distance = (node_position(node) - local).norm() / radius;
+          if (distance >= 1.0) continue;
+          nodes.push_back(node);
+          // A smooth bump, and less of what carries little mass.
+          theta.push_back((1 - distance) * (1 - distance) * (1 - distance) * (3 * distance + 1) *
+                          std::min(1.0, mass_[node] / full));
+        }
+    if (nodes.size() < 8) continue;
+    Eigen::Matrix4d moment = Eigen::Matrix4d::Zero();
+    std::vector<Eigen::Vector4d> basis(nodes.size());
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+      const Vec3d d = (node_position(nodes[n]) - local) / dx_;
+      basis[n] = Eigen::Vector4d(1.0, d[0], d[1], d[2]);
+      moment += theta[n] * basis[n] * basis[n].transpose();
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(moment);
+    if (solver.eigenvalues()[0] < 0.02 * solver.eigenvalues()[3] / (reach * reach)) continue;
+    const Eigen::Vector4d row = moment.ldlt().solve(Eigen::Vector4d(1, 0, 0, 0));
+    NodeWeights result;
+    result.nodes = std::move(nodes);
+    for (std::size_t n = 0; n < result.nodes.size(); ++n) {
+      result.weights.push_back(theta[n] * row.dot(basis[n]));
+    }
+    return result;
+  }
+  throw_input("A point at " + std::to_string(local[0]) + " " + std::to_string(local[1]) + " " +
+              std::to_string(local[2]) +
+              " (body axes, m) is too far from the body, or the body too thin there, to attach it.");
+}
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "base/vec.hpp"
+#include "mpm/kernels.hpp"
+#include "mpm/layout.hpp"
+#include "mpm/scene.hpp"
+
+namespace matterfit::mpm {
+
+/// Weights of nodes for a point of the body at rest: Σ w_I = 1, Σ w_I X_I = X.
+struct NodeWeights {
+  std::vector<std::uint32_t> nodes;  ///< node block · 64 + node
+  std::vector<double> weights;
+};
+
+/// The fixed grid of a total Lagrangian body: which blocks there are, where each particle sits, node
+/// masses. Everything is in the body's own axes: x_local = axesᵀ (X − origin).
+class TotalGrid {
+ public:
+  TotalGrid(const Body& body, const Scene& scene);
+
+  [[nodiscard]] std::size_t particles() const { return rest_.size(); }
+  [[nodiscard]] std::size_t blocks() const { return block_nodes_.size(); }
+  [[nodiscard]] std::size_t node_blocks() const { return node_sources_.size(); }
+  [[nodiscard]] std::size_t chunks() const { return slab_chunks_.back(); }
+
+  [[nodiscard]] double dx() const { return dx_; }
+  [[nodiscard]] const Mat3d& axes() const { return axes_; }
+  [[nodiscard]] Vec3d to_local(const Vec3d& world) const { return axes_.transpose() * (world - origin_); }
+  [[nodiscard]] Vec3d to_world(const Vec3d& local) const { return axes_ * local + origin_; }
+  [[nodiscard]] const Vec3d& rest(std::uint32_t particle) const { return rest_[particle]; }
+  [[nodiscard]] double volume(std::uint32_t particle) const { return volumes_[particle]; }
+  [[nodiscard]] std::uint32_t chunk(std::uint32_t particle) const { return place_[particle] / kLanes; }
+  [[nodiscard]] std::uint32_t lane(std::uint32_t particle) const { return place_[particle] % kLanes; }
+  [[nodiscard]] std::uint32_t block(std::uint32_t particle) const { return particle_block_[particle]; }
+  [[nodiscard]] const std::vector<std::uint32_t>& block_particles(std::size_t b) const {
+    return block_particles_[b];
+  }
+  /// On a regular lattice: a neighbour along an axis is missing. Otherwise always.
+  [[nodiscard]] bool is_surface(std::uint32_t particle) const { return surface_[particle] != 0; }
+
+  [[nodiscard]] const std::vector<std::uint32_t>& slab_chunks() const { return slab_chunks_; }
+  /// Flat [8] a block, as TotalView::block_nodes.
+  [[nodiscard]] const std::uint32_t* block_nodes() const { return block_nodes_.front().data(); }
+  /// Blocks at (−a, −b, −c) of a node block, index 4a+2b+c; kNoBlock where there is none.
+  [[nodiscard]] const std::array<std::uint32_t, 8>& node_sources(std::size_t node_block) const {
+    return node_sources_[node_block];
+  }
+  /// Partly filled cells whose mean dilatation is taken with a neighbour's, per block.
+  [[nodiscard]] const std::vector<std::uint32_t>& block_merges() const { return block_merges_; }
+  [[nodiscard]] const std::vector<CellMerge>& merges() const { return merges_; }
+  [[nodiscard]] const std::vector<double>& mass() const { return mass_; }  ///< [kg], node blocks × 64
+  [[nodiscard]] const std::vector<double>& inverse_mass() const { return inverse_mass_; }
+  [[nodiscard]] double total_mass() const { return total_mass_; }
+  [[nodiscard]] const Vec3d& center_of_mass() const { return center_; }  ///< local, at rest
+
+  [[nodiscard]] Vec3d node_position(std::uint32_t node) const;  ///< local, at rest
+  /// Integer coordinates of a node.
+  [[nodiscard]] Vec3i node_coordinates(std::uint32_t node) const;
+  /// The node with these coordinates, or kNoBlock.
+  [[nodiscard]] std::uint32_t find_node(const Vec3i& coordinates) const;
+  /// Node coordinate (real-valued) of a local position along an axis: an integer is on a node.
+  [[nodiscard]] double node_coordinate(const Vec3d& local, int axis) const {
+    return local[axis] / dx_ - phase_[axis];
+  }
+  /// x/dx − base of a particle, and its base node's coordinates.
+  [[nodiscard]] std::pair<Vec3i, Vec3d> cell(const Vec3d& local) const;
+
+  /// Where the stress of a particle is evaluated: x/dx − base. In a cell that holds one particle
+  /// in each of its eight octants these are the Gauss points of the cell, elsewhere the particle.
+  [[nodiscard]] bool in_full_cell(std::uint32_t particle) const { return in_full_cell_[particle] != 0; }
+  [[nodiscard]] Vec3d quadrature_point(std::uint32_t particle) const;
+
+  /// First-order (moving least squares) weights over nodes that carry mass: exact for affine
+  /// motion, also for points off the body, where plain B-spline weights would lean on empty nodes.
+  [[nodiscard]] NodeWeights point_weights(const Vec3d& local) const;
+
+ private:
+  void place_particles();
+  void link_blocks();
+  void find_surface(const Lattice& lattice);
+  void lump_mass(double density);
+  void merge_cells();
+  void find_full_cells();
+
+  double dx_;
+  Mat3d axes_;
+  Vec3d origin_;
+  Vec3d phase_;
+  Points rest_;
+  std::vector<double> volumes_;
+  std::vector<std::uint32_t> place_;
+  std::vector<std::uint32_t> particle_block_;
+  std::vector<std::uint8_t> surface_;
+  std::vector<std::uint8_t> in_full_cell_;
+  std::vector<Vec3i> block_coordinates_;       ///< sorted
+  std::vector<Vec3i> node_block_coordinates_;  ///< sorted
+  std::vector<std::uint32_t> slab_chunks_;
+  std::vector<std::vector<std::uint32_t>> block_particles_;
+  std::vector<std::array<std::uint32_t, 8>> block_nodes_;
+  std::vector<std::array<std::uint32_t, 8>> node_sources_;
+  std::vector<std::uint32_t> block_merges_;
+  std::vector<CellMerge> merges_;
+  std::vector<double> mass_;
+  std::vector<double> inverse_mass_;
+  double total_mass_ = 0.0;
+  Vec3d center_ = Vec3d::Zero();
+};
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Forces of a total Lagrangian body, a block at a time. Included once per SIMD target.
+#if defined(MATTERFIT_MPM_TOTAL_KERNEL_INL_HPP) == defined(HWY_TARGET_TOGGLE)
+#ifdef MATTERFIT_MPM_TOTAL_KERNEL_INL_HPP
+#undef MATTERFIT_MPM_TOTAL_KERNEL_INL_HPP
+#else
+#define MATTERFIT_MPM_TOTAL_KERNEL_INL_HPP
+#endif
+
+#include <limits>
+#include <vector>
+
+#include "material/laws-inl.hpp"
+#include "mpm/kernels.hpp"
+#include "mpm/transfer-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace matterfit::HWY_NAMESPACE {
+
+using mpm::kBlockNodes;
+using mpm::kExpanded;
+using mpm::kHaloNodes;
+using mpm::kLanes;
+using mpm::kSlabs;
+
+/// Node values of a block and its halo, relative to `reference`, expanded. Differences are taken in
+/// double: a rigid motion of any size leaves the strains their digits.
+template <class S>
+void expand_nodes(const double* nodes, const std::uint32_t* block_nodes, const double reference[3],
+                  S* HWY_RESTRICT expanded) {
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (std::size_t x = 0; x < 6; ++x) {
+      for (std::size_t y = 0; y < 6; ++y) {
+        const std::size_t corner = (x / 4) * 4 + (y / 4) * 2;
+        const std::size_t row_in_block = mpm::node_index(x % 4, y % 4, 0);
+        const double* low = nodes + (block_nodes[corner] * 3 + c) * kBlockNodes + row_in_block;
+        const double* high = nodes + (block_nodes[corner + 1] * 3 + c) * kBlockNodes + row_in_block;
+        const S row[6] = {static_cast<S>(low[0] - reference[c]), static_cast<S>(low[1] - reference[c]),
+                          static_cast<S>(low[2] - reference[c]), static_cast<S>(low[3] - reference[c]),
+                          static_cast<S>(high[0] - reference[c]),
+                          static_cast<S>(high[1] - reference[c])};
+        expand_row(row, expanded + c * kExpanded, x, y);
+      }
+    }
+  }
+}
+
+/// A node near the block's middle: what values are taken relative to.
+inline void reference_value(const double* nodes, const std::uint32_t* block_nodes, double out[3]) {
+  constexpr std::size_t kMiddle = mpm::node_index(2, 2, 2);
+  for (std::size_t c = 0; c < 3; ++c) {
+    out[c] = nodes[(block_nodes[0] * 3 + c) * kBlockNodes + kMiddle];
+  }
+}
+
+template <class T>
+HWY_INLINE Stencil<T> load_gradient_stencil(const typename LaneTraits<T>::Scalar* geometry, T inverse_dx) {
+  const T f[3] = {LaneTraits<T>::load(geometry), LaneTraits<T>::load(geometry + kLanes),
+                  LaneTraits<T>::load(geometry + 2 * kLanes)};
+  return gradient_stencil(f, inverse_dx);
+}
+
+template <class T>
+HWY_INLINE Mat3<T> load_mat3(const typename LaneTraits<T>::Scalar* p) {
+  Mat3<T> m;
+  for (std::size_t i = 0; i < 9; ++i) m.m[i / 3][i % 3] = LaneTraits<T>::load(p + i * kLanes);
+  return m;
+}
+
+template <class T>
+HWY_INLINE void store_mat3(const Mat3<T>& m, typename LaneTraits<T>::Scalar* p) {
+  for (std::size_t i = 0; i < 9; ++i) LaneTraits<T>::store(m.m[i / 3][i % 3], p + i * kLanes);
+}
+
+/// (I + a)(I + b) − I.
+template <class T>
+HWY_INLINE Mat3<T> compose(const Mat3<T>& a, const Mat3<T>& b) {
+  Mat3<T> c = multiply(a, b);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) c[i][j] += a[i][j] + b[i][j];
+  return c;
+}
+
+template <Law kLaw, bool kDamped, class S>
+void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
+  using D = hn::CappedTag<S, kLanes>;
+  using T = Lanes<D>;
+  constexpr std::size_t kWidth = hn::MaxLanes(D());
+  HWY_ALIGN S expanded[3 * kExpanded];
+  HWY_ALIGN S expanded_velocity[kDamped ? 3 * kExpanded : 1];
+  HWY_ALIGN S out[3 * kExpanded] = {};
+  // H and J − 1 of every slot of a register's cells, kept between the mean and the stress.
+  static thread_local std::vector<S> slots;
+
+  const std::uint32_t* block_nodes = view.block_nodes + block * 8;
+  double reference[3];
+  reference_value(view.displacement, block_nodes, reference);
+  expand_nodes(view.displacement, block_nodes, reference, expanded);
+  if constexpr (kDamped) {
+    reference_value(view.velocity, block_nodes, reference);
+    expand_nodes(view.velocity, block_nodes, reference, expanded_velocity);
+  }
+
+  const T inverse_dx = T(S(1) / view.dx);
+  const T dt = T(view.dt);
+  const bool has_force = view.point_force != nullptr && view.block_has_force[block] != 0;
+  T low = scalar<T>(1);
+  T high = scalar<T>(1);
+  T broken = scalar<T>(0);
+  const std::uint32_t first = view.slab_chunks[block * kSlabs];
+  const std::uint32_t last = view.slab_chunks[(block + 1) * kSlabs];
+  slots.resize((last - first) * std::size_t{10} * kLanes);
+  // Σ V and Σ V (J − 1) of each cell of the block.
+  HWY_ALIGN S cell_volume[kSlabs * kLanes];
+  HWY_ALIGN S cell_change[kSlabs * kLanes];
+  for (std::size_t slab = 0; slab < kSlabs; ++slab) {
+    const std::uint32_t begin = view.slab_chunks[block * kSlabs + slab];
+    const std::uint32_t end = view.slab_chunks[block * kSlabs + slab + 1];
+    for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
+      T sum_volume = scalar<T>(0);
+      T sum_change = scalar<T>(0);
+      for (std::uint32_t chunk = begin; chunk < end; ++chunk) {
+        const S* geometry = view.geometry + chunk * (4 * kLanes) + lane;
+        const T volume = T::load(geometry + 3 * kLanes);
+        const Stencil<T> stencil = load_gradient_stencil<T>(geometry, inverse_dx);
+        Mat3<T> h;
+        gather<3, false, T>(expanded, slab, lane, stencil, nullptr, h.m);
+        const T jm1 = determinant_minus_one(h);
+        const auto present = volume > scalar<T>(0);
+        low = min(low, select(present, jm1 + scalar<T>(1), scalar<T>(1)));
+        high = max(high, select(present, jm1 + scalar<T>(1), scalar<T>(1)));
+        broken += select(present, jm1 - jm1, scalar<T>(0));
+        sum_volume += volume;
+        sum_change = fma(volume, jm1, sum_change);
+        S* slot = slots.data() + (chunk - first) * (10 * kLanes) + lane;
+        store_mat3(h, slot);
+        jm1.store(slot + 9 * kLanes);
+      }
+      sum_volume.store(cell_volume + slab * kLanes + lane);
+      sum_change.store(cell_change + slab * kLanes + lane);
+    }
+  }
+  if (view.block_merges != nullptr) {
+    const std::uint32_t merges_end = view.block_merges[block + 1];
+    for (std::uint32_t m = view.block_merges[block]; m < merges_end; ++m) {
+      const std::uint8_t from = view.merges[m].cell;
+      const std::uint8_t into = view.merges[m].into;
+      cell_volume[into] += cell_volume[from];
+      cell_change[into] += cell_change[from];
+    }
+    for (std::uint32_t m = view.block_merges[block]; m < merges_end; ++m) {
+      cell_volume[view.merges[m].cell] = cell_volume[view.merges[m].into];
+      cell_change[view.merges[m].cell] = cell_change[view.merges[m].into];
+    }
+  }
+  for (std::size_t slab = 0; slab < kSlabs; ++slab) {
+    const std::uint32_t begin = view.slab_chunks[block * kSlabs + slab];
+    const std::uint32_t end = view.slab_chunks[block * kSlabs + slab + 1];
+    for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
+      const T mean_of_cell = T::load(cell_change + slab * kLanes + lane) /
+                             max(T::load(cell_volume + slab * kLanes + lane), scalar<T>(1e-37));
+      for (std::uint32_t chunk = begin; chunk < end; ++chunk) {
+        const S* geometry = view.geometry + chunk * (4 * kLanes) + lane;
+        const T volume = T::load(geometry + 3 * kLanes);
+        const Stencil<T> stencil = load_gradient_stencil<T>(geometry, inverse_dx);
+        const S* slot = slots.data() + (chunk - first) * (10 * kLanes) + lane;
+        const Mat3<T> h = load_mat3<T>(slot);
+        const T jm1 = T::load(slot + 9 * kLanes);
+        const T mean = view.mean_dilatation ? mean_of_cell : jm1;
+        Sym3<T> tau;
+        Sym3<T> flow{};
+        T strain = scalar<T>(0);
+        if (view.plastic != nullptr) {
+          S* history = view.plastic + chunk * (10 * kLanes) + lane;
+          const Mat3<T> inverse_plastic = load_mat3<T>(history);
+          strain = T::load(history + 9 * kLanes);
+          const Mat3<T> trial = compose(h, inverse_plastic);
+          const T elastic_jm1 =
+              view.law.law == Law::kDruckerPrager ? determinant_minus_one(trial) : jm1;
+          tau = kirchhoff_stress<kLaw, T>(view.law, trial, elastic_jm1, mean, dt, flow, strain);
+          if (view.commit) {
+            Mat3<T> updated = multiply(plus_identity(inverse_plastic), flow);
+            for (int i = 0; i < 3; ++i)
+              for (int j = 0; j < 3; ++j) updated[i][j] += inverse_plastic[i][j];
+            store_mat3(updated, history);
+            strain.store(history + 9 * kLanes);
+          }
+        } else {
+          tau = kirchhoff_stress<kLaw, T>(view.law, h, jm1, mean, dt, flow, strain);
+        }
+        const Mat3<T> f = plus_identity(h);
+        const Mat3<T> cof = cofactor(f);
+        const T inverse_j = scalar<T>(1) / (jm1 + scalar<T>(1));
+        if constexpr (kDamped) {
+          Mat3<T> rate;
+          gather<3, false, T>(expanded_velocity, slab, lane, stencil, nullptr, rate.m);
+          // L = Ḟ F⁻¹ = Ḟ cof(F)ᵀ / J.
+          Mat3<T> l;
+          for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j)
+              l[i][j] = inverse_j * fma(rate[i][0], cof[j][0],
+                                        fma(rate[i][1], cof[j][1], rate[i][2] * cof[j][2]));
+          add_viscous_stress(view.law, l, jm1, tau);
+        }
+        // −V P = −V τ F⁻ᵀ = −(V/J) τ cof F; absent particles have V = 0.
+        Mat3<T> p = multiply(tau, cof);
+        const T factor = -volume * inverse_j;
+        for (int i = 0; i < 3; ++i)
+          for (int j = 0; j < 3; ++j) p[i][j] *= factor;
+        if (has_force) {
+          const S* force = view.point_force + chunk * (3 * kLanes) + lane;
+          const T value[3] = {T::load(force), T::load(force + kLanes), T::load(force + 2 * kLanes)};
+          scatter<3, true, T>(out, slab, lane, stencil, value, p.m);
+        } else {
+          scatter<3, false, T>(out, slab, lane, stencil, nullptr, p.m);
+        }
+      }
+    }
+  }
+  S* force = view.force + block * 3 * kHaloNodes;
+  for (std::size_t c = 0; c < 3; ++c) fold(out + c * kExpanded, force + c * kHaloNodes);
+  HWY_ALIGN S lanes_low[kLanes];
+  HWY_ALIGN S lanes_high[kLanes];
+  HWY_ALIGN S lanes_broken[kLanes];
+  low.store(lanes_low);
+  high.store(lanes_high);
+  broken.store(lanes_broken);
+  S lowest = lanes_low[0];
+  S highest = lanes_high[0];
+  bool nan = false;
+  for (std::size_t i = 0; i < kWidth; ++i) {
+    lowest = lanes_low[i] < lowest ? lanes_low[i] : lowest;
+    highest = lanes_high[i] > highest ? lanes_high[i] : highest;
+    nan = nan || !(lanes_broken[i] == S(0));
+  }
+  view.extremes[block] = {nan ? -std::numeric_limits<S>::infinity() : lowest, highest};
+}
+
+template <class S>
+void total_forces(const mpm::TotalView<S>& view, std::size_t block) {
+  const bool damped = view.law.damped;
+  switch (view.law.law) {
+    case Law::kFixedCorotated:
+      return damped ? total_forces_law<Law::kFixedCorotated, true, S>(view, block)
+                    : total_forces_law<Law::kFixedCorotated, false, S>(view, block);
+    case Law::kNeoHookean:
+      return damped ? total_forces_law<Law::kNeoHookean, true, S>(view, block)
+                    : total_forces_law<Law::kNeoHookean, false, S>(view, block);
+    case Law::kNewtonian:
+      return total_forces_law<Law::kNewtonian, true, S>(view, block);
+    default:
+      return damped ? total_forces_law<Law::kStvkHencky, true, S>(view, block)
+                    : total_forces_law<Law::kStvkHencky, false, S>(view, block);
+  }
+}
+
+template <class S>
+void total_samples(const mpm::TotalView<S>& view, const mpm::TotalSamples<S>& samples,
+                   std::size_t block) {
+  using D = hn::CappedTag<S, kLanes>;
+  using T = Lanes<D>;
+  constexpr std::size_t kWidth = hn::MaxLanes(D());
+  HWY_ALIGN S expanded[3 * kExpanded];
+  HWY_ALIGN S expanded_velocity[3 * kExpanded];
+  const std::uint32_t* block_nodes = view.block_nodes + block * 8;
+  double reference[3];
+  double velocity[3];
+  reference_value(view.displacement, block_nodes, reference);
+  expand_nodes(view.displacement, block_nodes, reference, expanded);
+  if (samples.velocity != nullptr) {
+    reference_value(view.velocity, block_nodes, velocity);
+    expand_nodes(view.velocity, block_nodes, velocity, expanded_velocity);
+  }
+  const T inverse_dx = T(S(1) / view.dx);
+  for (std::size_t slab = 0; slab < kSlabs; ++slab) {
+    for (std::uint32_t chunk = view.slab_chunks[block * kSlabs + slab];
+         chunk < view.slab_chunks[block * kSlabs + slab + 1]; ++chunk) {
+      for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
+        const S* geometry = view.geometry + chunk * (4 * kLanes) + lane;
+        const Stencil<T> stencil = load_gradient_stencil<T>(geometry, inverse_dx);
+        T value[3];
+        Mat3<T> h;
+        gather<3, true, T>(expanded, slab, lane, stencil, value, h.m);
+        for (std::size_t c = 0; c < 3; ++c) {
+          (value[c] + T(static_cast<S>(reference[c])))
+              .store(samples.position + chunk * (3 * kLanes) + c * kLanes + lane);
+        }
+        if (samples.gradient != nullptr) {
+          store_mat3(h, samples.gradient + chunk * (9 * kLanes) + lane);
+        }
+        if (samples.velocity != nullptr) {
+          gather_values<3, T>(expanded_velocity, slab, lane, stencil, value);
+          for (std::size_t c = 0; c < 3; ++c) {
+            (value[c] + T(static_cast<S>(velocity[c])))
+                .store(samples.velocity + chunk * (3 * kLanes) + c * kLanes + lane);
+          }
+        }
+      }
+    }
+  }
+}
+
+}  // namespace matterfit::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif

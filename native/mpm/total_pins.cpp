@@ -1,0 +1,313 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/total_pins.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "base/error.hpp"
+
+namespace matterfit::mpm {
+namespace {
+
+/// Signed distance of a world point at rest to the region's surface, negative inside, and the
+/// nearest point on it.
+double region_distance(const Pin& pin, const Vec3d& world, Vec3d& nearest) {
+  nearest = world;
+  switch (pin.region) {
+    case Pin::Region::kAll:
+      return -1e30;
+    case Pin::Region::kPlane: {
+      const Vec3d n = pin.normal.normalized();
+      const double d = n.dot(world - pin.point);
+      nearest = world - d * n;
+      return d;
+    }
+    case Pin::Region::kBox: {
+      const Vec3d middle = 0.5 * (pin.low + pin.high);
+      const Vec3d half = 0.5 * (pin.high - pin.low);
+      const Vec3d d = (world - middle).cwiseAbs() - half;
+      nearest = world.cwiseMax(pin.low).cwiseMin(pin.high);
+      if (d.maxCoeff() > 0) return (world - nearest).norm();
+      int axis = 0;
+      const double inside = d.maxCoeff(&axis);
+      nearest[axis] = world[axis] > middle[axis] ? pin.high[axis] : pin.low[axis];
+      return inside;
+    }
+    case Pin::Region::kSphere: {
+      const Vec3d d = world - pin.point;
+      const double length = d.norm();
+      if (length > 0) nearest = pin.point + d * (pin.radius / length);
+      return length - pin.radius;
+    }
+    case Pin::Region::kPoints: {
+      double best = 1e30;
+      for (const Vec3d& p : pin.points) best = std::min(best, (world - p).norm());
+      return best - pin.radius;
+    }
+  }
+  return 1e30;
+}
+
+void merge(std::vector<std::uint32_t>& sorted, const std::vector<std::uint32_t>& more) {
+  sorted.insert(sorted.end(), more.begin(), more.end());
+  std::sort(sorted.begin(), sorted.end());
+  sorted.erase(std::unique(sorted.begin(), sorted.end()), sorted.end());
+}
+
+}  // namespace
+
+TotalPins::TotalPins(const Body& body, const TotalGrid& grid) : grid_(grid) {
+  for (std::size_t i = 0; i < body.pins.size(); ++i) {
+    const Pin& pin = body.pins[i];
+    Clamp clamp;
+    clamp.pin = pin;
+    bool done = false;
+    if (pin.region == Pin::Region::kAll) {
+      for (std::uint32_t n = 0; n < grid.mass().size(); ++n) {
+        if (grid.mass()[n] > 0.0) clamp.prescribed.push_back(n);
+      }
+      done = true;
+    } else if (pin.region == Pin::Region::kPlane) {
+      const Vec3d normal = grid.axes().transpose() * pin.normal.normalized();
+      for (int axis = 0; axis < 3 && !done; ++axis) {
+        if (std::abs(std::abs(normal[axis]) - 1.0) > 1e-6) continue;
+        const double at = grid.node_coordinate(grid.to_local(pin.point), axis);
+        if (std::abs(at - std::floor(at) - 0.5) > 1e-6) continue;
+        done = add_plane(clamp, axis, normal[axis] > 0 ? 1 : -1);
+      }
+    }
+    if (!done) add_constraints(clamp, body);
+    if (clamp.prescribed.empty() && clamp.mirrors.empty() && clamp.constraints.rows.empty()) {
+      throw_input("Body '" + body.name + "': pin " + std::to_string(i) +
+                  " holds no part of the body. Move its region onto the body.");
+    }
+    merge(nodes_, clamp.prescribed);
+    for (const Mirror& m : clamp.mirrors) merge(nodes_, {m.free, m.ghost});
+    for (const NodeWeights& row : clamp.constraints.rows) merge(nodes_, row.nodes);
+    clamps_.push_back(std::move(clamp));
+  }
+  for (const AttachedMass& attached : body.masses) {
+    Mass mass{grid.point_weights(grid.to_local(attached.position)), attached.mass, attached.attach,
+              0.0};
+    for (std::size_t n = 0; n < mass.weights.nodes.size(); ++n) {
+      mass.compliance += mass.weights.weights[n] * mass.weights.weights[n] *
+                         grid.inverse_mass()[mass.weights.nodes[n]];
+    }
+    merge(nodes_, mass.weights.nodes);
+    masses_.push_back(std::move(mass));
+  }
+  deferred_.assign(grid.mass().size(), 0);
+  for (const std::uint32_t n : nodes_) deferred_[n] = 1;
+}
+
+bool TotalPins::add_plane(Clamp& clamp, int axis, int side) {
+  const double plane = grid_.node_coordinate(grid_.to_local(clamp.pin.point), axis);
+  const int behind = static_cast<int>(std::lround(plane - 0.5 * side));
+  for (std::uint32_t p = 0; p < grid_.particles(); ++p) {
+    if (side * (grid_.node_coordinate(grid_.rest(p), axis) - plane) < -1e-9) return false;
+  }
+  for (std::uint32_t n = 0; n < grid_.mass().size(); ++n) {
+    Vec3i at = grid_.node_coordinates(n);
+    if (!(grid_.mass()[n] > 0.0) || at[axis] != behind) continue;
+    at[axis] += side;
+    clamp.mirrors.push_back({grid_.find_node(at), n});
+  }
+  return true;
+}
+
+void TotalPins::add_constraints(Clamp& clamp, const Body& body) {
+  // Candidates: points of the region's surface that lie in the body, first, because they are the
+  // clamp; then the particles inside, which hold the rest of the region.
+  const double near = 0.5 * grid_.dx();
+  Points surface;
+  Points inside;
+  for (std::size_t p = 0; p < body.rest.size(); ++p) {
+    Vec3d nearest;
+    const double d = region_distance(clamp.pin, body.rest[p], nearest);
+    if (std::abs(d) <= near && clamp.pin.region != Pin::Region::kPoints) {
+      surface.push_back(grid_.to_local(nearest));
+    }
+    if (d <= 0.0) inside.push_back(grid_.to_local(body.rest[p]));
+  }
+  if (inside.empty() && surface.empty()) return;
+  // One candidate a quarter cell is plenty: nodes are a cell apart.
+  Points candidates;
+  std::set<std::tuple<long, long, long>> seen;
+  for (const Points* group : {&surface, &inside}) {
+    for (const Vec3d& x : *group) {
+      const Vec3d q = x / (0.45 * grid_.dx());
+      if (seen.emplace(std::lround(q[0]), std::lround(q[1]), std::lround(q[2])).second) {
+        candidates.push_back(x);
+      }
+    }
+  }
+  constexpr std::size_t kMost = 6000;
+  if (candidates.size() > kMost) {
+    throw_input("Body '" + body.name + "': a pin of " + std::to_string(candidates.size()) +
+                " points is too large. Pin the plane or the whole body instead, or use a larger "
+                "particle separation.");
+  }
+  std::vector<NodeWeights> rows;
+  rows.reserve(candidates.size());
+  for (const Vec3d& x : candidates) rows.push_back(grid_.point_weights(x));
+  // Pivoted Cholesky of C M⁻¹ Cᵀ: keeps constraints that are independent of those kept already.
+  std::vector<Eigen::VectorXd> dense;  // M^(−½) rows, on the nodes involved
+  std::vector<std::uint32_t> nodes;
+  for (const NodeWeights& row : rows) merge(nodes, row.nodes);
+  const auto column = [&](std::uint32_t node) {
+    return std::lower_bound(nodes.begin(), nodes.end(), node) - nodes.begin();
+  };
+  std::vector<Eigen::VectorXd> basis;
+  std::vector<std::size_t> kept;
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    Eigen::VectorXd v = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(nodes.size()));
+    for (std::size_t n = 0; n < rows[r].nodes.size(); ++n) {
+      v[column(rows[r].nodes[n])] +=
+          rows[r].weights[n] * std::sqrt(grid_.inverse_mass()[rows[r].nodes[n]]);
+    }
+    Eigen::VectorXd rest = v;
+    for (int pass = 0; pass < 2; ++pass) {
+      for (const Eigen::VectorXd& b : basis) rest -= b.dot(rest) * b;
+    }
+    if (rest.norm() < 0.1 * v.norm()) continue;
+    basis.push_back(rest.normalized());
+    dense.push_back(std::move(v));
+    kept.push_back(r);
+  }
+  PointConstraints& out = clamp.constraints;
+  Eigen::MatrixXd gram(static_cast<Eigen::Index>(kept.size()), static_cast<Eigen::Index>(kept.size()));
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    out.points.push_back(candidates[kept[i]]);
+    out.rows.push_back(rows[kept[i]]);
+    for (std::size_t j = 0; j < kept.size(); ++j) {
+      gram(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = dense[i].dot(dense[j]);
+    }
+  }
+  const Eigen::LLT<Eigen::MatrixXd> llt(gram);
+  if (llt.info() != Eigen::Success) {
+    throw_compute("Body '" + body.name + "': the constraints of a pin are dependent.");
+  }
+  out.factor = llt.matrixL();
+}
+
+bool TotalPins::held(double time) const {
+  return std::any_of(clamps_.begin(), clamps_.end(), [&](const Clamp& clamp) {
+    return clamp.pin.region == Pin::Region::kAll && time < clamp.pin.release - 1e-12;
+  });
+}
+
+bool TotalPins::releases_between(double from, double to) const {
+  return std::any_of(clamps_.begin(), clamps_.end(), [&](const Clamp& clamp) {
+    return clamp.pin.release - 1e-12 > from && clamp.pin.release - 1e-12 <= to;
+  });
+}
+
+Vec3d TotalPins::target(const Pin& pin, const Vec3d& local, double time) const {
+  if (!pin.motion.animated()) {
+    const Pose still = pin.motion.at(0.0);
+    if (still.position.isZero() && still.rotation.isApprox(Quatd::Identity(), 0.0)) {
+      return Vec3d::Zero();
+    }
+  }
+  const Pose pose = pin.motion.at(time);
+  const Vec3d world = grid_.to_world(local);
+  const Vec3d moved = pin.pivot + pose.rotation * (world - pin.pivot) + pose.position;
+  return grid_.axes().transpose() * (moved - world);
+}
+
+void TotalPins::step(double kick, double dt, double time, const Vec3d& gravity,
+                     const std::vector<Vec3d>& acceleration, std::vector<double>& displacement,
+                     std::vector<double>& velocity) const {
+  const auto component = [](std::uint32_t node, int c) {
+    return (node / kBlockNodes * 3 + static_cast<std::size_t>(c)) * kBlockNodes + node % kBlockNodes;
+  };
+  const auto get = [&](const std::vector<double>& field, std::uint32_t node) {
+    return Vec3d(field[component(node, 0)], field[component(node, 1)], field[component(node, 2)]);
+  };
+  const auto set = [&](std::vector<double>& field, std::uint32_t node, const Vec3d& value) {
+    for (int c = 0; c < 3; ++c) field[component(node, c)] = value[c];
+  };
+  const auto index = [&](std::uint32_t node) {
+    return static_cast<std::size_t>(std::lower_bound(nodes_.begin(), nodes_.end(), node) -
+                                    nodes_.begin());
+  };
+
+  std::vector<Vec3d> a = acceleration;
+  // Attached masses: a_c = (wᵀa + κ m g)/(1 + κ m), and the body feels m (g − a_c) at the point.
+  for (const Mass& mass : masses_) {
+    if (time + 1e-12 < mass.attach) continue;
+    Vec3d free = Vec3d::Zero();
+    for (std::size_t n = 0; n < mass.weights.nodes.size(); ++n) {
+      free += mass.weights.weights[n] * a[index(mass.weights.nodes[n])];
+    }
+    const double km = mass.compliance * mass.mass;
+    const Vec3d force = mass.mass * (gravity - (free + km * gravity) / (1.0 + km));
+    for (std::size_t n = 0; n < mass.weights.nodes.size(); ++n) {
+      const std::uint32_t node = mass.weights.nodes[n];
+      a[index(node)] += mass.weights.weights[n] * grid_.inverse_mass()[node] * force;
+    }
+  }
+  std::vector<Vec3d> v(nodes_.size());
+  for (std::size_t i = 0; i < nodes_.size(); ++i) v[i] = get(velocity, nodes_[i]) + kick * a[i];
+
+  for (const Clamp& clamp : clamps_) {
+    if (time >= clamp.pin.release - 1e-12) continue;
+    const auto wanted = [&](const Vec3d& local, const Vec3d& present) -> Vec3d {
+      return (target(clamp.pin, local, time + dt) - present) / dt;
+    };
+    const PointConstraints& points = clamp.constraints;
+    if (!points.rows.empty()) {
+      Eigen::MatrixXd defect(static_cast<Eigen::Index>(points.rows.size()), 3);
+      for (std::size_t r = 0; r < points.rows.size(); ++r) {
+        const NodeWeights& row = points.rows[r];
+        Vec3d moving = Vec3d::Zero();
+        Vec3d present = Vec3d::Zero();
+        for (std::size_t n = 0; n < row.nodes.size(); ++n) {
+          moving += row.weights[n] * v[index(row.nodes[n])];
+          present += row.weights[n] * get(displacement, row.nodes[n]);
+        }
+        defect.row(static_cast<Eigen::Index>(r)) = (moving - wanted(points.points[r], present)).transpose();
+      }
+      const auto lower = points.factor.triangularView<Eigen::Lower>();
+      lower.solveInPlace(defect);
+      lower.transpose().solveInPlace(defect);
+      for (std::size_t r = 0; r < points.rows.size(); ++r) {
+        const NodeWeights& row = points.rows[r];
+        for (std::size_t n = 0; n < row.nodes.size(); ++n) {
+          v[index(row.nodes[n])] -= row.weights[n] * grid_.inverse_mass()[row.nodes[n]] *
+                                    defect.row(static_cast<Eigen::Index>(r)).transpose();
+        }
+      }
+    }
+    for (const std::uint32_t node : clamp.prescribed) {
+      v[index(node)] = wanted(grid_.node_position(node), get(displacement, node));
+    }
+    for (const Mirror& mirror : clamp.mirrors) {
+      // Relative to the plane the ghost moves opposite to the free node: one degree of freedom
+      // with both masses, driven by the difference of both forces.
+      const Vec3d middle =
+          0.5 * (grid_.node_position(mirror.free) + grid_.node_position(mirror.ghost));
+      const Vec3d plane_now =
+          0.5 * (get(displacement, mirror.free) + get(displacement, mirror.ghost));
+      const Vec3d plane = wanted(middle, plane_now);
+      const Vec3d plane_old = 0.5 * (get(velocity, mirror.free) + get(velocity, mirror.ghost));
+      const double mass_free = grid_.mass()[mirror.free];
+      const double mass_ghost = grid_.mass()[mirror.ghost];
+      const Vec3d impulse =
+          kick * (mass_free * a[index(mirror.free)] - mass_ghost * a[index(mirror.ghost)]) -
+          (mass_free - mass_ghost) * (plane - plane_old);
+      const Vec3d relative = 0.5 * (get(velocity, mirror.free) - get(velocity, mirror.ghost)) +
+                             impulse / (mass_free + mass_ghost);
+      v[index(mirror.free)] = plane + relative;
+      v[index(mirror.ghost)] = plane - relative;
+    }
+  }
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    set(velocity, nodes_[i], v[i]);
+    set(displacement, nodes_[i], get(displacement, nodes_[i]) + dt * v[i]);
+  }
+}
+
+}  // namespace matterfit::mpm

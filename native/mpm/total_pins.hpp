@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/vec.hpp"
+#include "mpm/scene.hpp"
+#include "mpm/total_grid.hpp"
+
+namespace matterfit::mpm {
+
+/// Pins and attached masses of a total Lagrangian body: the nodes whose motion is not that of a free
+/// node, and how they move. Accurate below the cell:
+/// - a plane pin on the boundary of cells at the body's end holds that plane: there a quadratic
+///   spline is the mean of the two nodes beside it, so the node behind is the mirror image of the
+///   one before, u₀ = 2ū − u₁, masses and forces folded;
+/// - any other pin constrains points of the held region, Σ w_I(X_c) v_I = v̄, through (C M⁻¹ Cᵀ)⁻¹,
+///   rank-checked and factorised once;
+/// - a mass m at X adds m w wᵀ to the mass matrix (Woodbury), with first-order weights w.
+class TotalPins {
+ public:
+  TotalPins(const Body& body, const TotalGrid& grid);
+
+  /// Marks of nodes that step() handles, a byte a node; changes at release.
+  [[nodiscard]] const std::vector<std::uint8_t>& deferred() const { return deferred_; }
+  [[nodiscard]] bool any() const { return !nodes_.empty(); }
+  [[nodiscard]] bool held(double time) const;
+  [[nodiscard]] bool releases_between(double from, double to) const;
+
+  /// Moves the deferred nodes from `time` to time + dt. `acceleration`: f/m + g of each node of
+  /// deferred_nodes(), body axes.
+  void step(double kick, double dt, double time, const Vec3d& gravity,
+            const std::vector<Vec3d>& acceleration, std::vector<double>& displacement,
+            std::vector<double>& velocity) const;
+  [[nodiscard]] const std::vector<std::uint32_t>& deferred_nodes() const { return nodes_; }
+
+ private:
+  struct Mirror {
+    std::uint32_t free;
+    std::uint32_t ghost;
+  };
+  /// Rows of C on the deferred nodes (indices into nodes_), and the factor of C M⁻¹ Cᵀ.
+  struct PointConstraints {
+    std::vector<Vec3d> points;  ///< local, at rest
+    std::vector<NodeWeights> rows;
+    Eigen::MatrixXd factor;  ///< lower Cholesky factor
+  };
+  struct Clamp {
+    Pin pin;
+    std::vector<std::uint32_t> prescribed;
+    std::vector<Mirror> mirrors;
+    PointConstraints constraints;
+  };
+  struct Mass {
+    NodeWeights weights;
+    double mass;
+    double attach;
+    double compliance;  ///< wᵀ M⁻¹ w [1/kg]
+  };
+
+  /// False if there is material behind the plane: then points are constrained.
+  [[nodiscard]] bool add_plane(Clamp& clamp, int axis, int side);
+  void add_constraints(Clamp& clamp, const Body& body);
+  /// Displacement and velocity that the pin prescribes for the material point at rest `local`.
+  [[nodiscard]] Vec3d target(const Pin& pin, const Vec3d& local, double time) const;
+
+  const TotalGrid& grid_;
+  std::vector<Clamp> clamps_;
+  std::vector<Mass> masses_;
+  std::vector<std::uint32_t> nodes_;  ///< sorted
+  std::vector<std::uint8_t> deferred_;
+};
+
+}  // namespace matterfit::mpm

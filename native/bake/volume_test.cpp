@@ -99,7 +99,8 @@ TEST_F(VolumeTest, SurfaceOfABallHasItsVolumeAndRadius) {
     const auto grids = make(body, options);
     const auto surface = openvdb::gridPtrCast<openvdb::FloatGrid>(grids[0]);
     EXPECT_EQ(surface->getGridClass(), openvdb::GRID_LEVEL_SET);
-    EXPECT_NEAR(openvdb::tools::levelSetVolume(*surface), volume, 0.02 * volume);
+    // A tenth of h in the radius; smoothing alone shrinks a ball by h²/4R.
+    EXPECT_NEAR(openvdb::tools::levelSetVolume(*surface), volume, 3.0 * 0.1 * h / radius * volume);
     // Distance of the zero crossing along many rays.
     const openvdb::tools::GridSampler<openvdb::FloatGrid, openvdb::tools::BoxSampler> sample(
         *surface);
@@ -227,7 +228,7 @@ import pyopenvdb as vdb
 grids = {g.name: g for g in vdb.readAllGridMetadata('cube.vdb')}
 assert sorted(grids) == ['density', 'surface', 'velocity'], grids
 d = vdb.read('cube.vdb', 'density')
-assert d.gridClass == vdb.GridClass.FOG and d.saveFloatAsHalf
+assert d.gridClass == 'fog volume' in str(d.gridClass).lower() and d.saveFloatAsHalf
 assert d.transform.voxelSize() == (0.05, 0.05, 0.05)
 assert abs(d.getConstAccessor().getValue((0, 0, 20)) - 1) < 1e-3
 assert d.getConstAccessor().getValue((0, 0, 0)) == 0

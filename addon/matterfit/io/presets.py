@@ -15,7 +15,7 @@ _applying = []
 
 def folder():
     """presets/ inside the package where it was packaged, else beside addon/ in the tree."""
-    package = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    package = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
     for candidate in (os.path.join(package, "presets"),
                       os.path.join(os.path.dirname(os.path.dirname(package)), "presets")):
         if os.path.isdir(candidate):

@@ -128,7 +128,7 @@ def stage(target, distance, angle, height, lens=50.0):
                      [(0, 1, 2, 3)])
     floor.data.materials.append(material("Floor", (0.32, 0.33, 0.35), 0.8))
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-    sun.data.energy, sun.data.angle = 3.5, 0.1
+    sun.data.energy, sun.data.angle = 2.2, 0.1
     sun.rotation_euler = (math.radians(40), math.radians(10), math.radians(30))
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     camera.data.lens = lens
@@ -143,7 +143,7 @@ def stage(target, distance, angle, height, lens=50.0):
     scene.world = world
     world.use_nodes = True
     world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.6, 0.68, 0.8, 1.0)
-    world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.6
+    world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.35
     return floor
 
 
@@ -288,6 +288,8 @@ def set_up_jelly():
     )
     ring = bpy.context.object
     ring.name = "ring"
+    for face in ring.data.polygons:
+        face.use_smooth = True
     ring.data.materials.append(material("Ring", (0.2, 0.35, 0.5)))
     select(jelly)
     call(bpy.ops.matterfit.add_body)

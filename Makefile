@@ -9,7 +9,7 @@ PYTHON := $(RUN) python
 .PHONY: help demo test build bench format lint fuzz run package clean
 
 help: ## Say what each target does (the default)
-	@grep -hE '^[a-z]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | sort | \
+	@grep -hE '^[a-z]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | \
 	  while IFS="$$(printf '\t')" read -r name text; do printf '  make %-8s %s\n' "$$name" "$$text"; done
 
 demo: ## The main job on the sample under `blender -b`: capture, simulate, compare, throw, rerun, bake, render

@@ -40,4 +40,5 @@ for edge in (0.4, 0.8):
             took = time.perf_counter() - start
         rates.append(count * steps / took * 1e-6)
     line = {"name": "genesis mpm", "formulation": "updated", "threads": THREADS}
-    print(json.dumps({**line, "particles": count, "mps": round(statistics.median(rates), 3)}), flush=True)
+    line |= {"particles": count, "mps": round(statistics.median(rates), 3)}
+    print(json.dumps(line), flush=True)

@@ -45,9 +45,9 @@ class Liquid:
 
     @ti.kernel
     def step(self):
-        for I in ti.grouped(self.grid_m):
-            self.grid_v[I] = ti.zero(self.grid_v[I])
-            self.grid_m[I] = 0.0
+        for node in ti.grouped(self.grid_m):
+            self.grid_v[node] = ti.zero(self.grid_v[node])
+            self.grid_m[node] = 0.0
         ti.loop_config(block_dim=self.grid)
         for p in self.x:
             cell = self.x[p] / self.dx
@@ -61,13 +61,13 @@ class Liquid:
                 weight = w[offset[0]].x * w[offset[1]].y * w[offset[2]].z
                 self.grid_v[base + offset] += weight * (self.mass * self.v[p] + affine @ d)
                 self.grid_m[base + offset] += weight * self.mass
-        for I in ti.grouped(self.grid_m):
-            if self.grid_m[I] > 0:
-                self.grid_v[I] /= self.grid_m[I]
-            self.grid_v[I].y -= self.dt * GRAVITY
+        for node in ti.grouped(self.grid_m):
+            if self.grid_m[node] > 0:
+                self.grid_v[node] /= self.grid_m[node]
+            self.grid_v[node].y -= self.dt * GRAVITY
             for a in ti.static(range(3)):
-                if (I[a] < 3 and self.grid_v[I][a] < 0) or (I[a] > self.grid - 3 and self.grid_v[I][a] > 0):
-                    self.grid_v[I][a] = 0
+                if (node[a] < 3 and self.grid_v[node][a] < 0) or (node[a] > self.grid - 3 and self.grid_v[node][a] > 0):
+                    self.grid_v[node][a] = 0
         ti.loop_config(block_dim=self.grid)
         for p in self.x:
             cell = self.x[p] / self.dx
@@ -101,4 +101,5 @@ for grid in (32, 64, 128):
             took = time.perf_counter() - start
         rates.append(liquid.count * steps / took * 1e-6)
     line = {"name": "taichi mpm3d form", "formulation": "updated", "threads": THREADS}
-    print(json.dumps({**line, "particles": liquid.count, "mps": round(statistics.median(rates), 3)}), flush=True)
+    line |= {"particles": liquid.count, "mps": round(statistics.median(rates), 3)}
+    print(json.dumps(line), flush=True)

@@ -70,8 +70,9 @@ def check_own_libraries(folder, before):
         if not any(os.path.basename(path).startswith(kind) for path in own):
             raise AssertionError(f"the package has no copy of its own of {kind[:-1]}")
     added = mapped - {os.path.realpath(p) for p in before} - {os.path.realpath(p) for p in own}
+    foreign = ("openvdb", "libtbb.so", "osd", "OpenEXR", "Imath")
     for path in added:
-        if any(word in os.path.basename(path) for word in ("openvdb", "libtbb.so", "osd", "OpenEXR", "Imath")):
+        if any(word in os.path.basename(path) for word in foreign):
             raise AssertionError(f"loading the library brought in {path}")
     return len(own)
 

@@ -74,9 +74,7 @@ def check_python(tally):
         return
     folders = [f for f in PYTHON_FOLDERS if (ROOT / f).exists()]
     done = run("lint-ruff", [program, "check", "--no-cache", *folders])
-    tally.check("lint: ruff check", done.status == 0, done.tail(40))
-    done = run("lint-ruff-format", [program, "format", "--check", "--no-cache", *folders])
-    tally.check("lint: ruff format", done.status == 0, "run `make format`\n" + done.tail(10))
+    tally.check("lint: ruff", done.status == 0, done.tail(40))
 
 
 def check_tidy(tally, everything):
@@ -90,7 +88,8 @@ def check_tidy(tally, everything):
     if not everything and len(files) > TIDY_AT_MOST:
         rest = len(files) - TIDY_AT_MOST
         files = files[:TIDY_AT_MOST]
-        tally.skipped.append((f"lint: clang-tidy on {rest} more changed files", "`make lint ALL=1` takes all"))
+        what = f"lint: clang-tidy on {rest} more changed files"
+        tally.skipped.append((what, "`make lint ALL=1` takes all"))
     if not files:
         tally.skipped.append(("lint: clang-tidy", "no C++ file changed"))
     for file in files:
@@ -118,8 +117,8 @@ def fix():
     if program is None:
         say(f"Python files left as they are: pip could not install {RUFF}")
         return 0
-    subprocess.run([program, "format", "--no-cache", *folders], cwd=ROOT, check=True)
-    return subprocess.run([program, "check", "--fix", "--no-cache", *folders], cwd=ROOT, check=False).returncode
+    command = [program, "check", "--fix", "--no-cache", *folders]
+    return subprocess.run(command, cwd=ROOT, check=False).returncode
 
 
 def main():

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cache files made without the solver, so that attaching is tested by itself."""
 
+import importlib
 import os
 import struct
 
@@ -37,7 +38,7 @@ def write_exr(path, values, width):
 
 def write_vdb(path, radius):
     """A fog sphere 'density' and its level set 'surface'."""
-    import pyopenvdb
+    pyopenvdb = openvdb_module()
     os.makedirs(os.path.dirname(path), exist_ok=True)
     surface = pyopenvdb.createLevelSetSphere(radius=radius, center=(0, 0, 1), voxelSize=0.02)
     surface.name = "surface"
@@ -46,9 +47,11 @@ def write_vdb(path, radius):
     pyopenvdb.write(path, grids=[density, surface])
 
 
-def has_openvdb():
-    try:
-        import pyopenvdb  # noqa: F401
-    except ImportError:
-        return False
-    return True
+def openvdb_module():
+    """OpenVDB's Python module: pyopenvdb with 3.4, openvdb in later Blenders; or None."""
+    for name in ("pyopenvdb", "openvdb"):
+        try:
+            return importlib.import_module(name)
+        except ImportError:
+            continue
+    return None

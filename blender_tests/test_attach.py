@@ -7,7 +7,7 @@ import unittest
 
 import bpy
 import numpy
-from fake_cache import has_openvdb, write_exr, write_pc2, write_vdb
+from fake_cache import openvdb_module, write_exr, write_pc2, write_vdb
 from matterfit.io import attach, cache, takes
 from matterfit.jobs import JobError
 from support import SceneCase, second_process
@@ -199,7 +199,7 @@ class ParticleTest(AttachCase):
         self.assertEqual([vertex.co.x for vertex in item.data.vertices], [2.0] * 4)
 
 
-@unittest.skipUnless(has_openvdb(), "pyopenvdb is not installed for Blender's Python")
+@unittest.skipUnless(openvdb_module(), "OpenVDB's module is not installed for Blender's Python")
 class VolumeTest(AttachCase):
     """A sphere that grows."""
 

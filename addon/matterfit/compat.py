@@ -5,6 +5,9 @@ import bpy
 
 VERSION = bpy.app.version
 
+# From 4.5 on a file property says that it understands paths that begin with //.
+PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if VERSION >= (4, 5, 0) else set()
+
 
 def add_group_socket(tree, name, in_out, socket_type):
     """A socket of a node group; `in_out` is 'INPUT' or 'OUTPUT'. The interface came with 4.0."""

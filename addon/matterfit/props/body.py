@@ -13,6 +13,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..compat import PATH_OPTIONS
 from . import choices
 from .material import MatterfitMaterial
 
@@ -27,14 +28,14 @@ class MatterfitContact(bpy.types.PropertyGroup):
         name="Friction", default=0.4, min=0.0, soft_min=0.0, max=10.0, soft_max=1.0, precision=3,
         description="Coulomb's coefficient, without unit: 0 ice, .4 wood, 1 rubber")
     use_stiffness: BoolProperty(
-        name="Set Stiffness", default=False,
+        name="Stiffness", default=False,
         description="Use the stiffness below instead of one derived from the body")
     stiffness: FloatProperty(
         name="Stiffness [Pa/m]", default=1e7, min=1.0, soft_min=1e4, max=1e15, soft_max=1e10,
         precision=0, step=100000,
         description="Pressure per depth of penetration, in pascals per metre")
     use_damping: BoolProperty(
-        name="Set Damping", default=False,
+        name="Damping", default=False,
         description="Use the damping below instead of the solver's default")
     damping: FloatProperty(
         name="Damping", default=0.1, min=0.0, soft_min=0.0, max=2.0, soft_max=1.0, precision=3,
@@ -115,7 +116,8 @@ class MatterfitBody(bpy.types.PropertyGroup):
         name="Object", type=bpy.types.Object, poll=_object_poll,
         description="The object that is simulated, or run into")
     filepath: StringProperty(
-        name="File", subtype="FILE_PATH", description="Particles or Gaussians in metres, Z up")
+        name="File", subtype="FILE_PATH", options=PATH_OPTIONS,
+        description="Particles or Gaussians in metres, Z up")
     fill_inside: BoolProperty(
         name="Fill Inside", default=True,
         description="Fill the inside of the Gaussians' surface with particles")

@@ -12,6 +12,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..compat import PATH_OPTIONS
 from . import choices
 
 
@@ -31,7 +32,7 @@ class MatterfitCapture(bpy.types.PropertyGroup):
                ("OBJECT", "Animated Object", "The evaluated mesh of an object, at every frame")),
         description="Where the recorded points come from")
     filepath: StringProperty(
-        name="File", subtype="FILE_PATH", update=_summary_stale,
+        name="File", subtype="FILE_PATH", options=PATH_OPTIONS, update=_summary_stale,
         description="A .npz, .npy, .c3d or .pc2 file, or the first of numbered .ply files")
     object: PointerProperty(
         name="Object", type=bpy.types.Object,
@@ -40,7 +41,7 @@ class MatterfitCapture(bpy.types.PropertyGroup):
         name="Body", description="The body that this is a recording of; empty: the first one")
 
     use_fps: BoolProperty(
-        name="Set Rate", default=False, update=_summary_stale,
+        name="Rate [1/s]", default=False, update=_summary_stale,
         description="Use the rate below where the file gives none, or a wrong one")
     fps: FloatProperty(
         name="Rate [1/s]", default=24.0, min=1e-3, soft_min=1.0, max=1e6, soft_max=1000.0,
@@ -63,7 +64,7 @@ class MatterfitCapture(bpy.types.PropertyGroup):
         min=-1e3, soft_min=-6.283185, max=1e3, soft_max=6.283185,
         description="Turns the recorded points into the scene, before Location")
     use_start_frame: BoolProperty(
-        name="Set Start", default=False,
+        name="Start Frame", default=False,
         description="The capture's first sample falls on the frame below instead of the first")
     start_frame: FloatProperty(
         name="Start Frame", default=1.0, min=-1e6, soft_min=0.0, max=1e6, soft_max=1e4,
@@ -85,7 +86,7 @@ class MatterfitCapture(bpy.types.PropertyGroup):
         description="Scene frame after which the motion starts")
 
     use_noise: BoolProperty(
-        name="Set Noise", default=False,
+        name="Noise", default=False,
         description="Use the noise below instead of the one estimated from the file")
     noise: FloatProperty(
         name="Noise", default=5e-4, min=0.0, soft_min=0.0, max=1e3, soft_max=0.01, precision=5,

@@ -91,7 +91,7 @@ class MatterfitOutput(bpy.types.PropertyGroup):
         name="Surface", default=True,
         description="OpenVDB level set 'surface', shown through Volume to Mesh")
     use_voxel_size: BoolProperty(
-        name="Set Voxel Size", default=False,
+        name="Voxel Size", default=False,
         description="Use the voxel size below instead of the particle separation")
     voxel_size: FloatProperty(
         name="Voxel Size", default=0.01, min=1e-6, soft_min=1e-3, max=1e4, soft_max=1.0,

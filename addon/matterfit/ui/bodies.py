@@ -4,7 +4,7 @@ import bpy
 from ..io import meshes, presets
 from ..props import choices
 from ..props import scene as scene_props
-from .common import MatterfitPanel, contact, form, lines
+from .common import MatterfitPanel, contact, form, lines, switched
 
 
 class MATTERFIT_UL_bodies(bpy.types.UIList):
@@ -139,11 +139,7 @@ class MATTERFIT_PT_body_pins(_BodyDetail, bpy.types.Panel):
         elif pin.kind != "ALL":
             column.prop(pin, "object")
         column.prop(pin, "follow")
-        row = column.row(align=True, heading="Release")
-        row.prop(pin, "use_release", text="")
-        entry = row.row(align=True)
-        entry.active = pin.use_release
-        entry.prop(pin, "release", text="")
+        switched(column, pin, "use_release", "release")
 
 
 class MATTERFIT_PT_body_masses(_BodyDetail, bpy.types.Panel):
@@ -164,11 +160,7 @@ class MATTERFIT_PT_body_masses(_BodyDetail, bpy.types.Panel):
         column = form(layout)
         column.prop(mass, "object")
         column.prop(mass, "mass")
-        row = column.row(align=True, heading="Attach Later")
-        row.prop(mass, "use_attach", text="")
-        entry = row.row(align=True)
-        entry.active = mass.use_attach
-        entry.prop(mass, "attach", text="")
+        switched(column, mass, "use_attach", "attach")
 
 
 CLASSES = (MATTERFIT_UL_bodies, MATTERFIT_UL_names, MATTERFIT_PT_bodies, MATTERFIT_PT_body_motion,

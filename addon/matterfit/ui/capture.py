@@ -2,7 +2,7 @@
 import bpy
 
 from ..props import scene as scene_props
-from .common import MatterfitPanel, form, lines
+from .common import MatterfitPanel, form, lines, switched
 
 
 class MATTERFIT_UL_captures(bpy.types.UIList):
@@ -57,34 +57,25 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
             if capture.unit == "CUSTOM":
                 column.prop(capture, "scale")
             column.prop(capture, "up")
-            _switched(column, capture, "use_fps", "fps")
+            switched(column, capture, "use_fps", "fps")
             column.prop(capture, "markers")
             layout.operator("matterfit.check_capture", icon="VIEWZOOM")
 
     def _place(self, layout, capture):
         column = form(layout)
-        _switched(column, capture, "use_start_frame", "start_frame")
+        switched(column, capture, "use_start_frame", "start_frame")
         column.prop(capture, "align")
         if capture.align is None:
             column.prop(capture, "location")
             column.prop(capture, "rotation")
-        _switched(column, capture, "use_release", "release")
+        switched(column, capture, "use_release", "release")
 
     def _use(self, layout, capture):
         column = form(layout)
-        _switched(column, capture, "use_noise", "noise")
+        switched(column, capture, "use_noise", "noise")
         column.prop(capture, "holdout")
         if capture.holdout == "FRAMES":
             column.prop(capture, "holdout_start")
-
-
-def _switched(column, item, switch, value):
-    """A value with the switch that makes it count."""
-    row = column.row(align=True, heading=item.bl_rna.properties[switch].name)
-    row.prop(item, switch, text="")
-    entry = row.row(align=True)
-    entry.active = getattr(item, switch)
-    entry.prop(item, value, text="")
 
 
 CLASSES = (MATTERFIT_UL_captures, MATTERFIT_PT_capture)

@@ -3,7 +3,7 @@
 
 import textwrap
 
-from .. import jobs
+import bpy
 
 
 class MatterfitPanel:
@@ -27,8 +27,11 @@ def form(layout):
     return column
 
 
-def lines(layout, text, icon="NONE", width=46):
-    """A text as several labels, wrapped: labels do not wrap by themselves."""
+def lines(layout, text, icon="NONE"):
+    """A text as several labels, wrapped to the sidebar: labels do not wrap by themselves."""
+    region = bpy.context.region
+    scale = bpy.context.preferences.system.ui_scale
+    width = max(int(region.width / (7.2 * scale)) - 6, 16) if region is not None else 40
     column = layout.column(align=True)
     column.scale_y = 0.8
     first = True
@@ -39,19 +42,20 @@ def lines(layout, text, icon="NONE", width=46):
             first = False
 
 
+def switched(column, item, switch, value):
+    """A value with the switch that makes it count."""
+    row = column.row(align=True, heading=item.bl_rna.properties[switch].name)
+    row.prop(item, switch, text="")
+    entry = row.row(align=True)
+    entry.active = getattr(item, switch)
+    entry.prop(item, value, text="")
+
+
 def contact(layout, item):
     """The properties of a contact."""
     column = form(layout)
     column.prop(item, "kind")
     if item.kind == "FRICTION":
         column.prop(item, "mu")
-    for switch, value in (("use_stiffness", "stiffness"), ("use_damping", "damping")):
-        row = column.row(align=True)
-        row.prop(item, switch, text="")
-        entry = row.row()
-        entry.active = getattr(item, switch)
-        entry.prop(item, value)
-
-
-def idle():
-    return jobs.registry.running is None
+    switched(column, item, "use_stiffness", "stiffness")
+    switched(column, item, "use_damping", "damping")

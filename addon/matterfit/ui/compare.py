@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import bpy
 
-from ..compat import translate
 from .common import MatterfitPanel, form
 
 
@@ -10,7 +9,7 @@ class MATTERFIT_UL_worst(bpy.types.UIList):
         row = layout.row()
         row.label(text=str(item.frame), icon="TIME", translate=False)
         row.label(text=f"{item.mean:.3g} mm", translate=False)
-        row.label(text=f"max {item.largest:.3g} mm", translate=False)
+        row.label(text=f"{item.largest:.3g} mm", translate=False)
 
 
 class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
@@ -40,7 +39,10 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
             if compare.range_mode == "FIXED":
                 column.prop(compare, "range_mm")
             column.prop(compare, "point_size")
-        layout.label(text=translate("Worst frames: click to jump"), translate=False)
+        layout.label(text="Worst Frames")
+        row = layout.row()
+        for title in ("Frame", "Mean", "Largest"):
+            row.label(text=title)
         layout.template_list("MATTERFIT_UL_worst", "", compare, "worst", compare, "worst_index",
                              rows=4)
 

@@ -7,7 +7,7 @@ from .. import jobs
 from ..compat import translate
 from ..io import attach, cache, takes
 from ..props import scene as scene_props
-from .common import MatterfitPanel, form, lines
+from .common import MatterfitPanel, lines, switched
 
 
 class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
@@ -18,17 +18,12 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
         layout = self.layout
         settings = context.scene.matterfit
         output = settings.output
-        column = form(layout)
-        column = layout.column(heading="Volume (OpenVDB)")
+        column = layout.column(heading="OpenVDB")
         column.use_property_split = True
         column.use_property_decorate = False
         for name in ("density", "velocity", "surface"):
             column.prop(output, name)
-        row = column.row(align=True, heading="Voxel Size")
-        row.prop(output, "use_voxel_size", text="")
-        entry = row.row(align=True)
-        entry.active = output.use_voxel_size
-        entry.prop(output, "voxel_size", text="")
+        switched(column, output, "use_voxel_size", "voxel_size")
         column = layout.column(heading="Caches")
         column.use_property_split = True
         column.use_property_decorate = False

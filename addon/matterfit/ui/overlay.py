@@ -13,7 +13,7 @@ from ..props import scene as scene_props
 STOPS = numpy.array(((0.10, 0.20, 0.60), (0.10, 0.65, 0.80), (0.25, 0.75, 0.30),
                      (0.95, 0.85, 0.20), (0.90, 0.15, 0.10)))
 LEGEND = (24, 60, 14, 160)  # left, bottom, width, height in pixels
-GRAPH = (90, 40, 320, 110)
+GRAPH = (124, 56, 320, 110)
 
 _handles = []
 _loaded = {}

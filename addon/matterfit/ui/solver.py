@@ -3,7 +3,7 @@ import bpy
 
 from ..compat import translate
 from ..io import resolution
-from .common import MatterfitPanel, contact, form
+from .common import MatterfitPanel, contact, form, lines
 
 
 class MATTERFIT_PT_solver(MatterfitPanel, bpy.types.Panel):
@@ -18,8 +18,8 @@ class MATTERFIT_PT_solver(MatterfitPanel, bpy.types.Panel):
         column.prop(solver, "particle_separation")
         cells = _cells(context)
         if cells is not None:
-            column.label(text=translate("{n} cells across the thinnest part").format(
-                n=f"{cells:.1f}"), icon="ERROR" if cells < 2.95 else "INFO", translate=False)
+            lines(layout, translate("{n} cells across the thinnest part").format(
+                n=f"{cells:.1f}"), icon="ERROR" if cells < 2.95 else "INFO")
         layout.operator("matterfit.set_resolution", icon="DRIVER_DISTANCE")
         column = form(layout)
         column.prop(solver, "use_range")

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Takes keep their caches apart, through renames, Save As and moves; migration of older files."""
+
+import os
+import shutil
+
+import bpy
+from matterfit.io import attach, takes
+from matterfit.jobs import JobError
+from matterfit.props import migration
+from matterfit.props.scene import SCHEMA_VERSION
+from support import SceneCase
+
+
+class FolderTest(SceneCase):
+    def test_each_has_its_own(self):
+        bpy.ops.matterfit.add_take()
+        bpy.ops.matterfit.add_take()
+        folders = [takes.claim(take) for take in self.settings.takes]
+        self.assertEqual(len(set(folders)), 2)
+        for take, folder in zip(self.settings.takes, folders, strict=True):
+            self.assertRegex(take.folder, r"^//cache_matterfit_[0-9a-f]{8}/$")
+            self.assertEqual(takes.claim(take), folder, "a second claim keeps the folder")
+            self.assertEqual(os.path.dirname(folder), self.folder)
+        self.assertNotEqual(self.settings.takes[0].name, self.settings.takes[1].name)
+
+    def test_unsaved(self):
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        with self.assertRaisesRegex(JobError, "not saved.*Save the file first"):
+            takes.require_saved()
+        settings = bpy.context.scene.matterfit
+        take = takes.ensure_active(settings)
+        with self.assertRaises(JobError):
+            takes.claim(take)
+        self.assertEqual(take.folder, "")
+
+    def test_save_as_links(self):
+        """The copy shows the original's cache and never writes into it."""
+        take = takes.ensure_active(self.settings)
+        first = takes.claim(take)
+        os.makedirs(first)
+        self.save("scene.blend")
+        self.save("copy.blend")
+        take = bpy.context.scene.matterfit.takes[0]
+        location = takes.locate(take)
+        self.assertTrue(location.linked)
+        self.assertEqual(location.folder, first)
+        second = takes.claim(take)
+        self.assertNotEqual(second, first)
+        self.assertFalse(takes.locate(take).linked)
+
+    def test_save_as_elsewhere_links(self):
+        take = takes.ensure_active(self.settings)
+        first = takes.claim(take)
+        os.makedirs(first)
+        self.save("scene.blend")
+        os.makedirs(os.path.join(self.folder, "other"))
+        self.save(os.path.join("other", "copy.blend"))
+        location = takes.locate(bpy.context.scene.matterfit.takes[0])
+        self.assertTrue(location.linked)
+        self.assertEqual(location.folder, first)
+
+    def test_renamed_and_moved_projects_keep_their_cache(self):
+        take = takes.ensure_active(self.settings)
+        name = os.path.basename(takes.claim(take))
+        os.makedirs(os.path.join(self.folder, name))
+        self.save("scene.blend")
+        moved = os.path.join(self.folder, "moved")
+        os.makedirs(moved)
+        shutil.move(os.path.join(self.folder, "scene.blend"), os.path.join(moved, "new.blend"))
+        shutil.move(os.path.join(self.folder, name), moved)
+        self.reopen(os.path.join("moved", "new.blend"))
+        location = takes.locate(self.settings.takes[0])
+        self.assertFalse(location.linked)
+        self.assertEqual(location.folder, os.path.join(moved, name))
+        self.assertTrue(location.exists)
+
+    def test_switching_shows_one(self):
+        for index in range(2):
+            bpy.ops.matterfit.add_take()
+            collection = bpy.data.collections.new(f"C{index}")
+            self.scene.collection.children.link(collection)
+            self.settings.takes[index].collection = collection
+        self.settings.take_index = 0
+        self.assertEqual([take.collection.hide_render for take in self.settings.takes],
+                         [False, True])
+        self.settings.take_index = 1
+        self.assertEqual([take.collection.hide_viewport for take in self.settings.takes],
+                         [True, False])
+
+    def test_copied_take_has_settings_but_no_cache(self):
+        body = self.body(self.cube())
+        body.velocity = (1, 2, 3)
+        bpy.ops.matterfit.add_take()
+        bpy.ops.matterfit.add_throw()
+        self.settings.takes[0].throws[0].spin = (4, 5, 6)
+        takes.claim(self.settings.takes[0])
+        bpy.ops.matterfit.add_take()
+        take = self.settings.takes[1]
+        self.assertEqual(tuple(take.throws[0].velocity), (1, 2, 3))
+        self.assertEqual(tuple(take.throws[0].spin), (4, 5, 6))
+        self.assertEqual(take.folder, "")
+
+    def test_remove(self):
+        bpy.ops.matterfit.add_take()
+        take = self.settings.takes[0]
+        folder = takes.claim(take)
+        os.makedirs(folder)
+        bpy.ops.matterfit.remove_take()
+        self.assertEqual(len(self.settings.takes), 0)
+        self.assertFalse(os.path.exists(folder))
+
+    def test_throwing_twice_is_refused(self):
+        self.body(self.cube())
+        bpy.ops.matterfit.add_throw()
+        self.fails(bpy.ops.matterfit.add_throw, ["already thrown"])
+
+
+class MigrationTest(SceneCase):
+    def test_a_new_scene_has_the_present_version(self):
+        self.body(self.cube())
+        self.save("scene.blend")
+        self.reopen()
+        self.assertEqual(self.settings.schema_version, SCHEMA_VERSION)
+
+    def test_version_1(self):
+        """Its takes knew no owner: the cache beside the file becomes this file's."""
+        take = takes.ensure_active(self.settings)
+        folder = takes.claim(take)
+        os.makedirs(folder)
+        take.owner = ""
+        self.settings.schema_version = 1
+        self.save("scene.blend")
+        self.reopen()
+        self.assertEqual(self.settings.schema_version, SCHEMA_VERSION)
+        take = self.settings.takes[0]
+        self.assertEqual(take.owner, os.path.join(self.folder, "scene.blend"))
+        self.assertFalse(takes.locate(take).linked)
+
+    def test_a_newer_file_is_said(self):
+        self.body(self.cube())
+        self.settings.schema_version = SCHEMA_VERSION + 1
+        self.save("scene.blend")
+        self.reopen()
+        self.assertIn("newer Matterfit", self.error())
+        self.assertIn("update the add-on", self.error())
+        self.assertEqual(self.settings.schema_version, SCHEMA_VERSION + 1)
+
+    def test_every_version_has_a_step(self):
+        self.assertEqual(sorted(migration.STEPS), list(range(1, SCHEMA_VERSION)))
+
+    def test_settings_survive(self):
+        """What is set is there again after saving and opening."""
+        body = self.body(self.cube())
+        body.material.preset = "SAND"
+        body.material.friction_angle = 33.0
+        body.pins.add().name = "Hold"
+        self.settings.solver.particle_separation = 0.015
+        self.save("scene.blend")
+        self.reopen()
+        body = self.settings.bodies[0]
+        self.assertEqual(body.material.preset, "SAND")
+        self.assertAlmostEqual(body.material.friction_angle, 33.0, places=4)
+        self.assertEqual(body.pins[0].name, "Hold")
+        self.assertEqual(body.object.name, "Cube")
+        self.assertAlmostEqual(self.settings.solver.particle_separation, 0.015)
+        self.assertEqual(self.settings.solver.quality, "CUSTOM")
+
+    def test_hidden_original_comes_back(self):
+        item = self.cube()
+        attach.hide_original(item)
+        attach.hide_original(item)
+        self.assertTrue(item.hide_render and item.hide_viewport)
+        attach.show_original(item)
+        self.assertFalse(item.hide_render or item.hide_viewport)

@@ -1,0 +1,317 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tab in a real window, drawn part by part, with a picture of each.
+
+    xvfb-run -a -s "-screen 0 1400x900x24" env LIBGL_ALWAYS_SOFTWARE=1 \
+        blender --factory-startup --python-exit-code 1 -P blender_tests/window.py -- build/screenshots/panel.png
+
+The picture named shows the tab as it opens; beside it lie panel_status.png, panel_capture.png, …
+With the native library a bake runs modally, is cancelled, resumed to its end, and undone. Fails
+where a panel is not drawn, raises, or a modal job does not end as it should.
+"""
+
+import os
+import shutil
+import sys
+import tempfile
+import time
+import traceback
+
+import bpy
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [os.path.join(os.path.dirname(HERE), "addon"), HERE]
+
+import matterfit
+import numpy
+from matterfit import jobs, native, ui
+from matterfit.io import files, takes
+from matterfit.jobs import State
+from matterfit.ops import compare as compare_operators
+
+PICTURE = os.path.abspath(sys.argv[sys.argv.index("--") + 1])
+LIMIT = 240.0  # seconds for everything
+
+drawn = {}
+faults = []
+
+
+def watch(cls):
+    """Counts draws; Blender only prints what a draw raises."""
+    original = cls.draw
+
+    def draw(self, context):
+        drawn[cls.__name__] = drawn.get(cls.__name__, 0) + 1
+        try:
+            original(self, context)
+        except Exception:
+            faults.append(f"{cls.__name__}:\n{traceback.format_exc()}")
+
+    cls.draw = draw
+
+
+def only_ours():
+    """Without the other tabs ours is the active one (3.4 has no call that switches tabs)."""
+    for cls in list(bpy.types.Panel.__subclasses__()):
+        if (getattr(cls, "bl_space_type", "") == "VIEW_3D"
+                and getattr(cls, "bl_region_type", "") == "UI"
+                and getattr(cls, "bl_category", "") != "Matterfit"
+                and hasattr(bpy.types, cls.__name__)):
+            try:
+                bpy.utils.unregister_class(cls)
+            except RuntimeError:
+                pass
+
+
+shown = set()  # names of panels; empty: all
+
+
+def limit_to(cls):
+    """The panel polls as before, and is shown only in its own pictures."""
+    original = cls.poll.__func__
+
+    @classmethod
+    def poll(klass, context):
+        names = {klass.__name__, getattr(klass, "bl_parent_id", "")}
+        return (not shown or bool(names & shown)) and original(klass, context)
+
+    cls.poll = poll
+
+
+def prepare():
+    for cls in ui.CLASSES:
+        if issubclass(cls, bpy.types.Panel):
+            cls.bl_options = set(cls.bl_options) - {"DEFAULT_CLOSED"}
+            watch(cls)
+            limit_to(cls)
+    only_ours()
+    matterfit.register()
+    preferences = bpy.context.preferences
+    preferences.view.show_splash = False
+    preferences.view.show_developer_ui = False
+
+
+def view():
+    """(window, area) of the 3D view."""
+    window = bpy.context.window_manager.windows[0]
+    area = max((area for area in window.screen.areas if area.type == "VIEW_3D"),
+               key=lambda area: area.width)
+    return window, area
+
+
+def build_scene(folder):
+    bpy.ops.wm.save_as_mainfile(filepath=os.path.join(folder, "scene.blend"))
+    for item in list(bpy.data.objects):
+        bpy.data.objects.remove(item)
+    bpy.ops.mesh.primitive_cube_add(size=0.2, location=(0.0, 0.0, 0.3))
+    bpy.context.active_object.name = "Dough"
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, 20
+    settings = scene.matterfit
+    bpy.ops.matterfit.add_body(role="BODY")
+    settings.bodies[0].material.preset = "PLASTICINE"
+    bpy.ops.matterfit.add_pin()
+    bpy.ops.matterfit.add_mass()
+    bpy.ops.object.empty_add(location=(0.0, 0.0, 0.4))
+    settings.bodies[0].pins[0].object = bpy.context.active_object
+    settings.bodies[0].masses[0].object = bpy.context.active_object
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.1, location=(0.3, 0.0, 0.05))
+    bpy.context.active_object.name = "Ball"
+    bpy.ops.matterfit.add_body(role="COLLIDER")
+    settings.body_index = 0
+    path = os.path.join(folder, "clip.npz")
+    times = numpy.arange(20) / 24.0
+    grid = numpy.stack(numpy.meshgrid(*[numpy.linspace(-0.1, 0.1, 4)] * 3), axis=-1).reshape(-1, 3)
+    positions = grid[None] + numpy.array([0, 0, 0.3]) + times[:, None, None] * [0.2, 0, -0.2]
+    files.write_npz(path, {"positions": positions, "times": times})
+    capture = settings.captures.add()
+    capture.name, capture.filepath = "clip", "//clip.npz"
+    capture.summary = "20 frames, 64 points"
+    if native.load():
+        bpy.ops.matterfit.check_capture()
+    bpy.ops.matterfit.add_take()
+    bpy.ops.matterfit.add_throw()
+    bpy.ops.matterfit.list_colliders()
+    return positions, times
+
+
+def fake_comparison(positions, times):
+    """The files that a comparison leaves, with an error that grows along x and in time."""
+    scene = bpy.context.scene
+    take = takes.ensure_active(scene.matterfit)
+    folder = takes.claim(take)
+    error = 0.01 * times[:, None] / times[-1] * (1.0 + 5.0 * (positions[:, :, 0] + 0.1))
+    simulated = positions + error[:, :, None] * numpy.array([1.0, 0.0, 0.0])
+    files.write_json(os.path.join(folder, "job.json"), {
+        "captures": [{"name": "clip"}],
+        "scene": {"fps": 24, "frames": [1, 21]}})
+    files.write_npz(os.path.join(folder, "compare.npz"), {
+        "error_mm": 1000.0 * error, "times": times, "captured": positions,
+        "labels": numpy.array([str(i) for i in range(positions.shape[1])])})
+    files.write_npz(os.path.join(folder, "simulated.npz"), {"positions": simulated,
+                                                            "times": times})
+    from matterfit.io import comparison
+    compare_operators.store(scene.matterfit.compare, comparison.load(folder))
+    scene.frame_set(15)
+    scene.matterfit.compare.point_size = 10.0
+
+
+def picture(name):
+    path = PICTURE if name == "" else f"{os.path.splitext(PICTURE)[0]}_{name}.png"
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    window, area = view()
+    with bpy.context.temp_override(window=window, area=area):
+        bpy.ops.screen.screenshot(filepath=path)
+    if not os.path.isfile(path) or os.path.getsize(path) < 5000:
+        faults.append(f"{path}: no picture was taken")
+
+
+def open_view():
+    window, area = view()
+    with bpy.context.temp_override(window=window, area=area):
+        bpy.ops.screen.screen_full_area(use_hide_panels=False)
+    window, area = view()
+    area.spaces.active.show_region_ui = True
+    area.spaces.active.shading.type = "SOLID"
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        bpy.ops.view3d.view_axis(type="FRONT")
+        for item in bpy.context.scene.objects:
+            item.select_set(item.type == "MESH")
+        bpy.ops.view3d.view_selected()
+    # Without an active object the tab Item has nothing to show and goes too.
+    bpy.context.view_layer.objects.active = None
+
+
+def show(*names):
+    shown.clear()
+    shown.update(names)
+    window, area = view()
+    area.tag_redraw()
+
+
+def modal(operator):
+    window, area = view()
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        return getattr(bpy.ops.matterfit, operator)("INVOKE_DEFAULT")
+
+
+PARTS = ("status", "capture", "bodies", "solver", "simulate", "rerun", "output")
+
+
+def script(folder):
+    """A generator: everything between two yields happens before the window is drawn again."""
+    positions, times = build_scene(folder)
+    open_view()
+    yield
+    yield
+    picture("")
+    for part in PARTS:
+        show("MATTERFIT_PT_" + part)
+        yield
+        yield
+        picture(part)
+    fake_comparison(positions, times)
+    show("MATTERFIT_PT_compare")
+    yield
+    yield
+    picture("compare")
+    settings = bpy.context.scene.matterfit
+    settings.compare.worst_index = 0
+    if bpy.context.scene.frame_current != settings.compare.worst[0].frame:
+        faults.append("the list of worst frames did not jump")
+    settings.compare.done = False
+    settings.captures.clear()
+    if not native.load():
+        print(f"window: the modal bake is left out: {native.load_error()}")
+        return
+    yield from modal_bake()
+
+
+def wait_for(condition, seconds, what):
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            raise AssertionError(f"{what} did not happen within {seconds} s")
+        yield
+
+
+def modal_bake():
+    """Bake, cancel, resume, undo: through the very buttons."""
+    show("MATTERFIT_PT_status", "MATTERFIT_PT_simulate")
+    settings = bpy.context.scene.matterfit
+    settings.bodies[0].pins.clear()
+    settings.bodies[0].masses.clear()
+    settings.takes[0].throws.clear()
+    settings.solver.particle_separation = 0.01
+    bpy.context.scene.frame_end = 60
+    if modal("bake") != {"RUNNING_MODAL"}:
+        raise AssertionError("Bake does not run modally")
+    job = jobs.registry.running
+    yield from wait_for(lambda: job.snapshot.frame >= 4 or job.ended, 90.0, "frame 4")
+    yield
+    picture("running")
+    if job.ended:
+        raise AssertionError(f"the bake ended before it could be cancelled: {job.error}")
+    asked = time.monotonic()
+    bpy.ops.matterfit.cancel()
+    yield from wait_for(lambda: job.ended, 10.0, "the end after Cancel")
+    print(f"window: Cancel answered after {time.monotonic() - asked:.2f} s")
+    if job.state is not State.CANCELLED:
+        raise AssertionError(f"Cancel gave {job.state}: {job.error}")
+    yield
+    bpy.context.scene.frame_end = 60
+    if modal("resume") != {"RUNNING_MODAL"}:
+        raise AssertionError("Resume does not run modally")
+    job = jobs.registry.running
+    yield from wait_for(lambda: job.ended, 120.0, "the end of Resume")
+    yield
+    if job.state is not State.DONE:
+        raise AssertionError(f"Resume gave {job.state}: {job.error}")
+    take = bpy.context.scene.matterfit.takes[0]
+    if not take.baked or take.collection is None or not take.collection.objects:
+        raise AssertionError("nothing was attached")
+    bpy.context.scene.frame_set(20)
+    show("MATTERFIT_PT_status", "MATTERFIT_PT_output")
+    yield
+    yield
+    picture("baked")
+
+
+def main():
+    prepare()
+    folder = tempfile.mkdtemp(prefix="window_", dir=os.path.dirname(HERE) + "/build")
+    steps = script(folder)
+    began = time.monotonic()
+
+    def finish(status):
+        jobs.registry.stop_all()
+        shutil.rmtree(folder, ignore_errors=True)
+        panels = [cls.__name__ for cls in ui.CLASSES if issubclass(cls, bpy.types.Panel)]
+        missing = [name for name in panels if name not in drawn]
+        if missing:
+            faults.append(f"never drawn: {', '.join(missing)}")
+        for fault in faults:
+            print(f"window: {fault}")
+        print(f"window: {len(panels) - len(missing)} panels drawn, {len(faults)} faults")
+        sys.stdout.flush()
+        os._exit(1 if faults or status else 0)
+
+    def step():
+        if time.monotonic() - began > LIMIT:
+            faults.append(f"not done after {LIMIT} s")
+            finish(1)
+        try:
+            next(steps)
+        except StopIteration:
+            finish(0)
+        except Exception:
+            faults.append(traceback.format_exc())
+            finish(1)
+        view()[1].tag_redraw()
+        return 0.4
+
+    bpy.app.timers.register(step, first_interval=1.0)
+
+
+main()

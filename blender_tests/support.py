@@ -96,6 +96,18 @@ class SceneCase(unittest.TestCase):
         return bpy.context.window_manager.matterfit.last_error
 
 
+def read(*path):
+    """The bytes of a file."""
+    with open(os.path.join(*path), "rb") as stream:
+        return stream.read()
+
+
+def tree(folder):
+    """{relative path: bytes} of everything below a folder."""
+    return {os.path.relpath(os.path.join(base, name), folder): read(base, name)
+            for base, _folders, names in os.walk(folder) for name in names}
+
+
 def select(*items):
     for other in bpy.context.view_layer.objects:
         other.select_set(False)
@@ -114,15 +126,15 @@ def second_process(code, blend=None, addon=False, environment=None, timeout=300)
         head.append(f"sys.path.insert(0, {os.path.join(ROOT, 'addon')!r})")
     if blend:
         head.append(f"bpy.ops.wm.open_mainfile(filepath={blend!r})")
-    script = tempfile.NamedTemporaryFile("w", suffix=".py", dir=SCRATCH, delete=False)
-    with script:
-        script.write("\n".join([*head, code]))
+    handle, script = tempfile.mkstemp(suffix=".py", dir=SCRATCH)
+    with open(handle, "w", encoding="utf-8") as stream:
+        stream.write("\n".join([*head, code]))
     try:
-        done = subprocess.run([*program(), script.name], capture_output=True, text=True,
+        done = subprocess.run([*program(), script], capture_output=True, text=True,
                               timeout=timeout, env={**os.environ, **(environment or {})},
                               check=False)
     finally:
-        os.remove(script.name)
+        os.remove(script)
     if done.returncode != 0:
         raise AssertionError(f"second process: status {done.returncode}\n{done.stdout}\n"
                              f"{done.stderr}")

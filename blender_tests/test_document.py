@@ -9,7 +9,7 @@ import bpy
 import numpy
 from matterfit.io import files, job_captures, job_document, resolution
 from matterfit.jobs import JobError
-from support import SceneCase, select
+from support import SceneCase, read, select, tree
 
 
 def load(folder, relative):
@@ -126,13 +126,10 @@ class BodyTest(SceneCase):
         self.scene.frame_set(4)
         document, folder = self.document()
         path = job_document.write(document, folder)
-        before = {name: open(os.path.join(base, name), "rb").read()
-                  for base, _folders, names in os.walk(folder) for name in names}
+        before = tree(folder)
         document, folder = self.document()
         job_document.write(document, folder)
-        after = {name: open(os.path.join(base, name), "rb").read()
-                 for base, _folders, names in os.walk(folder) for name in names}
-        self.assertEqual(before, after)
+        self.assertEqual(before, tree(folder))
         self.assertIn("job.json", before)
         self.assertEqual(self.scene.frame_current, 4)
         self.assertTrue(os.path.basename(os.path.dirname(path)).startswith("cache_matterfit_"))
@@ -343,8 +340,7 @@ class TakeTest(SceneCase):
         body.velocity = (1.0, 0.0, 0.0)
         bpy.ops.matterfit.add_take()
         document, folder = self.document()
-        mesh = open(os.path.join(folder, document["scene"]["bodies"][0]["source"]["mesh"]),
-                    "rb").read()
+        mesh = read(folder, document["scene"]["bodies"][0]["source"]["mesh"])
         self.settings.body_index = 0
         bpy.ops.matterfit.add_throw()
         throw = self.settings.takes[0].throws[0]
@@ -361,7 +357,7 @@ class TakeTest(SceneCase):
         self.assertEqual(written["spin"], [0, 0, 7])
         self.assertEqual(document["scene"]["gravity"], [0, 0, -1.62])
         self.assertEqual(document["output"]["mesh"][0]["transform"]["position"], [0, 3, 2])
-        self.assertEqual(mesh, open(os.path.join(folder, written["source"]["mesh"]), "rb").read())
+        self.assertEqual(mesh, read(folder, written["source"]["mesh"]))
 
     def test_velocity_of_the_animation(self):
         """A turning, flying cube: the velocity of its centre, and its spin, at the first frame."""

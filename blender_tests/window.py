@@ -2,9 +2,9 @@
 """The tab in a real window, drawn part by part, with a picture of each.
 
     xvfb-run -a -s "-screen 0 1400x900x24" env LIBGL_ALWAYS_SOFTWARE=1 \
-        blender --factory-startup --python-exit-code 1 -P blender_tests/window.py -- build/screenshots/panel.png
+        blender --factory-startup --python-exit-code 1 -P blender_tests/window.py -- PICTURE.png
 
-The picture named shows the tab as it opens; beside it lie panel_status.png, panel_capture.png, …
+PICTURE shows the tab as it opens; beside it lie panel_status.png, panel_capture.png, …
 With the native library a bake runs modally, is cancelled, resumed to its end, and undone. Fails
 where a panel is not drawn, raises, or a modal job does not end as it should.
 """

@@ -21,7 +21,7 @@ inline constexpr std::string_view kCacheSchema = "matterfit.cache/1";
 struct Manifest {
   struct File {
     std::uint64_t size = 0;
-    std::string hash;
+    std::string hash;       ///< empty: listed for removal only, not checked (logs, checkpoints)
     bool is_result = true;  ///< counts for the result hash: no checkpoints, logs or reports
   };
 

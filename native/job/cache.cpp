@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/cache.hpp"
+
+#include "base/error.hpp"
+#include "job/state_file.hpp"
+
+namespace matterfit::job {
+
+Cache::Cache(const Job& job, const Inputs& inputs, bool restart)
+    : folder_(job.output.folder), lock_(folder_) {
+  std::optional<Manifest> found;
+  try {
+    found = read_manifest(folder_);
+  } catch (const Error& error) {
+    if (!restart) {
+      throw_input(std::string(error.what()) +
+                  " Run with --restart to replace it, or choose another output folder.");
+    }
+  }
+  if (!found) {
+    begin_afresh(job, inputs);
+    return;
+  }
+  manifest_ = std::move(*found);
+  if (!restart && manifest_.frames_done > 0 && manifest_.input_hash != hash_inputs(inputs)) {
+    std::string message = folder_.string() + " holds the results of other inputs. What changed:";
+    for (const std::string& line : changes(manifest_.inputs, inputs)) message += "\n  " + line;
+    throw_input(message +
+                "\nRun with --restart to replace them, or choose another output folder "
+                "(--set output.folder=…).");
+  }
+  if (restart || manifest_.frames_done == 0) {
+    const auto files = manifest_.files;
+    for (const auto& [path, file] : files) remove(path);
+    begin_afresh(job, inputs);
+  }
+}
+
+void Cache::begin_afresh(const Job& job, const Inputs& inputs) {
+  manifest_ = Manifest{};
+  manifest_.version = MATTERFIT_VERSION;
+  manifest_.inputs = inputs;
+  manifest_.input_hash = hash_inputs(inputs);
+  manifest_.fps = job.scene.fps;
+  const auto& ratio = job.scene.fps_ratio;
+  if (ratio[0] == 0) {
+    manifest_.fps_given = job.scene.fps;
+  } else if (ratio[1] == 1) {
+    manifest_.fps_given = ratio[0];
+  } else {
+    manifest_.fps_given = ratio;
+  }
+  manifest_.first_frame = job.scene.first_frame;
+  manifest_.end_frame = job.scene.end_frame;
+  for (const BodyDoc& body : job.scene.bodies) manifest_.bodies.push_back(body.name);
+}
+
+bool Cache::is_sound(const std::string& path) const {
+  const auto file = manifest_.files.find(path);
+  if (file == manifest_.files.end()) return false;
+  std::error_code code;
+  return std::filesystem::file_size(folder_ / path, code) == file->second.size && !code;
+}
+
+void Cache::record(const std::string& path, bool is_result) {
+  record_file(manifest_, folder_, path, is_result);
+}
+
+void Cache::record_volatile(const std::string& path) {
+  manifest_.files[path] = Manifest::File{0, "", false};
+}
+
+std::size_t Cache::sound_states() const {
+  std::size_t count = 0;
+  while (count < static_cast<std::size_t>(manifest_.frames_done) &&
+         is_sound(state_path(manifest_.first_frame + static_cast<int>(count)))) {
+    ++count;
+  }
+  return count;
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/parallel.hpp"
+#include "fit/ringdown.hpp"
+#include "job/capture_input.hpp"
+#include "job/document.hpp"
+#include "mpm/simulation.hpp"
+
+namespace matterfit::job {
+
+/// Points that move with a body: where they are at each frame of a run.
+struct ObservedPoints {
+  std::string body;
+  Points rest;  ///< (N) at rest, world; a point that is not finite is not followed
+  std::vector<Points> positions;  ///< one a frame, each (N); NaN where not followed
+};
+
+/// The simulation seen at a capture's own points and times.
+struct SimulatedCapture {
+  std::vector<double> times;     ///< (T) seconds after the scene's first frame
+  std::vector<Vec3d> positions;  ///< (T, N) frame-major; NaN outside the simulated time
+  std::size_t outside = 0;       ///< times before the first frame or after the last
+  bool interpolated = false;     ///< some times lie between frames: straight between them
+};
+
+/// Follows the captures' points and the probes of a job through a run. Points bind to the body by
+/// their rest position (bake/binding.hpp), so markers that stand off the body turn with it.
+class Observations {
+ public:
+  Observations(const Job& job, const mpm::Scene& scene, const std::vector<CaptureInput>& captures,
+               Arena& arena);
+  ~Observations();
+  Observations(const Observations&) = delete;
+  Observations& operator=(const Observations&) = delete;
+
+  /// True if there is anything to follow: otherwise record() needs not be called.
+  [[nodiscard]] bool any() const { return !followers_.empty(); }
+  /// Frames in order, from the scene's first.
+  void record(const mpm::FrameState& state);
+
+  [[nodiscard]] SimulatedCapture at_capture(std::size_t capture) const;
+  /// Ring-down of the mean of the capture's points, simulated.
+  [[nodiscard]] std::optional<fit::Ringdown> capture_ringdown(std::size_t capture) const;
+  [[nodiscard]] std::optional<fit::Ringdown> probe_ringdown(std::size_t probe) const;
+  /// Of a body that is let go, when there are neither captures nor probes.
+  [[nodiscard]] std::optional<fit::Ringdown> body_ringdown() const;
+
+  /// Writes `simulated.npz` (of several captures `simulated_NAME.npz`) and `probes.npz`; returns
+  /// their paths relative to `folder`.
+  [[nodiscard]] std::vector<std::string> write(const std::filesystem::path& folder) const;
+
+ private:
+  struct Follower;
+  [[nodiscard]] Points means(const Follower& follower) const;
+
+  const Job& job_;
+  const mpm::Scene& scene_;
+  const std::vector<CaptureInput>& captures_;
+  Arena& arena_;
+  std::vector<double> times_;
+  std::vector<std::unique_ptr<Follower>> followers_;  ///< captures, then probes, then the body
+};
+
+/// Where a probe's points are: particles in the region, or, where none is, the layer of particles
+/// that touches it, moved onto it. Throws Error(kInput) if the region does not touch the body.
+[[nodiscard]] Points probe_points(const ProbeDoc& probe, const std::string& path,
+                                  const mpm::Body& body, double separation);
+
+/// The quiet mean, drop and so on of the capture itself.
+[[nodiscard]] std::optional<fit::Ringdown> measured_ringdown(const CaptureInput& capture);
+
+}  // namespace matterfit::job

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "bake/spherical_harmonics.hpp"
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <numbers>
+
+namespace matterfit::bake {
+namespace {
+
+constexpr int kDirections = 16;
+
+struct Projection {
+  std::array<Vec3d, kDirections> directions;
+  /// B⁺ of degree l: (2l + 1) × kDirections.
+  std::array<Eigen::MatrixXd, kMaxShDegree> inverse;
+};
+
+const Projection& projection() {
+  static const Projection result = [] {
+    Projection p;
+    for (int k = 0; k < kDirections; ++k) {
+      // A Fibonacci spiral: well spread, and no plane of symmetry.
+      const double z = 1.0 - (2.0 * k + 1.0) / kDirections;
+      const double r = std::sqrt(1.0 - z * z);
+      const double angle = std::numbers::pi * (3.0 - std::sqrt(5.0)) * k;
+      p.directions[static_cast<std::size_t>(k)] = Vec3d(r * std::cos(angle), r * std::sin(angle), z);
+    }
+    for (int l = 1; l <= kMaxShDegree; ++l) {
+      Eigen::MatrixXd basis(kDirections, 2 * l + 1);
+      for (int k = 0; k < kDirections; ++k) {
+        const auto values = sh_basis(p.directions[static_cast<std::size_t>(k)]);
+        for (int m = 0; m < 2 * l + 1; ++m) basis(k, m) = values[static_cast<std::size_t>(l * l + m)];
+      }
+      p.inverse[static_cast<std::size_t>(l - 1)] =
+          basis.completeOrthogonalDecomposition().pseudoInverse();
+    }
+    return p;
+  }();
+  return result;
+}
+
+}  // namespace
+
+std::array<double, kMaxShBands> sh_basis(const Vec3d& d) {
+  const double x = d[0];
+  const double y = d[1];
+  const double z = d[2];
+  const double xx = x * x;
+  const double yy = y * y;
+  const double zz = z * z;
+  return {0.28209479177387814,
+          -0.4886025119029199 * y,
+          0.4886025119029199 * z,
+          -0.4886025119029199 * x,
+          1.0925484305920792 * x * y,
+          -1.0925484305920792 * y * z,
+          0.31539156525252005 * (2.0 * zz - xx - yy),
+          -1.0925484305920792 * x * z,
+          0.5462742152960396 * (xx - yy),
+          -0.5900435899266435 * y * (3.0 * xx - yy),
+          2.890611442640554 * x * y * z,
+          -0.4570457994644658 * y * (4.0 * zz - xx - yy),
+          0.3731763325901154 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
+          -0.4570457994644658 * x * (4.0 * zz - xx - yy),
+          1.445305721320277 * z * (xx - yy),
+          -0.5900435899266435 * x * (xx - 3.0 * yy)};
+}
+
+ShRotation::ShRotation(const Mat3d& rotation) {
+  const Projection& p = projection();
+  std::array<std::array<double, kMaxShBands>, kDirections> turned{};
+  for (std::size_t k = 0; k < kDirections; ++k) {
+    turned[k] = sh_basis(rotation.transpose() * p.directions[k]);
+  }
+  for (int l = 1; l <= kMaxShDegree; ++l) {
+    const int size = 2 * l + 1;
+    const Eigen::MatrixXd& inverse = p.inverse[static_cast<std::size_t>(l - 1)];
+    auto& matrix = matrices_[static_cast<std::size_t>(l - 1)];
+    for (int i = 0; i < size; ++i) {
+      for (int j = 0; j < size; ++j) {
+        double sum = 0.0;
+        for (int k = 0; k < kDirections; ++k) {
+          sum += inverse(i, k) *
+                 turned[static_cast<std::size_t>(k)][static_cast<std::size_t>(l * l + j)];
+        }
+        matrix[static_cast<std::size_t>(i * size + j)] = sum;
+      }
+    }
+  }
+}
+
+void ShRotation::apply(std::span<float> coefficients, int degree) const {
+  for (int l = 1; l <= degree; ++l) {
+    const int size = 2 * l + 1;
+    const auto& matrix = matrices_[static_cast<std::size_t>(l - 1)];
+    std::array<double, 21> result{};
+    for (int i = 0; i < size; ++i)
+      for (int j = 0; j < size; ++j)
+        for (int c = 0; c < 3; ++c) {
+          result[static_cast<std::size_t>(3 * i + c)] +=
+              matrix[static_cast<std::size_t>(i * size + j)] *
+              static_cast<double>(coefficients[static_cast<std::size_t>(3 * (l * l + j) + c)]);
+        }
+    for (int i = 0; i < 3 * size; ++i) {
+      coefficients[static_cast<std::size_t>(3 * l * l + i)] =
+          static_cast<float>(result[static_cast<std::size_t>(i)]);
+    }
+  }
+}
+
+}  // namespace matterfit::bake

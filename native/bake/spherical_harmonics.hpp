@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "base/vec.hpp"
+
+namespace matterfit::bake {
+
+/// Coefficients of real spherical harmonics up to degree 3.
+inline constexpr int kMaxShDegree = 3;
+inline constexpr int kMaxShBands = 16;
+
+/// Values of the 16 real spherical harmonics at a unit direction, in the order and with the signs of
+/// 3D Gaussian Splatting (Kerbl et al. 2023, sh_utils: Y₁ = −C₁y, C₁z, −C₁x, …).
+[[nodiscard]] std::array<double, kMaxShBands> sh_basis(const Vec3d& direction);
+
+/// Turns functions on the sphere given by their coefficients: c' of f'(d) = f(Rᵀ d). Exact, since
+/// each degree is closed under rotation: its matrix is found by projection, D = B⁺(d_k) B(Rᵀ d_k)
+/// over 16 directions d_k, with B⁺ computed once.
+class ShRotation {
+ public:
+  explicit ShRotation(const Mat3d& rotation);
+
+  /// In place; `coefficients` are (degree + 1)² × 3, coefficient-major ([k][rgb]).
+  void apply(std::span<float> coefficients, int degree) const;
+
+ private:
+  // Degree l: (2l + 1)², row-major, at the start.
+  std::array<std::array<double, 49>, kMaxShDegree> matrices_{};
+};
+
+}  // namespace matterfit::bake

@@ -129,8 +129,8 @@ class Parser {
     std::vector<Record> records;
     for (;;) {
       if (reader_.remaining() < 2) break;  // Some writers omit the end mark.
-      const int length = reader_.read<std::int8_t>("a parameter");
-      const int group = reader_.read<std::int8_t>("a parameter");
+      const auto length = static_cast<int>(reader_.read<std::int8_t>("a parameter"));
+      const auto group = static_cast<int>(reader_.read<std::int8_t>("a parameter"));
       if (length == 0 || group == 0) break;
       const auto name = reader_.take(static_cast<std::size_t>(std::abs(length)), "a parameter");
       const std::size_t base = reader_.offset();
@@ -151,7 +151,7 @@ class Parser {
 
   Parameter read_parameter() {
     Parameter parameter;
-    parameter.type = reader_.read<std::int8_t>("a parameter's type");
+    parameter.type = static_cast<int>(reader_.read<std::int8_t>("a parameter's type"));
     const auto dimensions = reader_.read<std::uint8_t>("a parameter's dimensions");
     if (dimensions > 7) reader_.fail("a parameter has more than 7 dimensions.");
     std::size_t count = 1;

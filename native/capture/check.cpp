@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "base/error.hpp"
+
 namespace matterfit::capture {
 namespace {
 
@@ -52,6 +54,55 @@ std::string point_text(const Tracks& tracks, std::size_t point) {
   return "point " + std::to_string(point) + " (" + tracks.labels[point] + ")";
 }
 
+/// The median step of time; counts those that differ, and lists the gaps.
+double look_at_steps(const std::vector<double>& t, std::size_t& irregular,
+                     std::vector<TimeGap>& gaps) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < t.size(); ++i) steps.push_back(t[i] - t[i - 1]);
+  const double spacing = median(steps);
+  for (std::size_t i = 1; i < t.size(); ++i) {
+    const double step = t[i] - t[i - 1];
+    if (std::abs(step - spacing) > kIrregular * spacing) ++irregular;
+    if (step >= kGap * spacing) gaps.push_back({i, step});
+  }
+  return spacing;
+}
+
+std::string unit_warning(const Vec3d& low, const Vec3d& high, bool several_points) {
+  const double width = (high - low).maxCoeff();
+  if (width > kLargeBox) {
+    return print("%.3g m wide: this looks like %s read as metres. Set the unit of the capture.",
+                 width, width > 10.0 * kLargeBox ? "millimetres" : "millimetres or centimetres");
+  }
+  if (width < kSmallBox && several_points) {
+    return print("only %.2g mm wide: is the unit of the capture right?", width * 1e3);
+  }
+  return {};
+}
+
+void write_times(double spacing, std::size_t irregular, const std::vector<TimeGap>& gaps,
+                 std::vector<std::string>& text) {
+  if (!(spacing > 0.0)) return;
+  std::string line = print("A frame every %.4g ms (%.4g Hz)", spacing * 1e3, 1.0 / spacing);
+  line += irregular == 0
+              ? std::string(", regular")
+              : print(", %zu step%s of time differ", irregular, irregular == 1 ? "" : "s");
+  text.push_back(line);
+  if (gaps.empty()) return;
+  const auto longest =
+      std::max_element(gaps.begin(), gaps.end(),
+                       [](const TimeGap& a, const TimeGap& b) { return a.seconds < b.seconds; });
+  text.push_back(print("%zu gap%s in time, the longest %.3g s before frame %zu", gaps.size(),
+                       gaps.size() == 1 ? "" : "s", longest->seconds, longest->frame));
+}
+
+void write_box(const Vec3d& low, const Vec3d& high, const std::string& warning,
+               std::vector<std::string>& text) {
+  const Vec3d size = high - low;
+  text.push_back(print("Box %.3g x %.3g x %.3g m", size.x(), size.y(), size.z()));
+  if (!warning.empty()) text.push_back("Warning: " + warning);
+}
+
 class Summariser {
  public:
   explicit Summariser(const Tracks& tracks) : tracks_(tracks) {}
@@ -71,16 +122,8 @@ class Summariser {
 
  private:
   void look_at_times() {
-    const std::vector<double>& t = tracks_.times;
-    out_.duration = t.back() - t.front();
-    std::vector<double> steps;
-    for (std::size_t i = 1; i < t.size(); ++i) steps.push_back(t[i] - t[i - 1]);
-    out_.spacing = median(steps);
-    for (std::size_t i = 1; i < t.size(); ++i) {
-      const double step = t[i] - t[i - 1];
-      if (std::abs(step - out_.spacing) > kIrregular * out_.spacing) ++out_.irregular;
-      if (step >= kGap * out_.spacing) out_.gaps.push_back({i, step});
-    }
+    out_.duration = tracks_.times.back() - tracks_.times.front();
+    out_.spacing = look_at_steps(tracks_.times, out_.irregular, out_.gaps);
   }
 
   void look_at_box() {
@@ -92,15 +135,7 @@ class Summariser {
       out_.high = first ? x : Vec3d(out_.high.cwiseMax(x));
       first = false;
     }
-    const double width = (out_.high - out_.low).maxCoeff();
-    if (width > kLargeBox) {
-      out_.unit_warning =
-          print("%.3g m wide: this looks like %s read as metres. Set the unit of the capture.",
-                width, width > 10.0 * kLargeBox ? "millimetres" : "millimetres or centimetres");
-    } else if (width < kSmallBox && tracks_.points > 1) {
-      out_.unit_warning =
-          print("only %.2g mm wide: is the unit of the capture right?", width * 1e3);
-    }
+    out_.unit_warning = unit_warning(out_.low, out_.high, tracks_.points > 1);
   }
 
   void look_at_visibility() {
@@ -249,25 +284,8 @@ class Summariser {
     text.push_back(print("%zu frame%s of %zu point%s over %.3g s", out_.frames,
                          out_.frames == 1 ? "" : "s", out_.points, out_.points == 1 ? "" : "s",
                          out_.duration));
-    if (out_.frames > 1) {
-      std::string line =
-          print("A frame every %.4g ms (%.4g Hz)", out_.spacing * 1e3, 1.0 / out_.spacing);
-      line += out_.irregular == 0 ? std::string(", regular")
-                                  : print(", %zu step%s of time differ", out_.irregular,
-                                          out_.irregular == 1 ? "" : "s");
-      text.push_back(line);
-    }
-    if (!out_.gaps.empty()) {
-      const auto longest = std::max_element(
-          out_.gaps.begin(), out_.gaps.end(),
-          [](const TimeGap& a, const TimeGap& b) { return a.seconds < b.seconds; });
-      text.push_back(print("%zu gap%s in time, the longest %.3g s before frame %zu",
-                           out_.gaps.size(), out_.gaps.size() == 1 ? "" : "s", longest->seconds,
-                           longest->frame));
-    }
-    const Vec3d size = out_.high - out_.low;
-    text.push_back(print("Box %.3g x %.3g x %.3g m", size.x(), size.y(), size.z()));
-    if (!out_.unit_warning.empty()) text.push_back("Warning: " + out_.unit_warning);
+    write_times(out_.spacing, out_.irregular, out_.gaps, text);
+    write_box(out_.low, out_.high, out_.unit_warning, text);
     if (out_.jump_count == 0) {
       text.emplace_back("No jumps");
     } else {
@@ -296,5 +314,40 @@ class Summariser {
 }  // namespace
 
 CaptureSummary summarise(const Tracks& tracks) { return Summariser(tracks).run(); }
+
+CloudSummary summarise(const PointCloudSequence& clouds) {
+  CloudSummary out;
+  out.frames = clouds.frames.size();
+  if (out.frames == 0 || clouds.times.size() != out.frames) {
+    throw_input(clouds.source + ": " + std::to_string(out.frames) + " point clouds have " +
+                std::to_string(clouds.times.size()) + " times.");
+  }
+  out.duration = clouds.times.back() - clouds.times.front();
+  out.spacing = look_at_steps(clouds.times, out.irregular, out.gaps);
+  out.fewest = clouds.frames[0].size();
+  for (std::size_t frame = 0; frame < out.frames; ++frame) {
+    const Points& cloud = clouds.frames[frame];
+    if (cloud.empty()) out.empty_frames.push_back(frame);
+    for (const Vec3d& x : cloud) {
+      const bool first = out.most == 0 && &x == cloud.data();
+      out.low = first ? x : Vec3d(out.low.cwiseMin(x));
+      out.high = first ? x : Vec3d(out.high.cwiseMax(x));
+    }
+    out.fewest = std::min(out.fewest, cloud.size());
+    out.most = std::max(out.most, cloud.size());
+  }
+  if (out.most == 0) throw_input(clouds.source + ": no frame holds a point.");
+  out.unit_warning = unit_warning(out.low, out.high, out.most > 1);
+  out.text.push_back(print("%zu frame%s of %zu to %zu points over %.3g s", out.frames,
+                           out.frames == 1 ? "" : "s", out.fewest, out.most, out.duration));
+  write_times(out.spacing, out.irregular, out.gaps, out.text);
+  write_box(out.low, out.high, out.unit_warning, out.text);
+  if (!out.empty_frames.empty()) {
+    out.text.push_back(print("Warning: %zu frame%s hold%s no points, the first is frame %zu",
+                             out.empty_frames.size(), out.empty_frames.size() == 1 ? "" : "s",
+                             out.empty_frames.size() == 1 ? "s" : "", out.empty_frames[0]));
+  }
+  return out;
+}
 
 }  // namespace matterfit::capture

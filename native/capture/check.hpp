@@ -47,6 +47,24 @@ struct CaptureSummary {
   std::vector<std::string> text;    ///< lines for the panel, in the order above
 };
 
+/// What a sequence of point clouds is like.
+struct CloudSummary {
+  std::size_t frames = 0;
+  std::size_t fewest = 0;  ///< points in a frame
+  std::size_t most = 0;
+  double duration = 0.0;  ///< [s]
+  double spacing = 0.0;   ///< median time between frames [s]
+  std::size_t irregular = 0;
+  std::vector<TimeGap> gaps;
+  std::vector<std::size_t> empty_frames;
+  Vec3d low = Vec3d::Zero();  ///< bounding box of all points [m]
+  Vec3d high = Vec3d::Zero();
+  std::string unit_warning;
+  std::vector<std::string> text;
+};
+
+[[nodiscard]] CloudSummary summarise(const PointCloudSequence& clouds);
+
 /// Throws Error(kInput) as check_tracks() does.
 [[nodiscard]] CaptureSummary summarise(const Tracks& tracks);
 

@@ -150,6 +150,22 @@ TEST(CheckTest, RefusesWhatCannotBeUsed) {
   EXPECT_THAT(message(tracks), HasSubstr("need 1000 positions, there are 999"));
 }
 
+TEST(CheckTest, PointClouds) {
+  PointCloudSequence clouds;
+  clouds.source = "clouds";
+  clouds.times = {0.0, 0.1, 0.2, 0.5};
+  clouds.frames = {{}, {{1, 1, 1}, {2, 2, 2}}, {{1, 1, 0}}, {{1, 1, 1}, {2, 4, 2}, {1, 1, 1}}};
+  const CloudSummary summary = summarise(clouds);
+  EXPECT_EQ(summary.fewest, 0U);
+  EXPECT_EQ(summary.most, 3U);
+  EXPECT_THAT(summary.empty_frames, ElementsAre(0U));
+  EXPECT_EQ(summary.low, Vec3d(1, 1, 0));
+  EXPECT_EQ(summary.high, Vec3d(2, 4, 2));
+  ASSERT_EQ(summary.gaps.size(), 1U);
+  EXPECT_EQ(summary.gaps[0].frame, 3U);
+  EXPECT_THAT(summary.text, Contains(HasSubstr("1 frame holds no points, the first is frame 0")));
+}
+
 // The recordings' own notes: a settled marker scatters by .005 to .014 mm.
 TEST(CheckTest, BeamRecording) {
   const fs::path path = fs::path(MATTERFIT_DATA_DIR) / "beam" / "beam_gravity_V2_a.c3d";

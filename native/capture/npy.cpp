@@ -276,7 +276,9 @@ Array::Data read_values(std::span<const std::byte> bytes, std::size_t count, con
   if (type == "b1") {
     return convert<U1, U1>(bytes, count, header, [](U1 v) { return static_cast<U1>(v != 0); });
   }
-  if (type == "i1") return convert<std::int8_t, I4>(bytes, count, header, keep);
+  if (type == "i1")
+    return convert<std::int8_t, I4>(bytes, count, header,
+                                    [](std::int8_t value) { return static_cast<I4>(value); });
   if (type == "i2") return convert<std::int16_t, I4>(bytes, count, header, keep);
   if (type == "u2") return convert<std::uint16_t, I4>(bytes, count, header, keep);
   if (type == "u4") return convert<std::uint32_t, I8>(bytes, count, header, keep);

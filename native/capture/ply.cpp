@@ -347,7 +347,7 @@ std::vector<std::int64_t> PlyProperty::integers() const {
             const auto value = static_cast<double>(v[i]);
             out[i] = std::abs(value) < 9.2e18 ? static_cast<std::int64_t>(value) : 0;
           } else {
-            out[i] = v[i];
+            out[i] = static_cast<std::int64_t>(v[i]);
           }
         }
         return out;

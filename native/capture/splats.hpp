@@ -26,7 +26,8 @@ struct Splats {
 
   [[nodiscard]] std::size_t size() const { return means.size(); }
   [[nodiscard]] std::size_t sh_bands() const {
-    return static_cast<std::size_t>((sh_degree + 1) * (sh_degree + 1));
+    const auto side = static_cast<std::size_t>(sh_degree) + 1;
+    return side * side;
   }
 };
 

@@ -46,6 +46,7 @@ std::vector<double> times_from_numbers(const std::vector<std::int64_t>& numbers,
   if (numbers.size() == 1) return {0.0};
   const double fps = require_fps(options, name);
   std::vector<double> times;
+  times.reserve(numbers.size());
   for (const std::int64_t number : numbers) {
     times.push_back(static_cast<double>(number - numbers[0]) / fps);
   }
@@ -195,19 +196,13 @@ std::string plain(const std::string& label) {
   return text;
 }
 
-std::size_t find_marker(const Tracks& tracks, const std::string& marker, const std::string& name) {
-  for (const bool exact : {true, false}) {
-    for (std::size_t i = 0; i < tracks.labels.size(); ++i) {
-      const std::string& label = tracks.labels[i];
-      if (exact ? label == marker : plain(label) == plain(marker)) return i;
-    }
-  }
-  const bool number = !marker.empty() && marker.size() <= 9 &&
-                      marker.find_first_not_of("0123456789") == std::string::npos;
-  if (number && std::stoul(marker) < tracks.points) return std::stoul(marker);
+std::size_t require_marker(const Tracks& tracks, const std::string& marker,
+                           const std::string& name) {
+  if (const auto found = find_marker(tracks, marker)) return *found;
   std::string labels;
   for (std::size_t i = 0; i < std::min<std::size_t>(tracks.labels.size(), 20); ++i) {
-    labels += (labels.empty() ? "" : ", ") + tracks.labels[i];
+    if (i > 0) labels += ", ";
+    labels += tracks.labels[i];
   }
   throw_input(name + ": has no marker '" + marker + "'; it has " +
               (labels.empty() ? "no names" : labels) + ", indices 0 to " +
@@ -219,7 +214,7 @@ void keep_markers(Tracks& tracks, const std::vector<std::string>& markers,
   if (markers.empty()) return;
   std::vector<std::size_t> kept;
   for (const std::string& marker : markers) {
-    const std::size_t index = find_marker(tracks, marker, name);
+    const std::size_t index = require_marker(tracks, marker, name);
     if (std::find(kept.begin(), kept.end(), index) != kept.end()) {
       throw_input(name + ": marker '" + marker + "' is named twice.");
     }
@@ -304,6 +299,19 @@ RawTracks read_raw(const fs::path& path, const TracksOptions& options, const std
 
 }  // namespace
 
+std::optional<std::size_t> find_marker(const Tracks& tracks, const std::string& marker) {
+  for (const bool exact : {true, false}) {
+    for (std::size_t i = 0; i < tracks.labels.size(); ++i) {
+      const std::string& label = tracks.labels[i];
+      if (exact ? label == marker : plain(label) == plain(marker)) return i;
+    }
+  }
+  const bool number = !marker.empty() && marker.size() <= 9 &&
+                      marker.find_first_not_of("0123456789") == std::string::npos;
+  if (number && std::stoul(marker) < tracks.points) return std::stoul(marker);
+  return std::nullopt;
+}
+
 bool PointCloudSequence::equal_counts() const {
   return std::all_of(frames.begin(), frames.end(),
                      [&](const Points& cloud) { return cloud.size() == frames[0].size(); });
@@ -323,7 +331,7 @@ Eigen::Matrix4d tracks_matrix(double unit, char up, const Eigen::Matrix4d& trans
     throw_input("the up axis of a capture is '" + std::string(1, up) + "', expected x, y or z.");
   }
   turn.topLeftCorner<3, 3>() *= unit;
-  const Eigen::Matrix4d matrix = transform * turn;
+  Eigen::Matrix4d matrix = transform * turn;
   const double volume = std::abs(matrix.topLeftCorner<3, 3>().determinant());
   if (!matrix.allFinite() || transform.row(3) != Eigen::RowVector4d(0, 0, 0, 1) ||
       !(volume > 0.0)) {

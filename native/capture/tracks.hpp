@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -54,6 +55,11 @@ struct PointCloudSequence {
 
   [[nodiscard]] bool equal_counts() const;
 };
+
+/// Index of the marker of this name (exactly; else without regard to case and spaces, so that
+/// "Tip-1" finds "Tip - 1"), or of this decimal number.
+[[nodiscard]] std::optional<std::size_t> find_marker(const Tracks& tracks,
+                                                     const std::string& marker);
 
 /// Reads tracks by what `path` is: a .npz (`positions` (T,N,3); `times` (T,); optional `visible`
 /// (T,N), `noise` scalar or (N,), `up` "x|y|z", `labels` (N,)), a .npy (positions), a .pc2, a .c3d,

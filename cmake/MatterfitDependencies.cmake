@@ -10,8 +10,6 @@ find_package(OpenEXR REQUIRED)
 # … and OpenSubdiv (it names a static library).
 pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)
 pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)
-# Debian's OpenImageIO package config names headers and tools that are not installed.
-pkg_check_modules(OIIO REQUIRED IMPORTED_TARGET OpenImageIO)
 file(GLOB openvdb_module_dirs /usr/lib/*/cmake/OpenVDB)
 list(APPEND CMAKE_MODULE_PATH ${openvdb_module_dirs})
 find_package(OpenVDB REQUIRED)

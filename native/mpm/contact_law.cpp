@@ -18,7 +18,7 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int16
   }
   if (!held) {
     memory.surface = surface;
-    memory.stretch.setZero();
+    memory.stretch = {};
   }
   const double spring = law.stiffness * point.area;
   const double dashpot = 2.0 * law.damping * std::sqrt(spring * point.mass);
@@ -29,7 +29,7 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int16
   if (law.kind == ContactKind::kSlip || law.kind == ContactKind::kSeparating) return force;
 
   const Vec3d sliding = point.relative_velocity + approach * point.normal;
-  Vec3d stretch = memory.stretch.cast<double>() + dt * sliding;
+  Vec3d stretch = Eigen::Map<const Vec3f>(memory.stretch.data()).cast<double>() + dt * sliding;
   stretch -= point.normal.dot(stretch) * point.normal;
   Vec3d tangential = -spring * stretch - dashpot * sliding;
   if (law.kind == ContactKind::kFriction) {
@@ -41,7 +41,7 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int16
       stretch = -tangential / spring;
     }
   }
-  memory.stretch = stretch.cast<float>();
+  Eigen::Map<Vec3f>(memory.stretch.data()) = stretch.cast<float>();
   return force + tangential;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "base/vec.hpp"
@@ -22,7 +23,7 @@ struct ContactLaw {
 
 /// What a particle remembers of the surface it touches.
 struct ContactMemory {
-  Vec3f stretch = Vec3f::Zero();  ///< of the tangential spring, world axes [m]
+  std::array<float, 3> stretch{};  ///< of the tangential spring, world axes [m]
   std::int16_t surface = -1;      ///< index of the surface, −1: none
 };
 

@@ -3,8 +3,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "material/law_constants.hpp"
+#include "mpm/layout.hpp"
 #include "mpm/simulation.hpp"
 
 namespace matterfit::mpm {
@@ -52,8 +54,61 @@ struct TotalSamples {
   S* gradient;  ///< per chunk [9][16]: H = F − I; or null
 };
 
+/// Sixteen particles of the updated Lagrangian formulation, one of each cell of a slab.
+template <class S>
+struct UpdatedChunk {
+  static constexpr std::size_t kF = 0;         ///< x/dx − base, each in [½, 3/2)
+  static constexpr std::size_t kH = 3;         ///< elastic F − I
+  static constexpr std::size_t kVolume = 12;   ///< at rest [m³]; 0: nobody here
+  static constexpr std::size_t kStrain = 13;   ///< equivalent plastic strain
+  static constexpr std::size_t kVelocity = 14; ///< [m/s]
+  static constexpr std::size_t kAttributes = 17;
+  alignas(64) S a[kAttributes][kLanes];
+  std::uint32_t id[kLanes];
+};
+
+/// A particle that leaves its cell in a substep, on its way to the next.
+template <class S>
+struct Crosser {
+  std::uint32_t id;
+  std::uint16_t chunk;  ///< where it was
+  std::uint8_t slab;
+  std::uint8_t lane;
+  std::uint8_t neighbour;  ///< block it goes to: 9(a+1) + 3(b+1) + (c+1) for the step (a, b, c)
+  std::uint8_t cell;       ///< there: slab · 16 + lane
+  S f[3];                  ///< relative to the base of its cell
+  S velocity[3];
+  S affine[9];  ///< C [1/s]
+  S h[9];
+  S stress[6];  ///< τ: xx, yy, zz, yz, xz, xy [Pa]
+  S volume;
+  S strain;
+};
+
+/// One body in one block, updated Lagrangian.
+template <class S>
+struct UpdatedView {
+  const S* node_velocity[8];  ///< [3][64] of the node blocks at (+a, +b, +c), index 4a+2b+c
+  UpdatedChunk<S>* slab[4];
+  std::uint32_t chunks[4];
+  material::LawConstants<S> law;
+  S density;
+  S dx;
+  S dt;
+  S* halo;  ///< in and out: [4][216] momentum (3) and mass, added to
+  std::vector<Crosser<S>>* crossers;
+  BlockExtremes<S> extremes;  ///< out
+  S fastest;                  ///< out: largest displacement along an axis, in cells
+};
+
 template <class S>
 struct Kernels {
+  /// Grid to particles, stress and flow, particles to grid (of the next substep), fused: C and τ
+  /// never leave the registers. Particles that change cell go to `crossers` instead of the grid.
+  void (*updated_block)(UpdatedView<S>& view);
+  /// Adds one particle to a halo: `cell` is its cell in the block, 0…3 each.
+  void (*updated_scatter)(const Crosser<S>& particle, const int cell[3], S density, S dx, S dt,
+                          S* halo);
   /// Forces of one block. Equation: f_I = −Σ V P ∇₀w_I + Σ w_I f_p (docs/why.md).
   void (*total_forces)(const TotalView<S>& view, std::size_t block);
   void (*total_samples)(const TotalView<S>& view, const TotalSamples<S>& out, std::size_t block);

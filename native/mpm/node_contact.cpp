@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/node_contact.hpp"
+
+#include <cmath>
+
+#include "mpm/layout.hpp"
+
+namespace matterfit::mpm {
+
+void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx, double time,
+                        const float* mass, float* velocity) {
+  const Vec3d middle = origin + Vec3d::Constant(1.5 * dx);
+  const double reach = 1.5 * dx * std::sqrt(3.0);
+  if (collider.closest(middle, time).distance > reach + 1e-9 * dx) return;
+  const Contact& contact = collider.contact();
+  for (std::size_t n = 0; n < kBlockNodes; ++n) {
+    if (!(mass[n] > 0.0F)) continue;
+    const Vec3d node = origin + dx * Vec3d(static_cast<double>(n / 16), static_cast<double>(n / 4 % 4),
+                                           static_cast<double>(n % 4));
+    const SurfacePoint surface = collider.closest(node, time);
+    if (surface.distance > 1e-9 * dx) continue;
+    Vec3d v(static_cast<double>(velocity[n]), static_cast<double>(velocity[kBlockNodes + n]),
+            static_cast<double>(velocity[2 * kBlockNodes + n]));
+    v -= surface.velocity;
+    const double normal = surface.normal.dot(v);
+    const Vec3d tangential = v - normal * surface.normal;
+    switch (contact.kind) {
+      case ContactKind::kSticky:
+        v.setZero();
+        break;
+      case ContactKind::kSlip:
+        v = tangential;
+        break;
+      case ContactKind::kSeparating:
+        if (normal < 0.0) v = tangential;
+        break;
+      case ContactKind::kFriction:
+        if (normal < 0.0) {
+          const double speed = tangential.norm();
+          const double kept = speed + contact.mu * normal;
+          v = kept > 0.0 ? Vec3d(tangential * (kept / speed)) : Vec3d::Zero();
+        }
+        break;
+    }
+    v += surface.velocity;
+    for (std::size_t c = 0; c < 3; ++c) {
+      velocity[c * kBlockNodes + n] = static_cast<float>(v[static_cast<int>(c)]);
+    }
+  }
+}
+
+}  // namespace matterfit::mpm

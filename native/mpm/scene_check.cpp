@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/scene_check.hpp"
+
+#include <cmath>
+#include <string>
+
+#include "base/error.hpp"
+
+namespace matterfit::mpm {
+
+bool is_total(const Body& body) {
+  if (body.formulation == Formulation::kTotal) return true;
+  if (body.formulation == Formulation::kUpdated) return false;
+  return body.material.is_elastic();
+}
+
+void check_scene(const Scene& scene) {
+  const auto positive = [](double value, const char* name) {
+    if (!(value > 0.0) || !std::isfinite(value)) {
+      throw_input(std::string("scene.") + name + " = " + std::to_string(value) +
+                  " must be a positive number.");
+    }
+  };
+  positive(scene.fps, "fps");
+  positive(scene.dx, "particle_separation");
+  positive(scene.dt_safety, "solver.dt_safety");
+  positive(scene.cfl, "solver.cfl");
+  if (scene.cfl > 1.0) throw_input("scene.solver.cfl must not exceed 1 cell a substep.");
+  if (scene.end_frame <= scene.first_frame) {
+    throw_input("scene.frames: the end must be after the first frame; the range is half-open.");
+  }
+  if (scene.bodies.empty()) throw_input("scene.bodies is empty: nothing would be simulated.");
+  for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
+    const Body& body = scene.bodies[i];
+    const std::string where = "scene.bodies[" + std::to_string(i) + "] ('" + body.name + "')";
+    if (body.rest.empty()) {
+      throw_input(where + " has no particles. Is the particle separation larger than the body?");
+    }
+    if (body.volumes.size() != body.rest.size()) {
+      throw_input(where + " has " + std::to_string(body.rest.size()) + " particles and " +
+                  std::to_string(body.volumes.size()) + " volumes.");
+    }
+    if (!(body.density > 0.0) || !std::isfinite(body.density)) {
+      throw_input(where + ".density = " + std::to_string(body.density) +
+                  " must be a positive number [kg/m³].");
+    }
+    if (!body.particle_velocities.empty() && body.particle_velocities.size() != body.rest.size()) {
+      throw_input(where + " has " + std::to_string(body.particle_velocities.size()) +
+                  " velocities for " + std::to_string(body.rest.size()) + " particles.");
+    }
+    for (std::size_t p = 0; p < body.rest.size(); ++p) {
+      if (!body.rest[p].allFinite() || !(body.volumes[p] > 0.0) || !std::isfinite(body.volumes[p])) {
+        throw_input(where + ": particle " + std::to_string(p) +
+                    " has a position that is not finite or a volume that is not positive.");
+      }
+    }
+    material::validate(body.material, where + ".material");
+    if (!body.material.maxwell.empty()) {
+      throw_input(where +
+                  ".material.maxwell: Maxwell branches are not simulated by this version. Remove "
+                  "them, or use damping_shear and damping_bulk.");
+    }
+    if (body.formulation == Formulation::kTotal && body.material.law == material::Law::kNewtonian) {
+      throw_input(where + ": a fluid flows; formulation 'total' is for bodies that stay solid. Use "
+                          "'auto' or 'updated'.");
+    }
+  }
+}
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,344 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/simulation.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <sstream>
+#include <utility>
+
+#include "base/error.hpp"
+#include "mpm/kernels.hpp"
+#include "mpm/scene_check.hpp"
+#include "mpm/total_body.hpp"
+#include "mpm/total_contact.hpp"
+#include "mpm/updated_group.hpp"
+
+namespace matterfit::mpm {
+namespace {
+
+struct TotalMember {
+  std::size_t index;  ///< into scene.bodies
+  std::unique_ptr<TotalBody<float>> body;
+  std::unique_ptr<TotalContact<float>> contact;
+  double last_dt = 0.0;  ///< of the substep before; 0: the next one starts with a half kick
+  double elastic_dt = 0.0;
+};
+
+/// A substep and what set it.
+struct Step {
+  double dt = std::numeric_limits<double>::infinity();
+  std::string limit;
+  void limit_to(double other, const std::string& reason) {
+    if (other < dt) {
+      dt = other;
+      limit = reason;
+    }
+  }
+};
+
+constexpr int kFirstIterations = 60;
+constexpr int kFrameIterations = 8;
+constexpr int kMostRetries = 3;
+constexpr double kMostSubsteps = 5e6;
+
+}  // namespace
+
+struct Simulation::Impl {
+  Scene scene;
+  std::shared_ptr<Arena> arena;
+  Options options;
+  std::vector<TotalMember> total;
+  std::unique_ptr<UpdatedGroup> updated;
+  std::vector<std::size_t> updated_bodies;
+  int frame = 0;
+
+  Impl(Scene scene_in, std::shared_ptr<Arena> arena_in, Options options_in)
+      : scene(std::move(scene_in)), arena(std::move(arena_in)), options(options_in) {
+    check_scene(scene);
+    const MemoryEstimate needed = estimate(scene);
+    if (needed.bytes > options.memory_limit) {
+      std::ostringstream text;
+      text << "The scene needs about " << (needed.bytes >> 20U) << " MB for " << needed.particles
+           << " particles, more than the limit of " << (options.memory_limit >> 20U)
+           << " MB. Use a larger particle separation or raise the memory limit.";
+      throw_input(text.str());
+    }
+    frame = scene.first_frame;
+    if (scene.walls) add_walls();
+    const Kernels<float>& table = kernels<float>(options.target);
+    for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
+      if (!is_total(scene.bodies[i])) {
+        updated_bodies.push_back(i);
+        continue;
+      }
+      TotalMember member;
+      member.index = i;
+      member.body = std::make_unique<TotalBody<float>>(scene.bodies[i], scene, table);
+      member.contact =
+          std::make_unique<TotalContact<float>>(scene.bodies[i], scene, *member.body);
+      total.push_back(std::move(member));
+    }
+    if (!updated_bodies.empty()) {
+      updated = std::make_unique<UpdatedGroup>(scene, updated_bodies, table, options.memory_limit);
+    }
+  }
+
+  /// Closed walls touch like any other collider.
+  void add_walls() {
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const int side : {-1, 1}) {
+        const double at = side < 0 ? scene.walls->low[axis] : scene.walls->high[axis];
+        if (!std::isfinite(at)) continue;
+        Vec3d point = Vec3d::Zero();
+        Vec3d normal = Vec3d::Zero();
+        point[axis] = at;
+        normal[axis] = -side;
+        scene.colliders.push_back(
+            make_plane(std::string("wall ") + (side < 0 ? "-" : "+") + "xyz"[axis],
+                       scene.walls->contact, point, normal));
+      }
+    }
+  }
+
+  /// A particle more than a cell beyond a wall has broken through.
+  void check_walls(const FrameState& state) const {
+    if (!scene.walls) return;
+    const Vec3d low = scene.walls->low - Vec3d::Constant(scene.dx);
+    const Vec3d high = scene.walls->high + Vec3d::Constant(scene.dx);
+    for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+      const auto& positions = state.bodies[b].positions;
+      for (std::size_t p = 0; p < positions.size(); ++p) {
+        const Vec3d x = positions[p].cast<double>();
+        if ((x - low).minCoeff() >= 0.0 && (high - x).minCoeff() >= 0.0) continue;
+        std::ostringstream text;
+        text << "Body '" << scene.bodies[b].name << "', frame " << state.frame << ": particle " << p
+             << " at (" << x[0] << ", " << x[1] << ", " << x[2]
+             << ") m is more than a cell beyond the walls. Start the body inside them, raise the "
+                "walls' contact stiffness, or use gentler motion.";
+        throw_compute(text.str());
+      }
+    }
+  }
+
+  [[nodiscard]] double time_of(int at) const { return (at - scene.first_frame) / scene.fps; }
+
+  [[nodiscard]] Step choose_step(double time) {
+    Step step;
+    if (scene.dt > 0.0) step.limit_to(scene.dt, "scene.solver.dt");
+    for (TotalMember& member : total) {
+      if (member.body->held(time)) continue;
+      const bool first = member.elastic_dt <= 0.0;
+      member.elastic_dt =
+          member.body->stable_time_step(*arena, first ? kFirstIterations : kFrameIterations);
+      if (scene.dt > 0.0) continue;
+      const double omega = 2.0 / member.elastic_dt;
+      const double contact = member.contact->any() ? member.contact->frequency_squared() : 0.0;
+      const bool by_contact = contact > omega * omega;
+      step.limit_to(scene.dt_safety * 2.0 / std::sqrt(omega * omega + contact),
+                    (by_contact ? "contact of " : "elastic wave of ") + member.body->name());
+      const material::Material& m = scene.bodies[member.index].material;
+      const double viscous = 2.0 * m.damping_shear + m.damping_bulk;
+      if (viscous > 0.0) {
+        // Explicit viscosity: rate 4ν/dx² an axis must stay below one a step.
+        step.limit_to(scene.dt_safety * 0.15 * scene.bodies[member.index].density * scene.dx *
+                          scene.dx / viscous,
+                      "damping of " + member.body->name());
+      }
+    }
+    if (updated) {
+      const auto [dt, reason] = updated->begin_frame(time);
+      if (!(scene.dt > 0.0)) step.limit_to(scene.dt_safety * dt, reason);
+    }
+    return step;
+  }
+
+  /// One frame in `substeps` equal substeps. Throws Error(kCompute) if the run fails.
+  void run_frame(int substeps, const Interrupter& interrupter, FrameReport& report) {
+    const double start = time_of(frame);
+    const double frame_seconds = 1.0 / scene.fps;
+    const double dt = frame_seconds / substeps;
+    double pull = scene.gravity.at(start).norm();
+    pull = std::max(pull, scene.gravity.at(start + frame_seconds).norm());
+    for (TotalMember& member : total) member.contact->wake(frame_seconds, pull);
+    for (int k = 0; k < substeps; ++k) {
+      if (k % 16 == 0) interrupter.check();
+      const double time = start + k * dt;
+      const Vec3d gravity = scene.gravity.at(time);
+      for (TotalMember& member : total) {
+        if (member.body->releases_between(time - dt, time)) member.last_dt = 0.0;
+        if (member.body->held(time)) {
+          member.body->step_nodes(*arena, 0.0, dt, gravity, time);
+          member.last_dt = 0.0;
+          continue;
+        }
+        member.contact->apply(*arena, *member.body, time, dt);
+        member.body->compute_forces(*arena, dt, true);
+        member.body->step_nodes(*arena, 0.5 * (member.last_dt + dt), dt, gravity, time);
+        member.last_dt = dt;
+        const auto extremes = member.body->extremes();
+        report.min_volume_ratio =
+            std::min(report.min_volume_ratio, static_cast<double>(extremes.min_volume_ratio));
+        report.max_volume_ratio =
+            std::max(report.max_volume_ratio, static_cast<double>(extremes.max_volume_ratio));
+        if (!(extremes.min_volume_ratio > 0.0F)) fail_total(member, time);
+      }
+      if (updated) {
+        const auto extremes = updated->step(*arena, time, dt, gravity);
+        report.min_volume_ratio = std::min(report.min_volume_ratio, extremes.first);
+        report.max_volume_ratio = std::max(report.max_volume_ratio, extremes.second);
+      }
+    }
+  }
+
+  [[noreturn]] void fail_total(const TotalMember& member, double time) const {
+    const TotalBody<float>& body = *member.body;
+    std::uint32_t worst = 0;
+    double least = std::numeric_limits<double>::infinity();
+    for (std::uint32_t p = 0; p < body.particles(); ++p) {
+      const double j = body.deformation_gradient(p).determinant();
+      if (!std::isfinite(j)) {
+        worst = p;
+        least = j;
+        break;
+      }
+      if (j < least) {
+        least = j;
+        worst = p;
+      }
+    }
+    const Vec3d x = body.point_state(worst).position;
+    std::ostringstream text;
+    text << "Body '" << body.name() << "', frame " << frame << " (" << time << " s): particle "
+         << worst << " at (" << x[0] << ", " << x[1] << ", " << x[2] << ") m ";
+    if (std::isfinite(least)) {
+      text << "is turned inside out (volume ratio " << least << ").";
+    } else {
+      text << "is not a number.";
+    }
+    text << " The deformation is larger than this grid can follow: use a smaller particle "
+            "separation, a smaller scene.solver.dt_safety, gentler motion, or formulation "
+            "'updated' if the body flows or tears.";
+    throw_compute(text.str());
+  }
+
+  [[nodiscard]] std::string save() const {
+    ByteWriter out;
+    out.put(std::uint32_t{1});
+    out.put(frame);
+    for (const TotalMember& member : total) {
+      out.put(member.last_dt);
+      out.put(member.elastic_dt);
+      member.body->save(out);
+      member.contact->save(out);
+    }
+    if (updated) updated->save(out);
+    return out.take();
+  }
+
+  void load(const std::string& bytes) {
+    ByteReader in(bytes);
+    std::uint32_t version = 0;
+    in.get(version);
+    if (version != 1) throw_input("The checkpoint is of another version. Simulate again.");
+    in.get(frame);
+    for (TotalMember& member : total) {
+      in.get(member.last_dt);
+      in.get(member.elastic_dt);
+      member.body->load(in);
+      member.contact->load(in);
+    }
+    if (updated) updated->load(in);
+    in.expect_end();
+  }
+};
+
+Simulation::Simulation(Scene scene, std::shared_ptr<Arena> arena, Options options)
+    : impl_(std::make_unique<Impl>(std::move(scene), std::move(arena), options)) {}
+Simulation::Simulation(Scene scene, std::shared_ptr<Arena> arena)
+    : Simulation(std::move(scene), std::move(arena), Options{}) {}
+Simulation::~Simulation() = default;
+
+const Scene& Simulation::scene() const { return impl_->scene; }
+int Simulation::frame() const { return impl_->frame; }
+
+FrameReport Simulation::advance(const Interrupter& interrupter) {
+  Impl& s = *impl_;
+  const auto begin = std::chrono::steady_clock::now();
+  FrameReport report;
+  s.arena->execute([&] {
+    const std::string before = s.save();
+    const Step step = s.choose_step(s.time_of(s.frame));
+    const double frame_seconds = 1.0 / s.scene.fps;
+    double count = std::ceil(frame_seconds / step.dt * (1.0 - 1e-12));
+    count = std::max(count, 1.0);
+    if (!(count < kMostSubsteps)) {
+      throw_compute("Frame " + std::to_string(s.frame) + " would need " + std::to_string(count) +
+                    " substeps (" + step.limit +
+                    "). Soften the material, use a larger particle separation, or override "
+                    "scene.solver.dt.");
+    }
+    // A frame that fails is tried again with half the substep before the run gives up: a hard
+    // impact can stiffen the body within a frame.
+    for (int attempt = 0;; ++attempt) {
+      report = FrameReport{};
+      report.substeps = static_cast<int>(count);
+      report.dt = frame_seconds / report.substeps;
+      report.dt_limit = step.limit + (attempt > 0 ? ", halved after a failed try" : "");
+      try {
+        s.run_frame(report.substeps, interrupter, report);
+        break;
+      } catch (const Error& error) {
+        if (error.kind() != ErrorKind::kCompute || attempt == kMostRetries || s.scene.dt > 0.0 ||
+            2.0 * count > kMostSubsteps) {
+          throw;
+        }
+        s.load(before);
+        count *= 2.0;
+      }
+    }
+    ++s.frame;
+    report.frame = s.frame;
+    for (const TotalMember& member : s.total) {
+      report.max_speed = std::max(report.max_speed, member.body->max_speed());
+      report.kinetic_energy += member.body->kinetic_energy();
+      report.max_penetration =
+          std::max(report.max_penetration, member.contact->max_penetration());
+    }
+    if (s.updated) s.updated->report(report);
+    if (s.scene.walls) s.check_walls(state());
+  });
+  report.seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return report;
+}
+
+FrameState Simulation::state() const {
+  const Impl& s = *impl_;
+  FrameState out;
+  out.frame = s.frame;
+  out.time = s.time_of(s.frame);
+  out.bodies.resize(s.scene.bodies.size());
+  for (const TotalMember& member : s.total) {
+    member.body->sample(*s.arena, out.bodies[member.index]);
+  }
+  if (s.updated) s.updated->sample(out.bodies);
+  return out;
+}
+
+std::string Simulation::save() const { return impl_->save(); }
+void Simulation::load(const std::string& bytes) { impl_->load(bytes); }
+
+MemoryEstimate Simulation::estimate(const Scene& scene) {
+  MemoryEstimate out;
+  for (const Body& body : scene.bodies) {
+    out.particles += body.rest.size();
+    // Scene (rest, volumes), solver state with padding of partly filled lanes, one frame's output
+    // and one saved state: measured with 1 M particles, rounded up.
+    out.bytes += body.rest.size() * (is_total(body) ? std::size_t{340} : std::size_t{520});
+  }
+  return out;
+}
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/simulation.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "base/error.hpp"
+
+namespace matterfit::mpm {
+namespace {
+
+using material::Law;
+
+/// A block of particles on a regular lattice, low corner at `low`.
+Body block(const std::string& name, const Vec3d& low, const Vec3i& counts, double h) {
+  Body body;
+  body.name = name;
+  body.lattice.origin = low;
+  body.lattice.spacing = h;
+  body.lattice.regular = true;
+  for (int i = 0; i < counts[0]; ++i)
+    for (int j = 0; j < counts[1]; ++j)
+      for (int k = 0; k < counts[2]; ++k) {
+        body.rest.emplace_back(low + h * Vec3d(i + 0.5, j + 0.5, k + 0.5));
+        body.volumes.push_back(h * h * h);
+      }
+  return body;
+}
+
+Scene scene_with(Body body, double dx) {
+  Scene scene;
+  scene.dx = dx;
+  scene.fps = 100;
+  scene.end_frame = 50;
+  scene.bodies.push_back(std::move(body));
+  return scene;
+}
+
+Vec3d mean_position(const BodyState& state) {
+  Vec3d sum = Vec3d::Zero();
+  for (const Vec3f& x : state.positions) sum += x.cast<double>();
+  return sum / static_cast<double>(state.positions.size());
+}
+
+std::string bytes_of(const FrameState& state) {
+  std::string out;
+  for (const BodyState& b : state.bodies) {
+    out.append(reinterpret_cast<const char*>(b.positions.data()), b.positions.size() * sizeof(Vec3f));
+    out.append(reinterpret_cast<const char*>(b.velocities.data()),
+               b.velocities.size() * sizeof(Vec3f));
+    out.append(reinterpret_cast<const char*>(b.deformation_gradients.data()),
+               b.deformation_gradients.size() * sizeof(Mat3f));
+  }
+  return out;
+}
+
+class BothFormulations : public ::testing::TestWithParam<Formulation> {};
+INSTANTIATE_TEST_SUITE_P(Solver, BothFormulations,
+                         ::testing::Values(Formulation::kTotal, Formulation::kUpdated),
+                         [](const auto& info) {
+                           return info.param == Formulation::kTotal ? "Total" : "Updated";
+                         });
+
+/// Ballistic flight is exact at every frame, thanks to the half kick (closed form).
+TEST_P(BothFormulations, FreeFlightIsExact) {
+  Body body = block("cube", Vec3d(0.013, 0.02, 1.0), Vec3i(6, 6, 6), 0.01);
+  body.formulation = GetParam();
+  body.velocity = Vec3d(1.0, -0.5, 2.0);
+  Simulation simulation(scene_with(body, 0.02), std::make_shared<Arena>(1));
+  const Vec3d start = mean_position(simulation.state().bodies[0]);
+  for (int i = 0; i < 20; ++i) simulation.advance(Interrupter());
+  const double t = 0.2;
+  const Vec3d expected = start + body.velocity * t + 0.5 * t * t * Vec3d(0, 0, -9.81);
+  EXPECT_LT((mean_position(simulation.state().bodies[0]) - expected).norm(), 2e-5);
+}
+
+/// A spinning body keeps its angular velocity and shape (a rigid rotation is affine).
+TEST_P(BothFormulations, SpinIsConserved) {
+  Body body = block("cube", Vec3d(-0.03, -0.03, -0.03), Vec3i(6, 6, 6), 0.01);
+  body.formulation = GetParam();
+  body.material.youngs_modulus = 1e6;
+  body.spin = Vec3d(0, 0, 5.0);
+  Scene scene = scene_with(body, 0.02);
+  scene.gravity = Keyed<Vec3d>(Vec3d::Zero());
+  Simulation simulation(scene, std::make_shared<Arena>(2));
+  const auto spin = [&] {
+    const BodyState s = simulation.state().bodies[0];
+    double l = 0;
+    double inertia = 0;
+    for (std::size_t p = 0; p < s.positions.size(); ++p) {
+      const Vec3d x = s.positions[p].cast<double>();
+      l += x.cross(s.velocities[p].cast<double>())[2];
+      inertia += x[0] * x[0] + x[1] * x[1];
+    }
+    return l / inertia;
+  };
+  for (int i = 0; i < 30; ++i) simulation.advance(Interrupter());
+  EXPECT_NEAR(spin(), 5.0, 0.05);
+  EXPECT_LT(mean_position(simulation.state().bodies[0]).norm(), 1e-5);
+}
+
+/// The same bits for one and two threads, and after save and load.
+TEST_P(BothFormulations, SameBitsForAnyThreadsAndAfterResume) {
+  const auto make = [&](int threads) {
+    Body body = block("cube", Vec3d(0, 0, 0.05), Vec3i(8, 10, 9), 0.01);
+    body.formulation = GetParam();
+    body.material.youngs_modulus = 5e4;
+    body.velocity = Vec3d(0.4, 0, -1);
+    body.spin = Vec3d(3, 1, 0);
+    Scene scene = scene_with(body, 0.02);
+    Contact contact;
+    scene.colliders.push_back(make_plane("ground", contact, Vec3d::Zero(), Vec3d::UnitZ()));
+    return std::make_unique<Simulation>(scene, std::make_shared<Arena>(threads));
+  };
+  auto one = make(1);
+  auto two = make(2);
+  for (int i = 0; i < 6; ++i) {
+    one->advance(Interrupter());
+    two->advance(Interrupter());
+  }
+  ASSERT_EQ(bytes_of(one->state()), bytes_of(two->state()));
+  const std::string saved = one->save();
+  auto three = make(2);
+  three->load(saved);
+  for (int i = 0; i < 6; ++i) {
+    one->advance(Interrupter());
+    three->advance(Interrupter());
+  }
+  EXPECT_EQ(bytes_of(one->state()), bytes_of(three->state()));
+  EXPECT_EQ(three->frame(), 12);
+  EXPECT_THROW(three->load(saved.substr(0, saved.size() / 2)), Error);
+}
+
+/// A body dropped on the ground stays above it and comes to rest near its rest height.
+TEST_P(BothFormulations, DroppedBodyRestsOnTheGround) {
+  Body body = block("cube", Vec3d(0.002, 0.003, 0.01), Vec3i(8, 8, 8), 0.01);
+  body.formulation = GetParam();
+  body.material.law = Law::kFixedCorotated;
+  body.material.youngs_modulus = 5e4;
+  body.material.damping_shear = 5.0;
+  Scene scene = scene_with(body, 0.02);
+  Contact contact;
+  contact.damping = 0.3;
+  scene.colliders.push_back(make_plane("ground", contact, Vec3d::Zero(), Vec3d::UnitZ()));
+  Simulation simulation(scene, std::make_shared<Arena>(2));
+  for (int i = 0; i < 50; ++i) simulation.advance(Interrupter());
+  const BodyState state = simulation.state().bodies[0];
+  float lowest = 1.0F;
+  for (const Vec3f& x : state.positions) lowest = std::min(lowest, x[2]);
+  EXPECT_GT(lowest, 0.0F);
+  EXPECT_NEAR(mean_position(state)[2], 0.04, 0.002);
+}
+
+/// Every law runs, keeps its mass where it should be, and none gains energy from nothing.
+TEST(Simulation, EveryLawFallsOnTheGround) {
+  for (const Law law : {Law::kFixedCorotated, Law::kNeoHookean, Law::kStvkHencky, Law::kVonMises,
+                        Law::kHerschelBulkley, Law::kDruckerPrager, Law::kNewtonian}) {
+    Body body = block("cube", Vec3d(0.0, 0.0, 0.005), Vec3i(8, 8, 8), 0.01);
+    body.material.law = law;
+    body.material.youngs_modulus = 1e5;
+    body.material.yield_stress = 500;
+    body.material.viscosity = 1.0;
+    body.material.bulk_modulus = 5e4;
+    Scene scene = scene_with(body, 0.02);
+    scene.colliders.push_back(make_plane("ground", Contact{}, Vec3d::Zero(), Vec3d::UnitZ()));
+    Simulation simulation(scene, std::make_shared<Arena>(2));
+    double fastest = 0;
+    for (int i = 0; i < 20; ++i) {
+      fastest = std::max(fastest, simulation.advance(Interrupter()).max_speed);
+    }
+    const Vec3d mean = mean_position(simulation.state().bodies[0]);
+    EXPECT_LT(fastest, 4.0) << material::law_name(law);
+    EXPECT_NEAR(mean[0], 0.04, 0.005) << material::law_name(law);
+    EXPECT_GT(mean[2], 0.0) << material::law_name(law);
+    EXPECT_LT(mean[2], 0.05) << material::law_name(law);
+  }
+}
+
+TEST(Simulation, RefusesWhatCannotBeSimulated) {
+  Scene empty;
+  EXPECT_THROW(Simulation(empty, std::make_shared<Arena>(1)), Error);
+  Body body = block("cube", Vec3d::Zero(), Vec3i(2, 2, 2), 0.01);
+  body.density = -1;
+  EXPECT_THROW(Simulation(scene_with(body, 0.02), std::make_shared<Arena>(1)), Error);
+  body.density = 1000;
+  body.material.poisson_ratio = 0.5;
+  EXPECT_THROW(Simulation(scene_with(body, 0.02), std::make_shared<Arena>(1)), Error);
+}
+
+TEST(Simulation, CancelEndsAFrame) {
+  Simulation simulation(scene_with(block("cube", Vec3d::Zero(), Vec3i(4, 4, 4), 0.01), 0.02),
+                        std::make_shared<Arena>(1));
+  Interrupter interrupter;
+  interrupter.cancel();
+  try {
+    simulation.advance(interrupter);
+    FAIL() << "a cancelled frame must throw";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kCancelled);
+  }
+}
+
+}  // namespace
+}  // namespace matterfit::mpm

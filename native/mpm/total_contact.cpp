@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/total_contact.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace matterfit::mpm {
+
+template <class S>
+TotalContact<S>::TotalContact(const Body& body, const Scene& scene, const TotalBody<S>& total)
+    : density_(body.density) {
+  for (const ColliderPtr& collider : scene.colliders) {
+    colliders_.push_back({collider, resolve_contact(collider->contact(), body, scene.dx)});
+    frequency_squared_ = std::max(
+        frequency_squared_, colliders_.back().law.stiffness / (body.density * 0.5 * scene.dx));
+  }
+  wake_time_.assign(total.blocks(), 0.0);
+  penetration_.assign(total.blocks(), 0.0);
+  if (colliders_.empty()) return;
+  memory_.resize(total.particles());
+  skin_.resize(total.blocks());
+  for (std::size_t b = 0; b < total.blocks(); ++b) {
+    for (const std::uint32_t p : total.block_particles(b)) {
+      if (total.is_surface(p)) skin_[b].push_back(p);
+    }
+  }
+}
+
+template <class S>
+void TotalContact<S>::wake(double frame_seconds, double acceleration) {
+  frame_seconds_ = frame_seconds;
+  acceleration_ = acceleration;
+  std::fill(wake_time_.begin(), wake_time_.end(), -1e30);
+  std::fill(penetration_.begin(), penetration_.end(), 0.0);
+}
+
+template <class S>
+void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, double dt) {
+  if (colliders_.empty()) return;
+  body.allocate_point_forces();
+  arena.parallel_for(0, skin_.size(), 1, [&](std::size_t b) {
+    body.clear_point_forces(b);
+    if (time < wake_time_[b]) return;
+    double gap = 1e30;     // least distance of any particle's surface to any collider
+    double closing = 0.0;  // fastest approach seen [m/s]
+    bool touching = false;
+    for (const std::uint32_t p : skin_[b]) {
+      const auto state = body.quadrature_state(p);
+      const double half = body.half_size(p);
+      for (std::size_t s = 0; s < colliders_.size(); ++s) {
+        const SurfacePoint surface = colliders_[s].collider->closest(state.position, time);
+        const auto id = static_cast<std::int16_t>(s);
+        closing = std::max(closing, (state.velocity - surface.velocity).norm());
+        // Twice the rest size covers stretches up to two; beyond, F is looked at anyway.
+        if (surface.distance > 4.0 * half && memory_[p].surface != id) {
+          gap = std::min(gap, surface.distance - 4.0 * half);
+          continue;
+        }
+        const Mat3d f = body.deformation_gradient(p);
+        const double stretch = (f.transpose() * surface.normal).norm();
+        const double volume = body.volume(p);
+        ContactPoint point;
+        point.distance = surface.distance;
+        point.radius = half * stretch;
+        point.area = f.determinant() * volume / (std::cbrt(volume) * stretch);
+        point.mass = density_ * volume;
+        point.normal = surface.normal;
+        point.relative_velocity = state.velocity - surface.velocity;
+        const Vec3d force = contact_force(colliders_[s].law, point, id, dt, memory_[p]);
+        if (!force.isZero(0.0)) {
+          body.add_point_force(p, force);
+          touching = true;
+          penetration_[b] = std::max(penetration_[b], point.radius - point.distance);
+        }
+        gap = std::min(gap, surface.distance - point.radius);
+      }
+    }
+    if (touching || gap <= 0.0) return;
+    // Nothing here can close the gap sooner, at twice its speed and accelerated by twice gravity.
+    const double horizon = 0.25 * frame_seconds_;
+    const double fastest = 2.0 * closing + 2.0 * acceleration_ * horizon + 1e-9;
+    wake_time_[b] = time + std::min(horizon, 0.5 * gap / fastest);
+  });
+}
+
+template <class S>
+double TotalContact<S>::max_penetration() const {
+  double deepest = 0.0;
+  for (const double p : penetration_) deepest = std::max(deepest, p);
+  return deepest;
+}
+
+template <class S>
+void TotalContact<S>::save(ByteWriter& out) const {
+  out.put(memory_);
+}
+
+template <class S>
+void TotalContact<S>::load(ByteReader& in) {
+  in.get_same_size(memory_);
+}
+
+template class TotalContact<float>;
+template class TotalContact<double>;
+
+}  // namespace matterfit::mpm

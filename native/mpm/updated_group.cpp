@@ -1,0 +1,618 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/updated_group.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <sstream>
+
+#include "base/error.hpp"
+#include "mpm/contact_law.hpp"
+#include "mpm/node_contact.hpp"
+#include "mpm/updated_blocks.hpp"
+
+namespace matterfit::mpm {
+namespace {
+
+/// A pinned particle is this many times as heavy for the grid: its nodes follow the pin.
+constexpr float kPinWeight = 1e4F;
+
+struct Member {
+  std::size_t index = 0;  ///< into scene.bodies
+  std::string name;
+  material::Material material;
+  material::LawConstants<float> law;
+  double density = 0.0;
+  std::size_t particles = 0;
+  std::vector<ContactLaw> contacts;      ///< per particle-wise collider
+  std::vector<ContactMemory> memory;     ///< per particle
+  std::vector<Pin> pins;
+  std::vector<std::uint8_t> pin_of;      ///< per particle: pin + 1, 0: free; empty without pins
+  Points rest;                           ///< kept for pins only
+};
+
+}  // namespace
+
+struct UpdatedGroup::Impl {
+  const Scene* scene;
+  const Kernels<float>* kernels;
+  std::size_t memory_limit;
+  double dx;
+  std::vector<Member> members;
+  std::vector<ColliderPtr> particle_colliders;
+  std::vector<ColliderPtr> node_colliders;
+  UpdatedBlocks blocks;
+  double last_dt = 0.0;
+  double max_speed = 0.0;
+  double min_j = 1.0;
+  double frame_seconds = 0.0;
+  double pull = 0.0;
+
+  Impl(const Scene& s, const std::vector<std::size_t>& bodies, const Kernels<float>& k,
+       std::size_t limit)
+      : scene(&s), kernels(&k), memory_limit(limit), dx(s.dx), blocks(bodies.size()) {
+    frame_seconds = 1.0 / s.fps;
+    for (const ColliderPtr& collider : s.colliders) {
+      (collider->contact().method == ContactMethod::kNode ? node_colliders : particle_colliders)
+          .push_back(collider);
+    }
+    for (const std::size_t index : bodies) add_member(s.bodies[index], index);
+    scatter_all();
+  }
+
+  void add_member(const Body& body, std::size_t index) {
+    if (!body.masses.empty()) {
+      throw_input("Body '" + body.name +
+                  "': attached masses need the total Lagrangian formulation. Set formulation to "
+                  "'total', or remove the masses.");
+    }
+    Member m;
+    m.index = index;
+    m.name = body.name;
+    m.material = body.material;
+    m.law = material::law_constants<float>(body.material);
+    m.density = body.density;
+    m.particles = body.rest.size();
+    m.memory.resize(particle_colliders.empty() ? 0 : m.particles);
+    for (const ColliderPtr& collider : particle_colliders) {
+      m.contacts.push_back(resolve_contact(collider->contact(), body, dx));
+    }
+    if (!body.pins.empty()) {
+      m.pins = body.pins;
+      m.rest = body.rest;
+      m.pin_of.assign(m.particles, 0);
+      for (std::size_t p = 0; p < m.particles; ++p) {
+        for (std::size_t k = 0; k < m.pins.size() && k < 250; ++k) {
+          if (in_region(m.pins[k], body.rest[p])) m.pin_of[p] = static_cast<std::uint8_t>(k + 1);
+        }
+      }
+    }
+    members.push_back(std::move(m));
+    const std::size_t slot = members.size() - 1;
+
+    Vec3d center = Vec3d::Zero();
+    double volume = 0.0;
+    for (std::size_t p = 0; p < body.rest.size(); ++p) {
+      center += body.volumes[p] * body.rest[p];
+      volume += body.volumes[p];
+    }
+    center /= volume;
+    Mat3d spin;
+    spin << 0, -body.spin[2], body.spin[1], body.spin[2], 0, -body.spin[0], -body.spin[1],
+        body.spin[0], 0;
+    for (std::size_t p = 0; p < body.rest.size(); ++p) {
+      Crosser<float> particle{};
+      particle.id = static_cast<std::uint32_t>(p);
+      Vec3i block;
+      int cell = 0;
+      for (int axis = 0; axis < 3; ++axis) {
+        const double x = body.rest[p][axis] / dx;
+        const double base = std::floor(x - 0.5);
+        if (!(std::abs(base) < 1e8)) {
+          throw_input("Body '" + body.name + "': particle " + std::to_string(p) +
+                      " is too far from the origin for this particle separation.");
+        }
+        const int b = static_cast<int>(base);
+        block[axis] = b >> 2;
+        cell = cell * 4 + (b & 3);
+        particle.f[axis] = static_cast<float>(x - base);
+      }
+      Vec3d v = body.velocity + spin * (body.rest[p] - center);
+      if (!body.particle_velocities.empty()) v += body.particle_velocities[p];
+      for (int i = 0; i < 3; ++i) {
+        particle.velocity[i] = static_cast<float>(v[i]);
+        for (int j = 0; j < 3; ++j) particle.affine[3 * i + j] = static_cast<float>(spin(i, j));
+      }
+      max_speed = std::max(max_speed, v.norm());
+      particle.volume = static_cast<float>(body.volumes[p]);
+      particle.cell = static_cast<std::uint8_t>(cell);
+      const std::uint32_t at = blocks.ensure(block);
+      blocks.occupy(at);
+      blocks[at].leaving[slot].push_back(particle);
+    }
+  }
+
+  [[nodiscard]] static bool in_region(const Pin& pin, const Vec3d& x) {
+    switch (pin.region) {
+      case Pin::Region::kAll:
+        return true;
+      case Pin::Region::kPlane:
+        return pin.normal.normalized().dot(x - pin.point) <= 0.0;
+      case Pin::Region::kBox:
+        return (x - pin.low).minCoeff() >= 0.0 && (pin.high - x).minCoeff() >= 0.0;
+      case Pin::Region::kSphere:
+        return (x - pin.point).norm() <= pin.radius;
+      case Pin::Region::kPoints:
+        return std::any_of(pin.points.begin(), pin.points.end(),
+                           [&](const Vec3d& p) { return (x - p).norm() <= pin.radius; });
+    }
+    return false;
+  }
+
+  /// The first transfer: every particle enters its block.
+  void scatter_all() {
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      for (std::size_t m = 0; m < members.size(); ++m) {
+        for (const Crosser<float>& particle : blocks[b].leaving[m]) {
+          blocks[b].bodies[m].insert(particle);
+          scatter(blocks[b], m, particle, 0.0F);
+        }
+        blocks[b].leaving[m].clear();
+      }
+    }
+  }
+
+  void scatter(UpdatedBlock& block, std::size_t m, const Crosser<float>& particle, float dt) const {
+    const int cell[3] = {particle.cell / 16, particle.cell / 4 % 4, particle.cell % 4};
+    kernels->updated_scatter(particle, cell, static_cast<float>(members[m].density),
+                             static_cast<float>(dx), dt, block.halo.data());
+  }
+
+  [[nodiscard]] Vec3d block_origin(const UpdatedBlock& block) const {
+    return block.coordinates.cast<double>() * (4.0 * dx);
+  }
+
+  /// World position of a lane's particle: cell (x, y, z) of the block plus f.
+  [[nodiscard]] Vec3d position(const UpdatedBlock& block, std::size_t slab, const Chunk& chunk,
+                               std::size_t lane) const {
+    const Vec3d cell(static_cast<double>(slab), static_cast<double>(lane / 4),
+                     static_cast<double>(lane % 4));
+    const Vec3d f(static_cast<double>(chunk.a[0][lane]), static_cast<double>(chunk.a[1][lane]),
+                  static_cast<double>(chunk.a[2][lane]));
+    return block_origin(block) + (cell + f) * dx;
+  }
+
+  /// Calls visit(slab, chunk, lane) for each particle of a body in a block.
+  template <class Visit>
+  static void for_each(const BodyBlock& body, const Visit& visit) {
+    for (std::size_t s = 0; s < kSlabs; ++s) {
+      for (std::size_t l = 0; l < kLanes; ++l) {
+        for (std::size_t k = 0; k < body.count[s][l]; ++k) visit(s, body.slab[s][k], l);
+      }
+    }
+  }
+
+  // --- grid -------------------------------------------------------------------------------------
+
+  void update_grid(Arena& arena, double time, double kick, const Vec3d& gravity) {
+    arena.parallel_for(0, blocks.size(), 4, [&](std::size_t b) {
+      UpdatedBlock& block = blocks[b];
+      float sum[4 * kBlockNodes] = {};
+      for (std::size_t k = 0; k < 8; ++k) {
+        const std::uint32_t other = block.neighbours[13 - (9 * (k / 4) + 3 * (k / 2 % 2) + k % 2)];
+        if (other == kNoBlock || !blocks[other].occupied) continue;
+        const std::size_t x0 = k / 4 * 4;
+        const std::size_t y0 = k / 2 % 2 * 4;
+        const std::size_t z0 = k % 2 * 4;
+        const std::size_t nx = x0 != 0 ? 2 : 4;
+        const std::size_t ny = y0 != 0 ? 2 : 4;
+        const std::size_t nz = z0 != 0 ? 2 : 4;
+        for (std::size_t c = 0; c < 4; ++c) {
+          const float* halo = blocks[other].halo.data() + c * kHaloNodes;
+          for (std::size_t x = 0; x < nx; ++x)
+            for (std::size_t y = 0; y < ny; ++y)
+              for (std::size_t z = 0; z < nz; ++z)
+                sum[c * kBlockNodes + node_index(x, y, z)] += halo[halo_index(x + x0, y + y0, z + z0)];
+        }
+      }
+      const float* mass = sum + 3 * kBlockNodes;
+      for (std::size_t c = 0; c < 3; ++c) {
+        const auto g = static_cast<float>(kick * gravity[static_cast<int>(c)]);
+        for (std::size_t n = 0; n < kBlockNodes; ++n) {
+          block.velocity[c * kBlockNodes + n] =
+              mass[n] > 0.0F ? sum[c * kBlockNodes + n] / mass[n] + g : 0.0F;
+        }
+      }
+      for (const ColliderPtr& collider : node_colliders) {
+        apply_node_contact(*collider, block_origin(block), dx, time, mass, block.velocity.data());
+      }
+    });
+  }
+
+  // --- particles --------------------------------------------------------------------------------
+
+  void move_block(std::size_t b, double dt) {
+    UpdatedBlock& block = blocks[b];
+    block.leaving_to = 0;
+    block.extremes = {1.0F, 1.0F};
+    block.fastest = 0.0F;
+    if (!block.occupied) return;
+    std::fill(block.halo.begin(), block.halo.end(), 0.0F);
+    UpdatedView<float> view{};
+    for (std::size_t k = 0; k < 8; ++k) {
+      const std::uint32_t other = block.neighbours[13 + 9 * (k / 4) + 3 * (k / 2 % 2) + k % 2];
+      view.node_velocity[k] = blocks[other].velocity.data();
+    }
+    view.dx = static_cast<float>(dx);
+    view.dt = static_cast<float>(dt);
+    view.halo = block.halo.data();
+    for (std::size_t m = 0; m < members.size(); ++m) {
+      BodyBlock& body = block.bodies[m];
+      bool any = false;
+      for (std::size_t s = 0; s < kSlabs; ++s) {
+        view.slab[s] = body.slab[s].data();
+        view.chunks[s] = static_cast<std::uint32_t>(body.slab[s].size());
+        any = any || view.chunks[s] > 0;
+      }
+      std::vector<Crosser<float>>& leaving = block.leaving[m];
+      leaving.clear();
+      if (!any) continue;
+      view.law = members[m].law;
+      view.density = static_cast<float>(members[m].density);
+      view.crossers = &leaving;
+      kernels->updated_block(view);
+      block.extremes.min_volume_ratio =
+          std::min(block.extremes.min_volume_ratio, view.extremes.min_volume_ratio);
+      block.extremes.max_volume_ratio =
+          std::max(block.extremes.max_volume_ratio, view.extremes.max_volume_ratio);
+      block.fastest = std::max(block.fastest, view.fastest);
+      if (leaving.empty()) continue;
+      // The kernel goes lane group by lane group within a chunk; removal wants chunk order.
+      for (Crosser<float>& p : leaving) address(block, p);
+      body.remove(leaving);
+    }
+  }
+
+  /// Where a leaver goes: neighbour block, cell there, and f relative to that cell.
+  static void address(UpdatedBlock& block, Crosser<float>& p) {
+    const int cell[3] = {p.slab, p.lane / 4, p.lane % 4};
+    int neighbour = 0;
+    int there = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      int c = cell[axis];
+      if (p.f[axis] < 0.5F) {
+        p.f[axis] += 1.0F;
+        --c;
+      } else if (p.f[axis] >= 1.5F) {
+        p.f[axis] -= 1.0F;
+        ++c;
+      }
+      neighbour = neighbour * 3 + (c < 0 ? 0 : c > 3 ? 2 : 1);
+      there = there * 4 + (c & 3);
+    }
+    p.neighbour = static_cast<std::uint8_t>(neighbour);
+    p.cell = static_cast<std::uint8_t>(there);
+    block.leaving_to |= 1U << static_cast<unsigned>(neighbour);
+  }
+
+  /// Serial: blocks that arrivals need. In block order, so that indices never depend on threads.
+  void make_room() {
+    const std::size_t before = blocks.size();
+    for (std::size_t b = 0; b < before; ++b) {
+      const std::uint32_t to = blocks[b].leaving_to;
+      if (to == 0) continue;
+      for (int k = 0; k < 27; ++k) {
+        if ((to >> static_cast<unsigned>(k) & 1U) == 0) continue;
+        const Vec3i step(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
+        blocks.occupy(blocks.ensure(blocks[b].coordinates + step));
+      }
+    }
+    if (blocks.size() != before && blocks.size() * UpdatedBlocks::bytes_per_block() > memory_limit) {
+      std::ostringstream text;
+      text << "The grid has grown to " << blocks.size() << " blocks, more than the memory limit of "
+           << (memory_limit >> 20U)
+           << " MB holds: particles fly apart. Add walls or a ground, shorten the frame range, or "
+              "raise the limit.";
+      throw_compute(text.str());
+    }
+  }
+
+  void take_in(std::size_t b, double dt) {
+    UpdatedBlock& block = blocks[b];
+    if (!block.occupied) return;
+    for (std::size_t k = 0; k < 27; ++k) {
+      const std::uint32_t other = block.neighbours[k];
+      const std::size_t towards_me = 26 - k;
+      if (other == kNoBlock || (blocks[other].leaving_to >> towards_me & 1U) == 0) continue;
+      for (std::size_t m = 0; m < members.size(); ++m) {
+        for (const Crosser<float>& p : blocks[other].leaving[m]) {
+          if (p.neighbour != towards_me) continue;
+          block.bodies[m].insert(p);
+          scatter(block, m, p, static_cast<float>(dt));
+        }
+      }
+    }
+  }
+
+  /// Adds momentum (and mass) at a particle's nodes.
+  void add_momentum(UpdatedBlock& block, std::size_t slab, const Chunk& chunk, std::size_t lane,
+                    const Vec3f& momentum, float mass) const {
+    Crosser<float> p{};
+    p.cell = static_cast<std::uint8_t>(slab * kLanes + lane);
+    for (std::size_t c = 0; c < 3; ++c) p.f[c] = chunk.a[Chunk::kF + c][lane];
+    const int cell[3] = {p.cell / 16, p.cell / 4 % 4, p.cell % 4};
+    float w[3][3];
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const float f = p.f[axis];
+      w[axis][0] = 0.5F * (1.5F - f) * (1.5F - f);
+      w[axis][1] = 0.75F - (f - 1.0F) * (f - 1.0F);
+      w[axis][2] = 0.5F * (f - 0.5F) * (f - 0.5F);
+    }
+    for (std::size_t i = 0; i < 3; ++i)
+      for (std::size_t j = 0; j < 3; ++j)
+        for (std::size_t k = 0; k < 3; ++k) {
+          const std::size_t node =
+              halo_index(static_cast<std::size_t>(cell[0]) + i, static_cast<std::size_t>(cell[1]) + j,
+                         static_cast<std::size_t>(cell[2]) + k);
+          const float weight = w[0][i] * w[1][j] * w[2][k];
+          for (std::size_t c = 0; c < 3; ++c) {
+            block.halo[c * kHaloNodes + node] += weight * momentum[static_cast<int>(c)];
+          }
+          block.halo[3 * kHaloNodes + node] += weight * mass;
+        }
+  }
+
+  void touch(std::size_t b, double time, double dt) {
+    UpdatedBlock& block = blocks[b];
+    if (!block.occupied || particle_colliders.empty() || time < block.wake_time) return;
+    double gap = 1e30;
+    double closing = 0.0;
+    bool touching = false;
+    for (std::size_t m = 0; m < members.size(); ++m) {
+      Member& member = members[m];
+      for_each(block.bodies[m], [&](std::size_t s, const Chunk& chunk, std::size_t l) {
+        const Vec3d x = position(block, s, chunk, l);
+        const Vec3d v(static_cast<double>(chunk.a[Chunk::kVelocity][l]),
+                      static_cast<double>(chunk.a[Chunk::kVelocity + 1][l]),
+                      static_cast<double>(chunk.a[Chunk::kVelocity + 2][l]));
+        const double volume = static_cast<double>(chunk.a[Chunk::kVolume][l]);
+        const double edge = std::cbrt(volume);
+        ContactMemory& memory = member.memory[chunk.id[l]];
+        for (std::size_t c = 0; c < particle_colliders.size(); ++c) {
+          const SurfacePoint surface = particle_colliders[c]->closest(x, time);
+          const auto id = static_cast<std::int16_t>(c);
+          closing = std::max(closing, (v - surface.velocity).norm());
+          if (surface.distance > 2.0 * edge && memory.surface != id) {
+            gap = std::min(gap, surface.distance - 2.0 * edge);
+            continue;
+          }
+          Mat3d f = Mat3d::Identity();
+          for (std::size_t i = 0; i < 9; ++i) {
+            f(static_cast<int>(i / 3), static_cast<int>(i % 3)) +=
+                static_cast<double>(chunk.a[Chunk::kH + i][l]);
+          }
+          const double stretch = (f.transpose() * surface.normal).norm();
+          ContactPoint point;
+          point.distance = surface.distance;
+          point.radius = 0.5 * edge * stretch;
+          point.area = f.determinant() * volume / (edge * stretch);
+          point.mass = member.density * volume;
+          point.normal = surface.normal;
+          point.relative_velocity = v - surface.velocity;
+          const Vec3d force = contact_force(member.contacts[c], point, id, dt, memory);
+          if (!force.isZero(0.0)) {
+            const Vec3d impulse = dt * force;
+            add_momentum(block, s, chunk, l, impulse.cast<float>(), 0.0F);
+            touching = true;
+            block.penetration = std::max(block.penetration, point.radius - point.distance);
+          }
+          gap = std::min(gap, surface.distance - point.radius);
+        }
+      });
+    }
+    if (touching || gap <= 0.0) return;
+    const double horizon = 0.25 * frame_seconds;
+    // Particles come and go: at most a cell's worth of time, whatever is near.
+    const double fastest = 2.0 * std::max(closing, max_speed) + 2.0 * pull * horizon + 1e-9;
+    block.wake_time = time + std::min(horizon, 0.5 * std::min(gap, dx) / fastest);
+  }
+
+  void pin(std::size_t b, double time, double dt) {
+    UpdatedBlock& block = blocks[b];
+    if (!block.occupied) return;
+    for (std::size_t m = 0; m < members.size(); ++m) {
+      const Member& member = members[m];
+      if (member.pin_of.empty()) continue;
+      for_each(block.bodies[m], [&](std::size_t s, const Chunk& chunk, std::size_t l) {
+        const std::uint8_t k = member.pin_of[chunk.id[l]];
+        if (k == 0 || time >= member.pins[k - 1U].release - 1e-12) return;
+        const Pin& p = member.pins[k - 1U];
+        const Pose pose = p.motion.at(time + dt);
+        const Vec3d rest = member.rest[chunk.id[l]];
+        const Vec3d target = p.pivot + pose.rotation * (rest - p.pivot) + pose.position;
+        const Vec3d velocity = (target - position(block, s, chunk, l)) / dt;
+        const float mass =
+            kPinWeight * static_cast<float>(member.density) * chunk.a[Chunk::kVolume][l];
+        add_momentum(block, s, chunk, l, mass * velocity.cast<float>(), mass);
+      });
+    }
+  }
+
+  [[noreturn]] void fail(double time, const std::string& what) const {
+    std::ostringstream text;
+    text << what << " at " << time
+         << " s. Use a smaller scene.solver.dt_safety or particle separation, or gentler motion.";
+    throw_compute(text.str());
+  }
+
+  void check(double time, double least, float fastest) const {
+    if (fastest >= 1.0F) {
+      fail(time, "Particles move more than a cell in one substep");
+    }
+    if (least > 0.0) return;
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      for (std::size_t m = 0; m < members.size(); ++m) {
+        std::string found;
+        for_each(blocks[b].bodies[m], [&](std::size_t s, const Chunk& chunk, std::size_t l) {
+          if (!found.empty()) return;
+          Mat3d f = Mat3d::Identity();
+          for (std::size_t i = 0; i < 9; ++i) {
+            f(static_cast<int>(i / 3), static_cast<int>(i % 3)) +=
+                static_cast<double>(chunk.a[Chunk::kH + i][l]);
+          }
+          const double j = f.determinant();
+          if (j > 0.0) return;
+          const Vec3d x = position(blocks[b], s, chunk, l);
+          std::ostringstream text;
+          text << "Body '" << members[m].name << "': particle " << chunk.id[l] << " at (" << x[0]
+               << ", " << x[1] << ", " << x[2] << ") m "
+               << (std::isfinite(j) ? "is turned inside out (volume ratio " + std::to_string(j) + ")"
+                                    : std::string("is not a number"));
+          found = text.str();
+        });
+        if (!found.empty()) fail(time, found);
+      }
+    }
+    fail(time, "A particle is turned inside out or not a number");
+  }
+};
+
+UpdatedGroup::UpdatedGroup(const Scene& scene, const std::vector<std::size_t>& bodies,
+                           const Kernels<float>& kernels, std::size_t memory_limit)
+    : impl_(std::make_unique<Impl>(scene, bodies, kernels, memory_limit)) {}
+UpdatedGroup::~UpdatedGroup() = default;
+
+std::pair<double, std::string> UpdatedGroup::begin_frame(double time) {
+  Impl& s = *impl_;
+  s.blocks.tidy();
+  s.pull = std::max(s.scene->gravity.at(time).norm(),
+                    s.scene->gravity.at(time + s.frame_seconds).norm());
+  for (std::size_t b = 0; b < s.blocks.size(); ++b) {
+    s.blocks[b].wake_time = -1e30;
+    s.blocks[b].penetration = 0.0;
+  }
+  double best = std::numeric_limits<double>::infinity();
+  std::string reason;
+  const auto limit = [&](double dt, const std::string& why) {
+    if (dt < best) {
+      best = dt;
+      reason = why;
+    }
+  };
+  for (const Member& m : s.members) {
+    double stiffening = 1.0;
+    if (m.law.law == material::Law::kNewtonian) {
+      // Tangent of (K/7)(J − J⁻⁶) against K.
+      stiffening = (1.0 + 6.0 * std::pow(std::clamp(s.min_j, 0.3, 1.0), -7.0)) / 7.0;
+    }
+    const double c = m.material.wave_speed(m.density) * std::sqrt(stiffening);
+    double rate = c / (0.5 * s.dx);
+    double contact = 0.0;
+    for (const ContactLaw& law : m.contacts) {
+      contact = std::max(contact, law.stiffness / (m.density * 0.5 * s.dx));
+    }
+    rate = std::sqrt(rate * rate + 0.5 * contact);
+    limit(1.0 / rate, (contact > rate * rate ? "contact of " : "elastic wave of ") + m.name);
+    double viscosity = 2.0 * m.material.damping_shear + m.material.damping_bulk;
+    if (m.law.law == material::Law::kNewtonian) viscosity += 2.0 * m.material.viscosity;
+    if (viscosity > 0.0) {
+      limit(0.15 * m.density * s.dx * s.dx / viscosity, "viscosity of " + m.name);
+    }
+  }
+  const double speed = s.max_speed + s.pull * s.frame_seconds;
+  if (speed > 0.0) limit(s.scene->cfl * s.dx / speed, "CFL");
+  return {best, reason};
+}
+
+std::pair<double, double> UpdatedGroup::step(Arena& arena, double time, double dt,
+                                             const Vec3d& gravity) {
+  Impl& s = *impl_;
+  s.update_grid(arena, time, 0.5 * (s.last_dt + dt), gravity);
+  const std::size_t count = s.blocks.size();
+  arena.parallel_for(0, count, 1, [&](std::size_t b) { s.move_block(b, dt); });
+  double least = 1.0;
+  double most = 1.0;
+  float fastest = 0.0F;
+  for (std::size_t b = 0; b < count; ++b) {
+    least = std::min(least, static_cast<double>(s.blocks[b].extremes.min_volume_ratio));
+    most = std::max(most, static_cast<double>(s.blocks[b].extremes.max_volume_ratio));
+    fastest = std::max(fastest, s.blocks[b].fastest);
+  }
+  s.check(time, least, fastest);
+  s.min_j = least;
+  s.max_speed = static_cast<double>(fastest) * s.dx / dt * std::sqrt(3.0);
+  s.make_room();
+  arena.parallel_for(0, s.blocks.size(), 1, [&](std::size_t b) {
+    s.take_in(b, dt);
+    s.touch(b, time + dt, dt);
+    s.pin(b, time + dt, dt);
+  });
+  s.last_dt = dt;
+  return {least, most};
+}
+
+void UpdatedGroup::sample(std::vector<BodyState>& bodies) const {
+  const Impl& s = *impl_;
+  for (std::size_t m = 0; m < s.members.size(); ++m) {
+    BodyState& out = bodies[s.members[m].index];
+    const std::size_t n = s.members[m].particles;
+    out.positions.resize(n);
+    out.velocities.resize(n);
+    out.deformation_gradients.resize(n);
+    out.plastic_strain.resize(s.members[m].law.plastic ? n : 0);
+    for (std::size_t b = 0; b < s.blocks.size(); ++b) {
+      Impl::for_each(s.blocks[b].bodies[m], [&](std::size_t slab, const Chunk& chunk, std::size_t l) {
+        const std::uint32_t p = chunk.id[l];
+        out.positions[p] = s.position(s.blocks[b], slab, chunk, l).cast<float>();
+        for (int c = 0; c < 3; ++c) {
+          out.velocities[p][c] = chunk.a[Chunk::kVelocity + static_cast<std::size_t>(c)][l];
+        }
+        for (int c = 0; c < 9; ++c) {
+          out.deformation_gradients[p](c / 3, c % 3) =
+              chunk.a[Chunk::kH + static_cast<std::size_t>(c)][l] + (c % 4 == 0 ? 1.0F : 0.0F);
+        }
+        if (s.members[m].law.plastic) out.plastic_strain[p] = chunk.a[Chunk::kStrain][l];
+      });
+    }
+  }
+}
+
+void UpdatedGroup::report(FrameReport& report) const {
+  const Impl& s = *impl_;
+  report.max_speed = std::max(report.max_speed, s.max_speed);
+  for (std::size_t b = 0; b < s.blocks.size(); ++b) {
+    report.max_penetration = std::max(report.max_penetration, s.blocks[b].penetration);
+    for (std::size_t m = 0; m < s.members.size(); ++m) {
+      double sum = 0.0;
+      Impl::for_each(s.blocks[b].bodies[m], [&](std::size_t, const Chunk& chunk, std::size_t l) {
+        double v2 = 0.0;
+        for (std::size_t c = 0; c < 3; ++c) {
+          const auto v = static_cast<double>(chunk.a[Chunk::kVelocity + c][l]);
+          v2 += v * v;
+        }
+        sum += v2 * static_cast<double>(chunk.a[Chunk::kVolume][l]);
+      });
+      report.kinetic_energy += 0.5 * s.members[m].density * sum;
+    }
+  }
+}
+
+void UpdatedGroup::save(ByteWriter& out) const {
+  const Impl& s = *impl_;
+  s.blocks.save(out);
+  out.put(s.last_dt);
+  out.put(s.max_speed);
+  out.put(s.min_j);
+  for (const Member& m : s.members) out.put(m.memory);
+}
+
+void UpdatedGroup::load(ByteReader& in) {
+  Impl& s = *impl_;
+  s.blocks.load(in);
+  in.get(s.last_dt);
+  in.get(s.max_speed);
+  in.get(s.min_j);
+  for (Member& m : s.members) in.get_same_size(m.memory);
+}
+
+}  // namespace matterfit::mpm

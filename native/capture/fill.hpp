@@ -80,13 +80,14 @@ struct GaussianFillOptions {
   double opacity_threshold = 0.1;  ///< fainter splats are left out
   bool fill_inside = true;         ///< cavities closed off from outside are filled
   double level = 0.5;              ///< of Σ opacity·exp(−½ d²): the surface
-  double closing = 1.5;            ///< gaps up to twice this many separations are bridged; 0: none
+  /// With fill_inside: gaps up to twice this many separations are bridged; 0: none.
+  double closing = 1.5;
 };
 
 /// Density Σ opacity·exp(−½ d²) of the splats (each widened by a quarter of a separation so that
-/// flat ones are seen) on an OpenVDB grid of half a separation; its level surface, closed and
-/// without cavities, is filled as fill_mesh does. Bodies from flat splats come out about a quarter
-/// of a separation too thick on each side.
+/// flat ones are seen) on an OpenVDB grid of half a separation; its level surface is closed, rid of
+/// cavities, moved back by what the widening of the median splat moved it, and filled as fill_mesh
+/// does. Left hollow (`fill_inside` off) it is neither closed nor moved back.
 [[nodiscard]] FilledBody fill_gaussians(const GaussianArrays& splats, const FillOptions& options,
                                         const GaussianFillOptions& gaussian_options = {});
 

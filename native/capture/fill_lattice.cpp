@@ -18,10 +18,10 @@ using openvdb::Coord;
 using Tree = openvdb::FloatTree;
 using Leaf = Tree::LeafNodeType;
 
-constexpr int kBlock = 8;        // cells along a side of an OpenVDB leaf
-constexpr int kSubCells = 4;     // along a side of a cut cell
-constexpr float kKeep = 0.5F;    // part inside from which a cell gets a particle
-constexpr float kCrumb = 0.05F;  // … if none of its neighbours has one
+constexpr int kBlock = 8;         // cells along a side of an OpenVDB leaf
+constexpr double kFlat = 0.9986;  // cosine of 3°
+constexpr float kKeep = 0.5F;     // part inside from which a cell gets a particle
+constexpr float kCrumb = 0.05F;   // … if none of its neighbours has one
 constexpr double kSnap = 1e-4;
 const double kHalfDiagonal = 0.5 * std::sqrt(3.0);
 
@@ -155,35 +155,46 @@ class LatticeFill {
     split(low, size);
   }
 
-  /// Do the distance's sign and the shape's last word differ in the cell's middle or near a corner?
-  [[nodiscard]] bool is_tangled(const Vec3d& low_corner) const {
-    for (int n = 0; n < 9; ++n) {
-      const double near = 0.5 / kSubCells;
-      const Vec3d corner =
-          near * Vec3d::Ones() + (1 - 2 * near) * Vec3d(n & 1, n >> 1 & 1, n >> 2 & 1);
-      const Vec3d x = world(low_corner + (n == 8 ? Vec3d(Vec3d::Constant(0.5)) : corner));
-      const FillShape::Surface surface = shape_.at(x);
-      if (std::abs(surface.distance) > 1e-3 * h_ &&
-          shape_.inside(x, surface) != (surface.distance < 0)) {
-        return true;
-      }
-    }
-    return false;
+  /// Middle of the n-th of the 2³ parts of a cube with low corner `low` and sides `side` [cells].
+  [[nodiscard]] static Vec3d octant(const Vec3d& low, double side, int n) {
+    return low + side * (0.25 * Vec3d::Ones() + 0.5 * Vec3d(n & 1, n >> 1 & 1, n >> 2 & 1));
+  }
+  [[nodiscard]] double plane_cut(const FillShape::Surface& surface, double side) const {
+    return cube_fraction(surface.distance / (side * h_), axes_.conjugate() * surface.normal);
   }
 
-  [[nodiscard]] double cut_cell(const Vec3d& low_corner, bool tangled) const {
+  /// Part of a cell that is inside: by the tangent planes seen from its 2³ parts where those agree,
+  /// else (edges, corners, strong curvature) from its 4³ parts. Where the distance's sign and the
+  /// shape's last word differ, `tangled` is set and 4³ points decide.
+  [[nodiscard]] double cut_cell(const Vec3d& low, bool& tangled) const {
+    FillShape::Surface parts[8];
+    bool flat = true;
+    tangled = false;
+    for (int n = 0; n < 8; ++n) {
+      const Vec3d x = world(octant(low, 1.0, n));
+      parts[n] = shape_.at(x);
+      flat = flat && parts[n].normal.dot(parts[0].normal) > kFlat;
+      tangled = tangled || (std::abs(parts[n].distance) > 1e-3 * h_ &&
+                            shape_.inside(x, parts[n]) != (parts[n].distance < 0));
+    }
     double sum = 0;
-    for (int n = 0; n < kSubCells * kSubCells * kSubCells; ++n) {
-      const Vec3d sub(n / (kSubCells * kSubCells), n / kSubCells % kSubCells, n % kSubCells);
-      const Vec3d x = world(low_corner + (sub + Vec3d::Constant(0.5)) / kSubCells);
-      const FillShape::Surface surface = shape_.at(x);
-      if (tangled) {
-        sum += shape_.inside(x, surface) ? 1.0 : 0.0;
-      } else {
-        sum += cube_fraction(surface.distance * kSubCells / h_, axes_.conjugate() * surface.normal);
+    for (int n = 0; n < 8; ++n) {
+      const Vec3d corner = low + 0.5 * Vec3d(n & 1, n >> 1 & 1, n >> 2 & 1);
+      if (!tangled && (flat || std::abs(parts[n].distance) > kHalfDiagonal * 0.5 * h_)) {
+        sum += plane_cut(parts[n], 0.5);
+        continue;
+      }
+      for (int m = 0; m < 8; ++m) {
+        const Vec3d x = world(octant(corner, 0.5, m));
+        const FillShape::Surface surface = shape_.at(x);
+        if (tangled) {
+          sum += shape_.inside(x, surface) ? 0.125 : 0.0;
+        } else {
+          sum += 0.125 * plane_cut(surface, 0.25);
+        }
       }
     }
-    const double fraction = sum / (kSubCells * kSubCells * kSubCells);
+    const double fraction = sum / 8.0;
     return fraction < kSnap ? 0.0 : fraction > 1 - kSnap ? 1.0 : fraction;
   }
 
@@ -199,9 +210,9 @@ class LatticeFill {
         const bool inside = shape_.inside(centre, surface);
         double fraction = inside ? 1.0 : 0.0;
         if (std::abs(surface.distance) < kHalfDiagonal * h_) {
-          const bool tangled = is_tangled(low);
-          tangled_cells += tangled;
+          bool tangled = false;
           fraction = cut_cell(low, tangled);
+          tangled_cells += tangled;
         }
         if (fraction > 0) leaves[b]->setValueOn(offset, static_cast<float>(fraction));
       }

@@ -168,11 +168,11 @@ TEST(DeformingCollider, TranslationIsTheRigidOne) {
 }
 
 TEST(DeformingCollider, GrowingSphere) {
-  const PolygonArrays small = sphere(Vec3f::Zero(), 0.2F, 80);
+  const PolygonArrays small = sphere(Vec3f::Zero(), 0.2F, 60);
   std::vector<std::vector<Vec3f>> frames{small.vertices, small.vertices};
   for (Vec3f& p : frames[1]) p *= 2.0F;
   MeshColliderOptions options;
-  options.voxel_size = 0.02;
+  options.voxel_size = 0.04;
   const auto growing =
       make_deforming_collider("growing", Contact{}, small, frames, {1.0, 1.5}, options);
   const double time = 1.3;
@@ -181,13 +181,13 @@ TEST(DeformingCollider, GrowingSphere) {
   for (int i = 0; i < 200; ++i) {
     const Vec3d direction = random_point(random, 1.0).normalized();
     const SurfacePoint point = growing->closest((radius + 0.01) * direction, time);
-    EXPECT_NEAR(point.distance, 0.01, 2e-4);
-    EXPECT_NEAR((point.velocity - 0.4 * direction).norm(), 0.0, 1e-2);
+    EXPECT_NEAR(point.distance, 0.01, 5e-4);
+    EXPECT_NEAR((point.velocity - 0.4 * direction).norm(), 0.0, 2e-2);
   }
 }
 
 TEST(DeformingCollider, ThreadsAgree) {
-  const PolygonArrays ball = sphere(Vec3f::Zero(), 0.3F, 30);
+  const PolygonArrays ball = sphere(Vec3f::Zero(), 0.3F, 12);
   std::vector<std::vector<Vec3f>> frames(6, ball.vertices);
   std::vector<double> times;
   for (std::size_t f = 0; f < frames.size(); ++f) {
@@ -195,7 +195,8 @@ TEST(DeformingCollider, ThreadsAgree) {
     for (Vec3f& p : frames[f]) p.z() *= 1.0F + 0.1F * static_cast<float>(f);
   }
   const auto run = [&](int threads) {
-    const auto collider = make_deforming_collider("ball", Contact{}, ball, frames, times);
+    const auto collider =
+        make_deforming_collider("ball", Contact{}, ball, frames, times, {.voxel_size = 0.04});
     std::vector<double> distances(600);
     std::vector<std::thread> pool;
     for (int t = 0; t < threads; ++t) {

@@ -125,11 +125,14 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
         const Stencil<T> stencil = load_gradient_stencil<T>(geometry, inverse_dx);
         Mat3<T> h;
         gather<3, false, T>(expanded, slab, lane, stencil, nullptr, h.m);
-        const T jm1 = determinant_minus_one(h);
+        // Nobody there, and perhaps no node with mass: whatever H is, it must not make a NaN.
         const auto present = volume > scalar<T>(0);
-        low = min(low, select(present, jm1 + scalar<T>(1), scalar<T>(1)));
-        high = max(high, select(present, jm1 + scalar<T>(1), scalar<T>(1)));
-        broken += select(present, jm1 - jm1, scalar<T>(0));
+        for (int i = 0; i < 3; ++i)
+          for (int j = 0; j < 3; ++j) h[i][j] = select(present, h[i][j], scalar<T>(0));
+        const T jm1 = determinant_minus_one(h);
+        low = min(low, jm1 + scalar<T>(1));
+        high = max(high, jm1 + scalar<T>(1));
+        broken += jm1 - jm1;
         sum_volume += volume;
         sum_change = fma(volume, jm1, sum_change);
         S* slot = slots.data() + (chunk - first) * (10 * kLanes) + lane;
@@ -194,6 +197,9 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
         if constexpr (kDamped) {
           Mat3<T> rate;
           gather<3, false, T>(expanded_velocity, slab, lane, stencil, nullptr, rate.m);
+          const auto present = volume > scalar<T>(0);
+          for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) rate[i][j] = select(present, rate[i][j], scalar<T>(0));
           // L = Ḟ F⁻¹ = Ḟ cof(F)ᵀ / J.
           Mat3<T> l;
           for (int i = 0; i < 3; ++i)

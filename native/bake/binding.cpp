@@ -52,14 +52,13 @@ Mat3d moment(std::span<const Vec3d> rest, std::span<const std::uint32_t> particl
 }
 
 PointBinding bind_point(const Vec3d& point, std::span<const Vec3d> rest, const Tree& tree,
-                  double separation, const BindingOptions& options) {
+                        double separation, const BindingOptions& options) {
   PointBinding result;
   std::uint32_t nearest_index = 0;
   double nearest_squared = 0.0;
   tree.knnSearch(point.data(), 1, &nearest_index, &nearest_squared);
   result.nearest = std::sqrt(nearest_squared);
-  const double radius =
-      std::max(options.radius * separation, result.nearest + 2.0 * separation);
+  const double radius = std::max(options.radius * separation, result.nearest + 2.0 * separation);
   double radius_squared = radius * radius;
   tree.radiusSearch(point.data(), radius_squared, result.neighbours,
                     nanoflann::SearchParams(32, 0.0F, false));
@@ -118,8 +117,9 @@ MeshBinding::MeshBinding(std::span<const Vec3d> points, std::span<const Vec3d> r
     throw_input("a body of more than 4294967295 particles cannot be bound to.");
   }
   if (!(separation > 0.0) || !(options.radius > 0.0) || options.neighbours < 4) {
-    throw_input("a binding needs a positive particle separation and radius and at least four "
-                "neighbours.");
+    throw_input(
+        "a binding needs a positive particle separation and radius and at least four "
+        "neighbours.");
   }
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!points[i].allFinite()) {
@@ -174,7 +174,8 @@ std::vector<Vec3d> MeshBinding::positions(const ParticleView& state, Arena& aren
   std::vector<Vec3d> result(points());
   arena.parallel_for(0, points(), 256, [&](std::size_t i) {
     const Stencil s = stencil(i);
-    // Sums relative to one particle: weights rounded to float then cost nothing far from the origin.
+    // Sums relative to one particle: weights rounded to float then cost nothing far from the
+    // origin.
     const Vec3d origin = state.positions[s.particles[0]].cast<double>();
     Vec3d sum = Vec3d::Zero();
     if (gradient_ == BindingGradient::kFitted && !s.fitted.empty()) {
@@ -222,8 +223,8 @@ Mat3d MeshBinding::fitted_gradient(std::size_t point, const ParticleView& state)
   Mat3d cross = Mat3d::Zero();
   for (std::size_t k = 0; k < s.particles.size(); ++k) {
     const std::uint32_t p = s.particles[k];
-    cross += weights[k] * (state.positions[p].cast<double>() - origin) *
-             (rest_[p] - mean).transpose();
+    cross +=
+        weights[k] * (state.positions[p].cast<double>() - origin) * (rest_[p] - mean).transpose();
   }
   return cross * moments.inverse();
 }

@@ -23,8 +23,8 @@ enum class BindingGradient {
 };
 
 struct BindingOptions {
-  double radius = 2.0;           ///< of the kernel, in particle separations
-  std::size_t neighbours = 64;   ///< at most, the nearest
+  double radius = 2.0;          ///< of the kernel, in particle separations
+  std::size_t neighbours = 64;  ///< at most, the nearest
   BindingGradient gradient = BindingGradient::kParticle;
 };
 
@@ -79,12 +79,12 @@ class MeshBinding {
   BindingGradient gradient_;
   std::vector<Vec3d> points_;
   std::vector<Vec3d> rest_;
-  std::vector<std::size_t> first_;         ///< of each point's neighbours, and the end
+  std::vector<std::size_t> first_;  ///< of each point's neighbours, and the end
   std::vector<std::uint32_t> neighbours_;
   std::vector<float> weights_;
   std::vector<float> fitted_;
-  std::vector<std::uint8_t> has_fit_;      ///< one a point
-  std::vector<float> nearest_;             ///< distance of the nearest particle, one a point [m]
+  std::vector<std::uint8_t> has_fit_;  ///< one a point
+  std::vector<float> nearest_;         ///< distance of the nearest particle, one a point [m]
   Farthest farthest_;
 };
 

@@ -90,9 +90,7 @@ TEST(Binding, FittedNeedsNoDeformationGradient) {
 // Bending: x = (X + c X², …) is not affine; the error falls with h² in the interior.
 TEST(Binding, ErrorOfABendIsOfSecondOrder) {
   Arena arena(2);
-  const auto bend = [](const Vec3d& x) {
-    return Vec3d(x[0], x[1], x[2] + 0.5 * x[0] * x[0]);
-  };
+  const auto bend = [](const Vec3d& x) { return Vec3d(x[0], x[1], x[2] + 0.5 * x[0] * x[0]); };
   double previous = 0.0;
   for (const double h : {0.1, 0.05}) {
     Specimen body = cube(h, 0.5);

@@ -13,13 +13,13 @@ namespace matterfit::bake {
 /// What the caches need to know of one body at one frame. The spans are borrowed and of one length
 /// N; velocities and deformation gradients may be empty (at rest, undeformed).
 struct ParticleView {
-  std::string name;                          ///< of the body, for messages
-  std::span<const Vec3f> positions;          ///< (N) world [m]
-  std::span<const Vec3f> velocities;         ///< (N) world [m/s], or empty
+  std::string name;                              ///< of the body, for messages
+  std::span<const Vec3f> positions;              ///< (N) world [m]
+  std::span<const Vec3f> velocities;             ///< (N) world [m/s], or empty
   std::span<const Mat3f> deformation_gradients;  ///< (N) F, or empty
-  std::span<const double> volumes;           ///< (N) at rest [m³]
-  double separation = 0.0;                   ///< particle separation h at rest [m]
-  Quatd axes = Quatd::Identity();            ///< of the rest lattice
+  std::span<const double> volumes;               ///< (N) at rest [m³]
+  double separation = 0.0;                       ///< particle separation h at rest [m]
+  Quatd axes = Quatd::Identity();                ///< of the rest lattice
 
   [[nodiscard]] std::size_t size() const { return positions.size(); }
 };
@@ -35,9 +35,9 @@ void check(const ParticleView& view);
 /// Principal stretches (descending, the sign of det F on the smallest) and axes of F = U Σ Vᵀ with
 /// U and V proper rotations.
 struct Stretch {
-  Mat3d axes;          ///< U: principal axes in the world
-  Vec3d stretches;     ///< Σ
-  Mat3d rest_axes;     ///< V
+  Mat3d axes;       ///< U: principal axes in the world
+  Vec3d stretches;  ///< Σ
+  Mat3d rest_axes;  ///< V
 };
 [[nodiscard]] Stretch principal_stretches(const Mat3d& deformation_gradient);
 

@@ -82,8 +82,7 @@ Pc2Writer::Pc2Writer(std::filesystem::path path, const Options& options)
     std::filesystem::create_directories(parent, code);
     if (code) fail(parent, "cannot create the folder", code.value());
   }
-  descriptor_ =
-      ::open(partial_path(path_).c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  descriptor_ = ::open(partial_path(path_).c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (descriptor_ < 0) fail(path_, "cannot create the file", errno);
   try {
     write_header(0);

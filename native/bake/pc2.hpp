@@ -29,8 +29,8 @@ class Pc2Writer {
   Pc2Writer(std::filesystem::path path, const Options& options);
 
   /// Goes on after `frames` samples of the partial file; later ones are cut off. Throws
-  /// Error(kInput) if there is no partial file, if its header differs from `options`, or if it holds
-  /// fewer complete samples.
+  /// Error(kInput) if there is no partial file, if its header differs from `options`, or if it
+  /// holds fewer complete samples.
   [[nodiscard]] static Pc2Writer resume(std::filesystem::path path, const Options& options,
                                         std::size_t frames);
 

@@ -15,19 +15,19 @@ namespace {
 
 constexpr int kLeafSide = 8;
 constexpr int kLeafVoxels = kLeafSide * kLeafSide * kLeafSide;
-constexpr double kSupport = 1.5;         // of the quadratic B-spline, in spacings
-constexpr double kIndexLimit = 1.0e9;    // voxels from the origin
-constexpr double kVoxelLimit = 1.7e10;   // kernel voxels: some minutes of work
+constexpr double kSupport = 1.5;        // of the quadratic B-spline, in spacings
+constexpr double kIndexLimit = 1.0e9;   // voxels from the origin
+constexpr double kVoxelLimit = 1.7e10;  // kernel voxels: some minutes of work
 
 /// A kernel in index space (unit: one voxel).
 struct Kernel {
   Vec3d centre;
-  Mat3f to_rest;       ///< voxels → y
+  Mat3f to_rest;  ///< voxels → y
   Vec3f velocity;
-  float weight = 0.0F;         ///< V_p / h³
-  float density = 0.0F;        ///< weight / det F
-  float droplet_radius = 0.0F; ///< in y
-  Vec3i low;                   ///< first and last voxel reached
+  float weight = 0.0F;          ///< V_p / h³
+  float density = 0.0F;         ///< weight / det F
+  float droplet_radius = 0.0F;  ///< in y
+  Vec3i low;                    ///< first and last voxel reached
   Vec3i high;
 };
 
@@ -101,7 +101,8 @@ Blocks make_blocks(const std::vector<Kernel>& kernels, double voxel_size) {
     voxels += (kernel.high - kernel.low + Vec3i::Ones()).cast<double>().prod();
   }
   if (voxels > kVoxelLimit) {
-    throw_input("voxels of " + std::to_string(voxel_size) + " m are too fine for these particles (" +
+    throw_input("voxels of " + std::to_string(voxel_size) +
+                " m are too fine for these particles (" +
                 std::to_string(static_cast<std::uint64_t>(voxels / 1e6)) +
                 " million kernel voxels). Choose a voxel size nearer the particle separation.");
   }

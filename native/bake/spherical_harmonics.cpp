@@ -24,13 +24,15 @@ const Projection& projection() {
       const double z = 1.0 - (2.0 * k + 1.0) / kDirections;
       const double r = std::sqrt(1.0 - z * z);
       const double angle = std::numbers::pi * (3.0 - std::sqrt(5.0)) * k;
-      p.directions[static_cast<std::size_t>(k)] = Vec3d(r * std::cos(angle), r * std::sin(angle), z);
+      p.directions[static_cast<std::size_t>(k)] =
+          Vec3d(r * std::cos(angle), r * std::sin(angle), z);
     }
     for (int l = 1; l <= kMaxShDegree; ++l) {
       Eigen::MatrixXd basis(kDirections, 2 * l + 1);
       for (int k = 0; k < kDirections; ++k) {
         const auto values = sh_basis(p.directions[static_cast<std::size_t>(k)]);
-        for (int m = 0; m < 2 * l + 1; ++m) basis(k, m) = values[static_cast<std::size_t>(l * l + m)];
+        for (int m = 0; m < 2 * l + 1; ++m)
+          basis(k, m) = values[static_cast<std::size_t>(l * l + m)];
       }
       p.inverse[static_cast<std::size_t>(l - 1)] =
           basis.completeOrthogonalDecomposition().pseudoInverse();

@@ -12,8 +12,8 @@ namespace matterfit::bake {
 inline constexpr int kMaxShDegree = 3;
 inline constexpr int kMaxShBands = 16;
 
-/// Values of the 16 real spherical harmonics at a unit direction, in the order and with the signs of
-/// 3D Gaussian Splatting (Kerbl et al. 2023, sh_utils: Y₁ = −C₁y, C₁z, −C₁x, …).
+/// Values of the 16 real spherical harmonics at a unit direction, in the order and with the signs
+/// of 3D Gaussian Splatting (Kerbl et al. 2023, sh_utils: Y₁ = −C₁y, C₁z, −C₁x, …).
 [[nodiscard]] std::array<double, kMaxShBands> sh_basis(const Vec3d& direction);
 
 /// Turns functions on the sphere given by their coefficients: c' of f'(d) = f(Rᵀ d). Exact, since

@@ -19,8 +19,7 @@ constexpr double kSmallestScale = 1e-9;  // [m]: the file holds its logarithm
 bool clamp_needle(Vec3d& scales, double limit) {
   int longest = 0;
   scales.maxCoeff(&longest);
-  const double second =
-      std::max(scales[(longest + 1) % 3], scales[(longest + 2) % 3]);
+  const double second = std::max(scales[(longest + 1) % 3], scales[(longest + 2) % 3]);
   if (scales[longest] <= limit * second) return false;
   scales[longest] = limit * second;
   return true;
@@ -92,9 +91,9 @@ capture::Splats transport(const capture::Splats& rest, const MeshBinding& bindin
   std::vector<std::uint8_t> needles(count, 0);
   arena.parallel_for(0, count, 64, [&](std::size_t i) {
     const Mat3d polar = polar_rotation(gradients[i]);
-    const Ellipsoid ellipsoid =
-        transport_covariance(gradients[i], polar, rest.rotations[i].cast<double>().toRotationMatrix(),
-                             rest.scales[i].cast<double>());
+    const Ellipsoid ellipsoid = transport_covariance(
+        gradients[i], polar, rest.rotations[i].cast<double>().toRotationMatrix(),
+        rest.scales[i].cast<double>());
     Vec3d scales = ellipsoid.scales;
     const double limit =
         std::max(options.needle_ratio, 1.001 * needle_ratio(rest.scales[i].cast<double>()));

@@ -22,9 +22,9 @@ struct SplatReport {
 
 /// Gaussians carried along by a body: means by the binding, covariance Σ' = F Σ Fᵀ (PhysGaussian,
 /// Xie et al. 2024) with F at the mean, spherical harmonics turned by R of F = R S. The axes of Σ'
-/// come from one-sided Jacobi rotations of F R₀ S₀ that start at R R₀, so that under a pure rotation
-/// the rotation is exactly R R₀ with the scales kept in their order, axes do not jump from frame to
-/// frame, and the handedness stays. Isotropic splats become anisotropic. Opacities stay.
+/// come from one-sided Jacobi rotations of F R₀ S₀ that start at R R₀, so that under a pure
+/// rotation the rotation is exactly R R₀ with the scales kept in their order, axes do not jump from
+/// frame to frame, and the handedness stays. Isotropic splats become anisotropic. Opacities stay.
 /// `binding` is of rest.means. Throws Error(kInput) if it has another number of points, or as the
 /// binding does.
 [[nodiscard]] capture::Splats transport(const capture::Splats& rest, const MeshBinding& binding,

@@ -155,8 +155,8 @@ TEST_F(SplatTest, RigidMotionThroughTheFile) {
   for (int degree = 0; degree <= 3; ++degree) {
     const capture::Splats rest = some_splats(degree);
     const MeshBinding binding(means_of(rest), body.rest, 0.05, {}, arena_);
-    const SplatReport report = write_splat_frame(folder_ / "splat.ply", rest, binding, body.view(),
-                                                 {}, arena_);
+    const SplatReport report =
+        write_splat_frame(folder_ / "splat.ply", rest, binding, body.view(), {}, arena_);
     EXPECT_EQ(report.needles, 0U);
     const capture::Splats moved = capture::read_splats(folder_ / "splat.ply");
     ASSERT_EQ(moved.size(), rest.size());
@@ -230,9 +230,9 @@ TEST_F(SplatTest, RefusesABindingOfOtherPoints) {
   const capture::Splats rest = some_splats(0);
   const std::vector<Vec3d> two(2, Vec3d::Zero());
   const MeshBinding binding(two, body.rest, 0.1, {}, arena_);
-  EXPECT_NE(message_of(ErrorKind::kInput, [&] {
-              (void)transport(rest, binding, body.view(), {}, arena_);
-            }).find("2 points"),
+  EXPECT_NE(message_of(ErrorKind::kInput,
+                       [&] { (void)transport(rest, binding, body.view(), {}, arena_); })
+                .find("2 points"),
             std::string::npos);
 }
 

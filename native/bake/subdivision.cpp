@@ -173,8 +173,9 @@ struct CageBinding::Impl {
     normal += kEpsilon * kEpsilon * identity;
     solver.compute(normal);
     if (solver.info() != Eigen::Success) {
-      throw_compute("cage: the limit surface could not be inverted. Remove the subdivision "
-                    "modifier's creases or bind the mesh without it.");
+      throw_compute(
+          "cage: the limit surface could not be inverted. Remove the subdivision "
+          "modifier's creases or bind the mesh without it.");
     }
   }
 };
@@ -182,9 +183,8 @@ struct CageBinding::Impl {
 CageBinding::CageBinding(const capture::Mesh& cage, std::span<const Vec3d> rest, double separation,
                          const CageOptions& options, Arena& arena) {
   check_cage(cage);
-  impl_ = std::make_unique<Impl>(limit_matrix(cage, options.keep_corners),
-                                 as_double(cage.vertices), rest, separation, options.binding,
-                                 arena);
+  impl_ = std::make_unique<Impl>(limit_matrix(cage, options.keep_corners), as_double(cage.vertices),
+                                 rest, separation, options.binding, arena);
 }
 CageBinding::~CageBinding() = default;
 CageBinding::CageBinding(CageBinding&&) noexcept = default;

@@ -15,11 +15,11 @@ struct CageOptions {
   BindingOptions binding;
 };
 
-/// Binds a render mesh that has a subdivision modifier. A point cache plays on the base mesh, before
-/// that modifier, so what moves are the cage's vertices c; what must follow the particles is the
-/// limit surface that is seen. Let L be OpenSubdiv's limit stencils at the cage's vertices, so that
-/// L c are their places on the limit surface. These are bound at rest, t(t) = where the particles
-/// take them, and each frame solves
+/// Binds a render mesh that has a subdivision modifier. A point cache plays on the base mesh,
+/// before that modifier, so what moves are the cage's vertices c; what must follow the particles is
+/// the limit surface that is seen. Let L be OpenSubdiv's limit stencils at the cage's vertices, so
+/// that L c are their places on the limit surface. These are bound at rest, t(t) = where the
+/// particles take them, and each frame solves
 ///
 ///   min |L c − t|² + ε² |c − g|²
 ///

@@ -140,10 +140,10 @@ TEST(CageBinding, RefusesBrokenCages) {
   const Specimen body = cube(0.1, 0.2);
   capture::Mesh cage = box_cage(1, 0.2);
   cage.face_vertices[3] = 99;
-  EXPECT_NE(message_of(ErrorKind::kInput,
-                       [&] { const CageBinding b(cage, body.rest, 0.1, {}, arena); })
-                .find("vertex 99"),
-            std::string::npos);
+  EXPECT_NE(
+      message_of(ErrorKind::kInput, [&] { const CageBinding b(cage, body.rest, 0.1, {}, arena); })
+          .find("vertex 99"),
+      std::string::npos);
   cage.face_vertices.pop_back();
   message_of(ErrorKind::kInput, [&] { const CageBinding b(cage, body.rest, 0.1, {}, arena); });
 }

@@ -91,7 +91,8 @@ inline std::string slurp(const std::filesystem::path& path) {
 }
 
 inline void spill(const std::filesystem::path& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  std::ofstream(path, std::ios::binary)
+      .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
 }
 
 /// Standard output of a shell command; `status` its exit status.
@@ -122,7 +123,8 @@ inline std::string run_python(const std::filesystem::path& folder, const std::st
     return {};
   }
   spill(folder / "reader.py", script);
-  const std::string text = run("cd '" + folder.string() + "' && /usr/bin/python3 reader.py", status);
+  const std::string text =
+      run("cd '" + folder.string() + "' && /usr/bin/python3 reader.py", status);
   EXPECT_EQ(status, 0) << text;
   return text;
 }

@@ -106,8 +106,7 @@ openvdb::GridPtrVec make_volume(std::span<const ParticleView> bodies, const Volu
     raster_options.droplets = options.droplets;
     const Raster raster = rasterize(bodies, raster_options, arena, interrupter);
     openvdb::FloatGrid::Ptr surface;
-    arena.execute(
-        [&] { surface = level_set(*raster.colour, surface_voxel_size, options.band); });
+    arena.execute([&] { surface = level_set(*raster.colour, surface_voxel_size, options.band); });
     surface->setName("surface");
     surface->setGridClass(openvdb::GRID_LEVEL_SET);
     grids.push_back(surface);

@@ -20,8 +20,8 @@ namespace matterfit::bake {
 struct VolumeOptions {
   /// FloatGrid "density", fog: density over rest density, 1 in undeformed bulk, 0 outside.
   bool density = true;
-  /// Vec3SGrid "velocity" [m/s], at voxel centres, mass-weighted mean of the particles; active where
-  /// density is. Blender: Volume.velocity_unit = SECOND.
+  /// Vec3SGrid "velocity" [m/s], at voxel centres, mass-weighted mean of the particles; active
+  /// where density is. Blender: Volume.velocity_unit = SECOND.
   bool velocity = false;
   /// FloatGrid "surface", level set: signed distance [m] to the ½-contour of the color field
   /// (rasterize.hpp), negative inside, exact to first order (fast sweeping, Zhao 2004), within

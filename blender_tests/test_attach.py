@@ -72,6 +72,15 @@ class MeshTest(AttachCase):
         self.assertIsNone(self.take.collection)
         self.assertEqual([item.name for item in self.scene.objects], ["Cube"])
 
+    def test_outputs_that_are_gone_leave(self):
+        """After a bake with other outputs no object points to files that are not written."""
+        self.attach()
+        document, folder = self.document()
+        document["output"]["mesh"] = []
+        attach.Attachment(self.scene, self.take, folder, document).update(final=True)
+        self.assertEqual(list(self.take.collection.objects), [])
+        self.assertGreater(len(self.item.data.vertices), 0)
+
     def test_before_subdivision_after_deformers(self):
         self.item.modifiers.new("Cast", "CAST").factor = 0.0
         self.item.modifiers.new("Subdivision", "SUBSURF").levels = 2

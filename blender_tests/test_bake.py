@@ -194,7 +194,7 @@ print(json.dumps(found))
         state = bpy.context.window_manager.matterfit
         self.assertIn("particles", state.estimate)
         self.settings.solver.memory_limit = 0.1
-        self.settings.solver.particle_separation = 0.0005
+        self.settings.solver.particle_separation = 0.002
         self.fails(bpy.ops.matterfit.bake, ["memory", "limit", "Particle Separation"])
 
     def test_unsaved_is_refused(self):

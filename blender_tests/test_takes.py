@@ -75,6 +75,19 @@ class FolderTest(SceneCase):
         self.assertEqual(location.folder, os.path.join(moved, name))
         self.assertTrue(location.exists)
 
+    def test_a_copied_project_has_its_own(self):
+        """The folder copied whole while the original stays: the copy uses its own cache."""
+        take = takes.ensure_active(self.settings)
+        name = os.path.basename(takes.claim(take))
+        os.makedirs(os.path.join(self.folder, name))
+        self.save("scene.blend")
+        copy = os.path.join(self.folder, "copy")
+        os.makedirs(os.path.join(copy, name))
+        shutil.copy(os.path.join(self.folder, "scene.blend"), copy)
+        self.reopen(os.path.join("copy", "scene.blend"))
+        location = takes.locate(self.settings.takes[0])
+        self.assertEqual((location.folder, location.linked), (os.path.join(copy, name), False))
+
     def test_switching_shows_one(self):
         for index in range(2):
             bpy.ops.matterfit.add_take()

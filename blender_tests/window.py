@@ -155,7 +155,7 @@ def fake_comparison(positions, times):
     scene.matterfit.compare.point_size = 10.0
 
 
-def picture(name):
+def picture(name, sidebar=False):
     path = PICTURE if name == "" else f"{os.path.splitext(PICTURE)[0]}_{name}.png"
     os.makedirs(os.path.dirname(path), exist_ok=True)
     window, area = view()
@@ -163,6 +163,31 @@ def picture(name):
         bpy.ops.screen.screenshot(filepath=path)
     if not os.path.isfile(path) or os.path.getsize(path) < 5000:
         faults.append(f"{path}: no picture was taken")
+    elif sidebar:
+        crop(path, area)
+
+
+def crop(path, area):
+    """Keeps the sidebar's part of the picture, without the empty space below the panel."""
+    region = next(region for region in area.regions if region.type == "UI")
+    image = bpy.data.images.load(path)
+    width, height = image.size
+    pixels = numpy.empty(width * height * 4, dtype=numpy.float32)
+    image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    pixels = pixels.reshape(height, width, 4)
+    left = region.x
+    part = pixels[region.y:region.y + region.height, left:left + region.width]
+    # Rows that hold text or buttons vary; the viewport behind an empty sidebar hardly does.
+    busy = numpy.nonzero(part[:, :-40, :3].max(axis=(1, 2)) > 0.45)[0]
+    low = max(int(busy.min()) - 16, 0) if busy.size else 0
+    part = numpy.ascontiguousarray(part[low:])
+    result = bpy.data.images.new("crop", part.shape[1], part.shape[0])
+    result.pixels.foreach_set(part.ravel())
+    result.filepath_raw = path
+    result.file_format = "PNG"
+    result.save()
+    bpy.data.images.remove(result)
 
 
 def open_view():
@@ -210,7 +235,7 @@ def script(folder):
         show("MATTERFIT_PT_" + part)
         yield
         yield
-        picture(part)
+        picture(part, sidebar=True)
     fake_comparison(positions, times)
     show("MATTERFIT_PT_compare")
     yield
@@ -276,6 +301,13 @@ def modal_bake():
     yield
     yield
     picture("baked")
+    window, area = view()
+    with bpy.context.temp_override(window=window, area=area):
+        bpy.ops.ed.undo()
+    yield
+    take = bpy.context.scene.matterfit.takes[0]
+    if take.baked or not take.folder:
+        faults.append("one undo did not take back what was attached, and only that")
 
 
 def main():

@@ -4,6 +4,8 @@
 The version shown is the native library's; bl_info serves Blender up to 4.1 and is read by no code.
 """
 
+import atexit
+
 import bpy
 
 from . import handlers, i18n, jobs, native, ops, props, ui
@@ -28,12 +30,15 @@ def register():
     handlers.register()
     i18n.register(__package__)
     ui.register()
+    # Blender may quit without unregistering; a job must not outlive the interpreter.
+    atexit.register(jobs.registry.stop_all)
     native.load()
     handlers.migrate_open_file()
 
 
 def unregister():
     jobs.registry.stop_all()
+    atexit.unregister(jobs.registry.stop_all)
     ui.unregister()
     i18n.unregister(__package__)
     handlers.unregister()

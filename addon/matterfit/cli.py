@@ -142,12 +142,11 @@ def attach_and_save(module, folder):
     attach = importlib.import_module(module.__name__ + ".io.attach")
     takes = importlib.import_module(module.__name__ + ".io.takes")
     files = importlib.import_module(module.__name__ + ".io.files")
-    scene = bpy.context.scene
-    take = takes.by_folder(scene.matterfit, folder)
+    scene, take = takes.find(folder)
     document = files.read_json(os.path.join(folder, "job.json"))
     take.first_frame, end = document["scene"]["frames"]
     take.frame_count = end - take.first_frame
-    take.frames_done = attach.Attachment(scene, take, folder, document).update()
+    take.frames_done = attach.Attachment(scene, take, folder, document).update(final=True)
     take.baked = True
     bpy.ops.wm.save_mainfile()
 

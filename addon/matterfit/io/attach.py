@@ -33,9 +33,13 @@ class Attachment:
         self.separation = document["scene"]["particle_separation"]
         self.unit = 1.0 / transforms.metres(scene)
         self.made = []
+        self.kept = set()
 
-    def update(self):
-        """Everything that the cache holds by now. Returns how many frames play."""
+    def update(self, final=False):
+        """Everything that the cache holds by now. Returns how many frames play.
+
+        `final`: objects of outputs that this bake no longer writes are removed.
+        """
         self._collection()
         done = 0
         wanted = self.document.get("output", {})
@@ -56,6 +60,10 @@ class Attachment:
                 points = cache.read_pc2(path)
                 self._render_mesh(entry, points)
                 done = max(done, points.samples)
+        if final:
+            gone = [item for item in self.collection.objects
+                    if item.get(TAG) and item.get(TAG) not in self.kept]
+            _remove(gone)
         self._visibility()
         return done
 
@@ -72,6 +80,7 @@ class Attachment:
 
     def _object(self, tag, name, make):
         """The object of that tag in the take's collection, made where it is missing."""
+        self.kept.add(tag)
         for item in self.collection.objects:
             if item.get(TAG) == tag:
                 return item
@@ -164,7 +173,8 @@ class Attachment:
         modifier = item.modifiers.get("Matterfit Cache")
         if modifier is not None:
             item.modifiers.remove(modifier)
-        self._points_nodes(item, name, [])
+        if "Matterfit Particles" not in item.modifiers:
+            self._points_nodes(item, name, [])
 
     def _particles(self, name, points, attributes):
         item = self._cloud(name, points, 0)
@@ -300,6 +310,9 @@ def show_take(settings):
             take.collection.hide_render = not active
             take.collection.hide_viewport = not active
             shown = shown or active
+    preview = settings.preview.collection
+    if preview is not None and shown:
+        preview.hide_render = preview.hide_viewport = True
     for body in settings.bodies:
         if body.role == "BODY" and body.object is not None:
             if shown and body.enabled:
@@ -345,16 +358,19 @@ def detach(scene, take):
 
 def _remove_objects(collection, prefixes):
     """Removes our objects whose tags begin so, with the data only they use."""
-    for item in list(collection.objects):
-        tag = item.get(TAG, "")
-        if not tag or not tag.startswith(prefixes):
-            continue
+    _remove([item for item in collection.objects
+             if item.get(TAG, "") and item[TAG].startswith(prefixes)])
+
+
+def _remove(items):
+    for item in items:
+        shared = item[TAG].startswith("mesh:")
         data = item.data
         trees = [modifier.node_group for modifier in item.modifiers
                  if modifier.type == "NODES" and modifier.node_group is not None
                  and meshes.is_own(modifier)]
         bpy.data.objects.remove(item)
-        if not tag.startswith("mesh:") and data is not None and data.users == 0:
+        if not shared and data is not None and data.users == 0:
             bpy.data.batch_remove([data])
         for tree in trees:
             if tree.users == 0:

@@ -44,6 +44,9 @@ def locate(take):
     if not owner or owner == here:
         return Location(beside, False)
     at_owner = os.path.join(os.path.dirname(owner), name)
+    if os.path.dirname(owner) != os.path.dirname(here) and os.path.isdir(beside):
+        # The whole folder was copied or moved: this file has a cache to itself.
+        return Location(beside, False)
     if os.path.isfile(owner):
         # The other file is still there: this one was saved under another name.
         return Location(at_owner if os.path.isdir(at_owner) else beside, True)
@@ -63,7 +66,6 @@ def claim(take):
         take.folder = f"//{name}/"
         take.baked = False
         take.frames_done = 0
-        take.collection = None
     take.owner = os.path.abspath(bpy.data.filepath)
     return os.path.join(base, os.path.basename(take.folder.rstrip("/\\")))
 
@@ -112,10 +114,12 @@ def ensure_active(settings):
     return take
 
 
-def by_folder(settings, folder):
-    """The take whose cache is `folder`, looked up anew at every tick of a job."""
+def find(folder):
+    """(scene, take) whose cache is `folder`, looked up anew at every tick of a job: the artist may
+    have switched scenes, undone, or removed the take. (None, None) where it is gone."""
     name = os.path.basename(os.path.normpath(folder))
-    for take in (*settings.takes, settings.preview):
-        if take.folder and os.path.basename(take.folder.rstrip("/\\")) == name:
-            return take
-    return None
+    for scene in bpy.data.scenes:
+        for take in (*scene.matterfit.takes, scene.matterfit.preview):
+            if take.folder and os.path.basename(take.folder.rstrip("/\\")) == name:
+                return scene, take
+    return None, None

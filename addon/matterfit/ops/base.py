@@ -102,6 +102,8 @@ class JobOperator:
             self._job = jobs.registry.add(self.begin(context))
         except JobError as error:
             return report_error(self, context, str(error))
+        # The take's folder is a step of its own: undoing the result keeps track of the cache.
+        bpy.ops.ed.undo_push(message=self.bl_label)
         self._job.start()
         session(context).last_error = ""
         self._frame_shown = -1

@@ -34,7 +34,9 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
                          folder, restart=False)
 
     def ended(self, context, job):
-        scene = context.scene
+        scene, _take = takes.find(job.folder)
+        if scene is None:
+            return
         settings = scene.matterfit
         capture = scene_props.active_capture(settings)
         name = capture.name if capture is not None and capture.enabled else ""

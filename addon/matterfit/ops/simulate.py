@@ -78,6 +78,18 @@ def written_document(folder):
     return files.read_json(path)
 
 
+def report_text(job):
+    """What a finished bake says: frames and time, how the bodies were filled, notes."""
+    result = job.result
+    first, end = result.get("frames", (0, 0))
+    parts = [translate("{name}: {n} frames in {time}").format(
+        name=job.label, n=end - first, time=jobs.duration_text(job.elapsed))]
+    parts += [f"{body['name']}: {body['fill']}" for body in result.get("bodies", [])
+              if body.get("fill")]
+    parts += result.get("notes", [])
+    return "\n".join(parts)
+
+
 class BakeJob(JobOperator):
     """What Bake, Resume and Preview share: the cache is attached as it grows."""
 
@@ -90,24 +102,24 @@ class BakeJob(JobOperator):
             self.show(context, job)
 
     def ended(self, context, job):
-        take = self.show(context, job)
+        take = self.show(context, job, final=True)
         if take is not None:
             take.baked = True
-        result = job.result
-        session(context).last_report = translate("{name}: {n} frames in {time}").format(
-            name=job.label, n=result.get("frames", job.snapshot.frame),
-            time=jobs.duration_text(job.elapsed))
+        session(context).last_report = report_text(job)
 
-    def show(self, context, job):
-        scene = context.scene
-        take = takes.by_folder(scene.matterfit, job.folder)
+    def show(self, context, job, final=False):
+        scene, take = takes.find(job.folder)
         if take is None:
             return None
         document = written_document(job.folder)
         first, end = document["scene"]["frames"]
         take.first_frame, take.frame_count = first, end - first
-        take.frames_done = attach.Attachment(scene, take, job.folder, document).update()
-        attach.show_only(scene.matterfit, take)
+        shown = attach.Attachment(scene, take, job.folder, document)
+        take.frames_done = shown.update(final)
+        if take == scene.matterfit.preview:
+            attach.show_only(scene.matterfit, take)
+        else:
+            attach.show_take(scene.matterfit)
         return take
 
 

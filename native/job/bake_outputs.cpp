@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "bake/attributes.hpp"
 #include "bake/binding.hpp"
 #include "bake/pc2.hpp"
 #include "bake/spherical_harmonics.hpp"
@@ -30,6 +31,10 @@ bake::BindingOptions binding_options(const mpm::Body& body) {
   options.gradient = body.material.is_elastic() ? bake::BindingGradient::kParticle
                                                 : bake::BindingGradient::kFitted;
   return options;
+}
+
+std::string attribute_path(const mpm::Body& body, const std::string& attribute, int frame) {
+  return "attributes/" + body.name + "_" + attribute + "_" + frame_digits(frame) + ".exr";
 }
 
 Eigen::Affine3d object_to_world(const Placement& placement) {
@@ -240,6 +245,7 @@ void BakeOutputs::bake(const mpm::FrameState& state, std::size_t index, bool fra
   }
   if (!frame_files) return;
   bake_volume(state);
+  bake_attributes(state);
   for (const auto& splats : splats_) {
     const std::string name = "splat/" + splats->name + "_" + frame_digits(state.frame) + ".ply";
     bake::write_splat_frame(job_.output.folder / name, splats->rest, splats->binding,
@@ -261,6 +267,21 @@ void BakeOutputs::bake_volume(const mpm::FrameState& state) {
     bake::write_volume(
         job_.output.folder / ("volume/" + scene_.bodies[b].name + "_" + digits + ".vdb"),
         std::span(&view, 1), options, arena_, interrupter_);
+  }
+}
+
+void BakeOutputs::bake_attributes(const mpm::FrameState& state) {
+  for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
+    const mpm::Body& body = scene_.bodies[b];
+    const bake::ParticleView view = bake::particle_view(body, state.bodies[b], separation_);
+    const bake::TextureLayout layout = bake::texture_layout(view.size());
+    for (const std::string& name : job_.output.attributes) {
+      interrupter_.check();
+      const auto values = bake::attribute_values(view, state.bodies[b].plastic_strain,
+                                                 bake::attribute_from_name(name), arena_);
+      bake::write_attribute_texture(job_.output.folder / attribute_path(body, name, state.frame),
+                                    layout, values);
+    }
   }
 }
 

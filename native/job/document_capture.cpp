@@ -202,7 +202,8 @@ OutputDoc read_output(const JsonValue& value, const ReadContext& context, const 
   }
   if (const auto attributes = object.find("attributes")) {
     for (const JsonValue& item : attributes->items()) {
-      (void)item.choice({"velocity", "plastic_strain", "volume_ratio", "stretch"});
+      (void)item.choice(
+          {"velocity", "plastic_strain", "volume_ratio", "stretch", "rotation", "scale"});
       output.attributes.push_back(item.string());
     }
   }

@@ -255,9 +255,9 @@ class Run {
       const mpm::Body& body = *std::find_if(
           scene().bodies.begin(), scene().bodies.end(),
           [&](const mpm::Body& candidate) { return candidate.name == captures_[i].body; });
-      const CaptureError error =
-          compare_capture(captures_[i], observations_->at_capture(i), fit::body_size(body.rest),
-                          job_.scene.fps, job_.scene.first_frame, *arena_, interrupter_);
+      const CaptureError error = compare_capture(
+          captures_[i], observations_->at_capture(i), fit::body_size(body.rest) + 0.5 * scene().dx,
+          job_.scene.fps, job_.scene.first_frame, *arena_, interrupter_);
       // A measure of results, no result: comparing does not change the hash of what is compared.
       cache_->record(write_compare(cache_->folder(), captures_[i], error, captures_.size() == 1),
                      false);

@@ -185,6 +185,22 @@ HWY_INLINE Sym3<T> stress_hencky(const Constants<T>& c, const Mat3<T>& h, T jm1,
   return push_forward(plus_identity(h), from_eigen(v, s));
 }
 
+/// A solid's volume ratio below which crush_pressure acts.
+inline constexpr double kCrushRatio = 0.5;
+
+/// Safeguard of solids, zero above J = ½: τ −= (λ+2μ) ((½/J)² − 1) I, continuous, so that no
+/// compression turns a cell inside out (a fixed corotated cell has finite energy at J = 0, and a
+/// corner that hits the ground gets there). A run that needs it leaves the law's own range.
+template <class T>
+HWY_INLINE void add_crush_pressure(const Constants<T>& c, T jm1, Sym3<T>& tau) {
+  const T j = jm1 + scalar<T>(1);
+  const T crushed = max(scalar<T>(kCrushRatio) - j, scalar<T>(0));
+  if (none(crushed > scalar<T>(0), crushed)) return;
+  const T ratio = scalar<T>(kCrushRatio) / max(j, scalar<T>(1e-6));
+  const T pressure = T(c.lambda + c.mu + c.mu) * (ratio * ratio - scalar<T>(1));
+  tau = add_diagonal(tau, select(crushed > scalar<T>(0), -pressure, scalar<T>(0)));
+}
+
 /// Kelvin–Voigt damping and Newtonian viscosity: τ += J (2 η_s dev D + η_b tr D I), D the symmetric
 /// part of the velocity gradient `l`; a fluid's η_d J (∇v + ∇vᵀ) keeps its trace.
 template <class T>

@@ -40,6 +40,7 @@ struct TotalView {
   S* force;                            ///< out, per block [3][216]: internal and point forces [N]
   BlockExtremes<S>* extremes;          ///< out, per block
   material::LawConstants<S> law;
+  S density;
   S dx;
   S dt;                  ///< of the flow rule and of `commit`
   bool mean_dilatation;  ///< volume term of each cell's mean J̄, variational
@@ -111,6 +112,8 @@ struct Kernels {
                           S* halo);
   /// Forces of one block. Equation: f_I = −Σ V P ∇₀w_I + Σ w_I f_p (docs/why.md).
   void (*total_forces)(const TotalView<S>& view, std::size_t block);
+  /// Momentum of a block's particles after a transfer to them and back, into `force` [kg m/s].
+  void (*total_smooth)(const TotalView<S>& view, std::size_t block);
   void (*total_samples)(const TotalView<S>& view, const TotalSamples<S>& out, std::size_t block);
 };
 

@@ -24,6 +24,7 @@ struct TotalMember {
   std::unique_ptr<TotalContact<float>> contact;
   double last_dt = 0.0;  ///< of the substep before; 0: the next one starts with a half kick
   double elastic_dt = 0.0;
+  int unsmoothed = 0;  ///< substeps since the velocities were last smoothed
 };
 
 /// A substep and what set it.
@@ -42,6 +43,10 @@ constexpr int kFirstIterations = 60;
 constexpr int kFrameIterations = 8;
 constexpr int kMostRetries = 3;
 constexpr double kMostSubsteps = 5e6;
+/// Share of the unresolved part of a total Lagrangian body's velocity that a substep at the
+/// stability limit takes away, applied every few substeps (docs/why.md: what it costs a beam).
+constexpr double kSmoothing = 0.02;
+constexpr int kSmoothingInterval = 8;
 
 }  // namespace
 
@@ -176,6 +181,11 @@ struct Simulation::Impl {
         member.contact->apply(*arena, *member.body, time, dt);
         member.body->compute_forces(*arena, dt, true);
         member.body->step_nodes(*arena, 0.5 * (member.last_dt + dt), dt, gravity, time);
+        if (++member.unsmoothed == kSmoothingInterval) {
+          member.unsmoothed = 0;
+          member.body->smooth_velocities(
+              *arena, std::min(0.5, kSmoothing * kSmoothingInterval * dt / member.elastic_dt));
+        }
         member.last_dt = dt;
         const auto extremes = member.body->extremes();
         report.min_volume_ratio =
@@ -230,6 +240,7 @@ struct Simulation::Impl {
     for (const TotalMember& member : total) {
       out.put(member.last_dt);
       out.put(member.elastic_dt);
+      out.put(member.unsmoothed);
       member.body->save(out);
       member.contact->save(out);
     }
@@ -246,6 +257,7 @@ struct Simulation::Impl {
     for (TotalMember& member : total) {
       in.get(member.last_dt);
       in.get(member.elastic_dt);
+      in.get(member.unsmoothed);
       member.body->load(in);
       member.contact->load(in);
     }

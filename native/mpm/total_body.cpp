@@ -89,6 +89,7 @@ TotalView<S> TotalBody<S>::view(double dt, bool commit) const {
   v.force = force_.data();
   v.extremes = extremes_.data();
   v.law = law_;
+  v.density = static_cast<S>(density_);
   v.dx = static_cast<S>(grid_.dx());
   v.dt = static_cast<S>(dt);
   v.mean_dilatation = takes_mean_dilatation(law_.law);
@@ -176,6 +177,25 @@ void TotalBody<S>::step_nodes(Arena& arena, double kick, double dt, const Vec3d&
   if (pins_->any()) {
     pins_->step(kick, dt, time, g, deferred_acceleration, displacement_, velocity_);
   }
+}
+
+template <class S>
+void TotalBody<S>::smooth_velocities(Arena& arena, double share) {
+  const TotalView<S> v = view(0.0, false);
+  arena.parallel_for(0, grid_.blocks(), 1, [&](std::size_t b) { kernels_->total_smooth(v, b); });
+  arena.parallel_for(0, grid_.node_blocks(), 4, [&](std::size_t b) {
+    double momentum[kNodeBlock];
+    sum_forces(b, momentum);
+    const double* inverse = grid_.inverse_mass().data() + b * kBlockNodes;
+    const std::uint8_t* skip = pins_->deferred().data() + b * kBlockNodes;
+    for (std::size_t c = 0; c < 3; ++c) {
+      for (std::size_t n = 0; n < kBlockNodes; ++n) {
+        if (!(inverse[n] > 0.0) || skip[n] != 0) continue;
+        double& velocity = velocity_[b * kNodeBlock + c * kBlockNodes + n];
+        velocity += share * (momentum[c * kBlockNodes + n] * inverse[n] - velocity);
+      }
+    }
+  });
 }
 
 template <class S>

@@ -191,6 +191,7 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
         } else {
           tau = kirchhoff_stress<kLaw, T>(view.law, h, jm1, mean, dt, flow, strain);
         }
+        add_crush_pressure(view.law, jm1, tau);
         const Mat3<T> f = plus_identity(h);
         const Mat3<T> cof = cofactor(f);
         const T inverse_j = scalar<T>(1) / (jm1 + scalar<T>(1));
@@ -258,6 +259,42 @@ void total_forces(const mpm::TotalView<S>& view, std::size_t block) {
       return damped ? total_forces_law<Law::kStvkHencky, true, S>(view, block)
                     : total_forces_law<Law::kStvkHencky, false, S>(view, block);
   }
+}
+
+/// Σ w m (v_p + C_p (X_I − X_p)) of a block into its halo: the APIC transfer of the node velocities
+/// to the particles and back, at rest positions.
+template <class S>
+void total_smooth(const mpm::TotalView<S>& view, std::size_t block) {
+  using D = hn::CappedTag<S, kLanes>;
+  using T = Lanes<D>;
+  constexpr std::size_t kWidth = hn::MaxLanes(D());
+  HWY_ALIGN S expanded[3 * kExpanded];
+  HWY_ALIGN S out[3 * kExpanded] = {};
+  const std::uint32_t* block_nodes = view.block_nodes + block * 8;
+  constexpr double kOrigin[3] = {0.0, 0.0, 0.0};
+  expand_nodes(view.velocity, block_nodes, kOrigin, expanded);
+  for (std::size_t slab = 0; slab < kSlabs; ++slab) {
+    const std::uint32_t end = view.slab_chunks[block * kSlabs + slab + 1];
+    for (std::uint32_t chunk = view.slab_chunks[block * kSlabs + slab]; chunk < end; ++chunk) {
+      for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
+        const S* geometry = view.geometry + chunk * (4 * kLanes) + lane;
+        const T f[3] = {T::load(geometry), T::load(geometry + kLanes),
+                        T::load(geometry + 2 * kLanes)};
+        const T mass = T::load(geometry + 3 * kLanes) * T(view.density);
+        const Stencil<T> stencil = affine_stencil(f);
+        T value[3];
+        T affine[3][3];
+        gather<3, true, T>(expanded, slab, lane, stencil, value, affine);
+        for (int c = 0; c < 3; ++c) {
+          value[c] *= mass;
+          for (int a = 0; a < 3; ++a) affine[c][a] *= scalar<T>(4) * mass;  // D⁻¹ dx² = 4
+        }
+        scatter<3, true, T>(out, slab, lane, stencil, value, affine);
+      }
+    }
+  }
+  S* force = view.force + block * 3 * kHaloNodes;
+  for (std::size_t c = 0; c < 3; ++c) fold(out + c * kExpanded, force + c * kHaloNodes);
 }
 
 template <class S>

@@ -2,9 +2,12 @@
 #include "bake/volume.hpp"
 
 #include <openvdb/tools/FastSweeping.h>
+#include <openvdb/tools/Morphology.h>
 #include <openvdb/tools/Prune.h>
 
 #include <cmath>
+#include <memory>
+#include <vector>
 
 #include "bake/rasterize.hpp"
 #include "base/error.hpp"
@@ -20,33 +23,69 @@ openvdb::FloatGrid::Ptr empty_level_set(double voxel_size, double band) {
   return grid;
 }
 
-/// Signed distance within the band from the color field.
-openvdb::FloatGrid::Ptr level_set(const openvdb::FloatGrid& colour, double voxel_size,
-                                  double band) {
-  auto result = empty_level_set(voxel_size, band);
-  bool inside = false;
-  for (auto leaf = colour.tree().cbeginLeaf(); leaf && !inside; ++leaf) {
-    for (auto value = leaf->cbeginValueOn(); value; ++value) {
-      if (*value > kIso) {
-        inside = true;
-        break;
+using Leaf = openvdb::FloatTree::LeafNodeType;
+using MaskLeaf = openvdb::MaskTree::LeafNodeType;
+
+/// Voxels on either side of the contour: those with one of six neighbours on the other side.
+openvdb::MaskTree contour_mask(const openvdb::FloatTree& colour, Arena& arena) {
+  std::vector<const Leaf*> leaves;
+  for (auto leaf = colour.cbeginLeaf(); leaf; ++leaf) leaves.push_back(&*leaf);
+  std::vector<std::unique_ptr<MaskLeaf>> masks(leaves.size());
+  arena.parallel_for(0, leaves.size(), 16, [&](std::size_t i) {
+    openvdb::tree::ValueAccessor<const openvdb::FloatTree> accessor(colour);
+    for (auto value = leaves[i]->cbeginValueAll(); value; ++value) {
+      const bool inside = *value > kIso;
+      const openvdb::Coord xyz = value.getCoord();
+      for (int axis = 0; axis < 3; ++axis) {
+        for (const int step : {-1, 1}) {
+          openvdb::Coord neighbour = xyz;
+          neighbour[axis] += step;
+          if ((accessor.getValue(neighbour) > kIso) == inside) continue;
+          if (!masks[i]) masks[i] = std::make_unique<MaskLeaf>(leaves[i]->origin(), false);
+          masks[i]->setValueOn(value.pos());
+          // The far side may lie in a leaf that no kernel reaches; dilation brings it in.
+        }
       }
     }
+  });
+  openvdb::MaskTree mask;
+  for (auto& leaf : masks) {
+    if (leaf) mask.addLeaf(leaf.release());
   }
-  if (!inside) return result;  // fast sweeping returns infinities where there is no contour
+  return mask;
+}
 
-  auto distance = openvdb::tools::fogToSdf(colour, kIso);
-  // Outside, kernels end two voxels from the contour or nearer.
-  distance = openvdb::tools::dilateSdf(*distance, static_cast<int>(std::ceil(band)));
+/// Signed distance within the band from the color field.
+openvdb::FloatGrid::Ptr level_set(const openvdb::FloatGrid& colour, double voxel_size, double band,
+                                  Arena& arena) {
+  auto result = empty_level_set(voxel_size, band);
+  openvdb::MaskTree mask = contour_mask(colour.constTree(), arena);
+  if (mask.empty()) return result;  // fast sweeping returns infinities where there is no contour
+
+  // Sweep the band only, not the whole body: its voxels are active, all keep their values.
+  openvdb::tools::dilateActiveValues(mask, static_cast<int>(std::ceil(band)) + 1,
+                                     openvdb::tools::NN_FACE_EDGE_VERTEX,
+                                     openvdb::tools::PRESERVE_TILES);
+  const auto field = colour.deepCopy();
+  for (auto leaf = field->tree().beginLeaf(); leaf; ++leaf) {
+    const MaskLeaf* active = mask.probeConstLeaf(leaf->origin());
+    if (active != nullptr) {
+      leaf->setValueMask(active->getValueMask());
+    } else {
+      leaf->setValuesOff();
+    }
+  }
+  field->tree().topologyUnion(mask);
+  const auto distance = openvdb::tools::fogToSdf(*field, kIso);
   const auto limit = static_cast<float>(band * voxel_size);
-  using Leaf = openvdb::FloatTree::LeafNodeType;
   for (auto leaf = distance->tree().cbeginLeaf(); leaf; ++leaf) {
+    const Leaf* inside = colour.constTree().probeConstLeaf(leaf->origin());
     auto* copy = new Leaf(leaf->origin(), limit, false);
-    for (auto value = leaf->cbeginValueOn(); value; ++value) {
-      if (std::abs(*value) < limit) {
-        copy->setValueOn(value.pos(), *value);
-      } else if (*value < 0.0F) {
-        copy->setValueOff(value.pos(), -limit);
+    for (openvdb::Index i = 0; i < Leaf::SIZE; ++i) {
+      if (leaf->isValueOn(i) && std::abs(leaf->getValue(i)) < limit) {
+        copy->setValueOn(i, leaf->getValue(i));
+      } else if (inside != nullptr && inside->getValue(i) > kIso) {
+        copy->setValueOff(i, -limit);
       }
     }
     result->tree().addLeaf(copy);
@@ -106,7 +145,8 @@ openvdb::GridPtrVec make_volume(std::span<const ParticleView> bodies, const Volu
     raster_options.droplets = options.droplets;
     const Raster raster = rasterize(bodies, raster_options, arena, interrupter);
     openvdb::FloatGrid::Ptr surface;
-    arena.execute([&] { surface = level_set(*raster.colour, surface_voxel_size, options.band); });
+    arena.execute(
+        [&] { surface = level_set(*raster.colour, surface_voxel_size, options.band, arena); });
     surface->setName("surface");
     surface->setGridClass(openvdb::GRID_LEVEL_SET);
     grids.push_back(surface);

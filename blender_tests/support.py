@@ -68,10 +68,9 @@ class SceneCase(unittest.TestCase):
         return self.settings.bodies[len(self.settings.bodies) - 1]
 
     def jelly(self, separation=0.02, **arguments):
-        """A soft cube that is cheap to simulate."""
+        """A cube of the preset Jelly that is cheap to simulate."""
         item = self.cube(**arguments)
         body = self.body(item)
-        body.material.E = 1e4
         self.settings.solver.particle_separation = separation
         return body
 

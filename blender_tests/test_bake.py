@@ -69,13 +69,15 @@ for item in scene.objects:
     tag = item.get("matterfit", "").split(":")[0]
     if tag in ("mesh", "points", "surface"):
         item.hide_viewport = False
+        if tag == "points":
+            # Points are no mesh: look at the vertices that they are made from.
+            item.modifiers["Matterfit Particles"].show_viewport = False
         places = []
         for frame in (1, 6):
             scene.frame_set(frame)
-            evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
-            box = [item.matrix_world @ __import__("mathutils").Vector(c)
-                   for c in evaluated.bound_box]
-            places.append(sum(c.z for c in box) / 8)
+            mesh = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+            heights = [(item.matrix_world @ vertex.co).z for vertex in mesh.vertices]
+            places.append(sum(heights) / len(heights))
         found[tag] = places
 print(json.dumps(found))
 """, blend=os.path.join(self.folder, "scene.blend"))

@@ -17,6 +17,7 @@ from . import cache, files, meshes, nodes, transforms
 
 TAG = "matterfit"
 HIDDEN_TAG = "matterfit_hidden"
+CHOSEN_TAG = "matterfit_shown"
 COLORS = ((0.80, 0.36, 0.22), (0.24, 0.50, 0.72), (0.45, 0.62, 0.28), (0.74, 0.60, 0.25),
           (0.52, 0.36, 0.62), (0.35, 0.62, 0.60))
 
@@ -32,8 +33,8 @@ class Attachment:
         self.first = document["scene"]["frames"][0]
         self.separation = document["scene"]["particle_separation"]
         self.unit = 1.0 / transforms.metres(scene)
-        self.made = []
         self.kept = set()
+        self.made = False
 
     def update(self, final=False):
         """Everything that the cache holds by now. Returns how many frames play.
@@ -64,7 +65,8 @@ class Attachment:
             gone = [item for item in self.collection.objects
                     if item.get(TAG) and item.get(TAG) not in self.kept]
             _remove(gone)
-        self._visibility()
+        self._evaluate_once()
+        self._visibility(final)
         return done
 
     # -- collections and objects ---------------------------------------------------------------
@@ -87,7 +89,7 @@ class Attachment:
         item = make(f"{self.take.name} {name}")
         item[TAG] = tag
         self.collection.objects.link(item)
-        self.made.append(item.name)
+        self.made = True
         return item
 
     def _body(self, name):
@@ -214,8 +216,9 @@ class Attachment:
                 copy.modifiers.remove(modifier)
             copy.hide_render = False
             copy.hide_viewport = False
-            if HIDDEN_TAG in copy:
-                del copy[HIDDEN_TAG]
+            for tag in (HIDDEN_TAG, CHOSEN_TAG):
+                if tag in copy:
+                    del copy[tag]
             return copy
 
         item = self._object(f"mesh:{entry['name']}", f"{body.name} mesh", make)
@@ -247,7 +250,7 @@ class Attachment:
         name = "Matterfit Cache"
         modifier = item.modifiers.get(name)
         if modifier is None:
-            stop = meshes.first_topology_modifier(item)
+            stop = meshes.first_topology_modifier(item, own=True)
             modifier = item.modifiers.new(name, "MESH_CACHE")
             compat.move_modifier(item, name, stop)
             modifier = item.modifiers[name]
@@ -264,22 +267,33 @@ class Attachment:
 
     # -- what is seen --------------------------------------------------------------------------
 
-    def _visibility(self):
-        """New objects only: a mesh hides surface and particles of its body, a surface particles."""
-        tags = {item.get(TAG, "") for item in self.collection.objects}
-        has_mesh = any(tag.startswith("mesh:") for tag in tags)
-        has_surface = any(tag.startswith("surface:") for tag in tags)
-        for item in self.collection.objects:
-            if item.name not in self.made:
-                continue
-            kind = item.get(TAG, "").split(":")[0]
-            hide = (kind == "surface" and has_mesh) or (
-                kind == "points" and (has_mesh or has_surface))
-            if hide:
-                item.hide_render = True
-                item.hide_viewport = True
+    def _evaluate_once(self):
+        """New objects have no inverse matrix until they are evaluated, and hidden ones are not:
+        Volume to Mesh on such an object ends Blender 3.4 (OpenVDB refuses a singular matrix)."""
+        if not self.made:
+            return
         self.collection.hide_render = False
         self.collection.hide_viewport = False
+        for layer in self.scene.view_layers:
+            layer.update()
+
+    def _visibility(self, final):
+        """Once, when all is there: a mesh hides surface and particles, a surface the particles.
+
+        Afterwards what is seen is the artist's choice.
+        """
+        if final:
+            tags = {item.get(TAG, "") for item in self.collection.objects}
+            has_mesh = any(tag.startswith("mesh:") for tag in tags)
+            has_surface = any(tag.startswith("surface:") for tag in tags)
+            for item in self.collection.objects:
+                kind = item.get(TAG, "").split(":")[0]
+                hide = (kind == "surface" and has_mesh) or (
+                    kind == "points" and (has_mesh or has_surface))
+                if hide and CHOSEN_TAG not in item:
+                    item.hide_render = True
+                    item.hide_viewport = True
+                item[CHOSEN_TAG] = 1
         for body in self.scene.matterfit.bodies:
             if body.enabled and body.role == "BODY" and body.source == "OBJECT" and body.object:
                 hide_original(body.object)

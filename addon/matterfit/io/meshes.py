@@ -37,10 +37,13 @@ def is_own(modifier):
     return modifier.name.startswith(OWN_PREFIX)
 
 
-def first_topology_modifier(item):
-    """Index of the first enabled modifier that may change the vertices, or their number."""
+def first_topology_modifier(item, own=False):
+    """Index of the first enabled modifier that may change the vertices, or their number.
+
+    Ours do not count, unless `own`.
+    """
     for index, modifier in enumerate(item.modifiers):
-        if is_own(modifier) or not modifier.show_viewport:
+        if (is_own(modifier) and not own) or not modifier.show_viewport:
             continue
         if modifier.type not in DEFORMERS:
             return index

@@ -191,6 +191,11 @@ std::vector<std::string> BakeOutputs::frame_files(int frame) const {
       paths.push_back("volume/" + body.name + "_" + digits + ".vdb");
     }
   }
+  for (const mpm::Body& body : scene_.bodies) {
+    for (const std::string& name : job_.output.attributes) {
+      paths.push_back(attribute_path(body, name, frame));
+    }
+  }
   for (const auto& splats : splats_)
     paths.push_back("splat/" + splats->name + "_" + digits + ".ply");
   return paths;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/error.hpp"
+#include "mpm/body_contact.hpp"
 #include "mpm/kernels.hpp"
 #include "mpm/scene_check.hpp"
 #include "mpm/total_body.hpp"
@@ -57,6 +58,7 @@ struct Simulation::Impl {
   std::vector<TotalMember> total;
   std::unique_ptr<UpdatedGroup> updated;
   std::vector<std::size_t> updated_bodies;
+  std::unique_ptr<BodyContacts> body_contacts;
   int frame = 0;
 
   Impl(Scene scene_in, std::shared_ptr<Arena> arena_in, Options options_in)
@@ -88,6 +90,10 @@ struct Simulation::Impl {
     if (!updated_bodies.empty()) {
       updated = std::make_unique<UpdatedGroup>(scene, updated_bodies, table, options.memory_limit);
     }
+    std::vector<BodyContacts::Member> members;
+    for (const TotalMember& member : total) members.push_back({member.index, member.body.get()});
+    body_contacts =
+        std::make_unique<BodyContacts>(scene, std::move(members), updated.get(), updated_bodies);
   }
 
   /// Closed walls touch like any other collider.
@@ -139,7 +145,8 @@ struct Simulation::Impl {
           member.body->stable_time_step(*arena, first ? kFirstIterations : kFrameIterations);
       if (scene.dt > 0.0) continue;
       const double omega = 2.0 / member.elastic_dt;
-      const double contact = member.contact->any() ? member.contact->frequency_squared() : 0.0;
+      const double contact =
+          member.contact->frequency_squared() + body_contacts->frequency_squared();
       const bool by_contact = contact > omega * omega;
       step.limit_to(scene.dt_safety * 2.0 / std::sqrt(omega * omega + contact),
                     (by_contact ? "contact of " : "elastic wave of ") + member.body->name());
@@ -167,10 +174,17 @@ struct Simulation::Impl {
     double pull = scene.gravity.at(start).norm();
     pull = std::max(pull, scene.gravity.at(start + frame_seconds).norm());
     for (TotalMember& member : total) member.contact->wake(frame_seconds, pull);
+    body_contacts->wake();
     for (int k = 0; k < substeps; ++k) {
       if (k % 16 == 0) interrupter.check();
       const double time = start + k * dt;
       const Vec3d gravity = scene.gravity.at(time);
+      for (TotalMember& member : total) {
+        member.contact->apply(*arena, *member.body, time, dt);
+      }
+      if (body_contacts->any()) {
+        body_contacts->apply(*arena, time, dt, gravity.norm(), frame_seconds);
+      }
       for (TotalMember& member : total) {
         if (member.body->releases_between(time - dt, time)) member.last_dt = 0.0;
         if (member.body->held(time)) {
@@ -178,7 +192,6 @@ struct Simulation::Impl {
           member.last_dt = 0.0;
           continue;
         }
-        member.contact->apply(*arena, *member.body, time, dt);
         member.body->compute_forces(*arena, dt, true);
         member.body->step_nodes(*arena, 0.5 * (member.last_dt + dt), dt, gravity, time);
         if (++member.unsmoothed == kSmoothingInterval) {
@@ -245,6 +258,7 @@ struct Simulation::Impl {
       member.contact->save(out);
     }
     if (updated) updated->save(out);
+    body_contacts->save(out);
     return out.take();
   }
 
@@ -262,6 +276,7 @@ struct Simulation::Impl {
       member.contact->load(in);
     }
     if (updated) updated->load(in);
+    body_contacts->load(in);
     in.expect_end();
   }
 };

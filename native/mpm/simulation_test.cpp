@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "base/error.hpp"
+#include "base/hash.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -44,6 +45,7 @@ Vec3d mean_position(const BodyState& state) {
   return sum / static_cast<double>(state.positions.size());
 }
 
+/// Hash of everything a frame holds.
 std::string bytes_of(const FrameState& state) {
   std::string out;
   for (const BodyState& b : state.bodies) {
@@ -53,7 +55,7 @@ std::string bytes_of(const FrameState& state) {
     out.append(reinterpret_cast<const char*>(b.deformation_gradients.data()),
                b.deformation_gradients.size() * sizeof(Mat3f));
   }
-  return out;
+  return hash_hex(out);
 }
 
 class BothFormulations : public ::testing::TestWithParam<Formulation> {};
@@ -151,6 +153,38 @@ TEST_P(BothFormulations, DroppedBodyRestsOnTheGround) {
   for (const Vec3f& x : state.positions) lowest = std::min(lowest, x[2]);
   EXPECT_GT(lowest, 0.0F);
   EXPECT_NEAR(mean_position(state)[2], 0.04, 0.002);
+}
+
+/// Two bodies of any formulations bounce off each other: momentum is kept, and they part.
+class Pairs : public ::testing::TestWithParam<std::pair<Formulation, Formulation>> {};
+INSTANTIATE_TEST_SUITE_P(
+    Solver, Pairs,
+    ::testing::Values(std::pair(Formulation::kTotal, Formulation::kTotal),
+                      std::pair(Formulation::kTotal, Formulation::kUpdated),
+                      std::pair(Formulation::kUpdated, Formulation::kUpdated)));
+
+TEST_P(Pairs, CollideWithoutPassingThrough) {
+  Body left = block("left", Vec3d(0, 0, 0), Vec3i(6, 6, 6), 0.01);
+  Body right = block("right", Vec3d(0.085, 0.004, 0.003), Vec3i(6, 6, 6), 0.01);
+  left.formulation = GetParam().first;
+  right.formulation = GetParam().second;
+  left.velocity = Vec3d(1, 0, 0);
+  left.material.youngs_modulus = right.material.youngs_modulus = 1e5;
+  right.density = 2000;
+  Scene scene = scene_with(left, 0.02);
+  scene.bodies.push_back(right);
+  scene.gravity = Keyed<Vec3d>(Vec3d::Zero());
+  Simulation simulation(scene, std::make_shared<Arena>(2));
+  for (int i = 0; i < 15; ++i) simulation.advance(Interrupter());
+  const FrameState state = simulation.state();
+  const double a = mean_position(state.bodies[0])[0];
+  const double b = mean_position(state.bodies[1])[0];
+  EXPECT_GT(b - a, 0.055);
+  double momentum = 0;
+  for (const Vec3f& v : state.bodies[0].velocities) momentum += 1000 * static_cast<double>(v[0]);
+  for (const Vec3f& v : state.bodies[1].velocities) momentum += 2000 * static_cast<double>(v[0]);
+  EXPECT_NEAR(momentum / 216 / 1000, 1.0, 0.01);
+  EXPECT_GT(b, 0.1155);
 }
 
 /// Every law runs, keeps its mass where it should be, and none gains energy from nothing.

@@ -46,7 +46,8 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   std::vector<Vec3d> extra(grid_.mass().size(), Vec3d::Zero());
   if (!body.particle_velocities.empty()) {
     for (std::uint32_t p = 0; p < grid_.particles(); ++p) {
-      const auto [base, f] = grid_.cell(grid_.rest(p));
+      const Vec3i base = grid_.cell(grid_.rest(p)).first;
+      const Vec3d f = grid_.quadrature_point(p);
       const double m = density_ * grid_.volume(p);
       for (int i = 0; i < 27; ++i) {
         const Vec3i step(i / 9, i / 3 % 3, i % 3);
@@ -84,7 +85,8 @@ TotalView<S> TotalBody<S>::view(double dt, bool commit) const {
   v.geometry = geometry_.data();
   // History is written by commit alone, and then through a non-const member function.
   v.plastic = plastic_.empty() ? nullptr : const_cast<S*>(plastic_.data());
-  v.point_force = point_force_.empty() ? nullptr : point_force_.data();
+  // The stability estimate is of the unforced body, whatever touched it last.
+  v.point_force = point_force_.empty() || !commit ? nullptr : point_force_.data();
   v.block_has_force = block_has_force_.data();
   v.force = force_.data();
   v.extremes = extremes_.data();

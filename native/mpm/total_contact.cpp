@@ -36,7 +36,10 @@ void TotalContact<S>::wake(double frame_seconds, double acceleration) {
 
 template <class S>
 void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, double dt) {
-  if (colliders_.empty()) return;
+  if (colliders_.empty()) {
+    for (std::size_t b = 0; b < body.blocks(); ++b) body.clear_point_forces(b);
+    return;
+  }
   body.allocate_point_forces();
   arena.parallel_for(0, skin_.size(), 1, [&](std::size_t b) {
     body.clear_point_forces(b);

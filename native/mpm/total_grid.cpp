@@ -70,9 +70,9 @@ TotalGrid::TotalGrid(const Body& body, const Scene& scene)
   place_particles();
   link_blocks();
   find_surface(body.lattice);
+  find_full_cells();
   lump_mass(body.density);
   merge_cells();
-  find_full_cells();
 }
 
 std::pair<Vec3i, Vec3d> TotalGrid::cell(const Vec3d& local) const {
@@ -174,7 +174,8 @@ void TotalGrid::lump_mass(double density) {
   mass_.assign(node_blocks() * kBlockNodes, 0.0);
   center_.setZero();
   for (std::uint32_t p = 0; p < rest_.size(); ++p) {
-    const auto [base, f] = cell(rest_[p]);
+    const Vec3i base = cell(rest_[p]).first;
+    const Vec3d f = quadrature_point(p);
     double w[3][3];
     for (int axis = 0; axis < 3; ++axis) {
       w[axis][0] = 0.5 * (1.5 - f[axis]) * (1.5 - f[axis]);
@@ -261,6 +262,25 @@ void TotalGrid::merge_cells() {
     }
     block_merges_.push_back(static_cast<std::uint32_t>(merges_.size()));
   }
+}
+
+Vec3d TotalGrid::outward_normal(std::uint32_t particle) const {
+  const auto [base, f] = cell(rest_[particle]);
+  Vec3d gradient = Vec3d::Zero();
+  for (int i = 0; i < 27; ++i) {
+    const Vec3i step(i / 9, i / 3 % 3, i % 3);
+    Vec3d w;
+    Vec3d g;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double d = f[axis] - step[axis];
+      w[axis] = std::abs(d) < 0.5 ? 0.75 - d * d : 0.5 * (1.5 - std::abs(d)) * (1.5 - std::abs(d));
+      g[axis] = std::abs(d) < 0.5 ? -2.0 * d : (d > 0 ? d - 1.5 : d + 1.5);
+    }
+    gradient += mass_[find_node(base + step)] *
+                Vec3d(g[0] * w[1] * w[2], w[0] * g[1] * w[2], w[0] * w[1] * g[2]);
+  }
+  const double length = gradient.norm();
+  return length > 0.0 ? Vec3d(-gradient / length) : Vec3d::UnitZ();
 }
 
 Vec3i TotalGrid::node_coordinates(std::uint32_t node) const {

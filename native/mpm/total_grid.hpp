@@ -45,6 +45,8 @@ class TotalGrid {
   /// On a regular lattice: a neighbour along an axis is missing. Otherwise always.
   [[nodiscard]] bool is_surface(std::uint32_t particle) const { return surface_[particle] != 0; }
 
+  /// Unit, outward, body axes: against the gradient of the lumped mass.
+  [[nodiscard]] Vec3d outward_normal(std::uint32_t particle) const;
   [[nodiscard]] const std::vector<std::uint32_t>& slab_chunks() const { return slab_chunks_; }
   /// Flat [8] a block, as TotalView::block_nodes.
   [[nodiscard]] const std::uint32_t* block_nodes() const { return block_nodes_.front().data(); }

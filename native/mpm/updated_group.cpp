@@ -44,6 +44,7 @@ struct UpdatedGroup::Impl {
   UpdatedBlocks blocks;
   double last_dt = 0.0;
   double max_speed = 0.0;
+  double largest_edge = 0.0;  ///< of any particle at rest [m]
   double min_j = 1.0;
   double frame_seconds = 0.0;
   double pull = 0.0;
@@ -95,6 +96,7 @@ struct UpdatedGroup::Impl {
     for (std::size_t p = 0; p < body.rest.size(); ++p) {
       center += body.volumes[p] * body.rest[p];
       volume += body.volumes[p];
+      largest_edge = std::max(largest_edge, std::cbrt(body.volumes[p]));
     }
     center /= volume;
     Mat3d spin;
@@ -368,24 +370,36 @@ struct UpdatedGroup::Impl {
     double gap = 1e30;
     double closing = 0.0;
     bool touching = false;
-    for (std::size_t m = 0; m < members.size(); ++m) {
+    // Distances change by no more than the way: one query rules out most colliders for a block.
+    const Vec3d middle = block_origin(block) + Vec3d::Constant(2.5 * dx);
+    const double reach = 2.0 * std::sqrt(3.0) * dx + 2.0 * largest_edge;
+    std::vector<std::size_t> near;
+    for (std::size_t c = 0; c < particle_colliders.size(); ++c) {
+      const double distance = particle_colliders[c]->closest(middle, time).distance;
+      if (distance > reach) {
+        gap = std::min(gap, distance - reach);
+      } else {
+        near.push_back(c);
+      }
+    }
+    for (std::size_t m = 0; m < members.size() && !near.empty(); ++m) {
       Member& member = members[m];
       for_each(block.bodies[m], [&](std::size_t s, const Chunk& chunk, std::size_t l) {
         const Vec3d x = position(block, s, chunk, l);
         const Vec3d v(static_cast<double>(chunk.a[Chunk::kVelocity][l]),
                       static_cast<double>(chunk.a[Chunk::kVelocity + 1][l]),
                       static_cast<double>(chunk.a[Chunk::kVelocity + 2][l]));
-        const double volume = static_cast<double>(chunk.a[Chunk::kVolume][l]);
-        const double edge = std::cbrt(volume);
         ContactMemory& memory = member.memory[chunk.id[l]];
-        for (std::size_t c = 0; c < particle_colliders.size(); ++c) {
+        for (const std::size_t c : near) {
           const SurfacePoint surface = particle_colliders[c]->closest(x, time);
           const auto id = static_cast<std::int16_t>(c);
           closing = std::max(closing, (v - surface.velocity).norm());
-          if (surface.distance > 2.0 * edge && memory.surface != id) {
-            gap = std::min(gap, surface.distance - 2.0 * edge);
+          if (surface.distance > 2.0 * largest_edge && memory.surface != id) {
+            gap = std::min(gap, surface.distance - 2.0 * largest_edge);
             continue;
           }
+          const double volume = static_cast<double>(chunk.a[Chunk::kVolume][l]);
+          const double edge = std::cbrt(volume);
           Mat3d f = Mat3d::Identity();
           for (std::size_t i = 0; i < 9; ++i) {
             f(static_cast<int>(i / 3), static_cast<int>(i % 3)) +=
@@ -549,6 +563,52 @@ std::pair<double, double> UpdatedGroup::step(Arena& arena, double time, double d
   });
   s.last_dt = dt;
   return {least, most};
+}
+
+void UpdatedGroup::collect(const Vec3d& low, const Vec3d& high,
+                           std::vector<UpdatedPoint>& out) const {
+  const Impl& s = *impl_;
+  out.clear();
+  for (std::size_t b = 0; b < s.blocks.size(); ++b) {
+    const UpdatedBlock& block = s.blocks[b];
+    if (!block.occupied) continue;
+    const Vec3d from = s.block_origin(block);
+    if ((from.array() > high.array()).any() ||
+        ((from + Vec3d::Constant(5.0 * s.dx)).array() < low.array()).any()) {
+      continue;
+    }
+    for (std::size_t m = 0; m < s.members.size(); ++m) {
+      for (std::size_t slab = 0; slab < kSlabs; ++slab)
+        for (std::size_t l = 0; l < kLanes; ++l)
+          for (std::size_t k = 0; k < block.bodies[m].count[slab][l]; ++k) {
+            const Chunk& chunk = block.bodies[m].slab[slab][k];
+            const Vec3d x = s.position(block, slab, chunk, l);
+            if ((x.array() < low.array()).any() || (x.array() > high.array()).any()) continue;
+            UpdatedPoint p;
+            p.block = static_cast<std::uint32_t>(b);
+            p.body = static_cast<std::uint32_t>(s.members[m].index);
+            p.member = static_cast<std::uint32_t>(m);
+            p.slab = static_cast<std::uint32_t>(slab);
+            p.chunk = static_cast<std::uint32_t>(k);
+            p.lane = static_cast<std::uint32_t>(l);
+            p.id = chunk.id[l];
+            p.position = x;
+            for (std::size_t c = 0; c < 3; ++c) {
+              p.velocity[static_cast<int>(c)] = static_cast<double>(chunk.a[Chunk::kVelocity + c][l]);
+            }
+            p.volume = static_cast<double>(chunk.a[Chunk::kVolume][l]);
+            p.mass = p.volume * s.members[m].density;
+            out.push_back(p);
+          }
+    }
+  }
+}
+
+void UpdatedGroup::add_impulse(const UpdatedPoint& p, const Vec3d& impulse) {
+  Impl& s = *impl_;
+  UpdatedBlock& block = s.blocks[p.block];
+  s.add_momentum(block, p.slab, block.bodies[p.member].slab[p.slab][p.chunk], p.lane,
+                 impulse.cast<float>(), 0.0F);
 }
 
 void UpdatedGroup::sample(std::vector<BodyState>& bodies) const {

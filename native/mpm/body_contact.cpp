@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/body_contact.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <unordered_map>
+
+namespace matterfit::mpm {
+namespace {
+
+/// Contact of a pair as the scene gives it, or the default.
+Contact pair_contact(const Scene& scene, const std::string& a, const std::string& b) {
+  for (const BodyContact& c : scene.contacts) {
+    if ((c.first == a && c.second == b) || (c.first == b && c.second == a)) return c.contact;
+  }
+  return {};
+}
+
+struct Cell {
+  std::array<int, 3> c;
+  bool operator==(const Cell& other) const { return c == other.c; }
+};
+struct CellHash {
+  std::size_t operator()(const Cell& cell) const {
+    return static_cast<std::size_t>(cell.c[0]) * 73856093U ^
+           static_cast<std::size_t>(cell.c[1]) * 19349663U ^
+           static_cast<std::size_t>(cell.c[2]) * 83492791U;
+  }
+};
+
+}  // namespace
+
+/// A skin's points in reach, hashed.
+struct BodyContacts::Surface {
+  const Skin& skin;
+  double reach;
+  std::unordered_map<Cell, std::vector<std::uint32_t>, CellHash> cells;
+
+  Surface(const Skin& s, double r, const Vec3d& low, const Vec3d& high) : skin(s), reach(r) {
+    for (std::uint32_t i = 0; i < s.positions.size(); ++i) {
+      const Vec3d& x = s.positions[i];
+      if ((x.array() < low.array() - r).any() || (x.array() > high.array() + r).any()) continue;
+      cells[cell(x)].push_back(i);
+    }
+  }
+  [[nodiscard]] Cell cell(const Vec3d& x) const {
+    return {{static_cast<int>(std::floor(x[0] / reach)), static_cast<int>(std::floor(x[1] / reach)),
+             static_cast<int>(std::floor(x[2] / reach))}};
+  }
+
+  struct Seen {
+    double distance = 1e30;
+    Vec3d normal = Vec3d::Zero();
+    Vec3d velocity = Vec3d::Zero();
+    std::vector<std::pair<std::uint32_t, double>> weights;
+  };
+  [[nodiscard]] Seen see(const Vec3d& x) const {
+    Seen seen;
+    const Cell middle = cell(x);
+    double sum = 0.0;
+    double distance = 0.0;
+    for (int k = 0; k < 27; ++k) {
+      const Cell at{{middle.c[0] + k / 9 - 1, middle.c[1] + k / 3 % 3 - 1, middle.c[2] + k % 3 - 1}};
+      const auto found = cells.find(at);
+      if (found == cells.end()) continue;
+      for (const std::uint32_t i : found->second) {
+        const double q = (x - skin.positions[i]).squaredNorm() / (reach * reach);
+        if (q >= 1.0) continue;
+        const double w = (1.0 - q) * (1.0 - q) * (1.0 - q);
+        sum += w;
+        distance += w * ((x - skin.positions[i]).dot(skin.normals[i]) - skin.radii[i]);
+        seen.normal += w * skin.normals[i];
+        seen.velocity += w * skin.velocities[i];
+        seen.weights.emplace_back(i, w);
+      }
+    }
+    if (!(sum > 0.0) || !(seen.normal.norm() > 0.1 * sum)) {
+      seen.weights.clear();
+      return seen;
+    }
+    seen.distance = distance / sum;
+    seen.velocity /= sum;
+    seen.normal.normalize();
+    for (auto& [i, w] : seen.weights) w /= sum;
+    return seen;
+  }
+};
+
+BodyContacts::BodyContacts(const Scene& scene, std::vector<Member> total, UpdatedGroup* updated,
+                           const std::vector<std::size_t>& updated_bodies)
+    : scene_(&scene), updated_(updated) {
+  if (total.empty() || total.size() + updated_bodies.size() < 2) return;
+  for (const Member& member : total) {
+    Skin skin{};
+    skin.index = member.index;
+    skin.body = member.body;
+    skin.density = member.body->density();
+    skin.edge = 0.5 * scene.dx;
+    for (std::uint32_t p = 0; p < member.body->particles(); ++p) {
+      if (!member.body->is_surface(p)) continue;
+      skin.particles.push_back(p);
+      skin.rest_normals.push_back(member.body->grid().axes() *
+                                  member.body->grid().outward_normal(p));
+    }
+    skins_.push_back(std::move(skin));
+  }
+  const auto add = [&](std::size_t surface, std::size_t skin, std::size_t body, double share) {
+    const Body& looking = scene.bodies[body];
+    const Body& seen = scene.bodies[skins_[surface].index];
+    const Contact contact = pair_contact(scene, looking.name, seen.name);
+    Pair pair;
+    pair.surface = surface;
+    pair.skin = skin;
+    pair.updated = body;
+    pair.law = resolve_contact(contact, looking, scene.dx);
+    pair.law.stiffness =
+        share * std::min(pair.law.stiffness, resolve_contact(contact, seen, scene.dx).stiffness);
+    pair.memory.resize(looking.rest.size());
+    const double lightest = std::min(looking.density, seen.density);
+    frequency_squared_ =
+        std::max(frequency_squared_, 2.0 * pair.law.stiffness / (lightest * 0.5 * scene.dx));
+    pairs_.push_back(std::move(pair));
+  };
+  for (std::size_t a = 0; a < skins_.size(); ++a) {
+    for (std::size_t b = 0; b < skins_.size(); ++b) {
+      if (a != b) add(a, b, skins_[b].index, 0.5);
+    }
+    for (const std::size_t body : updated_bodies) add(a, kUpdatedBody, body, 1.0);
+  }
+}
+
+void BodyContacts::wake() {
+  for (Pair& pair : pairs_) pair.wake = -1e300;
+}
+
+void BodyContacts::refresh(Arena& arena, Skin& skin, double time, bool with_normals) {
+  const std::size_t count = skin.particles.size();
+  const bool fresh = skin.at == time && (!with_normals || skin.normals.size() == count);
+  if (fresh) return;
+  skin.positions.resize(count);
+  skin.velocities.resize(count);
+  if (with_normals) {
+    skin.normals.resize(count);
+    skin.radii.resize(count);
+  } else {
+    skin.normals.clear();
+  }
+  arena.parallel_for(0, count, 64, [&](std::size_t i) {
+    const std::uint32_t p = skin.particles[i];
+    const auto state = skin.body->quadrature_state(p);
+    skin.positions[i] = state.position;
+    skin.velocities[i] = state.velocity;
+    if (!with_normals) return;
+    const Mat3d f = skin.body->deformation_gradient(p);
+    const Vec3d n = f.inverse().transpose() * skin.rest_normals[i];
+    skin.normals[i] = n.normalized();
+    skin.radii[i] = skin.body->half_size(p) * (f.transpose() * skin.normals[i]).norm();
+  });
+  skin.low = Vec3d::Constant(1e300);
+  skin.high = Vec3d::Constant(-1e300);
+  skin.speed = 0.0;
+  for (std::size_t i = 0; i < count; ++i) {
+    skin.low = skin.low.cwiseMin(skin.positions[i]);
+    skin.high = skin.high.cwiseMax(skin.positions[i]);
+    skin.speed = std::max(skin.speed, skin.velocities[i].norm());
+  }
+  skin.at = time;
+}
+
+void BodyContacts::apply(Arena& arena, double time, double dt, double acceleration,
+                         double frame_seconds) {
+  struct Looking {
+    Vec3d position, velocity;
+    double radius, area, mass;
+    std::uint32_t id;
+    std::size_t source;
+  };
+  for (Pair& pair : pairs_) {
+    if (time < pair.wake) continue;
+    Skin& seen = skins_[pair.surface];
+    refresh(arena, seen, time, false);
+    const double reach = 2.5 * seen.edge;
+    std::vector<Looking> looking;
+    std::vector<UpdatedPoint> points;
+    double distance = 0.0;  // between the bounding boxes
+    double speed = seen.speed;
+    if (pair.skin != kUpdatedBody) {
+      Skin& other = skins_[pair.skin];
+      refresh(arena, other, time, false);
+      distance = (seen.low - other.high).cwiseMax(other.low - seen.high).cwiseMax(0.0).norm();
+      speed += other.speed;
+      if (distance <= reach) {
+        const Vec3d low = seen.low - Vec3d::Constant(reach);
+        const Vec3d high = seen.high + Vec3d::Constant(reach);
+        for (std::size_t i = 0; i < other.particles.size(); ++i) {
+          const Vec3d& x = other.positions[i];
+          if ((x.array() < low.array()).any() || (x.array() > high.array()).any()) continue;
+          const std::uint32_t p = other.particles[i];
+          const double volume = other.body->volume(p);
+          const double edge = std::cbrt(volume);
+          looking.push_back({x, other.velocities[i], other.body->half_size(p), edge * edge,
+                             other.density * volume, p, i});
+        }
+      }
+    } else {
+      updated_->collect(seen.low - Vec3d::Constant(reach), seen.high + Vec3d::Constant(reach),
+                        points);
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        if (points[i].body != pair.updated) continue;
+        const double edge = std::cbrt(points[i].volume);
+        looking.push_back({points[i].position, points[i].velocity, 0.5 * edge, edge * edge,
+                           points[i].mass, points[i].id, i});
+      }
+    }
+    if (looking.empty()) {
+      const double fastest = 2.0 * speed + 2.0 * acceleration * frame_seconds + 1e-9;
+      // Particles of an updated body were not seen: they may be just outside the reach.
+      const double gap = pair.skin == kUpdatedBody ? 0.25 * reach : std::max(distance, 0.1 * reach);
+      pair.wake = time + std::min(0.25 * frame_seconds, 0.25 * gap / fastest);
+      continue;
+    }
+    refresh(arena, seen, time, true);
+    Vec3d low = looking.front().position;
+    Vec3d high = low;
+    for (const Looking& l : looking) {
+      low = low.cwiseMin(l.position);
+      high = high.cwiseMax(l.position);
+    }
+    const Surface surface(seen, reach, low, high);
+    std::vector<Vec3d> forces(looking.size(), Vec3d::Zero());
+    std::vector<Surface::Seen> views(looking.size());
+    arena.parallel_for(0, looking.size(), 32, [&](std::size_t i) {
+      const Looking& l = looking[i];
+      Surface::Seen view = surface.see(l.position);
+      if (view.weights.empty() || view.distance < -2.0 * reach) {
+        pair.memory[l.id] = {};
+        return;
+      }
+      ContactPoint point;
+      point.distance = view.distance;
+      point.radius = l.radius;
+      point.area = l.area;
+      point.mass = l.mass;
+      point.normal = view.normal;
+      point.relative_velocity = l.velocity - view.velocity;
+      forces[i] = contact_force(pair.law, point, 0, dt, pair.memory[l.id]);
+      views[i] = std::move(view);
+    });
+    // In order, on one thread: sums must not depend on threads.
+    for (std::size_t i = 0; i < looking.size(); ++i) {
+      if (forces[i].isZero(0.0)) continue;
+      if (pair.skin == kUpdatedBody) {
+        updated_->add_impulse(points[looking[i].source], dt * forces[i]);
+      } else {
+        skins_[pair.skin].body->allocate_point_forces();
+        skins_[pair.skin].body->add_point_force(looking[i].id, forces[i]);
+      }
+      seen.body->allocate_point_forces();
+      for (const auto& [k, w] : views[i].weights) {
+        seen.body->add_point_force(seen.particles[k], -w * forces[i]);
+      }
+    }
+  }
+}
+
+void BodyContacts::save(ByteWriter& out) const {
+  for (const Pair& pair : pairs_) out.put(pair.memory);
+}
+
+void BodyContacts::load(ByteReader& in) {
+  for (Pair& pair : pairs_) {
+    in.get_same_size(pair.memory);
+    pair.wake = -1e300;
+  }
+  for (Skin& skin : skins_) skin.at = -1e300;
+}
+
+}  // namespace matterfit::mpm

@@ -94,6 +94,10 @@ std::string summary(const Json& result) {
   if (result.contains("notes")) {
     for (const Json& note : result["notes"]) line("note: " + note.get<std::string>());
   }
+  if (result.contains("complete") && !result["complete"].get<bool>()) {
+    line(fmt::format("unfinished: {} frames are done; run the job again to go on",
+                     result.at("frames_done").get<int>()));
+  }
   if (result.contains("faults")) {
     line(result["faults"].empty()
              ? "every file is as it was written"

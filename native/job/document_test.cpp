@@ -196,6 +196,7 @@ TEST(JobDocument, NotJson) {
   EXPECT_THROW((void)read_job("{", {}), Error);
   EXPECT_THROW((void)read_job("[]", {}), Error);
   EXPECT_THROW((void)read_job("", {}), Error);
+  EXPECT_THROW((void)read_job(R"({"schema":"matterfit.job/1","scene":1e999})", {}), Error);
   const std::string deep = std::string(100000, '[');
   EXPECT_THROW((void)read_job(deep, {}), Error);
 }

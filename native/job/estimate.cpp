@@ -12,8 +12,9 @@ namespace {
 /// Particles that one thread moves through a substep in a second, in round figures of docs/
 /// validation.md; a guess is all that is promised.
 constexpr double kParticlesPerSecond = 8e6;
-/// Fraction of dx that the fastest elastic wave crosses in a substep.
-constexpr double kCourant = 0.3;
+/// Fraction of dx that the fastest elastic wave crosses in a substep, as the solver settles on.
+constexpr double kCourantTotal = 0.7;
+constexpr double kCourantUpdated = 0.35;
 
 std::uint64_t state_bytes(std::size_t particles) { return particles * (12 + 12 + 36); }
 
@@ -27,7 +28,10 @@ Json estimate_job(const Job& job, const RunOptions& options) {
   double dt = 1.0 / built.scene.fps;
   for (const mpm::Body& body : built.scene.bodies) {
     const double speed = body.material.wave_speed(body.density) + body.velocity.norm();
-    if (speed > 0.0) dt = std::min(dt, kCourant * built.scene.dx / speed);
+    const bool total = body.formulation == mpm::Formulation::kTotal ||
+                       (body.formulation == mpm::Formulation::kAuto && body.material.is_elastic());
+    const double courant = total ? kCourantTotal : kCourantUpdated;
+    if (speed > 0.0) dt = std::min(dt, courant * built.scene.dx / speed);
   }
   if (built.scene.dt > 0.0) dt = built.scene.dt;
   const double frames = double(job.scene.frames()) - 1.0;

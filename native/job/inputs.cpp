@@ -9,7 +9,7 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/hash.hpp"
-#include "capture/tracks.hpp"
+#include "job/solver_sources.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -79,7 +79,7 @@ Inputs simulation_inputs(const Job& job, mpm::SimdTarget target) {
   }
   Flattening flattening{{}, job.base_folder};
   flattening.add(scene, "scene", "scene");
-  flattening.inputs["version"] = MATTERFIT_VERSION;
+  flattening.inputs["version"] = std::string(MATTERFIT_VERSION) + ", code " + kSolverSources;
   flattening.inputs["target"] = target_name(target);
   return flattening.inputs;
 }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "base/error.hpp"
 
@@ -17,7 +18,11 @@ std::string shown(const Json& json) {
   return text;
 }
 
-std::string number_text(double value) { return Json(value).dump(); }
+std::string number_text(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.15g", value);
+  return text;
+}
 
 std::string range_text(const Range& range) {
   std::string text = "a number";
@@ -253,6 +258,9 @@ Json parse_json(std::string_view text, const std::string& name) {
     const auto line =
         1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
     throw_input(name + ": not valid JSON at line " + std::to_string(line) + ": " + error.what());
+  } catch (const Json::exception& error) {
+    // A number beyond the range of a double, for one.
+    throw_input(name + ": not valid JSON: " + error.what());
   }
 }
 

@@ -8,6 +8,7 @@
 
 #include "base/error.hpp"
 #include "base/file.hpp"
+#include "capture/check.hpp"
 #include "fit/metrics.hpp"
 #include "job/bake_outputs.hpp"
 #include "job/build_scene.hpp"
@@ -64,6 +65,8 @@ class Run {
     check_task(job_);
     for (std::size_t i = 0; i < job_.captures.size(); ++i) {
       captures_.push_back(load_capture(job_, i));
+      const std::string warning = capture::summarise(captures_.back().tracks).unit_warning;
+      if (!warning.empty()) notes_.push_back("captures." + captures_.back().name + ": " + warning);
     }
     const Inputs inputs = simulation_inputs(job_, target_);
     cache_.emplace(job_, inputs, options_.restart);

@@ -39,6 +39,7 @@ std::string format_safetensors(const Tensors& tensors) {
   out.reserve(sizeof length + text.size() + offset);
   out += text;
   for (const auto& [name, tensor] : tensors.tensors) {
+    if (tensor.values.empty()) continue;
     out.append(reinterpret_cast<const char*>(tensor.values.data()), 4 * tensor.values.size());
   }
   return out;
@@ -97,7 +98,7 @@ Tensors parse_safetensors(std::span<const std::byte> bytes, const std::string& n
                      " bytes of data. The file is truncated or damaged.");
     }
     tensor.values.resize(count);
-    std::memcpy(tensor.values.data(), data.data() + begin, end - begin);
+    if (count > 0) std::memcpy(tensor.values.data(), data.data() + begin, end - begin);
     result.tensors.emplace(key, std::move(tensor));
   }
   return result;

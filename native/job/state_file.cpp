@@ -16,13 +16,15 @@ static_assert(sizeof(Vec3f) == 12 && sizeof(Mat3f) == 36);
 
 Tensor vectors(const std::vector<Vec3f>& values) {
   Tensor tensor{{values.size(), 3}, std::vector<float>(3 * values.size())};
-  std::memcpy(tensor.values.data(), values.data(), 12 * values.size());
+  if (!values.empty()) std::memcpy(tensor.values.data(), values.data(), 12 * values.size());
   return tensor;
 }
 
 std::vector<Vec3f> vectors(const Tensor& tensor) {
   std::vector<Vec3f> values(tensor.values.size() / 3);
-  std::memcpy(static_cast<void*>(values.data()), tensor.values.data(), 12 * values.size());
+  if (!values.empty()) {
+    std::memcpy(static_cast<void*>(values.data()), tensor.values.data(), 12 * values.size());
+  }
   return values;
 }
 

@@ -25,11 +25,13 @@ def report_error(operator, context, message):
 
 
 def redraw(context):
-    """The panels read the job itself, so they only have to be drawn again."""
+    """The panels read the job itself, so only they have to be drawn again, not the scene."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                area.tag_redraw()
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
 
 
 def status_text(context, text):

@@ -42,6 +42,9 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         name = capture.name if capture is not None and capture.enabled else ""
         found = comparison.load(job.folder, name)
         store(settings.compare, found)
+        for area in context.screen.areas if context.screen else ():
+            if area.type == "VIEW_3D":
+                area.tag_redraw()  # the heat-map lies in the scene
         session(context).last_report = translate(
             "Mean error {mean} mm, 95 % below {p95} mm, in {time}").format(
                 mean=f"{found.mean:.4g}", p95=f"{found.percentile95:.4g}",

@@ -31,7 +31,7 @@ def lines(layout, text, icon="NONE"):
     """A text as several labels, wrapped to the sidebar: labels do not wrap by themselves."""
     region = bpy.context.region
     scale = bpy.context.preferences.system.ui_scale
-    width = max(int(region.width / (7.2 * scale)) - 6, 16) if region is not None else 40
+    width = max(int(region.width / (6.6 * scale)) - 5, 16) if region is not None else 40
     column = layout.column(align=True)
     column.scale_y = 0.8
     first = True

@@ -18,8 +18,10 @@ namespace matterfit::mpm {
 /// So the lanes of a register are neighbouring cells: node values are loaded and stored contiguously
 /// (no gather, no scatter, no conflict), sums over a cell are vertical, and the tensor product of the
 /// B-spline weights is contracted axis by axis. Node values of the 6³ nodes that a block touches are
-/// *expanded*: three copies, shifted by 0, 1, 2 along z and four wide, so that the nodes of 16 cells
-/// are 16 consecutive numbers for each of the 27 stencil places.
+/// *expanded*: nine copies, shifted by 0, 1, 2 nodes along y and along z and four by four wide, so
+/// that the nodes of 16 cells are one aligned register for each of the 27 stencil places. (Three
+/// copies, shifted along z alone, hold the same, but their registers overlap: loads wait for the
+/// stores before them, which costs a factor of two.)
 ///
 /// Each block adds into its own expanded copy; copies of neighbouring blocks are summed afterwards in
 /// a fixed order. No atomics, no colours, two barriers a substep, the same bits for any number of
@@ -30,11 +32,11 @@ inline constexpr std::size_t kSlabs = 4;
 inline constexpr std::size_t kBlockNodes = 64;
 inline constexpr int kHalo = 6;                    ///< nodes a block touches along an axis
 inline constexpr std::size_t kHaloNodes = 216;     ///< kHalo³
-inline constexpr std::size_t kExpanded = 3 * 6 * 6 * 4;  ///< numbers of one expanded component
+inline constexpr std::size_t kExpanded = 9 * 6 * kLanes;  ///< numbers of one expanded component
 
 /// Index into one expanded component for the register of slab `x`, stencil place (di, dj, dk).
 [[nodiscard]] constexpr std::size_t expanded_index(std::size_t x, std::size_t dj, std::size_t dk) {
-  return ((dk * 6 + x) * 6 + dj) * 4;
+  return ((dk * 3 + dj) * 6 + x) * kLanes;
 }
 
 /// Node (x, y, z) of a block, each 0…3.

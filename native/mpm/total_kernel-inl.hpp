@@ -45,12 +45,26 @@ void expand_nodes(const double* nodes, const std::uint32_t* block_nodes, const d
   }
 }
 
-/// A node near the block's middle: what values are taken relative to.
-inline void reference_value(const double* nodes, const std::uint32_t* block_nodes, double out[3]) {
-  constexpr std::size_t kMiddle = mpm::node_index(2, 2, 2);
-  for (std::size_t c = 0; c < 3; ++c) {
-    out[c] = nodes[(block_nodes[0] * 3 + c) * kBlockNodes + kMiddle];
-  }
+/// Where in a node field's component 0 the middle node of the block's first occupied cell is: what
+/// values are taken relative to. It carries mass; a massless one may be anywhere, because it falls
+/// for as long as the body is held.
+template <class S>
+std::size_t reference_node(const mpm::TotalView<S>& view, std::size_t block) {
+  const std::uint32_t* slabs = view.slab_chunks + block * kSlabs;
+  std::size_t x = 0;
+  while (x + 1 < kSlabs && slabs[x + 1] == slabs[x]) ++x;
+  const S* volume = view.geometry + (slabs[x] * std::size_t{4} + 3) * kLanes;
+  std::size_t lane = 0;
+  while (lane + 1 < kLanes && !(volume[lane] > S(0))) ++lane;
+  const std::size_t a = x + 1;
+  const std::size_t b = lane / 4 + 1;
+  const std::size_t c = lane % 4 + 1;
+  const std::uint32_t nodes = view.block_nodes[block * 8 + (a / 4 * 4 + b / 4 * 2 + c / 4)];
+  return nodes * 3 * kBlockNodes + mpm::node_index(a % 4, b % 4, c % 4);
+}
+
+inline void reference_value(const double* nodes, std::size_t node, double out[3]) {
+  for (std::size_t c = 0; c < 3; ++c) out[c] = nodes[node + c * kBlockNodes];
 }
 
 template <class T>
@@ -93,11 +107,12 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
   static thread_local std::vector<S> slots;
 
   const std::uint32_t* block_nodes = view.block_nodes + block * 8;
+  const std::size_t node = reference_node(view, block);
   double reference[3];
-  reference_value(view.displacement, block_nodes, reference);
+  reference_value(view.displacement, node, reference);
   expand_nodes(view.displacement, block_nodes, reference, expanded);
   if constexpr (kDamped) {
-    reference_value(view.velocity, block_nodes, reference);
+    reference_value(view.velocity, node, reference);
     expand_nodes(view.velocity, block_nodes, reference, expanded_velocity);
   }
 
@@ -306,12 +321,13 @@ void total_samples(const mpm::TotalView<S>& view, const mpm::TotalSamples<S>& sa
   HWY_ALIGN S expanded[3 * kExpanded];
   HWY_ALIGN S expanded_velocity[3 * kExpanded];
   const std::uint32_t* block_nodes = view.block_nodes + block * 8;
+  const std::size_t node = reference_node(view, block);
   double reference[3];
   double velocity[3];
-  reference_value(view.displacement, block_nodes, reference);
+  reference_value(view.displacement, node, reference);
   expand_nodes(view.displacement, block_nodes, reference, expanded);
   if (samples.velocity != nullptr) {
-    reference_value(view.velocity, block_nodes, velocity);
+    reference_value(view.velocity, node, velocity);
     expand_nodes(view.velocity, block_nodes, velocity, expanded_velocity);
   }
   const T inverse_dx = T(S(1) / view.dx);

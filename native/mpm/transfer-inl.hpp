@@ -169,30 +169,30 @@ HWY_INLINE void scatter_value(typename LaneTraits<T>::Scalar* HWY_RESTRICT nodes
   }
 }
 
-/// Sums the three shifted copies of one expanded component into `halo` (6³ nodes).
+/// Sums the shifted copies of one expanded component into `halo` (6³ nodes).
 template <class S>
 HWY_INLINE void fold(const S* HWY_RESTRICT expanded, S* HWY_RESTRICT halo) {
-  for (std::size_t row = 0; row < 36; ++row) {
-    const S* e0 = expanded + row * 4;
-    const S* e1 = e0 + 144;
-    const S* e2 = e1 + 144;
-    S* out = halo + row * 6;
-    out[0] = e0[0];
-    out[1] = e0[1] + e1[0];
-    out[2] = e0[2] + e1[1] + e2[0];
-    out[3] = e0[3] + e1[2] + e2[1];
-    out[4] = e1[3] + e2[2];
-    out[5] = e2[3];
-  }
+  for (std::size_t i = 0; i < mpm::kHaloNodes; ++i) halo[i] = S(0);
+  for (std::size_t k = 0; k < 3; ++k)
+    for (std::size_t j = 0; j < 3; ++j)
+      for (std::size_t x = 0; x < 6; ++x) {
+        const S* from = expanded + mpm::expanded_index(x, j, k);
+        for (std::size_t y = 0; y < 4; ++y) {
+          S* to = halo + mpm::halo_index(x, y + j, k);
+          for (std::size_t z = 0; z < 4; ++z) to[z] += from[4 * y + z];
+        }
+      }
 }
 
-/// Spreads six consecutive node values of row (x, y) into the three copies.
+/// Spreads six consecutive node values of row (x, y) into the copies.
 template <class S>
 HWY_INLINE void expand_row(const S row[6], S* HWY_RESTRICT expanded, std::size_t x, std::size_t y) {
-  S* out = expanded + (x * 6 + y) * 4;
-  std::memcpy(out, row, 4 * sizeof(S));
-  std::memcpy(out + 144, row + 1, 4 * sizeof(S));
-  std::memcpy(out + 288, row + 2, 4 * sizeof(S));
+  for (std::size_t j = 0; j < 3; ++j) {
+    if (y < j || y - j > 3) continue;
+    for (std::size_t k = 0; k < 3; ++k) {
+      std::memcpy(expanded + mpm::expanded_index(x, j, k) + 4 * (y - j), row + k, 4 * sizeof(S));
+    }
+  }
 }
 
 }  // namespace matterfit::HWY_NAMESPACE

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from unittest import mock
 
 import bpy
 import numpy
@@ -364,11 +365,9 @@ class CliTest(SceneCase):
         self.jelly()
         document, folder = self.document()
         path = job_document.write(document, folder)
-        os.environ["MATTERFIT_LIBRARY"] = os.path.join(self.folder, "nowhere.so")
-        try:
+        missing = os.path.join(self.folder, "nowhere.so")
+        with mock.patch.dict(os.environ, MATTERFIT_LIBRARY=missing):
             done = run_cli("simulate", path)
-        finally:
-            del os.environ["MATTERFIT_LIBRARY"]
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("nowhere.so", done.stderr)
 

@@ -79,14 +79,17 @@ HWY_INLINE Sym3<T> stress_neo_hookean(const Constants<T>& c, const Mat3<T>& h, T
 /// Newtonian fluid, weakly compressible: the pressure part (K/7)(J − J⁻⁶) I.
 template <class T>
 HWY_INLINE Sym3<T> stress_newtonian(const Constants<T>& c, T jm1) {
-  const T pressure = T(c.kappa) * scalar<T>(1.0 / 7.0) * (jm1 + scalar<T>(1) - power(jm1, -6.0));
+  const T pressure = T(c.kappa) * scalar<T>(1.0 / 7.0) *
+                     (jm1 - expm1_small(scalar<T>(-6) * log1p(jm1)));
   const T zero = scalar<T>(0);
   return {pressure, pressure, pressure, zero, zero, zero};
 }
 
 /// Herschel–Bulkley flow: |s| from the trial |s|, with η |γ̇|ⁿ = |s| − √(2/3) τ_Y and
 /// |s_tr| − |s| = 2 μ̂ dt |γ̇|. n = 1 in closed form, else Newton's method in the variable that makes
-/// the residual convex, from above, so that it descends without overshoot.
+/// the residual convex, from above, so that it descends without overshoot. It starts where one of
+/// the two terms alone makes up the excess, the lower such place: there neither overflows, and the
+/// root is at most a factor of two below.
 template <class T>
 HWY_INLINE T flow_herschel_bulkley(const Constants<T>& c, T excess, T two_mu_hat_dt) {
   using S = typename LaneTraits<T>::Scalar;
@@ -97,8 +100,8 @@ HWY_INLINE T flow_herschel_bulkley(const Constants<T>& c, T excess, T two_mu_hat
   const T safe = max(excess, tiny);
   if (c.exponent < S(1)) {
     const T p = T(S(1) / c.exponent);
-    T x = safe;
-    for (int k = 0; k < 16; ++k) {
+    T x = max(min(safe, eta * exp(T(c.exponent) * log(max(safe / two_mu_hat_dt, tiny)))), tiny);
+    for (int k = 0; k < 12; ++k) {
       const T rate = exp(p * log(max(x / eta, tiny)));
       const T g = x + two_mu_hat_dt * rate - safe;
       x = max(x - g / (scalar<T>(1) + two_mu_hat_dt * p * rate / max(x, tiny)), tiny);
@@ -106,8 +109,8 @@ HWY_INLINE T flow_herschel_bulkley(const Constants<T>& c, T excess, T two_mu_hat
     return x;
   }
   const T n = T(c.exponent);
-  T z = safe / two_mu_hat_dt;
-  for (int k = 0; k < 16; ++k) {
+  T z = min(safe / two_mu_hat_dt, exp(T(S(1) / c.exponent) * log(max(safe / eta, tiny))));
+  for (int k = 0; k < 12; ++k) {
     const T stress = eta * exp(n * log(max(z, tiny)));
     const T g = stress + two_mu_hat_dt * z - safe;
     z = max(z - g / (n * stress / max(z, tiny) + two_mu_hat_dt), tiny);
@@ -125,7 +128,10 @@ HWY_INLINE Sym3<T> stress_hencky(const Constants<T>& c, const Mat3<T>& h, T jm1,
   Mat3<T> v;
   eigen_symmetric(right_cauchy_green_minus_identity(h), e, v);
   T eps[3];
-  for (int i = 0; i < 3; ++i) eps[i] = scalar<T>(0.5) * log1p(max(e[i], scalar<T>(-0.999999)));
+  for (int i = 0; i < 3; ++i) {
+    e[i] = max(e[i], scalar<T>(-0.999999));  // also rounding beyond −1 of an eigenvalue near 0
+    eps[i] = scalar<T>(0.5) * log1p(e[i]);
+  }
   const T third = scalar<T>(1.0 / 3.0);
   T trace = eps[0] + eps[1] + eps[2];
   T dev[3];

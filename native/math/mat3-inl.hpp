@@ -118,12 +118,13 @@ HWY_INLINE Sym3<T> left_cauchy_green_minus_identity(const Mat3<T>& h) {
 }
 
 /// The rotation R of F = R S, by Newton's iteration R ← ½(gR + R⁻ᵀ/g) with Higham's scaling in the
-/// first step, quadratic from there: six steps reach rounding for singular values in [0.05, 20].
-/// For det F > 0.
+/// first two steps, quadratic from there: for singular values in [0.05, 20] six steps reach float
+/// rounding, eight double's. For det F > 0.
 template <class T>
 HWY_INLINE Mat3<T> polar_rotation(const Mat3<T>& f) {
+  constexpr int kSteps = sizeof(typename LaneTraits<T>::Scalar) == 4 ? 6 : 8;
   Mat3<T> r = f;
-  for (int step = 0; step < 6; ++step) {
+  for (int step = 0; step < kSteps; ++step) {
     const Mat3<T> c = cofactor(r);
     const T det = fma(r[0][0], c[0][0], fma(r[0][1], c[0][1], r[0][2] * c[0][2]));
     T norm_r = scalar<T>(0);

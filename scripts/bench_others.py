@@ -57,7 +57,8 @@ def main():
         )
         # Both print banners on standard output; ours are the lines that are JSON objects.
         lines = [line for line in done.stdout.splitlines() if line.startswith('{"name"')]
-        print("\n".join(lines), flush=True)
+        for line in lines:
+            print(line, flush=True)
         if done.returncode != 0:
             print(f"{name}: ended with status {done.returncode}", file=sys.stderr)
     return 0

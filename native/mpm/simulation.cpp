@@ -139,10 +139,14 @@ struct Simulation::Impl {
     Step step;
     if (scene.dt > 0.0) step.limit_to(scene.dt, "scene.solver.dt");
     for (TotalMember& member : total) {
-      if (member.body->held(time)) continue;
+      // A body let go within the frame needs its own limit from the start of the frame.
+      if (member.body->held(time + 1.0 / scene.fps - 1e-9)) continue;
       const bool first = member.elastic_dt <= 0.0;
-      member.elastic_dt =
+      const double found =
           member.body->stable_time_step(*arena, first ? kFirstIterations : kFrameIterations);
+      // A body that flows answers softly to the probe, and stiffly as soon as it unloads.
+      const bool flows = !scene.bodies[member.index].material.is_elastic();
+      member.elastic_dt = flows && !first ? std::min(member.elastic_dt, found) : found;
       if (scene.dt > 0.0) continue;
       const double omega = 2.0 / member.elastic_dt;
       const double contact =
@@ -295,8 +299,8 @@ FrameReport Simulation::advance(const Interrupter& interrupter) {
   const auto begin = std::chrono::steady_clock::now();
   FrameReport report;
   s.arena->execute([&] {
-    const std::string before = s.save();
     const Step step = s.choose_step(s.time_of(s.frame));
+    const std::string before = s.save();  // with the limits just found: a retry needs them
     const double frame_seconds = 1.0 / s.scene.fps;
     double count = std::ceil(frame_seconds / step.dt * (1.0 - 1e-12));
     count = std::max(count, 1.0);

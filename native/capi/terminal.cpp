@@ -80,11 +80,16 @@ std::string summary(const Json& result) {
   }
   if (result.contains("compare")) {
     for (const Json& compare : result["compare"]["captures"]) {
+      if (!compare.contains("mean_percent")) {
+        line(compare.at("name").get<std::string>() + ": no sample could be compared");
+        continue;
+      }
       line(fmt::format("{}: mean error {:.3f} mm ({:.2f} % of the body), 95th percentile {:.3f} mm",
                        compare.at("name").get<std::string>(), compare.at("mean_mm").get<double>(),
                        compare.at("mean_percent").get<double>(),
                        compare.at("p95_mm").get<double>()));
       for (const Json& point : compare.at("points")) {
+        if (!point.contains("mean_mm")) continue;
         line(fmt::format("  {:12s} mean {:.3f} mm, 95th percentile {:.3f} mm, worst {:.3f} mm",
                          point.at("label").get<std::string>(), point.at("mean_mm").get<double>(),
                          point.at("p95_mm").get<double>(), point.at("max_mm").get<double>()));

@@ -21,6 +21,7 @@ using std::numbers::pi;
 constexpr std::size_t kFewestSamples = 16;
 constexpr double kFewestPeriods = 2.0;
 constexpr double kExplained = 0.5;
+constexpr double kMostDamped = 0.5;  // a motion that dies within a period creeps, it does not ring
 
 struct Signal {
   VectorXd tau;
@@ -196,7 +197,9 @@ std::optional<Ringdown> fit_ringdown(std::span<const double> times,
   const VectorXd drift_only = drift.colPivHouseholderQr().solve(signal.value);
   const double without = (signal.value - drift * drift_only).squaredNorm();
   const double periods = shape.omega * signal.length() / (2.0 * pi);
-  if (!(left < (1.0 - kExplained) * without) || periods < kFewestPeriods) return std::nullopt;
+  const bool rings = left < (1.0 - kExplained) * without && periods >= kFewestPeriods &&
+                     std::abs(shape.sigma) < kMostDamped * shape.omega;
+  if (!rings) return std::nullopt;
 
   Ringdown ring;
   const double end = signal.tau[count - 1];

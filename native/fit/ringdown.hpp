@@ -30,8 +30,9 @@ struct Ringdown {
 /// the linear coefficients solved for (variable projection). `times` [s] ascending, one position a
 /// time [m]; positions that are not finite are left out. Quiet are the samples with t ≤ `release`;
 /// without one the first sample after it stands for them. Nothing is returned where nothing rings:
-/// fewer than 16 samples or two periods after release, or a sinusoid that explains less than half
-/// of the motion's variance about the drift. Throws Error(kInput) if the lengths differ.
+/// fewer than 16 samples or two periods after release, damping beyond a half, or a sinusoid that
+/// explains less than half of the motion's variance about the drift. Throws Error(kInput) if the
+/// lengths differ.
 [[nodiscard]] std::optional<Ringdown> fit_ringdown(std::span<const double> times,
                                                    std::span<const Vec3d> positions,
                                                    double release);

@@ -7,7 +7,7 @@
 
 namespace matterfit::mpm {
 
-Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int16_t surface,
+Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32_t surface,
                     double dt, ContactMemory& memory) {
   const double depth = point.radius - point.distance;
   const bool separates = law.kind == ContactKind::kSeparating || law.kind == ContactKind::kFriction;
@@ -20,7 +20,8 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int16
     memory.surface = surface;
     memory.stretch = {};
   }
-  const double spring = law.stiffness * point.area;
+  // An inverted particle has no area; the body's own check reports it.
+  const double spring = law.stiffness * std::max(point.area, 0.0);
   const double dashpot = 2.0 * law.damping * std::sqrt(spring * point.mass);
   const double approach = -point.normal.dot(point.relative_velocity);
   double normal_force = spring * depth + dashpot * approach;

@@ -21,10 +21,10 @@ struct ContactLaw {
   double damping = 0.0;    ///< fraction of critical, of the particle on its spring
 };
 
-/// What a particle remembers of the surface it touches.
+/// What a particle remembers of the surface it touches. No padding: it is saved as bytes.
 struct ContactMemory {
   std::array<float, 3> stretch{};  ///< of the tangential spring, world axes [m]
-  std::int16_t surface = -1;      ///< index of the surface, −1: none
+  std::int32_t surface = -1;       ///< index of the surface, −1: none
 };
 
 /// One particle at one surface.
@@ -39,7 +39,7 @@ struct ContactPoint {
 
 /// Force on the particle [N]; updates its memory over `dt`.
 [[nodiscard]] Vec3d contact_force(const ContactLaw& law, const ContactPoint& point,
-                                  std::int16_t surface, double dt, ContactMemory& memory);
+                                  std::int32_t surface, double dt, ContactMemory& memory);
 
 /// Fills in the defaults: stiffness 8 M/size, at most M/dx, with M = λ+2μ, or 4μ where ν is near ½.
 [[nodiscard]] ContactLaw resolve_contact(const Contact& contact, const Body& body, double dx);

@@ -62,6 +62,11 @@ class ByteReader {
   void expect_end() const {
     if (cursor_ != bytes_.size()) fail();
   }
+  [[noreturn]] static void fail() {
+    throw_input(
+        "The checkpoint does not belong to this scene or version. Free the cache and simulate from "
+        "the first frame.");
+  }
 
  private:
   template <class Value>
@@ -73,11 +78,6 @@ class ByteReader {
   }
   void need(std::size_t count) const {
     if (count > bytes_.size() - cursor_) fail();
-  }
-  [[noreturn]] static void fail() {
-    throw_input(
-        "The checkpoint does not belong to this scene or version. Free the cache and simulate from "
-        "the first frame.");
   }
   const std::string& bytes_;
   std::size_t cursor_ = 0;

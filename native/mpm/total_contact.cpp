@@ -52,7 +52,7 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
       const double half = body.half_size(p);
       for (std::size_t s = 0; s < colliders_.size(); ++s) {
         const SurfacePoint surface = colliders_[s].collider->closest(state.position, time);
-        const auto id = static_cast<std::int16_t>(s);
+        const auto id = static_cast<std::int32_t>(s);
         closing = std::max(closing, (state.velocity - surface.velocity).norm());
         // Twice the rest size covers stretches up to two; beyond, F is looked at anyway.
         if (surface.distance > 4.0 * half && memory_[p].surface != id) {

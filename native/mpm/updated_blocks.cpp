@@ -2,7 +2,10 @@
 #include "mpm/updated_blocks.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <tuple>
+
+#include "base/error.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -27,6 +30,12 @@ void clear_lane(Chunk& chunk, std::size_t lane) {
 void BodyBlock::insert(const Crosser<float>& particle) {
   const std::size_t s = particle.cell / kLanes;
   const std::size_t lane = particle.cell % kLanes;
+  if (count[s][lane] == std::numeric_limits<std::uint16_t>::max()) {
+    throw_compute(
+        "More than 65535 particles lie in one cell of the grid: the material has collapsed, or its "
+        "points are far closer than the particle separation. Use fewer points or a stiffer "
+        "material.");
+  }
   const std::size_t slot = count[s][lane]++;
   if (slot == slab[s].size()) {
     slab[s].emplace_back();
@@ -166,17 +175,30 @@ void UpdatedBlocks::load(ByteReader& in) {
     std::array<int, 3> c{};
     in.get(c);
     block->coordinates = Vec3i(c[0], c[1], c[2]);
-    in.get(block->occupied);
+    std::uint8_t occupied = 0;
+    in.get(occupied);
+    block->occupied = occupied != 0;
     in.get(block->halo);
     block->bodies.resize(bodies_);
     block->leaving.resize(bodies_);
     for (BodyBlock& body : block->bodies) {
       in.get(body.count);
-      for (auto& slab : body.slab) in.get(slab);
+      for (std::size_t s = 0; s < kSlabs; ++s) {
+        in.get(body.slab[s]);
+        const std::size_t most = *std::max_element(body.count[s].begin(), body.count[s].end());
+        if (most > body.slab[s].size()) ByteReader::fail();
+      }
     }
+    if (block->halo.size() != (block->occupied ? 4 * kHaloNodes : 0)) ByteReader::fail();
     blocks_.push_back(std::move(block));
   }
   relink();
+  for (const auto& block : blocks_) {
+    for (int k = 1; k < 8 && block->occupied; ++k) {
+      const int there = static_cast<int>(kMiddle) + 9 * (k / 4) + 3 * (k / 2 % 2) + k % 2;
+      if (block->neighbours[static_cast<std::size_t>(there)] == kNoBlock) ByteReader::fail();
+    }
+  }
 }
 
 }  // namespace matterfit::mpm

@@ -40,6 +40,7 @@ struct UpdatedBlock {
   std::vector<std::vector<Crosser<float>>> leaving; ///< per body, of this substep
   std::uint32_t leaving_to = 0;                     ///< bits of neighbours that get some
   double wake_time = -1e30;                         ///< of contact
+  double sent_wake_time = -1e30;                    ///< wake_time as this substep's leavers left
   double penetration = 0.0;
   BlockExtremes<float> extremes{1.0F, 1.0F};
   float fastest = 0.0F;

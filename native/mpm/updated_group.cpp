@@ -236,6 +236,7 @@ struct UpdatedGroup::Impl {
   void move_block(std::size_t b, double dt) {
     UpdatedBlock& block = blocks[b];
     block.leaving_to = 0;
+    block.sent_wake_time = block.wake_time;
     block.extremes = {1.0F, 1.0F};
     block.fastest = 0.0F;
     if (!block.occupied) return;
@@ -326,6 +327,8 @@ struct UpdatedGroup::Impl {
       const std::uint32_t other = block.neighbours[k];
       const std::size_t towards_me = 26 - k;
       if (other == kNoBlock || (blocks[other].leaving_to >> towards_me & 1U) == 0) continue;
+      // Arrivals may touch as soon as they might have where they come from.
+      block.wake_time = std::min(block.wake_time, blocks[other].sent_wake_time);
       for (std::size_t m = 0; m < members.size(); ++m) {
         for (const Crosser<float>& p : blocks[other].leaving[m]) {
           if (p.neighbour != towards_me) continue;
@@ -392,7 +395,7 @@ struct UpdatedGroup::Impl {
         ContactMemory& memory = member.memory[chunk.id[l]];
         for (const std::size_t c : near) {
           const SurfacePoint surface = particle_colliders[c]->closest(x, time);
-          const auto id = static_cast<std::int16_t>(c);
+          const auto id = static_cast<std::int32_t>(c);
           closing = std::max(closing, (v - surface.velocity).norm());
           if (surface.distance > 2.0 * largest_edge && memory.surface != id) {
             gap = std::min(gap, surface.distance - 2.0 * largest_edge);
@@ -673,6 +676,13 @@ void UpdatedGroup::load(ByteReader& in) {
   in.get(s.max_speed);
   in.get(s.min_j);
   for (Member& m : s.members) in.get_same_size(m.memory);
+  for (std::size_t b = 0; b < s.blocks.size(); ++b) {
+    for (std::size_t m = 0; m < s.members.size(); ++m) {
+      Impl::for_each(s.blocks[b].bodies[m], [&](std::size_t, const Chunk& chunk, std::size_t l) {
+        if (chunk.id[l] >= s.members[m].particles) ByteReader::fail();
+      });
+    }
+  }
 }
 
 }  // namespace matterfit::mpm

@@ -67,6 +67,13 @@ TotalGrid::TotalGrid(const Body& body, const Scene& scene)
   // A shifted grid starts a cell lower.
   phase_ = grid_phase(body, dx_, axes_, origin_, rest_) + scene.grid_shift -
            scene.grid_shift.cwiseSign().cwiseAbs();
+  for (std::size_t p = 0; p < rest_.size(); ++p) {
+    for (int axis = 0; axis < 3; ++axis) {
+      if (std::abs(node_coordinate(rest_[p], axis)) < 1e8) continue;
+      throw_input("Body '" + body.name + "': particle " + std::to_string(p) +
+                  " is too far from the others for this particle separation. Is the unit right?");
+    }
+  }
   place_particles();
   link_blocks();
   find_surface(body.lattice);

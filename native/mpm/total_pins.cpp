@@ -89,17 +89,43 @@ TotalPins::TotalPins(const Body& body, const TotalGrid& grid) : grid_(grid) {
     clamps_.push_back(std::move(clamp));
   }
   for (const AttachedMass& attached : body.masses) {
-    Mass mass{grid.point_weights(grid.to_local(attached.position)), attached.mass, attached.attach,
-              0.0};
-    for (std::size_t n = 0; n < mass.weights.nodes.size(); ++n) {
-      mass.compliance += mass.weights.weights[n] * mass.weights.weights[n] *
-                         grid.inverse_mass()[mass.weights.nodes[n]];
-    }
+    Mass mass{grid.point_weights(grid.to_local(attached.position)), attached.mass, attached.attach};
     merge(nodes_, mass.weights.nodes);
     masses_.push_back(std::move(mass));
   }
+  couple_masses();
   deferred_.assign(grid.mass().size(), 0);
   for (const std::uint32_t n : nodes_) deferred_[n] = 1;
+}
+
+void TotalPins::couple_masses() {
+  std::stable_sort(masses_.begin(), masses_.end(),
+                   [](const Mass& a, const Mass& b) { return a.attach < b.attach; });
+  // Rows of W M^(−½).
+  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(masses_.size()),
+                                               static_cast<Eigen::Index>(nodes_.size()));
+  for (std::size_t k = 0; k < masses_.size(); ++k) {
+    const NodeWeights& w = masses_[k].weights;
+    for (std::size_t n = 0; n < w.nodes.size(); ++n) {
+      const auto at = std::lower_bound(nodes_.begin(), nodes_.end(), w.nodes[n]) - nodes_.begin();
+      rows(static_cast<Eigen::Index>(k), at) +=
+          w.weights[n] * std::sqrt(grid_.inverse_mass()[w.nodes[n]]);
+    }
+  }
+  for (std::size_t k = 0; k < masses_.size(); ++k) {
+    if (k + 1 < masses_.size() && masses_[k + 1].attach == masses_[k].attach) continue;
+    const auto count = static_cast<Eigen::Index>(k + 1);
+    MassGroup group;
+    group.count = k + 1;
+    group.from = masses_[k].attach;
+    group.compliance = rows.topRows(count) * rows.topRows(count).transpose();
+    Eigen::MatrixXd system = group.compliance;
+    for (Eigen::Index j = 0; j < count; ++j)
+      system.col(j) *= masses_[static_cast<std::size_t>(j)].mass;
+    system.diagonal().array() += 1.0;
+    group.inverse = system.inverse();
+    mass_groups_.push_back(std::move(group));
+  }
 }
 
 bool TotalPins::add_plane(Clamp& clamp, int axis, int side) {
@@ -235,18 +261,27 @@ void TotalPins::step(double kick, double dt, double time, const Vec3d& gravity,
   };
 
   std::vector<Vec3d> a = acceleration;
-  // Attached masses: a_c = (wᵀa + κ m g)/(1 + κ m), and the body feels m (g − a_c) at the point.
-  for (const Mass& mass : masses_) {
-    if (time + 1e-12 < mass.attach) continue;
-    Vec3d free = Vec3d::Zero();
-    for (std::size_t n = 0; n < mass.weights.nodes.size(); ++n) {
-      free += mass.weights.weights[n] * a[index(mass.weights.nodes[n])];
+  // Attached masses: a_c − g = (I + W M⁻¹ Wᵀ m)⁻¹ (W a − g), and the body feels m (g − a_c) at
+  // each.
+  const MassGroup* group = nullptr;
+  for (const MassGroup& g : mass_groups_) {
+    if (time + 1e-12 >= g.from) group = &g;
+  }
+  if (group != nullptr) {
+    Eigen::MatrixX3d relative(static_cast<Eigen::Index>(group->count), 3);
+    for (std::size_t k = 0; k < group->count; ++k) {
+      const NodeWeights& w = masses_[k].weights;
+      Vec3d free = -gravity;
+      for (std::size_t n = 0; n < w.nodes.size(); ++n) free += w.weights[n] * a[index(w.nodes[n])];
+      relative.row(static_cast<Eigen::Index>(k)) = free.transpose();
     }
-    const double km = mass.compliance * mass.mass;
-    const Vec3d force = mass.mass * (gravity - (free + km * gravity) / (1.0 + km));
-    for (std::size_t n = 0; n < mass.weights.nodes.size(); ++n) {
-      const std::uint32_t node = mass.weights.nodes[n];
-      a[index(node)] += mass.weights.weights[n] * grid_.inverse_mass()[node] * force;
+    const Eigen::MatrixX3d solved = group->inverse * relative;
+    for (std::size_t k = 0; k < group->count; ++k) {
+      const Vec3d force = -masses_[k].mass * solved.row(static_cast<Eigen::Index>(k)).transpose();
+      const NodeWeights& w = masses_[k].weights;
+      for (std::size_t n = 0; n < w.nodes.size(); ++n) {
+        a[index(w.nodes[n])] += w.weights[n] * grid_.inverse_mass()[w.nodes[n]] * force;
+      }
     }
   }
   std::vector<Vec3d> v(nodes_.size());

@@ -11,14 +11,15 @@
 
 namespace matterfit::mpm {
 
-/// Pins and attached masses of a total Lagrangian body: the nodes whose motion is not that of a free
-/// node, and how they move. Accurate below the cell:
+/// Pins and attached masses of a total Lagrangian body: the nodes whose motion is not that of a
+/// free node, and how they move. Accurate below the cell:
 /// - a plane pin on the boundary of cells at the body's end holds that plane: there a quadratic
 ///   spline is the mean of the two nodes beside it, so the node behind is the mirror image of the
 ///   one before, u₀ = 2ū − u₁, masses and forces folded;
 /// - any other pin constrains points of the held region, Σ w_I(X_c) v_I = v̄, through (C M⁻¹ Cᵀ)⁻¹,
 ///   rank-checked and factorised once;
-/// - a mass m at X adds m w wᵀ to the mass matrix (Woodbury), with first-order weights w.
+/// - masses m at X add m w wᵀ to the mass matrix (Woodbury, all of them at once: they may share
+///   nodes), with first-order weights w. A clamp on the same nodes is imposed after them.
 class TotalPins {
  public:
   TotalPins(const Body& body, const TotalGrid& grid);
@@ -57,18 +58,26 @@ class TotalPins {
     NodeWeights weights;
     double mass;
     double attach;
-    double compliance;  ///< wᵀ M⁻¹ w [1/kg]
+  };
+  /// The first masses of masses_, there from the time of the last on, and (I + W M⁻¹ Wᵀ m)⁻¹.
+  struct MassGroup {
+    std::size_t count;
+    double from;
+    Eigen::MatrixXd compliance;  ///< W M⁻¹ Wᵀ [1/kg]
+    Eigen::MatrixXd inverse;
   };
 
   /// False if there is material behind the plane: then points are constrained.
   [[nodiscard]] bool add_plane(Clamp& clamp, int axis, int side);
   void add_constraints(Clamp& clamp, const Body& body);
+  void couple_masses();
   /// Displacement and velocity that the pin prescribes for the material point at rest `local`.
   [[nodiscard]] Vec3d target(const Pin& pin, const Vec3d& local, double time) const;
 
   const TotalGrid& grid_;
   std::vector<Clamp> clamps_;
-  std::vector<Mass> masses_;
+  std::vector<Mass> masses_;            ///< by the time they are attached
+  std::vector<MassGroup> mass_groups_;  ///< one for each such time, ascending
   std::vector<std::uint32_t> nodes_;  ///< sorted
   std::vector<std::uint8_t> deferred_;
 };

@@ -173,4 +173,9 @@ def main():
 
 if __name__ == "__main__":
     sys.stdout.flush()
-    sys.exit(main())
+    status = main()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Not sys.exit(): the bpy wheels (4.5 seen) can wait for ever for a thread of their own in the
+    # destructors that follow. Everything of ours is written and closed by now.
+    os._exit(status)

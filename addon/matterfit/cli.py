@@ -173,7 +173,10 @@ def main():
 
 if __name__ == "__main__":
     sys.stdout.flush()
-    status = main()
+    try:
+        status = main()
+    except SystemExit as stop:  # argparse: usage or --help
+        status = stop.code if isinstance(stop.code, int) else EXIT_INPUT
     sys.stdout.flush()
     sys.stderr.flush()
     # Not sys.exit(): the bpy wheels (4.5 seen) can wait for ever for a thread of their own in the

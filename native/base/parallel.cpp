@@ -44,6 +44,8 @@ Arena::Arena(int threads) : threads_(threads) {
     if (threads_ < 1) threads_ = 1;
   }
   arena_ = std::make_unique<tbb::task_arena>(threads_);
+  // An arena imposes on every task the floating-point mode that it found here.
+  const FlushDenormals flush;
   arena_->initialize();
   observer_ = std::make_unique<Observer>(*arena_);
 }

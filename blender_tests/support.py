@@ -115,7 +115,7 @@ def select(*items):
     bpy.context.view_layer.objects.active = items[0]
 
 
-def second_process(code, blend=None, addon=False, environment=None, timeout=300):
+def second_process(code, blend=None, addon=False, environment=None, timeout=60):
     """Runs Python in another Blender (or another Python with bpy) and returns its last line as JSON.
 
     Without `addon` nothing of ours is importable there.
@@ -148,7 +148,7 @@ def program():
     return [sys.executable]
 
 
-def run_cli(*arguments, blend=None, timeout=300):
+def run_cli(*arguments, blend=None, timeout=60):
     """cli.py as a user calls it. Returns the finished process."""
     if bpy.app.binary_path:
         command = [bpy.app.binary_path, "-b", "--factory-startup"]

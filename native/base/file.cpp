@@ -53,8 +53,10 @@ struct AtomicFile::Impl {
     }
     pos_type seekoff(off_type offset, std::ios_base::seekdir way,
                      std::ios_base::openmode which) override {
-      if (way == std::ios_base::cur) return seekpos(pos_type(off_type(owner_.position) + offset), which);
-      if (way == std::ios_base::end) return seekpos(pos_type(off_type(owner_.size) + offset), which);
+      if (way == std::ios_base::cur)
+        return seekpos(pos_type(off_type(owner_.position) + offset), which);
+      if (way == std::ios_base::end)
+        return seekpos(pos_type(off_type(owner_.size) + offset), which);
       return seekpos(pos_type(offset), which);
     }
     pos_type seekpos(pos_type position, std::ios_base::openmode) override {
@@ -80,8 +82,7 @@ struct AtomicFile::Impl {
   void write(const void* data, std::size_t bytes) {
     const char* cursor = static_cast<const char*>(data);
     while (bytes > 0) {
-      const ssize_t written =
-          ::pwrite(descriptor, cursor, bytes, static_cast<off_t>(position));
+      const ssize_t written = ::pwrite(descriptor, cursor, bytes, static_cast<off_t>(position));
       if (written < 0) {
         if (errno == EINTR) continue;
         fail(path, "cannot write", errno);

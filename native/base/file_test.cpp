@@ -17,8 +17,7 @@ namespace fs = std::filesystem;
 class FileTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::temp_directory_path() /
-              ("matterfit_file_test_" + std::to_string(::getpid()));
+    folder_ = fs::temp_directory_path() / ("matterfit_file_test_" + std::to_string(::getpid()));
     fs::create_directories(folder_);
   }
   void TearDown() override { fs::remove_all(folder_); }
@@ -30,14 +29,19 @@ TEST_F(FileTest, WritesThroughStreamAndBytesAlike) {
   file.write("header--");
   file.stream() << "stream";
   file.write_at(6, "!!", 2);
-  EXPECT_FALSE(fs::exists(folder_ / "sub" / "a.bin")) << "the final name appears with commit() only";
+  EXPECT_FALSE(fs::exists(folder_ / "sub" / "a.bin"))
+      << "the final name appears with commit() only";
   file.commit();
   const auto bytes = read_file(folder_ / "sub" / "a.bin");
-  EXPECT_EQ(std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()), "header!!stream");
+  EXPECT_EQ(std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()),
+            "header!!stream");
 }
 
 TEST_F(FileTest, LeavesNothingBehindWithoutCommit) {
-  { AtomicFile file(folder_ / "a.bin"); file.write("x"); }
+  {
+    AtomicFile file(folder_ / "a.bin");
+    file.write("x");
+  }
   EXPECT_TRUE(fs::is_empty(folder_));
 }
 

@@ -12,7 +12,8 @@ struct Progress {
   double fraction = 0.0;
   int frame = 0;
   int last_frame = 0;
-  std::string label;  ///< What is being done, in words of the panel ("Simulating", "Baking volume").
+  std::string
+      label;  ///< What is being done, in words of the panel ("Simulating", "Baking volume").
 };
 
 /// Cancellation and progress of one job, shared by the thread that computes and those that watch.

@@ -11,9 +11,8 @@ template <class S>
 LawConstants<S> law_constants(const Material& m) {
   LawConstants<S> c;
   const double lambda = m.lambda();
-  const double mu = m.law == Law::kNewtonian
-                        ? 0.0
-                        : m.youngs_modulus / (2.0 * (1.0 + m.poisson_ratio));
+  const double mu =
+      m.law == Law::kNewtonian ? 0.0 : m.youngs_modulus / (2.0 * (1.0 + m.poisson_ratio));
   c.law = m.law;
   c.lambda = static_cast<S>(lambda);
   c.mu = static_cast<S>(mu);
@@ -37,8 +36,8 @@ LawConstants<S> law_constants(const Material& m) {
   c.damping_bulk = static_cast<S>(m.damping_bulk);
   c.damped = m.damping_shear > 0.0 || m.damping_bulk > 0.0 ||
              (m.law == Law::kNewtonian && m.viscosity > 0.0);
-  c.plastic = m.law == Law::kVonMises || m.law == Law::kHerschelBulkley ||
-              m.law == Law::kDruckerPrager;
+  c.plastic =
+      m.law == Law::kVonMises || m.law == Law::kHerschelBulkley || m.law == Law::kDruckerPrager;
   return c;
 }
 

@@ -18,11 +18,11 @@ struct LawConstants {
   S hardening{};       ///< [Pa]
   S eta{};             ///< 2 η_d for Herschel–Bulkley, η_d for a fluid [Pa s]
   S exponent{};
-  S alpha{};           ///< Drucker–Prager √(2/3)·2 sin φ/(3 − sin φ)
-  S tip{};             ///< Drucker–Prager: Hencky strain of the cone's tip, each axis
-  S alpha_tip{};       ///< α·tip, finite for φ → 0
-  S damping_shear{};   ///< [Pa s]
-  S damping_bulk{};    ///< [Pa s]
+  S alpha{};          ///< Drucker–Prager √(2/3)·2 sin φ/(3 − sin φ)
+  S tip{};            ///< Drucker–Prager: Hencky strain of the cone's tip, each axis
+  S alpha_tip{};      ///< α·tip, finite for φ → 0
+  S damping_shear{};  ///< [Pa s]
+  S damping_bulk{};   ///< [Pa s]
   bool damped = false;
   bool plastic = false;  ///< return mapping changes the elastic deformation gradient
 };
@@ -30,8 +30,8 @@ struct LawConstants {
 template <class S>
 [[nodiscard]] LawConstants<S> law_constants(const Material& material);
 
-/// Poisson's ratio from which the neo-Hookean law is split into shape and volume. Below, the papers'
-/// form τ = μ(FFᵀ − I) + λ ln J I is kept; both agree to first order in the strain.
+/// Poisson's ratio from which the neo-Hookean law is split into shape and volume. Below, the
+/// papers' form τ = μ(FFᵀ − I) + λ ln J I is kept; both agree to first order in the strain.
 inline constexpr double kSplitPoissonRatio = 0.45;
 
 }  // namespace matterfit::material

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The classical constitutive laws: Kirchhoff stress τ and return mapping over a scalar or a register
-// of lanes. Strains are taken from H = F − I, so that small ones keep their digits.
+// The classical constitutive laws: Kirchhoff stress τ and return mapping over a scalar or a
+// register of lanes. Strains are taken from H = F − I, so that small ones keep their digits.
 //
 // Every law is isotropic; with F = U Σ Vᵀ only V and Σ² − 1 (eigenpairs of FᵀF − I) are needed:
 // τ = F S Fᵀ with S = V diag(τᵢ/σᵢ²) Vᵀ. The volume term is separate: U′(J̄) of a mean J̄ gives
@@ -71,16 +71,16 @@ HWY_INLINE Sym3<T> stress_neo_hookean(const Constants<T>& c, const Mat3<T>& h, T
   } else {
     pressure = T(c.lambda) * log1p(mean) * j / (mean + scalar<T>(1));
   }
-  return add_diagonal<T>({factor * b.xx, factor * b.yy, factor * b.zz, factor * b.yz, factor * b.xz,
-                          factor * b.xy},
-                         pressure);
+  return add_diagonal<T>(
+      {factor * b.xx, factor * b.yy, factor * b.zz, factor * b.yz, factor * b.xz, factor * b.xy},
+      pressure);
 }
 
 /// Newtonian fluid, weakly compressible: the pressure part (K/7)(J − J⁻⁶) I.
 template <class T>
 HWY_INLINE Sym3<T> stress_newtonian(const Constants<T>& c, T jm1) {
-  const T pressure = T(c.kappa) * scalar<T>(1.0 / 7.0) *
-                     (jm1 - expm1_small(scalar<T>(-6) * log1p(jm1)));
+  const T pressure =
+      T(c.kappa) * scalar<T>(1.0 / 7.0) * (jm1 - expm1_small(scalar<T>(-6) * log1p(jm1)));
   const T zero = scalar<T>(0);
   return {pressure, pressure, pressure, zero, zero, zero};
 }
@@ -144,7 +144,8 @@ HWY_INLINE Sym3<T> stress_hencky(const Constants<T>& c, const Mat3<T>& h, T jm1,
   T new_trace = trace;
   switch (c.law) {
     case Law::kVonMises: {
-      const T y = fma(two_mu, norm, -(T(c.yield) + scalar<T>(0.816496580927726) * T(c.hardening) * strain));
+      const T y =
+          fma(two_mu, norm, -(T(c.yield) + scalar<T>(0.816496580927726) * T(c.hardening) * strain));
       const T gamma = max(y, zero) / (two_mu + scalar<T>(2.0 / 3.0) * T(c.hardening));
       keep = one - min(gamma / max(norm, scalar<T>(1e-30)), one);
       strain += scalar<T>(0.816496580927726) * gamma;
@@ -176,9 +177,8 @@ HWY_INLINE Sym3<T> stress_hencky(const Constants<T>& c, const Mat3<T>& h, T jm1,
   }
   T s[3];
   // Volume: U = ½κ ln²J. A return that changes the trace (sand) is a point's own affair.
-  const T ln_volume = c.law == Law::kDruckerPrager
-                          ? new_trace
-                          : log1p(mean) * (jm1 + one) / (mean + one);
+  const T ln_volume =
+      c.law == Law::kDruckerPrager ? new_trace : log1p(mean) * (jm1 + one) / (mean + one);
   for (int i = 0; i < 3; ++i) {
     s[i] = fma(two_mu * keep, dev[i], T(c.kappa) * ln_volume) / (one + e[i]);
   }

@@ -103,8 +103,7 @@ void validate(const Material& m, const std::string& where) {
             "[0, 1e13) Pa");
     require(m.exponent > 0.05 && m.exponent <= 5, where, "exponent", m.exponent, "(0.05, 5]");
   }
-  require(m.viscosity >= 0 && m.viscosity < 1e9, where, "viscosity", m.viscosity,
-          "[0, 1e9) Pa s");
+  require(m.viscosity >= 0 && m.viscosity < 1e9, where, "viscosity", m.viscosity, "[0, 1e9) Pa s");
   if (m.law == Law::kDruckerPrager) {
     require(m.friction_angle >= 0 && m.friction_angle < 80, where, "friction_angle",
             m.friction_angle, "[0, 80) degrees");

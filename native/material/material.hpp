@@ -28,17 +28,17 @@ struct MaxwellBranch {
 /// conversions from the papers' codes: docs/why.md). Values that a law does not use are ignored.
 struct Material {
   Law law = Law::kFixedCorotated;
-  double youngs_modulus = 1e5;     ///< E [Pa]
-  double poisson_ratio = 0.3;      ///< nu
-  double yield_stress = 0.0;       ///< uniaxial, [Pa]: von Mises, Herschel–Bulkley
-  double hardening = 0.0;          ///< [Pa] per unit of equivalent plastic strain
-  double viscosity = 0.0;          ///< dynamic, [Pa s]: Newtonian, Herschel–Bulkley
-  double exponent = 1.0;           ///< Herschel–Bulkley flow exponent
-  double friction_angle = 30.0;    ///< [degrees]: Drucker–Prager
-  double cohesion = 0.0;           ///< [Pa]: Drucker–Prager
-  double bulk_modulus = 1e5;       ///< tangent at J = 1, [Pa]: Newtonian
-  double damping_shear = 0.0;      ///< Kelvin–Voigt, [Pa s]
-  double damping_bulk = 0.0;       ///< Kelvin–Voigt, [Pa s]
+  double youngs_modulus = 1e5;   ///< E [Pa]
+  double poisson_ratio = 0.3;    ///< nu
+  double yield_stress = 0.0;     ///< uniaxial, [Pa]: von Mises, Herschel–Bulkley
+  double hardening = 0.0;        ///< [Pa] per unit of equivalent plastic strain
+  double viscosity = 0.0;        ///< dynamic, [Pa s]: Newtonian, Herschel–Bulkley
+  double exponent = 1.0;         ///< Herschel–Bulkley flow exponent
+  double friction_angle = 30.0;  ///< [degrees]: Drucker–Prager
+  double cohesion = 0.0;         ///< [Pa]: Drucker–Prager
+  double bulk_modulus = 1e5;     ///< tangent at J = 1, [Pa]: Newtonian
+  double damping_shear = 0.0;    ///< Kelvin–Voigt, [Pa s]
+  double damping_bulk = 0.0;     ///< Kelvin–Voigt, [Pa s]
   std::vector<MaxwellBranch> maxwell;
 
   /// Lamé's first parameter and the shear modulus of the instantaneous response [Pa].

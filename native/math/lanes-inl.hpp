@@ -30,8 +30,8 @@ struct Lanes {
 
   // Trivial: GCC gives implicit constructors of what holds one no SIMD target of their own.
   Lanes() = default;
-  HWY_INLINE Lanes(Vector vector) : v(vector) {}                        // NOLINT: a number
-  HWY_INLINE Lanes(Scalar scalar) : v(hn::Set(D(), scalar)) {}          // NOLINT: a number
+  HWY_INLINE Lanes(Vector vector) : v(vector) {}                // NOLINT: a number
+  HWY_INLINE Lanes(Scalar scalar) : v(hn::Set(D(), scalar)) {}  // NOLINT: a number
 
   static HWY_INLINE Lanes load(const Scalar* p) { return hn::LoadU(D(), p); }
   HWY_INLINE void store(Scalar* p) const { hn::StoreU(v, D(), p); }

@@ -61,7 +61,8 @@ struct BodyContacts::Surface {
     double sum = 0.0;
     double distance = 0.0;
     for (int k = 0; k < 27; ++k) {
-      const Cell at{{middle.c[0] + k / 9 - 1, middle.c[1] + k / 3 % 3 - 1, middle.c[2] + k % 3 - 1}};
+      const Cell at{
+          {middle.c[0] + k / 9 - 1, middle.c[1] + k / 3 % 3 - 1, middle.c[2] + k % 3 - 1}};
       const auto found = cells.find(at);
       if (found == cells.end()) continue;
       for (const std::uint32_t i : found->second) {
@@ -89,7 +90,7 @@ struct BodyContacts::Surface {
 
 BodyContacts::BodyContacts(const Scene& scene, std::vector<Member> total, UpdatedGroup* updated,
                            const std::vector<std::size_t>& updated_bodies)
-    : scene_(&scene), updated_(updated) {
+    : updated_(updated) {
   if (total.empty() || total.size() + updated_bodies.size() < 2) return;
   for (const Member& member : total) {
     Skin skin{};

@@ -70,7 +70,6 @@ class BodyContacts {
 
   void refresh(Arena& arena, Skin& skin, double time, bool with_normals);
 
-  const Scene* scene_;
   UpdatedGroup* updated_;
   std::vector<Skin> skins_;
   std::vector<Pair> pairs_;

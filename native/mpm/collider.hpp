@@ -25,9 +25,9 @@ enum class ContactMethod {
 /// How a body touches a surface or another body.
 struct Contact {
   ContactKind kind = ContactKind::kFriction;
-  double mu = 0.4;           ///< Coulomb coefficient
-  double stiffness = 0.0;    ///< [Pa/m]; 0: 8 (λ+2μ)/body size, resolved once
-  double damping = -1.0;     ///< fraction of critical; negative: the solver's default
+  double mu = 0.4;         ///< Coulomb coefficient
+  double stiffness = 0.0;  ///< [Pa/m]; 0: 8 (λ+2μ)/body size, resolved once
+  double damping = -1.0;   ///< fraction of critical; negative: the solver's default
   ContactMethod method = ContactMethod::kAuto;
 };
 
@@ -62,7 +62,8 @@ class Collider {
 
 using ColliderPtr = std::shared_ptr<const Collider>;
 
-/// Half-space behind the plane through `point`; `normal` points into the free side. `pose` moves it.
+/// Half-space behind the plane through `point`; `normal` points into the free side. `pose` moves
+/// it.
 [[nodiscard]] ColliderPtr make_plane(std::string name, Contact contact, const Vec3d& point,
                                      const Vec3d& normal, Keyed<Pose> pose = Keyed<Pose>(Pose{}));
 /// Centre at the pose's position, `radius` [m].

@@ -24,21 +24,22 @@ struct CellMerge {
   std::uint8_t into;
 };
 
-/// A total Lagrangian body as its force kernel sees it (layout.hpp). Coordinates are the body's own.
+/// A total Lagrangian body as its force kernel sees it (layout.hpp). Coordinates are the body's
+/// own.
 template <class S>
 struct TotalView {
-  const double* displacement;          ///< per node block [3][64], [m]
-  const double* velocity;              ///< per node block [3][64], [m/s]; read if damped
-  const std::uint32_t* block_nodes;    ///< per block: 8 node blocks at (+a, +b, +c), index 4a+2b+c
-  const std::uint32_t* block_merges;   ///< first of `merges` of each block, and the end; or null
+  const double* displacement;         ///< per node block [3][64], [m]
+  const double* velocity;             ///< per node block [3][64], [m/s]; read if damped
+  const std::uint32_t* block_nodes;   ///< per block: 8 node blocks at (+a, +b, +c), index 4a+2b+c
+  const std::uint32_t* block_merges;  ///< first of `merges` of each block, and the end; or null
   const CellMerge* merges;
-  const std::uint32_t* slab_chunks;    ///< first chunk of each slab, 4 a block, and the end
-  const S* geometry;                   ///< per chunk [4][16]: x/dx − base (3), rest volume [m³]
-  S* plastic;                          ///< per chunk [10][16]: Fᵖ⁻¹ − I, plastic strain; or null
-  const S* point_force;                ///< per chunk [3][16], force on the particle [N]; or null
-  const std::uint8_t* block_has_force; ///< per block: point_force is not all zero
-  S* force;                            ///< out, per block [3][216]: internal and point forces [N]
-  BlockExtremes<S>* extremes;          ///< out, per block
+  const std::uint32_t* slab_chunks;  ///< first chunk of each slab, 4 a block, and the end
+  const S* geometry;                 ///< per chunk [4][16]: x/dx − base (3), rest volume [m³]
+  S* plastic;            ///< per chunk [10][16]: Fᵖ⁻¹ − I, plastic strain; or null
+  const S* point_force;  ///< per chunk [3][16], force on the particle [N]; or null
+  const std::uint8_t* block_has_force;  ///< per block: point_force is not all zero
+  S* force;                             ///< out, per block [3][216]: internal and point forces [N]
+  BlockExtremes<S>* extremes;           ///< out, per block
   material::LawConstants<S> law;
   S density;
   S dx;
@@ -58,11 +59,11 @@ struct TotalSamples {
 /// Sixteen particles of the updated Lagrangian formulation, one of each cell of a slab.
 template <class S>
 struct UpdatedChunk {
-  static constexpr std::size_t kF = 0;         ///< x/dx − base, each in [½, 3/2)
-  static constexpr std::size_t kH = 3;         ///< elastic F − I
-  static constexpr std::size_t kVolume = 12;   ///< at rest [m³]; 0: nobody here
-  static constexpr std::size_t kStrain = 13;   ///< equivalent plastic strain
-  static constexpr std::size_t kVelocity = 14; ///< [m/s]
+  static constexpr std::size_t kF = 0;          ///< x/dx − base, each in [½, 3/2)
+  static constexpr std::size_t kH = 3;          ///< elastic F − I
+  static constexpr std::size_t kVolume = 12;    ///< at rest [m³]; 0: nobody here
+  static constexpr std::size_t kStrain = 13;    ///< equivalent plastic strain
+  static constexpr std::size_t kVelocity = 14;  ///< [m/s]
   static constexpr std::size_t kAttributes = 17;
   alignas(64) S a[kAttributes][kLanes];
   std::uint32_t id[kLanes];

@@ -8,30 +8,30 @@ namespace matterfit::mpm {
 
 /// The one place that states how particles and nodes lie in memory, for both formulations.
 ///
-/// *Cells* are the knot spans of the quadratic B-splines: particles of one cell share their 27 nodes
-/// (cell i spans nodes i, i+1, i+2 and the interval [i+½, i+3/2] dx). *Blocks* are 4×4×4 cells and
-/// 4×4×4 nodes. A *slab* is the 16 cells of a block with one x index; lane 4y + z of a register is
-/// cell (x, y, z). Particles are stored in *chunks*: a chunk holds one particle of each of a slab's
-/// 16 cells (or none: volume 0), attribute by attribute, 16 values each (AoSoA-16). A slab with n
-/// particles in its fullest cell has n chunks ("slots").
+/// *Cells* are the knot spans of the quadratic B-splines: particles of one cell share their 27
+/// nodes (cell i spans nodes i, i+1, i+2 and the interval [i+½, i+3/2] dx). *Blocks* are 4×4×4
+/// cells and 4×4×4 nodes. A *slab* is the 16 cells of a block with one x index; lane 4y + z of a
+/// register is cell (x, y, z). Particles are stored in *chunks*: a chunk holds one particle of each
+/// of a slab's 16 cells (or none: volume 0), attribute by attribute, 16 values each (AoSoA-16). A
+/// slab with n particles in its fullest cell has n chunks ("slots").
 ///
-/// So the lanes of a register are neighbouring cells: node values are loaded and stored contiguously
-/// (no gather, no scatter, no conflict), sums over a cell are vertical, and the tensor product of the
-/// B-spline weights is contracted axis by axis. Node values of the 6³ nodes that a block touches are
-/// *expanded*: nine copies, shifted by 0, 1, 2 nodes along y and along z and four by four wide, so
-/// that the nodes of 16 cells are one aligned register for each of the 27 stencil places. (Three
-/// copies, shifted along z alone, hold the same, but their registers overlap: loads wait for the
-/// stores before them, which costs a factor of two.)
+/// So the lanes of a register are neighbouring cells: node values are loaded and stored
+/// contiguously (no gather, no scatter, no conflict), sums over a cell are vertical, and the tensor
+/// product of the B-spline weights is contracted axis by axis. Node values of the 6³ nodes that a
+/// block touches are *expanded*: nine copies, shifted by 0, 1, 2 nodes along y and along z and four
+/// by four wide, so that the nodes of 16 cells are one aligned register for each of the 27 stencil
+/// places. (Three copies, shifted along z alone, hold the same, but their registers overlap: loads
+/// wait for the stores before them, which costs a factor of two.)
 ///
-/// Each block adds into its own expanded copy; copies of neighbouring blocks are summed afterwards in
-/// a fixed order. No atomics, no colours, two barriers a substep, the same bits for any number of
-/// threads.
+/// Each block adds into its own expanded copy; copies of neighbouring blocks are summed afterwards
+/// in a fixed order. No atomics, no colours, two barriers a substep, the same bits for any number
+/// of threads.
 inline constexpr std::size_t kLanes = 16;
 inline constexpr int kBlockCells = 4;
 inline constexpr std::size_t kSlabs = 4;
 inline constexpr std::size_t kBlockNodes = 64;
-inline constexpr int kHalo = 6;                    ///< nodes a block touches along an axis
-inline constexpr std::size_t kHaloNodes = 216;     ///< kHalo³
+inline constexpr int kHalo = 6;                           ///< nodes a block touches along an axis
+inline constexpr std::size_t kHaloNodes = 216;            ///< kHalo³
 inline constexpr std::size_t kExpanded = 9 * 6 * kLanes;  ///< numbers of one expanded component
 
 /// Index into one expanded component for the register of slab `x`, stencil place (di, dj, dk).

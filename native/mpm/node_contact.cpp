@@ -15,8 +15,9 @@ void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx
   const Contact& contact = collider.contact();
   for (std::size_t n = 0; n < kBlockNodes; ++n) {
     if (!(mass[n] > 0.0F)) continue;
-    const Vec3d node = origin + dx * Vec3d(static_cast<double>(n / 16), static_cast<double>(n / 4 % 4),
-                                           static_cast<double>(n % 4));
+    const Vec3d node =
+        origin + dx * Vec3d(static_cast<double>(n / 16), static_cast<double>(n / 4 % 4),
+                            static_cast<double>(n % 4));
     const SurfacePoint surface = collider.closest(node, time);
     if (surface.distance > 1e-9 * dx) continue;
     Vec3d v(static_cast<double>(velocity[n]), static_cast<double>(velocity[kBlockNodes + n]),

@@ -8,8 +8,8 @@ namespace matterfit::mpm {
 
 /// The usual contact of MPM codes: velocities of the grid nodes inside a collider are projected.
 /// Accurate to a cell only (docs/validation.md); kept for flows and for parity with other codes.
-/// `mass` (64) and `velocity` ([3][64], m/s) are those of the block of nodes whose node (0, 0, 0) is
-/// at `origin`.
+/// `mass` (64) and `velocity` ([3][64], m/s) are those of the block of nodes whose node (0, 0, 0)
+/// is at `origin`.
 void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx, double time,
                         const float* mass, float* velocity);
 

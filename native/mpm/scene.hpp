@@ -34,11 +34,11 @@ struct Lattice {
 /// A region of the body at rest whose motion is prescribed.
 struct Pin {
   enum class Region {
-    kAll,      ///< the whole body
-    kPlane,    ///< everything on the plane or behind it (opposite to its normal)
-    kBox,      ///< axis-aligned, `low` to `high`
-    kSphere,   ///< `point`, `radius`
-    kPoints,   ///< material within `radius` of any of `points`
+    kAll,     ///< the whole body
+    kPlane,   ///< everything on the plane or behind it (opposite to its normal)
+    kBox,     ///< axis-aligned, `low` to `high`
+    kSphere,  ///< `point`, `radius`
+    kPoints,  ///< material within `radius` of any of `points`
   };
   Region region = Region::kAll;
   Vec3d point = Vec3d::Zero();
@@ -100,9 +100,9 @@ struct Scene {
   std::vector<ColliderPtr> colliders;
   std::vector<BodyContact> contacts;
   std::optional<Walls> walls;
-  double cfl = 0.4;                  ///< largest motion in one substep, in cells
-  double dt = 0.0;                   ///< overrides the solver's substep where > 0 [s]
-  double dt_safety = 0.8;            ///< fraction of the stability limit that is used
+  double cfl = 0.4;        ///< largest motion in one substep, in cells
+  double dt = 0.0;         ///< overrides the solver's substep where > 0 [s]
+  double dt_safety = 0.8;  ///< fraction of the stability limit that is used
   /// Moves the total Lagrangian grid inside each body by this fraction of a cell (tests of
   /// accuracy below the cell).
   Vec3d grid_shift = Vec3d::Zero();

@@ -49,7 +49,8 @@ void check_scene(const Scene& scene) {
                   " velocities for " + std::to_string(body.rest.size()) + " particles.");
     }
     for (std::size_t p = 0; p < body.rest.size(); ++p) {
-      if (!body.rest[p].allFinite() || !(body.volumes[p] > 0.0) || !std::isfinite(body.volumes[p])) {
+      if (!body.rest[p].allFinite() || !(body.volumes[p] > 0.0) ||
+          !std::isfinite(body.volumes[p])) {
         throw_input(where + ": particle " + std::to_string(p) +
                     " has a position that is not finite or a volume that is not positive.");
       }
@@ -61,8 +62,9 @@ void check_scene(const Scene& scene) {
                   "them, or use damping_shear and damping_bulk.");
     }
     if (body.formulation == Formulation::kTotal && body.material.law == material::Law::kNewtonian) {
-      throw_input(where + ": a fluid flows; formulation 'total' is for bodies that stay solid. Use "
-                          "'auto' or 'updated'.");
+      throw_input(where +
+                  ": a fluid flows; formulation 'total' is for bodies that stay solid. Use "
+                  "'auto' or 'updated'.");
     }
   }
 }

@@ -83,8 +83,7 @@ struct Simulation::Impl {
       TotalMember member;
       member.index = i;
       member.body = std::make_unique<TotalBody<float>>(scene.bodies[i], scene, table);
-      member.contact =
-          std::make_unique<TotalContact<float>>(scene.bodies[i], scene, *member.body);
+      member.contact = std::make_unique<TotalContact<float>>(scene.bodies[i], scene, *member.body);
       total.push_back(std::move(member));
     }
     if (!updated_bodies.empty()) {
@@ -334,14 +333,12 @@ FrameReport Simulation::advance(const Interrupter& interrupter) {
     for (const TotalMember& member : s.total) {
       report.max_speed = std::max(report.max_speed, member.body->max_speed());
       report.kinetic_energy += member.body->kinetic_energy();
-      report.max_penetration =
-          std::max(report.max_penetration, member.contact->max_penetration());
+      report.max_penetration = std::max(report.max_penetration, member.contact->max_penetration());
     }
     if (s.updated) s.updated->report(report);
     if (s.scene.walls) s.check_walls(state());
   });
-  report.seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return report;
 }
 

@@ -41,9 +41,9 @@ struct FrameReport {
   double max_speed = 0.0;         ///< [m/s]
   double min_volume_ratio = 1.0;  ///< smallest J = det F
   double max_volume_ratio = 1.0;
-  double max_penetration = 0.0;   ///< deepest a particle's surface is inside a collider [m]
-  double kinetic_energy = 0.0;    ///< [J]
-  double seconds = 0.0;           ///< wall clock
+  double max_penetration = 0.0;  ///< deepest a particle's surface is inside a collider [m]
+  double kinetic_energy = 0.0;   ///< [J]
+  double seconds = 0.0;          ///< wall clock
 };
 
 struct MemoryEstimate {

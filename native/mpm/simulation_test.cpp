@@ -49,7 +49,8 @@ Vec3d mean_position(const BodyState& state) {
 std::string bytes_of(const FrameState& state) {
   std::string out;
   for (const BodyState& b : state.bodies) {
-    out.append(reinterpret_cast<const char*>(b.positions.data()), b.positions.size() * sizeof(Vec3f));
+    out.append(reinterpret_cast<const char*>(b.positions.data()),
+               b.positions.size() * sizeof(Vec3f));
     out.append(reinterpret_cast<const char*>(b.velocities.data()),
                b.velocities.size() * sizeof(Vec3f));
     out.append(reinterpret_cast<const char*>(b.deformation_gradients.data()),
@@ -157,11 +158,11 @@ TEST_P(BothFormulations, DroppedBodyRestsOnTheGround) {
 
 /// Two bodies of any formulations bounce off each other: momentum is kept, and they part.
 class Pairs : public ::testing::TestWithParam<std::pair<Formulation, Formulation>> {};
-INSTANTIATE_TEST_SUITE_P(
-    Solver, Pairs,
-    ::testing::Values(std::pair(Formulation::kTotal, Formulation::kTotal),
-                      std::pair(Formulation::kTotal, Formulation::kUpdated),
-                      std::pair(Formulation::kUpdated, Formulation::kUpdated)));
+INSTANTIATE_TEST_SUITE_P(Solver, Pairs,
+                         ::testing::Values(std::pair(Formulation::kTotal, Formulation::kTotal),
+                                           std::pair(Formulation::kTotal, Formulation::kUpdated),
+                                           std::pair(Formulation::kUpdated,
+                                                     Formulation::kUpdated)));
 
 TEST_P(Pairs, CollideWithoutPassingThrough) {
   Body left = block("left", Vec3d(0, 0, 0), Vec3i(6, 6, 6), 0.01);

@@ -36,7 +36,8 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   for (std::uint32_t p = 0; p < grid_.particles(); ++p) {
     const Vec3d f = grid_.quadrature_point(p);
     S* g = geometry_.data() + grid_.chunk(p) * (4 * kLanes) + grid_.lane(p);
-    for (std::size_t axis = 0; axis < 3; ++axis) g[axis * kLanes] = static_cast<S>(f[static_cast<int>(axis)]);
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      g[axis * kLanes] = static_cast<S>(f[static_cast<int>(axis)]);
     g[3 * kLanes] = static_cast<S>(grid_.volume(p));
   }
   if (law_.plastic) plastic_.assign(grid_.chunks() * 10 * kLanes, S(0));
@@ -123,7 +124,8 @@ void TotalBody<S>::sum_forces(std::size_t node_block, double* out) const {
       for (std::size_t x = 0; x < nx; ++x)
         for (std::size_t y = 0; y < ny; ++y)
           for (std::size_t z = 0; z < nz; ++z)
-            sum[node_index(x, y, z)] += static_cast<double>(halo[halo_index(x + x0, y + y0, z + z0)]);
+            sum[node_index(x, y, z)] +=
+                static_cast<double>(halo[halo_index(x + x0, y + y0, z + z0)]);
     }
   }
 }

@@ -40,8 +40,8 @@ class TotalBody {
   /// Velocities by `kick` [s], displacements by `dt` [s]; gravity in world axes; `time` is that of
   /// the present displacements, in seconds after the scene's first frame.
   void step_nodes(Arena& arena, double kick, double dt, const Vec3d& gravity, double time);
-  /// Damps what the grid cannot resolve: velocities move by `share` towards what an APIC transfer to
-  /// the particles and back leaves of them. Affine motion is untouched, a smooth wave loses
+  /// Damps what the grid cannot resolve: velocities move by `share` towards what an APIC transfer
+  /// to the particles and back leaves of them. Affine motion is untouched, a smooth wave loses
   /// share · O((k dx)⁴), a node-to-node one most of it. An impact would ring for ever without.
   void smooth_velocities(Arena& arena, double share);
   /// True while every node is prescribed: forces are not needed.
@@ -94,7 +94,8 @@ class TotalBody {
   [[nodiscard]] Vec3d momentum() const;
 
  private:
-  [[nodiscard]] PointState state_at(std::uint32_t particle, const Vec3d& f, const Vec3d& rest) const;
+  [[nodiscard]] PointState state_at(std::uint32_t particle, const Vec3d& f,
+                                    const Vec3d& rest) const;
   [[nodiscard]] TotalView<S> view(double dt, bool commit) const;
   void sum_forces(std::size_t node_block, double* out) const;
 

@@ -38,10 +38,10 @@ class TotalContact {
   double frequency_squared_ = 0.0;
   double frame_seconds_ = 0.0;
   double acceleration_ = 0.0;
-  std::vector<double> wake_time_;                  ///< per block
-  std::vector<double> penetration_;                ///< per block, deepest of the frame [m]
-  std::vector<ContactMemory> memory_;              ///< per particle
-  std::vector<std::vector<std::uint32_t>> skin_;   ///< surface particles of each block
+  std::vector<double> wake_time_;                 ///< per block
+  std::vector<double> penetration_;               ///< per block, deepest of the frame [m]
+  std::vector<ContactMemory> memory_;             ///< per particle
+  std::vector<std::vector<std::uint32_t>> skin_;  ///< surface particles of each block
 };
 
 extern template class TotalContact<float>;

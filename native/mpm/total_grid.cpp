@@ -30,9 +30,10 @@ Vec3i corner(int k) { return {k / 4, (k / 2) % 2, k % 2}; }
 
 Vec3i floor_divide(const Vec3i& v) { return {v[0] >> 2, v[1] >> 2, v[2] >> 2}; }
 
-/// Where along the lattice the grid's nodes lie, in cells: a pinned plane, or else the body's lowest
-/// face, is the boundary of a cell (half way between two nodes), so that outer cells are full. Half
-/// a cell at a clamp either locks (its mean dilatation on its own) or gives (docs/why.md).
+/// Where along the lattice the grid's nodes lie, in cells: a pinned plane, or else the body's
+/// lowest face, is the boundary of a cell (half way between two nodes), so that outer cells are
+/// full. Half a cell at a clamp either locks (its mean dilatation on its own) or gives
+/// (docs/why.md).
 Vec3d grid_phase(const Body& body, double dx, const Mat3d& axes, const Vec3d& origin,
                  const Points& rest) {
   Vec3d low = rest.front();
@@ -123,9 +124,10 @@ void TotalGrid::place_particles() {
     for (std::size_t i = 0; i < slot.size(); ++i) {
       const std::uint32_t p = block_particles_[b][i];
       const Vec3i c = bases[p] - 4 * block_coordinates_[b];
-      const std::uint32_t chunk = slab_chunks_[first_slab + static_cast<std::size_t>(c[0])] + slot[i];
-      place_[p] = chunk * static_cast<std::uint32_t>(kLanes) +
-                  static_cast<std::uint32_t>(4 * c[1] + c[2]);
+      const std::uint32_t chunk =
+          slab_chunks_[first_slab + static_cast<std::size_t>(c[0])] + slot[i];
+      place_[p] =
+          chunk * static_cast<std::uint32_t>(kLanes) + static_cast<std::uint32_t>(4 * c[1] + c[2]);
     }
   }
 }
@@ -223,7 +225,8 @@ void TotalGrid::find_full_cells() {
       }
       const std::size_t c = cell_of(p);
       ++count[c];
-      if (centred) octants[c] = static_cast<std::uint8_t>(octants[c] | (1U << static_cast<unsigned>(octant)));
+      if (centred)
+        octants[c] = static_cast<std::uint8_t>(octants[c] | (1U << static_cast<unsigned>(octant)));
     }
     for (const std::uint32_t p : block_particles_[b]) {
       const std::size_t c = cell_of(p);
@@ -259,7 +262,8 @@ void TotalGrid::merge_cells() {
         if (coordinate < 0 || coordinate > 3) continue;
         const int j = i + step;
         if (filled[static_cast<std::size_t>(j)] > 0.6 * full &&
-            (best < 0 || filled[static_cast<std::size_t>(j)] > filled[static_cast<std::size_t>(best)])) {
+            (best < 0 ||
+             filled[static_cast<std::size_t>(j)] > filled[static_cast<std::size_t>(best)])) {
           best = j;
         }
       }
@@ -345,9 +349,31 @@ NodeWeights TotalGrid::point_weights(const Vec3d& local) const {
     }
     return result;
   }
-  throw_input("A point at " + std::to_string(local[0]) + " " + std::to_string(local[1]) + " " +
-              std::to_string(local[2]) +
-              " (body axes, m) is too far from the body, or the body too thin there, to attach it.");
+  throw_input(
+      "A point at " + std::to_string(local[0]) + " " + std::to_string(local[1]) + " " +
+      std::to_string(local[2]) +
+      " (body axes, m) is too far from the body, or the body too thin there, to attach it.");
+}
+
+NodeWeights TotalGrid::field_weights(std::uint32_t particle, const Vec3d& local) const {
+  const Vec3i base = cell(rest_[particle]).first;
+  double w[3][3];
+  for (int axis = 0; axis < 3; ++axis) {
+    const double f = node_coordinate(local, axis) - base[axis];
+    w[axis][0] = 0.5 * (1.5 - f) * (1.5 - f);
+    w[axis][1] = 0.75 - (f - 1.0) * (f - 1.0);
+    w[axis][2] = 0.5 * (f - 0.5) * (f - 0.5);
+  }
+  NodeWeights result;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      for (int k = 0; k < 3; ++k) {
+        const std::uint32_t node = find_node(base + Vec3i(i, j, k));
+        if (node == kNoBlock || !(mass_[node] > 0.0)) continue;
+        result.nodes.push_back(node);
+        result.weights.push_back(w[0][i] * w[1][j] * w[2][k]);
+      }
+  return result;
 }
 
 }  // namespace matterfit::mpm

@@ -19,8 +19,8 @@ struct NodeWeights {
   std::vector<double> weights;
 };
 
-/// The fixed grid of a total Lagrangian body: which blocks there are, where each particle sits, node
-/// masses. Everything is in the body's own axes: x_local = axesᵀ (X − origin).
+/// The fixed grid of a total Lagrangian body: which blocks there are, where each particle sits,
+/// node masses. Everything is in the body's own axes: x_local = axesᵀ (X − origin).
 class TotalGrid {
  public:
   TotalGrid(const Body& body, const Scene& scene);
@@ -32,13 +32,21 @@ class TotalGrid {
 
   [[nodiscard]] double dx() const { return dx_; }
   [[nodiscard]] const Mat3d& axes() const { return axes_; }
-  [[nodiscard]] Vec3d to_local(const Vec3d& world) const { return axes_.transpose() * (world - origin_); }
+  [[nodiscard]] Vec3d to_local(const Vec3d& world) const {
+    return axes_.transpose() * (world - origin_);
+  }
   [[nodiscard]] Vec3d to_world(const Vec3d& local) const { return axes_ * local + origin_; }
   [[nodiscard]] const Vec3d& rest(std::uint32_t particle) const { return rest_[particle]; }
   [[nodiscard]] double volume(std::uint32_t particle) const { return volumes_[particle]; }
-  [[nodiscard]] std::uint32_t chunk(std::uint32_t particle) const { return place_[particle] / kLanes; }
-  [[nodiscard]] std::uint32_t lane(std::uint32_t particle) const { return place_[particle] % kLanes; }
-  [[nodiscard]] std::uint32_t block(std::uint32_t particle) const { return particle_block_[particle]; }
+  [[nodiscard]] std::uint32_t chunk(std::uint32_t particle) const {
+    return place_[particle] / kLanes;
+  }
+  [[nodiscard]] std::uint32_t lane(std::uint32_t particle) const {
+    return place_[particle] % kLanes;
+  }
+  [[nodiscard]] std::uint32_t block(std::uint32_t particle) const {
+    return particle_block_[particle];
+  }
   [[nodiscard]] const std::vector<std::uint32_t>& block_particles(std::size_t b) const {
     return block_particles_[b];
   }
@@ -57,7 +65,9 @@ class TotalGrid {
   /// Partly filled cells whose mean dilatation is taken with a neighbour's, per block.
   [[nodiscard]] const std::vector<std::uint32_t>& block_merges() const { return block_merges_; }
   [[nodiscard]] const std::vector<CellMerge>& merges() const { return merges_; }
-  [[nodiscard]] const std::vector<double>& mass() const { return mass_; }  ///< [kg], node blocks × 64
+  [[nodiscard]] const std::vector<double>& mass() const {
+    return mass_;
+  }  ///< [kg], node blocks × 64
   [[nodiscard]] const std::vector<double>& inverse_mass() const { return inverse_mass_; }
   [[nodiscard]] double total_mass() const { return total_mass_; }
   [[nodiscard]] const Vec3d& center_of_mass() const { return center_; }  ///< local, at rest
@@ -76,12 +86,18 @@ class TotalGrid {
 
   /// Where the stress of a particle is evaluated: x/dx − base. In a cell that holds one particle
   /// in each of its eight octants these are the Gauss points of the cell, elsewhere the particle.
-  [[nodiscard]] bool in_full_cell(std::uint32_t particle) const { return in_full_cell_[particle] != 0; }
+  [[nodiscard]] bool in_full_cell(std::uint32_t particle) const {
+    return in_full_cell_[particle] != 0;
+  }
   [[nodiscard]] Vec3d quadrature_point(std::uint32_t particle) const;
 
   /// First-order (moving least squares) weights over nodes that carry mass: exact for affine
   /// motion, also for points off the body, where plain B-spline weights would lean on empty nodes.
   [[nodiscard]] NodeWeights point_weights(const Vec3d& local) const;
+
+  /// The body's own field at a point in a particle's cell or close to it: the cell's quadratic
+  /// polynomial, whose nodes all carry mass. What is zero under these weights is held exactly.
+  [[nodiscard]] NodeWeights field_weights(std::uint32_t particle, const Vec3d& local) const;
 
  private:
   void place_particles();

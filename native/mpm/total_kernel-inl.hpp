@@ -35,10 +35,10 @@ void expand_nodes(const double* nodes, const std::uint32_t* block_nodes, const d
         const std::size_t row_in_block = mpm::node_index(x % 4, y % 4, 0);
         const double* low = nodes + (block_nodes[corner] * 3 + c) * kBlockNodes + row_in_block;
         const double* high = nodes + (block_nodes[corner + 1] * 3 + c) * kBlockNodes + row_in_block;
-        const S row[6] = {static_cast<S>(low[0] - reference[c]), static_cast<S>(low[1] - reference[c]),
-                          static_cast<S>(low[2] - reference[c]), static_cast<S>(low[3] - reference[c]),
-                          static_cast<S>(high[0] - reference[c]),
-                          static_cast<S>(high[1] - reference[c])};
+        const S row[6] = {
+            static_cast<S>(low[0] - reference[c]),  static_cast<S>(low[1] - reference[c]),
+            static_cast<S>(low[2] - reference[c]),  static_cast<S>(low[3] - reference[c]),
+            static_cast<S>(high[0] - reference[c]), static_cast<S>(high[1] - reference[c])};
         expand_row(row, expanded + c * kExpanded, x, y);
       }
     }
@@ -68,7 +68,8 @@ inline void reference_value(const double* nodes, std::size_t node, double out[3]
 }
 
 template <class T>
-HWY_INLINE Stencil<T> load_gradient_stencil(const typename LaneTraits<T>::Scalar* geometry, T inverse_dx) {
+HWY_INLINE Stencil<T> load_gradient_stencil(const typename LaneTraits<T>::Scalar* geometry,
+                                            T inverse_dx) {
   const T f[3] = {LaneTraits<T>::load(geometry), LaneTraits<T>::load(geometry + kLanes),
                   LaneTraits<T>::load(geometry + 2 * kLanes)};
   return gradient_stencil(f, inverse_dx);

@@ -147,25 +147,29 @@ void TotalPins::add_constraints(Clamp& clamp, const Body& body) {
   // Candidates: points of the region's surface that lie in the body, first, because they are the
   // clamp; then the particles inside, which hold the rest of the region.
   const double near = 0.5 * grid_.dx();
-  Points surface;
-  Points inside;
-  for (std::size_t p = 0; p < body.rest.size(); ++p) {
+  struct Candidate {
+    std::uint32_t particle;  ///< in whose cell it lies, or nearly
+    Vec3d point;
+  };
+  std::vector<Candidate> surface;
+  std::vector<Candidate> inside;
+  for (std::uint32_t p = 0; p < body.rest.size(); ++p) {
     Vec3d nearest;
     const double d = region_distance(clamp.pin, body.rest[p], nearest);
     if (std::abs(d) <= near && clamp.pin.region != Pin::Region::kPoints) {
-      surface.push_back(grid_.to_local(nearest));
+      surface.push_back({p, grid_.to_local(nearest)});
     }
-    if (d <= 0.0) inside.push_back(grid_.to_local(body.rest[p]));
+    if (d <= 0.0) inside.push_back({p, grid_.to_local(body.rest[p])});
   }
   if (inside.empty() && surface.empty()) return;
-  // One candidate a quarter cell is plenty: nodes are a cell apart.
-  Points candidates;
+  // One candidate a half cell is plenty: nodes are a cell apart.
+  std::vector<Candidate> candidates;
   std::set<std::tuple<long, long, long>> seen;
-  for (const Points* group : {&surface, &inside}) {
-    for (const Vec3d& x : *group) {
-      const Vec3d q = x / (0.45 * grid_.dx());
+  for (const std::vector<Candidate>* group : {&surface, &inside}) {
+    for (const Candidate& candidate : *group) {
+      const Vec3d q = candidate.point / (0.45 * grid_.dx());
       if (seen.emplace(std::lround(q[0]), std::lround(q[1]), std::lround(q[2])).second) {
-        candidates.push_back(x);
+        candidates.push_back(candidate);
       }
     }
   }
@@ -175,9 +179,11 @@ void TotalPins::add_constraints(Clamp& clamp, const Body& body) {
                 " points is too large. Pin the plane or the whole body instead, or use a larger "
                 "particle separation.");
   }
+  // The body's own field, not the smoothed one of point_weights: that leaves the light nodes at the
+  // surface free, and with them the clamp gives way by a tenth of a cantilever's frequency.
   std::vector<NodeWeights> rows;
   rows.reserve(candidates.size());
-  for (const Vec3d& x : candidates) rows.push_back(grid_.point_weights(x));
+  for (const Candidate& c : candidates) rows.push_back(grid_.field_weights(c.particle, c.point));
   // Pivoted Cholesky of C M⁻¹ Cᵀ: keeps constraints that are independent of those kept already.
   std::vector<Eigen::VectorXd> dense;  // M^(−½) rows, on the nodes involved
   std::vector<std::uint32_t> nodes;
@@ -203,9 +209,10 @@ void TotalPins::add_constraints(Clamp& clamp, const Body& body) {
     kept.push_back(r);
   }
   PointConstraints& out = clamp.constraints;
-  Eigen::MatrixXd gram(static_cast<Eigen::Index>(kept.size()), static_cast<Eigen::Index>(kept.size()));
+  Eigen::MatrixXd gram(static_cast<Eigen::Index>(kept.size()),
+                       static_cast<Eigen::Index>(kept.size()));
   for (std::size_t i = 0; i < kept.size(); ++i) {
-    out.points.push_back(candidates[kept[i]]);
+    out.points.push_back(candidates[kept[i]].point);
     out.rows.push_back(rows[kept[i]]);
     for (std::size_t j = 0; j < kept.size(); ++j) {
       gram(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = dense[i].dot(dense[j]);
@@ -247,7 +254,8 @@ void TotalPins::step(double kick, double dt, double time, const Vec3d& gravity,
                      const std::vector<Vec3d>& acceleration, std::vector<double>& displacement,
                      std::vector<double>& velocity) const {
   const auto component = [](std::uint32_t node, int c) {
-    return (node / kBlockNodes * 3 + static_cast<std::size_t>(c)) * kBlockNodes + node % kBlockNodes;
+    return (node / kBlockNodes * 3 + static_cast<std::size_t>(c)) * kBlockNodes +
+           node % kBlockNodes;
   };
   const auto get = [&](const std::vector<double>& field, std::uint32_t node) {
     return Vec3d(field[component(node, 0)], field[component(node, 1)], field[component(node, 2)]);
@@ -303,7 +311,8 @@ void TotalPins::step(double kick, double dt, double time, const Vec3d& gravity,
           moving += row.weights[n] * v[index(row.nodes[n])];
           present += row.weights[n] * get(displacement, row.nodes[n]);
         }
-        defect.row(static_cast<Eigen::Index>(r)) = (moving - wanted(points.points[r], present)).transpose();
+        defect.row(static_cast<Eigen::Index>(r)) =
+            (moving - wanted(points.points[r], present)).transpose();
       }
       const auto lower = points.factor.triangularView<Eigen::Lower>();
       lower.solveInPlace(defect);

@@ -78,7 +78,7 @@ class TotalPins {
   std::vector<Clamp> clamps_;
   std::vector<Mass> masses_;            ///< by the time they are attached
   std::vector<MassGroup> mass_groups_;  ///< one for each such time, ascending
-  std::vector<std::uint32_t> nodes_;  ///< sorted
+  std::vector<std::uint32_t> nodes_;    ///< sorted
   std::vector<std::uint8_t> deferred_;
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Gather from and scatter to the expanded nodes of a block (layout.hpp), by sum factorisation of the
-// tensor-product weights: about 93 register operations a component in place of 27 × 12.
+// Gather from and scatter to the expanded nodes of a block (layout.hpp), by sum factorisation of
+// the tensor-product weights: about 93 register operations a component in place of 27 × 12.
 // Included once per SIMD target.
 #if defined(MATTERFIT_MPM_TRANSFER_INL_HPP) == defined(HWY_TARGET_TOGGLE)
 #ifdef MATTERFIT_MPM_TRANSFER_INL_HPP

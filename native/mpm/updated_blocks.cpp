@@ -135,7 +135,8 @@ void UpdatedBlocks::tidy() {
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
     for (int k = 0; k < 8; ++k) {
       // Nodes of this block are touched from blocks at (−a, −b, −c).
-      const std::size_t n = kMiddle - static_cast<std::size_t>(9 * (k / 4) + 3 * (k / 2 % 2) + k % 2);
+      const std::size_t n =
+          kMiddle - static_cast<std::size_t>(9 * (k / 4) + 3 * (k / 2 % 2) + k % 2);
       const std::uint32_t other = blocks_[b]->neighbours[n];
       if (other != kNoBlock && blocks_[other]->occupied) needed[b] = 1;
     }
@@ -156,7 +157,8 @@ void UpdatedBlocks::tidy() {
 void UpdatedBlocks::save(ByteWriter& out) const {
   out.put(static_cast<std::uint64_t>(blocks_.size()));
   for (const auto& block : blocks_) {
-    out.put(std::array<int, 3>{block->coordinates[0], block->coordinates[1], block->coordinates[2]});
+    out.put(
+        std::array<int, 3>{block->coordinates[0], block->coordinates[1], block->coordinates[2]});
     out.put(block->occupied);
     out.put(block->halo);
     for (const BodyBlock& body : block->bodies) {

@@ -34,13 +34,13 @@ struct UpdatedBlock {
   Vec3i coordinates = Vec3i::Zero();
   std::array<std::uint32_t, 27> neighbours{};  ///< index 9(a+1)+3(b+1)+(c+1)
   std::vector<BodyBlock> bodies;
-  bool occupied = false;  ///< has particles, or had some since the last tidy()
-  std::vector<float> halo;                          ///< [4][216], while occupied
-  std::array<float, 3 * kBlockNodes> velocity{};    ///< of its own nodes [m/s]
-  std::vector<std::vector<Crosser<float>>> leaving; ///< per body, of this substep
-  std::uint32_t leaving_to = 0;                     ///< bits of neighbours that get some
-  double wake_time = -1e30;                         ///< of contact
-  double sent_wake_time = -1e30;                    ///< wake_time as this substep's leavers left
+  bool occupied = false;    ///< has particles, or had some since the last tidy()
+  std::vector<float> halo;  ///< [4][216], while occupied
+  std::array<float, 3 * kBlockNodes> velocity{};     ///< of its own nodes [m/s]
+  std::vector<std::vector<Crosser<float>>> leaving;  ///< per body, of this substep
+  std::uint32_t leaving_to = 0;                      ///< bits of neighbours that get some
+  double wake_time = -1e30;                          ///< of contact
+  double sent_wake_time = -1e30;                     ///< wake_time as this substep's leavers left
   double penetration = 0.0;
   BlockExtremes<float> extremes{1.0F, 1.0F};
   float fastest = 0.0F;
@@ -65,7 +65,9 @@ class UpdatedBlocks {
   void save(ByteWriter& out) const;
   void load(ByteReader& in);
 
-  [[nodiscard]] static std::size_t bytes_per_block() { return sizeof(UpdatedBlock) + 4 * kHaloNodes * 4; }
+  [[nodiscard]] static std::size_t bytes_per_block() {
+    return sizeof(UpdatedBlock) + 4 * kHaloNodes * 4;
+  }
 
  private:
   struct Hash {

@@ -24,11 +24,11 @@ struct Member {
   material::LawConstants<float> law;
   double density = 0.0;
   std::size_t particles = 0;
-  std::vector<ContactLaw> contacts;      ///< per particle-wise collider
-  std::vector<ContactMemory> memory;     ///< per particle
+  std::vector<ContactLaw> contacts;   ///< per particle-wise collider
+  std::vector<ContactMemory> memory;  ///< per particle
   std::vector<Pin> pins;
-  std::vector<std::uint8_t> pin_of;      ///< per particle: pin + 1, 0: free; empty without pins
-  Points rest;                           ///< kept for pins only
+  std::vector<std::uint8_t> pin_of;  ///< per particle: pin + 1, 0: free; empty without pins
+  Points rest;                       ///< kept for pins only
 };
 
 }  // namespace
@@ -214,7 +214,8 @@ struct UpdatedGroup::Impl {
           for (std::size_t x = 0; x < nx; ++x)
             for (std::size_t y = 0; y < ny; ++y)
               for (std::size_t z = 0; z < nz; ++z)
-                sum[c * kBlockNodes + node_index(x, y, z)] += halo[halo_index(x + x0, y + y0, z + z0)];
+                sum[c * kBlockNodes + node_index(x, y, z)] +=
+                    halo[halo_index(x + x0, y + y0, z + z0)];
         }
       }
       const float* mass = sum + 3 * kBlockNodes;
@@ -310,7 +311,8 @@ struct UpdatedGroup::Impl {
         blocks.occupy(blocks.ensure(blocks[b].coordinates + step));
       }
     }
-    if (blocks.size() != before && blocks.size() * UpdatedBlocks::bytes_per_block() > memory_limit) {
+    if (blocks.size() != before &&
+        blocks.size() * UpdatedBlocks::bytes_per_block() > memory_limit) {
       std::ostringstream text;
       text << "The grid has grown to " << blocks.size() << " blocks, more than the memory limit of "
            << (memory_limit >> 20U)
@@ -356,9 +358,9 @@ struct UpdatedGroup::Impl {
     for (std::size_t i = 0; i < 3; ++i)
       for (std::size_t j = 0; j < 3; ++j)
         for (std::size_t k = 0; k < 3; ++k) {
-          const std::size_t node =
-              halo_index(static_cast<std::size_t>(cell[0]) + i, static_cast<std::size_t>(cell[1]) + j,
-                         static_cast<std::size_t>(cell[2]) + k);
+          const std::size_t node = halo_index(static_cast<std::size_t>(cell[0]) + i,
+                                              static_cast<std::size_t>(cell[1]) + j,
+                                              static_cast<std::size_t>(cell[2]) + k);
           const float weight = w[0][i] * w[1][j] * w[2][k];
           for (std::size_t c = 0; c < 3; ++c) {
             block.halo[c * kHaloNodes + node] += weight * momentum[static_cast<int>(c)];
@@ -483,8 +485,9 @@ struct UpdatedGroup::Impl {
           std::ostringstream text;
           text << "Body '" << members[m].name << "': particle " << chunk.id[l] << " at (" << x[0]
                << ", " << x[1] << ", " << x[2] << ") m "
-               << (std::isfinite(j) ? "is turned inside out (volume ratio " + std::to_string(j) + ")"
-                                    : std::string("is not a number"));
+               << (std::isfinite(j)
+                       ? "is turned inside out (volume ratio " + std::to_string(j) + ")"
+                       : std::string("is not a number"));
           found = text.str();
         });
         if (!found.empty()) fail(time, found);
@@ -597,7 +600,8 @@ void UpdatedGroup::collect(const Vec3d& low, const Vec3d& high,
             p.id = chunk.id[l];
             p.position = x;
             for (std::size_t c = 0; c < 3; ++c) {
-              p.velocity[static_cast<int>(c)] = static_cast<double>(chunk.a[Chunk::kVelocity + c][l]);
+              p.velocity[static_cast<int>(c)] =
+                  static_cast<double>(chunk.a[Chunk::kVelocity + c][l]);
             }
             p.volume = static_cast<double>(chunk.a[Chunk::kVolume][l]);
             p.mass = p.volume * s.members[m].density;
@@ -624,18 +628,19 @@ void UpdatedGroup::sample(std::vector<BodyState>& bodies) const {
     out.deformation_gradients.resize(n);
     out.plastic_strain.resize(s.members[m].law.plastic ? n : 0);
     for (std::size_t b = 0; b < s.blocks.size(); ++b) {
-      Impl::for_each(s.blocks[b].bodies[m], [&](std::size_t slab, const Chunk& chunk, std::size_t l) {
-        const std::uint32_t p = chunk.id[l];
-        out.positions[p] = s.position(s.blocks[b], slab, chunk, l).cast<float>();
-        for (int c = 0; c < 3; ++c) {
-          out.velocities[p][c] = chunk.a[Chunk::kVelocity + static_cast<std::size_t>(c)][l];
-        }
-        for (int c = 0; c < 9; ++c) {
-          out.deformation_gradients[p](c / 3, c % 3) =
-              chunk.a[Chunk::kH + static_cast<std::size_t>(c)][l] + (c % 4 == 0 ? 1.0F : 0.0F);
-        }
-        if (s.members[m].law.plastic) out.plastic_strain[p] = chunk.a[Chunk::kStrain][l];
-      });
+      Impl::for_each(
+          s.blocks[b].bodies[m], [&](std::size_t slab, const Chunk& chunk, std::size_t l) {
+            const std::uint32_t p = chunk.id[l];
+            out.positions[p] = s.position(s.blocks[b], slab, chunk, l).cast<float>();
+            for (int c = 0; c < 3; ++c) {
+              out.velocities[p][c] = chunk.a[Chunk::kVelocity + static_cast<std::size_t>(c)][l];
+            }
+            for (int c = 0; c < 9; ++c) {
+              out.deformation_gradients[p](c / 3, c % 3) =
+                  chunk.a[Chunk::kH + static_cast<std::size_t>(c)][l] + (c % 4 == 0 ? 1.0F : 0.0F);
+            }
+            if (s.members[m].law.plastic) out.plastic_strain[p] = chunk.a[Chunk::kStrain][l];
+          });
     }
   }
 }

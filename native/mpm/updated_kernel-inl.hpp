@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The fused substep of the updated Lagrangian formulation, a block at a time. Included once per SIMD
-// target.
+// The fused substep of the updated Lagrangian formulation, a block at a time. Included once per
+// SIMD target.
 #if defined(MATTERFIT_MPM_UPDATED_KERNEL_INL_HPP) == defined(HWY_TARGET_TOGGLE)
 #ifdef MATTERFIT_MPM_UPDATED_KERNEL_INL_HPP
 #undef MATTERFIT_MPM_UPDATED_KERNEL_INL_HPP
@@ -209,8 +209,8 @@ void updated_scatter(const mpm::Crosser<S>& p, const int cell[3], S density, S d
         const S gy = s.w[0][i] * s.g[1][j] * s.w[2][k];
         const S gz = s.w[0][i] * s.w[1][j] * s.g[2][k];
         for (std::size_t a = 0; a < 3; ++a) {
-          halo[a * kHaloNodes + node] += w * mass * p.velocity[a] + gx * matrix[a][0] +
-                                         gy * matrix[a][1] + gz * matrix[a][2];
+          halo[a * kHaloNodes + node] +=
+              w * mass * p.velocity[a] + gx * matrix[a][0] + gy * matrix[a][1] + gz * matrix[a][2];
         }
         halo[3 * kHaloNodes + node] += w * mass;
       }

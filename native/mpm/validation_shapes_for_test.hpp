@@ -14,8 +14,8 @@
 #include "base/parallel.hpp"
 #include "mpm/simulation.hpp"
 
-/// What validation tests and benchmarks share: shapes on a lattice, sums over particles, and the fit
-/// of a sinusoid.
+/// What validation tests and benchmarks share: shapes on a lattice, sums over particles, and the
+/// fit of a sinusoid.
 namespace matterfit::mpm::validation {
 
 /// Lattice cells of edge `spacing` whose centre lies where `inside` says, within [low, high]; the
@@ -74,8 +74,7 @@ inline void run(const Scene& scene, int threads,
                 const std::function<bool(const FrameState&)>& watch) {
   Simulation simulation(scene, std::make_shared<Arena>(threads));
   const Interrupter interrupter;
-  for (bool go_on = watch(simulation.state());
-       go_on && simulation.frame() + 1 < scene.end_frame;) {
+  for (bool go_on = watch(simulation.state()); go_on && simulation.frame() + 1 < scene.end_frame;) {
     simulation.advance(interrupter);
     go_on = watch(simulation.state());
   }

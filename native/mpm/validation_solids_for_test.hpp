@@ -10,7 +10,8 @@ namespace matterfit::mpm::validation {
 
 inline constexpr double kGravity = 9.81;
 
-// --- An elastic ball on a floor -------------------------------------------------------------------
+// --- An elastic ball on a floor
+// -------------------------------------------------------------------
 
 struct DropSetting {
   Formulation formulation = Formulation::kTotal;
@@ -24,9 +25,9 @@ struct DropSetting {
 };
 
 struct Drop {
-  double rebound = 0.0;   ///< height of the centre of mass after the bounce / height dropped
-  double deepest = 0.0;   ///< lowest height of the centre of mass above the floor [m]
-  double rest = 0.0;      ///< the same at the end (settle)
+  double rebound = 0.0;  ///< height of the centre of mass after the bounce / height dropped
+  double deepest = 0.0;  ///< lowest height of the centre of mass above the floor [m]
+  double rest = 0.0;     ///< the same at the end (settle)
 };
 
 /// E 5e4 Pa, ρ 1000, ν .3, 80 mm across, dropped by half its diameter.
@@ -87,7 +88,8 @@ inline Drop drop_ball(const DropSetting& setting) {
   return result;
 }
 
-// --- A block on an incline ------------------------------------------------------------------------
+// --- A block on an incline
+// ------------------------------------------------------------------------
 
 struct Slide {
   double acceleration = 0.0;  ///< along the incline [m/s²], from 0.4 s on
@@ -137,7 +139,8 @@ inline Slide slide_block(Formulation formulation, double steepness, double offse
   return result;
 }
 
-// --- Bars and beams -------------------------------------------------------------------------------
+// --- Bars and beams
+// -------------------------------------------------------------------------------
 
 struct BarSetting {
   Formulation formulation = Formulation::kTotal;
@@ -281,9 +284,9 @@ inline Cantilever cantilever(const BarSetting& setting) {
   const bool total = setting.formulation == Formulation::kTotal;
   const double start = total ? 0.0 : setting.offset * scene.dx;
   if (total) scene.grid_shift = Vec3d(setting.offset, 0, 0);
-  Body body = box_body("beam", Vec3d(start, 0, 0),
-                       Vec3d(start + kBeam.length, kBeam.thickness, kBeam.thickness),
-                       0.5 * scene.dx);
+  Body body =
+      box_body("beam", Vec3d(start, 0, 0),
+               Vec3d(start + kBeam.length, kBeam.thickness, kBeam.thickness), 0.5 * scene.dx);
   body.formulation = setting.formulation;
   body.density = kBeam.density;
   body.material.youngs_modulus = kBeam.youngs_modulus;

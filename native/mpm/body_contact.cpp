@@ -40,7 +40,10 @@ struct BodyContacts::Surface {
   Surface(const Skin& s, double r, const Vec3d& low, const Vec3d& high) : skin(s), reach(r) {
     for (std::uint32_t i = 0; i < s.positions.size(); ++i) {
       const Vec3d& x = s.positions[i];
-      if ((x.array() < low.array() - r).any() || (x.array() > high.array() + r).any()) continue;
+      // Written so that what is not a number is left out: the body's own check names it.
+      const bool near =
+          (x.array() >= low.array() - r).all() && (x.array() <= high.array() + r).all();
+      if (!near) continue;
       cells[cell(x)].push_back(i);
     }
   }
@@ -196,7 +199,7 @@ void BodyContacts::apply(Arena& arena, double time, double dt, double accelerati
         const Vec3d high = seen.high + Vec3d::Constant(reach);
         for (std::size_t i = 0; i < other.particles.size(); ++i) {
           const Vec3d& x = other.positions[i];
-          if ((x.array() < low.array()).any() || (x.array() > high.array()).any()) continue;
+          if (!((x.array() >= low.array()).all() && (x.array() <= high.array()).all())) continue;
           const std::uint32_t p = other.particles[i];
           const double volume = other.body->volume(p);
           const double edge = std::cbrt(volume);

@@ -46,7 +46,7 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
         session = context.window_manager.matterfit
         location = takes.locate(take)
         box = layout.box()
-        lines(box, location.folder, icon="FILE_FOLDER")
+        lines(box, location.folder if location.linked else take.folder, icon="FILE_FOLDER")
         if not location.exists:
             box.label(text="The folder does not exist", icon="ERROR")
             return

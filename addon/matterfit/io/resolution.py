@@ -8,6 +8,7 @@ from mathutils.bvhtree import BVHTree
 from . import presets
 
 RAYS = 400
+HITS = 8
 _applying = []
 
 
@@ -67,10 +68,18 @@ def object_thickness(item):
         if normal.length < 1e-12:
             continue
         normal.normalize()
-        start = center - normal * (1e-5 * float(max(extent)))
-        _, _, _, distance = tree.ray_cast(start, -normal)
-        if distance:
-            distances.append(distance)
+        near = 1e-5 * float(max(extent))
+        start, through = center - normal * near, 0.0
+        for _ in range(HITS):
+            place, facing, _, distance = tree.ray_cast(start, -normal)
+            if place is None:
+                break
+            through += distance
+            if facing.dot(normal) < 0.0:
+                distances.append(through)
+                break
+            # The face itself where it is not planar, or a shell inside: on to the other side.
+            start = place - normal * near
     if not distances:
         return smallest
     return float(numpy.percentile(distances, 5.0))

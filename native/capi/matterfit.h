@@ -6,8 +6,8 @@
 #include <stdint.h>
 
 /*
- * The C interface of Matterfit. Plain structs with a size field (set it to sizeof the struct), status
- * codes, opaque handles. No C++ type and no exception crosses it. Texts are UTF-8.
+ * The C interface of Matterfit. Plain structs with a size field (set it to sizeof the struct),
+ * status codes, opaque handles. No C++ type and no exception crosses it. Texts are UTF-8.
  *
  * A job reads its inputs only from the files that its document names. It runs on a thread of its
  * own: no call below waits for it but mf_job_wait and mf_job_free. Several jobs may run at once.
@@ -28,7 +28,8 @@
 extern "C" {
 #endif
 
-/* Grows by one with each change that breaks callers. Fields are added at the ends of structs only. */
+/* Grows by one with each change that breaks callers. Fields are added at the ends of structs only.
+ */
 #define MF_ABI_VERSION 1u
 
 /* The values are the exit statuses of the command line tool. */
@@ -54,9 +55,9 @@ typedef struct mf_job_options {
 } mf_job_options;
 
 typedef struct mf_progress {
-  uint32_t size;         /* sizeof(mf_progress) */
-  int32_t status;        /* mf_status: MF_RUNNING, or how the job ended */
-  int32_t frame;         /* scene frame it stands at */
+  uint32_t size;  /* sizeof(mf_progress) */
+  int32_t status; /* mf_status: MF_RUNNING, or how the job ended */
+  int32_t frame;  /* scene frame it stands at */
   int32_t last_frame;
   double fraction;       /* of the whole job, 0 to 1 */
   double seconds;        /* since the start */

@@ -57,9 +57,7 @@ void Cache::begin_afresh(const Job& job, const Inputs& inputs) {
 
 bool Cache::is_sound(const std::string& path) const {
   const auto file = manifest_.files.find(path);
-  if (file == manifest_.files.end()) return false;
-  std::error_code code;
-  return std::filesystem::file_size(folder_ / path, code) == file->second.size && !code;
+  return file != manifest_.files.end() && fault_of(folder_, path, file->second).empty();
 }
 
 void Cache::record(const std::string& path, bool is_result) {

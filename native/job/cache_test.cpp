@@ -205,6 +205,9 @@ TEST(Cache, RefusesChangedInputsAndNamesThem) {
     cache.manifest().frames_done = 1;
     cache.save();
     EXPECT_EQ(cache.sound_states(), 1U);
+    write_file(cache.folder() / state_path(1), "STATE");
+    EXPECT_EQ(cache.sound_states(), 0U) << "of the same size, but not what was written";
+    write_file(cache.folder() / state_path(1), "state");
   }
   const Job changed = job_in(folder.path, {"gravity=[0,0,-1]"});
   const Inputs now = simulation_inputs(changed, mpm::SimdTarget::kSse4);

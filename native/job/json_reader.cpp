@@ -250,7 +250,7 @@ Json parse_json(std::string_view text, const std::string& name) {
     return !too_deep;
   };
   try {
-    Json json = Json::parse(text, watch, true, false);
+    Json json = Json::parse(text, watch, true, true);
     if (too_deep) throw_input(name + ": nested more than 64 levels deep.");
     return json;
   } catch (const Json::parse_error& error) {

@@ -139,26 +139,25 @@ std::string result_hash(const Manifest& manifest) {
   return hasher.hex();
 }
 
+std::string fault_of(const fs::path& folder, const std::string& path, const Manifest::File& file) {
+  std::error_code code;
+  const std::uint64_t size = fs::file_size(folder / path, code);
+  if (code) return "is missing";
+  if (size != file.size) {
+    return "has " + std::to_string(size) + " bytes, " + std::to_string(file.size) +
+           " were written" + (size < file.size ? ": truncated" : "");
+  }
+  std::uint64_t unused = 0;
+  return content_hash(folder / path, unused) == file.hash ? ""
+                                                          : "has another content than was written";
+}
+
 std::vector<FileFault> verify_files(const Manifest& manifest, const fs::path& folder) {
   std::vector<FileFault> faults;
   for (const auto& [path, file] : manifest.files) {
     if (file.hash.empty()) continue;  // logs and checkpoints change behind the manifest's back
-    std::error_code code;
-    const std::uint64_t size = fs::file_size(folder / path, code);
-    if (code) {
-      faults.push_back({path, "is missing"});
-      continue;
-    }
-    if (size != file.size) {
-      faults.push_back({path, "has " + std::to_string(size) + " bytes, " +
-                                  std::to_string(file.size) + " were written" +
-                                  (size < file.size ? ": truncated" : "")});
-      continue;
-    }
-    std::uint64_t unused = 0;
-    if (content_hash(folder / path, unused) != file.hash) {
-      faults.push_back({path, "has another content than was written"});
-    }
+    const std::string what = fault_of(folder, path, file);
+    if (!what.empty()) faults.push_back({path, what});
   }
   return faults;
 }

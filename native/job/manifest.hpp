@@ -66,6 +66,10 @@ struct FileFault {
   std::string what;  ///< "is missing", "has 12 of 400 bytes: truncated", "has another content"
 };
 
+/// What is wrong with a file that the manifest lists; empty: nothing. Reads it whole.
+[[nodiscard]] std::string fault_of(const std::filesystem::path& folder, const std::string& path,
+                                   const Manifest::File& file);
+
 /// Compares every listed file with what is on disk.
 [[nodiscard]] std::vector<FileFault> verify_files(const Manifest& manifest,
                                                   const std::filesystem::path& folder);

@@ -132,6 +132,11 @@ Points Observations::means(const Follower& follower) const {
   return means;
 }
 
+double Observations::farthest(std::size_t capture) const {
+  const auto& binding = followers_[capture]->binding;
+  return binding ? binding->farthest().distance : 0.0;
+}
+
 SimulatedCapture Observations::at_capture(std::size_t capture) const {
   const Follower& follower = *followers_[capture];
   const std::size_t points = follower.observed.rest.size();

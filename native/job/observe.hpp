@@ -45,6 +45,8 @@ class Observations {
   /// Frames in order, from the scene's first.
   void record(const mpm::FrameState& state);
 
+  /// How far the capture's farthest point lies from its body at rest [m].
+  [[nodiscard]] double farthest(std::size_t capture) const;
   [[nodiscard]] SimulatedCapture at_capture(std::size_t capture) const;
   /// Ring-down of the mean of the capture's points, simulated.
   [[nodiscard]] std::optional<fit::Ringdown> capture_ringdown(std::size_t capture) const;

@@ -343,6 +343,20 @@ class Run {
     json["simulation_seconds"] = simulated;
   }
 
+  /// Markers may stand off the body, but not by its own size: they move along with it all the same,
+  /// so that the comparison would look right.
+  void note_distance(std::size_t capture) {
+    const CaptureInput& input = captures_[capture];
+    const auto body = std::find_if(scene().bodies.begin(), scene().bodies.end(),
+                                   [&](const mpm::Body& b) { return b.name == input.body; });
+    const double distance = observations_->farthest(capture);
+    if (body == scene().bodies.end() || distance <= 0.5 * fit::body_size(body->rest)) return;
+    char text[80];
+    std::snprintf(text, sizeof text, ": points lie up to %.3g m off '", distance);
+    notes_.push_back("captures." + input.name + text + input.body +
+                     "' at rest; are unit, transform and start_frame right?");
+  }
+
   void add_observations(Json& json) {
     std::optional<fit::Ringdown> first;
     const auto take = [&](const std::optional<fit::Ringdown>& ring, Json& into, const char* key) {
@@ -371,6 +385,7 @@ class Run {
       take(ring, capture, "ringdown");
       take(measured_ringdown(input), capture, "measured_ringdown");
       if (!first) first = ring;
+      note_distance(i);
       const SimulatedCapture simulated = observations_->at_capture(i);
       if (simulated.outside > 0) {
         notes_.push_back("captures." + input.name + ": " + std::to_string(simulated.outside) +

@@ -454,6 +454,15 @@ class RefusalTest(SceneCase):
 
 
 class ResolutionTest(SceneCase):
+    def test_faces_that_are_not_planar(self):
+        """A ray from the centre of a warped face does not take the face itself for the far side."""
+        for side in (-1.0, 1.0):
+            item = self.cube(size=1.0)
+            for vertex in item.data.vertices:
+                if vertex.co.x > 0.0 and side * vertex.co.y > 0.0:
+                    vertex.co.z *= 1.2
+            self.assertAlmostEqual(resolution.object_thickness(item), 1.0, delta=0.15)
+
     def test_standard_is_six_cells(self):
         """A slab of 6 cm: cells of 1 cm, particles .5 cm apart; typing makes it Custom."""
         item = self.cube(size=1.0)

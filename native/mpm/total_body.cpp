@@ -47,15 +47,16 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   std::vector<Vec3d> extra(grid_.mass().size(), Vec3d::Zero());
   if (!body.particle_velocities.empty()) {
     for (std::uint32_t p = 0; p < grid_.particles(); ++p) {
-      const Vec3i base = grid_.cell(grid_.rest(p)).first;
+      const Vec3i base = grid_.particle_cell(p).first;
       const Vec3d f = grid_.quadrature_point(p);
       const double m = density_ * grid_.volume(p);
       for (int i = 0; i < 27; ++i) {
         const Vec3i step(i / 9, i / 3 % 3, i % 3);
         double w = 1.0;
         for (int axis = 0; axis < 3; ++axis) {
-          const double d = std::abs(f[axis] - step[axis]);
-          w *= d < 0.5 ? 0.75 - d * d : 0.5 * (1.5 - d) * (1.5 - d);
+          const double d = f[axis] - 1.0;
+          w *= step[axis] == 1 ? 0.75 - d * d
+                               : 0.5 * std::pow(d + (step[axis] == 0 ? -0.5 : 0.5), 2);
         }
         extra[grid_.find_node(base + step)] +=
             w * m * (grid_.axes().transpose() * body.particle_velocities[p]);
@@ -365,14 +366,14 @@ typename TotalBody<S>::PointState TotalBody<S>::state_at(std::uint32_t particle,
 template <class S>
 typename TotalBody<S>::PointState TotalBody<S>::point_state(std::uint32_t particle) const {
   const Vec3d& rest = grid_.rest(particle);
-  return state_at(particle, grid_.cell(rest).second, rest);
+  return state_at(particle, grid_.particle_cell(particle).second, rest);
 }
 
 template <class S>
 typename TotalBody<S>::PointState TotalBody<S>::quadrature_state(std::uint32_t particle) const {
   const Vec3d f = grid_.quadrature_point(particle);
   const Vec3d& rest = grid_.rest(particle);
-  return state_at(particle, f, rest + (f - grid_.cell(rest).second) * grid_.dx());
+  return state_at(particle, f, rest + (f - grid_.particle_cell(particle).second) * grid_.dx());
 }
 
 template <class S>
@@ -383,7 +384,7 @@ double TotalBody<S>::half_size(std::uint32_t particle) const {
 
 template <class S>
 Mat3d TotalBody<S>::deformation_gradient(std::uint32_t particle) const {
-  const PointStencil s = point_stencil(grid_.cell(grid_.rest(particle)).second, grid_.dx());
+  const PointStencil s = point_stencil(grid_.particle_cell(particle).second, grid_.dx());
   Mat3d h = Mat3d::Zero();
   visit_nodes(grid_, particle, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
     const Vec3d g(s.g[0][i] * s.w[1][j] * s.w[2][k], s.w[0][i] * s.g[1][j] * s.w[2][k],

@@ -75,9 +75,12 @@ TotalGrid::TotalGrid(const Body& body, const Scene& scene)
                   " is too far from the others for this particle separation. Is the unit right?");
     }
   }
+  find_surface(body.lattice);
+  // Only where something is held: in a hard impact a continued polynomial can turn inside out.
+  if (body.pins.empty()) std::fill(open_sides_.begin(), open_sides_.end(), std::uint8_t{0});
+  find_bases();
   place_particles();
   link_blocks();
-  find_surface(body.lattice);
   find_full_cells();
   lump_mass(body.density);
   merge_cells();
@@ -94,13 +97,38 @@ std::pair<Vec3i, Vec3d> TotalGrid::cell(const Vec3d& local) const {
   return {base, f};
 }
 
-void TotalGrid::place_particles() {
-  std::vector<Vec3i> bases(rest_.size());
-  std::set<Vec3i, Before> coordinates;
-  for (std::size_t p = 0; p < rest_.size(); ++p) {
-    bases[p] = cell(rest_[p]).first;
-    coordinates.insert(floor_divide(bases[p]));
+std::pair<Vec3i, Vec3d> TotalGrid::particle_cell(std::uint32_t particle) const {
+  Vec3d f;
+  for (int axis = 0; axis < 3; ++axis) {
+    f[axis] = node_coordinate(rest_[particle], axis) - bases_[particle][axis];
   }
+  return {bases_[particle], f};
+}
+
+void TotalGrid::find_bases() {
+  // Layers of a lattice that is aligned with the grid stay; up to .13 the weights of the continued
+  // polynomial are positive.
+  constexpr double kAlone = 0.25 + 1e-6;
+  bases_.resize(rest_.size());
+  for (std::uint32_t p = 0; p < rest_.size(); ++p) {
+    const auto [base, f] = cell(rest_[p]);
+    bases_[p] = base;
+    for (int axis = 0; axis < 3; ++axis) {
+      const bool below = (open_sides_[p] >> (2 * axis) & 1) != 0;
+      const bool above = (open_sides_[p] >> (2 * axis + 1) & 1) != 0;
+      if (below && !above && f[axis] > 1.0 + kAlone) {
+        ++bases_[p][axis];
+      } else if (above && !below && f[axis] < 1.0 - kAlone) {
+        --bases_[p][axis];
+      }
+    }
+  }
+}
+
+void TotalGrid::place_particles() {
+  std::set<Vec3i, Before> coordinates;
+  const std::vector<Vec3i>& bases = bases_;
+  for (const Vec3i& base : bases) coordinates.insert(floor_divide(base));
   block_coordinates_.assign(coordinates.begin(), coordinates.end());
   particle_block_.resize(rest_.size());
   block_particles_.resize(block_coordinates_.size());
@@ -156,6 +184,7 @@ void TotalGrid::link_blocks() {
 
 void TotalGrid::find_surface(const Lattice& lattice) {
   surface_.assign(rest_.size(), 1);
+  open_sides_.assign(rest_.size(), 0);
   if (!lattice.regular || !(lattice.spacing > 0.0)) return;
   const auto coordinates = [&](const Vec3d& x) {
     return Vec3i(static_cast<int>(std::floor(x[0] / lattice.spacing)),
@@ -167,15 +196,15 @@ void TotalGrid::find_surface(const Lattice& lattice) {
   std::vector<Vec3i> sorted = places;
   std::sort(sorted.begin(), sorted.end(), before);
   for (std::size_t p = 0; p < rest_.size(); ++p) {
-    bool inside = true;
-    for (int axis = 0; axis < 3 && inside; ++axis) {
+    for (int axis = 0; axis < 3; ++axis) {
       for (const int step : {-1, 1}) {
         Vec3i next = places[p];
         next[axis] += step;
-        inside = inside && std::binary_search(sorted.begin(), sorted.end(), next, before);
+        if (std::binary_search(sorted.begin(), sorted.end(), next, before)) continue;
+        open_sides_[p] = static_cast<std::uint8_t>(open_sides_[p] | 1U << (2 * axis + (step > 0)));
       }
     }
-    surface_[p] = inside ? 0 : 1;
+    surface_[p] = open_sides_[p] == 0 ? 0 : 1;
   }
 }
 
@@ -183,7 +212,7 @@ void TotalGrid::lump_mass(double density) {
   mass_.assign(node_blocks() * kBlockNodes, 0.0);
   center_.setZero();
   for (std::uint32_t p = 0; p < rest_.size(); ++p) {
-    const Vec3i base = cell(rest_[p]).first;
+    const Vec3i base = particle_cell(p).first;
     const Vec3d f = quadrature_point(p);
     double w[3][3];
     for (int axis = 0; axis < 3; ++axis) {
@@ -212,11 +241,11 @@ void TotalGrid::find_full_cells() {
     std::array<std::uint8_t, kSlabs * kLanes> octants{};
     std::array<std::uint8_t, kSlabs * kLanes> count{};
     const auto cell_of = [&](std::uint32_t p) {
-      const Vec3i c = cell(rest_[p]).first - 4 * block_coordinates_[b];
+      const Vec3i c = particle_cell(p).first - 4 * block_coordinates_[b];
       return static_cast<std::size_t>(c[0] * 16 + c[1] * 4 + c[2]);
     };
     for (const std::uint32_t p : block_particles_[b]) {
-      const Vec3d f = cell(rest_[p]).second;
+      const Vec3d f = particle_cell(p).second;
       bool centred = std::abs(volumes_[p] - dx_ * dx_ * dx_ / 8.0) < 1e-6 * dx_ * dx_ * dx_;
       int octant = 0;
       for (int axis = 0; axis < 3; ++axis) {
@@ -236,7 +265,7 @@ void TotalGrid::find_full_cells() {
 }
 
 Vec3d TotalGrid::quadrature_point(std::uint32_t particle) const {
-  const Vec3d f = cell(rest_[particle]).second;
+  const Vec3d f = particle_cell(particle).second;
   if (in_full_cell_[particle] == 0) return f;
   // ±1/(2√3) in place of ±1/4: exact for cubics, so that coarse bodies bend with their full EI.
   return Vec3d::Ones() + (f - Vec3d::Ones()) * (2.0 / std::sqrt(3.0));
@@ -248,7 +277,7 @@ void TotalGrid::merge_cells() {
   for (std::size_t b = 0; b < blocks(); ++b) {
     std::array<double, kSlabs * kLanes> filled{};
     for (const std::uint32_t p : block_particles_[b]) {
-      const Vec3i c = cell(rest_[p]).first - 4 * block_coordinates_[b];
+      const Vec3i c = particle_cell(p).first - 4 * block_coordinates_[b];
       filled[static_cast<std::size_t>(c[0] * 16 + c[1] * 4 + c[2])] += volumes_[p];
     }
     std::array<bool, kSlabs * kLanes> used{};
@@ -276,7 +305,7 @@ void TotalGrid::merge_cells() {
 }
 
 Vec3d TotalGrid::outward_normal(std::uint32_t particle) const {
-  const auto [base, f] = cell(rest_[particle]);
+  const auto [base, f] = particle_cell(particle);
   Vec3d gradient = Vec3d::Zero();
   for (int i = 0; i < 27; ++i) {
     const Vec3i step(i / 9, i / 3 % 3, i % 3);
@@ -356,7 +385,7 @@ NodeWeights TotalGrid::point_weights(const Vec3d& local) const {
 }
 
 NodeWeights TotalGrid::field_weights(std::uint32_t particle, const Vec3d& local) const {
-  const Vec3i base = cell(rest_[particle]).first;
+  const Vec3i base = particle_cell(particle).first;
   double w[3][3];
   for (int axis = 0; axis < 3; ++axis) {
     const double f = node_coordinate(local, axis) - base[axis];

@@ -81,8 +81,12 @@ class TotalGrid {
   [[nodiscard]] double node_coordinate(const Vec3d& local, int axis) const {
     return local[axis] / dx_ - phase_[axis];
   }
-  /// x/dx − base of a particle, and its base node's coordinates.
+  /// Base node's coordinates of the cell that holds a point, and x/dx − base there.
   [[nodiscard]] std::pair<Vec3i, Vec3d> cell(const Vec3d& local) const;
+  /// The same of a particle's own cell. A layer that would be alone in the inner half of a boundary
+  /// cell belongs to the next cell inwards (whose polynomial is continued to it): the outermost
+  /// nodes would carry next to no mass and give way, and with them a clamp or a contact there.
+  [[nodiscard]] std::pair<Vec3i, Vec3d> particle_cell(std::uint32_t particle) const;
 
   /// Where the stress of a particle is evaluated: x/dx − base. In a cell that holds one particle
   /// in each of its eight octants these are the Gauss points of the cell, elsewhere the particle.
@@ -103,6 +107,7 @@ class TotalGrid {
   void place_particles();
   void link_blocks();
   void find_surface(const Lattice& lattice);
+  void find_bases();
   void lump_mass(double density);
   void merge_cells();
   void find_full_cells();
@@ -116,6 +121,8 @@ class TotalGrid {
   std::vector<std::uint32_t> place_;
   std::vector<std::uint32_t> particle_block_;
   std::vector<std::uint8_t> surface_;
+  std::vector<std::uint8_t> open_sides_;  ///< bit 2·axis + (side > 0): nobody next to it there
+  std::vector<Vec3i> bases_;
   std::vector<std::uint8_t> in_full_cell_;
   std::vector<Vec3i> block_coordinates_;       ///< sorted
   std::vector<Vec3i> node_block_coordinates_;  ///< sorted

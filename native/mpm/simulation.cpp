@@ -74,6 +74,7 @@ struct Simulation::Impl {
     }
     frame = scene.first_frame;
     if (scene.walls) add_walls();
+    check_start();
     const Kernels<float>& table = kernels<float>(options.target);
     for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
       if (!is_total(scene.bodies[i])) {
@@ -108,6 +109,32 @@ struct Simulation::Impl {
         scene.colliders.push_back(
             make_plane(std::string("wall ") + (side < 0 ? "-" : "+") + "xyz"[axis],
                        scene.walls->contact, point, normal));
+      }
+    }
+  }
+
+  /// A body that starts deep inside a collider would be shot out of it, or torn: say so instead.
+  /// Bodies with pins may be set into what holds them.
+  void check_start() const {
+    constexpr std::size_t kMostQueries = 20'000;
+    for (const Body& body : scene.bodies) {
+      if (!body.pins.empty()) continue;
+      const std::size_t step = 1 + body.rest.size() / kMostQueries;
+      for (const ColliderPtr& collider : scene.colliders) {
+        double deepest = 0.0;
+        Vec3d where = Vec3d::Zero();
+        for (std::size_t p = 0; p < body.rest.size(); p += step) {
+          const double depth = -collider->closest(body.rest[p], 0.0).distance;
+          if (depth <= deepest) continue;
+          deepest = depth;
+          where = body.rest[p];
+        }
+        if (deepest <= scene.dx) continue;
+        std::ostringstream text;
+        text << "Body '" << body.name << "' starts up to " << deepest << " m inside '"
+             << collider->name() << "', at (" << where[0] << ", " << where[1] << ", " << where[2]
+             << ") m. Move one of them so that they touch at most.";
+        throw_input(text.str());
       }
     }
   }

@@ -224,6 +224,20 @@ TEST(Simulation, RefusesWhatCannotBeSimulated) {
   EXPECT_THROW(Simulation(scene_with(body, 0.02), std::make_shared<Arena>(1)), Error);
 }
 
+/// A cube half below the ground (Blender's default cube): an error with both names, no explosion.
+TEST(Simulation, BodyInsideAColliderIsRefusedByName) {
+  Scene scene = scene_with(block("cube", Vec3d(0, 0, -0.05), Vec3i(10, 10, 10), 0.01), 0.02);
+  scene.colliders.push_back(make_plane("ground", Contact{}, Vec3d::Zero(), Vec3d::UnitZ()));
+  try {
+    const Simulation simulation(scene, std::make_shared<Arena>(1));
+    FAIL() << "must be refused";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kInput);
+    EXPECT_NE(std::string(error.what()).find("'cube' starts"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("'ground'"), std::string::npos) << error.what();
+  }
+}
+
 TEST(Simulation, CancelEndsAFrame) {
   Simulation simulation(scene_with(block("cube", Vec3d::Zero(), Vec3i(4, 4, 4), 0.01), 0.02),
                         std::make_shared<Arena>(1));

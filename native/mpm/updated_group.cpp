@@ -82,9 +82,20 @@ struct UpdatedGroup::Impl {
       m.pins = body.pins;
       m.rest = body.rest;
       m.pin_of.assign(m.particles, 0);
-      for (std::size_t p = 0; p < m.particles; ++p) {
-        for (std::size_t k = 0; k < m.pins.size() && k < 250; ++k) {
-          if (in_region(m.pins[k], body.rest[p])) m.pin_of[p] = static_cast<std::uint8_t>(k + 1);
+      for (std::size_t k = 0; k < m.pins.size() && k < 250; ++k) {
+        bool holds = false;
+        for (std::size_t p = 0; p < m.particles; ++p) {
+          if (!in_region(m.pins[k], body.rest[p], std::cbrt(body.volumes[p]))) continue;
+          holds = true;
+          // Of pins that overlap the one that holds longest counts.
+          std::uint8_t& of = m.pin_of[p];
+          if (of == 0 || m.pins[k].release >= m.pins[of - 1U].release) {
+            of = static_cast<std::uint8_t>(k + 1);
+          }
+        }
+        if (!holds) {
+          throw_input("Body '" + body.name + "': pin " + std::to_string(k) +
+                      " holds no part of the body. Move its region onto the body.");
         }
       }
     }
@@ -134,12 +145,14 @@ struct UpdatedGroup::Impl {
     }
   }
 
-  [[nodiscard]] static bool in_region(const Pin& pin, const Vec3d& x) {
+  /// `edge`: of the particle at rest [m].
+  [[nodiscard]] static bool in_region(const Pin& pin, const Vec3d& x, double edge) {
     switch (pin.region) {
       case Pin::Region::kAll:
         return true;
       case Pin::Region::kPlane:
-        return pin.normal.normalized().dot(x - pin.point) <= 0.0;
+        // A plane on the body's end face holds the layer of particles that it touches.
+        return pin.normal.normalized().dot(x - pin.point) <= 0.51 * edge;
       case Pin::Region::kBox:
         return (x - pin.low).minCoeff() >= 0.0 && (pin.high - x).minCoeff() >= 0.0;
       case Pin::Region::kSphere:

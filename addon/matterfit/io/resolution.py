@@ -9,6 +9,9 @@ from . import presets
 
 RAYS = 400
 HITS = 8
+# Cells along the longest side that a preset goes to: an ear or a fin must not ask for millions of
+# particles. A person who wants them types the separation.
+MOST_CELLS = 64
 _applying = []
 
 
@@ -24,7 +27,10 @@ def apply_quality(solver, scene):
         return
     thickness = thinnest(scene)
     if thickness is not None:
-        _set(solver, "particle_separation", separation(thickness, solver.quality))
+        least = longest(scene) / (2.0 * MOST_CELLS)
+        found = max(separation(thickness, solver.quality), least)
+        # Four digits: a thickness measured in floats must not leave 0.0024999 m.
+        _set(solver, "particle_separation", float(f"{found:.4g}"))
 
 
 def separation(thickness, quality):
@@ -39,6 +45,13 @@ def thinnest(scene):
              and body.object is not None and body.object.type == "MESH"]
     found = [value for value in found if value]
     return min(found) if found else None
+
+
+def longest(scene):
+    """Longest side of any body's bounding box in Blender units; 0 where there is no body."""
+    return max((max(body.object.dimensions) for body in scene.matterfit.bodies
+                if body.enabled and body.role == "BODY" and body.source == "OBJECT"
+                and body.object is not None and body.object.type == "MESH"), default=0.0)
 
 
 def object_thickness(item):

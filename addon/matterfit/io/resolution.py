@@ -11,7 +11,7 @@ RAYS = 400
 HITS = 8
 # Cells along the longest side that a preset goes to: an ear or a fin must not ask for millions of
 # particles. A person who wants them types the separation.
-MOST_CELLS = 64
+MOST_CELLS = 128
 _applying = []
 
 

@@ -475,7 +475,7 @@ class ResolutionTest(SceneCase):
         solver.quality = "PREVIEW"
         self.assertAlmostEqual(solver.particle_separation, 0.01, places=5)
         solver.quality = "FINE"
-        self.assertAlmostEqual(resolution.cells_across(self.scene), 9.0, places=3)
+        self.assertAlmostEqual(resolution.cells_across(self.scene), 9.0, places=2)
         solver.particle_separation = 0.02
         self.assertEqual(solver.quality, "CUSTOM")
         document, _folder = self.document()

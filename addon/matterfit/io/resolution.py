@@ -9,9 +9,9 @@ from . import presets
 
 RAYS = 400
 HITS = 8
-# Cells along the longest side that a preset goes to: an ear or a fin must not ask for millions of
-# particles. A person who wants them types the separation.
-MOST_CELLS = 128
+# Particles in a body's bounding box that a preset goes to: an ear or a fin must not ask for tens
+# of millions. A person who wants them types the separation.
+MOST_PARTICLES = 4e6
 _applying = []
 
 
@@ -27,7 +27,7 @@ def apply_quality(solver, scene):
         return
     thickness = thinnest(scene)
     if thickness is not None:
-        least = longest(scene) / (2.0 * MOST_CELLS)
+        least = (largest_box(scene) / MOST_PARTICLES) ** (1.0 / 3.0)
         found = max(separation(thickness, solver.quality), least)
         # Four digits: a thickness measured in floats must not leave 0.0024999 m.
         _set(solver, "particle_separation", float(f"{found:.4g}"))
@@ -47,11 +47,12 @@ def thinnest(scene):
     return min(found) if found else None
 
 
-def longest(scene):
-    """Longest side of any body's bounding box in Blender units; 0 where there is no body."""
-    return max((max(body.object.dimensions) for body in scene.matterfit.bodies
-                if body.enabled and body.role == "BODY" and body.source == "OBJECT"
-                and body.object is not None and body.object.type == "MESH"), default=0.0)
+def largest_box(scene):
+    """Volume of the largest body's bounding box in cubic Blender units; 0 where there is none."""
+    sides = [body.object.dimensions for body in scene.matterfit.bodies
+             if body.enabled and body.role == "BODY" and body.source == "OBJECT"
+             and body.object is not None and body.object.type == "MESH"]
+    return max((x * y * z for x, y, z in sides), default=0.0)
 
 
 def object_thickness(item):

@@ -13,6 +13,10 @@ if(MATTERFIT_WERROR)
   target_compile_options(matterfit_flags INTERFACE -Werror $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
 endif()
 if(MATTERFIT_SANITIZE)
+  if(CMAKE_CXX_COMPILER_ID MATCHES Clang)
+    target_compile_options(matterfit_flags INTERFACE
+      -fsanitize-ignorelist=${CMAKE_SOURCE_DIR}/cmake/sanitize_ignore.txt)
+  endif()
   target_compile_options(matterfit_flags INTERFACE -fsanitize=address,undefined
     -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g1
     # clang's `vptr` and `function` compare type infos that a hidden-visibility library does not share

@@ -12,6 +12,13 @@ SANITIZER_ENVIRONMENT = {
     "LSAN_OPTIONS": f"suppressions={ROOT}/scripts/leaks.supp:print_suppressions=0",
 }
 
+# What runs under the sanitizers: the solver, the laws, every parser and the job documents.
+SANITIZED = ["test_base", "test_material", "test_mpm", "test_capture_readers", "test_fit",
+             "test_job_documents"]
+# What does not yet, because most of what it runs is OpenVDB, OpenEXR and OpenSubdiv, which are not
+# instrumented, and each takes minutes to compile so.
+UNSANITIZED = ["test_bake", "test_capture", "test_job", "test_capi"]
+
 
 def _configure_and_build(name, settings, targets, limit):
     folder = BUILD / name
@@ -41,8 +48,7 @@ def build_sanitized(fuzzers_only=False) -> Finished:
     ]
     targets = [f.stem for f in sorted((ROOT / "native").glob("*/*_fuzz.cpp"))]
     if not fuzzers_only:
-        rooms = {f.parent.name for f in (ROOT / "native").glob("*/*_test.cpp")}
-        targets += sorted(f"test_{room}" for room in rooms - {"bench"})
+        targets += SANITIZED
     return _configure_and_build("sanitize", settings, targets, limit=2400)
 
 

@@ -113,49 +113,6 @@ mpm::Pin pin_region(const Region& region) {
   return pin;
 }
 
-RegionDistance region_distance(const mpm::Pin& pin, const Vec3d& x) {
-  RegionDistance result{0.0, x};
-  switch (pin.region) {
-    case mpm::Pin::Region::kAll:
-      result.distance = -std::numeric_limits<double>::infinity();
-      break;
-    case mpm::Pin::Region::kPlane:
-      result.distance = pin.normal.dot(x - pin.point);
-      if (result.distance > 0.0) result.nearest = x - result.distance * pin.normal;
-      break;
-    case mpm::Pin::Region::kBox: {
-      result.nearest = x.cwiseMax(pin.low).cwiseMin(pin.high);
-      const double outside = (x - result.nearest).norm();
-      const double inside = (x - pin.low).cwiseMin(pin.high - x).minCoeff();
-      result.distance = outside > 0.0 ? outside : -inside;
-      break;
-    }
-    case mpm::Pin::Region::kSphere: {
-      const double length = (x - pin.point).norm();
-      result.distance = length - pin.radius;
-      if (result.distance > 0.0) {
-        result.nearest = pin.point + (x - pin.point) * (pin.radius / length);
-      }
-      break;
-    }
-    case mpm::Pin::Region::kPoints: {
-      double least = std::numeric_limits<double>::infinity();
-      Vec3d closest = x;
-      for (const Vec3d& point : pin.points) {
-        const double length = (x - point).norm();
-        if (length < least) {
-          least = length;
-          closest = point;
-        }
-      }
-      result.distance = least - pin.radius;
-      if (result.distance > 0.0) result.nearest = closest + (x - closest) * (pin.radius / least);
-      break;
-    }
-  }
-  return result;
-}
-
 BuiltScene build_scene(const Job& job, Arena& arena, const Interrupter& interrupter) {
   static_assert(static_cast<int>(Region::Shape::kPoints) ==
                 static_cast<int>(mpm::Pin::Region::kPoints));

@@ -30,14 +30,6 @@ struct BuiltScene {
 /// The region in the solver's words; opens the file of a `points` region.
 [[nodiscard]] mpm::Pin pin_region(const Region& region);
 
-/// Signed distance [m] of a point to a region, negative inside, and the region's point nearest to
-/// it (itself inside).
-struct RegionDistance {
-  double distance = 0.0;
-  Vec3d nearest = Vec3d::Zero();
-};
-[[nodiscard]] RegionDistance region_distance(const mpm::Pin& region, const Vec3d& x);
-
 /// N × 3 positions of a .npz, .npy (`positions`, of which the first frame counts) or .ply [m].
 [[nodiscard]] Points read_points(const std::filesystem::path& path);
 

@@ -9,6 +9,7 @@
 #include "base/error.hpp"
 #include "capture/npz.hpp"
 #include "job/build_scene.hpp"
+#include "mpm/pin_region.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -234,7 +235,7 @@ Points probe_points(const ProbeDoc& probe, const std::string& path, const mpm::B
   Points touching;
   constexpr double kSlack = 1.01;
   for (const Vec3d& x : body.rest) {
-    const RegionDistance distance = region_distance(region, x);
+    const mpm::RegionDistance distance = region_distance(region, x);
     if (distance.distance <= 0.0) inside.push_back(x);
     if (distance.distance > 0.0 && distance.distance <= 0.5 * kSlack * separation) {
       touching.push_back(distance.nearest);

@@ -7,6 +7,25 @@
 
 namespace matterfit::mpm {
 
+ContactPoint contact_point(const SurfacePoint& surface, const Mat3d& f, double half, double volume,
+                           double density, const Vec3d& velocity) {
+  const double stretch = (f.transpose() * surface.normal).norm();
+  ContactPoint point;
+  point.distance = surface.distance;
+  point.radius = half * stretch;
+  point.area = f.determinant() * volume / (std::cbrt(volume) * stretch);
+  point.mass = density * volume;
+  point.normal = surface.normal;
+  point.relative_velocity = velocity - surface.velocity;
+  return point;
+}
+
+double contact_free_time(double gap, double speed, double acceleration, double frame_seconds) {
+  const double horizon = 0.25 * frame_seconds;
+  const double fastest = 2.0 * speed + 2.0 * acceleration * horizon + 1e-9;
+  return std::min(horizon, 0.5 * gap / fastest);
+}
+
 Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32_t surface,
                     double dt, ContactMemory& memory) {
   const double depth = point.radius - point.distance;

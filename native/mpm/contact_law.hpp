@@ -37,6 +37,16 @@ struct ContactPoint {
   Vec3d relative_velocity = Vec3d::Zero();  ///< of the particle against the surface [m/s]
 };
 
+/// The particle with rest volume `volume` [m³], deformation gradient `f` and half edge `half` at
+/// rest [m], at `surface`.
+[[nodiscard]] ContactPoint contact_point(const SurfacePoint& surface, const Mat3d& f, double half,
+                                         double volume, double density, const Vec3d& velocity);
+
+/// How long [s] nothing can close `gap` [m]: at twice its present speed and accelerated by twice
+/// `acceleration`, and a quarter of a frame at most.
+[[nodiscard]] double contact_free_time(double gap, double speed, double acceleration,
+                                       double frame_seconds);
+
 /// Force on the particle [N]; updates its memory over `dt`.
 [[nodiscard]] Vec3d contact_force(const ContactLaw& law, const ContactPoint& point,
                                   std::int32_t surface, double dt, ContactMemory& memory);

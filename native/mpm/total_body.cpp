@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "mpm/halo.hpp"
+#include "mpm/spline_weights.hpp"
 #include "mpm/total_pins.hpp"
 
 namespace matterfit::mpm {
@@ -50,16 +52,13 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
       const Vec3i base = grid_.particle_cell(p).first;
       const Vec3d f = grid_.quadrature_point(p);
       const double m = density_ * grid_.volume(p);
+      double w[3][3];
+      for (int axis = 0; axis < 3; ++axis) quadratic_weights(f[axis], w[axis]);
       for (int i = 0; i < 27; ++i) {
         const Vec3i step(i / 9, i / 3 % 3, i % 3);
-        double w = 1.0;
-        for (int axis = 0; axis < 3; ++axis) {
-          const double d = f[axis] - 1.0;
-          w *= step[axis] == 1 ? 0.75 - d * d
-                               : 0.5 * std::pow(d + (step[axis] == 0 ? -0.5 : 0.5), 2);
-        }
         extra[grid_.find_node(base + step)] +=
-            w * m * (grid_.axes().transpose() * body.particle_velocities[p]);
+            w[0][step[0]] * w[1][step[1]] * w[2][step[2]] * m *
+            (grid_.axes().transpose() * body.particle_velocities[p]);
       }
     }
   }
@@ -113,20 +112,8 @@ void TotalBody<S>::sum_forces(std::size_t node_block, double* out) const {
   const auto& sources = grid_.node_sources(node_block);
   for (std::size_t k = 0; k < 8; ++k) {
     if (sources[k] == kNoBlock) continue;
-    const std::size_t x0 = k / 4 * 4;
-    const std::size_t y0 = k / 2 % 2 * 4;
-    const std::size_t z0 = k % 2 * 4;
-    const std::size_t nx = x0 != 0 ? 2 : 4;
-    const std::size_t ny = y0 != 0 ? 2 : 4;
-    const std::size_t nz = z0 != 0 ? 2 : 4;
     for (std::size_t c = 0; c < 3; ++c) {
-      const S* halo = force_.data() + (sources[k] * 3 + c) * kHaloNodes;
-      double* sum = out + c * kBlockNodes;
-      for (std::size_t x = 0; x < nx; ++x)
-        for (std::size_t y = 0; y < ny; ++y)
-          for (std::size_t z = 0; z < nz; ++z)
-            sum[node_index(x, y, z)] +=
-                static_cast<double>(halo[halo_index(x + x0, y + y0, z + z0)]);
+      add_halo(k, force_.data() + (sources[k] * 3 + c) * kHaloNodes, out + c * kBlockNodes);
     }
   }
 }
@@ -310,15 +297,10 @@ struct PointStencil {
 PointStencil point_stencil(const Vec3d& f, double dx) {
   PointStencil s;
   for (int axis = 0; axis < 3; ++axis) {
-    const double a = 1.5 - f[axis];
-    const double b = f[axis] - 1.0;
-    const double c = f[axis] - 0.5;
-    s.w[axis][0] = 0.5 * a * a;
-    s.w[axis][1] = 0.75 - b * b;
-    s.w[axis][2] = 0.5 * c * c;
-    s.g[axis][0] = -a / dx;
-    s.g[axis][1] = -2.0 * b / dx;
-    s.g[axis][2] = c / dx;
+    quadratic_weights(f[axis], s.w[axis]);
+    s.g[axis][0] = -(1.5 - f[axis]) / dx;
+    s.g[axis][1] = -2.0 * (f[axis] - 1.0) / dx;
+    s.g[axis][2] = (f[axis] - 0.5) / dx;
   }
   return s;
 }

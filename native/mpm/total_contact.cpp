@@ -59,16 +59,8 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
           gap = std::min(gap, surface.distance - 4.0 * half);
           continue;
         }
-        const Mat3d f = body.deformation_gradient(p);
-        const double stretch = (f.transpose() * surface.normal).norm();
-        const double volume = body.volume(p);
-        ContactPoint point;
-        point.distance = surface.distance;
-        point.radius = half * stretch;
-        point.area = f.determinant() * volume / (std::cbrt(volume) * stretch);
-        point.mass = density_ * volume;
-        point.normal = surface.normal;
-        point.relative_velocity = state.velocity - surface.velocity;
+        const ContactPoint point = contact_point(surface, body.deformation_gradient(p), half,
+                                                 body.volume(p), density_, state.velocity);
         const Vec3d force = contact_force(colliders_[s].law, point, id, dt, memory_[p]);
         if (!force.isZero(0.0)) {
           body.add_point_force(p, force);
@@ -79,10 +71,7 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
       }
     }
     if (touching || gap <= 0.0) return;
-    // Nothing here can close the gap sooner, at twice its speed and accelerated by twice gravity.
-    const double horizon = 0.25 * frame_seconds_;
-    const double fastest = 2.0 * closing + 2.0 * acceleration_ * horizon + 1e-9;
-    wake_time_[b] = time + std::min(horizon, 0.5 * gap / fastest);
+    wake_time_[b] = time + contact_free_time(gap, closing, acceleration_, frame_seconds_);
   });
 }
 

@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "base/error.hpp"
+#include "mpm/spline_weights.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -215,11 +216,7 @@ void TotalGrid::lump_mass(double density) {
     const Vec3i base = particle_cell(p).first;
     const Vec3d f = quadrature_point(p);
     double w[3][3];
-    for (int axis = 0; axis < 3; ++axis) {
-      w[axis][0] = 0.5 * (1.5 - f[axis]) * (1.5 - f[axis]);
-      w[axis][1] = 0.75 - (f[axis] - 1.0) * (f[axis] - 1.0);
-      w[axis][2] = 0.5 * (f[axis] - 0.5) * (f[axis] - 0.5);
-    }
+    for (int axis = 0; axis < 3; ++axis) quadratic_weights(f[axis], w[axis]);
     const double m = density * volumes_[p];
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
@@ -388,10 +385,7 @@ NodeWeights TotalGrid::field_weights(std::uint32_t particle, const Vec3d& local)
   const Vec3i base = particle_cell(particle).first;
   double w[3][3];
   for (int axis = 0; axis < 3; ++axis) {
-    const double f = node_coordinate(local, axis) - base[axis];
-    w[axis][0] = 0.5 * (1.5 - f) * (1.5 - f);
-    w[axis][1] = 0.75 - (f - 1.0) * (f - 1.0);
-    w[axis][2] = 0.5 * (f - 0.5) * (f - 0.5);
+    quadratic_weights(node_coordinate(local, axis) - base[axis], w[axis]);
   }
   NodeWeights result;
   for (int i = 0; i < 3; ++i)

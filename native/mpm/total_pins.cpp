@@ -7,48 +7,10 @@
 #include <set>
 
 #include "base/error.hpp"
+#include "mpm/pin_region.hpp"
 
 namespace matterfit::mpm {
 namespace {
-
-/// Signed distance of a world point at rest to the region's surface, negative inside, and the
-/// nearest point on it.
-double region_distance(const Pin& pin, const Vec3d& world, Vec3d& nearest) {
-  nearest = world;
-  switch (pin.region) {
-    case Pin::Region::kAll:
-      return -1e30;
-    case Pin::Region::kPlane: {
-      const Vec3d n = pin.normal.normalized();
-      const double d = n.dot(world - pin.point);
-      nearest = world - d * n;
-      return d;
-    }
-    case Pin::Region::kBox: {
-      const Vec3d middle = 0.5 * (pin.low + pin.high);
-      const Vec3d half = 0.5 * (pin.high - pin.low);
-      const Vec3d d = (world - middle).cwiseAbs() - half;
-      nearest = world.cwiseMax(pin.low).cwiseMin(pin.high);
-      if (d.maxCoeff() > 0) return (world - nearest).norm();
-      int axis = 0;
-      const double inside = d.maxCoeff(&axis);
-      nearest[axis] = world[axis] > middle[axis] ? pin.high[axis] : pin.low[axis];
-      return inside;
-    }
-    case Pin::Region::kSphere: {
-      const Vec3d d = world - pin.point;
-      const double length = d.norm();
-      if (length > 0) nearest = pin.point + d * (pin.radius / length);
-      return length - pin.radius;
-    }
-    case Pin::Region::kPoints: {
-      double best = 1e30;
-      for (const Vec3d& p : pin.points) best = std::min(best, (world - p).norm());
-      return best - pin.radius;
-    }
-  }
-  return 1e30;
-}
 
 void merge(std::vector<std::uint32_t>& sorted, const std::vector<std::uint32_t>& more) {
   sorted.insert(sorted.end(), more.begin(), more.end());
@@ -154,8 +116,7 @@ void TotalPins::add_constraints(Clamp& clamp, const Body& body) {
   std::vector<Candidate> surface;
   std::vector<Candidate> inside;
   for (std::uint32_t p = 0; p < body.rest.size(); ++p) {
-    Vec3d nearest;
-    const double d = region_distance(clamp.pin, body.rest[p], nearest);
+    const auto [d, nearest] = region_distance(clamp.pin, body.rest[p]);
     if (std::abs(d) <= near && clamp.pin.region != Pin::Region::kPoints) {
       surface.push_back({p, grid_.to_local(nearest)});
     }

@@ -8,11 +8,29 @@
 
 #include "base/error.hpp"
 #include "mpm/contact_law.hpp"
+#include "mpm/halo.hpp"
 #include "mpm/node_contact.hpp"
+#include "mpm/pin_region.hpp"
+#include "mpm/spline_weights.hpp"
 #include "mpm/updated_blocks.hpp"
 
 namespace matterfit::mpm {
 namespace {
+
+[[nodiscard]] Mat3d deformation_gradient(const Chunk& chunk, std::size_t lane) {
+  Mat3d f = Mat3d::Identity();
+  for (std::size_t i = 0; i < 9; ++i) {
+    f(static_cast<int>(i / 3), static_cast<int>(i % 3)) +=
+        static_cast<double>(chunk.a[Chunk::kH + i][lane]);
+  }
+  return f;
+}
+
+[[nodiscard]] Vec3d velocity(const Chunk& chunk, std::size_t lane) {
+  return {static_cast<double>(chunk.a[Chunk::kVelocity][lane]),
+          static_cast<double>(chunk.a[Chunk::kVelocity + 1][lane]),
+          static_cast<double>(chunk.a[Chunk::kVelocity + 2][lane])};
+}
 
 /// A pinned particle is this many times as heavy for the grid: its nodes follow the pin.
 constexpr float kPinWeight = 1e4F;
@@ -85,7 +103,10 @@ struct UpdatedGroup::Impl {
       for (std::size_t k = 0; k < m.pins.size() && k < 250; ++k) {
         bool holds = false;
         for (std::size_t p = 0; p < m.particles; ++p) {
-          if (!in_region(m.pins[k], body.rest[p], std::cbrt(body.volumes[p]))) continue;
+          // A plane on the body's end face holds the layer of particles that it touches.
+          const double reach =
+              m.pins[k].region == Pin::Region::kPlane ? 0.51 * std::cbrt(body.volumes[p]) : 0.0;
+          if (region_distance(m.pins[k], body.rest[p]).distance > reach) continue;
           holds = true;
           // Of pins that overlap the one that holds longest counts.
           std::uint8_t& of = m.pin_of[p];
@@ -145,25 +166,6 @@ struct UpdatedGroup::Impl {
     }
   }
 
-  /// `edge`: of the particle at rest [m].
-  [[nodiscard]] static bool in_region(const Pin& pin, const Vec3d& x, double edge) {
-    switch (pin.region) {
-      case Pin::Region::kAll:
-        return true;
-      case Pin::Region::kPlane:
-        // A plane on the body's end face holds the layer of particles that it touches.
-        return pin.normal.normalized().dot(x - pin.point) <= 0.51 * edge;
-      case Pin::Region::kBox:
-        return (x - pin.low).minCoeff() >= 0.0 && (pin.high - x).minCoeff() >= 0.0;
-      case Pin::Region::kSphere:
-        return (x - pin.point).norm() <= pin.radius;
-      case Pin::Region::kPoints:
-        return std::any_of(pin.points.begin(), pin.points.end(),
-                           [&](const Vec3d& p) { return (x - p).norm() <= pin.radius; });
-    }
-    return false;
-  }
-
   /// The first transfer: every particle enters its block.
   void scatter_all() {
     for (std::size_t b = 0; b < blocks.size(); ++b) {
@@ -216,19 +218,8 @@ struct UpdatedGroup::Impl {
       for (std::size_t k = 0; k < 8; ++k) {
         const std::uint32_t other = block.neighbours[13 - (9 * (k / 4) + 3 * (k / 2 % 2) + k % 2)];
         if (other == kNoBlock || !blocks[other].occupied) continue;
-        const std::size_t x0 = k / 4 * 4;
-        const std::size_t y0 = k / 2 % 2 * 4;
-        const std::size_t z0 = k % 2 * 4;
-        const std::size_t nx = x0 != 0 ? 2 : 4;
-        const std::size_t ny = y0 != 0 ? 2 : 4;
-        const std::size_t nz = z0 != 0 ? 2 : 4;
         for (std::size_t c = 0; c < 4; ++c) {
-          const float* halo = blocks[other].halo.data() + c * kHaloNodes;
-          for (std::size_t x = 0; x < nx; ++x)
-            for (std::size_t y = 0; y < ny; ++y)
-              for (std::size_t z = 0; z < nz; ++z)
-                sum[c * kBlockNodes + node_index(x, y, z)] +=
-                    halo[halo_index(x + x0, y + y0, z + z0)];
+          add_halo(k, blocks[other].halo.data() + c * kHaloNodes, sum + c * kBlockNodes);
         }
       }
       const float* mass = sum + 3 * kBlockNodes;
@@ -357,23 +348,14 @@ struct UpdatedGroup::Impl {
   /// Adds momentum (and mass) at a particle's nodes.
   void add_momentum(UpdatedBlock& block, std::size_t slab, const Chunk& chunk, std::size_t lane,
                     const Vec3f& momentum, float mass) const {
-    Crosser<float> p{};
-    p.cell = static_cast<std::uint8_t>(slab * kLanes + lane);
-    for (std::size_t c = 0; c < 3; ++c) p.f[c] = chunk.a[Chunk::kF + c][lane];
-    const int cell[3] = {p.cell / 16, p.cell / 4 % 4, p.cell % 4};
     float w[3][3];
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const float f = p.f[axis];
-      w[axis][0] = 0.5F * (1.5F - f) * (1.5F - f);
-      w[axis][1] = 0.75F - (f - 1.0F) * (f - 1.0F);
-      w[axis][2] = 0.5F * (f - 0.5F) * (f - 0.5F);
+      quadratic_weights(chunk.a[Chunk::kF + axis][lane], w[axis]);
     }
     for (std::size_t i = 0; i < 3; ++i)
       for (std::size_t j = 0; j < 3; ++j)
         for (std::size_t k = 0; k < 3; ++k) {
-          const std::size_t node = halo_index(static_cast<std::size_t>(cell[0]) + i,
-                                              static_cast<std::size_t>(cell[1]) + j,
-                                              static_cast<std::size_t>(cell[2]) + k);
+          const std::size_t node = halo_index(slab + i, lane / 4 + j, lane % 4 + k);
           const float weight = w[0][i] * w[1][j] * w[2][k];
           for (std::size_t c = 0; c < 3; ++c) {
             block.halo[c * kHaloNodes + node] += weight * momentum[static_cast<int>(c)];
@@ -404,9 +386,7 @@ struct UpdatedGroup::Impl {
       Member& member = members[m];
       for_each(block.bodies[m], [&](std::size_t s, const Chunk& chunk, std::size_t l) {
         const Vec3d x = position(block, s, chunk, l);
-        const Vec3d v(static_cast<double>(chunk.a[Chunk::kVelocity][l]),
-                      static_cast<double>(chunk.a[Chunk::kVelocity + 1][l]),
-                      static_cast<double>(chunk.a[Chunk::kVelocity + 2][l]));
+        const Vec3d v = velocity(chunk, l);
         ContactMemory& memory = member.memory[chunk.id[l]];
         for (const std::size_t c : near) {
           const SurfacePoint surface = particle_colliders[c]->closest(x, time);
@@ -417,20 +397,9 @@ struct UpdatedGroup::Impl {
             continue;
           }
           const double volume = static_cast<double>(chunk.a[Chunk::kVolume][l]);
-          const double edge = std::cbrt(volume);
-          Mat3d f = Mat3d::Identity();
-          for (std::size_t i = 0; i < 9; ++i) {
-            f(static_cast<int>(i / 3), static_cast<int>(i % 3)) +=
-                static_cast<double>(chunk.a[Chunk::kH + i][l]);
-          }
-          const double stretch = (f.transpose() * surface.normal).norm();
-          ContactPoint point;
-          point.distance = surface.distance;
-          point.radius = 0.5 * edge * stretch;
-          point.area = f.determinant() * volume / (edge * stretch);
-          point.mass = member.density * volume;
-          point.normal = surface.normal;
-          point.relative_velocity = v - surface.velocity;
+          const ContactPoint point =
+              contact_point(surface, deformation_gradient(chunk, l), 0.5 * std::cbrt(volume),
+                            volume, member.density, v);
           const Vec3d force = contact_force(member.contacts[c], point, id, dt, memory);
           if (!force.isZero(0.0)) {
             const Vec3d impulse = dt * force;
@@ -443,10 +412,9 @@ struct UpdatedGroup::Impl {
       });
     }
     if (touching || gap <= 0.0) return;
-    const double horizon = 0.25 * frame_seconds;
     // Particles come and go: at most a cell's worth of time, whatever is near.
-    const double fastest = 2.0 * std::max(closing, max_speed) + 2.0 * pull * horizon + 1e-9;
-    block.wake_time = time + std::min(horizon, 0.5 * std::min(gap, dx) / fastest);
+    block.wake_time = time + contact_free_time(std::min(gap, dx), std::max(closing, max_speed),
+                                               pull, frame_seconds);
   }
 
   void pin(std::size_t b, double time, double dt) {
@@ -487,12 +455,7 @@ struct UpdatedGroup::Impl {
         std::string found;
         for_each(blocks[b].bodies[m], [&](std::size_t s, const Chunk& chunk, std::size_t l) {
           if (!found.empty()) return;
-          Mat3d f = Mat3d::Identity();
-          for (std::size_t i = 0; i < 9; ++i) {
-            f(static_cast<int>(i / 3), static_cast<int>(i % 3)) +=
-                static_cast<double>(chunk.a[Chunk::kH + i][l]);
-          }
-          const double j = f.determinant();
+          const double j = deformation_gradient(chunk, l).determinant();
           if (j > 0.0) return;
           const Vec3d x = position(blocks[b], s, chunk, l);
           std::ostringstream text;
@@ -612,10 +575,7 @@ void UpdatedGroup::collect(const Vec3d& low, const Vec3d& high,
             p.lane = static_cast<std::uint32_t>(l);
             p.id = chunk.id[l];
             p.position = x;
-            for (std::size_t c = 0; c < 3; ++c) {
-              p.velocity[static_cast<int>(c)] =
-                  static_cast<double>(chunk.a[Chunk::kVelocity + c][l]);
-            }
+            p.velocity = velocity(chunk, l);
             p.volume = static_cast<double>(chunk.a[Chunk::kVolume][l]);
             p.mass = p.volume * s.members[m].density;
             out.push_back(p);

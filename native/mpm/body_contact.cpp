@@ -73,7 +73,7 @@ struct BodyContacts::Surface {
         if (q >= 1.0) continue;
         const double w = (1.0 - q) * (1.0 - q) * (1.0 - q);
         sum += w;
-        distance += w * ((x - skin.positions[i]).dot(skin.normals[i]) - skin.radii[i]);
+        distance += w * (x - skin.positions[i]).dot(skin.normals[i]);
         seen.normal += w * skin.normals[i];
         seen.velocity += w * skin.velocities[i];
         seen.weights.emplace_back(i, w);
@@ -101,11 +101,13 @@ BodyContacts::BodyContacts(const Scene& scene, std::vector<Member> total, Update
     skin.body = member.body;
     skin.density = member.body->density();
     skin.edge = 0.5 * scene.dx;
+    skin.response = member.body->grid().contact_response();
     for (std::uint32_t p = 0; p < member.body->particles(); ++p) {
       if (!member.body->is_surface(p)) continue;
       skin.particles.push_back(p);
       skin.rest_normals.push_back(member.body->grid().axes() *
                                   member.body->grid().outward_normal(p));
+      skin.offsets.push_back(0.5 * std::cbrt(member.body->volume(p)) * skin.rest_normals.back());
     }
     skins_.push_back(std::move(skin));
   }
@@ -121,9 +123,11 @@ BodyContacts::BodyContacts(const Scene& scene, std::vector<Member> total, Update
     pair.law.stiffness =
         share * std::min(pair.law.stiffness, resolve_contact(contact, seen, scene.dx).stiffness);
     pair.memory.resize(looking.rest.size());
-    const double lightest = std::min(looking.density, seen.density);
-    frequency_squared_ =
-        std::max(frequency_squared_, 2.0 * pair.law.stiffness / (lightest * 0.5 * scene.dx));
+    // Both sides give way; a pair of skins has half the stiffness in each of its two directions.
+    const double other =
+        skin == kUpdatedBody ? 1.0 / (looking.density * 0.5 * scene.dx) : skins_[skin].response;
+    frequency_squared_ = std::max(frequency_squared_,
+                                  pair.law.stiffness / share * (skins_[surface].response + other));
     pairs_.push_back(std::move(pair));
   };
   for (std::size_t a = 0; a < skins_.size(); ++a) {
@@ -144,22 +148,15 @@ void BodyContacts::refresh(Arena& arena, Skin& skin, double time, bool with_norm
   if (fresh) return;
   skin.positions.resize(count);
   skin.velocities.resize(count);
-  if (with_normals) {
-    skin.normals.resize(count);
-    skin.radii.resize(count);
-  } else {
-    skin.normals.clear();
-  }
+  skin.normals.resize(with_normals ? count : 0);
   arena.parallel_for(0, count, 64, [&](std::size_t i) {
     const std::uint32_t p = skin.particles[i];
-    const auto state = skin.body->quadrature_state(p);
+    const auto state = skin.body->point_state(p, skin.offsets[i]);
     skin.positions[i] = state.position;
     skin.velocities[i] = state.velocity;
     if (!with_normals) return;
     const Mat3d f = skin.body->deformation_gradient(p);
-    const Vec3d n = f.inverse().transpose() * skin.rest_normals[i];
-    skin.normals[i] = n.normalized();
-    skin.radii[i] = skin.body->half_size(p) * (f.transpose() * skin.normals[i]).norm();
+    skin.normals[i] = (f.inverse().transpose() * skin.rest_normals[i]).normalized();
   });
   skin.low = Vec3d::Constant(1e300);
   skin.high = Vec3d::Constant(-1e300);
@@ -203,8 +200,8 @@ void BodyContacts::apply(Arena& arena, double time, double dt, double accelerati
           const std::uint32_t p = other.particles[i];
           const double volume = other.body->volume(p);
           const double edge = std::cbrt(volume);
-          looking.push_back({x, other.velocities[i], other.body->half_size(p), edge * edge,
-                             other.density * volume, p, i});
+          looking.push_back(
+              {x, other.velocities[i], 0.0, edge * edge, other.density * volume, p, i});
         }
       }
     } else {
@@ -257,12 +254,11 @@ void BodyContacts::apply(Arena& arena, double time, double dt, double accelerati
       if (pair.skin == kUpdatedBody) {
         updated_->add_impulse(points[looking[i].source], dt * forces[i]);
       } else {
-        skins_[pair.skin].body->allocate_point_forces();
-        skins_[pair.skin].body->add_point_force(looking[i].id, forces[i]);
+        const Skin& skin = skins_[pair.skin];
+        skin.body->add_load(looking[i].id, skin.offsets[looking[i].source], forces[i]);
       }
-      seen.body->allocate_point_forces();
       for (const auto& [k, w] : views[i].weights) {
-        seen.body->add_point_force(seen.particles[k], -w * forces[i]);
+        seen.body->add_load(seen.particles[k], seen.offsets[k], -w * forces[i]);
       }
     }
   }

@@ -42,16 +42,17 @@ class BodyContacts {
   void load(ByteReader& in);
 
  private:
-  /// Skin of a total body: which particles, and where they are now.
+  /// Skin of a total body: the outer faces of its outermost particles.
   struct Skin {
     std::size_t index;
     TotalBody<float>* body;
     double density;
-    double edge;  ///< typical particle edge at rest [m]
+    double edge;      ///< typical particle edge at rest [m]
+    double response;  ///< TotalGrid::contact_response [m²/kg]
     std::vector<std::uint32_t> particles;
     std::vector<Vec3d> rest_normals;
-    std::vector<Vec3d> positions, velocities, normals;
-    std::vector<double> radii;
+    std::vector<Vec3d> offsets;  ///< of the face from its particle at rest, world axes [m]
+    std::vector<Vec3d> positions, velocities, normals;  ///< of the faces, now
     Vec3d low = Vec3d::Zero();
     Vec3d high = Vec3d::Zero();
     double speed = 0.0;

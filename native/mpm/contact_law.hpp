@@ -12,6 +12,8 @@ namespace matterfit::mpm {
 
 /// Contact of particles with surfaces, accurate below the cell: a penalty on the exact distance,
 ///   f_n = k A ⟨r − d⟩ − damping,  A = J V/(2r₀),  r = r₀ √(nᵀ F Fᵀ n),
+/// d the distance of the particle's centre; where the body has a field of displacements (total
+/// Lagrangian) gap and force are those of the face itself, r = 0.
 /// k [Pa/m] a property of the contact (a skin's compliance), so that results converge with dx.
 /// Friction is a tangential spring with memory, capped at μ f_n: it sticks without creeping.
 struct ContactLaw {
@@ -54,8 +56,9 @@ struct ContactPoint {
 /// Fills in the defaults: stiffness 8 M/size, at most M/dx, with M = λ+2μ, or 4μ where ν is near ½.
 [[nodiscard]] ContactLaw resolve_contact(const Contact& contact, const Body& body, double dx);
 
-/// Default damping, as a fraction of critical: what brings the spread of a rebound over sub-cell
-/// offsets below 1 % (docs/validation.md says what it costs).
+/// Default damping, as a fraction of critical of a particle on its spring: takes the edge off the
+/// chatter of single particles. The spread of a rebound over sub-cell offsets does not need it
+/// (docs/validation.md).
 inline constexpr double kContactDamping = 0.05;
 
 }  // namespace matterfit::mpm

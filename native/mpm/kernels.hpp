@@ -18,28 +18,18 @@ struct BlockExtremes {
   S max_volume_ratio;
 };
 
-/// The mean dilatation of cell `cell` (slab · 16 + lane) is taken over it and cell `into` together.
-struct CellMerge {
-  std::uint8_t cell;
-  std::uint8_t into;
-};
-
 /// A total Lagrangian body as its force kernel sees it (layout.hpp). Coordinates are the body's
 /// own.
 template <class S>
 struct TotalView {
-  const double* displacement;         ///< per node block [3][64], [m]
-  const double* velocity;             ///< per node block [3][64], [m/s]; read if damped
-  const std::uint32_t* block_nodes;   ///< per block: 8 node blocks at (+a, +b, +c), index 4a+2b+c
-  const std::uint32_t* block_merges;  ///< first of `merges` of each block, and the end; or null
-  const CellMerge* merges;
+  const double* displacement;        ///< per node block [3][64], [m]
+  const double* velocity;            ///< per node block [3][64], [m/s]; read if damped
+  const std::uint32_t* block_nodes;  ///< per block: 8 node blocks at (+a, +b, +c), index 4a+2b+c
   const std::uint32_t* slab_chunks;  ///< first chunk of each slab, 4 a block, and the end
   const S* geometry;                 ///< per chunk [4][16]: x/dx − base (3), rest volume [m³]
-  S* plastic;            ///< per chunk [10][16]: Fᵖ⁻¹ − I, plastic strain; or null
-  const S* point_force;  ///< per chunk [3][16], force on the particle [N]; or null
-  const std::uint8_t* block_has_force;  ///< per block: point_force is not all zero
-  S* force;                             ///< out, per block [3][216]: internal and point forces [N]
-  BlockExtremes<S>* extremes;           ///< out, per block
+  S* plastic;                  ///< per chunk [10][16]: Fᵖ⁻¹ − I, plastic strain; or null
+  S* force;                    ///< out, per block [3][216]: internal forces [N]
+  BlockExtremes<S>* extremes;  ///< out, per block
   material::LawConstants<S> law;
   S density;
   S dx;

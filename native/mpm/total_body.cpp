@@ -6,13 +6,16 @@
 
 #include "base/error.hpp"
 #include "mpm/halo.hpp"
-#include "mpm/spline_weights.hpp"
 #include "mpm/total_pins.hpp"
+#include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
 namespace {
 
 constexpr std::size_t kNodeBlock = 3 * kBlockNodes;
+
+/// Amplitude of the noise in the probe for the fastest mode, whose own is 1.
+constexpr double kProbeNoise = 0.3;
 
 bool takes_mean_dilatation(material::Law law) { return law != material::Law::kDruckerPrager; }
 
@@ -30,17 +33,18 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   velocity_.assign(grid_.node_blocks() * kNodeBlock, 0.0);
   force_.assign(grid_.blocks() * 3 * kHaloNodes, S(0));
   extremes_.assign(grid_.blocks(), {S(1), S(1)});
-  block_has_force_.assign(grid_.blocks(), 0);
+  loads_.resize(grid_.blocks());
+  block_loads_.resize(grid_.blocks());
   geometry_.assign(grid_.chunks() * 4 * kLanes, S(0));
   for (std::size_t i = 0; i < geometry_.size(); ++i) {
     if (i / kLanes % 4 < 3) geometry_[i] = S(1);  // absent particles sit in the middle of the cell
   }
-  for (std::uint32_t p = 0; p < grid_.particles(); ++p) {
-    const Vec3d f = grid_.quadrature_point(p);
-    S* g = geometry_.data() + grid_.chunk(p) * (4 * kLanes) + grid_.lane(p);
+  const std::vector<QuadraturePoint>& points = grid_.quadrature();
+  for (std::size_t q = 0; q < points.size(); ++q) {
+    S* g = geometry_.data() + grid_.place(q) / kLanes * (4 * kLanes) + grid_.place(q) % kLanes;
     for (std::size_t axis = 0; axis < 3; ++axis)
-      g[axis * kLanes] = static_cast<S>(f[static_cast<int>(axis)]);
-    g[3 * kLanes] = static_cast<S>(grid_.volume(p));
+      g[axis * kLanes] = static_cast<S>(points[q].f[static_cast<int>(axis)]);
+    g[3 * kLanes] = static_cast<S>(points[q].volume);
   }
   if (law_.plastic) plastic_.assign(grid_.chunks() * 10 * kLanes, S(0));
 
@@ -48,17 +52,14 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   const Vec3d spin = grid_.axes().transpose() * body.spin;
   std::vector<Vec3d> extra(grid_.mass().size(), Vec3d::Zero());
   if (!body.particle_velocities.empty()) {
-    for (std::uint32_t p = 0; p < grid_.particles(); ++p) {
-      const Vec3i base = grid_.particle_cell(p).first;
-      const Vec3d f = grid_.quadrature_point(p);
-      const double m = density_ * grid_.volume(p);
-      double w[3][3];
-      for (int axis = 0; axis < 3; ++axis) quadratic_weights(f[axis], w[axis]);
-      for (int i = 0; i < 27; ++i) {
-        const Vec3i step(i / 9, i / 3 % 3, i % 3);
-        extra[grid_.find_node(base + step)] +=
-            w[0][step[0]] * w[1][step[1]] * w[2][step[2]] * m *
-            (grid_.axes().transpose() * body.particle_velocities[p]);
+    for (const QuadraturePoint& q : points) {
+      const PointStencil s(q.f, grid_.dx());
+      const Vec3d momentum =
+          density_ * q.volume * (grid_.axes().transpose() * body.particle_velocities[q.particle]);
+      for (std::size_t i = 0; i < 27; ++i) {
+        const Vec3i step(static_cast<int>(i / 9), static_cast<int>(i / 3 % 3),
+                         static_cast<int>(i % 3));
+        extra[grid_.find_node(q.cell + step)] += s.weight(i / 9, i / 3 % 3, i % 3) * momentum;
       }
     }
   }
@@ -80,15 +81,10 @@ TotalView<S> TotalBody<S>::view(double dt, bool commit) const {
   v.displacement = displacement_.data();
   v.velocity = velocity_.data();
   v.block_nodes = grid_.block_nodes();
-  v.block_merges = grid_.merges().empty() ? nullptr : grid_.block_merges().data();
-  v.merges = grid_.merges().data();
   v.slab_chunks = grid_.slab_chunks().data();
   v.geometry = geometry_.data();
   // History is written by commit alone, and then through a non-const member function.
   v.plastic = plastic_.empty() ? nullptr : const_cast<S*>(plastic_.data());
-  // The stability estimate is of the unforced body, whatever touched it last.
-  v.point_force = point_force_.empty() || !commit ? nullptr : point_force_.data();
-  v.block_has_force = block_has_force_.data();
   v.force = force_.data();
   v.extremes = extremes_.data();
   v.law = law_;
@@ -103,7 +99,37 @@ TotalView<S> TotalBody<S>::view(double dt, bool commit) const {
 template <class S>
 void TotalBody<S>::compute_forces(Arena& arena, double dt, bool commit) {
   const TotalView<S> v = view(dt, commit);
-  arena.parallel_for(0, grid_.blocks(), 1, [&](std::size_t b) { kernels_->total_forces(v, b); });
+  // The stability estimate is of the unforced body, whatever touched it last.
+  if (commit) sort_loads();
+  arena.parallel_for(0, grid_.blocks(), 1, [&](std::size_t b) {
+    kernels_->total_forces(v, b);
+    if (commit) apply_loads(b);
+  });
+}
+
+template <class S>
+void TotalBody<S>::sort_loads() {
+  for (std::vector<Load>& loads : block_loads_) loads.clear();
+  for (const std::vector<Load>& loads : loads_) {
+    for (const Load& load : loads) block_loads_[load.point.block].push_back(load);
+  }
+}
+
+template <class S>
+void TotalBody<S>::apply_loads(std::size_t block) {
+  S* halo = force_.data() + block * 3 * kHaloNodes;
+  for (const Load& load : block_loads_[block]) {
+    const PointStencil s(load.point.f, grid_.dx());
+    for (std::size_t i = 0; i < 3; ++i)
+      for (std::size_t j = 0; j < 3; ++j)
+        for (std::size_t k = 0; k < 3; ++k) {
+          const double w = s.weight(i, j, k);
+          const std::size_t node = halo_index(load.point.x + i, load.point.y + j, load.point.z + k);
+          for (std::size_t c = 0; c < 3; ++c) {
+            halo[c * kHaloNodes + node] += static_cast<S>(w * load.force[static_cast<int>(c)]);
+          }
+        }
+  }
 }
 
 template <class S>
@@ -205,14 +231,18 @@ double TotalBody<S>::stable_time_step(Arena& arena, int iterations) {
   // Power iteration on M⁻¹K, K w ≈ (f(u) − f(u + εw))/ε. ε keeps the strain of the fastest mode
   // small against one and large against float rounding.
   const std::size_t size = displacement_.size();
+  // Noise goes into the last call's mode, so that a mode that has become the fastest since, in
+  // another place, is found as well.
   std::vector<double>& mode = mode_;
-  if (mode.size() != size) {
-    mode.resize(size);
-    std::uint64_t state = 0x9e3779b97f4a7c15ULL;
-    for (double& m : mode) {
-      state = state * 6364136223846793005ULL + 1442695040888963407ULL;
-      m = static_cast<double>(state >> 11U) * 0x1p-53 - 0.5;
-    }
+  mode.resize(size, 0.0);
+  double largest = 0.0;
+  for (const double m : mode) largest = std::max(largest, std::abs(m));
+  const double scale_of_last = largest > 0.0 ? 1.0 / largest : 0.0;
+  std::uint64_t random = 0x9e3779b97f4a7c15ULL;
+  for (double& m : mode) {
+    random = random * 6364136223846793005ULL + 1442695040888963407ULL;
+    const double noise = static_cast<double>(random >> 11U) * 0x1p-53 - 0.5;
+    m = scale_of_last * m + kProbeNoise * noise;
   }
   const std::vector<double> saved = displacement_;
   const std::vector<double> saved_velocity = velocity_;
@@ -264,79 +294,27 @@ double TotalBody<S>::stable_time_step(Arena& arena, int iterations) {
 }
 
 template <class S>
-void TotalBody<S>::clear_point_forces(std::size_t block) {
-  if (block_has_force_[block] == 0) return;
-  const std::size_t begin = grid_.slab_chunks()[block * kSlabs];
-  const std::size_t end = grid_.slab_chunks()[(block + 1) * kSlabs];
-  std::fill(point_force_.begin() + static_cast<std::ptrdiff_t>(begin * 3 * kLanes),
-            point_force_.begin() + static_cast<std::ptrdiff_t>(end * 3 * kLanes), S(0));
-  block_has_force_[block] = 0;
+void TotalBody<S>::clear_loads(std::size_t block) {
+  loads_[block].clear();
 }
 
 template <class S>
-void TotalBody<S>::allocate_point_forces() {
-  if (point_force_.empty()) point_force_.assign(grid_.chunks() * 3 * kLanes, S(0));
+void TotalBody<S>::add_load(std::uint32_t particle, const Vec3d& offset, const Vec3d& force) {
+  const Mat3d to_local = grid_.axes().transpose();
+  loads_[grid_.block(particle)].push_back(
+      {grid_.point_in(particle, grid_.rest(particle) + to_local * offset), to_local * force});
 }
 
 template <class S>
-void TotalBody<S>::add_point_force(std::uint32_t particle, const Vec3d& world_force) {
-  const Vec3d f = grid_.axes().transpose() * world_force;
-  S* place = point_force_.data() + grid_.chunk(particle) * (3 * kLanes) + grid_.lane(particle);
-  for (std::size_t c = 0; c < 3; ++c) place[c * kLanes] += static_cast<S>(f[static_cast<int>(c)]);
-  block_has_force_[grid_.block(particle)] = 1;
-}
-
-namespace {
-
-/// Weights and gradients of the 27 nodes at f, and where they are in the node arrays.
-struct PointStencil {
-  double w[3][3];
-  double g[3][3];
-};
-
-PointStencil point_stencil(const Vec3d& f, double dx) {
-  PointStencil s;
-  for (int axis = 0; axis < 3; ++axis) {
-    quadratic_weights(f[axis], s.w[axis]);
-    s.g[axis][0] = -(1.5 - f[axis]) / dx;
-    s.g[axis][1] = -2.0 * (f[axis] - 1.0) / dx;
-    s.g[axis][2] = (f[axis] - 0.5) / dx;
-  }
-  return s;
-}
-
-/// Calls visit(component-0 index of node, i, j, k) for the 27 nodes of a particle.
-template <class Visit>
-void visit_nodes(const TotalGrid& grid, std::uint32_t particle, const Visit& visit) {
-  const std::uint32_t block = grid.block(particle);
-  const std::uint32_t* corners = grid.block_nodes() + block * std::size_t{8};
-  const std::uint32_t chunk = grid.chunk(particle);
-  const auto& slabs = grid.slab_chunks();
-  std::size_t x = 0;
-  while (slabs[block * kSlabs + x + 1] <= chunk) ++x;
-  const std::size_t y = grid.lane(particle) / 4;
-  const std::size_t z = grid.lane(particle) % 4;
-  for (std::size_t i = 0; i < 3; ++i)
-    for (std::size_t j = 0; j < 3; ++j)
-      for (std::size_t k = 0; k < 3; ++k) {
-        const std::size_t a = x + i;
-        const std::size_t b = y + j;
-        const std::size_t c = z + k;
-        const std::uint32_t nodes = corners[a / 4 * 4 + b / 4 * 2 + c / 4];
-        visit(nodes * kNodeBlock + node_index(a % 4, b % 4, c % 4), i, j, k);
-      }
-}
-
-}  // namespace
-
-template <class S>
-typename TotalBody<S>::PointState TotalBody<S>::state_at(std::uint32_t particle, const Vec3d& f,
-                                                         const Vec3d& rest) const {
-  const PointStencil s = point_stencil(f, grid_.dx());
+typename TotalBody<S>::PointState TotalBody<S>::point_state(std::uint32_t particle,
+                                                            const Vec3d& offset) const {
+  const Vec3d rest = grid_.rest(particle) + grid_.axes().transpose() * offset;
+  const CellPoint point = grid_.point_in(particle, rest);
+  const PointStencil s(point.f, grid_.dx());
   Vec3d u = Vec3d::Zero();
   Vec3d v = Vec3d::Zero();
-  visit_nodes(grid_, particle, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
-    const double w = s.w[0][i] * s.w[1][j] * s.w[2][k];
+  visit_nodes(grid_, point, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
+    const double w = s.weight(i, j, k);
     for (std::size_t c = 0; c < 3; ++c) {
       u[static_cast<int>(c)] += w * displacement_[node + c * kBlockNodes];
       v[static_cast<int>(c)] += w * velocity_[node + c * kBlockNodes];
@@ -346,31 +324,12 @@ typename TotalBody<S>::PointState TotalBody<S>::state_at(std::uint32_t particle,
 }
 
 template <class S>
-typename TotalBody<S>::PointState TotalBody<S>::point_state(std::uint32_t particle) const {
-  const Vec3d& rest = grid_.rest(particle);
-  return state_at(particle, grid_.particle_cell(particle).second, rest);
-}
-
-template <class S>
-typename TotalBody<S>::PointState TotalBody<S>::quadrature_state(std::uint32_t particle) const {
-  const Vec3d f = grid_.quadrature_point(particle);
-  const Vec3d& rest = grid_.rest(particle);
-  return state_at(particle, f, rest + (f - grid_.particle_cell(particle).second) * grid_.dx());
-}
-
-template <class S>
-double TotalBody<S>::half_size(std::uint32_t particle) const {
-  return grid_.in_full_cell(particle) ? (0.5 - 0.5 / std::sqrt(3.0)) * grid_.dx()
-                                      : 0.5 * std::cbrt(grid_.volume(particle));
-}
-
-template <class S>
 Mat3d TotalBody<S>::deformation_gradient(std::uint32_t particle) const {
-  const PointStencil s = point_stencil(grid_.particle_cell(particle).second, grid_.dx());
+  const CellPoint point = grid_.point_in(particle, grid_.rest(particle));
+  const PointStencil s(point.f, grid_.dx());
   Mat3d h = Mat3d::Zero();
-  visit_nodes(grid_, particle, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
-    const Vec3d g(s.g[0][i] * s.w[1][j] * s.w[2][k], s.w[0][i] * s.g[1][j] * s.w[2][k],
-                  s.w[0][i] * s.w[1][j] * s.g[2][k]);
+  visit_nodes(grid_, point, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
+    const Vec3d g = s.gradient(i, j, k);
     for (std::size_t c = 0; c < 3; ++c) {
       h.row(static_cast<int>(c)) += displacement_[node + c * kBlockNodes] * g.transpose();
     }
@@ -392,8 +351,9 @@ void TotalBody<S>::sample(Arena& arena, BodyState& out) const {
       out.velocities[p] = state.velocity.template cast<float>();
       out.deformation_gradients[p] = deformation_gradient(p).template cast<float>();
       if (!plastic_.empty()) {
+        const std::uint32_t place = grid_.place(grid_.nearest_point(p));
         out.plastic_strain[p] = static_cast<float>(
-            plastic_[grid_.chunk(p) * (10 * kLanes) + 9 * kLanes + grid_.lane(p)]);
+            plastic_[place / kLanes * (10 * kLanes) + 9 * kLanes + place % kLanes]);
       }
     }
   });

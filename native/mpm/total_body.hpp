@@ -53,23 +53,20 @@ class TotalBody {
   /// frequency, by power iteration on the linearised forces.
   [[nodiscard]] double stable_time_step(Arena& arena, int iterations);
 
-  /// Forces on particles, in world axes, are set before compute_forces. One block's chunk range is
-  /// touched by one thread only.
-  void allocate_point_forces();
-  void clear_point_forces(std::size_t block);
-  void add_point_force(std::uint32_t particle, const Vec3d& world_force);
+  /// Forces [N] at points of the body, set before compute_forces: `offset` [m] from the particle at
+  /// rest, world axes both. A block is touched by one thread only.
+  void clear_loads(std::size_t block);
+  void add_load(std::uint32_t particle, const Vec3d& offset, const Vec3d& force);
 
-  /// Present position, velocity and F of one particle, world axes, from the nodes (double).
+  /// Present position and velocity, world axes, of the point that is `offset` [m, world axes] from
+  /// a particle at rest, by the polynomial of the particle's cell.
   struct PointState {
     Vec3d position;
     Vec3d velocity;
   };
-  [[nodiscard]] PointState point_state(std::uint32_t particle) const;
+  [[nodiscard]] PointState point_state(std::uint32_t particle,
+                                       const Vec3d& offset = Vec3d::Zero()) const;
   [[nodiscard]] Mat3d deformation_gradient(std::uint32_t particle) const;
-  /// The same at the particle's quadrature point, where forces on it act.
-  [[nodiscard]] PointState quadrature_state(std::uint32_t particle) const;
-  /// Half the edge at rest of the particle's share of the cell, from its quadrature point [m].
-  [[nodiscard]] double half_size(std::uint32_t particle) const;
 
   void sample(Arena& arena, BodyState& out) const;
   [[nodiscard]] BlockExtremes<S> extremes() const;
@@ -94,8 +91,12 @@ class TotalBody {
   [[nodiscard]] Vec3d momentum() const;
 
  private:
-  [[nodiscard]] PointState state_at(std::uint32_t particle, const Vec3d& f,
-                                    const Vec3d& rest) const;
+  struct Load {
+    CellPoint point;
+    Vec3d force;  ///< body axes [N]
+  };
+  void sort_loads();
+  void apply_loads(std::size_t block);
   [[nodiscard]] TotalView<S> view(double dt, bool commit) const;
   void sum_forces(std::size_t node_block, double* out) const;
 
@@ -106,11 +107,11 @@ class TotalBody {
   TotalGrid grid_;
   std::vector<double> displacement_;  ///< node blocks × [3][64]
   std::vector<double> velocity_;
-  std::vector<S> geometry_;     ///< chunks × [4][16]
-  std::vector<S> plastic_;      ///< chunks × [10][16], or empty
-  std::vector<S> point_force_;  ///< chunks × [3][16], allocated with the first force
-  std::vector<std::uint8_t> block_has_force_;
-  mutable std::vector<S> force_;  ///< blocks × [3][216]
+  std::vector<S> geometry_;                     ///< chunks × [4][16]
+  std::vector<S> plastic_;                      ///< chunks × [10][16], or empty
+  std::vector<std::vector<Load>> loads_;        ///< by the block of the particle
+  std::vector<std::vector<Load>> block_loads_;  ///< by the block of the load's cell
+  mutable std::vector<S> force_;                ///< blocks × [3][216]
   mutable std::vector<BlockExtremes<S>> extremes_;
   std::vector<double> mode_;  ///< last vector of the power iteration
   std::unique_ptr<TotalPins> pins_;

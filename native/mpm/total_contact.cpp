@@ -9,10 +9,10 @@ namespace matterfit::mpm {
 template <class S>
 TotalContact<S>::TotalContact(const Body& body, const Scene& scene, const TotalBody<S>& total)
     : density_(body.density) {
+  const double response = scene.colliders.empty() ? 0.0 : total.grid().contact_response();
   for (const ColliderPtr& collider : scene.colliders) {
     colliders_.push_back({collider, resolve_contact(collider->contact(), body, scene.dx)});
-    frequency_squared_ = std::max(
-        frequency_squared_, colliders_.back().law.stiffness / (body.density * 0.5 * scene.dx));
+    frequency_squared_ = std::max(frequency_squared_, colliders_.back().law.stiffness * response);
   }
   wake_time_.assign(total.blocks(), 0.0);
   penetration_.assign(total.blocks(), 0.0);
@@ -37,19 +37,18 @@ void TotalContact<S>::wake(double frame_seconds, double acceleration) {
 template <class S>
 void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, double dt) {
   if (colliders_.empty()) {
-    for (std::size_t b = 0; b < body.blocks(); ++b) body.clear_point_forces(b);
+    for (std::size_t b = 0; b < body.blocks(); ++b) body.clear_loads(b);
     return;
   }
-  body.allocate_point_forces();
   arena.parallel_for(0, skin_.size(), 1, [&](std::size_t b) {
-    body.clear_point_forces(b);
+    body.clear_loads(b);
     if (time < wake_time_[b]) return;
     double gap = 1e30;     // least distance of any particle's surface to any collider
     double closing = 0.0;  // fastest approach seen [m/s]
     bool touching = false;
     for (const std::uint32_t p : skin_[b]) {
-      const auto state = body.quadrature_state(p);
-      const double half = body.half_size(p);
+      const auto state = body.point_state(p);
+      const double half = 0.5 * std::cbrt(body.volume(p));
       for (std::size_t s = 0; s < colliders_.size(); ++s) {
         const SurfacePoint surface = colliders_[s].collider->closest(state.position, time);
         const auto id = static_cast<std::int32_t>(s);
@@ -59,11 +58,18 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
           gap = std::min(gap, surface.distance - 4.0 * half);
           continue;
         }
-        const ContactPoint point = contact_point(surface, body.deformation_gradient(p), half,
-                                                 body.volume(p), density_, state.velocity);
+        // Gap and force are those of the particle's face: a force at its centre would leave the
+        // layer outside of it without stress.
+        const Mat3d f = body.deformation_gradient(p);
+        const Vec3d face = -half * (f.transpose() * surface.normal).normalized();
+        const auto face_state = body.point_state(p, face);
+        const SurfacePoint below = colliders_[s].collider->closest(face_state.position, time);
+        ContactPoint point =
+            contact_point(below, f, half, body.volume(p), density_, face_state.velocity);
+        point.radius = 0.0;
         const Vec3d force = contact_force(colliders_[s].law, point, id, dt, memory_[p]);
         if (!force.isZero(0.0)) {
-          body.add_point_force(p, force);
+          body.add_load(p, face, force);
           touching = true;
           penetration_[b] = std::max(penetration_[b], point.radius - point.distance);
         }

@@ -21,7 +21,7 @@ class TotalContact {
   /// Velocities of colliders change at frames: every block looks again.
   void wake(double frame_seconds, double acceleration);
   [[nodiscard]] bool any() const { return !colliders_.empty(); }
-  /// Highest k/(ρ h) of a particle on its contact spring [1/s²].
+  /// Highest ω² of the body's skin on its contact springs [1/s²].
   [[nodiscard]] double frequency_squared() const { return frequency_squared_; }
   [[nodiscard]] double max_penetration() const;
 

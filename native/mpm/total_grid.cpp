@@ -77,14 +77,15 @@ TotalGrid::TotalGrid(const Body& body, const Scene& scene)
     }
   }
   find_surface(body.lattice);
-  // Only where something is held: in a hard impact a continued polynomial can turn inside out.
-  if (body.pins.empty()) std::fill(open_sides_.begin(), open_sides_.end(), std::uint8_t{0});
-  find_bases();
-  place_particles();
+  Points coordinates(rest_.size());
+  for (std::size_t p = 0; p < rest_.size(); ++p) {
+    for (int axis = 0; axis < 3; ++axis) coordinates[p][axis] = node_coordinate(rest_[p], axis);
+  }
+  const double edge = body.lattice.regular ? body.lattice.spacing / dx_ : 0.0;
+  quadrature_ = cell_quadrature(coordinates, volumes_, edge);
+  place_points();
   link_blocks();
-  find_full_cells();
   lump_mass(body.density);
-  merge_cells();
 }
 
 std::pair<Vec3i, Vec3d> TotalGrid::cell(const Vec3d& local) const {
@@ -98,52 +99,45 @@ std::pair<Vec3i, Vec3d> TotalGrid::cell(const Vec3d& local) const {
   return {base, f};
 }
 
-std::pair<Vec3i, Vec3d> TotalGrid::particle_cell(std::uint32_t particle) const {
-  Vec3d f;
-  for (int axis = 0; axis < 3; ++axis) {
-    f[axis] = node_coordinate(rest_[particle], axis) - bases_[particle][axis];
-  }
-  return {bases_[particle], f};
+CellPoint TotalGrid::point_in(std::uint32_t particle, const Vec3d& local) const {
+  const Vec3i own = bases_[particle];
+  Vec3i base = cell(local).first;
+  if (base != own) base = quadrature_.cell_at(base, own);
+  CellPoint point{particle_block_[particle], 0, 0, 0, Vec3d::Zero()};
+  const Vec3i block = floor_divide(base);
+  if (block != block_coordinates_[point.block]) point.block = find(block_coordinates_, block);
+  for (int axis = 0; axis < 3; ++axis) point.f[axis] = node_coordinate(local, axis) - base[axis];
+  const Vec3i c = base - 4 * block;
+  point.x = static_cast<std::size_t>(c[0]);
+  point.y = static_cast<std::size_t>(c[1]);
+  point.z = static_cast<std::size_t>(c[2]);
+  return point;
 }
 
-void TotalGrid::find_bases() {
-  // Layers of a lattice that is aligned with the grid stay; up to .13 the weights of the continued
-  // polynomial are positive.
-  constexpr double kAlone = 0.25 + 1e-6;
-  bases_.resize(rest_.size());
-  for (std::uint32_t p = 0; p < rest_.size(); ++p) {
-    const auto [base, f] = cell(rest_[p]);
-    bases_[p] = base;
-    for (int axis = 0; axis < 3; ++axis) {
-      const bool below = (open_sides_[p] >> (2 * axis) & 1) != 0;
-      const bool above = (open_sides_[p] >> (2 * axis + 1) & 1) != 0;
-      if (below && !above && f[axis] > 1.0 + kAlone) {
-        ++bases_[p][axis];
-      } else if (above && !below && f[axis] < 1.0 - kAlone) {
-        --bases_[p][axis];
-      }
-    }
-  }
-}
-
-void TotalGrid::place_particles() {
+void TotalGrid::place_points() {
+  const std::vector<QuadraturePoint>& points = quadrature_.points;
   std::set<Vec3i, Before> coordinates;
-  const std::vector<Vec3i>& bases = bases_;
-  for (const Vec3i& base : bases) coordinates.insert(floor_divide(base));
+  for (const QuadraturePoint& q : points) coordinates.insert(floor_divide(q.cell));
   block_coordinates_.assign(coordinates.begin(), coordinates.end());
   particle_block_.resize(rest_.size());
   block_particles_.resize(block_coordinates_.size());
   for (std::size_t p = 0; p < rest_.size(); ++p) {
-    particle_block_[p] = find(block_coordinates_, floor_divide(bases[p]));
+    const Vec3i at = cell(rest_[p]).first;
+    bases_.push_back(quadrature_.cell_at(at, at));
+    particle_block_[p] = find(block_coordinates_, floor_divide(bases_[p]));
     block_particles_[particle_block_[p]].push_back(static_cast<std::uint32_t>(p));
   }
-  place_.resize(rest_.size());
+  std::vector<std::vector<std::uint32_t>> block_points(block_coordinates_.size());
+  for (std::uint32_t i = 0; i < points.size(); ++i) {
+    block_points[find(block_coordinates_, floor_divide(points[i].cell))].push_back(i);
+  }
+  place_.resize(points.size());
   slab_chunks_.assign(1, 0);
   for (std::size_t b = 0; b < block_coordinates_.size(); ++b) {
     std::array<std::array<std::uint32_t, kLanes>, kSlabs> filled{};
-    std::vector<std::uint32_t> slot(block_particles_[b].size());
+    std::vector<std::uint32_t> slot(block_points[b].size());
     for (std::size_t i = 0; i < slot.size(); ++i) {
-      const Vec3i c = bases[block_particles_[b][i]] - 4 * block_coordinates_[b];
+      const Vec3i c = points[block_points[b][i]].cell - 4 * block_coordinates_[b];
       slot[i] = filled[static_cast<std::size_t>(c[0])][static_cast<std::size_t>(4 * c[1] + c[2])]++;
     }
     const std::size_t first_slab = slab_chunks_.size() - 1;
@@ -151,11 +145,11 @@ void TotalGrid::place_particles() {
       slab_chunks_.push_back(slab_chunks_.back() + *std::max_element(cells.begin(), cells.end()));
     }
     for (std::size_t i = 0; i < slot.size(); ++i) {
-      const std::uint32_t p = block_particles_[b][i];
-      const Vec3i c = bases[p] - 4 * block_coordinates_[b];
+      const std::uint32_t q = block_points[b][i];
+      const Vec3i c = points[q].cell - 4 * block_coordinates_[b];
       const std::uint32_t chunk =
           slab_chunks_[first_slab + static_cast<std::size_t>(c[0])] + slot[i];
-      place_[p] =
+      place_[q] =
           chunk * static_cast<std::uint32_t>(kLanes) + static_cast<std::uint32_t>(4 * c[1] + c[2]);
     }
   }
@@ -185,43 +179,42 @@ void TotalGrid::link_blocks() {
 
 void TotalGrid::find_surface(const Lattice& lattice) {
   surface_.assign(rest_.size(), 1);
-  open_sides_.assign(rest_.size(), 0);
   if (!lattice.regular || !(lattice.spacing > 0.0)) return;
-  const auto coordinates = [&](const Vec3d& x) {
-    return Vec3i(static_cast<int>(std::floor(x[0] / lattice.spacing)),
-                 static_cast<int>(std::floor(x[1] / lattice.spacing)),
-                 static_cast<int>(std::floor(x[2] / lattice.spacing)));
-  };
   std::vector<Vec3i> places(rest_.size());
-  for (std::size_t p = 0; p < rest_.size(); ++p) places[p] = coordinates(rest_[p]);
+  for (std::size_t p = 0; p < rest_.size(); ++p) {
+    for (int axis = 0; axis < 3; ++axis) {
+      places[p][axis] = static_cast<int>(std::floor(rest_[p][axis] / lattice.spacing));
+    }
+  }
   std::vector<Vec3i> sorted = places;
   std::sort(sorted.begin(), sorted.end(), before);
   for (std::size_t p = 0; p < rest_.size(); ++p) {
+    bool open = false;
     for (int axis = 0; axis < 3; ++axis) {
       for (const int step : {-1, 1}) {
         Vec3i next = places[p];
         next[axis] += step;
-        if (std::binary_search(sorted.begin(), sorted.end(), next, before)) continue;
-        open_sides_[p] = static_cast<std::uint8_t>(open_sides_[p] | 1U << (2 * axis + (step > 0)));
+        open = open || !std::binary_search(sorted.begin(), sorted.end(), next, before);
       }
     }
-    surface_[p] = open_sides_[p] == 0 ? 0 : 1;
+    surface_[p] = open ? 1 : 0;
   }
 }
 
 void TotalGrid::lump_mass(double density) {
   mass_.assign(node_blocks() * kBlockNodes, 0.0);
-  center_.setZero();
-  for (std::uint32_t p = 0; p < rest_.size(); ++p) {
-    const Vec3i base = particle_cell(p).first;
-    const Vec3d f = quadrature_point(p);
+  for (const QuadraturePoint& q : quadrature_.points) {
     double w[3][3];
-    for (int axis = 0; axis < 3; ++axis) quadratic_weights(f[axis], w[axis]);
-    const double m = density * volumes_[p];
+    for (int axis = 0; axis < 3; ++axis) quadratic_weights(q.f[axis], w[axis]);
+    const double m = density * q.volume;
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
         for (int k = 0; k < 3; ++k)
-          mass_[find_node(base + Vec3i(i, j, k))] += m * w[0][i] * w[1][j] * w[2][k];
+          mass_[find_node(q.cell + Vec3i(i, j, k))] += m * w[0][i] * w[1][j] * w[2][k];
+  }
+  center_.setZero();
+  for (std::uint32_t p = 0; p < rest_.size(); ++p) {
+    const double m = density * volumes_[p];
     total_mass_ += m;
     center_ += m * rest_[p];
   }
@@ -232,77 +225,12 @@ void TotalGrid::lump_mass(double density) {
   }
 }
 
-void TotalGrid::find_full_cells() {
-  in_full_cell_.assign(rest_.size(), 0);
-  for (std::size_t b = 0; b < blocks(); ++b) {
-    std::array<std::uint8_t, kSlabs * kLanes> octants{};
-    std::array<std::uint8_t, kSlabs * kLanes> count{};
-    const auto cell_of = [&](std::uint32_t p) {
-      const Vec3i c = particle_cell(p).first - 4 * block_coordinates_[b];
-      return static_cast<std::size_t>(c[0] * 16 + c[1] * 4 + c[2]);
-    };
-    for (const std::uint32_t p : block_particles_[b]) {
-      const Vec3d f = particle_cell(p).second;
-      bool centred = std::abs(volumes_[p] - dx_ * dx_ * dx_ / 8.0) < 1e-6 * dx_ * dx_ * dx_;
-      int octant = 0;
-      for (int axis = 0; axis < 3; ++axis) {
-        centred = centred && std::abs(std::abs(f[axis] - 1.0) - 0.25) < 1e-6;
-        octant = 2 * octant + (f[axis] > 1.0 ? 1 : 0);
-      }
-      const std::size_t c = cell_of(p);
-      ++count[c];
-      if (centred)
-        octants[c] = static_cast<std::uint8_t>(octants[c] | (1U << static_cast<unsigned>(octant)));
-    }
-    for (const std::uint32_t p : block_particles_[b]) {
-      const std::size_t c = cell_of(p);
-      in_full_cell_[p] = octants[c] == 0xff && count[c] == 8 ? 1 : 0;
-    }
-  }
-}
-
-Vec3d TotalGrid::quadrature_point(std::uint32_t particle) const {
-  const Vec3d f = particle_cell(particle).second;
-  if (in_full_cell_[particle] == 0) return f;
-  // ±1/(2√3) in place of ±1/4: exact for cubics, so that coarse bodies bend with their full EI.
-  return Vec3d::Ones() + (f - Vec3d::Ones()) * (2.0 / std::sqrt(3.0));
-}
-
-void TotalGrid::merge_cells() {
-  block_merges_.assign(1, 0);
-  const double full = dx_ * dx_ * dx_;
-  for (std::size_t b = 0; b < blocks(); ++b) {
-    std::array<double, kSlabs * kLanes> filled{};
-    for (const std::uint32_t p : block_particles_[b]) {
-      const Vec3i c = particle_cell(p).first - 4 * block_coordinates_[b];
-      filled[static_cast<std::size_t>(c[0] * 16 + c[1] * 4 + c[2])] += volumes_[p];
-    }
-    std::array<bool, kSlabs * kLanes> used{};
-    for (int i = 0; i < 64; ++i) {
-      const double here = filled[static_cast<std::size_t>(i)];
-      if (!(here > 0.0) || here > 0.6 * full || used[static_cast<std::size_t>(i)]) continue;
-      int best = -1;
-      for (const int step : {16, -16, 4, -4, 1, -1}) {
-        const int axis_step = std::abs(step);
-        const int coordinate = i / axis_step % 4 + (step > 0 ? 1 : -1);
-        if (coordinate < 0 || coordinate > 3) continue;
-        const int j = i + step;
-        if (filled[static_cast<std::size_t>(j)] > 0.6 * full &&
-            (best < 0 ||
-             filled[static_cast<std::size_t>(j)] > filled[static_cast<std::size_t>(best)])) {
-          best = j;
-        }
-      }
-      if (best < 0) continue;
-      used[static_cast<std::size_t>(i)] = true;
-      merges_.push_back({static_cast<std::uint8_t>(i), static_cast<std::uint8_t>(best)});
-    }
-    block_merges_.push_back(static_cast<std::uint32_t>(merges_.size()));
-  }
-}
-
 Vec3d TotalGrid::outward_normal(std::uint32_t particle) const {
-  const auto [base, f] = particle_cell(particle);
+  const Vec3i base = bases_[particle];
+  Vec3d f;
+  for (int axis = 0; axis < 3; ++axis) {
+    f[axis] = node_coordinate(rest_[particle], axis) - base[axis];
+  }
   Vec3d gradient = Vec3d::Zero();
   for (int i = 0; i < 27; ++i) {
     const Vec3i step(i / 9, i / 3 % 3, i % 3);
@@ -318,6 +246,30 @@ Vec3d TotalGrid::outward_normal(std::uint32_t particle) const {
   }
   const double length = gradient.norm();
   return length > 0.0 ? Vec3d(-gradient / length) : Vec3d::UnitZ();
+}
+
+double TotalGrid::contact_response() const {
+  std::vector<double> sums(mass_.size());
+  double largest = 0.0;
+  for (int direction = 0; direction < 6; ++direction) {
+    Vec3d outward = Vec3d::Zero();
+    outward[direction / 2] = direction % 2 == 0 ? -1.0 : 1.0;
+    std::fill(sums.begin(), sums.end(), 0.0);
+    for (std::uint32_t p = 0; p < rest_.size(); ++p) {
+      if (!is_surface(p) || outward_normal(p).dot(outward) < 0.5) continue;
+      const double edge = std::cbrt(volumes_[p]);
+      const NodeWeights face = field_weights(p, rest_[p] + 0.5 * edge * outward);
+      double total = 0.0;
+      for (const double w : face.weights) total += std::abs(w);
+      for (std::size_t n = 0; n < face.nodes.size(); ++n) {
+        sums[face.nodes[n]] += edge * edge * std::abs(face.weights[n]) * total;
+      }
+    }
+    for (std::size_t n = 0; n < sums.size(); ++n) {
+      largest = std::max(largest, sums[n] * inverse_mass_[n]);
+    }
+  }
+  return largest;
 }
 
 Vec3i TotalGrid::node_coordinates(std::uint32_t node) const {
@@ -382,7 +334,7 @@ NodeWeights TotalGrid::point_weights(const Vec3d& local) const {
 }
 
 NodeWeights TotalGrid::field_weights(std::uint32_t particle, const Vec3d& local) const {
-  const Vec3i base = particle_cell(particle).first;
+  const Vec3i base = quadrature_.cell_at(cell(local).first, bases_[particle]);
   double w[3][3];
   for (int axis = 0; axis < 3; ++axis) {
     quadratic_weights(node_coordinate(local, axis) - base[axis], w[axis]);

@@ -10,6 +10,7 @@
 #include "mpm/kernels.hpp"
 #include "mpm/layout.hpp"
 #include "mpm/scene.hpp"
+#include "mpm/total_quadrature.hpp"
 
 namespace matterfit::mpm {
 
@@ -19,8 +20,16 @@ struct NodeWeights {
   std::vector<double> weights;
 };
 
-/// The fixed grid of a total Lagrangian body: which blocks there are, where each particle sits,
-/// node masses. Everything is in the body's own axes: x_local = axesᵀ (X − origin).
+/// A point in a cell of a block: cell (x, y, z) of the block, f = x/dx − base.
+struct CellPoint {
+  std::uint32_t block;
+  std::size_t x, y, z;
+  Vec3d f;
+};
+
+/// The fixed grid of a total Lagrangian body: which blocks there are, where its quadrature points
+/// and particles sit, node masses. Everything is in the body's own axes: x_local = axesᵀ (X −
+/// origin).
 class TotalGrid {
  public:
   TotalGrid(const Body& body, const Scene& scene);
@@ -38,11 +47,14 @@ class TotalGrid {
   [[nodiscard]] Vec3d to_world(const Vec3d& local) const { return axes_ * local + origin_; }
   [[nodiscard]] const Vec3d& rest(std::uint32_t particle) const { return rest_[particle]; }
   [[nodiscard]] double volume(std::uint32_t particle) const { return volumes_[particle]; }
-  [[nodiscard]] std::uint32_t chunk(std::uint32_t particle) const {
-    return place_[particle] / kLanes;
+  [[nodiscard]] const std::vector<QuadraturePoint>& quadrature() const {
+    return quadrature_.points;
   }
-  [[nodiscard]] std::uint32_t lane(std::uint32_t particle) const {
-    return place_[particle] % kLanes;
+  /// Where quadrature point q is stored: chunk · kLanes + lane.
+  [[nodiscard]] std::uint32_t place(std::size_t q) const { return place_[q]; }
+  /// The quadrature point whose history a particle shows.
+  [[nodiscard]] std::uint32_t nearest_point(std::uint32_t particle) const {
+    return quadrature_.nearest[particle];
   }
   [[nodiscard]] std::uint32_t block(std::uint32_t particle) const {
     return particle_block_[particle];
@@ -55,6 +67,10 @@ class TotalGrid {
 
   /// Unit, outward, body axes: against the gradient of the lumped mass.
   [[nodiscard]] Vec3d outward_normal(std::uint32_t particle) const;
+  /// How quickly the body's skin gives way to a contact: with springs k A [N/m] on the faces of its
+  /// outermost particles, no frequency exceeds ω² = k · this [m²/kg], which is the largest row sum
+  /// of M⁻¹ Wᵀ A W over six directions of contact.
+  [[nodiscard]] double contact_response() const;
   [[nodiscard]] const std::vector<std::uint32_t>& slab_chunks() const { return slab_chunks_; }
   /// Flat [8] a block, as TotalView::block_nodes.
   [[nodiscard]] const std::uint32_t* block_nodes() const { return block_nodes_.front().data(); }
@@ -62,9 +78,6 @@ class TotalGrid {
   [[nodiscard]] const std::array<std::uint32_t, 8>& node_sources(std::size_t node_block) const {
     return node_sources_[node_block];
   }
-  /// Partly filled cells whose mean dilatation is taken with a neighbour's, per block.
-  [[nodiscard]] const std::vector<std::uint32_t>& block_merges() const { return block_merges_; }
-  [[nodiscard]] const std::vector<CellMerge>& merges() const { return merges_; }
   [[nodiscard]] const std::vector<double>& mass() const {
     return mass_;
   }  ///< [kg], node blocks × 64
@@ -83,34 +96,23 @@ class TotalGrid {
   }
   /// Base node's coordinates of the cell that holds a point, and x/dx − base there.
   [[nodiscard]] std::pair<Vec3i, Vec3d> cell(const Vec3d& local) const;
-  /// The same of a particle's own cell. A layer that would be alone in the inner half of a boundary
-  /// cell belongs to the next cell inwards (whose polynomial is continued to it): the outermost
-  /// nodes would carry next to no mass and give way, and with them a clamp or a contact there.
-  [[nodiscard]] std::pair<Vec3i, Vec3d> particle_cell(std::uint32_t particle) const;
-
-  /// Where the stress of a particle is evaluated: x/dx − base. In a cell that holds one particle
-  /// in each of its eight octants these are the Gauss points of the cell, elsewhere the particle.
-  [[nodiscard]] bool in_full_cell(std::uint32_t particle) const {
-    return in_full_cell_[particle] != 0;
-  }
-  [[nodiscard]] Vec3d quadrature_point(std::uint32_t particle) const;
+  /// A point of a particle's box, in the cell whose polynomial moves it.
+  [[nodiscard]] CellPoint point_in(std::uint32_t particle, const Vec3d& local) const;
 
   /// First-order (moving least squares) weights over nodes that carry mass: exact for affine
   /// motion, also for points off the body, where plain B-spline weights would lean on empty nodes.
   [[nodiscard]] NodeWeights point_weights(const Vec3d& local) const;
 
-  /// The body's own field at a point in a particle's cell or close to it: the cell's quadratic
-  /// polynomial, whose nodes all carry mass. What is zero under these weights is held exactly.
+  /// The body's own field at a point in a particle's box or close to it; off the body, the
+  /// polynomial of the particle's cell goes on, whose nodes all carry mass. What is zero under
+  /// these weights is held exactly.
   [[nodiscard]] NodeWeights field_weights(std::uint32_t particle, const Vec3d& local) const;
 
  private:
-  void place_particles();
+  void place_points();
   void link_blocks();
   void find_surface(const Lattice& lattice);
-  void find_bases();
   void lump_mass(double density);
-  void merge_cells();
-  void find_full_cells();
 
   double dx_;
   Mat3d axes_;
@@ -118,20 +120,17 @@ class TotalGrid {
   Vec3d phase_;
   Points rest_;
   std::vector<double> volumes_;
+  Quadrature quadrature_;
+  std::vector<Vec3i> bases_;  ///< per particle: the cell whose polynomial moves it
   std::vector<std::uint32_t> place_;
   std::vector<std::uint32_t> particle_block_;
   std::vector<std::uint8_t> surface_;
-  std::vector<std::uint8_t> open_sides_;  ///< bit 2·axis + (side > 0): nobody next to it there
-  std::vector<Vec3i> bases_;
-  std::vector<std::uint8_t> in_full_cell_;
   std::vector<Vec3i> block_coordinates_;       ///< sorted
   std::vector<Vec3i> node_block_coordinates_;  ///< sorted
   std::vector<std::uint32_t> slab_chunks_;
   std::vector<std::vector<std::uint32_t>> block_particles_;
   std::vector<std::array<std::uint32_t, 8>> block_nodes_;
   std::vector<std::array<std::uint32_t, 8>> node_sources_;
-  std::vector<std::uint32_t> block_merges_;
-  std::vector<CellMerge> merges_;
   std::vector<double> mass_;
   std::vector<double> inverse_mass_;
   double total_mass_ = 0.0;

@@ -119,7 +119,6 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
 
   const T inverse_dx = T(S(1) / view.dx);
   const T dt = T(view.dt);
-  const bool has_force = view.point_force != nullptr && view.block_has_force[block] != 0;
   T low = scalar<T>(1);
   T high = scalar<T>(1);
   T broken = scalar<T>(0);
@@ -157,19 +156,6 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
       }
       sum_volume.store(cell_volume + slab * kLanes + lane);
       sum_change.store(cell_change + slab * kLanes + lane);
-    }
-  }
-  if (view.block_merges != nullptr) {
-    const std::uint32_t merges_end = view.block_merges[block + 1];
-    for (std::uint32_t m = view.block_merges[block]; m < merges_end; ++m) {
-      const std::uint8_t from = view.merges[m].cell;
-      const std::uint8_t into = view.merges[m].into;
-      cell_volume[into] += cell_volume[from];
-      cell_change[into] += cell_change[from];
-    }
-    for (std::uint32_t m = view.block_merges[block]; m < merges_end; ++m) {
-      cell_volume[view.merges[m].cell] = cell_volume[view.merges[m].into];
-      cell_change[view.merges[m].cell] = cell_change[view.merges[m].into];
     }
   }
   for (std::size_t slab = 0; slab < kSlabs; ++slab) {
@@ -230,13 +216,7 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
         const T factor = -volume * inverse_j;
         for (int i = 0; i < 3; ++i)
           for (int j = 0; j < 3; ++j) p[i][j] *= factor;
-        if (has_force) {
-          const S* force = view.point_force + chunk * (3 * kLanes) + lane;
-          const T value[3] = {T::load(force), T::load(force + kLanes), T::load(force + 2 * kLanes)};
-          scatter<3, true, T>(out, slab, lane, stencil, value, p.m);
-        } else {
-          scatter<3, false, T>(out, slab, lane, stencil, nullptr, p.m);
-        }
+        scatter<3, false, T>(out, slab, lane, stencil, nullptr, p.m);
       }
     }
   }

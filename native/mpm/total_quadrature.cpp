@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/total_quadrature.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <tuple>
+
+namespace matterfit::mpm {
+namespace {
+
+/// Thinner slices than this share of a box are rounding.
+constexpr double kSliver = 1e-6;
+
+/// Cells filled less than this have a host: half cells, which a lattice that is aligned with the
+/// grid leaves, among them. Measured as the spread of a rebound over shifts of the grid (8, 12, 16
+/// cells across): .35 gives 4.3, 1.6 %; .45 3.2, 1.2, .57 %; .55 2.9, .87, .30 %; .7 turns inside
+/// out.
+constexpr double kLeastFilled = 0.55;
+
+struct Slice {
+  int cell;
+  double middle;
+  double width;
+};
+
+/// The parts of [x − edge/2, x + edge/2] in each cell; cell i is [i + ½, i + 3/2].
+std::vector<Slice> slices(double x, double edge) {
+  const double low = x - 0.5 * edge;
+  const double high = x + 0.5 * edge;
+  int first = static_cast<int>(std::floor(low - 0.5));
+  int last = static_cast<int>(std::floor(high - 0.5));
+  if (first + 1.5 - low < kSliver * edge) ++first;
+  if (high - (last + 0.5) < kSliver * edge) --last;
+  std::vector<Slice> result;
+  for (int cell = first; cell <= last; ++cell) {
+    const double a = cell == first ? low : cell + 0.5;
+    const double b = cell == last ? high : cell + 1.5;
+    result.push_back({cell, 0.5 * (a + b), b - a});
+  }
+  return result;
+}
+
+bool before(const Vec3i& a, const Vec3i& b) {
+  return std::tie(a[0], a[1], a[2]) < std::tie(b[0], b[1], b[2]);
+}
+
+/// A box's share of a cell, and the part of the cell that it covers.
+struct Piece {
+  QuadraturePoint point;
+  double covered;
+};
+
+std::vector<Piece> cut(const std::vector<Vec3d>& coordinates, const std::vector<double>& volumes,
+                       double edge) {
+  std::vector<Piece> pieces;
+  pieces.reserve(coordinates.size());
+  for (std::uint32_t p = 0; p < coordinates.size(); ++p) {
+    std::array<std::vector<Slice>, 3> parts;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      parts[axis] = slices(coordinates[p][static_cast<int>(axis)], edge);
+    }
+    for (const Slice& x : parts[0])
+      for (const Slice& y : parts[1])
+        for (const Slice& z : parts[2]) {
+          const Vec3i cell(x.cell, y.cell, z.cell);
+          const double covered = x.width * y.width * z.width;
+          const double share = edge > 0.0 ? covered / (edge * edge * edge) : 1.0;
+          const Vec3d f = Vec3d(x.middle, y.middle, z.middle) - cell.cast<double>();
+          pieces.push_back({{cell, f, volumes[p] * share, p}, covered});
+        }
+  }
+  std::stable_sort(pieces.begin(), pieces.end(), [](const Piece& a, const Piece& b) {
+    return before(a.point.cell, b.point.cell);
+  });
+  return pieces;
+}
+
+using Pieces = std::vector<Piece>::const_iterator;
+
+bool is_full(Pieces begin, Pieces end, const std::vector<double>& volumes) {
+  double covered = 0.0;
+  for (Pieces piece = begin; piece != end; ++piece) {
+    covered += piece->covered;
+    const double ratio = volumes[piece->point.particle] / volumes[begin->point.particle];
+    if (!(std::abs(ratio - 1.0) < 1e-6)) return false;
+  }
+  return std::abs(covered - 1.0) < 1e-6;
+}
+
+void add_gauss_points(Pieces begin, Pieces end, const std::vector<Vec3d>& coordinates,
+                      std::vector<QuadraturePoint>& points) {
+  const Vec3i cell = begin->point.cell;
+  double volume = 0.0;
+  for (Pieces piece = begin; piece != end; ++piece) volume += piece->point.volume;
+  for (int i = 0; i < 8; ++i) {
+    const Vec3d side(i / 4 - 0.5, i / 2 % 2 - 0.5, i % 2 - 0.5);
+    QuadraturePoint q{cell, Vec3d::Ones() + side / std::sqrt(3.0), volume / 8.0, 0};
+    double least = 1e30;
+    for (Pieces piece = begin; piece != end; ++piece) {
+      const std::uint32_t p = piece->point.particle;
+      const double distance = (coordinates[p] - cell.cast<double>() - q.f).squaredNorm();
+      if (distance < least) {
+        least = distance;
+        q.particle = p;
+      }
+    }
+    points.push_back(q);
+  }
+}
+
+struct FilledCell {
+  Vec3i cell;
+  Pieces begin, end;
+  double filled;
+};
+
+std::vector<FilledCell> filled_cells(const std::vector<Piece>& pieces) {
+  std::vector<FilledCell> cells;
+  for (Pieces piece = pieces.begin(); piece != pieces.end(); ++piece) {
+    if (cells.empty() || cells.back().cell != piece->point.cell) {
+      cells.push_back({piece->point.cell, piece, piece, 0.0});
+    }
+    cells.back().end = piece + 1;
+    cells.back().filled += piece->covered;
+  }
+  return cells;
+}
+
+/// Of the 26 neighbours that are filled enough: one across a face before one across an edge or a
+/// corner, then the fullest. The cell itself if there is none.
+Vec3i find_host(const std::vector<FilledCell>& cells, const Vec3i& cell) {
+  Vec3i host = cell;
+  double best = 0.0;
+  for (int i = 0; i < 27; ++i) {
+    const Vec3i step(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
+    const auto place =
+        std::lower_bound(cells.begin(), cells.end(), cell + step,
+                         [](const FilledCell& c, const Vec3i& at) { return before(c.cell, at); });
+    if (i == 13 || place == cells.end() || place->cell != cell + step) continue;
+    if (place->filled < kLeastFilled) continue;
+    const double score = place->filled - 2.0 * step.cwiseAbs().sum() + 10.0;
+    if (score > best + 1e-9) {
+      best = score;
+      host = place->cell;
+    }
+  }
+  return host;
+}
+
+}  // namespace
+
+Vec3i Quadrature::cell_at(const Vec3i& cell, const Vec3i& otherwise) const {
+  const auto host =
+      std::lower_bound(hosted.begin(), hosted.end(), cell,
+                       [](const HostedCell& h, const Vec3i& c) { return before(h.cell, c); });
+  if (host != hosted.end() && host->cell == cell) return host->host;
+  const auto own =
+      std::lower_bound(points.begin(), points.end(), cell,
+                       [](const QuadraturePoint& q, const Vec3i& c) { return before(q.cell, c); });
+  return own != points.end() && own->cell == cell ? cell : otherwise;
+}
+
+Quadrature cell_quadrature(const std::vector<Vec3d>& coordinates,
+                           const std::vector<double>& volumes, double edge) {
+  Quadrature result;
+  const std::vector<Piece> pieces = cut(coordinates, volumes, edge);
+  const std::vector<FilledCell> cells = filled_cells(pieces);
+  for (const FilledCell& c : cells) {
+    if (edge > 0.0 && c.filled < kLeastFilled) {
+      const Vec3i host = find_host(cells, c.cell);
+      if (host != c.cell) result.hosted.push_back({c.cell, host});
+      for (Pieces piece = c.begin; piece != c.end; ++piece) {
+        QuadraturePoint q = piece->point;
+        q.f += (c.cell - host).cast<double>();
+        q.cell = host;
+        result.points.push_back(q);
+      }
+    } else if (is_full(c.begin, c.end, volumes)) {
+      add_gauss_points(c.begin, c.end, coordinates, result.points);
+    } else {
+      for (Pieces piece = c.begin; piece != c.end; ++piece) result.points.push_back(piece->point);
+    }
+  }
+  std::stable_sort(
+      result.points.begin(), result.points.end(),
+      [](const QuadraturePoint& a, const QuadraturePoint& b) { return before(a.cell, b.cell); });
+  result.nearest.assign(coordinates.size(), 0);
+  for (std::uint32_t p = 0; p < coordinates.size(); ++p) {
+    Vec3i cell;
+    for (int axis = 0; axis < 3; ++axis) {
+      cell[axis] = static_cast<int>(std::floor(coordinates[p][axis] - 0.5));
+    }
+    cell = result.cell_at(cell, cell);
+    auto q = std::lower_bound(
+        result.points.begin(), result.points.end(), cell,
+        [](const QuadraturePoint& point, const Vec3i& c) { return before(point.cell, c); });
+    double least = 1e30;
+    for (; q != result.points.end() && q->cell == cell; ++q) {
+      const double distance = (q->f + cell.cast<double>() - coordinates[p]).squaredNorm();
+      if (distance < least) {
+        least = distance;
+        result.nearest[p] = static_cast<std::uint32_t>(q - result.points.begin());
+      }
+    }
+  }
+  return result;
+}
+
+}  // namespace matterfit::mpm

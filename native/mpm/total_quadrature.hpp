@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/vec.hpp"
+
+namespace matterfit::mpm {
+
+/// Where the stress of a total Lagrangian body is evaluated.
+struct QuadraturePoint {
+  Vec3i cell;              ///< its base node
+  Vec3d f;                 ///< x/dx − base, ½ … 3/2 in its cell
+  double volume;           ///< at rest [m³]
+  std::uint32_t particle;  ///< whose share it is, or the nearest one
+};
+
+/// A cell that the body fills too little of: what lies in it belongs to `host`, whose polynomial is
+/// continued to it.
+struct HostedCell {
+  Vec3i cell;
+  Vec3i host;
+};
+
+struct Quadrature {
+  std::vector<QuadraturePoint> points;  ///< sorted by cell
+  std::vector<HostedCell> hosted;       ///< sorted by cell
+  std::vector<std::uint32_t> nearest;   ///< per particle: the point nearest to it in its cell
+
+  /// The cell whose polynomial holds at a cell: itself, its host, or `otherwise` off the body.
+  [[nodiscard]] Vec3i cell_at(const Vec3i& cell, const Vec3i& otherwise) const;
+};
+
+/// Quadrature of a body, cell by cell. `coordinates` are the particles' in node units (a node is an
+/// integer), `edge` the edge of each particle's box in the same units, or 0 where particles lie on
+/// no lattice: then each is a point of its own, in its own cell.
+/// - A box that a cell boundary cuts is cut there, because the gradients of the B-splines have a
+///   kink at it: ∫ ∇w is then exact for any place of the lattice in the grid, and a constant stress
+///   balances its surface tractions.
+/// - Cells that are full take their eight Gauss points, exact for cubics.
+/// - Cells that are not more than half full have a host: their outer nodes would carry next to no
+/// mass,
+///   and a skin of such nodes flaps after an impact and takes its energy (an extended B-spline
+///   basis: Höllig, Finite Element Methods with B-Splines, SIAM 2003, ch. 4).
+[[nodiscard]] Quadrature cell_quadrature(const std::vector<Vec3d>& coordinates,
+                                         const std::vector<double>& volumes, double edge);
+
+}  // namespace matterfit::mpm

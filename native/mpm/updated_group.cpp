@@ -12,6 +12,7 @@
 #include "mpm/node_contact.hpp"
 #include "mpm/pin_region.hpp"
 #include "mpm/spline_weights.hpp"
+#include "mpm/total_stencil.hpp"
 #include "mpm/updated_blocks.hpp"
 
 namespace matterfit::mpm {
@@ -345,12 +346,23 @@ struct UpdatedGroup::Impl {
     }
   }
 
-  /// Adds momentum (and mass) at a particle's nodes.
+  /// Adds momentum (and mass) at the nodes of a particle, `offset` [m] from it.
   void add_momentum(UpdatedBlock& block, std::size_t slab, const Chunk& chunk, std::size_t lane,
-                    const Vec3f& momentum, float mass) const {
+                    const Vec3f& momentum, float mass, const Vec3d& offset = Vec3d::Zero()) const {
+    // Towards the edge of the outer node's support the offset shrinks: a node that has mass from
+    // this particle alone gets no more than four times its share.
+    float f[3];
+    float o[3];
+    float reach = 1.0F;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      f[axis] = chunk.a[Chunk::kF + axis][lane];
+      o[axis] = static_cast<float>(offset[static_cast<int>(axis)] / dx);
+      const float to_edge = o[axis] < 0.0F ? 1.5F - f[axis] : f[axis] - 0.5F;
+      reach = std::min(reach, to_edge / std::max(std::abs(o[axis]), 1e-6F));
+    }
     float w[3][3];
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      quadratic_weights(chunk.a[Chunk::kF + axis][lane], w[axis]);
+      quadratic_weights(f[axis] + std::max(reach, 0.0F) * o[axis], w[axis]);
     }
     for (std::size_t i = 0; i < 3; ++i)
       for (std::size_t j = 0; j < 3; ++j)
@@ -362,6 +374,31 @@ struct UpdatedGroup::Impl {
           }
           block.halo[3 * kHaloNodes + node] += weight * mass;
         }
+  }
+
+  /// ∇v of the nodes at a particle [1/s], before this substep's contacts.
+  [[nodiscard]] Mat3d velocity_gradient(const UpdatedBlock& block, std::size_t slab,
+                                        const Chunk& chunk, std::size_t lane) const {
+    const PointStencil s(Vec3d(static_cast<double>(chunk.a[Chunk::kF][lane]),
+                               static_cast<double>(chunk.a[Chunk::kF + 1][lane]),
+                               static_cast<double>(chunk.a[Chunk::kF + 2][lane])),
+                         dx);
+    Mat3d gradient = Mat3d::Zero();
+    for (std::size_t i = 0; i < 3; ++i)
+      for (std::size_t j = 0; j < 3; ++j)
+        for (std::size_t k = 0; k < 3; ++k) {
+          const std::size_t x = slab + i;
+          const std::size_t y = lane / 4 + j;
+          const std::size_t z = lane % 4 + k;
+          const std::uint32_t at = block.neighbours[13 + 9 * (x / 4) + 3 * (y / 4) + z / 4];
+          const float* v = blocks[at].velocity.data() + node_index(x % 4, y % 4, z % 4);
+          const Vec3d g = s.gradient(i, j, k);
+          for (std::size_t c = 0; c < 3; ++c) {
+            gradient.row(static_cast<int>(c)) +=
+                static_cast<double>(v[c * kBlockNodes]) * g.transpose();
+          }
+        }
+    return gradient;
   }
 
   void touch(std::size_t b, double time, double dt) {
@@ -384,6 +421,8 @@ struct UpdatedGroup::Impl {
     }
     for (std::size_t m = 0; m < members.size() && !near.empty(); ++m) {
       Member& member = members[m];
+      const bool fluid = member.law.law == material::Law::kNewtonian ||
+                         member.law.law == material::Law::kHerschelBulkley;
       for_each(block.bodies[m], [&](std::size_t s, const Chunk& chunk, std::size_t l) {
         const Vec3d x = position(block, s, chunk, l);
         const Vec3d v = velocity(chunk, l);
@@ -397,13 +436,22 @@ struct UpdatedGroup::Impl {
             continue;
           }
           const double volume = static_cast<double>(chunk.a[Chunk::kVolume][l]);
-          const ContactPoint point =
-              contact_point(surface, deformation_gradient(chunk, l), 0.5 * std::cbrt(volume),
-                            volume, member.density, v);
+          ContactPoint point = contact_point(surface, deformation_gradient(chunk, l),
+                                             0.5 * std::cbrt(volume), volume, member.density, v);
+          if (fluid && (point.distance < point.radius || memory.surface == id)) {
+            // A fluid sticks by its face, and is sheared from there. A solid is told by its centre,
+            // whose velocity is the rate of its position to the last digit: nothing creeps.
+            point.relative_velocity -=
+                point.radius * (velocity_gradient(block, s, chunk, l) * point.normal);
+          }
           const Vec3d force = contact_force(member.contacts[c], point, id, dt, memory);
           if (!force.isZero(0.0)) {
-            const Vec3d impulse = dt * force;
-            add_momentum(block, s, chunk, l, impulse.cast<float>(), 0.0F);
+            // A normal force on the face would depend on where the face is in its cell (a ball's
+            // rebound by 9 %); at the centre it does not.
+            const Vec3d normal = point.normal.dot(force) * point.normal;
+            const Vec3d face = fluid ? Vec3d(-point.radius * point.normal) : Vec3d::Zero();
+            add_momentum(block, s, chunk, l, (dt * normal).cast<float>(), 0.0F);
+            add_momentum(block, s, chunk, l, (dt * (force - normal)).cast<float>(), 0.0F, face);
             touching = true;
             block.penetration = std::max(block.penetration, point.radius - point.distance);
           }

@@ -68,6 +68,13 @@ TEST(KnownAnswers, DamBreakNeedsAFreeFloor) {
   EXPECT_LT(speed(ContactKind::kSticky) / measured, 0.9);
 }
 
+/// Poiseuille's flow under its own weight, the walls anywhere in their cells.
+TEST(KnownAnswers, FluidFallsBetweenStickyWallsAsAParabola) {
+  const Shear flow = channel_flow(8, 0.3, ContactMethod::kParticle);
+  EXPECT_NEAR(flow.centre / flow.expected, 1.0, 0.06);
+  EXPECT_NEAR(flow.wall_slip, 0.0, 0.02);
+}
+
 /// A hanging bar stretches as its law says, ν = 0, P(λ) = ρ g (L − X), E = 2μ.
 TEST(KnownAnswers, HangingBarByEachLawsClosedForm) {
   using material::Law;

@@ -66,10 +66,8 @@ class Arena {
   }
 
  private:
-  class Observer;
   int threads_;
   std::unique_ptr<tbb::task_arena> arena_;
-  std::unique_ptr<Observer> observer_;
 };
 
 }  // namespace matterfit

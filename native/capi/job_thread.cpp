@@ -89,9 +89,17 @@ double JobThread::seconds() const {
 double JobThread::seconds_left() const {
   if (ended()) return 0.0;
   const double fraction = progress().fraction;
+  const std::lock_guard lock(mutex_);
+  const auto now = Clock::now();
+  // From the first frame that is computed: a resumed job starts far along.
+  if (!(first_fraction_ > 0.0) && fraction > 0.0) {
+    first_fraction_ = fraction;
+    first_seen_ = now;
+  }
   constexpr double kTooEarly = 0.01;
-  if (fraction < kTooEarly) return -1.0;
-  return seconds() * (1.0 - fraction) / fraction;
+  const double done = fraction - first_fraction_;
+  if (!(first_fraction_ > 0.0) || done < kTooEarly) return -1.0;
+  return std::chrono::duration<double>(now - first_seen_).count() * (1.0 - fraction) / done;
 }
 
 std::uint64_t resident_bytes() {

@@ -55,6 +55,8 @@ class JobThread {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   bool ended_ = false;
+  mutable double first_fraction_ = 0.0;  ///< that progress() was seen at, and when
+  mutable Clock::time_point first_seen_;
   Outcome outcome_;
   std::thread thread_;
 };

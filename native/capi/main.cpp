@@ -81,7 +81,7 @@ int run(const Arguments& arguments, const std::string& verb) {
   job::RunOptions options;
   options.threads = arguments.threads;
   options.target = job::target_from_name(arguments.target);
-  options.restart = arguments.restart;
+  options.restart = arguments.restart ? job::Restart::kAlways : job::Restart::kNever;
   capi::JobThread thread(read(arguments, verb), options);
   capi::ProgressLine progress(!arguments.quiet);
   while (!thread.wait(0.1)) {

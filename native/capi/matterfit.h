@@ -49,7 +49,7 @@ typedef struct mf_job_options {
   int32_t threads;              /* 0: as many as the machine has */
   const char* target;           /* NULL or "auto", "sse4", "avx2", "avx512" */
   const char* task;             /* NULL: the document's; else "simulate", "compare", "bake" */
-  int32_t restart;              /* not 0: begin afresh, in place of going on */
+  int32_t restart;              /* 0: go on; 1: begin afresh; 2: afresh where the inputs changed */
   uint32_t override_count;      /* of `overrides` */
   const char* const* overrides; /* "scene.gravity=[0,0,-3.7]", … as --set of the tool */
 } mf_job_options;

@@ -81,7 +81,13 @@ job::RunOptions run_options(const mf_job_options& options) {
   job::RunOptions run;
   run.threads = options.threads;
   run.target = job::target_from_name(options.target == nullptr ? "" : options.target);
-  run.restart = options.restart != 0;
+  if (options.restart < 0 || options.restart > 2) {
+    matterfit::throw_input("mf_job_options.restart: " + std::to_string(options.restart) +
+                           " is none of 0, 1 and 2.");
+  }
+  run.restart = options.restart == 0   ? job::Restart::kNever
+                : options.restart == 1 ? job::Restart::kAlways
+                                       : job::Restart::kWhereChanged;
   return run;
 }
 

@@ -52,7 +52,9 @@ struct FilledBody {
 
 /// The Catmull–Clark limit surface of a cage: facets no longer than half a separation with corners
 /// exactly on the limit surface (capture/limit_surface.hpp), then as fill_mesh.
-[[nodiscard]] FilledBody fill_cage(const Mesh& cage, const FillOptions& options);
+/// and split `least_level` times at least.
+[[nodiscard]] FilledBody fill_cage(const Mesh& cage, const FillOptions& options,
+                                   int least_level = 2);
 
 [[nodiscard]] FilledBody fill_box(const Vec3d& low, const Vec3d& high, const FillOptions& options);
 [[nodiscard]] FilledBody fill_sphere(const Vec3d& centre, double radius,

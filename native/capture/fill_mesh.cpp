@@ -110,7 +110,7 @@ FilledBody fill_mesh(const Mesh& mesh, const FillOptions& options) {
   return fill_polygons(mesh, options, "");
 }
 
-FilledBody fill_cage(const Mesh& cage, const FillOptions& options) {
+FilledBody fill_cage(const Mesh& cage, const FillOptions& options, int least_level) {
   constexpr std::size_t kMostFaces = 4'000'000;
   double longest = 0;
   std::size_t first = 0;
@@ -128,8 +128,8 @@ FilledBody fill_cage(const Mesh& cage, const FillOptions& options) {
     if (size > 0) first += static_cast<std::size_t>(size);
   }
   LimitOptions limit;
-  limit.level = 2;
-  std::size_t faces = 16 * cage.face_vertices.size() / 4;
+  limit.level = std::clamp(least_level, 1, 8);
+  std::size_t faces = (cage.face_vertices.size() << (2 * limit.level)) / 4;
   while (limit.level < 8 && longest / (1 << limit.level) > 0.5 * options.separation &&
          faces * 4 < kMostFaces) {
     ++limit.level;

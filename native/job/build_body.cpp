@@ -60,7 +60,7 @@ struct Shape {
       case Source::Kind::kMesh:
         return capture::fill_mesh(mesh, options);
       case Source::Kind::kCage:
-        return capture::fill_cage(mesh, options);
+        return capture::fill_cage(mesh, options, source.level);
       case Source::Kind::kGaussians: {
         capture::GaussianFillOptions gaussian;
         gaussian.opacity_threshold = source.opacity_threshold;

@@ -34,8 +34,8 @@ mpm::ColliderPtr build_collider(const ColliderDoc& doc, const SceneDoc& scene) {
   const auto pose = doc.transform.in_seconds(scene.first_frame, scene.fps);
   mpm::MeshColliderOptions mesh;
   mesh.voxel_size = doc.voxel_size;
-  // A particle's surface is half a separation from its centre, and contact reaches as far again.
-  mesh.band = 8.0 * scene.particle_separation;
+  // A block of particles is passed over beyond √3·4 + 2 separations (updated_group.cpp).
+  mesh.band = 10.0 * scene.particle_separation;
   mesh.memory_limit = 0.5e9 * scene.solver.memory_limit_gb;
   switch (doc.shape) {
     case Shape::kGround:

@@ -6,34 +6,39 @@
 
 namespace matterfit::job {
 
-Cache::Cache(const Job& job, const Inputs& inputs, bool restart)
+Cache::Cache(const Job& job, const Inputs& inputs, Restart restart)
     : folder_(job.output.folder), lock_(folder_) {
   std::optional<Manifest> found;
   try {
     found = read_manifest(folder_);
   } catch (const Error& error) {
-    if (!restart) {
+    if (restart == Restart::kNever) {
       throw_input(std::string(error.what()) +
                   " Run with --restart to replace it, or choose another output folder.");
     }
   }
   if (!found) {
-    begin_afresh(job, inputs);
+    afresh_ = true;
     return;
   }
   manifest_ = std::move(*found);
-  if (!restart && manifest_.frames_done > 0 && manifest_.input_hash != hash_inputs(inputs)) {
+  const bool changed = manifest_.frames_done > 0 && manifest_.input_hash != hash_inputs(inputs);
+  if (changed && restart == Restart::kNever) {
     std::string message = folder_.string() + " holds the results of other inputs. What changed:";
     for (const std::string& line : changes(manifest_.inputs, inputs)) message += "\n  " + line;
     throw_input(message +
                 "\nRun with --restart to replace them, or choose another output folder "
                 "(--set output.folder=…).");
   }
-  if (restart || manifest_.frames_done == 0) {
-    const auto files = manifest_.files;
-    for (const auto& [path, file] : files) remove(path);
-    begin_afresh(job, inputs);
-  }
+  afresh_ = changed || restart == Restart::kAlways || manifest_.frames_done == 0;
+}
+
+void Cache::begin(const Job& job, const Inputs& inputs) {
+  if (!afresh_) return;
+  const auto files = manifest_.files;
+  for (const auto& [path, file] : files) remove(path);
+  begin_afresh(job, inputs);
+  afresh_ = false;
 }
 
 void Cache::begin_afresh(const Job& job, const Inputs& inputs) {
@@ -69,6 +74,7 @@ void Cache::record_volatile(const std::string& path) {
 }
 
 std::size_t Cache::sound_states() const {
+  if (afresh_) return 0;
   std::size_t count = 0;
   while (count < static_cast<std::size_t>(manifest_.frames_done) &&
          is_sound(state_path(manifest_.first_frame + static_cast<int>(count)))) {

@@ -12,13 +12,22 @@
 
 namespace matterfit::job {
 
+/// What becomes of results that the folder holds.
+enum class Restart {
+  kNever,         ///< the run goes on from them, and refuses those of other inputs
+  kAlways,        ///< they are removed
+  kWhereChanged,  ///< those of the same inputs are used, others removed
+};
+
 /// A job's output folder while the job runs: locked, its manifest compared with the job's inputs.
 class Cache {
  public:
-  /// Throws Error(kInput) with the list of what changed where the folder holds results of other
-  /// inputs and `restart` is false. With `restart`, or where nothing is done yet, what the manifest
-  /// lists is removed.
-  Cache(const Job& job, const Inputs& inputs, bool restart);
+  /// Locks the folder and compares. Throws Error(kInput) with the list of what changed where it
+  /// holds results of other inputs and `restart` is kNever. Nothing is removed yet.
+  Cache(const Job& job, const Inputs& inputs, Restart restart);
+  /// Once the job is known to be sound: removes what the manifest lists, unless the run goes on
+  /// from it.
+  void begin(const Job& job, const Inputs& inputs);
 
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   [[nodiscard]] Manifest& manifest() { return manifest_; }
@@ -32,7 +41,7 @@ class Cache {
   void remove(const std::string& path) { remove_file(manifest_, folder_, path); }
   void save() const { write_manifest(folder_, manifest_); }
 
-  /// Frames from the first whose state files are sound.
+  /// Frames from the first whose state files are sound; none if they are to be removed.
   [[nodiscard]] std::size_t sound_states() const;
 
  private:
@@ -41,6 +50,7 @@ class Cache {
   std::filesystem::path folder_;
   FolderLock lock_;
   Manifest manifest_;
+  bool afresh_ = false;
 };
 
 }  // namespace matterfit::job

@@ -199,7 +199,8 @@ TEST(Cache, RefusesChangedInputsAndNamesThem) {
   const Job job = job_in(folder.path);
   const Inputs inputs = simulation_inputs(job, mpm::SimdTarget::kSse4);
   {
-    Cache cache(job, inputs, false);
+    Cache cache(job, inputs, Restart::kNever);
+    cache.begin(job, inputs);
     write_file(cache.folder() / state_path(1), "state");
     cache.record(state_path(1));
     cache.manifest().frames_done = 1;
@@ -211,12 +212,19 @@ TEST(Cache, RefusesChangedInputsAndNamesThem) {
   }
   const Job changed = job_in(folder.path, {"gravity=[0,0,-1]"});
   const Inputs now = simulation_inputs(changed, mpm::SimdTarget::kSse4);
-  EXPECT_THAT(message_of([&] { const Cache cache(changed, now, false); }),
+  EXPECT_THAT(message_of([&] { const Cache cache(changed, now, Restart::kNever); }),
               testing::AllOf(HasSubstr("holds the results of other inputs"),
                              HasSubstr("scene.gravity[2]: -1.0"), HasSubstr("--restart")));
   write_file(folder.path / "out/mine.txt", "the artist's own");
   {
-    const Cache cache(changed, now, true);
+    Cache cache(job, inputs, Restart::kWhereChanged);
+    cache.begin(job, inputs);
+    EXPECT_EQ(cache.manifest().frames_done, 1) << "of the same inputs";
+  }
+  {
+    Cache cache(changed, now, Restart::kWhereChanged);
+    EXPECT_TRUE(fs::exists(folder.path / "out" / state_path(1))) << "a fill may still fail";
+    cache.begin(changed, now);
     EXPECT_EQ(cache.manifest().frames_done, 0);
   }
   EXPECT_FALSE(fs::exists(folder.path / "out" / state_path(1)));
@@ -227,8 +235,8 @@ TEST(Cache, TwoJobsCannotHaveOneFolder) {
   const Folder folder;
   const Job job = job_in(folder.path);
   const Inputs inputs = simulation_inputs(job, mpm::SimdTarget::kSse4);
-  const Cache first(job, inputs, false);
-  EXPECT_THAT(message_of([&] { const Cache second(job, inputs, false); }),
+  const Cache first(job, inputs, Restart::kNever);
+  EXPECT_THAT(message_of([&] { const Cache second(job, inputs, Restart::kNever); }),
               HasSubstr("another job is writing into this folder"));
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "base/error.hpp"
 #include "job/document_reading.hpp"
+#include "job/manifest.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -207,7 +208,14 @@ OutputDoc read_output(const JsonValue& value, const ReadContext& context, const 
       output.attributes.push_back(item.string());
     }
   }
-  output.report = object.string("report", output.report);
+  if (const auto report = object.find("report")) {
+    output.report = report->string();
+    if (!stays_inside(output.report)) {
+      report->refuse("'" + output.report +
+                     "' is not a plain file name in the output folder, as in "
+                     "\"report.json\".");
+    }
+  }
   if (const auto checkpoint = object.find("checkpoint")) {
     JsonObject every(*checkpoint);
     output.checkpoint_frames = every.integer("frames", output.checkpoint_frames, 1, 1'000'000);

@@ -113,7 +113,8 @@ SolverDoc read_solver(const JsonValue& value) {
   solver.cfl = object.number("cfl", solver.cfl, {0.01, 1.0, false, "cells a substep"});
   solver.dt = object.number("dt", solver.dt, not_negative("s"));
   solver.dt_safety = object.number("dt_safety", solver.dt_safety, {0.01, 1.0, false, {}});
-  solver.memory_limit_gb = object.number("memory_limit_gb", solver.memory_limit_gb, positive("GB"));
+  solver.memory_limit_gb =
+      object.number("memory_limit_gb", solver.memory_limit_gb, {1e-6, 1e6, false, "GB"});
   solver.grid_shift = object.vec3("grid_shift", solver.grid_shift);
   object.finish();
   return solver;
@@ -176,7 +177,7 @@ ColliderDoc read_collider(const JsonValue& value, const ReadContext& context, st
     }
     case Shape::kCapsule:
       collider.radius = dimension("radius");
-      collider.half_length = object.require("half_length").number(not_negative("m"));
+      collider.half_length = dimension("half_length");
       break;
     case Shape::kMesh:
       collider.files.push_back(context.file(object.require("mesh")));

@@ -90,6 +90,7 @@ Inputs output_inputs(const Job& job) {
     Json output = job.document["output"];
     for (const char* key : {"folder", "report", "checkpoint"}) output.erase(key);
     flattening.add(output, "output", "output");
+    flattening.inputs["version"] = MATTERFIT_VERSION;
   }
   return flattening.inputs;
 }
@@ -132,7 +133,7 @@ std::vector<std::string> changes(const Inputs& before, const Inputs& now, std::s
 
 mpm::SimdTarget resolve_target(mpm::SimdTarget target) {
   if (target != mpm::SimdTarget::kAuto) return target;
-  const std::int64_t supported = hwy::SupportedTargets();
+  const std::int64_t supported = hwy::SupportedTargets() & HWY_TARGETS;
   if ((supported & HWY_AVX3) != 0) return mpm::SimdTarget::kAvx512;
   if ((supported & HWY_AVX2) != 0) return mpm::SimdTarget::kAvx2;
   return mpm::SimdTarget::kSse4;
@@ -150,7 +151,7 @@ std::string target_name(mpm::SimdTarget target) {
 }
 
 mpm::SimdTarget target_from_name(const std::string& name) {
-  const std::int64_t supported = hwy::SupportedTargets();
+  const std::int64_t supported = hwy::SupportedTargets() & HWY_TARGETS;
   const auto checked = [&](mpm::SimdTarget target, std::int64_t bit) {
     if ((supported & bit) == 0) {
       throw_input("target " + name + ": this machine's processor does not have it; it has " +

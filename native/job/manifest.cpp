@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/manifest.hpp"
 
+#include <fstream>
+#include <vector>
+
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/hash.hpp"
@@ -13,10 +16,23 @@ namespace fs = std::filesystem;
 constexpr const char* kFileName = "manifest.json";
 
 std::string content_hash(const fs::path& path, std::uint64_t& size) {
-  const auto bytes = read_file(path);
-  size = bytes.size();
-  return hash_hex({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw_input(path.string() + ": cannot be read.");
+  Hasher hasher;
+  std::vector<char> part(std::size_t{1} << 20U);
+  size = 0;
+  while (file) {
+    file.read(part.data(), static_cast<std::streamsize>(part.size()));
+    const auto count = static_cast<std::size_t>(file.gcount());
+    hasher.add(part.data(), count);
+    size += count;
+  }
+  if (file.bad())
+    throw_input(path.string() + ": reading fails after " + std::to_string(size) + " bytes.");
+  return hasher.hex();
 }
+
+}  // namespace
 
 /// A manifest from elsewhere must not make us touch files outside its folder.
 bool stays_inside(const std::string& path) {
@@ -26,8 +42,6 @@ bool stays_inside(const std::string& path) {
   }
   return *relative.begin() != ".." && path != kFileName && path != ".";
 }
-
-}  // namespace
 
 std::string format_manifest(const Manifest& manifest) {
   Json files = Json::object();

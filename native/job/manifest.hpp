@@ -66,6 +66,9 @@ struct FileFault {
   std::string what;  ///< "is missing", "has 12 of 400 bytes: truncated", "has another content"
 };
 
+/// A file name that a manifest may list: relative, in its folder, and not the manifest's own.
+[[nodiscard]] bool stays_inside(const std::string& path);
+
 /// What is wrong with a file that the manifest lists; empty: nothing. Reads it whole.
 [[nodiscard]] std::string fault_of(const std::filesystem::path& folder, const std::string& path,
                                    const Manifest::File& file);

@@ -61,6 +61,8 @@ struct Observations::Follower {
   ObservedPoints observed;
   std::vector<std::size_t> bound;  ///< points that are followed
   std::optional<bake::MeshBinding> binding;
+  std::vector<std::size_t> averaged;  ///< particles of which the mean alone is kept
+  Points mean;                        ///< of every frame
 };
 
 Observations::~Observations() = default;
@@ -101,14 +103,17 @@ Observations::Observations(const Job& job, const mpm::Scene& scene,
   for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
     if (!body_release(job.scene.bodies[b], job.scene)) continue;
     const mpm::Body& body = scene.bodies[b];
-    Points moving;
-    for (const Vec3d& x : body.rest) {
+    auto follower = std::make_unique<Follower>();
+    follower->body = b;
+    follower->observed.body = body.name;
+    for (std::size_t p = 0; p < body.rest.size(); ++p) {
+      const Vec3d& x = body.rest[p];
       const bool held = std::any_of(body.pins.begin(), body.pins.end(), [&](const mpm::Pin& pin) {
         return !std::isfinite(pin.release) && region_distance(pin, x).distance <= 0.0;
       });
-      if (!held) moving.push_back(x);
+      if (!held) follower->averaged.push_back(p);
     }
-    if (!moving.empty()) follow(b, std::move(moving));
+    if (!follower->averaged.empty()) followers_.push_back(std::move(follower));
     break;
   }
 }
@@ -116,6 +121,14 @@ Observations::Observations(const Job& job, const mpm::Scene& scene,
 void Observations::record(const mpm::FrameState& state) {
   times_.push_back(state.time);
   for (const auto& follower : followers_) {
+    if (!follower->averaged.empty()) {
+      Vec3d sum = Vec3d::Zero();
+      for (const std::size_t p : follower->averaged) {
+        sum += state.bodies[follower->body].positions[p].cast<double>();
+      }
+      follower->mean.push_back(sum / double(follower->averaged.size()));
+      continue;
+    }
     const bake::ParticleView view = bake::particle_view(
         scene_.bodies[follower->body], state.bodies[follower->body], 0.5 * scene_.dx);
     const Points moved = follower->binding ? follower->binding->positions(view, arena_) : Points();
@@ -126,6 +139,7 @@ void Observations::record(const mpm::FrameState& state) {
 }
 
 Points Observations::means(const Follower& follower) const {
+  if (!follower.averaged.empty()) return follower.mean;
   Points means;
   for (const Points& frame : follower.observed.positions) {
     means.push_back(mean_of(frame.data(), frame.size()));

@@ -131,8 +131,12 @@ void apply_override(Json& document, const std::string& assignment) {
   const std::string text = assignment.substr(equals + 1);
   auto steps = parse_path(path);
   expand(steps, document, path);
-  Json value = Json::parse(text, nullptr, false);
-  if (value.is_discarded()) value = text;
+  Json value;
+  try {
+    value = parse_json(text, "--set " + path);
+  } catch (const Error&) {
+    value = text;  // a word without quotation marks; what is no value is refused where it is read
+  }
   Json* target = &document;
   for (const Step& step : steps) target = &descend(*target, step, path);
   *target = std::move(value);

@@ -70,13 +70,20 @@ class Run {
     }
     const Inputs inputs = simulation_inputs(job_, target_);
     cache_.emplace(job_, inputs, options_.restart);
-    stats_.emplace(cache_->folder());
     report(0.0, "Filling bodies");
     built_ = build_scene(job_, *arena_, interrupter_);
     count_ = static_cast<std::size_t>(job_.scene.frames());
     observations_.emplace(job_, built_.scene, captures_, *arena_);
-    prepare_bake();
+    if (job_.task == Task::kBake) {
+      report(0.0, "Binding meshes");
+      bake_.emplace(job_, scene(), *arena_, interrupter_);
+    }
     find_start();
+    // Nothing of an earlier run is removed before the job has proved sound.
+    cache_->begin(job_, inputs);
+    stats_.emplace(cache_->folder());
+    if (sound_ < count_) stats_->keep_before(number(sound_));
+    if (bake_) prepare_bake();
     begin_manifest();
     for (std::size_t k = 0; k < count_; ++k) frame(k);
     finish_files();
@@ -99,9 +106,6 @@ class Run {
 
   /// What of the caches is there already, of the same `output`.
   void prepare_bake() {
-    if (job_.task != Task::kBake) return;
-    report(0.0, "Binding meshes");
-    bake_.emplace(job_, scene(), *arena_, interrupter_);
     Manifest& manifest = cache_->manifest();
     const std::string hash = hash_inputs(output_inputs(job_));
     if (manifest.output_hash != hash) {
@@ -157,7 +161,6 @@ class Run {
       }
     }
     sound_ = start;
-    stats_->keep_before(number(start));
   }
 
   struct MemoryRefusal {

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "base/interrupter.hpp"
+#include "job/cache.hpp"
 #include "job/document.hpp"
 #include "mpm/simulation.hpp"
 
@@ -13,14 +14,15 @@ namespace matterfit::job {
 struct RunOptions {
   int threads = 0;  ///< 0: as many as the machine has
   mpm::SimdTarget target = mpm::SimdTarget::kAuto;
-  bool restart = false;  ///< begin afresh, removing what the folder's manifest lists
+  Restart restart = Restart::kNever;
 };
 
 /// Runs a job to its end: simulate, compare or bake. What the output folder already holds of the
 /// same inputs is used; an unfinished run goes on from its last checkpoint and gives the bytes of
 /// an unbroken one. Where the folder holds results of other inputs, Error(kInput) lists what
-/// changed, unless `restart`. Returns the result that the tool prints (docs/formats.md). Throws
-/// Error of every kind; whatever happens, no half-written file stands under a final name.
+/// changed, unless `restart` says otherwise. Returns the result that the tool prints
+/// (docs/formats.md). Throws Error of every kind; whatever happens, no half-written file stands
+/// under a final name.
 [[nodiscard]] Json run_job(const Job& job, const RunOptions& options, Interrupter& interrupter);
 
 /// Particles, bytes and a guess of the time that a job needs, without running it.

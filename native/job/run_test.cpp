@@ -51,7 +51,8 @@ Job job_of(const Json& document, const fs::path& folder) {
   return read_job(document.dump(), options);
 }
 
-Json run(const Json& document, const fs::path& folder, int threads = 1, bool restart = false) {
+Json run(const Json& document, const fs::path& folder, int threads = 1,
+         Restart restart = Restart::kNever) {
   RunOptions options;
   options.threads = threads;
   options.restart = restart;
@@ -138,6 +139,7 @@ TEST(Run, GoesOnFromACheckpointWithTheSameBytes) {
   document["output"]["points"] = true;
   document["output"]["volume"] = {"density"};
   document["output"]["attributes"] = {"velocity"};
+  document["output"]["checkpoint"] = {{"frames", 2}};
   const Folder whole;
   const Json unbroken = run(document, whole.path);
   for (const int stop : {3, 6}) {
@@ -147,6 +149,7 @@ TEST(Run, GoesOnFromACheckpointWithTheSameBytes) {
     std::ofstream(folder.path / "out/state/state_0099.safetensors.tmp") << "half";
     const Json resumed = run(document, folder.path);
     EXPECT_EQ(resumed["result_hash"], unbroken["result_hash"]) << "stopped at frame " << stop;
+    EXPECT_GT(resumed["frames_reused"], 0) << "from the checkpoint, not from the first frame";
     EXPECT_TRUE(inspect_folder(folder.path / "out")["faults"].empty());
   }
 }
@@ -188,7 +191,7 @@ TEST(Run, ChangedInputsAreRefusedUntilRestart) {
   document["scene"]["gravity"] = {0, 0, -3.7};
   EXPECT_THAT(message_of([&] { (void)run(document, folder.path); }),
               HasSubstr("scene.gravity[2]: -3.7, was -10.0"));
-  EXPECT_EQ(run(document, folder.path, 1, true)["frames_reused"], 0);
+  EXPECT_EQ(run(document, folder.path, 1, Restart::kAlways)["frames_reused"], 0);
 }
 
 /// A capture of the fall itself, moved aside by 2 mm from frame to frame.

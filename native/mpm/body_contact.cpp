@@ -91,8 +91,8 @@ struct BodyContacts::Surface {
   }
 };
 
-BodyContacts::BodyContacts(const Scene& scene, std::vector<Member> total, UpdatedGroup* updated,
-                           const std::vector<std::size_t>& updated_bodies)
+BodyContacts::BodyContacts(const Scene& scene, const std::vector<Member>& total,
+                           UpdatedGroup* updated, const std::vector<std::size_t>& updated_bodies)
     : updated_(updated) {
   if (total.empty() || total.size() + updated_bodies.size() < 2) return;
   for (const Member& member : total) {
@@ -185,7 +185,7 @@ void BodyContacts::apply(Arena& arena, double time, double dt, double accelerati
     std::vector<Looking> looking;
     std::vector<UpdatedPoint> points;
     double distance = 0.0;  // between the bounding boxes
-    double speed = seen.speed;
+    double speed = seen.speed + (pair.skin == kUpdatedBody ? updated_->max_speed() : 0.0);
     if (pair.skin != kUpdatedBody) {
       Skin& other = skins_[pair.skin];
       refresh(arena, other, time, false);
@@ -234,7 +234,7 @@ void BodyContacts::apply(Arena& arena, double time, double dt, double accelerati
     arena.parallel_for(0, looking.size(), 32, [&](std::size_t i) {
       const Looking& l = looking[i];
       Surface::Seen view = surface.see(l.position);
-      if (view.weights.empty() || view.distance < -2.0 * reach) {
+      if (view.weights.empty()) {
         pair.memory[l.id] = {};
         return;
       }

@@ -27,7 +27,7 @@ class BodyContacts {
     std::size_t index;  ///< into scene.bodies
     TotalBody<float>* body;
   };
-  BodyContacts(const Scene& scene, std::vector<Member> total, UpdatedGroup* updated,
+  BodyContacts(const Scene& scene, const std::vector<Member>& total, UpdatedGroup* updated,
                const std::vector<std::size_t>& updated_bodies);
 
   [[nodiscard]] bool any() const { return !pairs_.empty(); }

@@ -81,6 +81,7 @@ class RigidCollider final : public Collider {
     return result;
   }
   [[nodiscard]] double band() const override { return std::numeric_limits<double>::infinity(); }
+  [[nodiscard]] bool animated() const override { return motion_.animated(); }
 
  private:
   Shape shape_;

@@ -17,7 +17,7 @@ enum class ContactKind {
 };
 
 enum class ContactMethod {
-  kAuto,      ///< particle for solids and flows alike, unless a kind needs nodes
+  kAuto,      ///< particle
   kParticle,  ///< forces on particles against the exact distance: accurate below the cell
   kNode,      ///< velocities of grid nodes: the usual way, for parity with other MPM codes
 };
@@ -51,6 +51,9 @@ class Collider {
   [[nodiscard]] virtual SurfacePoint closest(const Vec3d& position, double time) const = 0;
   /// Distances are exact up to this far from the surface [m]; infinity for analytic shapes.
   [[nodiscard]] virtual double band() const = 0;
+
+  /// True if its surface moves at any time.
+  [[nodiscard]] virtual bool animated() const = 0;
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] const Contact& contact() const { return contact_; }

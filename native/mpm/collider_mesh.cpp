@@ -48,6 +48,9 @@ class MeshCollider final : public Collider {
   }
 
   [[nodiscard]] double band() const override { return options_.band; }
+  [[nodiscard]] bool animated() const override {
+    return motion_.animated() || mesh_.frames().size() > 1;
+  }
 
   [[nodiscard]] SurfacePoint closest(const Vec3d& position, double time) const override {
     const RigidState state = motion_.at(time);

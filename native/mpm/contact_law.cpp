@@ -20,8 +20,9 @@ ContactPoint contact_point(const SurfacePoint& surface, const Mat3d& f, double h
   return point;
 }
 
-double contact_free_time(double gap, double speed, double acceleration, double frame_seconds) {
-  const double horizon = 0.25 * frame_seconds;
+double contact_free_time(double gap, double speed, double acceleration, double frame_seconds,
+                         bool animated) {
+  const double horizon = frame_seconds / (animated ? 64.0 : 4.0);
   const double fastest = 2.0 * speed + 2.0 * acceleration * horizon + 1e-9;
   return std::min(horizon, 0.5 * gap / fastest);
 }

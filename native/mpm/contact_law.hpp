@@ -45,9 +45,10 @@ struct ContactPoint {
                                          double volume, double density, const Vec3d& velocity);
 
 /// How long [s] nothing can close `gap` [m]: at twice its present speed and accelerated by twice
-/// `acceleration`, and a quarter of a frame at most.
+/// `acceleration`, and a quarter of a frame at most; a 64th where a collider is animated, whose
+/// speed may be another one soon.
 [[nodiscard]] double contact_free_time(double gap, double speed, double acceleration,
-                                       double frame_seconds);
+                                       double frame_seconds, bool animated);
 
 /// Force on the particle [N]; updates its memory over `dt`.
 [[nodiscard]] Vec3d contact_force(const ContactLaw& law, const ContactPoint& point,

@@ -38,14 +38,6 @@ struct TotalView {
   bool commit;           ///< plastic history advances
 };
 
-/// State of particles as samples: what output, contact and time step control need.
-template <class S>
-struct TotalSamples {
-  S* position;  ///< per chunk [3][16]: displacement at the particle [m]
-  S* velocity;  ///< per chunk [3][16]; or null
-  S* gradient;  ///< per chunk [9][16]: H = F − I; or null
-};
-
 /// Sixteen particles of the updated Lagrangian formulation, one of each cell of a slab.
 template <class S>
 struct UpdatedChunk {
@@ -105,7 +97,6 @@ struct Kernels {
   void (*total_forces)(const TotalView<S>& view, std::size_t block);
   /// Momentum of a block's particles after a transfer to them and back, into `force` [kg m/s].
   void (*total_smooth)(const TotalView<S>& view, std::size_t block);
-  void (*total_samples)(const TotalView<S>& view, const TotalSamples<S>& out, std::size_t block);
 };
 
 /// The kernels of an instruction set; kAuto: the best this processor has. Throws Error(kInput) if

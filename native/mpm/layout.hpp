@@ -30,9 +30,9 @@ inline constexpr std::size_t kLanes = 16;
 inline constexpr int kBlockCells = 4;
 inline constexpr std::size_t kSlabs = 4;
 inline constexpr std::size_t kBlockNodes = 64;
-inline constexpr int kHalo = 6;                           ///< nodes a block touches along an axis
-inline constexpr std::size_t kHaloNodes = 216;            ///< kHalo³
-inline constexpr std::size_t kExpanded = 9 * 6 * kLanes;  ///< numbers of one expanded component
+inline constexpr int kHalo = 6;                        ///< nodes a block touches along an axis
+inline constexpr std::size_t kHaloNodes = 216;         ///< kHalo³
+inline constexpr std::size_t kExpanded = 54 * kLanes;  ///< numbers of one expanded component
 
 /// Index into one expanded component for the register of slab `x`, stencil place (di, dj, dk).
 [[nodiscard]] constexpr std::size_t expanded_index(std::size_t x, std::size_t dj, std::size_t dk) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mpm/scene_check.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -55,6 +56,13 @@ void check_scene(const Scene& scene) {
                     " has a position that is not finite or a volume that is not positive.");
       }
     }
+    const double h = 0.5 * scene.dx;
+    if (body.lattice.regular &&
+        !(body.lattice.spacing > 0.25 * h && body.lattice.spacing < 4.0 * h)) {
+      throw_input(where + ": its particles are " + std::to_string(body.lattice.spacing) +
+                  " m apart, and scene.particle_separation is " + std::to_string(h) +
+                  " m. Is the unit right? Scale the body, or set the separation to theirs.");
+    }
     material::validate(body.material, where + ".material");
     if (!body.material.maxwell.empty()) {
       throw_input(where +
@@ -65,6 +73,23 @@ void check_scene(const Scene& scene) {
       throw_input(where +
                   ": a fluid flows; formulation 'total' is for bodies that stay solid. Use "
                   "'auto' or 'updated'.");
+    }
+  }
+  for (std::size_t i = 0; i < scene.contacts.size(); ++i) {
+    const BodyContact& pair = scene.contacts[i];
+    const std::string where = "scene.contacts[" + std::to_string(i) + "]";
+    const auto updated = [&](const std::string& name) {
+      return std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                         [&](const Body& body) { return body.name == name && !is_total(body); });
+    };
+    if (updated(pair.first) && updated(pair.second)) {
+      throw_input(where + ": '" + pair.first + "' and '" + pair.second +
+                  "' both use the updated formulation and share a grid: they stick where they "
+                  "touch, and nothing else can be set. Remove the entry, or set the formulation of "
+                  "one to 'total'.");
+    }
+    if (pair.contact.method == ContactMethod::kNode) {
+      throw_input(where + ".method: between bodies contact acts on particles. Remove it.");
     }
   }
 }

@@ -161,15 +161,15 @@ struct Simulation::Impl {
 
   [[nodiscard]] double time_of(int at) const { return (at - scene.first_frame) / scene.fps; }
 
-  [[nodiscard]] Step choose_step(double time) {
+  [[nodiscard]] Step choose_step(double time, const Interrupter& interrupter) {
     Step step;
     if (scene.dt > 0.0) step.limit_to(scene.dt, "scene.solver.dt");
     for (TotalMember& member : total) {
       // A body let go within the frame needs its own limit from the start of the frame.
       if (member.body->held(time + 1.0 / scene.fps - 1e-9)) continue;
       const bool first = member.elastic_dt <= 0.0;
-      const double found =
-          member.body->stable_time_step(*arena, first ? kFirstIterations : kFrameIterations);
+      const double found = member.body->stable_time_step(
+          *arena, first ? kFirstIterations : kFrameIterations, interrupter);
       // A body that flows answers softly to the probe, and stiffly as soon as it unloads.
       const bool flows = !scene.bodies[member.index].material.is_elastic();
       member.elastic_dt = flows && !first ? std::min(member.elastic_dt, found) : found;
@@ -194,6 +194,11 @@ struct Simulation::Impl {
       step.limit_to(scene.dt_safety * 2.0 / fastest * (std::sqrt(1.0 + xi * xi) - xi),
                     reason + member.body->name());
     }
+    if (!(scene.dt > 0.0) && body_contacts->frequency_squared() > 0.0) {
+      // Bodies that are held, and updated ones, feel it too.
+      step.limit_to(scene.dt_safety * std::sqrt(2.0 / body_contacts->frequency_squared()),
+                    "contact between bodies");
+    }
     if (updated) {
       const auto [dt, reason] = updated->begin_frame(time);
       if (!(scene.dt > 0.0)) step.limit_to(scene.dt_safety * dt, reason);
@@ -201,52 +206,64 @@ struct Simulation::Impl {
     return step;
   }
 
+  /// How many substeps a frame takes, as a number that may be too large for an int.
+  [[nodiscard]] double substeps(const Step& step) const {
+    return std::max(1.0, std::ceil(1.0 / (scene.fps * step.dt) * (1.0 - 1e-12)));
+  }
+
   /// One frame in `substeps` equal substeps. Throws Error(kCompute) if the run fails.
   void run_frame(int substeps, const Interrupter& interrupter, FrameReport& report) {
+    begin_frame();
+    const double dt = 1.0 / (scene.fps * substeps);
+    for (int k = 0; k < substeps; ++k) {
+      interrupter.check();
+      run_substep(time_of(frame) + k * dt, dt, report);
+    }
+  }
+
+  void begin_frame() {
     const double start = time_of(frame);
     const double frame_seconds = 1.0 / scene.fps;
-    const double dt = frame_seconds / substeps;
     double pull = scene.gravity.at(start).norm();
     pull = std::max(pull, scene.gravity.at(start + frame_seconds).norm());
     for (TotalMember& member : total) member.contact->wake(frame_seconds, pull);
     body_contacts->wake();
-    for (int k = 0; k < substeps; ++k) {
-      if (k % 16 == 0) interrupter.check();
-      const double time = start + k * dt;
-      const Vec3d gravity = scene.gravity.at(time);
-      for (TotalMember& member : total) {
-        member.contact->apply(*arena, *member.body, time, dt);
+  }
+
+  void run_substep(double time, double dt, FrameReport& report) {
+    const Vec3d gravity = scene.gravity.at(time);
+    for (TotalMember& member : total) {
+      member.contact->apply(*arena, *member.body, time, dt);
+    }
+    if (body_contacts->any()) {
+      body_contacts->apply(*arena, time, dt, gravity.norm(), 1.0 / scene.fps);
+    }
+    for (TotalMember& member : total) {
+      if (member.body->releases_between(time - dt, time)) member.last_dt = 0.0;
+      if (member.body->held(time)) {
+        member.body->step_nodes(*arena, 0.0, dt, gravity, time);
+        member.last_dt = 0.0;
+        continue;
       }
-      if (body_contacts->any()) {
-        body_contacts->apply(*arena, time, dt, gravity.norm(), frame_seconds);
+      member.body->compute_forces(*arena, dt, true);
+      member.body->step_nodes(*arena, 0.5 * (member.last_dt + dt), dt, gravity, time);
+      if (++member.unsmoothed == kSmoothingInterval) {
+        member.unsmoothed = 0;
+        member.body->smooth_velocities(
+            *arena, std::min(0.5, kSmoothing * kSmoothingInterval * dt / member.elastic_dt));
       }
-      for (TotalMember& member : total) {
-        if (member.body->releases_between(time - dt, time)) member.last_dt = 0.0;
-        if (member.body->held(time)) {
-          member.body->step_nodes(*arena, 0.0, dt, gravity, time);
-          member.last_dt = 0.0;
-          continue;
-        }
-        member.body->compute_forces(*arena, dt, true);
-        member.body->step_nodes(*arena, 0.5 * (member.last_dt + dt), dt, gravity, time);
-        if (++member.unsmoothed == kSmoothingInterval) {
-          member.unsmoothed = 0;
-          member.body->smooth_velocities(
-              *arena, std::min(0.5, kSmoothing * kSmoothingInterval * dt / member.elastic_dt));
-        }
-        member.last_dt = dt;
-        const auto extremes = member.body->extremes();
-        report.min_volume_ratio =
-            std::min(report.min_volume_ratio, static_cast<double>(extremes.min_volume_ratio));
-        report.max_volume_ratio =
-            std::max(report.max_volume_ratio, static_cast<double>(extremes.max_volume_ratio));
-        if (!(extremes.min_volume_ratio > 0.0F)) fail_total(member, time);
-      }
-      if (updated) {
-        const auto extremes = updated->step(*arena, time, dt, gravity);
-        report.min_volume_ratio = std::min(report.min_volume_ratio, extremes.first);
-        report.max_volume_ratio = std::max(report.max_volume_ratio, extremes.second);
-      }
+      member.last_dt = dt;
+      const auto extremes = member.body->extremes();
+      report.min_volume_ratio =
+          std::min(report.min_volume_ratio, static_cast<double>(extremes.min_volume_ratio));
+      report.max_volume_ratio =
+          std::max(report.max_volume_ratio, static_cast<double>(extremes.max_volume_ratio));
+      if (!(extremes.min_volume_ratio > 0.0F)) fail_total(member, time);
+    }
+    if (updated) {
+      const auto extremes = updated->step(*arena, time, dt, gravity);
+      report.min_volume_ratio = std::min(report.min_volume_ratio, extremes.first);
+      report.max_volume_ratio = std::max(report.max_volume_ratio, extremes.second);
     }
   }
 
@@ -278,7 +295,7 @@ struct Simulation::Impl {
     text << " The deformation is larger than this grid can follow: use a smaller particle "
             "separation, a smaller scene.solver.dt_safety, gentler motion, or formulation "
             "'updated' if the body flows or tears.";
-    throw_compute(text.str());
+    throw UnstableError(text.str());
   }
 
   [[nodiscard]] std::string save() const {
@@ -330,11 +347,10 @@ FrameReport Simulation::advance(const Interrupter& interrupter) {
   const auto begin = std::chrono::steady_clock::now();
   FrameReport report;
   s.arena->execute([&] {
-    const Step step = s.choose_step(s.time_of(s.frame));
-    const std::string before = s.save();  // with the limits just found: a retry needs them
-    const double frame_seconds = 1.0 / s.scene.fps;
-    double count = std::ceil(frame_seconds / step.dt * (1.0 - 1e-12));
-    count = std::max(count, 1.0);
+    const Step step = s.choose_step(s.time_of(s.frame), interrupter);
+    const bool may_retry = !(s.scene.dt > 0.0);
+    const std::string before = may_retry ? s.save() : "";  // with the limits just found
+    double count = s.substeps(step);
     if (!(count < kMostSubsteps)) {
       throw_compute("Frame " + std::to_string(s.frame) + " would need " + std::to_string(count) +
                     " substeps (" + step.limit +
@@ -346,14 +362,13 @@ FrameReport Simulation::advance(const Interrupter& interrupter) {
     for (int attempt = 0;; ++attempt) {
       report = FrameReport{};
       report.substeps = static_cast<int>(count);
-      report.dt = frame_seconds / report.substeps;
+      report.dt = 1.0 / (s.scene.fps * report.substeps);
       report.dt_limit = step.limit + (attempt > 0 ? ", halved after a failed try" : "");
       try {
         s.run_frame(report.substeps, interrupter, report);
         break;
-      } catch (const Error& error) {
-        if (error.kind() != ErrorKind::kCompute || attempt == kMostRetries || s.scene.dt > 0.0 ||
-            2.0 * count > kMostSubsteps) {
+      } catch (const UnstableError&) {
+        if (attempt == kMostRetries || !may_retry || 2.0 * count > kMostSubsteps) {
           throw;
         }
         s.load(before);
@@ -372,6 +387,34 @@ FrameReport Simulation::advance(const Interrupter& interrupter) {
   });
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return report;
+}
+
+SubstepCost Simulation::measure(double seconds, const Interrupter& interrupter) {
+  Impl& s = *impl_;
+  SubstepCost cost;
+  s.arena->execute([&] {
+    // While everything is held nothing is computed: the price is that of what follows.
+    const auto all_held = [&] {
+      return !s.updated && std::all_of(s.total.begin(), s.total.end(), [&](const TotalMember& m) {
+        return m.body->held(s.time_of(s.frame));
+      });
+    };
+    while (all_held() && s.frame + 1 < s.scene.end_frame) ++s.frame;
+    const double count = s.substeps(s.choose_step(s.time_of(s.frame), interrupter));
+    cost.dt = 1.0 / (s.scene.fps * count);
+    FrameReport report;
+    s.begin_frame();
+    const auto begin = std::chrono::steady_clock::now();
+    int done = 0;
+    double spent = 0.0;
+    while (done < count && (done == 0 || spent < seconds)) {
+      s.run_substep(s.time_of(s.frame) + done * cost.dt, cost.dt, report);
+      ++done;
+      spent = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    }
+    cost.seconds = spent / done;
+  });
+  return cost;
 }
 
 FrameState Simulation::state() const {

@@ -51,6 +51,12 @@ struct MemoryEstimate {
   std::size_t bytes = 0;
 };
 
+/// What a substep takes at the start of a run.
+struct SubstepCost {
+  double dt = 0.0;       ///< [s], as the first frame takes it
+  double seconds = 0.0;  ///< wall clock of one substep
+};
+
 /// The forward solver: both formulations, all bodies, one clock.
 /// Throws Error(kInput) for a scene that cannot be simulated and Error(kCompute) for a run that
 /// fails (NaN, inverted element, particle outside the walls), naming body, particle, frame, cause
@@ -74,6 +80,11 @@ class Simulation {
   /// Advances by one frame. On cancellation throws; the state is then unusable but for destruction.
   FrameReport advance(const Interrupter& interrupter);
   [[nodiscard]] FrameState state() const;
+
+  /// Runs substeps for about `seconds` of wall clock (one at least, a frame's at most) from
+  /// where the first body moves, to see what they take. The state is then good for nothing but
+  /// destruction.
+  [[nodiscard]] SubstepCost measure(double seconds, const Interrupter& interrupter);
 
   /// Everything needed to go on with the same bits, and back. load() throws Error(kInput) for bytes
   /// that were not saved by the same scene and version.

@@ -41,7 +41,8 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   }
   const std::vector<QuadraturePoint>& points = grid_.quadrature();
   for (std::size_t q = 0; q < points.size(); ++q) {
-    S* g = geometry_.data() + grid_.place(q) / kLanes * (4 * kLanes) + grid_.place(q) % kLanes;
+    const std::size_t place = grid_.place(q);
+    S* g = geometry_.data() + place / kLanes * (4 * kLanes) + place % kLanes;
     for (std::size_t axis = 0; axis < 3; ++axis)
       g[axis * kLanes] = static_cast<S>(points[q].f[static_cast<int>(axis)]);
     g[3 * kLanes] = static_cast<S>(points[q].volume);
@@ -137,9 +138,10 @@ void TotalBody<S>::sum_forces(std::size_t node_block, double* out) const {
   std::fill(out, out + kNodeBlock, 0.0);
   const auto& sources = grid_.node_sources(node_block);
   for (std::size_t k = 0; k < 8; ++k) {
-    if (sources[k] == kNoBlock) continue;
+    const std::size_t source = sources[k];
+    if (source == kNoBlock) continue;
     for (std::size_t c = 0; c < 3; ++c) {
-      add_halo(k, force_.data() + (sources[k] * 3 + c) * kHaloNodes, out + c * kBlockNodes);
+      add_halo(k, force_.data() + (source * 3 + c) * kHaloNodes, out + c * kBlockNodes);
     }
   }
 }
@@ -227,7 +229,8 @@ bool TotalBody<S>::releases_between(double from, double to) const {
 }
 
 template <class S>
-double TotalBody<S>::stable_time_step(Arena& arena, int iterations) {
+double TotalBody<S>::stable_time_step(Arena& arena, int iterations,
+                                      const Interrupter& interrupter) {
   // Power iteration on M⁻¹K, K w ≈ (f(u) − f(u + εw))/ε. ε keeps the strain of the fastest mode
   // small against one and large against float rounding.
   const std::size_t size = displacement_.size();
@@ -263,6 +266,7 @@ double TotalBody<S>::stable_time_step(Arena& arena, int iterations) {
   };
   double omega_squared = 0.0;
   for (int k = 0; k < iterations; ++k) {
+    interrupter.check();
     double peak = 0.0;
     double norm = 0.0;
     for (std::size_t i = 0; i < size; ++i) {
@@ -351,7 +355,7 @@ void TotalBody<S>::sample(Arena& arena, BodyState& out) const {
       out.velocities[p] = state.velocity.template cast<float>();
       out.deformation_gradients[p] = deformation_gradient(p).template cast<float>();
       if (!plastic_.empty()) {
-        const std::uint32_t place = grid_.place(grid_.nearest_point(p));
+        const std::size_t place = grid_.place(grid_.nearest_point(p));
         out.plastic_strain[p] = static_cast<float>(
             plastic_[place / kLanes * (10 * kLanes) + 9 * kLanes + place % kLanes]);
       }
@@ -392,16 +396,6 @@ double TotalBody<S>::kinetic_energy() const {
               velocity_[i];
   }
   return energy;
-}
-
-template <class S>
-Vec3d TotalBody<S>::momentum() const {
-  Vec3d sum = Vec3d::Zero();
-  for (std::size_t i = 0; i < velocity_.size(); ++i) {
-    sum[static_cast<int>(i / kBlockNodes % 3)] +=
-        grid_.mass()[i / kNodeBlock * kBlockNodes + i % kBlockNodes] * velocity_[i];
-  }
-  return grid_.axes() * sum;
 }
 
 template <class S>

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
 #include "material/law_constants.hpp"
@@ -51,7 +52,8 @@ class TotalBody {
 
   /// Largest stable time step [s] of the unforced body at its present shape: 2/ω with ω the highest
   /// frequency, by power iteration on the linearised forces.
-  [[nodiscard]] double stable_time_step(Arena& arena, int iterations);
+  [[nodiscard]] double stable_time_step(Arena& arena, int iterations,
+                                        const Interrupter& interrupter);
 
   /// Forces [N] at points of the body, set before compute_forces: `offset` [m] from the particle at
   /// rest, world axes both. A block is touched by one thread only.
@@ -87,8 +89,6 @@ class TotalBody {
   }
   [[nodiscard]] bool is_surface(std::uint32_t particle) const { return grid_.is_surface(particle); }
   [[nodiscard]] double volume(std::uint32_t particle) const { return grid_.volume(particle); }
-  /// Momentum sum of nodes, world axes [kg m/s].
-  [[nodiscard]] Vec3d momentum() const;
 
  private:
   struct Load {

@@ -11,6 +11,7 @@ TotalContact<S>::TotalContact(const Body& body, const Scene& scene, const TotalB
     : density_(body.density) {
   const double response = scene.colliders.empty() ? 0.0 : total.grid().contact_response();
   for (const ColliderPtr& collider : scene.colliders) {
+    animated_ = animated_ || collider->animated();
     colliders_.push_back({collider, resolve_contact(collider->contact(), body, scene.dx)});
     frequency_squared_ = std::max(frequency_squared_, colliders_.back().law.stiffness * response);
   }
@@ -73,11 +74,12 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
           touching = true;
           penetration_[b] = std::max(penetration_[b], point.radius - point.distance);
         }
-        gap = std::min(gap, surface.distance - point.radius);
+        gap = std::min(gap, point.distance);
       }
     }
     if (touching || gap <= 0.0) return;
-    wake_time_[b] = time + contact_free_time(gap, closing, acceleration_, frame_seconds_);
+    wake_time_[b] =
+        time + contact_free_time(gap, closing, acceleration_, frame_seconds_, animated_);
   });
 }
 

@@ -18,7 +18,7 @@ class TotalContact {
 
   /// Contact forces on the body's surface particles, at `time`, into the body's point forces.
   void apply(Arena& arena, TotalBody<S>& body, double time, double dt);
-  /// Velocities of colliders change at frames: every block looks again.
+  /// At the start of a frame: every block looks again.
   void wake(double frame_seconds, double acceleration);
   [[nodiscard]] bool any() const { return !colliders_.empty(); }
   /// Highest ω² of the body's skin on its contact springs [1/s²].
@@ -38,6 +38,7 @@ class TotalContact {
   double frequency_squared_ = 0.0;
   double frame_seconds_ = 0.0;
   double acceleration_ = 0.0;
+  bool animated_ = false;                         ///< any collider
   std::vector<double> wake_time_;                 ///< per block
   std::vector<double> penetration_;               ///< per block, deepest of the frame [m]
   std::vector<ContactMemory> memory_;             ///< per particle

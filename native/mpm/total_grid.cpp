@@ -138,7 +138,8 @@ void TotalGrid::place_points() {
     std::vector<std::uint32_t> slot(block_points[b].size());
     for (std::size_t i = 0; i < slot.size(); ++i) {
       const Vec3i c = points[block_points[b][i]].cell - 4 * block_coordinates_[b];
-      slot[i] = filled[static_cast<std::size_t>(c[0])][static_cast<std::size_t>(4 * c[1] + c[2])]++;
+      const int cell_lane = 4 * c[1] + c[2];
+      slot[i] = filled[static_cast<std::size_t>(c[0])][static_cast<std::size_t>(cell_lane)]++;
     }
     const std::size_t first_slab = slab_chunks_.size() - 1;
     for (const auto& cells : filled) {

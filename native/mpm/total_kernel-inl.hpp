@@ -293,53 +293,6 @@ void total_smooth(const mpm::TotalView<S>& view, std::size_t block) {
   for (std::size_t c = 0; c < 3; ++c) fold(out + c * kExpanded, force + c * kHaloNodes);
 }
 
-template <class S>
-void total_samples(const mpm::TotalView<S>& view, const mpm::TotalSamples<S>& samples,
-                   std::size_t block) {
-  using D = hn::CappedTag<S, kLanes>;
-  using T = Lanes<D>;
-  constexpr std::size_t kWidth = hn::MaxLanes(D());
-  HWY_ALIGN S expanded[3 * kExpanded];
-  HWY_ALIGN S expanded_velocity[3 * kExpanded];
-  const std::uint32_t* block_nodes = view.block_nodes + block * 8;
-  const std::size_t node = reference_node(view, block);
-  double reference[3];
-  double velocity[3];
-  reference_value(view.displacement, node, reference);
-  expand_nodes(view.displacement, block_nodes, reference, expanded);
-  if (samples.velocity != nullptr) {
-    reference_value(view.velocity, node, velocity);
-    expand_nodes(view.velocity, block_nodes, velocity, expanded_velocity);
-  }
-  const T inverse_dx = T(S(1) / view.dx);
-  for (std::size_t slab = 0; slab < kSlabs; ++slab) {
-    for (std::uint32_t chunk = view.slab_chunks[block * kSlabs + slab];
-         chunk < view.slab_chunks[block * kSlabs + slab + 1]; ++chunk) {
-      for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
-        const S* geometry = view.geometry + chunk * (4 * kLanes) + lane;
-        const Stencil<T> stencil = load_gradient_stencil<T>(geometry, inverse_dx);
-        T value[3];
-        Mat3<T> h;
-        gather<3, true, T>(expanded, slab, lane, stencil, value, h.m);
-        for (std::size_t c = 0; c < 3; ++c) {
-          (value[c] + T(static_cast<S>(reference[c])))
-              .store(samples.position + chunk * (3 * kLanes) + c * kLanes + lane);
-        }
-        if (samples.gradient != nullptr) {
-          store_mat3(h, samples.gradient + chunk * (9 * kLanes) + lane);
-        }
-        if (samples.velocity != nullptr) {
-          gather_values<3, T>(expanded_velocity, slab, lane, stencil, value);
-          for (std::size_t c = 0; c < 3; ++c) {
-            (value[c] + T(static_cast<S>(velocity[c])))
-                .store(samples.velocity + chunk * (3 * kLanes) + c * kLanes + lane);
-          }
-        }
-      }
-    }
-  }
-}
-
 }  // namespace matterfit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 #endif

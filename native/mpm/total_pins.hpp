@@ -24,7 +24,7 @@ class TotalPins {
  public:
   TotalPins(const Body& body, const TotalGrid& grid);
 
-  /// Marks of nodes that step() handles, a byte a node; changes at release.
+  /// Marks of nodes that step() handles, a byte a node.
   [[nodiscard]] const std::vector<std::uint8_t>& deferred() const { return deferred_; }
   [[nodiscard]] bool any() const { return !nodes_.empty(); }
   [[nodiscard]] bool held(double time) const;

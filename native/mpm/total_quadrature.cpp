@@ -94,7 +94,7 @@ void add_gauss_points(Pieces begin, Pieces end, const std::vector<Vec3d>& coordi
   double volume = 0.0;
   for (Pieces piece = begin; piece != end; ++piece) volume += piece->point.volume;
   for (int i = 0; i < 8; ++i) {
-    const Vec3d side(i / 4 - 0.5, i / 2 % 2 - 0.5, i % 2 - 0.5);
+    const Vec3d side = Vec3i(i / 4, i / 2 % 2, i % 2).cast<double>() - Vec3d::Constant(0.5);
     QuadraturePoint q{cell, Vec3d::Ones() + side / std::sqrt(3.0), volume / 8.0, 0};
     double least = 1e30;
     for (Pieces piece = begin; piece != end; ++piece) {

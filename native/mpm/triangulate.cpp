@@ -31,7 +31,8 @@ void split_quad(std::span<const Vec3f> vertices, const std::int32_t* face,
   }
 }
 
-/// Ear clipping (Meisters 1975), O(n²), in the plane of Newell's normal.
+/// Ear clipping (Meisters 1975) in the plane of Newell's normal; O(n²) but for outlines made to be
+/// awkward, because a corner is looked at again only when a neighbour or what blocked it has gone.
 void clip_ears(std::span<const Vec3f> vertices, const std::int32_t* face, int size,
                std::vector<Triangle>& out) {
   Vec3d normal = Vec3d::Zero();
@@ -52,33 +53,50 @@ void clip_ears(std::span<const Vec3f> vertices, const std::int32_t* face, int si
     flat.emplace_back(p.dot(u), p.dot(v));
     ring.push_back(i);
   }
+  const auto at = [&](int i) -> const Vec2d& { return flat[static_cast<std::size_t>(i)]; };
+  // How good an ear each corner is, and which corner keeps it from being one.
+  constexpr int kNobody = -1;
+  std::vector<double> quality(ring.size());
+  std::vector<int> blocker(ring.size());
+  const auto look = [&](std::size_t i) {
+    const std::size_t n = ring.size();
+    const int a = ring[(i + n - 1) % n];
+    const int b = ring[i];
+    const int c = ring[(i + 1) % n];
+    const auto corner = static_cast<std::size_t>(b);
+    const double area = cross(at(a), at(b), at(c));
+    blocker[corner] = area > 0 ? kNobody : b;
+    for (std::size_t j = 0; j < n && blocker[corner] == kNobody; ++j) {
+      const int p = ring[j];
+      if (p == a || p == b || p == c) continue;
+      if (cross(at(a), at(b), at(p)) >= 0 && cross(at(b), at(c), at(p)) >= 0 &&
+          cross(at(c), at(a), at(p)) >= 0) {
+        blocker[corner] = p;
+      }
+    }
+    // Among the ears the roundest; if none is left (the outline crosses itself) the least bad.
+    const double edges = (at(a) - at(b)).squaredNorm() + (at(b) - at(c)).squaredNorm() +
+                         (at(c) - at(a)).squaredNorm();
+    quality[corner] = (edges > 0 ? area / edges : 0.0) - (blocker[corner] == kNobody ? 0.0 : 10.0);
+  };
+  for (std::size_t i = 0; i < ring.size(); ++i) look(i);
   while (ring.size() > 3) {
     const std::size_t n = ring.size();
     std::size_t best = 0;
-    double best_quality = -std::numeric_limits<double>::infinity();
-    for (std::size_t i = 0; i < n; ++i) {
-      const int a = ring[(i + n - 1) % n];
-      const int b = ring[i];
-      const int c = ring[(i + 1) % n];
-      const double area = cross(flat[a], flat[b], flat[c]);
-      bool blocked = area <= 0;
-      for (std::size_t j = 0; j < n && !blocked; ++j) {
-        const int p = ring[j];
-        if (p == a || p == b || p == c) continue;
-        blocked = cross(flat[a], flat[b], flat[p]) >= 0 && cross(flat[b], flat[c], flat[p]) >= 0 &&
-                  cross(flat[c], flat[a], flat[p]) >= 0;
-      }
-      // Among the ears the roundest; if none is left (the outline crosses itself) the least bad.
-      const double edges = (flat[a] - flat[b]).squaredNorm() + (flat[b] - flat[c]).squaredNorm() +
-                           (flat[c] - flat[a]).squaredNorm();
-      const double quality = (edges > 0 ? area / edges : 0.0) - (blocked ? 10.0 : 0.0);
-      if (quality > best_quality) {
-        best_quality = quality;
+    for (std::size_t i = 1; i < n; ++i) {
+      if (quality[static_cast<std::size_t>(ring[i])] >
+          quality[static_cast<std::size_t>(ring[best])]) {
         best = i;
       }
     }
+    const int gone = ring[best];
     out.push_back({face[ring[(best + n - 1) % n]], face[ring[best]], face[ring[(best + 1) % n]]});
     ring.erase(ring.begin() + static_cast<std::ptrdiff_t>(best));
+    const std::size_t next = best % ring.size();
+    const std::size_t previous = (best + ring.size() - 1) % ring.size();
+    for (std::size_t k = 0; k < ring.size(); ++k) {
+      if (k == next || k == previous || blocker[static_cast<std::size_t>(ring[k])] == gone) look(k);
+    }
   }
   out.push_back({face[ring[0]], face[ring[1]], face[ring[2]]});
 }

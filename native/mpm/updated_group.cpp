@@ -101,7 +101,12 @@ struct UpdatedGroup::Impl {
       m.pins = body.pins;
       m.rest = body.rest;
       m.pin_of.assign(m.particles, 0);
-      for (std::size_t k = 0; k < m.pins.size() && k < 250; ++k) {
+      constexpr std::size_t kMostPins = 250;
+      if (m.pins.size() > kMostPins) {
+        throw_input("Body '" + body.name + "' has " + std::to_string(m.pins.size()) +
+                    " pins; an updated body takes 250. Join some, or set formulation to 'total'.");
+      }
+      for (std::size_t k = 0; k < m.pins.size(); ++k) {
         bool holds = false;
         for (std::size_t p = 0; p < m.particles; ++p) {
           // A plane on the body's end face holds the layer of particles that it touches.
@@ -276,7 +281,6 @@ struct UpdatedGroup::Impl {
           std::max(block.extremes.max_volume_ratio, view.extremes.max_volume_ratio);
       block.fastest = std::max(block.fastest, view.fastest);
       if (leaving.empty()) continue;
-      // The kernel goes lane group by lane group within a chunk; removal wants chunk order.
       for (Crosser<float>& p : leaving) address(block, p);
       body.remove(leaving);
     }
@@ -410,11 +414,14 @@ struct UpdatedGroup::Impl {
     // Distances change by no more than the way: one query rules out most colliders for a block.
     const Vec3d middle = block_origin(block) + Vec3d::Constant(2.5 * dx);
     const double reach = 2.0 * std::sqrt(3.0) * dx + 2.0 * largest_edge;
+    bool animated = false;
     std::vector<std::size_t> near;
     for (std::size_t c = 0; c < particle_colliders.size(); ++c) {
-      const double distance = particle_colliders[c]->closest(middle, time).distance;
-      if (distance > reach) {
-        gap = std::min(gap, distance - reach);
+      const SurfacePoint surface = particle_colliders[c]->closest(middle, time);
+      animated = animated || particle_colliders[c]->animated();
+      if (surface.distance > reach) {
+        gap = std::min(gap, surface.distance - reach);
+        closing = std::max(closing, max_speed + surface.velocity.norm());
       } else {
         near.push_back(c);
       }
@@ -462,7 +469,7 @@ struct UpdatedGroup::Impl {
     if (touching || gap <= 0.0) return;
     // Particles come and go: at most a cell's worth of time, whatever is near.
     block.wake_time = time + contact_free_time(std::min(gap, dx), std::max(closing, max_speed),
-                                               pull, frame_seconds);
+                                               pull, frame_seconds, animated);
   }
 
   void pin(std::size_t b, double time, double dt) {
@@ -486,38 +493,48 @@ struct UpdatedGroup::Impl {
     }
   }
 
-  [[noreturn]] void fail(double time, const std::string& what) const {
-    std::ostringstream text;
-    text << what << " at " << time
-         << " s. Use a smaller scene.solver.dt_safety or particle separation, or gentler motion.";
-    throw_compute(text.str());
-  }
-
-  void check(double time, double least, float fastest) const {
-    if (fastest >= 1.0F) {
-      fail(time, "Particles move more than a cell in one substep");
-    }
-    if (least > 0.0) return;
+  /// Throws if a particle has gone wrong in the substep from `time`: it is named, with the reason.
+  void check(double time, double dt, double least, float fastest) const {
+    if (least > 0.0 && fastest < 1.0F) return;
+    const double fastest_speed = 0.999 * static_cast<double>(fastest) * dx / dt;
     for (std::size_t b = 0; b < blocks.size(); ++b) {
       for (std::size_t m = 0; m < members.size(); ++m) {
-        std::string found;
+        const auto look = [&](std::uint32_t id, const Vec3d& x, const Mat3d& f, const Vec3d& v) {
+          const double j = f.determinant();
+          std::string what;
+          if (!std::isfinite(j) || !v.allFinite()) {
+            what = "is not a number";
+          } else if (!(j > 0.0)) {
+            what = "is turned inside out (volume ratio " + std::to_string(j) + ")";
+          } else if (fastest >= 1.0F && v.cwiseAbs().maxCoeff() >= fastest_speed) {
+            what = "moves more than a cell in one substep, at " + std::to_string(v.norm()) + " m/s";
+          }
+          if (!what.empty()) fail(time, m, id, x, what);
+        };
         for_each(blocks[b].bodies[m], [&](std::size_t s, const Chunk& chunk, std::size_t l) {
-          if (!found.empty()) return;
-          const double j = deformation_gradient(chunk, l).determinant();
-          if (j > 0.0) return;
-          const Vec3d x = position(blocks[b], s, chunk, l);
-          std::ostringstream text;
-          text << "Body '" << members[m].name << "': particle " << chunk.id[l] << " at (" << x[0]
-               << ", " << x[1] << ", " << x[2] << ") m "
-               << (std::isfinite(j)
-                       ? "is turned inside out (volume ratio " + std::to_string(j) + ")"
-                       : std::string("is not a number"));
-          found = text.str();
+          look(chunk.id[l], position(blocks[b], s, chunk, l), deformation_gradient(chunk, l),
+               velocity(chunk, l));
         });
-        if (!found.empty()) fail(time, found);
+        for (const Crosser<float>& p : blocks[b].leaving[m]) {
+          Mat3d f = Mat3d::Identity();
+          for (int i = 0; i < 9; ++i) f(i / 3, i % 3) += static_cast<double>(p.h[i]);
+          const Vec3d x = block_origin(blocks[b]) + Vec3d::Constant(2.5 * dx);
+          look(p.id, x, f, Vec3f(p.velocity[0], p.velocity[1], p.velocity[2]).cast<double>());
+        }
       }
     }
-    fail(time, "A particle is turned inside out or not a number");
+    fail(time, 0, 0, Vec3d::Zero(), "or another one is turned inside out or not a number");
+  }
+
+  [[noreturn]] void fail(double time, std::size_t member, std::uint32_t particle, const Vec3d& x,
+                         const std::string& what) const {
+    const int frame = scene->first_frame + static_cast<int>(std::floor(time * scene->fps + 1e-6));
+    std::ostringstream text;
+    text << "Body '" << members[member].name << "', frame " << frame << " (" << time
+         << " s): particle " << particle << " at (" << x[0] << ", " << x[1] << ", " << x[2]
+         << ") m " << what
+         << ". Use a smaller scene.solver.dt_safety or particle separation, or gentler motion.";
+    throw UnstableError(text.str());
   }
 };
 
@@ -582,7 +599,7 @@ std::pair<double, double> UpdatedGroup::step(Arena& arena, double time, double d
     most = std::max(most, static_cast<double>(s.blocks[b].extremes.max_volume_ratio));
     fastest = std::max(fastest, s.blocks[b].fastest);
   }
-  s.check(time, least, fastest);
+  s.check(time, dt, least, fastest);
   s.min_j = least;
   s.max_speed = static_cast<double>(fastest) * s.dx / dt * std::sqrt(3.0);
   s.make_room();
@@ -638,6 +655,8 @@ void UpdatedGroup::add_impulse(const UpdatedPoint& p, const Vec3d& impulse) {
   s.add_momentum(block, p.slab, block.bodies[p.member].slab[p.slab][p.chunk], p.lane,
                  impulse.cast<float>(), 0.0F);
 }
+
+double UpdatedGroup::max_speed() const { return impl_->max_speed; }
 
 void UpdatedGroup::sample(std::vector<BodyState>& bodies) const {
   const Impl& s = *impl_;

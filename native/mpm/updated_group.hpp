@@ -46,6 +46,9 @@ class UpdatedGroup {
   void collect(const Vec3d& low, const Vec3d& high, std::vector<UpdatedPoint>& out) const;
   /// Adds an impulse [N s] to what the grid takes up in the next step.
   void add_impulse(const UpdatedPoint& point, const Vec3d& impulse);
+  /// Of any particle in the last substep [m/s].
+  [[nodiscard]] double max_speed() const;
+
   void sample(std::vector<BodyState>& bodies) const;
   void report(FrameReport& report) const;
   void save(ByteWriter& out) const;

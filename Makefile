@@ -2,7 +2,12 @@
 # Matterfit: everything a person does with this tree. `make` alone says what there is.
 # Works from any current directory (make -C PATH …); writes only below build/.
 
-ROOT := $(patsubst %/,%,$(dir $(abspath $(lastword $(MAKEFILE_LIST)))))
+# make's own functions split a path at its spaces, so the tree is the current directory, quoted for
+# the shell.
+ifneq ($(patsubst ./%,%,$(lastword $(MAKEFILE_LIST))),Makefile)
+$(error Run it in the tree, or as: make -C TREE TARGET)
+endif
+ROOT := '$(subst ','\'',$(CURDIR))'
 RUN := bash $(ROOT)/scripts/in_tree.sh
 PYTHON := $(RUN) python
 .DEFAULT_GOAL := help

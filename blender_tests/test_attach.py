@@ -89,6 +89,21 @@ class MeshTest(AttachCase):
                          ["Cast", "Matterfit Cache", "Subdivision"])
         self.assertGreater(len(evaluated_points(result, FRAMES[0])), 8)
 
+    def test_before_a_subdivision_of_the_render(self):
+        """Behind it the cache would meet another number of vertices in the render."""
+        self.item.modifiers.new("Cast", "CAST").factor = 0.0
+        self.item.modifiers.new("Subdivision", "SUBSURF").show_viewport = False
+        result = self.attach()["mesh:Cube"]
+        self.assertEqual([modifier.name for modifier in result.modifiers],
+                         ["Cast", "Matterfit Cache", "Subdivision"])
+
+    def test_the_mesh_stays_as_it_is(self):
+        """The result shows the artist's own mesh, which gets no material of ours."""
+        result = self.attach()["mesh:Cube"]
+        self.assertIs(result.data, self.item.data)
+        self.assertEqual(len(self.item.data.materials), 0)
+        self.assertEqual(len(self.item.material_slots), 0)
+
     def test_scaled_turned_and_animated(self):
         """The result stands where the cache says, whatever the object's own transform does."""
         self.item.scale = (1.0, 2.0, 0.5)
@@ -132,6 +147,169 @@ print(json.dumps(heights))
 """, blend=os.path.join(self.folder, "scene.blend"))
         for frame, height in found.items():
             self.assertAlmostEqual(height, 0.1 * (int(frame) - 3), places=5)
+
+
+class MovedTest(AttachCase):
+    """What the artist has moved in the outliner is found where it is."""
+
+    def write_files(self, document):
+        local = numpy.array([vertex.co for vertex in self.item.data.vertices])
+        for kind in ("mesh", "points"):
+            write_pc2(os.path.join(self.folder_of_cache, kind, "Cube.pc2"), [local] * len(FRAMES))
+
+    def shelf(self, *items, below=None):
+        """A collection of the artist's, with these objects in it and nowhere else."""
+        collection = bpy.data.collections.new("Shelf")
+        (below or self.scene.collection).children.link(collection)
+        for item in items:
+            for other in item.users_collection:
+                other.objects.unlink(item)
+            collection.objects.link(item)
+        return collection
+
+    def tagged(self):
+        return sorted(item["matterfit"] for item in self.scene.objects if "matterfit" in item)
+
+    def test_object(self):
+        result = self.attach()["mesh:Cube"]
+        shelf = self.shelf(result)
+        self.attach()
+        self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
+        self.assertEqual(result.users_collection, (shelf,))
+        attach.detach(self.scene, self.take)
+        self.assertEqual([item.name for item in self.scene.objects], ["Cube"])
+        self.assertFalse(self.item.hide_render)
+
+    def test_collection_below_another(self):
+        self.attach()
+        shelf = self.shelf()
+        shelf.children.link(self.take.collection)
+        self.scene.collection.children.unlink(self.take.collection)
+        self.attach()
+        self.assertEqual(list(self.scene.collection.children), [shelf])
+        self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
+
+    def test_object_in_a_collection_of_the_take(self):
+        """The collection is not removed with what the artist keeps in it."""
+        result = self.attach()["points:Cube"]
+        shelf = self.shelf(result, below=self.take.collection)
+        lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "SUN"))
+        shelf.objects.link(lamp)
+        self.attach()
+        self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
+        attach.detach(self.scene, self.take)
+        self.assertEqual(sorted(item.name for item in self.scene.objects), ["Cube", "Lamp"])
+
+    def test_without_its_collection(self):
+        """Deleted in the outliner, a collection leaves its objects to the one above."""
+        items = self.attach()
+        for item in items.values():
+            self.scene.collection.objects.link(item)
+        bpy.data.collections.remove(self.take.collection)
+        self.assertIsNone(self.take.collection)
+        self.attach()
+        self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
+        attach.detach_kind(self.take, "points")
+        self.assertEqual(self.tagged(), ["mesh:Cube"])
+
+    def test_of_another_take(self):
+        """Both takes' objects have the same tags; each finds its own, also side by side."""
+        first = self.attach()["mesh:Cube"]
+        bpy.ops.matterfit.add_take()
+        first_take, self.take = self.settings.takes[0], self.settings.takes[1]
+        second = self.attach()["mesh:Cube"]
+        self.assertNotEqual(first, second)
+        self.shelf(first, second)
+        self.attach()
+        self.assertEqual(self.tagged(), ["mesh:Cube"] * 2 + ["points:Cube"] * 2)
+        attach.detach(self.scene, self.take)
+        self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
+        self.assertIn(first, attach.objects_of(self.scene, first_take))
+
+    def test_of_an_older_version(self):
+        """Without the folder's name on them objects are found in the take's collection."""
+        items = self.attach()
+        for item in items.values():
+            del item["matterfit_cache"]
+        self.attach()
+        self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
+        self.assertEqual({item["matterfit_cache"] for item in items.values()},
+                         {os.path.basename(self.folder_of_cache)})
+
+    def test_a_linked_take_keeps_its_objects(self):
+        """Save As, then a bake into a folder of its own: what is shown is brought up to date."""
+        result = self.attach()["mesh:Cube"]
+        self.shelf(result)
+        self.save("scene.blend")
+        self.save("copy.blend")
+        self.take = self.settings.takes[0]
+        self.attach()
+        self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
+        self.assertIn(os.path.basename(self.folder_of_cache),
+                      result.modifiers["Matterfit Cache"].filepath)
+
+
+class CopiedSceneTest(AttachCase):
+    """A scene copied with its takes: none of them writes or deletes what another one shows."""
+
+    def write_files(self, document):
+        local = numpy.array([vertex.co for vertex in self.item.data.vertices])
+        write_pc2(os.path.join(self.folder_of_cache, "mesh", "Cube.pc2"), [local] * len(FRAMES))
+        with open(os.path.join(self.folder_of_cache, "manifest.json"), "w") as stream:
+            json.dump({"files": {"mesh/Cube.pc2": {"size": 1, "hash": ""}}}, stream)
+
+    def copied(self, kind):
+        self.attach()
+        self.take.baked = True
+        bpy.ops.scene.new(type=kind)
+        copy = bpy.context.scene
+        self.assertNotEqual(copy, self.scene)
+        self.assertEqual(copy.matterfit.takes[0].folder, self.take.folder)
+        self.results = {scene: [item for item in scene.objects if "matterfit" in item]
+                        for scene in (self.scene, copy)}
+        self.assertEqual([len(items) for items in self.results.values()], [1, 1])
+        return copy
+
+    def test_bake(self):
+        """Whichever scene bakes first gets a folder of its own, the other keeps the cache."""
+        for kind in ("FULL_COPY", "LINK_COPY"):
+            with self.subTest(kind):
+                self.setUp()
+                copy = self.copied(kind)
+                take = copy.matterfit.takes[0]
+                self.assertTrue(takes.locate(take).linked and takes.locate(take).shared)
+                folder = takes.claim(take)
+                self.assertNotEqual(folder, self.folder_of_cache)
+                self.assertFalse(take.baked)
+                self.assertIsNone(take.collection)
+                self.assertEqual([item for item in copy.objects if "matterfit" in item], [])
+                self.assertFalse(takes.locate(take).linked)
+                self.assertEqual(takes.claim(take), folder)
+                # The original is as it was, and again alone with its cache.
+                self.assertTrue(self.take.baked)
+                self.assertEqual(attach.objects_of(self.scene, self.take),
+                                 self.results[self.scene])
+                self.assertIsNotNone(self.take.collection)
+                self.assertFalse(takes.locate(self.take).linked)
+                self.assertEqual(takes.claim(self.take), self.folder_of_cache)
+
+    def test_free(self):
+        """Free in one scene leaves the files to the other, Free in that one deletes them."""
+        for kind in ("FULL_COPY", "LINK_COPY"):
+            with self.subTest(kind):
+                self.setUp()
+                copy = self.copied(kind)
+                bpy.ops.matterfit.free()
+                self.assertEqual(copy.matterfit.takes[0].folder, "")
+                self.assertFalse(copy.matterfit.takes[0].baked)
+                self.assertEqual([item for item in copy.objects if "matterfit" in item], [])
+                self.assertTrue(os.path.isdir(self.folder_of_cache))
+                self.assertEqual(attach.objects_of(self.scene, self.take),
+                                 self.results[self.scene])
+                bpy.context.window.scene = self.scene
+                bpy.ops.matterfit.free()
+                self.assertFalse(os.path.exists(self.folder_of_cache))
+                self.assertEqual([item.name for item in self.scene.objects], ["Cube"])
 
 
 class ParticleTest(AttachCase):

@@ -143,6 +143,32 @@ print(json.dumps(found))
         message = self.fails(bpy.ops.matterfit.resume, ["gravity", "-3.7", "Press Bake"])
         self.assertNotIn("--restart", message)
 
+    def test_bake_after_a_refusal(self):
+        """What is refused, or only writes, leaves Bake able to replace the results of other inputs."""
+        bpy.ops.matterfit.bake()
+        self.settings.solver.gravity = (0.0, 0.0, -3.7)
+        self.fails(bpy.ops.matterfit.resume, ["gravity", "Press Bake"])
+        bpy.ops.matterfit.estimate()
+        bpy.ops.matterfit.write_job()
+        self.assertEqual(bpy.ops.matterfit.bake(), {"FINISHED"})
+        self.assertEqual(jobs.registry.current.result["frames_reused"], 0)
+        self.assertEqual(files.read_json(os.path.join(self.folder_of(), "job.json"))
+                         ["scene"]["gravity"], [0, 0, -3.7])
+        points = cache.read_pc2(os.path.join(self.folder_of(), "points", "Cube.pc2"))
+        fall = [cache.read_pc2_frame(points, sample)[:, 2].mean() for sample in (0, 5)]
+        self.assertAlmostEqual(float(fall[0] - fall[1]), 0.5 * 3.7 * (5 / 24) ** 2, delta=0.002)
+
+    def test_baking_again_does_not_simulate(self):
+        """The states of the same inputs stay as they are on disk."""
+        bpy.ops.matterfit.bake()
+        states = {path: os.stat(os.path.join(self.folder_of(), path)).st_mtime_ns
+                  for path in results(self.folder_of()) if path.startswith("state")}
+        self.assertTrue(states)
+        bpy.ops.matterfit.bake()
+        self.assertEqual(jobs.registry.current.result["frames_reused"], 6)
+        for path, stamp in states.items():
+            self.assertEqual(os.stat(os.path.join(self.folder_of(), path)).st_mtime_ns, stamp)
+
     def test_verify(self):
         """A truncated and a missing file are named."""
         bpy.ops.matterfit.bake()

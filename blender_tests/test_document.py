@@ -187,6 +187,16 @@ class PinTest(SceneCase):
         self.assertEqual(document["scene"]["bodies"][0]["masses"],
                          [{"position": [0, 0.1, 0.6], "mass": 0.052}])
 
+    def test_mass_at_another_scale(self):
+        """Kilograms as typed: a property with a unit would be shown and typed times scale³."""
+        self.scene.unit_settings.scale_length = 0.01
+        body = self.body(self.cube())
+        mass = body.masses.add()
+        mass.object, mass.mass = body.object, 0.052
+        document, _folder = self.document()
+        self.assertEqual(document["scene"]["bodies"][0]["masses"][0]["mass"], 0.052)
+        self.assertEqual(mass.bl_rna.properties["mass"].unit, "NONE")
+
 
 class ColliderTest(SceneCase):
     def setUp(self):
@@ -393,6 +403,31 @@ class TakeTest(SceneCase):
         self.settings.takes[0].colliders[0].enabled = False
         document, _folder = self.document()
         self.assertEqual([item["name"] for item in document["scene"]["colliders"]], ["ground"])
+
+    def test_names_that_name_nothing(self):
+        """A throw or a switch whose body was renamed is refused, not left out."""
+        body = self.body(self.cube())
+        wall = self.body(self.cube("Wall", location=(1, 0, 0)), role="COLLIDER")
+        body = self.settings.bodies[0]
+        bpy.ops.matterfit.add_take()
+        bpy.ops.matterfit.list_colliders()
+        self.settings.body_index = 0
+        bpy.ops.matterfit.add_throw()
+        self.document()
+        body.name = "Box"
+        with self.assertRaisesRegex(JobError, "take 'Take 1': throws 'Cube'.*remove the throw"):
+            self.document()
+        body.name = "Cube"
+        wall = self.settings.bodies[1]
+        wall.name = "Mauer"
+        with self.assertRaisesRegex(JobError, "collider 'Wall'.*List Colliders"):
+            self.document()
+        bpy.ops.matterfit.list_colliders()
+        self.document()
+        body.role = "COLLIDER"
+        self.body(self.cube("Other", location=(3, 0, 0)))
+        with self.assertRaisesRegex(JobError, "throws 'Cube'"):
+            self.document()
 
     def test_keyed_gravity(self):
         self.body(self.cube())

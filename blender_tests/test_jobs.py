@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The state machine of jobs, with a backend that does nothing and a clock that we turn."""
 
+import threading
 import unittest
 
 from matterfit import jobs
-from matterfit.jobs import Job, JobError, Outcome, Snapshot, State
+from matterfit.jobs import Job, JobError, Outcome, Snapshot, State, ThreadRun
 
 
 class FakeBackend:
@@ -91,6 +92,21 @@ class JobTest(unittest.TestCase):
         with self.assertRaises(RuntimeError):
             job.start()
 
+    def test_on_end(self):
+        """Called once at each kind of end, with the state that the job has ended in."""
+        def refuse():
+            raise JobError("no")
+
+        for start, expected in ((FakeBackend, State.DONE), (refuse, State.FAILED),
+                                (lambda: FakeBackend(status=2), State.FAILED)):
+            seen = []
+
+            def on_end(job, seen=seen):
+                seen.append(job.state)
+
+            Job("test", start, on_end=on_end).run(interval=0.0)
+            self.assertEqual(seen, [expected])
+
     def test_time_left_counts_from_what_was_seen_first(self):
         """A resumed run stands at 50 % at once; its rate must not count that half."""
         clock = Clock()
@@ -122,5 +138,43 @@ class JobTest(unittest.TestCase):
         self.assertEqual(jobs.duration_text(3840), "1 h 4 min")
         self.assertEqual(jobs.duration_text(None), "")
         self.assertEqual(jobs.size_text(512), "512 B")
-        self.assertEqual(jobs.size_text(3277), "3.2 kB")
-        self.assertEqual(jobs.size_text(2 * 1024**4), "2048.0 GB")
+        self.assertEqual(jobs.size_text(1000), "1.0 kB")
+        self.assertEqual(jobs.size_text(8.0 * 1e9), "8.0 GB", "Memory Limit counts so")
+        self.assertEqual(jobs.size_text(2 * 1000**4), "2000.0 GB")
+
+
+class ThreadRunTest(unittest.TestCase):
+    def job(self, function):
+        return Job("call", lambda: ThreadRun(function, "Reading"))
+
+    def test_result(self):
+        job = self.job(lambda: {"faults": []}).run(interval=0.001)
+        self.assertIs(job.state, State.DONE)
+        self.assertEqual(job.result, {"faults": []})
+        self.assertEqual(job.snapshot.stage, "Reading")
+
+    def test_errors(self):
+        """A refusal keeps its status; whatever else is raised is a computation that failed."""
+        for error, status, message in ((JobError("no manifest", 2), 2, "no manifest"),
+                                       (ValueError("odd"), 3, "ValueError: odd")):
+            def fail(error=error):
+                raise error
+
+            job = self.job(fail).run(interval=0.001)
+            self.assertIs(job.state, State.FAILED)
+            self.assertEqual((job.status, job.error), (status, message))
+
+    def test_cancel_does_not_wait(self):
+        """A call that hangs is left behind, by Cancel and by stop_all."""
+        gate = threading.Event()
+        self.addCleanup(gate.set)
+        registry = jobs.Registry()
+        first = registry.add(self.job(gate.wait).start())
+        self.assertFalse(first.tick() and first.ended)
+        first.cancel()
+        first.tick()
+        self.assertIs(first.state, State.CANCELLED)
+        second = registry.add(self.job(gate.wait).start())
+        registry.stop_all()
+        self.assertIs(second.state, State.CANCELLED)
+        self.assertFalse(gate.is_set())

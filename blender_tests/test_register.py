@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Registration, names, and what every property owes its reader."""
 
+import importlib.util
 import os
+import shutil
+import sys
+import tempfile
 import unittest
+from unittest import mock
 
 import bpy
 import matterfit
 import support
-from matterfit import i18n, ops, props, ui
+from matterfit import i18n, native, ops, props, ui
 from matterfit.io import presets
 from matterfit.props import choices
 
@@ -72,6 +77,63 @@ class RegisterTest(unittest.TestCase):
         version = ".".join(str(part) for part in matterfit.bl_info["version"])
         self.assertIn(f'version = "{version}"', text)
         self.assertIn("GPL-3.0-or-later", text)
+        self.assertIn(f'platforms = ["{native.PLATFORM}"]', text)
+
+
+class OtherSystemTest(unittest.TestCase):
+    """Where Matterfit does not run it says so, not how to install it again."""
+
+    def load(self, system, machine, path="/nowhere/libmatterfit.so"):
+        with (mock.patch.dict(os.environ, MATTERFIT_LIBRARY=path),
+              mock.patch.object(native, "_library", None),
+              mock.patch.object(native, "_load_error", ""),
+              mock.patch.object(sys, "platform", system),
+              mock.patch.object(native.platform, "machine", return_value=machine),
+              mock.patch.object(native.platform, "system", return_value=system.title())):
+            self.assertFalse(native.load())
+            return native.load_error()
+
+    def test_the_supported_one_is_named(self):
+        for system, machine in (("win32", "AMD64"), ("darwin", "arm64"), ("linux", "aarch64")):
+            message = self.load(system, machine)
+            self.assertIn("64-bit Linux", message)
+            self.assertIn(machine, message)
+            self.assertNotIn("make build", message)
+
+    def test_on_the_supported_one(self):
+        self.assertIn("/nowhere/libmatterfit.so", self.load("linux", "x86_64"))
+
+    def test_a_file_that_is_no_library(self):
+        self.assertIn("64-bit Linux", self.load("linux", "aarch64", __file__))
+        message = self.load("linux", "x86_64", __file__)
+        self.assertIn("could not be loaded", message)
+        self.assertIn("Install the package again", message)
+
+
+class CommandLineTest(unittest.TestCase):
+    """cli.py finds the add-on that is enabled, from wherever it is called itself."""
+
+    def setUp(self):
+        support.register_once()
+        os.makedirs(support.SCRATCH, exist_ok=True)
+        folder = tempfile.mkdtemp(prefix="cli_", dir=support.SCRATCH)
+        self.addCleanup(shutil.rmtree, folder, True)
+        self.addCleanup(setattr, sys, "path", list(sys.path))
+        copy = os.path.join(folder, "matterfit")
+        os.makedirs(copy)
+        shutil.copy(support.CLI, copy)
+        shutil.copy(matterfit.__file__, copy)
+        found = importlib.util.spec_from_file_location("copied_cli", os.path.join(copy, "cli.py"))
+        self.cli = importlib.util.module_from_spec(found)
+        found.loader.exec_module(self.cli)
+
+    def test_enabled_from_elsewhere(self):
+        self.assertIs(self.cli.package(), matterfit)
+
+    def test_imported_but_disabled(self):
+        matterfit.unregister()
+        self.assertIs(self.cli.package(), matterfit)
+        self.assertTrue(hasattr(bpy.types.Scene, "matterfit"))
 
 
 class PresetTest(unittest.TestCase):

@@ -6,7 +6,8 @@
 
 PICTURE shows the tab as it opens; beside it lie panel_status.png, panel_capture.png, …
 With the native library a bake runs modally, is cancelled, resumed to its end, and undone. Fails
-where a panel is not drawn, raises, or a modal job does not end as it should.
+where a panel is not drawn, raises, the overlay raises or shows nothing, or a modal job does not end
+as it should, also when the add-on is switched off under it.
 """
 
 import os
@@ -26,11 +27,14 @@ import numpy
 from matterfit import jobs, native, ui
 from matterfit.io import files, takes
 from matterfit.jobs import State
-from matterfit.ops import compare as compare_operators
+from matterfit.ops import base
+from matterfit.props import compare as compare_properties
+from matterfit.ui import overlay
 
 PICTURE = os.path.abspath(sys.argv[sys.argv.index("--") + 1])
 LIMIT = 280.0  # seconds for everything
 
+HANDLERS = ("draw_points", "draw_legend")
 drawn = {}
 faults = []
 
@@ -47,6 +51,20 @@ def watch(cls):
             faults.append(f"{cls.__name__}:\n{traceback.format_exc()}")
 
     cls.draw = draw
+
+
+def watch_handler(name):
+    """The same for a draw handler of the overlay."""
+    original = getattr(overlay, name)
+
+    def draw():
+        drawn[name] = drawn.get(name, 0) + 1
+        try:
+            original()
+        except Exception:
+            faults.append(f"overlay.{name}:\n{traceback.format_exc()}")
+
+    setattr(overlay, name, draw)
 
 
 def only_ours():
@@ -83,6 +101,8 @@ def prepare():
             cls.bl_options = set(cls.bl_options) - {"DEFAULT_CLOSED"}
             watch(cls)
             limit_to(cls)
+    for name in HANDLERS:
+        watch_handler(name)
     only_ours()
     matterfit.register()
     preferences = bpy.context.preferences
@@ -150,7 +170,7 @@ def fake_comparison(positions, times):
     files.write_npz(os.path.join(folder, "simulated.npz"), {"positions": simulated,
                                                             "times": times})
     from matterfit.io import comparison
-    compare_operators.store(scene.matterfit.compare, comparison.load(folder))
+    compare_properties.store(scene.matterfit.compare, comparison.load(folder))
     scene.frame_set(15)
     scene.matterfit.compare.point_size = 10.0
 
@@ -188,6 +208,39 @@ def crop(path, area):
     result.file_format = "PNG"
     result.save()
     bpy.data.images.remove(result)
+
+
+def legend_pixels():
+    """(rows, columns, 3) of the window where the overlay's legend is."""
+    path = os.path.splitext(PICTURE)[0] + "_legend.png"
+    window, area = view()
+    with bpy.context.temp_override(window=window, area=area):
+        bpy.ops.screen.screenshot(filepath=path)
+    image = bpy.data.images.load(path)
+    width, height = image.size
+    pixels = numpy.empty(width * height * 4, dtype=numpy.float32)
+    image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    os.remove(path)
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    scale = bpy.context.preferences.system.ui_scale
+    left, bottom, wide, high = (int(value * scale) for value in overlay.LEGEND)
+    left, bottom = left + region.x, bottom + region.y
+    return pixels.reshape(height, width, 4)[bottom:bottom + high, left:left + wide, :3]
+
+
+def check_legend():
+    """The overlay is there when it is on, and gone when it is off."""
+    compare = bpy.context.scene.matterfit.compare
+    shown_pixels = legend_pixels()
+    compare.show_heatmap = compare.show_graph = False
+    yield
+    yield
+    changed = numpy.abs(legend_pixels() - shown_pixels).max(axis=2) > 0.05
+    print(f"window: the overlay's legend covers {100.0 * changed.mean():.0f} % of its place")
+    if changed.mean() < 0.9:
+        faults.append("the overlay's legend is not drawn where it should be")
+    compare.show_heatmap = compare.show_graph = True
 
 
 def open_view():
@@ -241,6 +294,7 @@ def script(folder):
     yield
     yield
     picture("compare")
+    yield from check_legend()
     settings = bpy.context.scene.matterfit
     settings.compare.worst_index = 0
     if bpy.context.scene.frame_current != settings.compare.worst[0].frame:
@@ -251,6 +305,7 @@ def script(folder):
         print(f"window: the modal bake is left out: {native.load_error()}")
         return
     yield from modal_bake()
+    yield from switched_off()
 
 
 def wait_for(condition, seconds, what):
@@ -262,7 +317,7 @@ def wait_for(condition, seconds, what):
 
 
 def modal_bake():
-    """Bake, cancel, resume, undo: through the very buttons."""
+    """Bake, cancel, undo, resume, verify, undo: through the very buttons."""
     show("MATTERFIT_PT_status", "MATTERFIT_PT_simulate")
     settings = bpy.context.scene.matterfit
     settings.bodies[0].pins.clear()
@@ -284,6 +339,11 @@ def modal_bake():
     if job.state is not State.CANCELLED:
         raise AssertionError(f"Cancel gave {job.state}: {job.error}")
     yield
+    folder = bpy.context.scene.matterfit.takes[0].folder
+    undo()
+    yield
+    if bpy.context.scene.matterfit.takes[0].folder != folder:
+        raise AssertionError("undo after Cancel took the take's cache folder away")
     if modal("resume") != {"RUNNING_MODAL"}:
         raise AssertionError("Resume does not run modally")
     job = jobs.registry.running
@@ -299,13 +359,52 @@ def modal_bake():
     yield
     yield
     picture("baked")
-    window, area = view()
-    with bpy.context.temp_override(window=window, area=area):
-        bpy.ops.ed.undo()
+    if modal("verify") != {"RUNNING_MODAL"}:
+        raise AssertionError("Verify does not run modally")
+    job = jobs.registry.running
+    yield from wait_for(lambda: job.ended, 60.0, "the end of Verify")
+    yield
+    if "as they were written" not in bpy.context.window_manager.matterfit.verify:
+        faults.append(f"Verify: {bpy.context.window_manager.matterfit.last_error or job.state}")
+    undo()  # Verify changed nothing and is no step
     yield
     take = bpy.context.scene.matterfit.takes[0]
     if take.baked or not take.folder:
         faults.append("one undo did not take back what was attached, and only that")
+
+
+def switched_off():
+    """The add-on is disabled under a running bake: the job, the timer, the cursor and the text in
+    the status bar end with it."""
+    ended = []
+    original = base.JobOperator._remove_timer
+
+    def remove_timer(self, context):
+        ended.append(self._timer is not None)
+        original(self, context)
+
+    base.JobOperator._remove_timer = remove_timer
+    # Other inputs: what is baked already would be done before it can be disabled.
+    bpy.context.scene.matterfit.solver.particle_separation = 0.014
+    if modal("bake") != {"RUNNING_MODAL"}:
+        raise AssertionError("Bake does not run modally")
+    job = jobs.registry.running
+    yield from wait_for(lambda: job.snapshot.frame >= 2 or job.ended, 90.0, "frame 2")
+    running = not job.ended
+    matterfit.unregister()
+    if not running or job.state is not State.CANCELLED:
+        faults.append(f"disabled under a running job, which gave {job.state}: {job.error}")
+    if ended.count(True) != 1:
+        faults.append("the timer of a running job stays when the add-on is disabled")
+    yield
+    matterfit.register()
+    yield
+
+
+def undo():
+    window, area = view()
+    with bpy.context.temp_override(window=window, area=area):
+        bpy.ops.ed.undo()
 
 
 def main():
@@ -318,12 +417,12 @@ def main():
         jobs.registry.stop_all()
         shutil.rmtree(folder, ignore_errors=True)
         panels = [cls.__name__ for cls in ui.CLASSES if issubclass(cls, bpy.types.Panel)]
-        missing = [name for name in panels if name not in drawn]
+        missing = [name for name in (*panels, *HANDLERS) if name not in drawn]
         if missing:
             faults.append(f"never drawn: {', '.join(missing)}")
         for fault in faults:
             print(f"window: {fault}")
-        print(f"window: {len(panels) - len(missing)} panels drawn, {len(faults)} faults")
+        print(f"window: {len(panels)} panels, {len(drawn)} parts drawn, {len(faults)} faults")
         sys.stdout.flush()
         os._exit(1 if faults or status else 0)
 

@@ -17,7 +17,15 @@ import fuzz
 import lint
 import package
 from blender_versions import VERSIONS, bpy_python
-from native_build import SANITIZED, SANITIZER_ENVIRONMENT, UNSANITIZED, build_release, build_sanitized, run_gtest
+from native_build import (
+    SANITIZED,
+    SANITIZER_ENVIRONMENT,
+    UNSANITIZED,
+    build_release,
+    build_sanitized,
+    release_tests,
+    run_gtest,
+)
 from parts import BUILD, LOGS, ROOT, Tally, require_in_tree, run, say
 
 RUNNER = ROOT / "blender_tests" / "run.py"
@@ -44,7 +52,9 @@ def part_lint():
 def part_native():
     """native tests, optimised"""
     tally = Tally()
-    for program in sorted((BUILD / "release" / "bin").glob("test_*")):
+    programs = release_tests()
+    tally.check("native: test programs", bool(programs), "CTest lists none in build/release")
+    for program in programs:
         tally.add(run_gtest(program, "native", limit=900))
     return tally
 

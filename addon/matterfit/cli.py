@@ -28,12 +28,14 @@ VERBS = {
 
 
 def package():
-    """Our package, registered: the enabled add-on where this file belongs to one, else by path."""
+    """Our package, registered: the enabled add-on where there is one, else the one around this
+    file. Blender cannot have both, nor one twice."""
+    import bpy
+    if hasattr(bpy.types.Scene, "matterfit"):
+        # matterfit.props.scene, or bl_ext.user_default.matterfit.props.scene
+        name = type(bpy.data.scenes[0].matterfit).__module__
+        return sys.modules[name.rsplit(".", 2)[0]]
     here = os.path.dirname(os.path.realpath(__file__))
-    for _name, module in list(sys.modules.items()):
-        path = getattr(module, "__file__", None)
-        if path and os.path.realpath(path) == os.path.join(here, "__init__.py"):
-            return module
     sys.path.insert(0, os.path.dirname(here))
     module = importlib.import_module(os.path.basename(here))
     module.register()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A long computation as a state machine. No Blender and no native library in here.
 
-A `Job` drives a backend (native.NativeRun in the product, a fake one in tests):
+A `Job` drives a backend (native.NativeRun or ThreadRun in the product, a fake one in tests):
 
     IDLE -> RUNNING -> DONE | FAILED | CANCELLED
                |-> CANCELLING -> CANCELLED | DONE | FAILED
@@ -10,6 +10,7 @@ A `Job` drives a backend (native.NativeRun in the product, a fake one in tests):
 """
 
 import enum
+import threading
 import time
 from dataclasses import dataclass, field
 
@@ -60,18 +61,62 @@ class Outcome:
     error: str = ""
 
 
-class Job:
-    """One computation. `start` is called once and returns the backend, or raises JobError."""
+class ThreadRun:
+    """A backend for one call that cannot be interrupted: it runs in a thread, and returns the
+    result as a dictionary or raises JobError. Cancel leaves it to run out unheard."""
 
-    def __init__(self, label, start, folder="", clock=time.monotonic):
+    def __init__(self, function, stage=""):
+        self._stage = stage
+        self._outcome = Outcome(EXIT_CANCELLED)
+        self._cancelled = False
+        self._thread = threading.Thread(target=self._work, args=(function,), daemon=True)
+        self._thread.start()
+
+    def _work(self, function):
+        try:
+            self._outcome = Outcome(EXIT_DONE, function())
+        except JobError as error:
+            self._outcome = Outcome(error.status, {}, str(error))
+        except Exception as error:  # in a thread it would be printed and lost
+            self._outcome = Outcome(EXIT_COMPUTE, {}, f"{type(error).__name__}: {error}")
+
+    def poll(self):
+        return Snapshot(finished=self._cancelled or not self._thread.is_alive(),
+                        stage=self._stage)
+
+    def cancel(self):
+        self._cancelled = True
+
+    def wait(self):
+        if not self._cancelled:
+            self._thread.join()
+
+    def outcome(self):
+        return Outcome(EXIT_CANCELLED) if self._cancelled else self._outcome
+
+    def free(self):
+        pass
+
+
+class Job:
+    """One computation. `start` is called once and returns the backend, or raises JobError.
+
+    `resumable`: Resume goes on from where it is cancelled. `on_end` is called with the job when it
+    has ended, however it did, before anybody else sees that.
+    """
+
+    def __init__(self, label, start, folder="", clock=time.monotonic, resumable=False,
+                 on_end=None):
         self.label = label
         self.folder = folder
+        self.resumable = resumable
         self.state = State.IDLE
         self.snapshot = Snapshot()
         self.result = {}
         self.error = ""
         self.status = EXIT_DONE
         self._start = start
+        self._on_end = on_end
         self._backend = None
         self._clock = clock
         self._began = 0.0
@@ -184,6 +229,8 @@ class Job:
         self.result = outcome.result
         self.error = outcome.error
         self._ended = self._clock()
+        if self._on_end is not None:
+            self._on_end(self)
 
 
 class Registry:
@@ -236,11 +283,11 @@ def duration_text(seconds):
 
 
 def size_text(size):
-    """Bytes as 512 B, 3.2 kB, 1.5 MB, 2.0 GB (powers of 1024)."""
-    if size < 1024:
+    """Bytes as 512 B, 3.2 kB, 1.5 MB, 2.0 GB (powers of 1000, as Memory Limit has them)."""
+    if size < 1000:
         return f"{int(size)} B"
     for unit in ("kB", "MB", "GB"):
-        size /= 1024.0
-        if size < 1024.0 or unit == "GB":
+        size /= 1000.0
+        if size < 1000.0 or unit == "GB":
             return f"{size:.1f} {unit}"
     raise AssertionError("unreachable")

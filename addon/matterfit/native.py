@@ -4,6 +4,7 @@
 import ctypes
 import json
 import os
+import platform
 import sys
 
 from .jobs import EXIT_COMPUTE, EXIT_DONE, JobError, Outcome, Snapshot
@@ -11,6 +12,8 @@ from .jobs import EXIT_COMPUTE, EXIT_DONE, JobError, Outcome, Snapshot
 ABI_VERSION = 1
 MF_RUNNING = 1
 
+# The one system that packages are built for, as blender_manifest.toml names it.
+PLATFORM = "linux-x64"
 _FILE_NAMES = {"win32": "matterfit.dll", "darwin": "libmatterfit.dylib"}
 _library = None
 _load_error = ""
@@ -52,6 +55,9 @@ def load():
     if _library is not None:
         return True
     paths = [path for path in candidates() if os.path.isfile(path)]
+    if not paths and other_system():
+        _load_error = other_system()
+        return False
     if not paths:
         _load_error = ("The native library was not found at " + " or ".join(candidates())
                        + ". Install the packaged add-on, or run `make build` in the source tree.")
@@ -62,8 +68,9 @@ def load():
                               | getattr(os, "RTLD_NOW", 0))
         _declare(library)
     except (OSError, AttributeError) as error:
-        _load_error = (f"{paths[0]}: could not be loaded: {error}. It was built for another "
-                       "system: install the package for this one.")
+        _load_error = (f"{paths[0]}: could not be loaded: {error}. "
+                       + (other_system() or "Install the package again, or run `make build` in "
+                                            "the source tree."))
         return False
     found = library.mf_abi_version()
     if found != ABI_VERSION:
@@ -72,6 +79,15 @@ def load():
         return False
     _library, _load_error = library, ""
     return True
+
+
+def other_system():
+    """What to say where Matterfit does not run; "" on the system that it is built for."""
+    machine = platform.machine() or "an unknown processor"
+    if sys.platform == "linux" and machine.lower() in ("x86_64", "amd64"):
+        return ""
+    return (f"Matterfit runs on 64-bit Linux with an x86 processor ({PLATFORM}) only; this is "
+            f"{platform.system() or sys.platform} on {machine}. Use it on such a machine.")
 
 
 def unload():
@@ -131,7 +147,7 @@ def _error(status):
                     status if status in (2, 3, 130) else EXIT_COMPUTE)
 
 
-def _options(threads=0, task=None, restart=False, target=None, overrides=()):
+def _options(threads=0, task=None, restart=0, target=None, overrides=()):
     values = (ctypes.c_char_p * len(overrides))(*[item.encode() for item in overrides])
     options = _Options(ctypes.sizeof(_Options), threads, target.encode() if target else None,
                        task.encode() if task else None, int(restart), len(overrides),
@@ -142,13 +158,14 @@ def _options(threads=0, task=None, restart=False, target=None, overrides=()):
 def _json_call(function, *arguments):
     """Calls a function whose last argument takes a JSON text; returns it parsed."""
     text = ctypes.c_void_p()
+    library = _library  # it may be forgotten before a call in a thread returns
     status = function(*arguments, ctypes.byref(text))
     if status != 0:
         raise _error(status)
     try:
         return json.loads(_text(ctypes.string_at(text)))
     finally:
-        _library.mf_text_free(text)
+        library.mf_text_free(text)
 
 
 # -- jobs --------------------------------------------------------------------------------------
@@ -191,8 +208,12 @@ class NativeRun:
             self.free()
 
 
-def start(path, task=None, threads=0, restart=False, target=None, overrides=()):
-    """Starts the job in the file `path`. Raises JobError where the document is wrong."""
+def start(path, task=None, threads=0, restart=0, target=None, overrides=()):
+    """Starts the job in the file `path`. Raises JobError where the document is wrong.
+
+    `restart`: 0 goes on from what the output folder holds, 1 begins afresh, 2 begins afresh where
+    the inputs have changed.
+    """
     require()
     text = _read(path)
     options, _values = _options(threads, task, restart, target, overrides)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Baked caches as Blender's own objects: Volume, Mesh Cache, Geometry Nodes.
 
-Each take has one collection. Objects carry the custom property `matterfit` that says what they
-show, by which they are found again; nothing of ours has to be loaded for them to play.
+Each take has one collection. Objects carry the custom properties `matterfit`, what they show, and
+`matterfit_cache`, the folder it lies in; by these they are found again wherever in the scene the
+artist has put them. Nothing of ours has to be loaded for them to play.
 """
 
 import os
@@ -16,6 +17,7 @@ from ..jobs import JobError
 from . import cache, files, meshes, nodes, transforms
 
 TAG = "matterfit"
+CACHE_TAG = "matterfit_cache"
 HIDDEN_TAG = "matterfit_hidden"
 CHOSEN_TAG = "matterfit_shown"
 COLORS = ((0.80, 0.36, 0.22), (0.24, 0.50, 0.72), (0.45, 0.62, 0.28), (0.74, 0.60, 0.25),
@@ -33,6 +35,7 @@ class Attachment:
         self.first = document["scene"]["frames"][0]
         self.separation = document["scene"]["particle_separation"]
         self.unit = 1.0 / transforms.metres(scene)
+        self.items = []
         self.kept = set()
         self.made = False
 
@@ -42,6 +45,7 @@ class Attachment:
         `final`: objects of outputs that this bake no longer writes are removed.
         """
         self._collection()
+        self.items = objects_of(self.scene, self.take)
         done = 0
         wanted = self.document.get("output", {})
         grids = wanted.get("volume", [])
@@ -62,9 +66,8 @@ class Attachment:
                 self._render_mesh(entry, points)
                 done = max(done, points.samples)
         if final:
-            gone = [item for item in self.collection.objects
-                    if item.get(TAG) and item.get(TAG) not in self.kept]
-            _remove(gone)
+            _remove([item for item in self.items if item[TAG] not in self.kept])
+            self.items = objects_of(self.scene, self.take)
         self._evaluate_once()
         self._visibility(final)
         return done
@@ -76,19 +79,23 @@ class Attachment:
         if collection is None:
             collection = bpy.data.collections.new(f"Matterfit {self.take.name}")
             self.take.collection = collection
-        if self.scene.collection.children.get(collection.name) is None:
+        if collection not in self.scene.collection.children_recursive:
             self.scene.collection.children.link(collection)
         self.collection = collection
 
     def _object(self, tag, name, make):
-        """The object of that tag in the take's collection, made where it is missing."""
+        """The take's object of that tag, made where it is missing."""
         self.kept.add(tag)
-        for item in self.collection.objects:
-            if item.get(TAG) == tag:
+        folder = cache.name_of(self.take)
+        for item in self.items:
+            if item[TAG] == tag:
+                mark([item], folder)  # an older version did not
                 return item
         item = make(f"{self.take.name} {name}")
         item[TAG] = tag
+        mark([item], folder)
         self.collection.objects.link(item)
+        self.items.append(item)
         self.made = True
         return item
 
@@ -200,7 +207,7 @@ class Attachment:
 
     def _render_mesh(self, entry, points):
         """A linked copy of the artist's object, without its animation: the cache holds it all."""
-        index, body = self._body(entry["body"])
+        _index, body = self._body(entry["body"])
         if body is None or body.object is None:
             return
         source = body.object
@@ -238,13 +245,8 @@ class Attachment:
             raise JobError(f"{points.path}: holds {points.points} points, but the mesh of "
                            f"'{source.name}' has {count} vertices. It was changed after the bake: "
                            "bake again.")
+        # No material of ours: a slot would be made in the artist's mesh, which is shown here.
         self._mesh_cache(item, points)
-        if not item.material_slots:
-            # Through the object, so that the artist's mesh stays as it is.
-            if source.data.materials:
-                return
-            source.data.materials.append(
-                nodes.surface_material(f"Matterfit {body.name}", COLORS[index % len(COLORS)]))
 
     def _mesh_cache(self, item, points):
         name = "Matterfit Cache"
@@ -283,11 +285,11 @@ class Attachment:
         Afterwards what is seen is the artist's choice.
         """
         if final:
-            tags = {item.get(TAG, "") for item in self.collection.objects}
+            tags = {item[TAG] for item in self.items}
             has_mesh = any(tag.startswith("mesh:") for tag in tags)
             has_surface = any(tag.startswith("surface:") for tag in tags)
-            for item in self.collection.objects:
-                kind = item.get(TAG, "").split(":")[0]
+            for item in self.items:
+                kind = item[TAG].split(":")[0]
                 hide = (kind == "surface" and has_mesh) or (
                     kind == "points" and (has_mesh or has_surface))
                 if hide and CHOSEN_TAG not in item:
@@ -297,6 +299,23 @@ class Attachment:
         for body in self.scene.matterfit.bodies:
             if body.enabled and body.role == "BODY" and body.source == "OBJECT" and body.object:
                 hide_original(body.object)
+
+
+def objects_of(scene, take):
+    """Our objects that show the take, wherever the artist has put them; those in its collection
+    first, where an older version left them without the folder's name."""
+    name = cache.name_of(take)
+    inside = take.collection.all_objects if take.collection is not None else ()
+    found = {item: True for item in inside if item.get(CACHE_TAG, name) == name}
+    if name:
+        found.update((item, True) for item in scene.objects if item.get(CACHE_TAG) == name)
+    return [item for item in found if item.get(TAG)]
+
+
+def mark(items, folder):
+    """They show what lies in the cache folder of that name."""
+    for item in items:
+        item[CACHE_TAG] = folder
 
 
 def hide_original(item):
@@ -350,18 +369,26 @@ KIND_TAGS = {"volume": ("volume:", "surface:"), "mesh": ("mesh:",), "points": ("
 
 def detach_kind(take, kind):
     """Removes the objects that show one kind of files."""
-    if take.collection is not None:
-        _remove_objects(take.collection, KIND_TAGS.get(kind, ()))
+    _remove([item for item in objects_of(take.id_data, take)
+             if item[TAG].startswith(KIND_TAGS.get(kind, ()))])
 
 
 def detach(scene, take):
-    """Removes the take's objects; the artist's own come back where no other take is shown."""
+    """Removes the take's objects; the artist's own come back where no other take is shown.
+
+    A take that shares its cache with one of another scene lets go of both, and of what only this
+    scene shows of it.
+    """
+    items = objects_of(scene, take)
     collection = take.collection
     take.collection = None
-    if collection is None:
-        return
-    _remove_objects(collection, ("",))
-    if not collection.objects:
+    if cache.is_shared(take):
+        take.folder = ""
+        items = [item for item in items if set(item.users_scene) <= {scene}]
+        if collection is not None and collection in list(scene.collection.children):
+            scene.collection.children.unlink(collection)
+    _remove(items)
+    if collection is not None and not _is_in_use(collection):
         bpy.data.collections.remove(collection)
     for image in [image for image in bpy.data.images
                   if image.source == "SEQUENCE" and image.users == 0]:
@@ -370,13 +397,15 @@ def detach(scene, take):
     show_take(scene.matterfit)
 
 
-def _remove_objects(collection, prefixes):
-    """Removes our objects whose tags begin so, with the data only they use."""
-    _remove([item for item in collection.objects
-             if item.get(TAG, "") and item[TAG].startswith(prefixes)])
+def _is_in_use(collection):
+    """It holds something, or shows a take."""
+    return bool(collection.all_objects or collection.children) or any(
+        take.collection == collection for scene in bpy.data.scenes
+        for take in (*scene.matterfit.takes, scene.matterfit.preview))
 
 
 def _remove(items):
+    """Removes our objects with the data only they use."""
     for item in items:
         shared = item[TAG].startswith("mesh:")
         data = item.data

@@ -7,12 +7,27 @@ import re
 import struct
 from dataclasses import dataclass, field
 
+import bpy
+
 from ..jobs import EXIT_COMPUTE, JobError
 from . import files
 
 LOCK_FILE = ".lock"
 PC2_HEADER = struct.Struct("<12siiffi")
 FRAME_FILE = re.compile(r"^(?P<name>.+)_(?P<frame>\d{4,})\.(?P<kind>vdb|ply|exr)$")
+
+
+def name_of(take):
+    """The name of the take's cache folder, "" where it has none."""
+    return os.path.basename(take.folder.rstrip("/\\"))
+
+
+def is_shared(take):
+    """Whether another take of this file has the same folder: Blender copied its scene."""
+    name = name_of(take)
+    return bool(name) and any(
+        other != take and name_of(other) == name for scene in bpy.data.scenes
+        for other in (*scene.matterfit.takes, scene.matterfit.preview))
 
 
 @dataclass

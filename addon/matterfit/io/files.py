@@ -5,8 +5,9 @@ import contextlib
 import io
 import json
 import os
-import re
+import unicodedata
 import zipfile
+import zlib
 
 import numpy
 
@@ -71,8 +72,13 @@ def write_npz(path, arrays):
 
 
 def safe_name(name):
-    """A name that any file system takes: letters, digits, - and _."""
-    return re.sub(r"[^0-9A-Za-z_\-]+", "_", name).strip("_") or "unnamed"
+    """A name that any file system takes: letters with their marks and digits of any script, - and
+    _ in place of the rest. A name that has none of these gets a number of its own."""
+    composed = unicodedata.normalize("NFC", name)
+    kept = "".join(letter if letter in "-_" or unicodedata.category(letter)[0] in "LMN" else " "
+                   for letter in composed)
+    found = "_".join(kept.split()).strip("_")
+    return found or f"unnamed_{zlib.crc32(composed.encode()):08x}"
 
 
 def number(value):

@@ -2,6 +2,7 @@
 """Walking through the scene's frames and putting it back where it was."""
 
 import contextlib
+import math
 
 import bpy
 
@@ -17,10 +18,11 @@ def frame_kept(scene):
 
 
 def walk(scene, frames, visitors):
-    """Calls every visitor(frame, depsgraph) at each of `frames`, in order."""
+    """Calls every visitor(frame, depsgraph) at each of `frames`, whole or not, in order."""
     with frame_kept(scene):
         for frame in frames:
-            scene.frame_set(frame)
+            whole = math.floor(frame)
+            scene.frame_set(whole, subframe=frame - whole)
             depsgraph = bpy.context.evaluated_depsgraph_get()
             for visitor in visitors:
                 visitor(frame, depsgraph)

@@ -39,11 +39,17 @@ class BodyPart:
         self.object_rotation = Quaternion()
         self.pin_points = {}
         self._follow = {}
+        self._regions = {}
+        self._motion = []
         if body.source == "OBJECT":
             self._prepare_object()
         for index, pin in enumerate(body.pins):
             if pin.follow is not None:
                 self._follow[index] = writer.keyed_matrix(pin.follow)
+            if pin.kind in {"PLANE", "BOX"} and pin.object is not None:
+                self._regions[index] = writer.place(pin.object)
+        self._masses = [writer.place(mass.object) if mass.object is not None else None
+                        for mass in body.masses]
 
     # -- sampling ------------------------------------------------------------------------------
 
@@ -58,6 +64,9 @@ class BodyPart:
         self.shape = meshes.body_shape(item)
         self.writer.show(item)
         self.writer.at_first(self._sample)
+        if self.throw is not None and self.throw.velocity_from == "ANIMATION":
+            self._motion = self.writer.timed_matrix(
+                item, transforms.velocity_times(self.writer.first))
 
     def _sample(self, _frame, depsgraph):
         item = self.body.object
@@ -67,7 +76,8 @@ class BodyPart:
         self.arrays = meshes.read_shape(item, self.shape, stretch, scale,
                                         creases=self.shape.kind == "cage")
         meshes.check_faces(item, self.arrays)
-        if item.type == "MESH" and self.writer.settings.output.mesh:
+        pinned = any(pin.kind == "VERTEX_GROUP" for pin in self.body.pins)
+        if item.type == "MESH" and (pinned or self.writer.settings.output.mesh):
             self.render = meshes.read_shape(item, meshes.render_shape(item), stretch, 1.0,
                                             creases=True)
         self._sample_pins(item, stretch)
@@ -123,7 +133,8 @@ class BodyPart:
         if body.pins:
             document["pins"] = [self._pin(index, pin) for index, pin in enumerate(body.pins)]
         if body.masses:
-            document["masses"] = [self._mass(mass) for mass in body.masses]
+            document["masses"] = [self._mass(mass, place) for mass, place
+                                  in zip(body.masses, self._masses, strict=True)]
         if body.seed:
             document["seed"] = body.seed
         return document
@@ -150,8 +161,7 @@ class BodyPart:
         if body.source != "OBJECT":
             raise JobError(f"{self.where}: is made from a file and has no animation. Set the "
                            "take's velocity to Values Below.")
-        linear, angular = transforms.motion_velocity(writer.scene, body.object, writer.first,
-                                                     writer.fps)
+        linear, angular = transforms.motion_velocity(self._motion, writer.scale, writer.fps)
         # The animation moves the object's origin; the job wants the centre of mass.
         arm = self.rotation @ Vector(meshes.center_of_mass(self.arrays))
         return linear + angular.cross(arm), angular
@@ -181,10 +191,10 @@ class BodyPart:
         if pin.object is None:
             raise JobError(f"{where}: no object marks the region. Choose an empty.")
         if pin.kind == "PLANE":
-            position, rotation, _ = transforms.split(pin.object.matrix_world, scale)
+            position, rotation, _ = transforms.split(self._regions[index].matrix, scale)
             return {"shape": "plane", "point": numbers(position),
                     "normal": numbers(rotation @ Vector((0.0, 0.0, 1.0)))}
-        low, high = world_box(pin.object, scale)
+        low, high = self._regions[index].box(scale)
         return {"shape": "box", "low": numbers(low), "high": numbers(high)}
 
     def _pin_motion(self, matrices):
@@ -197,11 +207,11 @@ class BodyPart:
             values.append(transforms.pose(position - pivot, rotation @ rotation_0.conjugated()))
         return {"motion": transforms.keyed(self.writer.frames, values), "pivot": numbers(pivot)}
 
-    def _mass(self, mass):
-        if mass.object is None:
+    def _mass(self, mass, place):
+        if place is None:
             raise JobError(f"{self.where}, mass '{mass.name}': no object says where it hangs. "
                            "Choose an empty.")
-        document = {"position": numbers(mass.object.matrix_world.translation * self.writer.scale),
+        document = {"position": numbers(place.matrix.translation * self.writer.scale),
                     "mass": number(mass.mass)}
         if mass.use_attach:
             document["attach"] = mass.attach
@@ -222,23 +232,10 @@ class BodyPart:
         entry = {"name": files.safe_name(self.body.name), "body": self.body.name}
         if subdivided:
             entry["cage"] = path
-            entry["level"] = max(item.modifiers[stop].levels, 1)
+            entry["level"] = meshes.subdivision_level(item.modifiers[stop])
         else:
             entry["mesh"] = path
         placement = transforms.pose(self.position, self.rotation)
         placement["scale"] = number(self.writer.scale)
         entry["transform"] = placement
         return entry
-
-
-def world_box(item, scale):
-    """(low, high) of the object's bounding box in the world [m]; an empty is a box of its size."""
-    if item.type == "EMPTY":
-        size = item.empty_display_size
-        corners = [Vector((x, y, z)) * size for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
-    else:
-        corners = [Vector(corner) for corner in item.bound_box]
-    points = [item.matrix_world @ corner * scale for corner in corners]
-    low = Vector([min(point[axis] for point in points) for axis in range(3)])
-    high = Vector([max(point[axis] for point in points) for axis in range(3)])
-    return low, high

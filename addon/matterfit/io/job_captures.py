@@ -77,6 +77,10 @@ class CapturePart:
             if capture.object is None:
                 raise JobError(f"{self.where}: no object is chosen. Choose an animated object.")
             self.track = ObjectTrack(writer, capture.object, self.where)
+        self.places = {}
+        if capture.align is not None:
+            self.places = {item.name: writer.place(item)
+                           for item in sorted(capture.align.objects, key=lambda item: item.name)}
 
     def document(self):
         capture, writer = self.capture, self.writer
@@ -110,19 +114,17 @@ class CapturePart:
             document["holdout"] = {"capture": True}
         return document
 
-
     def _align(self):
         """The rigid transform from the markers' quiet places to the empties of the same names."""
         capture, writer = self.capture, self.writer
-        empties = sorted(capture.align.objects, key=lambda item: item.name)
-        if len(empties) < 3:
+        if len(self.places) < 3:
             raise JobError(f"{self.where}: the collection '{capture.align.name}' holds "
-                           f"{len(empties)} objects; aligning needs at least three, named like "
+                           f"{len(self.places)} objects; aligning needs at least three, named like "
                            "markers.")
         end = capture.release if capture.use_release else writer.first + 1
-        return {"markers": [item.name for item in empties],
-                "positions": [numbers(item.matrix_world.translation * writer.scale)
-                              for item in empties],
+        return {"markers": list(self.places),
+                "positions": [numbers(place.matrix.translation * writer.scale)
+                              for place in self.places.values()],
                 "frames": [writer.first, max(end, writer.first + 1)]}
 
 

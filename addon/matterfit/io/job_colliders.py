@@ -6,9 +6,8 @@ import numpy
 from mathutils import Matrix, Vector
 
 from ..jobs import JobError
-from . import files, meshes, transforms
+from . import files, job_writer, meshes, transforms
 from .files import number, numbers
-from .job_bodies import world_box
 
 
 def contact_document(contact):
@@ -31,7 +30,10 @@ def walls_document(solver, scale):
     if solver.container is None:
         raise JobError("Solver, Container: no object is chosen. Choose one whose box is the "
                        "container, or switch Container off.")
-    low, high = world_box(solver.container, scale)
+    writer = job_writer.JobWriter(solver.id_data, None, "")
+    place = writer.place(solver.container)
+    writer.walk()
+    low, high = place.box(scale)
     document = {"low": numbers(low), "high": numbers(high),
                 "contact": contact_document(solver.walls)}
     if solver.open_top:

@@ -2,8 +2,7 @@
 """The scene as a job document (docs/formats.md). The file this writes is all the native code gets:
 the tool on that file gives the same results as the panel."""
 
-import hashlib
-import json
+import contextlib
 import os
 
 from ..jobs import JobError
@@ -12,6 +11,7 @@ from .files import number, numbers
 
 SCHEMA = "matterfit.job/1"
 JOB_FILE = "job.json"
+MANIFEST_FILE = "manifest.json"
 MAX_FRAME = 9_999_999
 
 
@@ -68,39 +68,35 @@ def write(document, folder):
     return files.write_json(os.path.join(folder, JOB_FILE), document)
 
 
-def fingerprint(folder):
-    """A hash of what the simulation in job.json depends on; "" where there is none, or where it
-    reads files that are not ours (those may change behind our back)."""
-    path = os.path.join(folder, JOB_FILE)
-    if not os.path.isfile(path):
-        return ""
-    document = files.read_json(path)
-    scene = {key: value for key, value in document.get("scene", {}).items() if key != "quality"}
-    digest = hashlib.sha256(json.dumps(scene, sort_keys=True).encode())
-    for name in sorted(_file_names(scene)):
-        if not name.startswith(job_writer.INPUT_FOLDER + "/"):
-            return ""
-        try:
-            with open(os.path.join(folder, name), "rb") as stream:
-                digest.update(stream.read())
-        except OSError:
-            return ""
-    return digest.hexdigest()
+class Replaced:
+    """The job.json that a run replaces, made before the new one is written.
+
+    A run that is refused, or stopped before its first frame, leaves the folder's results as they
+    were (it has not written the manifest): they still are those of the old document.
+    """
+
+    def __init__(self, folder):
+        self._path = os.path.join(folder, JOB_FILE)
+        self._manifest_path = os.path.join(folder, MANIFEST_FILE)
+        self._manifest = _stamp(self._manifest_path)
+        self._content = None
+        if self._manifest is not None:
+            with contextlib.suppress(OSError), open(self._path, "rb") as stream:
+                self._content = stream.read()
+
+    def put_back(self):
+        """Writes the old document again unless the run has written a manifest."""
+        if self._content is not None and _stamp(self._manifest_path) == self._manifest:
+            files.write_bytes(self._path, self._content)
 
 
-def _file_names(value):
-    """Every file that a part of the document names."""
-    if isinstance(value, list):
-        for item in value:
-            yield from _file_names(item)
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            if key in ("points", "mesh", "cage", "gaussians", "file") and isinstance(item, str):
-                yield item
-            elif key == "meshes":
-                yield from item
-            else:
-                yield from _file_names(item)
+def _stamp(path):
+    """Changes whenever the file is written; None where there is none."""
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino
 
 
 def _check(writer):
@@ -131,6 +127,8 @@ def _check(writer):
             if capture.body and capture.body not in {body.name for body in bodies}:
                 raise JobError(f"capture '{capture.name}': there is no body '{capture.body}'. "
                                "Choose one of the Bodies.")
+    if writer.take is not None:
+        _check_take(settings, writer.take)
     if writer.first < 0:
         raise JobError(f"Frame range: the first frame is {writer.first}. Cache files carry the "
                        "frame's number, so it must not be negative.")
@@ -139,6 +137,20 @@ def _check(writer):
     if writer.end - writer.first < 1:
         raise JobError(f"Frame range: it ends at {writer.end - 1}, before it starts at "
                        f"{writer.first}. Set another End.")
+
+
+def _check_take(settings, take):
+    """Throws and switches are found by name: one that names nothing would be left out silently."""
+    known = {role: {body.name for body in settings.bodies if body.role == role}
+             for role in ("BODY", "COLLIDER")}
+    for throw in take.throws:
+        if throw.name not in known["BODY"]:
+            raise JobError(f"take '{take.name}': throws '{throw.name}', which is not among the "
+                           "Bodies. Name the body so again, or remove the throw.")
+    for switch in take.colliders:
+        if switch.name not in known["COLLIDER"]:
+            raise JobError(f"take '{take.name}': switches the collider '{switch.name}', which is "
+                           "not among the Bodies. Press List Colliders beside the switches.")
 
 
 def _throw(take, name):

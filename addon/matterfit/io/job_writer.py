@@ -5,13 +5,42 @@ import contextlib
 import os
 
 import bpy
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 from ..jobs import JobError
 from . import files, frames, transforms
 
 INPUT_FOLDER = "input"
 INPUT_LIST = "files.json"
+
+
+def world_matrix(item, depsgraph):
+    return Matrix(item.evaluated_get(depsgraph).matrix_world)
+
+
+class Place:
+    """Where an object is at the scene's first frame; filled by JobWriter.walk()."""
+
+    def __init__(self):
+        self.matrix = Matrix()
+        self._corners = []
+
+    def sample(self, item, depsgraph):
+        self.matrix = world_matrix(item, depsgraph)
+        if item.type == "EMPTY":
+            size = item.empty_display_size
+            self._corners = [Vector((x, y, z)) * size
+                             for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+        else:
+            self._corners = [Vector(corner)
+                             for corner in item.evaluated_get(depsgraph).bound_box]
+
+    def box(self, scale):
+        """(low, high) of the bounding box in the world [m]; an empty is a box of its size."""
+        points = [self.matrix @ corner * scale for corner in self._corners]
+        low = Vector([min(point[axis] for point in points) for axis in range(3)])
+        high = Vector([max(point[axis] for point in points) for axis in range(3)])
+        return low, high
 
 
 class JobWriter:
@@ -34,6 +63,7 @@ class JobWriter:
         self.written = []
         self._first_visitors = []
         self._visitors = []
+        self._timed_visitors = []
         self._shown = []
 
     # -- sampling ------------------------------------------------------------------------------
@@ -44,9 +74,14 @@ class JobWriter:
     def at_every(self, visitor):
         self._visitors.append(visitor)
 
+    def at_times(self, times, visitor):
+        """`visitor` at each of `times`, which are frames and parts of frames."""
+        self._timed_visitors.append((times, visitor))
+
     def show(self, item):
         """`item` is evaluated even if it is hidden (a hidden object has no evaluated mesh)."""
-        self._shown.append(item)
+        if item not in self._shown:  # a second entry would remember it as shown
+            self._shown.append(item)
         return item
 
     def walk(self):
@@ -66,6 +101,8 @@ class JobWriter:
             frames.walk(scene, [self.first], self._first_visitors)
             if self._visitors:
                 frames.walk(scene, range(self.first, self.end), self._visitors)
+            for times, visitor in self._timed_visitors:
+                frames.walk(scene, times, [visitor])
         finally:
             for name, viewport, eye in hidden:
                 item = bpy.data.objects[name]
@@ -76,12 +113,24 @@ class JobWriter:
     def keyed_matrix(self, item):
         """A list that holds the object's world matrix at every frame after walk()."""
         matrices = []
-
-        def visit(_frame, depsgraph):
-            matrices.append(Matrix(item.evaluated_get(depsgraph).matrix_world))
-
-        self.at_every(visit)
+        self.show(item)
+        self.at_every(lambda _frame, depsgraph: matrices.append(world_matrix(item, depsgraph)))
         return matrices
+
+    def timed_matrix(self, item, times):
+        """A list that holds the object's world matrix at each of `times` after walk()."""
+        matrices = []
+        self.show(item)
+        self.at_times(times, lambda _time, depsgraph: matrices.append(
+            world_matrix(item, depsgraph)))
+        return matrices
+
+    def place(self, item):
+        """A Place, valid after walk()."""
+        place = Place()
+        self.show(item)
+        self.at_first(lambda _frame, depsgraph: place.sample(item, depsgraph))
+        return place
 
     @property
     def frames(self):

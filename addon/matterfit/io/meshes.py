@@ -37,13 +37,23 @@ def is_own(modifier):
     return modifier.name.startswith(OWN_PREFIX)
 
 
+def is_used(modifier):
+    """Counts in the viewport or in a render: a result must be right in both."""
+    return modifier.show_viewport or modifier.show_render
+
+
+def subdivision_level(modifier):
+    """The level of a Subdivision modifier where it is seen, at least 1."""
+    return max(modifier.levels if modifier.show_viewport else modifier.render_levels, 1)
+
+
 def first_topology_modifier(item, own=False):
-    """Index of the first enabled modifier that may change the vertices, or their number.
+    """Index of the first modifier in use that may change the vertices, or their number.
 
     Ours do not count, unless `own`.
     """
     for index, modifier in enumerate(item.modifiers):
-        if (is_own(modifier) and not own) or not modifier.show_viewport:
+        if (is_own(modifier) and not own) or not is_used(modifier):
             continue
         if modifier.type not in DEFORMERS:
             return index
@@ -59,13 +69,15 @@ def body_shape(item):
         return Shape("mesh", stop, 0, "the mesh after its deformers")
     modifier = item.modifiers[stop]
     rest = [other for other in item.modifiers[stop + 1:]
-            if other.show_viewport and not is_own(other) and other.type not in DEFORMERS]
+            if is_used(other) and not is_own(other) and other.type not in DEFORMERS]
     if modifier.type == "SUBSURF" and modifier.subdivision_type == "CATMULL_CLARK" and not rest:
-        level = max(modifier.levels, 1)
-        return Shape("cage", stop, level,
+        return Shape("cage", stop, subdivision_level(modifier),
                      f"the limit surface of the cage before '{modifier.name}'")
-    return Shape("mesh", len(item.modifiers), 0,
-                 f"the mesh after all modifiers (the last is '{item.modifiers[-1].name}')")
+    # What is evaluated is the viewport's mesh.
+    seen = [other.name for other in item.modifiers if other.show_viewport and not is_own(other)]
+    text = (f"the mesh after all modifiers (the last is '{seen[-1]}')" if seen
+            else "the mesh without modifiers, as the viewport shows it")
+    return Shape("mesh", len(item.modifiers), 0, text)
 
 
 def render_shape(item):

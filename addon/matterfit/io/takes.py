@@ -9,16 +9,19 @@ import bpy
 from ..compat import translate
 from ..jobs import JobError
 from ..props import scene as scene_props
+from . import attach, cache
 
 PREFIX = "cache_matterfit_"
 
 
 class Location:
-    """Where a take's cache is, and whether it is another file's (linked: read-only)."""
+    """Where a take's cache is, and whether it is another file's (linked: read-only), or that of
+    another take of this file too (shared: linked as well)."""
 
-    def __init__(self, folder, linked):
+    def __init__(self, folder, linked, shared=False):
         self.folder = folder
-        self.linked = linked
+        self.linked = linked or shared
+        self.shared = shared
 
     @property
     def exists(self):
@@ -34,31 +37,37 @@ def require_saved():
 
 
 def locate(take):
-    """The take's cache. A take that Save As copied stays linked to where it was baked."""
+    """The take's cache. A take that Save As copied stays linked to where it was baked; those of a
+    copied scene share theirs until one of them bakes or frees."""
     if not take.folder:
         return Location("", False)
-    name = os.path.basename(take.folder.rstrip("/\\"))
+    shared = cache.is_shared(take)
+    name = cache.name_of(take)
     here = os.path.abspath(bpy.data.filepath) if bpy.data.filepath else ""
     beside = os.path.join(os.path.dirname(here), name) if here else ""
     owner = take.owner
     if not owner or owner == here:
-        return Location(beside, False)
+        return Location(beside, False, shared)
     at_owner = os.path.join(os.path.dirname(owner), name)
     if os.path.dirname(owner) != os.path.dirname(here) and os.path.isdir(beside):
         # The whole folder was copied or moved: this file has a cache to itself.
-        return Location(beside, False)
+        return Location(beside, False, shared)
     if os.path.isfile(owner):
         # The other file is still there: this one was saved under another name.
-        return Location(at_owner if os.path.isdir(at_owner) else beside, True)
+        return Location(at_owner if os.path.isdir(at_owner) else beside, True, shared)
     # The other file is gone: it was renamed or moved together with its cache.
-    return Location(beside, False)
+    return Location(beside, False, shared)
 
 
 def claim(take):
-    """The take's own folder for writing; a linked or new take gets a new one."""
+    """The take's own folder for writing; a linked, shared or new take gets a new one."""
     base = require_saved()
     location = locate(take)
+    scene = take.id_data
+    if location.shared:
+        attach.detach(scene, take)
     if not take.folder or location.linked:
+        shown = attach.objects_of(scene, take)
         while True:
             name = PREFIX + secrets.token_hex(4)
             if not os.path.exists(os.path.join(base, name)):
@@ -66,8 +75,9 @@ def claim(take):
         take.folder = f"//{name}/"
         take.baked = False
         take.frames_done = 0
+        attach.mark(shown, name)
     take.owner = os.path.abspath(bpy.data.filepath)
-    return os.path.join(base, os.path.basename(take.folder.rstrip("/\\")))
+    return os.path.join(base, cache.name_of(take))
 
 
 def unique_name(settings, base):
@@ -120,6 +130,6 @@ def find(folder):
     name = os.path.basename(os.path.normpath(folder))
     for scene in bpy.data.scenes:
         for take in (*scene.matterfit.takes, scene.matterfit.preview):
-            if take.folder and os.path.basename(take.folder.rstrip("/\\")) == name:
+            if take.folder and cache.name_of(take) == name:
                 return scene, take
     return None, None

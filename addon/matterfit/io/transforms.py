@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Object transforms as the job document writes them: metres, quaternions [w, x, y, z]."""
 
-import math
-
 from mathutils import Euler, Matrix, Quaternion, Vector
 
 from .files import number, numbers
-from .frames import frame_kept
+
+# Parts of a frame between the poses that a velocity is measured from.
+VELOCITY_STEP = 0.05
 
 
 def metres(scene):
@@ -48,22 +48,20 @@ def keyed(frames, values):
     return {"frames": list(frames), "values": list(values), "interpolation": "linear"}
 
 
-def motion_velocity(scene, item, frame, fps):
-    """(linear [m/s], angular [rad/s]) of the object's origin at `frame`.
+def velocity_times(frame):
+    """The times [frames] at which motion_velocity() wants the matrices."""
+    return (frame - VELOCITY_STEP, frame, frame + VELOCITY_STEP)
+
+
+def motion_velocity(matrices, scale_length, fps):
+    """(linear [m/s], angular [rad/s]) of an object's origin from its matrices at velocity_times().
 
     The steeper of the differences before and after the frame: a throw either begins there or has
     been going on until there, and keys hold still on the other side.
     """
-    step = 0.05
-    scale = metres(scene)
-    poses = []
-    with frame_kept(scene):
-        for time in (frame - step, frame, frame + step):
-            whole = math.floor(time)
-            scene.frame_set(whole, subframe=time - whole)
-            matrix = item.matrix_world.copy()
-            poses.append((matrix.translation * scale, matrix.decompose()[1].normalized()))
-    seconds = step / fps
+    poses = [(matrix.translation * scale_length, matrix.decompose()[1].normalized())
+             for matrix in matrices]
+    seconds = VELOCITY_STEP / fps
     best = (Vector(), Vector())
     for (position_a, rotation_a), (position_b, rotation_b) in zip(poses, poses[1:], strict=False):
         linear = (position_b - position_a) / seconds

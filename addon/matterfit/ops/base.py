@@ -2,6 +2,7 @@
 """What every operator of ours does alike; above all the long job, modal or blocking."""
 
 import contextlib
+import traceback
 
 import bpy
 
@@ -35,9 +36,35 @@ def redraw(context):
 
 
 def status_text(context, text):
+    """One line in the status bar of this workspace; None clears it in every workspace."""
     workspace = context.workspace
-    if workspace is not None:
+    if workspace is None:
+        return
+    if text is not None:
         workspace.status_text_set(text)
+        return
+    for other in bpy.data.workspaces:
+        # Blender takes the workspace from the context, not the one the method is called on.
+        with context.temp_override(workspace=other):
+            other.status_text_set(None)
+
+
+def push_undo(message):
+    """An undo step of what has been changed so far; there are none in the background."""
+    if not bpy.app.background and bpy.ops.ed.undo_push.poll():
+        bpy.ops.ed.undo_push(message=message)
+
+
+class NoJobRunning:
+    """Greyed, with the reason, while a job runs."""
+
+    @classmethod
+    def poll(cls, context):
+        if jobs.registry.running is not None:
+            if hasattr(cls, "poll_message_set"):
+                cls.poll_message_set("Another job is running: cancel it first")
+            return False
+        return True
 
 
 class PlainOperator:
@@ -54,7 +81,7 @@ class PlainOperator:
         return result or {"FINISHED"}
 
 
-class JobOperator:
+class JobOperator(NoJobRunning):
     """A long job. `execute()` blocks and is the truth; the modal side polls the same job.
 
     A subclass has `begin(context)`, which returns a jobs.Job not yet started; `progressed(context,
@@ -62,18 +89,11 @@ class JobOperator:
     changes make the one undo step.
     """
 
-    bl_options = {"REGISTER", "UNDO"}
+    # Not REGISTER: Repeat Last would run it again without a question.
+    bl_options = {"UNDO"}
     _timer = None
     _job = None
     _frame_shown = -1
-
-    @classmethod
-    def poll(cls, context):
-        if jobs.registry.running is not None:
-            if hasattr(cls, "poll_message_set"):
-                cls.poll_message_set("Another job is running: cancel it first")
-            return False
-        return True
 
     def progressed(self, context, job):
         pass
@@ -105,7 +125,7 @@ class JobOperator:
         except JobError as error:
             return report_error(self, context, str(error))
         # The take's folder is a step of its own: undoing the result keeps track of the cache.
-        bpy.ops.ed.undo_push(message=self.bl_label)
+        self._push_undo()
         self._job.start()
         session(context).last_error = ""
         self._frame_shown = -1
@@ -147,26 +167,45 @@ class JobOperator:
         if job.snapshot.frame != self._frame_shown and not job.ended:
             self._frame_shown = job.snapshot.frame
             # A frame that cannot be shown yet is shown at the end, or named there.
-            with contextlib.suppress(JobError, OSError):
+            with contextlib.suppress(Exception):
                 self.progressed(context, job)
+
+    def _push_undo(self):
+        if "UNDO" in self.bl_options:
+            push_undo(self.bl_label)
 
     def _finish(self, context, job):
         status_text(context, None)
+        try:
+            result = self._result(context, job)
+        except JobError as error:
+            result = report_error(self, context, str(error))
+        except Exception as error:
+            traceback.print_exc()
+            result = report_error(self, context, translate(
+                "{name} ended, but what it gave could not be shown: {error}. The files in {folder} "
+                "are as it left them; where it was raised stands in the system console.").format(
+                    name=job.label, error=f"{type(error).__name__}: {error}", folder=job.folder))
+        if "CANCELLED" in result:
+            # Blender makes the step of what has finished. Without one here, undoing whatever comes
+            # next would take the take's folder away.
+            self._push_undo()
+        redraw(context)
+        return result
+
+    def _result(self, context, job):
         if job.state is State.CANCELLED:
-            self.report({"WARNING"}, translate("Cancelled: {name}. Resume goes on where it "
-                                               "stopped").format(name=job.label))
+            words = translate("Cancelled: {name}")
+            if job.resumable:
+                words = translate("Cancelled: {name}. Resume goes on where it stopped")
+            self.report({"WARNING"}, words.format(name=job.label))
             self.stopped(context, job)
-            redraw(context)
             return {"CANCELLED"}
         if job.state is State.FAILED:
             self.stopped(context, job)
             return report_error(self, context, panel_words(job.error))
-        try:
-            self.ended(context, job)
-        except JobError as error:
-            return report_error(self, context, str(error))
+        self.ended(context, job)
         session(context).last_error = ""
-        redraw(context)
         return {"FINISHED"}
 
     def stopped(self, context, job):

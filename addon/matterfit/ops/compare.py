@@ -8,8 +8,9 @@ from ..compat import translate
 from ..io import comparison, job_document, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
+from ..props.compare import store
 from .base import JobOperator, session
-from .simulate import check_estimate, start_job
+from .simulate import GO_ON, check_estimate, start_job
 
 
 class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
@@ -31,17 +32,16 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         document = job_document.build(scene, take, folder, "compare")
         check_estimate(context, document, folder)
         return start_job(context, translate("Compare {name}").format(name=take.name), document,
-                         folder, restart=False)
+                         folder, GO_ON)
 
     def ended(self, context, job):
-        scene, _take = takes.find(job.folder)
+        scene, take = takes.find(job.folder)
         if scene is None:
             return
         settings = scene.matterfit
-        capture = scene_props.active_capture(settings)
-        name = capture.name if capture is not None and capture.enabled else ""
-        found = comparison.load(job.folder, name)
-        store(settings.compare, found)
+        found = comparison.load(job.folder, scene_props.compared_capture(settings))
+        if take == scene_props.active_take(settings):
+            store(settings.compare, found)
         for area in context.screen.areas if context.screen else ():
             if area.type == "VIEW_3D":
                 area.tag_redraw()  # the heat-map lies in the scene
@@ -49,20 +49,6 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
             "Mean error {mean} mm, 95 % below {p95} mm, in {time}").format(
                 mean=f"{found.mean:.4g}", p95=f"{found.percentile95:.4g}",
                 time=jobs.duration_text(job.elapsed))
-
-
-def store(compare, found):
-    """Fills in what the panel shows."""
-    compare.done = True
-    compare.mean_mm = found.mean
-    compare.p95_mm = found.percentile95
-    compare.worst.clear()
-    for frame, mean, largest in found.worst():
-        row = compare.worst.add()
-        row.name = str(frame)
-        row.frame = frame
-        row.mean = mean
-        row.largest = largest
 
 
 CLASSES = (MATTERFIT_OT_compare,)

@@ -11,7 +11,7 @@ from ..compat import translate
 from ..io import attach, cache, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
-from .base import PlainOperator, redraw, report_error, session
+from .base import JobOperator, NoJobRunning, PlainOperator, redraw, report_error, session
 
 KINDS = (
     ("volume", "Volumes", "OpenVDB files"),
@@ -34,45 +34,51 @@ def active_location(context):
     return take, location
 
 
-class _HasCache:
+class _HasCache(NoJobRunning):
     @classmethod
     def poll(cls, context):
         take = scene_props.active_take(context.scene.matterfit)
-        return jobs.registry.running is None and take is not None and bool(take.folder)
+        return super().poll(context) and take is not None and bool(take.folder)
 
 
-class MATTERFIT_OT_verify(_HasCache, bpy.types.Operator):
+class MATTERFIT_OT_verify(_HasCache, JobOperator, bpy.types.Operator):
     bl_idname = "matterfit.verify"
     bl_label = "Verify"
     bl_description = "Compare every file of the active take's cache with what was written"
+    bl_options = set()
 
-    def execute(self, context):
+    def begin(self, context):
+        native.require()
+        take, location = active_location(context)
+        session(context).verify = ""
+
+        def start():
+            return jobs.ThreadRun(lambda: native.inspect(location.folder), "Reading files")
+
+        return jobs.Job(translate("Verify {name}").format(name=take.name), start,
+                        folder=location.folder)
+
+    def ended(self, context, job):
         state = session(context)
-        try:
-            _take, location = active_location(context)
-            found = native.inspect(location.folder)
-        except JobError as error:
-            return report_error(self, context, str(error))
-        faults = found.get("faults", [])
+        faults = job.result.get("faults", [])
         if faults:
             lines = [f"{fault['path']} {fault['what']}" for fault in faults]
             state.verify = "\n".join(lines)
-            return report_error(self, context, translate(
-                "{n} files of {folder} are damaged: {first}. Bake again.").format(
-                    n=len(faults), folder=location.folder, first=lines[0]))
+            raise JobError(translate("{n} files of {folder} are damaged: {first}. Bake again.")
+                           .format(n=len(faults), folder=job.folder, first=lines[0]))
         state.verify = translate("{n} files are as they were written").format(
-            n=len(cache.manifest(location.folder).get("files", {})))
+            n=len(cache.manifest(job.folder).get("files", {})))
         self.report({"INFO"}, state.verify)
-        redraw(context)
-        return {"FINISHED"}
 
 
 class MATTERFIT_OT_remove_output(_HasCache, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.remove_output"
     bl_label = "Remove"
     bl_description = "Delete the files of one kind from the active take's cache, and their objects"
+    bl_options = {"UNDO"}
 
-    kind: EnumProperty(name="Kind", items=KINDS, description="Which files are deleted")
+    kind: EnumProperty(name="Kind", items=KINDS, options={"HIDDEN", "SKIP_SAVE"},
+                       description="Which files are deleted")
 
     def invoke(self, context, event):
         return context.window_manager.invoke_confirm(self, event)

@@ -3,15 +3,19 @@
 
 import contextlib
 import os
+import tempfile
 
 import bpy
 
 from .. import jobs, native
 from ..compat import translate
 from ..io import attach, cache, files, job_document, takes
-from ..jobs import JobError
+from ..jobs import EXIT_INPUT, JobError, State
 from ..props import scene as scene_props
-from .base import JobOperator, PlainOperator, redraw, report_error, session
+from .base import JobOperator, NoJobRunning, PlainOperator, redraw, report_error, session
+
+# `restart` of a job: what becomes of results that the folder holds (native/capi/matterfit.h).
+GO_ON, AFRESH, AFRESH_WHERE_CHANGED = 0, 1, 2
 
 
 def check_estimate(context, document, folder):
@@ -53,20 +57,26 @@ def estimate_text(estimate):
     return ", ".join(parts)
 
 
-def start_job(context, label, document, folder, restart=True, task=None):
+def start_job(context, label, document, folder, restart, resumable=False):
     """A job on <folder>/job.json, which is written first: the file is what is run.
 
-    Without `restart` it goes on from what the folder holds, which the library refuses where the
-    inputs have changed.
+    GO_ON continues what the folder holds, which the library refuses where the inputs have changed.
+    The old job.json is put back where the run leaves the old results.
     """
     threads = context.scene.matterfit.solver.threads
+    replaced = job_document.Replaced(folder)
     path = job_document.write(document, folder)
 
     def start():
-        return native.start(path, task=task or document["task"], threads=threads,
-                            restart=restart)
+        return native.start(path, task=document["task"], threads=threads, restart=restart)
 
-    return jobs.Job(label, start, folder=folder)
+    def put_back(job):
+        if job.state is not State.DONE:
+            # What is reported is why the job ended.
+            with contextlib.suppress(JobError):
+                replaced.put_back()
+
+    return jobs.Job(label, start, folder=folder, resumable=resumable, on_end=put_back)
 
 
 def written_document(folder):
@@ -94,11 +104,15 @@ class BakeJob(JobOperator):
     """What Bake, Resume and Preview share: the cache is attached as it grows."""
 
     def progressed(self, context, job):
-        self.show(context, job)
+        # Until its first frame is done the job may be refused, and what is shown stays.
+        if job.snapshot.frame > written_document(job.folder)["scene"]["frames"][0]:
+            self.show(context, job)
 
     def stopped(self, context, job):
+        if job.status == EXIT_INPUT:
+            return
         # The reason why the job stopped is reported, not what could not be shown of it.
-        with contextlib.suppress(JobError, OSError):
+        with contextlib.suppress(Exception):
             self.show(context, job)
 
     def ended(self, context, job):
@@ -136,14 +150,12 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         take = takes.ensure_active(scene.matterfit)
         discard_preview(scene)
         folder = takes.claim(take)
-        before = job_document.fingerprint(folder)
         document = job_document.build(scene, take, folder, "bake")
-        job_document.write(document, folder)
         check_estimate(context, document, folder)
+        scene.matterfit.compare.done = False
         # States of the very same inputs are used again: another output bakes without simulating.
-        same = bool(before) and before == job_document.fingerprint(folder)
         return start_job(context, translate("Bake {name}").format(name=take.name), document,
-                         folder, restart=not same)
+                         folder, AFRESH_WHERE_CHANGED, resumable=True)
 
 
 class MATTERFIT_OT_resume(BakeJob, bpy.types.Operator):
@@ -172,7 +184,7 @@ class MATTERFIT_OT_resume(BakeJob, bpy.types.Operator):
         document = job_document.build(scene, take, location.folder, "bake")
         check_estimate(context, document, location.folder)
         return start_job(context, translate("Resume {name}").format(name=take.name), document,
-                         location.folder, restart=False)
+                         location.folder, GO_ON, resumable=True)
 
 
 class MATTERFIT_OT_preview(BakeJob, bpy.types.Operator):
@@ -197,7 +209,7 @@ class MATTERFIT_OT_preview(BakeJob, bpy.types.Operator):
         document = job_document.build(scene, preview, folder, "bake", quality="preview",
                                       separation=separation, outputs=False)
         check_estimate(context, document, folder)
-        return start_job(context, translate("Preview"), document, folder)
+        return start_job(context, translate("Preview"), document, folder, AFRESH)
 
 
 def discard_preview(scene):
@@ -219,6 +231,7 @@ class MATTERFIT_OT_free(PlainOperator, bpy.types.Operator):
     bl_label = "Free"
     bl_description = ("Delete the active take's cache and the objects that show it. Only files "
                       "that the cache's own lists name are deleted")
+    bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context):
@@ -268,31 +281,35 @@ class MATTERFIT_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class MATTERFIT_OT_estimate(bpy.types.Operator):
+class MATTERFIT_OT_estimate(NoJobRunning, bpy.types.Operator):
     bl_idname = "matterfit.estimate"
     bl_label = "Estimate"
     bl_description = "Count the particles, and say what memory and time a bake will need"
+    bl_options = set()
 
     def execute(self, context):
         scene = context.scene
         try:
             takes.require_saved()
             native.require()
-            take = takes.ensure_active(scene.matterfit)
-            folder = takes.claim(take)
-            document = job_document.build(scene, take, folder, "bake")
-            check_estimate(context, document, folder)
+            # The take's folder keeps the inputs of what was baked there.
+            with tempfile.TemporaryDirectory(prefix="matterfit_") as folder:
+                folder = os.path.realpath(folder)  # the document's paths climb from it by ..
+                take = scene_props.active_take(scene.matterfit)
+                document = job_document.build(scene, take, folder, "bake")
+                check_estimate(context, document, folder)
         except JobError as error:
             return report_error(self, context, str(error))
         redraw(context)
         return {"FINISHED"}
 
 
-class MATTERFIT_OT_write_job(PlainOperator, bpy.types.Operator):
+class MATTERFIT_OT_write_job(NoJobRunning, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.write_job"
     bl_label = "Write Job"
     bl_description = ("Write job.json and its input files into the take's cache folder, for the "
                       "matterfit tool or a farm; nothing is simulated")
+    bl_options = {"UNDO"}
 
     def act(self, context):
         scene = context.scene

@@ -33,6 +33,7 @@ class MATTERFIT_OT_remove_take(PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.remove_take"
     bl_label = "Remove Take"
     bl_description = "Remove the active take, the objects that show it, and its cache"
+    bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context):

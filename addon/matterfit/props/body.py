@@ -81,8 +81,8 @@ class MatterfitMass(bpy.types.PropertyGroup):
         name="Position", type=bpy.types.Object,
         description="The mass hangs where this object is at the first frame")
     mass: FloatProperty(
-        name="Mass", default=0.05, min=0.0, soft_min=0.0, max=1e6, soft_max=10.0, precision=4,
-        unit="MASS", description="Inertia and weight, in kilograms")
+        name="Mass [kg]", default=0.05, min=0.0, soft_min=0.0, max=1e6, soft_max=10.0, precision=4,
+        description="Inertia and weight, in kilograms")
     use_attach: BoolProperty(
         name="Attach Later", default=False, description="Hang the mass on at a frame")
     attach: IntProperty(

@@ -14,76 +14,81 @@ from bpy.props import (
 
 from ..compat import PATH_OPTIONS
 from . import choices
+from .compare import outdated
 
 
-def _summary_stale(self, _context):
+def _reread(self, context):
+    """For settings of how the file is read."""
     self.summary = ""
+    outdated(self, context)
 
 
 class MatterfitCapture(bpy.types.PropertyGroup):
     """One row of the Captures list."""
 
-    name: StringProperty(name="Name", default="Capture", description="A name for this capture")
+    name: StringProperty(name="Name", default="Capture", update=outdated,
+                         description="A name for this capture")
     enabled: BoolProperty(
-        name="Enabled", default=True, description="Compare with this capture")
+        name="Enabled", default=True, update=outdated, description="Compare with this capture")
     source: EnumProperty(
-        name="Source", default="FILE",
+        name="Source", default="FILE", update=outdated,
         items=(("FILE", "File", "Tracks from .npz, .npy, .c3d, .pc2, or numbered .ply files"),
                ("OBJECT", "Animated Object", "The evaluated mesh of an object, at every frame")),
         description="Where the recorded points come from")
     filepath: StringProperty(
-        name="File", subtype="FILE_PATH", options=PATH_OPTIONS, update=_summary_stale,
+        name="File", subtype="FILE_PATH", options=PATH_OPTIONS, update=_reread,
         description="A .npz, .npy, .c3d or .pc2 file, or the first of numbered .ply files")
     object: PointerProperty(
-        name="Object", type=bpy.types.Object,
+        name="Object", type=bpy.types.Object, update=outdated,
         description="An animated object; its evaluated mesh is sampled at every frame")
     body: StringProperty(
-        name="Body", description="The body that this is a recording of; empty: the first one")
+        name="Body", update=outdated,
+        description="The body that this is a recording of; empty: the first one")
 
     use_fps: BoolProperty(
-        name="Rate [1/s]", default=False, update=_summary_stale,
+        name="Rate [1/s]", default=False, update=_reread,
         description="Use the rate below where the file gives none, or a wrong one")
     fps: FloatProperty(
         name="Rate [1/s]", default=24.0, min=1e-3, soft_min=1.0, max=1e6, soft_max=1000.0,
-        precision=3, update=_summary_stale, description="Recorded frames per second")
+        precision=3, update=_reread, description="Recorded frames per second")
     unit: EnumProperty(
-        name="Unit", items=choices.UNITS, default="AUTO", update=_summary_stale,
+        name="Unit", items=choices.UNITS, default="AUTO", update=_reread,
         description="What one unit of the file's positions is")
     scale: FloatProperty(
         name="Scale", default=1.0, min=1e-9, soft_min=1e-3, max=1e9, soft_max=1e3, precision=6,
-        update=_summary_stale, description="Metres per unit of the file")
+        update=_reread, description="Metres per unit of the file")
     up: EnumProperty(
-        name="Up Axis", items=choices.UP_AXES, default="AUTO", update=_summary_stale,
+        name="Up Axis", items=choices.UP_AXES, default="AUTO", update=_reread,
         description="Which axis of the file points up")
     location: FloatVectorProperty(
-        name="Location", subtype="TRANSLATION", unit="LENGTH", size=3,
+        name="Location", subtype="TRANSLATION", unit="LENGTH", size=3, update=outdated,
         min=-1e6, soft_min=-100.0, max=1e6, soft_max=100.0, precision=4,
         description="Moves the recorded points into the scene")
     rotation: FloatVectorProperty(
-        name="Rotation", subtype="EULER", unit="ROTATION", size=3,
+        name="Rotation", subtype="EULER", unit="ROTATION", size=3, update=outdated,
         min=-1e3, soft_min=-6.283185, max=1e3, soft_max=6.283185,
         description="Turns the recorded points into the scene, before Location")
     use_start_frame: BoolProperty(
-        name="Start Frame", default=False,
+        name="Start Frame", default=False, update=outdated,
         description="The capture's first sample falls on the frame below instead of the first")
     start_frame: FloatProperty(
         name="Start Frame", default=1.0, min=-1e6, soft_min=0.0, max=1e6, soft_max=1e4,
-        precision=2, description="Scene frame of the capture's first sample")
+        precision=2, update=outdated, description="Scene frame of the capture's first sample")
     markers: StringProperty(
-        name="Markers", description="Names or numbers of the points to use, separated by commas; "
-                                    "empty: all")
+        name="Markers", update=outdated,
+        description="Names or numbers of the points to use, separated by commas; empty: all")
 
     align: PointerProperty(
-        name="Align To", type=bpy.types.Collection,
+        name="Align To", type=bpy.types.Collection, update=outdated,
         description="Empties named like markers, placed where those are on the body at rest: the "
                     "capture is turned and moved onto them. Replaces Location and Rotation")
     use_release: BoolProperty(
-        name="Quiet Start", default=False,
+        name="Quiet Start", default=False, update=outdated,
         description="The body stands still until the frame below; needed for aligning and for "
                     "ring-down")
     release: IntProperty(
         name="Release Frame", default=10, min=0, soft_min=0, max=1048574, soft_max=10000,
-        description="Scene frame after which the motion starts")
+        update=outdated, description="Scene frame after which the motion starts")
 
     use_noise: BoolProperty(
         name="Noise", default=False,

@@ -23,6 +23,28 @@ def _redraw(_self, context):
             area.tag_redraw()
 
 
+def outdated(owner, context):
+    """For every setting that changes what Compare would find."""
+    owner.id_data.matterfit.compare.done = False
+    _redraw(owner, context)
+
+
+def store(compare, found):
+    """Fills in what the panel shows of an io.comparison.Comparison; None: there is none."""
+    compare.done = found is not None
+    compare.worst.clear()
+    if found is None:
+        return
+    compare.mean_mm = found.mean
+    compare.p95_mm = found.percentile95
+    for frame, mean, largest in found.worst():
+        row = compare.worst.add()
+        row.name = str(frame)
+        row.frame = frame
+        row.mean = mean
+        row.largest = largest
+
+
 class MatterfitWorstFrame(bpy.types.PropertyGroup):
     """One of the frames with the largest error."""
 
@@ -36,7 +58,8 @@ class MatterfitWorstFrame(bpy.types.PropertyGroup):
 
 
 class MatterfitCompare(bpy.types.PropertyGroup):
-    """Shown in the Compare panel and the viewport. The errors themselves lie in the cache."""
+    """Shown in the Compare panel and the viewport: the active take against the active capture. The
+    errors themselves lie in the cache."""
 
     done: BoolProperty(name="Compared", default=False, description="A comparison is loaded")
     mean_mm: FloatProperty(name="Mean [mm]", default=0.0, min=0.0, max=1e12, soft_max=100.0,

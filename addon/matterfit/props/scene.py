@@ -11,6 +11,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from . import compare
 from .body import MatterfitBody
 from .capture import MatterfitCapture
 from .compare import MatterfitCompare
@@ -21,9 +22,21 @@ from .take import MatterfitTake
 SCHEMA_VERSION = 2
 
 
-def _take_switched(self, _context):
+def _take_switched(self, context):
     from ..io import attach
     attach.show_take(self)
+    compare.outdated(self, context)
+
+
+def _capture_switched(self, _context):
+    """What is known of the take is shown against the capture that is active now."""
+    from ..io import comparison, takes
+    if not self.compare.done:
+        return
+    take, found = active_take(self), None
+    if take is not None and active_capture(self) is not None:
+        found = comparison.load_quietly(takes.locate(take).folder, compared_capture(self))
+    compare.store(self.compare, found)
 
 
 class MatterfitScene(bpy.types.PropertyGroup):
@@ -34,6 +47,7 @@ class MatterfitScene(bpy.types.PropertyGroup):
         description="Version of these settings; 0 in a scene that was never used")
     captures: CollectionProperty(type=MatterfitCapture)
     capture_index: IntProperty(name="Active Capture", default=0, min=0, max=100000, soft_max=100,
+                               update=_capture_switched,
                                description="The capture shown below the list")
     bodies: CollectionProperty(type=MatterfitBody)
     body_index: IntProperty(name="Active Body", default=0, min=0, max=100000, soft_max=100,
@@ -84,3 +98,9 @@ def active_body(settings):
 
 def active_capture(settings):
     return active_item(settings.captures, settings.capture_index)
+
+
+def compared_capture(settings):
+    """The name of the capture whose errors are shown; "" is the first of the comparison."""
+    capture = active_capture(settings)
+    return capture.name if capture is not None and capture.enabled else ""

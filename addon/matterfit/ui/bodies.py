@@ -16,7 +16,7 @@ class MATTERFIT_UL_bodies(bpy.types.UIList):
 
 
 class MATTERFIT_UL_names(bpy.types.UIList):
-    """Pins, masses, throws: a name a row."""
+    """Pins, masses: a name a row."""
 
     def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
         layout.prop(item, "name", text="", emboss=False)

@@ -31,8 +31,7 @@ def active_comparison(scene):
     if take is None or not settings.compare.done or not take.folder:
         return None
     folder = takes.locate(take).folder
-    capture = scene_props.active_capture(settings)
-    name = capture.name if capture is not None and capture.enabled else ""
+    name = scene_props.compared_capture(settings)
     key = (folder, name, comparison.stamp(folder))
     if _loaded.get("key") != key:
         _loaded.update(key=key, value=comparison.load_quietly(folder, name))

@@ -14,6 +14,15 @@ class MATTERFIT_UL_takes(bpy.types.UIList):
             row.label(text=str(item.frames_done), translate=False)
 
 
+class MATTERFIT_UL_throws(bpy.types.UIList):
+    """A throw finds its body by its name, so that is no text to edit."""
+
+    def draw_item(self, context, layout, _data, item, _icon, _active, _name, _index=0):
+        known = any(body.role == "BODY" and body.name == item.name
+                    for body in context.scene.matterfit.bodies)
+        layout.label(text=item.name, icon="MESH_ICOSPHERE" if known else "ERROR", translate=False)
+
+
 class MATTERFIT_PT_rerun(MatterfitPanel, bpy.types.Panel):
     bl_label = "Rerun"
     bl_order = 6
@@ -34,7 +43,7 @@ class MATTERFIT_PT_rerun(MatterfitPanel, bpy.types.Panel):
             return
         layout.label(text="Throws")
         row = layout.row()
-        row.template_list("MATTERFIT_UL_names", "throws", take, "throws", session, "throw_index",
+        row.template_list("MATTERFIT_UL_throws", "throws", take, "throws", session, "throw_index",
                           rows=2)
         column = row.column(align=True)
         column.operator("matterfit.add_throw", text="", icon="ADD")
@@ -64,4 +73,4 @@ class MATTERFIT_PT_rerun(MatterfitPanel, bpy.types.Panel):
         row.operator("matterfit.bake", text="Bake Take", icon="RENDER_ANIMATION")
 
 
-CLASSES = (MATTERFIT_UL_takes, MATTERFIT_PT_rerun)
+CLASSES = (MATTERFIT_UL_takes, MATTERFIT_UL_throws, MATTERFIT_PT_rerun)

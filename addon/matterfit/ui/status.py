@@ -59,7 +59,8 @@ class MATTERFIT_PT_status(MatterfitPanel, bpy.types.Panel):
         if job.state is State.CANCELLED:
             row = layout.row()
             row.label(text=base.progress_text(job), icon="CANCEL", translate=False)
-            row.operator("matterfit.resume", icon="PLAY")
+            if job.resumable:
+                row.operator("matterfit.resume", icon="PLAY")
 
 
 CLASSES = (MATTERFIT_PT_status,)

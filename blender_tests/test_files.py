@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Names of files, and bodies named in any script."""
+
+import os
+
+import bpy
+from matterfit.io import files, takes
+from support import SceneCase, needs_library
+
+
+class NameTest(SceneCase):
+    def test_names(self):
+        """Letters of any script with their marks stay; what a file system may refuse does not."""
+        for name, expected in (
+                ("Cube.001", "Cube_001"), ("A b", "A_b"), ("a / b\\c:*?", "a_b_c"),
+                ("..", None), ("_a__b_", "a__b"), ("-x-", "-x-"), ("球", "球"), ("箱 2", "箱_2"),
+                ("Würfel", "Würfel"), ("Wu\u0308rfel", "Würfel"), ("कि", "कि"), ("का", "का")):
+            with self.subTest(name):
+                found = files.safe_name(name)
+                if expected is None:
+                    self.assertRegex(found, r"^unnamed_[0-9a-f]{8}$")
+                else:
+                    self.assertEqual(found, expected)
+
+    def test_names_without_letters_differ(self):
+        names = ["🔴", "🔵", "?", "!", "", "…"]
+        self.assertEqual(len({files.safe_name(name) for name in names}), len(names))
+
+    def test_two_bodies(self):
+        """Names that had been one and the same file."""
+        for name in ("球", "箱", "🔴"):
+            self.body(self.cube(name, location=(len(self.settings.bodies), 0.0, 1.0)))
+        document, folder = self.document()
+        sources = [body["source"]["mesh"] for body in document["scene"]["bodies"]]
+        self.assertEqual(sources[:2], ["input/body_球.npz", "input/body_箱.npz"])
+        self.assertEqual(len(set(sources)), 3)
+        for source in sources:
+            self.assertTrue(os.path.isfile(os.path.join(folder, source)))
+        entries = [entry["name"] for entry in document["output"]["mesh"]]
+        self.assertEqual(entries, [files.safe_name(body.name) for body in self.settings.bodies])
+
+    @needs_library
+    def test_bake(self):
+        """Its files are found again, attached and freed."""
+        self.jelly(name="球", location=(0.0, 0.0, 0.3))
+        self.assertEqual(bpy.ops.matterfit.bake(), {"FINISHED"}, self.error())
+        take = self.settings.takes[0]
+        tags = {item["matterfit"] for item in take.collection.objects}
+        self.assertLessEqual({"mesh:球", "points:球", "volume:球"}, tags)
+        folder = takes.locate(take).folder
+        self.assertTrue(os.path.isfile(os.path.join(folder, "mesh", "球.pc2")))
+        bpy.ops.matterfit.free()
+        self.assertFalse(os.path.exists(folder))

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a job document samples: at the scene's first frame wherever the playhead is, hidden or not,
+and whichever outputs are on."""
+
+import math
+import os
+
+import bpy
+import numpy
+from matterfit.io import files, meshes
+from support import SceneCase
+
+AWAY = 5  # where the playhead stands
+
+
+def load(folder, relative):
+    with numpy.load(os.path.join(folder, relative), allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def curves_of(item):
+    action = item.animation_data.action
+    if hasattr(action, "fcurves"):
+        return action.fcurves
+    return action.layers[0].strips[0].channelbags[0].fcurves
+
+
+class SamplingCase(SceneCase):
+    def setUp(self):
+        super().setUp()
+        self.item = self.cube(location=(0.0, 0.0, 1.0))
+        self.row = self.body(self.item)
+
+    def empty(self, name, location, first=1, last=6, step=(1.0, 0.0, 0.0), **arguments):
+        """An empty at `location` in the first frame, which has moved by `step` in the last."""
+        bpy.ops.object.empty_add(location=location, **arguments)
+        item = bpy.context.active_object
+        item.name = name
+        self.animate(item, first, last, step)
+        return item
+
+    def animate(self, item, first, last, step):
+        item.keyframe_insert("location", frame=first)
+        item.location = [a + b for a, b in zip(item.location, step, strict=True)]
+        item.keyframe_insert("location", frame=last)
+        for curve in curves_of(item):
+            for key in curve.keyframe_points:
+                key.interpolation = "LINEAR"
+        self.scene.frame_set(AWAY)
+
+    def first_body(self):
+        document, self.cache = self.document()
+        self.assertEqual(self.scene.frame_current, AWAY)
+        return document["scene"]["bodies"][0]
+
+
+class FirstFrameTest(SamplingCase):
+    """Animated markers, the playhead elsewhere, each marker hidden in another way."""
+
+    def test_pin_plane(self):
+        pin = self.row.pins.add()
+        pin.kind = "PLANE"
+        pin.object = self.empty("Plane", (0.0, 0.0, 0.9), step=(0.0, 0.0, 3.0),
+                                rotation=(math.pi, 0.0, 0.0))
+        pin.object.hide_viewport = True
+        region = self.first_body()["pins"][0]["region"]
+        numpy.testing.assert_allclose(region["point"], (0.0, 0.0, 0.9), atol=1e-6)
+        numpy.testing.assert_allclose(region["normal"], (0.0, 0.0, -1.0), atol=1e-6)
+        self.assertTrue(pin.object.hide_viewport)
+
+    def test_pin_box(self):
+        """An empty's box, and the box of a mesh after its modifiers."""
+        pin = self.row.pins.add()
+        pin.kind = "BOX"
+        pin.object = self.empty("Box", (0.0, 0.0, 1.0), radius=0.5)
+        region = self.first_body()["pins"][0]["region"]
+        numpy.testing.assert_allclose(region["low"], (-0.5, -0.5, 0.5), atol=1e-6)
+        numpy.testing.assert_allclose(region["high"], (0.5, 0.5, 1.5), atol=1e-6)
+        mesh = self.cube("Mesh", size=1.0, location=(0.0, 0.0, 0.0))
+        array = mesh.modifiers.new("Array", "ARRAY")
+        array.count = 2
+        self.animate(mesh, 1, 6, (0.0, 5.0, 0.0))
+        mesh.hide_viewport = True
+        pin.object = mesh
+        region = self.first_body()["pins"][0]["region"]
+        numpy.testing.assert_allclose(region["low"], (-0.5, -0.5, -0.5), atol=1e-6)
+        numpy.testing.assert_allclose(region["high"], (1.5, 0.5, 0.5), atol=1e-6)
+
+    def test_mass(self):
+        mass = self.row.masses.add()
+        mass.object = self.empty("Mass", (0.0, 0.1, 1.1))
+        mass.object.hide_set(True)
+        written = self.first_body()["masses"][0]
+        numpy.testing.assert_allclose(written["position"], (0.0, 0.1, 1.1), atol=1e-6)
+        self.assertTrue(mass.object.hide_get())
+
+    def test_container(self):
+        solver = self.settings.solver
+        solver.use_walls, solver.open_top = True, False
+        solver.container = self.empty("Container", (0.0, 0.0, 2.0), radius=2.0)
+        solver.container.hide_viewport = True
+        document, _folder = self.document()
+        numpy.testing.assert_allclose(document["scene"]["walls"]["low"], (-2, -2, 0), atol=1e-6)
+        numpy.testing.assert_allclose(document["scene"]["walls"]["high"], (2, 2, 4), atol=1e-6)
+        self.assertEqual(self.scene.frame_current, AWAY)
+        self.assertTrue(solver.container.hide_viewport)
+
+    def test_align_empties(self):
+        files.write_npz(os.path.join(self.folder, "clip.npz"),
+                        {"positions": numpy.zeros((3, 3, 3)), "times": numpy.arange(3.0)})
+        capture = self.settings.captures.add()
+        capture.name, capture.filepath = "clip", "//clip.npz"
+        capture.align = bpy.data.collections.new("Markers")
+        self.scene.collection.children.link(capture.align)
+        places = {"A": (0, 0, 0), "B": (1, 0, 0), "C": (0, 1, 0)}
+        for name, place in places.items():
+            capture.align.objects.link(self.empty(name, place))
+        document, _folder = self.document("compare")
+        written = document["captures"][0]["align"]
+        self.assertEqual(written["markers"], list(places))
+        numpy.testing.assert_allclose(written["positions"], list(places.values()), atol=1e-6)
+
+
+class HiddenTest(SamplingCase):
+    def test_follow(self):
+        """A hidden object still moves what follows it."""
+        pin = self.row.pins.add()
+        pin.kind = "ALL"
+        pin.follow = self.empty("Mover", (1.0, 0.0, 0.0), step=(0.5, 0.0, 0.0))
+        for hide in ("hide_viewport", "eye"):
+            pin.follow.hide_viewport = hide == "hide_viewport"
+            pin.follow.hide_set(hide == "eye")
+            written = self.first_body()["pins"][0]
+            values = [value["position"][0] for value in written["motion"]["values"]]
+            numpy.testing.assert_allclose(values, numpy.linspace(0.0, 0.5, 6), atol=1e-5)
+            self.assertEqual(pin.follow.hide_viewport, hide == "hide_viewport")
+            self.assertEqual(pin.follow.hide_get(), hide == "eye")
+
+    def test_shown_for_two_reasons(self):
+        """One object that is body, mass and what a pin follows is hidden again afterwards."""
+        pin = self.row.pins.add()
+        pin.kind, pin.follow = "ALL", self.item
+        self.row.masses.add().object = self.item
+        self.scene.frame_set(AWAY)
+        self.item.hide_viewport = True
+        self.first_body()
+        self.assertTrue(self.item.hide_viewport)
+
+    def test_velocity_of_the_animation(self):
+        """A bake hides the object; its next take still starts with the velocity that it has."""
+        self.animate(self.item, 1, 2, (0.1, 0.0, 0.0))
+        bpy.ops.matterfit.add_take()
+        bpy.ops.matterfit.add_throw()
+        self.settings.takes[0].throws[0].velocity_from = "ANIMATION"
+        self.item.hide_viewport = True
+        numpy.testing.assert_allclose(self.first_body()["velocity"], (2.4, 0.0, 0.0), atol=2e-3)
+        self.assertTrue(self.item.hide_viewport)
+
+
+class RenderOnlyTest(SamplingCase):
+    def test_subdivision_of_the_render(self):
+        """The cache moves the cage also where only the render subdivides it."""
+        self.item.modifiers.new("Cast", "CAST").factor = 0.0
+        modifier = self.item.modifiers.new("Subdivision", "SUBSURF")
+        modifier.levels, modifier.render_levels = 1, 3
+        modifier.show_viewport = False
+        self.assertEqual(meshes.first_topology_modifier(self.item), 1)
+        self.assertEqual(meshes.render_shape(self.item).stop, 1)
+        shape = meshes.body_shape(self.item)
+        self.assertEqual((shape.kind, shape.stop, shape.level), ("cage", 1, 3))
+        document, folder = self.document()
+        mesh = document["output"]["mesh"][0]
+        self.assertEqual(mesh["level"], 3)
+        self.assertEqual(len(load(folder, mesh["cage"])["vertices"]), 8)
+        modifier.show_render = False
+        self.assertEqual(meshes.first_topology_modifier(self.item), 2)
+        self.assertEqual(meshes.body_shape(self.item).kind, "mesh")
+
+    def test_other_modifiers_of_the_render(self):
+        """What the viewport does not evaluate is not named as the last modifier."""
+        modifier = self.item.modifiers.new("Array", "ARRAY")
+        modifier.show_viewport = False
+        self.assertEqual(meshes.render_shape(self.item).stop, 0)
+        self.assertNotIn("Array", meshes.body_shape(self.item).text)
+        self.item.modifiers.new("Bevel", "BEVEL")
+        self.assertIn("Bevel", meshes.body_shape(self.item).text)
+
+
+class PinnedGroupTest(SamplingCase):
+    def test_without_render_meshes(self):
+        """A vertex group lies where the deformed mesh has it, whether its mesh is baked or not."""
+        group = self.item.vertex_groups.new(name="top")
+        group.add([vertex.index for vertex in self.item.data.vertices if vertex.co.z > 0.0], 1.0,
+                  "REPLACE")
+        taper = self.item.modifiers.new("Taper", "SIMPLE_DEFORM")
+        taper.deform_method, taper.factor = "TAPER", 1.0
+        pin = self.row.pins.add()
+        pin.kind, pin.vertex_group = "VERTEX_GROUP", "top"
+        self.scene.frame_set(AWAY)
+        found = []
+        for output in (True, False):
+            self.settings.output.mesh = output
+            region = self.first_body()["pins"][0]["region"]
+            found.append(load(self.cache, region["file"])["positions"])
+        numpy.testing.assert_array_equal(found[0], found[1])
+        undeformed = [self.item.matrix_world @ vertex.co for vertex in self.item.data.vertices
+                      if vertex.co.z > 0.0]
+        self.assertGreater(numpy.abs(found[1] - numpy.array(undeformed)).max(), 0.01)

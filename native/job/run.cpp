@@ -323,7 +323,7 @@ class Run {
     json["bodies"] = list;
   }
 
-  void add_stats(Json& json) const {
+  void add_stats(Json& json) {
     double dt = 0.0;
     long long substeps = 0;
     double penetration = 0.0;
@@ -344,6 +344,14 @@ class Run {
     json["substeps"] = substeps;
     json["max_penetration_m"] = penetration;
     json["simulation_seconds"] = simulated;
+    if (penetration > 0.5 * scene().dx) {
+      char text[200];
+      std::snprintf(text, sizeof text,
+                    "a body went %.2g mm into a collider, more than a particle separation: raise "
+                    "the collider's contact.stiffness if it should not.",
+                    1e3 * penetration);
+      notes_.emplace_back(text);
+    }
   }
 
   /// Markers may stand off the body, but not by its own size: they move along with it all the same,

@@ -19,13 +19,28 @@
 namespace matterfit::mpm {
 namespace {
 
+/// Of saved states.
+constexpr std::uint32_t kStateVersion = 2;
+
 struct TotalMember {
   std::size_t index;  ///< into scene.bodies
   std::unique_ptr<TotalBody<float>> body;
   std::unique_ptr<TotalContact<float>> contact;
   double last_dt = 0.0;  ///< of the substep before; 0: the next one starts with a half kick
   double elastic_dt = 0.0;
-  int unsmoothed = 0;  ///< substeps since the velocities were last smoothed
+  int unsmoothed = 0;   ///< substeps since the velocities were last smoothed
+  int since_probe = 0;  ///< substeps since the probe for the fastest mode that gave elastic_dt
+  BlockExtremes<float> probed{1.0F, 1.0F};  ///< then
+  BlockExtremes<float> latest{1.0F, 1.0F};  ///< in the last substep
+
+  /// A force evaluation for each of the probe's iterations: not where little has changed.
+  [[nodiscard]] bool needs_probe() const {
+    constexpr int kOften = 64;
+    constexpr float kChange = 0.05F;
+    return elastic_dt <= 0.0 || since_probe >= kOften ||
+           std::abs(latest.min_volume_ratio - probed.min_volume_ratio) > kChange ||
+           std::abs(latest.max_volume_ratio - probed.max_volume_ratio) > kChange;
+  }
 };
 
 /// A substep and what set it.
@@ -168,11 +183,15 @@ struct Simulation::Impl {
       // A body let go within the frame needs its own limit from the start of the frame.
       if (member.body->held(time + 1.0 / scene.fps - 1e-9)) continue;
       const bool first = member.elastic_dt <= 0.0;
-      const double found = member.body->stable_time_step(
-          *arena, first ? kFirstIterations : kFrameIterations, interrupter);
-      // A body that flows answers softly to the probe, and stiffly as soon as it unloads.
-      const bool flows = !scene.bodies[member.index].material.is_elastic();
-      member.elastic_dt = flows && !first ? std::min(member.elastic_dt, found) : found;
+      if (first || (!(scene.dt > 0.0) && member.needs_probe())) {
+        const double found = member.body->stable_time_step(
+            *arena, first ? kFirstIterations : kFrameIterations, interrupter);
+        // A body that flows answers softly to the probe, and stiffly as soon as it unloads.
+        const bool flows = !scene.bodies[member.index].material.is_elastic();
+        member.elastic_dt = flows && !first ? std::min(member.elastic_dt, found) : found;
+        member.probed = member.latest;
+        member.since_probe = 0;
+      }
       if (scene.dt > 0.0) continue;
       const double omega = 2.0 / member.elastic_dt;
       const double contact =
@@ -253,7 +272,9 @@ struct Simulation::Impl {
             *arena, std::min(0.5, kSmoothing * kSmoothingInterval * dt / member.elastic_dt));
       }
       member.last_dt = dt;
+      ++member.since_probe;
       const auto extremes = member.body->extremes();
+      member.latest = extremes;
       report.min_volume_ratio =
           std::min(report.min_volume_ratio, static_cast<double>(extremes.min_volume_ratio));
       report.max_volume_ratio =
@@ -300,12 +321,15 @@ struct Simulation::Impl {
 
   [[nodiscard]] std::string save() const {
     ByteWriter out;
-    out.put(std::uint32_t{1});
+    out.put(kStateVersion);
     out.put(frame);
     for (const TotalMember& member : total) {
       out.put(member.last_dt);
       out.put(member.elastic_dt);
       out.put(member.unsmoothed);
+      out.put(member.since_probe);
+      out.put(member.probed);
+      out.put(member.latest);
       member.body->save(out);
       member.contact->save(out);
     }
@@ -318,12 +342,16 @@ struct Simulation::Impl {
     ByteReader in(bytes);
     std::uint32_t version = 0;
     in.get(version);
-    if (version != 1) throw_input("The checkpoint is of another version. Simulate again.");
+    if (version != kStateVersion)
+      throw_input("The checkpoint is of another version. Simulate again.");
     in.get(frame);
     for (TotalMember& member : total) {
       in.get(member.last_dt);
       in.get(member.elastic_dt);
       in.get(member.unsmoothed);
+      in.get(member.since_probe);
+      in.get(member.probed);
+      in.get(member.latest);
       member.body->load(in);
       member.contact->load(in);
     }

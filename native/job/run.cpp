@@ -171,7 +171,7 @@ class Run {
       const double limit = run.job_.scene.solver.memory_limit_gb;
       if (needed <= limit) return;
       char text[160];
-      std::snprintf(text, sizeof text, "%zu particles need about %.1f GB, the limit is %.1f GB",
+      std::snprintf(text, sizeof text, "%zu particles need about %.3g GB, the limit is %.3g GB",
                     estimate.particles, needed, limit);
       throw_input(std::string("scene.solver.memory_limit_gb: ") + text +
                   ". Use a larger scene.particle_separation, or raise the limit.");

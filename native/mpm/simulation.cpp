@@ -193,6 +193,11 @@ struct Simulation::Impl {
         member.since_probe = 0;
       }
       if (scene.dt > 0.0) continue;
+      if (member.contact->any() || body_contacts->any()) {
+        // A face must not cross a collider, nor what resists it, within a substep.
+        const double speed = member.body->max_speed() + scene.gravity.at(time).norm() / scene.fps;
+        if (speed > 0.0) step.limit_to(scene.cfl * scene.dx / speed, "CFL");
+      }
       const double omega = 2.0 / member.elastic_dt;
       const double contact =
           member.contact->frequency_squared() + body_contacts->frequency_squared();

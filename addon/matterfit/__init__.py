@@ -5,13 +5,11 @@ The version shown is the native library's; bl_info serves Blender up to 4.1 and 
 """
 
 import atexit
-import contextlib
-import gc
 
 import bpy
 
 from . import handlers, i18n, jobs, native, ops, props, ui
-from .ops.base import JobOperator
+from .ops.base import cancel_modal_operators
 
 bl_info = {
     "name": "Matterfit",
@@ -39,17 +37,8 @@ def register():
     handlers.migrate_open_file()
 
 
-def cancel_modal_operators():
-    """Ends what runs modally, with its timer, its progress cursor and its text in the status bar.
-    Blender frees such operators with their classes, calls no cancel() and names them nowhere."""
-    for item in gc.get_objects():
-        if issubclass(type(item), JobOperator):
-            with contextlib.suppress(ReferenceError):  # it has ended; only Python still knows it
-                item.cancel(bpy.context)
-
-
 def unregister():
-    cancel_modal_operators()
+    cancel_modal_operators(bpy.context)
     jobs.registry.stop_all()
     atexit.unregister(jobs.registry.stop_all)
     ui.unregister()

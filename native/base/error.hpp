@@ -24,12 +24,6 @@ class Error : public std::runtime_error {
   ErrorKind kind_;
 };
 
-/// kCompute of a kind that a smaller time step may mend.
-class UnstableError : public Error {
- public:
-  explicit UnstableError(const std::string& message) : Error(ErrorKind::kCompute, message) {}
-};
-
 /// Exit status of the `matterfit` tool for an error of this kind.
 [[nodiscard]] int exit_status(ErrorKind kind) noexcept;
 

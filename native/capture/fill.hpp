@@ -51,8 +51,8 @@ struct FilledBody {
 [[nodiscard]] FilledBody fill_mesh(const Mesh& mesh, const FillOptions& options);
 
 /// The Catmull–Clark limit surface of a cage: facets no longer than half a separation with corners
-/// exactly on the limit surface (capture/limit_surface.hpp), then as fill_mesh.
-/// and split `least_level` times at least.
+/// exactly on the limit surface (capture/limit_surface.hpp), each face split `least_level` times at
+/// least, then as fill_mesh.
 [[nodiscard]] FilledBody fill_cage(const Mesh& cage, const FillOptions& options,
                                    int least_level = 2);
 

@@ -37,11 +37,7 @@ void Cache::begin(const Job& job, const Inputs& inputs) {
   if (!afresh_) return;
   const auto files = manifest_.files;
   for (const auto& [path, file] : files) remove(path);
-  begin_afresh(job, inputs);
   afresh_ = false;
-}
-
-void Cache::begin_afresh(const Job& job, const Inputs& inputs) {
   manifest_ = Manifest{};
   manifest_.version = MATTERFIT_VERSION;
   manifest_.inputs = inputs;

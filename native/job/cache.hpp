@@ -45,8 +45,6 @@ class Cache {
   [[nodiscard]] std::size_t sound_states() const;
 
  private:
-  void begin_afresh(const Job& job, const Inputs& inputs);
-
   std::filesystem::path folder_;
   FolderLock lock_;
   Manifest manifest_;

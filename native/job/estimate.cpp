@@ -5,6 +5,7 @@
 #include "base/error.hpp"
 #include "job/build_scene.hpp"
 #include "job/run.hpp"
+#include "mpm/scene_check.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -25,9 +26,7 @@ mpm::SubstepCost guess(const mpm::Scene& scene, std::size_t particles, int threa
   double dt = 1.0 / scene.fps;
   for (const mpm::Body& body : scene.bodies) {
     const double speed = body.material.wave_speed(body.density) + body.velocity.norm();
-    const bool total = body.formulation == mpm::Formulation::kTotal ||
-                       (body.formulation == mpm::Formulation::kAuto && body.material.is_elastic());
-    const double courant = total ? kCourantTotal : kCourantUpdated;
+    const double courant = mpm::is_total(body) ? kCourantTotal : kCourantUpdated;
     if (speed > 0.0) dt = std::min(dt, courant * scene.dx / speed);
   }
   if (scene.dt > 0.0) dt = scene.dt;

@@ -21,16 +21,12 @@ Json inspect_folder(const std::filesystem::path& folder) {
   }
   Json faults = Json::array();
   Manifest found = *manifest;
-  const std::vector<FileFault> verified = verify_files(*manifest, folder);
-  for (const FileFault& fault : verified) {
-    faults.push_back({{"path", fault.path}, {"what", fault.what}});
-  }
   // From what lies there now: a damaged file changes the hash, a missing one as well. Files without
   // a fault have just been seen to have the hash that is listed.
-  for (const FileFault& fault : verified) {
-    const std::string& path = fault.path;
+  for (const auto& [path, what] : verify_files(*manifest, folder)) {
+    faults.push_back({{"path", path}, {"what", what}});
     Manifest::File& file = found.files.at(path);
-    if (!file.is_result || file.hash.empty()) continue;
+    if (!file.is_result) continue;
     std::error_code code;
     if (std::filesystem::is_regular_file(folder / path, code)) {
       record_file(found, folder, path, true);

@@ -61,7 +61,8 @@ struct Observations::Follower {
   ObservedPoints observed;
   std::vector<std::size_t> bound;  ///< points that are followed
   std::optional<bake::MeshBinding> binding;
-  std::vector<std::size_t> averaged;  ///< particles of which the mean alone is kept
+  std::vector<std::size_t> averaged;  ///< particles, in place of points that bind to them
+  bool keeps_positions = false;       ///< of every point, beside the mean
   Points mean;                        ///< of every frame
 };
 
@@ -74,7 +75,6 @@ Observations::Observations(const Job& job, const mpm::Scene& scene,
   const auto follow = [&](std::size_t body, Points rest) {
     auto follower = std::make_unique<Follower>();
     follower->body = body;
-    follower->observed.body = scene.bodies[body].name;
     Points known;
     for (std::size_t i = 0; i < rest.size(); ++i) {
       if (!rest[i].allFinite()) continue;
@@ -92,6 +92,7 @@ Observations::Observations(const Job& job, const mpm::Scene& scene,
   };
   for (const CaptureInput& capture : captures) {
     follow(body_index(scene, capture.body), capture.rest);
+    followers_.back()->keeps_positions = true;
   }
   for (std::size_t i = 0; i < job.probes.size(); ++i) {
     const std::size_t body = body_index(scene, job.probes[i].body);
@@ -105,7 +106,6 @@ Observations::Observations(const Job& job, const mpm::Scene& scene,
     const mpm::Body& body = scene.bodies[b];
     auto follower = std::make_unique<Follower>();
     follower->body = b;
-    follower->observed.body = body.name;
     for (std::size_t p = 0; p < body.rest.size(); ++p) {
       const Vec3d& x = body.rest[p];
       const bool held = std::any_of(body.pins.begin(), body.pins.end(), [&](const mpm::Pin& pin) {
@@ -134,17 +134,9 @@ void Observations::record(const mpm::FrameState& state) {
     const Points moved = follower->binding ? follower->binding->positions(view, arena_) : Points();
     Points all(follower->observed.rest.size(), kUnknown);
     for (std::size_t k = 0; k < follower->bound.size(); ++k) all[follower->bound[k]] = moved[k];
-    follower->observed.positions.push_back(std::move(all));
+    follower->mean.push_back(mean_of(all.data(), all.size()));
+    if (follower->keeps_positions) follower->observed.positions.push_back(std::move(all));
   }
-}
-
-Points Observations::means(const Follower& follower) const {
-  if (!follower.averaged.empty()) return follower.mean;
-  Points means;
-  for (const Points& frame : follower.observed.positions) {
-    means.push_back(mean_of(frame.data(), frame.size()));
-  }
-  return means;
 }
 
 double Observations::farthest(std::size_t capture) const {
@@ -183,14 +175,14 @@ SimulatedCapture Observations::at_capture(std::size_t capture) const {
 
 std::optional<fit::Ringdown> Observations::capture_ringdown(std::size_t capture) const {
   if (!captures_[capture].release) return std::nullopt;
-  return fit::fit_ringdown(times_, means(*followers_[capture]), *captures_[capture].release);
+  return fit::fit_ringdown(times_, followers_[capture]->mean, *captures_[capture].release);
 }
 
 std::optional<fit::Ringdown> Observations::probe_ringdown(std::size_t probe) const {
   const Follower& follower = *followers_[captures_.size() + probe];
   const auto release = body_release(job_.scene.bodies[follower.body], job_.scene);
   if (!release) return std::nullopt;
-  return fit::fit_ringdown(times_, means(follower), *release);
+  return fit::fit_ringdown(times_, follower.mean, *release);
 }
 
 std::optional<fit::Ringdown> Observations::body_ringdown() const {
@@ -198,7 +190,7 @@ std::optional<fit::Ringdown> Observations::body_ringdown() const {
   const Follower& follower = *followers_.front();
   const auto release = body_release(job_.scene.bodies[follower.body], job_.scene);
   if (!release) return std::nullopt;
-  return fit::fit_ringdown(times_, means(follower), *release);
+  return fit::fit_ringdown(times_, follower.mean, *release);
 }
 
 std::vector<std::string> Observations::write(const std::filesystem::path& folder) const {
@@ -228,7 +220,7 @@ std::vector<std::string> Observations::write(const std::filesystem::path& folder
     std::vector<Points> motions;
     for (std::size_t i = 0; i < job_.probes.size(); ++i) {
       names.push_back(job_.probes[i].name);
-      motions.push_back(means(*followers_[captures_.size() + i]));
+      motions.push_back(followers_[captures_.size() + i]->mean);
     }
     std::vector<Vec3d> positions;
     for (std::size_t t = 0; t < times_.size(); ++t) {

@@ -17,7 +17,6 @@ namespace matterfit::job {
 
 /// Points that move with a body: where they are at each frame of a run.
 struct ObservedPoints {
-  std::string body;
   Points rest;  ///< (N) at rest, world; a point that is not finite is not followed
   std::vector<Points> positions;  ///< one a frame, each (N); NaN where not followed
 };
@@ -60,7 +59,6 @@ class Observations {
 
  private:
   struct Follower;
-  [[nodiscard]] Points means(const Follower& follower) const;
 
   const Job& job_;
   const mpm::Scene& scene_;

@@ -7,13 +7,14 @@
 
 namespace matterfit::mpm {
 
-ContactPoint contact_point(const SurfacePoint& surface, const Mat3d& f, double half, double volume,
+ContactPoint contact_point(const SurfacePoint& surface, const Mat3d& f, double volume,
                            double density, const Vec3d& velocity) {
+  const double edge = std::cbrt(volume);
   const double stretch = (f.transpose() * surface.normal).norm();
   ContactPoint point;
   point.distance = surface.distance;
-  point.radius = half * stretch;
-  point.area = f.determinant() * volume / (std::cbrt(volume) * stretch);
+  point.radius = 0.5 * edge * stretch;
+  point.area = f.determinant() * volume / (edge * stretch);
   point.mass = density * volume;
   point.normal = surface.normal;
   point.relative_velocity = velocity - surface.velocity;

@@ -39,10 +39,9 @@ struct ContactPoint {
   Vec3d relative_velocity = Vec3d::Zero();  ///< of the particle against the surface [m/s]
 };
 
-/// The particle with rest volume `volume` [m³], deformation gradient `f` and half edge `half` at
-/// rest [m], at `surface`.
-[[nodiscard]] ContactPoint contact_point(const SurfacePoint& surface, const Mat3d& f, double half,
-                                         double volume, double density, const Vec3d& velocity);
+/// The particle with rest volume `volume` [m³] and deformation gradient `f` at `surface`.
+[[nodiscard]] ContactPoint contact_point(const SurfacePoint& surface, const Mat3d& f, double volume,
+                                         double density, const Vec3d& velocity);
 
 /// How long [s] nothing can close `gap` [m]: at twice its present speed and accelerated by twice
 /// `acceleration`, and a quarter of a frame at most; a 64th where a collider is animated, whose

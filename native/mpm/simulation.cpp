@@ -14,6 +14,7 @@
 #include "mpm/scene_check.hpp"
 #include "mpm/total_body.hpp"
 #include "mpm/total_contact.hpp"
+#include "mpm/unstable_error.hpp"
 #include "mpm/updated_group.hpp"
 
 namespace matterfit::mpm {
@@ -37,7 +38,7 @@ struct TotalMember {
   [[nodiscard]] bool needs_probe() const {
     constexpr int kOften = 64;
     constexpr float kChange = 0.05F;
-    return elastic_dt <= 0.0 || since_probe >= kOften ||
+    return since_probe >= kOften ||
            std::abs(latest.min_volume_ratio - probed.min_volume_ratio) > kChange ||
            std::abs(latest.max_volume_ratio - probed.max_volume_ratio) > kChange;
   }

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <cstddef>
+
+#include "base/vec.hpp"
+
 namespace matterfit::mpm {
 
 /// Quadratic B-spline at the three nodes of a cell, f = x/dx − base ∈ [½, 3/2): the scalar twin of
@@ -14,5 +18,27 @@ void quadratic_weights(S f, S w[3]) {
   w[1] = S(0.75) - b * b;
   w[2] = S(0.5) * c * c;
 }
+
+/// Weights and gradients [1/m] of a cell's 27 nodes at f = x/dx − base. Outside the cell its
+/// polynomial goes on.
+struct PointStencil {
+  double w[3][3];
+  double g[3][3];
+
+  PointStencil(const Vec3d& f, double dx) {
+    for (int axis = 0; axis < 3; ++axis) {
+      quadratic_weights(f[axis], w[axis]);
+      g[axis][0] = -(1.5 - f[axis]) / dx;
+      g[axis][1] = -2.0 * (f[axis] - 1.0) / dx;
+      g[axis][2] = (f[axis] - 0.5) / dx;
+    }
+  }
+  [[nodiscard]] double weight(std::size_t i, std::size_t j, std::size_t k) const {
+    return w[0][i] * w[1][j] * w[2][k];
+  }
+  [[nodiscard]] Vec3d gradient(std::size_t i, std::size_t j, std::size_t k) const {
+    return {g[0][i] * w[1][j] * w[2][k], w[0][i] * g[1][j] * w[2][k], w[0][i] * w[1][j] * g[2][k]};
+  }
+};
 
 }  // namespace matterfit::mpm

@@ -65,8 +65,7 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
         const Vec3d face = -half * (f.transpose() * surface.normal).normalized();
         const auto face_state = body.point_state(p, face);
         const SurfacePoint below = colliders_[s].collider->closest(face_state.position, time);
-        ContactPoint point =
-            contact_point(below, f, half, body.volume(p), density_, face_state.velocity);
+        ContactPoint point = contact_point(below, f, body.volume(p), density_, face_state.velocity);
         point.radius = 0.0;
         const Vec3d force = contact_force(colliders_[s].law, point, id, dt, memory_[p]);
         if (!force.isZero(0.0)) {

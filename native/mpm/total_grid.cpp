@@ -6,7 +6,6 @@
 #include <cmath>
 #include <set>
 #include <string>
-#include <tuple>
 
 #include "base/error.hpp"
 #include "mpm/spline_weights.hpp"
@@ -14,9 +13,6 @@
 namespace matterfit::mpm {
 namespace {
 
-bool before(const Vec3i& a, const Vec3i& b) {
-  return std::tie(a[0], a[1], a[2]) < std::tie(b[0], b[1], b[2]);
-}
 struct Before {
   bool operator()(const Vec3i& a, const Vec3i& b) const { return before(a, b); }
 };
@@ -100,7 +96,7 @@ std::pair<Vec3i, Vec3d> TotalGrid::cell(const Vec3d& local) const {
 }
 
 CellPoint TotalGrid::point_in(std::uint32_t particle, const Vec3d& local) const {
-  const Vec3i own = bases_[particle];
+  const Vec3i own = quadrature_.cells[particle];
   Vec3i base = cell(local).first;
   if (base != own) base = quadrature_.cell_at(base, own);
   CellPoint point{particle_block_[particle], 0, 0, 0, Vec3d::Zero()};
@@ -122,9 +118,7 @@ void TotalGrid::place_points() {
   particle_block_.resize(rest_.size());
   block_particles_.resize(block_coordinates_.size());
   for (std::size_t p = 0; p < rest_.size(); ++p) {
-    const Vec3i at = cell(rest_[p]).first;
-    bases_.push_back(quadrature_.cell_at(at, at));
-    particle_block_[p] = find(block_coordinates_, floor_divide(bases_[p]));
+    particle_block_[p] = find(block_coordinates_, floor_divide(quadrature_.cells[p]));
     block_particles_[particle_block_[p]].push_back(static_cast<std::uint32_t>(p));
   }
   std::vector<std::vector<std::uint32_t>> block_points(block_coordinates_.size());
@@ -227,7 +221,7 @@ void TotalGrid::lump_mass(double density) {
 }
 
 Vec3d TotalGrid::outward_normal(std::uint32_t particle) const {
-  const Vec3i base = bases_[particle];
+  const Vec3i base = quadrature_.cells[particle];
   Vec3d f;
   for (int axis = 0; axis < 3; ++axis) {
     f[axis] = node_coordinate(rest_[particle], axis) - base[axis];
@@ -250,14 +244,18 @@ Vec3d TotalGrid::outward_normal(std::uint32_t particle) const {
 }
 
 double TotalGrid::contact_response() const {
+  std::vector<std::pair<std::uint32_t, Vec3d>> skin;  // with its outward normals
+  for (std::uint32_t p = 0; p < rest_.size(); ++p) {
+    if (is_surface(p)) skin.emplace_back(p, outward_normal(p));
+  }
   std::vector<double> sums(mass_.size());
   double largest = 0.0;
   for (int direction = 0; direction < 6; ++direction) {
     Vec3d outward = Vec3d::Zero();
     outward[direction / 2] = direction % 2 == 0 ? -1.0 : 1.0;
     std::fill(sums.begin(), sums.end(), 0.0);
-    for (std::uint32_t p = 0; p < rest_.size(); ++p) {
-      if (!is_surface(p) || outward_normal(p).dot(outward) < 0.5) continue;
+    for (const auto& [p, normal] : skin) {
+      if (normal.dot(outward) < 0.5) continue;
       const double edge = std::cbrt(volumes_[p]);
       const NodeWeights face = field_weights(p, rest_[p] + 0.5 * edge * outward);
       double total = 0.0;
@@ -335,7 +333,7 @@ NodeWeights TotalGrid::point_weights(const Vec3d& local) const {
 }
 
 NodeWeights TotalGrid::field_weights(std::uint32_t particle, const Vec3d& local) const {
-  const Vec3i base = quadrature_.cell_at(cell(local).first, bases_[particle]);
+  const Vec3i base = quadrature_.cell_at(cell(local).first, quadrature_.cells[particle]);
   double w[3][3];
   for (int axis = 0; axis < 3; ++axis) {
     quadratic_weights(node_coordinate(local, axis) - base[axis], w[axis]);

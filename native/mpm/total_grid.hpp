@@ -121,7 +121,6 @@ class TotalGrid {
   Points rest_;
   std::vector<double> volumes_;
   Quadrature quadrature_;
-  std::vector<Vec3i> bases_;  ///< per particle: the cell whose polynomial moves it
   std::vector<std::uint32_t> place_;
   std::vector<std::uint32_t> particle_block_;
   std::vector<std::uint8_t> surface_;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <tuple>
 
 namespace matterfit::mpm {
 namespace {
@@ -41,8 +40,11 @@ std::vector<Slice> slices(double x, double edge) {
   return result;
 }
 
-bool before(const Vec3i& a, const Vec3i& b) {
-  return std::tie(a[0], a[1], a[2]) < std::tie(b[0], b[1], b[2]);
+/// The first item of those sorted by cell that is not before `cell`.
+template <class Item>
+auto first_of(const std::vector<Item>& items, const Vec3i& cell) {
+  return std::lower_bound(items.begin(), items.end(), cell,
+                          [](const Item& item, const Vec3i& c) { return before(item.cell, c); });
 }
 
 /// A box's share of a cell, and the part of the cell that it covers.
@@ -134,9 +136,7 @@ Vec3i find_host(const std::vector<FilledCell>& cells, const Vec3i& cell) {
   double best = 0.0;
   for (int i = 0; i < 27; ++i) {
     const Vec3i step(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
-    const auto place =
-        std::lower_bound(cells.begin(), cells.end(), cell + step,
-                         [](const FilledCell& c, const Vec3i& at) { return before(c.cell, at); });
+    const auto place = first_of(cells, cell + step);
     if (i == 13 || place == cells.end() || place->cell != cell + step) continue;
     if (place->filled < kLeastFilled) continue;
     const double score = place->filled - 2.0 * step.cwiseAbs().sum() + 10.0;
@@ -151,13 +151,9 @@ Vec3i find_host(const std::vector<FilledCell>& cells, const Vec3i& cell) {
 }  // namespace
 
 Vec3i Quadrature::cell_at(const Vec3i& cell, const Vec3i& otherwise) const {
-  const auto host =
-      std::lower_bound(hosted.begin(), hosted.end(), cell,
-                       [](const HostedCell& h, const Vec3i& c) { return before(h.cell, c); });
+  const auto host = first_of(hosted, cell);
   if (host != hosted.end() && host->cell == cell) return host->host;
-  const auto own =
-      std::lower_bound(points.begin(), points.end(), cell,
-                       [](const QuadraturePoint& q, const Vec3i& c) { return before(q.cell, c); });
+  const auto own = first_of(points, cell);
   return own != points.end() && own->cell == cell ? cell : otherwise;
 }
 
@@ -192,9 +188,8 @@ Quadrature cell_quadrature(const std::vector<Vec3d>& coordinates,
       cell[axis] = static_cast<int>(std::floor(coordinates[p][axis] - 0.5));
     }
     cell = result.cell_at(cell, cell);
-    auto q = std::lower_bound(
-        result.points.begin(), result.points.end(), cell,
-        [](const QuadraturePoint& point, const Vec3i& c) { return before(point.cell, c); });
+    result.cells.push_back(cell);
+    auto q = first_of(result.points, cell);
     double least = 1e30;
     for (; q != result.points.end() && q->cell == cell; ++q) {
       const double distance = (q->f + cell.cast<double>() - coordinates[p]).squaredNorm();

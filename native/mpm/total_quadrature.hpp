@@ -2,11 +2,17 @@
 #pragma once
 
 #include <cstdint>
+#include <tuple>
 #include <vector>
 
 #include "base/vec.hpp"
 
 namespace matterfit::mpm {
+
+/// The order in which cells and blocks are kept.
+[[nodiscard]] inline bool before(const Vec3i& a, const Vec3i& b) {
+  return std::tie(a[0], a[1], a[2]) < std::tie(b[0], b[1], b[2]);
+}
 
 /// Where the stress of a total Lagrangian body is evaluated.
 struct QuadraturePoint {
@@ -26,6 +32,7 @@ struct HostedCell {
 struct Quadrature {
   std::vector<QuadraturePoint> points;  ///< sorted by cell
   std::vector<HostedCell> hosted;       ///< sorted by cell
+  std::vector<Vec3i> cells;             ///< per particle: the cell whose polynomial moves it
   std::vector<std::uint32_t> nearest;   ///< per particle: the point nearest to it in its cell
 
   /// The cell whose polynomial holds at a cell: itself, its host, or `otherwise` off the body.

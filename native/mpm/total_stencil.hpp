@@ -4,34 +4,11 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "base/vec.hpp"
 #include "mpm/layout.hpp"
 #include "mpm/spline_weights.hpp"
 #include "mpm/total_grid.hpp"
 
 namespace matterfit::mpm {
-
-/// Weights and gradients [1/m] of a cell's 27 nodes at f = x/dx − base. Outside the cell its
-/// polynomial goes on.
-struct PointStencil {
-  double w[3][3];
-  double g[3][3];
-
-  PointStencil(const Vec3d& f, double dx) {
-    for (int axis = 0; axis < 3; ++axis) {
-      quadratic_weights(f[axis], w[axis]);
-      g[axis][0] = -(1.5 - f[axis]) / dx;
-      g[axis][1] = -2.0 * (f[axis] - 1.0) / dx;
-      g[axis][2] = (f[axis] - 0.5) / dx;
-    }
-  }
-  [[nodiscard]] double weight(std::size_t i, std::size_t j, std::size_t k) const {
-    return w[0][i] * w[1][j] * w[2][k];
-  }
-  [[nodiscard]] Vec3d gradient(std::size_t i, std::size_t j, std::size_t k) const {
-    return {g[0][i] * w[1][j] * w[2][k], w[0][i] * g[1][j] * w[2][k], w[0][i] * w[1][j] * g[2][k]};
-  }
-};
 
 /// Calls visit(index of the node in a field's component 0, i, j, k) for the 27 nodes of a cell.
 template <class Visit>

@@ -12,7 +12,7 @@
 #include "mpm/node_contact.hpp"
 #include "mpm/pin_region.hpp"
 #include "mpm/spline_weights.hpp"
-#include "mpm/total_stencil.hpp"
+#include "mpm/unstable_error.hpp"
 #include "mpm/updated_blocks.hpp"
 
 namespace matterfit::mpm {
@@ -443,8 +443,8 @@ struct UpdatedGroup::Impl {
             continue;
           }
           const double volume = static_cast<double>(chunk.a[Chunk::kVolume][l]);
-          ContactPoint point = contact_point(surface, deformation_gradient(chunk, l),
-                                             0.5 * std::cbrt(volume), volume, member.density, v);
+          ContactPoint point =
+              contact_point(surface, deformation_gradient(chunk, l), volume, member.density, v);
           if (fluid && (point.distance < point.radius || memory.surface == id)) {
             // A fluid sticks by its face, and is sheared from there. A solid is told by its centre,
             // whose velocity is the rate of its position to the last digit: nothing creeps.
@@ -453,12 +453,17 @@ struct UpdatedGroup::Impl {
           }
           const Vec3d force = contact_force(member.contacts[c], point, id, dt, memory);
           if (!force.isZero(0.0)) {
-            // A normal force on the face would depend on where the face is in its cell (a ball's
-            // rebound by 9 %); at the centre it does not.
-            const Vec3d normal = point.normal.dot(force) * point.normal;
-            const Vec3d face = fluid ? Vec3d(-point.radius * point.normal) : Vec3d::Zero();
-            add_momentum(block, s, chunk, l, (dt * normal).cast<float>(), 0.0F);
-            add_momentum(block, s, chunk, l, (dt * (force - normal)).cast<float>(), 0.0F, face);
+            const Vec3d impulse = dt * force;
+            if (fluid) {
+              // The normal part at the centre: on the face it would depend on where the face is in
+              // its cell (a ball's rebound by 9 %).
+              const Vec3d normal = point.normal.dot(impulse) * point.normal;
+              add_momentum(block, s, chunk, l, normal.cast<float>(), 0.0F);
+              add_momentum(block, s, chunk, l, (impulse - normal).cast<float>(), 0.0F,
+                           -point.radius * point.normal);
+            } else {
+              add_momentum(block, s, chunk, l, impulse.cast<float>(), 0.0F);
+            }
             touching = true;
             block.penetration = std::max(block.penetration, point.radius - point.distance);
           }

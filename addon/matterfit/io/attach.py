@@ -400,8 +400,7 @@ def detach(scene, take):
 def _is_in_use(collection):
     """It holds something, or shows a take."""
     return bool(collection.all_objects or collection.children) or any(
-        take.collection == collection for scene in bpy.data.scenes
-        for take in (*scene.matterfit.takes, scene.matterfit.preview))
+        take.collection == collection for _scene, take in cache.every_take())
 
 
 def _remove(items):

@@ -22,12 +22,18 @@ def name_of(take):
     return os.path.basename(take.folder.rstrip("/\\"))
 
 
+def every_take():
+    """(scene, take) of every take and preview in this file."""
+    for scene in bpy.data.scenes:
+        for take in (*scene.matterfit.takes, scene.matterfit.preview):
+            yield scene, take
+
+
 def is_shared(take):
     """Whether another take of this file has the same folder: Blender copied its scene."""
     name = name_of(take)
     return bool(name) and any(
-        other != take and name_of(other) == name for scene in bpy.data.scenes
-        for other in (*scene.matterfit.takes, scene.matterfit.preview))
+        other != take and name_of(other) == name for _scene, other in every_take())
 
 
 @dataclass

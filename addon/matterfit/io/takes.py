@@ -128,8 +128,7 @@ def find(folder):
     """(scene, take) whose cache is `folder`, looked up anew at every tick of a job: the artist may
     have switched scenes, undone, or removed the take. (None, None) where it is gone."""
     name = os.path.basename(os.path.normpath(folder))
-    for scene in bpy.data.scenes:
-        for take in (*scene.matterfit.takes, scene.matterfit.preview):
-            if take.folder and cache.name_of(take) == name:
-                return scene, take
+    for scene, take in cache.every_take():
+        if take.folder and cache.name_of(take) == name:
+            return scene, take
     return None, None

@@ -81,6 +81,17 @@ class PlainOperator:
         return result or {"FINISHED"}
 
 
+# The operators that run modally: Blender names them nowhere.
+_modal = []
+
+
+def cancel_modal_operators(context):
+    """Ends what runs modally, with its timer, its progress cursor and its text in the status bar:
+    Blender frees such operators with their classes and calls no cancel()."""
+    for operator in list(_modal):
+        operator.cancel(context)
+
+
 class JobOperator(NoJobRunning):
     """A long job. `execute()` blocks and is the truth; the modal side polls the same job.
 
@@ -133,6 +144,7 @@ class JobOperator(NoJobRunning):
         manager.progress_begin(0.0, 100.0)
         self._timer = manager.event_timer_add(INTERVAL, window=context.window)
         manager.modal_handler_add(self)
+        _modal.append(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
@@ -156,6 +168,7 @@ class JobOperator(NoJobRunning):
 
     def _remove_timer(self, context):
         if self._timer is not None:
+            _modal.remove(self)
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
             context.window_manager.progress_end()

@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <cstdio>
@@ -15,6 +16,7 @@
 #include "capi/terminal.hpp"
 #include "job/document.hpp"
 #include "job/inputs.hpp"
+#include "job/json_reader.hpp"
 #include "job/run.hpp"
 
 namespace {
@@ -115,6 +117,21 @@ int inspect(const Arguments& arguments) {
   return sound ? 0 : 2;
 }
 
+/// CLI11 says no more of an unknown verb than that one is missing.
+void check_verb(const CLI::App& app, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-') return;
+  std::vector<std::string> names;
+  std::string list;
+  for (const CLI::App* verb : app.get_subcommands(nullptr)) {
+    names.push_back(verb->get_name());
+    list += " " + names.back();
+  }
+  if (std::find(names.begin(), names.end(), argv[1]) != names.end()) return;
+  const auto near = job::nearest(argv[1], names);
+  matterfit::throw_input("there is no command '" + std::string(argv[1]) + "'." +
+                         (near ? " Did you mean '" + *near + "'?" : " There are:" + list + "."));
+}
+
 int command(int argc, char** argv, Arguments& arguments) {
   CLI::App app("Matterfit: simulates, compares with captures, and bakes what Blender plays.",
                "matterfit");
@@ -137,6 +154,7 @@ int command(int argc, char** argv, Arguments& arguments) {
   look->add_option("FOLDER", arguments.folder, "a job's output folder")->required();
   look->add_option("--report", arguments.report, "write the result to this file too");
   look->add_flag("--json", arguments.json, "print the result as JSON");
+  check_verb(app, argc, argv);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -171,14 +189,18 @@ int main(int argc, char** argv) {
   // A file size limit or a closed pipe is an error to be named, not the end of the process.
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
-  Arguments arguments;
   int status = 3;
   try {
-    status = command(argc, argv, arguments);
-  } catch (const Error& error) {
-    status = fail(arguments, error.kind(), error.what());
-  } catch (const std::exception& error) {
-    status = fail(arguments, ErrorKind::kCompute, error.what());
+    Arguments arguments;
+    try {
+      status = command(argc, argv, arguments);
+    } catch (const Error& error) {
+      status = fail(arguments, error.kind(), error.what());
+    } catch (const std::exception& error) {
+      status = fail(arguments, ErrorKind::kCompute, error.what());
+    }
+  } catch (...) {
+    std::fputs("matterfit: out of memory.\n", stderr);  // while the error was being told
   }
   if (std::fflush(stdout) != 0 && status == 0) status = 3;
   return status;

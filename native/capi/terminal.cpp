@@ -66,6 +66,12 @@ std::string summary(const Json& result) {
     line(fmt::format("particles {}, dt {} s, substeps {}", field("particles"), field("dt"),
                      field("substeps")));
   }
+  if (result.contains("bodies")) {
+    for (const Json& body : result["bodies"]) {
+      line(fmt::format("body {}: {}", body.at("name").get<std::string>(),
+                       body.value("fill", std::string())));
+    }
+  }
   if (result.contains("ringdown")) line("ring-down: " + ringdown_text(result["ringdown"]));
   if (result.contains("captures")) {
     for (const Json& capture : result["captures"]) {

@@ -72,6 +72,62 @@ mpm::ColliderPtr build_collider(const ColliderDoc& doc, const SceneDoc& scene) {
                                       std::move(times), mesh);
 }
 
+/// Whether a tenth of a mesh's surface or more has nothing of the collider a separation behind it.
+bool has_thin_walls(const capture::Mesh& mesh, const mpm::Pose& pose, const mpm::Collider& collider,
+                    double separation) {
+  constexpr std::size_t kMostFaces = 20'000;
+  const std::size_t stride = 1 + mesh.face_sizes.size() / kMostFaces;
+  double all = 0.0;
+  double thin = 0.0;
+  std::size_t first = 0;
+  for (std::size_t f = 0; f < mesh.face_sizes.size(); ++f) {
+    const auto size = static_cast<std::size_t>(mesh.face_sizes[f]);
+    const auto corner = [&](std::size_t i) -> Vec3d {
+      const auto v = static_cast<std::size_t>(mesh.face_vertices[first + i % size]);
+      return mesh.vertices[v].cast<double>();
+    };
+    Vec3d area = Vec3d::Zero();
+    Vec3d centre = Vec3d::Zero();
+    for (std::size_t i = 0; i < size; ++i) {
+      area += 0.5 * (corner(i) - corner(0)).cross(corner(i + 1) - corner(0));
+      centre += corner(i) / double(size);
+    }
+    first += size;
+    if (f % stride != 0 || !(area.norm() > 0.0)) continue;
+    const Vec3d behind = separation * area.normalized();
+    const auto is_free = [&](const Vec3d& x) {
+      return collider.closest(pose.rotation * x + pose.position, 0.0).distance >= 0.0;
+    };
+    all += area.norm();
+    if (is_free(centre - behind) && is_free(centre + behind)) thin += area.norm();
+  }
+  return thin > 0.1 * all;
+}
+
+/// Contact pushes out by the nearest side, which in a thin wall is soon the wrong one.
+bool is_thin(const ColliderDoc& doc, const mpm::Collider& collider, const SceneDoc& scene) {
+  using Shape = ColliderDoc::Shape;
+  const double separation = scene.particle_separation;
+  switch (doc.shape) {
+    case Shape::kGround:
+    case Shape::kPlane:
+      return false;
+    case Shape::kSphere:
+    case Shape::kCapsule:
+      return 2.0 * doc.radius < separation;
+    case Shape::kBox:
+      return 2.0 * doc.half_extents.minCoeff() < separation;
+    case Shape::kMesh: {
+      const auto pose = doc.transform.in_seconds(scene.first_frame, scene.fps).at(0.0);
+      return has_thin_walls(capture::read_mesh(doc.files.front()), pose, collider, separation);
+    }
+    case Shape::kMeshes:
+      return has_thin_walls(capture::read_mesh(doc.files.front()), mpm::Pose{}, collider,
+                            separation);
+  }
+  return false;
+}
+
 }  // namespace
 
 Points read_points(const std::filesystem::path& path) {
@@ -136,6 +192,13 @@ BuiltScene build_scene(const Job& job, Arena& arena, const Interrupter& interrup
     interrupter.check();
     scene.colliders.push_back(at_path("scene.colliders[" + std::to_string(i) + "]",
                                       [&] { return build_collider(doc.colliders[i], doc); }));
+    if (!is_thin(doc.colliders[i], *scene.colliders.back(), doc)) continue;
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  ": thinner than a particle separation (%.3g m); what presses on it may come out "
+                  "on its other side. Thicken it, or use a smaller separation.",
+                  doc.particle_separation);
+    built.notes.push_back("collider '" + doc.colliders[i].name + "'" + text);
   }
   scene.contacts = doc.contacts;
   scene.walls = doc.walls;

@@ -15,6 +15,7 @@ namespace matterfit::job {
 struct BuiltScene {
   mpm::Scene scene;
   std::vector<std::string> fill_reports;  ///< one a body: what the fill did
+  std::vector<std::string> notes;         ///< what may not be as it was meant
 };
 
 /// Reads the files that the scene names, fills the bodies, samples keyed quantities to seconds.

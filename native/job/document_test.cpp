@@ -240,6 +240,12 @@ TEST(Override, WhatItRefuses) {
   }
   document["scene"]["bodies"].push_back(document["scene"]["bodies"][0]);
   EXPECT_THROW(apply_override(document, "material.E=1"), Error);
+  try {
+    apply_override(document, "gravty=[0,0,-3.7]");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("did you mean 'gravity'?"));
+  }
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ namespace matterfit::job {
 
 FolderLock::FolderLock(const std::filesystem::path& folder) : path_(folder / ".lock") {
   std::error_code code;
-  std::filesystem::create_directories(folder, code);
+  created_ = std::filesystem::create_directories(folder, code);
   if (code) {
     throw_output(folder.string() + ": cannot create the folder: " + code.message() +
                  ". Choose an output folder that can be written to.");
@@ -53,6 +53,7 @@ FolderLock::FolderLock(const std::filesystem::path& folder) : path_(folder / ".l
 FolderLock::~FolderLock() {
   if (descriptor_ < 0) return;
   ::unlink(path_.c_str());
+  if (created_) ::rmdir(path_.parent_path().c_str());  // fails, rightly, where it holds anything
   ::close(descriptor_);
 }
 

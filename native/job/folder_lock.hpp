@@ -12,6 +12,7 @@ class FolderLock {
   /// Creates the folder. Throws Error(kInput) if another job holds it, Error(kOutput) if it cannot
   /// be created or written to.
   explicit FolderLock(const std::filesystem::path& folder);
+  /// Removes the folder if it created it and nothing was put into it.
   ~FolderLock();
   FolderLock(const FolderLock&) = delete;
   FolderLock& operator=(const FolderLock&) = delete;
@@ -19,6 +20,7 @@ class FolderLock {
  private:
   std::filesystem::path path_;
   int descriptor_ = -1;
+  bool created_ = false;
 };
 
 }  // namespace matterfit::job

@@ -70,8 +70,16 @@ void expand(std::vector<Step>& steps, const Json& document, const std::string& p
   static constexpr std::array<std::string_view, 12> kSceneKeys = {
       "bodies", "colliders", "gravity", "fps",      "frames",  "particle_separation",
       "solver", "contacts",  "walls",   "material", "density", "velocity"};
+  static constexpr std::array<std::string_view, 9> kDocumentKeys = {
+      "schema", "task", "note", "scene", "captures", "probes", "output", "fit", "diagnose"};
   const std::string first = steps.front().key;
-  if (std::find(kSceneKeys.begin(), kSceneKeys.end(), first) == kSceneKeys.end()) return;
+  if (std::find(kSceneKeys.begin(), kSceneKeys.end(), first) == kSceneKeys.end()) {
+    if (std::find(kDocumentKeys.begin(), kDocumentKeys.end(), first) != kDocumentKeys.end()) return;
+    std::vector<std::string> known(kSceneKeys.begin(), kSceneKeys.end());
+    known.insert(known.end(), kDocumentKeys.begin(), kDocumentKeys.end());
+    if (const auto near = nearest(first, known)) bad_path(path, "did you mean '" + *near + "'?");
+    return;
+  }
   if (first == "material" || first == "density" || first == "velocity") {
     const Json* bodies = nullptr;
     if (document.contains("scene") && document["scene"].contains("bodies")) {

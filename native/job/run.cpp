@@ -65,13 +65,13 @@ class Run {
     check_task(job_);
     for (std::size_t i = 0; i < job_.captures.size(); ++i) {
       captures_.push_back(load_capture(job_, i));
-      const std::string warning = capture::summarise(captures_.back().tracks).unit_warning;
-      if (!warning.empty()) notes_.push_back("captures." + captures_.back().name + ": " + warning);
+      note_summary(captures_.back());
     }
     const Inputs inputs = simulation_inputs(job_, target_);
     cache_.emplace(job_, inputs, options_.restart);
     report(0.0, "Filling bodies");
     built_ = build_scene(job_, *arena_, interrupter_);
+    notes_.insert(notes_.end(), built_.notes.begin(), built_.notes.end());
     count_ = static_cast<std::size_t>(job_.scene.frames());
     observations_.emplace(job_, built_.scene, captures_, *arena_);
     if (job_.task == Task::kBake) {
@@ -102,6 +102,18 @@ class Run {
     progress.last_frame = job_.scene.end_frame - 1;
     interrupter_.report(progress);
     interrupter_.check();
+  }
+
+  void note_summary(const CaptureInput& input) {
+    const capture::CaptureSummary summary = capture::summarise(input.tracks);
+    const std::string where = "captures." + input.name + ": ";
+    if (!summary.unit_warning.empty()) notes_.push_back(where + summary.unit_warning);
+    if (summary.missing == 0.0) return;
+    char text[120];
+    std::snprintf(text, sizeof text,
+                  "%.2g %% of the samples are missing (not visible, or not finite)",
+                  100.0 * summary.missing);
+    notes_.push_back(where + text);
   }
 
   /// What of the caches is there already, of the same `output`.

@@ -248,6 +248,40 @@ TEST(Run, CapturesAtAnotherRateAreInterpolatedAndSaidSo) {
   EXPECT_TRUE(std::isnan(positions[6 * 18]));
 }
 
+TEST(Run, WallsThinnerThanASeparationAreNoted) {
+  const Folder folder;
+  // A plate of 10 mm as a closed mesh, separation 50 mm; and one of 100 mm.
+  const auto plate = [&](const char* name, double half) {
+    std::ofstream file(folder.path / name);
+    for (int i = 0; i < 8; ++i) {
+      file << "v " << ((i & 1) != 0 ? 1 : -1) << ' ' << ((i & 2) != 0 ? 1 : -1) << ' '
+           << ((i & 4) != 0 ? half : -half) << '\n';
+    }
+    file << "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+  };
+  plate("thin.obj", 0.005);
+  plate("thick.obj", 0.05);
+  Json document = falling_cube();
+  document["scene"]["frames"] = {1, 2};
+  document["scene"]["colliders"] = {{{"name", "thin plate"}, {"mesh", "thin.obj"}},
+                                    {{"name", "thick plate"}, {"mesh", "thick.obj"}}};
+  const std::string notes = run(document, folder.path)["notes"].dump();
+  EXPECT_THAT(notes, HasSubstr("'thin plate': thinner than a particle separation"));
+  EXPECT_THAT(notes, testing::Not(HasSubstr("thick plate")));
+}
+
+TEST(Run, ARefusedJobLeavesNoFolder) {
+  const Folder folder;
+  Json document = falling_cube();
+  document["output"]["folder"] = "refused";
+  document["scene"]["bodies"][0]["source"] = {{"mesh", "absent.obj"}};
+  EXPECT_THROW((void)run(document, folder.path), Error);
+  EXPECT_FALSE(fs::exists(folder.path / "refused"));
+  fs::create_directory(folder.path / "refused");
+  EXPECT_THROW((void)run(document, folder.path), Error);
+  EXPECT_TRUE(fs::exists(folder.path / "refused"));
+}
+
 TEST(Run, WhatIsNotThereYetSaysSo) {
   const Folder folder;
   Json document = falling_cube();

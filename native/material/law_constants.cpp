@@ -34,6 +34,9 @@ LawConstants<S> law_constants(const Material& m) {
   }
   c.damping_shear = static_cast<S>(m.damping_shear);
   c.damping_bulk = static_cast<S>(m.damping_bulk);
+  for (const MaxwellBranch& branch : m.maxwell) {
+    c.maxwell[c.maxwell_count++] = {static_cast<S>(branch.modulus), static_cast<S>(branch.time)};
+  }
   c.damped = m.damping_shear > 0.0 || m.damping_bulk > 0.0 ||
              (m.law == Law::kNewtonian && m.viscosity > 0.0);
   c.plastic =

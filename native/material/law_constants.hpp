@@ -1,9 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <array>
+#include <cstddef>
+
 #include "material/material.hpp"
 
 namespace matterfit::material {
+
+template <class S>
+struct MaxwellConstants {
+  S modulus{};  ///< [Pa]
+  S time{};     ///< [s]
+};
 
 /// What the kernels of laws-inl.hpp read: a Material reduced to the constants of its formulas, in
 /// the scalar type of the kernel.
@@ -23,6 +32,8 @@ struct LawConstants {
   S alpha_tip{};      ///< α·tip, finite for φ → 0
   S damping_shear{};  ///< [Pa s]
   S damping_bulk{};   ///< [Pa s]
+  std::array<MaxwellConstants<S>, kMostMaxwellBranches> maxwell{};
+  std::size_t maxwell_count = 0;
   bool damped = false;
   bool plastic = false;  ///< return mapping changes the elastic deformation gradient
 };

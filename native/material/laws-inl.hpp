@@ -24,15 +24,6 @@ using material::Law;
 template <class T>
 using Constants = material::LawConstants<typename LaneTraits<T>::Scalar>;
 
-/// Adds a·I.
-template <class T>
-HWY_INLINE Sym3<T> add_diagonal(Sym3<T> s, T a) {
-  s.xx += a;
-  s.yy += a;
-  s.zz += a;
-  return s;
-}
-
 /// J^p from J − 1.
 template <class T>
 HWY_INLINE T power(T j_minus_one, double p) {
@@ -118,30 +109,16 @@ HWY_INLINE T flow_herschel_bulkley(const Constants<T>& c, T excess, T two_mu_hat
   return min(eta * exp(n * log(max(z, tiny))), safe);
 }
 
-/// The laws on Hencky strains εᵢ = ½ ln(1 + eᵢ), eᵢ the eigenvalues of FᵀF − I: stvk_hencky and the
-/// plastic laws on it. `plastic` gets V diag(σ_new/σ − 1) Vᵀ, so that F_new = F (I + plastic), and
-/// `strain` grows by the equivalent plastic strain. Without plastic flow both stay untouched.
+/// What the plastic laws keep of a trial strain: `keep`, the factor of dev ε (`norm` = |dev ε|),
+/// and `new_trace`; `stretch` is tr(b)/3. `strain` grows by the equivalent plastic strain.
 template <class T>
-HWY_INLINE Sym3<T> stress_hencky(const Constants<T>& c, const Mat3<T>& h, T jm1, T mean, T dt,
-                                 Sym3<T>& plastic, T& strain) {
-  T e[3];
-  Mat3<T> v;
-  eigen_symmetric(right_cauchy_green_minus_identity(h), e, v);
-  T eps[3];
-  for (int i = 0; i < 3; ++i) {
-    e[i] = max(e[i], scalar<T>(-0.999999));  // also rounding beyond −1 of an eigenvalue near 0
-    eps[i] = scalar<T>(0.5) * log1p(e[i]);
-  }
-  const T third = scalar<T>(1.0 / 3.0);
-  T trace = eps[0] + eps[1] + eps[2];
-  T dev[3];
-  for (int i = 0; i < 3; ++i) dev[i] = eps[i] - third * trace;
-  const T norm = sqrt(fma(dev[0], dev[0], fma(dev[1], dev[1], dev[2] * dev[2])));
+HWY_INLINE void hencky_return(const Constants<T>& c, T norm, T trace, T stretch, T dt, T& strain,
+                              T& keep, T& new_trace) {
   const T zero = scalar<T>(0);
   const T one = scalar<T>(1);
   const T two_mu = T(c.mu + c.mu);
-  T keep = one;  // factor of dev ε
-  T new_trace = trace;
+  keep = one;
+  new_trace = trace;
   switch (c.law) {
     case Law::kVonMises: {
       const T y =
@@ -154,7 +131,6 @@ HWY_INLINE Sym3<T> stress_hencky(const Constants<T>& c, const Mat3<T>& h, T jm1,
     case Law::kHerschelBulkley: {
       const T s = two_mu * norm;
       const T excess = max(s - T(c.yield), zero);
-      const T stretch = one + third * (e[0] + e[1] + e[2]);  // tr(b)/3
       const T flow = flow_herschel_bulkley<T>(c, excess, two_mu * stretch * dt);
       const T drop = select(excess > zero, excess - flow, zero);
       keep = one - min(drop / max(s, scalar<T>(1e-30)), one);
@@ -175,6 +151,33 @@ HWY_INLINE Sym3<T> stress_hencky(const Constants<T>& c, const Mat3<T>& h, T jm1,
     default:
       break;
   }
+}
+
+/// The laws on Hencky strains εᵢ = ½ ln(1 + eᵢ), eᵢ the eigenvalues of FᵀF − I: stvk_hencky and the
+/// plastic laws on it. `plastic` gets V diag(σ_new/σ − 1) Vᵀ, so that F_new = F (I + plastic), and
+/// `strain` grows by the equivalent plastic strain. Without plastic flow both stay untouched.
+template <class T>
+HWY_INLINE Sym3<T> stress_hencky(const Constants<T>& c, const Mat3<T>& h, T jm1, T mean, T dt,
+                                 Sym3<T>& plastic, T& strain) {
+  T e[3];
+  Mat3<T> v;
+  eigen_symmetric(right_cauchy_green_minus_identity(h), e, v);
+  T eps[3];
+  for (int i = 0; i < 3; ++i) {
+    e[i] = max(e[i], scalar<T>(-0.999999));  // also rounding beyond −1 of an eigenvalue near 0
+    eps[i] = scalar<T>(0.5) * log1p(e[i]);
+  }
+  const T third = scalar<T>(1.0 / 3.0);
+  T trace = eps[0] + eps[1] + eps[2];
+  T dev[3];
+  for (int i = 0; i < 3; ++i) dev[i] = eps[i] - third * trace;
+  const T norm = sqrt(fma(dev[0], dev[0], fma(dev[1], dev[1], dev[2] * dev[2])));
+  const T one = scalar<T>(1);
+  const T two_mu = T(c.mu + c.mu);
+  const T stretch = one + third * (e[0] + e[1] + e[2]);
+  T keep;
+  T new_trace;
+  hencky_return(c, norm, trace, stretch, dt, strain, keep, new_trace);
   T s[3];
   // Volume: U = ½κ ln²J. A return that changes the trace (sand) is a point's own affair.
   const T ln_volume =

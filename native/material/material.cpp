@@ -113,6 +113,10 @@ void validate(const Material& m, const std::string& where) {
           "[0, 1e9) Pa s");
   require(m.damping_bulk >= 0 && m.damping_bulk < 1e9, where, "damping_bulk", m.damping_bulk,
           "[0, 1e9) Pa s");
+  if (m.maxwell.size() > kMostMaxwellBranches) {
+    throw_input(where + ".maxwell has " + std::to_string(m.maxwell.size()) + " branches; at most " +
+                std::to_string(kMostMaxwellBranches) + " are simulated. Join those of like times.");
+  }
   for (std::size_t i = 0; i < m.maxwell.size(); ++i) {
     const std::string branch = where + ".maxwell[" + std::to_string(i) + "]";
     require(m.maxwell[i].modulus >= 0 && m.maxwell[i].modulus < 1e13, branch, "modulus",

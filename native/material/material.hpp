@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -23,6 +24,9 @@ struct MaxwellBranch {
   double modulus = 0.0;
   double time = 0.0;
 };
+
+/// A body takes this many at most.
+inline constexpr std::size_t kMostMaxwellBranches = 6;
 
 /// A material as a job document gives it: physical values in SI units (physics of each law and the
 /// conversions from the papers' codes: docs/why.md). Values that a law does not use are ignored.

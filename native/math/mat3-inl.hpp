@@ -206,6 +206,30 @@ HWY_INLINE Sym3<T> push_forward(const Mat3<T>& f, const Sym3<T>& s) {
   return {dot(0, 0), dot(1, 1), dot(2, 2), dot(1, 2), dot(0, 2), dot(0, 1)};
 }
 
+/// Adds a·I.
+template <class T>
+HWY_INLINE Sym3<T> add_diagonal(Sym3<T> s, T a) {
+  s.xx += a;
+  s.yy += a;
+  s.zz += a;
+  return s;
+}
+
+template <class T>
+HWY_INLINE Sym3<T> scaled(const Sym3<T>& s, T a) {
+  return {a * s.xx, a * s.yy, a * s.zz, a * s.yz, a * s.xz, a * s.xy};
+}
+
+template <class T>
+HWY_INLINE Sym3<T> sum(const Sym3<T>& a, const Sym3<T>& b) {
+  return {a.xx + b.xx, a.yy + b.yy, a.zz + b.zz, a.yz + b.yz, a.xz + b.xz, a.xy + b.xy};
+}
+
+template <class T>
+HWY_INLINE Sym3<T> deviator(const Sym3<T>& s) {
+  return add_diagonal(s, scalar<T>(-1.0 / 3.0) * (s.xx + s.yy + s.zz));
+}
+
 }  // namespace matterfit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 #endif

@@ -19,63 +19,22 @@ const mpm::Kernels<S>& table() {
   return kTable;
 }
 const mpm::Kernels<float>& table_float() { return table<float>(); }
+#if HWY_TARGET == HWY_SSE4
+// For proofs.
 const mpm::Kernels<double>& table_double() { return table<double>(); }
+#endif
 
 }  // namespace matterfit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-#include "base/error.hpp"
+#include "mpm/simd_dispatch.hpp"
 
 namespace matterfit::mpm {
-namespace {
-
-/// The target to run, as a Highway bit. A pinned one must be there; kAuto takes the best.
-std::int64_t chosen(SimdTarget target) {
-  const std::int64_t have = hwy::SupportedTargets() & HWY_TARGETS;
-  const auto pinned = [&](std::int64_t bit, const char* name) {
-    if ((have & bit) == 0) {
-      throw_input(std::string("target ") + name +
-                  ": this processor does not have it. Use 'auto' or a lower one (sse4, avx2).");
-    }
-    return bit;
-  };
-  switch (target) {
-    case SimdTarget::kSse4:
-      return pinned(HWY_SSE4, "sse4");
-    case SimdTarget::kAvx2:
-      return pinned(HWY_AVX2, "avx2");
-    case SimdTarget::kAvx512:
-      return pinned(HWY_AVX3, "avx512");
-    case SimdTarget::kAuto:
-      break;
-  }
-  if ((have & HWY_AVX3) != 0) return HWY_AVX3;
-  if ((have & HWY_AVX2) != 0) return HWY_AVX2;
-  return HWY_SSE4;
-}
-
-}  // namespace
-
-// A build may leave targets out: the one under sanitizers has the lowest alone.
-#if (HWY_TARGETS & HWY_AVX3) != 0
-#define MATTERFIT_AVX3_CASE(table) \
-  case HWY_AVX3:                   \
-    return N_AVX3::table();
-#else
-#define MATTERFIT_AVX3_CASE(table)
-#endif
-#if (HWY_TARGETS & HWY_AVX2) != 0
-#define MATTERFIT_AVX2_CASE(table) \
-  case HWY_AVX2:                   \
-    return N_AVX2::table();
-#else
-#define MATTERFIT_AVX2_CASE(table)
-#endif
 
 template <>
 const Kernels<float>& kernels<float>(SimdTarget target) {
-  switch (chosen(target)) {
+  switch (highway_target(target)) {
     MATTERFIT_AVX3_CASE(table_float)
     MATTERFIT_AVX2_CASE(table_float)
     default:
@@ -84,13 +43,8 @@ const Kernels<float>& kernels<float>(SimdTarget target) {
 }
 
 template <>
-const Kernels<double>& kernels<double>(SimdTarget target) {
-  switch (chosen(target)) {
-    MATTERFIT_AVX3_CASE(table_double)
-    MATTERFIT_AVX2_CASE(table_double)
-    default:
-      return N_SSE4::table_double();
-  }
+const Kernels<double>& kernels<double>(SimdTarget) {
+  return N_SSE4::table_double();
 }
 
 }  // namespace matterfit::mpm

@@ -27,8 +27,9 @@ struct TotalView {
   const std::uint32_t* block_nodes;  ///< per block: 8 node blocks at (+a, +b, +c), index 4a+2b+c
   const std::uint32_t* slab_chunks;  ///< first chunk of each slab, 4 a block, and the end
   const S* geometry;                 ///< per chunk [4][16]: x/dx − base (3), rest volume [m³]
-  S* plastic;                  ///< per chunk [10][16]: Fᵖ⁻¹ − I, plastic strain; or null
-  S* force;                    ///< out, per block [3][216]: internal forces [N]
+  S* plastic;  ///< per chunk [10][16]: Fᵖ⁻¹ − I, plastic strain; or null
+  S* maxwell;  ///< per chunk, branch and component [12][16]: G − I and its lost digits
+  S* force;    ///< out, per block [3][216]: internal forces [N]
   BlockExtremes<S>* extremes;  ///< out, per block
   material::LawConstants<S> law;
   S density;
@@ -79,7 +80,8 @@ struct UpdatedView {
   S density;
   S dx;
   S dt;
-  S* halo;  ///< in and out: [4][216] momentum (3) and mass, added to
+  S* halo;     ///< in and out: [4][216] momentum (3) and mass, added to
+  S* maxwell;  ///< per particle and branch [6]: F̄ G F̄ᵀ − I (material/maxwell-inl.hpp); or null
   std::vector<Crosser<S>>* crossers;
   BlockExtremes<S> extremes;  ///< out
   S fastest;                  ///< out: largest displacement along an axis, in cells
@@ -99,8 +101,8 @@ struct Kernels {
   void (*total_smooth)(const TotalView<S>& view, std::size_t block);
 };
 
-/// The kernels of an instruction set; kAuto: the best this processor has. Throws Error(kInput) if
-/// the processor lacks it.
+/// The kernels of an instruction set; kAuto: the best this processor has. Those in double, which
+/// check gradients, are the lowest set's. Throws Error(kInput) if the processor lacks it.
 template <class S>
 [[nodiscard]] const Kernels<S>& kernels(SimdTarget target);
 

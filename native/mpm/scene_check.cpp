@@ -64,11 +64,6 @@ void check_scene(const Scene& scene) {
                   " m. Is the unit right? Scale the body, or set the separation to theirs.");
     }
     material::validate(body.material, where + ".material");
-    if (!body.material.maxwell.empty()) {
-      throw_input(where +
-                  ".material.maxwell: Maxwell branches are not simulated by this version. Remove "
-                  "them, or use damping_shear and damping_bulk.");
-    }
     if (body.formulation == Formulation::kTotal && body.material.law == material::Law::kNewtonian) {
       throw_input(where +
                   ": a fluid flows; formulation 'total' is for bodies that stay solid. Use "

@@ -21,7 +21,7 @@ namespace matterfit::mpm {
 namespace {
 
 /// Of saved states.
-constexpr std::uint32_t kStateVersion = 2;
+constexpr std::uint32_t kStateVersion = 3;
 
 struct TotalMember {
   std::size_t index;  ///< into scene.bodies
@@ -473,7 +473,9 @@ MemoryEstimate Simulation::estimate(const Scene& scene) {
     out.particles += body.rest.size();
     // Scene (rest, volumes), solver state with padding of partly filled lanes, one frame's output
     // and one saved state: measured with 1 M particles, rounded up.
-    out.bytes += body.rest.size() * (is_total(body) ? std::size_t{340} : std::size_t{520});
+    const std::size_t branch = is_total(body) ? 12 * sizeof(float) : 6 * sizeof(float);
+    out.bytes += body.rest.size() * ((is_total(body) ? std::size_t{340} : std::size_t{520}) +
+                                     branch * body.material.maxwell.size());
   }
   return out;
 }

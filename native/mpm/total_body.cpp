@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "base/error.hpp"
-#include "mpm/halo.hpp"
 #include "mpm/total_pins.hpp"
 #include "mpm/total_stencil.hpp"
 
@@ -48,6 +47,7 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
     g[3 * kLanes] = static_cast<S>(points[q].volume);
   }
   if (law_.plastic) plastic_.assign(grid_.chunks() * 10 * kLanes, S(0));
+  maxwell_.assign(grid_.chunks() * 12 * kLanes * law_.maxwell_count, S(0));
 
   const Vec3d velocity = grid_.axes().transpose() * body.velocity;
   const Vec3d spin = grid_.axes().transpose() * body.spin;
@@ -86,6 +86,7 @@ TotalView<S> TotalBody<S>::view(double dt, bool commit) const {
   v.geometry = geometry_.data();
   // History is written by commit alone, and then through a non-const member function.
   v.plastic = plastic_.empty() ? nullptr : const_cast<S*>(plastic_.data());
+  v.maxwell = maxwell_.empty() ? nullptr : const_cast<S*>(maxwell_.data());
   v.force = force_.data();
   v.extremes = extremes_.data();
   v.law = law_;
@@ -135,15 +136,7 @@ void TotalBody<S>::apply_loads(std::size_t block) {
 
 template <class S>
 void TotalBody<S>::sum_forces(std::size_t node_block, double* out) const {
-  std::fill(out, out + kNodeBlock, 0.0);
-  const auto& sources = grid_.node_sources(node_block);
-  for (std::size_t k = 0; k < 8; ++k) {
-    const std::size_t source = sources[k];
-    if (source == kNoBlock) continue;
-    for (std::size_t c = 0; c < 3; ++c) {
-      add_halo(k, force_.data() + (source * 3 + c) * kHaloNodes, out + c * kBlockNodes);
-    }
-  }
+  sum_halos(grid_, force_.data(), node_block, out);
 }
 
 template <class S>
@@ -403,6 +396,7 @@ void TotalBody<S>::save(ByteWriter& out) const {
   out.put(displacement_);
   out.put(velocity_);
   out.put(plastic_);
+  out.put(maxwell_);
   out.put(mode_);
 }
 
@@ -411,7 +405,21 @@ void TotalBody<S>::load(ByteReader& in) {
   in.get_same_size(displacement_);
   in.get_same_size(velocity_);
   in.get_same_size(plastic_);
+  in.get_same_size(maxwell_);
   in.get(mode_);
+}
+
+template <class S>
+TotalState<S> TotalBody<S>::record() const {
+  return {displacement_, velocity_, plastic_, maxwell_};
+}
+
+template <class S>
+void TotalBody<S>::restore(const TotalState<S>& state) {
+  displacement_ = state.displacement;
+  velocity_ = state.velocity;
+  plastic_ = state.plastic;
+  maxwell_ = state.maxwell;
 }
 
 template class TotalBody<float>;

@@ -19,6 +19,17 @@
 namespace matterfit::mpm {
 
 class TotalPins;
+template <class S>
+class TotalAdjoint;
+
+/// State of a body between two substeps.
+template <class S>
+struct TotalState {
+  std::vector<double> displacement;  ///< node blocks × [3][64] [m]
+  std::vector<double> velocity;      ///< [m/s]
+  std::vector<S> plastic;            ///< as TotalView::plastic
+  std::vector<S> maxwell;            ///< as TotalView::maxwell
+};
 
 /// A body in the total Lagrangian formulation: the grid belongs to the rest shape, node
 /// displacements and velocities (double) are the state, particles are quadrature points:
@@ -77,6 +88,9 @@ class TotalBody {
 
   void save(ByteWriter& out) const;
   void load(ByteReader& in);
+  /// What save() keeps, for a record that is gone through backwards (total_adjoint.hpp).
+  [[nodiscard]] TotalState<S> record() const;
+  void restore(const TotalState<S>& state);
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] std::size_t particles() const { return grid_.particles(); }
@@ -91,6 +105,7 @@ class TotalBody {
   [[nodiscard]] double volume(std::uint32_t particle) const { return grid_.volume(particle); }
 
  private:
+  friend class TotalAdjoint<S>;
   struct Load {
     CellPoint point;
     Vec3d force;  ///< body axes [N]
@@ -109,6 +124,7 @@ class TotalBody {
   std::vector<double> velocity_;
   std::vector<S> geometry_;                     ///< chunks × [4][16]
   std::vector<S> plastic_;                      ///< chunks × [10][16], or empty
+  std::vector<S> maxwell_;                      ///< chunks × branches × [12][16], or empty
   std::vector<std::vector<Load>> loads_;        ///< by the block of the particle
   std::vector<std::vector<Load>> block_loads_;  ///< by the block of the load's cell
   mutable std::vector<S> force_;                ///< blocks × [3][216]

@@ -10,7 +10,7 @@
 #include <limits>
 #include <vector>
 
-#include "material/laws-inl.hpp"
+#include "material/maxwell-inl.hpp"
 #include "mpm/kernels.hpp"
 #include "mpm/transfer-inl.hpp"
 
@@ -119,6 +119,9 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
 
   const T inverse_dx = T(S(1) / view.dx);
   const T dt = T(view.dt);
+  const std::size_t branches = view.law.maxwell_count;
+  MaxwellStep<S> relaxation[material::kMostMaxwellBranches];
+  maxwell_steps(view.law, view.dt, relaxation);
   T low = scalar<T>(1);
   T high = scalar<T>(1);
   T broken = scalar<T>(0);
@@ -194,6 +197,10 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
           tau = kirchhoff_stress<kLaw, T>(view.law, h, jm1, mean, dt, flow, strain);
         }
         add_crush_pressure(view.law, jm1, tau);
+        if (view.maxwell != nullptr) {
+          S* history = view.maxwell + chunk * (12 * branches * kLanes) + lane;
+          add_maxwell_stress<T>(view.law, relaxation, h, jm1, view.commit, history, kLanes, tau);
+        }
         const Mat3<T> f = plus_identity(h);
         const Mat3<T> cof = cofactor(f);
         const T inverse_j = scalar<T>(1) / (jm1 + scalar<T>(1));

@@ -27,6 +27,7 @@ class TotalPins {
   /// Marks of nodes that step() handles, a byte a node.
   [[nodiscard]] const std::vector<std::uint8_t>& deferred() const { return deferred_; }
   [[nodiscard]] bool any() const { return !nodes_.empty(); }
+  [[nodiscard]] bool has_masses() const { return !masses_.empty(); }
   [[nodiscard]] bool held(double time) const;
   [[nodiscard]] bool releases_between(double from, double to) const;
 
@@ -36,6 +37,15 @@ class TotalPins {
             const std::vector<Vec3d>& acceleration, std::vector<double>& displacement,
             std::vector<double>& velocity) const;
   [[nodiscard]] const std::vector<std::uint32_t>& deferred_nodes() const { return nodes_; }
+
+  /// The transpose of step(), which is affine in accelerations, velocities and displacements. The
+  /// fields hold the cotangents of the state after, and get those of the state before, at deferred
+  /// nodes; `acceleration_bar` those of f/m + g. `gravity_bar` (body axes) and `log_density_bar`
+  /// (masses of nodes, at given accelerations) are sums; `acceleration` as in step().
+  void step_adjoint(double kick, double dt, double time, const Vec3d& gravity,
+                    const std::vector<Vec3d>& acceleration, std::vector<double>& displacement_bar,
+                    std::vector<double>& velocity_bar, std::vector<Vec3d>& acceleration_bar,
+                    Vec3d& gravity_bar, double& log_density_bar) const;
 
  private:
   struct Mirror {

@@ -45,6 +45,7 @@ struct Member {
   std::size_t particles = 0;
   std::vector<ContactLaw> contacts;   ///< per particle-wise collider
   std::vector<ContactMemory> memory;  ///< per particle
+  std::vector<float> maxwell;         ///< per particle and branch [6] (UpdatedView)
   std::vector<Pin> pins;
   std::vector<std::uint8_t> pin_of;  ///< per particle: pin + 1, 0: free; empty without pins
   Points rest;                       ///< kept for pins only
@@ -94,6 +95,7 @@ struct UpdatedGroup::Impl {
     m.density = body.density;
     m.particles = body.rest.size();
     m.memory.resize(particle_colliders.empty() ? 0 : m.particles);
+    m.maxwell.assign(m.particles * m.law.maxwell_count * 6, 0.0F);
     for (const ColliderPtr& collider : particle_colliders) {
       m.contacts.push_back(resolve_contact(collider->contact(), body, dx));
     }
@@ -273,6 +275,7 @@ struct UpdatedGroup::Impl {
       if (!any) continue;
       view.law = members[m].law;
       view.density = static_cast<float>(members[m].density);
+      view.maxwell = members[m].maxwell.empty() ? nullptr : members[m].maxwell.data();
       view.crossers = &leaving;
       kernels->updated_block(view);
       block.extremes.min_volume_ratio =
@@ -716,7 +719,10 @@ void UpdatedGroup::save(ByteWriter& out) const {
   out.put(s.last_dt);
   out.put(s.max_speed);
   out.put(s.min_j);
-  for (const Member& m : s.members) out.put(m.memory);
+  for (const Member& m : s.members) {
+    out.put(m.memory);
+    out.put(m.maxwell);
+  }
 }
 
 void UpdatedGroup::load(ByteReader& in) {
@@ -725,7 +731,10 @@ void UpdatedGroup::load(ByteReader& in) {
   in.get(s.last_dt);
   in.get(s.max_speed);
   in.get(s.min_j);
-  for (Member& m : s.members) in.get_same_size(m.memory);
+  for (Member& m : s.members) {
+    in.get_same_size(m.memory);
+    in.get_same_size(m.maxwell);
+  }
   for (std::size_t b = 0; b < s.blocks.size(); ++b) {
     for (std::size_t m = 0; m < s.members.size(); ++m) {
       Impl::for_each(s.blocks[b].bodies[m], [&](std::size_t, const Chunk& chunk, std::size_t l) {

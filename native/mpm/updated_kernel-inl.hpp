@@ -22,6 +22,29 @@ HWY_INLINE void affine_momentum(const Mat3<T>& c, const Sym3<T>& tau, T mass_dx,
     for (int j = 0; j < 3; ++j) out[i][j] = fnma(stress_factor, t[i][j], mass_dx * c[i][j]);
 }
 
+/// Maxwell branches of a register's particles, whose state lies by particle, not by place.
+template <class T, class S>
+void relax_particles(mpm::UpdatedView<S>& view,
+                     const MaxwellStep<S> relaxation[material::kMostMaxwellBranches],
+                     const std::uint32_t* id, const S* volume, const Mat3<T>& step, Sym3<T>& tau) {
+  constexpr std::size_t kWidth = LaneTraits<T>::kCount;
+  const std::size_t branches = view.law.maxwell_count;
+  HWY_ALIGN S state[6 * kLanes];
+  for (std::size_t i = 0; i < branches; ++i) {
+    for (std::size_t l = 0; l < kWidth; ++l) {
+      const S* from = view.maxwell + (id[l] * branches + i) * 6;
+      for (std::size_t c = 0; c < 6; ++c) state[c * kLanes + l] = from[c];
+    }
+    const Sym3<T> next = carry_maxwell<T>(relaxation[i], step, load_sym3<T>(state, kLanes), tau);
+    store_sym3(next, state, kLanes);
+    for (std::size_t l = 0; l < kWidth; ++l) {
+      if (!(volume[l] > S(0))) continue;
+      S* to = view.maxwell + (id[l] * branches + i) * 6;
+      for (std::size_t c = 0; c < 6; ++c) to[c] = state[c * kLanes + l];
+    }
+  }
+}
+
 template <Law kLaw, class S>
 void updated_block_law(mpm::UpdatedView<S>& view) {
   using D = hn::CappedTag<S, kLanes>;
@@ -50,6 +73,8 @@ void updated_block_law(mpm::UpdatedView<S>& view) {
   const T stress_scale = T(view.dt * S(4) / view.dx);
   const T half = scalar<T>(0.5);
   const T one_and_half = scalar<T>(1.5);
+  MaxwellStep<S> relaxation[material::kMostMaxwellBranches];
+  maxwell_steps(view.law, view.dt, relaxation);
   T low_j = scalar<T>(1);
   T high_j = scalar<T>(1);
   T fastest = scalar<T>(0);
@@ -101,6 +126,10 @@ void updated_block_law(mpm::UpdatedView<S>& view) {
           }
         }
         if (view.law.damped) add_viscous_stress(view.law, affine, jm1, tau);
+        if (view.maxwell != nullptr) {
+          relax_particles<T>(view, relaxation, chunk.id + lane, &chunk.a[Chunk::kVolume][lane],
+                             step, tau);
+        }
         store_mat3(h, &chunk.a[Chunk::kH][lane]);
         for (std::size_t c = 0; c < 3; ++c) {
           f[c].store(&chunk.a[Chunk::kF + c][lane]);

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/adjoint_kernels.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "mpm/adjoint_kernels.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+// After foreach_target, so that each is compiled once per target.
+#include "mpm/total_adjoint_kernel-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace matterfit::HWY_NAMESPACE {
+
+template <class S>
+const mpm::AdjointKernels<S>& adjoint_table() {
+  static const mpm::AdjointKernels<S> kTable{total_forces_adjoint<S>};
+  return kTable;
+}
+const mpm::AdjointKernels<float>& adjoint_table_float() { return adjoint_table<float>(); }
+#if HWY_TARGET == HWY_SSE4
+// For proofs.
+const mpm::AdjointKernels<double>& adjoint_table_double() { return adjoint_table<double>(); }
+#endif
+
+}  // namespace matterfit::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+#include "mpm/simd_dispatch.hpp"
+
+namespace matterfit::mpm {
+
+LawCotangents& LawCotangents::operator+=(const LawCotangents& other) {
+  constants += other.constants;
+  work += other.work;
+  for (std::size_t i = 0; i < stiffness.size(); ++i) {
+    stiffness[i] += other.stiffness[i];
+    relaxed[i] += other.relaxed[i];
+  }
+  return *this;
+}
+
+template <>
+const AdjointKernels<float>& adjoint_kernels<float>(SimdTarget target) {
+  switch (highway_target(target)) {
+    MATTERFIT_AVX3_CASE(adjoint_table_float)
+    MATTERFIT_AVX2_CASE(adjoint_table_float)
+    default:
+      return N_SSE4::adjoint_table_float();
+  }
+}
+
+template <>
+const AdjointKernels<double>& adjoint_kernels<double>(SimdTarget) {
+  return N_SSE4::adjoint_table_double();
+}
+
+}  // namespace matterfit::mpm
+#endif

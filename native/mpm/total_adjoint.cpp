@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/total_adjoint.hpp"
+
+#include "mpm/total_pins.hpp"
+#include "mpm/total_stencil.hpp"
+
+namespace matterfit::mpm {
+namespace {
+
+constexpr std::size_t kNodeBlock = 3 * kBlockNodes;
+
+/// Value of a field per node at place i of a field of three components.
+std::size_t node_of(std::size_t i) { return i / kNodeBlock * kBlockNodes + i % kBlockNodes; }
+
+}  // namespace
+
+template <class S>
+TotalAdjoint<S>::TotalAdjoint(const TotalBody<S>& body, const material::Material& material,
+                              const AdjointKernels<S>& kernels)
+    : body_(body), material_(material), kernels_(kernels) {
+  displacement_halo_.assign(body.grid_.blocks() * 3 * kHaloNodes, S(0));
+  velocity_halo_.assign(displacement_halo_.size(), S(0));
+  block_law_.resize(body.grid_.blocks());
+}
+
+template <class S>
+TotalCotangents<S> TotalAdjoint<S>::zero() const {
+  TotalCotangents<S> bar;
+  bar.state.displacement.assign(body_.displacement_.size(), 0.0);
+  bar.state.velocity.assign(body_.velocity_.size(), 0.0);
+  bar.state.plastic.assign(body_.plastic_.size(), S(0));
+  bar.state.maxwell.assign(body_.maxwell_.size() / 2, S(0));
+  bar.maxwell.assign(material_.maxwell.size(), {0.0, 0.0});
+  return bar;
+}
+
+// v' = v + share (M⁻¹ B v − v) at the nodes that are smoothed; B is symmetric.
+template <class S>
+void TotalAdjoint<S>::smooth(Arena& arena, double share, std::vector<double>& velocity_bar) {
+  const std::vector<double>& inverse = body_.grid_.inverse_mass();
+  const std::vector<std::uint8_t>& skip = body_.pins_->deferred();
+  std::vector<double> weighted(velocity_bar.size(), 0.0);
+  for (std::size_t i = 0; i < velocity_bar.size(); ++i) {
+    const std::size_t n = node_of(i);
+    if (!(inverse[n] > 0.0) || skip[n] != 0) continue;
+    const double taken = share * velocity_bar[i];
+    weighted[i] = inverse[n] * taken;
+    velocity_bar[i] -= taken;
+  }
+  TotalView<S> view = body_.view(0.0, false);
+  view.velocity = weighted.data();
+  view.force = velocity_halo_.data();
+  arena.parallel_for(0, body_.grid_.blocks(), 1,
+                     [&](std::size_t b) { body_.kernels_->total_smooth(view, b); });
+  arena.parallel_for(0, body_.grid_.node_blocks(), 4, [&](std::size_t b) {
+    double sum[kNodeBlock];
+    sum_halos(body_.grid_, velocity_halo_.data(), b, sum);
+    for (std::size_t i = 0; i < kNodeBlock; ++i) velocity_bar[b * kNodeBlock + i] += sum[i];
+  });
+}
+
+template <class S>
+std::vector<Vec3d> TotalAdjoint<S>::deferred_accelerations(Arena& arena,
+                                                           const TotalSubstep& substep,
+                                                           const TotalState<S>& before) {
+  TotalState<S> history{{}, {}, before.plastic, before.maxwell};
+  TotalView<S> view = body_.view(substep.dt, true);
+  std::vector<BlockExtremes<S>> extremes(body_.grid_.blocks());
+  view.displacement = before.displacement.data();
+  view.velocity = before.velocity.data();
+  view.plastic = history.plastic.empty() ? nullptr : history.plastic.data();
+  view.maxwell = history.maxwell.empty() ? nullptr : history.maxwell.data();
+  view.force = displacement_halo_.data();
+  view.extremes = extremes.data();
+  arena.parallel_for(0, body_.grid_.blocks(), 1,
+                     [&](std::size_t b) { body_.kernels_->total_forces(view, b); });
+  const Vec3d gravity = body_.grid_.axes().transpose() * substep.gravity;
+  std::vector<Vec3d> accelerations;
+  double force[kNodeBlock];
+  std::size_t summed = ~std::size_t{0};
+  for (const std::uint32_t node : body_.pins_->deferred_nodes()) {
+    if (node / kBlockNodes != summed) {
+      summed = node / kBlockNodes;
+      sum_halos(body_.grid_, displacement_halo_.data(), summed, force);
+    }
+    Vec3d f;
+    for (std::size_t c = 0; c < 3; ++c) {
+      f[static_cast<int>(c)] = force[c * kBlockNodes + node % kBlockNodes];
+    }
+    accelerations.push_back(body_.grid_.inverse_mass()[node] * f + gravity);
+  }
+  return accelerations;
+}
+
+template <class S>
+void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
+                              const TotalState<S>& before, TotalCotangents<S>& bar) {
+  const TotalGrid& grid = body_.grid_;
+  std::vector<double>& u_bar = bar.state.displacement;
+  std::vector<double>& v_bar = bar.state.velocity;
+  if (substep.smoothing > 0.0) smooth(arena, substep.smoothing, v_bar);
+
+  // u' = u + dt v', v' = v + kick a, a = f/m + g.
+  const std::vector<double>& inverse = grid.inverse_mass();
+  const std::vector<std::uint8_t>& skip = body_.pins_->deferred();
+  std::vector<double> force_bar(v_bar.size());
+  Vec3d gravity_bar = Vec3d::Zero();  // body axes
+  if (body_.pins_->any()) {
+    std::vector<Vec3d> accelerations(body_.pins_->deferred_nodes().size(), Vec3d::Zero());
+    if (body_.pins_->has_masses()) {
+      accelerations = deferred_accelerations(arena, substep, before);
+    }
+    std::vector<Vec3d> a_bar;
+    body_.pins_->step_adjoint(substep.kick, substep.dt, substep.time,
+                              grid.axes().transpose() * substep.gravity, accelerations, u_bar,
+                              v_bar, a_bar, gravity_bar, bar.log_density);
+    const std::vector<std::uint32_t>& nodes = body_.pins_->deferred_nodes();
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      gravity_bar += a_bar[i];
+      for (std::size_t c = 0; c < 3; ++c) {
+        force_bar[(nodes[i] / kBlockNodes * 3 + c) * kBlockNodes + nodes[i] % kBlockNodes] =
+            inverse[nodes[i]] * a_bar[i][static_cast<int>(c)];
+      }
+    }
+  }
+  for (std::size_t i = 0; i < v_bar.size(); ++i) {
+    const std::size_t n = node_of(i);
+    if (skip[n] != 0) continue;
+    v_bar[i] += substep.dt * u_bar[i];
+    const double a_bar = substep.kick * v_bar[i];
+    gravity_bar[static_cast<int>(i / kBlockNodes % 3)] += a_bar;
+    force_bar[i] = inverse[n] * a_bar;
+  }
+  bar.gravity += grid.axes() * gravity_bar;
+
+  TotalAdjointView<S> view{};
+  view.forward = body_.view(substep.dt, true);
+  view.forward.displacement = before.displacement.data();
+  view.forward.velocity = before.velocity.data();
+  // The adjoint only reads the history.
+  view.forward.plastic = before.plastic.empty() ? nullptr : const_cast<S*>(before.plastic.data());
+  view.forward.maxwell = before.maxwell.empty() ? nullptr : const_cast<S*>(before.maxwell.data());
+  view.force_bar = force_bar.data();
+  view.displacement_bar = displacement_halo_.data();
+  view.velocity_bar = velocity_halo_.data();
+  view.plastic_bar = bar.state.plastic.data();
+  view.maxwell_bar = bar.state.maxwell.data();
+  view.law_bar = block_law_.data();
+  arena.parallel_for(0, grid.blocks(), 1, [&](std::size_t b) { kernels_.total_forces(view, b); });
+  const bool damped = body_.law_.damped;
+  arena.parallel_for(0, grid.node_blocks(), 4, [&](std::size_t b) {
+    double sum[kNodeBlock];
+    sum_halos(grid, displacement_halo_.data(), b, sum);
+    for (std::size_t i = 0; i < kNodeBlock; ++i) u_bar[b * kNodeBlock + i] += sum[i];
+    if (!damped) return;
+    sum_halos(grid, velocity_halo_.data(), b, sum);
+    for (std::size_t i = 0; i < kNodeBlock; ++i) v_bar[b * kNodeBlock + i] += sum[i];
+  });
+  LawCotangents all;
+  for (const LawCotangents& block : block_law_) all += block;
+  bar.law += all;
+  bar.log_density -= all.work;
+  for (std::size_t i = 0; i < bar.maxwell.size(); ++i) {
+    const material::MaxwellBranch g = material::maxwell_gradient(material_.maxwell[i], substep.dt,
+                                                                 all.stiffness[i], all.relaxed[i]);
+    bar.maxwell[i].modulus += g.modulus;
+    bar.maxwell[i].time += g.time;
+  }
+}
+
+template <class S>
+void TotalAdjoint<S>::add_position(std::uint32_t particle, const Vec3d& position_bar,
+                                   TotalCotangents<S>& bar) const {
+  const TotalGrid& grid = body_.grid_;
+  const Vec3d local = grid.axes().transpose() * position_bar;
+  const CellPoint point = grid.point_in(particle, grid.rest(particle));
+  const PointStencil s(point.f, grid.dx());
+  visit_nodes(grid, point, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
+    const double w = s.weight(i, j, k);
+    for (std::size_t c = 0; c < 3; ++c) {
+      bar.state.displacement[node + c * kBlockNodes] += w * local[static_cast<int>(c)];
+    }
+  });
+}
+
+template <class S>
+InitialCotangents TotalAdjoint<S>::initial(const TotalCotangents<S>& bar) const {
+  const TotalGrid& grid = body_.grid_;
+  const auto at = [&](std::uint32_t n) {
+    Vec3d v;
+    for (std::size_t c = 0; c < 3; ++c) {
+      v[static_cast<int>(c)] =
+          bar.state.velocity[(n / kBlockNodes * 3 + c) * kBlockNodes + n % kBlockNodes];
+    }
+    return v;
+  };
+  InitialCotangents out;
+  for (std::uint32_t n = 0; n < grid.mass().size(); ++n) {
+    const Vec3d v = at(n);
+    out.velocity += v;
+    out.spin += (grid.node_position(n) - grid.center_of_mass()).cross(v);
+  }
+  out.velocity = grid.axes() * out.velocity;
+  out.spin = grid.axes() * out.spin;
+  out.particle_velocities.assign(grid.particles(), Vec3d::Zero());
+  for (const QuadraturePoint& q : grid.quadrature()) {
+    const PointStencil s(q.f, grid.dx());
+    Vec3d sum = Vec3d::Zero();
+    for (std::size_t i = 0; i < 27; ++i) {
+      const Vec3i step(static_cast<int>(i / 9), static_cast<int>(i / 3 % 3),
+                       static_cast<int>(i % 3));
+      const std::uint32_t n = grid.find_node(q.cell + step);
+      sum += s.weight(i / 9, i / 3 % 3, i % 3) * grid.inverse_mass()[n] * at(n);
+    }
+    out.particle_velocities[q.particle] += body_.density_ * q.volume * (grid.axes() * sum);
+  }
+  return out;
+}
+
+template <class S>
+material::MaterialGradient TotalAdjoint<S>::material_gradient(const TotalCotangents<S>& bar) const {
+  material::MaterialGradient out = material::material_gradient(material_, bar.law.constants);
+  out.maxwell = bar.maxwell;
+  return out;
+}
+
+template class TotalAdjoint<float>;
+template class TotalAdjoint<double>;
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "material/law_gradient.hpp"
+#include "mpm/adjoint_kernels.hpp"
+#include "mpm/total_body.hpp"
+
+namespace matterfit::mpm {
+
+/// One substep of a total Lagrangian body, as the forward pass took it.
+struct TotalSubstep {
+  double time = 0.0;  ///< of the state before [s]
+  double dt = 0.0;
+  double kick = 0.0;
+  double smoothing = 0.0;         ///< share of smooth_velocities() after it; 0: none
+  Vec3d gravity = Vec3d::Zero();  ///< world axes
+};
+
+/// Derivatives of one number with respect to a body's state and to what the body is made of.
+template <class S>
+struct TotalCotangents {
+  TotalState<S> state;
+  LawCotangents law;                             ///< sums over substeps
+  std::vector<material::MaxwellBranch> maxwell;  ///< by modulus and time, sums
+  Vec3d gravity = Vec3d::Zero();                 ///< world axes
+  double log_density = 0.0;                      ///< ∂/∂ln ρ
+};
+
+/// Derivatives with respect to the initial motion, world axes.
+struct InitialCotangents {
+  Vec3d velocity = Vec3d::Zero();
+  Vec3d spin = Vec3d::Zero();
+  std::vector<Vec3d> particle_velocities;
+};
+
+/// The adjoint of TotalBody's substep: smoothing, kick and drift with pins and attached masses, and
+/// the internal forces with every law's history. Exact for the discrete scheme: what the forward
+/// pass computed is differentiated, not the equation behind it.
+template <class S>
+class TotalAdjoint {
+ public:
+  TotalAdjoint(const TotalBody<S>& body, const material::Material& material,
+               const AdjointKernels<S>& kernels);
+
+  [[nodiscard]] TotalCotangents<S> zero() const;
+  /// Takes `bar` from after the substep to before it. `before` is the state before.
+  void substep(Arena& arena, const TotalSubstep& substep, const TotalState<S>& before,
+               TotalCotangents<S>& bar);
+  /// Adds the cotangent of a particle's present position (world axes).
+  void add_position(std::uint32_t particle, const Vec3d& position_bar,
+                    TotalCotangents<S>& bar) const;
+  [[nodiscard]] InitialCotangents initial(const TotalCotangents<S>& bar) const;
+  [[nodiscard]] material::MaterialGradient material_gradient(const TotalCotangents<S>& bar) const;
+
+ private:
+  void smooth(Arena& arena, double share, std::vector<double>& velocity_bar);
+  [[nodiscard]] std::vector<Vec3d> deferred_accelerations(Arena& arena, const TotalSubstep& substep,
+                                                          const TotalState<S>& before);
+
+  const TotalBody<S>& body_;
+  material::Material material_;
+  const AdjointKernels<S>& kernels_;
+  std::vector<S> displacement_halo_;
+  std::vector<S> velocity_halo_;
+  std::vector<LawCotangents> block_law_;
+};
+
+extern template class TotalAdjoint<float>;
+extern template class TotalAdjoint<double>;
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Adjoint of total_kernel-inl.hpp, a block at a time. Included once per SIMD target.
+#if defined(MATTERFIT_MPM_TOTAL_ADJOINT_KERNEL_INL_HPP) == defined(HWY_TARGET_TOGGLE)
+#ifdef MATTERFIT_MPM_TOTAL_ADJOINT_KERNEL_INL_HPP
+#undef MATTERFIT_MPM_TOTAL_ADJOINT_KERNEL_INL_HPP
+#else
+#define MATTERFIT_MPM_TOTAL_ADJOINT_KERNEL_INL_HPP
+#endif
+
+#include <algorithm>
+#include <vector>
+
+#include "material/maxwell_adjoint-inl.hpp"
+#include "mpm/adjoint_kernels.hpp"
+#include "mpm/total_kernel-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace matterfit::HWY_NAMESPACE {
+
+/// Sum over the lanes, in their order.
+template <class T>
+double lane_sum(T value) {
+  using S = typename LaneTraits<T>::Scalar;
+  S lanes[LaneTraits<T>::kCount];
+  LaneTraits<T>::store(value, lanes);
+  double sum = 0.0;
+  for (const S lane : lanes) sum += static_cast<double>(lane);
+  return sum;
+}
+
+/// Everything of one register of particles between the passes: H, J − 1, and their cotangents.
+inline constexpr std::size_t kAdjointSlot = 20;
+
+template <Law kLaw, class S>
+class TotalForcesAdjoint {
+  using D = hn::CappedTag<S, kLanes>;
+  using T = Lanes<D>;
+  static constexpr std::size_t kWidth = hn::MaxLanes(D());
+
+ public:
+  TotalForcesAdjoint(const mpm::TotalAdjointView<S>& view, std::size_t block)
+      : view_(view), block_(block), law_(view.forward.law), damped_(law_.damped) {
+    maxwell_steps(law_, view.forward.dt, relaxation_);
+    const std::uint32_t* nodes = view.forward.block_nodes + block * 8;
+    const std::size_t node = reference_node(view.forward, block);
+    double reference[3];
+    reference_value(view.forward.displacement, node, reference);
+    expand_nodes(view.forward.displacement, nodes, reference, displacement_);
+    reference_value(view.force_bar, node, reference);
+    expand_nodes(view.force_bar, nodes, reference, force_bar_);
+    if (damped_) {
+      reference_value(view.forward.velocity, node, reference);
+      expand_nodes(view.forward.velocity, nodes, reference, velocity_);
+    }
+  }
+
+  void run(std::vector<S>& slots) {
+    const std::uint32_t* chunks = view_.forward.slab_chunks + block_ * kSlabs;
+    for (std::size_t slab = 0; slab < kSlabs; ++slab) {
+      slots.resize((chunks[slab + 1] - chunks[slab]) * kAdjointSlot * kLanes);
+      for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
+        cells(slab, lane, chunks[slab], chunks[slab + 1], slots.data());
+      }
+    }
+    S* out = view_.displacement_bar + block_ * 3 * kHaloNodes;
+    for (std::size_t c = 0; c < 3; ++c) fold(out_ + c * kExpanded, out + c * kHaloNodes);
+    if (damped_) {
+      S* of_velocity = view_.velocity_bar + block_ * 3 * kHaloNodes;
+      for (std::size_t c = 0; c < 3; ++c) {
+        fold(out_velocity_ + c * kExpanded, of_velocity + c * kHaloNodes);
+      }
+    }
+    mpm::LawCotangents& sums = view_.law_bar[block_];
+    sums = {};
+    std::vector<double*> to;
+    sums.constants.for_each([&](double& entry) { to.push_back(&entry); });
+    std::size_t i = 0;
+    constants_bar_.for_each([&](T& entry) { *to[i++] = lane_sum(entry); });
+    sums.work = lane_sum(work_);
+    for (std::size_t b = 0; b < law_.maxwell_count; ++b) {
+      sums.stiffness[b] = lane_sum(relaxation_bar_[b].stiffness);
+      sums.relaxed[b] = lane_sum(relaxation_bar_[b].relaxed);
+    }
+  }
+
+ private:
+  /// The cells of a register: their mean dilatation, then each point's stress, then what comes back
+  /// through the mean.
+  void cells(std::size_t slab, std::size_t lane, std::uint32_t begin, std::uint32_t end, S* slots) {
+    T sum_volume = scalar<T>(0);
+    T sum_change = scalar<T>(0);
+    for (std::uint32_t chunk = begin; chunk < end; ++chunk) {
+      const S* geometry = view_.forward.geometry + chunk * (4 * kLanes) + lane;
+      const T volume = T::load(geometry + 3 * kLanes);
+      const Mat3<T> h = gradient(displacement_, slab, lane, geometry);
+      const T jm1 = determinant_minus_one(h);
+      S* slot = slots + (chunk - begin) * (kAdjointSlot * kLanes) + lane;
+      store_mat3(h, slot);
+      jm1.store(slot + 9 * kLanes);
+      sum_volume += volume;
+      sum_change = fma(volume, jm1, sum_change);
+    }
+    const T share = scalar<T>(1) / max(sum_volume, scalar<T>(1e-37));
+    const T mean = sum_change * share;
+    T mean_bar = scalar<T>(0);
+    for (std::uint32_t chunk = begin; chunk < end; ++chunk) {
+      mean_bar +=
+          point(slab, lane, chunk, mean, slots + (chunk - begin) * (kAdjointSlot * kLanes) + lane);
+    }
+    for (std::uint32_t chunk = begin; chunk < end; ++chunk) {
+      const S* geometry = view_.forward.geometry + chunk * (4 * kLanes) + lane;
+      const T volume = T::load(geometry + 3 * kLanes);
+      const S* slot = slots + (chunk - begin) * (kAdjointSlot * kLanes) + lane;
+      Mat3<T> h_bar = load_mat3<T>(slot + 10 * kLanes);
+      const T jm1_bar = fma(volume * share, mean_bar, T::load(slot + 19 * kLanes));
+      add_scaled(cofactor(plus_identity(load_mat3<T>(slot))), jm1_bar, h_bar);
+      scatter<3, false, T>(out_, slab, lane, load_gradient_stencil<T>(geometry, inverse_dx()),
+                           nullptr, h_bar.m);
+    }
+  }
+
+  /// One particle a lane. Leaves the cotangents of H and J in `slot`; returns that of the mean.
+  T point(std::size_t slab, std::size_t lane, std::uint32_t chunk, T mean_of_cell, S* slot) {
+    const S* geometry = view_.forward.geometry + chunk * (4 * kLanes) + lane;
+    const T volume = T::load(geometry + 3 * kLanes);
+    const T dt = T(view_.forward.dt);
+    const Mat3<T> h = load_mat3<T>(slot);
+    const T jm1 = T::load(slot + 9 * kLanes);
+    const T mean = view_.forward.mean_dilatation ? mean_of_cell : jm1;
+    const Mat3<T> p_bar = gradient(force_bar_, slab, lane, geometry);
+    const Mat3<T> f = plus_identity(h);
+    const Mat3<T> cof = cofactor(f);
+    const T inverse_j = scalar<T>(1) / (jm1 + scalar<T>(1));
+
+    // Forward again.
+    const bool plastic = view_.forward.plastic != nullptr;
+    Mat3<T> inverse_plastic{};
+    T strain = scalar<T>(0);
+    if (plastic) {
+      const S* history = view_.forward.plastic + chunk * (10 * kLanes) + lane;
+      inverse_plastic = load_mat3<T>(history);
+      strain = T::load(history + 9 * kLanes);
+    }
+    const Mat3<T> trial = plastic ? compose(h, inverse_plastic) : h;
+    const bool own_volume = plastic && law_.law == Law::kDruckerPrager;
+    const T elastic_jm1 = own_volume ? determinant_minus_one(trial) : jm1;
+    Sym3<T> flow{};
+    T strain_after = strain;
+    Sym3<T> tau = kirchhoff_stress<kLaw, T>(law_, trial, elastic_jm1, mean, dt, flow, strain_after);
+    add_crush_pressure(law_, jm1, tau);
+    const std::size_t branches = view_.forward.maxwell != nullptr ? law_.maxwell_count : 0;
+    const std::size_t maxwell_at = chunk * (12 * branches * kLanes) + lane;
+    if (branches > 0) {
+      HWY_ALIGN S history[12 * material::kMostMaxwellBranches * kLanes];
+      const S* from = view_.forward.maxwell + maxwell_at;
+      for (std::size_t i = 0; i < 12 * branches; ++i) {
+        T::load(from + i * kLanes).store(history + i * kLanes);
+      }
+      add_maxwell_stress<T>(law_, relaxation_, h, jm1, true, history, kLanes, tau);
+    }
+    Mat3<T> rate{};
+    Mat3<T> l{};
+    if (damped_) {
+      rate = gradient(velocity_, slab, lane, geometry);
+      add_scaled(multiply_transpose(rate, cof), inverse_j, l);
+      add_viscous_stress(law_, l, jm1, tau);
+    }
+
+    // p = −(V/J) τ cof F.
+    const T factor = -volume * inverse_j;
+    const Sym3<T> tau_bar = scaled(symmetric_part(multiply_transpose(p_bar, cof)), factor);
+    Mat3<T> cof_bar{};
+    add_scaled(multiply(tau, p_bar), factor, cof_bar);
+    PointBar<T> bar{};  // of H, J and the mean, beside what the law itself takes
+    const T work = factor * contract(p_bar, multiply(tau, cof));
+    work_ += work;
+    bar.jm1 = -inverse_j * work;
+    if (damped_) {
+      Mat3<T> l_bar{};
+      viscous_stress_adjoint(law_, l, jm1, tau_bar, l_bar, bar, constants_bar_);
+      Mat3<T> rate_bar{};
+      add_scaled(multiply(l_bar, cof), inverse_j, rate_bar);
+      add_scaled(transpose_multiply(l_bar, rate), inverse_j, cof_bar);
+      bar.jm1 -= inverse_j * contract(l_bar, l);
+      scatter<3, false, T>(out_velocity_, slab, lane,
+                           load_gradient_stencil<T>(geometry, inverse_dx()), nullptr, rate_bar.m);
+    }
+    if (branches > 0) {
+      Sym3<T> g_bar[material::kMostMaxwellBranches];
+      S* of_history = view_.maxwell_bar + chunk * (6 * branches * kLanes) + lane;
+      for (std::size_t i = 0; i < branches; ++i) {
+        g_bar[i] = load_sym3<T>(of_history + i * 6 * kLanes, kLanes);
+      }
+      maxwell_stress_adjoint<T>(law_, relaxation_, h, jm1, view_.forward.maxwell + maxwell_at,
+                                kLanes, tau_bar, g_bar, bar, relaxation_bar_);
+      for (std::size_t i = 0; i < branches; ++i) {
+        store_sym3(g_bar[i], of_history + i * 6 * kLanes, kLanes);
+      }
+    }
+    crush_pressure_adjoint(law_, jm1, tau_bar, bar, constants_bar_);
+    if (plastic) {
+      plastic_point(chunk, lane, trial, f, inverse_plastic, flow, strain, elastic_jm1, mean, dt,
+                    tau_bar, own_volume, bar);
+    } else {
+      kirchhoff_stress_adjoint<kLaw, T>(law_, h, jm1, mean, dt, strain, tau_bar, flow, scalar<T>(0),
+                                        bar, constants_bar_);
+    }
+    add(tensor_cross(cof_bar, f), bar.h);
+    store_mat3(bar.h, slot + 10 * kLanes);
+    if (view_.forward.mean_dilatation) {
+      bar.jm1.store(slot + 19 * kLanes);
+      return bar.mean;
+    }
+    (bar.jm1 + bar.mean).store(slot + 19 * kLanes);
+    return scalar<T>(0);
+  }
+
+  /// The law at the trial state F Fᵖ⁻¹, and its history Fᵖ⁻¹ ← Fᵖ⁻¹ (I + flow).
+  void plastic_point(std::uint32_t chunk, std::size_t lane, const Mat3<T>& trial, const Mat3<T>& f,
+                     const Mat3<T>& inverse_plastic, const Sym3<T>& flow, T strain, T elastic_jm1,
+                     T mean, T dt, const Sym3<T>& tau_bar, bool own_volume, PointBar<T>& bar) {
+    S* of_history = view_.plastic_bar + chunk * (10 * kLanes) + lane;
+    const Mat3<T> after_bar = load_mat3<T>(of_history);
+    const T strain_bar = T::load(of_history + 9 * kLanes);
+    const Mat3<T> before = plus_identity(inverse_plastic);
+    const Sym3<T> flow_bar = symmetric_part(transpose_multiply(before, after_bar));
+    PointBar<T> own{};
+    kirchhoff_stress_adjoint<kLaw, T>(law_, trial, elastic_jm1, mean, dt, strain, tau_bar, flow_bar,
+                                      strain_bar, own, constants_bar_);
+    if (own_volume) {
+      add_scaled(cofactor(plus_identity(trial)), own.jm1, own.h);
+    } else {
+      bar.jm1 += own.jm1;
+    }
+    bar.mean += own.mean;
+    add(multiply_transpose(own.h, before), bar.h);
+    Mat3<T> before_bar = multiply(after_bar, add_diagonal(flow, scalar<T>(1)));
+    add(transpose_multiply(f, own.h), before_bar);
+    store_mat3(before_bar, of_history);
+    own.strain.store(of_history + 9 * kLanes);
+  }
+
+  [[nodiscard]] T inverse_dx() const { return T(S(1) / view_.forward.dx); }
+
+  /// Gradient of a node field at a register's particles, zero where nobody is.
+  [[nodiscard]] Mat3<T> gradient(const S* expanded, std::size_t slab, std::size_t lane,
+                                 const S* geometry) const {
+    Mat3<T> g;
+    gather<3, false, T>(expanded, slab, lane, load_gradient_stencil<T>(geometry, inverse_dx()),
+                        nullptr, g.m);
+    const auto present = T::load(geometry + 3 * kLanes) > scalar<T>(0);
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) g[i][j] = select(present, g[i][j], scalar<T>(0));
+    return g;
+  }
+
+  const mpm::TotalAdjointView<S>& view_;
+  std::size_t block_;
+  const material::LawConstants<S>& law_;
+  bool damped_;
+  MaxwellStep<S> relaxation_[material::kMostMaxwellBranches];
+  MaxwellStepBar<T> relaxation_bar_[material::kMostMaxwellBranches] = {};
+  ConstantsBar<T> constants_bar_{};
+  T work_ = scalar<T>(0);
+  HWY_ALIGN S displacement_[3 * kExpanded];
+  HWY_ALIGN S velocity_[3 * kExpanded];
+  HWY_ALIGN S force_bar_[3 * kExpanded];
+  HWY_ALIGN S out_[3 * kExpanded] = {};
+  HWY_ALIGN S out_velocity_[3 * kExpanded] = {};
+};
+
+template <class S>
+void total_forces_adjoint(const mpm::TotalAdjointView<S>& view, std::size_t block) {
+  static thread_local std::vector<S> slots;
+  switch (view.forward.law.law) {
+    case Law::kFixedCorotated:
+      return TotalForcesAdjoint<Law::kFixedCorotated, S>(view, block).run(slots);
+    case Law::kNeoHookean:
+      return TotalForcesAdjoint<Law::kNeoHookean, S>(view, block).run(slots);
+    case Law::kNewtonian:
+      return TotalForcesAdjoint<Law::kNewtonian, S>(view, block).run(slots);
+    default:
+      return TotalForcesAdjoint<Law::kStvkHencky, S>(view, block).run(slots);
+  }
+}
+
+}  // namespace matterfit::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif

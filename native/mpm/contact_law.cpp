@@ -51,7 +51,7 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32
   if (law.kind == ContactKind::kSlip || law.kind == ContactKind::kSeparating) return force;
 
   const Vec3d sliding = point.relative_velocity + approach * point.normal;
-  Vec3d stretch = Eigen::Map<const Vec3f>(memory.stretch.data()).cast<double>() + dt * sliding;
+  Vec3d stretch = Eigen::Map<const Vec3d>(memory.stretch.data()) + dt * sliding;
   stretch -= point.normal.dot(stretch) * point.normal;
   Vec3d tangential = -spring * stretch - dashpot * sliding;
   if (law.kind == ContactKind::kFriction) {
@@ -63,7 +63,7 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32
       stretch = -tangential / spring;
     }
   }
-  Eigen::Map<Vec3f>(memory.stretch.data()) = stretch.cast<float>();
+  Eigen::Map<Vec3d>(memory.stretch.data()) = stretch;
   return force + tangential;
 }
 

@@ -25,8 +25,9 @@ struct ContactLaw {
 
 /// What a particle remembers of the surface it touches. No padding: it is saved as bytes.
 struct ContactMemory {
-  std::array<float, 3> stretch{};  ///< of the tangential spring, world axes [m]
-  std::int32_t surface = -1;       ///< index of the surface, −1: none
+  std::array<double, 3> stretch{};  ///< of the tangential spring, world axes [m]
+  std::int32_t surface = -1;        ///< index of the surface, −1: none
+  std::int32_t unused = 0;
 };
 
 /// One particle at one surface.

@@ -15,7 +15,7 @@ std::size_t node_of(std::size_t i) { return i / kNodeBlock * kBlockNodes + i % k
 }  // namespace
 
 template <class S>
-TotalAdjoint<S>::TotalAdjoint(const TotalBody<S>& body, const material::Material& material,
+TotalAdjoint<S>::TotalAdjoint(TotalBody<S>& body, const material::Material& material,
                               const AdjointKernels<S>& kernels)
     : body_(body), material_(material), kernels_(kernels) {
   displacement_halo_.assign(body.grid_.blocks() * 3 * kHaloNodes, S(0));
@@ -61,19 +61,8 @@ void TotalAdjoint<S>::smooth(Arena& arena, double share, std::vector<double>& ve
 
 template <class S>
 std::vector<Vec3d> TotalAdjoint<S>::deferred_accelerations(Arena& arena,
-                                                           const TotalSubstep& substep,
-                                                           const TotalState<S>& before) {
-  TotalState<S> history{{}, {}, before.plastic, before.maxwell};
-  TotalView<S> view = body_.view(substep.dt, true);
-  std::vector<BlockExtremes<S>> extremes(body_.grid_.blocks());
-  view.displacement = before.displacement.data();
-  view.velocity = before.velocity.data();
-  view.plastic = history.plastic.empty() ? nullptr : history.plastic.data();
-  view.maxwell = history.maxwell.empty() ? nullptr : history.maxwell.data();
-  view.force = displacement_halo_.data();
-  view.extremes = extremes.data();
-  arena.parallel_for(0, body_.grid_.blocks(), 1,
-                     [&](std::size_t b) { body_.kernels_->total_forces(view, b); });
+                                                           const TotalSubstep& substep) {
+  body_.compute_forces(arena, substep.dt, true);
   const Vec3d gravity = body_.grid_.axes().transpose() * substep.gravity;
   std::vector<Vec3d> accelerations;
   double force[kNodeBlock];
@@ -81,7 +70,7 @@ std::vector<Vec3d> TotalAdjoint<S>::deferred_accelerations(Arena& arena,
   for (const std::uint32_t node : body_.pins_->deferred_nodes()) {
     if (node / kBlockNodes != summed) {
       summed = node / kBlockNodes;
-      sum_halos(body_.grid_, displacement_halo_.data(), summed, force);
+      body_.sum_forces(summed, force);
     }
     Vec3d f;
     for (std::size_t c = 0; c < 3; ++c) {
@@ -94,11 +83,14 @@ std::vector<Vec3d> TotalAdjoint<S>::deferred_accelerations(Arena& arena,
 
 template <class S>
 void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
-                              const TotalState<S>& before, TotalCotangents<S>& bar) {
+                              const TotalState<S>& before, TotalCotangents<S>& bar,
+                              TotalLoadsAdjoint<S>* loads) {
   const TotalGrid& grid = body_.grid_;
   std::vector<double>& u_bar = bar.state.displacement;
   std::vector<double>& v_bar = bar.state.velocity;
   if (substep.smoothing > 0.0) smooth(arena, substep.smoothing, v_bar);
+  body_.restore(before);
+  if (loads != nullptr) loads->prepare(substep);
 
   // u' = u + dt v', v' = v + kick a, a = f/m + g.
   const std::vector<double>& inverse = grid.inverse_mass();
@@ -108,7 +100,7 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   if (body_.pins_->any()) {
     std::vector<Vec3d> accelerations(body_.pins_->deferred_nodes().size(), Vec3d::Zero());
     if (body_.pins_->has_masses()) {
-      accelerations = deferred_accelerations(arena, substep, before);
+      accelerations = deferred_accelerations(arena, substep);
     }
     std::vector<Vec3d> a_bar;
     body_.pins_->step_adjoint(substep.kick, substep.dt, substep.time,
@@ -132,6 +124,7 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
     force_bar[i] = inverse[n] * a_bar;
   }
   bar.gravity += grid.axes() * gravity_bar;
+  if (loads != nullptr) loads->back(substep, force_bar, bar);
 
   TotalAdjointView<S> view{};
   view.forward = body_.view(substep.dt, true);

@@ -35,19 +35,35 @@ struct InitialCotangents {
   std::vector<Vec3d> particle_velocities;
 };
 
+/// The adjoint of the loads on a body (TotalBody::add_load).
+template <class S>
+class TotalLoadsAdjoint {
+ public:
+  TotalLoadsAdjoint() = default;
+  virtual ~TotalLoadsAdjoint() = default;
+  TotalLoadsAdjoint(const TotalLoadsAdjoint&) = delete;
+  TotalLoadsAdjoint& operator=(const TotalLoadsAdjoint&) = delete;
+  /// The body is at the state before the substep: sets its loads.
+  virtual void prepare(const TotalSubstep& substep) = 0;
+  /// `force_bar`: cotangent of the node forces, per node block [3][64], body axes. Adds to `bar`.
+  virtual void back(const TotalSubstep& substep, const std::vector<double>& force_bar,
+                    TotalCotangents<S>& bar) = 0;
+};
+
 /// The adjoint of TotalBody's substep: smoothing, kick and drift with pins and attached masses, and
 /// the internal forces with every law's history. Exact for the discrete scheme: what the forward
 /// pass computed is differentiated, not the equation behind it.
 template <class S>
 class TotalAdjoint {
  public:
-  TotalAdjoint(const TotalBody<S>& body, const material::Material& material,
+  /// `body` is set to the states that are gone back over.
+  TotalAdjoint(TotalBody<S>& body, const material::Material& material,
                const AdjointKernels<S>& kernels);
 
   [[nodiscard]] TotalCotangents<S> zero() const;
   /// Takes `bar` from after the substep to before it. `before` is the state before.
   void substep(Arena& arena, const TotalSubstep& substep, const TotalState<S>& before,
-               TotalCotangents<S>& bar);
+               TotalCotangents<S>& bar, TotalLoadsAdjoint<S>* loads = nullptr);
   /// Adds the cotangent of a particle's present position (world axes).
   void add_position(std::uint32_t particle, const Vec3d& position_bar,
                     TotalCotangents<S>& bar) const;
@@ -56,10 +72,10 @@ class TotalAdjoint {
 
  private:
   void smooth(Arena& arena, double share, std::vector<double>& velocity_bar);
-  [[nodiscard]] std::vector<Vec3d> deferred_accelerations(Arena& arena, const TotalSubstep& substep,
-                                                          const TotalState<S>& before);
+  [[nodiscard]] std::vector<Vec3d> deferred_accelerations(Arena& arena,
+                                                          const TotalSubstep& substep);
 
-  const TotalBody<S>& body_;
+  TotalBody<S>& body_;
   material::Material material_;
   const AdjointKernels<S>& kernels_;
   std::vector<S> displacement_halo_;

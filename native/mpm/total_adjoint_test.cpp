@@ -134,7 +134,7 @@ struct Rollout {
     std::vector<TotalState<S>> record;
     (void)run<S>(&record);
     Arena arena(threads);
-    const TotalBody<S> body(scene.bodies[0], scene, kernels<S>(SimdTarget::kAuto));
+    TotalBody<S> body(scene.bodies[0], scene, kernels<S>(SimdTarget::kAuto));
     TotalAdjoint<S> adjoint(body, scene.bodies[0].material, adjoint_kernels<S>(SimdTarget::kAuto));
     TotalCotangents<S> bar = adjoint.zero();
     for (int n = kSteps - 1; n >= 0; --n) {

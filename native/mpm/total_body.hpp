@@ -96,6 +96,8 @@ class TotalBody {
   [[nodiscard]] std::size_t particles() const { return grid_.particles(); }
   [[nodiscard]] std::size_t blocks() const { return grid_.blocks(); }
   [[nodiscard]] const TotalGrid& grid() const { return grid_; }
+  [[nodiscard]] const std::vector<double>& displacement() const { return displacement_; }
+  [[nodiscard]] const std::vector<double>& velocity() const { return velocity_; }
   [[nodiscard]] double density() const { return density_; }
   /// Particles of block b, in storage order.
   [[nodiscard]] const std::vector<std::uint32_t>& block_particles(std::size_t b) const {

@@ -90,6 +90,15 @@ double TotalContact<S>::max_penetration() const {
 }
 
 template <class S>
+std::vector<std::pair<std::uint32_t, ContactMemory>> TotalContact<S>::record() const {
+  std::vector<std::pair<std::uint32_t, ContactMemory>> out;
+  for (std::size_t p = 0; p < memory_.size(); ++p) {
+    if (memory_[p].surface >= 0) out.emplace_back(static_cast<std::uint32_t>(p), memory_[p]);
+  }
+  return out;
+}
+
+template <class S>
 void TotalContact<S>::save(ByteWriter& out) const {
   out.put(memory_);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "base/parallel.hpp"
@@ -24,6 +25,8 @@ class TotalContact {
   /// Highest ω² of the body's skin on its contact springs [1/s²].
   [[nodiscard]] double frequency_squared() const { return frequency_squared_; }
   [[nodiscard]] double max_penetration() const;
+  /// What particles remember of the surfaces that they touch; the others remember nothing.
+  [[nodiscard]] std::vector<std::pair<std::uint32_t, ContactMemory>> record() const;
 
   void save(ByteWriter& out) const;
   void load(ByteReader& in);

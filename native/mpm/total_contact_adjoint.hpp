@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "mpm/contact_law_adjoint.hpp"
+#include "mpm/total_adjoint.hpp"
+#include "mpm/total_contact.hpp"
+
+namespace matterfit::mpm {
+
+/// Derivatives with respect to a collider's contact and place.
+struct ColliderCotangents {
+  double mu = 0.0;
+  double stiffness = 0.0;             ///< the resolved one [Pa/m]
+  double damping = 0.0;               ///< fraction of critical
+  Vec3d translation = Vec3d::Zero();  ///< of the whole collider, world axes [m]
+  Vec3d rotation = Vec3d::Zero();     ///< of it about the world's origin [rad]
+
+  ColliderCotangents& operator+=(const ColliderCotangents& other);
+};
+
+/// The adjoint of TotalContact's forces on a body. How a collider's normal and velocity change from
+/// place to place is taken from differences of the exact distance, a few more queries for each
+/// particle that touches.
+template <class S>
+class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
+ public:
+  TotalContactAdjoint(const Body& body, const Scene& scene, TotalBody<S>& total);
+
+  /// What is remembered before the next substep to go back over.
+  void set_memory(std::vector<std::pair<std::uint32_t, ContactMemory>> memory);
+  void prepare(const TotalSubstep& substep) override;
+  void back(const TotalSubstep& substep, const std::vector<double>& force_bar,
+            TotalCotangents<S>& bar) override;
+  [[nodiscard]] const std::vector<ColliderCotangents>& colliders() const { return bars_; }
+
+ private:
+  /// One particle at one collider, as the forward pass met it.
+  struct Touch {
+    std::uint32_t particle;
+    std::size_t collider;
+    ContactMemory memory;  ///< before
+    Vec3d center_normal;   ///< of the collider at the particle's centre
+    Mat3d f;
+    Vec3d face;  ///< its offset at rest, world axes
+    SurfacePoint below;
+    ContactPoint point;
+    Vec3d force;
+  };
+  /// How normal and velocity of a surface change with the place.
+  struct Slopes {
+    Mat3d normal;
+    Mat3d velocity;
+  };
+  [[nodiscard]] Slopes slopes(std::size_t collider, const Vec3d& x, double time) const;
+  void back(const Touch& touch, const TotalSubstep& substep, const std::vector<double>& force_bar,
+            TotalCotangents<S>& bar);
+  /// The cotangents of normal and velocity of the surface met at `x`: returns that of x.
+  Vec3d back_to_surface(std::size_t collider, const Vec3d& x, const SurfacePoint& at,
+                        double distance_bar, const Vec3d& normal_bar, const Vec3d& velocity_bar,
+                        double time);
+
+  TotalBody<S>& body_;
+  double density_;
+  double probe_;  ///< of the differences [m]
+  std::vector<ColliderPtr> colliders_;
+  std::vector<ContactLaw> laws_;
+  std::vector<ColliderCotangents> bars_;
+  std::vector<ContactMemory> memory_;  ///< before the substep, per particle
+  std::vector<Vec3d> stretch_bar_;     ///< per particle
+  std::vector<Touch> touches_;
+};
+
+extern template class TotalContactAdjoint<float>;
+extern template class TotalContactAdjoint<double>;
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The adjoint of total Lagrangian contact against central differences in double: every kind, on
+// flat, round, cornered and moving colliders.
+#include "mpm/total_contact_adjoint.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <string>
+
+namespace matterfit::mpm {
+namespace {
+
+constexpr double kH = 0.025;
+constexpr double kDt = 2e-4;
+constexpr int kSteps = 60;
+
+/// Where the collider is besides its own motion, and how it touches.
+struct Place {
+  ContactKind kind = ContactKind::kFriction;
+  double mu = 0.3;
+  double stiffness = 5e6;
+  Vec3d translation = Vec3d::Zero();
+  Vec3d rotation = Vec3d::Zero();
+};
+
+enum class Shape { kPlane, kSphere, kBox, kMovingPlane, kTurningBox };
+
+ColliderPtr collider(Shape shape, const Place& place) {
+  Contact contact;
+  contact.kind = place.kind;
+  contact.mu = place.mu;
+  contact.stiffness = place.stiffness;
+  contact.damping = 0.1;
+  const double angle = place.rotation.norm();
+  const Quatd turn =
+      angle > 0.0 ? Quatd(Eigen::AngleAxisd(angle, place.rotation / angle)) : Quatd::Identity();
+  const auto moved = [&](const Vec3d& position, const Quatd& rotation) {
+    return Pose{turn * position + place.translation, (turn * rotation).normalized()};
+  };
+  const Quatd own(Eigen::AngleAxisd(0.3, Vec3d(1, 1, 0).normalized()));
+  switch (shape) {
+    case Shape::kPlane:
+      return make_plane("plane", contact, turn * Vec3d(0, 0, 0.02) + place.translation,
+                        turn * Vec3d(0.1, 0.05, 1.0).normalized());
+    case Shape::kSphere:
+      return make_sphere("sphere", contact, 0.3,
+                         Keyed<Pose>(moved(Vec3d(0.06, 0.04, -0.28), Quatd::Identity())));
+    case Shape::kBox:
+      return make_box("box", contact, Vec3d(0.04, 0.2, 0.1),
+                      Keyed<Pose>(moved(Vec3d(0.02, 0.05, -0.085), own)));
+    case Shape::kMovingPlane:
+    case Shape::kTurningBox:
+      break;
+  }
+  Keyed<Pose> motion;
+  motion.times = {0.0, 0.02};
+  const bool plane = shape == Shape::kMovingPlane;
+  const Vec3d at = plane ? Vec3d(0, 0, 0.02) : Vec3d(0.05, 0.05, -0.08);
+  motion.values = {moved(at, Quatd::Identity()),
+                   moved(at + Vec3d(0.002, 0, 0.005), plane ? Quatd::Identity() : own)};
+  if (plane) return make_plane("plane", contact, Vec3d::Zero(), Vec3d::UnitZ(), motion);
+  return make_box("box", contact, Vec3d(0.2, 0.2, 0.1), motion);
+}
+
+struct Rollout {
+  Shape shape = Shape::kPlane;
+  Place place;
+  Vec3d velocity = Vec3d(0.8, 0.3, -1.5);
+  material::Material material;
+  double density = 1000.0;
+  bool with_mass = false;
+
+  [[nodiscard]] Scene scene() const {
+    Scene scene;
+    scene.fps = 100.0;
+    scene.first_frame = 0;
+    scene.end_frame = 2;
+    scene.dx = 2.0 * kH;
+    scene.gravity = Keyed<Vec3d>(Vec3d(0, 0, -9.81));
+    Body body;
+    body.name = "bar";
+    body.density = density;
+    body.formulation = Formulation::kTotal;
+    body.material = material;
+    body.velocity = velocity;
+    body.spin = Vec3d(1, -2, 0.5);
+    body.lattice.regular = true;
+    body.lattice.spacing = kH;
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 4; ++j)
+        for (int k = 0; k < 4; ++k) {
+          body.rest.emplace_back(kH * Vec3d(i + 0.5, j + 0.5, k + 1.4));
+          body.volumes.push_back(kH * kH * kH);
+        }
+    if (with_mass) body.masses.push_back({Vec3d(0.06, 0.05, 0.1), 0.1, 0.0});
+    scene.bodies.push_back(body);
+    scene.colliders.push_back(collider(shape, place));
+    return scene;
+  }
+
+  static Vec3d weight(std::uint32_t p) {
+    return {std::sin(1.0 + p), std::cos(2.0 * p), std::sin(3.0 + 0.7 * p)};
+  }
+  static double kick(int n) { return n == 0 ? 0.5 * kDt : kDt; }
+
+  struct Record {
+    std::vector<TotalState<double>> states;
+    std::vector<std::vector<std::pair<std::uint32_t, ContactMemory>>> memories;
+    std::size_t touching = 0;
+  };
+
+  double run(Record* record) const {
+    const Scene s = scene();
+    Arena arena(1);
+    TotalBody<double> body(s.bodies[0], s, kernels<double>(SimdTarget::kAuto));
+    TotalContact<double> contact(s.bodies[0], s, body);
+    contact.wake(0.01, 9.81);
+    for (int n = 0; n < kSteps; ++n) {
+      if (record != nullptr) {
+        record->states.push_back(body.record());
+        record->memories.push_back(contact.record());
+        record->touching += record->memories.back().size();
+      }
+      contact.apply(arena, body, n * kDt, kDt);
+      body.compute_forces(arena, kDt, true);
+      body.step_nodes(arena, kick(n), kDt, s.gravity.at(0.0), n * kDt);
+    }
+    double loss = 0.0;
+    for (std::uint32_t p = 0; p < 64; ++p)
+      loss += 1e3 * weight(p).dot(body.point_state(p).position);
+    return loss;
+  }
+
+  struct Gradient {
+    InitialCotangents initial;
+    material::MaterialGradient material;
+    double log_density = 0.0;
+    ColliderCotangents collider;
+  };
+
+  [[nodiscard]] Gradient gradient(const Record& record) const {
+    const Scene s = scene();
+    Arena arena(1);
+    TotalBody<double> body(s.bodies[0], s, kernels<double>(SimdTarget::kAuto));
+    TotalAdjoint<double> adjoint(body, material, adjoint_kernels<double>(SimdTarget::kAuto));
+    TotalContactAdjoint<double> contact(s.bodies[0], s, body);
+    TotalCotangents<double> bar = adjoint.zero();
+    for (std::uint32_t p = 0; p < 64; ++p) adjoint.add_position(p, 1e3 * weight(p), bar);
+    for (int n = kSteps - 1; n >= 0; --n) {
+      contact.set_memory(record.memories[static_cast<std::size_t>(n)]);
+      adjoint.substep(arena, {n * kDt, kDt, kick(n), 0.0, s.gravity.at(0.0)},
+                      record.states[static_cast<std::size_t>(n)], bar, &contact);
+    }
+    return {adjoint.initial(bar), adjoint.material_gradient(bar), bar.log_density,
+            contact.colliders()[0]};
+  }
+};
+
+/// `found` against differences when x moves; where a particle comes into contact between the two
+/// sides the difference is none, and a smaller step counts.
+void expect(Rollout& rollout, double& x, double step, double factor, double found,
+            const std::string& what) {
+  const double at = x;
+  const auto value = [&](double by) {
+    x = at + by;
+    const double v = rollout.run(nullptr);
+    x = at;
+    return v;
+  };
+  double expected = 0.0;
+  for (int k = 0; k < 4; ++k) {
+    expected = factor *
+               (8.0 * (value(step) - value(-step)) - (value(2.0 * step) - value(-2.0 * step))) /
+               (12.0 * step);
+    if (std::abs(expected - found) <= 1e-6 * std::max(std::abs(expected), 0.1)) return;
+    step *= 0.1;
+  }
+  ADD_FAILURE() << what << ": difference " << expected << ", adjoint " << found;
+}
+
+TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
+  struct Case {
+    const char* name;
+    Shape shape;
+    ContactKind kind;
+    double mu;
+    bool mass;
+  };
+  const Case cases[] = {
+      {"sliding on a plane", Shape::kPlane, ContactKind::kFriction, 0.2, false},
+      {"sticking to a plane by friction", Shape::kPlane, ContactKind::kFriction, 5.0, false},
+      {"sticky plane", Shape::kPlane, ContactKind::kSticky, 0.0, false},
+      {"slip plane", Shape::kPlane, ContactKind::kSlip, 0.0, false},
+      {"separating plane", Shape::kPlane, ContactKind::kSeparating, 0.0, false},
+      {"plane, with a mass", Shape::kPlane, ContactKind::kFriction, 0.2, true},
+      {"sphere", Shape::kSphere, ContactKind::kFriction, 0.3, false},
+      {"edge of a box", Shape::kBox, ContactKind::kFriction, 0.3, false},
+      {"moving plane", Shape::kMovingPlane, ContactKind::kFriction, 0.3, false},
+      {"turning box", Shape::kTurningBox, ContactKind::kSticky, 0.0, false},
+  };
+  for (const Case& item : cases) {
+    Rollout rollout;
+    rollout.shape = item.shape;
+    rollout.place.kind = item.kind;
+    rollout.place.mu = item.mu;
+    rollout.with_mass = item.mass;
+    rollout.material.law = material::Law::kNeoHookean;
+    rollout.material.youngs_modulus = 2e5;
+    rollout.material.poisson_ratio = 0.35;
+    Rollout::Record record;
+    (void)rollout.run(&record);
+    ASSERT_GT(record.touching, 100U) << item.name;
+    const auto g = rollout.gradient(record);
+    const std::string name = item.name;
+    double& e = rollout.material.youngs_modulus;
+    expect(rollout, e, 1e-4 * e, e, e * g.material.youngs_modulus, name + ", E");
+    expect(rollout, rollout.density, 1e-4 * rollout.density, rollout.density, g.log_density,
+           name + ", density");
+    double& k = rollout.place.stiffness;
+    expect(rollout, k, 1e-4 * k, k, k * g.collider.stiffness, name + ", stiffness");
+    if (item.mu > 0.0) {
+      expect(rollout, rollout.place.mu, 1e-4, 1.0, g.collider.mu, name + ", mu");
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      expect(rollout, rollout.velocity[axis], 1e-4, 1.0, g.initial.velocity[axis],
+             name + ", velocity");
+      expect(rollout, rollout.place.translation[axis], 1e-6, 1e-2,
+             1e-2 * g.collider.translation[axis], name + ", translation");
+      expect(rollout, rollout.place.rotation[axis], 1e-5, 1e-1, 1e-1 * g.collider.rotation[axis],
+             name + ", rotation");
+    }
+  }
+}
+
+}  // namespace
+}  // namespace matterfit::mpm

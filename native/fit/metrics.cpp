@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <nanoflann.hpp>
 #include <unordered_set>
 
 #include "base/error.hpp"
+#include "fit/nearest.hpp"
 
 namespace matterfit::fit {
 namespace {
@@ -50,35 +50,9 @@ Points thinned(Points points, std::size_t count, std::uint64_t seed) {
   return kept;
 }
 
-struct Cloud {
-  const Points& points;
-  [[nodiscard]] std::size_t kdtree_get_point_count() const { return points.size(); }
-  [[nodiscard]] double kdtree_get_pt(std::size_t i, std::size_t axis) const {
-    return points[i][static_cast<int>(axis)];
-  }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-using Tree =
-    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Cloud>, Cloud, 3>;
-
 double one_way(const Points& from, const Points& to, Arena& arena) {
-  const Cloud cloud{to};
-  Tree tree(3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams(16));
-  tree.buildIndex();
-  std::vector<double> squared(from.size());
-  arena.parallel_for(0, from.size(), 256, [&](std::size_t i) {
-    std::size_t index = 0;
-    double distance = 0.0;
-    nanoflann::KNNResultSet<double> result(1);
-    result.init(&index, &distance);
-    tree.findNeighbors(result, from[i].data(), nanoflann::SearchParams());
-    squared[i] = distance;
-  });
   double sum = 0.0;
-  for (const double value : squared) sum += value;
+  for (const Nearest& neighbour : nearest(from, to, arena)) sum += neighbour.squared;
   return sum / double(from.size());
 }
 

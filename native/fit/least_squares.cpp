@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "fit/least_squares.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "base/error.hpp"
+#include "fit/bounded_step.hpp"
+#include "fit/differences.hpp"
+
+namespace matterfit::fit {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kLeastDamping = 1e-6;
+constexpr double kMostDamping = 1e15;
+constexpr int kMostTrials = 16;
+/// Longest step of a coordinate that is not linear: a factor ten. A far trial may take a hundred
+/// times as long to simulate, and is seldom better.
+constexpr double kLongest = 2.302585092994046;
+/// Each step is held by a spring, as a prior of this many scales about the present point: what the
+/// data know no better than that stays, however low the damping. The noise is that of the fit.
+constexpr double kHeldWithin = 30.0;
+
+/// The quadratic that stands for the cost around a point, in natural coordinates.
+struct Model {
+  MatrixXd hessian;
+  VectorXd gradient;
+  VectorXd scaling;  ///< Marquardt's diagonal; 0 for a parameter that nothing moves
+  VectorXd spring;
+  [[nodiscard]] double decrease(const VectorXd& step) const {
+    return -(gradient.dot(step) + 0.5 * step.dot(hessian * step));
+  }
+  [[nodiscard]] double length(const VectorXd& step) const {
+    return std::sqrt(step.cwiseAbs2().dot(scaling));
+  }
+};
+
+Box natural_bounds(const std::vector<Parameter>& parameters) {
+  const auto n = Index(parameters.size());
+  Box box{VectorXd(n), VectorXd(n)};
+  for (Index k = 0; k < n; ++k) {
+    const Parameter& parameter = parameters[std::size_t(k)];
+    box.low[k] = to_natural(parameter.coordinate, parameter.low);
+    box.high[k] = to_natural(parameter.coordinate, parameter.high);
+  }
+  return box;
+}
+
+double cost_of(const std::vector<Parameter>& parameters, const VectorXd& point,
+               const VectorXd& residual, double huber) {
+  double sum = 0.0;
+  for (const double r : residual) {
+    const double size = std::abs(r);
+    sum += huber > 0.0 && size > huber ? huber * (2.0 * size - huber) : r * r;
+  }
+  for (std::size_t k = 0; k < parameters.size(); ++k) {
+    if (!parameters[k].prior) continue;
+    const double r = (point[Index(k)] - parameters[k].prior->mean) / parameters[k].prior->sigma;
+    sum += r * r;
+  }
+  return 0.5 * sum;
+}
+
+Model model_of(const std::vector<Parameter>& parameters, const LeastSquaresState& state,
+               double huber) {
+  MatrixXd jacobian = state.jacobian;
+  VectorXd residual = state.residual;
+  if (huber > 0.0) {
+    for (Index i = 0; i < residual.size(); ++i) {
+      const double size = std::abs(residual[i]);
+      if (size <= huber) continue;
+      const double root = std::sqrt(huber / size);
+      residual[i] *= root;
+      jacobian.row(i) *= root;
+    }
+  }
+  const Index n = jacobian.cols();
+  Model model{MatrixXd(n, n), VectorXd(n), VectorXd::Zero(n), VectorXd::Zero(n)};
+  // Column by column: the sums do not depend on the machine's caches as a blocked product does.
+  for (Index i = 0; i < n; ++i) {
+    model.gradient[i] = jacobian.col(i).dot(residual);
+    for (Index j = 0; j <= i; ++j) {
+      model.hessian(i, j) = model.hessian(j, i) = jacobian.col(i).dot(jacobian.col(j));
+    }
+  }
+  for (Index k = 0; k < n; ++k) {
+    const Parameter& parameter = parameters[std::size_t(k)];
+    if (state.unknown[std::size_t(k)] != 0) continue;
+    if (parameter.prior) {
+      const double weight = 1.0 / (parameter.prior->sigma * parameter.prior->sigma);
+      model.hessian(k, k) += weight;
+      model.gradient[k] += weight * (state.point[k] - parameter.prior->mean);
+    }
+  }
+  const double variance = 2.0 * state.cost / double(residual.size());
+  for (Index k = 0; k < n; ++k) {
+    if (!(model.hessian(k, k) > 0.0)) continue;
+    const double held = kHeldWithin * parameters[std::size_t(k)].scale;
+    model.scaling[k] = model.hessian(k, k);
+    model.spring[k] = variance / (held * held);
+  }
+  return model;
+}
+
+/// The damped step within `room` (bounds less the point).
+VectorXd damped_step(const Model& model, double damping, const Box& room) {
+  const Index n = model.gradient.size();
+  VectorXd root(n);
+  for (Index k = 0; k < n; ++k) {
+    root[k] = model.scaling[k] > 0.0 ? 1.0 / std::sqrt(model.scaling[k]) : 0.0;
+  }
+  MatrixXd a = root.asDiagonal() * model.hessian * root.asDiagonal();
+  a.diagonal().array() += damping;
+  a.diagonal() += root.cwiseAbs2().cwiseProduct(model.spring);
+  Box scaled{VectorXd::Zero(n), VectorXd::Zero(n)};
+  for (Index k = 0; k < n; ++k) {
+    if (root[k] == 0.0) {
+      a(k, k) = 1.0;
+      continue;
+    }
+    scaled.low[k] = room.low[k] / root[k];
+    scaled.high[k] = room.high[k] / root[k];
+  }
+  return root.cwiseProduct(bounded_step(a, root.cwiseProduct(model.gradient), scaled));
+}
+
+Box room_around(const std::vector<Parameter>& parameters, const Box& bounds,
+                const VectorXd& point) {
+  Box room{bounds.low - point, bounds.high - point};
+  for (std::size_t k = 0; k < parameters.size(); ++k) {
+    if (parameters[k].coordinate == Coordinate::kLinear) continue;
+    const auto i = Index(k);
+    room.low[i] = std::max(room.low[i], -kLongest);
+    room.high[i] = std::min(room.high[i], kLongest);
+  }
+  return room;
+}
+
+VectorXd moved(const VectorXd& point, const VectorXd& step, const Box& bounds) {
+  VectorXd trial = point + step;
+  for (Index k = 0; k < trial.size(); ++k) {
+    const double near = 1e-12 * (bounds.high[k] - bounds.low[k]);
+    if (step[k] < 0.0 && trial[k] < bounds.low[k] + near) trial[k] = bounds.low[k];
+    if (step[k] > 0.0 && trial[k] > bounds.high[k] - near) trial[k] = bounds.high[k];
+  }
+  return trial;
+}
+
+double relative_size(const std::vector<Parameter>& parameters, const VectorXd& step) {
+  double size = 0.0;
+  for (std::size_t k = 0; k < parameters.size(); ++k) {
+    size = std::max(size, std::abs(step[Index(k)]) / parameters[k].scale);
+  }
+  return size;
+}
+
+void finish(LeastSquaresState& state, bool converged, std::string reason) {
+  state.finished = true;
+  state.converged = converged;
+  state.reason = std::move(reason);
+}
+
+void check_size(const LeastSquaresState& state, std::size_t parameters) {
+  if (state.point.size() == Index(parameters)) return;
+  throw_input(
+      fmt::format("the state of a fit has {} parameters and the fit {}. Begin the fit anew.",
+                  state.point.size(), parameters));
+}
+
+/// Tries ever shorter steps until one is accepted.
+enum class Outcome : std::uint8_t { kAccepted, kRough, kFailed };
+
+Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
+                  const LeastSquaresOptions& options, const Model& model, const Box& bounds,
+                  LeastSquaresState& state) {
+  const Box room = room_around(parameters, bounds, state.point);
+  const VectorXd full = damped_step(model, kLeastDamping, room);
+  double damping = std::max(state.damping, kLeastDamping);
+  VectorXd step = damped_step(model, damping, room);
+  bool failed = false;
+  for (int trial = 0; trial < kMostTrials; ++trial) {
+    const double predicted = model.decrease(step);
+    const double size = relative_size(parameters, step);
+    if (!(predicted > 0.0) || (trial > 0 && size < options.step_tolerance)) break;
+    const VectorXd point = moved(state.point, step, bounds);
+    auto result = evaluate(problem, {point}, state.residual.size());
+    ++state.evaluations;
+    failed = !result.front();
+    const double cost = failed ? std::numeric_limits<double>::infinity()
+                               : cost_of(parameters, point, *result.front(), options.huber);
+    if (cost < state.cost) {
+      const double before = state.cost;
+      const double gain = (before - cost) / predicted;
+      state.point = point;
+      state.residual = std::move(*result.front());
+      state.cost = cost;
+      ++state.iteration;
+      state.history.push_back({state.iteration, cost, damping, true});
+      // Less damping has just been refused: it stays.
+      if (gain > 0.75 && trial == 0) {
+        damping = std::max(kLeastDamping, 0.1 * damping);
+      } else if (gain < 0.25) {
+        damping = std::min(kMostDamping, 2.0 * damping);
+      }
+      state.damping = damping;
+      // A step that damping made short says nothing about convergence.
+      if (size < options.step_tolerance &&
+          relative_size(parameters, full) < 10.0 * options.step_tolerance) {
+        finish(state, true, "The last step was shorter than the tolerance.");
+      } else if (before - cost <= options.cost_tolerance * before &&
+                 model.decrease(full) <= 10.0 * options.cost_tolerance * before) {
+        finish(state, true, "The last step lowered the cost by less than the tolerance.");
+      }
+      return Outcome::kAccepted;
+    }
+    state.history.push_back({state.iteration + 1, state.cost, damping, false});
+    // Where the cost rose, to the minimum of the parabola through what is known along the step.
+    const double slope = model.gradient.dot(step);
+    const double shorter = std::isfinite(cost)
+                               ? std::clamp(-0.5 * slope / (cost - state.cost - slope), 0.1, 0.5)
+                               : 0.25;
+    const double aim = shorter * model.length(step);
+    damping = std::max(damping, 1e-3);
+    while (model.length(step) > aim && damping < kMostDamping) {
+      damping *= 2.0;
+      step = damped_step(model, damping, room);
+    }
+  }
+  return failed ? Outcome::kFailed : Outcome::kRough;
+}
+
+}  // namespace
+
+LeastSquares::LeastSquares(std::vector<Parameter> parameters, LeastSquaresOptions options)
+    : parameters_(std::move(parameters)), options_(options) {
+  if (parameters_.empty()) throw_input("fit.parameters: there is nothing to fit; name one.");
+  for (const Parameter& parameter : parameters_) check(parameter);
+  const bool sane = options_.iterations >= 0 && options_.huber >= 0.0 &&
+                    options_.step_tolerance >= 0.0 && options_.cost_tolerance >= 0.0 &&
+                    options_.difference > 0.0 && std::isfinite(options_.difference);
+  if (!sane) {
+    throw_input(
+        "fit: the number of iterations, the Huber threshold and the tolerances must not be "
+        "negative, and the step of the differences must be above 0.");
+  }
+}
+
+LeastSquaresState LeastSquares::start() const {
+  const Box bounds = natural_bounds(parameters_);
+  LeastSquaresState state;
+  state.point.resize(Index(parameters_.size()));
+  for (std::size_t k = 0; k < parameters_.size(); ++k) {
+    const auto i = Index(k);
+    state.point[i] = std::clamp(to_natural(parameters_[k].coordinate, parameters_[k].start),
+                                bounds.low[i], bounds.high[i]);
+  }
+  return state;
+}
+
+void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
+  if (state.finished) return;
+  check_size(state, parameters_.size());
+  const Box bounds = natural_bounds(parameters_);
+  LeastSquaresState next = state;
+  const auto linearise_at = [&](bool central) {
+    const bool fresh = next.residual.size() == 0;
+    Differences found = differences(problem, parameters_, bounds, next.point, next.residual,
+                                    options_.difference, central);
+    next.evaluations += found.evaluations;
+    next.residual = std::move(found.residual);
+    next.jacobian = std::move(found.jacobian);
+    next.unknown = std::move(found.unknown);
+    if (!fresh) return;
+    next.cost = cost_of(parameters_, next.point, next.residual, options_.huber);
+    if (!std::isfinite(next.cost)) {
+      throw_compute("the fit cannot begin: the residuals at the starting values are too large.");
+    }
+    next.history.push_back({next.iteration, next.cost, next.damping, true});
+  };
+
+  bool central = options_.central;
+  linearise_at(central);
+  Outcome outcome = Outcome::kRough;
+  for (;;) {
+    const bool all_known =
+        std::all_of(next.unknown.begin(), next.unknown.end(), [](auto u) { return u == 0; });
+    const Model model = model_of(parameters_, next, options_.huber);
+    if (!model.hessian.allFinite()) throw_compute("the fit's residuals are too large.");
+    if (next.iteration >= options_.iterations) break;
+    if (model.scaling.maxCoeff() == 0.0) {
+      finish(next, false,
+             all_known ? "Nothing that is compared changes with any of the parameters."
+                       : "The simulation could not be completed beside this point.");
+      break;
+    }
+    const Box room = room_around(parameters_, bounds, next.point);
+    const double left = model.decrease(damped_step(model, kLeastDamping, room));
+    if (left <= options_.cost_tolerance * next.cost) {
+      finish(next, all_known,
+             all_known ? "No step would lower the cost by more than the tolerance."
+                       : "No step would lower the cost by more than the tolerance; for some "
+                         "parameters the simulation could not be completed beside this point.");
+      break;
+    }
+    outcome = try_steps(problem, parameters_, options_, model, bounds, next);
+    if (outcome == Outcome::kAccepted) {
+      next.converged = next.converged && all_known;
+      break;
+    }
+    // One-sided differences are off by half their step; two-sided ones may still point downhill.
+    if (central) {
+      const bool rough = outcome == Outcome::kRough;
+      finish(next, rough && all_known,
+             rough ? "No shorter step lowers the cost."
+                   : "No shorter step could be simulated to its end.");
+      break;
+    }
+    central = true;
+    linearise_at(central);
+  }
+  if (!next.finished && next.iteration >= options_.iterations) {
+    finish(next, false,
+           fmt::format("The limit of {} iterations was reached.", options_.iterations));
+  }
+  state = std::move(next);
+}
+
+void LeastSquares::linearise(Problem& problem, LeastSquaresState& state) const {
+  check_size(state, parameters_.size());
+  Differences found = differences(problem, parameters_, natural_bounds(parameters_), state.point,
+                                  state.residual, options_.difference, true);
+  state.evaluations += found.evaluations;
+  if (state.residual.size() == 0) {
+    state.cost = cost_of(parameters_, state.point, found.residual, options_.huber);
+  }
+  state.residual = std::move(found.residual);
+  state.jacobian = std::move(found.jacobian);
+  state.unknown = std::move(found.unknown);
+}
+
+}  // namespace matterfit::fit

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fit/parameter.hpp"
+
+namespace matterfit::fit {
+
+/// What is to be made small: residuals divided by their standard deviation, so that half their sum
+/// of squares is minus the logarithm of the likelihood. Priors are added by the optimiser.
+class Problem {
+ public:
+  virtual ~Problem() = default;
+  /// Residuals at each of the points (natural coordinates, one parameter a row), all at once so
+  /// that they may be computed side by side. Nothing where the simulation could not be completed
+  /// (unstable): for the optimiser a step that is refused. Equally many residuals each time;
+  /// entries that are not observed are 0. Throws Error(kCancelled).
+  virtual std::vector<std::optional<Eigen::VectorXd>> evaluate(
+      const std::vector<Eigen::VectorXd>& points) = 0;
+};
+
+struct LeastSquaresOptions {
+  int iterations = 30;
+  double huber = 0.0;  ///< residuals beyond this many standard deviations count linearly; 0: off
+  double step_tolerance = 1e-4;  ///< largest |Δξ|/scale of an accepted step that ends the search
+  double cost_tolerance = 1e-6;  ///< relative decrease that ends it
+  double difference = 1e-2;      ///< step of the finite differences, in units of Parameter::scale
+  bool central = false;          ///< central differences: twice the evaluations
+};
+
+/// One accepted or refused step, for loss curves and logs.
+struct LeastSquaresStep {
+  int iteration = 0;  ///< 0: the start
+  double cost = 0.0;  ///< ½ Σ ρ(r²) + priors, after the step; as before it where it was refused
+  double damping = 0.0;
+  bool accepted = false;
+};
+
+/// All that goes on from one iteration to the next, so that a fit can be written to disk and goes
+/// on to the same bits.
+struct LeastSquaresState {
+  Eigen::VectorXd point;     ///< natural coordinates, the best so far
+  Eigen::VectorXd residual;  ///< there, without priors; empty before the first iteration
+  double cost = 0.0;
+  double damping = 1e-2;
+  int iteration = 0;  ///< steps accepted
+  int evaluations = 0;
+  bool finished = false;
+  bool converged = false;    ///< finished because nothing is left to gain
+  std::string reason;        ///< why it ended, a sentence
+  Eigen::MatrixXd jacobian;  ///< of the last linearisation, residuals × parameters
+  /// Parameters of that linearisation whose column is 0 because every evaluation beside the point
+  /// failed. Made anew with the Jacobian: neither goes into the next iteration.
+  std::vector<std::uint8_t> unknown;
+  std::vector<LeastSquaresStep> history;
+};
+
+/// Levenberg–Marquardt within bounds (projected, with an active set), Marquardt's scaling by the
+/// diagonal, priors as further residuals, Huber weights (iteratively reweighted). Jacobian by
+/// finite differences, away from a bound that is near. An evaluation that fails makes the step
+/// shorter. References: Nocedal and Wright, Numerical Optimization, ch. 10; Madsen, Nielsen and
+/// Tingleff 2004.
+class LeastSquares {
+ public:
+  LeastSquares(std::vector<Parameter> parameters, LeastSquaresOptions options);
+  [[nodiscard]] const std::vector<Parameter>& parameters() const { return parameters_; }
+  [[nodiscard]] LeastSquaresState start() const;  ///< at the parameters' start values
+  /// One iteration: linearise, try steps until one is accepted. Sets `finished` with the reason
+  /// when it converged, came to the limit of iterations, or no step helps. Throws Error(kCompute)
+  /// if the starting point itself cannot be evaluated. Where it throws the state is as before.
+  void iterate(Problem& problem, LeastSquaresState& state) const;
+  /// Linearises once more at `state.point` (for the covariance), with central differences.
+  void linearise(Problem& problem, LeastSquaresState& state) const;
+
+ private:
+  std::vector<Parameter> parameters_;
+  LeastSquaresOptions options_;
+};
+
+}  // namespace matterfit::fit

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "base/error.hpp"
+#include "fit/least_squares.hpp"
+
+/// Problems for the tests of this room.
+namespace matterfit::fit {
+
+/// Residuals by a function of the natural coordinates.
+class FunctionProblem : public Problem {
+ public:
+  using Function = std::function<std::optional<Eigen::VectorXd>(const Eigen::VectorXd&)>;
+  explicit FunctionProblem(Function function) : function_(std::move(function)) {}
+  std::vector<std::optional<Eigen::VectorXd>> evaluate(
+      const std::vector<Eigen::VectorXd>& points) override {
+    if (batches++ >= last_batch) throw Error(ErrorKind::kCancelled, "cancelled");
+    evaluations += int(points.size());
+    std::vector<std::optional<Eigen::VectorXd>> results;
+    for (const Eigen::VectorXd& x : points) results.push_back(function_(x));
+    return results;
+  }
+  int batches = 0;
+  int evaluations = 0;
+  int last_batch = std::numeric_limits<int>::max();  ///< after so many it is cancelled
+
+ private:
+  Function function_;
+};
+
+inline std::vector<Parameter> linear_parameters(const std::vector<double>& start, double low = -1e3,
+                                                double high = 1e3) {
+  std::vector<Parameter> parameters;
+  for (const double x : start) {
+    Parameter parameter;
+    parameter.name = "x[" + std::to_string(parameters.size()) + "]";
+    parameter.start = x;
+    parameter.low = low;
+    parameter.high = high;
+    parameters.push_back(parameter);
+  }
+  return parameters;
+}
+
+inline LeastSquaresState run(const LeastSquares& fit, Problem& problem) {
+  LeastSquaresState state = fit.start();
+  while (!state.finished) fit.iterate(problem, state);
+  return state;
+}
+
+}  // namespace matterfit::fit

@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "fit/uncertainty.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/error.hpp"
+#include "fit/advice.hpp"
+
+namespace matterfit::fit {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+constexpr double kQuantile = 1.959963984540054;  // 97.5 % of a normal distribution
+constexpr double kStrong = 0.95;                 // correlation worth a statement
+/// Variance by which others multiply a parameter's, above which only a combination is observed.
+constexpr double kDependent = 1e10;
+constexpr double kTakesPart = 0.1;  // component of a direction worth a name
+constexpr double kMisfit = 2.0;     // noise scale worth a statement
+
+struct Information {
+  MatrixXd data;        ///< JᵀJ, with Huber's estimator its counterpart
+  double noise = 1.0;   ///< √(χ²/degrees of freedom)
+  bool judged = true;   ///< there are degrees of freedom
+  double weight = 1.0;  ///< independent residuals, as a part of all
+};
+
+Information information(const LeastSquaresState& state, std::size_t parameters, double effective,
+                        double huber) {
+  const MatrixXd& jacobian = state.jacobian;
+  const Index n = jacobian.cols();
+  Information result;
+  result.data.resize(n, n);
+  for (Index i = 0; i < n; ++i) {
+    for (Index j = 0; j <= i; ++j) {
+      result.data(i, j) = result.data(j, i) = jacobian.col(i).dot(jacobian.col(j));
+    }
+  }
+  double observed = 0.0;
+  double linear = 0.0;
+  double squares = 0.0;
+  for (Index i = 0; i < state.residual.size(); ++i) {
+    const double size = std::abs(state.residual[i]);
+    if (size == 0.0 && jacobian.row(i).isZero(0.0)) continue;
+    observed += 1.0;
+    const bool outside = huber > 0.0 && size > huber;
+    if (outside) linear += 1.0;
+    squares += outside ? huber * huber : size * size;
+  }
+  const double independent = effective > 0.0 ? std::min(effective, observed) : observed;
+  std::size_t free = 0;
+  for (std::size_t k = 0; k < parameters; ++k)
+    free += result.data(Index(k), Index(k)) > 0.0 ? 1 : 0;
+  const double freedom = independent - double(free);
+  result.judged = freedom >= 1.0 && linear < observed;
+  if (observed > 0.0) result.weight = independent / observed;
+  if (!result.judged) return result;
+  const double slope = 1.0 - linear / observed;  // mean of ψ′
+  result.noise = std::sqrt(squares / observed * (independent / freedom)) / slope;
+  return result;
+}
+
+/// Natural coordinates.
+struct Covariance {
+  VectorXd error;
+  MatrixXd correlation;
+  std::vector<std::vector<Index>> unseen;  ///< who takes part in each direction nothing observes
+};
+
+Covariance invert(const MatrixXd& hessian) {
+  const Index n = hessian.rows();
+  Covariance result{VectorXd::Constant(n, kInfinite), MatrixXd::Identity(n, n), {}};
+  std::vector<Index> seen;
+  for (Index k = 0; k < n; ++k) {
+    if (hessian(k, k) > 0.0) seen.push_back(k);
+  }
+  if (seen.empty()) return result;
+  // With a unit diagonal a small eigenvalue means dependence, not a small sensitivity.
+  const VectorXd root = hessian.diagonal()(seen).cwiseSqrt();
+  const MatrixXd normal = root.cwiseInverse().asDiagonal() * MatrixXd(hessian(seen, seen)) *
+                          root.cwiseInverse().asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(normal);
+  const VectorXd values = eigen.eigenvalues().cwiseMax(1e-3 / kDependent);
+  const MatrixXd& vectors = eigen.eigenvectors();
+  const MatrixXd inverse = vectors * values.cwiseInverse().asDiagonal() * vectors.transpose();
+  for (std::size_t a = 0; a < seen.size(); ++a) {
+    const auto i = Index(a);
+    const double inflation = inverse(i, i);
+    if (inflation < kDependent) result.error[seen[a]] = std::sqrt(inflation) / root[i];
+    for (std::size_t b = 0; b < seen.size(); ++b) {
+      const auto j = Index(b);
+      if (i == j) continue;
+      result.correlation(seen[a], seen[b]) =
+          std::clamp(inverse(i, j) / std::sqrt(inflation * inverse(j, j)), -1.0, 1.0);
+    }
+  }
+  for (Index v = 0; v < values.size(); ++v) {
+    if (eigen.eigenvalues()[v] * kDependent > 1.0) break;  // ascending
+    std::vector<Index> members;
+    for (std::size_t a = 0; a < seen.size(); ++a) {
+      if (std::abs(vectors(Index(a), v)) > kTakesPart) members.push_back(seen[a]);
+    }
+    result.unseen.push_back(std::move(members));
+  }
+  return result;
+}
+
+std::string capital(std::string text) {
+  if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = char(text[0] - 'a' + 'A');
+  return text;
+}
+
+std::string listed(const std::vector<Parameter>& parameters, const std::vector<Index>& members) {
+  std::string text;
+  for (std::size_t i = 0; i < members.size(); ++i) {
+    if (i > 0) text += i + 1 == members.size() ? " and " : ", ";
+    text += parameters[std::size_t(members[i])].name;
+  }
+  return text;
+}
+
+/// How well a value is known that is not known well.
+std::string range(const Parameter& parameter, const Estimate& estimate) {
+  const std::string unit = parameter.unit.empty() ? "" : " " + parameter.unit;
+  return fmt::format("between {:.3g} and {:.3g}{} (95 %)", estimate.low, estimate.high, unit);
+}
+
+std::string statement_of(const Parameter& parameter, const Estimate& estimate, bool sensitive,
+                         bool unknown) {
+  const Advice about = advice(parameter.name);
+  const std::string see = " To see it, record " + about.record + ".";
+  const std::string subject = capital(about.quantity) + " (" + parameter.name + ")";
+  if (unknown) {
+    return subject +
+           " could not be examined: the simulation could not be completed for values beside it.";
+  }
+  const std::string prior = parameter.prior ? " Its value is that of its prior." : "";
+  if (!sensitive) {
+    return subject + " is not observable: nothing that was compared changes with it." + prior + see;
+  }
+  if (!estimate.observable) {
+    if (parameter.prior) {
+      return subject +
+             " is hardly observable: the data say less about it than its prior does; it "
+             "lies " +
+             range(parameter, estimate) + "." + see;
+    }
+    if (std::isinf(estimate.standard_error)) {
+      return subject +
+             " is not observable by itself: only a combination with other parameters is. "
+             "Fix one of them, give it a prior, or record " +
+             about.record + ".";
+    }
+    return subject + " is not observable well: it lies " + range(parameter, estimate) +
+           ", and within that the simulation changes by no more than the noise." + see;
+  }
+  if (estimate.at_bound) {
+    return subject + fmt::format(
+                         " ended at its bound {:.4g}. Widen the bounds if a value beyond is "
+                         "possible; otherwise something else in the scene is wrong.",
+                         estimate.value);
+  }
+  return "";
+}
+
+std::vector<std::string> general(const std::vector<Parameter>& parameters,
+                                 const Covariance& covariance, const Information& data) {
+  std::vector<std::string> statements;
+  const auto n = Index(parameters.size());
+  MatrixXd told = MatrixXd::Zero(n, n);
+  for (const std::vector<Index>& members : covariance.unseen) {
+    statements.push_back("Only a combination of " + listed(parameters, members) +
+                         " is observed. Fix one of them or give it a prior.");
+    for (const Index a : members) {
+      for (const Index b : members) told(a, b) = 1.0;
+    }
+  }
+  for (Index i = 0; i < n; ++i) {
+    for (Index j = i + 1; j < n; ++j) {
+      const double c = covariance.correlation(i, j);
+      if (std::abs(c) < kStrong || told(i, j) != 0.0) continue;
+      statements.push_back(fmt::format(
+          "{} and {} are hard to tell apart (correlation {:.3f}): {}, and little changes. Fix one "
+          "of them or give it a prior.",
+          parameters[std::size_t(i)].name, parameters[std::size_t(j)].name, c,
+          c > 0.0 ? "raise both" : "raise one and lower the other"));
+    }
+  }
+  if (!data.judged) {
+    statements.emplace_back(
+        "There are not more independent observations than parameters: how well the law fits cannot "
+        "be judged, and errors are those of the stated noise.");
+  } else if (data.noise > kMisfit) {
+    statements.push_back(fmt::format(
+        "The simulation misses the capture by {:.3g} times the stated noise: the law or "
+        "the scene lacks something, or the noise is larger. Errors are enlarged by it.",
+        data.noise));
+  } else if (data.noise < 1.0 / kMisfit) {
+    statements.push_back(fmt::format(
+        "The simulation meets the capture to {:.3g} of the stated noise: the noise is smaller than "
+        "stated, and the errors may be too.",
+        data.noise));
+  }
+  return statements;
+}
+
+}  // namespace
+
+Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSquaresState& state,
+                        double effective, double huber) {
+  const auto n = Index(parameters.size());
+  if (state.point.size() != n || state.jacobian.cols() != n ||
+      state.jacobian.rows() != state.residual.size()) {
+    throw_input("the uncertainty of a fit needs its point, its residuals and its Jacobian.");
+  }
+  const Information data = information(state, parameters.size(), effective, huber);
+  const double enlarged = std::max(1.0, data.noise);
+  MatrixXd hessian = data.weight / (enlarged * enlarged) * data.data;
+  for (Index k = 0; k < n; ++k) {
+    const auto& prior = parameters[std::size_t(k)].prior;
+    if (prior) hessian(k, k) += 1.0 / (prior->sigma * prior->sigma);
+  }
+  const Covariance covariance = invert(hessian);
+
+  Uncertainty result;
+  result.correlation = covariance.correlation;
+  result.noise_scale = data.noise;
+  for (Index k = 0; k < n; ++k) {
+    const Parameter& parameter = parameters[std::size_t(k)];
+    const auto value_at = [&](double natural) {
+      return std::clamp(from_natural(parameter.coordinate, natural), parameter.low, parameter.high);
+    };
+    const double at = state.point[k];
+    const double error = covariance.error[k];
+    Estimate estimate;
+    estimate.value = value_at(at);
+    estimate.standard_error = error * derivative(parameter.coordinate, at);
+    estimate.low = value_at(at - kQuantile * error);
+    estimate.high = value_at(at + kQuantile * error);
+    const double near = 1e-6 * parameter.scale;
+    estimate.at_bound = at - to_natural(parameter.coordinate, parameter.low) <= near ||
+                        to_natural(parameter.coordinate, parameter.high) - at <= near;
+    const double expected =
+        parameter.prior ? parameter.prior->sigma / std::sqrt(2.0) : parameter.scale;
+    estimate.observable = error < expected;
+    const bool unknown =
+        std::size_t(k) < state.unknown.size() && state.unknown[std::size_t(k)] != 0;
+    estimate.statement = statement_of(parameter, estimate, data.data(k, k) > 0.0, unknown);
+    result.estimates.push_back(std::move(estimate));
+  }
+  result.statements = general(parameters, covariance, data);
+  return result;
+}
+
+}  // namespace matterfit::fit

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "fit/least_squares.hpp"
+#include "fit/parameter.hpp"
+
+namespace matterfit::fit {
+
+/// What a fit knows of one parameter.
+struct Estimate {
+  double value = 0.0;           ///< physical
+  double standard_error = 0.0;  ///< physical, linearised; infinite where nothing observes it
+  double low = 0.0;             ///< 95 % interval, through the natural coordinate, within bounds
+  double high = 0.0;
+  bool at_bound = false;
+  /// The data narrow it: its error is below its scale. With a prior: they know at least as much of
+  /// it as the prior does, so its error is below 1/√2 of the prior's.
+  bool observable = true;
+  std::string statement;  ///< empty, or what is not observed and why, and what to record to see it
+};
+
+struct Uncertainty {
+  std::vector<Estimate> estimates;
+  /// 1 on the diagonal; 0 beside it in rows of what no residual and no prior depends on. ±1 where
+  /// only a combination is observed.
+  Eigen::MatrixXd correlation;
+  double noise_scale = 1.0;  ///< √(χ²/degrees of freedom): residuals against the stated noise
+  std::vector<std::string> statements;  ///< strong correlations, directions that nothing observes
+};
+
+/// From the Gauss–Newton Hessian JᵀJ + priors at the end of a fit (state.jacobian and
+/// state.residual). Where noise_scale is above 1 the noise is taken to be that much larger than
+/// stated: without priors errors are multiplied by it. `effective` is the number of residuals that
+/// count as independent; 0: all that are observed (not 0 with a Jacobian of 0). `huber` as in the
+/// fit: errors are then those of Huber's estimator (Huber, Robust Statistics, ch. 7.6). Throws
+/// Error(kInput) where the sizes differ.
+[[nodiscard]] Uncertainty uncertainty(const std::vector<Parameter>& parameters,
+                                      const LeastSquaresState& state, double effective = 0.0,
+                                      double huber = 0.0);
+
+}  // namespace matterfit::fit

@@ -5,7 +5,8 @@
         blender --factory-startup --python-exit-code 1 -P blender_tests/window.py -- PICTURE.png
 
 PICTURE shows the tab as it opens; beside it lie panel_status.png, panel_capture.png, …
-With the native library a bake runs modally, is cancelled, resumed to its end, and undone. Fails
+With the native library a bake and a fit run modally, are cancelled, resumed to their end, and
+undone. Fails
 where a panel is not drawn, raises, the overlay raises or shows nothing, or a modal job does not end
 as it should, also when the add-on is switched off under it.
 """
@@ -22,19 +23,20 @@ import bpy
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[:0] = [os.path.join(os.path.dirname(HERE), "addon"), HERE]
 
+import fake_fit
 import matterfit
 import numpy
 from matterfit import jobs, native, ui
-from matterfit.io import files, takes
+from matterfit.io import files, job_document, takes
 from matterfit.jobs import State
 from matterfit.ops import base
 from matterfit.props import compare as compare_properties
-from matterfit.ui import overlay
+from matterfit.ui import fit_overlay, overlay
 
 PICTURE = os.path.abspath(sys.argv[sys.argv.index("--") + 1])
-LIMIT = 280.0  # seconds for everything
+LIMIT = 450.0  # seconds for everything
 
-HANDLERS = ("draw_points", "draw_legend")
+HANDLERS = ("draw_points", "draw_legend", "draw_fit")
 drawn = {}
 faults = []
 
@@ -175,6 +177,31 @@ def fake_comparison(positions, times):
     scene.matterfit.compare.point_size = 10.0
 
 
+def fake_result(positions, times):
+    """The files that a fit leaves, with those of a comparison of the fitted scene."""
+    scene = bpy.context.scene
+    settings = scene.matterfit
+    settings.captures[0].holdout, settings.captures[0].holdout_start = "FRAMES", 15
+    folder = takes.claim(takes.for_fit(settings))
+    job_document.write(job_document.build(scene, settings.fit.run, folder, "fit"), folder)
+    fake_fit.write(folder)
+    error = 0.001 * (times[:, None] + positions[:, :, 0] + 0.1)
+    files.write_npz(os.path.join(folder, "compare.npz"), {
+        "error_mm": 1000.0 * error, "times": times, "captured": positions,
+        "labels": numpy.array([str(i) for i in range(positions.shape[1])])})
+    files.write_npz(os.path.join(folder, "simulated.npz"), {
+        "positions": positions + error[:, :, None], "times": times})
+    settings.fit.done = True
+
+
+def scroll_to_end():
+    window, area = view()
+    region = next(region for region in area.regions if region.type == "UI")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        for _ in range(40):
+            bpy.ops.view2d.scroll_down()
+
+
 def picture(name, sidebar=False):
     path = PICTURE if name == "" else f"{os.path.splitext(PICTURE)[0]}_{name}.png"
     os.makedirs(os.path.dirname(path), exist_ok=True)
@@ -267,11 +294,12 @@ def show(*names):
     area.tag_redraw()
 
 
-def modal(operator):
+def modal(operator, undo=False):
+    """Presses the button; `undo`: one that ends at once makes its step only where it is told."""
     window, area = view()
     region = next(region for region in area.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=window, area=area, region=region):
-        return getattr(bpy.ops.matterfit, operator)("INVOKE_DEFAULT")
+        return getattr(bpy.ops.matterfit, operator)("INVOKE_DEFAULT", undo)
 
 
 PARTS = ("status", "capture", "bodies", "solver", "simulate", "rerun", "output")
@@ -295,6 +323,17 @@ def script(folder):
     yield
     picture("compare")
     yield from check_legend()
+    show("MATTERFIT_PT_fit")
+    yield
+    yield
+    picture("fit", sidebar=True)
+    fake_result(positions, times)
+    yield
+    yield
+    scroll_to_end()
+    yield
+    yield
+    picture("fit_result")
     settings = bpy.context.scene.matterfit
     settings.compare.worst_index = 0
     if bpy.context.scene.frame_current != settings.compare.worst[0].frame:
@@ -306,6 +345,7 @@ def script(folder):
         return
     yield from modal_bake()
     yield from switched_off()
+    yield from modal_fit()
 
 
 def wait_for(condition, seconds, what):
@@ -316,13 +356,18 @@ def wait_for(condition, seconds, what):
         yield
 
 
-def modal_bake():
-    """Bake, cancel, undo, resume, verify, undo: through the very buttons."""
-    show("MATTERFIT_PT_status", "MATTERFIT_PT_simulate")
+def let_go():
     settings = bpy.context.scene.matterfit
     settings.bodies[0].pins.clear()
     settings.bodies[0].masses.clear()
     settings.takes[0].throws.clear()
+
+
+def modal_bake():
+    """Bake, cancel, undo, resume, verify, undo: through the very buttons."""
+    show("MATTERFIT_PT_status", "MATTERFIT_PT_simulate")
+    settings = bpy.context.scene.matterfit
+    let_go()
     settings.solver.particle_separation = 0.0125
     bpy.context.scene.frame_end = 40
     if modal("bake") != {"RUNNING_MODAL"}:
@@ -399,6 +444,85 @@ def switched_off():
     yield
     matterfit.register()
     yield
+
+
+def record_fall():
+    """A capture of the body's own fall, simulated, with noise; its last frames are held out."""
+    settings = bpy.context.scene.matterfit
+    path = os.path.join(os.path.dirname(bpy.data.filepath), "fall.npz")
+    grid = numpy.stack(numpy.meshgrid(*[numpy.linspace(-0.09, 0.09, 3)] * 3), axis=-1)
+    still = grid.reshape(-1, 3) + numpy.array([0, 0, 0.3])
+    times = numpy.arange(10) / 24.0
+    files.write_npz(path, {"positions": numpy.repeat(still[None], 10, axis=0), "times": times})
+    capture = settings.captures.add()
+    capture.name, capture.filepath = "fall", "//fall.npz"
+    bpy.ops.matterfit.add_take()  # the cache of the first is of another scene
+    if bpy.ops.matterfit.compare() != {"FINISHED"}:
+        raise AssertionError("the recording could not be simulated")
+    folder = takes.locate(takes.ensure_active(settings)).folder
+    with numpy.load(os.path.join(folder, "simulated.npz")) as arrays:
+        recorded = arrays["positions"]
+    noise = numpy.random.default_rng(1).normal(0.0, 5e-4, recorded.shape)
+    files.write_npz(path, {"positions": recorded + noise, "times": times})
+    capture.use_noise, capture.noise = True, 5e-4
+    capture.holdout, capture.holdout_start = "FRAMES", 9
+    settings.compare.done = False
+
+
+def modal_fit():
+    """Fit, cancel, apply the best so far, undo that, resume to the end, through the very buttons."""
+    show("MATTERFIT_PT_status", "MATTERFIT_PT_fit")
+    settings = bpy.context.scene.matterfit
+    let_go()
+    settings.bodies[0].material.preset = "JELLY"
+    settings.bodies[0].material.E = 6e4
+    settings.bodies[0].velocity = (0.0, 0.0, -2.0)
+    settings.bodies[1].enabled = False
+    settings.solver.particle_separation = 0.0167
+    bpy.context.scene.frame_end = 10
+    record_fall()
+    settings.bodies[0].material.E = 1.5e5
+    settings.bodies[0].velocity = (0.1, 0.0, -1.5)
+    for row in settings.fit.parameters:
+        row.enabled = row.key in ("material.E", "velocity")
+    if modal("fit") != {"RUNNING_MODAL"}:
+        raise AssertionError("Fit does not run modally")
+    job = jobs.registry.running
+    yield from wait_for(lambda: job.ended or any(
+        len(segment.places) >= 2 for segment in fit_overlay.live_curve(job.folder)), 90.0,
+        "the second iteration")
+    picture("fitting")
+    if job.ended:
+        raise AssertionError(f"the fit ended before it could be cancelled: {job.error}")
+    asked = time.monotonic()
+    bpy.ops.matterfit.cancel()
+    yield from wait_for(lambda: job.ended, 10.0, "the end after Cancel")
+    print(f"window: Cancel of the fit answered after {time.monotonic() - asked:.2f} s")
+    yield
+    if job.state is not State.CANCELLED or not bpy.context.scene.matterfit.fit.done:
+        raise AssertionError(f"Cancel of the fit gave {job.state}: {job.error}")
+    before = bpy.context.scene.matterfit.bodies[0].material.E
+    if modal("apply_fit", undo=True) != {"FINISHED"}:
+        raise AssertionError("the best so far cannot be applied")
+    yield
+    if bpy.context.scene.matterfit.bodies[0].material.E == before:
+        faults.append("Apply to Body changed nothing")
+    undo()
+    yield
+    if bpy.context.scene.matterfit.bodies[0].material.E != before:
+        faults.append("one undo did not take back what was applied")
+    if modal("resume_fit") != {"RUNNING_MODAL"}:
+        raise AssertionError("Resume of the fit does not run modally")
+    job = jobs.registry.running
+    yield from wait_for(lambda: job.ended, 120.0, "the end of the fit")
+    yield
+    yield
+    if job.state is not State.DONE:
+        raise AssertionError(f"Resume of the fit gave {job.state}: {job.error}")
+    scroll_to_end()
+    yield
+    yield
+    picture("fitted")
 
 
 def undo():

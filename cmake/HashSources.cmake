@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-# cmake -DFILES=a;b;… -DOUTPUT=x.hpp -P HashSources.cmake: one hash of the contents of many files, as
-# a C++ constant. States are taken again only by the code that made them.
+# cmake -DFILES=a;b;… -DNAME=kX -DOUTPUT=x.hpp -P HashSources.cmake: one hash of the contents of many
+# files, as a C++ constant. States are taken again only by the code that made them.
 set(all "")
 foreach(file IN LISTS FILES)
   file(SHA256 ${file} hash)
@@ -14,6 +14,6 @@ file(WRITE ${OUTPUT}
 // Made by cmake/HashSources.cmake.
 #pragma once
 namespace matterfit::job {
-inline constexpr const char* kSolverSources = \"${hash}\";
+inline constexpr const char* ${NAME} = \"${hash}\";
 }
 ")

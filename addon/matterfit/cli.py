@@ -4,7 +4,8 @@
     blender -b [scene.blend] --python-exit-code 1 -P addon/matterfit/cli.py -- bake JOB.json --json
 
 The same document, the same native code, the same exit statuses. Without JOB the open scene's
-active take is written as job.json and run; `bake` then attaches and saves it with --save.
+active take is written as job.json and run; `bake` then attaches and saves it with --save, `fit`
+applies what it found and saves.
 """
 
 import argparse
@@ -18,7 +19,7 @@ EXIT_COMPUTE = 3
 
 VERBS = {
     "simulate": "write the states of every frame, and simulated.npz at the captures' points",
-    "fit": "identify materials from captures (not available in this version)",
+    "fit": "identify materials from captures, with their uncertainty",
     "diagnose": "find what the simulation gets wrong (not available in this version)",
     "compare": "simulate if need be, and measure the error against the captures",
     "bake": "simulate and write every cache under `output`",
@@ -61,7 +62,8 @@ def parser():
                          help="begin afresh, removing the results that the manifest lists")
         sub.add_argument("--quiet", action="store_true", help="no progress on standard error")
         sub.add_argument("--save", action="store_true",
-                         help="without JOB: attach the result and save the .blend file")
+                         help="without JOB: attach the result (fit: apply it) and save the "
+                         ".blend file")
     look = verbs.add_parser("inspect", help="result hash of a cache folder; checks its files")
     look.add_argument("folder", metavar="FOLDER", help="a job's output folder")
     look.add_argument("--report", help="write the result to this file too")
@@ -82,8 +84,9 @@ class Progress:
         if self.quiet or place == self.last:
             return
         self.last = place
-        print(f"{100.0 * job.fraction:5.1f} %  {snapshot.stage}  frame {snapshot.frame} of "
-              f"{snapshot.last_frame}", file=sys.stderr, flush=True)
+        frame = f"  frame {snapshot.frame} of {snapshot.last_frame}" if snapshot.last_frame else ""
+        print(f"{100.0 * job.fraction:5.1f} %  {snapshot.stage}{frame}", file=sys.stderr,
+              flush=True)
 
 
 def give(result, arguments, files):
@@ -95,16 +98,18 @@ def give(result, arguments, files):
         print(text, flush=True)
 
 
-def scene_job(module):
-    """Writes the open scene's active take as job.json; returns (path, take's folder)."""
+def scene_job(module, verb):
+    """Writes the open scene's active take as job.json; returns (path, cache folder). A fit has a
+    cache of its own."""
     import bpy
     job_document = importlib.import_module(module.__name__ + ".io.job_document")
     takes = importlib.import_module(module.__name__ + ".io.takes")
     takes.require_saved()
     scene = bpy.context.scene
-    take = takes.ensure_active(scene.matterfit)
+    task = "fit" if verb == "fit" else "bake"
+    take = takes.for_fit(scene.matterfit) if task == "fit" else takes.ensure_active(scene.matterfit)
     folder = takes.claim(take)
-    return job_document.write(job_document.build(scene, take, folder, "bake"), folder), folder
+    return job_document.write(job_document.build(scene, take, folder, task), folder), folder
 
 
 def run(module, arguments):
@@ -119,7 +124,7 @@ def run(module, arguments):
         return EXIT_INPUT if found.get("faults") else 0
     path, folder = os.path.abspath(arguments.job) if arguments.job else None, None
     if path is None:
-        path, folder = scene_job(module)
+        path, folder = scene_job(module, arguments.verb)
     if arguments.verb in ("estimate", "validate"):
         function = getattr(native, arguments.verb)
         give(function(files.read_text(path), os.path.dirname(path), overrides=arguments.set),
@@ -135,7 +140,7 @@ def run(module, arguments):
     result = job.result or {"status": "error", "error": job.error, "exit_status": job.status}
     give(result, arguments, files)
     if folder is not None and arguments.save and job.status == 0:
-        attach_and_save(module, folder)
+        (apply_and_save if arguments.verb == "fit" else attach_and_save)(module, folder)
     return job.status
 
 
@@ -150,6 +155,16 @@ def attach_and_save(module, folder):
     take.frame_count = end - take.first_frame
     take.frames_done = attach.Attachment(scene, take, folder, document).update(final=True)
     take.baked = True
+    bpy.ops.wm.save_mainfile()
+
+
+def apply_and_save(module, folder):
+    import bpy
+    fit_apply = importlib.import_module(module.__name__ + ".io.fit_apply")
+    scene = bpy.context.scene
+    scene.matterfit.fit.done = True
+    for sentence in fit_apply.apply_run(scene, folder):
+        print(f"matterfit: {sentence}", file=sys.stderr)
     bpy.ops.wm.save_mainfile()
 
 

@@ -101,15 +101,17 @@ class ThreadRun:
 class Job:
     """One computation. `start` is called once and returns the backend, or raises JobError.
 
-    `resumable`: Resume goes on from where it is cancelled. `on_end` is called with the job when it
-    has ended, however it did, before anybody else sees that.
+    `resumable`: the operator `resume` goes on from where it is cancelled. `on_end` is called with
+    the job when it has ended, however it did, before anybody else sees that.
     """
 
     def __init__(self, label, start, folder="", clock=time.monotonic, resumable=False,
-                 on_end=None):
+                 resume="matterfit.resume", on_end=None):
         self.label = label
         self.folder = folder
         self.resumable = resumable
+        self.resume = resume
+        self.stale = None  # what lies in the folder from before, for those who draw its progress
         self.state = State.IDLE
         self.snapshot = Snapshot()
         self.result = {}

@@ -29,8 +29,13 @@ Outcome run_to_end(const job::Job& job, const job::RunOptions& options,
   try {
     try {
       Outcome outcome;
-      outcome.result = job::run_job(job, options, interrupter)
-                           .dump(2, ' ', false, job::Json::error_handler_t::replace);
+      const job::Json result = job::run_job(job, options, interrupter);
+      outcome.result = result.dump(2, ' ', false, job::Json::error_handler_t::replace);
+      // A fit that was cancelled has a result all the same: the best so far.
+      if (result.value("status", "") == "cancelled") {
+        outcome.exit_status = exit_status(ErrorKind::kCancelled);
+        outcome.error = result.value("error", "");
+      }
       return outcome;
     } catch (const Error& error) {
       return failure(error.kind(), error.what());

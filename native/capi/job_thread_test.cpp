@@ -10,6 +10,7 @@
 #include "base/error.hpp"
 #include "capi/terminal.hpp"
 #include "job/document.hpp"
+#include "job/run.hpp"
 
 namespace matterfit::capi {
 namespace {
@@ -46,6 +47,8 @@ TEST(JobThread, RunsToItsEnd) {
   EXPECT_EQ(result["status"], "done");
   EXPECT_EQ(result["particles"], 512);
   EXPECT_THAT(summary(result), HasSubstr(result["result_hash"].get<std::string>()));
+  EXPECT_THAT(summary(job::inspect_folder(folder.path / "out")),
+              HasSubstr("every file is as it was written"));
   EXPECT_EQ(thread.progress().fraction, 1.0);
   EXPECT_EQ(thread.seconds_left(), 0.0);
 }

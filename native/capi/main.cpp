@@ -133,8 +133,9 @@ void check_verb(const CLI::App& app, int argc, char** argv) {
 }
 
 int command(int argc, char** argv, Arguments& arguments) {
-  CLI::App app("Matterfit: simulates, compares with captures, and bakes what Blender plays.",
-               "matterfit");
+  CLI::App app(
+      "Matterfit: simulates, fits materials to captures, compares, and bakes what Blender plays.",
+      "matterfit");
   app.set_version_flag("--version", std::string(MATTERFIT_VERSION));
   app.require_subcommand(1);
   app.footer("Exit status: 0 done, 2 the input is wrong, 3 could not be completed, 130 cancelled.");
@@ -144,7 +145,8 @@ int command(int argc, char** argv, Arguments& arguments) {
     add_common(*verbs.back(), arguments);
   };
   add("simulate", "write the states of every frame, and simulated.npz at the captures' points");
-  add("fit", "identify materials from captures (not available in this version)");
+  add("fit",
+      "identify materials from captures: fitted values with errors, material.json, scene.json");
   add("diagnose", "find what the simulation gets wrong (not available in this version)");
   add("compare", "simulate if need be, and measure the error against the captures");
   add("bake", "simulate and write every cache under `output`");

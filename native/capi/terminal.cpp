@@ -23,6 +23,53 @@ std::string ringdown_text(const Json& ring) {
                      ring.at("damping_ratio").get<double>());
 }
 
+std::string error_text(const Json& errors) {
+  const auto one = [&](const char* key) -> std::string {
+    const Json& part = errors.at(key);
+    if (!part.is_object()) return "";
+    return fmt::format("{:.3f} mm{}", part.at("mean_mm").get<double>(),
+                       std::string(key) == "held_out" ? " held out" : " fitted");
+  };
+  const std::string fitted = one("fitted");
+  const std::string held = one("held_out");
+  if (fitted.empty() && held.empty()) return "not known";
+  return fitted + (fitted.empty() || held.empty() ? "" : ", ") + held;
+}
+
+/// What a fit found, a line a parameter.
+std::string fit_text(const Json& fit) {
+  std::string text = fmt::format("fit: law {}, {}\n", fit.at("law").get<std::string>(),
+                                 fit.at("reason").get<std::string>());
+  for (const Json& parameter : fit.at("parameters")) {
+    const auto unit = parameter.at("unit").get<std::string>();
+    text += fmt::format("  {} = {:.6g}", parameter.at("path").get<std::string>(),
+                        parameter.at("value").get<double>());
+    if (parameter.at("standard_error").is_number()) {
+      text += fmt::format(" ± {:.2g}", parameter.at("standard_error").get<double>());
+    }
+    text += (unit.empty() ? "" : " " + unit) + "\n";
+  }
+  text += "  mean error before: " + error_text(fit.at("before")) + "\n";
+  text += "  mean error after: " + error_text(fit.at("after")) + "\n";
+  if (fit.contains("models")) {
+    for (const Json& model : fit.at("models")) {
+      const auto law = model.at("law").get<std::string>();
+      if (!model.at("probability").is_number()) {
+        text += fmt::format("  {}: failed: {}\n", law, model.at("failed").get<std::string>());
+        continue;
+      }
+      const bool held = model.at("held_out_mm").is_number();
+      text += fmt::format("  {}: {:.3f} mm {}, probability {:.2f}\n", law,
+                          model.at(held ? "held_out_mm" : "fitted_mm").get<double>(),
+                          held ? "held out" : "fitted", model.at("probability").get<double>());
+    }
+  }
+  for (const Json& statement : fit.at("statements")) {
+    text += "  note: " + statement.get<std::string>() + "\n";
+  }
+  return text;
+}
+
 }  // namespace
 
 ProgressLine::ProgressLine(bool wanted)
@@ -68,6 +115,7 @@ std::string summary(const Json& result) {
   }
   if (result.contains("bodies")) {
     for (const Json& body : result["bodies"]) {
+      if (!body.is_object()) continue;  // a folder's are names alone
       line(fmt::format("body {}: {}", body.at("name").get<std::string>(),
                        body.value("fill", std::string())));
     }
@@ -102,6 +150,7 @@ std::string summary(const Json& result) {
       }
     }
   }
+  if (result.contains("fit")) text += fit_text(result["fit"]);
   if (result.contains("notes")) {
     for (const Json& note : result["notes"]) line("note: " + note.get<std::string>());
   }

@@ -119,6 +119,19 @@ TEST(InitialMotion, CountsWholeTurns) {
   expect_exact(thrown, thrown.found(body(thrown.center, 20)), 1e-10);
 }
 
+TEST(InitialMotion, OfManyTurnsWithNoiseIsThatOfLeastSquares) {
+  Throw thrown;
+  thrown.spin = Vec3d(0.0, 90.0, 30.0);
+  thrown.frames = 60;
+  thrown.noise = 3e-3;
+  const InitialMotion found = thrown.found(body(thrown.center, 20));
+  EXPECT_NEAR(found.residual, 3e-3 * std::sqrt(3.0), 0.2e-3);
+  // One frame's angle is known to about 0.011 rad: the rate of a line through 60 of them to 0.005
+  // rad/s, the axis, against which an error does not grow, to about 0.011/√60 rad.
+  EXPECT_NEAR(found.spin.norm(), thrown.spin.norm(), 0.02);
+  EXPECT_LT(found.spin.cross(thrown.spin).norm() / thrown.spin.squaredNorm(), 0.005);
+}
+
 TEST(InitialMotion, NeedsNoMoreThanTwoFrames) {
   Throw thrown;
   thrown.frames = 2;

@@ -63,8 +63,10 @@ struct LeastSquaresState {
 /// Levenberg–Marquardt within bounds (projected, with an active set), Marquardt's scaling by the
 /// diagonal, priors as further residuals, Huber weights (iteratively reweighted). Jacobian by
 /// finite differences, away from a bound that is near. An evaluation that fails makes the step
-/// shorter. References: Nocedal and Wright, Numerical Optimization, ch. 10; Madsen, Nielsen and
-/// Tingleff 2004.
+/// shorter. No step takes a logarithmic coordinate farther than a factor ten, and what the data do
+/// not know to 30 scales stays. One-sided differences end up to half their step off where the
+/// residuals are large and curved (`central` does not). References: Nocedal and Wright, Numerical
+/// Optimization, ch. 10; Madsen, Nielsen and Tingleff 2004.
 class LeastSquares {
  public:
   LeastSquares(std::vector<Parameter> parameters, LeastSquaresOptions options);

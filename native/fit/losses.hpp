@@ -26,20 +26,24 @@ struct LossGradient {
 };
 
 /// Mean over used samples of the L1 distance, or of Huber's function of the distance with threshold
-/// `huber` [m] where that is above 0 (physics: L_traj).
+/// `huber` [m] where that is above 0 (physics: L_traj): [m], with Huber's [m²]. Throws
+/// Error(kInput) where no sample is used.
 [[nodiscard]] LossGradient trajectory_loss(std::span<const Vec3d> simulated,
                                            std::span<const Vec3d> captured,
                                            std::span<const std::uint8_t> used, double huber = 0.0);
 
 /// Chamfer distance [m²] between simulated points and a captured cloud, mean squared nearest
 /// distance, both ways summed, with its gradient at the present nearest neighbours. Same result for
-/// any number of threads.
+/// any number of threads. Captured points that are not finite are left out; the value is not a
+/// number where a simulated one is not finite. Throws Error(kInput) if a set is empty.
 [[nodiscard]] LossGradient chamfer_loss(std::span<const Vec3d> simulated,
                                         std::span<const Vec3d> captured, Arena& arena);
 
 /// The same as residuals: vectors to the nearest point, both ways, each divided by √(points) and
 /// `sigma` [m], so that their sum of squares is the Chamfer distance over σ². 3 (|a| + |b|)
-/// entries.
+/// entries; not a number where a simulated point is not finite, 0 for a captured one that is not.
+/// Least squares over them goes as iterated closest points do: slowly unless the steps of its
+/// differences move the points by about their spacing.
 [[nodiscard]] Eigen::VectorXd chamfer_residuals(std::span<const Vec3d> simulated,
                                                 std::span<const Vec3d> captured, double sigma,
                                                 Arena& arena);

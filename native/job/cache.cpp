@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/cache.hpp"
 
+#include <algorithm>
+
 #include "base/error.hpp"
 #include "job/state_file.hpp"
 
@@ -33,10 +35,12 @@ Cache::Cache(const Job& job, const Inputs& inputs, Restart restart)
   afresh_ = changed || restart == Restart::kAlways || manifest_.frames_done == 0;
 }
 
-void Cache::begin(const Job& job, const Inputs& inputs) {
+void Cache::begin(const Job& job, const Inputs& inputs, const std::vector<std::string>& kept) {
   if (!afresh_) return;
   const auto files = manifest_.files;
-  for (const auto& [path, file] : files) remove(path);
+  for (const auto& [path, file] : files) {
+    if (std::find(kept.begin(), kept.end(), path) == kept.end()) remove(path);
+  }
   afresh_ = false;
   manifest_ = Manifest{};
   manifest_.version = MATTERFIT_VERSION;

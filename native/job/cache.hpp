@@ -26,8 +26,8 @@ class Cache {
   /// holds results of other inputs and `restart` is kNever. Nothing is removed yet.
   Cache(const Job& job, const Inputs& inputs, Restart restart);
   /// Once the job is known to be sound: removes what the manifest lists, unless the run goes on
-  /// from it.
-  void begin(const Job& job, const Inputs& inputs);
+  /// from it; what is in `kept` stays.
+  void begin(const Job& job, const Inputs& inputs, const std::vector<std::string>& kept = {});
 
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   [[nodiscard]] Manifest& manifest() { return manifest_; }

@@ -22,22 +22,25 @@ std::array<std::size_t, 2> samples_between(const std::vector<double>& times, dou
           static_cast<std::size_t>(end - times.begin())};
 }
 
-Points rest_positions(const capture::Tracks& tracks, const std::optional<double>& release,
-                      double slack) {
-  const Vec3d unknown = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
-  Points rest(tracks.points, unknown);
+/// The mean over the quiet frames in which the point is seen, else where it is seen first. What is
+/// held out does not count among the quiet frames where others are left.
+Points rest_positions(const CaptureInput& input, double slack) {
+  const capture::Tracks& tracks = input.tracks;
+  Points rest(tracks.points, Vec3d::Constant(std::numeric_limits<double>::quiet_NaN()));
   for (std::size_t i = 0; i < tracks.points; ++i) {
-    Vec3d sum = Vec3d::Zero();
-    std::size_t count = 0;
+    Vec3d sum[2] = {Vec3d::Zero(), Vec3d::Zero()};  // seen by a fit, held out
+    std::size_t count[2] = {0, 0};
     for (std::size_t t = 0; t < tracks.frames(); ++t) {
       if (!tracks.is_visible(t, i)) continue;
-      const bool quiet = release && tracks.times[t] <= *release + slack;
-      if (!quiet && count > 0) break;
-      sum += tracks.position(t, i);
-      ++count;
+      const bool quiet = input.release && tracks.times[t] <= *input.release + slack;
+      if (!quiet && count[0] + count[1] > 0) break;
+      const std::size_t which = input.held_out_frames[t] != 0 ? 1 : 0;
+      sum[which] += tracks.position(t, i);
+      ++count[which];
       if (!quiet) break;
     }
-    if (count > 0) rest[i] = sum / double(count);
+    const std::size_t which = count[0] > 0 ? 0 : 1;
+    if (count[which] > 0) rest[i] = sum[which] / double(count[which]);
   }
   return rest;
 }
@@ -76,12 +79,7 @@ std::optional<double> body_release(const BodyDoc& body, const SceneDoc& scene) {
 CaptureInput load_capture(const Job& job, std::size_t index) {
   const CaptureDoc& doc = job.captures[index];
   const SceneDoc& scene = job.scene;
-  const std::string path = "captures[" + std::to_string(index) + "]";
-  if (!doc.scene_overrides.is_null() && !doc.scene_overrides.empty()) {
-    throw_input(path +
-                ".scene: captures with a scene of their own are not available in this "
-                "version; write one job for each.");
-  }
+  const std::string& path = doc.path;
   try {
     CaptureInput input;
     input.name = doc.name;
@@ -131,14 +129,6 @@ CaptureInput load_capture(const Job& job, std::size_t index) {
     } else {
       input.release = body_release(body_named(scene, doc.body), scene);
     }
-    if (doc.positions.empty()) {
-      input.rest = rest_positions(input.tracks, input.release, slack);
-    } else if (doc.positions.size() != input.tracks.points) {
-      throw_input("positions: " + std::to_string(doc.positions.size()) + " places for " +
-                  std::to_string(input.tracks.points) + " points of the capture.");
-    } else {
-      input.rest = doc.positions;
-    }
     input.held_out_points = held_out_points(doc, input, path);
     input.held_out_frames.assign(input.tracks.frames(), 0);
     if (doc.holdout.frames) {
@@ -148,6 +138,14 @@ CaptureInput load_capture(const Job& job, std::size_t index) {
       std::fill(input.held_out_frames.begin() + static_cast<std::ptrdiff_t>(range[0]),
                 input.held_out_frames.begin() + static_cast<std::ptrdiff_t>(range[1]),
                 std::uint8_t{1});
+    }
+    if (doc.positions.empty()) {
+      input.rest = rest_positions(input, slack);
+    } else if (doc.positions.size() != input.tracks.points) {
+      throw_input("positions: " + std::to_string(doc.positions.size()) + " places for " +
+                  std::to_string(input.tracks.points) + " points of the capture.");
+    } else {
+      input.rest = doc.positions;
     }
     return input;
   } catch (const Error& error) {

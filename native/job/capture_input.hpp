@@ -28,7 +28,8 @@ struct CaptureInput {
   [[nodiscard]] std::string label(std::size_t point) const;
 };
 
-/// Reads, aligns and times a capture. Throws Error(kInput) beginning with `captures[index]`.
+/// Reads, aligns and times a capture of a job whose captures share its scene (job/capture_scene.hpp
+/// takes others apart). Throws Error(kInput) beginning with the capture's path.
 [[nodiscard]] CaptureInput load_capture(const Job& job, std::size_t index);
 
 /// When the body is let go: the last release of its pins [s], if any is released in the scene.

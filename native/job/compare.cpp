@@ -14,8 +14,34 @@ namespace {
 
 constexpr double kMillimetres = 1e3;
 
-/// Mean, 95th percentile and largest of the values that are there; null where none is.
-Json statistics(const std::vector<double>& values) {
+/// Frames that look at whole sets: all of few points, some of many.
+std::vector<std::size_t> spaced(std::size_t frames, std::size_t most) {
+  std::vector<std::size_t> chosen;
+  const std::size_t count = std::min(frames, most);
+  for (std::size_t k = 0; k < count; ++k) {
+    chosen.push_back(count == 1 ? frames - 1 : k * (frames - 1) / (count - 1));
+  }
+  return chosen;
+}
+
+}  // namespace
+
+std::vector<double> capture_error_mm(const CaptureInput& capture,
+                                     const SimulatedCapture& simulated) {
+  const std::size_t points = capture.tracks.points;
+  const std::size_t frames = capture.tracks.frames();
+  std::vector<double> error(frames * points, std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t t = 0; t < frames; ++t) {
+    for (std::size_t i = 0; i < points; ++i) {
+      if (!capture.tracks.is_visible(t, i)) continue;
+      const std::size_t at = t * points + i;
+      error[at] = kMillimetres * (simulated.positions[at] - capture.tracks.position(t, i)).norm();
+    }
+  }
+  return error;
+}
+
+Json error_statistics(const std::vector<double>& values) {
   double sum = 0.0;
   double squares = 0.0;
   double largest = 0.0;
@@ -36,35 +62,15 @@ Json statistics(const std::vector<double>& values) {
   return json;
 }
 
-/// Frames that look at whole sets: all of few points, some of many.
-std::vector<std::size_t> spaced(std::size_t frames, std::size_t most) {
-  std::vector<std::size_t> chosen;
-  const std::size_t count = std::min(frames, most);
-  for (std::size_t k = 0; k < count; ++k) {
-    chosen.push_back(count == 1 ? frames - 1 : k * (frames - 1) / (count - 1));
-  }
-  return chosen;
-}
-
-}  // namespace
-
 CaptureError compare_capture(const CaptureInput& capture, const SimulatedCapture& simulated,
                              double body_size, double fps, int first_frame, Arena& arena,
                              const Interrupter& interrupter) {
   const std::size_t points = capture.tracks.points;
   const std::size_t frames = capture.tracks.frames();
   CaptureError result;
-  result.error_mm.assign(frames * points, std::numeric_limits<double>::quiet_NaN());
-  for (std::size_t t = 0; t < frames; ++t) {
-    for (std::size_t i = 0; i < points; ++i) {
-      if (!capture.tracks.is_visible(t, i)) continue;
-      const std::size_t at = t * points + i;
-      result.error_mm[at] =
-          kMillimetres * (simulated.positions[at] - capture.tracks.position(t, i)).norm();
-    }
-  }
+  result.error_mm = capture_error_mm(capture, simulated);
 
-  Json summary = statistics(result.error_mm);
+  Json summary = error_statistics(result.error_mm);
   summary["name"] = capture.name;
   summary["body"] = capture.body;
   summary["body_size_m"] = body_size;
@@ -77,7 +83,7 @@ CaptureError compare_capture(const CaptureInput& capture, const SimulatedCapture
   for (std::size_t i = 0; i < points; ++i) {
     std::vector<double> values;
     for (std::size_t t = 0; t < frames; ++t) values.push_back(result.error_mm[t * points + i]);
-    Json point = statistics(values);
+    Json point = error_statistics(values);
     point["label"] = capture.label(i);
     if (capture.held_out_points[i] != 0) point["held_out"] = true;
     by_point.push_back(std::move(point));
@@ -93,14 +99,14 @@ CaptureError compare_capture(const CaptureInput& capture, const SimulatedCapture
     }
   }
   if (!held.empty()) {
-    summary["held_out"] = statistics(held);
-    summary["not_held_out"] = statistics(seen);
+    summary["held_out"] = error_statistics(held);
+    summary["not_held_out"] = error_statistics(seen);
   }
 
   std::vector<double> frame_means(frames);
   for (std::size_t t = 0; t < frames; ++t) {
     const auto begin = result.error_mm.begin() + static_cast<std::ptrdiff_t>(t * points);
-    const Json one = statistics({begin, begin + static_cast<std::ptrdiff_t>(points)});
+    const Json one = error_statistics({begin, begin + static_cast<std::ptrdiff_t>(points)});
     frame_means[t] = one.contains("mean_mm") ? one["mean_mm"].get<double>()
                                              : std::numeric_limits<double>::quiet_NaN();
   }

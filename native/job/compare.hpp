@@ -18,6 +18,14 @@ struct CaptureError {
   Json summary;                  ///< docs/formats.md, "The result"
 };
 
+/// Distance of each simulated point from the captured one [mm], (T, N); NaN where not seen or not
+/// simulated.
+[[nodiscard]] std::vector<double> capture_error_mm(const CaptureInput& capture,
+                                                   const SimulatedCapture& simulated);
+
+/// `samples`, and of those that are there `mean_mm`, `rms_mm`, `p95_mm`, `max_mm`.
+[[nodiscard]] Json error_statistics(const std::vector<double>& error_mm);
+
 /// Distances between simulated and captured points: mean, 95th percentile, largest, in mm and in
 /// percent of `body_size` [m]; by point, by frame, on held-out points and frames apart; the Chamfer
 /// distance of each frame, and the earth mover's distance of each frame (of eight evenly spaced

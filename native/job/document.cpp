@@ -7,6 +7,7 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "job/document_reading.hpp"
+#include "job/fit_document.hpp"
 #include "job/override.hpp"
 
 namespace matterfit::job {
@@ -109,7 +110,7 @@ Job read_job(std::string_view text, const ReadOptions& options) {
   job.scene = read_scene(*scene, context);
   if (const auto captures = object.find("captures")) {
     for (const JsonValue& item : captures->items()) {
-      job.captures.push_back(read_capture(item, context, job.scene));
+      job.captures.push_back(read_capture(item, context, *scene, job.scene));
       for (std::size_t i = 0; i + 1 < job.captures.size(); ++i) {
         if (job.captures[i].name == job.captures.back().name) {
           item.refuse("another capture is called '" + job.captures[i].name +
@@ -128,7 +129,9 @@ Job read_job(std::string_view text, const ReadOptions& options) {
       }
     }
   }
-  if (const auto fit = object.find("fit")) job.fit = fit->json();
+  if (const auto fit = object.find("fit")) {
+    job.fit = std::make_shared<const FitDoc>(read_fit(*fit, job.scene, job.captures));
+  }
   if (const auto diagnose = object.find("diagnose")) job.diagnose = diagnose->json();
   const Json empty = Json::object();
   const auto output = object.find("output");

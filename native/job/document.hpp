@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -174,16 +175,18 @@ struct HoldoutDoc {
 };
 
 struct CaptureDoc {
+  std::string path;            ///< in the document: "captures[2]"
   std::string name;            ///< by default the file's name without its ending
   std::filesystem::path file;  ///< or a pattern of numbered files (capture/tracks.hpp)
   std::string body;
   double unit = 0.0;  ///< metres per unit of the file; 0: what the file says, else metres
   char up = 0;        ///< 'x', 'y', 'z'; 0: what the file says, else z
   std::array<double, 16> transform{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};  ///< rows
-  double fps = 0.0;                   ///< of files without times; 0: the scene's
-  std::vector<std::string> markers;   ///< those that are used; empty: all
-  std::optional<double> start_frame;  ///< scene frame of the capture's time 0
-  Json scene_overrides;               ///< of this capture's own run; null: none
+  double fps = 0.0;                       ///< of files without times; 0: the scene's
+  std::vector<std::string> markers;       ///< those that are used; empty: all
+  std::optional<double> start_frame;      ///< scene frame of the capture's time 0
+  Json scene_overrides;                   ///< of this capture's own run; null: none
+  std::shared_ptr<const SceneDoc> scene;  ///< the scene with them; null: the document's
   std::optional<double> noise;
   HoldoutDoc holdout;
   Points positions;  ///< rest positions of the points on the body; empty: from the capture
@@ -228,14 +231,16 @@ struct OutputDoc {
   double checkpoint_seconds = 30.0;  ///< … or this many seconds, whichever comes first
 };
 
+struct FitDoc;  // job/fit_document.hpp
+
 struct Job {
   Task task = Task::kSimulate;
   SceneDoc scene;
   std::vector<CaptureDoc> captures;
   std::vector<ProbeDoc> probes;
   OutputDoc output;
-  Json fit;       ///< as given; read by the fit
-  Json diagnose;  ///< as given; read by the diagnosis
+  std::shared_ptr<const FitDoc> fit;  ///< null: none
+  Json diagnose;                      ///< as given; read by the diagnosis
   Json document;  ///< the whole document after migration and overrides, paths as given
   std::filesystem::path base_folder;
 };

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "base/error.hpp"
+#include "job/capture_scene.hpp"
 #include "job/document_reading.hpp"
 #include "job/manifest.hpp"
 
@@ -88,9 +89,11 @@ AlignDoc read_align(const JsonValue& value) {
 
 }  // namespace
 
-CaptureDoc read_capture(const JsonValue& value, const ReadContext& context, const SceneDoc& scene) {
+CaptureDoc read_capture(const JsonValue& value, const ReadContext& context,
+                        const JsonValue& scene_value, const SceneDoc& scene) {
   JsonObject object(value);
   CaptureDoc capture;
+  capture.path = value.path();
   const JsonValue tracks = object.require("tracks");
   if (tracks.json().is_object()) {
     JsonObject numbered(tracks);
@@ -107,17 +110,23 @@ CaptureDoc read_capture(const JsonValue& value, const ReadContext& context, cons
   if (capture.name.empty() || capture.name.find('/') != std::string::npos) {
     value.refuse("'name' must not be empty or have a / in it.");
   }
-  capture.body = resolve_body(object.find("body"), value, scene);
+  if (const auto overrides = object.find("scene")) {
+    if (!overrides->json().is_object()) overrides->fail("an object { … }");
+    if (!overrides->json().empty()) {
+      capture.scene_overrides = overrides->json();
+      const Json merged =
+          merged_scene(scene_value.json(), capture.scene_overrides, overrides->path());
+      capture.scene = std::make_shared<const SceneDoc>(
+          read_scene(JsonValue(merged, overrides->path()), context));
+    }
+  }
+  capture.body = resolve_body(object.find("body"), value, capture.scene ? *capture.scene : scene);
   if (const auto unit = object.find("unit")) capture.unit = read_unit(*unit);
   if (const auto up = object.find("up")) capture.up = "xyz"[up->choice({"x", "y", "z"})];
   if (const auto transform = object.find("transform")) capture.transform = read_matrix(*transform);
   capture.fps = object.number("fps", 0.0, positive("frames per second"));
   if (const auto markers = object.find("markers")) capture.markers = read_markers(*markers);
   if (const auto start = object.find("start_frame")) capture.start_frame = start->number();
-  if (const auto overrides = object.find("scene")) {
-    if (!overrides->json().is_object()) overrides->fail("an object { … }");
-    capture.scene_overrides = overrides->json();
-  }
   if (const auto noise = object.find("noise")) capture.noise = noise->number(not_negative("m"));
   if (const auto holdout = object.find("holdout")) capture.holdout = read_holdout(*holdout);
   if (const auto positions = object.find("positions")) {
@@ -154,6 +163,7 @@ OutputDoc read_output(const JsonValue& value, const ReadContext& context, const 
   OutputDoc output;
   const auto folder = object.find("folder");
   output.folder = folder ? context.file(*folder) : (context.base_folder / "out").lexically_normal();
+  if (!output.folder.has_filename()) output.folder = output.folder.parent_path();  // "out/", "."
   if (const auto volume = object.find("volume")) {
     for (const JsonValue& item : volume->items()) {
       bool* const grids[] = {&output.density, &output.velocity, &output.surface};

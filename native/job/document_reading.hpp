@@ -25,10 +25,13 @@ struct ReadContext {
 [[nodiscard]] mpm::Contact read_contact(const JsonValue& value);
 [[nodiscard]] Placement read_placement(const JsonValue& value);
 [[nodiscard]] ByFrame<mpm::Pose> read_motion(const JsonValue& value);
+/// `scene_value` is the document's scene, over which the capture's own is laid.
 [[nodiscard]] CaptureDoc read_capture(const JsonValue& value, const ReadContext& context,
-                                      const SceneDoc& scene);
+                                      const JsonValue& scene_value, const SceneDoc& scene);
 [[nodiscard]] ProbeDoc read_probe(const JsonValue& value, const ReadContext& context,
                                   const SceneDoc& scene);
+[[nodiscard]] FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
+                              const std::vector<CaptureDoc>& captures);
 [[nodiscard]] OutputDoc read_output(const JsonValue& value, const ReadContext& context,
                                     const SceneDoc& scene);
 /// Throws if `name` is no body of the scene; an empty name stands for the only body.

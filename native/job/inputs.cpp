@@ -9,6 +9,8 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/hash.hpp"
+#include "capture/tracks.hpp"
+#include "job/fit_sources.hpp"
 #include "job/solver_sources.hpp"
 
 namespace matterfit::job {
@@ -82,6 +84,27 @@ Inputs simulation_inputs(const Job& job, mpm::SimdTarget target) {
   flattening.inputs["version"] = std::string(MATTERFIT_VERSION) + ", code " + kSolverSources;
   flattening.inputs["target"] = target_name(target);
   return flattening.inputs;
+}
+
+Inputs fit_inputs(const Job& job, mpm::SimdTarget target) {
+  Inputs inputs = simulation_inputs(job, target);
+  Flattening flattening{{}, job.base_folder};
+  for (std::size_t i = 0; i < job.captures.size(); ++i) {
+    Json capture = job.document.at("captures").at(i);
+    const fs::path& file = job.captures[i].file;
+    Hasher content;
+    if (fs::is_regular_file(file) && file.extension() != ".ply") {
+      content.add(file_hash(file));
+    } else {
+      for (const fs::path& one : capture::find_sequence(file).paths) content.add(file_hash(one));
+    }
+    capture["tracks"] = "content " + content.hex();
+    flattening.add(capture, "captures[" + std::to_string(i) + "]", "");
+  }
+  flattening.add(job.document.at("fit"), "fit", "");
+  inputs.insert(flattening.inputs.begin(), flattening.inputs.end());
+  inputs["version"] += std::string(", fit ") + kFitSources;
+  return inputs;
 }
 
 Inputs output_inputs(const Job& job) {

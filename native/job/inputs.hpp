@@ -20,6 +20,10 @@ using Inputs = std::map<std::string, std::string>;
 /// one is missing.
 [[nodiscard]] Inputs simulation_inputs(const Job& job, mpm::SimdTarget target);
 
+/// Everything that a fit depends on: the scene, the captures with the contents of their files, and
+/// the section `fit`. Throws Error(kInput) if a file is missing.
+[[nodiscard]] Inputs fit_inputs(const Job& job, mpm::SimdTarget target);
+
 /// Everything that the baked files depend on beyond the states.
 [[nodiscard]] Inputs output_inputs(const Job& job);
 

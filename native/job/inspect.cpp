@@ -62,8 +62,11 @@ Json capture_summary(const std::filesystem::path& path, const Json& options) {
   document.erase("body");
   SceneDoc scene;
   scene.bodies.emplace_back();
+  document.erase("scene");
+  const Json no_scene = Json::object();
   const CaptureDoc doc =
-      read_capture(JsonValue(document, "options"), ReadContext{std::filesystem::path()}, scene);
+      read_capture(JsonValue(document, "options"), ReadContext{std::filesystem::path()},
+                   JsonValue(no_scene, "scene"), scene);
   capture::TracksOptions read;
   read.unit = doc.unit;
   read.up = doc.up;

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "bake/binding.hpp"
 #include "base/error.hpp"
 #include "capture/npz.hpp"
 #include "job/build_scene.hpp"
@@ -15,13 +14,6 @@ namespace matterfit::job {
 namespace {
 
 const Vec3d kUnknown = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
-
-std::size_t body_index(const mpm::Scene& scene, const std::string& name) {
-  for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
-    if (scene.bodies[b].name == name) return b;
-  }
-  throw_input("there is no body '" + name + "' in the scene.");
-}
 
 capture::Array times_array(const std::vector<double>& times) {
   return capture::Array({times.size()}, std::vector<double>(times));
@@ -40,9 +32,6 @@ capture::Array texts_array(std::vector<std::string> texts) {
   return capture::Array({count}, std::move(texts));
 }
 
-/// F is the gradient of the whole motion for elastic laws; plastic ones keep the elastic part only.
-bool moves_with_gradient(const mpm::Body& body) { return body.material.is_elastic(); }
-
 Vec3d mean_of(const Vec3d* points, std::size_t count) {
   Vec3d sum = Vec3d::Zero();
   std::size_t used = 0;
@@ -58,9 +47,8 @@ Vec3d mean_of(const Vec3d* points, std::size_t count) {
 
 struct Observations::Follower {
   std::size_t body = 0;
-  ObservedPoints observed;
-  std::vector<std::size_t> bound;  ///< points that are followed
-  std::optional<bake::MeshBinding> binding;
+  std::optional<PointFollower> points;
+  std::vector<Points> positions;      ///< of every frame, where kept
   std::vector<std::size_t> averaged;  ///< particles, in place of points that bind to them
   bool keeps_positions = false;       ///< of every point, beside the mean
   Points mean;                        ///< of every frame
@@ -75,19 +63,7 @@ Observations::Observations(const Job& job, const mpm::Scene& scene,
   const auto follow = [&](std::size_t body, Points rest) {
     auto follower = std::make_unique<Follower>();
     follower->body = body;
-    Points known;
-    for (std::size_t i = 0; i < rest.size(); ++i) {
-      if (!rest[i].allFinite()) continue;
-      follower->bound.push_back(i);
-      known.push_back(rest[i]);
-    }
-    follower->observed.rest = std::move(rest);
-    bake::BindingOptions options;
-    options.gradient = moves_with_gradient(scene.bodies[body]) ? bake::BindingGradient::kParticle
-                                                               : bake::BindingGradient::kFitted;
-    if (!known.empty()) {
-      follower->binding.emplace(known, scene.bodies[body].rest, separation, options, arena);
-    }
+    follower->points.emplace(scene.bodies[body], std::move(rest), separation, arena);
     followers_.push_back(std::move(follower));
   };
   for (const CaptureInput& capture : captures) {
@@ -129,48 +105,21 @@ void Observations::record(const mpm::FrameState& state) {
       follower->mean.push_back(sum / double(follower->averaged.size()));
       continue;
     }
-    const bake::ParticleView view = bake::particle_view(
-        scene_.bodies[follower->body], state.bodies[follower->body], 0.5 * scene_.dx);
-    const Points moved = follower->binding ? follower->binding->positions(view, arena_) : Points();
-    Points all(follower->observed.rest.size(), kUnknown);
-    for (std::size_t k = 0; k < follower->bound.size(); ++k) all[follower->bound[k]] = moved[k];
+    Points all = follower->points->positions(scene_.bodies[follower->body],
+                                             state.bodies[follower->body], arena_);
     follower->mean.push_back(mean_of(all.data(), all.size()));
-    if (follower->keeps_positions) follower->observed.positions.push_back(std::move(all));
+    if (follower->keeps_positions) follower->positions.push_back(std::move(all));
   }
 }
 
 double Observations::farthest(std::size_t capture) const {
-  const auto& binding = followers_[capture]->binding;
-  return binding ? binding->farthest().distance : 0.0;
+  return followers_[capture]->points->farthest();
 }
 
 SimulatedCapture Observations::at_capture(std::size_t capture) const {
   const Follower& follower = *followers_[capture];
-  const std::size_t points = follower.observed.rest.size();
-  SimulatedCapture result;
-  result.times = captures_[capture].tracks.times;
-  result.positions.assign(result.times.size() * points, kUnknown);
-  constexpr double kSameFrame = 1e-6;
-  for (std::size_t t = 0; t < result.times.size(); ++t) {
-    const double at = result.times[t] * scene_.fps;
-    const double last = double(times_.size()) - 1.0;
-    if (at < -kSameFrame || at > last + kSameFrame) {
-      ++result.outside;
-      continue;
-    }
-    const double inside = std::clamp(at, 0.0, last);
-    const auto below = static_cast<std::size_t>(inside + kSameFrame);
-    double s = inside - double(below);
-    if (std::abs(s) < kSameFrame) s = 0.0;
-    const std::size_t above = std::min(below + 1, times_.size() - 1);
-    result.interpolated = result.interpolated || s != 0.0;
-    for (std::size_t i = 0; i < points; ++i) {
-      const Vec3d& a = follower.observed.positions[below][i];
-      const Vec3d& b = follower.observed.positions[above][i];
-      result.positions[t * points + i] = s == 0.0 ? a : Vec3d(a + s * (b - a));
-    }
-  }
-  return result;
+  return at_times(follower.positions, follower.points->size(), captures_[capture].tracks.times,
+                  scene_.fps);
 }
 
 std::optional<fit::Ringdown> Observations::capture_ringdown(std::size_t capture) const {

@@ -11,26 +11,12 @@
 #include "fit/ringdown.hpp"
 #include "job/capture_input.hpp"
 #include "job/document.hpp"
+#include "job/follow.hpp"
 #include "mpm/simulation.hpp"
 
 namespace matterfit::job {
 
-/// Points that move with a body: where they are at each frame of a run.
-struct ObservedPoints {
-  Points rest;  ///< (N) at rest, world; a point that is not finite is not followed
-  std::vector<Points> positions;  ///< one a frame, each (N); NaN where not followed
-};
-
-/// The simulation seen at a capture's own points and times.
-struct SimulatedCapture {
-  std::vector<double> times;     ///< (T) seconds after the scene's first frame
-  std::vector<Vec3d> positions;  ///< (T, N) frame-major; NaN outside the simulated time
-  std::size_t outside = 0;       ///< times before the first frame or after the last
-  bool interpolated = false;     ///< some times lie between frames: straight between them
-};
-
-/// Follows the captures' points and the probes of a job through a run. Points bind to the body by
-/// their rest position (bake/binding.hpp), so markers that stand off the body turn with it.
+/// Follows the captures' points and the probes of a job through a run.
 class Observations {
  public:
   Observations(const Job& job, const mpm::Scene& scene, const std::vector<CaptureInput>& captures,

@@ -10,63 +10,12 @@
 namespace matterfit::job {
 namespace {
 
-struct Step {
-  std::string key;
-  bool is_index = false;
-  std::size_t index = 0;
-};
-
 [[noreturn]] void bad_path(const std::string& path, const std::string& why) {
   throw_input("--set " + path + ": " + why);
 }
 
-std::vector<Step> parse_path(const std::string& path) {
-  std::vector<Step> steps;
-  std::size_t i = 0;
-  const auto quoted = [&] {
-    const char quote = path[i++];
-    const std::size_t end = path.find(quote, i);
-    if (end == std::string::npos) bad_path(path, "a quote is not closed.");
-    std::string key = path.substr(i, end - i);
-    i = end + 1;
-    return key;
-  };
-  while (i < path.size()) {
-    if (path[i] == '[') {
-      ++i;
-      if (i < path.size() && (path[i] == '"' || path[i] == '\'')) {
-        steps.push_back({quoted()});
-      } else {
-        const std::size_t begin = i;
-        while (i < path.size() && std::isdigit(static_cast<unsigned char>(path[i])) != 0) ++i;
-        if (i == begin || i - begin > 9) bad_path(path, "[ ] needs an index, as in bodies[0].");
-        Step step{path.substr(begin, i - begin), true, 0};
-        step.index = std::stoul(step.key);
-        steps.push_back(step);
-      }
-      if (i >= path.size() || path[i] != ']') bad_path(path, "a ] is missing.");
-      ++i;
-    } else if (path[i] == '"' || path[i] == '\'') {
-      steps.push_back({quoted()});
-    } else {
-      const std::size_t end = std::min(path.find_first_of(".[", i), path.size());
-      if (end == i) bad_path(path, "a key is missing between two dots.");
-      steps.push_back({path.substr(i, end - i)});
-      i = end;
-    }
-    if (i < path.size() && path[i] == '.') {
-      ++i;
-      if (i == path.size()) bad_path(path, "ends with a dot.");
-    } else if (i < path.size() && path[i] != '[') {
-      bad_path(path, "expected a dot after '" + steps.back().key + "'.");
-    }
-  }
-  if (steps.empty()) bad_path(path, "the path is empty.");
-  return steps;
-}
-
 /// Writes out what the short forms leave out.
-void expand(std::vector<Step>& steps, const Json& document, const std::string& path) {
+void expand(std::vector<PathStep>& steps, const Json& document, const std::string& path) {
   static constexpr std::array<std::string_view, 12> kSceneKeys = {
       "bodies", "colliders", "gravity", "fps",      "frames",  "particle_separation",
       "solver", "contacts",  "walls",   "material", "density", "velocity"};
@@ -88,12 +37,12 @@ void expand(std::vector<Step>& steps, const Json& document, const std::string& p
     if (bodies == nullptr || !bodies->is_array() || bodies->size() != 1) {
       bad_path(path, "with several bodies write bodies.NAME." + path + ".");
     }
-    steps.insert(steps.begin(), {Step{"bodies"}, Step{"0", true, 0}});
+    steps.insert(steps.begin(), {PathStep{"bodies"}, PathStep{"0", true, 0}});
   }
-  steps.insert(steps.begin(), Step{"scene"});
+  steps.insert(steps.begin(), PathStep{"scene"});
 }
 
-std::size_t named_index(const Json& list, const Step& step, const std::string& path) {
+std::size_t named_index(const Json& list, const PathStep& step, const std::string& path) {
   std::vector<std::string> names;
   for (std::size_t i = 0; i < list.size(); ++i) {
     if (!list[i].is_object() || !list[i].contains("name") || !list[i]["name"].is_string()) continue;
@@ -111,7 +60,7 @@ std::size_t named_index(const Json& list, const Step& step, const std::string& p
   bad_path(path, message);
 }
 
-Json& descend(Json& json, const Step& step, const std::string& path) {
+Json& descend(Json& json, const PathStep& step, const std::string& path) {
   if (json.is_array()) {
     const std::size_t index = step.is_index ? step.index : named_index(json, step, path);
     if (index >= json.size()) {
@@ -130,6 +79,52 @@ Json& descend(Json& json, const Step& step, const std::string& path) {
 
 }  // namespace
 
+std::vector<PathStep> parse_path(const std::string& path, const std::string& where) {
+  std::vector<PathStep> steps;
+  std::size_t i = 0;
+  const auto refuse = [&](const std::string& why) { throw_input(where + ": " + why); };
+  const auto quoted = [&] {
+    const char quote = path[i++];
+    const std::size_t end = path.find(quote, i);
+    if (end == std::string::npos) refuse("a quote is not closed.");
+    std::string key = path.substr(i, end - i);
+    i = end + 1;
+    return key;
+  };
+  while (i < path.size()) {
+    if (path[i] == '[') {
+      ++i;
+      if (i < path.size() && (path[i] == '"' || path[i] == '\'')) {
+        steps.push_back({quoted()});
+      } else {
+        const std::size_t begin = i;
+        while (i < path.size() && std::isdigit(static_cast<unsigned char>(path[i])) != 0) ++i;
+        if (i == begin || i - begin > 9) refuse("[ ] needs an index, as in bodies[0].");
+        PathStep step{path.substr(begin, i - begin), true, 0};
+        step.index = std::stoul(step.key);
+        steps.push_back(step);
+      }
+      if (i >= path.size() || path[i] != ']') refuse("a ] is missing.");
+      ++i;
+    } else if (path[i] == '"' || path[i] == '\'') {
+      steps.push_back({quoted()});
+    } else {
+      const std::size_t end = std::min(path.find_first_of(".[", i), path.size());
+      if (end == i) refuse("a key is missing between two dots.");
+      steps.push_back({path.substr(i, end - i)});
+      i = end;
+    }
+    if (i < path.size() && path[i] == '.') {
+      ++i;
+      if (i == path.size()) refuse("ends with a dot.");
+    } else if (i < path.size() && path[i] != '[') {
+      refuse("expected a dot after '" + steps.back().key + "'.");
+    }
+  }
+  if (steps.empty()) refuse("the path is empty.");
+  return steps;
+}
+
 void apply_override(Json& document, const std::string& assignment) {
   const std::size_t equals = assignment.find('=');
   if (equals == std::string::npos) {
@@ -137,7 +132,7 @@ void apply_override(Json& document, const std::string& assignment) {
   }
   const std::string path = assignment.substr(0, equals);
   const std::string text = assignment.substr(equals + 1);
-  auto steps = parse_path(path);
+  auto steps = parse_path(path, "--set " + path);
   expand(steps, document, path);
   Json value;
   try {
@@ -146,7 +141,7 @@ void apply_override(Json& document, const std::string& assignment) {
     value = text;  // a word without quotation marks; what is no value is refused where it is read
   }
   Json* target = &document;
-  for (const Step& step : steps) target = &descend(*target, step, path);
+  for (const PathStep& step : steps) target = &descend(*target, step, path);
   *target = std::move(value);
 }
 

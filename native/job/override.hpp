@@ -1,11 +1,24 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <cstddef>
 #include <string>
+#include <vector>
 
 #include "job/json_reader.hpp"
 
 namespace matterfit::job {
+
+/// One step of a path such as scene.bodies."my.dough".velocity[2].
+struct PathStep {
+  std::string key;
+  bool is_index = false;  ///< it stood in [ ]
+  std::size_t index = 0;
+};
+
+/// Takes a path apart; a key with dots stands in quotes. Throws Error(kInput) beginning with
+/// `where`.
+[[nodiscard]] std::vector<PathStep> parse_path(const std::string& path, const std::string& where);
 
 /// Applies one `--set path=value` to a document. Steps of a path are keys, `[index]`, or, within a
 /// list of named objects (bodies, colliders, probes, captures), a name: `scene.gravity`,

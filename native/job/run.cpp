@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/run.hpp"
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -17,6 +15,7 @@
 #include "job/checkpoint.hpp"
 #include "job/compare.hpp"
 #include "job/observe.hpp"
+#include "job/run_scene.hpp"
 #include "job/state_file.hpp"
 #include "job/stats_log.hpp"
 
@@ -40,29 +39,19 @@ Json to_json(const fit::Ringdown& ring) {
           {"direction", {ring.direction.x(), ring.direction.y(), ring.direction.z()}}};
 }
 
-void check_task(const Job& job) {
-  if (job.task == Task::kFit || job.task == Task::kDiagnose) {
-    throw_input("task " + std::string(task_name(job.task)) +
-                " is not available in this version; simulate, compare and bake are.");
-  }
-  if (job.task == Task::kCompare && job.captures.empty()) {
-    throw_input("captures: compare needs at least one capture to compare with.");
-  }
-}
-
 /// One run of a job, from the folder as it is to the result.
 class Run {
  public:
-  Run(const Job& job, const RunOptions& options, Interrupter& interrupter)
+  Run(const Job& job, const RunOptions& options, Interrupter& interrupter, const RunExtras& extras)
       : job_(job),
         options_(options),
+        extras_(extras),
         target_(resolve_target(options.target)),
         interrupter_(interrupter),
         arena_(std::make_shared<Arena>(options.threads)) {}
 
   Json run() {
     report(0.0, "Reading");
-    check_task(job_);
     for (std::size_t i = 0; i < job_.captures.size(); ++i) {
       captures_.push_back(load_capture(job_, i));
       note_summary(captures_.back());
@@ -80,7 +69,7 @@ class Run {
     }
     find_start();
     // Nothing of an earlier run is removed before the job has proved sound.
-    cache_->begin(job_, inputs);
+    cache_->begin(job_, inputs, extras_.kept);
     stats_.emplace(cache_->folder());
     if (sound_ < count_) stats_->keep_before(number(sound_));
     if (bake_) prepare_bake();
@@ -93,10 +82,13 @@ class Run {
  private:
   [[nodiscard]] int number(std::size_t k) const { return job_.scene.first_frame + int(k); }
   [[nodiscard]] const mpm::Scene& scene() const { return built_.scene; }
+  [[nodiscard]] std::string_view task() const {
+    return extras_.task.empty() ? task_name(job_.task) : extras_.task;
+  }
 
   void report(double fraction, const std::string& label) {
     Progress progress;
-    progress.fraction = fraction;
+    progress.fraction = extras_.begin + (1.0 - extras_.begin) * fraction;
     progress.label = label;
     progress.frame = number(done_);
     progress.last_frame = job_.scene.end_frame - 1;
@@ -192,7 +184,7 @@ class Run {
 
   void begin_manifest() {
     Manifest& manifest = cache_->manifest();
-    manifest.task = task_name(job_.task);
+    manifest.task = task();
     if (bake_) manifest.grids = bake_->grids();
     reused_ = sound_;
     if (sound_ < count_) manifest.complete = false;
@@ -273,9 +265,11 @@ class Run {
       const mpm::Body& body = *std::find_if(
           scene().bodies.begin(), scene().bodies.end(),
           [&](const mpm::Body& candidate) { return candidate.name == captures_[i].body; });
-      const CaptureError error = compare_capture(
-          captures_[i], observations_->at_capture(i), fit::body_size(body.rest) + 0.5 * scene().dx,
-          job_.scene.fps, job_.scene.first_frame, *arena_, interrupter_);
+      const double size = fit::body_size(body.rest) + 0.5 * scene().dx;
+      const CaptureError error =
+          compare_capture(captures_[i], observations_->at_capture(i), size, job_.scene.fps,
+                          job_.scene.first_frame, *arena_, interrupter_);
+      if (extras_.compared) extras_.compared(captures_[i], error.error_mm, size);
       // A measure of results, no result: comparing does not change the hash of what is compared.
       cache_->record(write_compare(cache_->folder(), captures_[i], error, captures_.size() == 1),
                      false);
@@ -289,7 +283,7 @@ class Run {
 
   Json result() {
     Json json = {{"status", "done"},
-                 {"task", task_name(job_.task)},
+                 {"task", task()},
                  {"version", MATTERFIT_VERSION},
                  {"input_hash", cache_->manifest().input_hash},
                  {"result_hash", result_hash(cache_->manifest())},
@@ -306,6 +300,9 @@ class Run {
     add_observations(json);
     if (!compare_.is_null()) json["compare"] = compare_;
     if (!notes_.empty()) json["notes"] = notes_;
+    if (extras_.finish) {
+      for (const std::string& path : extras_.finish(json)) cache_->record_volatile(path);
+    }
     const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
     write_file(cache_->folder() / "result.json", text);
     cache_->record_volatile("result.json");
@@ -430,6 +427,7 @@ class Run {
 
   const Job& job_;
   RunOptions options_;
+  const RunExtras& extras_;
   mpm::SimdTarget target_;
   Interrupter& interrupter_;
   std::shared_ptr<Arena> arena_;
@@ -454,8 +452,9 @@ class Run {
 
 }  // namespace
 
-Json run_job(const Job& job, const RunOptions& options, Interrupter& interrupter) {
-  return Run(job, options, interrupter).run();
+Json run_scene(const Job& job, const RunOptions& options, Interrupter& interrupter,
+               const RunExtras& extras) {
+  return Run(job, options, interrupter, extras).run();
 }
 
 }  // namespace matterfit::job

@@ -244,8 +244,8 @@ TEST(Run, CapturesAtAnotherRateAreInterpolatedAndSaidSo) {
   EXPECT_THAT(notes, HasSubstr("12 of 30 samples lie outside the simulated time"));
   const auto positions =
       capture::read_npz(folder.path / "out/simulated.npz").at("positions").doubles("p");
-  EXPECT_NEAR(positions[6 * 17], 0.2 + 17.0 / 60.0, 1e-4);
-  EXPECT_TRUE(std::isnan(positions[6 * 18]));
+  EXPECT_NEAR(positions[std::size_t{6} * 17], 0.2 + 17.0 / 60.0, 1e-4);
+  EXPECT_TRUE(std::isnan(positions[std::size_t{6} * 18]));
 }
 
 TEST(Run, WallsThinnerThanASeparationAreNoted) {
@@ -285,9 +285,9 @@ TEST(Run, ARefusedJobLeavesNoFolder) {
 TEST(Run, WhatIsNotThereYetSaysSo) {
   const Folder folder;
   Json document = falling_cube();
-  document["task"] = "fit";
+  document["task"] = "diagnose";
   EXPECT_THAT(message_of([&] { (void)run(document, folder.path); }),
-              HasSubstr("task fit is not available in this version"));
+              HasSubstr("task diagnose is not available in this version"));
   document["task"] = "compare";
   EXPECT_THAT(message_of([&] { (void)run(document, folder.path); }),
               HasSubstr("compare needs at least one capture"));

@@ -103,6 +103,10 @@ struct Scene {
   double cfl = 0.4;        ///< largest motion in one substep, in cells
   double dt = 0.0;         ///< overrides the solver's substep where > 0 [s]
   double dt_safety = 0.8;  ///< fraction of the stability limit that is used
+  /// How many substeps each frame takes, in place of the solver's choice, so that runs beside each
+  /// other take the same ones; 0, or past the end: the solver chooses. A frame that fails is not
+  /// tried again with more.
+  std::vector<int> substeps;
   /// Moves the total Lagrangian grid inside each body by this fraction of a cell (tests of
   /// accuracy below the cell).
   Vec3d grid_shift = Vec3d::Zero();

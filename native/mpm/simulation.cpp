@@ -236,6 +236,12 @@ struct Simulation::Impl {
     return std::max(1.0, std::ceil(1.0 / (scene.fps * step.dt) * (1.0 - 1e-12)));
   }
 
+  /// Of the present frame, where the scene says; else 0.
+  [[nodiscard]] int fixed_substeps() const {
+    const auto k = static_cast<std::size_t>(frame - scene.first_frame);
+    return k < scene.substeps.size() ? scene.substeps[k] : 0;
+  }
+
   /// One frame in `substeps` equal substeps. Throws Error(kCompute) if the run fails.
   void run_frame(int substeps, const Interrupter& interrupter, FrameReport& report) {
     begin_frame();
@@ -381,10 +387,12 @@ FrameReport Simulation::advance(const Interrupter& interrupter) {
   const auto begin = std::chrono::steady_clock::now();
   FrameReport report;
   s.arena->execute([&] {
-    const Step step = s.choose_step(s.time_of(s.frame), interrupter);
-    const bool may_retry = !(s.scene.dt > 0.0);
+    Step step = s.choose_step(s.time_of(s.frame), interrupter);
+    const int fixed = s.fixed_substeps();
+    if (fixed > 0) step = {1.0 / (s.scene.fps * fixed), "scene.substeps"};
+    const bool may_retry = !(s.scene.dt > 0.0) && fixed == 0;
     const std::string before = may_retry ? s.save() : "";  // with the limits just found
-    double count = s.substeps(step);
+    double count = fixed > 0 ? fixed : s.substeps(step);
     if (!(count < kMostSubsteps)) {
       throw_compute("Frame " + std::to_string(s.frame) + " would need " + std::to_string(count) +
                     " substeps (" + step.limit +

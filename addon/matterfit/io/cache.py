@@ -13,6 +13,9 @@ from ..jobs import EXIT_COMPUTE, JobError
 from . import files
 
 LOCK_FILE = ".lock"
+# What a fit leaves whether or not it came to its end.
+FIT_FILES = ("fit/checkpoint.json", "fit/fitted.json", "fit/history.jsonl", "material.json",
+             "scene.json", "result.json", "report.json")
 PC2_HEADER = struct.Struct("<12siiffi")
 FRAME_FILE = re.compile(r"^(?P<name>.+)_(?P<frame>\d{4,})\.(?P<kind>vdb|ply|exr)$")
 
@@ -23,9 +26,10 @@ def name_of(take):
 
 
 def every_take():
-    """(scene, take) of every take and preview in this file."""
+    """(scene, take) of every take, preview and fit in this file: all that have a cache."""
     for scene in bpy.data.scenes:
-        for take in (*scene.matterfit.takes, scene.matterfit.preview):
+        settings = scene.matterfit
+        for take in (*settings.takes, settings.preview, settings.fit.run):
             yield scene, take
 
 
@@ -204,11 +208,16 @@ def listed_files(folder):
 
 
 def _unfinished(folder, listed):
-    """What a cancelled or killed bake leaves of files it would have listed."""
+    """What a cancelled or killed bake or fit leaves of files it would have listed."""
     found = {name + ".tmp" for name in listed}
     path = os.path.join(folder, "job.json")
     if os.path.isfile(path):
         document = files.read_json(path)
+        if document.get("task") == "fit":
+            found.update(FIT_FILES)
+            found.update(name + ".tmp" for name in FIT_FILES)
+            found.update(f"material_{body['name']}.json"
+                         for body in document.get("scene", {}).get("bodies", []))
         bodies = [body["name"] for body in document.get("scene", {}).get("bodies", [])]
         meshes = [entry["name"] for entry in document.get("output", {}).get("mesh", [])]
         for sub, names in (("points", bodies), ("mesh", meshes)):

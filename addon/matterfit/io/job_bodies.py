@@ -11,13 +11,17 @@ from .files import number, numbers
 
 
 def material_document(material):
-    """{law, parameters}, only those the law takes; damping only where there is some."""
+    """{law, parameters}, only those the law takes; damping and branches only where there are
+    some."""
     document = {"law": material.law.lower()}
     for name in choices.LAW_PARAMETERS[material.law]:
         document[name] = number(getattr(material, name))
     for name in choices.DAMPING_PARAMETERS:
         if getattr(material, name) > 0.0:
             document[name] = number(getattr(material, name))
+    if material.maxwell:
+        document["maxwell"] = [{"modulus": number(branch.modulus), "time": number(branch.time)}
+                               for branch in material.maxwell]
     return document
 
 

@@ -112,6 +112,12 @@ class CapturePart:
             document["holdout"] = {"frames": [capture.holdout_start, writer.end]}
         elif capture.holdout == "CAPTURE":
             document["holdout"] = {"capture": True}
+        elif capture.holdout == "TRACKS":
+            tracks = point_names(capture.holdout_tracks)
+            if not tracks:
+                raise JobError(f"{self.where}: no point is named to be held out. Name some, "
+                               "separated by commas, or choose another Hold-out.")
+            document["holdout"] = {"tracks": tracks}
         return document
 
     def _align(self):
@@ -139,10 +145,16 @@ def reading_options(capture):
         document["up"] = capture.up.lower()
     if capture.use_fps:
         document["fps"] = number(capture.fps)
-    markers = [name.strip() for name in capture.markers.split(",") if name.strip()]
+    markers = point_names(capture.markers)
     if markers:
-        document["markers"] = [int(name) if name.isdigit() else name for name in markers]
+        document["markers"] = markers
     return document
+
+
+def point_names(text):
+    """Names and indices of points from a text with commas."""
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    return [int(name) if name.isdecimal() else name for name in names]
 
 
 def placement(capture, scale):

@@ -6,7 +6,7 @@ import contextlib
 import os
 
 from ..jobs import JobError
-from . import files, job_bodies, job_captures, job_colliders, job_writer, transforms
+from . import files, job_bodies, job_captures, job_colliders, job_fit, job_writer, transforms
 from .files import number, numbers
 
 SCHEMA = "matterfit.job/1"
@@ -19,7 +19,7 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     """Samples the scene, writes <folder>/input/, returns the document.
 
     `separation` [m] overrides the solver's (Preview); without `outputs` nothing but the particles
-    is baked. Raises JobError with what to change.
+    is baked; a fit bakes nothing. Raises JobError with what to change.
     """
     settings = scene.matterfit
     writer = job_writer.JobWriter(scene, take, folder)
@@ -58,7 +58,12 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     document["scene"] = scene_document
     if captures:
         document["captures"] = [part.document() for part in captures]
-    document["output"] = _output(writer, bodies, outputs)
+    if task == "fit":
+        document["fit"] = job_fit.document(settings, scene_document,
+                                           document.get("captures", []))
+        document["output"] = {"folder": "."}
+    else:
+        document["output"] = _output(writer, bodies, outputs)
     writer.finish_inputs()
     return document
 

@@ -1,7 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Material and quality presets: JSON files with provenance, read once."""
+"""Material and quality presets: JSON files with provenance, read once. Ours come with the add-on;
+those that the user adds lie in Blender's folder for data files."""
 
+import contextlib
+import math
 import os
+import zlib
+
+import bpy
 
 from ..jobs import JobError
 from ..props import choices
@@ -10,7 +16,10 @@ from . import files
 SCHEMA = "matterfit.material/1"
 _materials = None
 _items = None  # Blender keeps no reference to the texts of a dynamic enumeration.
+_old_items = []  # Those that a menu may still show.
 _applying = []
+_faults = []
+USER_NUMBERS = 1 << 24  # A user's presets have numbers from here on.
 
 
 def folder():
@@ -23,17 +32,95 @@ def folder():
     raise JobError("The folder 'presets' is missing beside the add-on. Install the package again.")
 
 
+def user_folder():
+    """Where the user's own presets lie; it may not exist."""
+    return os.path.join(bpy.utils.user_resource("DATAFILES"), "matterfit", "materials")
+
+
 def materials():
-    """{identifier: document} of all material presets, in their files' order."""
+    """{identifier: document} of all material presets, in their files' order; the user's last."""
     global _materials
     if _materials is None:
         base = os.path.join(folder(), "materials")
         _materials = {}
-        for name in sorted(os.listdir(base)):
-            if name.endswith(".json"):
-                _materials[name[:-5].upper()] = check(files.read_json(os.path.join(base, name)),
-                                                      name)
+        _faults.clear()
+        for name in _json_files(base):
+            _materials[name[:-5].upper()] = check(files.read_json(os.path.join(base, name)), name)
+        base = user_folder()
+        for name in _json_files(base):
+            # One damaged file of the user must not take the panel away.
+            try:
+                document = check(files.read_json(os.path.join(base, name)), name)
+            except JobError as error:
+                _faults.append(str(error))
+                continue
+            identifier = _user_identifier(name[:-5])
+            document["number"] = _user_number(identifier)
+            document["path"] = os.path.join(base, name)
+            _materials[identifier] = document
     return _materials
+
+
+def _json_files(base):
+    try:
+        return sorted(name for name in os.listdir(base) if name.endswith(".json"))
+    except OSError:
+        return []
+
+
+def _user_identifier(name):
+    return "USER_" + files.safe_name(name).upper()
+
+
+def _user_number(identifier):
+    """The same on every machine, so that files keep their choice; at most 2³¹ - 1."""
+    taken = {document["number"] for document in _materials.values()}
+    number = USER_NUMBERS + zlib.crc32(identifier.encode()) % (1 << 30)
+    while number in taken:
+        number += 1
+    return number
+
+
+def faults():
+    """What is wrong with presets of the user that are left out."""
+    return list(_faults)
+
+
+def forget():
+    """Reads the presets anew when they are asked for next."""
+    global _materials, _items
+    if _items is not None:
+        _old_items.append(_items)
+    _materials = _items = None
+
+
+def is_users(identifier):
+    return "path" in materials().get(identifier, {})
+
+
+def add(document, name):
+    """Adds a preset of the user; returns its identifier."""
+    document = check({**document, "name": name}, name)
+    path = os.path.join(user_folder(), files.safe_name(name) + ".json")
+    identifier = _user_identifier(name)
+    if identifier in materials() or os.path.exists(path):
+        raise JobError(f"preset '{name}': there is one of this name. Choose another name, or "
+                       "remove that one first.")
+    files.write_json(path, saved(document, name))
+    forget()
+    return identifier
+
+
+def remove(identifier):
+    """Deletes a preset of the user; materials that had it keep their values."""
+    document = materials()[identifier]
+    using = [body.material for scene in bpy.data.scenes for body in scene.matterfit.bodies
+             if body.material.preset == identifier]
+    for material in using:
+        material.preset = "CUSTOM"
+    with contextlib.suppress(FileNotFoundError):
+        os.remove(document["path"])
+    forget()
 
 
 def cells_across(quality):
@@ -44,20 +131,38 @@ def cells_across(quality):
 
 def check(document, name):
     """The document, if it is a material; JobError that says what is wrong otherwise."""
-    if document.get("schema") != SCHEMA:
-        raise JobError(f"{name}: schema is {document.get('schema')!r}, expected '{SCHEMA}'.")
-    material = document.get("material", {})
+    schema = document.get("schema") if isinstance(document, dict) else None
+    if schema != SCHEMA:
+        raise JobError(f"{name}: schema is {schema!r}, expected '{SCHEMA}'.")
+    for key in ("material", "name", "source", "density"):
+        if key not in document:
+            raise JobError(f"{name}: '{key}' is missing.")
+    material = document["material"] if isinstance(document["material"], dict) else {}
     law = str(material.get("law", "")).upper()
     if law not in choices.LAW_PARAMETERS:
         raise JobError(f"{name}: law is {material.get('law')!r}, which is not known.")
-    known = {"law", *choices.LAW_PARAMETERS[law], *choices.DAMPING_PARAMETERS}
+    known = {"law", "maxwell", *choices.LAW_PARAMETERS[law], *choices.DAMPING_PARAMETERS}
     for key in material:
         if key not in known:
             raise JobError(f"{name}: '{key}' is not a parameter of {material['law']}.")
-    for key in ("name", "source", "density"):
-        if key not in document:
-            raise JobError(f"{name}: '{key}' is missing.")
+    for key in sorted(known - {"law", "maxwell"}):
+        _check_number(name, key, material.get(key, 0.0))
+    _check_number(name, "density", document["density"])
+    branches = material.get("maxwell", [])
+    if not isinstance(branches, list) or len(branches) > choices.MOST_BRANCHES:
+        raise JobError(f"{name}: 'maxwell' is not a list of at most {choices.MOST_BRANCHES} "
+                       "branches.")
+    for branch in branches:
+        for key in ("modulus", "time"):
+            _check_number(name, f"maxwell {key}",
+                          branch.get(key) if isinstance(branch, dict) else None)
     return document
+
+
+def _check_number(name, key, value):
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value):
+        raise JobError(f"{name}: {key} is {value!r}, expected a number.")
 
 
 def enum_items():
@@ -70,26 +175,45 @@ def enum_items():
     return _items
 
 
+def saved(document, name):
+    """A material as it is written to a file: under another name, without what is only ours."""
+    kept = {key: value for key, value in document.items() if key not in ("number", "path")}
+    return {**kept, "name": name}
+
+
 def apply(material):
     """Fills in the chosen preset. The density goes to the body that owns the material."""
-    if _applying or material.preset == "CUSTOM":
+    if _applying or material.preset not in materials():
         return
     document = materials()[material.preset]
     _applying.append(material.preset)
     try:
-        values = document["material"]
-        material.law = values["law"].upper()
-        for name in choices.LAW_PARAMETERS[material.law]:
-            default = material.bl_rna.properties[name].default
-            setattr(material, name, values.get(name, default if name in ("exponent",) else 0.0))
-        for name in choices.DAMPING_PARAMETERS:
-            setattr(material, name, values.get(name, 0.0))
+        fill(material, document["material"])
         material.source = document["source"]
         owner = owner_of(material)
         if owner is not None:
             owner.density = document["density"]
     finally:
         _applying.pop()
+
+
+def fill(material, values):
+    """Sets law and parameters from the `material` of a document."""
+    law = values["law"].upper()
+    for name in choices.LAW_PARAMETERS[law]:
+        setattr(material, name, values.get(name, _default(name)))
+    for name in choices.DAMPING_PARAMETERS:
+        setattr(material, name, values.get(name, 0.0))
+    material.maxwell.clear()
+    for branch in values.get("maxwell", []):
+        added = material.maxwell.add()
+        added.modulus, added.time = branch["modulus"], branch["time"]
+    material.law = law  # last: the list of a fit's parameters begins with the values
+
+
+def _default(name):
+    """What the job document takes a parameter for that is left out."""
+    return 1.0 if name == "exponent" else 0.0
 
 
 def owner_of(material):
@@ -103,14 +227,20 @@ def owner_of(material):
 
 def differs(material):
     """True where values were changed after the preset was chosen."""
-    if material.preset == "CUSTOM":
+    if material.preset not in materials():  # Custom, or one that this machine does not have
         return False
     values = materials()[material.preset]["material"]
     if values["law"].upper() != material.law:
         return True
     for name in (*choices.LAW_PARAMETERS[material.law], *choices.DAMPING_PARAMETERS):
-        default = 1.0 if name == "exponent" else 0.0
-        wanted = values.get(name, default)
-        if abs(getattr(material, name) - wanted) > 1e-5 * max(abs(wanted), 1e-12):
+        if not _equal(getattr(material, name), values.get(name, _default(name))):
             return True
-    return False
+    branches = values.get("maxwell", [])
+    return len(branches) != len(material.maxwell) or any(
+        not _equal(getattr(ours, name), theirs[name])
+        for ours, theirs in zip(material.maxwell, branches, strict=True)
+        for name in ("modulus", "time"))
+
+
+def _equal(value, wanted):
+    return abs(value - wanted) <= 1e-5 * max(abs(wanted), 1e-12)

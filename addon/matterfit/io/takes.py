@@ -124,6 +124,14 @@ def ensure_active(settings):
     return take
 
 
+def for_fit(settings):
+    """The fit's own cache, set up to fit what the active take does."""
+    source, run = ensure_active(settings), settings.fit.run
+    run.name = source.name
+    copy_settings(source, run)
+    return run
+
+
 def find(folder):
     """(scene, take) whose cache is `folder`, looked up anew at every tick of a job: the artist may
     have switched scenes, undone, or removed the take. (None, None) where it is gone."""

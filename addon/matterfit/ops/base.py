@@ -96,15 +96,20 @@ class JobOperator(NoJobRunning):
     """A long job. `execute()` blocks and is the truth; the modal side polls the same job.
 
     A subclass has `begin(context)`, which returns a jobs.Job not yet started; `progressed(context,
-    job)`, called when more frames are done; and `ended(context, job)`, called when it is DONE, whose
-    changes make the one undo step.
+    job)`, called whenever `progress_mark(context, job)` has changed: when more frames are done; and
+    `ended(context, job)`, called when it is DONE, whose changes make the one undo step.
     """
 
     # Not REGISTER: Repeat Last would run it again without a question.
     bl_options = {"UNDO"}
     _timer = None
     _job = None
-    _frame_shown = -1
+    _mark_shown = None
+    # What replaces the tool's advice to run with --restart.
+    restart_advice = "Press Bake to replace them, or add a take and bake that."
+
+    def progress_mark(self, context, job):
+        return job.snapshot.frame
 
     def progressed(self, context, job):
         pass
@@ -139,7 +144,7 @@ class JobOperator(NoJobRunning):
         self._push_undo()
         self._job.start()
         session(context).last_error = ""
-        self._frame_shown = -1
+        self._mark_shown = None
         manager = context.window_manager
         manager.progress_begin(0.0, 100.0)
         self._timer = manager.event_timer_add(INTERVAL, window=context.window)
@@ -177,8 +182,9 @@ class JobOperator(NoJobRunning):
     def _tick(self, context, job):
         context.window_manager.progress_update(100.0 * job.fraction)
         status_text(context, progress_text(job))
-        if job.snapshot.frame != self._frame_shown and not job.ended:
-            self._frame_shown = job.snapshot.frame
+        mark = self.progress_mark(context, job)
+        if mark != self._mark_shown and not job.ended:
+            self._mark_shown = mark
             # A frame that cannot be shown yet is shown at the end, or named there.
             with contextlib.suppress(Exception):
                 self.progressed(context, job)
@@ -216,7 +222,7 @@ class JobOperator(NoJobRunning):
             return {"CANCELLED"}
         if job.state is State.FAILED:
             self.stopped(context, job)
-            return report_error(self, context, panel_words(job.error))
+            return report_error(self, context, panel_words(job.error, self.restart_advice))
         self.ended(context, job)
         session(context).last_error = ""
         return {"FINISHED"}
@@ -225,13 +231,10 @@ class JobOperator(NoJobRunning):
         """Called after CANCELLED and FAILED: what there is by now may be shown."""
 
 
-def panel_words(message):
-    """The tool's advice in the panel's words."""
+def panel_words(message, advice):
+    """The tool's message with its advice in the panel's words."""
     head, found, _tail = message.partition("Run with --restart")
-    if not found:
-        return message
-    return head.rstrip() + "\n" + translate("Press Bake to replace them, or add a take and bake "
-                                            "that.")
+    return head.rstrip() + "\n" + translate(advice) if found else message
 
 
 def progress_text(job):

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import EnumProperty, IntProperty
 
 from ..compat import translate
-from ..io import presets, resolution
+from ..io import fit_parameters, presets, resolution
 from ..jobs import JobError
 from ..props import scene as scene_props
 from .base import PlainOperator
@@ -87,6 +87,7 @@ class MATTERFIT_OT_remove_body(PlainOperator, bpy.types.Operator):
             attach.show_original(body.object)
         settings.bodies.remove(settings.body_index)
         settings.body_index = max(0, min(settings.body_index, len(settings.bodies) - 1))
+        fit_parameters.refresh(settings)
 
 
 class MATTERFIT_OT_move_body(PlainOperator, bpy.types.Operator):
@@ -102,6 +103,7 @@ class MATTERFIT_OT_move_body(PlainOperator, bpy.types.Operator):
         if 0 <= target < len(settings.bodies):
             settings.bodies.move(settings.body_index, target)
             settings.body_index = target
+            fit_parameters.refresh(settings)
 
 
 class _ActiveBody:
@@ -127,6 +129,7 @@ class MATTERFIT_OT_add_pin(_ActiveBody, PlainOperator, bpy.types.Operator):
         scale = 2.0 * context.scene.matterfit.solver.particle_separation
         pin.radius = scale
         body.pin_index = len(body.pins) - 1
+        fit_parameters.hold(context.scene.matterfit, body.name)
 
 
 class MATTERFIT_OT_remove_pin(_ActiveBody, PlainOperator, bpy.types.Operator):

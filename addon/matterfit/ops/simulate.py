@@ -57,11 +57,11 @@ def estimate_text(estimate):
     return ", ".join(parts)
 
 
-def start_job(context, label, document, folder, restart, resumable=False):
+def start_job(context, label, document, folder, restart, **options):
     """A job on <folder>/job.json, which is written first: the file is what is run.
 
     GO_ON continues what the folder holds, which the library refuses where the inputs have changed.
-    The old job.json is put back where the run leaves the old results.
+    The old job.json is put back where the run leaves the old results. `options` are a Job's.
     """
     threads = context.scene.matterfit.solver.threads
     replaced = job_document.Replaced(folder)
@@ -76,7 +76,7 @@ def start_job(context, label, document, folder, restart, resumable=False):
             with contextlib.suppress(JobError):
                 replaced.put_back()
 
-    return jobs.Job(label, start, folder=folder, resumable=resumable, on_end=put_back)
+    return jobs.Job(label, start, folder=folder, on_end=put_back, **options)
 
 
 def written_document(folder):

@@ -3,10 +3,10 @@
 
 import bpy
 
-from . import body, capture, compare, material, scene, solver, take
+from . import body, capture, compare, fit, material, scene, solver, take
 
 CLASSES = (*material.CLASSES, *body.CLASSES, *capture.CLASSES, *take.CLASSES, *solver.CLASSES,
-           *compare.CLASSES, *scene.CLASSES)
+           *compare.CLASSES, *fit.CLASSES, *scene.CLASSES)
 
 
 def attach():

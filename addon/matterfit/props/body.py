@@ -18,11 +18,17 @@ from . import choices
 from .material import MatterfitMaterial
 
 
+def _list_changed(self, _context):
+    """For what adds to the list of a fit's parameters, or takes from it."""
+    from ..io import fit_parameters
+    fit_parameters.refresh(self.id_data.matterfit)
+
+
 class MatterfitContact(bpy.types.PropertyGroup):
     """How a body touches a surface."""
 
     kind: EnumProperty(
-        name="Contact", items=choices.CONTACT_KINDS, default="FRICTION",
+        name="Contact", items=choices.CONTACT_KINDS, default="FRICTION", update=_list_changed,
         description="What happens where a body touches this surface")
     mu: FloatProperty(
         name="Friction", default=0.4, min=0.0, soft_min=0.0, max=10.0, soft_max=1.0, precision=3,
@@ -97,9 +103,10 @@ def _object_poll(_self, item):
 class MatterfitBody(bpy.types.PropertyGroup):
     """One row of the Bodies list."""
 
-    name: StringProperty(name="Name", default="Body", description="The name in the job document")
+    name: StringProperty(name="Name", default="Body", update=_list_changed,
+                         description="The name in the job document")
     role: EnumProperty(
-        name="Role", default="BODY",
+        name="Role", default="BODY", update=_list_changed,
         items=(("BODY", "Body", "Simulated", "MESH_ICOSPHERE", 0),
                ("COLLIDER", "Collider", "Bodies run into it", "MOD_PHYSICS", 1)),
         description="Simulated, or something that bodies run into")

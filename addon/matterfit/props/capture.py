@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Captures: recorded motion that simulations are compared with."""
+"""Captures: recorded motion that simulations are compared with and fitted to."""
 
 import bpy
 from bpy.props import (
@@ -29,7 +29,8 @@ class MatterfitCapture(bpy.types.PropertyGroup):
     name: StringProperty(name="Name", default="Capture", update=outdated,
                          description="A name for this capture")
     enabled: BoolProperty(
-        name="Enabled", default=True, update=outdated, description="Compare with this capture")
+        name="Enabled", default=True, update=outdated,
+        description="Compare with this capture, and fit to it")
     source: EnumProperty(
         name="Source", default="FILE", update=outdated,
         items=(("FILE", "File", "Tracks from .npz, .npy, .c3d, .pc2, or numbered .ply files"),
@@ -100,11 +101,15 @@ class MatterfitCapture(bpy.types.PropertyGroup):
         name="Hold-out", default="NONE",
         items=(("NONE", "Nothing", "Everything is used"),
                ("FRAMES", "Last Frames", "The frames at the end are kept for testing"),
-               ("CAPTURE", "Whole Capture", "This capture is only used for testing")),
+               ("CAPTURE", "Whole Capture", "This capture is only used for testing"),
+               ("TRACKS", "Points", "The points below are kept for testing")),
         description="What is kept back to test a fit with")
     holdout_start: IntProperty(
         name="From Frame", default=30, min=0, soft_min=0, max=1048574, soft_max=10000,
         description="First scene frame that is held out")
+    holdout_tracks: StringProperty(
+        name="Points", description="Names or numbers of the points that are held out, separated by "
+                                   "commas")
 
     summary: StringProperty(
         name="Summary", description="What the file contains, one finding a line")

@@ -23,6 +23,7 @@ LAW_PARAMETERS = {
     "NEWTONIAN": ("bulk_modulus", "viscosity"),
 }
 DAMPING_PARAMETERS = ("damping_shear", "damping_bulk")
+MOST_BRANCHES = 6  # Maxwell branches that the solver takes
 
 FORMULATIONS = (
     ("AUTO", "Automatic", "Total Lagrangian for elastic materials, updated for all that flow"),

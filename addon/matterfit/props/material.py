@@ -2,7 +2,13 @@
 """A material: a law and its parameters, in SI units."""
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, StringProperty
+from bpy.props import (
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    StringProperty,
+)
 
 from . import choices
 
@@ -17,6 +23,26 @@ def _preset_changed(self, _context):
     presets.apply(self)
 
 
+def _law_changed(self, _context):
+    from ..io import fit_parameters
+    fit_parameters.refresh(self.id_data.matterfit)
+
+
+class MatterfitMaxwell(bpy.types.PropertyGroup):
+    """A Maxwell branch: a spring that relaxes, beside the law."""
+
+    name: StringProperty(name="Name", default="Branch", description="A name for this branch")
+    modulus: FloatProperty(
+        name="Modulus [Pa]", default=1e4, min=0.0, soft_min=1.0, max=1e12, soft_max=1e9,
+        precision=1, step=1000,
+        description="Shear modulus in pascals that the branch adds before it relaxes; the law's own "
+                    "stiffness is what stays")
+    time: FloatProperty(
+        name="Relaxation Time [s]", default=0.1, min=1e-6, soft_min=1e-4, max=1e5, soft_max=100.0,
+        precision=5, step=1,
+        description="Seconds in which a held stress of the branch falls to 37 %")
+
+
 class MatterfitMaterial(bpy.types.PropertyGroup):
     """SI values whatever the scene's units are: a material does not change with the scale."""
 
@@ -27,7 +53,7 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
     source: StringProperty(
         name="Source", description="Where the preset's values come from")
     law: EnumProperty(
-        name="Law", items=choices.LAWS, default="FIXED_COROTATED",
+        name="Law", items=choices.LAWS, default="FIXED_COROTATED", update=_law_changed,
         description="The constitutive law: how stress follows from deformation")
     E: FloatProperty(
         name="Young's Modulus [Pa]", default=1e5, min=1e-3, soft_min=1e2, max=1e13, soft_max=1e9,
@@ -74,6 +100,10 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
         name="Bulk Damping [Pa s]", default=0.0, min=0.0, soft_min=0.0, max=1e9, soft_max=1e4,
         precision=3, step=10,
         description="Kelvin-Voigt viscosity against change of volume, in pascal seconds")
+    maxwell: CollectionProperty(type=MatterfitMaxwell)
+    maxwell_index: IntProperty(
+        name="Active Branch", default=0, min=0, soft_max=5, max=100000,
+        description="The branch shown below the list")
 
 
-CLASSES = (MatterfitMaterial,)
+CLASSES = (MatterfitMaxwell, MatterfitMaterial)

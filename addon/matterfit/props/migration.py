@@ -15,7 +15,13 @@ def _from_1(settings):
             take.owner = os.path.abspath(bpy.data.filepath)
 
 
-STEPS = {1: _from_1}
+def _from_2(settings):
+    """Version 2 had no fit: its bodies have no list of parameters yet."""
+    from ..io import fit_parameters
+    fit_parameters.refresh(settings)
+
+
+STEPS = {1: _from_1, 2: _from_2}
 
 
 def is_used(settings):

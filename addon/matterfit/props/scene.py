@@ -15,11 +15,12 @@ from . import compare
 from .body import MatterfitBody
 from .capture import MatterfitCapture
 from .compare import MatterfitCompare
+from .fit import MatterfitFit
 from .solver import MatterfitOutput, MatterfitSolver
 from .take import MatterfitTake
 
 # Raised with every change of the properties that an older file needs help with (migration.py).
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 
 def _take_switched(self, context):
@@ -55,6 +56,7 @@ class MatterfitScene(bpy.types.PropertyGroup):
     solver: PointerProperty(type=MatterfitSolver)
     output: PointerProperty(type=MatterfitOutput)
     compare: PointerProperty(type=MatterfitCompare)
+    fit: PointerProperty(type=MatterfitFit)
     preview: PointerProperty(type=MatterfitTake)
     takes: CollectionProperty(type=MatterfitTake)
     take_index: IntProperty(name="Active Take", default=0, min=0, max=100000, soft_max=100,

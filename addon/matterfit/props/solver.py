@@ -12,7 +12,7 @@ from bpy.props import (
 )
 
 from . import choices
-from .body import MatterfitContact
+from .body import MatterfitContact, _list_changed
 
 
 def _separation_changed(self, _context):
@@ -52,7 +52,7 @@ class MatterfitSolver(bpy.types.PropertyGroup):
                     "scale; may be keyed")
 
     use_ground: BoolProperty(
-        name="Ground", default=True, description="A floor without end")
+        name="Ground", default=True, update=_list_changed, description="A floor without end")
     ground_height: FloatProperty(
         name="Height", default=0.0, min=-1e6, soft_min=-10.0, max=1e6, soft_max=10.0, precision=4,
         unit="LENGTH", description="World height of the floor")

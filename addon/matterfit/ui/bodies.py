@@ -80,6 +80,11 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         row.prop(material, "preset")
         if presets.differs(material):
             row.operator("matterfit.reset_material", text="", icon="LOOP_BACK")
+        if presets.is_users(material.preset):
+            row.operator("matterfit.remove_preset", text="", icon="TRASH")
+        row.operator("matterfit.load_material", text="", icon="FILE_FOLDER")
+        for fault in presets.faults():
+            lines(column, fault, icon="ERROR")
         column.prop(material, "law")
         for name in choices.LAW_PARAMETERS[material.law]:
             column.prop(material, name)
@@ -114,6 +119,26 @@ class MATTERFIT_PT_body_motion(_BodyDetail, bpy.types.Panel):
         column.prop(body, "seed")
         if body.material.source:
             lines(self.layout, body.material.source, icon="BOOKMARKS")
+
+
+class MATTERFIT_PT_body_relaxation(_BodyDetail, bpy.types.Panel):
+    bl_label = "Relaxation"
+
+    def draw(self, context):
+        layout = self.layout
+        material = scene_props.active_body(context.scene.matterfit).material
+        row = layout.row()
+        row.template_list("MATTERFIT_UL_names", "maxwell", material, "maxwell", material,
+                          "maxwell_index", rows=2)
+        column = row.column(align=True)
+        column.operator("matterfit.add_branch", text="", icon="ADD")
+        column.operator("matterfit.remove_branch", text="", icon="REMOVE")
+        branch = scene_props.active_item(material.maxwell, material.maxwell_index)
+        if branch is None:
+            return
+        column = form(layout)
+        column.prop(branch, "modulus")
+        column.prop(branch, "time")
 
 
 class MATTERFIT_PT_body_pins(_BodyDetail, bpy.types.Panel):
@@ -164,4 +189,4 @@ class MATTERFIT_PT_body_masses(_BodyDetail, bpy.types.Panel):
 
 
 CLASSES = (MATTERFIT_UL_bodies, MATTERFIT_UL_names, MATTERFIT_PT_bodies, MATTERFIT_PT_body_motion,
-           MATTERFIT_PT_body_pins, MATTERFIT_PT_body_masses)
+           MATTERFIT_PT_body_relaxation, MATTERFIT_PT_body_pins, MATTERFIT_PT_body_masses)

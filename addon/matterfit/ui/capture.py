@@ -2,7 +2,7 @@
 import bpy
 
 from ..props import scene as scene_props
-from .common import MatterfitPanel, form, lines, switched
+from .common import MatterfitPanel, form, holdout, lines, switched
 
 
 class MATTERFIT_UL_captures(bpy.types.UIList):
@@ -73,9 +73,7 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
     def _use(self, layout, capture):
         column = form(layout)
         switched(column, capture, "use_noise", "noise")
-        column.prop(capture, "holdout")
-        if capture.holdout == "FRAMES":
-            column.prop(capture, "holdout_start")
+        holdout(column, capture)
 
 
 CLASSES = (MATTERFIT_UL_captures, MATTERFIT_PT_capture)

@@ -59,3 +59,12 @@ def contact(layout, item):
         column.prop(item, "mu")
     switched(column, item, "use_stiffness", "stiffness")
     switched(column, item, "use_damping", "damping")
+
+
+def holdout(column, capture):
+    """What of a capture is kept for testing."""
+    column.prop(capture, "holdout")
+    if capture.holdout == "FRAMES":
+        column.prop(capture, "holdout_start")
+    elif capture.holdout == "TRACKS":
+        column.prop(capture, "holdout_tracks")

@@ -14,7 +14,7 @@ class MATTERFIT_UL_worst(bpy.types.UIList):
 
 class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
     bl_label = "Compare"
-    bl_order = 5
+    bl_order = 6
 
     def draw(self, context):
         layout = self.layout

@@ -12,7 +12,7 @@ from .common import MatterfitPanel, lines, switched
 
 class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
     bl_label = "Output"
-    bl_order = 7
+    bl_order = 8
 
     def draw(self, context):
         layout = self.layout

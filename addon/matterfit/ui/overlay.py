@@ -8,6 +8,7 @@ from .. import compat
 from ..compat import translate_label
 from ..io import comparison, takes, transforms
 from ..props import scene as scene_props
+from . import drawing, fit_overlay
 
 # Dark blue, cyan, green, yellow, red: error from nothing to the range's end.
 STOPS = numpy.array(((0.10, 0.20, 0.60), (0.10, 0.65, 0.80), (0.25, 0.75, 0.30),
@@ -22,6 +23,7 @@ _loaded = {}
 def forget():
     """Drops what was read of a cache: another file was opened, or it was compared again."""
     _loaded.clear()
+    fit_overlay.forget()
 
 
 def active_comparison(scene):
@@ -102,35 +104,11 @@ def draw_legend():
         _graph(scale, scene, found)
 
 
-def _text(text, x, y, scale):
-    import blf
-    compat.font_size(0, 11 * scale)
-    blf.color(0, 0.95, 0.95, 0.95, 1.0)
-    blf.position(0, x, y, 0)
-    blf.draw(0, text)
-
-
-def _polygons(points, color, kind="TRIS", indices=None):
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-    shader = compat.uniform_shader()
-    gpu.state.blend_set("ALPHA")
-    shader.bind()
-    shader.uniform_float("color", color)
-    batch_for_shader(shader, kind, {"pos": points}, indices=indices).draw(shader)
-    gpu.state.blend_set("NONE")
-
-
-def _box(left, bottom, width, height, color):
-    _polygons(((left, bottom, 0), (left + width, bottom, 0), (left + width, bottom + height, 0),
-               (left, bottom + height, 0)), color, indices=((0, 1, 2), (0, 2, 3)))
-
-
 def _legend(scale, top):
     from gpu_extras.batch import batch_for_shader
     left, bottom, width, height = (value * scale for value in LEGEND)
-    _box(left - 8 * scale, bottom - 12 * scale, width + 64 * scale, height + 40 * scale,
-         (0.1, 0.1, 0.1, 0.7))
+    drawing.box(left - 8 * scale, bottom - 12 * scale, width + 64 * scale, height + 40 * scale,
+                drawing.BACKGROUND)
     count = len(STOPS)
     points, color, indices = [], [], []
     for index, stop in enumerate(STOPS):
@@ -144,38 +122,22 @@ def _legend(scale, top):
     batch_for_shader(shader, "TRIS", {"pos": points, "color": color}, indices=indices).draw(shader)
     for index in range(count):
         value = top * index / (count - 1)
-        _text(f"{value:.3g}", left + width + 6 * scale,
-              bottom + height * index / (count - 1) - 4 * scale, scale)
-    _text(translate_label("Error [mm]"), left, bottom + height + 12 * scale, scale)
+        drawing.text(f"{value:.3g}", left + width + 6 * scale,
+                     bottom + height * index / (count - 1) - 4 * scale, scale)
+    drawing.text(translate_label("Error [mm]"), left, bottom + height + 12 * scale, scale)
 
 
 def _graph(scale, scene, found):
-    left, bottom, width, height = (value * scale for value in GRAPH)
-    _box(left - 8 * scale, bottom - 24 * scale, width + 16 * scale, height + 48 * scale,
-         (0.1, 0.1, 0.1, 0.7))
-    first, last = float(found.frames[0]), float(found.frames[-1])
-    span = max(last - first, 1e-9)
-    largest = max(float(numpy.nanmax(found.largest)), 1e-9)
+    drawing.error_over_time(GRAPH, scale, found, scene.frame_current,
+                            translate_label("Mean (white) and largest (red) error"))
 
-    def polyline(values, color):
-        seen = numpy.isfinite(values)
-        if seen.sum() < 2:
-            return
-        x = left + width * (found.frames[seen] - first) / span
-        y = bottom + height * values[seen] / largest
-        points = numpy.stack((x, y, numpy.zeros_like(x)), axis=1).astype(numpy.float32)
-        _polygons(points, color, kind="LINE_STRIP")
 
-    polyline(found.largest, (0.9, 0.35, 0.25, 1.0))
-    polyline(found.means, (0.95, 0.95, 0.95, 1.0))
-    now = min(max((scene.frame_current - first) / span, 0.0), 1.0)
-    _polygons(((left + width * now, bottom, 0), (left + width * now, bottom + height, 0)),
-              (0.3, 0.6, 1.0, 1.0), kind="LINES")
-    _text(f"{largest:.3g} mm", left, bottom + height + 8 * scale, scale)
-    _text(translate_label("Mean (white) and largest (red) error"), left + 70 * scale,
-          bottom + height + 8 * scale, scale)
-    _text(f"{first:.0f}", left, bottom - 16 * scale, scale)
-    _text(f"{last:.0f}", left + width - 24 * scale, bottom - 16 * scale, scale)
+def draw_fit():
+    fit_overlay.draw(bpy.context, compare_graph_shown(bpy.context.scene.matterfit.compare))
+
+
+def compare_graph_shown(compare):
+    return compare.done and compare.show_graph
 
 
 def register():
@@ -184,6 +146,7 @@ def register():
     view = bpy.types.SpaceView3D
     _handles.append(view.draw_handler_add(draw_points, (), "WINDOW", "POST_VIEW"))
     _handles.append(view.draw_handler_add(draw_legend, (), "WINDOW", "POST_PIXEL"))
+    _handles.append(view.draw_handler_add(draw_fit, (), "WINDOW", "POST_PIXEL"))
 
 
 def unregister():

@@ -25,7 +25,7 @@ class MATTERFIT_UL_throws(bpy.types.UIList):
 
 class MATTERFIT_PT_rerun(MatterfitPanel, bpy.types.Panel):
     bl_label = "Rerun"
-    bl_order = 6
+    bl_order = 7
 
     def draw(self, context):
         layout = self.layout

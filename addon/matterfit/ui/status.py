@@ -60,7 +60,7 @@ class MATTERFIT_PT_status(MatterfitPanel, bpy.types.Panel):
             row = layout.row()
             row.label(text=base.progress_text(job), icon="CANCEL", translate=False)
             if job.resumable:
-                row.operator("matterfit.resume", icon="PLAY")
+                row.operator(job.resume, icon="PLAY")
 
 
 CLASSES = (MATTERFIT_PT_status,)

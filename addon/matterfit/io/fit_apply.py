@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Puts what a fit has found into the scene: Bodies, the take's throw, Solver, colliders.
+
+The result names what was looked for; the values are those of scene.json, the fitted scene.
+"""
+
+import os
+
+from mathutils import Matrix, Quaternion, Vector
+
+from ..compat import translate
+from ..jobs import JobError
+from ..props import scene as scene_props
+from . import files, fit_parameters, fit_results, job_fit, presets, transforms
+
+
+def apply_run(scene, folder):
+    """Sets the scene's values to those of the fit in `folder`. Returns what could not be set, a
+    sentence each; JobError where nothing is set."""
+    settings = scene.matterfit
+    run = settings.fit.run
+    # The take that was fitted gets what it throws; it was named after it.
+    take = next((take for take in settings.takes if take.name == run.name),
+                scene_props.active_take(settings))
+    return apply(scene, fit_results.load(folder), folder, run, take)
+
+
+def apply(scene, result, folder, fitted_take, take):
+    """The same for a result. `fitted_take` is what the fit threw (a copy of a take's settings),
+    `take` the take that gets fitted throws."""
+    document = files.read_json(os.path.join(folder, fit_results.SCENE_FILE)).get("scene", {})
+    work = _Application(scene, document, fitted_take, take)
+    for estimate in result.estimates:
+        work.note(estimate.path)
+    if not work.wanted:
+        raise JobError(translate("The fit found no value that could be applied. Fit again."))
+    work.check()
+    work.materials(folder)
+    work.motions()
+    work.surroundings()
+    return work.left
+
+
+def _source(folder, body):
+    try:
+        return str(files.read_json(fit_results.material_path(folder, body)).get("source", ""))
+    except JobError:
+        return ""
+
+
+class _Application:
+    def __init__(self, scene, document, fitted_take, take):
+        self.settings = scene.matterfit
+        self.document = document
+        self.scale = transforms.metres(scene)
+        self.fitted_take = fitted_take
+        self.take = take
+        self.wanted = {}  # owner: keys, in the order of the result
+        self.left = []
+
+    def note(self, path):
+        owner, key, _axis = job_fit.split_path(path, self.document)
+        keys = self.wanted.setdefault(owner, [])
+        if key not in keys:
+            keys.append(key)
+
+    def check(self):
+        """Before anything is changed: everything that was fitted must still be here."""
+        for owner in self.wanted:
+            if owner in ("", fit_parameters.GROUND):
+                continue
+            if fit_parameters.find_body(self.settings, owner) is None:
+                raise JobError(translate(
+                    "The fit is of '{name}', which is not among the Bodies any more. Name it so "
+                    "again, or fit again.").format(name=owner))
+            if self._item(owner) is None:
+                raise JobError(translate("scene.json holds nothing of '{name}'. Fit again.")
+                               .format(name=owner))
+
+    def _item(self, owner):
+        for listed in ("bodies", "colliders"):
+            for item in self.document.get(listed, []):
+                if item.get("name") == owner:
+                    return item
+        return None
+
+    def materials(self, folder):
+        for owner, keys in self.wanted.items():
+            if not any(key.startswith("material.") for key in keys):
+                continue
+            body = fit_parameters.find_body(self.settings, owner)
+            body.material.preset = "CUSTOM"
+            presets.fill(body.material, self._item(owner)["material"])
+            body.material.source = _source(folder, owner) or translate("Fitted")
+        for owner, keys in self.wanted.items():
+            if "density" in keys:
+                body = fit_parameters.find_body(self.settings, owner)
+                body.density = self._item(owner)["density"]
+
+    def motions(self):
+        for owner, keys in self.wanted.items():
+            item = self._item(owner)
+            if "velocity" in keys or "spin" in keys:
+                self._velocity(owner, item)
+            if any(key.startswith("placement.") for key in keys):
+                self._placement(owner, item)
+
+    def _throw(self, owner):
+        """(throw that the fit ran with, that of the take that gets its values)."""
+        def find(take):
+            return next((throw for throw in take.throws if throw.name == owner), None)
+        return find(self.fitted_take), find(self.take) if self.take is not None else None
+
+    def _velocity(self, owner, item):
+        target = fit_parameters.find_body(self.settings, owner)
+        fitted, throw = self._throw(owner)
+        if fitted is not None and fitted.velocity_from != "BODY" and throw is not None:
+            throw.velocity_from = "VALUE"
+            target = throw
+        target.velocity = Vector(item.get("velocity", (0, 0, 0))) / self.scale
+        target.spin = item.get("spin", (0, 0, 0))
+
+    def _placement(self, owner, item):
+        body = fit_parameters.find_body(self.settings, owner)
+        fitted, throw = self._throw(owner)
+        placement = item.get("placement", {})
+        position = Vector(placement.get("position", (0, 0, 0))) / self.scale
+        rotation = Quaternion(placement.get("rotation", (1, 0, 0, 0)))
+        if fitted is not None and fitted.use_placement and throw is not None:
+            throw.location, throw.rotation = position, rotation.to_euler()
+            return
+        if body.source != "OBJECT" or body.object is None:
+            self.left.append(translate(
+                "'{name}' is made from a file and has no object to move: its fitted placement is in "
+                "scene.json").format(name=owner))
+            return
+        # The stretch (scale, shear) belongs to the shape and stays.
+        stretch = transforms.split(body.object.matrix_world, self.scale)[2]
+        body.object.matrix_world = (Matrix.Translation(position)
+                                    @ (rotation.to_matrix() @ stretch).to_4x4())
+        if body.object.animation_data is not None:
+            self.left.append(translate(
+                "'{name}' is animated, so its keys move it back: remove them, or give the take a "
+                "throw with its fitted placement").format(name=owner))
+
+    def surroundings(self):
+        solver = self.settings.solver
+        if "gravity" in self.wanted.get("", ()):
+            own = self.fitted_take.use_gravity and self.take is not None
+            (self.take if own else solver).gravity = self.document["gravity"]
+        for owner, keys in self.wanted.items():
+            if not any(key == "height" or key.startswith("contact.") for key in keys):
+                continue
+            item = self._item(owner)
+            if item is None:
+                raise JobError(translate("scene.json holds nothing of '{name}'. Fit again.")
+                               .format(name=owner))
+            contact = fit_parameters.contact_of(self.settings, owner)
+            if "contact.mu" in keys:
+                contact.mu = item["contact"]["mu"]
+            if "contact.stiffness" in keys:
+                contact.use_stiffness = True
+                contact.stiffness = item["contact"]["stiffness"]
+            if "height" in keys:
+                solver.ground_height = item["height"] / self.scale

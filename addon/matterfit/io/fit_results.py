@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a fit has found, as the files in its cache folder say it, and its curve while it runs."""
+
+import json
+import math
+import os
+from dataclasses import dataclass, field
+
+from ..jobs import JobError
+from . import files
+
+RESULT_FILE = "result.json"
+SCENE_FILE = "scene.json"
+MATERIAL_FILE = "material.json"
+HISTORY_FILE = os.path.join("fit", "history.jsonl")
+
+
+@dataclass
+class Estimate:
+    """One fitted number, SI. `error` and the interval are None where nothing observes it, and where
+    the fit was cancelled before they were known."""
+
+    path: str
+    unit: str = ""
+    start: float = 0.0
+    value: float = 0.0
+    error: float = None
+    interval: tuple = None
+    at_bound: bool = False
+    observable: bool = True
+    statement: str = ""
+
+    @property
+    def text(self):
+        return value_text(self.value, self.error, self.unit)
+
+
+@dataclass
+class Measure:
+    """Errors of a simulation against the captures, in mm; None where nothing was held out."""
+
+    before: dict = None
+    after: dict = None
+
+
+@dataclass
+class FitResult:
+    status: str
+    law: str
+    converged: bool
+    reason: str
+    seconds: float
+    iterations: int
+    noise_scale: float
+    estimates: list
+    fitted: Measure
+    held_out: Measure
+    statements: list = field(default_factory=list)
+    models: list = field(default_factory=list)
+    correlation: list = field(default_factory=list)
+
+
+def load(folder):
+    """The result in a fit's cache folder; JobError where it cannot be read."""
+    path = os.path.join(folder, RESULT_FILE)
+    document = files.read_json(path)
+    found = document.get("fit") if isinstance(document, dict) else None
+    if not isinstance(found, dict):
+        raise JobError(f"{path}: holds no result of a fit. Fit again.")
+    try:
+        return _result(document, found)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise JobError(f"{path}: is not a result of a fit that this version reads "
+                       f"({type(error).__name__}: {error}). Fit again.") from error
+
+
+def _result(document, found):
+    before, after = found.get("before") or {}, found.get("after") or {}
+    return FitResult(
+        status=document.get("status", ""),
+        law=found.get("law", ""),
+        converged=bool(found.get("converged")),
+        reason=found.get("reason", ""),
+        seconds=found.get("seconds") or 0.0,
+        iterations=found.get("iterations") or 0,
+        noise_scale=found.get("noise_scale") or 0.0,
+        estimates=[_estimate(entry) for entry in found["parameters"]],
+        fitted=Measure(before.get("fitted"), after.get("fitted")),
+        held_out=Measure(before.get("held_out"), after.get("held_out")),
+        statements=[str(text) for text in found.get("statements") or []],
+        models=list(found.get("models") or []),
+        correlation=list(found.get("correlation") or []))
+
+
+def _estimate(entry):
+    interval = entry.get("interval")
+    if not interval or None in interval:
+        interval = None
+    return Estimate(
+        path=entry["path"], unit=entry.get("unit", ""), start=entry.get("start") or 0.0,
+        value=float(entry["value"]), error=entry.get("standard_error"),
+        interval=tuple(interval) if interval else None,
+        at_bound=bool(entry.get("at_bound")), observable=entry.get("observable") is not False,
+        statement=entry.get("statement") or "")
+
+
+_known = {}
+
+
+def load_quietly(folder):
+    """load(), or None, for drawing: the file is read again only when it has changed."""
+    path = os.path.join(folder, RESULT_FILE)
+    key = (path, _stamp(path))
+    if _known.get("key") != key:
+        try:
+            found = load(folder)
+        except JobError:
+            found = None
+        _known.update(key=key, value=found)
+    return _known["value"]
+
+
+def material_path(folder, body):
+    """The fitted material of a body: material_NAME.json, or material.json of the first one."""
+    own = os.path.join(folder, f"material_{body}.json")
+    return own if body and os.path.isfile(own) else os.path.join(folder, MATERIAL_FILE)
+
+
+def _stamp(path):
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size
+
+
+# -- the curve ---------------------------------------------------------------------------------
+
+def history(folder):
+    """The lines of fit/history.jsonl, a dictionary an iteration; the last may be half written."""
+    path = os.path.join(folder, HISTORY_FILE)
+    found = []
+    try:
+        with open(path, encoding="utf-8") as stream:
+            for line in stream:
+                if not line.endswith("\n"):
+                    break
+                try:
+                    entry = json.loads(line)
+                except ValueError:
+                    continue
+                if isinstance(entry, dict):
+                    found.append(entry)
+    except (OSError, UnicodeDecodeError):
+        pass
+    return found
+
+
+def history_stamp(folder):
+    """Changes whenever the history grows; None where there is none."""
+    return _stamp(os.path.join(folder, HISTORY_FILE))
+
+
+@dataclass
+class Segment:
+    """A stretch of the curve: one stage of one law. `places` count the lines of the history."""
+
+    stage: str
+    law: str
+    places: list = field(default_factory=list)
+    errors: list = field(default_factory=list)  # rms [mm]
+
+
+def segments(entries):
+    """The accepted iterations of a history as Segments; refused steps leave a gap in `places`."""
+    found = []
+    for place, entry in enumerate(entries):
+        stage, law = str(entry.get("stage", "")), str(entry.get("law", ""))
+        if not found or (found[-1].stage, found[-1].law) != (stage, law):
+            found.append(Segment(stage, law))
+        rms = entry.get("rms_mm")
+        usable = isinstance(rms, int | float) and math.isfinite(rms) and rms > 0.0
+        if entry.get("accepted", True) and usable:
+            found[-1].places.append(place)
+            found[-1].errors.append(float(rms))
+    return [segment for segment in found if segment.places]
+
+
+# -- words -------------------------------------------------------------------------------------
+
+def rounded(value, error):
+    """A value to the two digits of its error: 232100."""
+    if not error or not math.isfinite(error) or error <= 0.0:
+        return f"{value:.4g}"
+    digits = 1 - math.floor(math.log10(error))
+    if max(abs(value), error) >= 1e6 or digits > 6:
+        return f"{value:.4g}"
+    return f"{round(value, digits):.{max(digits, 0)}f}"
+
+
+def value_text(value, error=None, unit=""):
+    """A value with its error to two digits: 294300 ± 1200 Pa, (2.943 ± 0.012)e7 Pa."""
+    unit = f" {unit}" if unit else ""
+    if not error or not math.isfinite(error) or error <= 0.0:
+        return f"{value:.6g}{unit}"
+    largest = max(abs(value), error)
+    power = math.floor(math.log10(largest))
+    if -4 < power < 6:
+        power = 0
+    scaled, scaled_error = value / 10.0**power, error / 10.0**power
+    digits = 1 - math.floor(math.log10(scaled_error))
+    if digits < 0:
+        scaled, scaled_error = round(scaled, digits), round(scaled_error, digits)
+    text = f"{scaled:.{max(digits, 0)}f} ± {scaled_error:.{max(digits, 0)}f}"
+    return f"({text})e{power}{unit}" if power else f"{text}{unit}"

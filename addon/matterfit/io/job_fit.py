@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The `fit` object of the job document, and the paths of what is fitted."""
+
+import re
+
+from ..compat import translate, translate_label
+from ..jobs import JobError
+from ..props import choices
+from . import fit_parameters
+from .files import number, numbers
+from .fit_parameters import LINEAR, LOGIT
+
+_PLAIN = re.compile(r"^[\w-]+$")
+_STEP = re.compile(r"""\[(\d+)\]|"([^"]*)"|'([^']*)'|([^.\[\]"']+)""")
+
+
+def document(settings, scene_document, captures):
+    """What is to be found and how; JobError with what to change.
+
+    `scene_document` and `captures` are those of the same job: what they hold is where the search
+    starts.
+    """
+    fit = settings.fit
+    _check_captures(captures)
+    laws = _laws(fit) if fit.law == "FIND" else []
+    entries = []
+    for row in fit.parameters:
+        if (row.enabled and owner_document(scene_document, row) is not None
+                and _known_to(laws, row.key)):
+            entries += _Entry(settings, row, scene_document).entries()
+    if not entries:
+        raise JobError(translate("Fit: no parameter is switched on. Switch on at least one in the "
+                                 "list."))
+    found = {
+        "parameters": entries,
+        "loss": fit.loss.lower(),
+        "huber": number(fit.huber) if fit.use_huber else 0,
+        "iterations": fit.iterations,
+        "windows": fit.windows,
+        "levels": [2**level for level in reversed(range(fit.levels))],
+    }
+    if laws:
+        found["laws"] = "all" if len(laws) == len(choices.LAWS) else [law.lower() for law in laws]
+    return found
+
+
+def _check_captures(captures):
+    if not captures:
+        raise JobError(translate("There is no capture to fit to. Import one in Capture, or enable "
+                                 "it."))
+    if all(capture.get("holdout", {}).get("capture") for capture in captures):
+        raise JobError(translate("Every capture is held out whole, so nothing is left to fit to. "
+                                 "Set Hold-out of one to Nothing or Last Frames."))
+
+
+def _laws(fit):
+    chosen = [law[0] for law in choices.LAWS if law[0] in fit.laws]
+    if not chosen:
+        raise JobError(translate("Fit: no law is chosen to be tried. Choose some under "
+                                 "Candidates."))
+    return chosen
+
+
+def _known_to(laws, key):
+    """Whether one of the candidates has the parameter; without candidates the body's law has."""
+    if not laws or key not in fit_parameters.law_keys():
+        return True
+    return any(key[len("material."):] in choices.LAW_PARAMETERS[law] for law in laws)
+
+
+class _Entry:
+    """One row of the list as entries of `fit.parameters`."""
+
+    def __init__(self, settings, row, scene_document):
+        self.row = row
+        self.quantity = fit_parameters.quantity_of(settings, row)
+        self.where = f"{row.owner}: " if row.owner else ""
+        if self.quantity is None:
+            raise JobError(translate("Fit: '{name}' is not in the scene any more. Press List "
+                                     "Parameters beside the list.").format(name=row.name))
+        self.where += translate_label(self.quantity.label)
+        self.path = path(scene_document, row)
+        self.now = _lookup(owner_document(scene_document, row), row.key)
+        if row.key == "placement.rotation":
+            self.now = None  # it is looked for on top of what is given, from none
+
+    def entries(self):
+        row = self.row
+        if self.quantity.size == 3:
+            return self._vector()
+        start = self.now if not row.use_start else row.start
+        if start is None:
+            raise JobError(translate(
+                "Fit: {where} has no value yet to start from. Switch on its Start, or give it a "
+                "value in Bodies or Solver.").format(where=self.where))
+        self._check_start(start)
+        entry = {"path": self.path}
+        if row.use_start:
+            entry["start"] = number(row.start)
+        if row.use_bounds:
+            self._check_bounds(start)
+            entry["bounds"] = numbers((row.low, row.high))
+        if row.use_prior:
+            entry["prior"] = {"mean": number(row.mean), "sigma": number(row.sigma)}
+        return [self.path if len(entry) == 1 else entry]
+
+    def _check_start(self, start):
+        if self.quantity.scale != LINEAR and start <= 0.0:
+            raise JobError(translate(
+                "Fit: {where} would start at {start}, and must start above 0. Switch on its Start "
+                "and type a value.").format(where=self.where, start=f"{start:g}"))
+        if self.quantity.scale == LOGIT and start >= 0.5:
+            raise JobError(translate(
+                "Fit: {where} would start at {start}, and must start below .5. Switch on its "
+                "Start and type a value.").format(where=self.where, start=f"{start:g}"))
+
+    def _check_bounds(self, start):
+        low, high = self.row.low, self.row.high
+        if low >= high:
+            raise JobError(translate(
+                "Fit: {where}: Lowest is {low} and Highest is {high}. Lowest must be the smaller "
+                "one.").format(where=self.where, low=f"{low:g}", high=f"{high:g}"))
+        if self.quantity.scale != LINEAR and low <= 0.0:
+            raise JobError(translate(
+                "Fit: {where}: Lowest is {low}, and must be above 0.").format(
+                    where=self.where, low=f"{low:g}"))
+        if not low <= start <= high:
+            raise JobError(translate(
+                "Fit: {where} would start at {start}, outside its bounds {low} to {high}. Widen "
+                "the bounds, or change Start.").format(
+                    where=self.where, start=f"{start:g}", low=f"{low:g}", high=f"{high:g}"))
+
+    def _vector(self):
+        row = self.row
+        axes = [axis for axis in range(3) if row.axes[axis]]
+        if not axes:
+            raise JobError(translate("Fit: {where} has no axis that is looked for. Switch on one, "
+                                     "or switch it off.").format(where=self.where))
+        own = row.use_start or row.use_bounds
+        if len(axes) == 3 and not own:
+            return [self.path]
+        start = tuple(row.start_vector) if row.use_start else self.now
+        if isinstance(start, dict):
+            raise JobError(translate("Fit: {where} is animated. Remove its keys, or switch it off "
+                                     "in the list.").format(where=self.where))
+        start = start or (0.0, 0.0, 0.0)
+        entries = []
+        for axis in axes:
+            entry = {"path": f"{self.path}[{axis}]"}
+            if row.use_start:
+                entry["start"] = number(start[axis])
+            if row.use_bounds:
+                entry["bounds"] = numbers((start[axis] - row.reach, start[axis] + row.reach))
+            entries.append(entry if own else entry["path"])
+        return entries
+
+
+# -- paths -------------------------------------------------------------------------------------
+
+def owner_document(scene_document, row):
+    """The part of the scene that the row is about; None where it does not take part."""
+    if not row.owner:
+        return scene_document
+    listed = scene_document[_list_of(row.key)]
+    return next((item for item in listed if item["name"] == row.owner), None)
+
+
+def _list_of(key):
+    return "colliders" if key == "height" or key.startswith("contact.") else "bodies"
+
+
+def path(scene_document, row):
+    """The path of a row in the job document, as in --set; names that need quotes stand in them."""
+    if not row.owner:
+        return row.key
+    where = _list_of(row.key)
+    if _PLAIN.match(row.owner):
+        return f"{where}.{row.owner}.{row.key}"
+    for quote in "\"'":
+        if quote not in row.owner:
+            return f"{where}.{quote}{row.owner}{quote}.{row.key}"
+    index = next(index for index, item in enumerate(scene_document[where])
+                 if item["name"] == row.owner)
+    return f"{where}[{index}].{row.key}"
+
+
+def split_path(text, scene_document):
+    """(owner, key, axis) of a path in a result: ('Cube', 'velocity', 2). The owner is "" for what
+    belongs to the scene, the axis None for what is a number or all three."""
+    steps = [next(part for part in match.groups() if part is not None)
+             for match in _STEP.finditer(text)]
+    if steps and steps[0] == "scene":
+        steps = steps[1:]
+    owner = ""
+    if steps and steps[0] in ("bodies", "colliders"):
+        listed, owner = scene_document.get(steps[0], []), steps[1]
+        names = [item.get("name", "") for item in listed]
+        if owner not in names and owner.isdigit() and int(owner) < len(names):
+            owner = names[int(owner)]
+        steps = steps[2:]
+    elif steps and steps[0] != "gravity" and len(scene_document.get("bodies", [])) == 1:
+        owner = scene_document["bodies"][0].get("name", "")
+    axis = None
+    if steps and steps[-1].isdigit():
+        axis = int(steps.pop())
+    key = ".".join(steps)
+    return owner, re.sub(r"\.maxwell\.(\d+)", r".maxwell[\1]", key), axis
+
+
+def _lookup(item, key):
+    """The value at `key` of a part of the document; None where it has none."""
+    for step in _STEP.finditer(key):
+        index = step.group(1)
+        if index is not None:
+            item = item[int(index)]
+        elif isinstance(item, dict) and step.group(0) in item:
+            item = item[step.group(0)]
+        else:
+            return None
+    return item

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fit, Resume and Free of a fit, and the list of its parameters."""
+
+import contextlib
+import os
+
+import bpy
+
+from .. import jobs, native
+from ..compat import translate
+from ..io import cache, fit_parameters, fit_results, job_document, takes
+from ..jobs import EXIT_INPUT, JobError
+from .base import JobOperator, NoJobRunning, PlainOperator, session
+from .simulate import AFRESH, GO_ON, check_estimate, start_job
+
+
+class FitJob(JobOperator):
+    """What Fit and Resume share. The fit has a cache of its own, apart from the takes'."""
+
+    restart_advice = "Press Fit to begin afresh."
+
+    def progress_mark(self, context, job):
+        return fit_results.history_stamp(job.folder)
+
+    def progressed(self, context, job):
+        _redraw_view(context)  # the curve lies in the scene
+
+    def stopped(self, context, job):
+        if job.status == EXIT_INPUT:
+            return
+        # Cancelled: the best so far. Why it ended is reported, not what could not be read.
+        with contextlib.suppress(JobError):
+            self._show(context, job)
+
+    def ended(self, context, job):
+        result = self._show(context, job)
+        session(context).last_report = "\n".join([summary(result, job),
+                                                  *job.result.get("notes", [])])
+
+    def _show(self, context, job):
+        scene, run = takes.find(job.folder)
+        fit = scene.matterfit.fit if scene is not None and run == scene.matterfit.fit.run else None
+        if fit is not None:
+            fit.done = False
+        _redraw_view(context)
+        result = fit_results.load(job.folder)
+        if fit is not None:
+            fit.done = True
+        return result
+
+
+def summary(result, job):
+    """What a finished fit says in one line: the held-out error where there is one."""
+    words, measure = translate("Fitted error {before} → {after} mm, in {time}"), result.fitted
+    if result.held_out.after:
+        words, measure = translate("Held-out error {before} → {after} mm, in {time}"), result.held_out
+    return words.format(before=error_text(measure.before), after=error_text(measure.after),
+                        time=jobs.duration_text(job.elapsed))
+
+
+def error_text(measure):
+    """The mean error [mm] of one of a result's measures; – where there is none."""
+    mean = (measure or {}).get("mean_mm")
+    return f"{mean:.4g}" if isinstance(mean, int | float) else "–"
+
+
+def _redraw_view(context):
+    for area in context.screen.areas if context.screen else ():
+        if area.type == "VIEW_3D":
+            area.tag_redraw()
+
+
+class MATTERFIT_OT_fit(FitJob, bpy.types.Operator):
+    bl_idname = "matterfit.fit"
+    bl_label = "Fit"
+    bl_description = ("Find the parameters with which the simulation follows the captures, with "
+                      "their uncertainty; Cancel keeps the best so far. The scene is not changed")
+
+    def begin(self, context):
+        takes.require_saved()
+        native.require()
+        scene = context.scene
+        settings = scene.matterfit
+        fit_parameters.refresh(settings)
+        run = takes.for_fit(settings)
+        folder = takes.claim(run)
+        document = job_document.build(scene, run, folder, "fit")
+        check_estimate(context, document, folder)
+        job = start_job(context, translate("Fit {name}").format(name=run.name), document, folder,
+                        AFRESH, resumable=True, resume="matterfit.resume_fit")
+        job.stale = fit_results.history_stamp(folder)
+        return job
+
+
+class _HasFit(NoJobRunning):
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and bool(context.scene.matterfit.fit.run.folder)
+
+
+class MATTERFIT_OT_resume_fit(_HasFit, FitJob, bpy.types.Operator):
+    bl_idname = "matterfit.resume_fit"
+    bl_label = "Resume Fit"
+    bl_description = ("Go on from the last checkpoint of a fit that was cancelled or killed, to the "
+                      "result of an unbroken one; refused where the scene has changed since")
+
+    def begin(self, context):
+        takes.require_saved()
+        native.require()
+        scene = context.scene
+        run = scene.matterfit.fit.run
+        location = takes.locate(run)
+        if location.linked:
+            raise JobError(translate("This fit belongs to another .blend file and is linked, "
+                                     "read-only. Press Fit to make one of its own."))
+        if not os.path.isfile(os.path.join(location.folder, job_document.JOB_FILE)):
+            raise JobError(translate("{path} does not exist: nothing was fitted yet. Press Fit.")
+                           .format(path=os.path.join(location.folder, job_document.JOB_FILE)))
+        document = job_document.build(scene, run, location.folder, "fit")
+        check_estimate(context, document, location.folder)
+        return start_job(context, translate("Resume {name}").format(name=run.name), document,
+                         location.folder, GO_ON, resumable=True, resume="matterfit.resume_fit")
+
+
+class MATTERFIT_OT_free_fit(_HasFit, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.free_fit"
+    bl_label = "Free Fit"
+    bl_description = ("Delete the fit's cache with its result. Only files that the cache's own "
+                      "lists name are deleted; what was applied stays")
+    bl_options = {"UNDO"}
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_confirm(self, event)
+
+    def act(self, context):
+        fit = context.scene.matterfit.fit
+        location = takes.locate(fit.run)
+        left = []
+        if location.exists and not location.linked:
+            left = cache.free(location.folder)
+        fit.done = False
+        if not left:
+            fit.run.folder = ""
+            return
+        self.report({"WARNING"}, translate(
+            "{n} files in {folder} are not ours and stay: {names}").format(
+                n=len(left), folder=location.folder, names=", ".join(left[:5])))
+
+
+class MATTERFIT_OT_list_parameters(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.list_parameters"
+    bl_label = "List Parameters"
+    bl_description = "Bring the list of what can be fitted up to date with Bodies and Solver"
+
+    def act(self, context):
+        fit_parameters.refresh(context.scene.matterfit)
+
+
+CLASSES = (MATTERFIT_OT_fit, MATTERFIT_OT_resume_fit, MATTERFIT_OT_free_fit,
+           MATTERFIT_OT_list_parameters)

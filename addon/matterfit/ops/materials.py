@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What becomes of a fitted material: Apply, Save Material, presets of one's own; and relaxation."""
+
+import os
+
+import bpy
+from bpy.props import StringProperty
+from bpy_extras.io_utils import ExportHelper, ImportHelper
+
+from .. import jobs
+from ..compat import translate
+from ..io import files, fit_apply, fit_parameters, fit_results, presets, takes
+from ..jobs import JobError
+from ..props import choices
+from ..props import scene as scene_props
+from .base import PlainOperator, session
+
+
+class _HasResult:
+    @classmethod
+    def poll(cls, context):
+        fit = context.scene.matterfit.fit
+        return jobs.registry.running is None and fit.done and bool(fit.run.folder)
+
+
+def result_folder(context):
+    """The fit's cache folder, or JobError."""
+    location = takes.locate(context.scene.matterfit.fit.run)
+    if not location.exists:
+        raise JobError(translate("{folder} does not exist. Was the cache moved? Put it back, or fit "
+                                 "again.").format(folder=location.folder))
+    return location.folder
+
+
+def fitted_material(context):
+    """The document of the fitted material, checked; of several that of the active body."""
+    body = scene_props.active_body(context.scene.matterfit)
+    path = fit_results.material_path(result_folder(context), body.name if body is not None else "")
+    return presets.check(files.read_json(path), path)
+
+
+def material_name(context):
+    """What a dialog proposes."""
+    try:
+        return str(fitted_material(context)["name"])
+    except JobError:
+        return context.scene.matterfit.fit.run.name
+
+
+class MATTERFIT_OT_apply_fit(_HasResult, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.apply_fit"
+    bl_label = "Apply to Body"
+    bl_description = ("Put the fitted values into Bodies, Solver and the take's throw, so that "
+                      "bakes use them")
+
+    def act(self, context):
+        scene = context.scene
+        settings = scene.matterfit
+        left = fit_apply.apply_run(scene, result_folder(context))
+        settings.compare.done = False
+        words = translate("The fitted values are set. Bake or Compare uses them")
+        session(context).last_report = "\n".join([words, *left])
+        for sentence in left:
+            self.report({"WARNING"}, sentence)
+
+
+class MATTERFIT_OT_save_material(_HasResult, PlainOperator, bpy.types.Operator, ExportHelper):
+    bl_idname = "matterfit.save_material"
+    bl_label = "Save Material"
+    bl_description = ("Write the fitted material to a file, with where it comes from; of several "
+                      "bodies that of the active one")
+    bl_options = set()
+
+    filename_ext = ".json"
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        if not self.filepath:
+            self.filepath = files.safe_name(material_name(context)) + ".json"
+        return ExportHelper.invoke(self, context, event)
+
+    def act(self, context):
+        document = fitted_material(context)
+        path = bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")
+        name = os.path.splitext(os.path.basename(path))[0]
+        files.write_json(path, presets.saved(document, name))
+        session(context).last_report = path
+        self.report({"INFO"}, path)
+
+
+class MATTERFIT_OT_load_material(PlainOperator, bpy.types.Operator, ImportHelper):
+    bl_idname = "matterfit.load_material"
+    bl_label = "Load Material"
+    bl_description = "Give the active body the material in a file that Save Material wrote"
+
+    filename_ext = ".json"
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        body = scene_props.active_body(context.scene.matterfit)
+        return body is not None and body.role == "BODY"
+
+    def act(self, context):
+        path = bpy.path.abspath(self.filepath)
+        document = presets.check(files.read_json(path), path)
+        body = scene_props.active_body(context.scene.matterfit)
+        body.material.preset = "CUSTOM"
+        presets.fill(body.material, document["material"])
+        body.material.source = document["source"]
+        body.density = document["density"]
+
+
+class MATTERFIT_OT_add_preset(_HasResult, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.add_preset"
+    bl_label = "Add to Presets"
+    bl_description = "Keep the fitted material as a preset of your own, for every scene"
+    bl_options = set()
+
+    name: StringProperty(name="Name", default="", options={"SKIP_SAVE"},
+                         description="What it is called in the list of presets")
+
+    def invoke(self, context, _event):
+        self.name = self.name or material_name(context)
+        return context.window_manager.invoke_props_dialog(self)
+
+    def draw(self, _context):
+        self.layout.prop(self, "name")
+
+    def act(self, context):
+        name = self.name.strip()
+        if not name:
+            raise JobError(translate("Add to Presets: no name is given. Type one."))
+        presets.add(fitted_material(context), name)
+        words = translate("'{name}' is among the material presets").format(name=name)
+        session(context).last_report = words
+        self.report({"INFO"}, words)
+
+
+class MATTERFIT_OT_remove_preset(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.remove_preset"
+    bl_label = "Remove Preset"
+    bl_description = "Delete the body's preset, which is one of your own; bodies keep its values"
+    bl_options = set()
+
+    @classmethod
+    def poll(cls, context):
+        body = scene_props.active_body(context.scene.matterfit)
+        return body is not None and presets.is_users(body.material.preset)
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_confirm(self, event)
+
+    def act(self, context):
+        presets.remove(scene_props.active_body(context.scene.matterfit).material.preset)
+
+
+class MATTERFIT_OT_add_branch(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.add_branch"
+    bl_label = "Add Branch"
+    bl_description = "Add a Maxwell branch to the active body's material: a stiffness that relaxes"
+
+    @classmethod
+    def poll(cls, context):
+        body = scene_props.active_body(context.scene.matterfit)
+        return body is not None and len(body.material.maxwell) < choices.MOST_BRANCHES
+
+    def act(self, context):
+        settings = context.scene.matterfit
+        material = scene_props.active_body(settings).material
+        branch = material.maxwell.add()
+        branch.name = f"{translate('Branch')} {len(material.maxwell)}"
+        branch.modulus = 0.1 * material.E
+        material.maxwell_index = len(material.maxwell) - 1
+        fit_parameters.refresh(settings)
+
+
+class MATTERFIT_OT_remove_branch(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.remove_branch"
+    bl_label = "Remove Branch"
+    bl_description = "Remove the active Maxwell branch"
+
+    @classmethod
+    def poll(cls, context):
+        body = scene_props.active_body(context.scene.matterfit)
+        return body is not None and len(body.material.maxwell) > 0
+
+    def act(self, context):
+        settings = context.scene.matterfit
+        material = scene_props.active_body(settings).material
+        index = min(material.maxwell_index, len(material.maxwell) - 1)
+        material.maxwell.remove(index)
+        material.maxwell_index = max(0, index - 1)
+        fit_parameters.refresh(settings)
+
+
+CLASSES = (MATTERFIT_OT_apply_fit, MATTERFIT_OT_save_material, MATTERFIT_OT_load_material,
+           MATTERFIT_OT_add_preset, MATTERFIT_OT_remove_preset, MATTERFIT_OT_add_branch,
+           MATTERFIT_OT_remove_branch)

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Text, boxes and graphs over the viewport, in pixels."""
+
+import numpy
+
+from .. import compat
+
+BACKGROUND = (0.1, 0.1, 0.1, 0.7)
+WHITE = (0.95, 0.95, 0.95, 1.0)
+RED = (0.9, 0.35, 0.25, 1.0)
+BLUE = (0.3, 0.6, 1.0, 1.0)
+GREY = (0.95, 0.95, 0.95, 0.25)
+HELD_OUT = (0.3, 0.6, 1.0, 0.2)
+
+
+def text(words, x, y, scale):
+    import blf
+    compat.font_size(0, 11 * scale)
+    blf.color(0, 0.95, 0.95, 0.95, 1.0)
+    blf.position(0, x, y, 0)
+    blf.draw(0, words)
+
+
+def text_width(words, scale):
+    import blf
+    compat.font_size(0, 11 * scale)
+    return blf.dimensions(0, words)[0]
+
+
+def polygons(points, color, kind="TRIS", indices=None):
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+    shader = compat.uniform_shader()
+    gpu.state.blend_set("ALPHA")
+    shader.bind()
+    shader.uniform_float("color", color)
+    batch_for_shader(shader, kind, {"pos": points}, indices=indices).draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def box(left, bottom, width, height, color):
+    polygons(((left, bottom, 0), (left + width, bottom, 0), (left + width, bottom + height, 0),
+              (left, bottom + height, 0)), color, indices=((0, 1, 2), (0, 2, 3)))
+
+
+class Graph:
+    """Curves in a rectangle (left, bottom, width, height), pixels before the interface's scale.
+
+    x goes from `first` to `last`, y from `low` to `high`; with `logarithmic` its logarithm does.
+    """
+
+    def __init__(self, rectangle, scale, x_range, y_range, logarithmic=False):
+        self.scale = scale
+        self.left, self.bottom, self.width, self.height = (value * scale for value in rectangle)
+        self.first, self.last = x_range
+        self.low, self.high = y_range
+        self.logarithmic = logarithmic
+        box(self.left - 8 * scale, self.bottom - 24 * scale, self.width + 16 * scale,
+            self.height + 48 * scale, BACKGROUND)
+
+    def x(self, values):
+        part = (numpy.asarray(values, dtype=float) - self.first) / max(self.last - self.first, 1e-9)
+        return self.left + self.width * numpy.clip(part, 0.0, 1.0)
+
+    def y(self, values):
+        values, low, high = numpy.asarray(values, dtype=float), self.low, self.high
+        if self.logarithmic:
+            values, low, high = numpy.log(values), numpy.log(low), numpy.log(high)
+        part = (values - low) / max(high - low, 1e-12)
+        return self.bottom + self.height * numpy.clip(part, 0.0, 1.0)
+
+    def curve(self, places, values, color):
+        """A line through what is finite; a single point is a short dash."""
+        places, values = numpy.asarray(places, dtype=float), numpy.asarray(values, dtype=float)
+        seen = numpy.isfinite(values)
+        if not seen.any():
+            return
+        x, y = self.x(places[seen]), self.y(values[seen])
+        if len(x) == 1:
+            x, y = numpy.array((x[0] - 2 * self.scale, x[0] + 2 * self.scale)), y.repeat(2)
+        points = numpy.stack((x, y, numpy.zeros_like(x)), axis=1).astype(numpy.float32)
+        polygons(points, color, kind="LINE_STRIP")
+
+    def upright(self, place, color):
+        x = float(self.x(place))
+        polygons(((x, self.bottom, 0), (x, self.bottom + self.height, 0)), color, kind="LINES")
+
+    def shade(self, begin, end, color):
+        left, right = float(self.x(begin)), float(self.x(end))
+        box(left, self.bottom, right - left, self.height, color)
+
+    def labels(self, title, top, left, right):
+        """`top` above the axis of y and the title beside it, `left` and `right` below that of x."""
+        above = self.bottom + self.height + 8 * self.scale
+        text(top, self.left, above, self.scale)
+        text(title, self.left + max(70 * self.scale, text_width(top, self.scale) + 12 * self.scale),
+             above, self.scale)
+        below = self.bottom - 16 * self.scale
+        text(left, self.left, below, self.scale)
+        text(right, self.left + self.width - text_width(right, self.scale), below, self.scale)
+
+
+def error_over_time(rectangle, scale, found, frame, title, held_out=None):
+    """Mean and largest error of an io.comparison.Comparison, the present frame as an upright;
+    `held_out` [a, b) is shaded."""
+    frames = found.frames
+    largest = max(float(numpy.nanmax(found.largest)), 1e-9)
+    graph = Graph(rectangle, scale, (float(frames[0]), float(frames[-1])), (0.0, largest))
+    if held_out is not None:
+        graph.shade(held_out[0], held_out[1] - 1, HELD_OUT)
+    graph.curve(frames, found.largest, RED)
+    graph.curve(frames, found.means, WHITE)
+    graph.upright(frame, BLUE)
+    graph.labels(title, f"{largest:.3g} mm", f"{frames[0]:.0f}", f"{frames[-1]:.0f}")

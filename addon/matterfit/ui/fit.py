@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import bpy
+
+from .. import jobs
+from ..compat import translate, translate_label
+from ..io import fit_parameters, fit_results, job_fit, takes
+from ..ops.fit import error_text
+from ..props import choices
+from ..props import scene as scene_props
+from . import fit_overlay
+from .common import MatterfitPanel, form, holdout, lines, switched
+
+LAW_NAMES = {law[0].lower(): law[1] for law in choices.LAWS}
+
+
+class MATTERFIT_UL_parameters(bpy.types.UIList):
+    def draw_item(self, context, layout, _data, item, _icon, _active, _name, _index=0):
+        settings = context.scene.matterfit
+        quantity = fit_parameters.quantity_of(settings, item)
+        row = layout.row(align=True)
+        row.prop(item, "enabled", text="")
+        row = row.row()
+        row.active = item.enabled
+        if quantity is None:
+            row.label(text=item.name, icon="ERROR", translate=False)
+            return
+        words = _short(quantity.label)
+        if not _of_only_body(settings, item.owner) and item.owner:
+            words = f"{item.owner}: {words}"
+        row.label(text=words, translate=False)
+
+
+class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
+    bl_label = "Fit"
+    bl_order = 5
+
+    def draw(self, context):
+        layout = self.layout
+        settings = context.scene.matterfit
+        fit = settings.fit
+        column = form(layout)
+        column.prop(fit, "law")
+        if fit.law == "FIND":
+            layout.column(align=True).prop(fit, "laws")
+            lines(layout, translate("What tells a law from the body's own is looked for as well."),
+                  icon="INFO")
+        self._parameters(layout, settings, fit)
+        form(layout).prop(fit, "loss")
+        self._captures(layout, settings)
+        self._buttons(layout, context, fit)
+
+    def _parameters(self, layout, settings, fit):
+        row = layout.row()
+        row.template_list("MATTERFIT_UL_parameters", "", fit, "parameters", fit,
+                          "parameter_index", rows=5)
+        row.operator("matterfit.list_parameters", text="", icon="FILE_REFRESH")
+        item = scene_props.active_item(fit.parameters, fit.parameter_index)
+        quantity = None if item is None else fit_parameters.quantity_of(settings, item)
+        if quantity is None:
+            return
+        column = form(layout)
+        column.active = item.enabled
+        column.label(text=quantity.label)
+        now = fit_parameters.value(settings, item.owner, item.key)
+        if quantity.size == 3:
+            row = column.row(align=True, heading="Axes")
+            for axis, name in enumerate("XYZ"):
+                row.prop(item, "axes", index=axis, text=name, toggle=True)
+            self._start(column, item, "start_vector",
+                        ", ".join(f"{component:.3g}" for component in now))
+            switched(column, item, "use_bounds", "reach")
+            return
+        self._start(column, item, "start", f"{now:.6g}")
+        column.prop(item, "use_bounds")
+        if item.use_bounds:
+            pair = column.column(align=True)
+            pair.prop(item, "low")
+            pair.prop(item, "high")
+        column.prop(item, "use_prior")
+        if item.use_prior:
+            pair = column.column(align=True)
+            pair.prop(item, "mean")
+            pair.prop(item, "sigma")
+
+    def _start(self, column, item, name, now):
+        """The switch, and the own start or what the scene has."""
+        if item.use_start and name == "start_vector":
+            column.prop(item, "use_start")
+            column.prop(item, name, text="")
+            return
+        row = column.row(align=True, heading="Start")
+        row.prop(item, "use_start", text="")
+        if item.use_start:
+            row.prop(item, name, text="")
+        else:
+            row.label(text=now, translate=False)
+
+    def _captures(self, layout, settings):
+        captures = [capture for capture in settings.captures if capture.enabled]
+        if not captures:
+            lines(layout, translate("There is no capture to fit to."), icon="ERROR")
+        for capture in captures:
+            box = layout.box()
+            box.label(text=capture.name, icon="FILE" if capture.source == "FILE" else
+                      "OBJECT_DATA", translate=False)
+            holdout(form(box), capture)
+        if captures and all(capture.holdout == "NONE" for capture in captures):
+            lines(layout, translate("Nothing is held out: how well the fit predicts will not be "
+                                    "known."), icon="INFO")
+
+    def _buttons(self, layout, context, fit):
+        row = layout.row(align=True)
+        row.scale_y = 1.4
+        row.operator("matterfit.fit", icon="VIEWZOOM")
+        row.operator("matterfit.resume_fit", text="Resume", icon="PLAY")
+        row.operator("matterfit.free_fit", text="", icon="TRASH")
+        running = fit_overlay.running_fit(context.scene.matterfit)
+        if running:
+            self._progress(layout, running)
+        if jobs.registry.running is not None:
+            layout.operator("matterfit.cancel", icon="CANCEL")
+        form(layout).prop(fit, "show_history")
+        if fit.run.folder and takes.locate(fit.run).linked:
+            lines(layout, translate("Linked, read-only: fitted by {file}. Fit makes a cache of "
+                                    "this file's own.").format(file=fit.run.owner), icon="LINKED")
+
+    def _progress(self, layout, folder):
+        segments = fit_overlay.live_curve(folder)
+        if not segments:
+            return
+        newest = segments[-1]
+        words = translate("{stage}: rms {error} mm").format(stage=newest.stage,
+                                                            error=f"{newest.errors[-1]:.4g}")
+        if newest.law:
+            words = f"{_law_name(newest.law)}, {words}"
+        lines(layout.box(), words, icon="TIME")
+
+
+class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
+    bl_label = "Advanced"
+    bl_parent_id = "MATTERFIT_PT_fit"
+
+    def draw(self, context):
+        fit = context.scene.matterfit.fit
+        column = form(self.layout)
+        switched(column, fit, "use_huber", "huber")
+        column.prop(fit, "iterations")
+        column.prop(fit, "windows")
+        column.prop(fit, "levels")
+        column.prop(context.scene.matterfit.solver, "threads")
+
+
+class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
+    bl_label = "Result"
+    bl_parent_id = "MATTERFIT_PT_fit"
+    bl_options = set()
+
+    @classmethod
+    def poll(cls, context):
+        fit = context.scene.matterfit.fit
+        return (fit.done and bool(fit.run.folder)
+                and not fit_overlay.running_fit(context.scene.matterfit))
+
+    def draw(self, context):
+        layout = self.layout
+        settings = context.scene.matterfit
+        folder = takes.locate(settings.fit.run).folder
+        result = fit_results.load_quietly(folder)
+        if result is None:
+            lines(layout, translate("The result of the fit cannot be read. Fit again."),
+                  icon="ERROR")
+            return
+        self._state(layout, result)
+        self._errors(layout, result)
+        named = [(*_names(settings, estimate.path), estimate) for estimate in result.estimates]
+        several = len({owner for owner, _label, _estimate in named}) > 1
+        for owner, label, estimate in named:
+            self._estimate(layout, f"{owner}: {label}" if several and owner else label, estimate)
+        shown = {estimate.statement for estimate in result.estimates}
+        for statement in result.statements:
+            if statement not in shown:
+                lines(layout, statement, icon="INFO")
+        if result.models:
+            self._models(layout, result)
+        form(layout).prop(settings.fit, "show_error")
+        row = layout.row(align=True)
+        row.scale_y = 1.3
+        row.operator("matterfit.apply_fit", icon="CHECKMARK")
+        column = layout.column(align=True)
+        column.operator("matterfit.save_material", icon="FILE_TICK")
+        column.operator("matterfit.add_preset", icon="ADD")
+
+    def _state(self, layout, result):
+        if result.status == "cancelled":
+            lines(layout, translate("Cancelled: the best so far. Resume goes on."), icon="ERROR")
+        elif not result.converged:
+            lines(layout, translate("Not converged: {reason}").format(reason=result.reason),
+                  icon="ERROR")
+        row = layout.row()
+        row.label(text="Law")
+        row.label(text=_law_name(result.law))
+        if result.noise_scale > 0.0:
+            lines(layout, translate("What is left is {factor} × the noise").format(
+                factor=f"{result.noise_scale:.3g}"))
+
+    def _errors(self, layout, result):
+        """Mean errors before and after, on what was fitted and what was held out."""
+        box = layout.box()
+        row = box.row()
+        for title in ("mm", "Before", "After"):
+            row.label(text=title)
+        for title, measure in (("Fitted", result.fitted), ("Held Out", result.held_out)):
+            row = box.row()
+            row.label(text=title)
+            for found in (measure.before, measure.after):
+                row.label(text=error_text(found), translate=False)
+
+    def _estimate(self, layout, label, estimate):
+        column = layout.box().column(align=True)
+        column.label(text=label, translate=False,
+                     icon="CHECKMARK" if estimate.observable and not estimate.at_bound else "ERROR")
+        if estimate.observable:
+            column.label(text=estimate.text, translate=False)
+        else:
+            column.label(text=translate("{value}, not observable").format(
+                value=fit_results.value_text(estimate.value, None, estimate.unit)),
+                translate=False)
+        if estimate.interval is not None and estimate.observable:
+            low, high = (fit_results.rounded(value, estimate.error)
+                         for value in estimate.interval)
+            column.label(text=translate("95 %: {low} to {high}").format(low=low, high=high),
+                         translate=False)
+        if estimate.at_bound:
+            column.label(text="At its bound")
+        if estimate.statement:
+            lines(column, estimate.statement)
+
+    def _models(self, layout, result):
+        box = layout.box()
+        row = box.row()
+        for title in ("Law", "Held Out", "Probability"):
+            row.label(text=title)
+        for place, model in enumerate(result.models):
+            row = box.row()
+            row.label(text=translate_label(_law_name(model.get("law", ""))), translate=False,
+                      icon="CHECKMARK" if place == 0 else "NONE")
+            if model.get("failed"):
+                lines(box, str(model["failed"]), icon="ERROR")
+                continue
+            row.label(text=_number(model.get("held_out_mm")), translate=False)
+            row.label(text=_number(model.get("probability"), 2), translate=False)
+
+
+def _short(label):
+    """A label without its unit, in the user's language."""
+    return translate_label(label).split(" [")[0]
+
+
+def _of_only_body(settings, owner):
+    bodies = [body.name for body in settings.bodies if body.role == "BODY"]
+    return bodies == [owner]
+
+
+def _number(value, digits=4):
+    return f"{value:.{digits}g}" if isinstance(value, int | float) else "–"
+
+
+def _law_name(law):
+    return LAW_NAMES.get(law, law)
+
+
+def _names(settings, path):
+    """(owner, label without the unit) of a path in a result."""
+    document = {"bodies": [{"name": body.name} for body in settings.bodies
+                           if body.role == "BODY"]}
+    owner, key, axis = job_fit.split_path(path, document)
+    text = _short(fit_parameters.label_of(key))
+    return owner, text if axis is None else f"{text} {'XYZ'[axis]}"
+
+
+CLASSES = (MATTERFIT_UL_parameters, MATTERFIT_PT_fit, MATTERFIT_PT_fit_result,
+           MATTERFIT_PT_fit_advanced)

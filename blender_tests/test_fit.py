@@ -1,0 +1,471 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fit, Cancel, Resume, what they found, Apply, Save Material, presets of one's own."""
+
+import json
+import os
+from unittest import mock
+
+import bpy
+import fake_fit
+import numpy
+from matterfit import jobs, native, ops
+from matterfit.io import files, fit_results, presets, takes
+from matterfit.jobs import JobError
+from matterfit.ops import base
+from matterfit.ui import fit as fit_panel
+from matterfit.ui import fit_overlay
+from support import SceneCase, needs_library, run_cli, tree
+from test_fit_document import FitCase
+from test_operators import Backend
+
+
+class FakeFitCase(FitCase):
+    """A fit that computes nothing: it leaves the files of fake_fit."""
+
+    def setUp(self):
+        super().setUp()
+        self.started = []
+        self.results = {}
+        self.backend = None
+
+        def start(path, **options):
+            folder = os.path.dirname(path)
+            self.started.append((files.read_json(path), options))
+            return self.backend or Backend(
+                frames=(0, 0), work=lambda: fake_fit.write(folder, **self.results))
+
+        for name, value in (("start", start), ("require", lambda: None),
+                            ("estimate", lambda *_arguments: {"bytes": 1, "particles": 8})):
+            patch = mock.patch.object(native, name, value)
+            patch.start()
+            self.addCleanup(patch.stop)
+        # Presets of the person who runs the tests stay as they are.
+        patch = mock.patch.object(presets, "user_folder",
+                                  lambda: os.path.join(self.folder, "presets"))
+        patch.start()
+        self.addCleanup(presets.forget)
+        self.addCleanup(patch.stop)
+        presets.forget()
+
+    @property
+    def run_folder(self):
+        return takes.locate(self.fit.run).folder
+
+    def fitted(self, **results):
+        self.results = results
+        self.assertEqual(bpy.ops.matterfit.fit(), {"FINISHED"}, self.error())
+
+    def report(self):
+        return bpy.context.window_manager.matterfit.last_report
+
+
+class RunTest(FakeFitCase):
+    def test_fit(self):
+        """A cache of its own, beside the takes'; the scene stays as it was."""
+        take = takes.ensure_active(self.settings)
+        self.fitted()
+        document, options = self.started[0]
+        self.assertEqual((document["task"], options["restart"]), ("fit", 1))
+        self.assertEqual(take.folder, "")
+        self.assertTrue(self.fit.run.folder.startswith("//cache_matterfit_"))
+        self.assertTrue(self.fit.done)
+        self.assertEqual(self.settings.bodies[0].material.E, 1e5)
+        self.assertIn("16 → 0.75 mm", self.report())
+
+    def test_without_hold_out(self):
+        self.fitted(held_out=False)
+        self.assertIn("Fitted error 8 → 0.5 mm", self.report())
+
+    def test_the_fit_throws_what_the_take_throws(self):
+        bpy.ops.matterfit.add_take()
+        self.settings.body_index = 0
+        bpy.ops.matterfit.add_throw()
+        self.settings.takes[0].throws[0].velocity = (4.0, 0.0, 0.0)
+        self.fitted()
+        self.assertEqual(self.started[0][0]["scene"]["bodies"][0]["velocity"], [4, 0, 0])
+
+    def test_cancel_keeps_the_best(self):
+        folder = []
+
+        def work():
+            folder.append(takes.locate(self.fit.run).folder)
+            fake_fit.write(folder[0], status="cancelled")
+
+        self.backend = Backend(frames=(0, 0), status=jobs.EXIT_CANCELLED, work=work)
+        operator = next(cls for cls in ops.CLASSES if cls.bl_idname == "matterfit.fit")
+        with mock.patch.object(base.JobOperator, "report", create=True) as report:
+            stub = mock.Mock(spec=operator, report=report, bl_options=operator.bl_options)
+            stub.stopped = lambda context, job: operator.stopped(stub, context, job)
+            stub._show = lambda context, job: operator._show(stub, context, job)
+            job = operator.begin(stub, bpy.context).run(interval=0.0)
+            self.assertEqual(operator._result(stub, bpy.context, job), {"CANCELLED"})
+        self.assertIn("Resume goes on", report.call_args[0][1])
+        self.assertEqual(job.resume, "matterfit.resume_fit")
+        self.assertTrue(self.fit.done)
+        result = fit_results.load(folder[0])
+        self.assertEqual(result.status, "cancelled")
+        self.assertTrue(all(estimate.observable for estimate in result.estimates))
+        self.assertEqual(bpy.ops.matterfit.apply_fit(), {"FINISHED"})
+
+    def test_resume(self):
+        """The same document into the same folder, without beginning afresh."""
+        self.assertFalse(bpy.ops.matterfit.resume_fit.poll())
+        self.fitted()
+        folder = self.run_folder
+        self.assertEqual(bpy.ops.matterfit.resume_fit(), {"FINISHED"})
+        (first, _options), (second, options) = self.started
+        self.assertEqual((first, options["restart"]), (second, 0))
+        self.assertEqual(self.run_folder, folder)
+
+    def test_a_refused_resume(self):
+        self.fitted()
+        self.backend = Backend(status=2, error="other inputs. Run with --restart to replace them")
+        message = self.fails(bpy.ops.matterfit.resume_fit, ["Press Fit to begin afresh"])
+        self.assertNotIn("--restart", message)
+        self.assertTrue(self.fit.done, "the results in the folder are those of before")
+
+    def test_what_could_not_be_completed(self):
+        """Without a result nothing is offered."""
+        self.fitted()
+        os.remove(os.path.join(self.run_folder, "result.json"))
+        self.backend = Backend(status=3, error="unstable at the start")
+        self.fails(bpy.ops.matterfit.fit, ["unstable at the start"])
+        self.assertFalse(self.fit.done)
+        self.assertFalse(bpy.ops.matterfit.apply_fit.poll())
+
+    def test_refused_before_it_starts(self):
+        self.settings.captures.clear()
+        self.fails(bpy.ops.matterfit.fit, ["no capture to fit to"])
+        self.assertEqual(self.started, [])
+
+    def test_save_as_links(self):
+        self.fitted()
+        self.save("scene.blend")
+        self.save("copy.blend")
+        self.assertTrue(takes.locate(bpy.context.scene.matterfit.fit.run).linked)
+        self.settings = bpy.context.scene.matterfit
+        self.fails(bpy.ops.matterfit.resume_fit, ["linked, read-only", "Press Fit"])
+
+    def test_free(self):
+        """Ours goes, what was applied stays, and so does what is not ours."""
+        self.fitted()
+        folder = self.run_folder
+        bpy.ops.matterfit.apply_fit()
+        files.write_bytes(os.path.join(folder, "notes.txt"), b"mine")
+        bpy.ops.matterfit.free_fit()
+        self.assertEqual(list(tree(folder)), ["notes.txt"])
+        self.assertFalse(self.fit.done)
+        self.assertAlmostEqual(self.settings.bodies[0].material.E, fake_fit.E, delta=1.0)
+        os.remove(os.path.join(folder, "notes.txt"))
+        bpy.ops.matterfit.free_fit()
+        self.assertEqual(self.fit.run.folder, "")
+
+    def test_greyed_while_a_job_runs(self):
+        self.fitted()
+        names = ("fit", "resume_fit", "free_fit", "apply_fit", "save_material", "add_preset")
+        for name in names:
+            self.assertTrue(getattr(bpy.ops.matterfit, name).poll(), name)
+        jobs.registry.add(jobs.Job("long", lambda: Backend(frames=[1] * 1000))).start()
+        for name in names:
+            self.assertFalse(getattr(bpy.ops.matterfit, name).poll(), name)
+
+    def test_running_fit(self):
+        """The curve of the panel and the viewport is that of the job that runs."""
+        self.fitted()
+        self.assertEqual(fit_overlay.running_fit(self.settings), "")
+        job = jobs.Job("long", lambda: Backend(frames=[1] * 1000), folder=self.run_folder)
+        job.stale = fit_results.history_stamp(self.run_folder)
+        jobs.registry.add(job).start()
+        self.assertEqual(fit_overlay.running_fit(self.settings), self.run_folder)
+        self.assertEqual(fit_overlay.live_curve(self.run_folder), [], "it is of the fit before")
+        fake_fit.write_history(self.run_folder, [{"stage": "a", "rms_mm": 2.0}])
+        self.assertEqual(len(fit_overlay.live_curve(self.run_folder)), 1)
+
+
+class ResultTest(FakeFitCase):
+    def test_read(self):
+        self.fitted()
+        result = fit_results.load(self.run_folder)
+        self.assertEqual(result.estimates[0].text, "234600 ± 1200 Pa")
+        self.assertFalse(result.estimates[1].observable)
+        self.assertIsNone(result.estimates[1].interval)
+        self.assertEqual(result.held_out.after["mean_mm"], 0.75)
+
+    def test_damaged(self):
+        self.fitted()
+        path = os.path.join(self.run_folder, "result.json")
+        for content, words in (({"status": "done"}, "holds no result of a fit"),
+                               ({"fit": {"parameters": [{"unit": "Pa"}]}}, "KeyError: 'path'")):
+            files.write_json(path, content)
+            with self.assertRaisesRegex(JobError, words):
+                fit_results.load(self.run_folder)
+            self.assertIsNone(fit_results.load_quietly(self.run_folder))
+
+    def test_history(self):
+        """Refused steps are no points of the curve; a line that is being written is not read."""
+        self.fitted()
+        found = fit_results.segments(fit_results.history(self.run_folder))
+        self.assertEqual([segment.stage for segment in found], ["frames 1-8", "frames 1-20"])
+        self.assertEqual(found[0].places, [0, 1, 2, 4, 5, 6, 7])
+        self.assertEqual(found[1].places[0], 8)
+        path = fake_fit.write_history(self.run_folder, [{"stage": "a", "rms_mm": 2.0},
+                                                        {"stage": "a", "rms_mm": None}])
+        with open(path, "a", encoding="utf-8") as stream:
+            stream.write('{"stage": "a", "rms')
+        self.assertEqual(len(fit_results.history(self.run_folder)), 2)
+        found = fit_results.segments(fit_results.history(self.run_folder))
+        self.assertEqual([segment.errors for segment in found], [[2.0]])
+        self.assertEqual(fit_results.history(self.folder), [])
+
+    def test_values_with_errors(self):
+        for value, error, unit, expected in (
+                (294312.0, 1203.0, "Pa", "294300 ± 1200 Pa"),
+                (2.943e7, 1.2e5, "Pa", "(2.943 ± 0.012)e7 Pa"),
+                (0.2004, 0.0123, "", "0.200 ± 0.012"),
+                (1.9999, 0.01, "m/s", "2.000 ± 0.010 m/s"),
+                (3.2e-6, 1.1e-7, "s", "(3.20 ± 0.11)e-6 s"),
+                (5.0, None, "Pa s", "5 Pa s"), (0.0, 0.5, "m/s", "0.00 ± 0.50 m/s")):
+            self.assertEqual(fit_results.value_text(value, error, unit), expected)
+        for value, error, expected in ((232148.3, 1234.0, "232100"), (0.98041, 0.01, "0.980"),
+                                       (2.943e7, 1.2e5, "2.943e+07"), (5.0, None, "5")):
+            self.assertEqual(fit_results.rounded(value, error), expected)
+
+    def test_names(self):
+        self.assertEqual(fit_panel._names(self.settings, "bodies.Cube.velocity[2]"),
+                         ("Cube", "Velocity Z"))
+        self.assertEqual(fit_panel._names(self.settings, "material.E"),
+                         ("Cube", "Young's Modulus"))
+        self.assertEqual(fit_panel._names(self.settings, "colliders.ground.contact.mu"),
+                         ("ground", "Friction"))
+
+
+class ApplyTest(FakeFitCase):
+    def test_material_and_velocity(self):
+        self.fitted()
+        self.settings.bodies[0].density = 777.0
+        bpy.ops.matterfit.apply_fit()
+        body = self.settings.bodies[0]
+        self.assertAlmostEqual(body.material.E, fake_fit.E, delta=1.0)
+        self.assertEqual(tuple(body.velocity), (1.0, 2.0, 3.0))
+        self.assertEqual(body.material.preset, "CUSTOM")
+        self.assertIn("held-out error 0.75 mm", body.material.source)
+        self.assertEqual(body.density, 777.0, "what was not fitted stays")
+
+    def test_another_law(self):
+        """The whole material of the law that was found."""
+        self.fit.law = "FIND"
+        self.fitted(law={"law": "von_mises", "E": 2e5, "nu": 0.3, "yield_stress": 4e3,
+                         "damping_shear": 5.0, "maxwell": [{"modulus": 3e3, "time": 0.2}]})
+        self.assertEqual(len(fit_results.load(self.run_folder).models), 2)
+        bpy.ops.matterfit.apply_fit()
+        material = self.settings.bodies[0].material
+        self.assertEqual((material.law, material.yield_stress, material.damping_shear),
+                         ("VON_MISES", 4e3, 5.0))
+        self.assertEqual(len(material.maxwell), 1)
+        self.assertAlmostEqual(material.maxwell[0].time, 0.2, places=6)
+        self.assertIn("material.maxwell[0].time", [row.key for row in self.fit.parameters])
+
+    def test_the_throw_of_the_take(self):
+        """A velocity that came from a throw goes back to it."""
+        bpy.ops.matterfit.add_take()
+        self.settings.body_index = 0
+        bpy.ops.matterfit.add_throw()
+        self.fitted()
+        bpy.ops.matterfit.add_take()
+        self.settings.takes[1].throws.clear()
+        bpy.ops.matterfit.apply_fit()
+        throw = self.settings.takes[0].throws[0]
+        self.assertEqual((throw.velocity_from, tuple(throw.velocity)), ("VALUE", (1.0, 2.0, 3.0)))
+        self.assertEqual(tuple(self.settings.bodies[0].velocity), (0.0, 0.0, 0.0))
+
+    def test_everything_else(self):
+        """Placement, gravity, ground, a collider, in Blender's units."""
+        self.scene.unit_settings.scale_length = 0.5
+        self.body(self.cube("Ball", location=(2, 0, 0)), role="COLLIDER")
+        item = bpy.data.objects["Cube"]
+        item.scale = (1.0, 2.0, 1.0)
+        bpy.context.view_layer.update()
+
+        def change(scene):
+            scene["bodies"][0]["density"] = 555.0
+            scene["bodies"][0]["placement"] = {
+                "position": [0.5, 0.0, 1.0], "rotation": [0.5**0.5, 0.0, 0.0, 0.5**0.5]}
+            scene["gravity"] = [0.0, 0.0, -9.5]
+            ground = next(item for item in scene["colliders"] if item["name"] == "ground")
+            ground["height"] = 0.1
+            ground["contact"]["mu"] = 0.7
+            ball = next(item for item in scene["colliders"] if item["name"] == "Ball")
+            ball["contact"]["stiffness"] = 3e6
+
+        extra = [fake_fit.estimate(path, "", 0.0, 1.0, 0.1) for path in (
+            "bodies.Cube.density", "bodies.Cube.placement.position[0]",
+            "bodies.Cube.placement.rotation[2]", "gravity[2]", "colliders.ground.height",
+            "colliders.ground.contact.mu", "colliders.Ball.contact.stiffness")]
+        self.fitted(change=change, extra=extra)
+        bpy.ops.matterfit.apply_fit()
+        bpy.context.view_layer.update()
+        body = self.settings.bodies[0]
+        solver = self.settings.solver
+        self.assertEqual(body.density, 555.0)
+        self.assertEqual(tuple(body.velocity), (2.0, 4.0, 6.0))
+        numpy.testing.assert_allclose(item.matrix_world.translation, (1.0, 0.0, 2.0), atol=1e-6)
+        numpy.testing.assert_allclose(item.rotation_euler, (0.0, 0.0, numpy.pi / 2), atol=1e-5)
+        numpy.testing.assert_allclose(item.scale, (1.0, 2.0, 1.0), atol=1e-5)
+        self.assertAlmostEqual(solver.gravity[2], -9.5, places=5)
+        self.assertAlmostEqual(solver.ground_height, 0.2, places=6)
+        self.assertAlmostEqual(solver.ground.mu, 0.7, places=6)
+        ball = self.settings.bodies[1].contact
+        self.assertEqual((ball.use_stiffness, ball.stiffness), (True, 3e6))
+
+    def test_a_body_that_is_gone(self):
+        """Nothing is half applied."""
+        self.fitted()
+        self.settings.bodies[0].name = "Dough"
+        self.fails(bpy.ops.matterfit.apply_fit, ["'Cube'", "not among the Bodies"])
+        self.assertEqual(self.settings.bodies[0].material.E, 1e5)
+
+    def test_compare_is_out_of_date(self):
+        self.fitted()
+        self.settings.compare.done = True
+        bpy.ops.matterfit.apply_fit()
+        self.assertFalse(self.settings.compare.done)
+
+
+class PresetTest(FakeFitCase):
+    def test_save_and_load(self):
+        self.fitted()
+        path = os.path.join(self.folder, "dough")
+        self.assertEqual(bpy.ops.matterfit.save_material(filepath=path), {"FINISHED"})
+        document = files.read_json(path + ".json")
+        self.assertEqual(document["name"], "dough")
+        self.assertEqual(document["provenance"]["held_out"]["mean_mm"], 0.75)
+        self.assertEqual(document["material"]["E"], fake_fit.E)
+        self.body(self.cube("Other", location=(2, 0, 0)))
+        self.assertEqual(bpy.ops.matterfit.load_material(filepath=path + ".json"), {"FINISHED"})
+        self.assertAlmostEqual(self.settings.bodies[1].material.E, fake_fit.E, delta=1.0)
+        self.assertIn("Fitted to", self.settings.bodies[1].material.source)
+
+    def test_load_refuses(self):
+        path = os.path.join(self.folder, "bad.json")
+        good = dict(presets.materials()["JELLY"])
+        for change, words in (
+                ({"schema": "other/1"}, ["bad.json", "schema is 'other/1'"]),
+                ({"material": {"law": "jam"}}, ["law is 'jam'"]),
+                ({"material": {"law": "neo_hookean", "E": "stiff"}}, ["E is 'stiff'", "a number"]),
+                ({"material": {"law": "neo_hookean", "maxwell": [{"modulus": 1}]}},
+                 ["maxwell time is None"]),
+                ({"material": {"law": "neo_hookean", "maxwell": 3}}, ["at most 6 branches"])):
+            files.write_json(path, {**good, **change})
+            self.fails(bpy.ops.matterfit.load_material, words, filepath=path)
+        files.write_json(path, [])
+        self.fails(bpy.ops.matterfit.load_material, ["schema is None"], filepath=path)
+
+    def test_a_preset_of_ones_own(self):
+        """In the list, applied by its name, kept in saved files, removed again."""
+        self.fitted()
+        self.assertEqual(bpy.ops.matterfit.add_preset(name="Grandma's dough"), {"FINISHED"})
+        items = {item[1]: item for item in presets.enum_items()}
+        identifier, number = items["Grandma's dough"][0], items["Grandma's dough"][3]
+        self.assertGreaterEqual(number, presets.USER_NUMBERS)
+        self.assertLess(number, 2**31)
+        body = self.settings.bodies[0]
+        body.material.preset = identifier
+        self.assertAlmostEqual(body.material.E, fake_fit.E, delta=1.0)
+        self.assertFalse(presets.differs(body.material))
+        self.save("scene.blend")
+        self.reopen()
+        body = self.settings.bodies[0]
+        self.assertEqual(body.material.preset, identifier)
+        self.fails(bpy.ops.matterfit.add_preset, ["there is one of this name"],
+                   name="Grandma's dough")
+        self.settings.body_index = 0
+        self.assertEqual(bpy.ops.matterfit.remove_preset(), {"FINISHED"})
+        self.assertEqual(body.material.preset, "CUSTOM")
+        self.assertAlmostEqual(body.material.E, fake_fit.E, delta=1.0)
+        self.assertFalse(bpy.ops.matterfit.remove_preset.poll())
+
+    def test_a_preset_that_this_machine_lacks(self):
+        """The values lie in the scene; nothing raises."""
+        self.fitted()
+        bpy.ops.matterfit.add_preset(name="mine")
+        body = self.settings.bodies[0]
+        body.material.preset = "USER_MINE"
+        os.remove(os.path.join(presets.user_folder(), "mine.json"))
+        presets.forget()
+        self.assertFalse(presets.differs(body.material))
+        self.assertFalse(presets.is_users(body.material.preset))
+        self.assertAlmostEqual(body.material.E, fake_fit.E, delta=1.0)
+
+    def test_a_damaged_one_is_left_out(self):
+        files.write_bytes(os.path.join(presets.user_folder(), "broken.json"), b"{")
+        presets.forget()
+        self.assertIn("JELLY", presets.materials())
+        self.assertNotIn("USER_BROKEN", presets.materials())
+        self.assertIn("broken.json", presets.faults()[0])
+
+    def test_no_name(self):
+        self.fitted()
+        self.fails(bpy.ops.matterfit.add_preset, ["no name is given"], name="  ")
+
+
+@needs_library
+class NativeTest(SceneCase):
+    """A jelly cube that hits the ground is simulated, and its softness found again."""
+
+    def setUp(self):
+        super().setUp()
+        body = self.jelly(separation=0.025, location=(0.0, 0.0, 0.115))
+        body.velocity = (0.0, 0.0, -2.0)
+        body.material.E = 6e4
+        self.scene.frame_end = 5
+        corners = numpy.array([[x, y, z] for x in (-0.09, 0.0, 0.09) for y in (-0.09, 0.0, 0.09)
+                               for z in (0.025, 0.115, 0.205)])
+        times = numpy.arange(5) / 24.0
+        self.write(numpy.repeat(corners[None], 5, axis=0), times)
+        capture = self.settings.captures.add()
+        capture.name, capture.filepath = "clip", "//clip.npz"
+        self.assertEqual(bpy.ops.matterfit.compare(), {"FINISHED"}, self.error())
+        folder = takes.locate(self.settings.takes[0]).folder
+        with numpy.load(os.path.join(folder, "simulated.npz")) as arrays:
+            recorded = arrays["positions"]
+        noise = numpy.random.default_rng(1).normal(0.0, 2e-4, recorded.shape)
+        self.write(recorded + noise, times)
+        capture.use_noise, capture.noise = True, 2e-4
+        capture.holdout, capture.holdout_start = "FRAMES", 5
+        self.settings.bodies[0].material.E = 1.5e5
+        for row in self.settings.fit.parameters:
+            row.enabled = row.key == "material.E"
+        self.settings.fit.windows = False
+
+    def write(self, positions, times):
+        files.write_npz(os.path.join(self.folder, "clip.npz"),
+                        {"positions": positions, "times": times})
+
+    def test_fit(self):
+        self.assertEqual(bpy.ops.matterfit.fit(), {"FINISHED"}, self.error())
+        folder = takes.locate(self.settings.fit.run).folder
+        result = fit_results.load(folder)
+        self.assertEqual(len(result.estimates), 1)
+        self.assertAlmostEqual(result.estimates[0].value / 6e4, 1.0, delta=0.05)
+        self.assertLess(result.fitted.after["mean_mm"], result.fitted.before["mean_mm"])
+        self.assertIsNotNone(result.held_out.after)
+        self.assertTrue(fit_results.segments(fit_results.history(folder)))
+        bpy.ops.matterfit.apply_fit()
+        self.assertAlmostEqual(self.settings.bodies[0].material.E / 6e4, 1.0, delta=0.05)
+        path = os.path.join(self.folder, "found.json")
+        self.assertEqual(bpy.ops.matterfit.save_material(filepath=path), {"FINISHED"},
+                         self.error())
+        self.assertIn("provenance", files.read_json(path))
+
+    def test_without_a_window(self):
+        """`fit --save` from the command line fits the open scene, applies and saves."""
+        if not bpy.app.binary_path:
+            self.skipTest("a .blend on the command line needs Blender itself")
+        self.save("scene.blend")
+        done = run_cli("fit", "--json", "--save", "--quiet", timeout=300,
+                       blend=os.path.join(self.folder, "scene.blend"))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        result = json.loads(done.stdout[done.stdout.index("{"):done.stdout.rindex("}") + 1])
+        self.assertAlmostEqual(result["fit"]["parameters"][0]["value"] / 6e4, 1.0, delta=0.05)
+        self.reopen()
+        self.assertAlmostEqual(self.settings.bodies[0].material.E / 6e4, 1.0, delta=0.05)

@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_captures.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "bake/binding.hpp"
+#include "base/error.hpp"
+#include "capture/check.hpp"
+#include "fit/metrics.hpp"
+#include "job/follow.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr double kSlack = 1e-9;  // of a frame
+/// Of the points of a capture, that may lie off the body.
+constexpr double kStray = 0.05;
+constexpr double kStrayDistance = 2.0;  // particle separations
+constexpr double kOtherBody = 0.25;     // of the body's size
+constexpr double kDefaultNoise = 1e-3;  // of the body's size
+constexpr std::size_t kFewestFrames = 2;
+
+template <class... Arguments>
+std::string print(const char* format, Arguments... arguments) {
+  char text[400];
+  std::snprintf(text, sizeof text, format, arguments...);
+  return text;
+}
+
+/// The frame in which the point is seen first.
+std::size_t first_seen(const capture::Tracks& tracks, std::size_t point) {
+  for (std::size_t t = 0; t < tracks.frames(); ++t) {
+    if (tracks.is_visible(t, point)) return t;
+  }
+  return tracks.frames();
+}
+
+/// Where the points are at rest comes from frames that the fit must then be allowed to see.
+void check_rest_is_seen(const FitCapture& capture, double slack) {
+  const CaptureInput& input = capture.input;
+  if (capture.places_given) return;
+  const auto refuse = [&](const std::string& frames) {
+    throw_input(capture.path + ".holdout.frames: holds out " + frames +
+                ", which say where the points are on the body. Hold out later frames, or give "
+                "'positions'.");
+  };
+  for (std::size_t i = 0; i < input.tracks.points; ++i) {
+    if (input.held_out_points[i] != 0) continue;
+    const std::size_t first = first_seen(input.tracks, i);
+    if (first == input.tracks.frames()) continue;
+    if (input.release && input.tracks.times[first] <= *input.release + slack) {
+      bool seen = false;
+      for (std::size_t t = first; t < input.tracks.frames(); ++t) {
+        if (input.tracks.times[t] > *input.release + slack) break;
+        seen = seen || (input.tracks.is_visible(t, i) && input.held_out_frames[t] == 0);
+      }
+      if (!seen) refuse("all frames before the release");
+    } else if (input.held_out_frames[first] != 0) {
+      refuse("the first frames");
+    }
+  }
+}
+
+void mark_used(FitCapture& capture, const SceneDoc& scene) {
+  const CaptureInput& input = capture.input;
+  const capture::Tracks& tracks = input.tracks;
+  const double slack = kSlack / scene.fps;
+  const double last = (scene.frames() - 1) / scene.fps;
+  const std::size_t points = tracks.points;
+  capture.used.assign(tracks.frames() * points, 0);
+  capture.begin = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < points; ++i) {
+    if (input.held_out_points[i] != 0 || !input.rest[i].allFinite()) continue;
+    const std::size_t first = first_seen(tracks, i);
+    if (first == tracks.frames()) continue;
+    // Until then the point is at rest by definition: such samples say nothing.
+    double rest = tracks.times[first];
+    if (input.release) rest = std::max(rest, *input.release);
+    if (capture.places_given && !input.release) rest = -std::numeric_limits<double>::infinity();
+    capture.begin = std::min(capture.begin, std::max(0.0, rest));
+    for (std::size_t t = 0; t < tracks.frames(); ++t) {
+      const double time = tracks.times[t];
+      if (!(time > rest + slack) || time < -slack || time > last + slack) continue;
+      if (!tracks.is_visible(t, i) || input.held_out_frames[t] != 0) continue;
+      capture.used[t * points + i] = 1;
+      capture.end = std::max(capture.end, time);
+      ++capture.used_count;
+    }
+  }
+  if (capture.used_count == 0) capture.begin = 0.0;
+}
+
+std::size_t used_frames(const FitCapture& capture) {
+  const std::size_t points = capture.input.tracks.points;
+  std::size_t count = 0;
+  for (std::size_t t = 0; t < capture.input.tracks.frames(); ++t) {
+    const auto begin = capture.used.begin() + static_cast<std::ptrdiff_t>(t * points);
+    count += std::any_of(begin, begin + static_cast<std::ptrdiff_t>(points),
+                         [](std::uint8_t used) { return used != 0; })
+                 ? 1U
+                 : 0U;
+  }
+  return count;
+}
+
+void state_what_is_odd(const FitCapture& capture, const CaptureDoc& doc,
+                       std::vector<std::string>& statements) {
+  const CaptureInput& input = capture.input;
+  if (doc.holdout.frames &&
+      std::count(input.held_out_frames.begin(), input.held_out_frames.end(), 1) == 0) {
+    statements.push_back(capture.path + ".holdout.frames: no sample lies in the frames [" +
+                         std::to_string((*doc.holdout.frames)[0]) + ", " +
+                         std::to_string((*doc.holdout.frames)[1]) + "), so none is held out.");
+  }
+  if (capture.used_count == 0 && !doc.holdout.capture) {
+    statements.push_back(capture.path +
+                         ": none of its samples is left to fit (held out, not seen, before the "
+                         "release or outside the scene's frames); it is compared only.");
+  }
+}
+
+/// The samples that a fit may look at, as tracks of their own.
+capture::Tracks visible_to_fit(const FitCapture& capture) {
+  capture::Tracks tracks = capture.input.tracks;
+  const std::size_t points = tracks.points;
+  if (tracks.visible.empty()) tracks.visible.assign(tracks.frames() * points, 1);
+  for (std::size_t t = 0; t < tracks.frames(); ++t) {
+    for (std::size_t i = 0; i < points; ++i) {
+      if (capture.held_out(t, i)) tracks.visible[t * points + i] = 0;
+    }
+  }
+  return tracks;
+}
+
+}  // namespace
+
+std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& statements) {
+  if (job.captures.empty()) throw_input("captures: a fit needs at least one capture to fit to.");
+  std::vector<FitRun> runs;
+  bool any = false;
+  for (const SceneGroup& group : scene_groups(job)) {
+    FitRun run;
+    run.group = group;
+    run.job = group_job(job, group);
+    if (group.own) run.overrides = job.captures[group.captures.front()].scene_overrides;
+    for (std::size_t k = 0; k < run.job.captures.size(); ++k) {
+      const CaptureDoc& doc = run.job.captures[k];
+      if (doc.noise && *doc.noise == 0.0) {
+        throw_input(doc.path +
+                    ".noise is 0: every sample would count infinitely much, and no error could "
+                    "be stated. Give the standard deviation of the recording in metres, or leave "
+                    "it out and it is estimated.");
+      }
+      FitCapture capture;
+      capture.path = doc.path;
+      capture.input = load_capture(run.job, k);
+      capture.places_given = !doc.positions.empty();
+      if (!doc.holdout.capture) check_rest_is_seen(capture, kSlack / run.job.scene.fps);
+      mark_used(capture, run.job.scene);
+      state_what_is_odd(capture, doc, statements);
+      if (capture.used_count > 0 && used_frames(capture) < kFewestFrames) {
+        throw_input(doc.path + ": only " + std::to_string(used_frames(capture)) +
+                    " frame of it is left to fit to, and at least two are needed. Hold out less, "
+                    "or let the scene's frames cover more of the capture.");
+      }
+      run.fitted = run.fitted || capture.used_count > 0;
+      run.captures.push_back(std::move(capture));
+    }
+    any = any || run.fitted;
+    runs.push_back(std::move(run));
+  }
+  if (!any) {
+    throw_input(
+        "captures: every sample is held out, not seen, or outside the scene's frames; nothing is "
+        "left to fit to. Shorten a 'holdout', or look at start_frame and scene.frames.");
+  }
+  return runs;
+}
+
+void settle_noise(FitRun& run, const mpm::Scene& scene, std::vector<std::string>& statements) {
+  for (FitCapture& capture : run.captures) {
+    const capture::Tracks& tracks = capture.input.tracks;
+    std::vector<double> given = tracks.noise;
+    if (given.size() == 1) given.assign(tracks.points, given.front());
+    const bool sound = given.size() == tracks.points &&
+                       std::all_of(given.begin(), given.end(), [](double s) { return s > 0.0; });
+    if (sound) {
+      capture.sigma = std::move(given);
+      continue;
+    }
+    const mpm::Body& body = scene.bodies[body_index(scene, capture.input.body)];
+    const double fallback = kDefaultNoise * fit::body_size(body.rest);
+    double noise = fallback;
+    if (capture.used_count > 0) {
+      const double estimate = capture::summarise(visible_to_fit(capture)).noise;
+      const std::string name = "captures." + capture.input.name;
+      if (estimate > 0.0) {
+        noise = estimate;
+        statements.push_back(
+            name + print(": no noise is given; its own estimate is %.3g mm.", 1e3 * estimate));
+      } else {
+        statements.push_back(
+            name + print(": no noise is given and none can be estimated; %.3g mm is taken, a "
+                         "thousandth of the body's size.",
+                         1e3 * fallback));
+      }
+    }
+    capture.sigma.assign(tracks.points, noise);
+  }
+}
+
+void check_places(const FitRun& run, const mpm::Scene& scene, Arena& arena,
+                  std::vector<std::string>& statements) {
+  const double separation = 0.5 * scene.dx;
+  for (const FitCapture& capture : run.captures) {
+    Points places;
+    for (std::size_t i = 0; i < capture.input.rest.size(); ++i) {
+      if (capture.input.held_out_points[i] == 0 && capture.input.rest[i].allFinite()) {
+        places.push_back(capture.input.rest[i]);
+      }
+    }
+    if (places.empty()) continue;
+    const mpm::Body& body = scene.bodies[body_index(scene, capture.input.body)];
+    const bake::MeshBinding binding(places, body.rest, separation, {}, arena);
+    const std::size_t stray = binding.count_beyond(kStrayDistance * separation);
+    if (double(stray) <= kStray * double(places.size())) continue;
+    const double size = fit::body_size(body.rest) + separation;
+    const std::size_t far =
+        binding.count_beyond(std::max(kStrayDistance * separation, kOtherBody * size));
+    const std::string lie = print("%zu of %zu points lie farther than %.3g mm off '%s' at rest",
+                                  far, places.size(), 1e3 * kOtherBody * size, body.name.c_str());
+    if (double(far) > kStray * double(places.size())) {
+      throw_input(capture.path + ": " + lie +
+                  print(", up to %.3g m. Is it a capture of another body? Look at body, unit, up, "
+                        "transform and start_frame.",
+                        binding.farthest().distance));
+    }
+    statements.push_back(
+        "captures." + capture.input.name +
+        print(": %zu of %zu points lie farther than two particle separations (%.3g mm) off '%s' at "
+              "rest, up to %.3g mm. Markers that stand off the body are carried along; if they do "
+              "not, this may be a capture of another body, or its unit or transform is wrong.",
+              stray, places.size(), 1e3 * kStrayDistance * separation, body.name.c_str(),
+              1e3 * binding.farthest().distance));
+  }
+}
+
+}  // namespace matterfit::job

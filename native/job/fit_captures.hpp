@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/parallel.hpp"
+#include "job/capture_input.hpp"
+#include "job/capture_scene.hpp"
+#include "mpm/scene.hpp"
+
+namespace matterfit::job {
+
+/// A capture as a fit sees it.
+struct FitCapture {
+  std::string path;  ///< in the document
+  CaptureInput input;
+  bool places_given = false;       ///< `positions` of the document: they move with the body
+  std::vector<std::uint8_t> used;  ///< (T, N) 1: seen, not held out, in the simulated time, moving
+  std::vector<double> sigma;       ///< (N) standard deviation of a coordinate [m]
+  double begin = 0.0;              ///< from here on it moves [s after the scene's first frame]
+  double end = 0.0;                ///< the last sample that is used [s]
+  std::size_t used_count = 0;
+
+  [[nodiscard]] bool held_out(std::size_t frame, std::size_t point) const {
+    return input.held_out_points[point] != 0 || input.held_out_frames[frame] != 0;
+  }
+};
+
+/// One scene of a fit with the captures that are compared with it. Runs without a used sample are
+/// simulated for their prediction only.
+struct FitRun {
+  SceneGroup group;
+  Json overrides;  ///< of a scene of its own; null: none
+  Job job;
+  std::vector<FitCapture> captures;
+  bool fitted = false;  ///< some of its samples are used
+};
+
+/// Reads the captures of a job, marks what the fit may look at, and refuses a hold-out that leaves
+/// nothing, or that holds out where the points are at rest. What is odd and no error goes into
+/// `statements`. Throws Error(kInput) beginning with the capture's path.
+[[nodiscard]] std::vector<FitRun> load_fit_runs(const Job& job,
+                                                std::vector<std::string>& statements);
+
+/// σ of every point: the job's or the file's noise, else the capture's own estimate from samples
+/// that are not held out, else 1e-3 of the body's size.
+void settle_noise(FitRun& run, const mpm::Scene& scene, std::vector<std::string>& statements);
+
+/// Whether a capture can be of this body: where more than 5 % of its points lie farther than two
+/// particle separations off it at rest there is a statement; beyond a quarter of the body's size as
+/// well Error(kInput).
+void check_places(const FitRun& run, const mpm::Scene& scene, Arena& arena,
+                  std::vector<std::string>& statements);
+
+}  // namespace matterfit::job

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_files.hpp"
+
+#include "base/file.hpp"
+#include "job/fit_report.hpp"
+
+namespace matterfit::job {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kFittedSchema = "matterfit.fit/1";
+
+std::string text_of(const Json& json) {
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace
+
+void write_fitted(const fs::path& folder, const Fitted& fitted) {
+  write_file(folder / kFittedPath, text_of({{"schema", kFittedSchema},
+                                            {"input_hash", fitted.input_hash},
+                                            {"inputs", fitted.inputs},
+                                            {"document", fitted.document},
+                                            {"fit", fitted.fit}}));
+}
+
+std::optional<Fitted> read_fitted(const fs::path& folder) {
+  if (!fs::exists(folder / kFittedPath)) return std::nullopt;
+  const auto bytes = read_file(folder / kFittedPath);
+  const auto* text = reinterpret_cast<const char*>(bytes.data());
+  const Json json = Json::parse(text, text + bytes.size(), nullptr, false);
+  try {
+    if (json.at("schema") != kFittedSchema) return std::nullopt;
+    return Fitted{json.at("input_hash"), json.at("inputs"), json.at("document"), json.at("fit")};
+  } catch (const Json::exception&) {
+    return std::nullopt;
+  }
+}
+
+void write_history(const fs::path& folder, const std::vector<Json>& history) {
+  std::string text;
+  for (const Json& line : history) {
+    text += line.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  }
+  write_file(folder / kFitHistoryPath, text);
+}
+
+std::vector<std::string> write_materials(const fs::path& folder, const Job& fitted,
+                                         const std::vector<std::string>& bodies, const Json& fit) {
+  std::vector<std::string> files = {"scene.json"};
+  write_file(folder / files.front(), write_job(fitted, folder));
+  for (std::size_t k = 0; k < bodies.size(); ++k) {
+    files.push_back(k == 0 ? "material.json" : "material_" + bodies[k] + ".json");
+    write_file(folder / files.back(), text_of(material_preset(fitted, bodies[k], fit)));
+  }
+  return files;
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "job/document.hpp"
+#include "job/inputs.hpp"
+
+/// The files that a fit leaves in its output folder (docs/formats.md).
+namespace matterfit::job {
+
+inline constexpr const char* kFitHistoryPath = "fit/history.jsonl";
+inline constexpr const char* kFittedPath = "fit/fitted.json";
+
+/// A fit whose search is done: what remains is the simulation of the fitted scene.
+struct Fitted {
+  std::string input_hash;
+  Inputs inputs;
+  Json document;  ///< the fitted scene as a job
+  Json fit;       ///< the result's object `fit`, but for the errors after it
+};
+
+void write_fitted(const std::filesystem::path& folder, const Fitted& fitted);
+/// Nothing if it is missing or damaged.
+[[nodiscard]] std::optional<Fitted> read_fitted(const std::filesystem::path& folder);
+
+/// `history.jsonl`, one object a line.
+void write_history(const std::filesystem::path& folder, const std::vector<Json>& history);
+
+/// `scene.json` and, for each body, `material.json` (from the second on `material_NAME.json`);
+/// returns their names.
+[[nodiscard]] std::vector<std::string> write_materials(const std::filesystem::path& folder,
+                                                       const Job& fitted,
+                                                       const std::vector<std::string>& bodies,
+                                                       const Json& fit);
+
+}  // namespace matterfit::job

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "base/parallel.hpp"
+#include "job/build_scene.hpp"
+#include "job/fit_fixture_for_test.hpp"
+#include "job/fit_parameters.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+using testing::HasSubstr;
+
+TEST(Fit, SeveralCapturesWithScenesOfTheirOwn) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  Json second = thrown_cube();
+  second["scene"]["bodies"][0]["velocity"] = {-0.5, 0, -2.0};
+  record(second, folder.path, "b", 2);
+  Json third = thrown_cube();
+  third["scene"]["bodies"][0]["velocity"] = {0, 0.5, -1};
+  record(third, folder.path, "c", 3);
+  Json document =
+      fit_of(thrown_cube(), {"material.E", "velocity", "captures.b.bodies.cube.velocity"});
+  document["scene"]["bodies"][0]["material"]["E"] = 1e5;
+  document["scene"]["bodies"][0]["velocity"] = {0, 0, 0};
+  const auto throws = [](const Json& velocity) {
+    return Json{{"bodies", {{{"name", "cube"}, {"velocity", velocity}}}}};
+  };
+  document["captures"].push_back(
+      {{"tracks", "b.npz"}, {"noise", 8e-4}, {"scene", throws({0, 0, -1})}});
+  document["captures"].push_back({{"tracks", "c.npz"},
+                                  {"noise", 8e-4},
+                                  {"holdout", {{"capture", true}}},
+                                  {"scene", throws({0, 0.5, -1})}});
+  const Json result = run(document, folder.path);
+  EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 3e4, 1.0, 0.02);
+  EXPECT_NEAR(value_of(result, "bodies.cube.velocity[0]"), 0.8, 0.01);
+  EXPECT_NEAR(value_of(result, "captures.b.bodies.cube.velocity[0]"), -0.5, 0.01);
+  EXPECT_NEAR(value_of(result, "captures.b.bodies.cube.velocity[2]"), -2.0, 0.01);
+  // The throw that was held out is predicted.
+  EXPECT_LT(result["fit"]["after"]["held_out"]["mean_mm"].get<double>(), 3.0);
+  EXPECT_EQ(result["fit"]["after"]["held_out"]["samples"], 14 * 64);
+  ASSERT_EQ(result["compare"]["captures"].size(), 3U);
+  ASSERT_EQ(result["runs"].size(), 2U);
+  EXPECT_EQ(result["runs"][1]["folder"], "runs/c");
+  EXPECT_TRUE(fs::exists(folder.path / "out/runs/c/simulated.npz"));
+  const Job scene = read_job_file(folder.path / "out/scene.json");
+  EXPECT_EQ(scene.captures[1].scene->bodies[0].velocity.z(),
+            value_of(result, "captures.b.bodies.cube.velocity[2]"));
+  EXPECT_EQ(scene.captures[2].scene->bodies[0].velocity.z(), -1.0);
+  EXPECT_EQ(scene.captures[2].scene->bodies[0].material.youngs_modulus,
+            value_of(result, "bodies.cube.material.E"));
+}
+
+TEST(Fit, CompareRunsScenesOfTheirOwnToo) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  Json second = thrown_cube();
+  second["scene"]["gravity"] = {0, 0, -3};
+  record(second, folder.path, "b", 2);
+  Json document = thrown_cube();
+  document["task"] = "compare";
+  document["captures"] = {{{"tracks", "a.npz"}},
+                          {{"tracks", "b.npz"}, {"scene", {{"gravity", {0, 0, -3}}}}}};
+  const Json result = run(document, folder.path);
+  ASSERT_EQ(result["compare"]["captures"].size(), 2U);
+  EXPECT_LT(result["compare"]["captures"][0]["mean_mm"].get<double>(), 3.0);
+  EXPECT_LT(result["compare"]["captures"][1]["mean_mm"].get<double>(), 3.0);
+  EXPECT_FALSE(result["compare"].contains("mean_mm"));
+  EXPECT_EQ(result["runs"][0]["captures"], Json::array({"b"}));
+}
+
+TEST(Fit, FindsTheLaw) {
+  const Folder folder;
+  Json truth = thrown_cube();
+  truth["scene"]["bodies"][0]["material"] = {
+      {"law", "von_mises"}, {"E", 6e4}, {"nu", 0.3}, {"yield_stress", 800}};
+  record(truth, folder.path, "a", 1);
+  Json document = fit_of(truth, {"material.E"});
+  document["scene"]["bodies"][0]["material"] = {{"law", "neo_hookean"}, {"E", 3e4}, {"nu", 0.3}};
+  document["captures"][0]["holdout"] = {{"frames", {11, 14}}};
+  document["fit"]["laws"] = {"neo_hookean", "von_mises"};
+  const Json result = run(document, folder.path);
+  const Json& models = result["fit"]["models"];
+  EXPECT_EQ(result["fit"]["law"], "von_mises");
+  ASSERT_EQ(models.size(), 2U);
+  EXPECT_EQ(models[0]["law"], "von_mises");
+  EXPECT_GT(models[0]["probability"].get<double>(), 0.9);
+  EXPECT_LT(models[0]["held_out_mm"].get<double>(), models[1]["held_out_mm"].get<double>());
+  EXPECT_NEAR(models[0]["parameters"]["bodies.cube.material.yield_stress"].get<double>() / 800.0,
+              1.0, 0.1);
+  const Job scene = read_job_file(folder.path / "out/scene.json");
+  EXPECT_EQ(scene.scene.bodies[0].material.law, material::Law::kVonMises);
+}
+
+TEST(Fit, CoarseLevelsComeFirst) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  Json document = fit_of(thrown_cube(), {"material.E", "velocity"});
+  document["scene"]["bodies"][0]["material"]["E"] = 1e5;
+  document["scene"]["bodies"][0]["velocity"] = {0, 0, 0};
+  document["fit"]["levels"] = {1.6, 1};
+  const Json result = run(document, folder.path);
+  EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 3e4, 1.0, 0.02);
+  const Json& history = result["fit"]["history"];
+  EXPECT_THAT(history.front()["stage"].get<std::string>(), HasSubstr("separation ×1.6"));
+  EXPECT_EQ(history.back()["stage"], "frames 1-13");
+}
+
+TEST(Fit, CloudsWithoutCorrespondence) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1, 2e-3, cloud(600));
+  Json document = fit_of(thrown_cube(), {"material.E"});
+  document["scene"]["bodies"][0]["material"]["E"] = 8e4;
+  document["fit"]["loss"] = "chamfer";
+  const Json result = run(document, folder.path);
+  EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 3e4, 1.0, 0.15);
+}
+
+/// What is set in the solver's scene is what the document says.
+TEST(FitParameters, InTheSceneAsInTheDocument) {
+  Json document = thrown_cube();
+  document["scene"]["bodies"][0]["material"] = {{"law", "von_mises"},
+                                                {"E", 6e4},
+                                                {"nu", 0.3},
+                                                {"yield_stress", 800},
+                                                {"maxwell", {{{"modulus", 1e3}, {"time", 0.1}}}}};
+  document["scene"]["bodies"][0]["placement"] = {{"position", {0.1, 0, 0}},
+                                                 {"rotation", {0.96, 0.28, 0, 0}}};
+  document["captures"] = {{{"tracks", "a.npz"}}};
+  document["fit"] = {
+      {"parameters",
+       {"material.E", "material.nu", "material.yield_stress", "material.hardening",
+        "material.damping_shear", "material.damping_bulk", "material.maxwell[0].modulus",
+        "material.maxwell[0].time", "density", "velocity", "spin[1]", "placement.position",
+        "placement.rotation", "gravity", "colliders.ground.contact.mu",
+        "colliders.ground.contact.stiffness", "colliders.ground.height"}}};
+  const Folder folder;
+  const Job job = job_of(document, folder.path);
+  Arena arena(1);
+  const mpm::Scene scene = build_scene(job, arena, Interrupter()).scene;
+  const FitParameters parameters(job.fit->parameters, {{&job, &scene, {}, nullptr}});
+  std::vector<double> values = parameters.starts();
+  EXPECT_EQ(values[0], 6e4);
+  EXPECT_GT(values[3], 0.0);  // 0 in the document: a logarithm begins elsewhere
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    values[k] += 0.01 * double(k + 1) * std::max(0.1, std::abs(values[k]));
+  }
+  mpm::Scene ours = scene;
+  parameters.apply(values, 0, ours);
+  Json written = job.document;
+  parameters.write(values, job, written);
+  const mpm::Scene theirs = build_scene(job_of(written, folder.path), arena, Interrupter()).scene;
+  const mpm::Body& a = ours.bodies[0];
+  const mpm::Body& b = theirs.bodies[0];
+  EXPECT_EQ(a.material.youngs_modulus, b.material.youngs_modulus);
+  EXPECT_EQ(a.material.poisson_ratio, b.material.poisson_ratio);
+  EXPECT_EQ(a.material.yield_stress, b.material.yield_stress);
+  EXPECT_EQ(a.material.hardening, b.material.hardening);
+  EXPECT_EQ(a.material.damping_shear, b.material.damping_shear);
+  EXPECT_EQ(a.material.damping_bulk, b.material.damping_bulk);
+  EXPECT_EQ(a.material.maxwell[0].modulus, b.material.maxwell[0].modulus);
+  EXPECT_EQ(a.material.maxwell[0].time, b.material.maxwell[0].time);
+  EXPECT_EQ(a.density, b.density);
+  EXPECT_EQ(a.velocity, b.velocity);
+  EXPECT_EQ(a.spin, b.spin);
+  EXPECT_NE(a.rest[0], scene.bodies[0].rest[0]);
+  ASSERT_EQ(a.rest.size(), b.rest.size());
+  for (std::size_t p = 0; p < a.rest.size(); ++p) {
+    EXPECT_LT((a.rest[p] - b.rest[p]).norm(), 1e-12);
+  }
+  EXPECT_LT((a.lattice.origin - b.lattice.origin).norm(), 1e-12);
+  EXPECT_LT(a.lattice.axes.angularDistance(b.lattice.axes), 1e-12);
+  EXPECT_EQ(ours.gravity.values[0], theirs.gravity.values[0]);
+  EXPECT_EQ(ours.colliders[0]->contact().mu, theirs.colliders[0]->contact().mu);
+  EXPECT_EQ(ours.colliders[0]->contact().stiffness, theirs.colliders[0]->contact().stiffness);
+  EXPECT_EQ(ours.colliders[0]->closest(Vec3d::Zero(), 0.0).distance,
+            theirs.colliders[0]->closest(Vec3d::Zero(), 0.0).distance);
+}
+
+}  // namespace
+}  // namespace matterfit::job

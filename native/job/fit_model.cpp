@@ -1,0 +1,323 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_model.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <thread>
+
+#include "base/error.hpp"
+#include "fit/metrics.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr std::size_t kMostParticles = 2048;
+constexpr std::size_t kFewestParticles = 64;
+/// Of the solver's margin (dt_safety), that values beside the ones whose substeps are taken may
+/// use.
+constexpr double kMargin = 1.1;
+/// Steps in which substeps are made more or fewer: a quarter of an octave.
+constexpr double kFiner = 1.189207115002721;
+constexpr int kMoreTries = 2;
+
+/// The limit of stability as it follows from the material and the contacts, up to a factor that is
+/// the same for all values: ω² of the stiffest cell, with the damping's share ξ of critical.
+double step_limit(const mpm::Scene& scene) {
+  double least = std::numeric_limits<double>::infinity();
+  double contact = 0.0;
+  for (const mpm::ColliderPtr& collider : scene.colliders) {
+    contact = std::max(contact, collider->contact().stiffness);
+  }
+  for (const mpm::BodyContact& pair : scene.contacts) {
+    contact = std::max(contact, pair.contact.stiffness);
+  }
+  if (scene.walls) contact = std::max(contact, scene.walls->contact.stiffness);
+  constexpr double kCell = 13.3;
+  for (const mpm::Body& body : scene.bodies) {
+    const material::Material& m = body.material;
+    const double per_modulus = kCell / (body.density * scene.dx * scene.dx);
+    const double omega =
+        std::sqrt(per_modulus * m.p_wave_modulus() + 2.0 * contact / (body.density * scene.dx));
+    double viscous = 2.0 * m.damping_shear + m.damping_bulk;
+    if (m.law == material::Law::kNewtonian) viscous += 2.0 * m.viscosity;
+    const double xi = 0.5 * per_modulus * viscous / omega;
+    least = std::min(least, 2.0 / omega * (std::sqrt(1.0 + xi * xi) - xi));
+  }
+  return least;
+}
+
+/// Where a capture's samples are: points bound to the body, or particles of it.
+struct Watcher {
+  std::size_t body = 0;
+  std::optional<PointFollower> points;
+  std::vector<std::size_t> particles;
+
+  [[nodiscard]] std::size_t size() const { return points ? points->size() : particles.size(); }
+  [[nodiscard]] Points see(const mpm::Scene& scene, const mpm::FrameState& state,
+                           Arena& arena) const {
+    if (points) return points->positions(scene.bodies[body], state.bodies[body], arena);
+    Points seen;
+    seen.reserve(particles.size());
+    for (const std::size_t p : particles) {
+      seen.push_back(state.bodies[body].positions[p].cast<double>());
+    }
+    return seen;
+  }
+};
+
+}  // namespace
+
+struct FitModel::RunModel {
+  mpm::Scene scene;
+  std::vector<Watcher> watchers;    ///< one a capture, as the loss looks at it
+  std::vector<Watcher> own_points;  ///< one a capture; empty where the loss looks at them
+
+  [[nodiscard]] static Watcher watch(const mpm::Scene& scene, const FitCapture& capture,
+                                     FitDoc::Loss loss, Points rest, Arena& arena) {
+    Watcher watcher;
+    watcher.body = body_index(scene, capture.input.body);
+    const mpm::Body& body = scene.bodies[watcher.body];
+    if (loss == FitDoc::Loss::kChamfer) {
+      // As dense as the captured cloud: one that is sparser draws the other together.
+      const std::size_t count = std::max(kFewestParticles, capture.input.tracks.points);
+      watcher.particles =
+          fit::draw(body.rest.size(), std::min({body.rest.size(), kMostParticles, count}), 0);
+    } else {
+      watcher.points.emplace(body, std::move(rest), 0.5 * scene.dx, arena);
+    }
+    return watcher;
+  }
+};
+
+FitModel::FitModel(const std::vector<FitRun>& runs, std::vector<mpm::Scene> scenes,
+                   const FitParameters& parameters, const Options& options,
+                   const Interrupter& interrupter)
+    : runs_(runs), parameters_(parameters), options_(options), interrupter_(interrupter) {
+  if (options_.threads < 1) {
+    options_.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  }
+  Arena arena(options_.threads);
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    auto model = std::make_unique<RunModel>();
+    model->scene = std::move(scenes[r]);
+    for (const FitCapture& capture : runs[r].captures) {
+      model->watchers.push_back(
+          RunModel::watch(model->scene, capture, options_.loss, capture.input.rest, arena));
+      if (options_.loss == FitDoc::Loss::kTracks) continue;
+      model->own_points.push_back(
+          RunModel::watch(model->scene, capture, FitDoc::Loss::kTracks, capture.input.rest, arena));
+    }
+    models_.push_back(std::move(model));
+  }
+  frozen_.resize(runs.size());
+  steps_.resize(runs.size());
+  refinements_.assign(runs.size(), kUnsettled);
+}
+
+FitModel::~FitModel() = default;
+
+const mpm::Scene& FitModel::scene(std::size_t run) const { return models_[run]->scene; }
+
+std::size_t FitModel::watched(std::size_t run, std::size_t capture) const {
+  return models_[run]->watchers[capture].size();
+}
+
+std::vector<FrozenContacts> FitModel::contacts_at(std::span<const double> values) const {
+  std::vector<FrozenContacts> frozen;
+  for (std::size_t r = 0; r < models_.size(); ++r) {
+    mpm::Scene scene = models_[r]->scene;
+    parameters_.apply(values, r, scene);
+    frozen.push_back(resolve_contacts(scene, parameters_.moved_materials(r)));
+    if (r > 0) inherit(frozen.front(), models_.front()->scene, scene, frozen.back());
+  }
+  return frozen;
+}
+
+void FitModel::freeze_contacts(std::span<const double> values) { frozen_ = contacts_at(values); }
+
+void FitModel::release_contacts() { frozen_.assign(models_.size(), {}); }
+
+std::vector<FitSteps> FitModel::steps_of(std::span<const double> values,
+                                         const FitOutcome& outcome) const {
+  std::vector<FitSteps> steps = steps_;
+  for (std::size_t r = 0; r < models_.size(); ++r) {
+    if (outcome[r].substeps.empty()) continue;
+    mpm::Scene scene = models_[r]->scene;
+    apply(frozen_[r], scene);
+    parameters_.apply(values, r, scene);
+    steps[r] = {outcome[r].substeps, step_limit(scene)};
+  }
+  return steps;
+}
+
+namespace {
+
+/// How often the substeps are multiplied by kFiner (negative: divided) for a limit of stability.
+int steps_finer(const FitSteps& steps, double limit, double margin) {
+  if (!(limit > 0.0) || !std::isfinite(limit)) return 0;
+  return static_cast<int>(std::ceil(std::log(steps.limit / limit / margin) / std::log(kFiner)));
+}
+
+std::vector<int> multiplied(const std::vector<int>& substeps, double factor) {
+  std::vector<int> result;
+  for (const int count : substeps) {
+    result.push_back(std::max(1, static_cast<int>(std::ceil(factor * count - 1e-9))));
+  }
+  return result;
+}
+
+}  // namespace
+
+int FitModel::refined(std::size_t run, const mpm::Scene& scene) const {
+  return std::max(refinements_[run], steps_finer(steps_[run], step_limit(scene), kMargin));
+}
+
+void FitModel::settle(std::span<const double> values) {
+  for (std::size_t r = 0; r < models_.size(); ++r) {
+    if (steps_[r].substeps.empty()) continue;
+    mpm::Scene scene = models_[r]->scene;
+    apply(frozen_[r], scene);
+    parameters_.apply(values, r, scene);
+    // The steps of the differences beside these values go without more substeps.
+    refinements_[r] = steps_finer(steps_[r], step_limit(scene), 0.95 * kMargin);
+  }
+}
+
+std::optional<FitObservation> FitModel::simulate(std::size_t run, std::span<const double> values,
+                                                 const Scope& scope,
+                                                 const std::shared_ptr<Arena>& arena,
+                                                 const std::function<void()>& tick,
+                                                 std::string& failure) const {
+  const RunModel& model = *models_[run];
+  const FitRun& fit_run = runs_[run];
+  try {
+    mpm::Scene scene = model.scene;
+    apply(frozen_[run], scene);
+    parameters_.apply(values, run, scene);
+    std::vector<Watcher> moved;
+    const FitDoc::Loss loss = scope.own_points ? FitDoc::Loss::kTracks : options_.loss;
+    const std::vector<Watcher>* watchers =
+        loss == options_.loss ? &model.watchers : &model.own_points;
+    const bool placed = std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                                    [&](const auto& b) { return parameters_.places(run, b.name); });
+    if (placed) {
+      for (const FitCapture& capture : fit_run.captures) {
+        Points rest = capture.input.rest;
+        if (capture.places_given) {
+          for (Vec3d& x : rest) x = parameters_.placed(values, run, capture.input.body, x);
+        }
+        moved.push_back(RunModel::watch(scene, capture, loss, std::move(rest), *arena));
+      }
+      watchers = &moved;
+    }
+    const int last = scene.end_frame - 1 - scene.first_frame;
+    const int frames = std::min(last, int(std::ceil(scope.until[run] * scene.fps - 1e-6)));
+    const bool own = scope.solver_steps || scene.dt > 0.0 || steps_[run].substeps.empty();
+    const double factor = own ? 1.0 : std::pow(kFiner, refined(run, scene));
+    mpm::Simulation::Options options;
+    options.target = options_.target;
+    options.memory_limit = static_cast<std::size_t>(1e9 * options_.memory_limit_gb);
+    for (int attempt = 0;; ++attempt) {
+      if (!own) scene.substeps = multiplied(steps_[run].substeps, std::ldexp(factor, attempt));
+      try {
+        mpm::Simulation simulation(scene, arena, options);
+        FitObservation observation;
+        std::vector<std::vector<Points>> seen(watchers->size());
+        const auto record = [&] {
+          const mpm::FrameState state = simulation.state();
+          for (std::size_t c = 0; c < watchers->size(); ++c) {
+            seen[c].push_back((*watchers)[c].see(scene, state, *arena));
+          }
+        };
+        record();
+        for (int k = 0; k < frames; ++k) {
+          interrupter_.check();
+          observation.substeps.push_back(simulation.advance(interrupter_).substeps);
+          record();
+          tick();
+        }
+        for (std::size_t c = 0; c < watchers->size(); ++c) {
+          observation.captures.push_back(at_times(
+              seen[c], (*watchers)[c].size(), fit_run.captures[c].input.tracks.times, scene.fps));
+        }
+        return observation;
+      } catch (const Error& error) {
+        if (error.kind() != ErrorKind::kCompute || own || attempt == kMoreTries) throw;
+      }
+    }
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kCancelled) throw;
+    failure = error.what();
+    return std::nullopt;
+  }
+}
+
+std::vector<std::optional<FitOutcome>> FitModel::evaluate(
+    const std::vector<std::vector<double>>& points, const Scope& scope,
+    const std::function<void(double)>& progress) const {
+  std::vector<std::size_t> runs;
+  for (std::size_t r = 0; r < models_.size(); ++r) {
+    if (scope.until[r] >= 0.0) runs.push_back(r);
+  }
+  const std::size_t tasks = points.size() * runs.size();
+  std::vector<std::optional<FitObservation>> results(tasks);
+  std::vector<std::string> failures(tasks);
+  double frames = 0.0;
+  for (const std::size_t r : runs) frames += scope.until[r] * models_[r]->scene.fps;
+  const double all = std::max(1.0, frames * double(points.size()));
+  std::atomic<std::size_t> next{0};
+  std::atomic<std::size_t> done{0};
+  std::atomic<bool> stop{false};
+  std::exception_ptr thrown;
+  std::mutex mutex;
+  const auto tick = [&] {
+    const std::size_t count = ++done;
+    if (progress) progress(std::min(1.0, double(count) / all));
+  };
+  // One thread a simulation; those that are left over help where there are few.
+  const auto workers = std::min(tasks, static_cast<std::size_t>(options_.threads));
+  const int each = tasks == 0 ? 1 : std::max(1, options_.threads / static_cast<int>(workers));
+  const auto work = [&] {
+    try {
+      const auto arena = std::make_shared<Arena>(each);
+      for (std::size_t i = next++; i < tasks && !stop; i = next++) {
+        results[i] = simulate(runs[i % runs.size()], points[i / runs.size()], scope, arena, tick,
+                              failures[i]);
+      }
+    } catch (...) {
+      stop = true;
+      const std::lock_guard lock(mutex);
+      if (!thrown) thrown = std::current_exception();
+    }
+  };
+  if (workers <= 1) {
+    work();
+  } else {
+    std::vector<std::thread> threads;
+    for (std::size_t k = 0; k < workers; ++k) threads.emplace_back(work);
+    for (std::thread& thread : threads) thread.join();
+  }
+  if (thrown) std::rethrow_exception(thrown);
+  interrupter_.check();
+
+  std::vector<std::optional<FitOutcome>> outcomes(points.size());
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    FitOutcome outcome(models_.size());
+    bool complete = true;
+    for (std::size_t k = 0; k < runs.size() && complete; ++k) {
+      const std::size_t i = p * runs.size() + k;
+      complete = results[i].has_value();
+      if (complete) {
+        outcome[runs[k]] = std::move(*results[i]);
+      } else {
+        failure_ = failures[i];
+      }
+    }
+    if (complete) outcomes[p] = std::move(outcome);
+  }
+  return outcomes;
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/interrupter.hpp"
+#include "job/fit_captures.hpp"
+#include "job/fit_contacts.hpp"
+#include "job/fit_parameters.hpp"
+#include "job/follow.hpp"
+#include "mpm/simulation.hpp"
+
+namespace matterfit::job {
+
+/// What the captures of one run would have seen of a simulation.
+struct FitObservation {
+  std::vector<SimulatedCapture> captures;  ///< in the run's order; empty: was not simulated
+  std::vector<int> substeps;               ///< of each frame
+};
+/// Of all runs.
+using FitOutcome = std::vector<FitObservation>;
+
+/// The substeps of a run's frames throughout a stage: those that the solver chose once, times a
+/// power of 2^¼ where the material asks for more or allows less, so that small differences of the
+/// parameters are not drowned by another sequence of substeps.
+struct FitSteps {
+  std::vector<int> substeps;  ///< of each frame; empty: the solver chooses
+  double limit = 0.0;         ///< the estimated limit of stability where they were chosen [s]
+};
+
+/// Scenes in memory, simulated at any values of the parameters and seen at the captures' own points
+/// and times. With the Chamfer loss the points are particles of the capture's body, as many as the
+/// capture has points, 2048 at most.
+class FitModel {
+ public:
+  struct Options {
+    FitDoc::Loss loss = FitDoc::Loss::kTracks;
+    mpm::SimdTarget target = mpm::SimdTarget::kAuto;
+    int threads = 1;
+    double memory_limit_gb = 8.0;
+  };
+  /// Which runs are simulated, and for how long.
+  struct Scope {
+    std::vector<double> until;  ///< [s] of each run; negative: not simulated
+    bool solver_steps = false;  ///< the solver chooses its substeps, as it does outside of a fit
+    bool own_points = false;    ///< seen at the captures' points, whatever the loss
+  };
+
+  /// `scenes` one a run; both are borrowed but for the scenes.
+  FitModel(const std::vector<FitRun>& runs, std::vector<mpm::Scene> scenes,
+           const FitParameters& parameters, const Options& options, const Interrupter& interrupter);
+  ~FitModel();
+  FitModel(const FitModel&) = delete;
+  FitModel& operator=(const FitModel&) = delete;
+
+  [[nodiscard]] const mpm::Scene& scene(std::size_t run) const;
+  /// How many points of the simulation one capture looks at.
+  [[nodiscard]] std::size_t watched(std::size_t run, std::size_t capture) const;
+  /// Resolves the default stiffness of contacts for these values, and keeps it from then on.
+  void freeze_contacts(std::span<const double> values);
+  /// From here on they follow the material, as outside of a fit.
+  void release_contacts();
+  [[nodiscard]] const std::vector<FrozenContacts>& frozen() const { return frozen_; }
+  /// What freeze_contacts() would resolve.
+  [[nodiscard]] std::vector<FrozenContacts> contacts_at(std::span<const double> values) const;
+
+  [[nodiscard]] const std::vector<FitSteps>& steps() const { return steps_; }
+  void set_steps(std::vector<FitSteps> steps) { steps_ = std::move(steps); }
+  /// The substeps of an evaluation that the solver chose, at these values.
+  [[nodiscard]] std::vector<FitSteps> steps_of(std::span<const double> values,
+                                               const FitOutcome& outcome) const;
+  /// From here on no evaluation takes fewer substeps than these values ask for.
+  void settle(std::span<const double> values);
+  /// Of a run whose substeps were never settled.
+  static constexpr int kUnsettled = -64;
+  /// The power of 2^¼ by which settle() multiplied the substeps of each run.
+  [[nodiscard]] const std::vector<int>& refinements() const { return refinements_; }
+
+  /// Simulates at each of the points (physical values), side by side with one thread each, one
+  /// alone with all of them. Nothing where a simulation could not be completed; failure() then says
+  /// why. Equal bits for any number of threads. `progress` is told the fraction done, from any
+  /// thread. Throws Error(kCancelled).
+  [[nodiscard]] std::vector<std::optional<FitOutcome>> evaluate(
+      const std::vector<std::vector<double>>& points, const Scope& scope,
+      const std::function<void(double)>& progress = {}) const;
+  [[nodiscard]] const std::string& failure() const { return failure_; }
+
+ private:
+  struct RunModel;
+  /// The power for this scene.
+  [[nodiscard]] int refined(std::size_t run, const mpm::Scene& scene) const;
+  std::optional<FitObservation> simulate(std::size_t run, std::span<const double> values,
+                                         const Scope& scope, const std::shared_ptr<Arena>& arena,
+                                         const std::function<void()>& tick,
+                                         std::string& failure) const;
+
+  const std::vector<FitRun>& runs_;
+  const FitParameters& parameters_;
+  Options options_;
+  const Interrupter& interrupter_;
+  std::vector<std::unique_ptr<RunModel>> models_;
+  std::vector<FrozenContacts> frozen_;
+  std::vector<FitSteps> steps_;
+  std::vector<int> refinements_;  ///< least power of 2^¼ of each run
+  mutable std::string failure_;
+};
+
+}  // namespace matterfit::job

@@ -1,0 +1,435 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_parameters.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "base/error.hpp"
+#include "job/capture_scene.hpp"
+#include "job/fit_contacts.hpp"
+#include "job/follow.hpp"
+#include "mpm/contact_law.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using fit::Coordinate;
+using material::Material;
+
+struct Kind {
+  FitQuantity quantity;
+  const char* unit;
+  Coordinate coordinate;
+  double scale;  ///< natural coordinate: a change that matters
+  double low;    ///< default bounds; both 0: a factor either side of the start
+  double high;
+  double Material::*member = nullptr;
+};
+
+constexpr double kWide = 1e4;     // factor either side of a start
+constexpr double kLargest = 9e8;  // that a document may hold of viscosities and times
+
+const Kind& kind_of(FitQuantity quantity) {
+  using Q = FitQuantity;
+  constexpr auto kLin = Coordinate::kLinear;
+  constexpr auto kLog = Coordinate::kLog;
+  static const Kind kinds[] = {
+      {Q::kYoungsModulus, "Pa", kLog, 1.0, 1e2, 1e10, &Material::youngs_modulus},
+      {Q::kPoissonRatio, "", Coordinate::kLogit, 1.0, 0.01, 0.495, &Material::poisson_ratio},
+      {Q::kYieldStress, "Pa", kLog, 1.0, 0.0, 0.0, &Material::yield_stress},
+      {Q::kHardening, "Pa", kLog, 1.0, 0.0, 0.0, &Material::hardening},
+      {Q::kViscosity, "Pa s", kLog, 1.0, 0.0, 0.0, &Material::viscosity},
+      {Q::kExponent, "", kLog, 1.0, 0.1, 4.0, &Material::exponent},
+      {Q::kFrictionAngle, "degrees", kLin, 5.0, 5.0, 65.0, &Material::friction_angle},
+      {Q::kCohesion, "Pa", kLog, 1.0, 0.0, 0.0, &Material::cohesion},
+      {Q::kBulkModulus, "Pa", kLog, 1.0, 0.0, 0.0, &Material::bulk_modulus},
+      {Q::kDampingShear, "Pa s", kLog, 1.0, 0.0, 0.0, &Material::damping_shear},
+      {Q::kDampingBulk, "Pa s", kLog, 1.0, 0.0, 0.0, &Material::damping_bulk},
+      {Q::kMaxwellModulus, "Pa", kLog, 1.0, 0.0, 0.0},
+      {Q::kMaxwellTime, "s", kLog, 1.0, 0.0, 0.0},
+      {Q::kDensity, "kg/m³", kLog, 1.0, 0.0, 0.0},
+      {Q::kVelocity, "m/s", kLin, 0.1, -50.0, 50.0},
+      {Q::kSpin, "rad/s", kLin, 1.0, -200.0, 200.0},
+      {Q::kPosition, "m", kLin, 0.01, -1.0, 1.0},
+      {Q::kRotation, "rad", kLin, 0.1, -std::numbers::pi, std::numbers::pi},
+      {Q::kGravity, "m/s²", kLin, 1.0, -100.0, 100.0},
+      {Q::kFriction, "", kLog, 1.0, 1e-3, 3.0},
+      {Q::kContactStiffness, "Pa/m", kLog, 1.0, 0.0, 0.0},
+      {Q::kHeight, "m", kLin, 0.01, -1.0, 1.0},
+  };
+  return *std::find_if(std::begin(kinds), std::end(kinds),
+                       [&](const Kind& kind) { return kind.quantity == quantity; });
+}
+
+const ColliderDoc* collider_named(const SceneDoc& scene, const std::string& name) {
+  for (const ColliderDoc& collider : scene.colliders) {
+    if (collider.name == name) return &collider;
+  }
+  return nullptr;
+}
+
+bool has_owner(const SceneDoc& scene, const FitPath& path) {
+  switch (path.quantity) {
+    case FitQuantity::kGravity:
+      return scene.gravity.values.size() == 1;
+    case FitQuantity::kFriction:
+    case FitQuantity::kContactStiffness:
+    case FitQuantity::kHeight:
+      return collider_named(scene, path.owner) != nullptr;
+    default:
+      return std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                         [&](const BodyDoc& body) { return body.name == path.owner; });
+  }
+}
+
+Vec3d vector_in(const SceneDoc& scene, const FitPath& path) {
+  if (path.quantity == FitQuantity::kGravity) return scene.gravity.values.front();
+  const BodyDoc& body = body_named(scene, path.owner);
+  if (path.quantity == FitQuantity::kVelocity) return body.velocity;
+  if (path.quantity == FitQuantity::kSpin) return body.spin;
+  if (path.quantity == FitQuantity::kPosition) return body.placement.position;
+  return Vec3d::Zero();
+}
+
+/// The stiffness that the solver takes where the document has none.
+double default_stiffness(const mpm::Scene& scene, const std::string& name) {
+  for (const mpm::ColliderPtr& collider : scene.colliders) {
+    if (collider->name() != name) continue;
+    return mpm::resolve_contact(collider->contact(), scene.bodies.front(), scene.dx).stiffness;
+  }
+  return 0.0;
+}
+
+double scalar_in(const FitScene& scene, const FitPath& path) {
+  const SceneDoc& doc = scene.job->scene;
+  if (path.component) return vector_in(doc, path)[*path.component];
+  switch (path.quantity) {
+    case FitQuantity::kFriction:
+      return collider_named(doc, path.owner)->contact.mu;
+    case FitQuantity::kHeight:
+      return collider_named(doc, path.owner)->height;
+    case FitQuantity::kContactStiffness: {
+      const double given = collider_named(doc, path.owner)->contact.stiffness;
+      return given > 0.0 ? given : default_stiffness(*scene.scene, path.owner);
+    }
+    default:
+      break;
+  }
+  const BodyDoc& body = body_named(doc, path.owner);
+  switch (path.quantity) {
+    case FitQuantity::kDensity:
+      return body.density;
+    case FitQuantity::kMaxwellModulus:
+      return body.material.maxwell[path.branch].modulus;
+    case FitQuantity::kMaxwellTime:
+      return body.material.maxwell[path.branch].time;
+    default:
+      return body.material.*kind_of(path.quantity).member;
+  }
+}
+
+/// Where a logarithm cannot begin, because the document has 0.
+double usual_start(const FitPath& path, const Material& material) {
+  const double modulus =
+      material.law == material::Law::kNewtonian ? material.bulk_modulus : material.youngs_modulus;
+  switch (path.quantity) {
+    case FitQuantity::kDampingShear:
+    case FitQuantity::kDampingBulk:
+      return 1e-3 * modulus;
+    case FitQuantity::kYieldStress:
+      return 0.02 * modulus;
+    case FitQuantity::kHardening:
+    case FitQuantity::kMaxwellModulus:
+      return 0.1 * modulus;
+    case FitQuantity::kCohesion:
+      return 1e-3 * modulus;
+    case FitQuantity::kViscosity:
+      return 10.0;
+    default:
+      return 0.1;
+  }
+}
+
+void set_scalar(const FitPath& path, double value, mpm::Scene& scene) {
+  switch (path.quantity) {
+    case FitQuantity::kFriction:
+    case FitQuantity::kContactStiffness:
+      for (mpm::ColliderPtr& collider : scene.colliders) {
+        if (collider->name() != path.owner) continue;
+        mpm::Contact contact = collider->contact();
+        (path.quantity == FitQuantity::kFriction ? contact.mu : contact.stiffness) = value;
+        collider = with_contact(collider, contact);
+      }
+      return;
+    case FitQuantity::kHeight:
+      for (mpm::ColliderPtr& collider : scene.colliders) {
+        if (collider->name() != path.owner) continue;
+        collider = mpm::make_plane(collider->name(), collider->contact(), Vec3d(0, 0, value),
+                                   Vec3d::UnitZ());
+      }
+      return;
+    default:
+      break;
+  }
+  mpm::Body& body = scene.bodies[body_index(scene, path.owner)];
+  switch (path.quantity) {
+    case FitQuantity::kDensity:
+      body.density = value;
+      return;
+    case FitQuantity::kMaxwellModulus:
+      body.material.maxwell[path.branch].modulus = value;
+      return;
+    case FitQuantity::kMaxwellTime:
+      body.material.maxwell[path.branch].time = value;
+      return;
+    default:
+      body.material.*kind_of(path.quantity).member = value;
+  }
+}
+
+std::string number_text(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+void set_bounds(const FitParameterDoc& doc, const Kind& kind, fit::Parameter& parameter) {
+  if (doc.bounds) {
+    parameter.low = (*doc.bounds)[0];
+    parameter.high = (*doc.bounds)[1];
+    return;
+  }
+  const double start = parameter.start;
+  if (kind.low == 0.0 && kind.high == 0.0) {
+    parameter.low = start / kWide;
+    parameter.high = start * kWide;
+    if (kind.unit == std::string_view("Pa s")) parameter.high = std::min(parameter.high, kLargest);
+    return;
+  }
+  const bool around =
+      kind.quantity == FitQuantity::kPosition || kind.quantity == FitQuantity::kHeight;
+  parameter.low = kind.low + (around ? start : 0.0);
+  parameter.high = kind.high + (around ? start : 0.0);
+  // A start of the document's own may lie beyond: half way to what the coordinate allows.
+  if (start >= parameter.high) {
+    parameter.high = kind.coordinate == Coordinate::kLogit ? 0.5 - 0.1 * (0.5 - start)
+                                                           : start + 0.5 * std::abs(start);
+  }
+  if (start <= parameter.low) {
+    parameter.low =
+        kind.coordinate == Coordinate::kLinear ? start - 0.5 * std::abs(start) : 0.1 * start;
+  }
+}
+
+}  // namespace
+
+FitParameters::FitParameters(const std::vector<FitParameterDoc>& docs,
+                             const std::vector<FitScene>& scenes)
+    : scenes_(scenes) {
+  for (const FitParameterDoc& doc : docs) {
+    const std::size_t components = doc.path.is_vector() && !doc.path.component ? 3 : 1;
+    for (std::size_t c = 0; c < components; ++c) add(doc, c, scenes);
+  }
+}
+
+void FitParameters::add(const FitParameterDoc& doc, std::size_t component,
+                        const std::vector<FitScene>& scenes) {
+  Number number;
+  number.path = doc.path;
+  number.where = doc.where;
+  number.given = !doc.start.empty();
+  if (doc.path.is_vector() && !doc.path.component) {
+    number.path.component = static_cast<int>(component);
+  }
+  const FitScene* first = nullptr;
+  for (const FitScene& scene : scenes) {
+    bool acts = has_owner(scene.job->scene, number.path);
+    if (number.path.capture.empty()) {
+      // What a scene of its own sets stays as it sets it.
+      acts = acts && (!scene.overrides.is_object() ||
+                      find_quantity(scene.overrides, number.path) == nullptr);
+    } else {
+      acts = acts && std::find(scene.captures.begin(), scene.captures.end(), number.path.capture) !=
+                         scene.captures.end();
+    }
+    number.scenes.push_back(acts ? 1 : 0);
+    if (acts && first == nullptr) first = &scene;
+  }
+  if (first == nullptr) {
+    throw_input(doc.where + ": '" + doc.path.text() +
+                "' is set by every capture's own scene, so there is nothing to fit. Name it as "
+                "captures.NAME." +
+                doc.path.text() + ".");
+  }
+  const Kind& kind = kind_of(number.path.quantity);
+  fit::Parameter parameter;
+  parameter.name = number.path.text();
+  parameter.unit = kind.unit;
+  parameter.coordinate = kind.coordinate;
+  parameter.scale = kind.scale;
+  if (kind.quantity == FitQuantity::kPosition || kind.quantity == FitQuantity::kHeight) {
+    parameter.scale = first->job->scene.particle_separation;
+  }
+  parameter.start = number.given ? doc.start[component] : scalar_in(*first, number.path);
+  if (!number.given && kind.coordinate != Coordinate::kLinear && !(parameter.start > 0.0)) {
+    parameter.start =
+        kind.coordinate == Coordinate::kLogit ? 0.3
+        : number.path.is_material()
+            ? usual_start(number.path, body_named(first->job->scene, number.path.owner).material)
+            : 0.1;
+  }
+  set_bounds(doc, kind, parameter);
+  if (parameter.start < parameter.low || parameter.start > parameter.high) {
+    throw_input(doc.where + ": " + parameter.name + " starts at " + number_text(parameter.start) +
+                ", outside its bounds [" + number_text(parameter.low) + ", " +
+                number_text(parameter.high) + "]. Give a start inside them.");
+  }
+  if (doc.prior) {
+    const double mean = doc.prior->mean[component];
+    const bool outside = (kind.coordinate != Coordinate::kLinear && !(mean > 0.0)) ||
+                         (kind.coordinate == Coordinate::kLogit && !(mean < 0.5));
+    if (outside) {
+      throw_input(doc.where + ".prior.mean is " + number_text(mean) +
+                  (kind.coordinate == Coordinate::kLogit ? ", expected a number between 0 and 0.5."
+                                                         : ", expected a number above 0."));
+    }
+    fit::Prior prior;
+    prior.mean = fit::to_natural(kind.coordinate, mean);
+    prior.sigma = doc.prior->sigma;
+    if (kind.coordinate != Coordinate::kLinear) {
+      prior.sigma *= mean / fit::derivative(kind.coordinate, prior.mean);
+    }
+    parameter.prior = prior;
+  }
+  try {
+    fit::check(parameter);
+  } catch (const Error& error) {
+    throw_input(doc.where + ": " + error.what());
+  }
+  numbers_.push_back(std::move(number));
+  parameters_.push_back(std::move(parameter));
+}
+
+std::vector<double> FitParameters::starts() const {
+  std::vector<double> values;
+  for (const fit::Parameter& parameter : parameters_) values.push_back(parameter.start);
+  return values;
+}
+
+std::vector<std::string> FitParameters::moved_materials(std::size_t scene) const {
+  std::vector<std::string> names;
+  for (const Number& number : numbers_) {
+    if (number.scenes[scene] == 0 || !number.path.is_material()) continue;
+    if (std::find(names.begin(), names.end(), number.path.owner) == names.end()) {
+      names.push_back(number.path.owner);
+    }
+  }
+  return names;
+}
+
+bool FitParameters::places(std::size_t scene, const std::string& body) const {
+  return std::any_of(numbers_.begin(), numbers_.end(), [&](const Number& number) {
+    return number.scenes[scene] != 0 && number.path.owner == body &&
+           (number.path.quantity == FitQuantity::kPosition ||
+            number.path.quantity == FitQuantity::kRotation);
+  });
+}
+
+Vec3d FitParameters::vector_of(std::span<const double> values, std::size_t scene,
+                               const FitPath& path) const {
+  Vec3d vector = vector_in(scenes_[scene].job->scene, path);
+  for (std::size_t i = 0; i < numbers_.size(); ++i) {
+    const FitPath& other = numbers_[i].path;
+    if (numbers_[i].scenes[scene] == 0 || other.quantity != path.quantity ||
+        other.owner != path.owner) {
+      continue;
+    }
+    vector[*other.component] = values[i];
+  }
+  return vector;
+}
+
+FitParameters::Placing FitParameters::placing(std::span<const double> values, std::size_t scene,
+                                              const std::string& body) const {
+  Placing placing;
+  if (!places(scene, body)) return placing;
+  placing.moves = true;
+  placing.pivot = body_named(scenes_[scene].job->scene, body).placement.position;
+  FitPath path;
+  path.owner = body;
+  path.quantity = FitQuantity::kPosition;
+  placing.shift = vector_of(values, scene, path) - placing.pivot;
+  path.quantity = FitQuantity::kRotation;
+  const Vec3d turn = vector_of(values, scene, path);
+  const double angle = turn.norm();
+  if (angle > 0.0) placing.turn = Quatd(Eigen::AngleAxisd(angle, turn / angle));
+  return placing;
+}
+
+void FitParameters::apply(std::span<const double> values, std::size_t scene,
+                          mpm::Scene& into) const {
+  for (std::size_t i = 0; i < numbers_.size(); ++i) {
+    const Number& number = numbers_[i];
+    if (number.scenes[scene] == 0) continue;
+    if (!number.path.component) {
+      set_scalar(number.path, values[i], into);
+    } else if (number.path.quantity == FitQuantity::kGravity) {
+      into.gravity.values.front()[*number.path.component] = values[i];
+    } else if (number.path.quantity == FitQuantity::kVelocity) {
+      into.bodies[body_index(into, number.path.owner)].velocity[*number.path.component] = values[i];
+    } else if (number.path.quantity == FitQuantity::kSpin) {
+      into.bodies[body_index(into, number.path.owner)].spin[*number.path.component] = values[i];
+    }
+  }
+  for (mpm::Body& body : into.bodies) {
+    const Placing place = placing(values, scene, body.name);
+    if (!place.moves) continue;
+    for (Vec3d& x : body.rest) x = place(x);
+    body.lattice.origin = place(body.lattice.origin);
+    body.lattice.axes = place.turn * body.lattice.axes;
+  }
+}
+
+Vec3d FitParameters::placed(std::span<const double> values, std::size_t scene,
+                            const std::string& body, const Vec3d& point) const {
+  const Placing place = placing(values, scene, body);
+  return place.moves ? place(point) : point;
+}
+
+void FitParameters::write(std::span<const double> values, const Job& job, Json& document) const {
+  const auto put = [&](Json& scene, std::size_t i, std::size_t of) {
+    const FitPath& path = numbers_[i].path;
+    if (path.quantity != FitQuantity::kRotation) {
+      set_quantity(scene, path, values[i]);
+      return;
+    }
+    const Quatd given = body_named(scenes_[of].job->scene, path.owner).placement.rotation;
+    const Quatd turned = placing(values, of, path.owner).turn * given;
+    set_quantity(scene, path, {turned.w(), turned.x(), turned.y(), turned.z()});
+  };
+  for (std::size_t i = 0; i < numbers_.size(); ++i) {
+    const Number& number = numbers_[i];
+    const auto acting = std::find(number.scenes.begin(), number.scenes.end(), 1);
+    const auto scene = static_cast<std::size_t>(acting - number.scenes.begin());
+    if (number.path.capture.empty()) {
+      put(document.at("scene"), i, scene);
+      continue;
+    }
+    // Captures of one scene of their own keep one.
+    for (std::size_t c = 0; c < job.captures.size(); ++c) {
+      const auto& names = scenes_[scene].captures;
+      if (std::find(names.begin(), names.end(), job.captures[c].name) == names.end()) continue;
+      Json& capture = document.at("captures").at(c);
+      const Json merged = merged_scene(document.at("scene"), capture.at("scene"), "scene");
+      Json& overrides = capture.at("scene");
+      if (find_quantity(overrides, number.path) == nullptr) {
+        copy_quantity(merged, number.path, overrides);
+      }
+      put(overrides, i, scene);
+    }
+  }
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_problem.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "fit/losses.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr std::size_t kFirstWindow = 6;  // samples in time
+constexpr double kSlack = 1e-9;          // [s]
+/// A window that the next one extends by less than this is left out.
+constexpr double kWorthwhile = 0.75;
+
+/// Times of one run at which some sample is used, ascending.
+std::vector<double> used_times(const FitRun& run) {
+  std::set<double> times;
+  for (const FitCapture& capture : run.captures) {
+    const std::size_t points = capture.input.tracks.points;
+    for (std::size_t t = 0; t < capture.input.tracks.frames(); ++t) {
+      const auto begin = capture.used.begin() + static_cast<std::ptrdiff_t>(t * points);
+      if (std::any_of(begin, begin + static_cast<std::ptrdiff_t>(points),
+                      [](std::uint8_t used) { return used != 0; })) {
+        times.insert(capture.input.tracks.times[t]);
+      }
+    }
+  }
+  return {times.begin(), times.end()};
+}
+
+}  // namespace
+
+FitWindow fit_window(const std::vector<FitRun>& runs, std::size_t samples) {
+  FitWindow window;
+  bool named = false;
+  for (const FitRun& run : runs) {
+    const std::vector<double> times = used_times(run);
+    if (times.empty()) {
+      window.until.push_back(-1.0);
+      continue;
+    }
+    const double until = times[std::min(samples, times.size()) - 1];
+    window.until.push_back(until);
+    if (named) continue;
+    named = true;
+    const SceneDoc& scene = run.job.scene;
+    window.first_frame = scene.first_frame + int(std::floor(times.front() * scene.fps + 1e-6));
+    window.last_frame = scene.first_frame + int(std::ceil(until * scene.fps - 1e-6));
+  }
+  return window;
+}
+
+std::vector<FitWindow> fit_windows(const std::vector<FitRun>& runs, bool grow) {
+  std::size_t longest = 0;
+  for (const FitRun& run : runs) longest = std::max(longest, used_times(run).size());
+  std::vector<FitWindow> windows;
+  if (grow) {
+    for (std::size_t samples = kFirstWindow; double(samples) < kWorthwhile * double(longest);
+         samples *= 2) {
+      windows.push_back(fit_window(runs, samples));
+    }
+  }
+  windows.push_back(fit_window(runs, longest));
+  return windows;
+}
+
+FitProblem::FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
+                       std::vector<fit::Parameter> parameters, FitDoc::Loss loss, FitWindow window)
+    : model_(model),
+      runs_(runs),
+      parameters_(std::move(parameters)),
+      loss_(loss),
+      window_(std::move(window)) {
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    if (window_.until[r] < 0.0) continue;
+    for (std::size_t c = 0; c < runs[r].captures.size(); ++c) {
+      const FitCapture& capture = runs[r].captures[c];
+      const std::size_t points = capture.input.tracks.points;
+      Part part{r, c, {}};
+      for (std::size_t t = 0; t < capture.input.tracks.frames(); ++t) {
+        if (capture.input.tracks.times[t] > window_.until[r] + kSlack) break;
+        const auto begin = capture.used.begin() + static_cast<std::ptrdiff_t>(t * points);
+        if (std::any_of(begin, begin + static_cast<std::ptrdiff_t>(points),
+                        [](std::uint8_t used) { return used != 0; })) {
+          part.frames.push_back(t);
+        }
+      }
+      if (!part.frames.empty()) parts_.push_back(std::move(part));
+    }
+  }
+}
+
+std::vector<double> FitProblem::physical(const Eigen::VectorXd& point) const {
+  std::vector<double> values;
+  for (std::size_t k = 0; k < parameters_.size(); ++k) {
+    const fit::Parameter& parameter = parameters_[k];
+    values.push_back(std::clamp(fit::from_natural(parameter.coordinate, point[Eigen::Index(k)]),
+                                parameter.low, parameter.high));
+  }
+  return values;
+}
+
+std::vector<std::optional<Eigen::VectorXd>> FitProblem::evaluate(
+    const std::vector<Eigen::VectorXd>& points) {
+  std::vector<std::vector<double>> values;
+  for (const Eigen::VectorXd& point : points) values.push_back(physical(point));
+  evaluations_ += static_cast<int>(points.size());
+  const auto outcomes = model_.evaluate(values, {window_.until, false}, progress);
+  std::vector<std::optional<Eigen::VectorXd>> results(points.size());
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    if (!outcomes[p]) continue;
+    Eigen::VectorXd residual = residuals(*outcomes[p]);
+    if (!residual.allFinite()) continue;
+    seen_.emplace_back(points[p], rms(residual));
+    results[p] = std::move(residual);
+  }
+  return results;
+}
+
+Eigen::VectorXd FitProblem::residuals(const FitOutcome& outcome) const {
+  std::vector<Eigen::VectorXd> pieces;
+  Arena arena(1);
+  for (const Part& part : parts_) {
+    const FitCapture& capture = capture_of(part);
+    const capture::Tracks& tracks = capture.input.tracks;
+    const SimulatedCapture& simulated = outcome[part.run].captures[part.capture];
+    const std::size_t simulated_points = simulated.positions.size() / tracks.frames();
+    for (const std::size_t t : part.frames) {
+      const std::span ours(simulated.positions.data() + t * simulated_points, simulated_points);
+      const std::span theirs(tracks.positions.data() + t * tracks.points, tracks.points);
+      const std::span used(capture.used.data() + t * tracks.points, tracks.points);
+      if (loss_ == FitDoc::Loss::kTracks) {
+        pieces.push_back(fit::track_residuals(ours, theirs, used, capture.sigma, tracks.points));
+        continue;
+      }
+      const Cloud seen = cloud(part, t);
+      Points captured;
+      for (const std::size_t i : seen.points) captured.push_back(theirs[i]);
+      pieces.push_back(std::sqrt(double(captured.size())) *
+                       fit::chamfer_residuals(ours, captured, seen.sigma, arena));
+    }
+  }
+  Eigen::Index size = 0;
+  for (const Eigen::VectorXd& piece : pieces) size += piece.size();
+  Eigen::VectorXd residual(size);
+  Eigen::Index at = 0;
+  for (const Eigen::VectorXd& piece : pieces) {
+    residual.segment(at, piece.size()) = piece;
+    at += piece.size();
+  }
+  return residual;
+}
+
+FitProblem::Cloud FitProblem::cloud(const Part& part, std::size_t frame) const {
+  const FitCapture& capture = capture_of(part);
+  const std::size_t points = capture.input.tracks.points;
+  Cloud result;
+  for (std::size_t i = 0; i < points; ++i) {
+    if (capture.used[frame * points + i] == 0) continue;
+    result.points.push_back(i);
+    result.sigma = std::max(result.sigma, capture.sigma[i]);
+  }
+  // Neighbours of two samplings of one body are about half a separation apart.
+  result.sigma = std::hypot(result.sigma, 0.25 * model_.scene(part.run).dx);
+  return result;
+}
+
+std::vector<double> FitProblem::distances(const Eigen::VectorXd& residual) const {
+  std::vector<double> result;
+  Eigen::Index at = 0;
+  for (const Part& part : parts_) {
+    const FitCapture& capture = capture_of(part);
+    const auto points = Eigen::Index(capture.input.tracks.points);
+    const std::size_t particles = model_.watched(part.run, part.capture);
+    for (const std::size_t t : part.frames) {
+      const Cloud seen = cloud(part, t);
+      if (loss_ == FitDoc::Loss::kTracks) {
+        for (const std::size_t i : seen.points) {
+          const double size = residual.segment<3>(at + Eigen::Index(3 * i)).norm();
+          result.push_back(capture.sigma[i] * size);
+        }
+        at += 3 * points;
+        continue;
+      }
+      at += Eigen::Index(3 * particles);
+      for (std::size_t k = 0; k < seen.points.size(); ++k, at += 3) {
+        result.push_back(seen.sigma * residual.segment<3>(at).norm());
+      }
+    }
+  }
+  return result;
+}
+
+double FitProblem::rms(const Eigen::VectorXd& residual) const {
+  double sum = 0.0;
+  const std::vector<double> all = distances(residual);
+  for (const double distance : all) sum += distance * distance;
+  return all.empty() ? 0.0 : std::sqrt(sum / double(all.size()));
+}
+
+double FitProblem::rms_seen(const Eigen::VectorXd& point) const {
+  for (const auto& [seen, value] : seen_) {
+    if (seen == point) return value;
+  }
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
+double FitProblem::effective(const Eigen::VectorXd& residual) const {
+  if (loss_ != FitDoc::Loss::kTracks) return 0.0;
+  double squares = 0.0;  // of all residuals
+  double lagged = 0.0;   // products of neighbours in time
+  double means = 0.0;    // squares of a frame's mean, times its points
+  double samples = 0.0;
+  double pairs = 0.0;
+  double frames = 0.0;
+  double most_points = 1.0;
+  double most_frames = 1.0;
+  Eigen::Index at = 0;
+  for (const Part& part : parts_) {
+    const FitCapture& capture = capture_of(part);
+    const std::size_t points = capture.input.tracks.points;
+    most_frames = std::max(most_frames, double(part.frames.size()));
+    for (std::size_t k = 0; k < part.frames.size(); ++k) {
+      const std::size_t t = part.frames[k];
+      Vec3d sum = Vec3d::Zero();
+      double count = 0.0;
+      for (std::size_t i = 0; i < points; ++i) {
+        if (capture.used[t * points + i] == 0) continue;
+        const Vec3d r = residual.segment<3>(at + Eigen::Index(3 * i));
+        squares += r.squaredNorm();
+        sum += r;
+        count += 1.0;
+        const bool next = k + 1 < part.frames.size() && part.frames[k + 1] == t + 1 &&
+                          capture.used[(t + 1) * points + i] != 0;
+        if (!next) continue;
+        lagged += r.dot(residual.segment<3>(at + Eigen::Index(3 * (points + i))));
+        pairs += 1.0;
+      }
+      at += Eigen::Index(3 * points);
+      samples += count;
+      means += sum.squaredNorm() / count;
+      frames += 1.0;
+      most_points = std::max(most_points, count);
+    }
+  }
+  if (!(squares > 0.0)) return 0.0;
+  const double variance = squares / samples;
+  const double correlation = pairs > 0.0 ? std::clamp(lagged / pairs / variance, 0.0, 0.99) : 0.0;
+  const double in_time = std::min(most_frames, (1.0 + correlation) / (1.0 - correlation));
+  const double in_frame = std::clamp(means / frames / variance, 1.0, most_points);
+  return std::max(3.0, 3.0 * samples / (in_time * in_frame));
+}
+
+}  // namespace matterfit::job

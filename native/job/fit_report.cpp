@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_report.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "fit/metrics.hpp"
+#include "job/compare.hpp"
+#include "job/fit_laws.hpp"
+
+namespace matterfit::job {
+namespace {
+
+Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+/// What the rank of a model is by: the logarithm of its weight.
+double log_weight(const Json& model) {
+  const bool held = model.at("held_out_mm").is_number();
+  const double mean = model.at(held ? "held_out_mm" : "fitted_mm").get<double>();
+  const double frames = model.at("frames").get<double>();
+  const double parameters = double(model.at("parameters").size());
+  const double penalty = held ? 0.0 : 0.5 * parameters * std::log(std::max(1.0, frames));
+  return -frames * std::log(std::max(mean, 1e-12)) - penalty;
+}
+
+bool usable(const LawState& law) {
+  return law.failed.empty() && law.model.is_object() && law.model.at("fitted_mm").is_number();
+}
+
+}  // namespace
+
+void ErrorPool::add(const CaptureInput& capture, const std::vector<double>& error_mm,
+                    double body_size) {
+  const std::size_t points = capture.tracks.points;
+  for (std::size_t t = 0; t < capture.tracks.frames(); ++t) {
+    bool any[2] = {false, false};
+    for (std::size_t i = 0; i < points; ++i) {
+      const double error = error_mm[t * points + i];
+      if (!std::isfinite(error)) continue;
+      const bool held = capture.held_out_points[i] != 0 || capture.held_out_frames[t] != 0;
+      const std::size_t which = held ? 1 : 0;
+      errors_[which].push_back(error);
+      percents_[which].push_back(0.1 * error / body_size);
+      any[which] = true;
+    }
+    for (std::size_t which = 0; which < 2; ++which) frames_[which] += any[which] ? 1 : 0;
+  }
+}
+
+void ErrorPool::add_fitted(const std::vector<double>& distances, double body_size) {
+  for (const double distance : distances) {
+    errors_[0].push_back(1e3 * distance);
+    percents_[0].push_back(100.0 * distance / body_size);
+  }
+}
+
+Json ErrorPool::json() const {
+  const auto one = [&](std::size_t which) -> Json {
+    if (errors_[which].empty()) return {};
+    Json json = error_statistics(errors_[which]);
+    json.erase("max_mm");
+    double sum = 0.0;
+    for (const double percent : percents_[which]) sum += percent;
+    json["mean_percent"] = sum / double(percents_[which].size());
+    return json;
+  };
+  return {{"fitted", one(0)}, {"held_out", one(1)}};
+}
+
+std::optional<double> ErrorPool::mean(bool held_out) const {
+  const std::vector<double>& errors = errors_[held_out ? 1 : 0];
+  if (errors.empty()) return std::nullopt;
+  double sum = 0.0;
+  for (const double error : errors) sum += error;
+  return sum / double(errors.size());
+}
+
+ErrorPool errors_of(const std::vector<FitRun>& runs, const std::vector<mpm::Scene>& scenes,
+                    const FitOutcome& outcome) {
+  ErrorPool pool;
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const mpm::Scene& scene = scenes[r];
+    for (std::size_t c = 0; c < outcome[r].captures.size(); ++c) {
+      const CaptureInput& input = runs[r].captures[c].input;
+      const mpm::Body& body = scene.bodies[body_index(scene, input.body)];
+      pool.add(input, capture_error_mm(input, outcome[r].captures[c]),
+               fit::body_size(body.rest) + 0.5 * scene.dx);
+    }
+  }
+  return pool;
+}
+
+Json parameters_json(const std::vector<fit::Parameter>& parameters,
+                     const std::vector<double>& values,
+                     const std::optional<fit::Uncertainty>& uncertainty) {
+  Json list = Json::array();
+  for (std::size_t k = 0; k < parameters.size(); ++k) {
+    const fit::Parameter& parameter = parameters[k];
+    Json json = {{"path", parameter.name},
+                 {"unit", parameter.unit},
+                 {"start", parameter.start},
+                 {"value", values[k]},
+                 {"standard_error", nullptr},
+                 {"interval", nullptr},
+                 {"bounds", {parameter.low, parameter.high}},
+                 {"at_bound", values[k] <= parameter.low || values[k] >= parameter.high},
+                 {"observable", nullptr},
+                 {"statement", ""}};
+    if (uncertainty) {
+      const fit::Estimate& estimate = uncertainty->estimates[k];
+      json["standard_error"] = finite(estimate.standard_error);
+      json["interval"] = {finite(estimate.low), finite(estimate.high)};
+      json["at_bound"] = estimate.at_bound;
+      json["observable"] = estimate.observable;
+      json["statement"] = estimate.statement;
+    }
+    list.push_back(std::move(json));
+  }
+  return list;
+}
+
+Json correlation_json(const fit::Uncertainty& uncertainty) {
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < uncertainty.correlation.rows(); ++i) {
+    Json row = Json::array();
+    for (Eigen::Index j = 0; j < uncertainty.correlation.cols(); ++j) {
+      row.push_back(finite(uncertainty.correlation(i, j)));
+    }
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+Json ranked_models(const std::vector<LawState>& laws) {
+  std::vector<const LawState*> order;
+  for (const LawState& law : laws) order.push_back(&law);
+  const auto weight = [](const LawState* law) {
+    return usable(*law) ? log_weight(law->model) : -std::numeric_limits<double>::infinity();
+  };
+  std::stable_sort(order.begin(), order.end(),
+                   [&](const LawState* a, const LawState* b) { return weight(a) > weight(b); });
+  const double best = order.empty() ? 0.0 : weight(order.front());
+  double sum = 0.0;
+  for (const LawState* law : order) {
+    if (usable(*law)) sum += std::exp(weight(law) - best);
+  }
+  Json list = Json::array();
+  for (const LawState* law : order) {
+    Json json = law->model.is_object() ? law->model : Json::object();
+    json.erase("frames");
+    json["law"] = law->law;
+    json["failed"] = law->failed;
+    json["probability"] = usable(*law) ? Json(std::exp(weight(law) - best) / sum) : Json();
+    for (const char* key : {"held_out_mm", "fitted_mm", "parameters"}) {
+      if (!json.contains(key)) json[key] = nullptr;
+    }
+    list.push_back(std::move(json));
+  }
+  return list;
+}
+
+Json material_preset(const Job& fitted, const std::string& body, const Json& fit) {
+  const BodyDoc& doc = body_named(fitted.scene, body);
+  Json captures = Json::array();
+  std::string names;
+  for (const CaptureDoc& capture : fitted.captures) {
+    const bool seen = !capture.holdout.capture;
+    captures.push_back({{"name", capture.name},
+                        {"file", capture.file.filename().string()},
+                        {"body", capture.body},
+                        {"held_out", !seen}});
+    if (seen) names += (names.empty() ? "" : ", ") + capture.name;
+  }
+  Json parameters = Json::array();
+  for (const Json& parameter : fit.at("parameters")) {
+    Json kept;
+    for (const char* key : {"path", "unit", "value", "standard_error", "interval", "observable"}) {
+      kept[key] = parameter.at(key);
+    }
+    parameters.push_back(std::move(kept));
+  }
+  return {{"schema", "matterfit.material/1"},
+          {"name", body + ", fitted"},
+          {"density", doc.density},
+          {"material", material_json(doc.material)},
+          {"source", "Fitted with Matterfit " MATTERFIT_VERSION " to " + names + "."},
+          {"provenance",
+           {{"version", MATTERFIT_VERSION},
+            {"captures", captures},
+            {"converged", fit.at("converged")},
+            {"parameters", parameters},
+            {"correlation", fit.at("correlation")},
+            {"noise_scale", fit.at("noise_scale")},
+            {"fitted", fit.at("after").at("fitted")},
+            {"held_out", fit.at("after").at("held_out")},
+            {"particle_separation", fitted.scene.particle_separation},
+            {"statements", fit.at("statements")}}}};
+}
+
+}  // namespace matterfit::job

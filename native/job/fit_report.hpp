@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fit/uncertainty.hpp"
+#include "job/capture_input.hpp"
+#include "job/fit_model.hpp"
+#include "job/fit_state.hpp"
+
+/// What a fit says when it is done (docs/formats.md, "fit").
+namespace matterfit::job {
+
+/// Errors of several captures together, what is held out apart.
+class ErrorPool {
+ public:
+  /// `error_mm` (T, N); not finite: left out.
+  void add(const CaptureInput& capture, const std::vector<double>& error_mm, double body_size);
+  /// Samples whose error is known without their place, all fitted [m].
+  void add_fitted(const std::vector<double>& distances, double body_size);
+
+  /// {"fitted": {…}, "held_out": {…} or null}.
+  [[nodiscard]] Json json() const;
+  /// Mean error [mm]; nothing without samples.
+  [[nodiscard]] std::optional<double> mean(bool held_out) const;
+  /// Frames with at least one sample, over all captures.
+  [[nodiscard]] std::size_t frames(bool held_out) const { return frames_[held_out ? 1 : 0]; }
+
+ private:
+  std::vector<double> errors_[2];    ///< fitted, held out [mm]
+  std::vector<double> percents_[2];  ///< of the body's size
+  std::size_t frames_[2] = {0, 0};
+};
+
+/// Of an outcome of the whole clip.
+[[nodiscard]] ErrorPool errors_of(const std::vector<FitRun>& runs,
+                                  const std::vector<mpm::Scene>& scenes, const FitOutcome& outcome);
+
+/// One entry a number of `fit.parameters`. Without an uncertainty (a fit that was cancelled) errors
+/// and intervals are null.
+[[nodiscard]] Json parameters_json(const std::vector<fit::Parameter>& parameters,
+                                   const std::vector<double>& values,
+                                   const std::optional<fit::Uncertainty>& uncertainty);
+
+[[nodiscard]] Json correlation_json(const fit::Uncertainty& uncertainty);
+
+/// The models of a search for the law, the best first, with how sure that is: weights ∝ mean
+/// error^(−n) on what is held out, n its frames; without a hold-out on what was fitted, times
+/// n^(−k/2) for k parameters. Failed ones at the end.
+[[nodiscard]] Json ranked_models(const std::vector<LawState>& laws);
+
+/// `material.json`: a preset with its provenance. `fit` is the result's object `fit`.
+[[nodiscard]] Json material_preset(const Job& fitted, const std::string& body, const Json& fit);
+
+}  // namespace matterfit::job

@@ -1,0 +1,482 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_run.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+
+#include "base/error.hpp"
+#include "base/file.hpp"
+#include "fit/metrics.hpp"
+#include "job/fit_document.hpp"
+#include "job/fit_files.hpp"
+#include "job/fit_laws.hpp"
+#include "job/fit_report.hpp"
+#include "job/fit_search.hpp"
+#include "job/fit_state.hpp"
+#include "job/folder_lock.hpp"
+#include "job/run_scene.hpp"
+
+namespace matterfit::job {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+/// Share of the whole that the fit takes; the rest is the fitted scene's simulation.
+constexpr double kFitShare = 0.9;
+
+std::string print(const char* format, double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+/// One fit of a job, from the folder as it is to the result.
+class FitJob {
+ public:
+  FitJob(const Job& job, const RunOptions& options, Interrupter& interrupter)
+      : job_(job),
+        doc_(*job.fit),
+        options_(options),
+        target_(resolve_target(options.target)),
+        interrupter_(interrupter),
+        folder_(job.output.folder) {}
+
+  Json run() {
+    say("Reading", 0.0);
+    runs_ = load_fit_runs(job_, statements_);
+    inputs_ = fit_inputs(job_, target_);
+    hash_ = hash_inputs(inputs_);
+    lock_.emplace(folder_);
+    find_start();
+    Json document;
+    Json fit;
+    if (fitted_) {
+      document = fitted_->document;
+      fit = fitted_->fit;
+    } else {
+      build_laws();
+      try {
+        search();
+        fit = finish(document);
+      } catch (const Error& error) {
+        if (error.kind() != ErrorKind::kCancelled) throw;
+        return cancelled();
+      }
+    }
+    return simulate(document, fit);
+  }
+
+ private:
+  void say(const std::string& label, double fraction) {
+    Progress progress;
+    progress.label = label;
+    progress.fraction = fraction;
+    interrupter_.report(progress);
+    interrupter_.check();
+  }
+
+  /// What the folder holds of this fit, or that it holds something else.
+  void find_start() {
+    const bool afresh = options_.restart == Restart::kAlways;
+    auto fitted = afresh ? std::nullopt : read_fitted(folder_);
+    auto state = afresh ? std::nullopt : read_fit_state(folder_, "");
+    if (state && state->input_hash == hash_) {
+      state_ = std::move(*state);
+      resumed_ = true;
+      return;
+    }
+    if (fitted && fitted->input_hash == hash_) {
+      fitted_ = std::move(fitted);
+      return;
+    }
+    state_.input_hash = hash_;
+    state_.inputs = inputs_;
+    if (options_.restart != Restart::kNever) return;
+    std::string what;
+    if (state) {
+      what = "an unfinished fit of other inputs. What changed:" + lines(state->inputs);
+    } else if (fitted) {
+      what = "a fit of other inputs. What changed:" + lines(fitted->inputs);
+    } else if (const auto manifest = read_manifest(folder_);
+               manifest && manifest->frames_done > 0) {
+      what = "the results of the task " + manifest->task + ", which the fit would replace.";
+    } else {
+      return;
+    }
+    throw_input(folder_.string() + " holds " + what +
+                "\nRun with --restart to replace them, or choose another output folder (--set "
+                "output.folder=…).");
+  }
+
+  [[nodiscard]] std::string lines(const Inputs& before) const {
+    std::string text;
+    for (const std::string& line : changes(before, inputs_)) text += "\n  " + line;
+    return text;
+  }
+
+  /// The fit of one law; the body's own where none is sought.
+  [[nodiscard]] std::unique_ptr<LawFit> law_fit(material::Law law, material::Law own) {
+    FitSetup setup;
+    setup.fit = &doc_;
+    setup.runs = &runs_;
+    setup.law = law;
+    setup.target = target_;
+    setup.threads = options_.threads;
+    setup.parameters = doc_.laws.empty() ? doc_.parameters : parameters_of_law(doc_, own, law);
+    for (const FitRun& run : runs_) {
+      setup.jobs.push_back(run.job);
+      for (BodyDoc& body : setup.jobs.back().scene.bodies) {
+        if (!doc_.laws.empty() && body.name == doc_.body) {
+          body.material = with_law(body.material, law);
+        }
+      }
+    }
+    auto result = std::make_unique<LawFit>(std::move(setup), interrupter_, law_statements_);
+    result->report = [this](const FitReport& report) { show(report); };
+    return result;
+  }
+
+  void build_laws() {
+    const std::string& body = doc_.laws.empty() ? job_.scene.bodies.front().name : doc_.body;
+    own_law_ = body_named(job_.scene, body).material.law;
+    laws_ = doc_.laws.empty() ? std::vector<material::Law>{own_law_} : doc_.laws;
+    say("Filling bodies", 0.0);
+    first_ = law_fit(own_law_, own_law_);
+    Arena arena(options_.threads);
+    for (std::size_t r = 0; r < runs_.size(); ++r) {
+      settle_noise(runs_[r], first_->scene(r), statements_);
+      check_places(runs_[r], first_->scene(r), arena, statements_);
+    }
+    if (!resumed_) {
+      for (const material::Law law : laws_) {
+        LawState state;
+        state.law = material::law_name(law);
+        state_.laws.push_back(std::move(state));
+      }
+    }
+    started_ = Clock::now();
+  }
+
+  void show(const FitReport& report) {
+    Progress progress;
+    const double law = double(state_.law);
+    progress.fraction = kFitShare * (law + report.fraction) / double(laws_.size());
+    progress.label = "Fitting: ";
+    if (laws_.size() > 1 && state_.law < laws_.size()) {
+      progress.label += std::string(material::law_name(laws_[state_.law])) + ", ";
+    }
+    progress.label += report.stage;
+    if (report.iteration > 0) progress.label += ", iteration " + std::to_string(report.iteration);
+    if (std::isfinite(report.rms))
+      progress.label += ", rms " + print("%.2f", 1e3 * report.rms) + " mm";
+    interrupter_.report(progress);
+  }
+
+  void save() {
+    const double since = std::chrono::duration<double>(Clock::now() - started_).count();
+    started_ = Clock::now();
+    state_.seconds += since;
+    write_history(folder_, state_.history);
+    write_file(folder_ / kFitCheckpointPath, format_fit_state(state_));
+  }
+
+  void search() {
+    if (!state_.measured_before) {
+      const LawState start = first_->start();
+      if (const auto errors = first_->errors(start, false, state_.before_failed)) {
+        state_.before = errors->json();
+      }
+      state_.measured_before = true;
+      save();
+    }
+    for (; state_.law < laws_.size(); ++state_.law) {
+      LawState& law = state_.laws[state_.law];
+      if (law.finished) continue;
+      try {
+        fit_law(law);
+      } catch (const Error& error) {
+        if (error.kind() == ErrorKind::kCancelled || error.kind() == ErrorKind::kOutput ||
+            doc_.laws.empty()) {
+          throw;
+        }
+        law.failed = error.what();
+        law.finished = true;
+        law.search.reset();
+        save();
+      }
+    }
+  }
+
+  void fit_law(LawState& law) {
+    current_ = laws_[state_.law] == own_law_ && first_ ? std::move(first_)
+                                                       : law_fit(laws_[state_.law], own_law_);
+    if (law.values.empty()) law = current_->start();
+    while (!law.finished) {
+      current_->advance(law, state_.history);
+      if (law.finished && !doc_.laws.empty()) measure(law);
+      save();
+    }
+  }
+
+  /// A candidate's entry of `models`.
+  void measure(LawState& law) {
+    std::string failure;
+    const auto errors = current_->errors(law, true, failure);
+    if (!errors) {
+      law.failed = "The fitted scene could not be simulated: " + failure;
+      return;
+    }
+    Json parameters = Json::object();
+    for (std::size_t k = 0; k < law.values.size(); ++k) {
+      parameters[current_->parameters().parameters()[k].name] = law.values[k];
+    }
+    const auto held = errors->mean(true);
+    const auto seen = errors->mean(false);
+    law.model = {{"held_out_mm", held ? Json(*held) : Json()},
+                 {"fitted_mm", seen ? Json(*seen) : Json()},
+                 {"frames", errors->frames(held.has_value())},
+                 {"parameters", parameters}};
+  }
+
+  /// The law that is taken: the best of those that are done, else the one that is being fitted.
+  [[nodiscard]] std::size_t winner() const {
+    if (laws_.size() > 1) {
+      const Json models = ranked_models(state_.laws);
+      if (models[0].at("probability").is_number()) {
+        for (std::size_t k = 0; k < state_.laws.size(); ++k) {
+          if (models[0].at("law") == state_.laws[k].law) return k;
+        }
+      }
+    }
+    return std::min(state_.law, laws_.size() - 1);
+  }
+
+  /// Makes current_ the fit of that law.
+  LawState& take(std::size_t k) {
+    if (!current_ || current_->start().law != state_.laws[k].law) {
+      current_ = law_fit(laws_[k], own_law_);
+    }
+    if (state_.laws[k].values.empty()) state_.laws[k] = current_->start();
+    return state_.laws[k];
+  }
+
+  /// The document with the fitted values, as a job that `simulate` takes.
+  [[nodiscard]] Json fitted_document(const LawState& law) {
+    Json document = job_.document;
+    document["task"] = "simulate";
+    document["output"]["folder"] = folder_.generic_string();
+    document.erase("fit");
+    if (!doc_.laws.empty()) {
+      const material::Material& own = body_named(job_.scene, doc_.body).material;
+      (*find_named(document.at("scene"), "bodies", doc_.body))["material"] =
+          material_json(with_law(own, material::law_from_name(law.law)));
+    }
+    write(current_->contacts(law).front(), document.at("scene"));
+    current_->parameters().write(law.values, job_, document);
+    return document;
+  }
+
+  [[nodiscard]] Json fit_json(const LawState& law,
+                              const std::optional<fit::Uncertainty>& uncertainty) {
+    std::vector<std::string> statements = statements_;
+    for (const std::string& statement : law_statements_) {
+      if (std::find(statements.begin(), statements.end(), statement) == statements.end()) {
+        statements.push_back(statement);
+      }
+    }
+    if (!state_.before_failed.empty()) {
+      statements.push_back("At the start values the simulation could not be completed: " +
+                           state_.before_failed);
+    }
+    if (uncertainty) {
+      for (const fit::Estimate& estimate : uncertainty->estimates) {
+        if (!estimate.statement.empty()) statements.push_back(estimate.statement);
+      }
+      statements.insert(statements.end(), uncertainty->statements.begin(),
+                        uncertainty->statements.end());
+    }
+    int iterations = 0;
+    int evaluations = 0;
+    for (const LawState& one : state_.laws) {
+      iterations += one.iterations;
+      evaluations += one.evaluations;
+    }
+    Json json = {{"law", law.law},
+                 {"converged", law.converged},
+                 {"reason", law.reason},
+                 {"iterations", iterations},
+                 {"evaluations", evaluations},
+                 {"seconds", state_.seconds},
+                 {"parameters",
+                  parameters_json(current_->parameters().parameters(), law.values, uncertainty)},
+                 {"correlation", uncertainty ? correlation_json(*uncertainty) : Json()},
+                 {"noise_scale", uncertainty ? Json(uncertainty->noise_scale) : Json()},
+                 {"statements", statements},
+                 {"before", state_.before},
+                 {"after", {{"fitted", nullptr}, {"held_out", nullptr}}},
+                 {"history", state_.history}};
+    if (json["before"].is_null()) json["before"] = {{"fitted", nullptr}, {"held_out", nullptr}};
+    if (!doc_.laws.empty()) json["models"] = ranked_models(state_.laws);
+    return json;
+  }
+
+  /// The end of the search: errors of the values, and all of it on disk in place of the checkpoint.
+  Json finish(Json& document) {
+    LawState& law = take(winner());
+    if (!law.failed.empty()) {
+      throw_compute("fit.laws: none of the laws could be fitted. " + law.law + ": " + law.failed);
+    }
+    std::optional<fit::Uncertainty> uncertainty;
+    if (law.search) {
+      say("Fitting: errors of the values", kFitShare);
+      try {
+        uncertainty = current_->uncertainty(law);
+      } catch (const Error& error) {
+        if (error.kind() != ErrorKind::kCompute) throw;
+        statements_.push_back(std::string("Errors of the values could not be found: ") +
+                              error.what());
+      }
+    }
+    document = fitted_document(law);
+    save();
+    Json fit = fit_json(law, uncertainty);
+    write_fitted(folder_, {hash_, inputs_, document, fit});
+    // Only now: until then the search would go on from it.
+    std::error_code code;
+    fs::remove(folder_ / kFitCheckpointPath, code);
+    return fit;
+  }
+
+  [[nodiscard]] Job job_from(const Json& document) const {
+    ReadOptions options;
+    options.base_folder = job_.base_folder;
+    return read_job(document.dump(), options);
+  }
+
+  /// Whose material is written: those that are fitted, else that of the first capture.
+  [[nodiscard]] std::vector<std::string> fitted_bodies() const {
+    std::vector<std::string> bodies;
+    const auto add = [&](const std::string& name) {
+      if (std::find(bodies.begin(), bodies.end(), name) == bodies.end()) bodies.push_back(name);
+    };
+    if (!doc_.laws.empty()) add(doc_.body);
+    for (const FitParameterDoc& parameter : doc_.parameters) {
+      if (parameter.path.is_material()) add(parameter.path.owner);
+    }
+    if (bodies.empty()) add(job_.captures.front().body);
+    return bodies;
+  }
+
+  /// The fitted scene's run, with the fit in its result.
+  Json simulate(const Json& document, Json fit) {
+    const Job scene = job_from(document);
+    Job fitted = scene;
+    fitted.task = Task::kCompare;
+    const std::vector<std::string> kept = {kFittedPath, kFitHistoryPath};
+    ErrorPool after;
+    RunExtras extras;
+    extras.task = task_name(Task::kFit);
+    extras.begin = kFitShare;
+    extras.kept = kept;
+    extras.compared = [&](const CaptureInput& capture, const std::vector<double>& error_mm,
+                          double size) { after.add(capture, error_mm, size); };
+    extras.finish = [&](Json& result) {
+      fit["after"] = after.json();
+      result["fit"] = fit;
+      std::vector<std::string> files = write_materials(folder_, scene, fitted_bodies(), fit);
+      files.insert(files.end(), kept.begin(), kept.end());
+      return files;
+    };
+    RunOptions options = options_;
+    if (options.restart == Restart::kNever) options.restart = Restart::kWhereChanged;
+    lock_.reset();  // the run takes it again
+    try {
+      return run_scenes(fitted, options, interrupter_, extras);
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::kCancelled) throw;
+      return write_cancelled(scene, std::move(fit));
+    }
+  }
+
+  /// The best so far of a search that was broken off; the checkpoint stays.
+  Json cancelled() {
+    LawState& law = state_.laws[winner()];
+    if (!current_ || current_->start().law != law.law) {
+      // Nothing but the start can be told of a law whose scenes are not built.
+      if (!first_ || first_->start().law != law.law) {
+        throw Error(ErrorKind::kCancelled, "Cancelled.");
+      }
+      current_ = std::move(first_);
+    }
+    if (law.values.empty()) law.values = current_->start().values;
+    if (!law.finished) law.reason = "Cancelled; these are the best values so far.";
+    ErrorPool after;
+    try {
+      double size = 0.0;
+      for (std::size_t r = 0; r < runs_.size(); ++r) {
+        for (const FitCapture& capture : runs_[r].captures) {
+          const mpm::Scene& scene = current_->scene(r);
+          const mpm::Body& body = scene.bodies[body_index(scene, capture.input.body)];
+          if (capture.used_count > 0) size = std::max(size, fit::body_size(body.rest));
+        }
+      }
+      after.add_fitted(current_->distances(law), size);
+    } catch (const Error& error) {
+      // The stage's scenes are not built, as after a fit that was taken up and broken off at once.
+      if (error.kind() != ErrorKind::kCancelled) throw;
+    }
+    const Json document = fitted_document(law);
+    Json fit = fit_json(law, std::nullopt);
+    fit["after"] = after.json();
+    return write_cancelled(job_from(document), std::move(fit));
+  }
+
+  Json write_cancelled(const Job& scene, Json fit) const {
+    (void)write_materials(folder_, scene, fitted_bodies(), fit);
+    const Json result = {
+        {"status", "cancelled"},        {"task", "fit"},
+        {"error", "Cancelled."},        {"exit_status", exit_status(ErrorKind::kCancelled)},
+        {"version", MATTERFIT_VERSION}, {"target", target_name(target_)},
+        {"folder", folder_.string()},   {"fit", std::move(fit)}};
+    write_file(folder_ / "result.json",
+               result.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+    return result;
+  }
+
+  const Job& job_;
+  const FitDoc& doc_;
+  RunOptions options_;
+  mpm::SimdTarget target_;
+  Interrupter& interrupter_;
+  fs::path folder_;
+  std::vector<std::string> statements_;
+  std::vector<std::string> law_statements_;
+  std::vector<FitRun> runs_;
+  Inputs inputs_;
+  std::string hash_;
+  std::optional<FolderLock> lock_;
+  std::optional<Fitted> fitted_;
+  bool resumed_ = false;
+  FitState state_;
+  material::Law own_law_ = material::Law::kFixedCorotated;
+  std::vector<material::Law> laws_;
+  std::unique_ptr<LawFit> first_;    ///< of the document's law
+  std::unique_ptr<LawFit> current_;  ///< of the law that is being fitted
+  Clock::time_point started_;
+};
+
+}  // namespace
+
+Json run_fit(const Job& job, const RunOptions& options, Interrupter& interrupter) {
+  if (!job.fit) {
+    throw_input(
+        "'fit' is missing: a fit needs \"fit\": { \"parameters\": [ … ] }, as in "
+        "[\"velocity\", \"material.E\"].");
+  }
+  return FitJob(job, options, interrupter).run();
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,395 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "base/error.hpp"
+#include "fit/metrics.hpp"
+#include "job/build_scene.hpp"
+#include "job/fit_start.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr std::size_t kScanSamples = 32;
+/// A start is poor where it misses the capture by so many times the noise, and by this part of the
+/// body's size.
+constexpr double kPoorNoise = 5.0;
+constexpr double kPoorSize = 0.005;
+/// Stages before the last: how far is far enough.
+constexpr int kShortStage = 8;
+constexpr double kCoarseStep = 2e-2;
+constexpr double kCoarseCost = 1e-3;
+/// Until the last stage what a short clip hardly shows stays near where it was: the standard
+/// deviation of that, in scales of the parameters.
+constexpr double kLeash = 2.0;
+/// A contact's default stiffness that has changed by more than this is resolved anew.
+constexpr double kContactChange = 1.05;
+constexpr int kMostRepeats = 3;
+
+std::string print(const char* format, double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+double mean_of(const std::vector<double>& values) {
+  double sum = 0.0;
+  for (const double value : values) sum += value;
+  return values.empty() ? 0.0 : sum / double(values.size());
+}
+
+}  // namespace
+
+struct LawFit::Context {
+  std::size_t stage;
+  int repeats;
+  FitProblem problem;
+  fit::LeastSquares search;
+};
+
+LawFit::LawFit(FitSetup setup, const Interrupter& interrupter, std::vector<std::string>& statements)
+    : setup_(std::move(setup)), interrupter_(interrupter), statements_(statements) {
+  const auto& runs = *setup_.runs;
+  Arena arena(setup_.threads);
+  for (const Job& job : setup_.jobs) {
+    scenes_.push_back(build_scene(job, arena, interrupter_).scene);
+  }
+  std::vector<FitScene> scenes;
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    FitScene scene{&setup_.jobs[r], &scenes_[r], {}, nullptr};
+    if (runs[r].group.own) {
+      for (const FitCapture& capture : runs[r].captures) {
+        scene.captures.push_back(capture.input.name);
+      }
+      scene.overrides = runs[r].overrides;
+    }
+    scenes.push_back(std::move(scene));
+  }
+  parameters_ = std::make_unique<FitParameters>(setup_.parameters, scenes);
+
+  std::vector<double> levels = setup_.fit->levels;
+  const bool imported = std::any_of(setup_.jobs.begin(), setup_.jobs.end(), [](const Job& job) {
+    return std::any_of(job.scene.bodies.begin(), job.scene.bodies.end(),
+                       [](const auto& body) { return body.source.kind == Source::Kind::kPoints; });
+  });
+  if (levels.size() > 1 && imported) {
+    levels = {1.0};
+    statements_.emplace_back(
+        "fit.levels: a body is made of imported points, which have one resolution; coarser levels "
+        "were left out.");
+  }
+  const std::vector<FitWindow> windows = fit_windows(runs, setup_.fit->windows);
+  for (std::size_t l = 0; l < levels.size(); ++l) {
+    for (std::size_t w = l == 0 ? 0 : windows.size() - 1; w < windows.size(); ++w) {
+      Stage stage;
+      stage.level = levels[l];
+      stage.window = windows[w];
+      stage.last = l + 1 == levels.size() && w + 1 == windows.size();
+      stage.name = "frames " + std::to_string(windows[w].first_frame) + "-" +
+                   std::to_string(windows[w].last_frame);
+      if (levels[l] != 1.0) stage.name += ", separation ×" + print("%g", levels[l]);
+      stages_.push_back(std::move(stage));
+    }
+  }
+}
+
+LawFit::~LawFit() = default;
+
+const mpm::Scene& LawFit::scene(std::size_t run) const { return scenes_[run]; }
+
+LawState LawFit::start() const {
+  LawState state;
+  state.law = material::law_name(setup_.law);
+  state.values = parameters_->starts();
+  return state;
+}
+
+FitModel& LawFit::model(double level) {
+  if (model_ && model_level_ == level) return *model_;
+  context_.reset();
+  std::vector<mpm::Scene> scenes = scenes_;
+  if (level != 1.0) {
+    Arena arena(setup_.threads);
+    for (std::size_t r = 0; r < scenes.size(); ++r) {
+      Job job = setup_.jobs[r];
+      job.scene.particle_separation *= level;
+      scenes[r] = build_scene(job, arena, interrupter_).scene;
+    }
+  }
+  FitModel::Options options;
+  options.loss = setup_.fit->loss;
+  options.target = setup_.target;
+  options.threads = setup_.threads;
+  options.memory_limit_gb = setup_.jobs.front().scene.solver.memory_limit_gb;
+  model_ = std::make_unique<FitModel>(*setup_.runs, std::move(scenes), *parameters_, options,
+                                      interrupter_);
+  model_level_ = level;
+  return *model_;
+}
+
+void LawFit::tell(const LawState& state, const std::string& stage, double part, double rms) const {
+  if (!report) return;
+  // A stage takes about twice as long as the one before it; iterations go quicker at its end.
+  double before = 0.0;
+  double all = 0.0;
+  for (std::size_t s = 0; s < stages_.size(); ++s) {
+    const double weight = (stages_[s].window.last_frame - stages_[s].window.first_frame + 1) /
+                          std::pow(stages_[s].level, 4.0) * (stages_[s].last ? 2.0 : 1.0);
+    if (s < state.stage) before += weight;
+    all += weight;
+    if (s == state.stage && state.search) {
+      const double done = state.search->iteration + part;
+      before += weight * done / (done + 3.0);
+    }
+  }
+  FitReport said;
+  said.stage = stage;
+  said.fraction = std::clamp(before / all, 0.0, 1.0);
+  said.iteration = state.search ? state.search->iteration + 1 : 0;
+  said.rms = rms;
+  report(said);
+}
+
+void LawFit::begin(LawState& state) {
+  FitModel& coarse = model(stages_.front().level);
+  const auto& runs = *setup_.runs;
+  double told = std::numeric_limits<double>::quiet_NaN();
+  const auto progress = [&](double part) { tell(state, "looking for a start", part, told); };
+  progress(0.0);
+  const auto mean_distances = [&](const std::vector<std::vector<double>>& points,
+                                  const FitWindow& window) {
+    const FitProblem problem(coarse, runs, parameters_->parameters(), setup_.fit->loss, window);
+    std::vector<double> means;
+    for (const auto& outcome : coarse.evaluate(points, {window.until, true}, progress)) {
+      const double mean = outcome ? mean_of(problem.distances(problem.residuals(*outcome)))
+                                  : std::numeric_limits<double>::infinity();
+      means.push_back(std::isfinite(mean) ? mean : std::numeric_limits<double>::infinity());
+    }
+    state.evaluations += static_cast<int>(points.size());
+    told = *std::min_element(means.begin(), means.end());
+    return means;
+  };
+  std::vector<double> moved = with_initial_motion(runs, scenes_, *parameters_, state.values);
+  if (moved != state.values) {
+    const auto means = mean_distances({state.values, moved}, stages_.front().window);
+    if (means[1] < means[0] || !std::isfinite(means[0])) state.values = std::move(moved);
+  }
+
+  const FitWindow window = fit_window(runs, kScanSamples);
+  const double mean = mean_distances({state.values}, window).front();
+  double sigma = 0.0;
+  double size = 0.0;
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    for (const FitCapture& capture : runs[r].captures) {
+      if (capture.used_count == 0) continue;
+      sigma = std::max(sigma, mean_of(capture.sigma));
+      const mpm::Scene& scene = scenes_[r];
+      size =
+          std::max(size, fit::body_size(scene.bodies[body_index(scene, capture.input.body)].rest));
+    }
+  }
+  if (mean <= std::max(kPoorNoise * sigma, kPoorSize * size)) return;
+  state.values = scanned(*parameters_, state.values, mean,
+                         [&](const auto& points) { return mean_distances(points, window); });
+}
+
+std::vector<fit::Parameter> LawFit::stage_parameters(const LawState& state) const {
+  std::vector<fit::Parameter> parameters = parameters_->parameters();
+  const bool last = stages_[state.stage].last;
+  for (std::size_t k = 0; k < parameters.size(); ++k) {
+    fit::Parameter& parameter = parameters[k];
+    parameter.start = std::clamp(state.stage_start[k], parameter.low, parameter.high);
+    if (last || parameter.prior) continue;
+    parameter.prior = fit::Prior{fit::to_natural(parameter.coordinate, parameter.start),
+                                 kLeash * parameter.scale};
+  }
+  return parameters;
+}
+
+LawFit::Context& LawFit::context(const LawState& state) {
+  const Stage& stage = stages_[state.stage];
+  FitModel& at_level = model(stage.level);
+  if (context_ && context_->stage == state.stage && context_->repeats == state.repeats) {
+    return *context_;
+  }
+  at_level.freeze_contacts(state.stage_start);
+  at_level.set_steps(state.steps);
+  const std::vector<fit::Parameter> parameters = stage_parameters(state);
+  fit::LeastSquaresOptions options;
+  options.iterations = setup_.fit->iterations;
+  options.huber = setup_.fit->huber;
+  if (!stage.last) {
+    options.iterations = std::min(options.iterations, kShortStage);
+    options.step_tolerance = kCoarseStep;
+    options.cost_tolerance = kCoarseCost;
+  }
+  context_ = std::make_unique<Context>(
+      Context{state.stage, state.repeats,
+              FitProblem(at_level, *setup_.runs, parameters, setup_.fit->loss, stage.window),
+              fit::LeastSquares(parameters, options)});
+  return *context_;
+}
+
+void LawFit::set_stage(LawState& state) {
+  const Stage& stage = stages_[state.stage];
+  FitModel& at_level = model(stage.level);
+  context_.reset();
+  tell(state, stage.name, 0.0, std::numeric_limits<double>::quiet_NaN());
+  at_level.freeze_contacts(state.values);
+  const auto outcome = at_level.evaluate({state.values}, {stage.window.until, true}).front();
+  ++state.evaluations;
+  if (!outcome) {
+    const std::string why = "The simulation could not be completed: " + at_level.failure();
+    if (state.stage == 0 && state.repeats == 0) {
+      throw_compute("the fit cannot begin at these values. " + why);
+    }
+    state.finished = true;
+    state.converged = false;
+    state.reason = "Stopped before the stage " + stage.name + ". " + why;
+    return;
+  }
+  state.stage_start = state.values;
+  state.steps = at_level.steps_of(state.values, *outcome);
+  state.refinements.clear();
+  state.search = context(state).search.start();
+}
+
+void LawFit::end_stage(LawState& state) {
+  if (!stages_[state.stage].last) {
+    ++state.stage;
+    state.search.reset();
+    return;
+  }
+  FitModel& fine = model(1.0);
+  double change = 1.0;
+  const auto now = fine.contacts_at(state.values);
+  for (std::size_t r = 0; r < now.size(); ++r) {
+    change = std::max(change, largest_change(fine.frozen()[r], now[r]));
+  }
+  // Substeps, too, are to be those that the solver takes at the end.
+  const bool other_steps =
+      std::any_of(state.refinements.begin(), state.refinements.end(),
+                  [](int power) { return power != 0 && power != FitModel::kUnsettled; });
+  if ((change > kContactChange || other_steps) && state.repeats < kMostRepeats) {
+    ++state.repeats;
+    state.search.reset();
+    return;
+  }
+  state.finished = true;
+  state.converged = state.search->converged;
+  state.reason = state.search->reason;
+}
+
+void LawFit::advance(LawState& state, std::vector<Json>& history) {
+  if (state.finished) return;
+  if (!state.begun) {
+    LawState next = state;
+    begin(next);
+    next.begun = true;
+    state = std::move(next);
+    return;
+  }
+  if (!state.search) {
+    LawState next = state;
+    set_stage(next);
+    state = std::move(next);
+    return;
+  }
+  LawState next = state;
+  Context& at = context(next);
+  const std::string& name = stages_[next.stage].name;
+  fit::LeastSquaresState& search = *next.search;
+  const auto rms_now = [&] {
+    return search.residual.size() > 0 ? at.problem.rms(search.residual)
+                                      : std::numeric_limits<double>::quiet_NaN();
+  };
+  const double before_rms = rms_now();
+  at.problem.progress = [&](double part) { tell(state, name, part, before_rms); };
+  at.problem.progress(0.0);
+  at.problem.forget();
+  settle(next);
+  const std::size_t known = search.history.size();
+  const int evaluations = search.evaluations;
+  const int iterations = search.iteration;
+  const Eigen::VectorXd from = search.point;
+  at.search.iterate(at.problem, search);
+  at.problem.progress = {};
+  next.evaluations += search.evaluations - evaluations;
+  next.iterations += search.iteration - iterations;
+  next.values = at.problem.physical(search.point);
+  for (std::size_t k = known; k < search.history.size(); ++k) {
+    const fit::LeastSquaresStep& step = search.history[k];
+    const bool moved = step.iteration > iterations;
+    const double rms = !step.accepted ? std::numeric_limits<double>::quiet_NaN()
+                       : moved        ? rms_now()
+                                      : at.problem.rms_seen(from);
+    history.push_back({{"stage", name},
+                       {"law", next.law},
+                       {"iteration", step.iteration},
+                       {"cost", step.cost},
+                       {"rms_mm", std::isfinite(rms) ? Json(1e3 * rms) : Json()},
+                       {"accepted", step.accepted}});
+  }
+  if (search.finished) end_stage(next);
+  state = std::move(next);
+}
+
+void LawFit::settle(LawState& state) {
+  model_->settle(context(state).problem.physical(state.search->point));
+  // With other substeps the residuals are not quite the same.
+  if (state.refinements != model_->refinements()) state.search->residual.resize(0);
+  state.refinements = model_->refinements();
+}
+
+fit::Uncertainty LawFit::uncertainty(const LawState& state) {
+  LawState at_end = state;
+  Context& at = context(at_end);
+  settle(at_end);
+  fit::LeastSquaresState& search = *at_end.search;
+  at.search.linearise(at.problem, search);
+  return fit::uncertainty(at.search.parameters(), search, at.problem.effective(search.residual),
+                          setup_.fit->huber);
+}
+
+std::vector<double> LawFit::distances(const LawState& state) {
+  if (!state.search || state.search->residual.size() == 0) return {};
+  return context(state).problem.distances(state.search->residual);
+}
+
+std::vector<FrozenContacts> LawFit::contacts(const LawState& state) {
+  FitModel& fine = model(1.0);
+  return fine.contacts_at(state.stage_start.empty() ? state.values : state.stage_start);
+}
+
+std::optional<ErrorPool> LawFit::errors(const LawState& state, bool fitted, std::string& failure) {
+  FitModel& fine = model(1.0);
+  context_.reset();
+  if (fitted && !state.stage_start.empty()) {
+    fine.freeze_contacts(state.stage_start);
+  } else {
+    fine.release_contacts();
+  }
+  FitModel::Scope scope;
+  scope.solver_steps = true;
+  scope.own_points = true;
+  for (const FitRun& run : *setup_.runs) {
+    const SceneDoc& scene = run.job.scene;
+    scope.until.push_back(run.captures.empty() ? -1.0 : (scene.frames() - 1) / scene.fps);
+  }
+  const auto progress = [&](double part) {
+    tell(state, fitted ? "predicting" : "the start", part,
+         std::numeric_limits<double>::quiet_NaN());
+  };
+  const auto outcome = fine.evaluate({state.values}, scope, progress).front();
+  if (!outcome) {
+    failure = fine.failure();
+    return std::nullopt;
+  }
+  return errors_of(*setup_.runs, scenes_, *outcome);
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "fit/uncertainty.hpp"
+#include "job/fit_problem.hpp"
+#include "job/fit_report.hpp"
+#include "job/fit_state.hpp"
+
+namespace matterfit::job {
+
+/// What the fit of one law needs to know.
+struct FitSetup {
+  const FitDoc* fit = nullptr;
+  const std::vector<FitRun>* runs = nullptr;
+  /// One a run: its job with this law's material.
+  std::vector<Job> jobs;
+  material::Law law = material::Law::kFixedCorotated;
+  std::vector<FitParameterDoc> parameters;
+  mpm::SimdTarget target = mpm::SimdTarget::kAuto;
+  int threads = 0;
+};
+
+/// Where a search stands, for progress.
+struct FitReport {
+  std::string stage;
+  double fraction = 0.0;  ///< of this law's fit, a guess
+  int iteration = 0;
+  double rms = 0.0;  ///< [m]; NaN: not known
+};
+
+/// The fit of one law, one step at a time: the initial motion in closed form and a scan for the
+/// stiffness where the start is poor; then windows that grow, at the coarsest level; then the whole
+/// clip, level by level to the finest. In each stage Levenberg–Marquardt with contacts and
+/// substeps held.
+class LawFit {
+ public:
+  /// Builds the scenes at the document's resolution. Throws Error(kInput), Error(kCancelled).
+  LawFit(FitSetup setup, const Interrupter& interrupter, std::vector<std::string>& statements);
+  ~LawFit();
+  LawFit(const LawFit&) = delete;
+  LawFit& operator=(const LawFit&) = delete;
+
+  [[nodiscard]] const FitParameters& parameters() const { return *parameters_; }
+  /// The scene of a run at the document's resolution.
+  [[nodiscard]] const mpm::Scene& scene(std::size_t run) const;
+  [[nodiscard]] LawState start() const;
+
+  /// One step: the start, or one iteration. Adds lines to `history`. Throws Error(kCompute) if the
+  /// simulation at the start cannot be completed, Error(kCancelled); the state is then as before.
+  void advance(LawState& state, std::vector<Json>& history);
+
+  /// At the end: standard errors and correlations; linearises once more.
+  [[nodiscard]] fit::Uncertainty uncertainty(const LawState& state);
+  /// Distances [m] of the samples that the present stage compares, at the state's values.
+  [[nodiscard]] std::vector<double> distances(const LawState& state);
+  /// The contacts of the last stage, one a run.
+  [[nodiscard]] std::vector<FrozenContacts> contacts(const LawState& state);
+  /// Errors over all runs and frames, held-out ones too, as a simulation outside of the fit has
+  /// them; nothing if it could not be completed (`failure`). `fitted`: with the contacts of the
+  /// fit, else with the document's.
+  [[nodiscard]] std::optional<ErrorPool> errors(const LawState& state, bool fitted,
+                                                std::string& failure);
+
+  std::function<void(const FitReport&)> report;
+
+ private:
+  struct Stage {
+    std::string name;
+    double level = 1.0;
+    FitWindow window;
+    bool last = false;
+  };
+  struct Context;
+
+  void begin(LawState& state);
+  void set_stage(LawState& state);
+  void end_stage(LawState& state);
+  void settle(LawState& state);
+  FitModel& model(double level);
+  Context& context(const LawState& state);
+  [[nodiscard]] std::vector<fit::Parameter> stage_parameters(const LawState& state) const;
+  void tell(const LawState& state, const std::string& stage, double part, double rms) const;
+
+  FitSetup setup_;
+  const Interrupter& interrupter_;
+  std::vector<std::string>& statements_;
+  std::vector<mpm::Scene> scenes_;
+  std::unique_ptr<FitParameters> parameters_;
+  std::vector<Stage> stages_;
+  std::unique_ptr<FitModel> model_;
+  double model_level_ = 0.0;
+  std::unique_ptr<Context> context_;
+};
+
+}  // namespace matterfit::job

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_start.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "base/error.hpp"
+#include "fit/initial_motion.hpp"
+#include "job/follow.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr std::size_t kFewestFrames = 3;
+constexpr std::size_t kMostFrames = 12;
+/// How much worse than the noise, or than the fewest frames, a longer flight may be explained.
+constexpr double kStillBallistic = 2.0;
+constexpr int kFarthest = 8;  // steps of a scan
+constexpr double kHalfDecade = 3.1622776601683795;
+constexpr double kAngleStep = 8.0;  // [degrees]
+
+Vec3d centre_of_mass(const mpm::Body& body) {
+  Vec3d sum = Vec3d::Zero();
+  double volume = 0.0;
+  for (std::size_t p = 0; p < body.rest.size(); ++p) {
+    sum += body.volumes[p] * body.rest[p];
+    volume += body.volumes[p];
+  }
+  return sum / volume;
+}
+
+std::optional<fit::InitialMotion> motion_of(const FitCapture& capture, const Vec3d& centre,
+                                            const Vec3d& gravity) {
+  const capture::Tracks& tracks = capture.input.tracks;
+  const Vec3d unseen = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  Points rest = capture.input.rest;
+  for (std::size_t i = 0; i < tracks.points; ++i) {
+    if (capture.input.held_out_points[i] != 0) rest[i] = unseen;
+  }
+  std::vector<double> times;
+  std::vector<Vec3d> positions;
+  double sigma = 0.0;
+  for (const double s : capture.sigma) sigma += s / double(capture.sigma.size());
+  std::optional<fit::InitialMotion> best;
+  double shortest = 0.0;
+  for (std::size_t t = 0; t < tracks.frames() && times.size() < kMostFrames; ++t) {
+    if (tracks.times[t] < -1e-9 || capture.input.held_out_frames[t] != 0) continue;
+    times.push_back(tracks.times[t]);
+    for (std::size_t i = 0; i < tracks.points; ++i) {
+      const bool seen = tracks.is_visible(t, i) && rest[i].allFinite();
+      positions.push_back(seen ? tracks.position(t, i) : unseen);
+    }
+    if (times.size() < 2) continue;
+    try {
+      const auto motion = fit::initial_motion(rest, centre, times, positions, gravity);
+      if (times.size() <= kFewestFrames) {
+        shortest = motion.residual;
+      } else if (motion.residual > kStillBallistic * std::max(sigma, shortest)) {
+        break;
+      }
+      best = motion;
+    } catch (const Error&) {
+      // Too few points are seen in these frames; later ones may show them.
+    }
+  }
+  return best;
+}
+
+/// Steps of a scan, or nothing for what is not scanned.
+bool is_scanned(FitQuantity quantity) {
+  return quantity == FitQuantity::kYoungsModulus || quantity == FitQuantity::kBulkModulus ||
+         quantity == FitQuantity::kYieldStress || quantity == FitQuantity::kFrictionAngle ||
+         quantity == FitQuantity::kViscosity;
+}
+
+double stepped(const fit::Parameter& parameter, double value, int step) {
+  return parameter.coordinate == fit::Coordinate::kLinear ? value + kAngleStep * step
+                                                          : value * std::pow(kHalfDecade, step);
+}
+
+/// One parameter; true if another value than the present one is the best.
+bool scan(const FitParameters& parameters, std::size_t number, const std::vector<int>& first,
+          const FitCost& costs, std::vector<double>& values, double& cost) {
+  const fit::Parameter& parameter = parameters.parameters()[number];
+  const double centre = values[number];
+  std::map<int, double> known{{0, cost}};
+  const auto try_steps = [&](const std::vector<int>& steps) {
+    std::vector<int> inside;
+    std::vector<std::vector<double>> points;
+    for (const int step : steps) {
+      const double value = stepped(parameter, centre, step);
+      if (known.count(step) > 0 || value < parameter.low || value > parameter.high) continue;
+      inside.push_back(step);
+      points.push_back(values);
+      points.back()[number] = value;
+    }
+    if (points.empty()) return false;
+    const std::vector<double> found = costs(points);
+    for (std::size_t k = 0; k < inside.size(); ++k) known[inside[k]] = found[k];
+    return true;
+  };
+  const auto best = [&] {
+    return std::min_element(known.begin(), known.end(),
+                            [](const auto& a, const auto& b) { return a.second < b.second; });
+  };
+  (void)try_steps(first);
+  for (;;) {
+    const int at = best()->first;
+    const bool low = at == known.begin()->first;
+    const bool high = at == known.rbegin()->first;
+    if (!(low || high) || std::abs(at) >= kFarthest) break;
+    const int way = high ? 1 : -1;
+    if (!try_steps({at + way, at + 2 * way})) break;
+  }
+  const bool moved = best()->first != 0 && best()->second < cost;
+  if (moved) {
+    values[number] = stepped(parameter, centre, best()->first);
+    cost = best()->second;
+  }
+  return moved;
+}
+
+}  // namespace
+
+std::vector<double> with_initial_motion(const std::vector<FitRun>& runs,
+                                        const std::vector<mpm::Scene>& scenes,
+                                        const FitParameters& parameters,
+                                        std::span<const double> values) {
+  std::vector<double> result(values.begin(), values.end());
+  std::vector<std::uint8_t> done(result.size(), 0);
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    for (const FitCapture& capture : runs[r].captures) {
+      const mpm::Body& body = scenes[r].bodies[body_index(scenes[r], capture.input.body)];
+      if (capture.used_count == 0 || !body.pins.empty()) continue;
+      std::vector<std::size_t> wanted;
+      for (std::size_t i = 0; i < result.size(); ++i) {
+        const FitPath& path = parameters.path(i);
+        const bool motion =
+            path.quantity == FitQuantity::kVelocity || path.quantity == FitQuantity::kSpin;
+        if (motion && path.owner == body.name && done[i] == 0 && parameters.acts_on(i, r)) {
+          wanted.push_back(i);
+        }
+      }
+      if (wanted.empty()) continue;
+      const auto motion = motion_of(capture, centre_of_mass(body), scenes[r].gravity.at(0.0));
+      if (!motion) continue;
+      for (const std::size_t i : wanted) {
+        const FitPath& path = parameters.path(i);
+        const bool spin = path.quantity == FitQuantity::kSpin;
+        if (spin && !motion->spin_observable) continue;
+        const fit::Parameter& parameter = parameters.parameters()[i];
+        result[i] = std::clamp((spin ? motion->spin : motion->velocity)[*path.component],
+                               parameter.low, parameter.high);
+        done[i] = 1;
+      }
+    }
+  }
+  return result;
+}
+
+std::vector<double> scanned(const FitParameters& parameters, std::vector<double> values,
+                            double cost, const FitCost& costs) {
+  std::vector<std::size_t> numbers;
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    if (is_scanned(parameters.path(i).quantity)) numbers.push_back(i);
+  }
+  std::stable_sort(numbers.begin(), numbers.end(), [&](std::size_t a, std::size_t b) {
+    return parameters.path(a).quantity < parameters.path(b).quantity;
+  });
+  bool moved = false;
+  for (const std::size_t number : numbers) {
+    moved = scan(parameters, number, {-2, -1, 1, 2}, costs, values, cost) || moved;
+  }
+  if (numbers.size() < 2 || !moved) return values;
+  for (const std::size_t number : numbers) {
+    (void)scan(parameters, number, {-1, 1}, costs, values, cost);
+  }
+  return values;
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "job/fit_captures.hpp"
+#include "job/fit_parameters.hpp"
+
+/// Where a fit begins.
+namespace matterfit::job {
+
+/// The values with velocity and spin replaced, where they are among the parameters, by those of the
+/// rigid motion through the first frames of a capture of that body (fit/initial_motion.hpp): as
+/// many frames as a ballistic flight explains. Bodies with pins stay. `scenes` one a run.
+[[nodiscard]] std::vector<double> with_initial_motion(const std::vector<FitRun>& runs,
+                                                      const std::vector<mpm::Scene>& scenes,
+                                                      const FitParameters& parameters,
+                                                      std::span<const double> values);
+
+/// Cost of each of the points; infinite where a simulation could not be completed.
+using FitCost = std::function<std::vector<double>(const std::vector<std::vector<double>>&)>;
+
+/// The best of a search along one parameter after the other, half a decade a step (friction angles
+/// 8°): stiffness, yield stress, friction angle, viscosity. Twice where there are several. `cost`
+/// is that of `values`.
+[[nodiscard]] std::vector<double> scanned(const FitParameters& parameters,
+                                          std::vector<double> values, double cost,
+                                          const FitCost& costs);
+
+}  // namespace matterfit::job

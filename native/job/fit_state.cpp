@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_state.hpp"
+
+#include "base/error.hpp"
+#include "base/file.hpp"
+#include "base/hash.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr const char* kSchemaName = "matterfit.fit-checkpoint/1";
+
+/// The shortest text that reads back as the same number: equal values give equal texts.
+std::string dump(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+Json to_json(const Eigen::VectorXd& vector) {
+  return std::vector<double>(vector.data(), vector.data() + vector.size());
+}
+
+Eigen::VectorXd to_vector(const Json& json) {
+  const auto values = json.get<std::vector<double>>();
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), Eigen::Index(values.size()));
+}
+
+Json to_json(const fit::LeastSquaresState& state) {
+  Json history = Json::array();
+  for (const fit::LeastSquaresStep& step : state.history) {
+    history.push_back({step.iteration, step.cost, step.damping, step.accepted});
+  }
+  return {{"point", to_json(state.point)},
+          {"residual", to_json(state.residual)},
+          {"cost", state.cost},
+          {"damping", state.damping},
+          {"iteration", state.iteration},
+          {"evaluations", state.evaluations},
+          {"finished", state.finished},
+          {"converged", state.converged},
+          {"reason", state.reason},
+          {"history", history}};
+}
+
+fit::LeastSquaresState to_search(const Json& json) {
+  fit::LeastSquaresState state;
+  state.point = to_vector(json.at("point"));
+  state.residual = to_vector(json.at("residual"));
+  json.at("cost").get_to(state.cost);
+  json.at("damping").get_to(state.damping);
+  json.at("iteration").get_to(state.iteration);
+  json.at("evaluations").get_to(state.evaluations);
+  json.at("finished").get_to(state.finished);
+  json.at("converged").get_to(state.converged);
+  json.at("reason").get_to(state.reason);
+  for (const Json& step : json.at("history")) {
+    state.history.push_back({step.at(0).get<int>(), step.at(1).get<double>(),
+                             step.at(2).get<double>(), step.at(3).get<bool>()});
+  }
+  return state;
+}
+
+Json to_json(const LawState& law) {
+  Json steps = Json::array();
+  for (const FitSteps& step : law.steps) steps.push_back({step.substeps, step.limit});
+  Json json = {{"law", law.law},
+               {"values", law.values},
+               {"begun", law.begun},
+               {"stage", law.stage},
+               {"repeats", law.repeats},
+               {"stage_start", law.stage_start},
+               {"steps", steps},
+               {"refinements", law.refinements},
+               {"finished", law.finished},
+               {"converged", law.converged},
+               {"reason", law.reason},
+               {"failed", law.failed},
+               {"iterations", law.iterations},
+               {"evaluations", law.evaluations},
+               {"model", law.model}};
+  if (law.search) json["search"] = to_json(*law.search);
+  return json;
+}
+
+LawState to_law(const Json& json) {
+  LawState law;
+  json.at("law").get_to(law.law);
+  json.at("values").get_to(law.values);
+  json.at("begun").get_to(law.begun);
+  json.at("stage").get_to(law.stage);
+  json.at("repeats").get_to(law.repeats);
+  json.at("stage_start").get_to(law.stage_start);
+  for (const Json& step : json.at("steps")) {
+    law.steps.push_back({step.at(0).get<std::vector<int>>(), step.at(1).get<double>()});
+  }
+  json.at("refinements").get_to(law.refinements);
+  json.at("finished").get_to(law.finished);
+  json.at("converged").get_to(law.converged);
+  json.at("reason").get_to(law.reason);
+  json.at("failed").get_to(law.failed);
+  json.at("iterations").get_to(law.iterations);
+  json.at("evaluations").get_to(law.evaluations);
+  law.model = json.at("model");
+  if (json.contains("search")) law.search = to_search(json.at("search"));
+  return law;
+}
+
+}  // namespace
+
+std::string format_fit_state(const FitState& state) {
+  Json laws = Json::array();
+  for (const LawState& law : state.laws) laws.push_back(to_json(law));
+  const Json body = {{"inputs", state.inputs},
+                     {"laws", laws},
+                     {"law", state.law},
+                     {"before", state.before},
+                     {"before_failed", state.before_failed},
+                     {"measured_before", state.measured_before},
+                     {"history", state.history},
+                     {"statements", state.statements},
+                     {"seconds", state.seconds}};
+  const Json file = {{"schema", kSchemaName},
+                     {"input_hash", state.input_hash},
+                     {"hash", hash_hex(dump(body))},
+                     {"state", body}};
+  return dump(file) + "\n";
+}
+
+std::optional<FitState> read_fit_state(const std::filesystem::path& folder,
+                                       const std::string& input_hash) {
+  if (!std::filesystem::exists(folder / kFitCheckpointPath)) return std::nullopt;
+  const auto bytes = read_file(folder / kFitCheckpointPath);
+  const Json file =
+      Json::parse(reinterpret_cast<const char*>(bytes.data()),
+                  reinterpret_cast<const char*>(bytes.data()) + bytes.size(), nullptr, false);
+  if (!file.is_object() || file.value("schema", "") != kSchemaName || !file.contains("state") ||
+      file.value("hash", "") != hash_hex(dump(file["state"]))) {
+    return std::nullopt;
+  }
+  const std::string hash = file.value("input_hash", "");
+  if (!input_hash.empty() && hash != input_hash) return std::nullopt;
+  try {
+    const Json& json = file["state"];
+    FitState state;
+    state.input_hash = hash;
+    json.at("inputs").get_to(state.inputs);
+    for (const Json& law : json.at("laws")) state.laws.push_back(to_law(law));
+    json.at("law").get_to(state.law);
+    state.before = json.at("before");
+    json.at("before_failed").get_to(state.before_failed);
+    json.at("measured_before").get_to(state.measured_before);
+    state.history = json.at("history").get<std::vector<Json>>();
+    json.at("statements").get_to(state.statements);
+    json.at("seconds").get_to(state.seconds);
+    return state;
+  } catch (const Json::exception&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace matterfit::job

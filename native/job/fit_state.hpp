@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fit/least_squares.hpp"
+#include "job/fit_model.hpp"
+#include "job/inputs.hpp"
+#include "job/json_reader.hpp"
+
+namespace matterfit::job {
+
+inline constexpr const char* kFitCheckpointPath = "fit/checkpoint.json";
+
+/// Where the fit of one law stands.
+struct LawState {
+  std::string law;
+  std::vector<double> values;  ///< physical, the best so far
+  bool begun = false;          ///< the start has been looked for
+  std::size_t stage = 0;
+  int repeats = 0;                  ///< of the last stage, with contacts resolved anew
+  std::vector<double> stage_start;  ///< contacts are resolved at these values
+  std::vector<FitSteps> steps;      ///< of the present stage
+  std::vector<int> refinements;     ///< of them, that the residuals were computed with
+  std::optional<fit::LeastSquaresState> search;
+  bool finished = false;
+  bool converged = false;
+  std::string reason;
+  std::string failed;  ///< why this law could not be fitted; else empty
+  int iterations = 0;  ///< of all stages
+  int evaluations = 0;
+  Json model;  ///< its entry of `models`, once it is done
+};
+
+/// Where a fit stands: all that the next iteration depends on.
+struct FitState {
+  std::string input_hash;
+  Inputs inputs;
+  std::vector<LawState> laws;
+  std::size_t law = 0;  ///< that is being fitted
+  Json before;          ///< errors at the start values; null: could not be simulated
+  std::string before_failed;
+  bool measured_before = false;
+  std::vector<Json> history;
+  std::vector<std::string> statements;  ///< made along the way
+  double seconds = 0.0;                 ///< spent so far
+};
+
+/// As JSON with numbers to the last bit, so that a fit that reads it goes on as if it had never
+/// been stopped. The Jacobian is left out: every iteration makes its own.
+[[nodiscard]] std::string format_fit_state(const FitState& state);
+
+/// Nothing if it is missing, damaged or of other inputs than `input_hash` (empty: of any).
+[[nodiscard]] std::optional<FitState> read_fit_state(const std::filesystem::path& folder,
+                                                     const std::string& input_hash);
+
+}  // namespace matterfit::job

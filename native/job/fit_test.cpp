@@ -1,0 +1,335 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <thread>
+
+#include "base/file.hpp"
+#include "job/fit_files.hpp"
+#include "job/fit_fixture_for_test.hpp"
+#include "job/fit_state.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+using testing::HasSubstr;
+
+std::string message_of(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "nothing was thrown";
+}
+
+/// A start that is off by a factor five, at rest.
+Json poor_start() {
+  Json document = fit_of(thrown_cube(), {"material.E", "velocity"});
+  document["scene"]["bodies"][0]["material"]["E"] = 1.5e5;
+  document["scene"]["bodies"][0]["velocity"] = {0, 0, 0};
+  return document;
+}
+
+TEST(Fit, FindsStiffnessAndVelocityInNoisyTracks) {
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    const Folder folder;
+    record(thrown_cube(), folder.path, "a", seed);
+    Json document = poor_start();
+    document["captures"][0]["holdout"] = {{"frames", {11, 14}}};
+    const Json result = run(document, folder.path);
+    const Json& fit = result["fit"];
+    EXPECT_EQ(result["status"], "done");
+    EXPECT_EQ(result["task"], "fit");
+    EXPECT_TRUE(fit["converged"].get<bool>()) << fit["reason"];
+    EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 3e4, 1.0, 0.02) << "seed " << seed;
+    EXPECT_NEAR(value_of(result, "bodies.cube.velocity[0]"), 0.8, 0.01);
+    EXPECT_NEAR(value_of(result, "bodies.cube.velocity[1]"), 0.3, 0.01);
+    EXPECT_NEAR(value_of(result, "bodies.cube.velocity[2]"), -1.5, 0.01);
+    // Errors as they should be of such noise, and one that the truth lies within.
+    const Json& stiffness = fit["parameters"][0];
+    const double error = stiffness["standard_error"].get<double>();
+    EXPECT_GT(error, 3.0);
+    EXPECT_LT(error, 600.0);
+    EXPECT_TRUE(stiffness["observable"].get<bool>());
+    EXPECT_GT(fit["noise_scale"].get<double>(), 0.7);
+    EXPECT_LT(fit["noise_scale"].get<double>(), 2.0);
+    for (const char* part : {"fitted", "held_out"}) {
+      EXPECT_LT(fit["after"][part]["mean_mm"].get<double>(), 3.0);
+      EXPECT_LT(fit["after"][part]["mean_mm"].get<double>(),
+                0.1 * fit["before"][part]["mean_mm"].get<double>());
+    }
+    EXPECT_GT(fit["history"].size(), 3U);
+  }
+}
+
+TEST(Fit, TheFittedSceneIsAJobAndTheMaterialAPreset) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  const Json result = run(poor_start(), folder.path);
+  const fs::path out = folder.path / "out";
+  for (const char* name : {"material.json", "scene.json", "fit/history.jsonl", "fit/fitted.json",
+                           "simulated.npz", "compare.npz", "result.json", "manifest.json"}) {
+    EXPECT_TRUE(fs::exists(out / name)) << name;
+  }
+  EXPECT_FALSE(fs::exists(out / kFitCheckpointPath));
+  Job scene = read_job_file(out / "scene.json");
+  EXPECT_EQ(scene.task, Task::kSimulate);
+  EXPECT_EQ(scene.output.folder, out);
+  EXPECT_EQ(scene.scene.bodies[0].material.youngs_modulus,
+            value_of(result, "bodies.cube.material.E"));
+  EXPECT_EQ(scene.scene.bodies[0].velocity.x(), value_of(result, "bodies.cube.velocity[0]"));
+  // It is what the folder holds.
+  Interrupter interrupter;
+  const Json again = run_job(scene, RunOptions{}, interrupter);
+  EXPECT_EQ(again["frames_reused"], 14);
+  const auto bytes = read_file(out / "material.json");
+  const Json material = Json::parse(reinterpret_cast<const char*>(bytes.data()),
+                                    reinterpret_cast<const char*>(bytes.data()) + bytes.size());
+  EXPECT_EQ(material["schema"], "matterfit.material/1");
+  EXPECT_EQ(material["material"]["law"], "neo_hookean");
+  EXPECT_EQ(material["material"]["E"], value_of(result, "bodies.cube.material.E"));
+  EXPECT_EQ(material["density"], 1000.0);
+  EXPECT_EQ(material["provenance"]["captures"][0]["name"], "a");
+  EXPECT_TRUE(inspect_folder(out)["faults"].empty());
+  std::ifstream history(out / "fit/history.jsonl");
+  std::string line;
+  std::size_t lines = 0;
+  while (std::getline(history, line)) {
+    EXPECT_EQ(Json::parse(line), result["fit"]["history"][lines]);
+    ++lines;
+  }
+  EXPECT_EQ(lines, result["fit"]["history"].size());
+  // A fit that is done is not done again.
+  EXPECT_EQ(bits(run(poor_start(), folder.path)), bits(result));
+}
+
+TEST(Fit, NeverSeesWhatIsHeldOut) {
+  const auto fitted = [](const std::string& name, const std::function<void(Json&)>& hold,
+                         const std::function<bool(std::size_t, std::size_t)>& is_held) {
+    std::string first;
+    for (const bool garbage : {false, true}) {
+      const Folder folder;
+      record(thrown_cube(), folder.path, "a", 1);
+      if (garbage) {
+        auto positions =
+            capture::read_npz(folder.path / "a.npz").at("positions").doubles("positions");
+        std::mt19937_64 generator(7);
+        std::normal_distribution<double> normal(0.0, 1.0);
+        for (std::size_t k = 0; k < positions.size(); ++k) {
+          if (is_held(k / 3 / 64, k / 3 % 64)) positions[k] = normal(generator);
+        }
+        write_tracks(folder.path / "a.npz", positions, 14, 24);
+      }
+      Json document = poor_start();
+      document["captures"][0].erase("noise");  // its estimate must not see it either
+      hold(document["captures"][0]["holdout"]);
+      const std::string found = bits(run(document, folder.path));
+      if (garbage) {
+        EXPECT_EQ(found, first) << name;
+      } else {
+        first = found;
+      }
+    }
+  };
+  fitted(
+      "frames",
+      [](Json& holdout) {
+        holdout = {{"frames", {10, 14}}};
+      },
+      [](std::size_t t, std::size_t) { return t >= 10; });
+  fitted(
+      "tracks",
+      [](Json& holdout) {
+        holdout = {{"tracks", {0, 5, 63}}};
+      },
+      [](std::size_t, std::size_t i) { return i == 0 || i == 5 || i == 63; });
+}
+
+/// Cancels when the progress says `label`.
+Json cancelled_at(const Json& document, const fs::path& folder, const std::string& label) {
+  Interrupter interrupter;
+  const Job job = job_of(document, folder);
+  std::thread watcher([&] {
+    while (interrupter.progress().label.find(label) == std::string::npos &&
+           !interrupter.cancelled()) {
+      std::this_thread::yield();
+    }
+    interrupter.cancel();
+  });
+  RunOptions options;
+  options.threads = 1;
+  Json result;
+  try {
+    result = run_job(job, options, interrupter);
+  } catch (const Error& error) {
+    result = {{"status", error.what()}};
+  }
+  interrupter.cancel();
+  watcher.join();
+  return result;
+}
+
+TEST(Fit, GoesOnToTheSameBitsWithAnyNumberOfThreads) {
+  const Folder whole;
+  record(thrown_cube(), whole.path, "a", 1);
+  const Json unbroken = run(poor_start(), whole.path, 1);
+  for (const char* label :
+       {"looking for a start", "frames 1-6, iteration", "frames 1-13, iteration"}) {
+    const Folder folder;
+    fs::copy(whole.path / "a.npz", folder.path / "a.npz");
+    const Json broken = cancelled_at(poor_start(), folder.path, label);
+    ASSERT_EQ(broken["status"], "cancelled") << label;
+    EXPECT_EQ(broken["exit_status"], 130);
+    for (const char* name : {"material.json", "scene.json", "result.json"}) {
+      EXPECT_TRUE(fs::exists(folder.path / "out" / name)) << name;
+    }
+    EXPECT_TRUE(fs::exists(folder.path / "out" / kFitCheckpointPath)) << label;
+    (void)read_job_file(folder.path / "out/scene.json");
+    const Json resumed = run(poor_start(), folder.path, 2);
+    EXPECT_EQ(bits(resumed), bits(unbroken)) << label;
+    EXPECT_EQ(resumed["fit"]["history"], unbroken["fit"]["history"]);
+    EXPECT_EQ(resumed["result_hash"], unbroken["result_hash"]);
+  }
+}
+
+TEST(Fit, TheStateIsKeptToTheLastBit) {
+  FitState state;
+  state.input_hash = "abc";
+  LawState law;
+  law.law = "neo_hookean";
+  law.values = {1.0 / 3.0, 1e-300, 12345.678901234567};
+  law.steps = {{{7, 8}, 2.0 / 7.0}};
+  law.search.emplace();
+  law.search->point = Eigen::Vector3d(0.1, -0.2, 1e10 / 3.0);
+  law.search->residual = Eigen::Vector2d(1.0 / 3.0, -0.0);
+  law.search->cost = 0.1 + 0.2;
+  law.search->history = {{1, 0.3, 1e-2, true}};
+  state.laws = {law};
+  const Folder folder;
+  write_file(folder.path / kFitCheckpointPath, format_fit_state(state));
+  const auto read = read_fit_state(folder.path, "abc");
+  ASSERT_TRUE(read);
+  EXPECT_EQ(read->laws[0].values, law.values);
+  EXPECT_EQ(read->laws[0].search->point, law.search->point);
+  EXPECT_EQ(read->laws[0].search->cost, law.search->cost);
+  EXPECT_TRUE(std::signbit(read->laws[0].search->residual[1]));
+  EXPECT_EQ(format_fit_state(*read), format_fit_state(state));
+  EXPECT_FALSE(read_fit_state(folder.path, "abd"));
+  std::string damaged = format_fit_state(state);
+  damaged[damaged.find("12345")] = '2';
+  write_file(folder.path / kFitCheckpointPath, damaged);
+  EXPECT_FALSE(read_fit_state(folder.path, "abc"));
+}
+
+TEST(Fit, OtherInputsAreRefusedUntilRestart) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  (void)run(poor_start(), folder.path);
+  Json document = poor_start();
+  document["captures"][0]["holdout"] = {{"frames", {12, 14}}};
+  EXPECT_THAT(message_of([&] { (void)run(document, folder.path); }),
+              HasSubstr("captures[0].holdout.frames[0]: 12.0, was not there"));
+  const Json result = run(document, folder.path, 2, Restart::kAlways);
+  EXPECT_EQ(result["status"], "done");
+  EXPECT_EQ(result["fit"]["after"]["held_out"]["samples"], 128);
+}
+
+TEST(Fit, SaysWhatNothingObserves) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  Json document = fit_of(thrown_cube(), {"material.E", "colliders.wall.contact.mu"});
+  document["scene"]["colliders"].push_back(
+      {{"name", "wall"}, {"shape", "plane"}, {"point", {9, 0, 0}}, {"normal", {-1, 0, 0}}});
+  const Json fit = run(document, folder.path)["fit"];
+  EXPECT_TRUE(fit["parameters"][0]["observable"].get<bool>());
+  EXPECT_FALSE(fit["parameters"][1]["observable"].get<bool>());
+  EXPECT_TRUE(fit["parameters"][1]["standard_error"].is_null());
+  EXPECT_THAT(fit["parameters"][1]["statement"].get<std::string>(), HasSubstr("not observable"));
+  EXPECT_THAT(fit["statements"].dump(), HasSubstr("not observable"));
+}
+
+TEST(Fit, RefusesWhatCannotBeFitted) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  const auto refusal = [&](const std::function<void(Json&)>& change) {
+    Json document = poor_start();
+    document["output"]["folder"] = "refused";
+    change(document);
+    const std::string message = message_of([&] { (void)run(document, folder.path); });
+    EXPECT_FALSE(fs::exists(folder.path / "refused")) << message;
+    return message;
+  };
+  EXPECT_THAT(refusal([](Json& d) { d.erase("fit"); }), HasSubstr("'fit' is missing"));
+  EXPECT_THAT(refusal([](Json& d) { d.erase("captures"); }),
+              HasSubstr("captures: a fit needs at least one capture"));
+  EXPECT_THAT(refusal([](Json& d) { d["captures"][0]["noise"] = 0; }),
+              HasSubstr("captures[0].noise is 0: every sample would count infinitely much"));
+  EXPECT_THAT(refusal([](Json& d) {
+                d["captures"][0]["holdout"] = {{"capture", true}};
+              }),
+              HasSubstr("nothing is left to fit to"));
+  EXPECT_THAT(refusal([](Json& d) {
+                d["captures"][0]["holdout"] = {{"frames", {1, 14}}};
+              }),
+              HasSubstr("nothing is left to fit to"));
+  EXPECT_THAT(refusal([](Json& d) {
+                d["captures"][0]["holdout"] = {{"frames", {2, 14}}};
+              }),
+              HasSubstr("only 1 frame of it is left"));
+  EXPECT_THAT(refusal([](Json& d) {
+                d["captures"][0]["holdout"] = {{"frames", {0, 4}}};
+              }),
+              HasSubstr("captures[0].holdout.frames: holds out the first frames"));
+  EXPECT_THAT(refusal([](Json& d) {
+                d["captures"][0]["transform"] = {{"position", {0, 0, 2}}};
+              }),
+              HasSubstr("Is it a capture of another body?"));
+  EXPECT_THAT(refusal([](Json& d) {
+                d["fit"]["parameters"] = {{{"path", "material.E"}, {"bounds", {1e3, 1e4}}}};
+              }),
+              HasSubstr("fit.parameters[0]: bodies.cube.material.E starts at 150000, outside"));
+}
+
+TEST(Fit, StatesWhatIsOddAboutACapture) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  Json document = fit_of(thrown_cube(), {"material.E"});
+  // Points off the body, by less than another body's would be.
+  document["scene"]["particle_separation"] = 0.025;
+  document["captures"][0]["transform"] = {{"position", {0, 0.1, 0}}};
+  document["captures"][0]["holdout"] = {{"frames", {40, 50}}};
+  document["captures"][0].erase("noise");
+  document["fit"]["iterations"] = 1;
+  const std::string statements = run(document, folder.path)["fit"]["statements"].dump();
+  EXPECT_THAT(statements, HasSubstr("farther than two particle separations"));
+  EXPECT_THAT(statements, HasSubstr("no sample lies in the frames [40, 50)"));
+  EXPECT_THAT(statements, HasSubstr("its own estimate is"));
+}
+
+TEST(Fit, FramesOutOfOrderAndPositionsThatAreNone) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  capture::Arrays arrays = capture::read_npz(folder.path / "a.npz");
+  auto times = arrays.at("times").doubles("times");
+  auto positions = arrays.at("positions").doubles("positions");
+  std::swap(times[3], times[4]);
+  arrays["times"] = capture::Array({14}, times);
+  capture::write_npz(folder.path / "a.npz", arrays);
+  EXPECT_THAT(message_of([&] { (void)run(poor_start(), folder.path); }),
+              HasSubstr("Sort the frames by time"));
+  // Without marks of visibility NaN means that the point was not seen.
+  for (std::size_t k = 0; k < 3; ++k) positions[3 * (5 * 64 + 7) + k] = std::nan("");
+  write_tracks(folder.path / "a.npz", positions, 14, 24);
+  const Json result = run(poor_start(), folder.path);
+  EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 3e4, 1.0, 0.02);
+  EXPECT_THAT(result["notes"].dump(), HasSubstr("of the samples are missing"));
+}
+
+}  // namespace
+}  // namespace matterfit::job

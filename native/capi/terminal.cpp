@@ -108,7 +108,8 @@ std::string summary(const Json& result) {
     if (!result.contains(key)) return "";
     return result[key].is_string() ? result[key].get<std::string>() : result[key].dump();
   };
-  line(fmt::format("{}: frames {} in {}", field("task"), field("frames"), field("folder")));
+  line(fmt::format("{}: {}{}in {}", field("task"), result.contains("frames") ? "frames " : "",
+                   result.contains("frames") ? field("frames") + " " : "", field("folder")));
   if (result.contains("particles")) {
     line(fmt::format("particles {}, dt {} s, substeps {}", field("particles"), field("dt"),
                      field("substeps")));
@@ -142,6 +143,8 @@ std::string summary(const Json& result) {
                        compare.at("name").get<std::string>(), compare.at("mean_mm").get<double>(),
                        compare.at("mean_percent").get<double>(),
                        compare.at("p95_mm").get<double>()));
+      constexpr std::size_t kMostPoints = 24;
+      if (compare.at("points").size() > kMostPoints) continue;
       for (const Json& point : compare.at("points")) {
         if (!point.contains("mean_mm")) continue;
         line(fmt::format("  {:12s} mean {:.3f} mm, 95th percentile {:.3f} mm, worst {:.3f} mm",
@@ -163,7 +166,7 @@ std::string summary(const Json& result) {
              ? "every file is as it was written"
              : fmt::format("{} files are not as they were written", result["faults"].size()));
   }
-  line("result hash " + field("result_hash"));
+  if (result.contains("result_hash")) line("result hash " + field("result_hash"));
   return text;
 }
 

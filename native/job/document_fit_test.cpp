@@ -38,7 +38,8 @@ std::vector<std::string> paths(const Json& parameters) {
   Json json = document();
   json["fit"]["parameters"] = parameters;
   std::vector<std::string> result;
-  for (const FitParameterDoc& parameter : read(json).fit->parameters) {
+  const Job job = read(json);
+  for (const FitParameterDoc& parameter : job.fit->parameters) {
     result.push_back(parameter.path.text());
   }
   return result;

@@ -70,6 +70,12 @@ struct FilledBody {
 [[nodiscard]] FilledBody fill_points(const Points& points, const FillOptions& options,
                                      double total_volume = 0.0);
 
+/// The body whose particles are `points`, filled with a regular lattice: their closed hull, as the
+/// volume of fill_points, by fill_mesh. Points that form a lattice along `axes` stay as they are.
+/// For bodies whose grid is made of the rest shape, which irregular points leave with nearly empty
+/// cells.
+[[nodiscard]] FilledBody fill_hull(const Points& points, const FillOptions& options);
+
 /// Gaussian splats in plain arrays, equally many of each.
 struct GaussianArrays {
   Points centres;                 ///< [m]

@@ -166,8 +166,8 @@ struct Balls {
   }
 };
 
-/// Volume of the body whose particles are `points` about `spacing` apart.
-double closed_volume(const Points& points, double spacing) {
+/// Surface of the body whose particles are `points` about `spacing` apart.
+Mesh closed_hull(const Points& points, double spacing) {
   const double voxel = 0.25 * spacing;
   const double radius = 1.5 * spacing;
   auto grid = openvdb::createLevelSet<FloatGrid>(voxel, 3.0);
@@ -178,7 +178,7 @@ double closed_volume(const Points& points, double spacing) {
     raster.finalize(true);
   });
   const Mesh grown = surface_of(*grid, 0.0, false);
-  return enclosed_volume(offset_surface(grown, 0.5 * spacing - radius, voxel, false));
+  return offset_surface(grown, 0.5 * spacing - radius, voxel, false);
 }
 
 void check_gaussians(const GaussianArrays& splats, const GaussianFillOptions& options) {
@@ -315,7 +315,7 @@ FilledBody fill_points(const Points& points, const FillOptions& options, double 
     body.volume = static_cast<double>(points.size()) * apart * apart * apart;
     source = "of their lattice";
   } else {
-    body.volume = closed_volume(points, apart);
+    body.volume = enclosed_volume(closed_hull(points, apart));
     source = "estimated from their hull";
     if (!(body.volume > 0)) {
       throw_input("Points to fill: they enclose no volume; give the body's volume.");
@@ -326,6 +326,17 @@ FilledBody fill_points(const Points& points, const FillOptions& options, double 
       "{} imported points are the particles, about {:.4g} m apart{}; volume "
       "{:.6g} m³ ({}).",
       points.size(), apart, lattice ? " on a regular lattice" : "", body.volume, source);
+  return body;
+}
+
+FilledBody fill_hull(const Points& points, const FillOptions& options) {
+  FilledBody cloud = fill_points(points, options);
+  if (cloud.lattice.regular) return cloud;
+  const Mesh hull = closed_hull(points, cloud.lattice.spacing);
+  FilledBody body = fill_mesh(hull, options);
+  body.report = fmt::format("The hull of {} imported points about {:.4g} m apart: ", points.size(),
+                            cloud.lattice.spacing) +
+                body.report;
   return body;
 }
 

@@ -54,6 +54,25 @@ TEST(FillPoints, JitteredBallHasTheBallsVolume) {
   EXPECT_NEAR(sum(given.volumes), 2.0, 1e-9);
 }
 
+TEST(FillHull, OfIrregularPointsIsALatticeOfTheirBody) {
+  FillOptions options = at(0.05);
+  options.jitter = true;
+  const auto source = fill_sphere(Vec3d(3, 0, 0), 0.5, options);
+  const auto body = fill_hull(source.positions, at(0.05));
+  const double volume = 4.0 / 3.0 * std::numbers::pi * 0.125;
+  EXPECT_TRUE(body.lattice.regular);
+  EXPECT_DOUBLE_EQ(body.lattice.spacing, 0.05);
+  EXPECT_NEAR(sum(body.volumes), volume, 0.06 * volume);
+  for (const Vec3d& x : body.positions) EXPECT_LT((x - Vec3d(3, 0, 0)).norm(), 0.55);
+  EXPECT_THAT(body.report, HasSubstr("hull"));
+}
+
+TEST(FillHull, LeavesALatticeAsItIs) {
+  const auto source = fill_box(Vec3d::Zero(), Vec3d(0.4, 0.2, 0.2), at(0.05));
+  const auto body = fill_hull(source.positions, at(0.1));
+  EXPECT_EQ(body.positions, source.positions);
+}
+
 TEST(FillPoints, Refusals) {
   EXPECT_THROW((void)fill_points({Vec3d::Zero()}, at(0.1)), Error);
   EXPECT_THROW((void)fill_points(Points(10, Vec3d::Zero()), at(0.1)), Error);

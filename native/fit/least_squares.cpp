@@ -175,12 +175,20 @@ void check_size(const LeastSquaresState& state, std::size_t parameters) {
                   state.point.size(), parameters));
 }
 
+/// Where a Jacobian comes from, in the order in which they are tried.
+enum class Slopes : std::uint8_t { kStandIn, kKept, kOneSided, kCentral };
+
+/// A Jacobian is used again after a step that gained at least this part of what it promised.
+constexpr double kKeeps = 0.5;
+/// One that was taken farther from the point than this, in scales, does not end the search.
+constexpr double kNear = 0.05;
+
 /// Tries ever shorter steps until one is accepted.
 enum class Outcome : std::uint8_t { kAccepted, kRough, kFailed };
 
 Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
                   const LeastSquaresOptions& options, const Model& model, const Box& bounds,
-                  LeastSquaresState& state) {
+                  LeastSquaresState& state, bool& good) {
   const Box room = room_around(parameters, bounds, state.point);
   const VectorXd full = damped_step(model, kLeastDamping, room);
   double damping = std::max(state.damping, kLeastDamping);
@@ -199,6 +207,7 @@ Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
     if (cost < state.cost) {
       const double before = state.cost;
       const double gain = (before - cost) / predicted;
+      good = trial == 0 && gain > kKeeps;
       state.point = point;
       state.residual = std::move(*result.front());
       state.cost = cost;
@@ -237,6 +246,51 @@ Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
   return failed ? Outcome::kFailed : Outcome::kRough;
 }
 
+/// Makes state.jacobian, and what else of the state there is not yet.
+void linearise_at(Problem& problem, const std::vector<Parameter>& parameters,
+                  const LeastSquaresOptions& options, Slopes slopes, LeastSquaresState& state) {
+  const Box bounds = natural_bounds(parameters);
+  const bool fresh = state.residual.size() == 0;
+  const bool central = slopes == Slopes::kCentral;
+  const auto take = [&](Differences found, bool with_residual) {
+    state.evaluations += found.evaluations;
+    if (with_residual) state.residual = std::move(found.residual);
+    state.jacobian = std::move(found.jacobian);
+    state.unknown = std::move(found.unknown);
+  };
+  const auto differ = [&](Problem& of, const VectorXd& point, const VectorXd& residual) {
+    return differences(of, parameters, bounds, point, residual, options.difference, central);
+  };
+  if (slopes == Slopes::kStandIn) {
+    if (fresh) {
+      auto result = evaluate(problem, {state.point}, 0);
+      ++state.evaluations;
+      if (!result.front()) {
+        throw_compute("the fit cannot begin: the simulation could not be completed.");
+      }
+      state.residual = std::move(*result.front());
+    }
+    take(differ(*problem.stand_in(), state.point, {}), false);
+    if (state.jacobian.rows() != state.residual.size()) {
+      throw_compute("the stand-in of a fit has another number of residuals.");
+    }
+  } else if (slopes == Slopes::kKept) {
+    if (state.jacobian.size() == 0) {
+      const int evaluations = state.evaluations;
+      take(differ(problem, state.anchor, {}), false);
+      state.evaluations = evaluations;  // counted when it was first made
+    }
+  } else {
+    take(differ(problem, state.point, state.residual), true);
+  }
+  if (!fresh) return;
+  state.cost = cost_of(parameters, state.point, state.residual, options.huber);
+  if (!std::isfinite(state.cost)) {
+    throw_compute("the fit cannot begin: the residuals at the starting values are too large.");
+  }
+  state.history.push_back({state.iteration, state.cost, state.damping, true});
+}
+
 }  // namespace
 
 LeastSquares::LeastSquares(std::vector<Parameter> parameters, LeastSquaresOptions options)
@@ -270,61 +324,83 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
   check_size(state, parameters_.size());
   const Box bounds = natural_bounds(parameters_);
   LeastSquaresState next = state;
-  const auto linearise_at = [&](bool central) {
-    const bool fresh = next.residual.size() == 0;
-    Differences found = differences(problem, parameters_, bounds, next.point, next.residual,
-                                    options_.difference, central);
-    next.evaluations += found.evaluations;
-    next.residual = std::move(found.residual);
-    next.jacobian = std::move(found.jacobian);
-    next.unknown = std::move(found.unknown);
-    if (!fresh) return;
-    next.cost = cost_of(parameters_, next.point, next.residual, options_.huber);
-    if (!std::isfinite(next.cost)) {
-      throw_compute("the fit cannot begin: the residuals at the starting values are too large.");
-    }
-    next.history.push_back({next.iteration, next.cost, next.damping, true});
-  };
-
-  bool central = options_.central;
-  linearise_at(central);
-  Outcome outcome = Outcome::kRough;
+  const bool borrows = problem.stand_in() != nullptr;
+  const Slopes usual = options_.central ? Slopes::kCentral : Slopes::kOneSided;
+  Slopes slopes = usual;
+  if (borrows && !next.own) slopes = Slopes::kStandIn;
+  if (next.anchor.size() > 0 && next.residual.size() > 0) slopes = Slopes::kKept;
   for (;;) {
+    if (slopes == Slopes::kStandIn) {
+      try {
+        linearise_at(problem, parameters_, options_, slopes, next);
+      } catch (const Error& error) {
+        if (error.kind() != ErrorKind::kCompute) throw;
+        slopes = usual;
+      }
+    }
+    if (slopes != Slopes::kStandIn) {
+      next.own = borrows;
+      if (slopes != Slopes::kKept) next.anchor.resize(0);
+      linearise_at(problem, parameters_, options_, slopes, next);
+    }
     const bool all_known =
         std::all_of(next.unknown.begin(), next.unknown.end(), [](auto u) { return u == 0; });
     const Model model = model_of(parameters_, next, options_.huber);
     if (!model.hessian.allFinite()) throw_compute("the fit's residuals are too large.");
     if (next.iteration >= options_.iterations) break;
-    if (model.scaling.maxCoeff() == 0.0) {
-      finish(next, false,
-             all_known ? "Nothing that is compared changes with any of the parameters."
-                       : "The simulation could not be completed beside this point.");
-      break;
-    }
     const Box room = room_around(parameters_, bounds, next.point);
-    const double left = model.decrease(damped_step(model, kLeastDamping, room));
+    const bool still = model.scaling.maxCoeff() == 0.0;
+    const double left = still ? 0.0 : model.decrease(damped_step(model, kLeastDamping, room));
+    const VectorXd from = next.point;
+    Outcome outcome = Outcome::kRough;
+    const auto far = [&] {
+      return slopes == Slopes::kKept &&
+             relative_size(parameters_, next.point - next.anchor) > kNear;
+    };
     if (left <= options_.cost_tolerance * next.cost) {
-      finish(next, all_known,
-             all_known ? "No step would lower the cost by more than the tolerance."
-                       : "No step would lower the cost by more than the tolerance; for some "
-                         "parameters the simulation could not be completed beside this point.");
+      if (slopes == Slopes::kStandIn || far()) {
+        slopes = usual;
+        continue;
+      }
+      if (still) {
+        finish(next, false,
+               all_known ? "Nothing that is compared changes with any of the parameters."
+                         : "The simulation could not be completed beside this point.");
+      } else {
+        finish(next, all_known,
+               all_known ? "No step would lower the cost by more than the tolerance."
+                         : "No step would lower the cost by more than the tolerance; for some "
+                           "parameters the simulation could not be completed beside this point.");
+      }
+      if (borrows && slopes != Slopes::kKept) next.anchor = next.point;
       break;
     }
-    outcome = try_steps(problem, parameters_, options_, model, bounds, next);
+    bool good = false;
+    outcome = try_steps(problem, parameters_, options_, model, bounds, next, good);
     if (outcome == Outcome::kAccepted) {
       next.converged = next.converged && all_known;
+      if (slopes == Slopes::kStandIn) {
+        // Its tolerance is not that of the problem itself.
+        if (next.finished || !good) next.own = true;
+        next.finished = next.converged = false;
+        next.reason.clear();
+      } else if (borrows) {
+        if (slopes != Slopes::kKept) next.anchor = from;
+        if (far()) next.finished = next.converged = false;
+        if (!next.finished && (!good || far())) next.anchor.resize(0);
+      }
       break;
     }
     // One-sided differences are off by half their step; two-sided ones may still point downhill.
-    if (central) {
+    if (slopes == Slopes::kCentral) {
       const bool rough = outcome == Outcome::kRough;
       finish(next, rough && all_known,
              rough ? "No shorter step lowers the cost."
                    : "No shorter step could be simulated to its end.");
+      if (borrows) next.anchor = next.point;
       break;
     }
-    central = true;
-    linearise_at(central);
+    slopes = slopes == Slopes::kOneSided ? Slopes::kCentral : usual;
   }
   if (!next.finished && next.iteration >= options_.iterations) {
     finish(next, false,
@@ -335,15 +411,8 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
 
 void LeastSquares::linearise(Problem& problem, LeastSquaresState& state) const {
   check_size(state, parameters_.size());
-  Differences found = differences(problem, parameters_, natural_bounds(parameters_), state.point,
-                                  state.residual, options_.difference, true);
-  state.evaluations += found.evaluations;
-  if (state.residual.size() == 0) {
-    state.cost = cost_of(parameters_, state.point, found.residual, options_.huber);
-  }
-  state.residual = std::move(found.residual);
-  state.jacobian = std::move(found.jacobian);
-  state.unknown = std::move(found.unknown);
+  const bool kept = state.anchor.size() > 0 && state.residual.size() > 0;
+  linearise_at(problem, parameters_, options_, kept ? Slopes::kKept : Slopes::kCentral, state);
 }
 
 }  // namespace matterfit::fit

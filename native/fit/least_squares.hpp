@@ -22,6 +22,10 @@ class Problem {
   /// entries that are not observed are 0. Throws Error(kCancelled).
   virtual std::vector<std::optional<Eigen::VectorXd>> evaluate(
       const std::vector<Eigen::VectorXd>& points) = 0;
+  /// A cheaper problem with as many residuals that change with the parameters nearly as these do
+  /// (the same simulation at a coarser resolution); null: none. The Jacobian is taken from it until
+  /// that leads no farther.
+  virtual Problem* stand_in() { return nullptr; }
 };
 
 struct LeastSquaresOptions {
@@ -51,11 +55,16 @@ struct LeastSquaresState {
   int iteration = 0;  ///< steps accepted
   int evaluations = 0;
   bool finished = false;
-  bool converged = false;    ///< finished because nothing is left to gain
-  std::string reason;        ///< why it ended, a sentence
-  Eigen::MatrixXd jacobian;  ///< of the last linearisation, residuals × parameters
+  bool converged = false;  ///< finished because nothing is left to gain
+  std::string reason;      ///< why it ended, a sentence
+  bool own = false;        ///< the stand-in leads no farther: Jacobians are the problem's own
+  /// Where the Jacobian was taken that the next iteration uses again; empty: it makes its own.
+  Eigen::VectorXd anchor;
+  /// Of the last linearisation, residuals × parameters. With an anchor it goes into the next
+  /// iteration, which makes it again, to the same bits, where it is empty.
+  Eigen::MatrixXd jacobian;
   /// Parameters of that linearisation whose column is 0 because every evaluation beside the point
-  /// failed. Made anew with the Jacobian: neither goes into the next iteration.
+  /// failed. Goes with the Jacobian.
   std::vector<std::uint8_t> unknown;
   std::vector<LeastSquaresStep> history;
 };
@@ -65,8 +74,10 @@ struct LeastSquaresState {
 /// finite differences, away from a bound that is near. An evaluation that fails makes the step
 /// shorter. No step takes a logarithmic coordinate farther than a factor ten, and what the data do
 /// not know to 30 scales stays. One-sided differences end up to half their step off where the
-/// residuals are large and curved (`central` does not). References: Nocedal and Wright, Numerical
-/// Optimization, ch. 10; Madsen, Nielsen and Tingleff 2004.
+/// residuals are large and curved (`central` does not). With a stand-in its Jacobian leads to where
+/// its own gradient against the true residuals is 0; from there on the problem's own is used, and
+/// kept while steps gain what it promises. References: Nocedal and Wright, Numerical Optimization,
+/// ch. 10; Madsen, Nielsen and Tingleff 2004; space mapping: Bandler et al. 2004.
 class LeastSquares {
  public:
   LeastSquares(std::vector<Parameter> parameters, LeastSquaresOptions options);
@@ -76,7 +87,8 @@ class LeastSquares {
   /// when it converged, came to the limit of iterations, or no step helps. Throws Error(kCompute)
   /// if the starting point itself cannot be evaluated. Where it throws the state is as before.
   void iterate(Problem& problem, LeastSquaresState& state) const;
-  /// Linearises once more at `state.point` (for the covariance), with central differences.
+  /// Linearises for the covariance: where the anchor is, if there is one, else at `state.point`
+  /// with central differences.
   void linearise(Problem& problem, LeastSquaresState& state) const;
 
  private:

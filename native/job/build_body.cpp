@@ -6,6 +6,7 @@
 #include "capture/mesh.hpp"
 #include "capture/splats.hpp"
 #include "job/build_scene.hpp"
+#include "mpm/scene_check.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -24,11 +25,13 @@ capture::Mesh scaled(capture::Mesh mesh, double scale) {
 struct Shape {
   const Source& source;
   double scale;
+  bool hull;  ///< of points: their hull is filled, else they are the particles
   capture::Mesh mesh;
   Points points;
   capture::GaussianArrays gaussians;
 
-  Shape(const Source& source_in, double scale_in) : source(source_in), scale(scale_in) {
+  Shape(const Source& source_in, double scale_in, bool hull_in)
+      : source(source_in), scale(scale_in), hull(hull_in) {
     switch (source.kind) {
       case Source::Kind::kMesh:
       case Source::Kind::kCage:
@@ -56,7 +59,7 @@ struct Shape {
   [[nodiscard]] capture::FilledBody fill(const capture::FillOptions& options) const {
     switch (source.kind) {
       case Source::Kind::kPoints:
-        return capture::fill_points(points, options);
+        return hull ? capture::fill_hull(points, options) : capture::fill_points(points, options);
       case Source::Kind::kMesh:
         return capture::fill_mesh(mesh, options);
       case Source::Kind::kCage:
@@ -124,7 +127,9 @@ mpm::Body build_body(const BodyDoc& doc, const SceneDoc& scene, const std::strin
   options.jitter = doc.source.sampling == Source::Sampling::kJitter ||
                    (doc.source.sampling == Source::Sampling::kAuto && flows(doc.material.law));
   if (doc.source.anchor) options.anchor = doc.placement.scale * *doc.source.anchor;
-  const Shape shape(doc.source, doc.placement.scale);
+  const bool hull = doc.source.sampling == Source::Sampling::kLattice ||
+                    (doc.source.sampling == Source::Sampling::kAuto && mpm::is_total(body));
+  const Shape shape(doc.source, doc.placement.scale, hull);
   interrupter.check();
   capture::FilledBody filled;
   arena.execute([&] {

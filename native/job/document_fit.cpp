@@ -172,7 +172,6 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
   fit.iterations = object.integer("iterations", fit.iterations, 1, 100'000);
   fit.windows = object.boolean("windows", fit.windows);
   if (const auto levels = object.find("levels")) {
-    fit.levels.clear();
     for (const JsonValue& item : levels->items()) {
       fit.levels.push_back(item.number({1.0, kCoarsest, false, "particle separations"}));
       const std::size_t count = fit.levels.size();

@@ -34,7 +34,8 @@ struct FitDoc {
   double huber = 0.0;   ///< [standard deviations]; 0: off
   int iterations = 30;  ///< at most, a stage
   bool windows = true;
-  std::vector<double> levels{1.0};  ///< particle separations as multiples of the scene's
+  /// Particle separations as multiples of the scene's, coarse first; empty: as many as pay.
+  std::vector<double> levels;
 };
 
 }  // namespace matterfit::job

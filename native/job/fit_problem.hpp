@@ -32,6 +32,9 @@ class FitProblem final : public fit::Problem {
 
   std::vector<std::optional<Eigen::VectorXd>> evaluate(
       const std::vector<Eigen::VectorXd>& points) override;
+  fit::Problem* stand_in() override { return stand_in_; }
+  /// Borrowed: the same captures against a coarser model.
+  void set_stand_in(FitProblem* problem) { stand_in_ = problem; }
 
   /// Told the fraction of a batch that is done.
   std::function<void(double)> progress;
@@ -73,6 +76,7 @@ class FitProblem final : public fit::Problem {
   std::vector<fit::Parameter> parameters_;
   FitDoc::Loss loss_;
   FitWindow window_;
+  FitProblem* stand_in_ = nullptr;
   std::vector<Part> parts_;
   int evaluations_ = 0;
   std::vector<std::pair<Eigen::VectorXd, double>> seen_;

@@ -9,6 +9,7 @@
 #include "base/error.hpp"
 #include "fit/metrics.hpp"
 #include "job/build_scene.hpp"
+#include "job/fit_levels.hpp"
 #include "job/fit_start.hpp"
 
 namespace matterfit::job {
@@ -29,6 +30,8 @@ constexpr double kLeash = 2.0;
 /// A contact's default stiffness that has changed by more than this is resolved anew.
 constexpr double kContactChange = 1.05;
 constexpr int kMostRepeats = 3;
+/// What a stage that is led by a coarser one takes of the time that it would take alone, about.
+constexpr double kLedShare = 0.3;
 
 std::string print(const char* format, double value) {
   char text[40];
@@ -49,6 +52,7 @@ struct LawFit::Context {
   int repeats;
   FitProblem problem;
   fit::LeastSquares search;
+  std::optional<FitProblem> stand_in;
 };
 
 LawFit::LawFit(FitSetup setup, const Interrupter& interrupter, std::vector<std::string>& statements)
@@ -72,21 +76,14 @@ LawFit::LawFit(FitSetup setup, const Interrupter& interrupter, std::vector<std::
   parameters_ = std::make_unique<FitParameters>(setup_.parameters, scenes);
 
   std::vector<double> levels = setup_.fit->levels;
-  const bool imported = std::any_of(setup_.jobs.begin(), setup_.jobs.end(), [](const Job& job) {
-    return std::any_of(job.scene.bodies.begin(), job.scene.bodies.end(),
-                       [](const auto& body) { return body.source.kind == Source::Kind::kPoints; });
-  });
-  if (levels.size() > 1 && imported) {
-    levels = {1.0};
-    statements_.emplace_back(
-        "fit.levels: a body is made of imported points, which have one resolution; coarser levels "
-        "were left out.");
-  }
+  if (levels.empty()) levels = usual_levels(scenes_);
   const std::vector<FitWindow> windows = fit_windows(runs, setup_.fit->windows);
   for (std::size_t l = 0; l < levels.size(); ++l) {
     for (std::size_t w = l == 0 ? 0 : windows.size() - 1; w < windows.size(); ++w) {
       Stage stage;
       stage.level = levels[l];
+      // Clouds have another number of points at another level.
+      if (l > 0 && setup_.fit->loss == FitDoc::Loss::kTracks) stage.stand_in = levels[l - 1];
       stage.window = windows[w];
       stage.last = l + 1 == levels.size() && w + 1 == windows.size();
       stage.name = "frames " + std::to_string(windows[w].first_frame) + "-" +
@@ -109,15 +106,13 @@ LawState LawFit::start() const {
 }
 
 FitModel& LawFit::model(double level) {
-  if (model_ && model_level_ == level) return *model_;
-  context_.reset();
+  std::unique_ptr<FitModel>& model = models_[level];
+  if (model) return *model;
   std::vector<mpm::Scene> scenes = scenes_;
   if (level != 1.0) {
     Arena arena(setup_.threads);
     for (std::size_t r = 0; r < scenes.size(); ++r) {
-      Job job = setup_.jobs[r];
-      job.scene.particle_separation *= level;
-      scenes[r] = build_scene(job, arena, interrupter_).scene;
+      scenes[r] = scene_at_level(setup_.jobs[r], level, arena, interrupter_);
     }
   }
   FitModel::Options options;
@@ -125,10 +120,9 @@ FitModel& LawFit::model(double level) {
   options.target = setup_.target;
   options.threads = setup_.threads;
   options.memory_limit_gb = setup_.jobs.front().scene.solver.memory_limit_gb;
-  model_ = std::make_unique<FitModel>(*setup_.runs, std::move(scenes), *parameters_, options,
-                                      interrupter_);
-  model_level_ = level;
-  return *model_;
+  model = std::make_unique<FitModel>(*setup_.runs, std::move(scenes), *parameters_, options,
+                                     interrupter_);
+  return *model;
 }
 
 void LawFit::tell(const LawState& state, const std::string& stage, double part, double rms) const {
@@ -137,8 +131,10 @@ void LawFit::tell(const LawState& state, const std::string& stage, double part, 
   double before = 0.0;
   double all = 0.0;
   for (std::size_t s = 0; s < stages_.size(); ++s) {
-    const double weight = (stages_[s].window.last_frame - stages_[s].window.first_frame + 1) /
-                          std::pow(stages_[s].level, 4.0) * (stages_[s].last ? 2.0 : 1.0);
+    double weight = (stages_[s].window.last_frame - stages_[s].window.first_frame + 1) /
+                    std::pow(stages_[s].level, 4.0);
+    if (stages_[s].last) weight *= 2.0;
+    if (stages_[s].stand_in) weight *= kLedShare;
     if (s < state.stage) before += weight;
     all += weight;
     if (s == state.stage && state.search) {
@@ -212,12 +208,16 @@ std::vector<fit::Parameter> LawFit::stage_parameters(const LawState& state) cons
 
 LawFit::Context& LawFit::context(const LawState& state) {
   const Stage& stage = stages_[state.stage];
-  FitModel& at_level = model(stage.level);
   if (context_ && context_->stage == state.stage && context_->repeats == state.repeats) {
     return *context_;
   }
-  at_level.freeze_contacts(state.stage_start);
-  at_level.set_steps(state.steps);
+  const auto settled = [&](double level, const std::vector<FitSteps>& steps) -> FitModel& {
+    FitModel& at_level = model(level);
+    at_level.freeze_contacts(state.stage_start);
+    at_level.set_steps(steps);
+    return at_level;
+  };
+  FitModel& at_level = settled(stage.level, state.steps);
   const std::vector<fit::Parameter> parameters = stage_parameters(state);
   fit::LeastSquaresOptions options;
   options.iterations = setup_.fit->iterations;
@@ -227,23 +227,36 @@ LawFit::Context& LawFit::context(const LawState& state) {
     options.step_tolerance = kCoarseStep;
     options.cost_tolerance = kCoarseCost;
   }
-  context_ = std::make_unique<Context>(
-      Context{state.stage, state.repeats,
-              FitProblem(at_level, *setup_.runs, parameters, setup_.fit->loss, stage.window),
-              fit::LeastSquares(parameters, options)});
+  const auto problem = [&](const FitModel& of) {
+    return FitProblem(of, *setup_.runs, parameters, setup_.fit->loss, stage.window);
+  };
+  context_ =
+      std::make_unique<Context>(Context{state.stage, state.repeats, problem(at_level),
+                                        fit::LeastSquares(parameters, options), std::nullopt});
+  if (stage.stand_in && !state.stand_in_steps.empty()) {
+    context_->stand_in.emplace(problem(settled(*stage.stand_in, state.stand_in_steps)));
+    context_->problem.set_stand_in(&*context_->stand_in);
+  }
   return *context_;
+}
+
+std::optional<std::vector<FitSteps>> LawFit::fix(FitModel& model, LawState& state,
+                                                 const FitWindow& window) {
+  model.freeze_contacts(state.values);
+  const auto outcome = model.evaluate({state.values}, {window.until, true}).front();
+  ++state.evaluations;
+  if (!outcome) return std::nullopt;
+  return model.steps_of(state.values, *outcome);
 }
 
 void LawFit::set_stage(LawState& state) {
   const Stage& stage = stages_[state.stage];
-  FitModel& at_level = model(stage.level);
   context_.reset();
   tell(state, stage.name, 0.0, std::numeric_limits<double>::quiet_NaN());
-  at_level.freeze_contacts(state.values);
-  const auto outcome = at_level.evaluate({state.values}, {stage.window.until, true}).front();
-  ++state.evaluations;
-  if (!outcome) {
-    const std::string why = "The simulation could not be completed: " + at_level.failure();
+  const auto steps = fix(model(stage.level), state, stage.window);
+  if (!steps) {
+    const std::string why =
+        "The simulation could not be completed: " + model(stage.level).failure();
     if (state.stage == 0 && state.repeats == 0) {
       throw_compute("the fit cannot begin at these values. " + why);
     }
@@ -252,8 +265,14 @@ void LawFit::set_stage(LawState& state) {
     state.reason = "Stopped before the stage " + stage.name + ". " + why;
     return;
   }
+  state.steps = *steps;
+  state.stand_in_steps.clear();
+  if (stage.stand_in) {
+    if (auto coarse = fix(model(*stage.stand_in), state, stage.window)) {
+      state.stand_in_steps = std::move(*coarse);
+    }
+  }
   state.stage_start = state.values;
-  state.steps = at_level.steps_of(state.values, *outcome);
   state.refinements.clear();
   state.search = context(state).search.start();
 }
@@ -339,10 +358,16 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
 }
 
 void LawFit::settle(LawState& state) {
-  model_->settle(context(state).problem.physical(state.search->point));
+  const Stage& stage = stages_[state.stage];
+  const std::vector<double> values = context(state).problem.physical(state.search->point);
+  FitModel& at_level = model(stage.level);
+  at_level.settle(values);
+  if (context(state).stand_in) model(*stage.stand_in).settle(values);
+  if (state.refinements == at_level.refinements()) return;
   // With other substeps the residuals are not quite the same.
-  if (state.refinements != model_->refinements()) state.search->residual.resize(0);
-  state.refinements = model_->refinements();
+  state.refinements = at_level.refinements();
+  state.search->residual.resize(0);
+  state.search->anchor.resize(0);
 }
 
 fit::Uncertainty LawFit::uncertainty(const LawState& state) {

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -35,8 +37,8 @@ struct FitReport {
 
 /// The fit of one law, one step at a time: the initial motion in closed form and a scan for the
 /// stiffness where the start is poor; then windows that grow, at the coarsest level; then the whole
-/// clip, level by level to the finest. In each stage Levenberg–Marquardt with contacts and
-/// substeps held.
+/// clip, level by level to the finest, each led by the Jacobian of the one before. In each stage
+/// Levenberg–Marquardt with contacts and substeps held.
 class LawFit {
  public:
   /// Builds the scenes at the document's resolution. Throws Error(kInput), Error(kCancelled).
@@ -72,6 +74,7 @@ class LawFit {
   struct Stage {
     std::string name;
     double level = 1.0;
+    std::optional<double> stand_in;  ///< the level that Jacobians come from at first
     FitWindow window;
     bool last = false;
   };
@@ -82,6 +85,9 @@ class LawFit {
   void end_stage(LawState& state);
   void settle(LawState& state);
   FitModel& model(double level);
+  /// Fixes contacts and substeps of a level at the start of a stage; nothing if it cannot be run.
+  [[nodiscard]] std::optional<std::vector<FitSteps>> fix(FitModel& model, LawState& state,
+                                                         const FitWindow& window);
   Context& context(const LawState& state);
   [[nodiscard]] std::vector<fit::Parameter> stage_parameters(const LawState& state) const;
   void tell(const LawState& state, const std::string& stage, double part, double rms) const;
@@ -92,8 +98,7 @@ class LawFit {
   std::vector<mpm::Scene> scenes_;
   std::unique_ptr<FitParameters> parameters_;
   std::vector<Stage> stages_;
-  std::unique_ptr<FitModel> model_;
-  double model_level_ = 0.0;
+  std::map<double, std::unique_ptr<FitModel>> models_;  ///< by level
   std::unique_ptr<Context> context_;
 };
 

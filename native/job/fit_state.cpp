@@ -38,6 +38,8 @@ Json to_json(const fit::LeastSquaresState& state) {
           {"finished", state.finished},
           {"converged", state.converged},
           {"reason", state.reason},
+          {"own", state.own},
+          {"anchor", to_json(state.anchor)},
           {"history", history}};
 }
 
@@ -52,6 +54,8 @@ fit::LeastSquaresState to_search(const Json& json) {
   json.at("finished").get_to(state.finished);
   json.at("converged").get_to(state.converged);
   json.at("reason").get_to(state.reason);
+  json.at("own").get_to(state.own);
+  state.anchor = to_vector(json.at("anchor"));
   for (const Json& step : json.at("history")) {
     state.history.push_back({step.at(0).get<int>(), step.at(1).get<double>(),
                              step.at(2).get<double>(), step.at(3).get<bool>()});
@@ -59,16 +63,29 @@ fit::LeastSquaresState to_search(const Json& json) {
   return state;
 }
 
-Json to_json(const LawState& law) {
+Json to_json(const std::vector<FitSteps>& all) {
   Json steps = Json::array();
-  for (const FitSteps& step : law.steps) steps.push_back({step.substeps, step.limit});
+  for (const FitSteps& step : all) steps.push_back({step.substeps, step.limit});
+  return steps;
+}
+
+std::vector<FitSteps> to_steps(const Json& json) {
+  std::vector<FitSteps> steps;
+  for (const Json& step : json) {
+    steps.push_back({step.at(0).get<std::vector<int>>(), step.at(1).get<double>()});
+  }
+  return steps;
+}
+
+Json to_json(const LawState& law) {
   Json json = {{"law", law.law},
                {"values", law.values},
                {"begun", law.begun},
                {"stage", law.stage},
                {"repeats", law.repeats},
                {"stage_start", law.stage_start},
-               {"steps", steps},
+               {"steps", to_json(law.steps)},
+               {"stand_in_steps", to_json(law.stand_in_steps)},
                {"refinements", law.refinements},
                {"finished", law.finished},
                {"converged", law.converged},
@@ -89,9 +106,8 @@ LawState to_law(const Json& json) {
   json.at("stage").get_to(law.stage);
   json.at("repeats").get_to(law.repeats);
   json.at("stage_start").get_to(law.stage_start);
-  for (const Json& step : json.at("steps")) {
-    law.steps.push_back({step.at(0).get<std::vector<int>>(), step.at(1).get<double>()});
-  }
+  law.steps = to_steps(json.at("steps"));
+  law.stand_in_steps = to_steps(json.at("stand_in_steps"));
   json.at("refinements").get_to(law.refinements);
   json.at("finished").get_to(law.finished);
   json.at("converged").get_to(law.converged);

@@ -21,10 +21,11 @@ struct LawState {
   std::vector<double> values;  ///< physical, the best so far
   bool begun = false;          ///< the start has been looked for
   std::size_t stage = 0;
-  int repeats = 0;                  ///< of the last stage, with contacts resolved anew
-  std::vector<double> stage_start;  ///< contacts are resolved at these values
-  std::vector<FitSteps> steps;      ///< of the present stage
-  std::vector<int> refinements;     ///< of them, that the residuals were computed with
+  int repeats = 0;                       ///< of the last stage, with contacts resolved anew
+  std::vector<double> stage_start;       ///< contacts are resolved at these values
+  std::vector<FitSteps> steps;           ///< of the present stage
+  std::vector<FitSteps> stand_in_steps;  ///< of the coarser level that leads it; empty: none
+  std::vector<int> refinements;          ///< of `steps`, that the residuals were computed with
   std::optional<fit::LeastSquaresState> search;
   bool finished = false;
   bool converged = false;
@@ -50,7 +51,7 @@ struct FitState {
 };
 
 /// As JSON with numbers to the last bit, so that a fit that reads it goes on as if it had never
-/// been stopped. The Jacobian is left out: every iteration makes its own.
+/// been stopped. The Jacobian is left out: it is made again.
 [[nodiscard]] std::string format_fit_state(const FitState& state);
 
 /// Nothing if it is missing, damaged or of other inputs than `input_hash` (empty: of any).

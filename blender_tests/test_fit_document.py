@@ -153,7 +153,7 @@ class DocumentTest(FitCase):
         self.assertEqual(document["fit"], {
             "parameters": ["bodies.Cube.material.E", "bodies.Cube.material.nu",
                            "bodies.Cube.velocity", "bodies.Cube.spin"],
-            "loss": "tracks", "huber": 0, "iterations": 30, "windows": True, "levels": [1]})
+            "loss": "tracks", "huber": 0, "iterations": 30, "windows": True})
 
     def test_settings(self):
         fit = self.fit

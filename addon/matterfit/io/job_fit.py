@@ -37,8 +37,9 @@ def document(settings, scene_document, captures):
         "huber": number(fit.huber) if fit.use_huber else 0,
         "iterations": fit.iterations,
         "windows": fit.windows,
-        "levels": [2**level for level in reversed(range(fit.levels))],
     }
+    if fit.levels:
+        found["levels"] = [2**level for level in reversed(range(fit.levels))]
     if laws:
         found["laws"] = "all" if len(laws) == len(choices.LAWS) else [law.lower() for law in laws]
     return found

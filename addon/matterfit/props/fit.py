@@ -121,9 +121,9 @@ class MatterfitFit(bpy.types.PropertyGroup):
         name="Growing Windows", default=True,
         description="Fit the first frames before the whole clip: safer from a poor start")
     levels: IntProperty(
-        name="Resolutions", default=1, min=1, soft_min=1, max=4, soft_max=3,
-        description="1: the scene's own; 2: twice coarser first, then the scene's; 3: four times, "
-                    "twice, then the scene's")
+        name="Resolutions", default=0, min=0, soft_min=0, max=4, soft_max=3,
+        description="0: as many as pay; 1: the scene's own; 2: twice coarser first, then the "
+                    "scene's; 3: four times, twice, then the scene's")
 
     run: PointerProperty(type=MatterfitTake)
     done: BoolProperty(name="Fitted", default=False, description="A fit has left a result")

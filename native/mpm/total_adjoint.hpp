@@ -9,15 +9,6 @@
 
 namespace matterfit::mpm {
 
-/// One substep of a total Lagrangian body, as the forward pass took it.
-struct TotalSubstep {
-  double time = 0.0;  ///< of the state before [s]
-  double dt = 0.0;
-  double kick = 0.0;
-  double smoothing = 0.0;         ///< share of smooth_velocities() after it; 0: none
-  Vec3d gravity = Vec3d::Zero();  ///< world axes
-};
-
 /// Derivatives of one number with respect to a body's state and to what the body is made of.
 template <class S>
 struct TotalCotangents {

@@ -121,7 +121,7 @@ struct Rollout {
     for (int n = 0; n < kSteps; ++n) {
       if (record != nullptr) {
         record->states.push_back(body.record());
-        record->memories.push_back(contact.record());
+        record->memories.push_back(contact.record().memory);
         record->touching += record->memories.back().size();
       }
       contact.apply(arena, body, n * kDt, kDt);

@@ -180,7 +180,8 @@ void Stepper<S>::step(double time, double dt, FrameReport& report) {
 }
 
 template <class S>
-void Stepper<S>::substep(const FrameSchedule& plan, int k) {
+void Stepper<S>::substep(int frame, const FrameSchedule& plan, int k) {
+  frame_ = frame;
   if (k == 0) {
     total_->set_elastic_dt(plan.elastic_dt);
     begin_frame();
@@ -227,9 +228,9 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
       begin_frame();
       for (int k = 0; k < report.substeps; ++k) {
         interrupter.check();
-        if (hooks.before) hooks.before(k);
+        if (hooks.before) hooks.before(k, report.substeps);
         this->step(time_of(frame_) + k * report.dt, report.dt, report);
-        if (hooks.after) hooks.after(k);
+        if (hooks.after) hooks.after();
       }
       break;
     } catch (const UnstableError&) {

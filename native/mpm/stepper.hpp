@@ -16,11 +16,10 @@
 
 namespace matterfit::mpm {
 
-/// Called around the substeps of a frame with their number in it. A frame that failed begins again
-/// from 0.
+/// Called around the substeps of a frame. A frame that failed begins again from 0, with more.
 struct SubstepHooks {
-  std::function<void(int)> before;
-  std::function<void(int)> after;
+  std::function<void(int substep, int substeps)> before;
+  std::function<void()> after;
 };
 
 /// All bodies of a scene and their clock: what Simulation runs, and Gradient records and runs
@@ -48,14 +47,8 @@ class Stepper {
   [[nodiscard]] const FrameSchedule& taken() const { return taken_; }
   [[nodiscard]] SubstepCost measure(double seconds, const Interrupter& interrupter);
 
-  /// Substep k of a frame as advance() takes it, alone: state and frame are those before it.
-  void substep(const FrameSchedule& plan, int k);
-  /// The total Lagrangian bodies' state, at any substep of a frame.
-  [[nodiscard]] std::vector<TotalMemberState<S>> record() const { return total_->record(); }
-  void restore(int frame, const std::vector<TotalMemberState<S>>& states) {
-    frame_ = frame;
-    total_->restore(states);
-  }
+  /// Substep k of a frame as advance() takes it, alone, from the state before it.
+  void substep(int frame, const FrameSchedule& plan, int k);
 
   [[nodiscard]] FrameState state() const;
   [[nodiscard]] std::string save() const;

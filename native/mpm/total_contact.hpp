@@ -10,10 +10,12 @@
 
 namespace matterfit::mpm {
 
+/// Of the particles that touch a surface, ascending; the others remember nothing.
+using ContactMemories = std::vector<std::pair<std::uint32_t, ContactMemory>>;
+
 /// What the contact of a body carries from one substep to the next.
 struct ContactState {
-  /// Of the particles that touch a surface, ascending; the others remember nothing.
-  std::vector<std::pair<std::uint32_t, ContactMemory>> memory;
+  ContactMemories memory;
   std::vector<double> wake_time;  ///< per block: nothing is in reach before [s]
   double frame_seconds = 0.0;
   double acceleration = 0.0;

@@ -42,7 +42,8 @@ TotalContactAdjoint<S>::TotalContactAdjoint(const Body& body, const Scene& scene
 }
 
 template <class S>
-void TotalContactAdjoint<S>::set_memory(const Memory& before, const Memory& after) {
+void TotalContactAdjoint<S>::set_memory(const ContactMemories& before,
+                                        const ContactMemories& after) {
   particles_.clear();
   auto next = after.begin();
   const auto add_until = [&](std::uint32_t particle) {

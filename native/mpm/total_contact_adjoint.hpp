@@ -29,10 +29,9 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
  public:
   TotalContactAdjoint(const Body& body, const Scene& scene, TotalBody<S>& total);
 
-  using Memory = std::vector<std::pair<std::uint32_t, ContactMemory>>;
   /// What particles remember before and after the next substep to go back over
   /// (ContactState::memory): only they can have met a surface in it.
-  void set_memory(const Memory& before, const Memory& after);
+  void set_memory(const ContactMemories& before, const ContactMemories& after);
   void prepare(Arena& arena, const TotalSubstep& substep) override;
   void back(Arena& arena, const TotalSubstep& substep, const std::vector<double>& force_bar,
             TotalCotangents<S>& bar) override;

@@ -171,10 +171,11 @@ void TotalAdjoint<S>::add_field(Arena& arena, const std::vector<Vec3d>& particle
   // that, as the loads are.
   std::vector<std::vector<std::uint32_t>> of_block(grid.blocks());
   std::vector<CellPoint> points(grid.particles());
-  for (std::uint32_t p = 0; p < grid.particles(); ++p) {
-    points[p] = grid.point_in(p, grid.rest(p));
-    of_block[points[p].block].push_back(p);
-  }
+  arena.parallel_for(0, grid.particles(), 256, [&](std::size_t p) {
+    const auto particle = static_cast<std::uint32_t>(p);
+    points[p] = grid.point_in(particle, grid.rest(particle));
+  });
+  for (std::uint32_t p = 0; p < grid.particles(); ++p) of_block[points[p].block].push_back(p);
   std::vector<double> halos(grid.blocks() * 3 * kHaloNodes, 0.0);
   arena.parallel_for(0, grid.blocks(), 1, [&](std::size_t b) {
     double* halo = halos.data() + b * 3 * kHaloNodes;

@@ -43,9 +43,9 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
     std::size_t collider;
     ContactMemory memory;  ///< before
     Vec3d center_normal;   ///< of the collider at the particle's centre
-    Mat3d f;
-    Vec3d face;  ///< its offset at rest, world axes
+    Vec3d face;            ///< its offset at rest, world axes
     CellPoint at_face;
+    Vec3d face_position;
     SurfacePoint below;
     ContactPoint point;
     Vec3d force;
@@ -64,21 +64,18 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
   struct Particle {
     std::uint32_t particle;
     ContactMemory memory;  ///< before
-    std::vector<Touch> touches;
-    std::vector<TouchBar> bars;
+    CellPoint at_center{0, 0, 0, 0, Vec3d::Zero()};
+    Vec3d position = Vec3d::Zero();
+    Mat3d f = Mat3d::Identity();
+    std::vector<Touch> touches{};
+    std::vector<TouchBar> bars{};
   };
-  /// How normal and velocity of a surface change with the place.
-  struct Slopes {
-    Mat3d normal;
-    Mat3d velocity;
-  };
-  [[nodiscard]] Slopes slopes(std::size_t collider, const Vec3d& x, double time) const;
   void meet(Particle& particle, const TotalSubstep& substep) const;
-  [[nodiscard]] TouchBar back(std::uint32_t particle, const Touch& touch,
+  [[nodiscard]] TouchBar back(const Particle& particle, const Touch& touch,
                               const TotalSubstep& substep, const std::vector<double>& force_bar,
                               Vec3d& stretch_bar) const;
-  void add(std::uint32_t particle, const Touch& touch, const TouchBar& own,
-           TotalCotangents<S>& bar);
+  void add(const Particle& particle, const Touch& touch, const TouchBar& own,
+           TotalCotangents<S>& bar) const;
   /// The cotangents of normal and velocity of the surface met at `x`: returns that of x.
   Vec3d back_to_surface(std::size_t collider, const Vec3d& x, const SurfacePoint& at,
                         double distance_bar, const Vec3d& normal_bar, const Vec3d& velocity_bar,

@@ -16,6 +16,8 @@
 #include "base/error.hpp"
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
+#include "bench/jelly.hpp"
+#include "bench/measure.hpp"
 #include "bench/probe.hpp"
 #include "bench/serial_mpm.hpp"
 #include "mpm/simulation.hpp"
@@ -26,54 +28,6 @@ namespace {
 // Of one particle and substep, counted on paper for quadratic 3D transfers with fixed corotated
 // elasticity: 27 nodes × (22 to scatter + 24 to gather) + weights, F, R, stress.
 constexpr double kFlopsPerParticleStep = 1350.0;
-constexpr double kProbeMayMove = 0.10;
-constexpr double kSeparation = 0.01;
-constexpr double kDensity = 1000.0;
-constexpr double kYoungsModulus = 1e5;
-constexpr double kPoissonRatio = 0.3;
-constexpr double kDt = 2e-4;
-constexpr int kClearanceCells = 4;  // of air below the cube, and to the sides
-// Rates of the initial motion: without strain the polar decomposition would end at once, which no
-// real scene lets it do.
-constexpr double kStretchRate = 3.0;  // [1/s]
-constexpr double kTwistRate = 3.0;    // [rad/s] between bottom and top
-constexpr double kFall = -0.5;        // [m/s]
-
-struct Measurement {
-  double mps = 0.0;           ///< million particle-steps per second, median
-  double probe_gflops = 0.0;  ///< median of the probes around the runs kept
-  int dropped = 0;
-};
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const std::size_t n = values.size();
-  return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
-}
-
-/// `run` advances the simulation a while and returns (particle-steps, seconds).
-Measurement measure(const std::function<std::pair<double, double>()>& run, int threads,
-                    int repetitions) {
-  Measurement result;
-  std::vector<double> rates;
-  std::vector<double> probes;
-  run();  // first touch of memory, thread start
-  while (static_cast<int>(rates.size()) < repetitions) {
-    const double before = peak_fma_gflops(threads);
-    const auto [steps, seconds] = run();
-    const double after = peak_fma_gflops(threads);
-    const bool moved = std::abs(after - before) > kProbeMayMove * std::max(before, after);
-    if (moved && result.dropped < 4 * repetitions) {
-      ++result.dropped;
-      continue;
-    }
-    rates.push_back(steps / seconds * 1e-6);
-    probes.push_back(0.5 * (before + after));
-  }
-  result.mps = median(rates);
-  result.probe_gflops = median(probes);
-  return result;
-}
 
 void print(const std::string& name, const std::string& formulation, int threads,
            std::size_t particles, const Measurement& m, double serial_mps) {
@@ -85,18 +39,6 @@ void print(const std::string& name, const std::string& formulation, int threads,
       name.c_str(), formulation.c_str(), threads, particles, m.mps, m.probe_gflops, fraction,
       serial_mps > 0.0 ? m.mps / serial_mps : 0.0, m.dropped);
   std::fflush(stdout);
-}
-
-/// Particles along an edge of a cube of about `particles`.
-int edge_of(std::size_t particles) {
-  return static_cast<int>(std::lround(std::cbrt(static_cast<double>(particles))));
-}
-
-/// Initial velocity of the particle at `p`, both in the cube's frame of [0, 1]³ times its side.
-Vec3d initial_velocity(const Vec3d& p, double side) {
-  const Vec3d r = p - Vec3d::Constant(0.5 * side);
-  const double spin = kTwistRate * (p.z() / side - 0.5);
-  return {kStretchRate * r.x() - spin * r.y(), -kStretchRate * r.y() + spin * r.x(), kFall};
 }
 
 Measurement measure_serial(int edge, double seconds, int repetitions) {
@@ -147,41 +89,10 @@ Measurement measure_serial(int edge, double seconds, int repetitions) {
       1, repetitions);
 }
 
-mpm::Scene jelly(int edge, mpm::Formulation formulation) {
-  mpm::Scene scene;
-  scene.fps = 1.0 / (10.0 * kDt);  // ten substeps a frame
-  scene.end_frame = 1 << 28;
-  scene.dx = 2.0 * kSeparation;
-  scene.dt = kDt;
-  mpm::Body body;
-  body.name = "jelly";
-  body.material.law = material::Law::kFixedCorotated;
-  body.material.youngs_modulus = kYoungsModulus;
-  body.material.poisson_ratio = kPoissonRatio;
-  body.density = kDensity;
-  body.formulation = formulation;
-  body.lattice.spacing = kSeparation;
-  body.lattice.regular = true;
-  body.lattice.origin = Vec3d(0, 0, kClearanceCells * 2.0 * kSeparation);
-  for (int i = 0; i < edge; ++i) {
-    for (int j = 0; j < edge; ++j) {
-      for (int k = 0; k < edge; ++k) {
-        const Vec3d p = kSeparation * Vec3d(i + 0.5, j + 0.5, k + 0.5);
-        body.rest.push_back(body.lattice.origin + p);
-        body.particle_velocities.push_back(initial_velocity(p, edge * kSeparation));
-      }
-    }
-  }
-  body.volumes.assign(body.rest.size(), kSeparation * kSeparation * kSeparation);
-  scene.bodies.push_back(std::move(body));
-  mpm::Contact contact;
-  scene.colliders.push_back(mpm::make_plane("ground", contact, Vec3d::Zero(), Vec3d::UnitZ()));
-  return scene;
-}
-
 Measurement measure_forward(int edge, mpm::Formulation formulation, int threads, double seconds,
                             int repetitions) {
-  mpm::Simulation simulation(jelly(edge, formulation), std::make_shared<Arena>(threads));
+  mpm::Simulation simulation(jelly(edge, formulation, kClearanceCells),
+                             std::make_shared<Arena>(threads));
   const double count = std::pow(edge, 3);
   const Interrupter interrupter;
   return measure(

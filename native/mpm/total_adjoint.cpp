@@ -90,7 +90,7 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   std::vector<double>& v_bar = bar.state.velocity;
   if (substep.smoothing > 0.0) smooth(arena, substep.smoothing, v_bar);
   body_.restore(before);
-  if (loads != nullptr) loads->prepare(substep);
+  if (loads != nullptr) loads->prepare(arena, substep);
 
   // u' = u + dt v', v' = v + kick a, a = f/m + g.
   const std::vector<double>& inverse = grid.inverse_mass();
@@ -99,7 +99,7 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   Vec3d gravity_bar = Vec3d::Zero();  // body axes
   if (body_.pins_->any()) {
     std::vector<Vec3d> accelerations(body_.pins_->deferred_nodes().size(), Vec3d::Zero());
-    if (body_.pins_->has_masses()) {
+    if (body_.pins_->has_masses() && !substep.held) {
       accelerations = deferred_accelerations(arena, substep);
     }
     std::vector<Vec3d> a_bar;
@@ -124,8 +124,9 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
     force_bar[i] = inverse[n] * a_bar;
   }
   bar.gravity += grid.axes() * gravity_bar;
-  if (loads != nullptr) loads->back(substep, force_bar, bar);
+  if (loads != nullptr) loads->back(arena, substep, force_bar, bar);
 
+  if (substep.held) return;
   TotalAdjointView<S> view{};
   view.forward = body_.view(substep.dt, true);
   view.forward.displacement = before.displacement.data();
@@ -162,18 +163,48 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
 }
 
 template <class S>
-void TotalAdjoint<S>::add_position(std::uint32_t particle, const Vec3d& position_bar,
-                                   TotalCotangents<S>& bar) const {
+void TotalAdjoint<S>::add_field(Arena& arena, const std::vector<Vec3d>& particle_bar,
+                                std::vector<double>& node_bar) const {
+  if (particle_bar.empty()) return;
   const TotalGrid& grid = body_.grid_;
-  const Vec3d local = grid.axes().transpose() * position_bar;
-  const CellPoint point = grid.point_in(particle, grid.rest(particle));
-  const PointStencil s(point.f, grid.dx());
-  visit_nodes(grid, point, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
-    const double w = s.weight(i, j, k);
-    for (std::size_t c = 0; c < 3; ++c) {
-      bar.state.displacement[node + c * kBlockNodes] += w * local[static_cast<int>(c)];
+  // A particle lies in the block that hosts it, its polynomial perhaps in a neighbour: sorted by
+  // that, as the loads are.
+  std::vector<std::vector<std::uint32_t>> of_block(grid.blocks());
+  std::vector<CellPoint> points(grid.particles());
+  arena.parallel_for(0, grid.particles(), 256, [&](std::size_t p) {
+    const auto particle = static_cast<std::uint32_t>(p);
+    points[p] = grid.point_in(particle, grid.rest(particle));
+  });
+  for (std::uint32_t p = 0; p < grid.particles(); ++p) of_block[points[p].block].push_back(p);
+  std::vector<double> halos(grid.blocks() * 3 * kHaloNodes, 0.0);
+  arena.parallel_for(0, grid.blocks(), 1, [&](std::size_t b) {
+    double* halo = halos.data() + b * 3 * kHaloNodes;
+    for (const std::uint32_t p : of_block[b]) {
+      const CellPoint& point = points[p];
+      const PointStencil s(point.f, grid.dx());
+      const Vec3d local = grid.axes().transpose() * particle_bar[p];
+      for (std::size_t i = 0; i < 27; ++i) {
+        const std::size_t node = halo_index(point.x + i / 9, point.y + i / 3 % 3, point.z + i % 3);
+        const double w = s.weight(i / 9, i / 3 % 3, i % 3);
+        for (std::size_t c = 0; c < 3; ++c) {
+          halo[c * kHaloNodes + node] += w * local[static_cast<int>(c)];
+        }
+      }
     }
   });
+  arena.parallel_for(0, grid.node_blocks(), 4, [&](std::size_t b) {
+    double sum[kNodeBlock];
+    sum_halos(grid, halos.data(), b, sum);
+    for (std::size_t i = 0; i < kNodeBlock; ++i) node_bar[b * kNodeBlock + i] += sum[i];
+  });
+}
+
+template <class S>
+void TotalAdjoint<S>::add_particles(Arena& arena, const std::vector<Vec3d>& position_bar,
+                                    const std::vector<Vec3d>& velocity_bar,
+                                    TotalCotangents<S>& bar) const {
+  add_field(arena, position_bar, bar.state.displacement);
+  add_field(arena, velocity_bar, bar.state.velocity);
 }
 
 template <class S>

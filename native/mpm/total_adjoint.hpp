@@ -9,15 +9,6 @@
 
 namespace matterfit::mpm {
 
-/// One substep of a total Lagrangian body, as the forward pass took it.
-struct TotalSubstep {
-  double time = 0.0;  ///< of the state before [s]
-  double dt = 0.0;
-  double kick = 0.0;
-  double smoothing = 0.0;         ///< share of smooth_velocities() after it; 0: none
-  Vec3d gravity = Vec3d::Zero();  ///< world axes
-};
-
 /// Derivatives of one number with respect to a body's state and to what the body is made of.
 template <class S>
 struct TotalCotangents {
@@ -44,9 +35,9 @@ class TotalLoadsAdjoint {
   TotalLoadsAdjoint(const TotalLoadsAdjoint&) = delete;
   TotalLoadsAdjoint& operator=(const TotalLoadsAdjoint&) = delete;
   /// The body is at the state before the substep: sets its loads.
-  virtual void prepare(const TotalSubstep& substep) = 0;
+  virtual void prepare(Arena& arena, const TotalSubstep& substep) = 0;
   /// `force_bar`: cotangent of the node forces, per node block [3][64], body axes. Adds to `bar`.
-  virtual void back(const TotalSubstep& substep, const std::vector<double>& force_bar,
+  virtual void back(Arena& arena, const TotalSubstep& substep, const std::vector<double>& force_bar,
                     TotalCotangents<S>& bar) = 0;
 };
 
@@ -64,13 +55,16 @@ class TotalAdjoint {
   /// Takes `bar` from after the substep to before it. `before` is the state before.
   void substep(Arena& arena, const TotalSubstep& substep, const TotalState<S>& before,
                TotalCotangents<S>& bar, TotalLoadsAdjoint<S>* loads = nullptr);
-  /// Adds the cotangent of a particle's present position (world axes).
-  void add_position(std::uint32_t particle, const Vec3d& position_bar,
-                    TotalCotangents<S>& bar) const;
+  /// Adds the cotangents of the particles' present positions and velocities (world axes), one each
+  /// or none.
+  void add_particles(Arena& arena, const std::vector<Vec3d>& position_bar,
+                     const std::vector<Vec3d>& velocity_bar, TotalCotangents<S>& bar) const;
   [[nodiscard]] InitialCotangents initial(const TotalCotangents<S>& bar) const;
   [[nodiscard]] material::MaterialGradient material_gradient(const TotalCotangents<S>& bar) const;
 
  private:
+  void add_field(Arena& arena, const std::vector<Vec3d>& particle_bar,
+                 std::vector<double>& node_bar) const;
   void smooth(Arena& arena, double share, std::vector<double>& velocity_bar);
   [[nodiscard]] std::vector<Vec3d> deferred_accelerations(Arena& arena,
                                                           const TotalSubstep& substep);

@@ -139,9 +139,9 @@ struct Rollout {
     TotalCotangents<S> bar = adjoint.zero();
     for (int n = kSteps - 1; n >= 0; --n) {
       if (n == kObserved[0] || n == kObserved[1]) {
-        for (std::uint32_t p = 0; p < weights.size(); ++p) {
-          adjoint.add_position(p, 1e3 * weights[p], bar);
-        }
+        std::vector<Vec3d> position_bar;
+        for (const Vec3d& weight : weights) position_bar.emplace_back(1e3 * weight);
+        adjoint.add_particles(arena, position_bar, {}, bar);
       }
       adjoint.substep(arena, {n * kDt, kDt, kick(n), smoothing(n), scene.gravity.at(0.0)},
                       record[static_cast<std::size_t>(n)], bar);

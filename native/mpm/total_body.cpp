@@ -308,15 +308,8 @@ typename TotalBody<S>::PointState TotalBody<S>::point_state(std::uint32_t partic
   const Vec3d rest = grid_.rest(particle) + grid_.axes().transpose() * offset;
   const CellPoint point = grid_.point_in(particle, rest);
   const PointStencil s(point.f, grid_.dx());
-  Vec3d u = Vec3d::Zero();
-  Vec3d v = Vec3d::Zero();
-  visit_nodes(grid_, point, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
-    const double w = s.weight(i, j, k);
-    for (std::size_t c = 0; c < 3; ++c) {
-      u[static_cast<int>(c)] += w * displacement_[node + c * kBlockNodes];
-      v[static_cast<int>(c)] += w * velocity_[node + c * kBlockNodes];
-    }
-  });
+  const Vec3d u = field_at(grid_, point, s, displacement_.data());
+  const Vec3d v = field_at(grid_, point, s, velocity_.data());
   return {grid_.to_world(rest + u), grid_.axes() * v};
 }
 
@@ -324,13 +317,7 @@ template <class S>
 Mat3d TotalBody<S>::deformation_gradient(std::uint32_t particle) const {
   const CellPoint point = grid_.point_in(particle, grid_.rest(particle));
   const PointStencil s(point.f, grid_.dx());
-  Mat3d h = Mat3d::Zero();
-  visit_nodes(grid_, point, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
-    const Vec3d g = s.gradient(i, j, k);
-    for (std::size_t c = 0; c < 3; ++c) {
-      h.row(static_cast<int>(c)) += displacement_[node + c * kBlockNodes] * g.transpose();
-    }
-  });
+  const Mat3d h = field_gradient(grid_, point, s, displacement_.data());
   return grid_.axes() * (Mat3d::Identity() + h) * grid_.axes().transpose();
 }
 

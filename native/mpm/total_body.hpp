@@ -31,6 +31,16 @@ struct TotalState {
   std::vector<S> maxwell;            ///< as TotalView::maxwell
 };
 
+/// One substep of a body, as it was taken.
+struct TotalSubstep {
+  double time = 0.0;  ///< of the state before [s]
+  double dt = 0.0;
+  double kick = 0.0;
+  double smoothing = 0.0;         ///< share of smooth_velocities() after it; 0: none
+  Vec3d gravity = Vec3d::Zero();  ///< world axes
+  bool held = false;              ///< every node was prescribed: no forces, no history
+};
+
 /// A body in the total Lagrangian formulation: the grid belongs to the rest shape, node
 /// displacements and velocities (double) are the state, particles are quadrature points:
 ///   f_I = −Σ V P ∇₀w_I,  v_I += kick (f_I/m_I + g),  u_I += dt v_I,  F_p = I + Σ u_I ⊗ ∇₀w_I.

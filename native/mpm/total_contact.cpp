@@ -24,7 +24,9 @@ TotalContact<S>::TotalContact(const Body& body, const Scene& scene, const TotalB
     for (const std::uint32_t p : total.block_particles(b)) {
       if (total.is_surface(p)) skin_[b].push_back(p);
     }
+    all_skin_.insert(all_skin_.end(), skin_[b].begin(), skin_[b].end());
   }
+  std::sort(all_skin_.begin(), all_skin_.end());
 }
 
 template <class S>
@@ -90,12 +92,24 @@ double TotalContact<S>::max_penetration() const {
 }
 
 template <class S>
-std::vector<std::pair<std::uint32_t, ContactMemory>> TotalContact<S>::record() const {
-  std::vector<std::pair<std::uint32_t, ContactMemory>> out;
-  for (std::size_t p = 0; p < memory_.size(); ++p) {
-    if (memory_[p].surface >= 0) out.emplace_back(static_cast<std::uint32_t>(p), memory_[p]);
+ContactState TotalContact<S>::record() const {
+  ContactState state;
+  state.wake_time = wake_time_;
+  state.frame_seconds = frame_seconds_;
+  state.acceleration = acceleration_;
+  for (const std::uint32_t p : all_skin_) {
+    if (memory_[p].surface >= 0) state.memory.emplace_back(p, memory_[p]);
   }
-  return out;
+  return state;
+}
+
+template <class S>
+void TotalContact<S>::restore(const ContactState& state) {
+  wake_time_ = state.wake_time;
+  frame_seconds_ = state.frame_seconds;
+  acceleration_ = state.acceleration;
+  for (const std::uint32_t p : all_skin_) memory_[p] = {};
+  for (const auto& [particle, remembered] : state.memory) memory_[particle] = remembered;
 }
 
 template <class S>

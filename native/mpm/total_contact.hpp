@@ -10,6 +10,17 @@
 
 namespace matterfit::mpm {
 
+/// Of the particles that touch a surface, ascending; the others remember nothing.
+using ContactMemories = std::vector<std::pair<std::uint32_t, ContactMemory>>;
+
+/// What the contact of a body carries from one substep to the next.
+struct ContactState {
+  ContactMemories memory;
+  std::vector<double> wake_time;  ///< per block: nothing is in reach before [s]
+  double frame_seconds = 0.0;
+  double acceleration = 0.0;
+};
+
 /// Contact of one total Lagrangian body with the scene's colliders. Blocks that cannot reach a
 /// surface sleep until they could.
 template <class S>
@@ -25,8 +36,8 @@ class TotalContact {
   /// Highest ω² of the body's skin on its contact springs [1/s²].
   [[nodiscard]] double frequency_squared() const { return frequency_squared_; }
   [[nodiscard]] double max_penetration() const;
-  /// What particles remember of the surfaces that they touch; the others remember nothing.
-  [[nodiscard]] std::vector<std::pair<std::uint32_t, ContactMemory>> record() const;
+  [[nodiscard]] ContactState record() const;
+  void restore(const ContactState& state);
 
   void save(ByteWriter& out) const;
   void load(ByteReader& in);
@@ -46,6 +57,7 @@ class TotalContact {
   std::vector<double> penetration_;               ///< per block, deepest of the frame [m]
   std::vector<ContactMemory> memory_;             ///< per particle
   std::vector<std::vector<std::uint32_t>> skin_;  ///< surface particles of each block
+  std::vector<std::uint32_t> all_skin_;           ///< ascending
 };
 
 extern template class TotalContact<float>;

@@ -2,24 +2,11 @@
 #include "mpm/total_contact_adjoint.hpp"
 
 #include <cmath>
+#include <limits>
 
 #include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
-namespace {
-
-Vec3d node_value(const std::vector<double>& field, std::size_t node) {
-  return {field[node], field[node + kBlockNodes], field[node + 2 * kBlockNodes]};
-}
-
-void add_to_node(std::vector<double>& field, std::size_t node, const Vec3d& value) {
-  for (std::size_t c = 0; c < 3; ++c) {
-    field[node + c * kBlockNodes] += value[static_cast<int>(c)];
-  }
-}
-
-}  // namespace
-
 ColliderCotangents& ColliderCotangents::operator+=(const ColliderCotangents& other) {
   mu += other.mu;
   stiffness += other.stiffness;
@@ -37,160 +24,193 @@ TotalContactAdjoint<S>::TotalContactAdjoint(const Body& body, const Scene& scene
     laws_.push_back(resolve_contact(collider->contact(), body, scene.dx));
   }
   bars_.resize(colliders_.size());
-  memory_.resize(total.particles());
   stretch_bar_.assign(total.particles(), Vec3d::Zero());
 }
 
 template <class S>
-void TotalContactAdjoint<S>::set_memory(
-    std::vector<std::pair<std::uint32_t, ContactMemory>> memory) {
-  std::fill(memory_.begin(), memory_.end(), ContactMemory{});
-  for (const auto& [particle, remembered] : memory) memory_[particle] = remembered;
+void TotalContactAdjoint<S>::set_memory(const ContactMemories& before,
+                                        const ContactMemories& after) {
+  particles_.clear();
+  auto next = after.begin();
+  const auto add_until = [&](std::uint32_t particle) {
+    for (; next != after.end() && next->first < particle; ++next) {
+      particles_.push_back({next->first, {}});
+    }
+  };
+  for (const auto& [particle, remembered] : before) {
+    add_until(particle);
+    if (next != after.end() && next->first == particle) ++next;
+    particles_.push_back({particle, remembered});
+  }
+  add_until(std::numeric_limits<std::uint32_t>::max());
 }
 
 template <class S>
-void TotalContactAdjoint<S>::prepare(const TotalSubstep& substep) {
-  touches_.clear();
-  for (std::size_t b = 0; b < body_.blocks(); ++b) {
-    body_.clear_loads(b);
-    for (const std::uint32_t p : body_.block_particles(b)) {
-      if (!body_.is_surface(p)) continue;
-      ContactMemory memory = memory_[p];
-      const auto state = body_.point_state(p);
-      const double half = 0.5 * std::cbrt(body_.volume(p));
-      for (std::size_t s = 0; s < colliders_.size(); ++s) {
-        const SurfacePoint surface = colliders_[s]->closest(state.position, substep.time);
-        const auto id = static_cast<std::int32_t>(s);
-        if (surface.distance > 4.0 * half && memory.surface != id) continue;
-        Touch touch;
-        touch.particle = p;
-        touch.collider = s;
-        touch.memory = memory;
-        touch.center_normal = surface.normal;
-        touch.f = body_.deformation_gradient(p);
-        touch.face = -half * (touch.f.transpose() * surface.normal).normalized();
-        const auto face_state = body_.point_state(p, touch.face);
-        touch.below = colliders_[s]->closest(face_state.position, substep.time);
-        touch.point =
-            contact_point(touch.below, touch.f, body_.volume(p), density_, face_state.velocity);
-        touch.point.radius = 0.0;
-        touch.force = contact_force(laws_[s], touch.point, id, substep.dt, memory);
-        if (!touch.force.isZero(0.0)) body_.add_load(p, touch.face, touch.force);
-        touches_.push_back(touch);
-      }
+void TotalContactAdjoint<S>::meet(Particle& particle, const TotalSubstep& substep) const {
+  ContactMemory memory = particle.memory;
+  const std::uint32_t p = particle.particle;
+  const TotalGrid& grid = body_.grid();
+  const Vec3d& rest = grid.rest(p);
+  const double* u = body_.displacement().data();
+  particle.at_center = grid.point_in(p, rest);
+  const PointStencil center(particle.at_center.f, grid.dx());
+  particle.position = grid.to_world(rest + field_at(grid, particle.at_center, center, u));
+  const Mat3d h = field_gradient(grid, particle.at_center, center, u);
+  particle.f = grid.axes() * (Mat3d::Identity() + h) * grid.axes().transpose();
+  const double half = 0.5 * std::cbrt(body_.volume(p));
+  for (std::size_t s = 0; s < colliders_.size(); ++s) {
+    const SurfacePoint surface = colliders_[s]->closest(particle.position, substep.time);
+    const auto id = static_cast<std::int32_t>(s);
+    if (surface.distance > 4.0 * half && memory.surface != id) continue;
+    Touch touch;
+    touch.collider = s;
+    touch.memory = memory;
+    touch.center_normal = surface.normal;
+    touch.face = -half * (particle.f.transpose() * surface.normal).normalized();
+    const Vec3d rest_face = rest + grid.axes().transpose() * touch.face;
+    touch.at_face = grid.point_in(p, rest_face);
+    const PointStencil at_face(touch.at_face.f, grid.dx());
+    touch.face_position = grid.to_world(rest_face + field_at(grid, touch.at_face, at_face, u));
+    const Vec3d velocity =
+        grid.axes() * field_at(grid, touch.at_face, at_face, body_.velocity().data());
+    touch.below = colliders_[s]->closest(touch.face_position, substep.time);
+    touch.point = contact_point(touch.below, particle.f, body_.volume(p), density_, velocity);
+    touch.point.radius = 0.0;
+    touch.force = contact_force(laws_[s], touch.point, id, substep.dt, memory);
+    particle.touches.push_back(touch);
+  }
+}
+
+template <class S>
+void TotalContactAdjoint<S>::prepare(Arena& arena, const TotalSubstep& substep) {
+  arena.parallel_for(0, particles_.size(), 16,
+                     [&](std::size_t i) { meet(particles_[i], substep); });
+  for (std::size_t b = 0; b < body_.blocks(); ++b) body_.clear_loads(b);
+  for (const Particle& particle : particles_) {
+    for (const Touch& touch : particle.touches) {
+      if (!touch.force.isZero(0.0)) body_.add_load(particle.particle, touch.face, touch.force);
     }
   }
 }
 
 template <class S>
-void TotalContactAdjoint<S>::back(const TotalSubstep& substep, const std::vector<double>& force_bar,
-                                  TotalCotangents<S>& bar) {
-  for (auto touch = touches_.rbegin(); touch != touches_.rend(); ++touch) {
-    back(*touch, substep, force_bar, bar);
+void TotalContactAdjoint<S>::back(Arena& arena, const TotalSubstep& substep,
+                                  const std::vector<double>& force_bar, TotalCotangents<S>& bar) {
+  arena.parallel_for(0, particles_.size(), 16, [&](std::size_t i) {
+    Particle& particle = particles_[i];
+    Vec3d& stretch_bar = stretch_bar_[particle.particle];
+    for (auto touch = particle.touches.rbegin(); touch != particle.touches.rend(); ++touch) {
+      particle.bars.push_back(back(particle, *touch, substep, force_bar, stretch_bar));
+    }
+  });
+  // In order, on one thread: sums must not depend on threads.
+  for (const Particle& particle : particles_) {
+    for (std::size_t t = 0; t < particle.bars.size(); ++t) {
+      const Touch& touch = particle.touches[particle.bars.size() - 1 - t];
+      if (particle.bars[t].any) {
+        bars_[touch.collider] += particle.bars[t].collider;
+        add(particle, touch, particle.bars[t], bar);
+      }
+      bar.log_density += particle.bars[t].log_density;
+    }
   }
 }
 
 template <class S>
-void TotalContactAdjoint<S>::back(const Touch& touch, const TotalSubstep& substep,
-                                  const std::vector<double>& force_bar, TotalCotangents<S>& bar) {
+typename TotalContactAdjoint<S>::TouchBar TotalContactAdjoint<S>::back(
+    const Particle& particle, const Touch& touch, const TotalSubstep& substep,
+    const std::vector<double>& force_bar, Vec3d& stretch_bar) const {
+  TouchBar out;
   const TotalGrid& grid = body_.grid();
   const Mat3d to_local = grid.axes().transpose();
-  const Vec3d rest = grid.rest(touch.particle);
-  const Vec3d rest_face = rest + to_local * touch.face;
-  const CellPoint at_face = grid.point_in(touch.particle, rest_face);
-  const PointStencil s(at_face.f, grid.dx());
+  const PointStencil s(touch.at_face.f, grid.dx());
   const Vec3d force = to_local * touch.force;
-  const std::vector<double>& u = body_.displacement();
-  const std::vector<double>& v = body_.velocity();
 
   // The load: f_I += w_I F.
-  Vec3d load_bar = Vec3d::Zero();
-  visit_nodes(grid, at_face, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
-    load_bar += s.weight(i, j, k) * node_value(force_bar, node);
-  });
-  bar.log_density -= load_bar.dot(force);
+  const Vec3d load_bar = field_at(grid, touch.at_face, s, force_bar.data());
+  out.log_density = -load_bar.dot(force);
   const auto id = static_cast<std::int32_t>(touch.collider);
-  Vec3d& stretch_bar = stretch_bar_[touch.particle];
   const ContactCotangents c =
       contact_force_adjoint(laws_[touch.collider], touch.point, id, substep.dt, touch.memory,
                             grid.axes() * load_bar, stretch_bar);
   stretch_bar = c.stretch;
-  if (touch.force.isZero(0.0) && c.distance == 0.0) return;
-  ColliderCotangents& own = bars_[touch.collider];
-  own.mu += c.mu;
-  own.stiffness += c.stiffness;
-  own.damping += c.damping;
+  if (touch.force.isZero(0.0) && c.distance == 0.0) return out;
+  out.any = true;
+  out.collider.mu = c.mu;
+  out.collider.stiffness = c.stiffness;
+  out.collider.damping = c.damping;
   ContactCotangents without_radius = c;
   without_radius.radius = 0.0;  // the face itself is met
-  const double volume = body_.volume(touch.particle);
+  const double volume = body_.volume(particle.particle);
   const ContactPointCotangents p =
-      contact_point_adjoint(touch.point.normal, touch.f, volume, without_radius);
-  bar.log_density += density_ * p.density;
-  Mat3d f_bar = p.deformation_gradient;
+      contact_point_adjoint(touch.point.normal, particle.f, volume, without_radius);
+  out.log_density += density_ * p.density;
 
-  const auto face_state = body_.point_state(touch.particle, touch.face);
-  const Vec3d x_bar =
-      to_local * back_to_surface(touch.collider, face_state.position, touch.below, c.distance,
-                                 c.normal + p.normal, -c.relative_velocity, substep.time);
-  const Vec3d v_bar = to_local * c.relative_velocity;
-  Vec3d place_bar = x_bar;  // of the face's place at rest, body axes
-  visit_nodes(grid, at_face, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
-    const double w = s.weight(i, j, k);
-    add_to_node(bar.state.displacement, node, w * x_bar);
-    add_to_node(bar.state.velocity, node, w * v_bar);
-    place_bar +=
-        s.gradient(i, j, k) * (node_value(force_bar, node).dot(force) +
-                               node_value(u, node).dot(x_bar) + node_value(v, node).dot(v_bar));
-  });
+  out.face = to_local * back_to_surface(touch.collider, touch.face_position, touch.below,
+                                        c.distance, c.normal + p.normal, -c.relative_velocity,
+                                        substep.time, out.collider);
+  out.face_velocity = to_local * c.relative_velocity;
+  // Of the face's place at rest, body axes.
+  const Vec3d place_bar =
+      out.face + field_gradient(grid, touch.at_face, s, force_bar.data()).transpose() * force +
+      field_gradient(grid, touch.at_face, s, body_.displacement().data()).transpose() * out.face +
+      field_gradient(grid, touch.at_face, s, body_.velocity().data()).transpose() *
+          out.face_velocity;
   // face = −½h Fᵀn/|Fᵀn|.
-  const Vec3d pulled = touch.f.transpose() * touch.center_normal;
+  const Vec3d pulled = particle.f.transpose() * touch.center_normal;
   const Vec3d direction = pulled.normalized();
   const Vec3d direction_bar = -0.5 * std::cbrt(volume) * (grid.axes() * place_bar);
   const Vec3d pulled_bar =
       (direction_bar - direction.dot(direction_bar) * direction) / pulled.norm();
-  f_bar += touch.center_normal * pulled_bar.transpose();
-  const Vec3d center = body_.point_state(touch.particle).position;
   SurfacePoint at_center;
   at_center.normal = touch.center_normal;
-  const Vec3d center_bar =
-      to_local * back_to_surface(touch.collider, center, at_center, 0.0, touch.f * pulled_bar,
-                                 Vec3d::Zero(), substep.time);
-  const Mat3d f_bar_local = to_local * f_bar * grid.axes();
-  const CellPoint at_center_point = grid.point_in(touch.particle, rest);
-  const PointStencil r(at_center_point.f, grid.dx());
-  visit_nodes(grid, at_center_point,
-              [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
-                add_to_node(bar.state.displacement, node,
-                            r.weight(i, j, k) * center_bar + f_bar_local * r.gradient(i, j, k));
-              });
+  out.center = to_local * back_to_surface(touch.collider, particle.position, at_center, 0.0,
+                                          particle.f * pulled_bar, Vec3d::Zero(), substep.time,
+                                          out.collider);
+  out.f = to_local * (p.deformation_gradient + touch.center_normal * pulled_bar.transpose()) *
+          grid.axes();
+  return out;
 }
 
 template <class S>
-typename TotalContactAdjoint<S>::Slopes TotalContactAdjoint<S>::slopes(std::size_t collider,
-                                                                       const Vec3d& x,
-                                                                       double time) const {
-  Slopes out;
-  for (int axis = 0; axis < 3; ++axis) {
-    Vec3d step = Vec3d::Zero();
-    step[axis] = probe_;
-    const SurfacePoint high = colliders_[collider]->closest(x + step, time);
-    const SurfacePoint low = colliders_[collider]->closest(x - step, time);
-    out.normal.col(axis) = (high.normal - low.normal) / (2.0 * probe_);
-    out.velocity.col(axis) = (high.velocity - low.velocity) / (2.0 * probe_);
-  }
-  return out;
+void TotalContactAdjoint<S>::add(const Particle& particle, const Touch& touch, const TouchBar& own,
+                                 TotalCotangents<S>& bar) const {
+  const TotalGrid& grid = body_.grid();
+  const PointStencil s(touch.at_face.f, grid.dx());
+  add_to_field(grid, touch.at_face, s, own.face, bar.state.displacement.data());
+  add_to_field(grid, touch.at_face, s, own.face_velocity, bar.state.velocity.data());
+  const PointStencil r(particle.at_center.f, grid.dx());
+  add_to_field(grid, particle.at_center, r, own.center, own.f, bar.state.displacement.data());
 }
 
 template <class S>
 Vec3d TotalContactAdjoint<S>::back_to_surface(std::size_t collider, const Vec3d& x,
                                               const SurfacePoint& at, double distance_bar,
                                               const Vec3d& normal_bar, const Vec3d& velocity_bar,
-                                              double time) {
-  const Slopes slope = slopes(collider, x, time);
-  const Vec3d x_bar = distance_bar * at.normal + slope.normal.transpose() * normal_bar +
-                      slope.velocity.transpose() * velocity_bar;
+                                              double time, ColliderCotangents& own) const {
+  const Collider& surface = *colliders_[collider];
+  Vec3d x_bar = distance_bar * at.normal;
+  const bool still = !surface.animated() || velocity_bar.isZero(0.0);
+  const double size = normal_bar.norm();
+  if (still && std::isinf(surface.band())) {
+    // The slope of an exact distance's normal is its Hessian, symmetric: along the cotangent.
+    if (size > 0.0) {
+      const Vec3d step = probe_ / size * normal_bar;
+      const SurfacePoint high = surface.closest(x + step, time);
+      const SurfacePoint low = surface.closest(x - step, time);
+      x_bar += size / (2.0 * probe_) * (high.normal - low.normal);
+    }
+  } else {
+    for (int axis = 0; axis < 3; ++axis) {
+      const Vec3d step = probe_ * Vec3d::Unit(axis);
+      const SurfacePoint high = surface.closest(x + step, time);
+      const SurfacePoint low = surface.closest(x - step, time);
+      x_bar[axis] += ((high.normal - low.normal).dot(normal_bar) +
+                      (high.velocity - low.velocity).dot(velocity_bar)) /
+                     (2.0 * probe_);
+    }
+  }
   // A collider that moves by t meets x as it met x − t before; one that turns, x turned back.
-  ColliderCotangents& own = bars_[collider];
   own.translation -= x_bar;
   own.rotation += at.normal.cross(normal_bar) + at.velocity.cross(velocity_bar) - x.cross(x_bar);
   return x_bar;

@@ -29,38 +29,57 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
  public:
   TotalContactAdjoint(const Body& body, const Scene& scene, TotalBody<S>& total);
 
-  /// What is remembered before the next substep to go back over.
-  void set_memory(std::vector<std::pair<std::uint32_t, ContactMemory>> memory);
-  void prepare(const TotalSubstep& substep) override;
-  void back(const TotalSubstep& substep, const std::vector<double>& force_bar,
+  /// What particles remember before and after the next substep to go back over
+  /// (ContactState::memory): only they can have met a surface in it.
+  void set_memory(const ContactMemories& before, const ContactMemories& after);
+  void prepare(Arena& arena, const TotalSubstep& substep) override;
+  void back(Arena& arena, const TotalSubstep& substep, const std::vector<double>& force_bar,
             TotalCotangents<S>& bar) override;
   [[nodiscard]] const std::vector<ColliderCotangents>& colliders() const { return bars_; }
 
  private:
   /// One particle at one collider, as the forward pass met it.
   struct Touch {
-    std::uint32_t particle;
     std::size_t collider;
     ContactMemory memory;  ///< before
     Vec3d center_normal;   ///< of the collider at the particle's centre
-    Mat3d f;
-    Vec3d face;  ///< its offset at rest, world axes
+    Vec3d face;            ///< its offset at rest, world axes
+    CellPoint at_face;
+    Vec3d face_position;
     SurfacePoint below;
     ContactPoint point;
     Vec3d force;
   };
-  /// How normal and velocity of a surface change with the place.
-  struct Slopes {
-    Mat3d normal;
-    Mat3d velocity;
+  /// What comes back through a touch, body axes: of the places of the particle's face and centre,
+  /// of the face's velocity and of F.
+  struct TouchBar {
+    bool any = false;
+    Vec3d face = Vec3d::Zero();
+    Vec3d face_velocity = Vec3d::Zero();
+    Vec3d center = Vec3d::Zero();
+    Mat3d f = Mat3d::Zero();
+    double log_density = 0.0;
+    ColliderCotangents collider;
   };
-  [[nodiscard]] Slopes slopes(std::size_t collider, const Vec3d& x, double time) const;
-  void back(const Touch& touch, const TotalSubstep& substep, const std::vector<double>& force_bar,
-            TotalCotangents<S>& bar);
+  struct Particle {
+    std::uint32_t particle;
+    ContactMemory memory;  ///< before
+    CellPoint at_center{0, 0, 0, 0, Vec3d::Zero()};
+    Vec3d position = Vec3d::Zero();
+    Mat3d f = Mat3d::Identity();
+    std::vector<Touch> touches{};
+    std::vector<TouchBar> bars{};
+  };
+  void meet(Particle& particle, const TotalSubstep& substep) const;
+  [[nodiscard]] TouchBar back(const Particle& particle, const Touch& touch,
+                              const TotalSubstep& substep, const std::vector<double>& force_bar,
+                              Vec3d& stretch_bar) const;
+  void add(const Particle& particle, const Touch& touch, const TouchBar& own,
+           TotalCotangents<S>& bar) const;
   /// The cotangents of normal and velocity of the surface met at `x`: returns that of x.
   Vec3d back_to_surface(std::size_t collider, const Vec3d& x, const SurfacePoint& at,
                         double distance_bar, const Vec3d& normal_bar, const Vec3d& velocity_bar,
-                        double time);
+                        double time, ColliderCotangents& own) const;
 
   TotalBody<S>& body_;
   double density_;
@@ -68,9 +87,8 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
   std::vector<ColliderPtr> colliders_;
   std::vector<ContactLaw> laws_;
   std::vector<ColliderCotangents> bars_;
-  std::vector<ContactMemory> memory_;  ///< before the substep, per particle
-  std::vector<Vec3d> stretch_bar_;     ///< per particle
-  std::vector<Touch> touches_;
+  std::vector<Vec3d> stretch_bar_;   ///< per particle
+  std::vector<Particle> particles_;  ///< that can have met a surface, ascending
 };
 
 extern template class TotalContactAdjoint<float>;

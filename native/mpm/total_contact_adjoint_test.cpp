@@ -108,6 +108,7 @@ struct Rollout {
 
   struct Record {
     std::vector<TotalState<double>> states;
+    /// Before each substep, and after the last.
     std::vector<std::vector<std::pair<std::uint32_t, ContactMemory>>> memories;
     std::size_t touching = 0;
   };
@@ -121,13 +122,14 @@ struct Rollout {
     for (int n = 0; n < kSteps; ++n) {
       if (record != nullptr) {
         record->states.push_back(body.record());
-        record->memories.push_back(contact.record());
+        record->memories.push_back(contact.record().memory);
         record->touching += record->memories.back().size();
       }
       contact.apply(arena, body, n * kDt, kDt);
       body.compute_forces(arena, kDt, true);
       body.step_nodes(arena, kick(n), kDt, s.gravity.at(0.0), n * kDt);
     }
+    if (record != nullptr) record->memories.push_back(contact.record().memory);
     double loss = 0.0;
     for (std::uint32_t p = 0; p < 64; ++p)
       loss += 1e3 * weight(p).dot(body.point_state(p).position);
@@ -148,9 +150,12 @@ struct Rollout {
     TotalAdjoint<double> adjoint(body, material, adjoint_kernels<double>(SimdTarget::kAuto));
     TotalContactAdjoint<double> contact(s.bodies[0], s, body);
     TotalCotangents<double> bar = adjoint.zero();
-    for (std::uint32_t p = 0; p < 64; ++p) adjoint.add_position(p, 1e3 * weight(p), bar);
+    std::vector<Vec3d> position_bar;
+    for (std::uint32_t p = 0; p < 64; ++p) position_bar.emplace_back(1e3 * weight(p));
+    adjoint.add_particles(arena, position_bar, {}, bar);
     for (int n = kSteps - 1; n >= 0; --n) {
-      contact.set_memory(record.memories[static_cast<std::size_t>(n)]);
+      contact.set_memory(record.memories[static_cast<std::size_t>(n)],
+                         record.memories[static_cast<std::size_t>(n) + 1]);
       adjoint.substep(arena, {n * kDt, kDt, kick(n), 0.0, s.gravity.at(0.0)},
                       record.states[static_cast<std::size_t>(n)], bar, &contact);
     }

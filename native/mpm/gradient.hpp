@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "base/interrupter.hpp"
+#include "base/parallel.hpp"
+#include "base/vec.hpp"
+#include "material/law_gradient.hpp"
+#include "mpm/scene.hpp"
+#include "mpm/schedule.hpp"
+#include "mpm/simulation.hpp"
+
+namespace matterfit::mpm {
+
+/// What an observer sees of one frame: FrameState's positions and velocities without rounding.
+struct ObservedFrame {
+  struct Body {
+    std::vector<Vec3d> positions;   ///< [m]
+    std::vector<Vec3d> velocities;  ///< [m/s]
+  };
+  int frame = 0;
+  double time = 0.0;  ///< seconds after the scene's first frame
+  std::vector<Body> bodies;
+};
+
+/// What it says of it: its share of the loss, and the derivatives of that with respect to the
+/// particles' positions and velocities, per body one each or none at all. Empty to begin with, one
+/// for each body of the scene.
+struct FrameLoss {
+  struct Body {
+    std::vector<Vec3d> positions;
+    std::vector<Vec3d> velocities;
+  };
+  double loss = 0.0;
+  std::vector<Body> bodies;
+};
+
+/// Called once for each frame, in order, the first one included.
+using Observer = std::function<void(const ObservedFrame& frame, FrameLoss& loss)>;
+
+struct BodyGradient {
+  material::MaterialGradient material;
+  double density = 0.0;
+  /// Of the whole body at the start, with its pins and masses, against colliders and the observer.
+  Vec3d offset = Vec3d::Zero();
+  Vec3d velocity = Vec3d::Zero();  ///< by Body::velocity
+  Vec3d spin = Vec3d::Zero();      ///< by Body::spin
+  std::vector<Vec3d> particle_velocities;
+};
+
+struct ColliderGradient {
+  double mu = 0.0;
+  double stiffness = 0.0;             ///< [Pa/m]; by the resolved one where the scene has 0
+  double damping = 0.0;               ///< fraction of critical
+  Vec3d translation = Vec3d::Zero();  ///< of the whole collider with its motion, world axes [m]
+  Vec3d rotation = Vec3d::Zero();     ///< of it about the world's origin [rad]
+};
+
+/// A loss and its derivatives by everything that the scene says, per unit of each.
+struct Gradient {
+  double loss = 0.0;
+  std::vector<BodyGradient> bodies;
+  std::vector<ColliderGradient> colliders;  ///< the scene's, then its walls
+  Vec3d gravity = Vec3d::Zero();            ///< by something added to it at all times
+  Schedule schedule;                        ///< as the run was stepped
+  std::size_t substeps = 0;
+  std::size_t recomputed = 0;   ///< substeps that were run a second time
+  std::size_t state_bytes = 0;  ///< of one recorded state, the largest
+  std::size_t peak_bytes = 0;   ///< of all that was recorded at once; at most the budget
+};
+
+struct GradientOptions {
+  Simulation::Options simulation;
+  /// For states and cotangents that are kept for the way back [bytes]. Where it holds every
+  /// substep's state nothing is run twice; else states are kept at the ends of segments, and each
+  /// segment is run again, at most once. The result is the same to the last bit.
+  std::size_t memory_budget = std::size_t{2} << 30U;
+  /// Frames that it has are stepped by it; Scene::substeps and the solver's choice set the others.
+  Schedule schedule;
+  /// Called from the calling thread with the share that is done, from 0 to 1.
+  std::function<void(double)> progress;
+};
+
+/// The loss of a run and how it was stepped: what gradient() gives, without the way back.
+struct RollOut {
+  double loss = 0.0;
+  Schedule schedule;
+};
+template <class S>
+[[nodiscard]] RollOut roll_out(const Scene& scene, const std::shared_ptr<Arena>& arena,
+                               const Observer& observer, const GradientOptions& options,
+                               const Interrupter& interrupter);
+
+/// Runs a scene over its frames, asks the observer for its loss in each, and goes back over all
+/// substeps by hand-written adjoints (physics: hand-written adjoints, two-level checkpoints). The
+/// forward pass has the bits of Simulation with the same substeps.
+///
+/// Exact for the discrete scheme, whose schedule is taken as given: differences between runs with
+/// that schedule converge to it. Where the solver resolved a contact's stiffness from the material,
+/// that stays as well. Where contact or yield sets in, the side of the forward pass counts.
+///
+/// S: the particles' scalar; double is for proofs. Throws Error(kInput) for scenes it has no
+/// adjoint of (updated Lagrangian bodies; bodies that may touch each other) and for a budget that
+/// cannot hold the run, with the one that would; Error(kCompute) for a run that fails.
+template <class S>
+[[nodiscard]] Gradient gradient(const Scene& scene, const std::shared_ptr<Arena>& arena,
+                                const Observer& observer, const GradientOptions& options,
+                                const Interrupter& interrupter);
+
+extern template RollOut roll_out<float>(const Scene&, const std::shared_ptr<Arena>&,
+                                        const Observer&, const GradientOptions&,
+                                        const Interrupter&);
+extern template RollOut roll_out<double>(const Scene&, const std::shared_ptr<Arena>&,
+                                         const Observer&, const GradientOptions&,
+                                         const Interrupter&);
+extern template Gradient gradient<float>(const Scene&, const std::shared_ptr<Arena>&,
+                                         const Observer&, const GradientOptions&,
+                                         const Interrupter&);
+extern template Gradient gradient<double>(const Scene&, const std::shared_ptr<Arena>&,
+                                          const Observer&, const GradientOptions&,
+                                          const Interrupter&);
+
+}  // namespace matterfit::mpm

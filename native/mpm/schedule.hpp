@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+namespace matterfit::mpm {
+
+/// How a frame was stepped: what the solver found before it began, and a gradient takes as given.
+struct FrameSchedule {
+  int substeps = 0;
+  /// Substep that the unforced body could take [s], of each total Lagrangian body: the smoothing of
+  /// its velocities is measured by it. 0: held so far.
+  std::vector<double> elastic_dt;
+};
+
+/// Of a run's frames, from the first on. A run with another's schedule takes the same steps.
+using Schedule = std::vector<FrameSchedule>;
+
+}  // namespace matterfit::mpm

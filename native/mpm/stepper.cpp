@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/stepper.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <sstream>
+#include <type_traits>
+#include <utility>
+
+#include "base/error.hpp"
+#include "mpm/kernels.hpp"
+#include "mpm/scene_check.hpp"
+#include "mpm/unstable_error.hpp"
+
+namespace matterfit::mpm {
+namespace {
+
+/// Of saved states.
+constexpr std::uint32_t kStateVersion = 3;
+
+constexpr int kMostRetries = 3;
+constexpr double kMostSubsteps = 5e6;
+
+}  // namespace
+
+template <class S>
+Stepper<S>::Stepper(Scene scene, std::shared_ptr<Arena> arena, const Simulation::Options& options)
+    : scene_(std::move(scene)), arena_(std::move(arena)) {
+  check_scene(scene_);
+  const MemoryEstimate needed = Simulation::estimate(scene_);
+  if (needed.bytes > options.memory_limit) {
+    std::ostringstream text;
+    text << "The scene needs about " << (needed.bytes >> 20U) << " MB for " << needed.particles
+         << " particles, more than the limit of " << (options.memory_limit >> 20U)
+         << " MB. Use a larger particle separation or raise the memory limit.";
+    throw_input(text.str());
+  }
+  frame_ = scene_.first_frame;
+  if (scene_.walls) add_walls();
+  check_start();
+  const Kernels<S>& table = kernels<S>(options.target);
+  total_ = std::make_unique<TotalGroup<S>>(scene_, table);
+  for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
+    if (!is_total(scene_.bodies[i])) updated_bodies_.push_back(i);
+  }
+  if constexpr (std::is_same_v<S, float>) {
+    if (!updated_bodies_.empty()) {
+      updated_ =
+          std::make_unique<UpdatedGroup>(scene_, updated_bodies_, table, options.memory_limit);
+    }
+    std::vector<BodyContacts::Member> members;
+    for (std::size_t m = 0; m < total_->size(); ++m) {
+      members.push_back({total_->index(m), &total_->body(m)});
+    }
+    body_contacts_ =
+        std::make_unique<BodyContacts>(scene_, members, updated_.get(), updated_bodies_);
+  } else if (scene_.bodies.size() > 1 || !updated_bodies_.empty()) {
+    throw_input("In double precision a scene has one body, of formulation 'total'.");
+  }
+}
+
+/// Closed walls touch like any other collider.
+template <class S>
+void Stepper<S>::add_walls() {
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const int side : {-1, 1}) {
+      const double at = side < 0 ? scene_.walls->low[axis] : scene_.walls->high[axis];
+      if (!std::isfinite(at)) continue;
+      Vec3d point = Vec3d::Zero();
+      Vec3d normal = Vec3d::Zero();
+      point[axis] = at;
+      normal[axis] = -side;
+      scene_.colliders.push_back(
+          make_plane(std::string("wall ") + (side < 0 ? "-" : "+") + "xyz"[axis],
+                     scene_.walls->contact, point, normal));
+    }
+  }
+}
+
+/// A body that starts deep inside a collider would be shot out of it, or torn: say so instead.
+/// Bodies with pins may be set into what holds them.
+template <class S>
+void Stepper<S>::check_start() const {
+  constexpr std::size_t kMostQueries = 20'000;
+  for (const Body& body : scene_.bodies) {
+    if (!body.pins.empty()) continue;
+    const std::size_t step = 1 + body.rest.size() / kMostQueries;
+    for (const ColliderPtr& collider : scene_.colliders) {
+      double deepest = 0.0;
+      Vec3d where = Vec3d::Zero();
+      for (std::size_t p = 0; p < body.rest.size(); p += step) {
+        const double depth = -collider->closest(body.rest[p], 0.0).distance;
+        if (depth <= deepest) continue;
+        deepest = depth;
+        where = body.rest[p];
+      }
+      if (deepest <= scene_.dx) continue;
+      std::ostringstream text;
+      text << "Body '" << body.name << "' starts up to " << deepest << " m inside '"
+           << collider->name() << "', at (" << where[0] << ", " << where[1] << ", " << where[2]
+           << ") m. Move one of them so that they touch at most.";
+      throw_input(text.str());
+    }
+  }
+}
+
+/// A particle more than a cell beyond a wall has broken through.
+template <class S>
+void Stepper<S>::check_walls(const FrameState& state) const {
+  if (!scene_.walls) return;
+  const Vec3d low = scene_.walls->low - Vec3d::Constant(scene_.dx);
+  const Vec3d high = scene_.walls->high + Vec3d::Constant(scene_.dx);
+  for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+    const auto& positions = state.bodies[b].positions;
+    for (std::size_t p = 0; p < positions.size(); ++p) {
+      const Vec3d x = positions[p].template cast<double>();
+      if ((x - low).minCoeff() >= 0.0 && (high - x).minCoeff() >= 0.0) continue;
+      std::ostringstream text;
+      text << "Body '" << scene_.bodies[b].name << "', frame " << state.frame << ": particle " << p
+           << " at (" << x[0] << ", " << x[1] << ", " << x[2]
+           << ") m is more than a cell beyond the walls. Start the body inside them, raise the "
+              "walls' contact stiffness, or use gentler motion.";
+      throw_compute(text.str());
+    }
+  }
+}
+
+template <class S>
+StepLimit Stepper<S>::choose_step(double time, const Interrupter& interrupter) {
+  StepLimit step;
+  if (scene_.dt > 0.0) step.limit_to(scene_.dt, "scene.solver.dt");
+  typename TotalGroup<S>::OtherContact between;
+  if (body_contacts_) between = {body_contacts_->any(), body_contacts_->frequency_squared()};
+  total_->limit_step(*arena_, time, between, step, interrupter);
+  if (!(scene_.dt > 0.0) && between.frequency_squared > 0.0) {
+    // Bodies that are held, and updated ones, feel it too.
+    step.limit_to(scene_.dt_safety * std::sqrt(2.0 / between.frequency_squared),
+                  "contact between bodies");
+  }
+  if (updated_) {
+    const auto [dt, reason] = updated_->begin_frame(time);
+    if (!(scene_.dt > 0.0)) step.limit_to(scene_.dt_safety * dt, reason);
+  }
+  return step;
+}
+
+/// How many substeps a frame takes, as a number that may be too large for an int.
+template <class S>
+double Stepper<S>::substeps(const StepLimit& step) const {
+  return std::max(1.0, std::ceil(1.0 / (scene_.fps * step.dt) * (1.0 - 1e-12)));
+}
+
+/// Of the present frame, where the scene says; else 0.
+template <class S>
+int Stepper<S>::fixed_substeps() const {
+  const auto k = static_cast<std::size_t>(frame_ - scene_.first_frame);
+  return k < scene_.substeps.size() ? scene_.substeps[k] : 0;
+}
+
+template <class S>
+void Stepper<S>::begin_frame() {
+  total_->begin_frame(time_of(frame_));
+  if (body_contacts_) body_contacts_->wake();
+}
+
+template <class S>
+void Stepper<S>::step(double time, double dt, FrameReport& report) {
+  const Vec3d gravity = scene_.gravity.at(time);
+  total_->touch(*arena_, time, dt);
+  if (body_contacts_ && body_contacts_->any()) {
+    body_contacts_->apply(*arena_, time, dt, gravity.norm(), 1.0 / scene_.fps);
+  }
+  total_->step(*arena_, time, dt, gravity, frame_, report);
+  if (updated_) {
+    const auto extremes = updated_->step(*arena_, time, dt, gravity);
+    report.min_volume_ratio = std::min(report.min_volume_ratio, extremes.first);
+    report.max_volume_ratio = std::max(report.max_volume_ratio, extremes.second);
+  }
+}
+
+template <class S>
+void Stepper<S>::substep(int frame, const FrameSchedule& plan, int k) {
+  frame_ = frame;
+  if (k == 0) {
+    total_->set_elastic_dt(plan.elastic_dt);
+    begin_frame();
+  }
+  const double dt = 1.0 / (scene_.fps * plan.substeps);
+  FrameReport report;
+  step(time_of(frame_) + k * dt, dt, report);
+}
+
+template <class S>
+FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHooks& hooks) {
+  const auto at = static_cast<std::size_t>(frame_ - scene_.first_frame);
+  const bool scheduled = at < schedule_.size();
+  StepLimit step;
+  int fixed = 0;
+  if (scheduled) {
+    fixed = schedule_[at].substeps;
+    step = {1.0 / (scene_.fps * fixed), "schedule"};
+    total_->set_elastic_dt(schedule_[at].elastic_dt);
+    if (updated_) (void)updated_->begin_frame(time_of(frame_));
+  } else {
+    step = choose_step(time_of(frame_), interrupter);
+    fixed = fixed_substeps();
+    if (fixed > 0) step = {1.0 / (scene_.fps * fixed), "scene.substeps"};
+  }
+  const bool may_retry = !(scene_.dt > 0.0) && fixed == 0;
+  const std::string before = may_retry ? save() : "";  // with the limits just found
+  double count = fixed > 0 ? fixed : substeps(step);
+  if (!(count < kMostSubsteps)) {
+    throw_compute("Frame " + std::to_string(frame_) + " would need " + std::to_string(count) +
+                  " substeps (" + step.reason +
+                  "). Soften the material, use a larger particle separation, or override "
+                  "scene.solver.dt.");
+  }
+  FrameReport report;
+  // A frame that fails is tried again with half the substep before the run gives up: a hard
+  // impact can stiffen the body within a frame.
+  for (int attempt = 0;; ++attempt) {
+    report = FrameReport{};
+    report.substeps = static_cast<int>(count);
+    report.dt = 1.0 / (scene_.fps * report.substeps);
+    report.dt_limit = step.reason + (attempt > 0 ? ", halved after a failed try" : "");
+    try {
+      begin_frame();
+      for (int k = 0; k < report.substeps; ++k) {
+        interrupter.check();
+        if (hooks.before) hooks.before(k, report.substeps);
+        this->step(time_of(frame_) + k * report.dt, report.dt, report);
+        if (hooks.after) hooks.after();
+      }
+      break;
+    } catch (const UnstableError&) {
+      if (attempt == kMostRetries || !may_retry || 2.0 * count > kMostSubsteps) {
+        throw;
+      }
+      load(before);
+      count *= 2.0;
+    }
+  }
+  taken_ = {report.substeps, total_->elastic_dt()};
+  ++frame_;
+  report.frame = frame_;
+  total_->report(report);
+  if (updated_) updated_->report(report);
+  if (scene_.walls) check_walls(state());
+  return report;
+}
+
+template <class S>
+SubstepCost Stepper<S>::measure(double seconds, const Interrupter& interrupter) {
+  // While everything is held nothing is computed: the price is that of what follows.
+  const auto held = [&] { return !updated_ && total_->all_held(time_of(frame_)); };
+  while (held() && frame_ + 1 < scene_.end_frame) ++frame_;
+  const double count = substeps(choose_step(time_of(frame_), interrupter));
+  SubstepCost cost;
+  cost.dt = 1.0 / (scene_.fps * count);
+  FrameReport report;
+  begin_frame();
+  const auto begin = std::chrono::steady_clock::now();
+  int done = 0;
+  double spent = 0.0;
+  while (done < count && (done == 0 || spent < seconds)) {
+    step(time_of(frame_) + done * cost.dt, cost.dt, report);
+    ++done;
+    spent = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  }
+  cost.seconds = spent / done;
+  return cost;
+}
+
+template <class S>
+FrameState Stepper<S>::state() const {
+  FrameState out;
+  out.frame = frame_;
+  out.time = time_of(frame_);
+  out.bodies.resize(scene_.bodies.size());
+  total_->sample(*arena_, out.bodies);
+  if (updated_) updated_->sample(out.bodies);
+  return out;
+}
+
+template <class S>
+std::string Stepper<S>::save() const {
+  ByteWriter out;
+  out.put(kStateVersion);
+  out.put(frame_);
+  total_->save(out);
+  if (updated_) updated_->save(out);
+  if (body_contacts_) body_contacts_->save(out);
+  return out.take();
+}
+
+template <class S>
+void Stepper<S>::load(const std::string& bytes) {
+  ByteReader in(bytes);
+  std::uint32_t version = 0;
+  in.get(version);
+  if (version != kStateVersion)
+    throw_input("The checkpoint is of another version. Simulate again.");
+  in.get(frame_);
+  total_->load(in);
+  if (updated_) updated_->load(in);
+  if (body_contacts_) body_contacts_->load(in);
+  in.expect_end();
+}
+
+template class Stepper<float>;
+template class Stepper<double>;
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/interrupter.hpp"
+#include "base/parallel.hpp"
+#include "mpm/body_contact.hpp"
+#include "mpm/schedule.hpp"
+#include "mpm/simulation.hpp"
+#include "mpm/total_group.hpp"
+#include "mpm/updated_group.hpp"
+
+namespace matterfit::mpm {
+
+/// Called around the substeps of a frame. A frame that failed begins again from 0, with more.
+struct SubstepHooks {
+  std::function<void(int substep, int substeps)> before;
+  std::function<void()> after;
+};
+
+/// All bodies of a scene and their clock: what Simulation runs, and Gradient records and runs
+/// again. Errors as Simulation's. Call everything but the constructor inside `arena`.
+/// S other than float: total Lagrangian bodies that do not touch each other.
+template <class S>
+class Stepper {
+ public:
+  Stepper(Scene scene, std::shared_ptr<Arena> arena, const Simulation::Options& options);
+  Stepper(const Stepper&) = delete;
+  Stepper& operator=(const Stepper&) = delete;
+
+  /// With the walls among the colliders, after the scene's own.
+  [[nodiscard]] const Scene& scene() const { return scene_; }
+  [[nodiscard]] Arena& arena() { return *arena_; }
+  [[nodiscard]] TotalGroup<S>& total() { return *total_; }
+  /// The frame the state stands at.
+  [[nodiscard]] int frame() const { return frame_; }
+
+  /// Frames that a schedule has are stepped by it.
+  void set_schedule(Schedule schedule) { schedule_ = std::move(schedule); }
+  /// One frame. `seconds` of the report is left out.
+  FrameReport advance(const Interrupter& interrupter, const SubstepHooks& hooks = {});
+  /// How the last frame was stepped.
+  [[nodiscard]] const FrameSchedule& taken() const { return taken_; }
+  [[nodiscard]] SubstepCost measure(double seconds, const Interrupter& interrupter);
+
+  /// Substep k of a frame as advance() takes it, alone, from the state before it.
+  void substep(int frame, const FrameSchedule& plan, int k);
+
+  [[nodiscard]] FrameState state() const;
+  [[nodiscard]] std::string save() const;
+  void load(const std::string& bytes);
+
+ private:
+  void add_walls();
+  void check_start() const;
+  void check_walls(const FrameState& state) const;
+  [[nodiscard]] double time_of(int at) const { return (at - scene_.first_frame) / scene_.fps; }
+  [[nodiscard]] StepLimit choose_step(double time, const Interrupter& interrupter);
+  [[nodiscard]] double substeps(const StepLimit& step) const;
+  [[nodiscard]] int fixed_substeps() const;
+  void begin_frame();
+  void step(double time, double dt, FrameReport& report);
+
+  Scene scene_;
+  std::shared_ptr<Arena> arena_;
+  std::unique_ptr<TotalGroup<S>> total_;
+  std::unique_ptr<UpdatedGroup> updated_;
+  std::vector<std::size_t> updated_bodies_;
+  std::unique_ptr<BodyContacts> body_contacts_;  ///< null where S is not float
+  Schedule schedule_;
+  FrameSchedule taken_;
+  int frame_ = 0;
+};
+
+extern template class Stepper<float>;
+extern template class Stepper<double>;
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/total_group.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+#include "mpm/scene_check.hpp"
+#include "mpm/unstable_error.hpp"
+
+namespace matterfit::mpm {
+namespace {
+
+constexpr int kFirstIterations = 60;
+constexpr int kFrameIterations = 16;
+/// Share of the unresolved part of a body's velocity that a substep at the stability limit takes
+/// away, applied every few substeps (docs/why.md: what it costs a beam).
+constexpr double kSmoothing = 0.02;
+constexpr int kSmoothingInterval = 8;
+
+template <class Value>
+std::size_t bytes_of(const std::vector<Value>& values) {
+  return values.size() * sizeof(Value);
+}
+
+}  // namespace
+
+template <class S>
+std::size_t TotalMemberState<S>::bytes() const {
+  return sizeof(*this) + bytes_of(body.displacement) + bytes_of(body.velocity) +
+         bytes_of(body.plastic) + bytes_of(body.maxwell) + bytes_of(contact.memory) +
+         bytes_of(contact.wake_time);
+}
+
+/// A force evaluation for each of the probe's iterations: not where little has changed.
+template <class S>
+bool TotalGroup<S>::Member::needs_probe() const {
+  constexpr int kOften = 64;
+  constexpr S kChange = S(0.05F);
+  return since_probe >= kOften ||
+         std::abs(latest.min_volume_ratio - probed.min_volume_ratio) > kChange ||
+         std::abs(latest.max_volume_ratio - probed.max_volume_ratio) > kChange;
+}
+
+template <class S>
+TotalGroup<S>::TotalGroup(const Scene& scene, const Kernels<S>& kernels) : scene_(scene) {
+  for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
+    if (!is_total(scene.bodies[i])) continue;
+    Member member;
+    member.index = i;
+    member.body = std::make_unique<TotalBody<S>>(scene.bodies[i], scene, kernels);
+    member.contact = std::make_unique<TotalContact<S>>(scene.bodies[i], scene, *member.body);
+    members_.push_back(std::move(member));
+  }
+  last_.resize(members_.size());
+}
+
+template <class S>
+bool TotalGroup<S>::all_held(double time) const {
+  return std::all_of(members_.begin(), members_.end(),
+                     [&](const Member& m) { return m.body->held(time); });
+}
+
+template <class S>
+void TotalGroup<S>::limit_step(Arena& arena, double time, const OtherContact& other,
+                               StepLimit& limit, const Interrupter& interrupter) {
+  for (Member& member : members_) {
+    // A body let go within the frame needs its own limit from the start of the frame.
+    if (member.body->held(time + 1.0 / scene_.fps - 1e-9)) continue;
+    const bool first = member.elastic_dt <= 0.0;
+    if (first || (!(scene_.dt > 0.0) && member.needs_probe())) {
+      const double found = member.body->stable_time_step(
+          arena, first ? kFirstIterations : kFrameIterations, interrupter);
+      // A body that flows answers softly to the probe, and stiffly as soon as it unloads.
+      const bool flows = !scene_.bodies[member.index].material.is_elastic();
+      member.elastic_dt = flows && !first ? std::min(member.elastic_dt, found) : found;
+      member.probed = member.latest;
+      member.since_probe = 0;
+    }
+    if (scene_.dt > 0.0) continue;
+    if (member.contact->any() || other.any) {
+      // A face must not cross a collider, nor what resists it, within a substep.
+      const double speed = member.body->max_speed() + scene_.gravity.at(time).norm() / scene_.fps;
+      if (speed > 0.0) limit.limit_to(scene_.cfl * scene_.dx / speed, "CFL");
+    }
+    const double omega = 2.0 / member.elastic_dt;
+    const double contact = member.contact->frequency_squared() + other.frequency_squared;
+    const double fastest = std::sqrt(omega * omega + contact);
+    // Explicit damping lowers the limit 2/ω to (2/ω)(√(1 + ξ²) − ξ), ξ its share of critical
+    // (Belytschko, Liu and Moran, Nonlinear Finite Elements, §6.6.6); the rate of a damping is
+    // 27 η/(2 ρ dx²) at most, as that of the same modulus in place of it.
+    const material::Material& m = scene_.bodies[member.index].material;
+    const double viscous = 2.0 * m.damping_shear + m.damping_bulk;
+    const double rate =
+        13.3 * viscous / (scene_.bodies[member.index].density * scene_.dx * scene_.dx);
+    const double xi = 0.5 * rate / fastest;
+    const bool by_damping = xi > 1.0;
+    const bool by_contact = contact > omega * omega;
+    const char* reason = by_damping   ? "damping of "
+                         : by_contact ? "contact of "
+                                      : "elastic wave of ";
+    limit.limit_to(scene_.dt_safety * 2.0 / fastest * (std::sqrt(1.0 + xi * xi) - xi),
+                   reason + member.body->name());
+  }
+}
+
+template <class S>
+std::vector<double> TotalGroup<S>::elastic_dt() const {
+  std::vector<double> out;
+  for (const Member& member : members_) out.push_back(member.elastic_dt);
+  return out;
+}
+
+template <class S>
+void TotalGroup<S>::set_elastic_dt(const std::vector<double>& dt) {
+  for (std::size_t m = 0; m < members_.size(); ++m) members_[m].elastic_dt = dt[m];
+}
+
+template <class S>
+void TotalGroup<S>::begin_frame(double time) {
+  const double frame_seconds = 1.0 / scene_.fps;
+  double pull = scene_.gravity.at(time).norm();
+  pull = std::max(pull, scene_.gravity.at(time + frame_seconds).norm());
+  for (Member& member : members_) member.contact->wake(frame_seconds, pull);
+}
+
+template <class S>
+void TotalGroup<S>::touch(Arena& arena, double time, double dt) {
+  for (Member& member : members_) member.contact->apply(arena, *member.body, time, dt);
+}
+
+template <class S>
+void TotalGroup<S>::step(Arena& arena, double time, double dt, const Vec3d& gravity, int frame,
+                         FrameReport& report) {
+  for (std::size_t m = 0; m < members_.size(); ++m) {
+    Member& member = members_[m];
+    TotalSubstep& taken = last_[m];
+    taken = {time, dt, 0.0, 0.0, gravity, false};
+    if (member.body->releases_between(time - dt, time)) member.last_dt = 0.0;
+    if (member.body->held(time)) {
+      taken.held = true;
+      member.body->step_nodes(arena, 0.0, dt, gravity, time);
+      member.last_dt = 0.0;
+      continue;
+    }
+    taken.kick = 0.5 * (member.last_dt + dt);
+    member.body->compute_forces(arena, dt, true);
+    member.body->step_nodes(arena, taken.kick, dt, gravity, time);
+    if (++member.unsmoothed == kSmoothingInterval) {
+      member.unsmoothed = 0;
+      taken.smoothing = std::min(0.5, kSmoothing * kSmoothingInterval * dt / member.elastic_dt);
+      member.body->smooth_velocities(arena, taken.smoothing);
+    }
+    member.last_dt = dt;
+    ++member.since_probe;
+    const auto extremes = member.body->extremes();
+    member.latest = extremes;
+    report.min_volume_ratio =
+        std::min(report.min_volume_ratio, static_cast<double>(extremes.min_volume_ratio));
+    report.max_volume_ratio =
+        std::max(report.max_volume_ratio, static_cast<double>(extremes.max_volume_ratio));
+    if (!(extremes.min_volume_ratio > S(0))) fail(member, time, frame);
+  }
+}
+
+template <class S>
+void TotalGroup<S>::fail(const Member& member, double time, int frame) const {
+  const TotalBody<S>& body = *member.body;
+  std::uint32_t worst = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::uint32_t p = 0; p < body.particles(); ++p) {
+    const double j = body.deformation_gradient(p).determinant();
+    if (!std::isfinite(j)) {
+      worst = p;
+      least = j;
+      break;
+    }
+    if (j < least) {
+      least = j;
+      worst = p;
+    }
+  }
+  const Vec3d x = body.point_state(worst).position;
+  std::ostringstream text;
+  text << "Body '" << body.name() << "', frame " << frame << " (" << time << " s): particle "
+       << worst << " at (" << x[0] << ", " << x[1] << ", " << x[2] << ") m ";
+  if (std::isfinite(least)) {
+    text << "is turned inside out (volume ratio " << least << ").";
+  } else {
+    text << "is not a number.";
+  }
+  text << " The deformation is larger than this grid can follow: use a smaller particle "
+          "separation, a smaller scene.solver.dt_safety, gentler motion, or formulation "
+          "'updated' if the body flows or tears.";
+  throw UnstableError(text.str());
+}
+
+template <class S>
+void TotalGroup<S>::sample(Arena& arena, std::vector<BodyState>& bodies) const {
+  for (const Member& member : members_) member.body->sample(arena, bodies[member.index]);
+}
+
+template <class S>
+void TotalGroup<S>::report(FrameReport& report) const {
+  for (const Member& member : members_) {
+    report.max_speed = std::max(report.max_speed, member.body->max_speed());
+    report.kinetic_energy += member.body->kinetic_energy();
+    report.max_penetration = std::max(report.max_penetration, member.contact->max_penetration());
+  }
+}
+
+template <class S>
+void TotalGroup<S>::save(ByteWriter& out) const {
+  for (const Member& member : members_) {
+    out.put(member.last_dt);
+    out.put(member.elastic_dt);
+    out.put(member.unsmoothed);
+    out.put(member.since_probe);
+    out.put(member.probed);
+    out.put(member.latest);
+    member.body->save(out);
+    member.contact->save(out);
+  }
+}
+
+template <class S>
+void TotalGroup<S>::load(ByteReader& in) {
+  for (Member& member : members_) {
+    in.get(member.last_dt);
+    in.get(member.elastic_dt);
+    in.get(member.unsmoothed);
+    in.get(member.since_probe);
+    in.get(member.probed);
+    in.get(member.latest);
+    member.body->load(in);
+    member.contact->load(in);
+  }
+}
+
+template <class S>
+std::vector<TotalMemberState<S>> TotalGroup<S>::record() const {
+  std::vector<TotalMemberState<S>> states;
+  for (const Member& member : members_) {
+    states.push_back({member.body->record(), member.contact->record(), member.last_dt,
+                      member.elastic_dt, member.unsmoothed});
+  }
+  return states;
+}
+
+template <class S>
+void TotalGroup<S>::restore(const std::vector<TotalMemberState<S>>& states) {
+  for (std::size_t m = 0; m < members_.size(); ++m) {
+    members_[m].body->restore(states[m].body);
+    members_[m].contact->restore(states[m].contact);
+    members_[m].last_dt = states[m].last_dt;
+    members_[m].elastic_dt = states[m].elastic_dt;
+    members_[m].unsmoothed = states[m].unsmoothed;
+  }
+}
+
+template struct TotalMemberState<float>;
+template struct TotalMemberState<double>;
+template class TotalGroup<float>;
+template class TotalGroup<double>;
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/total_group_adjoint.hpp"
+
+namespace matterfit::mpm {
+
+template <class S>
+TotalGroupAdjoint<S>::TotalGroupAdjoint(const Scene& scene, TotalGroup<S>& group,
+                                        SimdTarget target) {
+  for (std::size_t m = 0; m < group.size(); ++m) {
+    const Body& body = scene.bodies[group.index(m)];
+    std::unique_ptr<TotalContactAdjoint<S>> contact;
+    if (!scene.colliders.empty()) {
+      contact = std::make_unique<TotalContactAdjoint<S>>(body, scene, group.body(m));
+    }
+    TotalAdjoint<S> adjoint(group.body(m), body.material, adjoint_kernels<S>(target));
+    TotalCotangents<S> bar = adjoint.zero();
+    members_.push_back({group.index(m), body.density, std::move(adjoint), std::move(contact),
+                        std::move(bar), Vec3d::Zero()});
+  }
+}
+
+template <class S>
+void TotalGroupAdjoint<S>::observe(Arena& arena, const FrameLoss& loss) {
+  for (Member& member : members_) {
+    const FrameLoss::Body& body = loss.bodies[member.index];
+    member.adjoint.add_particles(arena, body.positions, body.velocities, member.bar);
+    for (const Vec3d& bar : body.positions) member.observed += bar;
+  }
+}
+
+template <class S>
+void TotalGroupAdjoint<S>::substep(Arena& arena, const std::vector<TotalSubstep>& taken,
+                                   const States& before,
+                                   const std::vector<ContactMemories>& after) {
+  for (std::size_t m = 0; m < members_.size(); ++m) {
+    Member& member = members_[m];
+    if (member.contact) member.contact->set_memory(before[m].contact.memory, after[m]);
+    member.adjoint.substep(arena, taken[m], before[m].body, member.bar, member.contact.get());
+  }
+}
+
+template <class S>
+void TotalGroupAdjoint<S>::collect(Gradient& out) const {
+  for (const Member& member : members_) {
+    BodyGradient& body = out.bodies[member.index];
+    body.material = member.adjoint.material_gradient(member.bar);
+    body.density = member.bar.log_density / member.density;
+    InitialCotangents initial = member.adjoint.initial(member.bar);
+    body.velocity = initial.velocity;
+    body.spin = initial.spin;
+    body.particle_velocities = std::move(initial.particle_velocities);
+    body.offset = member.observed;
+    out.gravity += member.bar.gravity;
+    if (!member.contact) continue;
+    for (std::size_t c = 0; c < out.colliders.size(); ++c) {
+      const ColliderCotangents& own = member.contact->colliders()[c];
+      out.colliders[c].mu += own.mu;
+      out.colliders[c].stiffness += own.stiffness;
+      out.colliders[c].damping += own.damping;
+      out.colliders[c].translation += own.translation;
+      out.colliders[c].rotation += own.rotation;
+      body.offset -= own.translation;  // a collider that comes nearer is a body that does
+    }
+  }
+}
+
+template class TotalGroupAdjoint<float>;
+template class TotalGroupAdjoint<double>;
+
+}  // namespace matterfit::mpm

@@ -7,14 +7,15 @@
 
 namespace matterfit::mpm {
 
+template <class S>
 void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx, double time,
-                        const float* mass, float* velocity) {
+                        const S* mass, S* velocity) {
   const Vec3d middle = origin + Vec3d::Constant(1.5 * dx);
   const double reach = 1.5 * dx * std::sqrt(3.0);
   if (collider.closest(middle, time).distance > reach + 1e-9 * dx) return;
   const Contact& contact = collider.contact();
   for (std::size_t n = 0; n < kBlockNodes; ++n) {
-    if (!(mass[n] > 0.0F)) continue;
+    if (!(mass[n] > S(0))) continue;
     const Vec3d node =
         origin + dx * Vec3d(static_cast<double>(n / 16), static_cast<double>(n / 4 % 4),
                             static_cast<double>(n % 4));
@@ -45,9 +46,14 @@ void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx
     }
     v += surface.velocity;
     for (std::size_t c = 0; c < 3; ++c) {
-      velocity[c * kBlockNodes + n] = static_cast<float>(v[static_cast<int>(c)]);
+      velocity[c * kBlockNodes + n] = static_cast<S>(v[static_cast<int>(c)]);
     }
   }
 }
+
+template void apply_node_contact<float>(const Collider&, const Vec3d&, double, double, const float*,
+                                        float*);
+template void apply_node_contact<double>(const Collider&, const Vec3d&, double, double,
+                                         const double*, double*);
 
 }  // namespace matterfit::mpm

@@ -10,7 +10,8 @@ namespace matterfit::mpm {
 /// Accurate to a cell only (docs/validation.md); kept for flows and for parity with other codes.
 /// `mass` (64) and `velocity` ([3][64], m/s) are those of the block of nodes whose node (0, 0, 0)
 /// is at `origin`.
+template <class S>
 void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx, double time,
-                        const float* mass, float* velocity);
+                        const S* mass, S* velocity);
 
 }  // namespace matterfit::mpm

@@ -72,7 +72,7 @@ struct Simulation::Impl {
   std::shared_ptr<Arena> arena;
   Options options;
   std::vector<TotalMember> total;
-  std::unique_ptr<UpdatedGroup> updated;
+  std::unique_ptr<UpdatedGroup<float>> updated;
   std::vector<std::size_t> updated_bodies;
   std::unique_ptr<BodyContacts> body_contacts;
   int frame = 0;
@@ -104,7 +104,8 @@ struct Simulation::Impl {
       total.push_back(std::move(member));
     }
     if (!updated_bodies.empty()) {
-      updated = std::make_unique<UpdatedGroup>(scene, updated_bodies, table, options.memory_limit);
+      updated =
+          std::make_unique<UpdatedGroup<float>>(scene, updated_bodies, table, options.memory_limit);
     }
     std::vector<BodyContacts::Member> members;
     for (const TotalMember& member : total) members.push_back({member.index, member.body.get()});

@@ -7,12 +7,16 @@
 
 namespace matterfit::mpm {
 
+bool reaches_nodes(const Collider& collider, const Vec3d& origin, double dx, double time) {
+  const Vec3d middle = origin + Vec3d::Constant(1.5 * dx);
+  const double reach = 1.5 * dx * std::sqrt(3.0);
+  return collider.closest(middle, time).distance <= reach + kNodeInside * dx;
+}
+
 template <class S>
 void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx, double time,
                         const S* mass, S* velocity) {
-  const Vec3d middle = origin + Vec3d::Constant(1.5 * dx);
-  const double reach = 1.5 * dx * std::sqrt(3.0);
-  if (collider.closest(middle, time).distance > reach + 1e-9 * dx) return;
+  if (!reaches_nodes(collider, origin, dx, time)) return;
   const Contact& contact = collider.contact();
   for (std::size_t n = 0; n < kBlockNodes; ++n) {
     if (!(mass[n] > S(0))) continue;
@@ -20,7 +24,7 @@ void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx
         origin + dx * Vec3d(static_cast<double>(n / 16), static_cast<double>(n / 4 % 4),
                             static_cast<double>(n % 4));
     const SurfacePoint surface = collider.closest(node, time);
-    if (surface.distance > 1e-9 * dx) continue;
+    if (surface.distance > kNodeInside * dx) continue;
     Vec3d v(static_cast<double>(velocity[n]), static_cast<double>(velocity[kBlockNodes + n]),
             static_cast<double>(velocity[2 * kBlockNodes + n]));
     v -= surface.velocity;

@@ -20,19 +20,13 @@ void add_to_node(std::vector<double>& field, std::size_t node, const Vec3d& valu
 
 }  // namespace
 
-ColliderCotangents& ColliderCotangents::operator+=(const ColliderCotangents& other) {
-  mu += other.mu;
-  stiffness += other.stiffness;
-  damping += other.damping;
-  translation += other.translation;
-  rotation += other.rotation;
-  return *this;
-}
-
 template <class S>
 TotalContactAdjoint<S>::TotalContactAdjoint(const Body& body, const Scene& scene,
                                             TotalBody<S>& total)
-    : body_(total), density_(body.density), probe_(1e-4 * scene.dx), colliders_(scene.colliders) {
+    : body_(total),
+      density_(body.density),
+      probe_(kColliderProbe * scene.dx),
+      colliders_(scene.colliders) {
   for (const ColliderPtr& collider : colliders_) {
     laws_.push_back(resolve_contact(collider->contact(), body, scene.dx));
   }
@@ -166,34 +160,12 @@ void TotalContactAdjoint<S>::back(const Touch& touch, const TotalSubstep& subste
 }
 
 template <class S>
-typename TotalContactAdjoint<S>::Slopes TotalContactAdjoint<S>::slopes(std::size_t collider,
-                                                                       const Vec3d& x,
-                                                                       double time) const {
-  Slopes out;
-  for (int axis = 0; axis < 3; ++axis) {
-    Vec3d step = Vec3d::Zero();
-    step[axis] = probe_;
-    const SurfacePoint high = colliders_[collider]->closest(x + step, time);
-    const SurfacePoint low = colliders_[collider]->closest(x - step, time);
-    out.normal.col(axis) = (high.normal - low.normal) / (2.0 * probe_);
-    out.velocity.col(axis) = (high.velocity - low.velocity) / (2.0 * probe_);
-  }
-  return out;
-}
-
-template <class S>
 Vec3d TotalContactAdjoint<S>::back_to_surface(std::size_t collider, const Vec3d& x,
                                               const SurfacePoint& at, double distance_bar,
                                               const Vec3d& normal_bar, const Vec3d& velocity_bar,
                                               double time) {
-  const Slopes slope = slopes(collider, x, time);
-  const Vec3d x_bar = distance_bar * at.normal + slope.normal.transpose() * normal_bar +
-                      slope.velocity.transpose() * velocity_bar;
-  // A collider that moves by t meets x as it met x − t before; one that turns, x turned back.
-  ColliderCotangents& own = bars_[collider];
-  own.translation -= x_bar;
-  own.rotation += at.normal.cross(normal_bar) + at.velocity.cross(velocity_bar) - x.cross(x_bar);
-  return x_bar;
+  return mpm::back_to_surface(*colliders_[collider], x, time, probe_, at, distance_bar, normal_bar,
+                              velocity_bar, bars_[collider]);
 }
 
 template class TotalContactAdjoint<float>;

@@ -111,15 +111,22 @@ HWY_INLINE SplineSums<T> spline_sums(const CellPlace<T>& p, const Load& load) {
           along(p, 0, ds[0], ds[1], ds[2]).w};
 }
 
-/// What the transfers take from a component: Σ w n, its derivatives by f, Σ w (x_I − x)/dx n, and
-/// their derivatives.
+/// What the transfers take from a component: Σ w n with its derivatives by f, and those of
+/// Σ w (x_I − x)/dx n, which are affine_sums().
 template <class T>
 struct Transferred {
   T value;
   T value_by[3];
-  T affine[3];
   T affine_by[3][3];
 };
+
+template <class T>
+HWY_INLINE void affine_sums(const CellPlace<T>& p, const SplineSums<T>& s, T affine[3]) {
+  const T q = scalar<T>(0.25);
+  affine[0] = fma(p.apic[0], s.sww, q * s.dww);
+  affine[1] = fma(p.apic[1], s.wsw, q * s.wdw);
+  affine[2] = fma(p.apic[2], s.wws, q * s.wwd);
+}
 
 template <class T>
 HWY_INLINE Transferred<T> transferred(const CellPlace<T>& p, const SplineSums<T>& s) {
@@ -128,7 +135,6 @@ HWY_INLINE Transferred<T> transferred(const CellPlace<T>& p, const SplineSums<T>
   const T* e = p.slope;
   return {s.www,
           {s.dww, s.wdw, s.wwd},
-          {fma(c[0], s.sww, q * s.dww), fma(c[1], s.wsw, q * s.wdw), fma(c[2], s.wws, q * s.wwd)},
           {{e[0] * s.sww, fma(c[0], s.sdw, q * s.ddw), fma(c[0], s.swd, q * s.dwd)},
            {fma(c[1], s.dsw, q * s.ddw), e[1] * s.wsw, fma(c[1], s.wsd, q * s.wdd)},
            {fma(c[2], s.dws, q * s.dwd), fma(c[2], s.wds, q * s.wdd), e[2] * s.wws}}};
@@ -214,11 +220,13 @@ class UpdatedBlockAdjoint {
     Mat3<T> affine;
     const T four_over_dx = T(S(4) / view_.dx);
     for (int c = 0; c < 3; ++c) {
-      moved[c] =
-          transferred(place, spline_sums(place, expanded(velocity_ + c * kExpanded, slab, lane)));
+      const SplineSums<T> sums = spline_sums(
+          place, expanded(velocity_ + static_cast<std::size_t>(c) * kExpanded, slab, lane));
+      moved[c] = transferred(place, sums);
+      affine_sums(place, sums, affine[c]);
       velocity[c] = select(present, moved[c].value, zero);
       for (int k = 0; k < 3; ++k) {
-        affine[c][k] = select(present, four_over_dx * moved[c].affine[k], zero);
+        affine[c][k] = select(present, four_over_dx * affine[c][k], zero);
       }
     }
     T landed[3];
@@ -231,17 +239,6 @@ class UpdatedBlockAdjoint {
       for (int j = 0; j < 3; ++j) step[i][j] = dt * affine[i][j];
     const Mat3<T> trial = compose(step, before);
     const T jm1 = determinant_minus_one(trial);
-    const T strain = T::load(&chunk.a[Chunk::kStrain][lane]);
-    T strain_after = strain;
-    Sym3<T> flow{};
-    Sym3<T> tau = kirchhoff_stress<kLaw, T>(law_, trial, jm1, jm1, dt, flow, strain_after);
-    if (law_.damped) add_viscous_stress(law_, affine, jm1, tau);
-    const std::size_t branches = view_.maxwell != nullptr ? law_.maxwell_count : 0;
-    Sym3<T> relaxing[material::kMostMaxwellBranches];
-    for (std::size_t i = 0; i < branches; ++i) {
-      relaxing[i] = load_branch(view_.maxwell, chunk, lane, i);
-      (void)carry_maxwell<T>(relaxation_[i], step, relaxing[i], tau);
-    }
 
     // Particles to grid: momentum Σ w m v + A (x_I − x)/dx, A = dx m C − dt V (4/dx) τ, and mass.
     CellPlace<T> new_place;
@@ -249,67 +246,75 @@ class UpdatedBlockAdjoint {
     const T mass = T(view_.density) * volume;
     const T mass_dx = T(view_.density * view_.dx) * volume;
     const T stress_factor = T(view_.dt * S(4) / view_.dx) * volume;
-    const Mat3<T> stress = to_matrix(tau);
+    Mat3<T> a_bar;
+    for (int c = 0; c < 3; ++c) affine_sums(new_place, landing.momentum[c], a_bar[c]);
+    Mat3<T> affine_bar{};
+    add_scaled(a_bar, mass_dx, affine_bar);
+    const Sym3<T> tau_bar = scaled(symmetric_part(a_bar), -stress_factor);
+
+    // Stress and flow, and τ again.
+    PointBar<T> point{};
+    Mat3<T> step_bar{};
+    Mat3<T> after_bar;
+    for (int i = 0; i < 9; ++i)
+      after_bar[i / 3][i % 3] = bar(bars, kH + static_cast<std::size_t>(i));
+    const T strain = T::load(&chunk.a[Chunk::kStrain][lane]);
+    const T strain_bar = bar(bars, kStrain);
+    Sym3<T> flow_bar{};
+    if (law_.plastic) {
+      flow_bar = symmetric_part(transpose_multiply(plus_identity(trial), after_bar));
+    }
+    LawAgain<T> again{};
+    kirchhoff_stress_adjoint<kLaw, T>(law_, trial, jm1, jm1, dt, strain, tau_bar, flow_bar,
+                                      law_.plastic ? strain_bar : zero, point, constants_bar_,
+                                      &again);
+    Sym3<T> tau = again.tau;
+    if (law_.damped) {
+      add_viscous_stress(law_, affine, jm1, tau);
+      viscous_stress_adjoint(law_, affine, jm1, tau_bar, affine_bar, point, constants_bar_);
+    }
+    const std::size_t branches = view_.maxwell != nullptr ? law_.maxwell_count : 0;
+    for (std::size_t i = 0; i < branches; ++i) {
+      const Sym3<T> held = load_branch(view_.maxwell, chunk, lane, i);
+      (void)carry_maxwell<T>(relaxation_[i], step, held, tau);
+      const Sym3<T> next_bar = load_branch(view_.maxwell_bar, chunk, lane, i);
+      store_branch(carry_maxwell_adjoint(relaxation_[i], step, held, tau_bar, next_bar, step_bar,
+                                         relaxation_bar_[i]),
+                   chunk, lane, i);
+    }
+    if constexpr (kLaw == Law::kNewtonian) {
+      // F = J^⅓ I.
+      const T third = scalar<T>(1.0 / 3.0);
+      const T trace = after_bar[0][0] + after_bar[1][1] + after_bar[2][2];
+      point.jm1 += trace * third * exp(third * log1p(jm1)) / (jm1 + one);
+    } else {
+      if (law_.plastic) after_bar = multiply(after_bar, add_diagonal(again.plastic, one));
+      add(after_bar, point.h);
+    }
+    if (!law_.plastic) point.strain += strain_bar;
+    add_scaled(cofactor(plus_identity(trial)), point.jm1 + point.mean, point.h);
+
+    // What the new place changes of the transfer.
     T velocity_bar[3];
     T place_bar[3];  // of f, in cells
-    Mat3<T> affine_bar;
-    Mat3<T> a_bar;
     T weight = landing.mass;
-    for (int c = 0; c < 3; ++c) {
+    for (std::size_t c = 0; c < 3; ++c) {
       place_bar[c] = fma(T(view_.dx), bar(bars, kPosition + c), mass * landing.mass_by[c]);
     }
+    const Mat3<T> stress = to_matrix(tau);
     for (int c = 0; c < 3; ++c) {
       const Transferred<T> n = transferred(new_place, landing.momentum[c]);
-      velocity_bar[c] = fma(mass, n.value, bar(bars, kVelocity + c));
+      velocity_bar[c] = fma(mass, n.value, bar(bars, kVelocity + static_cast<std::size_t>(c)));
       weight = fma(velocity[c], n.value, weight);
       const T value = mass * velocity[c];
       for (int j = 0; j < 3; ++j) place_bar[j] = fma(value, n.value_by[j], place_bar[j]);
       for (int k = 0; k < 3; ++k) {
         const T a = fnma(stress_factor, stress[c][k], mass_dx * affine[c][k]);
         for (int j = 0; j < 3; ++j) place_bar[j] = fma(a, n.affine_by[k][j], place_bar[j]);
-        a_bar[c][k] = n.affine[k];
-        affine_bar[c][k] = mass_dx * n.affine[k];
-        weight = fma(T(view_.dx) * affine[c][k], n.affine[k], weight);
+        weight = fma(T(view_.dx) * affine[c][k], a_bar[c][k], weight);
       }
     }
     log_density_ = fma(mass, weight, log_density_);
-    const Sym3<T> tau_bar = scaled(symmetric_part(a_bar), -stress_factor);
-
-    // Stress and flow.
-    PointBar<T> point{};
-    Mat3<T> step_bar{};
-    for (std::size_t i = 0; i < branches; ++i) {
-      const Sym3<T> next_bar = load_branch(view_.maxwell_bar, chunk, lane, i);
-      const Sym3<T> own = carry_maxwell_adjoint(relaxation_[i], step, relaxing[i], tau_bar,
-                                                next_bar, step_bar, relaxation_bar_[i]);
-      store_branch(own, chunk, lane, i);
-    }
-    if (law_.damped) {
-      viscous_stress_adjoint(law_, affine, jm1, tau_bar, affine_bar, point, constants_bar_);
-    }
-    Mat3<T> after_bar;
-    for (int i = 0; i < 9; ++i) after_bar[i / 3][i % 3] = bar(bars, kH + i);
-    const T strain_bar = bar(bars, kStrain);
-    Sym3<T> flow_bar{};
-    if constexpr (kLaw == Law::kNewtonian) {
-      // F = J^⅓ I.
-      const T j = jm1 + one;
-      const T third = scalar<T>(1.0 / 3.0);
-      const T trace = after_bar[0][0] + after_bar[1][1] + after_bar[2][2];
-      point.jm1 += trace * third * exp(third * log1p(jm1)) / j;
-    } else if constexpr (kLaw == Law::kStvkHencky) {
-      if (law_.plastic) {
-        flow_bar = symmetric_part(transpose_multiply(plus_identity(trial), after_bar));
-        after_bar = multiply(after_bar, add_diagonal(flow, one));
-      }
-      add(after_bar, point.h);
-    } else {
-      add(after_bar, point.h);
-    }
-    kirchhoff_stress_adjoint<kLaw, T>(law_, trial, jm1, jm1, dt, strain, tau_bar, flow_bar,
-                                      law_.plastic ? strain_bar : zero, point, constants_bar_);
-    if (!law_.plastic) point.strain += strain_bar;
-    add_scaled(cofactor(plus_identity(trial)), point.jm1 + point.mean, point.h);
 
     // F_trial = (I + dt C) F.
     const Mat3<T> before_bar = transpose_multiply(plus_identity(step), point.h);
@@ -339,7 +344,8 @@ class UpdatedBlockAdjoint {
       set_bar(bars, kPosition + c, inverse_dx * place_bar[c]);
       set_bar(bars, kVelocity + c, zero);
     }
-    for (int i = 0; i < 9; ++i) set_bar(bars, kH + i, before_bar[i / 3][i % 3]);
+    for (int i = 0; i < 9; ++i)
+      set_bar(bars, kH + static_cast<std::size_t>(i), before_bar[i / 3][i % 3]);
     set_bar(bars, kStrain, point.strain);
     store_bars(chunk, lane, bars);
   }
@@ -456,7 +462,6 @@ class UpdatedBlockAdjoint {
   static constexpr std::size_t kStrain = 15;
 
   static T bar(const S* bars, std::size_t i) { return T::load(bars + i * kLanes); }
-  static T bar(const S* bars, int i) { return bar(bars, static_cast<std::size_t>(i)); }
   static void set_bar(S* bars, std::size_t i, T value) { value.store(bars + i * kLanes); }
 
   template <class Visit>

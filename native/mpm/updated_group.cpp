@@ -349,7 +349,7 @@ std::pair<double, double> UpdatedGroup<S>::step(Arena& arena, double time, doubl
     record->before = s.present_topology();
     record->node_mass.resize(count * kBlockNodes);
     record->node_velocity.resize(count * 3 * kBlockNodes);
-    keep_particles(s.blocks, s.members, *record);
+    keep_particles(arena, s.blocks, s.members, *record);
   }
   s.update_grid(arena, time, kick, gravity, record);
   arena.parallel_for(0, count, 1, [&](std::size_t b) { s.move_block(b, dt); });

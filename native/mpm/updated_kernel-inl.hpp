@@ -91,8 +91,8 @@ void updated_block_law(mpm::UpdatedView<S>& view) {
         T velocity[3];
         Mat3<T> affine;
         gather<3, true, T>(expanded, slab, lane, affine_stencil(f), velocity, affine.m);
-        // Where nobody is F stays I: it would drift to det F < 0, whose logarithm times no volume is
-        // not 0.
+        // Where nobody is F stays I: it would drift to det F < 0, whose logarithm times no volume
+        // is not 0.
         const T rate = select(present, four_over_dx, scalar<T>(0));
         for (int i = 0; i < 3; ++i)
           for (int j = 0; j < 3; ++j) affine[i][j] *= rate;

@@ -32,8 +32,8 @@ std::shared_ptr<const UpdatedTopology> take_topology(const UpdatedBlocks<S>& blo
 }
 
 template <class S>
-void keep_particles(const UpdatedBlocks<S>& blocks, const std::vector<UpdatedMember<S>>& members,
-                    UpdatedRecord<S>& record) {
+void keep_particles(Arena& arena, const UpdatedBlocks<S>& blocks,
+                    const std::vector<UpdatedMember<S>>& members, UpdatedRecord<S>& record) {
   record.slab_chunks.clear();
   std::size_t chunks = 0;
   for (std::size_t b = 0; b < blocks.size(); ++b) {
@@ -46,8 +46,9 @@ void keep_particles(const UpdatedBlocks<S>& blocks, const std::vector<UpdatedMem
   }
   record.slab_chunks.push_back(static_cast<std::uint32_t>(chunks));
   record.chunks.resize(chunks);
-  KeptChunk<S>* to = record.chunks.data();
-  for (std::size_t b = 0; b < blocks.size(); ++b) {
+  const std::size_t slabs = members.size() * kSlabs;
+  arena.parallel_for(0, blocks.size(), 4, [&](std::size_t b) {
+    KeptChunk<S>* to = record.chunks.data() + record.slab_chunks[b * slabs];
     for (const BodyBlock<S>& body : blocks[b].bodies) {
       for (const auto& slab : body.slab) {
         for (const UpdatedChunk<S>& from : slab) {
@@ -57,7 +58,7 @@ void keep_particles(const UpdatedBlocks<S>& blocks, const std::vector<UpdatedMem
         }
       }
     }
-  }
+  });
   record.maxwell.resize(members.size());
   for (std::size_t m = 0; m < members.size(); ++m) record.maxwell[m] = members[m].maxwell;
 }
@@ -66,10 +67,10 @@ template struct UpdatedRecord<float>;
 template struct UpdatedRecord<double>;
 template std::shared_ptr<const UpdatedTopology> take_topology<float>(const UpdatedBlocks<float>&);
 template std::shared_ptr<const UpdatedTopology> take_topology<double>(const UpdatedBlocks<double>&);
-template void keep_particles<float>(const UpdatedBlocks<float>&,
+template void keep_particles<float>(Arena&, const UpdatedBlocks<float>&,
                                     const std::vector<UpdatedMember<float>>&,
                                     UpdatedRecord<float>&);
-template void keep_particles<double>(const UpdatedBlocks<double>&,
+template void keep_particles<double>(Arena&, const UpdatedBlocks<double>&,
                                      const std::vector<UpdatedMember<double>>&,
                                      UpdatedRecord<double>&);
 

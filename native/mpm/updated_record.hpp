@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "base/parallel.hpp"
 #include "base/vec.hpp"
 #include "mpm/contact_law.hpp"
 #include "mpm/kernels.hpp"
@@ -79,8 +80,8 @@ template <class S>
 [[nodiscard]] std::shared_ptr<const UpdatedTopology> take_topology(const UpdatedBlocks<S>& blocks);
 /// The particles before a substep.
 template <class S>
-void keep_particles(const UpdatedBlocks<S>& blocks, const std::vector<UpdatedMember<S>>& members,
-                    UpdatedRecord<S>& record);
+void keep_particles(Arena& arena, const UpdatedBlocks<S>& blocks,
+                    const std::vector<UpdatedMember<S>>& members, UpdatedRecord<S>& record);
 
 extern template struct UpdatedRecord<float>;
 extern template struct UpdatedRecord<double>;

@@ -32,9 +32,8 @@ HWY_INLINE T power(T j_minus_one, double p) {
 
 /// Fixed corotated (Stomakhin et al. 2012): τ = 2μ (F−R)Fᵀ + λ (J̄−1) J I.
 template <class T>
-HWY_INLINE Sym3<T> stress_fixed_corotated(const Constants<T>& c, const Mat3<T>& h, T jm1, T mean) {
-  const Mat3<T> f = plus_identity(h);
-  const Mat3<T> r = polar_rotation(f);
+HWY_INLINE Sym3<T> stress_fixed_corotated(const Constants<T>& c, const Mat3<T>& f, const Mat3<T>& r,
+                                          T jm1, T mean) {
   Mat3<T> d;
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) d[i][j] = f[i][j] - r[i][j];
@@ -234,7 +233,8 @@ template <Law kLaw, class T>
 HWY_INLINE Sym3<T> kirchhoff_stress(const Constants<T>& c, const Mat3<T>& h, T jm1, T mean, T dt,
                                     Sym3<T>& plastic, T& strain) {
   if constexpr (kLaw == Law::kFixedCorotated) {
-    return stress_fixed_corotated(c, h, jm1, mean);
+    const Mat3<T> f = plus_identity(h);
+    return stress_fixed_corotated(c, f, polar_rotation(f), jm1, mean);
   } else if constexpr (kLaw == Law::kNeoHookean) {
     return stress_neo_hookean(c, h, jm1, mean);
   } else if constexpr (kLaw == Law::kNewtonian) {

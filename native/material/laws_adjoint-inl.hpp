@@ -35,6 +35,14 @@ struct PointBar {
   T strain;   ///< of the equivalent plastic strain before the substep
 };
 
+/// What a law gives. An adjoint that is asked for it computes it on the way, with the polar
+/// decomposition or the eigenvectors that it has anyway; to rounding what the forward pass had.
+template <class T>
+struct LawAgain {
+  Sym3<T> tau;
+  Sym3<T> plastic;
+};
+
 /// Keeps a quotient by a norm finite, and its square too, where nobody is.
 template <class T>
 HWY_INLINE T tiny() {
@@ -44,9 +52,11 @@ HWY_INLINE T tiny() {
 template <class T>
 HWY_INLINE void stress_fixed_corotated_adjoint(const Constants<T>& c, const Mat3<T>& h, T jm1,
                                                T mean, const Sym3<T>& tau_bar, PointBar<T>& bar,
-                                               ConstantsBar<T>& c_bar) {
+                                               ConstantsBar<T>& c_bar,
+                                               LawAgain<T>* again = nullptr) {
   const Mat3<T> f = plus_identity(h);
   const Mat3<T> r = polar_rotation(f);
+  if (again != nullptr) again->tau = stress_fixed_corotated(c, f, r, jm1, mean);
   const T two_mu = T(c.mu + c.mu);
   // τ = 2μ (F Fᵀ − R Fᵀ) + …, R Fᵀ symmetric.
   const Mat3<T> tf = multiply(tau_bar, f);
@@ -232,7 +242,8 @@ HWY_INLINE void drucker_prager_adjoint(const Constants<T>& c, const HenckyReturn
 template <class T>
 HWY_INLINE void stress_hencky_adjoint(const Constants<T>& c, const Mat3<T>& h, T jm1, T mean, T dt,
                                       T strain, const Sym3<T>& tau_bar, const Sym3<T>& plastic_bar,
-                                      T strain_bar, PointBar<T>& bar, ConstantsBar<T>& c_bar) {
+                                      T strain_bar, PointBar<T>& bar, ConstantsBar<T>& c_bar,
+                                      LawAgain<T>* again = nullptr) {
   const T zero = scalar<T>(0);
   const T one = scalar<T>(1);
   const T third = scalar<T>(1.0 / 3.0);
@@ -269,6 +280,7 @@ HWY_INLINE void stress_hencky_adjoint(const Constants<T>& c, const Mat3<T>& h, T
   // τ = F S Fᵀ.
   const Mat3<T> f = plus_identity(h);
   const Sym3<T> s = from_eigen(v, phi);
+  if (again != nullptr) again->tau = push_forward(f, s);
   const Mat3<T> tf = multiply(tau_bar, f);
   add_twice(multiply(tf, s), bar.h);
   const Mat3<T> s_bar = rotate_back(v, transpose_multiply(f, tf));
@@ -279,6 +291,7 @@ HWY_INLINE void stress_hencky_adjoint(const Constants<T>& c, const Mat3<T>& h, T
   if (c.plastic) {
     g_bar = rotate_back(v, to_matrix(plastic_bar));
     for (int i = 0; i < 3; ++i) growth[i] = expm1_small(fma(less, dev[i], volume_step));
+    if (again != nullptr) again->plastic = from_eigen(v, growth);
   }
 
   // Off the diagonal.
@@ -355,21 +368,23 @@ HWY_INLINE void stress_hencky_adjoint(const Constants<T>& c, const Mat3<T>& h, T
   add_twice(multiply(f, rotate_forth(v, e_bar)), bar.h);
 }
 
-/// Adjoint of kirchhoff_stress: adds to `bar` and `c_bar`.
+/// Adjoint of kirchhoff_stress: adds to `bar` and `c_bar`; sets `again`, if not null.
 template <Law kLaw, class T>
 HWY_INLINE void kirchhoff_stress_adjoint(const Constants<T>& c, const Mat3<T>& h, T jm1, T mean,
                                          T dt, T strain, const Sym3<T>& tau_bar,
                                          const Sym3<T>& plastic_bar, T strain_bar, PointBar<T>& bar,
-                                         ConstantsBar<T>& c_bar) {
+                                         ConstantsBar<T>& c_bar, LawAgain<T>* again = nullptr) {
   if constexpr (kLaw == Law::kFixedCorotated) {
-    stress_fixed_corotated_adjoint(c, h, jm1, mean, tau_bar, bar, c_bar);
+    stress_fixed_corotated_adjoint(c, h, jm1, mean, tau_bar, bar, c_bar, again);
   } else if constexpr (kLaw == Law::kNeoHookean) {
     stress_neo_hookean_adjoint(c, h, jm1, mean, tau_bar, bar, c_bar);
+    if (again != nullptr) again->tau = stress_neo_hookean(c, h, jm1, mean);
   } else if constexpr (kLaw == Law::kNewtonian) {
     stress_newtonian_adjoint(c, jm1, tau_bar, bar, c_bar);
+    if (again != nullptr) again->tau = stress_newtonian(c, jm1);
   } else {
-    stress_hencky_adjoint(c, h, jm1, mean, dt, strain, tau_bar, plastic_bar, strain_bar, bar,
-                          c_bar);
+    stress_hencky_adjoint(c, h, jm1, mean, dt, strain, tau_bar, plastic_bar, strain_bar, bar, c_bar,
+                          again);
   }
 }
 

@@ -92,7 +92,8 @@ struct BodyContacts::Surface {
 };
 
 BodyContacts::BodyContacts(const Scene& scene, const std::vector<Member>& total,
-                           UpdatedGroup* updated, const std::vector<std::size_t>& updated_bodies)
+                           UpdatedGroup<float>* updated,
+                           const std::vector<std::size_t>& updated_bodies)
     : updated_(updated) {
   if (total.empty() || total.size() + updated_bodies.size() < 2) return;
   for (const Member& member : total) {
@@ -183,7 +184,7 @@ void BodyContacts::apply(Arena& arena, double time, double dt, double accelerati
     refresh(arena, seen, time, false);
     const double reach = 2.5 * seen.edge;
     std::vector<Looking> looking;
-    std::vector<UpdatedPoint> points;
+    std::vector<UpdatedPoint<float>> points;
     double distance = 0.0;  // between the bounding boxes
     double speed = seen.speed + (pair.skin == kUpdatedBody ? updated_->max_speed() : 0.0);
     if (pair.skin != kUpdatedBody) {

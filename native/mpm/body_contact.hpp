@@ -27,7 +27,7 @@ class BodyContacts {
     std::size_t index;  ///< into scene.bodies
     TotalBody<float>* body;
   };
-  BodyContacts(const Scene& scene, const std::vector<Member>& total, UpdatedGroup* updated,
+  BodyContacts(const Scene& scene, const std::vector<Member>& total, UpdatedGroup<float>* updated,
                const std::vector<std::size_t>& updated_bodies);
 
   [[nodiscard]] bool any() const { return !pairs_.empty(); }
@@ -71,7 +71,7 @@ class BodyContacts {
 
   void refresh(Arena& arena, Skin& skin, double time, bool with_normals);
 
-  UpdatedGroup* updated_;
+  UpdatedGroup<float>* updated_;
   std::vector<Skin> skins_;
   std::vector<Pair> pairs_;
   double frequency_squared_ = 0.0;

@@ -7,19 +7,24 @@
 
 namespace matterfit::mpm {
 
-void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx, double time,
-                        const float* mass, float* velocity) {
+bool reaches_nodes(const Collider& collider, const Vec3d& origin, double dx, double time) {
   const Vec3d middle = origin + Vec3d::Constant(1.5 * dx);
   const double reach = 1.5 * dx * std::sqrt(3.0);
-  if (collider.closest(middle, time).distance > reach + 1e-9 * dx) return;
+  return collider.closest(middle, time).distance <= reach + kNodeInside * dx;
+}
+
+template <class S>
+void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx, double time,
+                        const S* mass, S* velocity) {
+  if (!reaches_nodes(collider, origin, dx, time)) return;
   const Contact& contact = collider.contact();
   for (std::size_t n = 0; n < kBlockNodes; ++n) {
-    if (!(mass[n] > 0.0F)) continue;
+    if (!(mass[n] > S(0))) continue;
     const Vec3d node =
         origin + dx * Vec3d(static_cast<double>(n / 16), static_cast<double>(n / 4 % 4),
                             static_cast<double>(n % 4));
     const SurfacePoint surface = collider.closest(node, time);
-    if (surface.distance > 1e-9 * dx) continue;
+    if (surface.distance > kNodeInside * dx) continue;
     Vec3d v(static_cast<double>(velocity[n]), static_cast<double>(velocity[kBlockNodes + n]),
             static_cast<double>(velocity[2 * kBlockNodes + n]));
     v -= surface.velocity;
@@ -45,9 +50,14 @@ void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx
     }
     v += surface.velocity;
     for (std::size_t c = 0; c < 3; ++c) {
-      velocity[c * kBlockNodes + n] = static_cast<float>(v[static_cast<int>(c)]);
+      velocity[c * kBlockNodes + n] = static_cast<S>(v[static_cast<int>(c)]);
     }
   }
 }
+
+template void apply_node_contact<float>(const Collider&, const Vec3d&, double, double, const float*,
+                                        float*);
+template void apply_node_contact<double>(const Collider&, const Vec3d&, double, double,
+                                         const double*, double*);
 
 }  // namespace matterfit::mpm

@@ -6,11 +6,19 @@
 
 namespace matterfit::mpm {
 
+/// A node this far outside a collider, in cells, still counts as inside.
+inline constexpr double kNodeInside = 1e-9;
+
+/// False if no node of the block at `origin` can be inside.
+[[nodiscard]] bool reaches_nodes(const Collider& collider, const Vec3d& origin, double dx,
+                                 double time);
+
 /// The usual contact of MPM codes: velocities of the grid nodes inside a collider are projected.
 /// Accurate to a cell only (docs/validation.md); kept for flows and for parity with other codes.
 /// `mass` (64) and `velocity` ([3][64], m/s) are those of the block of nodes whose node (0, 0, 0)
 /// is at `origin`.
+template <class S>
 void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx, double time,
-                        const float* mass, float* velocity);
+                        const S* mass, S* velocity);
 
 }  // namespace matterfit::mpm

@@ -47,7 +47,7 @@ Stepper<S>::Stepper(Scene scene, std::shared_ptr<Arena> arena, const Simulation:
   if constexpr (std::is_same_v<S, float>) {
     if (!updated_bodies_.empty()) {
       updated_ =
-          std::make_unique<UpdatedGroup>(scene_, updated_bodies_, table, options.memory_limit);
+          std::make_unique<UpdatedGroup<S>>(scene_, updated_bodies_, table, options.memory_limit);
     }
     std::vector<BodyContacts::Member> members;
     for (std::size_t m = 0; m < total_->size(); ++m) {

@@ -68,7 +68,7 @@ class Stepper {
   Scene scene_;
   std::shared_ptr<Arena> arena_;
   std::unique_ptr<TotalGroup<S>> total_;
-  std::unique_ptr<UpdatedGroup> updated_;
+  std::unique_ptr<UpdatedGroup<S>> updated_;  ///< null where S is not float
   std::vector<std::size_t> updated_bodies_;
   std::unique_ptr<BodyContacts> body_contacts_;  ///< null where S is not float
   Schedule schedule_;

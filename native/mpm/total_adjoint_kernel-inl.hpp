@@ -10,23 +10,11 @@
 #include <algorithm>
 #include <vector>
 
-#include "material/maxwell_adjoint-inl.hpp"
-#include "mpm/adjoint_kernels.hpp"
+#include "mpm/lane_sums-inl.hpp"
 #include "mpm/total_kernel-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {
-
-/// Sum over the lanes, in their order.
-template <class T>
-double lane_sum(T value) {
-  using S = typename LaneTraits<T>::Scalar;
-  S lanes[LaneTraits<T>::kCount];
-  LaneTraits<T>::store(value, lanes);
-  double sum = 0.0;
-  for (const S lane : lanes) sum += static_cast<double>(lane);
-  return sum;
-}
 
 /// Everything of one register of particles between the passes: H, J − 1, and their cotangents.
 inline constexpr std::size_t kAdjointSlot = 20;
@@ -71,16 +59,8 @@ class TotalForcesAdjoint {
       }
     }
     mpm::LawCotangents& sums = view_.law_bar[block_];
-    sums = {};
-    std::vector<double*> to;
-    sums.constants.for_each([&](double& entry) { to.push_back(&entry); });
-    std::size_t i = 0;
-    constants_bar_.for_each([&](T& entry) { *to[i++] = lane_sum(entry); });
+    sum_law_cotangents(constants_bar_, relaxation_bar_, law_.maxwell_count, sums);
     sums.work = lane_sum(work_);
-    for (std::size_t b = 0; b < law_.maxwell_count; ++b) {
-      sums.stiffness[b] = lane_sum(relaxation_bar_[b].stiffness);
-      sums.relaxed[b] = lane_sum(relaxation_bar_[b].relaxed);
-    }
   }
 
  private:

@@ -7,19 +7,13 @@
 #include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
-ColliderCotangents& ColliderCotangents::operator+=(const ColliderCotangents& other) {
-  mu += other.mu;
-  stiffness += other.stiffness;
-  damping += other.damping;
-  translation += other.translation;
-  rotation += other.rotation;
-  return *this;
-}
-
 template <class S>
 TotalContactAdjoint<S>::TotalContactAdjoint(const Body& body, const Scene& scene,
                                             TotalBody<S>& total)
-    : body_(total), density_(body.density), probe_(1e-4 * scene.dx), colliders_(scene.colliders) {
+    : body_(total),
+      density_(body.density),
+      probe_(kColliderProbe * scene.dx),
+      colliders_(scene.colliders) {
   for (const ColliderPtr& collider : colliders_) {
     laws_.push_back(resolve_contact(collider->contact(), body, scene.dx));
   }
@@ -188,32 +182,8 @@ Vec3d TotalContactAdjoint<S>::back_to_surface(std::size_t collider, const Vec3d&
                                               const SurfacePoint& at, double distance_bar,
                                               const Vec3d& normal_bar, const Vec3d& velocity_bar,
                                               double time, ColliderCotangents& own) const {
-  const Collider& surface = *colliders_[collider];
-  Vec3d x_bar = distance_bar * at.normal;
-  const bool still = !surface.animated() || velocity_bar.isZero(0.0);
-  const double size = normal_bar.norm();
-  if (still && std::isinf(surface.band())) {
-    // The slope of an exact distance's normal is its Hessian, symmetric: along the cotangent.
-    if (size > 0.0) {
-      const Vec3d step = probe_ / size * normal_bar;
-      const SurfacePoint high = surface.closest(x + step, time);
-      const SurfacePoint low = surface.closest(x - step, time);
-      x_bar += size / (2.0 * probe_) * (high.normal - low.normal);
-    }
-  } else {
-    for (int axis = 0; axis < 3; ++axis) {
-      const Vec3d step = probe_ * Vec3d::Unit(axis);
-      const SurfacePoint high = surface.closest(x + step, time);
-      const SurfacePoint low = surface.closest(x - step, time);
-      x_bar[axis] += ((high.normal - low.normal).dot(normal_bar) +
-                      (high.velocity - low.velocity).dot(velocity_bar)) /
-                     (2.0 * probe_);
-    }
-  }
-  // A collider that moves by t meets x as it met x − t before; one that turns, x turned back.
-  own.translation -= x_bar;
-  own.rotation += at.normal.cross(normal_bar) + at.velocity.cross(velocity_bar) - x.cross(x_bar);
-  return x_bar;
+  return mpm::back_to_surface(*colliders_[collider], x, time, probe_, at, distance_bar, normal_bar,
+                              velocity_bar, own);
 }
 
 template class TotalContactAdjoint<float>;

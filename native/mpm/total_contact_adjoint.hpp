@@ -4,22 +4,12 @@
 #include <utility>
 #include <vector>
 
+#include "mpm/collider_adjoint.hpp"
 #include "mpm/contact_law_adjoint.hpp"
 #include "mpm/total_adjoint.hpp"
 #include "mpm/total_contact.hpp"
 
 namespace matterfit::mpm {
-
-/// Derivatives with respect to a collider's contact and place.
-struct ColliderCotangents {
-  double mu = 0.0;
-  double stiffness = 0.0;             ///< the resolved one [Pa/m]
-  double damping = 0.0;               ///< fraction of critical
-  Vec3d translation = Vec3d::Zero();  ///< of the whole collider, world axes [m]
-  Vec3d rotation = Vec3d::Zero();     ///< of it about the world's origin [rad]
-
-  ColliderCotangents& operator+=(const ColliderCotangents& other);
-};
 
 /// The adjoint of TotalContact's forces on a body. How a collider's normal and velocity change from
 /// place to place is taken from differences of the exact distance, a few more queries for each

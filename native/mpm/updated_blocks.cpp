@@ -19,15 +19,18 @@ Vec3i neighbour_step(std::size_t k) {
 
 std::array<int, 3> key(const Vec3i& c) { return {c[0], c[1], c[2]}; }
 
-void clear_lane(Chunk& chunk, std::size_t lane) {
-  for (std::size_t a = 0; a < Chunk::kAttributes; ++a) chunk.a[a][lane] = 0.0F;
-  for (std::size_t a = 0; a < 3; ++a) chunk.a[Chunk::kF + a][lane] = 1.0F;
+template <class S>
+void clear_lane(UpdatedChunk<S>& chunk, std::size_t lane) {
+  for (std::size_t a = 0; a < UpdatedChunk<S>::kAttributes; ++a) chunk.a[a][lane] = S(0);
+  for (std::size_t a = 0; a < 3; ++a) chunk.a[UpdatedChunk<S>::kF + a][lane] = S(1);
   chunk.id[lane] = 0;
 }
 
 }  // namespace
 
-void BodyBlock::insert(const Crosser<float>& particle) {
+template <class S>
+void BodyBlock<S>::insert(const Crosser<S>& particle) {
+  using Chunk = UpdatedChunk<S>;
   const std::size_t s = particle.cell / kLanes;
   const std::size_t lane = particle.cell % kLanes;
   if (count[s][lane] == std::numeric_limits<std::uint16_t>::max()) {
@@ -52,7 +55,9 @@ void BodyBlock::insert(const Crosser<float>& particle) {
   chunk.id[lane] = particle.id;
 }
 
-void BodyBlock::remove(const std::vector<Crosser<float>>& leaving) {
+template <class S>
+void BodyBlock<S>::remove(const std::vector<Crosser<S>>& leaving) {
+  using Chunk = UpdatedChunk<S>;
   // From the back: the last of a lane is then always one that stays.
   for (auto p = leaving.rbegin(); p != leaving.rend(); ++p) {
     std::uint16_t& n = count[p->slab][p->lane];
@@ -72,7 +77,8 @@ void BodyBlock::remove(const std::vector<Crosser<float>>& leaving) {
   }
 }
 
-std::size_t BodyBlock::size() const {
+template <class S>
+std::size_t BodyBlock<S>::size() const {
   std::size_t sum = 0;
   for (const auto& lanes : count) {
     for (const std::uint16_t n : lanes) sum += n;
@@ -80,12 +86,13 @@ std::size_t BodyBlock::size() const {
   return sum;
 }
 
-std::uint32_t UpdatedBlocks::ensure(const Vec3i& coordinates) {
+template <class S>
+std::uint32_t UpdatedBlocks<S>::ensure(const Vec3i& coordinates) {
   const auto [place, fresh] =
       index_.try_emplace(key(coordinates), static_cast<std::uint32_t>(blocks_.size()));
   if (!fresh) return place->second;
   const std::uint32_t here = place->second;
-  auto block = std::make_unique<UpdatedBlock>();
+  auto block = std::make_unique<UpdatedBlock<S>>();
   block->coordinates = coordinates;
   block->bodies.resize(bodies_);
   block->leaving.resize(bodies_);
@@ -100,15 +107,17 @@ std::uint32_t UpdatedBlocks::ensure(const Vec3i& coordinates) {
   return here;
 }
 
-void UpdatedBlocks::occupy(std::uint32_t block) {
+template <class S>
+void UpdatedBlocks<S>::occupy(std::uint32_t block) {
   if (blocks_[block]->occupied) return;
   blocks_[block]->occupied = true;
-  blocks_[block]->halo.assign(4 * kHaloNodes, 0.0F);
+  blocks_[block]->halo.assign(4 * kHaloNodes, S(0));
   const Vec3i c = blocks_[block]->coordinates;
   for (int k = 1; k < 8; ++k) ensure(c + Vec3i(k / 4, k / 2 % 2, k % 2));
 }
 
-void UpdatedBlocks::relink() {
+template <class S>
+void UpdatedBlocks<S>::relink() {
   index_.clear();
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
     index_.emplace(key(blocks_[b]->coordinates), static_cast<std::uint32_t>(b));
@@ -121,10 +130,11 @@ void UpdatedBlocks::relink() {
   }
 }
 
-void UpdatedBlocks::tidy() {
+template <class S>
+void UpdatedBlocks<S>::tidy() {
   for (const auto& block : blocks_) {
     std::size_t particles = 0;
-    for (const BodyBlock& body : block->bodies) particles += body.size();
+    for (const BodyBlock<S>& body : block->bodies) particles += body.size();
     if (particles == 0 && block->occupied) {
       block->occupied = false;
       block->halo.clear();
@@ -141,7 +151,7 @@ void UpdatedBlocks::tidy() {
       if (other != kNoBlock && blocks_[other]->occupied) needed[b] = 1;
     }
   }
-  std::vector<std::unique_ptr<UpdatedBlock>> kept;
+  std::vector<std::unique_ptr<UpdatedBlock<S>>> kept;
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
     if (needed[b] != 0) kept.push_back(std::move(blocks_[b]));
   }
@@ -154,26 +164,28 @@ void UpdatedBlocks::tidy() {
   relink();
 }
 
-void UpdatedBlocks::save(ByteWriter& out) const {
+template <class S>
+void UpdatedBlocks<S>::save(ByteWriter& out) const {
   out.put(static_cast<std::uint64_t>(blocks_.size()));
   for (const auto& block : blocks_) {
     out.put(
         std::array<int, 3>{block->coordinates[0], block->coordinates[1], block->coordinates[2]});
     out.put(block->occupied);
     out.put(block->halo);
-    for (const BodyBlock& body : block->bodies) {
+    for (const BodyBlock<S>& body : block->bodies) {
       out.put(body.count);
       for (const auto& slab : body.slab) out.put(slab);
     }
   }
 }
 
-void UpdatedBlocks::load(ByteReader& in) {
+template <class S>
+void UpdatedBlocks<S>::load(ByteReader& in) {
   std::uint64_t size = 0;
   in.get(size);
   blocks_.clear();
   for (std::uint64_t b = 0; b < size; ++b) {
-    auto block = std::make_unique<UpdatedBlock>();
+    auto block = std::make_unique<UpdatedBlock<S>>();
     std::array<int, 3> c{};
     in.get(c);
     block->coordinates = Vec3i(c[0], c[1], c[2]);
@@ -183,7 +195,7 @@ void UpdatedBlocks::load(ByteReader& in) {
     in.get(block->halo);
     block->bodies.resize(bodies_);
     block->leaving.resize(bodies_);
-    for (BodyBlock& body : block->bodies) {
+    for (BodyBlock<S>& body : block->bodies) {
       in.get(body.count);
       for (std::size_t s = 0; s < kSlabs; ++s) {
         in.get(body.slab[s]);
@@ -202,5 +214,10 @@ void UpdatedBlocks::load(ByteReader& in) {
     }
   }
 }
+
+template struct BodyBlock<float>;
+template struct BodyBlock<double>;
+template class UpdatedBlocks<float>;
+template class UpdatedBlocks<double>;
 
 }  // namespace matterfit::mpm

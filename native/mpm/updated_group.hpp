@@ -12,13 +12,15 @@
 #include "mpm/scene.hpp"
 #include "mpm/simulation.hpp"
 #include "mpm/state_bytes.hpp"
+#include "mpm/updated_record.hpp"
 
 namespace matterfit::mpm {
 
 /// One particle of an updated Lagrangian body, for contact with bodies of the other formulation.
 /// Valid until the next step.
+template <class S>
 struct UpdatedPoint {
-  std::uint32_t block, member, slab, chunk, lane;
+  UpdatedPlace<S> place;
   std::uint32_t body;  ///< into scene.bodies
   std::uint32_t id;    ///< particle of the body
   Vec3d position = Vec3d::Zero();
@@ -27,12 +29,22 @@ struct UpdatedPoint {
   double mass = 0.0;
 };
 
+/// What a particle does, world axes.
+struct UpdatedParticle {
+  Vec3d position = Vec3d::Zero();                  ///< [m]
+  Vec3d velocity = Vec3d::Zero();                  ///< [m/s]
+  Mat3d deformation_gradient = Mat3d::Identity();  ///< elastic
+  double plastic_strain = 0.0;                     ///< equivalent
+};
+
 /// The bodies in the updated Lagrangian formulation (MLS-MPM with APIC, Hu et al. 2018, Jiang et
-/// al. 2015), on one sparse grid that they share, which is how they touch each other.
+/// al. 2015), on one sparse grid that they share, which is how they touch each other. S is the
+/// scalar of grid and particles.
+template <class S>
 class UpdatedGroup {
  public:
   UpdatedGroup(const Scene& scene, const std::vector<std::size_t>& bodies,
-               const Kernels<float>& kernels, std::size_t memory_limit);
+               const Kernels<S>& kernels, std::size_t memory_limit);
   ~UpdatedGroup();
   UpdatedGroup(const UpdatedGroup&) = delete;
   UpdatedGroup& operator=(const UpdatedGroup&) = delete;
@@ -40,15 +52,19 @@ class UpdatedGroup {
   /// Tidies the grid; the largest stable substep at the present state [s] and what sets it.
   [[nodiscard]] std::pair<double, std::string> begin_frame(double time);
   /// One substep from `time`. Returns the smallest and largest J. Throws Error(kCompute) for a NaN,
-  /// an inverted element, or a particle that leaves the domain or its grid.
-  std::pair<double, double> step(Arena& arena, double time, double dt, const Vec3d& gravity);
+  /// an inverted element, or a particle that leaves the domain or its grid. `record` gets what the
+  /// adjoint needs, if not null.
+  std::pair<double, double> step(Arena& arena, double time, double dt, const Vec3d& gravity,
+                                 UpdatedRecord<S>* record = nullptr);
   /// Particles inside a box, in storage order.
-  void collect(const Vec3d& low, const Vec3d& high, std::vector<UpdatedPoint>& out) const;
+  void collect(const Vec3d& low, const Vec3d& high, std::vector<UpdatedPoint<S>>& out) const;
   /// Adds an impulse [N s] to what the grid takes up in the next step.
-  void add_impulse(const UpdatedPoint& point, const Vec3d& impulse);
+  void add_impulse(const UpdatedPoint<S>& point, const Vec3d& impulse);
   /// Of any particle in the last substep [m/s].
   [[nodiscard]] double max_speed() const;
 
+  /// Particles of the n-th of these bodies, in the order of Body::rest.
+  [[nodiscard]] std::vector<UpdatedParticle> particles(std::size_t body) const;
   void sample(std::vector<BodyState>& bodies) const;
   void report(FrameReport& report) const;
   void save(ByteWriter& out) const;
@@ -58,5 +74,8 @@ class UpdatedGroup {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+extern template class UpdatedGroup<float>;
+extern template class UpdatedGroup<double>;
 
 }  // namespace matterfit::mpm

@@ -85,13 +85,17 @@ void updated_block_law(mpm::UpdatedView<S>& view) {
       for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
         const T volume = T::load(&chunk.a[Chunk::kVolume][lane]);
         const auto present = volume > scalar<T>(0);
+        if (none(present, volume)) continue;
         T f[3];
         for (std::size_t c = 0; c < 3; ++c) f[c] = T::load(&chunk.a[Chunk::kF + c][lane]);
         T velocity[3];
         Mat3<T> affine;
         gather<3, true, T>(expanded, slab, lane, affine_stencil(f), velocity, affine.m);
+        // Where nobody is F stays I: it would drift to det F < 0, whose logarithm times no volume
+        // is not 0.
+        const T rate = select(present, four_over_dx, scalar<T>(0));
         for (int i = 0; i < 3; ++i)
-          for (int j = 0; j < 3; ++j) affine[i][j] *= four_over_dx;
+          for (int j = 0; j < 3; ++j) affine[i][j] *= rate;
         auto inside = present;
         for (std::size_t c = 0; c < 3; ++c) {
           const T move = dt_over_dx * velocity[c];

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/node_contact_adjoint.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "mpm/layout.hpp"
+#include "mpm/node_contact.hpp"
+
+namespace matterfit::mpm {
+namespace {
+
+struct NodeCotangents {
+  Vec3d velocity = Vec3d::Zero();  ///< of the node, before
+  Vec3d normal = Vec3d::Zero();
+  Vec3d surface_velocity = Vec3d::Zero();
+  double mu = 0.0;
+};
+
+/// One node inside: `u` is its velocity against the surface, `after` the cotangent of its velocity.
+NodeCotangents project_adjoint(const Contact& contact, const Vec3d& n, const Vec3d& u,
+                               const Vec3d& after) {
+  NodeCotangents bar;
+  const double along = n.dot(u);
+  const bool lifts_off = along >= 0.0 && (contact.kind == ContactKind::kSeparating ||
+                                          contact.kind == ContactKind::kFriction);
+  if (lifts_off) {
+    bar.velocity = after;
+    return bar;
+  }
+  const Vec3d tangential = u - along * n;
+  Vec3d tangential_bar = after;
+  double along_bar = 0.0;
+  if (contact.kind == ContactKind::kSticky) {
+    tangential_bar.setZero();
+  } else if (contact.kind == ContactKind::kFriction) {
+    const double speed = tangential.norm();
+    if (speed + contact.mu * along > 0.0) {
+      // t (1 + μ u_n/|t|).
+      const double slide = after.dot(tangential) / speed;
+      const double less = contact.mu * along / speed;
+      tangential_bar = (1.0 + less) * after - less * slide / speed * tangential;
+      along_bar = contact.mu * slide;
+      bar.mu = along * slide;
+    } else {
+      tangential_bar.setZero();
+    }
+  }
+  along_bar -= n.dot(tangential_bar);
+  bar.normal = along_bar * u - along * tangential_bar;
+  bar.velocity = tangential_bar + along_bar * n;
+  bar.surface_velocity = after - bar.velocity;
+  return bar;
+}
+
+template <class Number>
+Vec3d at_node(const Number* field, std::size_t n) {
+  return {static_cast<double>(field[n]), static_cast<double>(field[kBlockNodes + n]),
+          static_cast<double>(field[2 * kBlockNodes + n])};
+}
+
+}  // namespace
+
+template <class S>
+void node_contact_adjoint(const std::vector<ColliderPtr>& colliders, const Vec3d& origin, double dx,
+                          double time, const S* mass, const S* velocity, double* velocity_bar,
+                          ColliderCotangents* bars) {
+  std::vector<std::array<S, 3 * kBlockNodes>> before(colliders.size() + 1);
+  std::copy_n(velocity, 3 * kBlockNodes, before[0].data());
+  for (std::size_t c = 0; c < colliders.size(); ++c) {
+    before[c + 1] = before[c];
+    apply_node_contact(*colliders[c], origin, dx, time, mass, before[c + 1].data());
+  }
+  for (std::size_t c = colliders.size(); c-- > 0;) {
+    const Collider& collider = *colliders[c];
+    if (!reaches_nodes(collider, origin, dx, time)) continue;
+    for (std::size_t n = 0; n < kBlockNodes; ++n) {
+      if (!(mass[n] > S(0))) continue;
+      const Vec3d node =
+          origin + dx * Vec3d(static_cast<double>(n / 16), static_cast<double>(n / 4 % 4),
+                              static_cast<double>(n % 4));
+      const SurfacePoint surface = collider.closest(node, time);
+      if (surface.distance > kNodeInside * dx) continue;
+      const Vec3d u = at_node(before[c].data(), n) - surface.velocity;
+      const NodeCotangents bar =
+          project_adjoint(collider.contact(), surface.normal, u, at_node(velocity_bar, n));
+      bars[c].mu += bar.mu;
+      (void)back_to_surface(collider, node, time, kColliderProbe * dx, surface, 0.0, bar.normal,
+                            bar.surface_velocity, bars[c]);
+      for (std::size_t k = 0; k < 3; ++k) {
+        velocity_bar[k * kBlockNodes + n] = bar.velocity[static_cast<int>(k)];
+      }
+    }
+  }
+}
+
+template void node_contact_adjoint<float>(const std::vector<ColliderPtr>&, const Vec3d&, double,
+                                          double, const float*, const float*, double*,
+                                          ColliderCotangents*);
+template void node_contact_adjoint<double>(const std::vector<ColliderPtr>&, const Vec3d&, double,
+                                           double, const double*, const double*, double*,
+                                           ColliderCotangents*);
+
+}  // namespace matterfit::mpm

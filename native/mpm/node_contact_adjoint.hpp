@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "mpm/collider_adjoint.hpp"
+
+namespace matterfit::mpm {
+
+/// Adjoint of apply_node_contact(), of all colliders in turn, at a block's nodes: `velocity` is the
+/// one before the first. `velocity_bar` ([3][64]) goes from after to before; `bars`, one for each
+/// collider, are sums. A node that is inside stays inside: what a collider's place changes about
+/// that is a jump and not a derivative.
+template <class S>
+void node_contact_adjoint(const std::vector<ColliderPtr>& colliders, const Vec3d& origin, double dx,
+                          double time, const S* mass, const S* velocity, double* velocity_bar,
+                          ColliderCotangents* bars);
+
+}  // namespace matterfit::mpm

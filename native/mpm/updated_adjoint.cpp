@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/updated_adjoint.hpp"
+
+#include <algorithm>
+#include <map>
+#include <tuple>
+
+#include "mpm/halo.hpp"
+#include "mpm/node_contact.hpp"
+#include "mpm/node_contact_adjoint.hpp"
+#include "mpm/updated_contact.hpp"
+#include "mpm/updated_loads_adjoint.hpp"
+
+namespace matterfit::mpm {
+namespace {
+
+constexpr std::size_t kNodes = 4 * kBlockNodes;     ///< of a block: momentum and mass
+constexpr std::size_t kVelocity = 3 * kBlockNodes;  ///< of a block
+
+/// Blocks by their coordinates.
+class TopologyIndex {
+ public:
+  explicit TopologyIndex(const UpdatedTopology& topology) {
+    for (std::size_t b = 0; b < topology.coordinates.size(); ++b) {
+      index_.emplace(key(topology.coordinates[b]), static_cast<std::uint32_t>(b));
+    }
+  }
+  [[nodiscard]] std::uint32_t find(const Vec3i& coordinates) const {
+    const auto at = index_.find(key(coordinates));
+    return at == index_.end() ? kNoBlock : at->second;
+  }
+
+ private:
+  using Key = std::tuple<int, int, int>;
+  static Key key(const Vec3i& c) { return {c[0], c[1], c[2]}; }
+  std::map<Key, std::uint32_t> index_;
+};
+
+/// Places of `chosen` among all of the scene's colliders.
+std::vector<std::size_t> places_in(const std::vector<ColliderPtr>& all,
+                                   const std::vector<ColliderPtr>& chosen) {
+  std::vector<std::size_t> places;
+  std::size_t next = 0;
+  for (std::size_t c = 0; c < all.size() && next < chosen.size(); ++c) {
+    if (all[c] != chosen[next]) continue;
+    places.push_back(c);
+    ++next;
+  }
+  return places;
+}
+
+}  // namespace
+
+template <class S>
+struct UpdatedAdjoint<S>::Impl {
+  const Scene* scene;
+  const UpdatedAdjointKernels<S>* kernels;
+  double dx;
+  std::vector<UpdatedMember<S>> members;
+  std::vector<ColliderPtr> particle_colliders;
+  std::vector<ColliderPtr> node_colliders;
+  std::vector<std::size_t> particle_places;  ///< in scene.colliders
+  std::vector<std::size_t> node_places;
+  UpdatedLoadsAdjoint<S> loads;
+  // Kept between substeps for their memory alone.
+  std::vector<S> velocity;            ///< per block [3][64], after node-wise contact
+  std::vector<S> halos;               ///< per block [3][216]
+  std::vector<LawCotangents> laws;    ///< per block and body
+  std::vector<double> log_densities;  ///< as `laws`
+  std::vector<double> load_velocity_bar;
+
+  Impl(const Scene& s, const std::vector<std::size_t>& bodies,
+       const UpdatedAdjointKernels<S>& adjoint_kernels)
+      : scene(&s),
+        kernels(&adjoint_kernels),
+        dx(s.dx),
+        particle_colliders(colliders_met(s, false)),
+        node_colliders(colliders_met(s, true)),
+        particle_places(places_in(s.colliders, particle_colliders)),
+        node_places(places_in(s.colliders, node_colliders)),
+        loads(s, members, particle_colliders) {
+    for (const std::size_t index : bodies) {
+      members.push_back(make_updated_member<S>(s.bodies[index], index, particle_colliders, dx));
+    }
+  }
+
+  [[nodiscard]] Vec3d origin(const UpdatedTopology& topology, std::size_t block) const {
+    return topology.coordinates[block].template cast<double>() * (4.0 * dx);
+  }
+
+  /// Brings the nodes' cotangents to the blocks of `topology`: a frame that began in between may
+  /// have dropped and sorted some.
+  static void move_nodes(UpdatedCotangents<S>& bar,
+                         const std::shared_ptr<const UpdatedTopology>& topology) {
+    if (bar.topology == topology) return;
+    std::vector<S> moved(topology->coordinates.size() * kNodes, S(0));
+    if (bar.topology) {
+      const TopologyIndex index(*bar.topology);
+      for (std::size_t b = 0; b < topology->coordinates.size(); ++b) {
+        const std::uint32_t from = index.find(topology->coordinates[b]);
+        if (from == kNoBlock) continue;
+        std::copy_n(bar.nodes.data() + from * kNodes, kNodes, moved.data() + b * kNodes);
+      }
+    }
+    bar.nodes = std::move(moved);
+    bar.topology = topology;
+  }
+
+  /// The node velocities that particles met.
+  const S* velocities(Arena& arena, const UpdatedRecord<S>& record) {
+    if (node_colliders.empty()) return record.node_velocity.data();
+    velocity = record.node_velocity;
+    arena.parallel_for(0, record.before->coordinates.size(), 4, [&](std::size_t b) {
+      for (const ColliderPtr& collider : node_colliders) {
+        apply_node_contact(*collider, origin(*record.before, b), dx, record.time,
+                           record.node_mass.data() + b * kBlockNodes,
+                           velocity.data() + b * kVelocity);
+      }
+    });
+    return velocity.data();
+  }
+
+  void particles_of_block(std::size_t b, const UpdatedRecord<S>& record, const S* velocities_after,
+                          UpdatedCotangents<S>& bar) {
+    S* halo = halos.data() + b * 3 * kHaloNodes;
+    std::fill(halo, halo + 3 * kHaloNodes, S(0));
+    UpdatedAdjointView<S> view{};
+    view.dx = static_cast<S>(dx);
+    view.dt = static_cast<S>(record.dt);
+    view.velocity_bar = halo;
+    for (std::size_t m = 0; m < members.size(); ++m) {
+      const std::size_t at = b * members.size() + m;
+      const std::uint32_t* first = record.slab_chunks.data() + at * kSlabs;
+      laws[at] = {};
+      log_densities[at] = 0.0;
+      if (first[0] == first[kSlabs]) continue;
+      for (std::size_t k = 0; k < 8; ++k) {
+        const std::size_t there = 13 + 9 * (k / 4) + 3 * (k / 2 % 2) + k % 2;
+        view.node_velocity[k] = velocities_after + record.before->neighbours[b][there] * kVelocity;
+      }
+      for (std::size_t k = 0; k < 27; ++k) {
+        const std::uint32_t other = record.after->neighbours[b][k];
+        view.node_bar[k] = other == kNoBlock ? nullptr : bar.nodes.data() + other * kNodes;
+      }
+      for (std::size_t s = 0; s < kSlabs; ++s) {
+        view.slab[s] = record.chunks.data() + first[s];
+        view.chunks[s] = first[s + 1] - first[s];
+      }
+      UpdatedBodyCotangents<S>& body = bar.bodies[m];
+      view.law = members[m].law;
+      view.density = static_cast<S>(members[m].density);
+      view.maxwell = record.maxwell[m].empty() ? nullptr : record.maxwell[m].data();
+      view.maxwell_bar = body.maxwell.data();
+      view.particle_bar = body.particles.data();
+      kernels->updated_block(view);
+      laws[at] = view.law_bar;
+      log_densities[at] = view.log_density;
+    }
+  }
+
+  /// v = momentum/mass + kick g, then node-wise contact. Returns the cotangent of gravity.
+  Vec3d nodes_of_block(std::size_t b, const UpdatedRecord<S>& record, S* nodes_bar,
+                       ColliderCotangents* colliders) const {
+    double v_bar[kVelocity] = {};
+    for (std::size_t k = 0; k < 8; ++k) {
+      const std::uint32_t other =
+          record.before->neighbours[b][13 - (9 * (k / 4) + 3 * (k / 2 % 2) + k % 2)];
+      if (other == kNoBlock || other >= record.before->coordinates.size()) continue;
+      for (std::size_t c = 0; c < 3; ++c) {
+        add_halo(k, halos.data() + (other * 3 + c) * kHaloNodes, v_bar + c * kBlockNodes);
+      }
+    }
+    if (!load_velocity_bar.empty()) {
+      for (std::size_t i = 0; i < kVelocity; ++i) v_bar[i] += load_velocity_bar[b * kVelocity + i];
+    }
+    const S* mass = record.node_mass.data() + b * kBlockNodes;
+    const S* before_contact = record.node_velocity.data() + b * kVelocity;
+    if (!node_colliders.empty()) {
+      node_contact_adjoint(node_colliders, origin(*record.before, b), dx, record.time, mass,
+                           before_contact, v_bar, colliders);
+    }
+    Vec3d gravity_bar = Vec3d::Zero();
+    const Vec3d kick = record.kick * record.gravity;
+    for (std::size_t n = 0; n < kBlockNodes; ++n) {
+      double mass_bar = 0.0;
+      const bool there = mass[n] > S(0);
+      const double inverse = there ? 1.0 / static_cast<double>(mass[n]) : 0.0;
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double momentum_bar = inverse * v_bar[c * kBlockNodes + n];
+        const auto v = static_cast<double>(before_contact[c * kBlockNodes + n]);
+        mass_bar -= momentum_bar * (v - kick[static_cast<int>(c)]);
+        nodes_bar[c * kBlockNodes + n] = static_cast<S>(momentum_bar);
+        if (there) gravity_bar[static_cast<int>(c)] += v_bar[c * kBlockNodes + n];
+      }
+      nodes_bar[3 * kBlockNodes + n] = static_cast<S>(mass_bar);
+    }
+    return record.kick * gravity_bar;
+  }
+
+  void substep(Arena& arena, const UpdatedRecord<S>& record, UpdatedCotangents<S>& bar) {
+    const std::size_t blocks = record.before->coordinates.size();
+    move_nodes(bar, record.after);
+    const S* velocities_after = velocities(arena, record);
+    load_velocity_bar.clear();
+    std::vector<ColliderCotangents> touched(particle_colliders.size());
+    loads.back(record, bar.nodes, velocities_after, bar.bodies, touched.data(), load_velocity_bar);
+
+    halos.resize(blocks * 3 * kHaloNodes);
+    laws.resize(blocks * members.size());
+    log_densities.resize(laws.size());
+    arena.parallel_for(
+        0, blocks, 1, [&](std::size_t b) { particles_of_block(b, record, velocities_after, bar); });
+    for (std::size_t m = 0; m < members.size(); ++m) {
+      LawCotangents all;
+      UpdatedBodyCotangents<S>& body = bar.bodies[m];
+      for (std::size_t b = 0; b < blocks; ++b) {
+        all += laws[b * members.size() + m];
+        body.log_density += log_densities[b * members.size() + m];
+      }
+      body.law += all;
+      for (std::size_t i = 0; i < body.branches.size(); ++i) {
+        const material::MaxwellBranch g = material::maxwell_gradient(
+            members[m].material.maxwell[i], record.dt, all.stiffness[i], all.relaxed[i]);
+        body.branches[i].modulus += g.modulus;
+        body.branches[i].time += g.time;
+      }
+    }
+
+    std::vector<S> nodes_bar(blocks * kNodes);
+    std::vector<Vec3d> gravity(blocks);
+    std::vector<ColliderCotangents> met(blocks * node_colliders.size());
+    arena.parallel_for(0, blocks, 4, [&](std::size_t b) {
+      gravity[b] = nodes_of_block(b, record, nodes_bar.data() + b * kNodes,
+                                  met.data() + b * node_colliders.size());
+    });
+    for (const Vec3d& g : gravity) bar.gravity += g;
+    for (std::size_t c = 0; c < touched.size(); ++c) {
+      bar.colliders[particle_places[c]] += touched[c];
+    }
+    for (std::size_t i = 0; i < met.size(); ++i) {
+      bar.colliders[node_places[i % node_colliders.size()]] += met[i];
+    }
+    bar.nodes = std::move(nodes_bar);
+    bar.topology = record.before;
+  }
+};
+
+template <class S>
+UpdatedAdjoint<S>::UpdatedAdjoint(const Scene& scene, const std::vector<std::size_t>& bodies,
+                                  const UpdatedAdjointKernels<S>& kernels)
+    : impl_(std::make_unique<Impl>(scene, bodies, kernels)) {}
+template <class S>
+UpdatedAdjoint<S>::~UpdatedAdjoint() = default;
+
+template <class S>
+UpdatedCotangents<S> UpdatedAdjoint<S>::zero() const {
+  UpdatedCotangents<S> bar;
+  for (const UpdatedMember<S>& member : impl_->members) {
+    UpdatedBodyCotangents<S> body;
+    body.particles.resize(member.particles);
+    body.maxwell.assign(member.maxwell.size(), S(0));
+    body.stretch.assign(member.memory.size(), Vec3d::Zero());
+    body.rest.assign(member.rest.size(), Vec3d::Zero());
+    body.branches.assign(member.material.maxwell.size(), {0.0, 0.0});
+    bar.bodies.push_back(std::move(body));
+  }
+  bar.colliders.resize(impl_->scene->colliders.size());
+  return bar;
+}
+
+template <class S>
+void UpdatedAdjoint<S>::substep(Arena& arena, const UpdatedRecord<S>& record,
+                                UpdatedCotangents<S>& bar) {
+  impl_->substep(arena, record, bar);
+}
+
+// The first transfer: momentum Σ w m (v + C (x_I − x)) and mass, without stress.
+template <class S>
+UpdatedStartCotangents UpdatedAdjoint<S>::start(std::size_t body,
+                                                const UpdatedCotangents<S>& bar) const {
+  const Impl& s = *impl_;
+  const Body& of = s.scene->bodies[s.members[body].index];
+  const UpdatedBodyCotangents<S>& own = bar.bodies[body];
+  const Vec3d center = center_of_volume(of);
+  const Mat3d spin = spin_matrix(of.spin);
+  UpdatedStartCotangents out;
+  out.log_density = own.log_density;
+  Vec3d center_bar = Vec3d::Zero();
+  double volume = 0.0;
+  std::unique_ptr<TopologyIndex> index;
+  if (bar.topology) index = std::make_unique<TopologyIndex>(*bar.topology);
+  for (std::size_t p = 0; p < of.rest.size(); ++p) {
+    const UpdatedParticleBar<S>& state = own.particles[p];
+    Vec3d x_bar(static_cast<double>(state.position[0]), static_cast<double>(state.position[1]),
+                static_cast<double>(state.position[2]));
+    Vec3d v_bar(static_cast<double>(state.velocity[0]), static_cast<double>(state.velocity[1]),
+                static_cast<double>(state.velocity[2]));
+    Mat3d spin_bar = Mat3d::Zero();
+    const Vec3d v = start_velocity(of, p, center);
+    const double mass = of.density * of.volumes[p];
+    volume += of.volumes[p];
+    if (index) {
+      const UpdatedStart<S> start = updated_start<S>(of, p, s.dx, center);
+      const UpdatedPlace<S> place{index->find(start.block),
+                                  start.particle.cell,
+                                  {start.particle.f[0], start.particle.f[1], start.particle.f[2]}};
+      const PointStencil stencil(place.fraction(), s.dx);
+      place.for_each_node([&](std::size_t x, std::size_t y, std::size_t z, std::size_t i,
+                              std::size_t j, std::size_t k) {
+        const std::uint32_t block =
+            bar.topology->neighbours[place.block][neighbour_of_node(x, y, z)];
+        const S* node = bar.nodes.data() + block * kNodes + node_index(x % 4, y % 4, z % 4);
+        const Vec3d n(static_cast<double>(node[0]), static_cast<double>(node[kBlockNodes]),
+                      static_cast<double>(node[2 * kBlockNodes]));
+        const auto m = static_cast<double>(node[3 * kBlockNodes]);
+        const double w = stencil.weight(i, j, k);
+        const Vec3d arm =
+            s.dx * (Vec3d(static_cast<double>(i), static_cast<double>(j), static_cast<double>(k)) -
+                    place.fraction());
+        const double all = n.dot(v + spin * arm) + m;
+        v_bar += mass * w * n;
+        spin_bar += mass * w * n * arm.transpose();
+        x_bar += mass * (all * stencil.gradient(i, j, k) - w * (spin.transpose() * n));
+        out.log_density += mass * w * all;
+      });
+    }
+    const Vec3d arm = of.rest[p] - center;
+    out.velocity += v_bar;
+    out.particle_velocities.push_back(v_bar);
+    out.spin +=
+        arm.cross(v_bar) + Vec3d(spin_bar(2, 1) - spin_bar(1, 2), spin_bar(0, 2) - spin_bar(2, 0),
+                                 spin_bar(1, 0) - spin_bar(0, 1));
+    const Vec3d arm_bar = spin.transpose() * v_bar;
+    center_bar -= arm_bar;
+    out.positions.emplace_back(x_bar + arm_bar);
+    if (!own.rest.empty()) out.positions.back() += own.rest[p];
+  }
+  for (std::size_t p = 0; p < of.rest.size(); ++p) {
+    out.positions[p] += of.volumes[p] / volume * center_bar;
+  }
+  return out;
+}
+
+template <class S>
+material::MaterialGradient UpdatedAdjoint<S>::material_gradient(
+    std::size_t body, const UpdatedCotangents<S>& bar) const {
+  material::MaterialGradient out =
+      material::material_gradient(impl_->members[body].material, bar.bodies[body].law.constants);
+  out.maxwell = bar.bodies[body].branches;
+  return out;
+}
+
+template class UpdatedAdjoint<float>;
+template class UpdatedAdjoint<double>;
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,538 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Adjoint of updated_kernel-inl.hpp, a block at a time. Included once per SIMD target.
+//
+// Along one axis a quadratic spline over three nodes is known by its value W, slope D and curvature
+// S (which is constant in a cell). With δ = f − 1, the sums Σ w (i − f) n of APIC are
+//   G = ¼ D + ½ (¼δ − δ³) S,   dG/df = (3/2)(¼ − δ²) S,
+// so that values, affine sums and the derivatives of both along all axes take 16 of the products of
+// W, D and S, contracted axis by axis.
+#if defined(MATTERFIT_MPM_UPDATED_ADJOINT_KERNEL_INL_HPP) == defined(HWY_TARGET_TOGGLE)
+#ifdef MATTERFIT_MPM_UPDATED_ADJOINT_KERNEL_INL_HPP
+#undef MATTERFIT_MPM_UPDATED_ADJOINT_KERNEL_INL_HPP
+#else
+#define MATTERFIT_MPM_UPDATED_ADJOINT_KERNEL_INL_HPP
+#endif
+
+#include <algorithm>
+#include <array>
+
+#include "mpm/lane_sums-inl.hpp"
+#include "mpm/total_kernel-inl.hpp"
+#include "mpm/updated_adjoint_kernels.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace matterfit::HWY_NAMESPACE {
+
+/// Where particles lie in their cells.
+template <class T>
+struct CellPlace {
+  T delta[3];  ///< f − 1
+  T half[3];   ///< ⅛ + ½ δ²
+  T apic[3];   ///< ½ (¼δ − δ³)
+  T slope[3];  ///< (3/2)(¼ − δ²)
+};
+
+template <class T>
+HWY_INLINE CellPlace<T> cell_place(const T f[3]) {
+  CellPlace<T> p;
+  const T quarter = scalar<T>(0.25);
+  for (int a = 0; a < 3; ++a) {
+    const T d = f[a] - scalar<T>(1);
+    const T d2 = d * d;
+    p.delta[a] = d;
+    p.half[a] = fma(scalar<T>(0.5), d2, scalar<T>(0.125));
+    p.apic[a] = scalar<T>(0.5) * d * (quarter - d2);
+    p.slope[a] = scalar<T>(1.5) * (quarter - d2);
+  }
+  return p;
+}
+
+/// Value, slope and curvature along one axis.
+template <class T>
+struct Along {
+  T w, d, s;
+};
+
+template <class T>
+HWY_INLINE Along<T> along(const CellPlace<T>& p, int axis, T n0, T n1, T n2) {
+  const T s = (n0 - n1) + (n2 - n1);
+  const T middle = scalar<T>(0.5) * (n2 - n0);
+  return {fma(p.half[axis], s, fma(p.delta[axis], middle, n1)), fma(p.delta[axis], s, middle), s};
+}
+
+/// Products of W, D and S along x, y and z.
+template <class T>
+struct SplineSums {
+  T www, dww, wdw, wwd, sww, wsw, wws, ddw, dwd, wdd, sdw, dsw, swd, dws, wsd, wds;
+};
+inline constexpr std::size_t kSplineSums = 16;
+
+/// Of one component; load(i, j, k) is the value of a node of the stencil.
+template <class T, class Load>
+HWY_INLINE SplineSums<T> spline_sums(const CellPlace<T>& p, const Load& load) {
+  T ww[3], dw[3], sw[3], wd[3], dd[3], sd[3], ws[3], ds[3];  // along y, z
+  for (std::size_t i = 0; i < 3; ++i) {
+    Along<T> z[3];
+    for (std::size_t j = 0; j < 3; ++j) {
+      z[j] = along(p, 2, load(i, j, 0), load(i, j, 1), load(i, j, 2));
+    }
+    const Along<T> value = along(p, 1, z[0].w, z[1].w, z[2].w);
+    const Along<T> slope = along(p, 1, z[0].d, z[1].d, z[2].d);
+    const Along<T> curve = along(p, 1, z[0].s, z[1].s, z[2].s);
+    ww[i] = value.w;
+    dw[i] = value.d;
+    sw[i] = value.s;
+    wd[i] = slope.w;
+    dd[i] = slope.d;
+    sd[i] = slope.s;
+    ws[i] = curve.w;
+    ds[i] = curve.d;
+  }
+  const Along<T> of_ww = along(p, 0, ww[0], ww[1], ww[2]);
+  const Along<T> of_dw = along(p, 0, dw[0], dw[1], dw[2]);
+  const Along<T> of_wd = along(p, 0, wd[0], wd[1], wd[2]);
+  const Along<T> of_sw = along(p, 0, sw[0], sw[1], sw[2]);
+  const Along<T> of_ws = along(p, 0, ws[0], ws[1], ws[2]);
+  return {of_ww.w,
+          of_ww.d,
+          of_dw.w,
+          of_wd.w,
+          of_ww.s,
+          of_sw.w,
+          of_ws.w,
+          of_dw.d,
+          of_wd.d,
+          along(p, 0, dd[0], dd[1], dd[2]).w,
+          of_dw.s,
+          of_sw.d,
+          of_wd.s,
+          of_ws.d,
+          along(p, 0, sd[0], sd[1], sd[2]).w,
+          along(p, 0, ds[0], ds[1], ds[2]).w};
+}
+
+/// What the transfers take from a component: Σ w n with its derivatives by f, and those of
+/// Σ w (x_I − x)/dx n, which are affine_sums().
+template <class T>
+struct Transferred {
+  T value;
+  T value_by[3];
+  T affine_by[3][3];
+};
+
+template <class T>
+HWY_INLINE void affine_sums(const CellPlace<T>& p, const SplineSums<T>& s, T affine[3]) {
+  const T q = scalar<T>(0.25);
+  affine[0] = fma(p.apic[0], s.sww, q * s.dww);
+  affine[1] = fma(p.apic[1], s.wsw, q * s.wdw);
+  affine[2] = fma(p.apic[2], s.wws, q * s.wwd);
+}
+
+template <class T>
+HWY_INLINE Transferred<T> transferred(const CellPlace<T>& p, const SplineSums<T>& s) {
+  const T q = scalar<T>(0.25);
+  const T* c = p.apic;
+  const T* e = p.slope;
+  return {s.www,
+          {s.dww, s.wdw, s.wwd},
+          {{e[0] * s.sww, fma(c[0], s.sdw, q * s.ddw), fma(c[0], s.swd, q * s.dwd)},
+           {fma(c[1], s.dsw, q * s.ddw), e[1] * s.wsw, fma(c[1], s.wsd, q * s.wdd)},
+           {fma(c[2], s.dws, q * s.dwd), fma(c[2], s.wds, q * s.wdd), e[2] * s.wws}}};
+}
+
+/// Expands `components` of eight node blocks, some of which may not be there.
+template <class S>
+void expand_blocks(const S* const nodes[8], std::size_t components, S* expanded) {
+  for (std::size_t c = 0; c < components; ++c) {
+    for (std::size_t x = 0; x < 6; ++x) {
+      for (std::size_t y = 0; y < 6; ++y) {
+        const std::size_t corner = (x / 4) * 4 + (y / 4) * 2;
+        const std::size_t at = c * kBlockNodes + mpm::node_index(x % 4, y % 4, 0);
+        S row[6] = {};
+        if (nodes[corner] != nullptr) std::copy_n(nodes[corner] + at, 4, row);
+        if (nodes[corner + 1] != nullptr) std::copy_n(nodes[corner + 1] + at, 2, row + 4);
+        expand_row(row, expanded + c * kExpanded, x, y);
+      }
+    }
+  }
+}
+
+template <Law kLaw, class S>
+class UpdatedBlockAdjoint {
+  using D = hn::CappedTag<S, kLanes>;
+  using T = Lanes<D>;
+  using Chunk = mpm::UpdatedChunk<S>;
+  static constexpr std::size_t kWidth = hn::MaxLanes(D());
+  static constexpr std::size_t kBars = 16;  ///< numbers of an UpdatedParticleBar
+
+ public:
+  explicit UpdatedBlockAdjoint(mpm::UpdatedAdjointView<S>& view) : view_(view), law_(view.law) {
+    maxwell_steps(law_, view.dt, relaxation_);
+    expand_blocks(view.node_velocity, 3, velocity_);
+    const S* bars[8];
+    for (std::size_t k = 0; k < 8; ++k) {
+      bars[k] = view.node_bar[13 + 9 * (k / 4) + 3 * (k / 2 % 2) + k % 2];
+    }
+    expand_blocks(bars, 4, node_bar_);
+  }
+
+  void run() {
+    for (std::size_t slab = 0; slab < kSlabs; ++slab) {
+      for (std::uint32_t k = 0; k < view_.chunks[slab]; ++k) {
+        for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
+          particles(slab, view_.slab[slab][k], lane);
+        }
+      }
+    }
+    HWY_ALIGN S folded[kHaloNodes];
+    for (std::size_t c = 0; c < 3; ++c) {
+      fold(out_ + c * kExpanded, folded);
+      S* halo = view_.velocity_bar + c * kHaloNodes;
+      for (std::size_t i = 0; i < kHaloNodes; ++i) halo[i] += folded[i];
+    }
+    sum_law_cotangents(constants_bar_, relaxation_bar_, law_.maxwell_count, view_.law_bar);
+    view_.log_density = lane_sum(log_density_);
+  }
+
+ private:
+  /// Momentum and mass on the next grid, as seen from the particles' new places.
+  struct Landing {
+    SplineSums<T> momentum[3];
+    T mass, mass_by[3];
+  };
+
+  void particles(std::size_t slab, const mpm::KeptChunk<S>& chunk, std::size_t lane) {
+    const T zero = scalar<T>(0);
+    const T one = scalar<T>(1);
+    const T dt = T(view_.dt);
+    const T volume = T::load(&chunk.a[Chunk::kVolume][lane]);
+    const auto present = volume > zero;
+    if (none(present, volume)) return;
+    HWY_ALIGN S bars[kBars * kLanes];
+    load_bars(chunk, lane, bars);
+
+    // Forward again, with the derivatives by place.
+    T f[3];
+    for (std::size_t c = 0; c < 3; ++c) f[c] = T::load(&chunk.a[Chunk::kF + c][lane]);
+    const CellPlace<T> place = cell_place(f);
+    Transferred<T> moved[3];  // of the node velocities
+    T velocity[3];
+    Mat3<T> affine;
+    const T four_over_dx = T(S(4) / view_.dx);
+    for (int c = 0; c < 3; ++c) {
+      const SplineSums<T> sums = spline_sums(
+          place, expanded(velocity_ + static_cast<std::size_t>(c) * kExpanded, slab, lane));
+      moved[c] = transferred(place, sums);
+      affine_sums(place, sums, affine[c]);
+      velocity[c] = select(present, moved[c].value, zero);
+      for (int k = 0; k < 3; ++k) {
+        affine[c][k] = select(present, four_over_dx * affine[c][k], zero);
+      }
+    }
+    T landed[3];
+    const T dt_over_dx = T(view_.dt / view_.dx);
+    for (int c = 0; c < 3; ++c)
+      landed[c] = select(present, fma(dt_over_dx, velocity[c], f[c]), one);
+    const Mat3<T> before = load_mat3<T>(&chunk.a[Chunk::kH][lane]);
+    Mat3<T> step;
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) step[i][j] = dt * affine[i][j];
+    const Mat3<T> trial = compose(step, before);
+    const T jm1 = determinant_minus_one(trial);
+
+    // Particles to grid: momentum Σ w m v + A (x_I − x)/dx, A = dx m C − dt V (4/dx) τ, and mass.
+    CellPlace<T> new_place;
+    const Landing landing = land(slab, lane, chunk, present, landed, new_place);
+    const T mass = T(view_.density) * volume;
+    const T mass_dx = T(view_.density * view_.dx) * volume;
+    const T stress_factor = T(view_.dt * S(4) / view_.dx) * volume;
+    Mat3<T> a_bar;
+    for (int c = 0; c < 3; ++c) affine_sums(new_place, landing.momentum[c], a_bar[c]);
+    Mat3<T> affine_bar{};
+    add_scaled(a_bar, mass_dx, affine_bar);
+    const Sym3<T> tau_bar = scaled(symmetric_part(a_bar), -stress_factor);
+
+    // Stress and flow, and τ again.
+    PointBar<T> point{};
+    Mat3<T> step_bar{};
+    Mat3<T> after_bar;
+    for (int i = 0; i < 9; ++i)
+      after_bar[i / 3][i % 3] = bar(bars, kH + static_cast<std::size_t>(i));
+    const T strain = T::load(&chunk.a[Chunk::kStrain][lane]);
+    const T strain_bar = bar(bars, kStrain);
+    Sym3<T> flow_bar{};
+    if (law_.plastic) {
+      flow_bar = symmetric_part(transpose_multiply(plus_identity(trial), after_bar));
+    }
+    LawAgain<T> again{};
+    kirchhoff_stress_adjoint<kLaw, T>(law_, trial, jm1, jm1, dt, strain, tau_bar, flow_bar,
+                                      law_.plastic ? strain_bar : zero, point, constants_bar_,
+                                      &again);
+    Sym3<T> tau = again.tau;
+    if (law_.damped) {
+      add_viscous_stress(law_, affine, jm1, tau);
+      viscous_stress_adjoint(law_, affine, jm1, tau_bar, affine_bar, point, constants_bar_);
+    }
+    const std::size_t branches = view_.maxwell != nullptr ? law_.maxwell_count : 0;
+    for (std::size_t i = 0; i < branches; ++i) {
+      const Sym3<T> held = load_branch(view_.maxwell, chunk, lane, i);
+      (void)carry_maxwell<T>(relaxation_[i], step, held, tau);
+      const Sym3<T> next_bar = load_branch(view_.maxwell_bar, chunk, lane, i);
+      store_branch(carry_maxwell_adjoint(relaxation_[i], step, held, tau_bar, next_bar, step_bar,
+                                         relaxation_bar_[i]),
+                   chunk, lane, i);
+    }
+    if constexpr (kLaw == Law::kNewtonian) {
+      // F = J^⅓ I.
+      const T third = scalar<T>(1.0 / 3.0);
+      const T trace = after_bar[0][0] + after_bar[1][1] + after_bar[2][2];
+      point.jm1 += trace * third * exp(third * log1p(jm1)) / (jm1 + one);
+    } else {
+      if (law_.plastic) after_bar = multiply(after_bar, add_diagonal(again.plastic, one));
+      add(after_bar, point.h);
+    }
+    if (!law_.plastic) point.strain += strain_bar;
+    add_scaled(cofactor(plus_identity(trial)), point.jm1 + point.mean, point.h);
+
+    // What the new place changes of the transfer.
+    T velocity_bar[3];
+    T place_bar[3];  // of f, in cells
+    T weight = landing.mass;
+    for (std::size_t c = 0; c < 3; ++c) {
+      place_bar[c] = fma(T(view_.dx), bar(bars, kPosition + c), mass * landing.mass_by[c]);
+    }
+    const Mat3<T> stress = to_matrix(tau);
+    for (int c = 0; c < 3; ++c) {
+      const Transferred<T> n = transferred(new_place, landing.momentum[c]);
+      velocity_bar[c] = fma(mass, n.value, bar(bars, kVelocity + static_cast<std::size_t>(c)));
+      weight = fma(velocity[c], n.value, weight);
+      const T value = mass * velocity[c];
+      for (int j = 0; j < 3; ++j) place_bar[j] = fma(value, n.value_by[j], place_bar[j]);
+      for (int k = 0; k < 3; ++k) {
+        const T a = fnma(stress_factor, stress[c][k], mass_dx * affine[c][k]);
+        for (int j = 0; j < 3; ++j) place_bar[j] = fma(a, n.affine_by[k][j], place_bar[j]);
+        weight = fma(T(view_.dx) * affine[c][k], a_bar[c][k], weight);
+      }
+    }
+    log_density_ = fma(mass, weight, log_density_);
+
+    // F_trial = (I + dt C) F.
+    const Mat3<T> before_bar = transpose_multiply(plus_identity(step), point.h);
+    add(multiply_transpose(point.h, plus_identity(before)), step_bar);
+    add_scaled(step_bar, dt, affine_bar);
+
+    // Grid to particles: f += dt v/dx, v = Σ w v_I, C = (4/dx) Σ w (x_I − x)/dx v_I.
+    T matrix_bar[3][3];
+    for (int c = 0; c < 3; ++c) {
+      velocity_bar[c] = select(present, fma(dt_over_dx, place_bar[c], velocity_bar[c]), zero);
+      for (int k = 0; k < 3; ++k) {
+        matrix_bar[c][k] = select(present, four_over_dx * affine_bar[c][k], zero);
+      }
+    }
+    for (int c = 0; c < 3; ++c) {
+      for (int j = 0; j < 3; ++j) {
+        place_bar[j] = fma(velocity_bar[c], moved[c].value_by[j], place_bar[j]);
+        for (int k = 0; k < 3; ++k) {
+          place_bar[j] = fma(matrix_bar[c][k], moved[c].affine_by[k][j], place_bar[j]);
+        }
+      }
+    }
+    scatter<3, true, T>(out_, slab, lane, affine_stencil(f), velocity_bar, matrix_bar);
+
+    const T inverse_dx = T(S(1) / view_.dx);
+    for (int c = 0; c < 3; ++c) {
+      set_bar(bars, kPosition + c, inverse_dx * place_bar[c]);
+      set_bar(bars, kVelocity + c, zero);
+    }
+    for (int i = 0; i < 9; ++i)
+      set_bar(bars, kH + static_cast<std::size_t>(i), before_bar[i / 3][i % 3]);
+    set_bar(bars, kStrain, point.strain);
+    store_bars(chunk, lane, bars);
+  }
+
+  /// The cotangents of the nodes around the particles' new places. Of the few that change cell, one
+  /// by one.
+  template <class Mask>
+  Landing land(std::size_t slab, std::size_t lane, const mpm::KeptChunk<S>& chunk, Mask present,
+               T landed[3], CellPlace<T>& place) const {
+    auto inside = present;
+    for (int c = 0; c < 3; ++c) {
+      inside = hn::And(inside, hn::Not(landed[c] < scalar<T>(0.5)));
+      inside = hn::And(inside, landed[c] < scalar<T>(1.5));
+    }
+    const auto leaving = hn::AndNot(inside, present);
+    HWY_ALIGN S gone[kLanes];
+    HWY_ALIGN S at[3 * kLanes];
+    const bool any_leave = !hn::AllFalse(D(), leaving);
+    if (any_leave) {
+      select(leaving, scalar<T>(1), scalar<T>(0)).store(gone);
+      for (std::size_t c = 0; c < 3; ++c) {
+        landed[c].store(at + c * kLanes);
+        landed[c] = select(inside, landed[c], scalar<T>(1));
+      }
+    }
+    place = cell_place(landed);
+    Landing out;
+    for (std::size_t c = 0; c < 3; ++c) {
+      out.momentum[c] = spline_sums(place, expanded(node_bar_ + c * kExpanded, slab, lane));
+    }
+    const SplineSums<T> mass = spline_sums(place, expanded(node_bar_ + 3 * kExpanded, slab, lane));
+    out.mass = mass.www;
+    out.mass_by[0] = mass.dww;
+    out.mass_by[1] = mass.wdw;
+    out.mass_by[2] = mass.wwd;
+    if (!any_leave) return out;
+    HWY_ALIGN S lanes[(3 * kSplineSums + 4) * kLanes];
+    each(out, [&](T& entry, std::size_t i) { entry.store(lanes + i * kLanes); });
+    for (std::size_t l = 0; l < kWidth; ++l) {
+      if (!(gone[l] > S(0)) || !(chunk.a[Chunk::kVolume][lane + l] > S(0))) continue;
+      const std::size_t cell_lane = lane + l;
+      int cell[3] = {static_cast<int>(slab), static_cast<int>(cell_lane / 4),
+                     static_cast<int>(cell_lane % 4)};
+      S own[3];
+      for (std::size_t c = 0; c < 3; ++c) {
+        own[c] = at[c * kLanes + l];
+        const int move = own[c] < S(0.5) ? -1 : own[c] < S(1.5) ? 0 : 1;
+        own[c] -= static_cast<S>(move);
+        cell[c] += move;
+        at[c * kLanes + l] = own[c];
+      }
+      const CellPlace<S> there = cell_place<S>(own);
+      for (std::size_t c = 0; c < 4; ++c) {
+        const SplineSums<S> sums =
+            spline_sums<S>(there, [&](std::size_t i, std::size_t j, std::size_t k) {
+              return node_bar(c, cell[0] + static_cast<int>(i), cell[1] + static_cast<int>(j),
+                              cell[2] + static_cast<int>(k));
+            });
+        put_lane(sums, c, l, lanes);
+      }
+    }
+    each(out, [&](T& entry, std::size_t i) { entry = T::load(lanes + i * kLanes); });
+    for (std::size_t c = 0; c < 3; ++c) {
+      landed[c] = select(leaving, T::load(at + c * kLanes), landed[c]);
+    }
+    place = cell_place(landed);
+    return out;
+  }
+
+  template <class Visit>
+  static void each(Landing& landing, const Visit& visit) {
+    std::size_t i = 0;
+    for (SplineSums<T>& s : landing.momentum) {
+      for (T* entry : entries(s)) visit(*entry, i++);
+    }
+    visit(landing.mass, i++);
+    for (T& entry : landing.mass_by) visit(entry, i++);
+  }
+  template <class Number>
+  static std::array<Number*, kSplineSums> entries(SplineSums<Number>& s) {
+    return {&s.www, &s.dww, &s.wdw, &s.wwd, &s.sww, &s.wsw, &s.wws, &s.ddw,
+            &s.dwd, &s.wdd, &s.sdw, &s.dsw, &s.swd, &s.dws, &s.wsd, &s.wds};
+  }
+  static void put_lane(SplineSums<S> sums, std::size_t component, std::size_t lane, S* lanes) {
+    const auto from = entries(sums);
+    const std::size_t count = component < 3 ? kSplineSums : 4;  // of the mass: value and slopes
+    for (std::size_t i = 0; i < count; ++i) {
+      lanes[(component * kSplineSums + i) * kLanes + lane] = *from[i];
+    }
+  }
+
+  /// Node (x, y, z) of the block, each −1…6.
+  [[nodiscard]] S node_bar(std::size_t component, int x, int y, int z) const {
+    const auto step = [](int n) { return n < 0 ? 0 : n > 3 ? 2 : 1; };
+    const S* nodes = view_.node_bar[9 * step(x) + 3 * step(y) + step(z)];
+    if (nodes == nullptr) return S(0);
+    const auto inner = [](int n) { return static_cast<std::size_t>(n & 3); };
+    return nodes[component * kBlockNodes + mpm::node_index(inner(x), inner(y), inner(z))];
+  }
+
+  /// Nodes of a register's cells.
+  [[nodiscard]] static auto expanded(const S* component, std::size_t slab, std::size_t lane) {
+    return [=](std::size_t i, std::size_t j, std::size_t k) {
+      return T::load(component + mpm::expanded_index(slab + i, j, k) + lane);
+    };
+  }
+
+  // --- particles' cotangents, which lie by particle
+  // -----------------------------------------------
+
+  static constexpr std::size_t kPosition = 0;
+  static constexpr std::size_t kVelocity = 3;
+  static constexpr std::size_t kH = 6;
+  static constexpr std::size_t kStrain = 15;
+
+  static T bar(const S* bars, std::size_t i) { return T::load(bars + i * kLanes); }
+  static void set_bar(S* bars, std::size_t i, T value) { value.store(bars + i * kLanes); }
+
+  template <class Visit>
+  void each_bar(const mpm::KeptChunk<S>& chunk, std::size_t lane, const Visit& visit) const {
+    for (std::size_t l = 0; l < kWidth; ++l) {
+      if (!(chunk.a[Chunk::kVolume][lane + l] > S(0))) continue;
+      mpm::UpdatedParticleBar<S>& p = view_.particle_bar[chunk.id[lane + l]];
+      for (std::size_t c = 0; c < 3; ++c) {
+        visit(p.position[c], kPosition + c, l);
+        visit(p.velocity[c], kVelocity + c, l);
+      }
+      for (std::size_t c = 0; c < 9; ++c) visit(p.h[c], kH + c, l);
+      visit(p.strain, kStrain, l);
+    }
+  }
+  void load_bars(const mpm::KeptChunk<S>& chunk, std::size_t lane, S* bars) const {
+    std::fill(bars, bars + kBars * kLanes, S(0));
+    each_bar(chunk, lane,
+             [&](S& entry, std::size_t i, std::size_t l) { bars[i * kLanes + l] = entry; });
+  }
+  void store_bars(const mpm::KeptChunk<S>& chunk, std::size_t lane, const S* bars) const {
+    each_bar(chunk, lane,
+             [&](S& entry, std::size_t i, std::size_t l) { entry = bars[i * kLanes + l]; });
+  }
+
+  [[nodiscard]] Sym3<T> load_branch(const S* all, const mpm::KeptChunk<S>& chunk, std::size_t lane,
+                                    std::size_t branch) const {
+    HWY_ALIGN S state[6 * kLanes] = {};
+    for (std::size_t l = 0; l < kWidth; ++l) {
+      if (!(chunk.a[Chunk::kVolume][lane + l] > S(0))) continue;
+      const S* from = all + (chunk.id[lane + l] * law_.maxwell_count + branch) * 6;
+      for (std::size_t c = 0; c < 6; ++c) state[c * kLanes + l] = from[c];
+    }
+    return load_sym3<T>(state, kLanes);
+  }
+  void store_branch(const Sym3<T>& value, const mpm::KeptChunk<S>& chunk, std::size_t lane,
+                    std::size_t branch) const {
+    HWY_ALIGN S state[6 * kLanes];
+    store_sym3(value, state, kLanes);
+    for (std::size_t l = 0; l < kWidth; ++l) {
+      if (!(chunk.a[Chunk::kVolume][lane + l] > S(0))) continue;
+      S* to = view_.maxwell_bar + (chunk.id[lane + l] * law_.maxwell_count + branch) * 6;
+      for (std::size_t c = 0; c < 6; ++c) to[c] = state[c * kLanes + l];
+    }
+  }
+
+  mpm::UpdatedAdjointView<S>& view_;
+  const material::LawConstants<S>& law_;
+  MaxwellStep<S> relaxation_[material::kMostMaxwellBranches];
+  MaxwellStepBar<T> relaxation_bar_[material::kMostMaxwellBranches] = {};
+  ConstantsBar<T> constants_bar_{};
+  T log_density_ = scalar<T>(0);
+  HWY_ALIGN S velocity_[3 * kExpanded];
+  HWY_ALIGN S node_bar_[4 * kExpanded];
+  HWY_ALIGN S out_[3 * kExpanded] = {};
+};
+
+template <class S>
+void updated_block_adjoint(mpm::UpdatedAdjointView<S>& view) {
+  switch (view.law.law) {
+    case Law::kFixedCorotated:
+      return UpdatedBlockAdjoint<Law::kFixedCorotated, S>(view).run();
+    case Law::kNeoHookean:
+      return UpdatedBlockAdjoint<Law::kNeoHookean, S>(view).run();
+    case Law::kNewtonian:
+      return UpdatedBlockAdjoint<Law::kNewtonian, S>(view).run();
+    default:
+      return UpdatedBlockAdjoint<Law::kStvkHencky, S>(view).run();
+  }
+}
+
+}  // namespace matterfit::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif

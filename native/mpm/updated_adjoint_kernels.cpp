@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/updated_adjoint_kernels.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "mpm/updated_adjoint_kernels.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+// After foreach_target, so that each is compiled once per target.
+#include "mpm/updated_adjoint_kernel-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace matterfit::HWY_NAMESPACE {
+
+template <class S>
+const mpm::UpdatedAdjointKernels<S>& updated_adjoint_table() {
+  static const mpm::UpdatedAdjointKernels<S> kTable{updated_block_adjoint<S>};
+  return kTable;
+}
+const mpm::UpdatedAdjointKernels<float>& updated_adjoint_table_float() {
+  return updated_adjoint_table<float>();
+}
+#if HWY_TARGET == HWY_SSE4
+// For proofs.
+const mpm::UpdatedAdjointKernels<double>& updated_adjoint_table_double() {
+  return updated_adjoint_table<double>();
+}
+#endif
+
+}  // namespace matterfit::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+#include "mpm/simd_dispatch.hpp"
+
+namespace matterfit::mpm {
+
+template <>
+const UpdatedAdjointKernels<float>& updated_adjoint_kernels<float>(SimdTarget target) {
+  switch (highway_target(target)) {
+    MATTERFIT_AVX3_CASE(updated_adjoint_table_float)
+    MATTERFIT_AVX2_CASE(updated_adjoint_table_float)
+    default:
+      return N_SSE4::updated_adjoint_table_float();
+  }
+}
+
+template <>
+const UpdatedAdjointKernels<double>& updated_adjoint_kernels<double>(SimdTarget) {
+  return N_SSE4::updated_adjoint_table_double();
+}
+
+}  // namespace matterfit::mpm
+#endif

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "mpm/updated_adjoint.hpp"
+
+namespace matterfit::mpm {
+
+/// Adjoints of what acts on single particles after a substep: contact with colliders
+/// (UpdatedContact) and pins (apply_updated_pins).
+template <class S>
+class UpdatedLoadsAdjoint {
+ public:
+  UpdatedLoadsAdjoint(const Scene& scene, const std::vector<UpdatedMember<S>>& members,
+                      std::vector<ColliderPtr> colliders);
+
+  /// Adds to the cotangents of particles, rest places, densities, and of the n-th collider to
+  /// `colliders`. `nodes`: per block of record.after [4][64], cotangents of momentum and mass.
+  /// `velocity` are the node velocities of the substep, per block of record.before [3][64], and
+  /// `velocity_bar` gets their cotangents, if any: else it stays empty.
+  void back(const UpdatedRecord<S>& record, const std::vector<S>& nodes, const S* velocity,
+            std::vector<UpdatedBodyCotangents<S>>& bodies, ColliderCotangents* colliders,
+            std::vector<double>& velocity_bar) const;
+
+ private:
+  struct Substep;
+  void touch(const Substep& at, const UpdatedTouch<S>& touch, UpdatedBodyCotangents<S>& body,
+             ColliderCotangents* colliders, std::vector<double>& velocity_bar) const;
+  void hold(const Substep& at, const UpdatedHold<S>& hold, UpdatedBodyCotangents<S>& body) const;
+
+  double dx_;
+  const std::vector<UpdatedMember<S>>& members_;
+  std::vector<ColliderPtr> colliders_;
+};
+
+extern template class UpdatedLoadsAdjoint<float>;
+extern template class UpdatedLoadsAdjoint<double>;
+
+}  // namespace matterfit::mpm

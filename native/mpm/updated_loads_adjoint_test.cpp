@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The adjoint of what acts on updated Lagrangian bodies against central differences in double:
+// contact of particles and of nodes with colliders, walls, and pins.
+#include "mpm/updated_loads_adjoint.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "mpm/updated_rollout_for_test.hpp"
+
+namespace matterfit::mpm {
+namespace {
+
+using material::Law;
+using material::Material;
+
+constexpr double kH = 0.025;
+constexpr double kScale = 0.1;
+
+/// Where the collider is besides its own motion, and how it touches.
+struct Place {
+  ContactKind kind = ContactKind::kFriction;
+  ContactMethod method = ContactMethod::kParticle;
+  double mu = 0.3;
+  double stiffness = 5e6;
+  Vec3d translation = Vec3d::Zero();
+  Vec3d rotation = Vec3d::Zero();
+};
+
+enum class Shape { kPlane, kSphere, kBox, kMovingPlane, kTurningBox };
+
+ColliderPtr collider(Shape shape, const Place& place) {
+  Contact contact;
+  contact.kind = place.kind;
+  contact.method = place.method;
+  contact.mu = place.mu;
+  contact.stiffness = place.stiffness;
+  contact.damping = 0.1;
+  const bool by_nodes = place.method == ContactMethod::kNode;
+  const double angle = place.rotation.norm();
+  const Quatd turn =
+      angle > 0.0 ? Quatd(Eigen::AngleAxisd(angle, place.rotation / angle)) : Quatd::Identity();
+  const auto moved = [&](const Vec3d& position, const Quatd& rotation) {
+    return Pose{turn * position + place.translation, (turn * rotation).normalized()};
+  };
+  const Quatd own(Eigen::AngleAxisd(0.3, Vec3d(1, 1, 0).normalized()));
+  switch (shape) {
+    case Shape::kPlane:
+      // Nodes lie on a plane through z = 0.02: whether they are inside would be chance.
+      return make_plane("plane", contact,
+                        turn * Vec3d(0, 0, by_nodes ? 0.0213 : 0.02) + place.translation,
+                        turn * Vec3d(0.1, 0.05, 1.0).normalized());
+    case Shape::kSphere:
+      return make_sphere("sphere", contact, 0.3,
+                         Keyed<Pose>(moved(Vec3d(0.06, 0.04, -0.28), Quatd::Identity())));
+    case Shape::kBox:
+      return make_box("box", contact, Vec3d(0.04, 0.2, 0.1),
+                      Keyed<Pose>(moved(Vec3d(0.02, 0.05, -0.085), own)));
+    case Shape::kMovingPlane:
+    case Shape::kTurningBox:
+      break;
+  }
+  Keyed<Pose> motion;
+  motion.times = {0.0, 0.02};
+  const bool plane = shape == Shape::kMovingPlane;
+  const Vec3d at = plane ? Vec3d(0, 0, 0.02) : Vec3d(0.05, 0.05, -0.08);
+  motion.values = {moved(at, Quatd::Identity()),
+                   moved(at + Vec3d(0.002, 0, 0.005), plane ? Quatd::Identity() : own)};
+  if (plane) return make_plane("plane", contact, Vec3d::Zero(), Vec3d::UnitZ(), motion);
+  return make_box("box", contact, Vec3d(0.2, 0.2, 0.1), motion);
+}
+
+Material material_of(Law law) {
+  Material m;
+  m.law = law;
+  m.youngs_modulus = 2e5;
+  m.poisson_ratio = 0.35;
+  m.yield_stress = 800.0;
+  m.viscosity = law == Law::kNewtonian ? 5.0 : 20.0;
+  m.bulk_modulus = 2e5;
+  m.friction_angle = 30.0;
+  m.cohesion = 500.0;
+  return m;
+}
+
+Scene scene_of(Law law) {
+  Scene scene;
+  scene.fps = 100.0;
+  scene.dx = 2.0 * kH;
+  scene.gravity = Keyed<Vec3d>(Vec3d(0, 0, -9.81));
+  scene.bodies.push_back(
+      updated_block_body(material_of(law), Vec3d(0.01, 0.005, 0.0225), 4, kH, 5));
+  Body& body = scene.bodies[0];
+  body.velocity = Vec3d(0.8, 0.3, -1.5);
+  body.particle_velocities.clear();
+  return scene;
+}
+
+/// What a scene with one collider takes, beside what every body has.
+void expect_collider(UpdatedRollout& rollout, const UpdatedRollout::Gradient& g, Shape shape,
+                     const Place& place, const std::string& name) {
+  const ColliderCotangents& found = g.colliders.back();
+  const auto check = [&](double gradient, const std::string& what, double step, double factor,
+                         const std::function<void(Place&, double)>& change) {
+    rollout.expect(
+        factor * gradient, kScale, name + ", " + what, step,
+        [&](Scene& scene, double by) {
+          Place moved = place;
+          change(moved, by);
+          scene.colliders.back() = collider(shape, moved);
+        },
+        factor);
+  };
+  if (place.method == ContactMethod::kParticle) {
+    check(found.stiffness, "stiffness", 1e-4 * place.stiffness, place.stiffness,
+          [](Place& p, double by) { p.stiffness += by; });
+  }
+  if (place.kind == ContactKind::kFriction) {
+    check(found.mu, "mu", 1e-4, 1.0, [](Place& p, double by) { p.mu += by; });
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    check(found.rotation[axis], "rotation", 1e-5, 0.1,
+          [axis](Place& p, double by) { p.rotation[axis] += by; });
+    // Nodes that come inside do so at once: there is no derivative by the distance.
+    if (place.method == ContactMethod::kNode) continue;
+    check(found.translation[axis], "translation", 1e-6, 1e-2,
+          [axis](Place& p, double by) { p.translation[axis] += by; });
+  }
+}
+
+void expect_material(UpdatedRollout& rollout, const UpdatedRollout::Gradient& g,
+                     const std::string& name) {
+  const Material& m = rollout.scene.bodies[0].material;
+  const bool fluid = m.law == Law::kNewtonian;
+  const auto member = fluid ? &Material::viscosity : &Material::youngs_modulus;
+  const double value = m.*member;
+  rollout.expect(
+      value * (fluid ? g.material[0].viscosity : g.material[0].youngs_modulus), kScale,
+      name + ", material", 1e-4 * value,
+      [&](Scene& scene, double by) { scene.bodies[0].material.*member += by; }, value);
+}
+
+struct Case {
+  const char* name;
+  Law law;
+  Shape shape;
+  ContactKind kind;
+  double mu;
+};
+
+TEST(UpdatedLoadsAdjoint, MatchesDifferencesForParticleContact) {
+  const Case cases[] = {
+      {"sliding", Law::kNeoHookean, Shape::kPlane, ContactKind::kFriction, 0.2},
+      {"sticking by friction", Law::kNeoHookean, Shape::kPlane, ContactKind::kFriction, 5.0},
+      {"sticky", Law::kFixedCorotated, Shape::kPlane, ContactKind::kSticky, 0.0},
+      {"slip", Law::kStvkHencky, Shape::kPlane, ContactKind::kSlip, 0.0},
+      {"separating", Law::kNeoHookean, Shape::kPlane, ContactKind::kSeparating, 0.0},
+      {"plasticine on a sphere", Law::kVonMises, Shape::kSphere, ContactKind::kFriction, 0.3},
+      {"sand on a plane", Law::kDruckerPrager, Shape::kPlane, ContactKind::kFriction, 0.4},
+      {"water that sticks", Law::kNewtonian, Shape::kPlane, ContactKind::kSticky, 0.0},
+      {"water with friction", Law::kNewtonian, Shape::kSphere, ContactKind::kFriction, 0.3},
+      {"cream with friction", Law::kHerschelBulkley, Shape::kPlane, ContactKind::kFriction, 0.3},
+      {"edge of a box", Law::kNeoHookean, Shape::kBox, ContactKind::kFriction, 0.3},
+      {"moving plane", Law::kNewtonian, Shape::kMovingPlane, ContactKind::kFriction, 0.3},
+      {"turning box", Law::kNeoHookean, Shape::kTurningBox, ContactKind::kSticky, 0.0},
+  };
+  for (const Case& item : cases) {
+    Place place;
+    place.kind = item.kind;
+    place.mu = item.mu;
+    UpdatedRollout rollout(scene_of(item.law));
+    rollout.steps = 40;
+    rollout.dt = 2e-4;
+    rollout.scene.colliders.push_back(collider(item.shape, place));
+    std::vector<UpdatedRecord<double>> records;
+    (void)rollout.run<double>(&records);
+    std::size_t touches = 0;
+    for (const auto& record : records) touches += record.touches.size();
+    EXPECT_GT(touches, 100U) << item.name;
+    const auto g = rollout.gradient<double>(records);
+    rollout.expect_start(g, kScale, item.name);
+    expect_material(rollout, g, item.name);
+    expect_collider(rollout, g, item.shape, place, item.name);
+    record_worst(item.name, rollout.worst);
+  }
+}
+
+TEST(UpdatedLoadsAdjoint, MatchesDifferencesForNodeContact) {
+  const Case cases[] = {
+      {"sticky nodes", Law::kNeoHookean, Shape::kPlane, ContactKind::kSticky, 0.0},
+      {"slip nodes", Law::kNewtonian, Shape::kPlane, ContactKind::kSlip, 0.0},
+      {"separating nodes", Law::kNeoHookean, Shape::kPlane, ContactKind::kSeparating, 0.0},
+      {"sliding nodes", Law::kDruckerPrager, Shape::kSphere, ContactKind::kFriction, 0.1},
+      {"nodes with friction", Law::kVonMises, Shape::kTurningBox, ContactKind::kFriction, 1.0},
+      {"nodes in a moving plane", Law::kNewtonian, Shape::kMovingPlane, ContactKind::kSticky, 0.0},
+  };
+  for (const Case& item : cases) {
+    Place place;
+    place.kind = item.kind;
+    place.mu = item.mu;
+    place.method = ContactMethod::kNode;
+    UpdatedRollout rollout(scene_of(item.law));
+    rollout.scene.colliders.push_back(collider(item.shape, place));
+    const auto g = rollout.gradient<double>();
+    rollout.expect_start(g, kScale, item.name);
+    expect_material(rollout, g, item.name);
+    expect_collider(rollout, g, item.shape, place, item.name);
+    record_worst(item.name, rollout.worst);
+  }
+}
+
+TEST(UpdatedLoadsAdjoint, MatchesDifferencesForPins) {
+  for (const bool moved : {false, true}) {
+    const std::string name = moved ? "moved pin" : "held pin";
+    UpdatedRollout rollout(scene_of(moved ? Law::kVonMises : Law::kNeoHookean));
+    Pin pin;
+    pin.region = Pin::Region::kBox;
+    pin.low = Vec3d(-1.0, -1.0, -1.0);
+    pin.high = Vec3d(1.0, 1.0, 0.06);
+    if (moved) {
+      pin.pivot = Vec3d(0.02, 0.0, 0.0);
+      pin.release = 0.0031;
+      pin.motion.times = {0.0, 0.01};
+      pin.motion.values = {Pose{},
+                           Pose{Vec3d(0.002, 0.001, -0.003),
+                                Quatd(Eigen::AngleAxisd(0.2, Vec3d(1, 2, 0).normalized()))}};
+    }
+    rollout.scene.bodies[0].pins.push_back(pin);
+    const auto g = rollout.gradient<double>();
+    rollout.expect_start(g, kScale, name);
+    expect_material(rollout, g, name);
+    record_worst(name, rollout.worst);
+  }
+}
+
+}  // namespace
+}  // namespace matterfit::mpm

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/updated_member.hpp"
+
+#include <cmath>
+
+#include "base/error.hpp"
+#include "mpm/updated_pins.hpp"
+
+namespace matterfit::mpm {
+
+template <class S>
+UpdatedMember<S> make_updated_member(const Body& body, std::size_t index,
+                                     const std::vector<ColliderPtr>& colliders, double dx) {
+  if (!body.masses.empty()) {
+    throw_input("Body '" + body.name +
+                "': attached masses need the total Lagrangian formulation. Set formulation to "
+                "'total', or remove the masses.");
+  }
+  UpdatedMember<S> m;
+  m.index = index;
+  m.name = body.name;
+  m.material = body.material;
+  m.law = material::law_constants<S>(body.material);
+  m.density = body.density;
+  m.particles = body.rest.size();
+  m.memory.resize(colliders.empty() ? 0 : m.particles);
+  m.maxwell.assign(m.particles * m.law.maxwell_count * 6, S(0));
+  for (const ColliderPtr& collider : colliders) {
+    m.contacts.push_back(resolve_contact(collider->contact(), body, dx));
+  }
+  if (!body.pins.empty()) {
+    m.pins = body.pins;
+    m.rest = body.rest;
+    m.pin_of = particles_of_pins(body);
+  }
+  return m;
+}
+
+Vec3d center_of_volume(const Body& body) {
+  Vec3d center = Vec3d::Zero();
+  double volume = 0.0;
+  for (std::size_t p = 0; p < body.rest.size(); ++p) {
+    center += body.volumes[p] * body.rest[p];
+    volume += body.volumes[p];
+  }
+  return center / volume;
+}
+
+Mat3d spin_matrix(const Vec3d& spin) {
+  Mat3d m;
+  m << 0, -spin[2], spin[1], spin[2], 0, -spin[0], -spin[1], spin[0], 0;
+  return m;
+}
+
+Vec3d start_velocity(const Body& body, std::size_t particle, const Vec3d& center) {
+  Vec3d v = body.velocity + spin_matrix(body.spin) * (body.rest[particle] - center);
+  if (!body.particle_velocities.empty()) v += body.particle_velocities[particle];
+  return v;
+}
+
+template <class S>
+UpdatedStart<S> updated_start(const Body& body, std::size_t particle, double dx,
+                              const Vec3d& center) {
+  UpdatedStart<S> start{};
+  Crosser<S>& p = start.particle;
+  p.id = static_cast<std::uint32_t>(particle);
+  int cell = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double x = body.rest[particle][axis] / dx;
+    const double base = std::floor(x - 0.5);
+    if (!(std::abs(base) < 1e8)) {
+      throw_input("Body '" + body.name + "': particle " + std::to_string(particle) +
+                  " is too far from the origin for this particle separation.");
+    }
+    const int b = static_cast<int>(base);
+    start.block[axis] = b >> 2;
+    cell = cell * 4 + (b & 3);
+    p.f[axis] = static_cast<S>(x - base);
+  }
+  const Vec3d v = start_velocity(body, particle, center);
+  const Mat3d spin = spin_matrix(body.spin);
+  for (int i = 0; i < 3; ++i) {
+    p.velocity[i] = static_cast<S>(v[i]);
+    for (int j = 0; j < 3; ++j) p.affine[3 * i + j] = static_cast<S>(spin(i, j));
+  }
+  p.volume = static_cast<S>(body.volumes[particle]);
+  p.cell = static_cast<std::uint8_t>(cell);
+  return start;
+}
+
+template struct UpdatedMember<float>;
+template struct UpdatedMember<double>;
+template UpdatedMember<float> make_updated_member<float>(const Body&, std::size_t,
+                                                         const std::vector<ColliderPtr>&, double);
+template UpdatedMember<double> make_updated_member<double>(const Body&, std::size_t,
+                                                           const std::vector<ColliderPtr>&, double);
+template UpdatedStart<float> updated_start<float>(const Body&, std::size_t, double, const Vec3d&);
+template UpdatedStart<double> updated_start<double>(const Body&, std::size_t, double, const Vec3d&);
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/updated_record.hpp"
+
+#include <cstring>
+
+namespace matterfit::mpm {
+namespace {
+
+template <class Value>
+std::size_t bytes_of(const std::vector<Value>& values) {
+  return values.size() * sizeof(Value);
+}
+
+}  // namespace
+
+template <class S>
+std::size_t UpdatedRecord<S>::bytes() const {
+  std::size_t sum = bytes_of(node_mass) + bytes_of(node_velocity) + bytes_of(slab_chunks) +
+                    bytes_of(chunks) + bytes_of(touches) + bytes_of(holds);
+  for (const std::vector<S>& of_body : maxwell) sum += bytes_of(of_body);
+  return sum;
+}
+
+template <class S>
+std::shared_ptr<const UpdatedTopology> take_topology(const UpdatedBlocks<S>& blocks) {
+  auto topology = std::make_shared<UpdatedTopology>();
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    topology->coordinates.push_back(blocks[b].coordinates);
+    topology->neighbours.push_back(blocks[b].neighbours);
+  }
+  return topology;
+}
+
+template <class S>
+void keep_particles(Arena& arena, const UpdatedBlocks<S>& blocks,
+                    const std::vector<UpdatedMember<S>>& members, UpdatedRecord<S>& record) {
+  record.slab_chunks.clear();
+  std::size_t chunks = 0;
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    for (const BodyBlock<S>& body : blocks[b].bodies) {
+      for (const auto& slab : body.slab) {
+        record.slab_chunks.push_back(static_cast<std::uint32_t>(chunks));
+        chunks += slab.size();
+      }
+    }
+  }
+  record.slab_chunks.push_back(static_cast<std::uint32_t>(chunks));
+  record.chunks.resize(chunks);
+  const std::size_t slabs = members.size() * kSlabs;
+  arena.parallel_for(0, blocks.size(), 4, [&](std::size_t b) {
+    KeptChunk<S>* to = record.chunks.data() + record.slab_chunks[b * slabs];
+    for (const BodyBlock<S>& body : blocks[b].bodies) {
+      for (const auto& slab : body.slab) {
+        for (const UpdatedChunk<S>& from : slab) {
+          std::memcpy(to->a, from.a, sizeof(to->a));
+          std::memcpy(to->id, from.id, sizeof(to->id));
+          ++to;
+        }
+      }
+    }
+  });
+  record.maxwell.resize(members.size());
+  for (std::size_t m = 0; m < members.size(); ++m) record.maxwell[m] = members[m].maxwell;
+}
+
+template struct UpdatedRecord<float>;
+template struct UpdatedRecord<double>;
+template std::shared_ptr<const UpdatedTopology> take_topology<float>(const UpdatedBlocks<float>&);
+template std::shared_ptr<const UpdatedTopology> take_topology<double>(const UpdatedBlocks<double>&);
+template void keep_particles<float>(Arena&, const UpdatedBlocks<float>&,
+                                    const std::vector<UpdatedMember<float>>&,
+                                    UpdatedRecord<float>&);
+template void keep_particles<double>(Arena&, const UpdatedBlocks<double>&,
+                                     const std::vector<UpdatedMember<double>>&,
+                                     UpdatedRecord<double>&);
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "base/parallel.hpp"
+#include "base/vec.hpp"
+#include "mpm/contact_law.hpp"
+#include "mpm/kernels.hpp"
+#include "mpm/updated_blocks.hpp"
+#include "mpm/updated_member.hpp"
+#include "mpm/updated_place.hpp"
+
+namespace matterfit::mpm {
+
+/// Which blocks a sparse grid has.
+struct UpdatedTopology {
+  std::vector<Vec3i> coordinates;
+  std::vector<std::array<std::uint32_t, 27>> neighbours;  ///< as UpdatedBlock's
+};
+
+/// A pinned particle, after a substep.
+template <class S>
+struct UpdatedHold {
+  std::uint32_t member;
+  std::uint32_t particle;
+  UpdatedPlace<S> place;
+  S volume;  ///< at rest [m³]
+};
+
+/// A particle that touches a collider after a substep, as contact_force() met it.
+template <class S>
+struct UpdatedTouch {
+  std::uint32_t member;
+  std::uint32_t particle;
+  std::uint32_t collider;  ///< of the particle-wise ones
+  UpdatedPlace<S> place;
+  S volume;
+  S velocity[3];
+  S h[9];                ///< F − I
+  ContactMemory memory;  ///< before
+};
+
+/// What is kept of an UpdatedChunk: its attributes up to the velocity, which the grid has.
+template <class S>
+struct KeptChunk {
+  static constexpr std::size_t kAttributes = UpdatedChunk<S>::kVelocity;
+  alignas(64) S a[kAttributes][kLanes];
+  std::uint32_t id[kLanes];
+};
+
+/// What the adjoint needs of one substep (updated_adjoint.hpp): the particles and the grid before
+/// it, in storage order, and the contacts and pins after it. Some 75 bytes a particle in float
+/// where cells are evenly filled, and 24 more for each Maxwell branch.
+template <class S>
+struct UpdatedRecord {
+  double time = 0.0;  ///< of the state before [s]
+  double dt = 0.0;
+  double kick = 0.0;  ///< of gravity [s]
+  Vec3d gravity = Vec3d::Zero();
+  std::shared_ptr<const UpdatedTopology> before;
+  std::shared_ptr<const UpdatedTopology> after;  ///< more blocks at the end
+  std::vector<S> node_mass;                      ///< per block [64]
+  std::vector<S> node_velocity;                  ///< per block [3][64], before node-wise contact
+  /// First of `chunks` of each block, body and slab, in this order, and the end.
+  std::vector<std::uint32_t> slab_chunks;
+  std::vector<KeptChunk<S>> chunks;
+  std::vector<std::vector<S>> maxwell;  ///< per body, as UpdatedView::maxwell
+  std::vector<UpdatedTouch<S>> touches;
+  std::vector<UpdatedHold<S>> holds;
+
+  /// Bytes of it [B], without the topologies, which substeps share.
+  [[nodiscard]] std::size_t bytes() const;
+};
+
+template <class S>
+[[nodiscard]] std::shared_ptr<const UpdatedTopology> take_topology(const UpdatedBlocks<S>& blocks);
+/// The particles before a substep.
+template <class S>
+void keep_particles(Arena& arena, const UpdatedBlocks<S>& blocks,
+                    const std::vector<UpdatedMember<S>>& members, UpdatedRecord<S>& record);
+
+extern template struct UpdatedRecord<float>;
+extern template struct UpdatedRecord<double>;
+
+}  // namespace matterfit::mpm

@@ -39,16 +39,18 @@ template <class S>
 void TotalAdjoint<S>::smooth(Arena& arena, double share, std::vector<double>& velocity_bar) {
   const std::vector<double>& inverse = body_.grid_.inverse_mass();
   const std::vector<std::uint8_t>& skip = body_.pins_->deferred();
-  std::vector<double> weighted(velocity_bar.size(), 0.0);
-  for (std::size_t i = 0; i < velocity_bar.size(); ++i) {
-    const std::size_t n = node_of(i);
-    if (!(inverse[n] > 0.0) || skip[n] != 0) continue;
-    const double taken = share * velocity_bar[i];
-    weighted[i] = inverse[n] * taken;
-    velocity_bar[i] -= taken;
-  }
+  node_field_.resize(velocity_bar.size());
+  arena.parallel_for(0, body_.grid_.node_blocks(), 4, [&](std::size_t b) {
+    for (std::size_t i = b * kNodeBlock; i < (b + 1) * kNodeBlock; ++i) {
+      const std::size_t n = node_of(i);
+      const bool moves = inverse[n] > 0.0 && skip[n] == 0;
+      const double taken = moves ? share * velocity_bar[i] : 0.0;
+      node_field_[i] = inverse[n] * taken;
+      velocity_bar[i] -= taken;
+    }
+  });
   TotalView<S> view = body_.view(0.0, false);
-  view.velocity = weighted.data();
+  view.velocity = node_field_.data();
   view.force = velocity_halo_.data();
   arena.parallel_for(0, body_.grid_.blocks(), 1,
                      [&](std::size_t b) { body_.kernels_->total_smooth(view, b); });
@@ -89,13 +91,14 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   std::vector<double>& u_bar = bar.state.displacement;
   std::vector<double>& v_bar = bar.state.velocity;
   if (substep.smoothing > 0.0) smooth(arena, substep.smoothing, v_bar);
-  body_.restore(before);
+  if (loads != nullptr || body_.pins_->has_masses()) body_.restore(before);
   if (loads != nullptr) loads->prepare(arena, substep);
 
   // u' = u + dt v', v' = v + kick a, a = f/m + g.
   const std::vector<double>& inverse = grid.inverse_mass();
   const std::vector<std::uint8_t>& skip = body_.pins_->deferred();
-  std::vector<double> force_bar(v_bar.size());
+  std::vector<double>& force_bar = node_field_;
+  force_bar.resize(v_bar.size());
   Vec3d gravity_bar = Vec3d::Zero();  // body axes
   if (body_.pins_->any()) {
     std::vector<Vec3d> accelerations(body_.pins_->deferred_nodes().size(), Vec3d::Zero());
@@ -115,14 +118,23 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
       }
     }
   }
-  for (std::size_t i = 0; i < v_bar.size(); ++i) {
-    const std::size_t n = node_of(i);
-    if (skip[n] != 0) continue;
-    v_bar[i] += substep.dt * u_bar[i];
-    const double a_bar = substep.kick * v_bar[i];
-    gravity_bar[static_cast<int>(i / kBlockNodes % 3)] += a_bar;
-    force_bar[i] = inverse[n] * a_bar;
-  }
+  std::vector<Vec3d> block_gravity(grid.node_blocks());
+  arena.parallel_for(0, grid.node_blocks(), 4, [&](std::size_t b) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      double sum = 0.0;
+      for (std::size_t k = 0; k < kBlockNodes; ++k) {
+        const std::size_t n = b * kBlockNodes + k;
+        if (skip[n] != 0) continue;
+        const std::size_t i = b * kNodeBlock + c * kBlockNodes + k;
+        v_bar[i] += substep.dt * u_bar[i];
+        const double a_bar = substep.kick * v_bar[i];
+        sum += a_bar;
+        force_bar[i] = inverse[n] * a_bar;
+      }
+      block_gravity[b][static_cast<int>(c)] = sum;
+    }
+  });
+  for (const Vec3d& block : block_gravity) gravity_bar += block;
   bar.gravity += grid.axes() * gravity_bar;
   if (loads != nullptr) loads->back(arena, substep, force_bar, bar);
 

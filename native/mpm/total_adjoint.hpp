@@ -74,6 +74,7 @@ class TotalAdjoint {
   const AdjointKernels<S>& kernels_;
   std::vector<S> displacement_halo_;
   std::vector<S> velocity_halo_;
+  std::vector<double> node_field_;  ///< of a substep, as TotalState::velocity
   std::vector<LawCotangents> block_law_;
 };
 

@@ -144,12 +144,19 @@ typename TotalContactAdjoint<S>::TouchBar TotalContactAdjoint<S>::back(
                                         c.distance, c.normal + p.normal, -c.relative_velocity,
                                         substep.time, out.collider);
   out.face_velocity = to_local * c.relative_velocity;
-  // Of the face's place at rest, body axes.
-  const Vec3d place_bar =
-      out.face + field_gradient(grid, touch.at_face, s, force_bar.data()).transpose() * force +
-      field_gradient(grid, touch.at_face, s, body_.displacement().data()).transpose() * out.face +
-      field_gradient(grid, touch.at_face, s, body_.velocity().data()).transpose() *
-          out.face_velocity;
+  const double* u = body_.displacement().data();
+  const double* v = body_.velocity().data();
+  Vec3d place_bar = out.face;  // of the face's place at rest, body axes
+  visit_nodes(grid, touch.at_face,
+              [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
+                double of_node = 0.0;
+                for (int axis = 0; axis < 3; ++axis) {
+                  const std::size_t at = node + static_cast<std::size_t>(axis) * kBlockNodes;
+                  of_node += force_bar[at] * force[axis] + u[at] * out.face[axis] +
+                             v[at] * out.face_velocity[axis];
+                }
+                place_bar += of_node * s.gradient(i, j, k);
+              });
   // face = −½h Fᵀn/|Fᵀn|.
   const Vec3d pulled = particle.f.transpose() * touch.center_normal;
   const Vec3d direction = pulled.normalized();

@@ -13,6 +13,8 @@
 #define MATTERFIT_MPM_UPDATED_ADJOINT_KERNEL_INL_HPP
 #endif
 
+#include <hwy/cache_control.h>
+
 #include <algorithm>
 #include <array>
 
@@ -179,6 +181,7 @@ class UpdatedBlockAdjoint {
   void run() {
     for (std::size_t slab = 0; slab < kSlabs; ++slab) {
       for (std::uint32_t k = 0; k < view_.chunks[slab]; ++k) {
+        if (k + 1 < view_.chunks[slab]) fetch_bars(view_.slab[slab][k + 1]);
         for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
           particles(slab, view_.slab[slab][k], lane);
         }
@@ -248,8 +251,9 @@ class UpdatedBlockAdjoint {
     const T stress_factor = T(view_.dt * S(4) / view_.dx) * volume;
     Mat3<T> a_bar;
     for (int c = 0; c < 3; ++c) affine_sums(new_place, landing.momentum[c], a_bar[c]);
-    Mat3<T> affine_bar{};
-    add_scaled(a_bar, mass_dx, affine_bar);
+    Mat3<T> affine_bar;
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) affine_bar[i][j] = mass_dx * a_bar[i][j];
     const Sym3<T> tau_bar = scaled(symmetric_part(a_bar), -stress_factor);
 
     // Stress and flow, and τ again.
@@ -463,6 +467,11 @@ class UpdatedBlockAdjoint {
 
   static T bar(const S* bars, std::size_t i) { return T::load(bars + i * kLanes); }
   static void set_bar(S* bars, std::size_t i, T value) { value.store(bars + i * kLanes); }
+
+  /// They lie all over the memory, and are needed a register later.
+  void fetch_bars(const mpm::KeptChunk<S>& chunk) const {
+    for (std::size_t l = 0; l < kLanes; ++l) hwy::Prefetch(&view_.particle_bar[chunk.id[l]]);
+  }
 
   template <class Visit>
   void each_bar(const mpm::KeptChunk<S>& chunk, std::size_t lane, const Visit& visit) const {

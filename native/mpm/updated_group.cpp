@@ -9,7 +9,7 @@
 #include "base/error.hpp"
 #include "mpm/halo.hpp"
 #include "mpm/node_contact.hpp"
-#include "mpm/unstable_error.hpp"
+#include "mpm/updated_check.hpp"
 #include "mpm/updated_contact.hpp"
 #include "mpm/updated_grid.hpp"
 #include "mpm/updated_pins.hpp"
@@ -235,52 +235,6 @@ struct UpdatedGroup<S>::Impl {
       }
     }
   }
-
-  /// Throws if a particle has gone wrong in the substep from `time`: it is named, with the reason.
-  void check(double time, double dt, double least, S fastest) const {
-    if (least > 0.0 && fastest < S(1)) return;
-    const double fastest_speed = 0.999 * static_cast<double>(fastest) * dx / dt;
-    for (std::size_t b = 0; b < blocks.size(); ++b) {
-      for (std::size_t m = 0; m < members.size(); ++m) {
-        const auto look = [&](std::uint32_t id, const Vec3d& x, const Mat3d& f, const Vec3d& v) {
-          const double j = f.determinant();
-          std::string what;
-          if (!std::isfinite(j) || !v.allFinite()) {
-            what = "is not a number";
-          } else if (!(j > 0.0)) {
-            what = "is turned inside out (volume ratio " + std::to_string(j) + ")";
-          } else if (fastest >= S(1) && v.cwiseAbs().maxCoeff() >= fastest_speed) {
-            what = "moves more than a cell in one substep, at " + std::to_string(v.norm()) + " m/s";
-          }
-          if (!what.empty()) fail(time, m, id, x, what);
-        };
-        blocks[b].bodies[m].for_each([&](std::size_t s, const Chunk& chunk, std::size_t l) {
-          look(chunk.id[l], grid.position(grid.place(b, s, chunk, l)),
-               deformation_gradient(chunk, l), particle_velocity(chunk, l));
-        });
-        for (const Crosser<S>& p : blocks[b].leaving[m]) {
-          Mat3d f = Mat3d::Identity();
-          for (int i = 0; i < 9; ++i) f(i / 3, i % 3) += static_cast<double>(p.h[i]);
-          const Vec3d x = grid.origin(b) + Vec3d::Constant(2.5 * dx);
-          look(p.id, x, f,
-               Eigen::Matrix<S, 3, 1>(p.velocity[0], p.velocity[1], p.velocity[2])
-                   .template cast<double>());
-        }
-      }
-    }
-    fail(time, 0, 0, Vec3d::Zero(), "or another one is turned inside out or not a number");
-  }
-
-  [[noreturn]] void fail(double time, std::size_t member, std::uint32_t particle, const Vec3d& x,
-                         const std::string& what) const {
-    const int frame = scene->first_frame + static_cast<int>(std::floor(time * scene->fps + 1e-6));
-    std::ostringstream text;
-    text << "Body '" << members[member].name << "', frame " << frame << " (" << time
-         << " s): particle " << particle << " at (" << x[0] << ", " << x[1] << ", " << x[2]
-         << ") m " << what
-         << ". Use a smaller scene.solver.dt_safety or particle separation, or gentler motion.";
-    throw UnstableError(text.str());
-  }
 };
 
 template <class S>
@@ -361,7 +315,9 @@ std::pair<double, double> UpdatedGroup<S>::step(Arena& arena, double time, doubl
     most = std::max(most, static_cast<double>(s.blocks[b].extremes.max_volume_ratio));
     fastest = std::max(fastest, s.blocks[b].fastest);
   }
-  s.check(time, dt, least, fastest);
+  if (!(least > 0.0 && fastest < S(1))) {
+    fail_updated(*s.scene, s.grid, s.members, time, dt, static_cast<double>(fastest));
+  }
   s.min_j = least;
   s.max_speed = static_cast<double>(fastest) * s.dx / dt * std::sqrt(3.0);
   s.make_room();

@@ -67,7 +67,8 @@ ReferenceMpm::Stencil ReferenceMpm::stencil(const Vec3d& x) const {
         g * g * g / 6.0, 0.5 * f * f * f - f * f + 2.0 / 3.0, 0.5 * g * g * g - g * g + 2.0 / 3.0,
         f * f * f / 6.0};
   }
-  s.first = static_cast<std::size_t>((base.x() * size_.y() + base.y()) * size_.z() + base.z());
+  const Eigen::Index first = (Eigen::Index{base.x()} * size_.y() + base.y()) * size_.z() + base.z();
+  s.first = static_cast<std::size_t>(first);
   return s;
 }
 

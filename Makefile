@@ -11,11 +11,11 @@ ROOT := '$(subst ','\'',$(CURDIR))'
 RUN := bash $(ROOT)/scripts/in_tree.sh
 PYTHON := $(RUN) python
 .DEFAULT_GOAL := help
-.PHONY: help demo test build bench format lint fuzz run package clean
+.PHONY: help demo test build bench five-materials format lint fuzz run package clean
 
 help: ## Say what each target does (the default)
-	@grep -hE '^[a-z]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | \
-	  while IFS="$$(printf '\t')" read -r name text; do printf '  make %-8s %s\n' "$$name" "$$text"; done
+	@grep -hE '^[a-z-]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | \
+	  while IFS="$$(printf '\t')" read -r name text; do printf '  make %-14s %s\n' "$$name" "$$text"; done
 
 demo: ## The main job on the sample under `blender -b`: capture, simulate, compare, throw, rerun, bake, render
 	@bash $(ROOT)/scripts/dependencies.sh demo
@@ -33,6 +33,10 @@ build: ## build/bin/matterfit and build/lib/libmatterfit.so, optimised
 bench: ## Speed of the solver, one JSON object a line (OTHERS=1: Taichi and Genesis beside it, by pip)
 	@bash $(ROOT)/scripts/dependencies.sh build 1>&2
 	@$(PYTHON) $(ROOT)/scripts/bench.py $(if $(OTHERS),--others)
+
+five-materials: ## Fit 45 clips of another simulator and score the fits, hours (ONLY="sand elastic_box" fits some)
+	@bash $(ROOT)/scripts/dependencies.sh fits 1>&2
+	@$(PYTHON) $(ROOT)/scripts/five_materials.py $(if $(ONLY),--only $(ONLY)) $(if $(THREADS),--threads $(THREADS))
 
 format: ## Bring C++ and Python into the tree's form
 	@bash $(ROOT)/scripts/dependencies.sh test

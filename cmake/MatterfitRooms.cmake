@@ -168,6 +168,19 @@ function(matterfit_binaries)
     set_source_files_properties(${CMAKE_SOURCE_DIR}/native/bench/serial_mpm.cpp PROPERTIES
       COMPILE_OPTIONS "-O3;-march=native")
     matterfit_link(matterfit_bench PUBLIC math)
+    # The stranger of the five-material set.
+    set(reference reference_law reference_mpm reference_shape material_set)
+    list(TRANSFORM reference PREPEND ${CMAKE_SOURCE_DIR}/native/bench/)
+    list(TRANSFORM reference APPEND .cpp)
+    add_library(matterfit_reference STATIC ${reference})
+    target_include_directories(matterfit_reference PUBLIC ${CMAKE_SOURCE_DIR}/native)
+    target_compile_options(matterfit_reference PRIVATE -O3)
+    matterfit_link(matterfit_reference PUBLIC base)
+    add_executable(five_materials ${CMAKE_SOURCE_DIR}/native/bench/five_materials.cpp)
+    matterfit_link(five_materials PRIVATE reference capture_readers CLI11::CLI11
+      nlohmann_json::nlohmann_json)
+    matterfit_test(reference ${CMAKE_SOURCE_DIR}/native/bench/reference_law_test.cpp
+      ${CMAKE_SOURCE_DIR}/native/bench/reference_mpm_test.cpp)
     matterfit_test(bench ${CMAKE_SOURCE_DIR}/native/bench/serial_mpm_test.cpp)
     foreach(file IN LISTS sources)
       get_filename_component(bench ${file} NAME_WE)

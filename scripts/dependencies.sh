@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# dependencies.sh build|demo|package|test: sees that the packages for a task are there and that the
+# dependencies.sh build|fits|demo|package|test: sees that the packages for a task are there and that the
 # disk has room. On Debian 12 it installs what is missing: as root by apt, else by `sudo -n`, else it
 # prints the exact command and ends with status 2. Elsewhere it prints the list, status 2.
 # With nothing missing apt is never called. MATTERFIT_DEPENDENCIES=skip goes on without looking.
@@ -24,10 +24,11 @@ test_packages="
 # Gigabytes on the disk of this tree: compiled files, and with `test` the three bpy environments.
 case $task in
   build)   packages="$build_packages"; room=3 ;;
+  fits)    packages="$build_packages python3-numpy"; room=4 ;;
   package) packages="$build_packages $package_packages"; room=3 ;;
   demo)    packages="$build_packages $demo_packages"; room=4 ;;
   test)    packages="$build_packages $demo_packages $package_packages $test_packages"; room=9 ;;
-  *) echo "dependencies.sh: '$task' is none of build, demo, package, test" >&2; exit 2 ;;
+  *) echo "dependencies.sh: '$task' is none of build, fits, demo, package, test" >&2; exit 2 ;;
 esac
 packages=$(echo $packages)
 

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/vec.hpp"
+#include "bench/reference_law.hpp"
+
+namespace matterfit::bench {
+
+inline constexpr int kSetFramesPerSecond = 24;
+inline constexpr int kSetFrames = 16;
+/// The first of them are for the fit, the rest is for the prediction.
+inline constexpr int kSetFittedFrames = 12;
+
+/// One thrown body of the set.
+struct SetClip {
+  std::string name;  ///< LAW_SHAPE, as "elastic_torus"
+  std::string shape;
+  ReferenceMaterial material;
+  double volume = 0.0;  ///< [m³]
+  Quatd turn = Quatd::Identity();
+  double clearance = 0.0;          ///< of the lowest point above the ground [m]
+  Vec3d velocity = Vec3d::Zero();  ///< [m/s]
+  Vec3d spin = Vec3d::Zero();      ///< [rad/s]
+  std::uint64_t seed = 0;
+};
+
+/// The 45 clips: ten shapes of each of four materials, five of sand, as in PAC-NeRF (Li et al.
+/// 2023), with parameters drawn around its published scenes and NCLaw's (Ma et al. 2023). Always
+/// the same.
+[[nodiscard]] std::vector<SetClip> material_set();
+
+}  // namespace matterfit::bench

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Builds and runs the benchmarks: JSON lines on standard output, all else on standard error.
 
-    bench.py [--others] [arguments of forward_bench …]
+    bench.py [--others] [arguments of forward_bench and gradient_bench …]
 """
 
 import argparse
@@ -16,10 +16,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--others", action="store_true", help="Taichi and Genesis beside it, by pip")
     options, rest = parser.parse_known_args()
-    build = ["bash", ROOT / "scripts" / "build.sh", "forward_bench"]
-    if subprocess.run(build, check=False).returncode != 0:
+    benches = ["forward_bench", "gradient_bench"]
+    if subprocess.run(["bash", ROOT / "scripts" / "build.sh", *benches], check=False).returncode != 0:
         return 1
-    status = subprocess.run([BUILD / "release" / "bin" / "forward_bench", *rest], check=False).returncode
+    status = 0
+    for bench in benches:
+        run = subprocess.run([BUILD / "release" / "bin" / bench, *rest], check=False)
+        status = run.returncode or status
     others = [sys.executable, ROOT / "scripts" / "bench_others.py"]
     if options.others:
         others.append("--install")

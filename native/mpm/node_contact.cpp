@@ -7,6 +7,13 @@
 
 namespace matterfit::mpm {
 
+Vec3d position_of_node(const Vec3d& origin, double dx, std::size_t n) {
+  const std::size_t x = n / 16;
+  const std::size_t y = n / 4 % 4;
+  return origin +
+         dx * Vec3d(static_cast<double>(x), static_cast<double>(y), static_cast<double>(n % 4));
+}
+
 bool reaches_nodes(const Collider& collider, const Vec3d& origin, double dx, double time) {
   const Vec3d middle = origin + Vec3d::Constant(1.5 * dx);
   const double reach = 1.5 * dx * std::sqrt(3.0);
@@ -20,9 +27,7 @@ void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx
   const Contact& contact = collider.contact();
   for (std::size_t n = 0; n < kBlockNodes; ++n) {
     if (!(mass[n] > S(0))) continue;
-    const Vec3d node =
-        origin + dx * Vec3d(static_cast<double>(n / 16), static_cast<double>(n / 4 % 4),
-                            static_cast<double>(n % 4));
+    const Vec3d node = position_of_node(origin, dx, n);
     const SurfacePoint surface = collider.closest(node, time);
     if (surface.distance > kNodeInside * dx) continue;
     Vec3d v(static_cast<double>(velocity[n]), static_cast<double>(velocity[kBlockNodes + n]),

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <cstddef>
+
 #include "base/vec.hpp"
 #include "mpm/collider.hpp"
 
@@ -9,6 +11,8 @@ namespace matterfit::mpm {
 /// A node this far outside a collider, in cells, still counts as inside.
 inline constexpr double kNodeInside = 1e-9;
 
+/// World position of node n, 0…63, of the block at `origin`.
+[[nodiscard]] Vec3d position_of_node(const Vec3d& origin, double dx, std::size_t n);
 /// False if no node of the block at `origin` can be inside.
 [[nodiscard]] bool reaches_nodes(const Collider& collider, const Vec3d& origin, double dx,
                                  double time);

@@ -76,9 +76,7 @@ void node_contact_adjoint(const std::vector<ColliderPtr>& colliders, const Vec3d
     if (!reaches_nodes(collider, origin, dx, time)) continue;
     for (std::size_t n = 0; n < kBlockNodes; ++n) {
       if (!(mass[n] > S(0))) continue;
-      const Vec3d node =
-          origin + dx * Vec3d(static_cast<double>(n / 16), static_cast<double>(n / 4 % 4),
-                              static_cast<double>(n % 4));
+      const Vec3d node = position_of_node(origin, dx, n);
       const SurfacePoint surface = collider.closest(node, time);
       if (surface.distance > kNodeInside * dx) continue;
       const Vec3d u = at_node(before[c].data(), n) - surface.velocity;

@@ -140,7 +140,8 @@ struct UpdatedAdjoint<S>::Impl {
       }
       for (std::size_t k = 0; k < 27; ++k) {
         const std::uint32_t other = record.after->neighbours[b][k];
-        view.node_bar[k] = other == kNoBlock ? nullptr : bar.nodes.data() + other * kNodes;
+        view.node_bar[k] =
+            other == kNoBlock ? nullptr : bar.nodes.data() + std::size_t{other} * kNodes;
       }
       for (std::size_t s = 0; s < kSlabs; ++s) {
         view.slab[s] = record.chunks.data() + first[s];
@@ -163,7 +164,7 @@ struct UpdatedAdjoint<S>::Impl {
                        ColliderCotangents* colliders) const {
     double v_bar[kVelocity] = {};
     for (std::size_t k = 0; k < 8; ++k) {
-      const std::uint32_t other =
+      const std::size_t other =
           record.before->neighbours[b][13 - (9 * (k / 4) + 3 * (k / 2 % 2) + k % 2)];
       if (other == kNoBlock || other >= record.before->coordinates.size()) continue;
       for (std::size_t c = 0; c < 3; ++c) {

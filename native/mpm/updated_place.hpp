@@ -33,7 +33,9 @@ struct UpdatedPlace {
   }
   /// World position in a block whose node (0, 0, 0) is at `origin`.
   [[nodiscard]] Vec3d position(const Vec3d& origin, double dx) const {
-    const Vec3d corner(static_cast<double>(cell / kLanes), static_cast<double>(cell / 4 % 4),
+    const std::size_t x = cell / kLanes;
+    const std::size_t y = cell / 4 % 4;
+    const Vec3d corner(static_cast<double>(x), static_cast<double>(y),
                        static_cast<double>(cell % 4));
     return origin + (corner + fraction()) * dx;
   }

@@ -44,11 +44,12 @@ MATERIALS = {
     "sand": {"law": "drucker_prager", "E": 1e6, "nu": 0.3, "friction_angle": 10},
 }
 KNOWN = {"sand": {"E", "nu"}}
-# Particle separation [m], a little finer than the generator's own half cell is coarse: 12 to 20
-# separations across a body.
+# Particle separation [m]: cells twice as wide as the generator's, 7 to 14 across a body.
 SEPARATION = 0.015
 # The generator's floor holds whole grid nodes, and so does the fit's: known, as in PAC-NeRF.
 CONTACT = {"kind": "sticky", "method": "node"}
+# The first steps of a stage gain nearly all of what it can gain (docs/validation.md).
+ITERATIONS = 8
 
 
 def say(text):
@@ -131,7 +132,7 @@ def job_document(material, clip):
                 "holdout": {"frames": [clip["fitted_frames"], clip["frames"]]},
             }
         ],
-        "fit": {"parameters": parameter_paths(material)},
+        "fit": {"parameters": parameter_paths(material), "iterations": ITERATIONS},
         "output": {"folder": "out"},
     }
 

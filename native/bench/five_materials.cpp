@@ -228,4 +228,11 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace matterfit::bench
 
-int main(int argc, char** argv) { return matterfit::bench::run(argc, argv); }
+int main(int argc, char** argv) {
+  try {
+    return matterfit::bench::run(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return matterfit::exit_status(matterfit::ErrorKind::kCompute);
+  }
+}

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
+#include <exception>
 #include <memory>
 #include <vector>
 
@@ -179,5 +180,8 @@ int main(int argc, char** argv) {
   } catch (const matterfit::Error& error) {
     std::fprintf(stderr, "gradient_bench: %s\n", error.what());
     return matterfit::exit_status(error.kind());
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "gradient_bench: %s\n", error.what());
+    return 1;
   }
 }

@@ -301,6 +301,7 @@ class ApplyTest(FakeFitCase):
             "bodies.Cube.density", "bodies.Cube.placement.position[0]",
             "bodies.Cube.placement.rotation[2]", "gravity[2]", "colliders.ground.height",
             "colliders.ground.contact.mu", "colliders.Ball.contact.stiffness")]
+        extra.append(fake_fit.estimate("captures.clip.start_frame", "frames", 1.0, 0.25, 0.1))
         self.fitted(change=change, extra=extra)
         bpy.ops.matterfit.apply_fit()
         bpy.context.view_layer.update()
@@ -316,12 +317,19 @@ class ApplyTest(FakeFitCase):
         self.assertAlmostEqual(solver.ground.mu, 0.7, places=6)
         ball = self.settings.bodies[1].contact
         self.assertEqual((ball.use_stiffness, ball.stiffness), (True, 3e6))
+        self.assertEqual((self.capture.use_start_frame, self.capture.start_frame), (True, 0.25))
 
     def test_a_body_that_is_gone(self):
         """Nothing is half applied."""
         self.fitted()
         self.settings.bodies[0].name = "Dough"
         self.fails(bpy.ops.matterfit.apply_fit, ["'Cube'", "not among the Bodies"])
+        self.assertEqual(self.settings.bodies[0].material.E, 1e5)
+
+    def test_a_capture_that_is_gone(self):
+        self.fitted(extra=[fake_fit.estimate("captures.clip.start_frame", "frames", 1, 0.25, 0.1)])
+        self.capture.name = "other"
+        self.fails(bpy.ops.matterfit.apply_fit, ["'clip'", "not among the Captures"])
         self.assertEqual(self.settings.bodies[0].material.E, 1e5)
 
     def test_compare_is_out_of_date(self):

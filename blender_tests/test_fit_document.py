@@ -62,6 +62,9 @@ class ListTest(FitCase):
         self.assertEqual(self.keys(enabled=True),
                          ["material.E", "material.nu", "velocity", "spin"])
         self.assertEqual(self.keys("ground", enabled=True), [])
+        fit_parameters.refresh(self.settings)
+        self.assertEqual(self.keys("clip"), ["start_frame"])
+        self.assertEqual(self.keys("clip", enabled=True), [])
 
     def test_follows_the_scene(self):
         """Another law, another body, another collider; what was set stays."""
@@ -202,6 +205,18 @@ class DocumentTest(FitCase):
         with self.assertRaisesRegex(JobError, "Cube: Velocity.*no axis"):
             self.written()
 
+    def test_when_a_capture_begins(self):
+        """Of the capture, from where it begins in the scene."""
+        fit_parameters.refresh(self.settings)
+        self.only("start_frame", owner="clip")
+        self.assertEqual(self.written()["parameters"], ["captures.clip.start_frame"])
+        row = self.row("start_frame", "clip")
+        self.scene.frame_start = 1
+        row.use_bounds = True
+        self.assertEqual((row.low, row.high), (-1.0, 3.0))
+        self.capture.use_start_frame, self.capture.start_frame = True, 0.5
+        self.assertEqual(fit_parameters.value(self.settings, "clip", "start_frame"), 0.5)
+
     def test_rotation_is_on_top(self):
         """The document has a quaternion; the search begins at none."""
         self.only("placement.rotation")
@@ -240,7 +255,8 @@ class DocumentTest(FitCase):
                  ("Cube", "material.maxwell[0].time", None)),
                 ("bodies[0].placement.rotation[2]", ("Cube", "placement.rotation", 2)),
                 ("gravity[2]", ("", "gravity", 2)), ("gravity", ("", "gravity", None)),
-                ("colliders.ground.contact.mu", ("ground", "contact.mu", None))):
+                ("colliders.ground.contact.mu", ("ground", "contact.mu", None)),
+                ('captures."a.b".start_frame', ("a.b", "start_frame", None))):
             self.assertEqual(job_fit.split_path(path, scene), expected, path)
 
     def test_find_the_law(self):

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makes docs/examples/beam_gravity_V2_a.npz, the sample capture, from the original C3D file.
+"""Makes the sample captures docs/examples/beam_*.npz from the original C3D files.
 
-    /usr/bin/python3 scripts/make_beam_sample.py .../beam_gravity_V2_a.c3d
+    /usr/bin/python3 scripts/make_beam_sample.py .../beam_gravity_V2_a.c3d …
 
 Reads only what this file needs of C3D: Intel byte order, floating-point points. The numbers are
 carried over as they are; of the labels the blanks are dropped ("Tip - 1" becomes "Tip-1").
-Source and licence: docs/examples/beam_gravity_V2_a.txt.
+Source and licence: docs/examples/beam_recordings.txt.
 """
 import pathlib
 import struct
@@ -14,7 +14,7 @@ import sys
 
 import numpy
 
-OUTPUT = pathlib.Path(__file__).resolve().parent.parent / "docs/examples/beam_gravity_V2_a.npz"
+FOLDER = pathlib.Path(__file__).resolve().parent.parent / "docs/examples"
 
 
 def parameters(data, block):
@@ -48,10 +48,9 @@ def parameters(data, block):
     return {(groups[group], name): value for (group, name), value in found.items()}
 
 
-def main():
-    if len(sys.argv) != 2:
-        raise SystemExit(__doc__)
-    data = pathlib.Path(sys.argv[1]).read_bytes()
+def convert(path):
+    output = FOLDER / (path.stem + ".npz")
+    data = path.read_bytes()
     block, magic, points, analogue, first, last, _, scale, start, _, rate = struct.unpack_from(
         "<BBHHHHHfHHf", data, 0)
     if magic != 0x50 or scale >= 0 or analogue != 0:
@@ -67,13 +66,19 @@ def main():
     _, (width, count), text = found["POINT", "LABELS"]
     labels = [text[width * i:width * (i + 1)].decode("ascii").replace(" ", "")
               for i in range(count)][:points]
-    OUTPUT.parent.mkdir(parents=True, exist_ok=True)
     numpy.savez_compressed(
-        OUTPUT,
+        output,
         positions=numpy.ascontiguousarray(raw[:, :, :3]),
         times=numpy.arange(frames) / float(rate),
         labels=numpy.array(labels))
-    print(f"{OUTPUT}: {frames} frames, {points} points at {rate:g} Hz: {', '.join(labels)}")
+    print(f"{output}: {frames} frames, {points} points at {rate:g} Hz: {', '.join(labels)}")
+
+
+def main():
+    if len(sys.argv) < 2:
+        raise SystemExit(__doc__)
+    for path in sys.argv[1:]:
+        convert(pathlib.Path(path))
 
 
 if __name__ == "__main__":

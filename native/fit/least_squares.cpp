@@ -183,18 +183,29 @@ constexpr double kKeeps = 0.5;
 /// One that was taken farther from the point than this, in scales, does not end the search.
 constexpr double kNear = 0.05;
 
+/// The relative decrease by which parameters move a tenth of their standard errors: (δ/s.e.)²/N.
+double worth_while(const Problem& problem, const VectorXd& residual, double tolerance) {
+  constexpr double kTenth = 0.01;
+  constexpr double kMost = 1e-4;
+  const double independent = residual.size() > 0 ? problem.effective(residual) : 0.0;
+  return independent > 0.0 ? std::max(tolerance, std::min(kMost, kTenth / independent)) : tolerance;
+}
+
+/// With a stand-in's slopes: where a few steps are refused, the problem's own lead farther.
+constexpr int kBorrowedTrials = 3;
+
 /// Tries ever shorter steps until one is accepted.
 enum class Outcome : std::uint8_t { kAccepted, kRough, kFailed };
 
 Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
                   const LeastSquaresOptions& options, const Model& model, const Box& bounds,
-                  LeastSquaresState& state, bool& good) {
+                  int most_trials, LeastSquaresState& state, bool& good) {
   const Box room = room_around(parameters, bounds, state.point);
   const VectorXd full = damped_step(model, kLeastDamping, room);
   double damping = std::max(state.damping, kLeastDamping);
   VectorXd step = damped_step(model, damping, room);
   bool failed = false;
-  for (int trial = 0; trial < kMostTrials; ++trial) {
+  for (int trial = 0; trial < most_trials; ++trial) {
     const double predicted = model.decrease(step);
     const double size = relative_size(parameters, step);
     if (!(predicted > 0.0) || (trial > 0 && size < options.step_tolerance)) break;
@@ -326,13 +337,15 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
   LeastSquaresState next = state;
   const bool borrows = problem.stand_in() != nullptr;
   const Slopes usual = options_.central ? Slopes::kCentral : Slopes::kOneSided;
+  LeastSquaresOptions options = options_;
+  options.cost_tolerance = worth_while(problem, next.residual, options_.cost_tolerance);
   Slopes slopes = usual;
   if (borrows && !next.own) slopes = Slopes::kStandIn;
   if (next.anchor.size() > 0 && next.residual.size() > 0) slopes = Slopes::kKept;
   for (;;) {
     if (slopes == Slopes::kStandIn) {
       try {
-        linearise_at(problem, parameters_, options_, slopes, next);
+        linearise_at(problem, parameters_, options, slopes, next);
       } catch (const Error& error) {
         if (error.kind() != ErrorKind::kCompute) throw;
         slopes = usual;
@@ -341,13 +354,13 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     if (slopes != Slopes::kStandIn) {
       next.own = borrows;
       if (slopes != Slopes::kKept) next.anchor.resize(0);
-      linearise_at(problem, parameters_, options_, slopes, next);
+      linearise_at(problem, parameters_, options, slopes, next);
     }
     const bool all_known =
         std::all_of(next.unknown.begin(), next.unknown.end(), [](auto u) { return u == 0; });
-    const Model model = model_of(parameters_, next, options_.huber);
+    const Model model = model_of(parameters_, next, options.huber);
     if (!model.hessian.allFinite()) throw_compute("the fit's residuals are too large.");
-    if (next.iteration >= options_.iterations) break;
+    if (next.iteration >= options.iterations) break;
     const Box room = room_around(parameters_, bounds, next.point);
     const bool still = model.scaling.maxCoeff() == 0.0;
     const double left = still ? 0.0 : model.decrease(damped_step(model, kLeastDamping, room));
@@ -357,7 +370,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       return slopes == Slopes::kKept &&
              relative_size(parameters_, next.point - next.anchor) > kNear;
     };
-    if (left <= options_.cost_tolerance * next.cost) {
+    if (left <= options.cost_tolerance * next.cost) {
       if (slopes == Slopes::kStandIn || far()) {
         slopes = usual;
         continue;
@@ -376,7 +389,8 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       break;
     }
     bool good = false;
-    outcome = try_steps(problem, parameters_, options_, model, bounds, next, good);
+    outcome = try_steps(problem, parameters_, options, model, bounds,
+                        slopes == Slopes::kStandIn ? kBorrowedTrials : kMostTrials, next, good);
     if (outcome == Outcome::kAccepted) {
       next.converged = next.converged && all_known;
       if (slopes == Slopes::kStandIn) {
@@ -402,9 +416,8 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     }
     slopes = slopes == Slopes::kOneSided ? Slopes::kCentral : usual;
   }
-  if (!next.finished && next.iteration >= options_.iterations) {
-    finish(next, false,
-           fmt::format("The limit of {} iterations was reached.", options_.iterations));
+  if (!next.finished && next.iteration >= options.iterations) {
+    finish(next, false, fmt::format("The limit of {} iterations was reached.", options.iterations));
   }
   state = std::move(next);
 }

@@ -26,15 +26,19 @@ class Problem {
   /// (the same simulation at a coarser resolution); null: none. The Jacobian is taken from it until
   /// that leads no farther.
   virtual Problem* stand_in() { return nullptr; }
+  /// How many of these residuals count as independent; 0: not known.
+  [[nodiscard]] virtual double effective(const Eigen::VectorXd&) const { return 0.0; }
 };
 
 struct LeastSquaresOptions {
   int iterations = 30;
   double huber = 0.0;  ///< residuals beyond this many standard deviations count linearly; 0: off
   double step_tolerance = 1e-4;  ///< largest |Δξ|/scale of an accepted step that ends the search
-  double cost_tolerance = 1e-6;  ///< relative decrease that ends it
-  double difference = 1e-2;      ///< step of the finite differences, in units of Parameter::scale
-  bool central = false;          ///< central differences: twice the evaluations
+  /// Relative decrease that ends it; more, up to 1e-4, where that much moves no parameter by a
+  /// tenth of its standard error (Problem::effective()).
+  double cost_tolerance = 1e-6;
+  double difference = 1e-2;  ///< step of the finite differences, in units of Parameter::scale
+  bool central = false;      ///< central differences: twice the evaluations
 };
 
 /// One accepted or refused step, for loss curves and logs.

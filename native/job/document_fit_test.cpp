@@ -66,13 +66,14 @@ TEST(FitDocument, ShortAndLongPathsAreTheSame) {
                      "placement.rotation", "gravity", "colliders.ground.contact.mu",
                      "scene.colliders[0].height", "material.maxwell[0].time",
                      "bodies.\"dough\".material.nu", "captures.b.bodies.dough.velocity",
-                     "captures[1].scene.spin"}),
-              testing::ElementsAre(
-                  "bodies.dough.material.E", "bodies.dough.velocity[2]", "bodies.dough.spin",
-                  "bodies.dough.density", "bodies.dough.placement.rotation", "gravity",
-                  "colliders.ground.contact.mu", "colliders.ground.height",
-                  "bodies.dough.material.maxwell[0].time", "bodies.dough.material.nu",
-                  "captures.b.bodies.dough.velocity", "captures.b.bodies.dough.spin"));
+                     "captures[1].scene.spin", "captures[0].start_frame"}),
+              testing::ElementsAre("bodies.dough.material.E", "bodies.dough.velocity[2]",
+                                   "bodies.dough.spin", "bodies.dough.density",
+                                   "bodies.dough.placement.rotation", "gravity",
+                                   "colliders.ground.contact.mu", "colliders.ground.height",
+                                   "bodies.dough.material.maxwell[0].time",
+                                   "bodies.dough.material.nu", "captures.b.bodies.dough.velocity",
+                                   "captures.b.bodies.dough.spin", "captures.a.start_frame"));
 }
 
 TEST(FitDocument, DefaultsAndValues) {
@@ -117,6 +118,7 @@ TEST(FitDocument, ErrorsNameThePath) {
   EXPECT_THAT(path_refusal("colliders.wall.contact.mu"), HasSubstr("there is no collider 'wall'"));
   EXPECT_THAT(path_refusal("captures.a.velocity"), HasSubstr("has no scene of its own"));
   EXPECT_THAT(path_refusal("captures.c.velocity"), HasSubstr("there is no capture 'c'"));
+  EXPECT_THAT(path_refusal("captures.c.start_frame"), HasSubstr("there is no capture 'c'"));
   EXPECT_THAT(refusal([](Json& d) {
                 d["fit"]["parameters"] = {"velocity", "velocity[0]"};
               }),

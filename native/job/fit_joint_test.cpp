@@ -133,13 +133,13 @@ TEST(FitParameters, InTheSceneAsInTheDocument) {
   document["scene"]["bodies"][0]["placement"] = {{"position", {0.1, 0, 0}},
                                                  {"rotation", {0.96, 0.28, 0, 0}}};
   document["captures"] = {{{"tracks", "a.npz"}}};
-  document["fit"] = {
-      {"parameters",
-       {"material.E", "material.nu", "material.yield_stress", "material.hardening",
-        "material.damping_shear", "material.damping_bulk", "material.maxwell[0].modulus",
-        "material.maxwell[0].time", "density", "velocity", "spin[1]", "placement.position",
-        "placement.rotation", "gravity", "colliders.ground.contact.mu",
-        "colliders.ground.contact.stiffness", "colliders.ground.height"}}};
+  document["fit"] = {{"parameters",
+                      {"material.E", "material.nu", "material.yield_stress", "material.hardening",
+                       "material.damping_shear", "material.damping_bulk",
+                       "material.maxwell[0].modulus", "material.maxwell[0].time", "density",
+                       "velocity", "spin[1]", "placement.position", "placement.rotation", "gravity",
+                       "colliders.ground.contact.mu", "colliders.ground.contact.stiffness",
+                       "colliders.ground.height", "captures.a.start_frame"}}};
   const Folder folder;
   const Job job = job_of(document, folder.path);
   Arena arena(1);
@@ -155,6 +155,8 @@ TEST(FitParameters, InTheSceneAsInTheDocument) {
   parameters.apply(values, 0, ours);
   Json written = job.document;
   parameters.write(values, job, written);
+  EXPECT_EQ(written["captures"][0]["start_frame"], values.back());
+  EXPECT_NEAR(parameters.delay(values, 0, "a"), values.back() / job.scene.fps, 1e-15);
   const mpm::Scene theirs = build_scene(job_of(written, folder.path), arena, Interrupter()).scene;
   const mpm::Body& a = ours.bodies[0];
   const mpm::Body& b = theirs.bodies[0];

@@ -21,6 +21,8 @@ constexpr double kMargin = 1.1;
 /// Steps in which substeps are made more or fewer: a quarter of an octave.
 constexpr double kFiner = 1.189207115002721;
 constexpr int kMoreTries = 2;
+/// So many steps fewer are worth another sequence of substeps: half of them.
+constexpr int kWorthCoarser = 4;
 
 /// The limit of stability as it follows from the material and the contacts, up to a factor that is
 /// the same for all values: ω² of the stiffest cell, with the damping's share ξ of critical.
@@ -174,14 +176,16 @@ int FitModel::refined(std::size_t run, const mpm::Scene& scene) const {
   return std::max(refinements_[run], steps_finer(steps_[run], step_limit(scene), kMargin));
 }
 
-void FitModel::settle(std::span<const double> values) {
+void FitModel::settle(std::span<const double> values, std::span<const int> before) {
   for (std::size_t r = 0; r < models_.size(); ++r) {
     if (steps_[r].substeps.empty()) continue;
     mpm::Scene scene = models_[r]->scene;
     apply(frozen_[r], scene);
     parameters_.apply(values, r, scene);
     // The steps of the differences beside these values go without more substeps.
-    refinements_[r] = steps_finer(steps_[r], step_limit(scene), 0.95 * kMargin);
+    const int asked = steps_finer(steps_[r], step_limit(scene), 0.95 * kMargin);
+    const bool keep = !before.empty() && asked < before[r] && asked > before[r] - kWorthCoarser;
+    refinements_[r] = keep ? before[r] : asked;
   }
 }
 
@@ -213,7 +217,14 @@ std::optional<FitObservation> FitModel::simulate(std::size_t run, std::span<cons
       watchers = &moved;
     }
     const int last = scene.end_frame - 1 - scene.first_frame;
-    const int frames = std::min(last, int(std::ceil(scope.until[run] * scene.fps - 1e-6)));
+    std::vector<double> delays;
+    double latest = 0.0;
+    for (const FitCapture& capture : fit_run.captures) {
+      delays.push_back(parameters_.delay(values, run, capture.input.name));
+      latest = std::max(latest, delays.back());
+    }
+    const double until = scope.until[run] + latest;
+    const int frames = std::min(last, int(std::ceil(until * scene.fps - 1e-6)));
     const bool own = scope.solver_steps || scene.dt > 0.0 || steps_[run].substeps.empty();
     const double factor = own ? 1.0 : std::pow(kFiner, refined(run, scene));
     mpm::Simulation::Options options;
@@ -239,8 +250,16 @@ std::optional<FitObservation> FitModel::simulate(std::size_t run, std::span<cons
           tick();
         }
         for (std::size_t c = 0; c < watchers->size(); ++c) {
-          observation.captures.push_back(at_times(
-              seen[c], (*watchers)[c].size(), fit_run.captures[c].input.tracks.times, scene.fps));
+          std::vector<double> times = fit_run.captures[c].input.tracks.times;
+          // What a delay brings to beyond the simulated time is compared with its end.
+          const double end = last / scene.fps;
+          for (double& time : times) {
+            const bool inside = time >= 0.0 && time <= end;
+            time += delays[c];
+            if (inside) time = std::clamp(time, 0.0, end);
+          }
+          observation.captures.push_back(
+              at_times(seen[c], (*watchers)[c].size(), times, scene.fps));
         }
         return observation;
       } catch (const Error& error) {

@@ -74,8 +74,10 @@ class FitModel {
   /// The substeps of an evaluation that the solver chose, at these values.
   [[nodiscard]] std::vector<FitSteps> steps_of(std::span<const double> values,
                                                const FitOutcome& outcome) const;
-  /// From here on no evaluation takes fewer substeps than these values ask for.
-  void settle(std::span<const double> values);
+  /// From here on no evaluation takes fewer substeps than these values ask for, nor than `before`
+  /// (refinements() of an earlier point of the same search; empty: none) unless half as many would
+  /// do: a search whose substeps change with every step compares costs that cannot be compared.
+  void settle(std::span<const double> values, std::span<const int> before);
   /// Of a run whose substeps were never settled.
   static constexpr int kUnsettled = -64;
   /// The power of 2^¼ by which settle() multiplied the substeps of each run.

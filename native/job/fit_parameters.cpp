@@ -58,6 +58,7 @@ const Kind& kind_of(FitQuantity quantity) {
       {Q::kFriction, "", kLog, 1.0, 1e-3, 3.0},
       {Q::kContactStiffness, "Pa/m", kLog, 1.0, 0.0, 0.0},
       {Q::kHeight, "m", kLin, 0.01, -1.0, 1.0},
+      {Q::kStartFrame, "frames", kLin, 0.2, -2.0, 2.0},
   };
   return *std::find_if(std::begin(kinds), std::end(kinds),
                        [&](const Kind& kind) { return kind.quantity == quantity; });
@@ -70,8 +71,18 @@ const ColliderDoc* collider_named(const SceneDoc& scene, const std::string& name
   return nullptr;
 }
 
-bool has_owner(const SceneDoc& scene, const FitPath& path) {
+const CaptureDoc* capture_named(const Job& job, const std::string& name) {
+  for (const CaptureDoc& capture : job.captures) {
+    if (capture.name == name) return &capture;
+  }
+  return nullptr;
+}
+
+bool has_owner(const Job& job, const FitPath& path) {
+  const SceneDoc& scene = job.scene;
   switch (path.quantity) {
+    case FitQuantity::kStartFrame:
+      return capture_named(job, path.owner) != nullptr;
     case FitQuantity::kGravity:
       return scene.gravity.values.size() == 1;
     case FitQuantity::kFriction:
@@ -106,6 +117,8 @@ double scalar_in(const FitScene& scene, const FitPath& path) {
   const SceneDoc& doc = scene.job->scene;
   if (path.component) return vector_in(doc, path)[*path.component];
   switch (path.quantity) {
+    case FitQuantity::kStartFrame:
+      return capture_named(*scene.job, path.owner)->start_frame.value_or(doc.first_frame);
     case FitQuantity::kFriction:
       return collider_named(doc, path.owner)->contact.mu;
     case FitQuantity::kHeight:
@@ -154,6 +167,8 @@ double usual_start(const FitPath& path, const Material& material) {
 
 void set_scalar(const FitPath& path, double value, mpm::Scene& scene) {
   switch (path.quantity) {
+    case FitQuantity::kStartFrame:
+      return;
     case FitQuantity::kFriction:
     case FitQuantity::kContactStiffness:
       for (mpm::ColliderPtr& collider : scene.colliders) {
@@ -208,8 +223,9 @@ void set_bounds(const FitParameterDoc& doc, const Kind& kind, fit::Parameter& pa
     if (kind.unit == std::string_view("Pa s")) parameter.high = std::min(parameter.high, kLargest);
     return;
   }
-  const bool around =
-      kind.quantity == FitQuantity::kPosition || kind.quantity == FitQuantity::kHeight;
+  const bool around = kind.quantity == FitQuantity::kPosition ||
+                      kind.quantity == FitQuantity::kHeight ||
+                      kind.quantity == FitQuantity::kStartFrame;
   parameter.low = kind.low + (around ? start : 0.0);
   parameter.high = kind.high + (around ? start : 0.0);
   // A start of the document's own may lie beyond: half way to what the coordinate allows.
@@ -245,7 +261,7 @@ void FitParameters::add(const FitParameterDoc& doc, std::size_t component,
   }
   const FitScene* first = nullptr;
   for (const FitScene& scene : scenes) {
-    bool acts = has_owner(scene.job->scene, number.path);
+    bool acts = has_owner(*scene.job, number.path);
     if (number.path.capture.empty()) {
       // What a scene of its own sets stays as it sets it.
       acts = acts && (!scene.overrides.is_object() ||
@@ -398,6 +414,19 @@ Vec3d FitParameters::placed(std::span<const double> values, std::size_t scene,
   return place.moves ? place(point) : point;
 }
 
+double FitParameters::delay(std::span<const double> values, std::size_t scene,
+                            const std::string& capture) const {
+  for (std::size_t i = 0; i < numbers_.size(); ++i) {
+    const Number& number = numbers_[i];
+    if (number.scenes[scene] == 0 || number.path.quantity != FitQuantity::kStartFrame ||
+        number.path.owner != capture) {
+      continue;
+    }
+    return (values[i] - scalar_in(scenes_[scene], number.path)) / scenes_[scene].job->scene.fps;
+  }
+  return 0.0;
+}
+
 void FitParameters::write(std::span<const double> values, const Job& job, Json& document) const {
   const auto put = [&](Json& scene, std::size_t i, std::size_t of) {
     const FitPath& path = numbers_[i].path;
@@ -413,6 +442,13 @@ void FitParameters::write(std::span<const double> values, const Job& job, Json& 
     const Number& number = numbers_[i];
     const auto acting = std::find(number.scenes.begin(), number.scenes.end(), 1);
     const auto scene = static_cast<std::size_t>(acting - number.scenes.begin());
+    if (number.path.quantity == FitQuantity::kStartFrame) {
+      for (std::size_t c = 0; c < job.captures.size(); ++c) {
+        if (job.captures[c].name != number.path.owner) continue;
+        document.at("captures").at(c)["start_frame"] = values[i];
+      }
+      continue;
+    }
     if (number.path.capture.empty()) {
       put(document.at("scene"), i, scene);
       continue;

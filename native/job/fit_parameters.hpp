@@ -48,6 +48,9 @@ class FitParameters {
   /// Where a point that is given on the model is after the body was placed anew.
   [[nodiscard]] Vec3d placed(std::span<const double> values, std::size_t scene,
                              const std::string& body, const Vec3d& point) const;
+  /// By how much later than the document says a capture begins [s].
+  [[nodiscard]] double delay(std::span<const double> values, std::size_t scene,
+                             const std::string& capture) const;
   /// Sets the values in the job's document, `captures[].scene` included.
   void write(std::span<const double> values, const Job& job, Json& document) const;
 

@@ -10,7 +10,7 @@
 namespace matterfit::job {
 namespace {
 
-enum class Owner { kBody, kCollider, kScene };
+enum class Owner { kBody, kCollider, kScene, kCapture };
 
 struct Entry {
   FitQuantity quantity;
@@ -21,7 +21,7 @@ struct Entry {
   bool vector = false;
 };
 
-constexpr std::array<Entry, 22> kEntries = {{
+constexpr std::array<Entry, 23> kEntries = {{
     {FitQuantity::kYoungsModulus, Owner::kBody, "material", "E"},
     {FitQuantity::kPoissonRatio, Owner::kBody, "material", "nu"},
     {FitQuantity::kYieldStress, Owner::kBody, "material", "yield_stress"},
@@ -44,6 +44,7 @@ constexpr std::array<Entry, 22> kEntries = {{
     {FitQuantity::kFriction, Owner::kCollider, "contact", "mu"},
     {FitQuantity::kContactStiffness, Owner::kCollider, "contact", "stiffness"},
     {FitQuantity::kHeight, Owner::kCollider, "", "height"},
+    {FitQuantity::kStartFrame, Owner::kCapture, "", "start_frame"},
 }};
 
 const Entry& entry_of(FitQuantity quantity) {
@@ -75,7 +76,7 @@ class Reader {
 
   FitPath read() {
     FitPath path;
-    if (is("captures")) read_capture(path);
+    if (is("captures") && read_capture(path)) return path;
     if (is("scene")) ++at_;
     if (at_ == steps_.size()) unknown();
     if (is("gravity")) {
@@ -118,26 +119,33 @@ class Reader {
     refuse((near ? "there is no such parameter. Did you mean '" + *near + "'?"
                  : std::string("no parameter that can be fitted.")) +
            " Those are bodies.NAME.material.…, .density, .velocity, .spin, .placement.position, "
-           ".placement.rotation; gravity; colliders.NAME.contact.mu, .contact.stiffness, .height.");
+           ".placement.rotation; gravity; colliders.NAME.contact.mu, .contact.stiffness, .height; "
+           "captures.NAME.start_frame.");
   }
 
   [[nodiscard]] bool is(std::string_view key) const {
     return at_ < steps_.size() && !steps_[at_].is_index && steps_[at_].key == key;
   }
 
-  void read_capture(FitPath& path) {
+  /// True where the path is about the capture itself.
+  bool read_capture(FitPath& path) {
     ++at_;
     if (at_ == steps_.size()) refuse("the name of a capture is missing.");
     const PathStep& step = steps_[at_++];
     for (std::size_t i = 0; i < captures_.size(); ++i) {
       if (step.is_index ? step.index != i : captures_[i].name != step.key) continue;
+      if (is("start_frame") && at_ + 1 == steps_.size()) {
+        path.quantity = FitQuantity::kStartFrame;
+        path.owner = captures_[i].name;
+        return true;
+      }
       if (!captures_[i].scene) {
         refuse("the capture has no scene of its own; write the path without 'captures." + step.key +
                ".'.");
       }
       path.capture = captures_[i].name;
       scene_ = captures_[i].scene.get();
-      return;
+      return false;
     }
     refuse("there is no capture '" + step.key + "'.");
   }
@@ -249,6 +257,7 @@ class Reader {
 std::pair<Json*, std::string> holder(Json& scene, const FitPath& path, bool create) {
   const Entry& entry = entry_of(path.quantity);
   const std::string key(entry.key);
+  if (entry.owner == Owner::kCapture) return {nullptr, key};
   Json* at = &scene;
   if (entry.owner != Owner::kScene) {
     at = find_named(scene, entry.owner == Owner::kBody ? "bodies" : "colliders", path.owner);
@@ -273,6 +282,7 @@ std::string FitPath::text() const {
   std::string result = capture.empty() ? "" : "captures." + quoted(capture) + ".";
   if (entry.owner == Owner::kBody) result += "bodies." + quoted(owner) + ".";
   if (entry.owner == Owner::kCollider) result += "colliders." + quoted(owner) + ".";
+  if (entry.owner == Owner::kCapture) result += "captures." + quoted(owner) + ".";
   result += below(entry, branch);
   if (component) result += "[" + std::to_string(*component) + "]";
   return result;

@@ -35,13 +35,14 @@ enum class FitQuantity {
   kFriction,          ///< Coulomb's coefficient of a collider
   kContactStiffness,  ///< of a collider [Pa/m]
   kHeight,            ///< of a ground
+  kStartFrame,        ///< of a capture: the scene frame of its time 0
 };
 
 /// One quantity of a scene, as `fit.parameters` names it.
 struct FitPath {
   FitQuantity quantity = FitQuantity::kYoungsModulus;
   std::string capture;           ///< of this capture's own scene only; empty: of every scene
-  std::string owner;             ///< body or collider
+  std::string owner;             ///< body or collider; of a start frame the capture
   std::size_t branch = 0;        ///< Maxwell branch
   std::optional<int> component;  ///< of a vector; none: all three
 

@@ -51,7 +51,7 @@ class FitProblem final : public fit::Problem {
   void forget() { seen_.clear(); }
   /// How many of the residuals count as independent: fewer where they hang together from frame to
   /// frame and from point to point, as those of a wrong law do.
-  [[nodiscard]] double effective(const Eigen::VectorXd& residual) const;
+  [[nodiscard]] double effective(const Eigen::VectorXd& residual) const override;
   [[nodiscard]] int evaluations() const { return evaluations_; }
 
  private:

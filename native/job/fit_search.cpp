@@ -361,8 +361,8 @@ void LawFit::settle(LawState& state) {
   const Stage& stage = stages_[state.stage];
   const std::vector<double> values = context(state).problem.physical(state.search->point);
   FitModel& at_level = model(stage.level);
-  at_level.settle(values);
-  if (context(state).stand_in) model(*stage.stand_in).settle(values);
+  at_level.settle(values, state.refinements);
+  if (context(state).stand_in) model(*stage.stand_in).settle(values, {});
   if (state.refinements == at_level.refinements()) return;
   // With other substeps the residuals are not quite the same.
   state.refinements = at_level.refinements();

@@ -68,6 +68,36 @@ TEST(Fit, FindsStiffnessAndVelocityInNoisyTracks) {
   }
 }
 
+TEST(Fit, FindsWhenARecordingBegan) {
+  const Folder folder;
+  Json truth = thrown_cube();
+  truth["scene"]["bodies"][0]["velocity"] = {0.8, 0.3, 1.5};  // still in the air after 6 frames
+  record(truth, folder.path, "late", 1);
+  // Its clock began .4 of a frame after the throw: what lies between frames is read off a parabola.
+  const auto all = capture::read_npz(folder.path / "late.npz").at("positions").doubles("p");
+  const std::size_t row = 3 * markers().size();
+  constexpr double kLate = 0.4;
+  std::vector<double> positions;
+  for (std::size_t t = 0; t < 4; ++t) {
+    for (std::size_t i = 0; i < row; ++i) {
+      const double a = all[t * row + i];
+      const double b = all[(t + 1) * row + i];
+      const double fall = i % 3 == 2 ? -9.81 / 24.0 / 24.0 : 0.0;
+      positions.push_back(a + kLate * (b - a) - 0.5 * kLate * (1.0 - kLate) * fall);
+    }
+  }
+  write_tracks(folder.path / "a.npz", positions, 4, 24);
+  Json document = fit_of(truth, {"captures.a.start_frame"});
+  document["scene"]["frames"] = {0, 6};
+  document["captures"][0]["positions"] = Json::array();
+  for (const Vec3d& x : markers()) {
+    document["captures"][0]["positions"].push_back({x.x(), x.y(), x.z()});
+  }
+  const Json result = run(document, folder.path);
+  EXPECT_NEAR(value_of(result, "captures.a.start_frame"), kLate, 0.02);
+  EXPECT_LT(result["fit"]["after"]["fitted"]["mean_mm"].get<double>(), 2.0);
+}
+
 TEST(Fit, TheFittedSceneIsAJobAndTheMaterialAPreset) {
   const Folder folder;
   record(thrown_cube(), folder.path, "a", 1);

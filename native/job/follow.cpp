@@ -63,10 +63,23 @@ SimulatedCapture at_times(const std::vector<Points>& frames, std::size_t points,
     if (std::abs(s) < kSameFrame) s = 0.0;
     const std::size_t above = std::min(below + 1, frames.size() - 1);
     result.interpolated = result.interpolated || s != 0.0;
+    const bool cubic = below > 0 && above + 1 < frames.size() && above > below;
     for (std::size_t i = 0; i < points; ++i) {
       const Vec3d& a = frames[below][i];
       const Vec3d& b = frames[above][i];
-      result.positions[t * points + i] = s == 0.0 ? a : Vec3d(a + s * (b - a));
+      Vec3d& x = result.positions[t * points + i];
+      if (s == 0.0) {
+        x = a;
+      } else if (cubic) {
+        const Vec3d& before = frames[below - 1][i];
+        const Vec3d& after = frames[above + 1][i];
+        x = a + 0.5 * s *
+                    (b - before +
+                     s * (2.0 * before - 5.0 * a + 4.0 * b - after +
+                          s * (3.0 * (a - b) + after - before)));
+      } else {
+        x = a + s * (b - a);
+      }
     }
   }
   return result;

@@ -17,7 +17,7 @@ struct SimulatedCapture {
   std::vector<double> times;     ///< (T) seconds after the scene's first frame
   std::vector<Vec3d> positions;  ///< (T, N) frame-major; NaN outside the simulated time
   std::size_t outside = 0;       ///< times before the first frame or after the last
-  bool interpolated = false;     ///< some times lie between frames: straight between them
+  bool interpolated = false;     ///< some times lie between frames: a cubic through four
 };
 
 /// Points that move with one body, bound to it by their rest position (bake/binding.hpp), so that
@@ -43,7 +43,8 @@ class PointFollower {
 };
 
 /// Positions at `times` [s] from those of whole frames, the first at time 0: `frames` (F) of
-/// `points` points each.
+/// `points` points each. Between frames Catmull–Rom's cubic, straight in the first and the last
+/// interval.
 [[nodiscard]] SimulatedCapture at_times(const std::vector<Points>& frames, std::size_t points,
                                         const std::vector<double>& times, double fps);
 

@@ -39,6 +39,13 @@ Json to_json(const fit::Ringdown& ring) {
           {"direction", {ring.direction.x(), ring.direction.y(), ring.direction.z()}}};
 }
 
+/// Of the simulation against the recording, in per cent of what was recorded.
+Json ringdown_error(const fit::Ringdown& ring, const fit::Ringdown& measured) {
+  return {{"drop_percent", 100.0 * (ring.drop_m / measured.drop_m - 1.0)},
+          {"frequency_percent", 100.0 * (ring.frequency_hz / measured.frequency_hz - 1.0)},
+          {"damping_ratio", ring.damping_ratio - measured.damping_ratio}};
+}
+
 /// One run of a job, from the folder as it is to the result.
 class Run {
  public:
@@ -402,8 +409,10 @@ class Run {
                                 {"residual_mm", input.alignment_residual_mm}};
       }
       const auto ring = observations_->capture_ringdown(i);
+      const auto measured = measured_ringdown(input);
       take(ring, capture, "ringdown");
-      take(measured_ringdown(input), capture, "measured_ringdown");
+      take(measured, capture, "measured_ringdown");
+      if (ring && measured) capture["ringdown_error"] = ringdown_error(*ring, *measured);
       if (!first) first = ring;
       note_distance(i);
       const SimulatedCapture simulated = observations_->at_capture(i);

@@ -96,6 +96,7 @@ TEXTS = {
     "Position [m]": "Ort [m]",
     "Rotation [rad]": "Rotation [rad]",
     "Height [m]": "Höhe [m]",
+    "Start Frame": "Startbild",
     "Stiffness [Pa/m]": "Steifigkeit [Pa/m]",
     "Nothing": "Nichts",
     "Last Frames": "Letzte Bilder",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Puts what a fit has found into the scene: Bodies, the take's throw, Solver, colliders.
+"""Puts what a fit has found into the scene: Bodies, the take's throw, Solver, colliders, Capture.
 
 The result names what was looked for; the values are those of scene.json, the fitted scene.
 """
@@ -31,13 +31,14 @@ def apply(scene, result, folder, fitted_take, take):
     document = files.read_json(os.path.join(folder, fit_results.SCENE_FILE)).get("scene", {})
     work = _Application(scene, document, fitted_take, take)
     for estimate in result.estimates:
-        work.note(estimate.path)
-    if not work.wanted:
+        work.note(estimate)
+    if not work.wanted and not work.starts:
         raise JobError(translate("The fit found no value that could be applied. Fit again."))
     work.check()
     work.materials(folder)
     work.motions()
     work.surroundings()
+    work.captures()
     return work.left
 
 
@@ -56,16 +57,25 @@ class _Application:
         self.fitted_take = fitted_take
         self.take = take
         self.wanted = {}  # owner: keys, in the order of the result
+        self.starts = {}  # capture: the scene frame of its first sample
         self.left = []
 
-    def note(self, path):
-        owner, key, _axis = job_fit.split_path(path, self.document)
+    def note(self, estimate):
+        owner, key, _axis = job_fit.split_path(estimate.path, self.document)
+        if key == "start_frame":
+            self.starts[owner] = estimate.value
+            return
         keys = self.wanted.setdefault(owner, [])
         if key not in keys:
             keys.append(key)
 
     def check(self):
         """Before anything is changed: everything that was fitted must still be here."""
+        for name in self.starts:
+            if fit_parameters.find_capture(self.settings, name) is None:
+                raise JobError(translate(
+                    "The fit is to '{name}', which is not among the Captures any more. Name it so "
+                    "again, or fit again.").format(name=name))
         for owner in self.wanted:
             if owner in ("", fit_parameters.GROUND):
                 continue
@@ -163,3 +173,9 @@ class _Application:
                 contact.stiffness = item["contact"]["stiffness"]
             if "height" in keys:
                 solver.ground_height = item["height"] / self.scale
+
+    def captures(self):
+        for name, frame in self.starts.items():
+            capture = fit_parameters.find_capture(self.settings, name)
+            capture.use_start_frame = True
+            capture.start_frame = frame

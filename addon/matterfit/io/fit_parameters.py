@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a fit can move: the list in the Fit panel, kept in step with bodies, colliders and ground.
+"""What a fit can move: the list in the Fit panel, kept in step with bodies, colliders, ground and
+captures.
 
 All values here are SI, as in the job document.
 """
@@ -53,6 +54,7 @@ _MOTION = (
 )
 _GRAVITY = Quantity("gravity", "Gravity [m/s²]", LINEAR, size=3, reach=20.0)
 _HEIGHT = Quantity("height", "Height [m]", LINEAR, -1.0, 1.0)
+_START_FRAME = Quantity("start_frame", "Start Frame", LINEAR, -2.0, 2.0)
 
 
 def _label(group, name):
@@ -71,7 +73,7 @@ def material_quantity(name):
 def label_of(key):
     """The label of a key, also of one that this scene does not have; the key itself where it is
     not known."""
-    for quantity in (*_MOTION, _GRAVITY, _HEIGHT):
+    for quantity in (*_MOTION, _GRAVITY, _HEIGHT, _START_FRAME):
         if quantity.key == key:
             return quantity.label
     group, _dot, name = key.rpartition(".")
@@ -119,6 +121,7 @@ def candidates(settings):
     for body in settings.bodies:
         if body.role == "COLLIDER":
             found += [(body.name, quantity) for quantity in _of_contact(body.contact)]
+    found += [(capture.name, _START_FRAME) for capture in settings.captures if capture.enabled]
     seen = set()
     return [(owner, quantity) for owner, quantity in found
             if (owner, quantity.key) not in seen and not seen.add((owner, quantity.key))]
@@ -136,6 +139,10 @@ def find_body(settings, name):
     return next((body for body in settings.bodies if body.name == name), None)
 
 
+def find_capture(settings, name):
+    return next((capture for capture in settings.captures if capture.name == name), None)
+
+
 def contact_of(settings, owner):
     """The contact of a collider or of the ground."""
     body = find_body(settings, owner)
@@ -151,6 +158,10 @@ def value(settings, owner, key):
         return tuple(settings.solver.gravity)
     if key == "height":
         return settings.solver.ground_height * scale
+    if key == "start_frame":
+        capture = find_capture(settings, owner)
+        own = capture is not None and capture.use_start_frame
+        return capture.start_frame if own else float(settings.id_data.frame_start)
     if key.startswith("contact."):
         return getattr(contact_of(settings, owner), key[len("contact."):])
     body = find_body(settings, owner)
@@ -254,6 +265,8 @@ def reset_bounds(settings, row, quantity):
     start = row.start if row.use_start else value(settings, row.owner, row.key)
     if quantity.low == quantity.high:
         row.low, row.high = start / RANGE, start * RANGE
+    elif quantity is _START_FRAME:
+        row.low, row.high = start + quantity.low, start + quantity.high
     else:
         row.low, row.high = min(quantity.low, start), max(quantity.high, start)
 

@@ -22,6 +22,7 @@ def document(settings, scene_document, captures):
     """
     fit = settings.fit
     _check_captures(captures)
+    scene_document = {**scene_document, "captures": captures}
     laws = _laws(fit) if fit.law == "FIND" else []
     entries = []
     for row in fit.parameters:
@@ -84,6 +85,8 @@ class _Entry:
         self.now = _lookup(owner_document(scene_document, row), row.key)
         if row.key == "placement.rotation":
             self.now = None  # it is looked for on top of what is given, from none
+        elif row.key == "start_frame" and self.now is None:
+            self.now = scene_document["frames"][0]
 
     def entries(self):
         row = self.row
@@ -159,7 +162,8 @@ class _Entry:
 # -- paths -------------------------------------------------------------------------------------
 
 def owner_document(scene_document, row):
-    """The part of the scene that the row is about; None where it does not take part."""
+    """The part of the scene, or the capture, that the row is about; None where it does not take
+    part."""
     if not row.owner:
         return scene_document
     listed = scene_document[_list_of(row.key)]
@@ -167,6 +171,8 @@ def owner_document(scene_document, row):
 
 
 def _list_of(key):
+    if key == "start_frame":
+        return "captures"
     return "colliders" if key == "height" or key.startswith("contact.") else "bodies"
 
 
@@ -199,6 +205,8 @@ def split_path(text, scene_document):
         if owner not in names and owner.isdigit() and int(owner) < len(names):
             owner = names[int(owner)]
         steps = steps[2:]
+    elif len(steps) > 1 and steps[0] == "captures":
+        owner, steps = steps[1], steps[2:]
     elif steps and steps[0] != "gravity" and len(scene_document.get("bodies", [])) == 1:
         owner = scene_document["bodies"][0].get("name", "")
     axis = None

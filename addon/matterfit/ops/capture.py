@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from .. import native
 from ..compat import translate
-from ..io import job_captures
+from ..io import fit_parameters, job_captures
 from ..jobs import JobError
 from ..props import choices
 from ..props import scene as scene_props
@@ -28,6 +28,7 @@ def add_capture(settings, name):
         number += 1
     capture.name = name
     settings.capture_index = len(settings.captures) - 1
+    fit_parameters.refresh(settings)
     return capture
 
 
@@ -79,6 +80,7 @@ class MATTERFIT_OT_import_capture(PlainOperator, bpy.types.Operator, ImportHelpe
         except JobError:
             settings.captures.remove(len(settings.captures) - 1)
             settings.capture_index = index
+            fit_parameters.refresh(settings)
             raise
 
 
@@ -113,6 +115,7 @@ class MATTERFIT_OT_remove_capture(PlainOperator, bpy.types.Operator):
         settings = context.scene.matterfit
         settings.captures.remove(settings.capture_index)
         settings.capture_index = max(0, min(settings.capture_index, len(settings.captures) - 1))
+        fit_parameters.refresh(settings)
 
 
 class MATTERFIT_OT_check_capture(PlainOperator, bpy.types.Operator):

@@ -352,7 +352,6 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     const bool still = model.scaling.maxCoeff() == 0.0;
     const double left = still ? 0.0 : model.decrease(damped_step(model, kLeastDamping, room));
     const VectorXd from = next.point;
-    Outcome outcome = Outcome::kRough;
     const auto far = [&] {
       return slopes == Slopes::kKept &&
              relative_size(parameters_, next.point - next.anchor) > kNear;
@@ -376,7 +375,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       break;
     }
     bool good = false;
-    outcome = try_steps(problem, parameters_, options_, model, bounds, next, good);
+    const Outcome outcome = try_steps(problem, parameters_, options_, model, bounds, next, good);
     if (outcome == Outcome::kAccepted) {
       next.converged = next.converged && all_known;
       if (slopes == Slopes::kStandIn) {

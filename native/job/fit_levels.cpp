@@ -13,7 +13,7 @@ namespace {
 /// Fewer particles than this are not worth a coarser level.
 constexpr std::size_t kMany = 4000;
 constexpr double kCellsAcross = 3.0;
-constexpr double kCoarsest = 4.0;
+constexpr int kCoarsest = 4;
 
 /// Thinnest side of a body's box along its lattice, between the outermost particles [m].
 double thinnest_side(const mpm::Body& body) {
@@ -45,7 +45,7 @@ std::vector<double> usual_levels(const std::vector<mpm::Scene>& scenes) {
     }
   }
   std::vector<double> levels{1.0};
-  for (double level = 2.0; level <= kCoarsest; level *= 2.0) {
+  for (int level = 2; level <= kCoarsest; level *= 2) {
     bool pays = true;
     const double half = level / 2.0;
     for (const Size& size : sizes) {

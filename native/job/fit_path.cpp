@@ -104,6 +104,7 @@ class Reader {
 
   [[noreturn]] void unknown() const {
     std::vector<std::string> known;
+    known.reserve(kEntries.size());
     for (const Entry& entry : kEntries) known.push_back(below(entry, 0));
     std::string rest;
     for (std::size_t i = at_; i < steps_.size(); ++i) {

@@ -56,6 +56,7 @@ inline std::int64_t highway_target(SimdTarget target) {
 #define MATTERFIT_AVX2_CASE(table)
 #endif
 
+// NOLINTBEGIN(bugprone-macro-parentheses): names of what is defined cannot stand in any.
 /// Defines functions<float>(target), which returns N_TARGET::table_float() of the target to run,
 /// and functions<double>(target), which has the lowest target alone.
 #define MATTERFIT_DISPATCH(Functions, functions, table)         \
@@ -72,3 +73,4 @@ inline std::int64_t highway_target(SimdTarget target) {
   const Functions<double>& functions<double>(SimdTarget) {      \
     return N_SSE4::table##_double();                            \
   }
+// NOLINTEND(bugprone-macro-parentheses)

@@ -13,9 +13,9 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.hpp"
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
+#include "bench/bench_main.hpp"
 #include "bench/jelly.hpp"
 #include "bench/measure.hpp"
 #include "bench/probe.hpp"
@@ -148,10 +148,5 @@ int run(int argc, char** argv) {
 }  // namespace matterfit::bench
 
 int main(int argc, char** argv) {
-  try {
-    return matterfit::bench::run(argc, argv);
-  } catch (const matterfit::Error& error) {
-    std::fprintf(stderr, "forward_bench: %s\n", error.what());
-    return matterfit::exit_status(error.kind());
-  }
+  return matterfit::bench::bench_main("forward_bench", matterfit::bench::run, argc, argv);
 }

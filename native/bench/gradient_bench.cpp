@@ -5,13 +5,12 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
-#include <exception>
 #include <memory>
 #include <vector>
 
-#include "base/error.hpp"
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
+#include "bench/bench_main.hpp"
 #include "bench/jelly.hpp"
 #include "bench/measure.hpp"
 #include "bench/probe.hpp"
@@ -175,13 +174,5 @@ int run(int argc, char** argv) {
 }  // namespace matterfit::bench
 
 int main(int argc, char** argv) {
-  try {
-    return matterfit::bench::run(argc, argv);
-  } catch (const matterfit::Error& error) {
-    std::fprintf(stderr, "gradient_bench: %s\n", error.what());
-    return matterfit::exit_status(error.kind());
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "gradient_bench: %s\n", error.what());
-    return 1;
-  }
+  return matterfit::bench::bench_main("gradient_bench", matterfit::bench::run, argc, argv);
 }

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "base/error.hpp"
+#include "bench/bench_main.hpp"
 #include "mpm/contact_law.hpp"
 #include "mpm/validation_flows_for_test.hpp"
 #include "mpm/validation_solids_for_test.hpp"
@@ -180,10 +180,5 @@ int run(int argc, char** argv) {
 }  // namespace matterfit::bench
 
 int main(int argc, char** argv) {
-  try {
-    return matterfit::bench::run(argc, argv);
-  } catch (const matterfit::Error& error) {
-    std::fprintf(stderr, "validation_bench: %s\n", error.what());
-    return matterfit::exit_status(error.kind());
-  }
+  return matterfit::bench::bench_main("validation_bench", matterfit::bench::run, argc, argv);
 }

@@ -3,11 +3,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 
 #include "base/error.hpp"
+#include "base/folder_for_test.hpp"
 #include "capi/terminal.hpp"
 #include "job/document.hpp"
 #include "job/run.hpp"
@@ -17,15 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
-
-struct Folder {
-  fs::path path;
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "matterfit_capi_XXXXXX").string();
-    path = ::mkdtemp(name.data());
-  }
-  ~Folder() { fs::remove_all(path); }
-};
 
 job::Job cube(const fs::path& folder, std::vector<std::string> overrides = {}) {
   job::ReadOptions options;

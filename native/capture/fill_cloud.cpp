@@ -166,8 +166,14 @@ struct Balls {
   }
 };
 
-/// Surface of the body whose particles are `points` about `spacing` apart.
-Mesh closed_hull(const Points& points, double spacing) {
+/// Surface of a body, and what it encloses [m³].
+struct Hull {
+  Mesh mesh;
+  double volume = 0.0;
+};
+
+/// Of the body whose particles are `points` about `spacing` apart.
+Hull closed_hull(const Points& points, double spacing) {
   const double voxel = 0.25 * spacing;
   const double radius = 1.5 * spacing;
   auto grid = openvdb::createLevelSet<FloatGrid>(voxel, 3.0);
@@ -178,7 +184,82 @@ Mesh closed_hull(const Points& points, double spacing) {
     raster.finalize(true);
   });
   const Mesh grown = surface_of(*grid, 0.0, false);
-  return offset_surface(grown, 0.5 * spacing - radius, voxel, false);
+  Hull hull{offset_surface(grown, 0.5 * spacing - radius, voxel, false)};
+  hull.volume = enclosed_volume(hull.mesh);
+  if (!(hull.volume > 0)) {
+    throw_input("Points to fill: they enclose no volume; give the body's volume.");
+  }
+  return hull;
+}
+
+void check_points(const Points& points, const FillOptions& options) {
+  if (points.size() < 2 || points.size() > options.limit) {
+    throw_input(
+        fmt::format("Points to fill: {} points, expected 2 to {}.", points.size(), options.limit));
+  }
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!points[i].allFinite())
+      throw_input(fmt::format("Points to fill: point {} is not finite.", i));
+  }
+}
+
+/// How far apart points are.
+struct Spacing {
+  std::vector<double> local;  ///< about each point [m]
+  double typical = 0.0;       ///< their median [m]
+  mpm::Lattice lattice;
+};
+
+Spacing spacing_of(const Points& points, const FillOptions& options) {
+  Spacing spacing;
+  spacing.local = local_spacing(points);
+  spacing.typical = median(spacing.local);
+  if (!(spacing.typical > 0)) {
+    throw_input("Points to fill: most points coincide; remove duplicates.");
+  }
+  double deviation = 0;
+  for (const double s : spacing.local) {
+    deviation = std::max(deviation, std::abs(s - spacing.typical));
+  }
+  mpm::Lattice& lattice = spacing.lattice;
+  lattice.axes = options.axes.normalized();
+  lattice.origin = points[0];
+  lattice.regular = deviation < 0.01 * spacing.typical &&
+                    on_lattice(points, spacing.typical, lattice.axes, lattice.origin);
+  // Three nearest neighbours of random points lie on average .72 n^(−1/3) away.
+  lattice.spacing = lattice.regular ? spacing.typical : spacing.typical / 0.72;
+  return spacing;
+}
+
+/// The points as particles; see fill_points.
+FilledBody particles_at(const Points& points, const Spacing& spacing, double total_volume) {
+  FilledBody body;
+  body.positions = points;
+  body.lattice = spacing.lattice;
+  const bool lattice = spacing.lattice.regular;
+  const double apart = spacing.lattice.spacing;
+  double sum = 0;
+  for (const double s : spacing.local) {
+    const double ratio = lattice ? 1.0 : std::clamp(s / spacing.typical, 0.5, 2.0);
+    body.volumes.push_back(ratio * ratio * ratio);
+    sum += body.volumes.back();
+  }
+  const char* source = "given";
+  if (total_volume > 0) {
+    body.volume = total_volume;
+  } else if (lattice) {
+    body.volume = static_cast<double>(points.size()) * apart * apart * apart;
+    source = "of their lattice";
+  } else {
+    body.volume = closed_hull(points, apart).volume;
+    source = "estimated from their hull";
+  }
+  for (double& volume : body.volumes) volume *= body.volume / sum;
+  body.report = fmt::format(
+      "{} imported points are the particles, about {:.4g} m apart{}; volume "
+      "{:.6g} m³ ({}).",
+      points.size(), apart, lattice ? " on a regular lattice" : "", body.volume, source);
+  return body;
 }
 
 void check_gaussians(const GaussianArrays& splats, const GaussianFillOptions& options) {
@@ -271,71 +352,22 @@ double widening(const GaussianArrays& splats, const FloatGrid& grid, double voxe
 }  // namespace
 
 FilledBody fill_points(const Points& points, const FillOptions& options, double total_volume) {
-  if (points.size() < 2 || points.size() > options.limit) {
-    throw_input(
-        fmt::format("Points to fill: {} points, expected 2 to {}.", points.size(), options.limit));
-  }
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    if (!points[i].allFinite())
-      throw_input(fmt::format("Points to fill: point {} is not finite.", i));
-  }
+  check_points(points, options);
   if (!std::isfinite(total_volume) || total_volume < 0) {
     throw_input("Points to fill: the total volume must be finite and not negative.");
   }
   openvdb::initialize();
-  FilledBody body;
-  body.positions = points;
-  body.lattice.axes = options.axes.normalized();
-  std::vector<double> spacing = local_spacing(points);
-  const double typical = median(spacing);
-  if (!(typical > 0)) {
-    throw_input("Points to fill: most points coincide; remove duplicates.");
-  }
-  double deviation = 0;
-  for (const double s : spacing) deviation = std::max(deviation, std::abs(s - typical));
-  Vec3d origin = points[0];
-  const bool lattice =
-      deviation < 0.01 * typical && on_lattice(points, typical, body.lattice.axes, origin);
-  body.lattice.origin = origin;
-  body.lattice.regular = lattice;
-  // Three nearest neighbours of random points lie on average .72 n^(−1/3) away.
-  const double apart = lattice ? typical : typical / 0.72;
-  body.lattice.spacing = apart;
-
-  double sum = 0;
-  for (const double s : spacing) {
-    const double ratio = lattice ? 1.0 : std::clamp(s / typical, 0.5, 2.0);
-    body.volumes.push_back(ratio * ratio * ratio);
-    sum += body.volumes.back();
-  }
-  const char* source = "given";
-  if (total_volume > 0) {
-    body.volume = total_volume;
-  } else if (lattice) {
-    body.volume = static_cast<double>(points.size()) * apart * apart * apart;
-    source = "of their lattice";
-  } else {
-    body.volume = enclosed_volume(closed_hull(points, apart));
-    source = "estimated from their hull";
-    if (!(body.volume > 0)) {
-      throw_input("Points to fill: they enclose no volume; give the body's volume.");
-    }
-  }
-  for (double& volume : body.volumes) volume *= body.volume / sum;
-  body.report = fmt::format(
-      "{} imported points are the particles, about {:.4g} m apart{}; volume "
-      "{:.6g} m³ ({}).",
-      points.size(), apart, lattice ? " on a regular lattice" : "", body.volume, source);
-  return body;
+  return particles_at(points, spacing_of(points, options), total_volume);
 }
 
 FilledBody fill_hull(const Points& points, const FillOptions& options) {
-  FilledBody cloud = fill_points(points, options);
-  if (cloud.lattice.regular) return cloud;
-  const Mesh hull = closed_hull(points, cloud.lattice.spacing);
-  FilledBody body = fill_mesh(hull, options);
+  check_points(points, options);
+  openvdb::initialize();
+  const Spacing spacing = spacing_of(points, options);
+  if (spacing.lattice.regular) return particles_at(points, spacing, 0.0);
+  FilledBody body = fill_mesh(closed_hull(points, spacing.lattice.spacing).mesh, options);
   body.report = fmt::format("The hull of {} imported points about {:.4g} m apart: ", points.size(),
-                            cloud.lattice.spacing) +
+                            spacing.lattice.spacing) +
                 body.report;
   return body;
 }

@@ -365,7 +365,6 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     const bool still = model.scaling.maxCoeff() == 0.0;
     const double left = still ? 0.0 : model.decrease(damped_step(model, kLeastDamping, room));
     const VectorXd from = next.point;
-    Outcome outcome = Outcome::kRough;
     const auto far = [&] {
       return slopes == Slopes::kKept &&
              relative_size(parameters_, next.point - next.anchor) > kNear;
@@ -389,8 +388,9 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       break;
     }
     bool good = false;
-    outcome = try_steps(problem, parameters_, options, model, bounds,
-                        slopes == Slopes::kStandIn ? kBorrowedTrials : kMostTrials, next, good);
+    const Outcome outcome =
+        try_steps(problem, parameters_, options, model, bounds,
+                  slopes == Slopes::kStandIn ? kBorrowedTrials : kMostTrials, next, good);
     if (outcome == Outcome::kAccepted) {
       next.converged = next.converged && all_known;
       if (slopes == Slopes::kStandIn) {

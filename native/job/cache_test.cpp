@@ -3,14 +3,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstring>
 #include <fstream>
-#include <functional>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
+#include "base/folder_for_test.hpp"
 #include "job/checkpoint.hpp"
 #include "job/safetensors.hpp"
 #include "job/state_file.hpp"
@@ -22,16 +21,6 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-/// A folder of its own, gone afterwards.
-struct Folder {
-  fs::path path;
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "matterfit_job_XXXXXX").string();
-    path = ::mkdtemp(name.data());
-  }
-  ~Folder() { fs::remove_all(path); }
-};
-
 Job job_in(const fs::path& folder, std::vector<std::string> overrides = {}) {
   ReadOptions options;
   options.base_folder = folder;
@@ -41,15 +30,6 @@ Job job_in(const fs::path& folder, std::vector<std::string> overrides = {}) {
       "source": { "box": { "low": [0,0,0], "high": [1,1,1] } },
       "material": { "law": "neo_hookean", "E": 1e5, "nu": 0.3 } } ] } })",
                   options);
-}
-
-std::string message_of(const std::function<void()>& work) {
-  try {
-    work();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "nothing was thrown";
 }
 
 std::span<const std::byte> bytes_of(const std::string& text) {

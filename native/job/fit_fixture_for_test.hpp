@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <unistd.h>
-
 #include <filesystem>
 #include <random>
 #include <string>
 #include <vector>
 
 #include "base/error.hpp"
+#include "base/folder_for_test.hpp"
 #include "base/interrupter.hpp"
 #include "capture/npz.hpp"
 #include "job/run.hpp"
@@ -17,15 +16,6 @@
 namespace matterfit::job::fit_test {
 
 namespace fs = std::filesystem;
-
-struct Folder {
-  fs::path path;
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "matterfit_fit_XXXXXX").string();
-    path = ::mkdtemp(name.data());
-  }
-  ~Folder() { fs::remove_all(path); }
-};
 
 inline constexpr double kSize = 0.4;  // of the cube [m]
 

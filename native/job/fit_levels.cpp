@@ -13,10 +13,10 @@ namespace {
 /// Fewer particles than this are not worth a coarser level.
 constexpr std::size_t kMany = 4000;
 constexpr double kCellsAcross = 3.0;
-constexpr double kCoarsest = 4.0;
+constexpr int kCoarsest = 4;
 
-/// Cells across the thinnest side of a body's box, along its lattice.
-double cells_across(const mpm::Body& body, double dx) {
+/// Thinnest side of a body's box along its lattice, between the outermost particles [m].
+double thinnest_side(const mpm::Body& body) {
   Vec3d low = Vec3d::Constant(std::numeric_limits<double>::infinity());
   Vec3d high = -low;
   for (const Vec3d& x : body.rest) {
@@ -24,23 +24,33 @@ double cells_across(const mpm::Body& body, double dx) {
     low = low.cwiseMin(at);
     high = high.cwiseMax(at);
   }
-  return (high - low).minCoeff() / dx + 0.5;
+  return (high - low).minCoeff();
 }
 
 }  // namespace
 
 std::vector<double> usual_levels(const std::vector<mpm::Scene>& scenes) {
+  struct Size {
+    double dx = 0.0;
+    std::size_t particles = 0;
+    double thinnest = std::numeric_limits<double>::infinity();  // [m]
+  };
+  std::vector<Size> sizes;
+  for (const mpm::Scene& scene : scenes) {
+    Size& size = sizes.emplace_back();
+    size.dx = scene.dx;
+    for (const mpm::Body& body : scene.bodies) {
+      size.particles += body.rest.size();
+      size.thinnest = std::min(size.thinnest, thinnest_side(body));
+    }
+  }
   std::vector<double> levels{1.0};
-  for (double level = 2.0; level <= kCoarsest; level *= 2.0) {
+  for (int level = 2; level <= kCoarsest; level *= 2) {
     bool pays = true;
-    for (const mpm::Scene& scene : scenes) {
-      std::size_t particles = 0;
-      for (const mpm::Body& body : scene.bodies) {
-        particles += body.rest.size();
-        pays = pays && cells_across(body, level * scene.dx) >= kCellsAcross;
-      }
-      const double half = level / 2.0;
-      pays = pays && double(particles) >= double(kMany) * half * half * half;
+    const double half = level / 2.0;
+    for (const Size& size : sizes) {
+      pays = pays && size.thinnest / (level * size.dx) + 0.5 >= kCellsAcross &&
+             double(size.particles) >= double(kMany) * half * half * half;
     }
     if (!pays) break;
     levels.insert(levels.begin(), level);
@@ -53,7 +63,6 @@ mpm::Scene scene_at_level(const Job& job, double level, Arena& arena,
   Job coarse = job;
   coarse.scene.particle_separation *= level;
   mpm::Scene scene = build_scene(coarse, arena, interrupter).scene;
-  if (level == 1.0) return scene;
   for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
     if (job.scene.bodies[b].source.kind != Source::Kind::kPoints) continue;
     mpm::Body& body = scene.bodies[b];

@@ -15,8 +15,8 @@ namespace matterfit::job {
 /// many particles and keep three cells across.
 [[nodiscard]] std::vector<double> usual_levels(const std::vector<mpm::Scene>& scenes);
 
-/// The job's scene with its particle separation times `level`; particles that were imported are
-/// thinned. Throws Error(kInput), Error(kCancelled).
+/// The job's scene with its particle separation times `level`, above 1; particles that were
+/// imported are thinned. Throws Error(kInput), Error(kCancelled).
 [[nodiscard]] mpm::Scene scene_at_level(const Job& job, double level, Arena& arena,
                                         const Interrupter& interrupter);
 

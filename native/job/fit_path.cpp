@@ -87,7 +87,7 @@ class Reader {
       }
     } else if (is("colliders")) {
       ++at_;
-      path.owner = collider();
+      path.owner = name_in(scene_->colliders, "collider");
       find(path, Owner::kCollider);
       check_collider(path);
     } else {
@@ -105,6 +105,7 @@ class Reader {
 
   [[noreturn]] void unknown() const {
     std::vector<std::string> known;
+    known.reserve(kEntries.size());
     for (const Entry& entry : kEntries) known.push_back(below(entry, 0));
     std::string rest;
     for (std::size_t i = at_; i < steps_.size(); ++i) {
@@ -150,18 +151,19 @@ class Reader {
     refuse("there is no capture '" + step.key + "'.");
   }
 
-  std::string collider() {
-    if (at_ == steps_.size()) refuse("the name of a collider is missing.");
+  /// Name of the entry of `list` that the next step names or numbers; each is a `what`.
+  template <class Doc>
+  std::string name_in(const std::vector<Doc>& list, const std::string& what) {
+    if (at_ == steps_.size()) refuse("the name of a " + what + " is missing.");
     const PathStep& step = steps_[at_++];
-    const auto& list = scene_->colliders;
     if (step.is_index && step.index < list.size()) return list[step.index].name;
     std::vector<std::string> names;
-    for (const ColliderDoc& collider : list) {
-      if (!step.is_index && collider.name == step.key) return collider.name;
-      names.push_back(collider.name);
+    for (const Doc& entry : list) {
+      if (!step.is_index && entry.name == step.key) return entry.name;
+      names.push_back(entry.name);
     }
     const auto near = nearest(step.key, names);
-    refuse("there is no collider '" + step.key + "'." +
+    refuse("there is no " + what + " '" + step.key + "'." +
            (near ? " Did you mean '" + *near + "'?" : std::string()));
   }
 
@@ -179,17 +181,7 @@ class Reader {
       refuse("with several bodies write bodies.NAME." + text_ + ".");
     }
     ++at_;
-    if (at_ == steps_.size()) refuse("the name of a body is missing.");
-    const PathStep& step = steps_[at_++];
-    if (step.is_index && step.index < list.size()) return list[step.index].name;
-    std::vector<std::string> names;
-    for (const BodyDoc& body : list) {
-      if (!step.is_index && body.name == step.key) return body.name;
-      names.push_back(body.name);
-    }
-    const auto near = nearest(step.key, names);
-    refuse("there is no body '" + step.key + "'." +
-           (near ? " Did you mean '" + *near + "'?" : std::string()));
+    return name_in(list, "body");
   }
 
   void find(FitPath& path, Owner owner) {

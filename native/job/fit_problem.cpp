@@ -107,8 +107,8 @@ std::vector<double> FitProblem::physical(const Eigen::VectorXd& point) const {
 std::vector<std::optional<Eigen::VectorXd>> FitProblem::evaluate(
     const std::vector<Eigen::VectorXd>& points) {
   std::vector<std::vector<double>> values;
+  values.reserve(points.size());
   for (const Eigen::VectorXd& point : points) values.push_back(physical(point));
-  evaluations_ += static_cast<int>(points.size());
   const auto outcomes = model_.evaluate(values, {window_.until, false}, progress);
   std::vector<std::optional<Eigen::VectorXd>> results(points.size());
   for (std::size_t p = 0; p < points.size(); ++p) {

@@ -52,7 +52,6 @@ class FitProblem final : public fit::Problem {
   /// How many of the residuals count as independent: fewer where they hang together from frame to
   /// frame and from point to point, as those of a wrong law do.
   [[nodiscard]] double effective(const Eigen::VectorXd& residual) const override;
-  [[nodiscard]] int evaluations() const { return evaluations_; }
 
  private:
   /// The frames of one capture that lie in the window and have a used sample.
@@ -78,7 +77,6 @@ class FitProblem final : public fit::Problem {
   FitWindow window_;
   FitProblem* stand_in_ = nullptr;
   std::vector<Part> parts_;
-  int evaluations_ = 0;
   std::vector<std::pair<Eigen::VectorXd, double>> seen_;
 };
 

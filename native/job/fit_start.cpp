@@ -9,6 +9,7 @@
 #include "base/error.hpp"
 #include "fit/initial_motion.hpp"
 #include "job/follow.hpp"
+#include "mpm/initial_velocity.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -20,16 +21,6 @@ constexpr double kStillBallistic = 2.0;
 constexpr int kFarthest = 8;  // steps of a scan
 constexpr double kHalfDecade = 3.1622776601683795;
 constexpr double kAngleStep = 8.0;  // [degrees]
-
-Vec3d centre_of_mass(const mpm::Body& body) {
-  Vec3d sum = Vec3d::Zero();
-  double volume = 0.0;
-  for (std::size_t p = 0; p < body.rest.size(); ++p) {
-    sum += body.volumes[p] * body.rest[p];
-    volume += body.volumes[p];
-  }
-  return sum / volume;
-}
 
 std::optional<fit::InitialMotion> motion_of(const FitCapture& capture, const Vec3d& centre,
                                             const Vec3d& gravity) {
@@ -144,7 +135,8 @@ std::vector<double> with_initial_motion(const std::vector<FitRun>& runs,
         }
       }
       if (wanted.empty()) continue;
-      const auto motion = motion_of(capture, centre_of_mass(body), scenes[r].gravity.at(0.0));
+      const auto motion =
+          motion_of(capture, mpm::center_of_volume(body), scenes[r].gravity.at(0.0));
       if (!motion) continue;
       for (const std::size_t i : wanted) {
         const FitPath& path = parameters.path(i);

@@ -19,15 +19,6 @@ namespace {
 using namespace fit_test;
 using testing::HasSubstr;
 
-std::string message_of(const std::function<void()>& work) {
-  try {
-    work();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "nothing was thrown";
-}
-
 /// A start that is off by a factor five, at rest.
 Json poor_start() {
   Json document = fit_of(thrown_cube(), {"material.E", "velocity"});

@@ -3,16 +3,15 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <thread>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
+#include "base/folder_for_test.hpp"
 #include "capture/npz.hpp"
 #include "job/build_scene.hpp"
 #include "job/checkpoint.hpp"
@@ -25,15 +24,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
-
-struct Folder {
-  fs::path path;
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "matterfit_run_XXXXXX").string();
-    path = ::mkdtemp(name.data());
-  }
-  ~Folder() { fs::remove_all(path); }
-};
 
 /// A cube of 512 particles in free fall: known exactly, x = v t + ½ g t².
 Json falling_cube() {
@@ -58,15 +48,6 @@ Json run(const Json& document, const fs::path& folder, int threads = 1,
   options.restart = restart;
   Interrupter interrupter;
   return run_job(job_of(document, folder), options, interrupter);
-}
-
-std::string message_of(const std::function<void()>& work) {
-  try {
-    work();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "nothing was thrown";
 }
 
 /// Cancels when the run reports a frame.

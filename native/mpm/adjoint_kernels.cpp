@@ -40,20 +40,7 @@ LawCotangents& LawCotangents::operator+=(const LawCotangents& other) {
   return *this;
 }
 
-template <>
-const AdjointKernels<float>& adjoint_kernels<float>(SimdTarget target) {
-  switch (highway_target(target)) {
-    MATTERFIT_AVX3_CASE(adjoint_table_float)
-    MATTERFIT_AVX2_CASE(adjoint_table_float)
-    default:
-      return N_SSE4::adjoint_table_float();
-  }
-}
-
-template <>
-const AdjointKernels<double>& adjoint_kernels<double>(SimdTarget) {
-  return N_SSE4::adjoint_table_double();
-}
+MATTERFIT_DISPATCH(AdjointKernels, adjoint_kernels, adjoint_table)
 
 }  // namespace matterfit::mpm
 #endif

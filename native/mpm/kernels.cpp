@@ -32,20 +32,7 @@ HWY_AFTER_NAMESPACE();
 
 namespace matterfit::mpm {
 
-template <>
-const Kernels<float>& kernels<float>(SimdTarget target) {
-  switch (highway_target(target)) {
-    MATTERFIT_AVX3_CASE(table_float)
-    MATTERFIT_AVX2_CASE(table_float)
-    default:
-      return N_SSE4::table_float();
-  }
-}
-
-template <>
-const Kernels<double>& kernels<double>(SimdTarget) {
-  return N_SSE4::table_double();
-}
+MATTERFIT_DISPATCH(Kernels, kernels, table)
 
 }  // namespace matterfit::mpm
 #endif

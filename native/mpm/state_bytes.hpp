@@ -12,6 +12,12 @@
 
 namespace matterfit::mpm {
 
+/// Memory that the values take.
+template <class Value>
+std::size_t bytes_of(const std::vector<Value>& values) {
+  return values.size() * sizeof(Value);
+}
+
 /// Checkpoint bytes: trivially copyable values and vectors of them, in order, sizes checked on the
 /// way back. Same machine and version only; the job keeps the hash of its input beside them.
 class ByteWriter {

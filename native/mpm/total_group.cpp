@@ -19,11 +19,6 @@ constexpr int kFrameIterations = 16;
 constexpr double kSmoothing = 0.02;
 constexpr int kSmoothingInterval = 8;
 
-template <class Value>
-std::size_t bytes_of(const std::vector<Value>& values) {
-  return values.size() * sizeof(Value);
-}
-
 }  // namespace
 
 template <class S>

@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "mpm/halo.hpp"
+#include "mpm/initial_velocity.hpp"
 #include "mpm/node_contact.hpp"
 #include "mpm/node_contact_adjoint.hpp"
 #include "mpm/updated_contact.hpp"

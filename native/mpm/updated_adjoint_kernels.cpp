@@ -34,20 +34,7 @@ HWY_AFTER_NAMESPACE();
 
 namespace matterfit::mpm {
 
-template <>
-const UpdatedAdjointKernels<float>& updated_adjoint_kernels<float>(SimdTarget target) {
-  switch (highway_target(target)) {
-    MATTERFIT_AVX3_CASE(updated_adjoint_table_float)
-    MATTERFIT_AVX2_CASE(updated_adjoint_table_float)
-    default:
-      return N_SSE4::updated_adjoint_table_float();
-  }
-}
-
-template <>
-const UpdatedAdjointKernels<double>& updated_adjoint_kernels<double>(SimdTarget) {
-  return N_SSE4::updated_adjoint_table_double();
-}
+MATTERFIT_DISPATCH(UpdatedAdjointKernels, updated_adjoint_kernels, updated_adjoint_table)
 
 }  // namespace matterfit::mpm
 #endif

@@ -8,6 +8,7 @@
 
 #include "base/error.hpp"
 #include "mpm/halo.hpp"
+#include "mpm/initial_velocity.hpp"
 #include "mpm/node_contact.hpp"
 #include "mpm/updated_check.hpp"
 #include "mpm/updated_contact.hpp"

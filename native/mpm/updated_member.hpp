@@ -52,13 +52,6 @@ template <class S>
 [[nodiscard]] UpdatedStart<S> updated_start(const Body& body, std::size_t particle, double dx,
                                             const Vec3d& center);
 
-/// Of the particles' volumes, at rest.
-[[nodiscard]] Vec3d center_of_volume(const Body& body);
-/// Matrix of v = spin × x.
-[[nodiscard]] Mat3d spin_matrix(const Vec3d& spin);
-/// Initial velocity of a particle [m/s].
-[[nodiscard]] Vec3d start_velocity(const Body& body, std::size_t particle, const Vec3d& center);
-
 extern template struct UpdatedMember<float>;
 extern template struct UpdatedMember<double>;
 

@@ -3,15 +3,9 @@
 
 #include <cstring>
 
+#include "mpm/state_bytes.hpp"
+
 namespace matterfit::mpm {
-namespace {
-
-template <class Value>
-std::size_t bytes_of(const std::vector<Value>& values) {
-  return values.size() * sizeof(Value);
-}
-
-}  // namespace
 
 template <class S>
 std::size_t UpdatedRecord<S>::bytes() const {

@@ -55,6 +55,14 @@ def push_undo(message):
         bpy.ops.ed.undo_push(message=message)
 
 
+def remove_active(owner, items, index):
+    """Removes the active item of a list, given by the names of `owner`'s properties; the one after
+    it becomes active, or the last."""
+    collection, at = getattr(owner, items), getattr(owner, index)
+    collection.remove(at)
+    setattr(owner, index, max(0, min(at, len(collection) - 1)))
+
+
 class NoJobRunning:
     """Greyed, with the reason, while a job runs."""
 

@@ -8,7 +8,7 @@ from ..compat import translate
 from ..io import fit_parameters, presets, resolution
 from ..jobs import JobError
 from ..props import scene as scene_props
-from .base import PlainOperator
+from .base import PlainOperator, remove_active
 
 USABLE = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
@@ -85,8 +85,7 @@ class MATTERFIT_OT_remove_body(PlainOperator, bpy.types.Operator):
         body = scene_props.active_body(settings)
         if body.object is not None:
             attach.show_original(body.object)
-        settings.bodies.remove(settings.body_index)
-        settings.body_index = max(0, min(settings.body_index, len(settings.bodies) - 1))
+        remove_active(settings, "bodies", "body_index")
         fit_parameters.refresh(settings)
 
 
@@ -138,9 +137,7 @@ class MATTERFIT_OT_remove_pin(_ActiveBody, PlainOperator, bpy.types.Operator):
     bl_description = "Remove the active pin"
 
     def act(self, context):
-        body = scene_props.active_body(context.scene.matterfit)
-        body.pins.remove(body.pin_index)
-        body.pin_index = max(0, min(body.pin_index, len(body.pins) - 1))
+        remove_active(scene_props.active_body(context.scene.matterfit), "pins", "pin_index")
 
 
 class MATTERFIT_OT_add_mass(_ActiveBody, PlainOperator, bpy.types.Operator):
@@ -164,9 +161,7 @@ class MATTERFIT_OT_remove_mass(_ActiveBody, PlainOperator, bpy.types.Operator):
     bl_description = "Remove the active mass"
 
     def act(self, context):
-        body = scene_props.active_body(context.scene.matterfit)
-        body.masses.remove(body.mass_index)
-        body.mass_index = max(0, min(body.mass_index, len(body.masses) - 1))
+        remove_active(scene_props.active_body(context.scene.matterfit), "masses", "mass_index")
 
 
 class MATTERFIT_OT_reset_material(_ActiveBody, PlainOperator, bpy.types.Operator):

@@ -14,7 +14,7 @@ from ..io import fit_parameters, job_captures
 from ..jobs import JobError
 from ..props import choices
 from ..props import scene as scene_props
-from .base import PlainOperator, redraw
+from .base import PlainOperator, redraw, remove_active
 
 EXTENSIONS = (".npz", ".npy", ".c3d", ".pc2", ".ply")
 
@@ -113,8 +113,7 @@ class MATTERFIT_OT_remove_capture(PlainOperator, bpy.types.Operator):
 
     def act(self, context):
         settings = context.scene.matterfit
-        settings.captures.remove(settings.capture_index)
-        settings.capture_index = max(0, min(settings.capture_index, len(settings.captures) - 1))
+        remove_active(settings, "captures", "capture_index")
         fit_parameters.refresh(settings)
 
 

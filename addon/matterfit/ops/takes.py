@@ -8,7 +8,7 @@ from ..compat import translate
 from ..io import attach, cache, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
-from .base import PlainOperator, session
+from .base import PlainOperator, remove_active, session
 
 
 class MATTERFIT_OT_add_take(PlainOperator, bpy.types.Operator):
@@ -51,8 +51,7 @@ class MATTERFIT_OT_remove_take(PlainOperator, bpy.types.Operator):
         attach.detach(scene, take)
         if location.exists and not location.linked:
             cache.free(location.folder)
-        settings.takes.remove(settings.take_index)
-        settings.take_index = max(0, min(settings.take_index, len(settings.takes) - 1))
+        remove_active(settings, "takes", "take_index")
 
 
 class MATTERFIT_OT_add_throw(PlainOperator, bpy.types.Operator):

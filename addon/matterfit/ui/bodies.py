@@ -105,6 +105,16 @@ class _BodyDetail(MatterfitPanel):
         return body is not None and body.role == "BODY"
 
 
+def _name_list(layout, owner, items, index, noun):
+    """The list of `owner`'s `items` with buttons that add and remove a `noun`; its active item."""
+    row = layout.row()
+    row.template_list("MATTERFIT_UL_names", items, owner, items, owner, index, rows=2)
+    column = row.column(align=True)
+    column.operator(f"matterfit.add_{noun}", text="", icon="ADD")
+    column.operator(f"matterfit.remove_{noun}", text="", icon="REMOVE")
+    return scene_props.active_item(getattr(owner, items), getattr(owner, index))
+
+
 class MATTERFIT_PT_body_motion(_BodyDetail, bpy.types.Panel):
     bl_label = "Motion and Formulation"
 
@@ -127,13 +137,7 @@ class MATTERFIT_PT_body_relaxation(_BodyDetail, bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         material = scene_props.active_body(context.scene.matterfit).material
-        row = layout.row()
-        row.template_list("MATTERFIT_UL_names", "maxwell", material, "maxwell", material,
-                          "maxwell_index", rows=2)
-        column = row.column(align=True)
-        column.operator("matterfit.add_branch", text="", icon="ADD")
-        column.operator("matterfit.remove_branch", text="", icon="REMOVE")
-        branch = scene_props.active_item(material.maxwell, material.maxwell_index)
+        branch = _name_list(layout, material, "maxwell", "maxwell_index", "branch")
         if branch is None:
             return
         column = form(layout)
@@ -147,12 +151,7 @@ class MATTERFIT_PT_body_pins(_BodyDetail, bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         body = scene_props.active_body(context.scene.matterfit)
-        row = layout.row()
-        row.template_list("MATTERFIT_UL_names", "pins", body, "pins", body, "pin_index", rows=2)
-        column = row.column(align=True)
-        column.operator("matterfit.add_pin", text="", icon="ADD")
-        column.operator("matterfit.remove_pin", text="", icon="REMOVE")
-        pin = scene_props.active_item(body.pins, body.pin_index)
+        pin = _name_list(layout, body, "pins", "pin_index", "pin")
         if pin is None:
             return
         column = form(layout)
@@ -173,13 +172,7 @@ class MATTERFIT_PT_body_masses(_BodyDetail, bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         body = scene_props.active_body(context.scene.matterfit)
-        row = layout.row()
-        row.template_list("MATTERFIT_UL_names", "masses", body, "masses", body, "mass_index",
-                          rows=2)
-        column = row.column(align=True)
-        column.operator("matterfit.add_mass", text="", icon="ADD")
-        column.operator("matterfit.remove_mass", text="", icon="REMOVE")
-        mass = scene_props.active_item(body.masses, body.mass_index)
+        mass = _name_list(layout, body, "masses", "mass_index", "mass")
         if mass is None:
             return
         column = form(layout)

@@ -85,6 +85,7 @@ class FitJob {
     auto state = afresh ? std::nullopt : read_fit_state(folder_, "");
     if (state && state->input_hash == hash_) {
       state_ = std::move(*state);
+      law_statements_ = state_.statements;
       resumed_ = true;
       return;
     }
@@ -179,6 +180,7 @@ class FitJob {
     const double since = std::chrono::duration<double>(Clock::now() - started_).count();
     started_ = Clock::now();
     state_.seconds += since;
+    state_.statements = law_statements_;
     write_history(folder_, state_.history);
     write_file(folder_ / kFitCheckpointPath, format_fit_state(state_));
   }

@@ -9,6 +9,7 @@
 #include "base/error.hpp"
 #include "fit/metrics.hpp"
 #include "job/build_scene.hpp"
+#include "job/fit_equation_start.hpp"
 #include "job/fit_levels.hpp"
 #include "job/fit_start.hpp"
 
@@ -176,7 +177,7 @@ void LawFit::begin(LawState& state) {
   }
 
   const FitWindow window = fit_window(runs, kScanSamples);
-  const double mean = mean_distances({state.values}, window).front();
+  double mean = mean_distances({state.values}, window).front();
   double sigma = 0.0;
   double size = 0.0;
   for (std::size_t r = 0; r < runs.size(); ++r) {
@@ -188,7 +189,30 @@ void LawFit::begin(LawState& state) {
           std::max(size, fit::body_size(scene.bodies[body_index(scene, capture.input.body)].rest));
     }
   }
-  if (mean <= std::max(kPoorNoise * sigma, kPoorSize * size)) return;
+  const double poor = std::max(kPoorNoise * sigma, kPoorSize * size);
+  if (mean <= poor) return;
+  if (setup_.fit->loss == FitDoc::Loss::kTracks) {
+    EquationStart balance =
+        equation_start(runs, scenes_, *parameters_, state.values, setup_.threads, interrupter_);
+    if (!balance.candidates.empty()) {
+      const auto means = mean_distances(balance.candidates, window);
+      const auto best = std::min_element(means.begin(), means.end());
+      const bool better = *best < mean;
+      const auto millimetres = [](double distance) {
+        return std::isfinite(distance) ? print("%.3g mm", 1e3 * distance)
+                                       : std::string("beyond all");
+      };
+      balance.statement += ". It misses the capture by " + millimetres(*best) +
+                           ", the given start by " + millimetres(mean) +
+                           (better ? "; it is taken." : "; it is not taken.");
+      if (better) {
+        state.values = balance.candidates[static_cast<std::size_t>(best - means.begin())];
+        mean = *best;
+      }
+    }
+    if (!balance.statement.empty()) statements_.push_back(balance.statement);
+    if (mean <= poor) return;
+  }
   state.values = scanned(*parameters_, state.values, mean,
                          [&](const auto& points) { return mean_distances(points, window); });
 }

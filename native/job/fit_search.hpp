@@ -35,10 +35,11 @@ struct FitReport {
   double rms = 0.0;  ///< [m]; NaN: not known
 };
 
-/// The fit of one law, one step at a time: the initial motion in closed form and a scan for the
-/// stiffness where the start is poor; then windows that grow, at the coarsest level; then the whole
-/// clip, level by level to the finest, each led by the Jacobian of the one before. In each stage
-/// Levenberg–Marquardt with contacts and substeps held.
+/// The fit of one law, one step at a time: the initial motion in closed form; where the start is
+/// poor the momentum balance of the tracks and, if that leaves it poor, a scan of simulations; then
+/// windows that grow, at the coarsest level; then the whole clip, level by level to the finest,
+/// each led by the Jacobian of the one before. In each stage Levenberg–Marquardt with contacts and
+/// substeps held.
 class LawFit {
  public:
   /// Builds the scenes at the document's resolution. Throws Error(kInput), Error(kCancelled).

@@ -1,0 +1,327 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_equation_start.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/error.hpp"
+#include "capture/thin.hpp"
+#include "fit/equation_error.hpp"
+#include "fit/least_squares.hpp"
+#include "fit/uncertainty.hpp"
+#include "job/follow.hpp"
+#include "mpm/pin_region.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr double kUneven = 0.01;      // of the time between frames
+constexpr double kMostPlaces = 2000;  // about, by which the balance is summed up
+constexpr std::size_t kMostFrames = 400;
+/// Unknown forces act so far off a collider, in cells: of contact by nodes.
+constexpr double kContactCells = 1.5;
+/// Standard deviation in the natural coordinate, of angles in degrees, up to which a value is told.
+constexpr double kTold = 1.1;
+constexpr double kToldAngle = 10.0;
+constexpr int kIterations = 15;
+
+/// Frames in a row, from where the body begins to move, that the fit may see.
+fit::InteriorTracks tracks_of(const FitCapture& capture, double volume) {
+  const capture::Tracks& all = capture.input.tracks;
+  std::vector<std::size_t> points;
+  for (std::size_t i = 0; i < all.points; ++i) {
+    if (capture.input.held_out_points[i] == 0 && capture.input.rest[i].allFinite()) {
+      points.push_back(i);
+    }
+  }
+  fit::InteriorTracks tracks;
+  for (const std::size_t i : points) {
+    tracks.rest.push_back(capture.input.rest[i]);
+    tracks.sigma += capture.sigma[i] / double(points.size());
+  }
+  tracks.spacing = std::cbrt(volume / std::max(1.0, double(points.size())));
+  const Vec3d unseen = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t t = 0; t < all.frames() && tracks.times.size() < kMostFrames; ++t) {
+    if (all.times[t] < capture.begin - 1e-9) continue;
+    if (all.times[t] > capture.end + 1e-9 || capture.input.held_out_frames[t] != 0) break;
+    const std::size_t known = tracks.times.size();
+    if (known > 1) {
+      const double step = tracks.times[1] - tracks.times[0];
+      if (std::abs(all.times[t] - tracks.times.back() - step) > kUneven * step) break;
+    }
+    tracks.times.push_back(all.times[t]);
+    for (const std::size_t i : points) {
+      tracks.positions.push_back(all.is_visible(t, i) ? all.position(t, i) : unseen);
+    }
+  }
+  return tracks;
+}
+
+void keep_nearer(fit::Clearance& least, double distance, const Vec3d& normal, bool at_rest) {
+  if (distance < least.distance) least = {distance, normal, at_rest};
+}
+
+fit::Clearance clearance_in(const mpm::Scene& scene, const mpm::Body& body, const Vec3d& rest,
+                            const Vec3d& position, double time) {
+  fit::Clearance least;
+  for (const mpm::ColliderPtr& collider : scene.colliders) {
+    const mpm::SurfacePoint surface = collider->closest(position, time);
+    keep_nearer(least, surface.distance, surface.normal, false);
+  }
+  if (scene.walls) {
+    for (int axis = 0; axis < 3; ++axis) {
+      keep_nearer(least, position[axis] - scene.walls->low[axis], Vec3d::Unit(axis), false);
+      keep_nearer(least, scene.walls->high[axis] - position[axis], -Vec3d::Unit(axis), false);
+    }
+  }
+  for (const mpm::Pin& pin : body.pins) {
+    if (time > pin.release + 1e-9) continue;
+    const mpm::RegionDistance region = mpm::region_distance(pin, rest);
+    const Vec3d away = rest - region.nearest;
+    const double length = away.norm();
+    keep_nearer(least, region.distance, length > 0.0 ? Vec3d(away / length) : Vec3d::UnitZ(), true);
+  }
+  return least;
+}
+
+fit::Balance balance_of(const FitCapture& capture, const mpm::Scene& scene) {
+  const mpm::Body& body = scene.bodies.front();
+  fit::Balance balance;
+  double volume = 0.0;
+  for (const double part : body.volumes) volume += part;
+  balance.places = body.rest;
+  balance.volumes = body.volumes;
+  const double separation = std::cbrt(volume / kMostPlaces);
+  if (double(balance.places.size()) > 1.5 * kMostPlaces) {
+    capture::thin(balance.places, balance.volumes, separation);
+  }
+  balance.tracks = tracks_of(capture, volume);
+  balance.density = body.density;
+  for (const double time : balance.tracks.times) {
+    balance.gravity.push_back(scene.gravity.at(time));
+  }
+  balance.flows = !body.material.is_elastic();
+  balance.contact_reach = kContactCells * scene.dx;
+  balance.clearance = [&scene, &body](const Vec3d& rest, const Vec3d& position, double time) {
+    return clearance_in(scene, body, rest, position, time);
+  };
+  return balance;
+}
+
+/// The balances of all captures of one body, by the parameters of its material.
+class BalanceProblem final : public fit::Problem {
+ public:
+  BalanceProblem(const FitParameters& parameters, std::vector<std::size_t> numbers,
+                 std::vector<double> values, Arena& arena, const Interrupter& interrupter)
+      : parameters_(parameters),
+        numbers_(std::move(numbers)),
+        values_(std::move(values)),
+        arena_(arena),
+        interrupter_(interrupter) {}
+
+  void add(std::size_t run, const mpm::Scene& scene, const FitCapture& capture) {
+    errors_.emplace_back(balance_of(capture, scene), arena_);
+    Part part{run, scene};
+    // Only what parameters are set in: no particles.
+    part.scene.bodies.front().rest.clear();
+    part.scene.bodies.front().volumes.clear();
+    parts_.push_back(std::move(part));
+  }
+  [[nodiscard]] bool empty() const { return errors_.empty(); }
+  [[nodiscard]] std::size_t tests() const {
+    std::size_t count = 0;
+    for (const fit::EquationError& error : errors_) count += error.tests();
+    return count;
+  }
+  /// Which parameters move; the others keep their value.
+  void move_only(std::vector<std::size_t> numbers) { numbers_ = std::move(numbers); }
+
+  [[nodiscard]] std::vector<double> physical(const Eigen::VectorXd& point) const {
+    std::vector<double> values = values_;
+    for (std::size_t k = 0; k < numbers_.size(); ++k) {
+      const fit::Parameter& parameter = parameters_.parameters()[numbers_[k]];
+      values[numbers_[k]] =
+          std::clamp(fit::from_natural(parameter.coordinate, point[Eigen::Index(k)]), parameter.low,
+                     parameter.high);
+    }
+    return values;
+  }
+
+  std::vector<std::optional<Eigen::VectorXd>> evaluate(
+      const std::vector<Eigen::VectorXd>& points) override {
+    std::vector<std::optional<Eigen::VectorXd>> results;
+    for (const Eigen::VectorXd& point : points) {
+      interrupter_.check();
+      const std::vector<double> values = physical(point);
+      Eigen::VectorXd all;
+      for (std::size_t k = 0; k < errors_.size(); ++k) {
+        parameters_.apply(values, parts_[k].run, parts_[k].scene);
+        const Eigen::VectorXd one =
+            errors_[k].evaluate(parts_[k].scene.bodies.front().material, arena_);
+        const Eigen::Index before = all.size();
+        all.conservativeResize(before + one.size());
+        all.tail(one.size()) = one;
+      }
+      if (all.allFinite()) {
+        results.emplace_back(std::move(all));
+      } else {
+        results.emplace_back();
+      }
+    }
+    return results;
+  }
+
+ private:
+  struct Part {
+    std::size_t run;
+    mpm::Scene scene;
+  };
+  const FitParameters& parameters_;
+  std::vector<std::size_t> numbers_;
+  std::vector<double> values_;
+  Arena& arena_;
+  const Interrupter& interrupter_;
+  std::vector<fit::EquationError> errors_;
+  std::vector<Part> parts_;
+};
+
+/// A value that was found, with its error in the natural coordinate.
+struct Found {
+  double value = 0.0;
+  double error = std::numeric_limits<double>::infinity();
+  bool told = false;
+};
+
+std::vector<Found> search(BalanceProblem& problem, const FitParameters& parameters,
+                          const std::vector<std::size_t>& numbers, std::span<const double> values) {
+  std::vector<fit::Parameter> sought;
+  for (const std::size_t number : numbers) {
+    sought.push_back(parameters.parameters()[number]);
+    sought.back().start = values[number];
+    sought.back().prior.reset();
+  }
+  problem.move_only(numbers);
+  fit::LeastSquaresOptions options;
+  options.iterations = kIterations;
+  options.step_tolerance = 2e-2;
+  options.cost_tolerance = 1e-4;
+  options.difference = 2e-2;
+  const fit::LeastSquares least_squares(sought, options);
+  fit::LeastSquaresState state = least_squares.start();
+  while (!state.finished) least_squares.iterate(problem, state);
+  least_squares.linearise(problem, state);
+  // Test functions overlap: about one residual of three counts.
+  const fit::Uncertainty known =
+      fit::uncertainty(sought, state, double(state.residual.size()) / 3.0);
+  std::vector<Found> found;
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    const fit::Coordinate coordinate = sought[k].coordinate;
+    Found one;
+    one.value = known.estimates[k].value;
+    one.error = known.estimates[k].standard_error /
+                fit::derivative(coordinate, state.point[Eigen::Index(k)]);
+    one.told = !known.estimates[k].at_bound &&
+               one.error < (coordinate == fit::Coordinate::kLinear ? kToldAngle : kTold);
+    found.push_back(one);
+  }
+  return found;
+}
+
+/// Why a run's scene cannot be looked at; empty: it can.
+std::string obstacle(const mpm::Scene& scene, const FitParameters& parameters, std::size_t run) {
+  if (scene.bodies.size() != 1)
+    return "there are other bodies, whose contact forces are not known.";
+  if (scene.bodies.front().material.law == material::Law::kDruckerPrager) {
+    return "the pressure that sand's friction depends on cannot be told from noisy tracks.";
+  }
+  if (!scene.bodies.front().masses.empty()) return "masses are attached to the body.";
+  if (parameters.places(run, scene.bodies.front().name)) return "the body's place is fitted too.";
+  return {};
+}
+
+}  // namespace
+
+EquationStart equation_start(const std::vector<FitRun>& runs, const std::vector<mpm::Scene>& scenes,
+                             const FitParameters& parameters, std::span<const double> values,
+                             int threads, const Interrupter& interrupter) {
+  EquationStart result;
+  std::vector<std::size_t> numbers;
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    if (parameters.path(i).is_material()) numbers.push_back(i);
+  }
+  if (numbers.empty()) return result;
+  Arena arena(threads);
+  std::vector<double> best(values.begin(), values.end());
+  BalanceProblem problem(parameters, numbers, best, arena, interrupter);
+  std::string why = "no capture can be used.";
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const std::string in_the_way = obstacle(scenes[r], parameters, r);
+    for (const FitCapture& capture : runs[r].captures) {
+      if (capture.used_count == 0) continue;
+      try {
+        if (!in_the_way.empty()) throw_input(in_the_way);
+        problem.add(r, scenes[r], capture);
+      } catch (const Error& error) {
+        if (error.kind() != ErrorKind::kInput) throw;
+        why = error.what();
+      }
+    }
+  }
+  const std::string title = "Start by the momentum balance of the tracks";
+  if (problem.empty()) {
+    result.statement = title + ": not used, " + why;
+    return result;
+  }
+  std::vector<Found> found;
+  std::vector<std::size_t> untold;
+  try {
+    found = search(problem, parameters, numbers, best);
+    std::vector<std::size_t> told;
+    for (std::size_t k = 0; k < numbers.size(); ++k) {
+      (found[k].told ? told : untold).push_back(numbers[k]);
+    }
+    if (!untold.empty() && !told.empty()) {
+      numbers = told;
+      found = search(problem, parameters, numbers, best);
+    }
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kCompute) throw;
+    result.statement = title + ": not used, it could not be evaluated (" + error.what() + ")";
+    return result;
+  }
+  std::string values_found;
+  std::vector<std::size_t> moved;
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    if (!found[k].told) continue;
+    const fit::Parameter& parameter = parameters.parameters()[numbers[k]];
+    best[numbers[k]] = found[k].value;
+    moved.push_back(numbers[k]);
+    values_found += fmt::format("{}{} {:.4g} {}", values_found.empty() ? "" : ", ", parameter.name,
+                                found[k].value, parameter.unit);
+    while (values_found.back() == ' ') values_found.pop_back();
+  }
+  std::string rest;
+  for (const std::size_t number : untold) {
+    rest += (rest.empty() ? "" : ", ") + parameters.parameters()[number].name;
+  }
+  result.statement = fmt::format("{} ({} test functions): {}", title, problem.tests(),
+                                 moved.empty() ? "nothing is told" : values_found);
+  if (!rest.empty()) result.statement += "; not told to a factor of three: " + rest;
+  if (moved.empty()) {
+    result.statement += ".";
+    return result;
+  }
+  result.candidates.push_back(best);
+  for (const std::size_t number : moved) {
+    if (moved.size() < 2) break;
+    std::vector<double> without = best;
+    without[number] = values[number];
+    result.candidates.push_back(std::move(without));
+  }
+  return result;
+}
+
+}  // namespace matterfit::job

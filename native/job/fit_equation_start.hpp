@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/interrupter.hpp"
+#include "job/fit_captures.hpp"
+#include "job/fit_parameters.hpp"
+
+namespace matterfit::job {
+
+/// Where a fit may begin by the momentum balance of its tracks, without a simulation.
+struct EquationStart {
+  /// To be tried, physical: all that was found, then all but each of it. Empty: it does not apply.
+  std::vector<std::vector<double>> candidates;
+  /// A sentence: what was found, or why it was not used.
+  std::string statement;
+};
+
+/// The parameters of the body's material at which the momentum balance along its interior tracks
+/// (fit/equation_error.hpp) is missed least, by Levenberg–Marquardt from `values`. What the balance
+/// does not tell to a factor of three, or where it runs into a bound, stays as it is, and the rest
+/// is sought again. It applies to captures of the only body of a scene, without attached masses,
+/// that is not placed anew, with tracks all through it at even times. `scenes` one a run; same
+/// result for any number of threads. Throws Error(kCancelled).
+[[nodiscard]] EquationStart equation_start(const std::vector<FitRun>& runs,
+                                           const std::vector<mpm::Scene>& scenes,
+                                           const FitParameters& parameters,
+                                           std::span<const double> values, int threads,
+                                           const Interrupter& interrupter);
+
+}  // namespace matterfit::job

@@ -49,7 +49,8 @@ Balance flight(Law law, double noise = 2e-5) {
   body.material = truth_of(law);
   body.lattice = {Vec3d::Zero(), Quatd::Identity(), kSeparation, true};
   for (int i = 0; i < kAcross * kAcross * kAcross; ++i) {
-    const Vec3d cell(i % kAcross, i / kAcross % kAcross, i / (kAcross * kAcross));
+    const Vec3d cell =
+        Vec3i(i % kAcross, i / kAcross % kAcross, i / (kAcross * kAcross)).cast<double>();
     body.rest.push_back(kSeparation * (cell + Vec3d::Constant(0.5)));
     body.volumes.push_back(kSeparation * kSeparation * kSeparation);
     const Vec3d x = (body.rest.back() - Vec3d::Constant(0.1)) / 0.1;
@@ -100,7 +101,7 @@ struct Sought {
 std::vector<double> ratios(Law law, const std::vector<Sought>& sought, double noise = 2e-5) {
   class Residuals final : public Problem {
    public:
-    Residuals(Balance balance, Material material, const std::vector<Sought>& sought)
+    Residuals(Balance balance, const Material& material, const std::vector<Sought>& sought)
         : arena_(2), error_(std::move(balance), arena_), material_(material), sought_(sought) {}
     std::vector<std::optional<Eigen::VectorXd>> evaluate(
         const std::vector<Eigen::VectorXd>& points) override {

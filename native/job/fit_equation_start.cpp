@@ -136,8 +136,6 @@ class BalanceProblem final : public fit::Problem {
     for (const fit::EquationError& error : errors_) count += error.tests();
     return count;
   }
-  /// Which parameters move; the others keep their value.
-  void move_only(std::vector<std::size_t> numbers) { numbers_ = std::move(numbers); }
 
   [[nodiscard]] std::vector<double> physical(const Eigen::VectorXd& point) const {
     std::vector<double> values = values_;
@@ -203,7 +201,6 @@ std::vector<Found> search(BalanceProblem& problem, const FitParameters& paramete
     sought.back().start = values[number];
     sought.back().prior.reset();
   }
-  problem.move_only(numbers);
   fit::LeastSquaresOptions options;
   options.iterations = kIterations;
   options.step_tolerance = 2e-2;
@@ -232,8 +229,9 @@ std::vector<Found> search(BalanceProblem& problem, const FitParameters& paramete
 
 /// Why a run's scene cannot be looked at; empty: it can.
 std::string obstacle(const mpm::Scene& scene, const FitParameters& parameters, std::size_t run) {
-  if (scene.bodies.size() != 1)
+  if (scene.bodies.size() != 1) {
     return "there are other bodies, whose contact forces are not known.";
+  }
   if (scene.bodies.front().material.law == material::Law::kDruckerPrager) {
     return "the pressure that sand's friction depends on cannot be told from noisy tracks.";
   }
@@ -276,36 +274,27 @@ EquationStart equation_start(const std::vector<FitRun>& runs, const std::vector<
     return result;
   }
   std::vector<Found> found;
-  std::vector<std::size_t> untold;
   try {
     found = search(problem, parameters, numbers, best);
-    std::vector<std::size_t> told;
-    for (std::size_t k = 0; k < numbers.size(); ++k) {
-      (found[k].told ? told : untold).push_back(numbers[k]);
-    }
-    if (!untold.empty() && !told.empty()) {
-      numbers = told;
-      found = search(problem, parameters, numbers, best);
-    }
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kCompute) throw;
     result.statement = title + ": not used, it could not be evaluated (" + error.what() + ")";
     return result;
   }
   std::string values_found;
+  std::string rest;
   std::vector<std::size_t> moved;
   for (std::size_t k = 0; k < numbers.size(); ++k) {
-    if (!found[k].told) continue;
     const fit::Parameter& parameter = parameters.parameters()[numbers[k]];
+    if (!found[k].told) {
+      rest += (rest.empty() ? "" : ", ") + parameter.name;
+      continue;
+    }
     best[numbers[k]] = found[k].value;
     moved.push_back(numbers[k]);
     values_found += fmt::format("{}{} {:.4g} {}", values_found.empty() ? "" : ", ", parameter.name,
                                 found[k].value, parameter.unit);
     while (values_found.back() == ' ') values_found.pop_back();
-  }
-  std::string rest;
-  for (const std::size_t number : untold) {
-    rest += (rest.empty() ? "" : ", ") + parameters.parameters()[number].name;
   }
   result.statement = fmt::format("{} ({} test functions): {}", title, problem.tests(),
                                  moved.empty() ? "nothing is told" : values_found);

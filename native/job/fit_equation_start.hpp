@@ -21,10 +21,10 @@ struct EquationStart {
 
 /// The parameters of the body's material at which the momentum balance along its interior tracks
 /// (fit/equation_error.hpp) is missed least, by Levenberg–Marquardt from `values`. What the balance
-/// does not tell to a factor of three, or where it runs into a bound, stays as it is, and the rest
-/// is sought again. It applies to captures of the only body of a scene, without attached masses,
-/// that is not placed anew, with tracks all through it at even times. `scenes` one a run; same
-/// result for any number of threads. Throws Error(kCancelled).
+/// does not tell to a factor of three, or where it runs into a bound, stays as it is. It applies to
+/// captures of the only body of a scene, without attached masses, that is not placed anew, with
+/// tracks all through it at even times. `scenes` one a run; same result for any number of threads.
+/// Throws Error(kCancelled).
 [[nodiscard]] EquationStart equation_start(const std::vector<FitRun>& runs,
                                            const std::vector<mpm::Scene>& scenes,
                                            const FitParameters& parameters,

@@ -3,18 +3,22 @@
 
 import json
 import os
+import signal
+import subprocess
+import sys
+import time
 from unittest import mock
 
 import bpy
 import fake_fit
 import numpy
 from matterfit import jobs, native, ops
-from matterfit.io import files, fit_results, presets, takes
+from matterfit.io import files, fit_results, job_document, presets, takes
 from matterfit.jobs import JobError
 from matterfit.ops import base
 from matterfit.ui import fit as fit_panel
 from matterfit.ui import fit_overlay
-from support import SceneCase, needs_library, run_cli, tree
+from support import CLI, SceneCase, needs_library, run_cli, tree
 from test_fit_document import FitCase
 from test_operators import Backend
 
@@ -464,6 +468,39 @@ class NativeTest(SceneCase):
         self.assertEqual(bpy.ops.matterfit.save_material(filepath=path), {"FINISHED"},
                          self.error())
         self.assertIn("provenance", files.read_json(path))
+
+    def test_killed_then_resumed(self):
+        """kill -9 in the middle of a fit; going on finds what an unbroken fit finds, to the bit."""
+        for row in self.settings.fit.parameters:
+            row.enabled = row.key in ("material.E", "material.nu", "velocity")
+        self.settings.fit.windows = True
+        run = takes.for_fit(self.settings)
+        folder = takes.claim(run)
+        path = job_document.write(job_document.build(self.scene, run, folder, "fit"), folder)
+        command = [bpy.app.binary_path or sys.executable]
+        if bpy.app.binary_path:
+            command += ["-b", "--factory-startup", "--python-exit-code", "1", "-P", CLI]
+        else:
+            command += [CLI]
+        process = subprocess.Popen([*command, "--", "fit", path, "--quiet"],
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        end = time.monotonic() + 120
+        while len(fit_results.history(folder)) < 2 and time.monotonic() < end:
+            self.assertIsNone(process.poll(), "the fit ended before it could be killed")
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        self.assertFalse(os.path.exists(os.path.join(folder, "result.json")))
+        self.assertTrue(os.path.exists(os.path.join(folder, "fit", "checkpoint.json")))
+        found = []
+        for more in ((), ("--restart",)):
+            done = run_cli("fit", path, "--json", "--quiet", *more, timeout=300)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            text = done.stdout[done.stdout.index("{"):done.stdout.rindex("}") + 1]
+            fit = json.loads(text)["fit"]
+            found.append([(entry["path"], entry["value"], entry["standard_error"])
+                          for entry in fit["parameters"]] + fit["history"])
+        self.assertEqual(*found)
 
     def test_without_a_window(self):
         """`fit --save` from the command line fits the open scene, applies and saves."""

@@ -217,9 +217,9 @@ def _contents(row):
 
 
 def _renamed(rows, wanted):
-    """{new name: old name} where exactly one owner has gone and one has come."""
-    before = {row.owner for row in rows}
-    after = {owner for owner, _quantity in wanted}
+    """{new name: old name} where exactly one body or collider has gone and one has come."""
+    before = {row.owner for row in rows if row.key != _START_FRAME.key}
+    after = {owner for owner, quantity in wanted if quantity is not _START_FRAME}
     gone, come = before - after, after - before
     return {come.pop(): gone.pop()} if len(gone) == len(come) == 1 else {}
 

@@ -191,6 +191,25 @@ double worth_while(const Problem& problem, const VectorXd& residual, double tole
   return independent > 0.0 ? std::max(tolerance, std::min(kMost, kTenth / independent)) : tolerance;
 }
 
+/// Whether the step before the one just taken, too, lowered the cost by less than `least`: in a
+/// crooked valley, or where differences are rough, the model goes on promising more than there is.
+bool stalled(const std::vector<LeastSquaresStep>& history, double least) {
+  double later = -1.0;
+  int iteration = 0;
+  int gains = 0;
+  for (auto step = history.rbegin(); step != history.rend() && gains < 2; ++step) {
+    if (!step->accepted) continue;
+    if (later >= 0.0) {
+      // Where it stands still the costs are of one point, with other substeps.
+      if (step->iteration + 1 != iteration || step->cost - later > least) return false;
+      ++gains;
+    }
+    later = step->cost;
+    iteration = step->iteration;
+  }
+  return gains == 2;
+}
+
 /// With a stand-in's slopes: where a few steps are refused, the problem's own lead farther.
 constexpr int kBorrowedTrials = 3;
 
@@ -238,6 +257,9 @@ Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
       } else if (before - cost <= options.cost_tolerance * before &&
                  model.decrease(full) <= 10.0 * options.cost_tolerance * before) {
         finish(state, true, "The last step lowered the cost by less than the tolerance.");
+      } else if ((trial > 0 || gain < 0.25) &&
+                 stalled(state.history, options.cost_tolerance * before)) {
+        finish(state, true, "The last two steps lowered the cost by less than the tolerance.");
       }
       return Outcome::kAccepted;
     }

@@ -59,7 +59,7 @@ struct LeastSquaresState {
   int iteration = 0;  ///< steps accepted
   int evaluations = 0;
   bool finished = false;
-  bool converged = false;  ///< finished because nothing is left to gain
+  bool converged = false;  ///< finished because nothing is left to gain, or next to nothing
   std::string reason;      ///< why it ended, a sentence
   bool own = false;        ///< the stand-in leads no farther: Jacobians are the problem's own
   /// Where the Jacobian was taken that the next iteration uses again; empty: it makes its own.

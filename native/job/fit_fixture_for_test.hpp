@@ -48,9 +48,12 @@ inline Json run(const Json& document, const fs::path& folder, int threads = 2,
 /// 4 × 4 × 4 points inside the cube.
 inline Points markers() {
   Points points;
-  for (int i = 0; i < 64; ++i) {
-    const Vec3d cell(i % 4, i / 4 % 4, i / 16);
-    points.push_back(Vec3d(0.05, 0.05, 0.15) + 0.1 * cell);
+  for (int k = 0; k < 4; ++k) {
+    for (int j = 0; j < 4; ++j) {
+      for (int i = 0; i < 4; ++i) {
+        points.push_back(Vec3d(0.05, 0.05, 0.15) + 0.1 * Vec3d(i, j, k));
+      }
+    }
   }
   return points;
 }

@@ -20,8 +20,8 @@ using material::Material;
 
 struct Kind {
   FitQuantity quantity;
-  const char* unit;
   Coordinate coordinate;
+  const char* unit;
   double scale;  ///< natural coordinate: a change that matters
   double low;    ///< default bounds; both 0: a factor either side of the start
   double high;
@@ -36,29 +36,29 @@ const Kind& kind_of(FitQuantity quantity) {
   constexpr auto kLin = Coordinate::kLinear;
   constexpr auto kLog = Coordinate::kLog;
   static const Kind kinds[] = {
-      {Q::kYoungsModulus, "Pa", kLog, 1.0, 1e2, 1e10, &Material::youngs_modulus},
-      {Q::kPoissonRatio, "", Coordinate::kLogit, 1.0, 0.01, 0.495, &Material::poisson_ratio},
-      {Q::kYieldStress, "Pa", kLog, 1.0, 0.0, 0.0, &Material::yield_stress},
-      {Q::kHardening, "Pa", kLog, 1.0, 0.0, 0.0, &Material::hardening},
-      {Q::kViscosity, "Pa s", kLog, 1.0, 0.0, 0.0, &Material::viscosity},
-      {Q::kExponent, "", kLog, 1.0, 0.1, 4.0, &Material::exponent},
-      {Q::kFrictionAngle, "degrees", kLin, 5.0, 5.0, 65.0, &Material::friction_angle},
-      {Q::kCohesion, "Pa", kLog, 1.0, 0.0, 0.0, &Material::cohesion},
-      {Q::kBulkModulus, "Pa", kLog, 1.0, 0.0, 0.0, &Material::bulk_modulus},
-      {Q::kDampingShear, "Pa s", kLog, 1.0, 0.0, 0.0, &Material::damping_shear},
-      {Q::kDampingBulk, "Pa s", kLog, 1.0, 0.0, 0.0, &Material::damping_bulk},
-      {Q::kMaxwellModulus, "Pa", kLog, 1.0, 0.0, 0.0},
-      {Q::kMaxwellTime, "s", kLog, 1.0, 0.0, 0.0},
-      {Q::kDensity, "kg/m³", kLog, 1.0, 0.0, 0.0},
-      {Q::kVelocity, "m/s", kLin, 0.1, -50.0, 50.0},
-      {Q::kSpin, "rad/s", kLin, 1.0, -200.0, 200.0},
-      {Q::kPosition, "m", kLin, 0.01, -1.0, 1.0},
-      {Q::kRotation, "rad", kLin, 0.1, -std::numbers::pi, std::numbers::pi},
-      {Q::kGravity, "m/s²", kLin, 1.0, -100.0, 100.0},
-      {Q::kFriction, "", kLog, 1.0, 1e-3, 3.0},
-      {Q::kContactStiffness, "Pa/m", kLog, 1.0, 0.0, 0.0},
-      {Q::kHeight, "m", kLin, 0.01, -1.0, 1.0},
-      {Q::kStartFrame, "frames", kLin, 0.2, -2.0, 2.0},
+      {Q::kYoungsModulus, kLog, "Pa", 1.0, 1e2, 1e10, &Material::youngs_modulus},
+      {Q::kPoissonRatio, Coordinate::kLogit, "", 1.0, 0.01, 0.495, &Material::poisson_ratio},
+      {Q::kYieldStress, kLog, "Pa", 1.0, 0.0, 0.0, &Material::yield_stress},
+      {Q::kHardening, kLog, "Pa", 1.0, 0.0, 0.0, &Material::hardening},
+      {Q::kViscosity, kLog, "Pa s", 1.0, 0.0, 0.0, &Material::viscosity},
+      {Q::kExponent, kLog, "", 1.0, 0.1, 4.0, &Material::exponent},
+      {Q::kFrictionAngle, kLin, "degrees", 5.0, 5.0, 65.0, &Material::friction_angle},
+      {Q::kCohesion, kLog, "Pa", 1.0, 0.0, 0.0, &Material::cohesion},
+      {Q::kBulkModulus, kLog, "Pa", 1.0, 0.0, 0.0, &Material::bulk_modulus},
+      {Q::kDampingShear, kLog, "Pa s", 1.0, 0.0, 0.0, &Material::damping_shear},
+      {Q::kDampingBulk, kLog, "Pa s", 1.0, 0.0, 0.0, &Material::damping_bulk},
+      {Q::kMaxwellModulus, kLog, "Pa", 1.0, 0.0, 0.0},
+      {Q::kMaxwellTime, kLog, "s", 1.0, 0.0, 0.0},
+      {Q::kDensity, kLog, "kg/m³", 1.0, 0.0, 0.0},
+      {Q::kVelocity, kLin, "m/s", 0.1, -50.0, 50.0},
+      {Q::kSpin, kLin, "rad/s", 1.0, -200.0, 200.0},
+      {Q::kPosition, kLin, "m", 0.01, -1.0, 1.0},
+      {Q::kRotation, kLin, "rad", 0.1, -std::numbers::pi, std::numbers::pi},
+      {Q::kGravity, kLin, "m/s²", 1.0, -100.0, 100.0},
+      {Q::kFriction, kLog, "", 1.0, 1e-3, 3.0},
+      {Q::kContactStiffness, kLog, "Pa/m", 1.0, 0.0, 0.0},
+      {Q::kHeight, kLin, "m", 0.01, -1.0, 1.0},
+      {Q::kStartFrame, kLin, "frames", 0.2, -2.0, 2.0},
   };
   return *std::find_if(std::begin(kinds), std::end(kinds),
                        [&](const Kind& kind) { return kind.quantity == quantity; });

@@ -438,7 +438,7 @@ class FitJob {
 
   Json write_cancelled(const Job& scene, Json fit) const {
     (void)write_materials(folder_, scene, fitted_bodies(), fit);
-    const Json result = {
+    Json result = {
         {"status", "cancelled"},        {"task", "fit"},
         {"error", "Cancelled."},        {"exit_status", exit_status(ErrorKind::kCancelled)},
         {"version", MATTERFIT_VERSION}, {"target", target_name(target_)},

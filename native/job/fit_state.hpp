@@ -16,6 +16,7 @@ namespace matterfit::job {
 inline constexpr const char* kFitCheckpointPath = "fit/checkpoint.json";
 
 /// Where the fit of one law stands.
+// NOLINTNEXTLINE(bugprone-exception-escape): of the JSON library's moves it cannot tell
 struct LawState {
   std::string law;
   std::vector<double> values;  ///< physical, the best so far
@@ -37,6 +38,7 @@ struct LawState {
 };
 
 /// Where a fit stands: all that the next iteration depends on.
+// NOLINTNEXTLINE(bugprone-exception-escape): of the JSON library's moves it cannot tell
 struct FitState {
   std::string input_hash;
   Inputs inputs;

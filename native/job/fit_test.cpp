@@ -282,7 +282,7 @@ TEST(Fit, RefusesWhatCannotBeFitted) {
     Json document = poor_start();
     document["output"]["folder"] = "refused";
     change(document);
-    const std::string message = message_of([&] { (void)run(document, folder.path); });
+    std::string message = message_of([&] { (void)run(document, folder.path); });
     EXPECT_FALSE(fs::exists(folder.path / "refused")) << message;
     return message;
   };
@@ -345,7 +345,7 @@ TEST(Fit, FramesOutOfOrderAndPositionsThatAreNone) {
   EXPECT_THAT(message_of([&] { (void)run(poor_start(), folder.path); }),
               HasSubstr("Sort the frames by time"));
   // Without marks of visibility NaN means that the point was not seen.
-  for (std::size_t k = 0; k < 3; ++k) positions[3 * (5 * 64 + 7) + k] = std::nan("");
+  for (std::size_t k = 0; k < 3; ++k) positions[std::size_t{3} * (5 * 64 + 7) + k] = std::nan("");
   write_tracks(folder.path / "a.npz", positions, 14, 24);
   const Json result = run(poor_start(), folder.path);
   EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 3e4, 1.0, 0.02);

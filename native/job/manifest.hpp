@@ -18,6 +18,7 @@ inline constexpr std::string_view kCacheSchema = "matterfit.cache/1";
 /// What a cache folder holds, `manifest.json`: which frames are done and every file we wrote, with
 /// size and hash. Written after the files it names, so it never promises what is not there.
 /// Nothing is ever deleted that it does not list.
+// NOLINTNEXTLINE(bugprone-exception-escape): of the JSON library's moves it cannot tell
 struct Manifest {
   struct File {
     std::uint64_t size = 0;

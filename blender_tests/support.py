@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 import bpy
@@ -148,12 +149,39 @@ def program():
     return [sys.executable]
 
 
+def _cli(arguments, blend=None):
+    """cli.py as a user calls it."""
+    if not bpy.app.binary_path:
+        return [sys.executable, CLI, "--", *arguments]
+    return [bpy.app.binary_path, "-b", "--factory-startup", *([blend] if blend else []),
+            "--python-exit-code", "1", "-P", CLI, "--", *arguments]
+
+
 def run_cli(*arguments, blend=None, timeout=60):
-    """cli.py as a user calls it. Returns the finished process."""
-    if bpy.app.binary_path:
-        command = [bpy.app.binary_path, "-b", "--factory-startup"]
-        command += [blend] if blend else []
-        command += ["--python-exit-code", "1", "-P", CLI, "--", *arguments]
-    else:
-        command = [sys.executable, CLI, "--", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
+    """Runs cli.py. Returns the finished process."""
+    return subprocess.run(_cli(arguments, blend), capture_output=True, text=True, timeout=timeout,
+                          check=False)
+
+
+def kill_cli(*arguments, when, timeout=120):
+    """Starts cli.py and kills it, with no chance to clean up, as soon as `when()` is true."""
+    process = subprocess.Popen(_cli([*arguments, "--quiet"]), stdout=subprocess.DEVNULL,
+                               stderr=subprocess.DEVNULL)
+    try:
+        end = time.monotonic() + timeout
+        while not when():
+            if process.poll() is not None:
+                raise AssertionError(f"{arguments[0]} ended before it could be killed")
+            if time.monotonic() > end:
+                raise AssertionError(f"{arguments[0]}: not so far in {timeout} s")
+            time.sleep(0.01)
+    finally:
+        process.kill()
+        process.wait()
+
+
+def printed_json(done):
+    """The document among what a finished `run_cli` with --json printed; it must have succeeded."""
+    if done.returncode != 0:
+        raise AssertionError(f"status {done.returncode}\n{done.stderr}")
+    return json.loads(done.stdout[done.stdout.index("{"):done.stdout.rindex("}") + 1])

@@ -1,12 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """With the native library: bake, resume, compare, verify, free, and the same bytes headless."""
 
-import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
 import time
 from unittest import mock
 
@@ -15,7 +11,7 @@ import numpy
 from matterfit import jobs, native
 from matterfit.io import cache, files, job_document, takes
 from matterfit.jobs import State
-from support import CLI, SceneCase, needs_library, read, run_cli, second_process, tree
+from support import SceneCase, kill_cli, needs_library, printed_json, read, run_cli, second_process, tree
 
 RESULTS = ("state", "mesh", "points", "volume", "attributes")
 
@@ -291,23 +287,10 @@ class ResumeTest(SceneCase):
         document = job_document.build(self.scene, take, folder, "bake")
         document["output"]["checkpoint"] = {"frames": 2, "seconds": 1000}
         path = job_document.write(document, folder)
-        command = [bpy.app.binary_path or sys.executable]
-        if bpy.app.binary_path:
-            command += ["-b", "--factory-startup", "--python-exit-code", "1", "-P", CLI]
-        else:
-            command += [CLI]
-        process = subprocess.Popen([*command, "--", "bake", path, "--quiet"],
-                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        end = time.monotonic() + 120
-        while cache.manifest(folder).get("frames_done", 0) < 6 and time.monotonic() < end:
-            self.assertIsNone(process.poll(), "the bake ended before it could be killed")
-            time.sleep(0.02)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        kill_cli("bake", path, when=lambda: cache.manifest(folder).get("frames_done", 0) >= 6)
         self.assertFalse(cache.manifest(folder)["complete"])
         done = run_cli("bake", path, "--json")
-        self.assertEqual(done.returncode, 0, done.stderr)
-        result = json.loads(done.stdout[done.stdout.index("{"):done.stdout.rindex("}") + 1])
+        result = printed_json(done)
         self.assertTrue(any("resumed" in note for note in result.get("notes", [])), result)
         resumed = results(folder)
         cache.free(folder)

@@ -1,12 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fit, Cancel, Resume, what they found, Apply, Save Material, presets of one's own."""
 
-import json
 import os
-import signal
-import subprocess
-import sys
-import time
 from unittest import mock
 
 import bpy
@@ -18,7 +13,7 @@ from matterfit.jobs import JobError
 from matterfit.ops import base
 from matterfit.ui import fit as fit_panel
 from matterfit.ui import fit_overlay
-from support import CLI, SceneCase, needs_library, run_cli, tree
+from support import SceneCase, kill_cli, needs_library, printed_json, run_cli, tree
 from test_fit_document import FitCase
 from test_operators import Backend
 
@@ -477,27 +472,13 @@ class NativeTest(SceneCase):
         run = takes.for_fit(self.settings)
         folder = takes.claim(run)
         path = job_document.write(job_document.build(self.scene, run, folder, "fit"), folder)
-        command = [bpy.app.binary_path or sys.executable]
-        if bpy.app.binary_path:
-            command += ["-b", "--factory-startup", "--python-exit-code", "1", "-P", CLI]
-        else:
-            command += [CLI]
-        process = subprocess.Popen([*command, "--", "fit", path, "--quiet"],
-                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        end = time.monotonic() + 120
-        while len(fit_results.history(folder)) < 2 and time.monotonic() < end:
-            self.assertIsNone(process.poll(), "the fit ended before it could be killed")
-            time.sleep(0.01)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        kill_cli("fit", path, when=lambda: len(fit_results.history(folder)) >= 2)
         self.assertFalse(os.path.exists(os.path.join(folder, "result.json")))
         self.assertTrue(os.path.exists(os.path.join(folder, "fit", "checkpoint.json")))
         found = []
         for more in ((), ("--restart",)):
             done = run_cli("fit", path, "--json", "--quiet", *more, timeout=300)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            text = done.stdout[done.stdout.index("{"):done.stdout.rindex("}") + 1]
-            fit = json.loads(text)["fit"]
+            fit = printed_json(done)["fit"]
             found.append([(entry["path"], entry["value"], entry["standard_error"])
                           for entry in fit["parameters"]] + fit["history"])
         self.assertEqual(*found)
@@ -509,8 +490,7 @@ class NativeTest(SceneCase):
         self.save("scene.blend")
         done = run_cli("fit", "--json", "--save", "--quiet", timeout=300,
                        blend=os.path.join(self.folder, "scene.blend"))
-        self.assertEqual(done.returncode, 0, done.stderr)
-        result = json.loads(done.stdout[done.stdout.index("{"):done.stdout.rindex("}") + 1])
+        result = printed_json(done)
         self.assertAlmostEqual(result["fit"]["parameters"][0]["value"] / 6e4, 1.0, delta=0.05)
         self.reopen()
         self.assertAlmostEqual(self.settings.bodies[0].material.E / 6e4, 1.0, delta=0.05)

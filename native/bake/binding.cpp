@@ -6,27 +6,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <nanoflann.hpp>
 #include <utility>
 
 #include "base/error.hpp"
+#include "capture/point_tree.hpp"
 
 namespace matterfit::bake {
 namespace {
 
-struct Cloud {
-  std::span<const Vec3d> points;
-  [[nodiscard]] std::size_t kdtree_get_point_count() const { return points.size(); }
-  [[nodiscard]] double kdtree_get_pt(std::size_t i, std::size_t axis) const {
-    return points[i][static_cast<Eigen::Index>(axis)];
-  }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Cloud>, Cloud,
-                                                 3, std::uint32_t>;
+using Tree = capture::PointTree<std::uint32_t>;
 
 /// Beyond this the fit says more about noise than about the motion.
 constexpr double kConditionLimit = 1e-2;  // smallest over largest moment
@@ -126,7 +114,7 @@ MeshBinding::MeshBinding(std::span<const Vec3d> points, std::span<const Vec3d> r
       throw_input("point " + std::to_string(i) + " of the mesh is not a finite position.");
     }
   }
-  const Cloud cloud{rest_};
+  const capture::PointCloud cloud{rest_};
   const Tree tree(3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams(16));
   std::vector<PointBinding> bindings(points.size());
   arena.parallel_for(0, points.size(), 64, [&](std::size_t i) {

@@ -8,11 +8,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nanoflann.hpp>
 #include <numeric>
 
 #include "base/error.hpp"
 #include "capture/fill_lattice.hpp"
+#include "capture/point_tree.hpp"
 #include "mpm/triangle_mesh.hpp"
 
 namespace matterfit::capture {
@@ -90,25 +90,11 @@ double enclosed_volume(const Mesh& mesh) {
   return sum;
 }
 
-struct PointCloud {
-  const Points& points;
-  [[nodiscard]] std::size_t kdtree_get_point_count() const { return points.size(); }
-  [[nodiscard]] double kdtree_get_pt(std::size_t i, std::size_t axis) const {
-    return points[i][static_cast<Eigen::Index>(axis)];
-  }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-
 /// Mean distance of each point to its three nearest neighbours, then averaged with those of eight
 /// neighbours: even the corner of a lattice has three neighbours at its spacing.
 std::vector<double> local_spacing(const Points& points) {
   const PointCloud cloud{points};
-  using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointCloud>,
-                                                   PointCloud, 3, std::size_t>;
-  Tree tree(3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+  PointTree<> tree(3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams(16));
   tree.buildIndex();
   constexpr std::size_t kAround = 9;  // itself and eight others
   std::vector<std::size_t> neighbours(kAround * points.size());

@@ -11,6 +11,8 @@
 
 #include "base/error.hpp"
 #include "material/point_law.hpp"
+#include "math/catmull_rom.hpp"
+#include "mpm/spline_weights.hpp"
 
 namespace matterfit::fit {
 namespace {
@@ -33,61 +35,37 @@ constexpr double kOfInertia = 0.05;
 constexpr double kOfStress = 0.3;
 constexpr double kInverted = 0.02;  ///< least det F that a path may go through
 
-/// Cubic through the frames (Catmull and Rom), s in [0, 1].
-Mat3d between(const Mat3d& before, const Mat3d& a, const Mat3d& b, const Mat3d& after, double s) {
-  const Mat3d from = 0.5 * (b - before);
-  const Mat3d to = 0.5 * (after - a);
-  const Mat3d d = b - a;
-  return a + s * (from + s * ((3.0 * d - 2.0 * from - to) + s * (from + to - 2.0 * d)));
-}
-
 /// Quadratic B-splines of the 27 nodes from `base` on.
 struct Spline {
   Vec3i base;
-  std::array<Vec3d, 3> w;   ///< value, along each axis
-  std::array<Vec3d, 3> g;   ///< slope [1/m]
-  std::array<double, 3> c;  ///< curvature [1/m²]
+  mpm::PointStencil stencil;
+  double cell;
 
-  Spline(const Vec3d& x, double cell) : c{1.0, -2.0, 1.0} {
-    for (int axis = 0; axis < 3; ++axis) {
-      const double at = x[axis] / cell;
-      base[axis] = static_cast<int>(std::floor(at - 0.5));
-      const double f = at - base[axis];
-      w[0][axis] = 0.5 * (1.5 - f) * (1.5 - f);
-      w[1][axis] = 0.75 - (f - 1.0) * (f - 1.0);
-      w[2][axis] = 0.5 * (f - 0.5) * (f - 0.5);
-      g[0][axis] = -(1.5 - f) / cell;
-      g[1][axis] = -2.0 * (f - 1.0) / cell;
-      g[2][axis] = (f - 0.5) / cell;
-    }
-    for (double& curvature : c) curvature /= cell * cell;
-  }
+  Spline(const Vec3d& x, double cell_size)
+      : base((x.array() / cell_size - 0.5).floor().cast<int>()),
+        stencil(x / cell_size - base.cast<double>(), cell_size),
+        cell(cell_size) {}
 
+  /// Visits each node: where it is, and its weight there.
   template <class Visit>
   void each(const Visit& visit) const {
-    for (int k = 0; k < 3; ++k) {
-      for (int j = 0; j < 3; ++j) {
-        for (int i = 0; i < 3; ++i) visit(Vec3i(i, j, k));
+    for (std::size_t k = 0; k < 3; ++k) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        for (std::size_t i = 0; i < 3; ++i) {
+          visit(base + Vec3i(static_cast<int>(i), static_cast<int>(j), static_cast<int>(k)),
+                At{*this, i, j, k});
+        }
       }
     }
   }
-  [[nodiscard]] double value(const Vec3i& n) const {
-    return w[n.x()].x() * w[n.y()].y() * w[n.z()].z();
-  }
-  [[nodiscard]] Vec3d slope(const Vec3i& n) const {
-    return {g[n.x()].x() * w[n.y()].y() * w[n.z()].z(), w[n.x()].x() * g[n.y()].y() * w[n.z()].z(),
-            w[n.x()].x() * w[n.y()].y() * g[n.z()].z()};
-  }
-  [[nodiscard]] Mat3d curvature(const Vec3i& n) const {
-    const double xy = g[n.x()].x() * g[n.y()].y() * w[n.z()].z();
-    const double xz = g[n.x()].x() * w[n.y()].y() * g[n.z()].z();
-    const double yz = w[n.x()].x() * g[n.y()].y() * g[n.z()].z();
-    Mat3d m;
-    m << c[n.x()] * w[n.y()].y() * w[n.z()].z(), xy, xz,  //
-        xy, w[n.x()].x() * c[n.y()] * w[n.z()].z(), yz,   //
-        xz, yz, w[n.x()].x() * w[n.y()].y() * c[n.z()];
-    return m;
-  }
+  /// Of one node.
+  struct At {
+    const Spline& of;
+    std::size_t i, j, k;
+    [[nodiscard]] double value() const { return of.stencil.weight(i, j, k); }
+    [[nodiscard]] Vec3d slope() const { return of.stencil.gradient(i, j, k); }
+    [[nodiscard]] Mat3d curvature() const { return of.stencil.curvature(i, j, k, of.cell); }
+  };
 };
 
 }  // namespace
@@ -259,9 +237,9 @@ void EquationError::choose_tests() {
       const double m = s * balance_.density * balance_.volumes[q];
       const Vec3d lack = motion.accelerations[h * places + q] - balance_.gravity[hats_[h].centre];
       const Spline spline(motion.positions[first + q], cell_);
-      spline.each([&](const Vec3i& n) {
-        const std::size_t at = nodes.index(spline.base + n);
-        const double share = m * spline.value(n);
+      spline.each([&](const Vec3i& node, const Spline::At& weight) {
+        const std::size_t at = nodes.index(node);
+        const double share = m * weight.value();
         (is_known ? mass : unknown)[at] += share;
         if (is_known) force[at] += share * lack.norm();
       });
@@ -295,8 +273,8 @@ void EquationError::follow(const material::Material& material, const TrackMotion
     }
     for (std::size_t j = 0; j < substeps_; ++j) {
       const double part = double(j) / double(substeps_);
-      const Mat3d now =
-          between(at_frame(t > 0 ? t - 1 : 0), at_frame(t), at_frame(t + 1), at_frame(t + 2), part);
+      const Mat3d now = catmull_rom(at_frame(t > 0 ? t - 1 : 0), at_frame(t), at_frame(t + 1),
+                                    at_frame(t + 2), part);
       if (!(now.determinant() > kInverted)) return;
       const Mat3d tau = law.advance(now * last.inverse(), state);
       const Mat3d inverse = now.inverse().transpose();
@@ -339,17 +317,16 @@ void EquationError::add_hat(std::size_t h, std::size_t number,
       all = stress[h * places + q].all * turned;
       deviator = stress[h * places + q].deviator * turned;
     }
-    spline.each([&](const Vec3i& n) {
-      const Vec3i node = spline.base + n;
+    spline.each([&](const Vec3i& node, const Spline::At& weight) {
       if (!nodes.has(node) || nodes.test[nodes.index(node)] < 0) return;
-      const double w = spline.value(n);
-      const Vec3d g = spline.slope(n);
+      const double w = weight.value();
+      const Vec3d g = weight.slope();
       auto row = sums.segment<6>(Eigen::Index(6 * nodes.test[nodes.index(node)]));
       row.head<3>() += s * w * inertia + all * (s * g + w * ramp);
       // ψ = s² N: (∇ψ × eᵢ) · b = eᵢ · (b × ∇ψ), and so for the rows of its gradient. A collider's
       // curvature is left out; what there is is symmetric, so it has no divergence either.
       Vec3d slope = s * s * g;
-      Mat3d hessian = s * s * spline.curvature(n);
+      Mat3d hessian = s * s * weight.curvature();
       if (s < 1.0) {
         slope += 2.0 * s * w * ramp;
         const Mat3d mixed = g * ramp.transpose();

@@ -5,8 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <nanoflann.hpp>
 #include <numeric>
+
+#include "capture/point_tree.hpp"
 
 namespace matterfit::fit {
 namespace {
@@ -20,26 +21,12 @@ constexpr double kReachOfFlow = 2.6;
 /// The least share of a direction in the spread of the neighbours: they must not lie in a plane.
 constexpr double kLeastSpread = 0.02;
 
-struct Cloud {
-  const Points& points;
-  [[nodiscard]] std::size_t kdtree_get_point_count() const { return points.size(); }
-  [[nodiscard]] double kdtree_get_pt(std::size_t i, std::size_t axis) const {
-    return points[i][static_cast<int>(axis)];
-  }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-using Tree =
-    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Cloud>, Cloud, 3>;
-
 /// Points among which neighbours are looked for: some of the tracks.
 struct Neighbourhood {
   Points points;
   std::vector<std::size_t> number;  ///< of the track
-  Cloud cloud{points};
-  Tree tree{3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams(16)};
+  capture::PointCloud cloud{points};
+  capture::PointTree<> tree{3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams(16)};
 
   Neighbourhood(Points chosen, std::vector<std::size_t> numbers)
       : points(std::move(chosen)), number(std::move(numbers)) {

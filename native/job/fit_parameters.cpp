@@ -26,6 +26,7 @@ struct Kind {
   double low;    ///< default bounds; both 0: a factor either side of the start
   double high;
   double Material::*member = nullptr;
+  bool around = false;  ///< default bounds are about the start
 };
 
 constexpr double kWide = 1e4;     // factor either side of a start
@@ -52,28 +53,23 @@ const Kind& kind_of(FitQuantity quantity) {
       {Q::kDensity, kLog, "kg/m³", 1.0, 0.0, 0.0},
       {Q::kVelocity, kLin, "m/s", 0.1, -50.0, 50.0},
       {Q::kSpin, kLin, "rad/s", 1.0, -200.0, 200.0},
-      {Q::kPosition, kLin, "m", 0.01, -1.0, 1.0},
+      {Q::kPosition, kLin, "m", 0.01, -1.0, 1.0, nullptr, true},
       {Q::kRotation, kLin, "rad", 0.1, -std::numbers::pi, std::numbers::pi},
       {Q::kGravity, kLin, "m/s²", 1.0, -100.0, 100.0},
       {Q::kFriction, kLog, "", 1.0, 1e-3, 3.0},
       {Q::kContactStiffness, kLog, "Pa/m", 1.0, 0.0, 0.0},
-      {Q::kHeight, kLin, "m", 0.01, -1.0, 1.0},
-      {Q::kStartFrame, kLin, "frames", 0.2, -2.0, 2.0},
+      {Q::kHeight, kLin, "m", 0.01, -1.0, 1.0, nullptr, true},
+      {Q::kStartFrame, kLin, "frames", 0.2, -2.0, 2.0, nullptr, true},
   };
   return *std::find_if(std::begin(kinds), std::end(kinds),
                        [&](const Kind& kind) { return kind.quantity == quantity; });
 }
 
-const ColliderDoc* collider_named(const SceneDoc& scene, const std::string& name) {
-  for (const ColliderDoc& collider : scene.colliders) {
-    if (collider.name == name) return &collider;
-  }
-  return nullptr;
-}
-
-const CaptureDoc* capture_named(const Job& job, const std::string& name) {
-  for (const CaptureDoc& capture : job.captures) {
-    if (capture.name == name) return &capture;
+/// Null where none of `all` has the name.
+template <class Doc>
+const Doc* named(const std::vector<Doc>& all, const std::string& name) {
+  for (const Doc& one : all) {
+    if (one.name == name) return &one;
   }
   return nullptr;
 }
@@ -82,13 +78,13 @@ bool has_owner(const Job& job, const FitPath& path) {
   const SceneDoc& scene = job.scene;
   switch (path.quantity) {
     case FitQuantity::kStartFrame:
-      return capture_named(job, path.owner) != nullptr;
+      return named(job.captures, path.owner) != nullptr;
     case FitQuantity::kGravity:
       return scene.gravity.values.size() == 1;
     case FitQuantity::kFriction:
     case FitQuantity::kContactStiffness:
     case FitQuantity::kHeight:
-      return collider_named(scene, path.owner) != nullptr;
+      return named(scene.colliders, path.owner) != nullptr;
     default:
       return std::any_of(scene.bodies.begin(), scene.bodies.end(),
                          [&](const BodyDoc& body) { return body.name == path.owner; });
@@ -118,13 +114,13 @@ double scalar_in(const FitScene& scene, const FitPath& path) {
   if (path.component) return vector_in(doc, path)[*path.component];
   switch (path.quantity) {
     case FitQuantity::kStartFrame:
-      return capture_named(*scene.job, path.owner)->start_frame.value_or(doc.first_frame);
+      return named(scene.job->captures, path.owner)->start_frame.value_or(doc.first_frame);
     case FitQuantity::kFriction:
-      return collider_named(doc, path.owner)->contact.mu;
+      return named(doc.colliders, path.owner)->contact.mu;
     case FitQuantity::kHeight:
-      return collider_named(doc, path.owner)->height;
+      return named(doc.colliders, path.owner)->height;
     case FitQuantity::kContactStiffness: {
-      const double given = collider_named(doc, path.owner)->contact.stiffness;
+      const double given = named(doc.colliders, path.owner)->contact.stiffness;
       return given > 0.0 ? given : default_stiffness(*scene.scene, path.owner);
     }
     default:
@@ -223,11 +219,8 @@ void set_bounds(const FitParameterDoc& doc, const Kind& kind, fit::Parameter& pa
     if (kind.unit == std::string_view("Pa s")) parameter.high = std::min(parameter.high, kLargest);
     return;
   }
-  const bool around = kind.quantity == FitQuantity::kPosition ||
-                      kind.quantity == FitQuantity::kHeight ||
-                      kind.quantity == FitQuantity::kStartFrame;
-  parameter.low = kind.low + (around ? start : 0.0);
-  parameter.high = kind.high + (around ? start : 0.0);
+  parameter.low = kind.low + (kind.around ? start : 0.0);
+  parameter.high = kind.high + (kind.around ? start : 0.0);
   // A start of the document's own may lie beyond: half way to what the coordinate allows.
   if (start >= parameter.high) {
     parameter.high = kind.coordinate == Coordinate::kLogit ? 0.5 - 0.1 * (0.5 - start)

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "base/error.hpp"
+#include "math/catmull_rom.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -71,12 +72,7 @@ SimulatedCapture at_times(const std::vector<Points>& frames, std::size_t points,
       if (s == 0.0) {
         x = a;
       } else if (cubic) {
-        const Vec3d& before = frames[below - 1][i];
-        const Vec3d& after = frames[above + 1][i];
-        x = a + 0.5 * s *
-                    (b - before +
-                     s * (2.0 * before - 5.0 * a + 4.0 * b - after +
-                          s * (3.0 * (a - b) + after - before)));
+        x = catmull_rom(frames[below - 1][i], a, b, frames[above + 1][i], s);
       } else {
         x = a + s * (b - a);
       }

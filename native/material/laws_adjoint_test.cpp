@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
+#include "material/law_at-inl.hpp"
 #include "material/law_gradient.hpp"
 #include "material/laws_adjoint-inl.hpp"
 
@@ -84,21 +85,6 @@ std::vector<Case> cases() {
 }
 
 template <class T>
-Sym3<T> stress_of(const LawConstants<typename LaneTraits<T>::Scalar>& c, const Mat3<T>& h, T jm1,
-                  T mean, T dt, Sym3<T>& flow, T& strain) {
-  switch (c.law) {
-    case Law::kFixedCorotated:
-      return kirchhoff_stress<Law::kFixedCorotated, T>(c, h, jm1, mean, dt, flow, strain);
-    case Law::kNeoHookean:
-      return kirchhoff_stress<Law::kNeoHookean, T>(c, h, jm1, mean, dt, flow, strain);
-    case Law::kNewtonian:
-      return kirchhoff_stress<Law::kNewtonian, T>(c, h, jm1, mean, dt, flow, strain);
-    default:
-      return kirchhoff_stress<Law::kStvkHencky, T>(c, h, jm1, mean, dt, flow, strain);
-  }
-}
-
-template <class T>
 void adjoint_of(const LawConstants<typename LaneTraits<T>::Scalar>& c, const Mat3<T>& h, T jm1,
                 T mean, T strain, const Sym3<T>& tau_bar, const Sym3<T>& flow_bar, T strain_bar,
                 PointBar<T>& bar, ConstantsAdjoint<T>& c_bar) {
@@ -134,7 +120,7 @@ struct Functional {
   [[nodiscard]] double value(const LawConstants<double>& c) const {
     Sym3<double> flow{};
     double after = strain;
-    Sym3<double> tau = stress_of<double>(c, h, jm1, mean, kDt, flow, after);
+    Sym3<double> tau = kirchhoff_stress_at<double>(c, h, jm1, mean, kDt, flow, after);
     add_crush_pressure<double>(c, jm1, tau);
     add_viscous_stress<double>(c, l, jm1, tau);
     double sum = contract(tau_bar, tau);

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
-#include "material/laws-inl.hpp"
+#include "material/law_at-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {
@@ -25,21 +25,10 @@ constexpr Law kAll[] = {Law::kFixedCorotated, Law::kNeoHookean,      Law::kStvkH
                         Law::kVonMises,       Law::kHerschelBulkley, Law::kDruckerPrager,
                         Law::kNewtonian};
 
-Mat3<double> to_mat3(const Mat3d& m) {
-  Mat3<double> out;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) out[i][j] = m(i, j);
-  return out;
-}
 Mat3d from_mat3(const Mat3<double>& m) {
   Mat3d out;
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) out(i, j) = m[i][j];
-  return out;
-}
-Mat3d from_sym3(const Sym3<double>& s) {
-  Mat3d out;
-  out << s.xx, s.xy, s.xz, s.xy, s.yy, s.yz, s.xz, s.yz, s.zz;
   return out;
 }
 Sym3<double> to_sym3(const Mat3d& m) {
@@ -52,22 +41,6 @@ struct Result {
   double strain;
 };
 
-template <class T>
-Sym3<T> stress_of(const LawConstants<typename LaneTraits<T>::Scalar>& c, const Mat3<T>& h, T mean,
-                  T dt, Sym3<T>& flow, T& strain) {
-  const T jm1 = determinant_minus_one(h);
-  switch (c.law) {
-    case Law::kFixedCorotated:
-      return kirchhoff_stress<Law::kFixedCorotated, T>(c, h, jm1, mean, dt, flow, strain);
-    case Law::kNeoHookean:
-      return kirchhoff_stress<Law::kNeoHookean, T>(c, h, jm1, mean, dt, flow, strain);
-    case Law::kNewtonian:
-      return kirchhoff_stress<Law::kNewtonian, T>(c, h, jm1, mean, dt, flow, strain);
-    default:
-      return kirchhoff_stress<Law::kStvkHencky, T>(c, h, jm1, mean, dt, flow, strain);
-  }
-}
-
 /// `mean` is J̄; negative: the point's own.
 Result run(const Material& m, const Mat3d& f, double strain = 0.0, double dt = 1e-4,
            double mean = -1.0) {
@@ -76,8 +49,9 @@ Result run(const Material& m, const Mat3d& f, double strain = 0.0, double dt = 1
   Sym3<double> flow{};
   Result out;
   out.strain = strain;
-  const double mean_minus_one = mean > 0.0 ? mean - 1.0 : determinant_minus_one(h);
-  out.tau = from_sym3(stress_of<double>(c, h, mean_minus_one, dt, flow, out.strain));
+  const double jm1 = determinant_minus_one(h);
+  out.tau = from_sym3(
+      kirchhoff_stress_at<double>(c, h, jm1, mean > 0.0 ? mean - 1.0 : jm1, dt, flow, out.strain));
   out.elastic = f * (Mat3d::Identity() + from_sym3(flow));
   return out;
 }
@@ -614,7 +588,7 @@ TEST(Laws, RegistersOfFloatsFollowDouble) {
           Sym3<T> flow{};
           T strain = scalar<T>(0);
           const T jm1 = determinant_minus_one(h);
-          const Sym3<T> tau = stress_of<T>(c, h, jm1, scalar<T>(1e-4), flow, strain);
+          const Sym3<T> tau = kirchhoff_stress_at<T>(c, h, jm1, jm1, scalar<T>(1e-4), flow, strain);
           const T parts[6] = {tau.xx, tau.yy, tau.zz, tau.yz, tau.xz, tau.xy};
           HWY_ALIGN float out[7 * 16];
           for (std::size_t i = 0; i < 6; ++i) parts[i].store(out + i * 16);

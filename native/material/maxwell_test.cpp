@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "base/vec.hpp"
+#include "material/law_at-inl.hpp"
 #include "material/maxwell-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -23,19 +24,6 @@ Material branch(double time) {
   Material m;
   m.maxwell = {{kModulus, time}};
   return m;
-}
-
-template <class S>
-Mat3<S> to_mat3(const Mat3d& m) {
-  Mat3<S> out;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) out[i][j] = static_cast<S>(m(i, j));
-  return out;
-}
-Mat3d from_sym3(const Sym3<double>& s) {
-  Mat3d out;
-  out << s.xx, s.xy, s.xz, s.xy, s.yy, s.yz, s.xz, s.yz, s.zz;
-  return out;
 }
 
 /// A total Lagrangian point with one branch.

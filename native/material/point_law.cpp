@@ -3,40 +3,12 @@
 
 #include <cmath>
 
+#include "material/law_at-inl.hpp"
 #include "material/maxwell-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {
 namespace {
-
-Mat3<double> to_mat3(const Mat3d& m) {
-  Mat3<double> out;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) out[i][j] = m(i, j);
-  }
-  return out;
-}
-
-Mat3d from_sym3(const Sym3<double>& s) {
-  Mat3d out;
-  out << s.xx, s.xy, s.xz, s.xy, s.yy, s.yz, s.xz, s.yz, s.zz;
-  return out;
-}
-
-Sym3<double> stress_of(const material::LawConstants<double>& c, const Mat3<double>& h, double dt,
-                       Sym3<double>& flow, double& strain) {
-  const double jm1 = determinant_minus_one(h);
-  switch (c.law) {
-    case Law::kFixedCorotated:
-      return kirchhoff_stress<Law::kFixedCorotated, double>(c, h, jm1, jm1, dt, flow, strain);
-    case Law::kNeoHookean:
-      return kirchhoff_stress<Law::kNeoHookean, double>(c, h, jm1, jm1, dt, flow, strain);
-    case Law::kNewtonian:
-      return kirchhoff_stress<Law::kNewtonian, double>(c, h, jm1, jm1, dt, flow, strain);
-    default:
-      return kirchhoff_stress<Law::kStvkHencky, double>(c, h, jm1, jm1, dt, flow, strain);
-  }
-}
 
 /// As the updated Lagrangian kernel takes one substep of a particle.
 Mat3d advance_point(const material::LawConstants<double>& c, double dt,
@@ -46,7 +18,7 @@ Mat3d advance_point(const material::LawConstants<double>& c, double dt,
   const Mat3<double> h = to_mat3(trial - Mat3d::Identity());
   const double jm1 = determinant_minus_one(h);
   Sym3<double> flow{};
-  Sym3<double> tau = stress_of(c, h, dt, flow, state.strain);
+  Sym3<double> tau = kirchhoff_stress_at<double>(c, h, jm1, jm1, dt, flow, state.strain);
   state.elastic = trial;
   if (c.law == Law::kNewtonian) {
     state.elastic = std::cbrt(jm1 + 1.0) * Mat3d::Identity();

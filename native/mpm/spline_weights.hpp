@@ -39,6 +39,19 @@ struct PointStencil {
   [[nodiscard]] Vec3d gradient(std::size_t i, std::size_t j, std::size_t k) const {
     return {g[0][i] * w[1][j] * w[2][k], w[0][i] * g[1][j] * w[2][k], w[0][i] * w[1][j] * g[2][k]};
   }
+  /// Second derivatives of a weight [1/m²].
+  [[nodiscard]] Mat3d curvature(std::size_t i, std::size_t j, std::size_t k, double dx) const {
+    constexpr double kCurve[3] = {1.0, -2.0, 1.0};
+    const double scale = 1.0 / (dx * dx);
+    const double xy = g[0][i] * g[1][j] * w[2][k];
+    const double xz = g[0][i] * w[1][j] * g[2][k];
+    const double yz = w[0][i] * g[1][j] * g[2][k];
+    Mat3d m;
+    m << scale * kCurve[i] * w[1][j] * w[2][k], xy, xz,  //
+        xy, scale * w[0][i] * kCurve[j] * w[2][k], yz,   //
+        xz, yz, scale * w[0][i] * w[1][j] * kCurve[k];
+    return m;
+  }
 };
 
 }  // namespace matterfit::mpm

@@ -21,6 +21,7 @@ struct UpdatedBodyCotangents {
   std::vector<S> maxwell;                         ///< as UpdatedMember::maxwell
   std::vector<Vec3d> stretch;                     ///< of ContactMemory; empty without colliders
   Points rest;                                    ///< of Body::rest, through pins; sums
+  Vec3d pivots = Vec3d::Zero();                   ///< of all pins' pivots together, sum
   LawCotangents law;                              ///< sums over substeps
   std::vector<material::MaxwellBranch> branches;  ///< by modulus and time, sums
   double log_density = 0.0;                       ///< ∂/∂ln ρ, sum
@@ -40,7 +41,8 @@ struct UpdatedCotangents {
 
 /// Derivatives with respect to how a body starts.
 struct UpdatedStartCotangents {
-  Points positions;  ///< of Body::rest, each; their sum is that of an offset
+  Points positions;              ///< of Body::rest, each
+  Vec3d offset = Vec3d::Zero();  ///< of all of them together, with the pins
   Vec3d velocity = Vec3d::Zero();
   Vec3d spin = Vec3d::Zero();
   std::vector<Vec3d> particle_velocities;

@@ -166,7 +166,9 @@ void UpdatedLoadsAdjoint<S>::hold(const Substep& at, const UpdatedHold<S>& hold,
   const double mass = kPinWeight * member.density * static_cast<double>(hold.volume);
   const GridSums sums = at.sums(hold.place, hold.place.fraction());
   const Vec3d target_bar = mass / dt * sums.momentum;
-  body.rest[hold.particle] += pin->motion.at(time + dt).rotation.conjugate() * target_bar;
+  const Vec3d rest_bar = pin->motion.at(time + dt).rotation.conjugate() * target_bar;
+  body.rest[hold.particle] += rest_bar;
+  body.pivots += target_bar - rest_bar;
   body.log_density += mass * (velocity.dot(sums.momentum) + sums.mass);
   add_to<S>(mass * (sums.momentum_by.transpose() * velocity + sums.mass_by) - target_bar,
             body.particles[hold.particle].position);
@@ -241,21 +243,13 @@ void UpdatedLoadsAdjoint<S>::touch(const Substep& at, const UpdatedTouch<S>& tou
     if (velocity_bar.empty()) {
       velocity_bar.assign(at.record->before->coordinates.size() * 3 * kBlockNodes, 0.0);
     }
-    const double curve[3] = {1.0 / (dx_ * dx_), -2.0 / (dx_ * dx_), 1.0 / (dx_ * dx_)};
     at.for_each_velocity(
         touch.place, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
           const double along = s.gradient(i, j, k).dot(n);
           for (std::size_t a = 0; a < 3; ++a) {
             velocity_bar[node + a * kBlockNodes] += along * taken[static_cast<int>(a)];
           }
-          // Second derivatives of the weight, times n.
-          const double xy = s.g[0][i] * s.g[1][j] * s.w[2][k];
-          const double xz = s.g[0][i] * s.w[1][j] * s.g[2][k];
-          const double yz = s.w[0][i] * s.g[1][j] * s.g[2][k];
-          const Vec3d bent(curve[i] * s.w[1][j] * s.w[2][k] * n[0] + xy * n[1] + xz * n[2],
-                           xy * n[0] + s.w[0][i] * curve[j] * s.w[2][k] * n[1] + yz * n[2],
-                           xz * n[0] + yz * n[1] + s.w[0][i] * s.w[1][j] * curve[k] * n[2]);
-          x_bar += taken.dot(at.node_velocity(node)) * bent;
+          x_bar += taken.dot(at.node_velocity(node)) * (s.curvature(i, j, k, dx_) * n);
         });
   }
   const ContactPointCotangents p = contact_point_adjoint(n, f, volume, c);

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdio>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "base/interrupter.hpp"
@@ -33,8 +34,8 @@ struct Times {
 
 class GradientBench {
  public:
-  GradientBench(int edge, int threads)
-      : scene_(jelly(edge, mpm::Formulation::kTotal, 0)), arena_(std::make_shared<Arena>(threads)) {
+  GradientBench(int edge, int threads, mpm::Formulation formulation)
+      : scene_(jelly(edge, formulation, 0)), arena_(std::make_shared<Arena>(threads)) {
     scene_.fps = 1.0 / (kSubsteps * kDt);
     scene_.end_frame = kFrames + 1;
     const mpm::Gradient g = differentiate({});
@@ -111,60 +112,75 @@ class GradientBench {
   Clock::time_point begin_;
 };
 
+/// One line of the table.
+void measure(const std::string& name, mpm::Formulation formulation, std::size_t size, int threads,
+             double seconds, int repetitions) {
+  const int edge = edge_of(size);
+  GradientBench bench(edge, threads, formulation);
+  std::vector<double> forward;
+  std::vector<double> stored;
+  std::vector<double> checkpointed;
+  std::vector<double> stored_ratio;
+  std::vector<double> checkpointed_ratio;
+  std::vector<double> probes;
+  const int dropped =
+      repeat([&] { return bench.run(seconds); }, threads, repetitions,
+             [&](const Times& t, double probe) {
+               forward.push_back(bench.particle_steps() / t.forward * 1e-6);
+               stored.push_back(bench.particle_steps() / t.stored * 1e-6);
+               checkpointed.push_back(bench.particle_steps() / t.checkpointed * 1e-6);
+               stored_ratio.push_back(t.stored / t.forward - 1.0);
+               checkpointed_ratio.push_back(t.checkpointed / t.forward - 1.0);
+               probes.push_back(probe);
+             });
+  const int particles = edge * edge * edge;
+  std::fprintf(stderr, "%9d %7d | %7.2f | %7.2f %5.2f %10.1f | %7.2f %5.2f %6.2f %10.2f\n",
+               particles, threads, median(forward), median(stored), median(stored_ratio),
+               bench.state_bytes(), median(checkpointed), median(checkpointed_ratio),
+               bench.recomputed(), bench.checkpoint_bytes());
+  std::printf(
+      "{\"name\": \"gradient\", \"formulation\": \"%s\", \"threads\": %d, \"particles\": "
+      "%d, \"forward_mps\": %.3f, \"stored_mps\": %.3f, \"stored_backward_ratio\": %.3f, "
+      "\"state_bytes_per_particle\": %.1f, \"checkpointed_mps\": %.3f, "
+      "\"checkpointed_backward_ratio\": %.3f, \"recomputed\": %.3f, "
+      "\"checkpointed_bytes_per_particle_step\": %.2f, \"probe_gflops\": %.1f, \"dropped\": "
+      "%d}\n",
+      name.c_str(), threads, particles, median(forward), median(stored), median(stored_ratio),
+      bench.state_bytes(), median(checkpointed), median(checkpointed_ratio), bench.recomputed(),
+      bench.checkpoint_bytes(), median(probes), dropped);
+  std::fflush(stdout);
+}
+
 int run(int argc, char** argv) {
   std::vector<std::size_t> sizes{1'000, 10'000, 100'000};
   std::vector<int> thread_counts{1, 2};
+  std::vector<std::string> formulations{"total", "updated"};
   double seconds = 0.3;
   int repetitions = 5;
   CLI::App app("Speed of gradients of whole runs in million particle-steps a second");
   app.add_option("--particles", sizes, "about how many particles")->capture_default_str();
   app.add_option("--threads", thread_counts)->capture_default_str();
+  app.add_option("--formulations", formulations)
+      ->capture_default_str()
+      ->check(CLI::IsMember({"total", "updated"}));
   app.add_option("--seconds", seconds, "of one measurement, at least")->capture_default_str();
   app.add_option("--repetitions", repetitions)->capture_default_str()->check(CLI::Range(1, 99));
   CLI11_PARSE(app, argc, argv);
 
   std::fprintf(stderr, "probe: %s, %.1f GFLOP/s on one thread\n", probe_target().c_str(),
                peak_fma_gflops(1));
-  std::fprintf(stderr, "%9s %7s | %7s | %7s %5s %10s | %7s %5s %6s %10s\n", "", "", "forward",
-               "stored", "back", "state", "checkp.", "back", "again", "B/particle");
-  std::fprintf(stderr, "%9s %7s | %7s | %7s %5s %10s | %7s %5s %6s %10s\n", "particles", "threads",
-               "Mp/s", "Mp/s", "ratio", "B/particle", "Mp/s", "ratio", "share", "-step");
-  for (const std::size_t size : sizes) {
-    for (const int threads : thread_counts) {
-      const int edge = edge_of(size);
-      GradientBench bench(edge, threads);
-      std::vector<double> forward;
-      std::vector<double> stored;
-      std::vector<double> checkpointed;
-      std::vector<double> stored_ratio;
-      std::vector<double> checkpointed_ratio;
-      std::vector<double> probes;
-      const int dropped =
-          repeat([&] { return bench.run(seconds); }, threads, repetitions,
-                 [&](const Times& t, double probe) {
-                   forward.push_back(bench.particle_steps() / t.forward * 1e-6);
-                   stored.push_back(bench.particle_steps() / t.stored * 1e-6);
-                   checkpointed.push_back(bench.particle_steps() / t.checkpointed * 1e-6);
-                   stored_ratio.push_back(t.stored / t.forward - 1.0);
-                   checkpointed_ratio.push_back(t.checkpointed / t.forward - 1.0);
-                   probes.push_back(probe);
-                 });
-      const int particles = edge * edge * edge;
-      std::fprintf(stderr, "%9d %7d | %7.2f | %7.2f %5.2f %10.1f | %7.2f %5.2f %6.2f %10.2f\n",
-                   particles, threads, median(forward), median(stored), median(stored_ratio),
-                   bench.state_bytes(), median(checkpointed), median(checkpointed_ratio),
-                   bench.recomputed(), bench.checkpoint_bytes());
-      std::printf(
-          "{\"name\": \"gradient\", \"formulation\": \"total\", \"threads\": %d, \"particles\": "
-          "%d, \"forward_mps\": %.3f, \"stored_mps\": %.3f, \"stored_backward_ratio\": %.3f, "
-          "\"state_bytes_per_particle\": %.1f, \"checkpointed_mps\": %.3f, "
-          "\"checkpointed_backward_ratio\": %.3f, \"recomputed\": %.3f, "
-          "\"checkpointed_bytes_per_particle_step\": %.2f, \"probe_gflops\": %.1f, \"dropped\": "
-          "%d}\n",
-          threads, particles, median(forward), median(stored), median(stored_ratio),
-          bench.state_bytes(), median(checkpointed), median(checkpointed_ratio), bench.recomputed(),
-          bench.checkpoint_bytes(), median(probes), dropped);
-      std::fflush(stdout);
+  for (const std::string& name : formulations) {
+    const bool total = name == "total";
+    std::fprintf(stderr, "%9s %7s | %7s | %7s %5s %10s | %7s %5s %6s %10s\n", name.c_str(), "",
+                 "forward", "stored", "back", "state", "checkp.", "back", "again", "B/particle");
+    std::fprintf(stderr, "%9s %7s | %7s | %7s %5s %10s | %7s %5s %6s %10s\n", "particles",
+                 "threads", "Mp/s", "Mp/s", "ratio", "B/particle", "Mp/s", "ratio", "share",
+                 "-step");
+    for (const std::size_t size : sizes) {
+      for (const int threads : thread_counts) {
+        measure(name, total ? mpm::Formulation::kTotal : mpm::Formulation::kUpdated, size, threads,
+                seconds, repetitions);
+      }
     }
   }
   return 0;

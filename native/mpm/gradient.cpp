@@ -7,9 +7,9 @@
 
 #include "base/error.hpp"
 #include "mpm/gradient_record.hpp"
+#include "mpm/gradient_tape.hpp"
 #include "mpm/scene_check.hpp"
 #include "mpm/stepper.hpp"
-#include "mpm/total_group_adjoint.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -17,36 +17,33 @@ namespace {
 /// Share of the progress that the forward pass takes.
 constexpr double kForwardShare = 0.3;
 
-void check_adjoints(const Scene& scene) {
-  for (const Body& body : scene.bodies) {
-    if (is_total(body)) continue;
-    throw_input("Body '" + body.name +
-                "' is of formulation 'updated', which has no gradient. Set it to 'total' if the "
-                "body stays solid, or fit it by differences.");
-  }
-  if (scene.bodies.size() > 1) {
-    throw_input("Bodies '" + scene.bodies[0].name + "' and '" + scene.bodies[1].name +
-                "' may touch each other, and contact between bodies has no gradient. Fit each in "
-                "a scene of its own, or by differences.");
-  }
+[[nodiscard]] bool all_updated(const Scene& scene) {
+  return std::none_of(scene.bodies.begin(), scene.bodies.end(),
+                      [](const Body& body) { return is_total(body); });
 }
 
-/// A run with its way back. For bodies of another formulation, here is what is asked of a group:
-/// forward record(), restore() and Stepper's substep; backward what TotalGroupAdjoint does.
-template <class S>
-class Run {
-  using States = std::vector<TotalMemberState<S>>;
+void check_adjoints(const Scene& scene) {
+  if (all_updated(scene) || scene.bodies.size() == 1) return;
+  throw_input("Bodies '" + scene.bodies[0].name + "' and '" + scene.bodies[1].name +
+              "' may touch each other, and contact between bodies has no gradient where one of "
+              "them is of formulation 'total'. Fit each in a scene of its own, set all to "
+              "'updated', or fit by differences.");
+}
 
+/// A run with its way back, of bodies of one formulation.
+template <class S, class Tape>
+class Run {
  public:
   Run(const Scene& scene, const std::shared_ptr<Arena>& arena, const Observer& observer,
       const GradientOptions& options, const Interrupter& interrupter)
       : stepper_(scene, arena, options.simulation),
+        tape_(stepper_, options.simulation.target),
         scene_(stepper_.scene()),
         observer_(observer),
         options_(options),
         interrupter_(interrupter),
         frames_(static_cast<std::size_t>(scene_.end_frame - 1 - scene_.first_frame)),
-        record_(options.memory_budget) {
+        record_(options.memory_budget, Tape::kFirstInterval) {
     stepper_.set_schedule(options.schedule);
   }
 
@@ -57,14 +54,12 @@ class Run {
 
   Gradient gradient() {
     record();
-    TotalGroupAdjoint<S> total(scene_, stepper_.total(), options_.simulation.target);
-    backward(total);
+    backward();
     out_.bodies.resize(scene_.bodies.size());
     out_.colliders.resize(scene_.colliders.size());
-    total.collect(out_);
-    out_.substeps = log_.size();
-    out_.state_bytes = record_.largest();
-    out_.peak_bytes = record_.peak();
+    tape_.collect(out_);
+    out_.substeps = substeps_;
+    out_.peak_bytes = std::max(peak_, record_.peak());
     return std::move(out_);
   }
 
@@ -72,7 +67,7 @@ class Run {
   void forward(const SubstepHooks& hooks, double share) {
     observe();
     for (std::size_t f = 0; f < frames_; ++f) {
-      starts_.push_back(log_.size());
+      starts_.push_back(substeps_);
       (void)stepper_.advance(interrupter_, hooks);
       out_.schedule.push_back(stepper_.taken());
       observe();
@@ -88,20 +83,38 @@ class Run {
       const std::size_t begin = starts_.back();
       if (k == 0) {  // perhaps again
         record_.drop_from(begin);
-        log_.resize(begin);
+        tape_.forget_from(begin);
+        substeps_ = begin;
       }
-      const std::size_t n = log_.size();
-      if (!record_.wants(n)) return;
-      States states = stepper_.total().record();
-      std::size_t bytes = 0;
-      for (const TotalMemberState<S>& state : states) bytes += state.bytes();
-      expected_ = begin + static_cast<std::size_t>(substeps) * (frames_ - starts_.size() + 1);
-      record_.put(n, std::move(states), bytes, expected_);
-      if (n == 0 && known_length() > 0) record_.require(known_length());
+      if (record_.wants(substeps_)) {
+        auto state = tape_.state();
+        const std::size_t bytes = tape_.bytes(state);
+        expected_ = begin + static_cast<std::size_t>(substeps) * (frames_ - starts_.size() + 1);
+        make_room(bytes);
+        record_.put(substeps_, std::move(state), bytes, expected_);
+        if (substeps_ == 0 && known_length() > 0) record_.require(known_length());
+      }
+      tape_.before_substep();
     };
-    hooks.after = [&] { log_.push_back(stepper_.total().last_substeps()); };
+    hooks.after = [&] {
+      ++substeps_;
+      tape_.after_substep();
+      make_room(0);
+      note_peak();
+    };
     forward(hooks, kForwardShare);
+    out_.state_bytes = record_.largest();
+    if (tape_.has_all() && substeps_ > 0) {
+      out_.state_bytes = (tape_.spare_bytes() + substeps_ - 1) / substeps_;
+    }
   }
+
+  /// What need not be kept goes before a state does.
+  void make_room(std::size_t bytes) {
+    if (record_.needed() + bytes + tape_.spare_bytes() > options_.memory_budget) tape_.give_up();
+  }
+
+  void note_peak() { peak_ = std::max(peak_, record_.needed() + tape_.spare_bytes()); }
 
   /// Asks for the present frame's loss.
   void observe() {
@@ -109,18 +122,7 @@ class Run {
     frame.frame = stepper_.frame();
     frame.time = (frame.frame - scene_.first_frame) / scene_.fps;
     frame.bodies.resize(scene_.bodies.size());
-    TotalGroup<S>& total = stepper_.total();
-    for (std::size_t m = 0; m < total.size(); ++m) {
-      const TotalBody<S>& body = total.body(m);
-      ObservedFrame::Body& seen = frame.bodies[total.index(m)];
-      seen.positions.resize(body.particles());
-      seen.velocities.resize(body.particles());
-      stepper_.arena().parallel_for(0, body.particles(), 256, [&](std::size_t p) {
-        const auto state = body.point_state(static_cast<std::uint32_t>(p));
-        seen.positions[p] = state.position;
-        seen.velocities[p] = state.velocity;
-      });
-    }
+    tape_.see(frame);
     FrameLoss loss;
     loss.bodies.resize(scene_.bodies.size());
     observer_(frame, loss);
@@ -136,8 +138,11 @@ class Run {
       }
     }
     losses_.push_back(std::move(loss));
-    record_.set_other(
-        cotangent_bytes_ + log_.size() * stepper_.total().size() * sizeof(TotalSubstep), expected_);
+    const std::size_t other = cotangent_bytes_ + tape_.log_bytes();
+    make_room(other - other_bytes_);
+    record_.set_other(other, expected_);
+    other_bytes_ = other;
+    note_peak();
   }
 
   /// Substeps of the whole run where they are known before it; else 0.
@@ -154,50 +159,30 @@ class Run {
     return sum;
   }
 
-  void backward(TotalGroupAdjoint<S>& total) {
-    std::vector<ContactMemories> after = memories(stepper_.total().record());
+  void backward() {
+    tape_.turn();
     std::size_t frame = frames_;
-    total.observe(stepper_.arena(), losses_[frame]);
-    std::size_t end = log_.size();
-    while (!record_.empty()) {
-      auto [begin, first] = record_.take_last();
-      std::vector<States> segment{std::move(first)};
-      run_again(begin, end, segment);
-      while (end > begin) {
-        interrupter_.check();
-        --end;
-        States& before = segment.back();
-        total.substep(stepper_.arena(), log_[end], before, after);
-        after = memories(before);
-        segment.pop_back();
-        while (frame > 0 && starts_[frame - 1] == end) {
-          total.observe(stepper_.arena(), losses_[--frame]);
-        }
-      }
-      progress(1.0 - (1.0 - kForwardShare) * static_cast<double>(begin) /
-                         static_cast<double>(log_.size()));
-    }
-  }
-
-  /// From the state before `begin` to the one before the last substep before `end`.
-  void run_again(std::size_t begin, std::size_t end, std::vector<States>& segment) {
-    if (begin + 1 >= end) return;
-    stepper_.total().restore(segment.front());
-    for (std::size_t n = begin; n + 1 < end; ++n) {
+    tape_.observe(losses_[frame]);
+    const StepAgain again = [&](std::size_t n) {
       interrupter_.check();
       const auto f = static_cast<std::size_t>(std::upper_bound(starts_.begin(), starts_.end(), n) -
                                               starts_.begin() - 1);
       stepper_.substep(scene_.first_frame + static_cast<int>(f), out_.schedule[f],
                        static_cast<int>(n - starts_[f]));
-      segment.push_back(stepper_.total().record());
       ++out_.recomputed;
+    };
+    const SubstepPassed passed = [&](std::size_t n) {
+      interrupter_.check();
+      while (frame > 0 && starts_[frame - 1] == n) tape_.observe(losses_[--frame]);
+    };
+    std::size_t end = substeps_;
+    while (!record_.empty()) {
+      auto [begin, state] = record_.take_last();
+      tape_.back(begin, end, std::move(state), again, passed);
+      end = begin;
+      progress(1.0 -
+               (1.0 - kForwardShare) * static_cast<double>(begin) / static_cast<double>(substeps_));
     }
-  }
-
-  [[nodiscard]] static std::vector<ContactMemories> memories(const States& states) {
-    std::vector<ContactMemories> out;
-    for (const TotalMemberState<S>& state : states) out.push_back(state.contact.memory);
-    return out;
   }
 
   void progress(double share) const {
@@ -205,19 +190,39 @@ class Run {
   }
 
   Stepper<S> stepper_;
+  Tape tape_;
   const Scene& scene_;
   const Observer& observer_;
   const GradientOptions& options_;
   const Interrupter& interrupter_;
   std::size_t frames_;  ///< that are stepped
-  GradientRecord<States> record_;
-  std::vector<std::vector<TotalSubstep>> log_;  ///< of every substep
-  std::vector<std::size_t> starts_;             ///< first substep of each frame
-  std::vector<FrameLoss> losses_;               ///< one more
+  GradientRecord<typename Tape::State> record_;
+  std::size_t substeps_ = 0;         ///< taken
+  std::vector<std::size_t> starts_;  ///< first substep of each frame
+  std::vector<FrameLoss> losses_;    ///< one more
   std::size_t cotangent_bytes_ = 0;
-  std::size_t expected_ = 0;  ///< substeps
+  std::size_t other_bytes_ = 0;  ///< beside states, as the record was told last
+  std::size_t expected_ = 0;     ///< substeps
+  std::size_t peak_ = 0;         ///< with what the tape keeps beside the states [bytes]
   Gradient out_;
 };
+
+/// Calls `use` with a run of the scene.
+template <class S, class Use>
+void with_run(const Scene& scene, const std::shared_ptr<Arena>& arena, const Observer& observer,
+              const GradientOptions& options, const Interrupter& interrupter, const Use& use) {
+  check_scene(scene);
+  check_adjoints(scene);
+  arena->execute([&] {
+    if (all_updated(scene)) {
+      Run<S, UpdatedTape<S>> run(scene, arena, observer, options, interrupter);
+      use(run);
+    } else {
+      Run<S, TotalTape<S>> run(scene, arena, observer, options, interrupter);
+      use(run);
+    }
+  });
+}
 
 }  // namespace
 
@@ -225,17 +230,17 @@ template <class S>
 RollOut roll_out(const Scene& scene, const std::shared_ptr<Arena>& arena, const Observer& observer,
                  const GradientOptions& options, const Interrupter& interrupter) {
   RollOut out;
-  arena->execute([&] { out = Run<S>(scene, arena, observer, options, interrupter).roll_out(); });
+  with_run<S>(scene, arena, observer, options, interrupter,
+              [&](auto& run) { out = run.roll_out(); });
   return out;
 }
 
 template <class S>
 Gradient gradient(const Scene& scene, const std::shared_ptr<Arena>& arena, const Observer& observer,
                   const GradientOptions& options, const Interrupter& interrupter) {
-  check_scene(scene);
-  check_adjoints(scene);
   Gradient out;
-  arena->execute([&] { out = Run<S>(scene, arena, observer, options, interrupter).gradient(); });
+  with_run<S>(scene, arena, observer, options, interrupter,
+              [&](auto& run) { out = run.gradient(); });
   return out;
 }
 

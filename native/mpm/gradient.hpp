@@ -54,10 +54,12 @@ struct BodyGradient {
 
 struct ColliderGradient {
   double mu = 0.0;
-  double stiffness = 0.0;             ///< [Pa/m]; by the resolved one where the scene has 0
-  double damping = 0.0;               ///< fraction of critical
-  Vec3d translation = Vec3d::Zero();  ///< of the whole collider with its motion, world axes [m]
-  Vec3d rotation = Vec3d::Zero();     ///< of it about the world's origin [rad]
+  double stiffness = 0.0;  ///< [Pa/m]; by the resolved one where the scene has 0
+  double damping = 0.0;    ///< fraction of critical
+  /// Of the whole collider with its motion, world axes [m]. Updated bodies that it meets node by
+  /// node do not feel where its surface is, only how it is inclined and moves.
+  Vec3d translation = Vec3d::Zero();
+  Vec3d rotation = Vec3d::Zero();  ///< of it about the world's origin [rad]
 };
 
 /// A loss and its derivatives by everything that the scene says, per unit of each.
@@ -69,15 +71,15 @@ struct Gradient {
   Schedule schedule;                        ///< as the run was stepped
   std::size_t substeps = 0;
   std::size_t recomputed = 0;   ///< substeps that were run a second time
-  std::size_t state_bytes = 0;  ///< of one recorded state, the largest
+  std::size_t state_bytes = 0;  ///< of what is kept of one substep, about
   std::size_t peak_bytes = 0;   ///< of all that was recorded at once; at most the budget
 };
 
 struct GradientOptions {
   Simulation::Options simulation;
-  /// For states and cotangents that are kept for the way back [bytes]. Where it holds every
-  /// substep's state nothing is run twice; else states are kept at the ends of segments, and each
-  /// segment is run again, at most once. The result is the same to the last bit.
+  /// For states and cotangents that are kept for the way back [bytes]. Where it holds what every
+  /// substep goes back by nothing is run twice; else states are kept at the ends of segments, and
+  /// each segment is run again, at most once. The result is the same to the last bit.
   std::size_t memory_budget = std::size_t{2} << 30U;
   /// Frames that it has are stepped by it; Scene::substeps and the solver's choice set the others.
   Schedule schedule;
@@ -104,8 +106,8 @@ template <class S>
 /// that stays as well. Where contact or yield sets in, the side of the forward pass counts.
 ///
 /// S: the particles' scalar; double is for proofs. Throws Error(kInput) for scenes it has no
-/// adjoint of (updated Lagrangian bodies; bodies that may touch each other) and for a budget that
-/// cannot hold the run, with the one that would; Error(kCompute) for a run that fails.
+/// adjoint of (several bodies of which one is total Lagrangian, as they may touch) and for a budget
+/// that cannot hold the run, with the one that would; Error(kCompute) for a run that fails.
 template <class S>
 [[nodiscard]] Gradient gradient(const Scene& scene, const std::shared_ptr<Arena>& arena,
                                 const Observer& observer, const GradientOptions& options,

@@ -8,18 +8,21 @@
 
 namespace matterfit::mpm {
 
-std::size_t least_record(std::size_t substeps, std::size_t state_bytes, std::size_t other) {
+std::size_t least_record(std::size_t substeps, std::size_t state_bytes, std::size_t other,
+                         std::size_t first_interval) {
   std::size_t least = std::numeric_limits<std::size_t>::max();
-  for (std::size_t interval = 1; interval / 2 < substeps; interval *= 2) {
+  std::size_t interval = first_interval;
+  do {
     const std::size_t kept = (substeps + interval - 1) / interval;
     least = std::min(least, other + (kept + interval - 1) * state_bytes);
-  }
+    interval *= 2;
+  } while (interval / 2 < substeps);
   return least;
 }
 
 void throw_over_budget(std::size_t budget, std::size_t substeps, std::size_t state_bytes,
-                       std::size_t other) {
-  const std::size_t least = least_record(substeps, state_bytes, other);
+                       std::size_t other, std::size_t first_interval) {
+  const std::size_t least = least_record(substeps, state_bytes, other, first_interval);
   constexpr double kMegabyte = 1024.0 * 1024.0;
   const auto tenths = [](double megabytes) { return std::ceil(10.0 * megabytes) / 10.0; };
   std::ostringstream text;

@@ -12,20 +12,22 @@ namespace matterfit::mpm {
 /// What the states of a run need at least, however it is divided into segments, with `other` bytes
 /// besides.
 [[nodiscard]] std::size_t least_record(std::size_t substeps, std::size_t state_bytes,
-                                       std::size_t other);
+                                       std::size_t other, std::size_t first_interval = 1);
 /// Throws Error(kInput): the budget does not hold that.
 [[noreturn]] void throw_over_budget(std::size_t budget, std::size_t substeps,
-                                    std::size_t state_bytes, std::size_t other);
+                                    std::size_t state_bytes, std::size_t other,
+                                    std::size_t first_interval = 1);
 
 /// States of a run of unknown length inside a memory budget: that before every `interval`-th
-/// substep. The interval begins at 1 and doubles whenever the budget is full, so it ends at the
-/// smallest power of two for which both the states at the ends of segments and those inside one,
-/// when it is run again, fit; in the end about √T of each, if need be (Griewank and Walther,
-/// Evaluating Derivatives, §12: two-level checkpointing).
+/// substep. The interval begins at 1, or another power of two, and doubles whenever the budget is
+/// full, so it ends at the smallest power of two for which both the states at the ends of segments
+/// and those inside one, when it is run again, fit; in the end about √T of each, if need be
+/// (Griewank and Walther, Evaluating Derivatives, §12: two-level checkpointing).
 template <class State>
 class GradientRecord {
  public:
-  explicit GradientRecord(std::size_t budget) : budget_(budget) {}
+  explicit GradientRecord(std::size_t budget, std::size_t first_interval = 1)
+      : budget_(budget), first_interval_(first_interval), interval_(first_interval) {}
 
   [[nodiscard]] std::size_t interval() const { return interval_; }
   [[nodiscard]] bool wants(std::size_t substep) const { return substep % interval_ == 0; }
@@ -35,7 +37,8 @@ class GradientRecord {
     other_ = bytes;
     shrink(expected);
   }
-  /// The state before a substep that it wants.
+  /// The state before a substep that it wants; `bytes` of what is kept of a substep, here or inside
+  /// a segment that is run again.
   void put(std::size_t substep, State state, std::size_t bytes, std::size_t expected) {
     largest_ = std::max(largest_, bytes);
     kept_ += bytes;
@@ -44,8 +47,8 @@ class GradientRecord {
   }
   /// Throws now what a run of so many substeps would throw later.
   void require(std::size_t substeps) const {
-    if (least_record(substeps, largest_, other_) > budget_) {
-      throw_over_budget(budget_, substeps, largest_, other_);
+    if (least_record(substeps, largest_, other_, first_interval_) > budget_) {
+      throw_over_budget(budget_, substeps, largest_, other_, first_interval_);
     }
   }
   /// Forgets substeps from `substep` on: they are to be taken again.
@@ -62,12 +65,12 @@ class GradientRecord {
   [[nodiscard]] bool empty() const { return states_.empty(); }
   [[nodiscard]] std::size_t largest() const { return largest_; }
   [[nodiscard]] std::size_t peak() const { return peak_; }
+  /// With the states inside a segment, less the one that begins it [bytes].
+  [[nodiscard]] std::size_t needed() const { return other_ + kept_ + (interval_ - 1) * largest_; }
 
  private:
   using States = std::map<std::size_t, std::pair<State, std::size_t>>;
 
-  /// With the states inside a segment, less the one that begins it.
-  [[nodiscard]] std::size_t needed() const { return other_ + kept_ + (interval_ - 1) * largest_; }
   void drop(typename States::iterator at) {
     kept_ -= at->second.second;
     states_.erase(at);
@@ -80,8 +83,8 @@ class GradientRecord {
       }
       // Longer segments may need more than the states that they save.
       if (stay + interval_ * largest_ >= kept_) {
-        throw_over_budget(budget_, std::max(expected, interval_ * states_.size()), largest_,
-                          other_);
+        throw_over_budget(budget_, std::max(expected, interval_ * states_.size()), largest_, other_,
+                          first_interval_);
       }
       interval_ *= 2;
       for (auto at = states_.begin(); at != states_.end();) {
@@ -94,7 +97,8 @@ class GradientRecord {
   }
 
   std::size_t budget_;
-  std::size_t interval_ = 1;
+  std::size_t first_interval_;
+  std::size_t interval_;
   std::size_t other_ = 0;
   std::size_t kept_ = 0;
   std::size_t largest_ = 0;

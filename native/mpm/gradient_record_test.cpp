@@ -17,13 +17,15 @@ namespace {
 using testing::HasSubstr;
 
 /// Contact, history of both kinds and a pin that lets go.
-GradientCase everything() {
+GradientCase everything(Formulation formulation = Formulation::kTotal) {
   GradientCase run;
+  run.formulation = formulation;
   run.fps = 50.0;
   run.ground = true;
   run.hold = GradientCase::Hold::kPatch;
   run.release = 0.013;
-  run.masses = true;
+  run.masses = formulation == Formulation::kTotal;
+  run.neighbour = !run.masses;
   run.material.law = material::Law::kVonMises;
   run.material.yield_stress = 800.0;
   run.material.hardening = 1e4;
@@ -84,6 +86,27 @@ TEST(GradientRecord, EveryBudgetGivesTheSameBits) {
   EXPECT_LT(last, whole.substeps);
 }
 
+TEST(GradientRecord, EveryBudgetGivesTheSameBitsOfUpdatedBodies) {
+  GradientCase run = everything(Formulation::kUpdated);
+  run.substeps = 40;
+  run.frames = 5;
+  const Gradient whole = run.gradient<float>();
+  ASSERT_EQ(whole.substeps, 160U);
+  EXPECT_EQ(whole.recomputed, 0U);
+  GradientOptions options;
+  options.memory_budget = whole.peak_bytes;
+  EXPECT_EQ(run.gradient<float>(options).recomputed, 0U);
+  for (int k = 0; k < 3; ++k) {
+    options.memory_budget = options.memory_budget * 3 / 5;
+    const Gradient g = run.gradient<float>(options);
+    EXPECT_TRUE(same_bits(g, whole)) << options.memory_budget;
+    EXPECT_LE(g.peak_bytes, options.memory_budget);
+    EXPECT_EQ(g.recomputed, g.substeps);
+  }
+  options.memory_budget = 4 * whole.state_bytes;
+  EXPECT_THROW((void)run.gradient<float>(options), Error);
+}
+
 TEST(GradientRecord, ABudgetThatIsTooSmallSaysWhatIsNeeded) {
   const GradientCase run = everything();
   GradientOptions options;
@@ -126,13 +149,15 @@ TEST(GradientRecord, SegmentsGrowOnlyAsTheyMust) {
   EXPECT_EQ(least_record(36, 1, 5), 5U + 12U);
 }
 
-TEST(GradientRecord, ThreadsDoNotMatter) {
-  const GradientCase run = everything();
+class GradientOf : public testing::TestWithParam<Formulation> {};
+
+TEST_P(GradientOf, ThreadsDoNotMatter) {
+  const GradientCase run = everything(GetParam());
   EXPECT_TRUE(same_bits(run.gradient<float>({}, 1), run.gradient<float>({}, 2)));
 }
 
-TEST(GradientRecord, FloatsAgreeWithDouble) {
-  const GradientCase run = everything();
+TEST_P(GradientOf, FloatsAgreeWithDouble) {
+  const GradientCase run = everything(GetParam());
   const Gradient exact = run.gradient<double>();
   GradientOptions options;
   options.schedule = exact.schedule;
@@ -155,8 +180,8 @@ TEST(GradientRecord, FloatsAgreeWithDouble) {
   }
 }
 
-TEST(GradientRecord, TheForwardPassHasTheBitsOfSimulation) {
-  const Scene scene = everything().scene();
+TEST_P(GradientOf, TheForwardPassHasTheBitsOfSimulation) {
+  const Scene scene = everything(GetParam()).scene();
   const auto arena = std::make_shared<Arena>(1);
   const Interrupter interrupter;
   Simulation simulation(scene, arena);
@@ -179,6 +204,12 @@ TEST(GradientRecord, TheForwardPassHasTheBitsOfSimulation) {
     EXPECT_EQ(schedule[f].substeps, g.schedule[f].substeps);
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Formulations, GradientOf,
+                         testing::Values(Formulation::kTotal, Formulation::kUpdated),
+                         [](const auto& info) {
+                           return info.param == Formulation::kTotal ? "total" : "updated";
+                         });
 
 TEST(GradientRecord, ProgressRisesAndCancelStopsBothWays) {
   const GradientCase run = everything();
@@ -219,8 +250,6 @@ TEST(GradientRecord, WhatHasNoAdjointIsRefusedByName) {
       error_of(scene, [](const ObservedFrame&,
                          FrameLoss& loss) { loss.bodies[0].velocities.resize(5, Vec3d::Zero()); }),
       HasSubstr("frame 3 has 5 derivatives for the 96 particles of body 'bar'"));
-  scene.bodies[0].formulation = Formulation::kUpdated;
-  EXPECT_THAT(error_of(scene, GradientCase::observe), HasSubstr("Body 'bar' is of formulation"));
 }
 
 }  // namespace

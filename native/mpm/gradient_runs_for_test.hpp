@@ -14,6 +14,7 @@ namespace matterfit::mpm {
 struct GradientCase {
   enum class Hold { kNone, kPlane, kPatch, kAll };
 
+  Formulation formulation = Formulation::kTotal;
   material::Material material;
   double density = 900.0;
   Vec3d offset = Vec3d::Zero();
@@ -30,6 +31,8 @@ struct GradientCase {
   Hold hold = Hold::kNone;
   double release = std::numeric_limits<double>::infinity();
   bool masses = false;
+  bool neighbour = false;  ///< another updated body of water beside it
+  ContactMethod method = ContactMethod::kParticle;
   int length = 6;  ///< particles
   int frames = 6;
   int substeps = 0;  ///< of each frame; 0: the solver chooses
@@ -56,7 +59,7 @@ struct GradientCase {
     Body body;
     body.name = "bar";
     body.density = density;
-    body.formulation = Formulation::kTotal;
+    body.formulation = formulation;
     body.material = material;
     body.lattice.regular = true;
     body.lattice.spacing = kH;
@@ -101,11 +104,13 @@ struct GradientCase {
       body.masses.push_back({corner + axes * Vec3d(0.02, 0.05, 0.09), 0.05, 0.025});
     }
     scene.bodies.push_back(std::move(body));
+    if (neighbour) scene.bodies.push_back(water_beside(scene.bodies[0]));
     if (ground) {
       Contact contact;
       contact.mu = mu;
       contact.stiffness = stiffness;
       contact.damping = contact_damping;
+      contact.method = method;
       const double angle = rotation.norm();
       const Quatd turn =
           angle > 0.0 ? Quatd(Eigen::AngleAxisd(angle, rotation / angle)) : Quatd::Identity();
@@ -114,6 +119,23 @@ struct GradientCase {
                                            turn * Vec3d(0.1, 0.05, 1.0).normalized()));
     }
     return scene;
+  }
+
+  /// As much water, touching its side.
+  [[nodiscard]] static Body water_beside(const Body& bar) {
+    Body body = bar;
+    body.name = "water";
+    body.density = 1000.0;
+    body.formulation = Formulation::kUpdated;
+    body.material = material::Material{};
+    body.material.law = material::Law::kNewtonian;
+    body.material.bulk_modulus = 2e5;
+    body.material.viscosity = 3.0;
+    body.pins.clear();
+    const Vec3d aside = bar.lattice.axes * Vec3d(4.0 * kH, 0.0, 0.0);
+    for (Vec3d& x : body.rest) x += aside;
+    body.lattice.origin += aside;
+    return body;
   }
 
   /// Depends on every particle's position and velocity in every frame, and not linearly.

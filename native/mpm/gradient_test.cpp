@@ -35,11 +35,22 @@ std::vector<Entry> entries(const GradientCase& run, const Gradient& g) {
     add(name, found, run.material.*member,
         [member](GradientCase& c) -> double& { return c.material.*member; });
   };
-  const BodyGradient& body = g.bodies[0];
+  // What the case's numbers move: of a neighbour all but its material and density.
+  BodyGradient body = g.bodies[0];
+  for (std::size_t b = 1; b < g.bodies.size(); ++b) {
+    body.offset += g.bodies[b].offset;
+    body.velocity += g.bodies[b].velocity;
+    body.spin += g.bodies[b].spin;
+  }
   const material::Material& m = run.material;
   using material::Material;
-  of_material("E", body.material.youngs_modulus, &Material::youngs_modulus);
-  of_material("nu", body.material.poisson_ratio, &Material::poisson_ratio);
+  if (m.law == Law::kNewtonian) {
+    of_material("K", body.material.bulk_modulus, &Material::bulk_modulus);
+    of_material("viscosity", body.material.viscosity, &Material::viscosity);
+  } else {
+    of_material("E", body.material.youngs_modulus, &Material::youngs_modulus);
+    of_material("nu", body.material.poisson_ratio, &Material::poisson_ratio);
+  }
   if (m.damping_shear > 0.0) {
     of_material("damping", body.material.damping_shear, &Material::damping_shear);
     of_material("bulk damping", body.material.damping_bulk, &Material::damping_bulk);
@@ -64,8 +75,11 @@ std::vector<Entry> entries(const GradientCase& run, const Gradient& g) {
   add("density", body.density, run.density, [](GradientCase& c) -> double& { return c.density; });
   const Scene scene = run.scene();
   double stir = 0.0;
-  for (std::size_t p = 0; p < scene.bodies[0].rest.size(); ++p) {
-    stir += body.particle_velocities[p].dot(scene.bodies[0].particle_velocities[p]) / run.stir;
+  for (std::size_t b = 0; b < g.bodies.size(); ++b) {
+    for (std::size_t p = 0; p < scene.bodies[b].rest.size(); ++p) {
+      stir +=
+          g.bodies[b].particle_velocities[p].dot(scene.bodies[b].particle_velocities[p]) / run.stir;
+    }
   }
   add("particle velocities", stir, 1.0, [](GradientCase& c) -> double& { return c.stir; });
   for (int axis = 0; axis < 3; ++axis) {
@@ -78,12 +92,14 @@ std::vector<Entry> entries(const GradientCase& run, const Gradient& g) {
     vector("velocity", body.velocity, 1.0, &GradientCase::velocity);
     vector("spin", body.spin, 10.0, &GradientCase::spin);
     vector("gravity", g.gravity, 10.0, &GradientCase::gravity);
-    if (run.ground) {
+    if (run.ground && run.method == ContactMethod::kParticle) {
       vector("translation", g.colliders[0].translation, 0.01, &GradientCase::translation);
       vector("rotation", g.colliders[0].rotation, 0.1, &GradientCase::rotation);
     }
   }
-  if (run.ground) {
+  if (run.ground && run.method == ContactMethod::kNode) {
+    add("mu", g.colliders[0].mu, run.mu, [](GradientCase& c) -> double& { return c.mu; });
+  } else if (run.ground) {
     add("mu", g.colliders[0].mu, run.mu, [](GradientCase& c) -> double& { return c.mu; });
     add("stiffness", g.colliders[0].stiffness, run.stiffness,
         [](GradientCase& c) -> double& { return c.stiffness; });
@@ -101,8 +117,10 @@ void expect_differences(const std::string& name, const GradientCase& run,
   constexpr double kScale = 1.0;
   const Gradient g = run.gradient<double>();
   if (run.ground) {
-    EXPECT_GT(std::abs(run.stiffness * g.colliders[0].stiffness), 1e-3)
-        << name << " does not touch";
+    const double felt = run.method == ContactMethod::kNode
+                            ? g.colliders[0].mu
+                            : run.stiffness * g.colliders[0].stiffness;
+    EXPECT_GT(std::abs(felt), 1e-3) << name << " does not touch";
   }
   for (const Entry& entry : entries(run, g)) {
     if (!only.empty() && only.count(entry.name) == 0) continue;
@@ -175,6 +193,42 @@ TEST(Gradient, OfPlasticBodiesMatchesDifferences) {
   run.material.friction_angle = 30.0;
   run.material.cohesion = 2e3;
   expect_differences("Drucker-Prager", run);
+}
+
+TEST(Gradient, OfUpdatedBodiesMatchesDifferences) {
+  GradientCase run;
+  run.formulation = Formulation::kUpdated;
+  run.ground = true;
+  run.material.damping_shear = 5.0;
+  run.material.damping_bulk = 2.0;
+  expect_differences("updated, sliding", run);
+  run.material.damping_shear = run.material.damping_bulk = 0.0;
+  run.method = ContactMethod::kNode;
+  expect_differences("updated, met by nodes", run);
+  run.method = ContactMethod::kParticle;
+  run.material.law = Law::kHerschelBulkley;
+  run.material.yield_stress = 800.0;
+  run.material.viscosity = 30.0;
+  run.material.maxwell = {{2e4, 5e-3}};
+  expect_differences("updated Herschel-Bulkley, relaxing", run);
+  run.material.maxwell.clear();
+  run.material.law = Law::kNewtonian;
+  run.material.bulk_modulus = 2e5;
+  run.material.viscosity = 10.0;
+  expect_differences("updated fluid", run);
+}
+
+TEST(Gradient, OfUpdatedBodiesThatTouchAndArePinnedMatchesDifferences) {
+  GradientCase run;
+  run.formulation = Formulation::kUpdated;
+  run.neighbour = true;
+  run.ground = true;
+  expect_differences("solid beside water", run);
+  run.ground = false;
+  run.neighbour = false;
+  run.hold = Hold::kPatch;
+  run.release = 0.033;
+  expect_differences("updated, moved patch let go", run);
 }
 
 /// A bar that swings and comes to rest, over more than two thousand substeps.

@@ -44,19 +44,21 @@ Stepper<S>::Stepper(Scene scene, std::shared_ptr<Arena> arena, const Simulation:
   for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
     if (!is_total(scene_.bodies[i])) updated_bodies_.push_back(i);
   }
+  if (!updated_bodies_.empty()) {
+    updated_ =
+        std::make_unique<UpdatedGroup<S>>(scene_, updated_bodies_, table, options.memory_limit);
+  }
   if constexpr (std::is_same_v<S, float>) {
-    if (!updated_bodies_.empty()) {
-      updated_ =
-          std::make_unique<UpdatedGroup<S>>(scene_, updated_bodies_, table, options.memory_limit);
-    }
     std::vector<BodyContacts::Member> members;
     for (std::size_t m = 0; m < total_->size(); ++m) {
       members.push_back({total_->index(m), &total_->body(m)});
     }
     body_contacts_ =
         std::make_unique<BodyContacts>(scene_, members, updated_.get(), updated_bodies_);
-  } else if (scene_.bodies.size() > 1 || !updated_bodies_.empty()) {
-    throw_input("In double precision a scene has one body, of formulation 'total'.");
+  } else if (total_->size() > 0 && scene_.bodies.size() > 1) {
+    throw_input(
+        "In double precision a scene has one body of formulation 'total', or bodies that are all "
+        "'updated'.");
   }
 }
 
@@ -173,7 +175,7 @@ void Stepper<S>::step(double time, double dt, FrameReport& report) {
   }
   total_->step(*arena_, time, dt, gravity, frame_, report);
   if (updated_) {
-    const auto extremes = updated_->step(*arena_, time, dt, gravity);
+    const auto extremes = updated_->step(*arena_, time, dt, gravity, record_);
     report.min_volume_ratio = std::min(report.min_volume_ratio, extremes.first);
     report.max_volume_ratio = std::max(report.max_volume_ratio, extremes.second);
   }
@@ -184,6 +186,7 @@ void Stepper<S>::substep(int frame, const FrameSchedule& plan, int k) {
   frame_ = frame;
   if (k == 0) {
     total_->set_elastic_dt(plan.elastic_dt);
+    if (updated_) (void)updated_->begin_frame(time_of(frame_));
     begin_frame();
   }
   const double dt = 1.0 / (scene_.fps * plan.substeps);

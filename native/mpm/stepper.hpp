@@ -24,7 +24,7 @@ struct SubstepHooks {
 
 /// All bodies of a scene and their clock: what Simulation runs, and Gradient records and runs
 /// again. Errors as Simulation's. Call everything but the constructor inside `arena`.
-/// S other than float: total Lagrangian bodies that do not touch each other.
+/// S other than float: one total Lagrangian body, or updated ones.
 template <class S>
 class Stepper {
  public:
@@ -36,6 +36,12 @@ class Stepper {
   [[nodiscard]] const Scene& scene() const { return scene_; }
   [[nodiscard]] Arena& arena() { return *arena_; }
   [[nodiscard]] TotalGroup<S>& total() { return *total_; }
+  /// Null where no body is of that formulation.
+  [[nodiscard]] UpdatedGroup<S>* updated() { return updated_.get(); }
+  /// Of the updated bodies, into scene().bodies.
+  [[nodiscard]] const std::vector<std::size_t>& updated_bodies() const { return updated_bodies_; }
+  /// From here on each substep of the updated bodies fills it; null: none.
+  void keep(UpdatedRecord<S>* record) { record_ = record; }
   /// The frame the state stands at.
   [[nodiscard]] int frame() const { return frame_; }
 
@@ -68,7 +74,8 @@ class Stepper {
   Scene scene_;
   std::shared_ptr<Arena> arena_;
   std::unique_ptr<TotalGroup<S>> total_;
-  std::unique_ptr<UpdatedGroup<S>> updated_;  ///< null where S is not float
+  std::unique_ptr<UpdatedGroup<S>> updated_;
+  UpdatedRecord<S>* record_ = nullptr;
   std::vector<std::size_t> updated_bodies_;
   std::unique_ptr<BodyContacts> body_contacts_;  ///< null where S is not float
   Schedule schedule_;

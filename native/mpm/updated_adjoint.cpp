@@ -337,8 +337,10 @@ UpdatedStartCotangents UpdatedAdjoint<S>::start(std::size_t body,
     out.positions.emplace_back(x_bar + arm_bar);
     if (!own.rest.empty()) out.positions.back() += own.rest[p];
   }
+  out.offset = own.pivots;
   for (std::size_t p = 0; p < of.rest.size(); ++p) {
     out.positions[p] += of.volumes[p] / volume * center_bar;
+    out.offset += out.positions[p];
   }
   return out;
 }

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/gradient_tape.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace matterfit::mpm {
+
+template <class S>
+void TotalTape<S>::see(ObservedFrame& frame) const {
+  TotalGroup<S>& total = stepper_.total();
+  for (std::size_t m = 0; m < total.size(); ++m) {
+    const TotalBody<S>& body = total.body(m);
+    ObservedFrame::Body& seen = frame.bodies[total.index(m)];
+    seen.positions.resize(body.particles());
+    seen.velocities.resize(body.particles());
+    stepper_.arena().parallel_for(0, body.particles(), 256, [&](std::size_t p) {
+      const auto state = body.point_state(static_cast<std::uint32_t>(p));
+      seen.positions[p] = state.position;
+      seen.velocities[p] = state.velocity;
+    });
+  }
+}
+
+template <class S>
+std::size_t TotalTape<S>::bytes(const State& state) {
+  std::size_t bytes = 0;
+  for (const TotalMemberState<S>& member : state) bytes += member.bytes();
+  return bytes;
+}
+
+template <class S>
+std::vector<ContactMemories> TotalTape<S>::memories(const State& state) {
+  std::vector<ContactMemories> out;
+  for (const TotalMemberState<S>& member : state) out.push_back(member.contact.memory);
+  return out;
+}
+
+template <class S>
+void TotalTape<S>::turn() {
+  adjoint_ = std::make_unique<TotalGroupAdjoint<S>>(stepper_.scene(), stepper_.total(), target_);
+  after_ = memories(stepper_.total().record());
+}
+
+template <class S>
+void TotalTape<S>::back(std::size_t begin, std::size_t end, State first, const StepAgain& again,
+                        const SubstepPassed& passed) {
+  std::vector<State> states{std::move(first)};
+  if (begin + 1 < end) stepper_.total().restore(states.front());
+  for (std::size_t n = begin; n + 1 < end; ++n) {
+    again(n);
+    states.push_back(stepper_.total().record());
+  }
+  while (end > begin) {
+    --end;
+    adjoint_->substep(stepper_.arena(), log_[end], states.back(), after_);
+    after_ = memories(states.back());
+    states.pop_back();
+    passed(end);
+  }
+}
+
+template <class S>
+void UpdatedTape<S>::see(ObservedFrame& frame) const {
+  const std::vector<std::size_t>& bodies = stepper_.updated_bodies();
+  for (std::size_t m = 0; m < bodies.size(); ++m) {
+    ObservedFrame::Body& seen = frame.bodies[bodies[m]];
+    for (const UpdatedParticle& particle : stepper_.updated()->particles(m)) {
+      seen.positions.push_back(particle.position);
+      seen.velocities.push_back(particle.velocity);
+    }
+  }
+}
+
+template <class S>
+std::string UpdatedTape<S>::state() const {
+  ByteWriter out;
+  stepper_.updated()->save(out);
+  return out.take();
+}
+
+template <class S>
+std::size_t UpdatedTape<S>::bytes(const State& state) const {
+  return std::max(state.size(), largest_);
+}
+
+template <class S>
+void UpdatedTape<S>::before_substep() {
+  if (!keeps_) return;
+  records_.emplace_back();
+  stepper_.keep(&records_.back());
+}
+
+template <class S>
+void UpdatedTape<S>::after_substep() {
+  if (!keeps_) return;
+  stepper_.keep(nullptr);
+  const std::size_t bytes = records_.back().bytes();
+  largest_ = std::max(largest_, bytes);
+  record_bytes_ += bytes;
+}
+
+template <class S>
+void UpdatedTape<S>::forget_from(std::size_t substep) {
+  stepper_.keep(nullptr);
+  // The substep that failed has added nothing to the sum.
+  while (records_.size() > substep) records_.pop_back();
+  record_bytes_ = 0;
+  for (const UpdatedRecord<S>& record : records_) record_bytes_ += record.bytes();
+}
+
+template <class S>
+void UpdatedTape<S>::give_up() {
+  keeps_ = false;
+  records_.clear();
+  record_bytes_ = 0;
+}
+
+template <class S>
+void UpdatedTape<S>::turn() {
+  adjoint_ = std::make_unique<UpdatedAdjoint<S>>(stepper_.scene(), stepper_.updated_bodies(),
+                                                 updated_adjoint_kernels<S>(target_));
+  bar_ = adjoint_->zero();
+}
+
+template <class S>
+void UpdatedTape<S>::observe(const FrameLoss& loss) {
+  const std::vector<std::size_t>& bodies = stepper_.updated_bodies();
+  for (std::size_t m = 0; m < bodies.size(); ++m) {
+    const FrameLoss::Body& body = loss.bodies[bodies[m]];
+    const auto add = [](std::array<S, 3>& sum, const Vec3d& bar) {
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += static_cast<S>(bar[static_cast<int>(c)]);
+    };
+    std::vector<UpdatedParticleBar<S>>& particles = bar_.bodies[m].particles;
+    for (std::size_t p = 0; p < body.positions.size(); ++p) {
+      add(particles[p].position, body.positions[p]);
+    }
+    for (std::size_t p = 0; p < body.velocities.size(); ++p) {
+      add(particles[p].velocity, body.velocities[p]);
+    }
+  }
+}
+
+template <class S>
+void UpdatedTape<S>::back(std::size_t begin, std::size_t end, const State& first,
+                          const StepAgain& again, const SubstepPassed& passed) {
+  if (!keeps_) {
+    ByteReader in(first);
+    stepper_.updated()->load(in);
+    in.expect_end();
+    for (std::size_t n = begin; n < end; ++n) {
+      records_.emplace_back();
+      stepper_.keep(&records_.back());
+      again(n);
+    }
+    stepper_.keep(nullptr);
+  }
+  while (end > begin) {
+    --end;
+    adjoint_->substep(stepper_.arena(), records_.back(), bar_);
+    records_.pop_back();
+    passed(end);
+  }
+}
+
+template <class S>
+void UpdatedTape<S>::collect(Gradient& out) const {
+  const std::vector<std::size_t>& bodies = stepper_.updated_bodies();
+  for (std::size_t m = 0; m < bodies.size(); ++m) {
+    BodyGradient& body = out.bodies[bodies[m]];
+    UpdatedStartCotangents start = adjoint_->start(m, bar_);
+    body.material = adjoint_->material_gradient(m, bar_);
+    body.density = start.log_density / stepper_.scene().bodies[bodies[m]].density;
+    body.offset = start.offset;
+    body.velocity = start.velocity;
+    body.spin = start.spin;
+    body.particle_velocities = std::move(start.particle_velocities);
+  }
+  out.gravity += bar_.gravity;
+  for (std::size_t c = 0; c < out.colliders.size(); ++c) {
+    const ColliderCotangents& own = bar_.colliders[c];
+    out.colliders[c].mu += own.mu;
+    out.colliders[c].stiffness += own.stiffness;
+    out.colliders[c].damping += own.damping;
+    out.colliders[c].translation += own.translation;
+    out.colliders[c].rotation += own.rotation;
+  }
+}
+
+template class TotalTape<float>;
+template class TotalTape<double>;
+template class UpdatedTape<float>;
+template class UpdatedTape<double>;
+
+}  // namespace matterfit::mpm

@@ -28,6 +28,9 @@ class Problem {
   virtual Problem* stand_in() { return nullptr; }
   /// How many of these residuals count as independent; 0: not known.
   [[nodiscard]] virtual double effective(const Eigen::VectorXd&) const { return 0.0; }
+  /// The block of each residual: parts of the data that know little of each other, for errors from
+  /// how far they disagree. Empty: not known.
+  [[nodiscard]] virtual std::vector<std::uint32_t> blocks() const { return {}; }
 };
 
 struct LeastSquaresOptions {

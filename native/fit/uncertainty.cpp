@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "base/error.hpp"
 #include "fit/advice.hpp"
@@ -23,13 +24,16 @@ constexpr double kQuantile = 1.959963984540054;  // 97.5 % of a normal distribut
 constexpr double kStrong = 0.95;                 // correlation worth a statement
 /// Variance by which others multiply a parameter's, above which only a combination is observed.
 constexpr double kDependent = 1e10;
-constexpr double kTakesPart = 0.1;  // component of a direction worth a name
-constexpr double kMisfit = 2.0;     // noise scale worth a statement
+constexpr double kTakesPart = 0.1;      // component of a direction worth a name
+constexpr double kMisfit = 2.0;         // noise scale worth a statement
+constexpr double kDisagree = 2.0;       // blocks' error over the noise's, worth a statement
+constexpr std::size_t kMoreBlocks = 4;  // than parameters
 
 struct Information {
   MatrixXd data;        ///< JᵀJ, with Huber's estimator its counterpart
   double noise = 1.0;   ///< √(χ²/degrees of freedom)
   bool judged = true;   ///< there are degrees of freedom
+  double slope = 1.0;   ///< mean of ψ′: with Huber's estimator the part that lies inside
   double weight = 1.0;  ///< independent residuals, as a part of all
 };
 
@@ -63,8 +67,8 @@ Information information(const LeastSquaresState& state, std::size_t parameters, 
   result.judged = freedom >= 1.0 && linear < observed;
   if (observed > 0.0) result.weight = independent / observed;
   if (!result.judged) return result;
-  const double slope = 1.0 - linear / observed;  // mean of ψ′
-  result.noise = std::sqrt(squares / observed * (independent / freedom)) / slope;
+  result.slope = 1.0 - linear / observed;
+  result.noise = std::sqrt(squares / observed * (independent / freedom)) / result.slope;
   return result;
 }
 
@@ -111,6 +115,43 @@ Covariance invert(const MatrixXd& hessian) {
     result.unseen.push_back(std::move(members));
   }
   return result;
+}
+
+/// Errors from how far the blocks disagree; 0 where they cannot tell. `hessian` and `weights` (of
+/// the priors) are those that the fit itself made small.
+VectorXd between_blocks(const LeastSquaresState& state, const MatrixXd& hessian,
+                        const VectorXd& weights, double huber,
+                        const std::vector<std::uint32_t>& blocks) {
+  const Index n = hessian.cols();
+  VectorXd errors = VectorXd::Zero(n);
+  std::map<std::uint32_t, VectorXd> gradients;
+  for (Index i = 0; i < state.residual.size(); ++i) {
+    if (state.jacobian.row(i).isZero(0.0)) continue;
+    VectorXd& gradient =
+        gradients.try_emplace(blocks[std::size_t(i)], VectorXd::Zero(n)).first->second;
+    const double r = state.residual[i];
+    gradient +=
+        (huber > 0.0 ? std::clamp(r, -huber, huber) : r) * state.jacobian.row(i).transpose();
+  }
+  if (gradients.size() < std::size_t(n) + kMoreBlocks) return errors;
+  const double count = double(gradients.size());
+  VectorXd mean = VectorXd::Zero(n);  // not 0 at a bound
+  for (const auto& [block, gradient] : gradients) mean += gradient / count;
+  MatrixXd middle = weights.asDiagonal();
+  for (const auto& [block, gradient] : gradients) {
+    middle += count / (count - double(n)) * (gradient - mean) * (gradient - mean).transpose();
+  }
+  const Covariance inverse = invert(hessian);
+  for (Index k = 0; k < n; ++k) {
+    if (!std::isfinite(inverse.error[k])) continue;
+    VectorXd row = VectorXd::Zero(n);
+    for (Index j = 0; j < n; ++j) {
+      if (!std::isfinite(inverse.error[j])) continue;
+      row[j] = inverse.correlation(k, j) * inverse.error[k] * inverse.error[j];
+    }
+    errors[k] = std::sqrt(std::max(0.0, row.dot(middle * row)));
+  }
+  return errors;
 }
 
 std::string capital(std::string text) {
@@ -215,20 +256,34 @@ std::vector<std::string> general(const std::vector<Parameter>& parameters,
 }  // namespace
 
 Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSquaresState& state,
-                        double effective, double huber) {
+                        double effective, double huber, const std::vector<std::uint32_t>& blocks) {
   const auto n = Index(parameters.size());
   if (state.point.size() != n || state.jacobian.cols() != n ||
-      state.jacobian.rows() != state.residual.size()) {
+      state.jacobian.rows() != state.residual.size() ||
+      (!blocks.empty() && Index(blocks.size()) != state.residual.size())) {
     throw_input("the uncertainty of a fit needs its point, its residuals and its Jacobian.");
   }
   const Information data = information(state, parameters.size(), effective, huber);
   const double enlarged = std::max(1.0, data.noise);
-  MatrixXd hessian = data.weight / (enlarged * enlarged) * data.data;
+  VectorXd weights = VectorXd::Zero(n);
   for (Index k = 0; k < n; ++k) {
     const auto& prior = parameters[std::size_t(k)].prior;
-    if (prior) hessian(k, k) += 1.0 / (prior->sigma * prior->sigma);
+    if (prior) weights[k] = 1.0 / (prior->sigma * prior->sigma);
   }
-  const Covariance covariance = invert(hessian);
+  const auto with_priors = [&](double weight) {
+    MatrixXd hessian = weight * data.data;
+    hessian.diagonal() += weights;
+    return hessian;
+  };
+  Covariance covariance = invert(with_priors(data.weight / (enlarged * enlarged)));
+  std::vector<Index> disagreed;
+  if (!blocks.empty() && data.judged) {
+    const VectorXd between = between_blocks(state, with_priors(data.slope), weights, huber, blocks);
+    for (Index k = 0; k < n; ++k) {
+      if (between[k] > kDisagree * covariance.error[k]) disagreed.push_back(k);
+      covariance.error[k] = std::max(covariance.error[k], between[k]);
+    }
+  }
 
   Uncertainty result;
   result.correlation = covariance.correlation;
@@ -257,6 +312,12 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
     result.estimates.push_back(std::move(estimate));
   }
   result.statements = general(parameters, covariance, data);
+  if (!disagreed.empty()) {
+    result.statements.push_back(
+        "Parts of the capture ask for different values of " + listed(parameters, disagreed) +
+        ", by more than the noise explains: the law or the scene lacks something. Errors are "
+        "enlarged by it.");
+  }
   return result;
 }
 

@@ -36,10 +36,14 @@ struct Uncertainty {
 /// state.residual). Where noise_scale is above 1 the noise is taken to be that much larger than
 /// stated: without priors errors are multiplied by it. `effective` is the number of residuals that
 /// count as independent; 0: all that are observed (not 0 with a Jacobian of 0). `huber` as in the
-/// fit: errors are then those of Huber's estimator (Huber, Robust Statistics, ch. 7.6). Throws
+/// fit: errors are then those of Huber's estimator (Huber, Robust Statistics, ch. 7.6). With
+/// `blocks` (Problem::blocks()) an error is at least what the blocks' disagreement about the value
+/// makes it, H⁻¹ M H⁻¹ with M from the gradients of the blocks (Liang and Zeger 1986): under a
+/// wrong law residuals hang together in ways that no count of independent ones tells. Throws
 /// Error(kInput) where the sizes differ.
 [[nodiscard]] Uncertainty uncertainty(const std::vector<Parameter>& parameters,
                                       const LeastSquaresState& state, double effective = 0.0,
-                                      double huber = 0.0);
+                                      double huber = 0.0,
+                                      const std::vector<std::uint32_t>& blocks = {});
 
 }  // namespace matterfit::fit

@@ -349,5 +349,66 @@ TEST(Uncertainty, OfARobustFitIsItsScatter) {
   }
 }
 
+/// Sixteen blocks of forty rows, each with a value of its own, `spread` apart, of the one
+/// parameter.
+LeastSquaresState state_of_blocks(double spread, unsigned seed,
+                                  std::vector<std::uint32_t>& blocks) {
+  LeastSquaresState state;
+  state.jacobian = random_matrix(16 * 40, 1, seed);
+  const MatrixXd own = random_matrix(16, 1, seed + 1);
+  state.residual = random_matrix(16 * 40, 1, seed + 2);
+  blocks.clear();
+  for (Index i = 0; i < state.residual.size(); ++i) {
+    state.residual[i] -= state.jacobian(i, 0) * spread * own(i / 40, 0);
+    blocks.push_back(std::uint32_t(i / 40));
+  }
+  const double step =
+      state.jacobian.col(0).dot(state.residual) / state.jacobian.col(0).squaredNorm();
+  state.residual -= step * state.jacobian.col(0);
+  state.point = VectorXd::Constant(1, -step);
+  return state;
+}
+
+TEST(Uncertainty, BlocksThatDisagreeWidenAnError) {
+  constexpr double kSpread = 1.0;
+  constexpr int kSeeds = 200;
+  std::vector<std::uint32_t> blocks;
+  double squares = 0.0;  // of the truth, 0, about the values found
+  double variance = 0.0;
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    const LeastSquaresState state = state_of_blocks(kSpread, 3 * seed, blocks);
+    const auto result = uncertainty(parameters(1), state, 0.0, 0.0, blocks);
+    squares += std::pow(state.point[0], 2.0) / kSeeds;
+    variance += std::pow(result.estimates[0].standard_error, 2.0) / kSeeds;
+    EXPECT_LT(2.0 * uncertainty(parameters(1), state).estimates[0].standard_error,
+              result.estimates[0].standard_error);
+  }
+  EXPECT_NEAR(variance / squares, 1.0, 0.3);
+}
+
+TEST(Uncertainty, BlocksSayWhatTheyDisagreeAbout) {
+  std::vector<std::uint32_t> blocks;
+  const LeastSquaresState apart = state_of_blocks(1.0, 7, blocks);
+  EXPECT_THAT(uncertainty(parameters(1), apart, 0.0, 0.0, blocks).statements,
+              testing::Contains(HasSubstr("different values of x[0]")));
+  const LeastSquaresState alike = state_of_blocks(0.0, 7, blocks);
+  EXPECT_TRUE(uncertainty(parameters(1), alike, 0.0, 0.0, blocks).statements.empty());
+}
+
+TEST(Uncertainty, AFewBlocksTellNothing) {
+  std::vector<std::uint32_t> blocks;
+  const LeastSquaresState state = state_of_blocks(1.0, 7, blocks);
+  for (std::uint32_t& block : blocks) block /= 8;
+  EXPECT_EQ(uncertainty(parameters(1), state, 0.0, 0.0, blocks).estimates[0].standard_error,
+            uncertainty(parameters(1), state).estimates[0].standard_error);
+}
+
+TEST(Uncertainty, BlocksAreOnePerResidual) {
+  std::vector<std::uint32_t> blocks;
+  const LeastSquaresState state = state_of_blocks(0.0, 7, blocks);
+  blocks.pop_back();
+  EXPECT_THROW((void)uncertainty(parameters(1), state, 0.0, 0.0, blocks), Error);
+}
+
 }  // namespace
 }  // namespace matterfit::fit

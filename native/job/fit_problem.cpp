@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/fit_problem.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -30,6 +31,40 @@ std::vector<double> used_times(const FitRun& run) {
     }
   }
   return {times.begin(), times.end()};
+}
+
+constexpr std::uint32_t kMostParts = 8;
+constexpr std::size_t kFewestInPart = 8;
+
+/// Numbers below kMostParts, points that lie together alike: halved at the median across the
+/// longest side, and again.
+std::vector<std::uint32_t> parts_of(const Points& points) {
+  std::vector<std::uint32_t> part(points.size(), 0);
+  std::vector<std::vector<std::size_t>> groups(1);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (points[i].allFinite()) groups[0].push_back(i);
+  }
+  while (groups.size() < kMostParts) {
+    std::vector<std::vector<std::size_t>> halves;
+    for (std::vector<std::size_t>& group : groups) {
+      if (group.size() < 2 * kFewestInPart) return part;
+      Eigen::AlignedBox3d box;
+      for (const std::size_t i : group) box.extend(points[i]);
+      int axis = 0;
+      box.sizes().maxCoeff(&axis);
+      const auto middle = group.begin() + static_cast<std::ptrdiff_t>(group.size() / 2);
+      std::nth_element(group.begin(), middle, group.end(), [&](std::size_t a, std::size_t b) {
+        return std::pair(points[a][axis], a) < std::pair(points[b][axis], b);
+      });
+      halves.emplace_back(group.begin(), middle);
+      halves.emplace_back(middle, group.end());
+    }
+    groups = std::move(halves);
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+      for (const std::size_t i : groups[g]) part[i] = std::uint32_t(g);
+    }
+  }
+  return part;
 }
 
 }  // namespace
@@ -253,6 +288,32 @@ double FitProblem::effective(const Eigen::VectorXd& residual) const {
   const double in_time = std::min(most_frames, (1.0 + correlation) / (1.0 - correlation));
   const double in_frame = std::clamp(means / frames / variance, 1.0, most_points);
   return std::max(3.0, 3.0 * samples / (in_time * in_frame));
+}
+
+std::vector<std::uint32_t> FitProblem::blocks() const {
+  constexpr std::size_t kStretches = 8;
+  std::vector<std::uint32_t> result;
+  std::uint32_t first = 0;
+  for (const Part& part : parts_) {
+    const FitCapture& capture = capture_of(part);
+    const bool tracks = loss_ == FitDoc::Loss::kTracks;
+    const std::vector<std::uint32_t> octants =
+        tracks ? parts_of(capture.input.rest) : std::vector<std::uint32_t>{};
+    for (std::size_t k = 0; k < part.frames.size(); ++k) {
+      const auto stretch = std::uint32_t(k * kStretches / part.frames.size());
+      if (tracks) {
+        for (const std::uint32_t octant : octants) {
+          result.insert(result.end(), 3, first + kMostParts * stretch + octant);
+        }
+        continue;
+      }
+      const std::size_t points =
+          model_.watched(part.run, part.capture) + cloud(part, part.frames[k]).points.size();
+      result.insert(result.end(), 3 * points, first + kMostParts * stretch);
+    }
+    first += kMostParts * kStretches;
+  }
+  return result;
 }
 
 }  // namespace matterfit::job

@@ -52,6 +52,8 @@ class FitProblem final : public fit::Problem {
   /// How many of the residuals count as independent: fewer where they hang together from frame to
   /// frame and from point to point, as those of a wrong law do.
   [[nodiscard]] double effective(const Eigen::VectorXd& residual) const override;
+  /// Eight stretches of time by, for tracks, eight parts of the body.
+  [[nodiscard]] std::vector<std::uint32_t> blocks() const override;
 
  private:
   /// The frames of one capture that lie in the window and have a used sample.

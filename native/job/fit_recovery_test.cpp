@@ -76,5 +76,39 @@ TEST(FitRecovers, TheFrictionAngle) {
            {{"friction_angle", 30, 42, 1.0, false}});
 }
 
+/// A bootstrap: the fit repeated on other noise scatters as its standard errors say.
+TEST(FitErrors, AgreeWithABootstrap) {
+  constexpr unsigned kSamples = 16;
+  Json truth = thrown_cube();
+  truth["scene"]["frames"] = {0, 10};
+  Json document = fit_of(truth, {"material.E", "material.nu"});
+  document["fit"]["levels"] = {1};
+  document["fit"]["windows"] = false;
+  const std::vector<std::string> paths = {"bodies.cube.material.E", "bodies.cube.material.nu"};
+  std::vector<std::vector<double>> values(paths.size());
+  std::vector<double> stated(paths.size(), 0.0);
+  for (unsigned seed = 1; seed <= kSamples; ++seed) {
+    const Folder folder;
+    record(truth, folder.path, "a", seed);
+    const Json result = run(document, folder.path);
+    for (std::size_t k = 0; k < paths.size(); ++k) {
+      const Json& found = result["fit"]["parameters"][k];
+      EXPECT_EQ(found["path"], paths[k]);
+      values[k].push_back(found["value"].get<double>());
+      stated[k] += std::pow(found["standard_error"].get<double>(), 2.0) / kSamples;
+    }
+  }
+  for (std::size_t k = 0; k < paths.size(); ++k) {
+    double mean = 0.0;
+    for (const double value : values[k]) mean += value / kSamples;
+    double variance = 0.0;
+    for (const double value : values[k]) variance += std::pow(value - mean, 2.0) / (kSamples - 1);
+    const double ratio = std::sqrt(stated[k] / variance);
+    RecordProperty(paths[k], std::to_string(ratio));
+    EXPECT_GT(ratio, 0.6) << paths[k];
+    EXPECT_LT(ratio, 1.8) << paths[k];
+  }
+}
+
 }  // namespace
 }  // namespace matterfit::job

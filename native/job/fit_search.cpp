@@ -401,7 +401,7 @@ fit::Uncertainty LawFit::uncertainty(const LawState& state) {
   fit::LeastSquaresState& search = *at_end.search;
   at.search.linearise(at.problem, search);
   return fit::uncertainty(at.search.parameters(), search, at.problem.effective(search.residual),
-                          setup_.fit->huber);
+                          setup_.fit->huber, at.problem.blocks());
 }
 
 std::vector<double> LawFit::distances(const LawState& state) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 
 #include "base/error.hpp"
 #include "fit/initial_motion.hpp"
@@ -66,30 +67,58 @@ bool is_scanned(FitQuantity quantity) {
          quantity == FitQuantity::kViscosity;
 }
 
-double stepped(const fit::Parameter& parameter, double value, int step) {
-  return parameter.coordinate == fit::Coordinate::kLinear ? value + kAngleStep * step
-                                                          : value * std::pow(kHalfDecade, step);
+/// One way to go from a set of values: a parameter alone or, with `poisson` (that parameter's
+/// number; `number` is E's), the bulk modulus at a fixed shear modulus.
+struct Direction {
+  std::size_t number = 0;
+  std::optional<std::size_t> poisson;
+};
+
+bool inside(const fit::Parameter& parameter, double value) {
+  return value >= parameter.low && value <= parameter.high;
 }
 
-/// One parameter; true if another value than the present one is the best.
-bool scan(const FitParameters& parameters, std::size_t number, const std::vector<int>& first,
-          const FitCost& costs, std::vector<double>& values, double& cost) {
-  const fit::Parameter& parameter = parameters.parameters()[number];
-  const double centre = values[number];
+/// The values `step` steps along; nothing where that is out of bounds.
+std::optional<std::vector<double>> stepped(const FitParameters& parameters,
+                                           const Direction& direction, std::vector<double> values,
+                                           int step) {
+  const auto& all = parameters.parameters();
+  double& value = values[direction.number];
+  const double factor = std::pow(kHalfDecade, step);
+  if (direction.poisson) {
+    double& nu = values[*direction.poisson];
+    const double shear = value / (2.0 * (1.0 + nu));
+    const double bulk = factor * value / (3.0 * (1.0 - 2.0 * nu));
+    value = 9.0 * bulk * shear / (3.0 * bulk + shear);
+    nu = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear));
+    if (!inside(all[*direction.poisson], nu)) return std::nullopt;
+  } else if (all[direction.number].coordinate == fit::Coordinate::kLinear) {
+    value += kAngleStep * step;
+  } else {
+    value *= factor;
+  }
+  if (!inside(all[direction.number], value)) return std::nullopt;
+  return values;
+}
+
+/// Along one direction; true if other values than the present ones are the best.
+bool scan(const FitParameters& parameters, const Direction& direction,
+          const std::vector<int>& first, const FitCost& costs, std::vector<double>& values,
+          double& cost) {
   std::map<int, double> known{{0, cost}};
   const auto try_steps = [&](const std::vector<int>& steps) {
-    std::vector<int> inside;
+    std::vector<int> tried;
     std::vector<std::vector<double>> points;
     for (const int step : steps) {
-      const double value = stepped(parameter, centre, step);
-      if (known.count(step) > 0 || value < parameter.low || value > parameter.high) continue;
-      inside.push_back(step);
-      points.push_back(values);
-      points.back()[number] = value;
+      if (known.count(step) > 0) continue;
+      auto point = stepped(parameters, direction, values, step);
+      if (!point) continue;
+      tried.push_back(step);
+      points.push_back(std::move(*point));
     }
     if (points.empty()) return false;
     const std::vector<double> found = costs(points);
-    for (std::size_t k = 0; k < inside.size(); ++k) known[inside[k]] = found[k];
+    for (std::size_t k = 0; k < tried.size(); ++k) known[tried[k]] = found[k];
     return true;
   };
   const auto best = [&] {
@@ -107,10 +136,23 @@ bool scan(const FitParameters& parameters, std::size_t number, const std::vector
   }
   const bool moved = best()->first != 0 && best()->second < cost;
   if (moved) {
-    values[number] = stepped(parameter, centre, best()->first);
     cost = best()->second;
+    values = *stepped(parameters, direction, values, best()->first);
   }
   return moved;
+}
+
+/// Poisson's ratio of the same body, if it too is fitted.
+std::optional<std::size_t> poisson_beside(const FitParameters& parameters, std::size_t number) {
+  const FitPath& own = parameters.path(number);
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    const FitPath& path = parameters.path(i);
+    if (path.quantity == FitQuantity::kPoissonRatio && path.owner == own.owner &&
+        path.capture == own.capture) {
+      return i;
+    }
+  }
+  return std::nullopt;
 }
 
 }  // namespace
@@ -154,20 +196,25 @@ std::vector<double> with_initial_motion(const std::vector<FitRun>& runs,
 
 std::vector<double> scanned(const FitParameters& parameters, std::vector<double> values,
                             double cost, const FitCost& costs) {
-  std::vector<std::size_t> numbers;
+  std::vector<Direction> directions;
   for (std::size_t i = 0; i < parameters.size(); ++i) {
-    if (is_scanned(parameters.path(i).quantity)) numbers.push_back(i);
+    const FitQuantity quantity = parameters.path(i).quantity;
+    if (!is_scanned(quantity)) continue;
+    directions.push_back({i, std::nullopt});
+    if (quantity != FitQuantity::kYoungsModulus) continue;
+    if (const auto poisson = poisson_beside(parameters, i)) directions.push_back({i, poisson});
   }
-  std::stable_sort(numbers.begin(), numbers.end(), [&](std::size_t a, std::size_t b) {
-    return parameters.path(a).quantity < parameters.path(b).quantity;
-  });
+  std::stable_sort(directions.begin(), directions.end(),
+                   [&](const Direction& a, const Direction& b) {
+                     return parameters.path(a.number).quantity < parameters.path(b.number).quantity;
+                   });
   bool moved = false;
-  for (const std::size_t number : numbers) {
-    moved = scan(parameters, number, {-2, -1, 1, 2}, costs, values, cost) || moved;
+  for (const Direction& direction : directions) {
+    moved = scan(parameters, direction, {-2, -1, 1, 2}, costs, values, cost) || moved;
   }
-  if (numbers.size() < 2 || !moved) return values;
-  for (const std::size_t number : numbers) {
-    (void)scan(parameters, number, {-1, 1}, costs, values, cost);
+  if (directions.size() < 2 || !moved) return values;
+  for (const Direction& direction : directions) {
+    (void)scan(parameters, direction, {-1, 1}, costs, values, cost);
   }
   return values;
 }

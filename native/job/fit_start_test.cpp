@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_start.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "job/build_scene.hpp"
+#include "job/fit_fixture_for_test.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+
+/// (ln μ, ln K).
+Eigen::Vector2d logarithms(double youngs_modulus, double poisson_ratio) {
+  return {std::log(youngs_modulus / (2.0 * (1.0 + poisson_ratio))),
+          std::log(youngs_modulus / (3.0 * (1.0 - 2.0 * poisson_ratio)))};
+}
+
+/// Where a scan of E and ν ends that looks for `truth` (E, ν).
+std::vector<double> scanned_from(double youngs_modulus, double poisson_ratio,
+                                 const Eigen::Vector2d& truth) {
+  Json document = thrown_cube();
+  document["scene"]["bodies"][0]["material"]["E"] = youngs_modulus;
+  document["scene"]["bodies"][0]["material"]["nu"] = poisson_ratio;
+  document["captures"] = {{{"tracks", "a.npz"}}};
+  document["fit"] = {{"parameters", {"material.nu", "material.E"}}};
+  const Folder folder;
+  const Job job = job_of(document, folder.path);
+  Arena arena(1);
+  const mpm::Scene scene = build_scene(job, arena, Interrupter()).scene;
+  const FitParameters parameters(job.fit->parameters, {{&job, &scene, {}, nullptr}});
+  const Eigen::Vector2d goal = logarithms(truth[0], truth[1]);
+  const auto cost = [&](const std::vector<double>& values) {
+    EXPECT_GE(values[0], parameters.parameters()[0].low);
+    EXPECT_LE(values[0], parameters.parameters()[0].high);
+    return (logarithms(values[1], values[0]) - goal).squaredNorm();
+  };
+  const auto costs = [&](const std::vector<std::vector<double>>& points) {
+    std::vector<double> all;
+    for (const auto& values : points) all.push_back(cost(values));
+    return all;
+  };
+  const std::vector<double> start = parameters.starts();
+  return scanned(parameters, start, cost(start), costs);
+}
+
+TEST(FitStart, AScanFindsShearAndBulkApart) {
+  const double half = 0.5 * std::log(10.0);
+  const Eigen::Vector2d nearly_incompressible(1.5e4, 0.475);
+  const std::vector<double> up = scanned_from(1e5, 0.3, nearly_incompressible);
+  const Eigen::Vector2d off =
+      logarithms(up[1], up[0]) - logarithms(nearly_incompressible[0], nearly_incompressible[1]);
+  EXPECT_LT(off.cwiseAbs().maxCoeff(), half);
+  const Eigen::Vector2d foam(2e5, 0.05);
+  const std::vector<double> down = scanned_from(3e2, 0.49, foam);
+  EXPECT_LT((logarithms(down[1], down[0]) - logarithms(foam[0], foam[1])).cwiseAbs().maxCoeff(),
+            half);
+}
+
+}  // namespace
+}  // namespace matterfit::job

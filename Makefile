@@ -11,7 +11,7 @@ ROOT := '$(subst ','\'',$(CURDIR))'
 RUN := bash $(ROOT)/scripts/in_tree.sh
 PYTHON := $(RUN) python
 .DEFAULT_GOAL := help
-.PHONY: help demo test build bench five-materials format lint fuzz run package clean
+.PHONY: help demo test build bench five-materials other-simulators format lint fuzz run package clean
 
 help: ## Say what each target does (the default)
 	@grep -hE '^[a-z-]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | \
@@ -37,6 +37,10 @@ bench: ## Speed of the solver, one JSON object a line (OTHERS=1: Taichi and Gene
 five-materials: ## Fit 45 clips of another simulator and score the fits, hours (ONLY="sand elastic_box" fits some)
 	@bash $(ROOT)/scripts/dependencies.sh fits 1>&2
 	@$(PYTHON) $(ROOT)/scripts/five_materials.py $(if $(ONLY),--only $(ONLY)) $(if $(THREADS),--threads $(THREADS))
+
+other-simulators: ## Fit the clips of other simulators in FOLDER (../shared/data/other_simulators), a quarter of an hour each
+	@bash $(ROOT)/scripts/dependencies.sh fits 1>&2
+	@$(PYTHON) $(ROOT)/scripts/other_simulators.py $(FOLDER) $(if $(ONLY),--only $(ONLY)) $(if $(THREADS),--threads $(THREADS))
 
 format: ## Bring C++ and Python into the tree's form
 	@bash $(ROOT)/scripts/dependencies.sh test

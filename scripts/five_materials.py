@@ -11,15 +11,12 @@ Progress on standard error; the table as Markdown on standard output and in tabl
 table.json.
 """
 
-import argparse
 import json
-import pathlib
-import resource
 import subprocess
 import sys
-import time
 import zlib
 
+import clip_fit
 import clip_metrics
 import numpy as np
 from clip_body import surface_of_points
@@ -28,7 +25,6 @@ from parts import BUILD, ROOT, require_in_tree
 SET = BUILD / "five_materials"
 CLIPS = SET / "clips"
 FITS = SET / "fits"
-NOISE = 0.0005  # [m]
 
 # Initial guesses of PAC-NeRF for its 45 clips (github.com/xuan-li/PAC-NeRF, configs/elastic/*.py,
 # newtonian/default.py, non_newtonian/default.py, plasticine/default.py, sand/default.py), in our
@@ -88,10 +84,9 @@ def parameter_paths(material):
 
 def write_inputs(name, folder):
     """What the fit is given: the tracks with noise, and the surface around the first frame's points."""
-    folder.mkdir(parents=True, exist_ok=True)
     random = np.random.default_rng(zlib.crc32(name.encode()))
     arrays = np.load(CLIPS / f"{name}.npz")
-    noise = random.normal(0.0, NOISE, arrays["positions"].shape)
+    noise = random.normal(0.0, clip_fit.NOISE, arrays["positions"].shape)
     np.savez(folder / "capture.npz", positions=arrays["positions"] + noise, times=arrays["times"])
     vertices, faces = surface_of_points(arrays["rest"])
     np.savez(
@@ -128,7 +123,7 @@ def job_document(material, clip):
             {
                 "name": "tracks",
                 "tracks": "capture.npz",
-                "noise": NOISE,
+                "noise": clip_fit.NOISE,
                 "holdout": {"frames": [clip["fitted_frames"], clip["frames"]]},
             }
         ],
@@ -137,126 +132,29 @@ def job_document(material, clip):
     }
 
 
-def run_tool(tool, verb, document, threads, log):
-    """The tool's result, or None and its last words."""
-    command = [tool, verb, document, "--json", "--quiet", "--restart", "--threads", str(threads)]
-    with open(log, "w", encoding="utf-8") as errors:
-        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=errors, text=True, check=False)
-    if done.returncode == 0:
-        return json.loads(done.stdout), ""
-    return None, log.read_text(encoding="utf-8", errors="replace").strip()[-600:]
-
-
-def score(name, clip, folder, options):
-    """Runs the fitted scene with points that are no particle of the truth's sample, and compares."""
-    document = json.loads((folder / "out" / "scene.json").read_text(encoding="utf-8"))
-    arrays = np.load(CLIPS / f"{name}_truth.npz")
-    np.savez(folder / "own.npz", positions=arrays["own"], times=arrays["times"])
-    document.pop("fit", None)
-    document["task"] = "compare"
-    document["captures"] = [{"name": "own", "tracks": "own.npz", "noise": NOISE}]
-    document["output"] = {"folder": "score"}
-    for body in document["scene"]["bodies"]:
-        body["source"]["mesh"] = "body.npz"
-    path = folder / "score.json"
-    path.write_text(json.dumps(document, indent=1), encoding="utf-8")
-    result, error = run_tool(options.tool, "compare", path, options.threads, folder / "score.log")
-    if result is None:
-        return {"failed": error}
-    simulated = np.load(folder / "score" / "simulated.npz")["positions"]
-    metrics = clip_metrics.clip_scores(arrays["truth"], arrays["own"], simulated, clip["fitted_frames"])
-    metrics["particles"] = result["particles"]
-    metrics["body_volume"] = result["bodies"][0]["volume_m3"]
-    return metrics
-
-
-def parameter_errors(fit, clip):
-    """Relative errors of the law's parameters; nu and angles absolute."""
-    rows = {}
-    for parameter in fit["parameters"]:
-        path = parameter["path"]
-        row = {"value": parameter["value"], "standard_error": parameter["standard_error"]}
-        key = path.split("material.")[-1]
-        if key in clip["parameters"]:
-            row["truth"] = clip["parameters"][key]
-        elif path.endswith("]") and path.split(".")[-1].split("[")[0] in ("velocity", "spin"):
-            kind, component = path.split(".")[-1][:-1].split("[")
-            row["truth"] = clip[kind][int(component)]
-        if "truth" in row:
-            row["error"] = row["value"] - row["truth"]
-        rows[path.replace("bodies.body.", "")] = row
-    return rows
-
-
 def fit_clip(name, options):
-    """One row of the table, from an earlier run where the document is still the same."""
+    """One row of the table."""
     material = name.split("_")[0]
     clip = json.loads((CLIPS / f"{name}.json").read_text(encoding="utf-8"))
     folder = FITS / name
-    document = job_document(material, clip)
-    row_path = folder / "row.json"
-    if row_path.exists():
-        row = json.loads(row_path.read_text(encoding="utf-8"))
-        if row["document"] == document:
-            return row
-    write_inputs(name, folder)
-    job = folder / "job.json"
-    job.write_text(json.dumps(document, indent=1), encoding="utf-8")
-    started = time.monotonic()
-    cpu = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-    result, error = run_tool(options.tool, "fit", job, options.threads, folder / "fit.log")
-    row = {
-        "name": name,
-        "material": material,
-        "volume": clip["volume"],
-        "seconds": time.monotonic() - started,
-        "cpu_seconds": resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - cpu,
-        "threads": options.threads,
-        "document": document,
-    }
-    if result is None:
-        row["failed"] = error
-    else:
-        fit = result["fit"]
-        row.update(score(name, clip, folder, options))
-        row["parameters"] = parameter_errors(fit, clip)
-        row["fit"] = {key: fit[key] for key in ("converged", "reason", "iterations", "evaluations", "before", "after",
-                                                "noise_scale", "statements")}
-    row_path.write_text(json.dumps(row, indent=1), encoding="utf-8")
-    return row
 
+    def truth_and_own():
+        arrays = np.load(CLIPS / f"{name}_truth.npz")
+        return arrays["truth"], arrays["own"], arrays["times"]
 
-def line_of(row):
-    if "failed" in row:
-        return f"{row['name']}: FAILED after {row['seconds']:.0f} s: {row['failed'].splitlines()[-1:]}"
-    held = row["fit"]["after"]["held_out"]
-    values = ", ".join(
-        f"{key.removeprefix('material.')} {p['value']:.4g}" + (f" ({p['truth']:.4g})" if "truth" in p else "")
-        for key, p in row["parameters"].items()
-    )
-    return (
-        f"{row['name']}: observable {row['observable']:.3f} (floor {row['observable_floor']:.3f}), "
-        f"future {row['future']:.3f} ({row['future_floor']:.3f}), held-out {held['mean_mm']:.2f} mm, "
-        f"{row['seconds']:.0f} s, CPU {row['cpu_seconds']:.0f} s, {row['fit']['evaluations']} runs; {values}"
-    )
+    row = clip_fit.fit_clip(name, clip, folder, job_document(material, clip), lambda: write_inputs(name, folder),
+                            truth_and_own, options)
+    return {**row, "material": material, "volume": clip["volume"]}
 
 
 def main():
     require_in_tree()
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--only", nargs="*", default=[], help="names of clips, or their beginnings")
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--again", action="store_true", help="fit again what is done")
-    parser.add_argument("--tool", type=pathlib.Path, help="another build of matterfit")
-    options = parser.parse_args()
+    options = clip_fit.arguments(__doc__).parse_args()
     names = make_clips(options.only, options.threads, options.tool is None)
-    options.tool = options.tool or BUILD / "release" / "bin" / "matterfit"
     rows = []
     for name in names:
-        if options.again:
-            pathlib.Path(FITS / name / "row.json").unlink(missing_ok=True)
         rows.append(fit_clip(name, options))
-        say(line_of(rows[-1]))
+        say(clip_fit.line_of(rows[-1]))
     table = clip_metrics.markdown(rows)
     print(table)
     (SET / "table.md").write_text(table + "\n", encoding="utf-8")

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A fit of one clip of another simulator by the tool, kept on disk, and its score."""
+
+import argparse
+import json
+import pathlib
+import resource
+import subprocess
+import time
+
+import clip_metrics
+import numpy as np
+from parts import BUILD
+
+NOISE = 0.0005  # [m]
+
+
+def arguments(description):
+    """What the scripts that fit clips take from the command line, to be added to."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--only", nargs="*", default=[], help="names of clips, or their beginnings")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--again", action="store_true", help="fit again what is done")
+    parser.add_argument("--tool", type=pathlib.Path, help="another build of matterfit")
+    return parser
+
+
+def tool_of(options):
+    return options.tool or BUILD / "release" / "bin" / "matterfit"
+
+
+def _run_tool(options, verb, document, log):
+    """The tool's result, or None and its last words."""
+    command = [tool_of(options), verb, document, "--json", "--quiet", "--restart", "--threads", str(options.threads)]
+    with open(log, "w", encoding="utf-8") as errors:
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=errors, text=True, check=False)
+    if done.returncode == 0:
+        return json.loads(done.stdout), ""
+    return None, log.read_text(encoding="utf-8", errors="replace").strip()[-600:]
+
+
+def score(folder, truth, own, times, fitted_frames, options):
+    """Runs the fitted scene with the points `own` (frames, points, 3) and compares them with `truth`,
+    which shares none with them."""
+    document = json.loads((folder / "out" / "scene.json").read_text(encoding="utf-8"))
+    np.savez(folder / "own.npz", positions=own, times=times)
+    document.pop("fit", None)
+    document["task"] = "compare"
+    document["captures"] = [{"name": "own", "tracks": "own.npz", "noise": NOISE}]
+    document["output"] = {"folder": "score"}
+    sources = json.loads((folder / "job.json").read_text(encoding="utf-8"))["scene"]["bodies"]
+    for body, given in zip(document["scene"]["bodies"], sources, strict=True):
+        body["source"] = given["source"]
+    path = folder / "score.json"
+    path.write_text(json.dumps(document, indent=1), encoding="utf-8")
+    result, error = _run_tool(options, "compare", path, folder / "score.log")
+    if result is None:
+        return {"failed": error}
+    simulated = np.load(folder / "score" / "simulated.npz")["positions"]
+    metrics = clip_metrics.clip_scores(truth, own, simulated, fitted_frames)
+    metrics["particles"] = result["particles"]
+    metrics["body_volume"] = result["bodies"][0]["volume_m3"]
+    return metrics
+
+
+def _parameter_errors(fit, clip):
+    """Values, standard errors and, where the clip says the truth, the differences from it."""
+    rows = {}
+    for parameter in fit["parameters"]:
+        path = parameter["path"]
+        row = {"value": parameter["value"], "standard_error": parameter["standard_error"]}
+        key = path.split("material.")[-1]
+        if key in clip["parameters"]:
+            row["truth"] = clip["parameters"][key]
+        elif path.endswith("]") and path.split(".")[-1].split("[")[0] in ("velocity", "spin"):
+            kind, component = path.split(".")[-1][:-1].split("[")
+            row["truth"] = clip[kind][int(component)]
+        if "truth" in row:
+            row["error"] = row["value"] - row["truth"]
+        rows[path.replace("bodies.body.", "")] = row
+    return rows
+
+
+def fit_clip(name, clip, folder, document, write_inputs, truth_and_own, options):
+    """One row of a table, from an earlier run where the document is still the same. `write_inputs()`
+    puts what the document names into `folder`; `truth_and_own()` gives the arrays of `score`."""
+    row_path = folder / "row.json"
+    if options.again:
+        row_path.unlink(missing_ok=True)
+    if row_path.exists():
+        row = json.loads(row_path.read_text(encoding="utf-8"))
+        if row["document"] == document:
+            return row
+    folder.mkdir(parents=True, exist_ok=True)
+    write_inputs()
+    job = folder / "job.json"
+    job.write_text(json.dumps(document, indent=1), encoding="utf-8")
+    started = time.monotonic()
+    cpu = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+    result, error = _run_tool(options, "fit", job, folder / "fit.log")
+    row = {
+        "name": name,
+        "seconds": time.monotonic() - started,
+        "cpu_seconds": resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - cpu,
+        "threads": options.threads,
+        "document": document,
+    }
+    if result is None:
+        row["failed"] = error
+    else:
+        fit = result["fit"]
+        row["parameters"] = _parameter_errors(fit, clip)
+        row["fit"] = {key: fit[key] for key in ("converged", "reason", "iterations", "evaluations", "before", "after",
+                                                "noise_scale", "statements")}
+        fitted_frames = document["captures"][0]["holdout"]["frames"][0]
+        row.update(score(folder, *truth_and_own(), fitted_frames, options))
+    row_path.write_text(json.dumps(row, indent=1), encoding="utf-8")
+    return row
+
+
+def line_of(row):
+    if "failed" in row:
+        return f"{row['name']}: FAILED after {row['seconds']:.0f} s: {row['failed'].splitlines()[-1:]}"
+    held = row["fit"]["after"]["held_out"]
+    values = ", ".join(
+        f"{key.removeprefix('material.')} {p['value']:.4g}" + (f" ({p['truth']:.4g})" if "truth" in p else "")
+        for key, p in row["parameters"].items()
+    )
+    return (
+        f"{row['name']}: observable {row['observable']:.3f} (floor {row['observable_floor']:.3f}), "
+        f"future {row['future']:.3f} ({row['future_floor']:.3f}), held-out {held['mean_mm']:.2f} mm, "
+        f"{row['seconds']:.0f} s, CPU {row['cpu_seconds']:.0f} s, {row['fit']['evaluations']} runs; {values}"
+    )

@@ -15,6 +15,7 @@ export XDG_RUNTIME_DIR=$build/run
 export BLENDER_USER_RESOURCES=$build/blender
 export PIP_CACHE_DIR=$build/pip PIP_DISABLE_PIP_VERSION_CHECK=1
 export CCACHE_DIR=$build/ccache CCACHE_BASEDIR=$root CCACHE_MAXSIZE=2G
+export CCACHE_SLOPPINESS=pch_defines,time_macros  # without these it keeps nothing of precompiled headers
 export TMPDIR=$build/tmp
 export PYTHONDONTWRITEBYTECODE=1
 unset PYTHONHOME PYTHONPATH VIRTUAL_ENV BLENDER_USER_SCRIPTS BLENDER_USER_CONFIG BLENDER_USER_DATAFILES

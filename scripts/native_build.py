@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The two native builds that the tests run: build/release and build/sanitize."""
 
+import concurrent.futures
 import json
+import os
 import pathlib
 import subprocess
 
@@ -17,7 +19,7 @@ SANITIZER_ENVIRONMENT = {
 }
 
 # What runs under the sanitizers: the solver, the laws, every parser and the job documents.
-SANITIZED = ["test_base", "test_material", "test_mpm", "test_capture_readers", "test_fit",
+SANITIZED = ["test_mpm", "test_base", "test_material", "test_capture_readers", "test_fit",
              "test_job_documents"]
 # What does not yet, because most of what it runs is OpenVDB, OpenEXR and OpenSubdiv, which are not
 # instrumented, and each takes minutes to compile so.
@@ -69,6 +71,15 @@ def release_tests():
         pathlib.Path(test.get("command", [folder / f"test_{test['name']}"])[0])
         for test in json.loads(done.stdout)["tests"]
     )
+
+
+def run_gtests(programs, prefix, *, limit, env=None) -> Tally:
+    """Runs the programs side by side, as many as there are processors; most have one thread's work."""
+    tally = Tally()
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        for part in pool.map(lambda program: run_gtest(program, prefix, limit=limit, env=env), programs):
+            tally.add(part)
+    return tally
 
 
 def run_gtest(program, prefix, *, limit, env=None) -> Tally:

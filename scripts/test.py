@@ -24,7 +24,7 @@ from native_build import (
     build_release,
     build_sanitized,
     release_tests,
-    run_gtest,
+    run_gtests,
 )
 from parts import BUILD, LOGS, ROOT, Tally, require_in_tree, run, say
 
@@ -54,8 +54,7 @@ def part_native():
     tally = Tally()
     programs = release_tests()
     tally.check("native: test programs", bool(programs), "CTest lists none in build/release")
-    for program in programs:
-        tally.add(run_gtest(program, "native", limit=900))
+    tally.add(run_gtests(programs, "native", limit=900))
     return tally
 
 
@@ -65,9 +64,8 @@ def part_sanitize():
     done = build_sanitized()
     if not tally.check("build: sanitize", done.status == 0, done.tail(60)):
         return tally
-    for name in SANITIZED:
-        program = BUILD / "sanitize" / "bin" / name
-        tally.add(run_gtest(program, "sanitize", limit=1500, env=SANITIZER_ENVIRONMENT))
+    programs = [BUILD / "sanitize" / "bin" / name for name in SANITIZED]
+    tally.add(run_gtests(programs, "sanitize", limit=1500, env=SANITIZER_ENVIRONMENT))
     for name in UNSANITIZED:
         tally.skipped.append((f"sanitize: {name}", "mostly libraries that are not instrumented"))
     return tally

@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "base/error.hpp"
 
@@ -16,41 +17,49 @@ namespace {
 
 constexpr double kHalfDiagonal = 0.8660254037844387;  // √3/2, of a voxel
 
-/// The shell's triangles in index space, as OpenVDB's mesh conversion asks for them.
-struct ShellAdapter {
-  const MeshDistance& mesh;
-  const std::vector<std::int32_t>& members;
-  const std::vector<Vec3f>& vertices;
-  double inverse_voxel;
+/// The shell's triangles in index space, in the types for which OpenVDB's library brings its mesh
+/// conversion: with others it is compiled anew, for more than a minute.
+struct ShellMesh {
+  std::vector<openvdb::Vec3s> points;
+  std::vector<openvdb::Vec3I> triangles;
+  double rounding = 0.0;  ///< how far off a point may be [voxels]
 
-  [[nodiscard]] std::size_t polygonCount() const { return members.size(); }
-  [[nodiscard]] std::size_t pointCount() const { return vertices.size(); }
-  [[nodiscard]] std::size_t vertexCount(std::size_t) const { return 3; }
-  void getIndexSpacePoint(std::size_t n, std::size_t v, openvdb::Vec3d& position) const {
-    const Triangle& t = mesh.topology().triangles[static_cast<std::size_t>(members[n])];
-    const Vec3d p = vertices[static_cast<std::size_t>(t[v])].cast<double>() * inverse_voxel;
-    position = openvdb::Vec3d(p.x(), p.y(), p.z());
+  ShellMesh(const MeshDistance& mesh, std::size_t shell, const std::vector<Vec3f>& vertices,
+            double voxel) {
+    constexpr double kUnit = 1.2e-7;  // of float
+    for (const Vec3f& vertex : vertices) {
+      const Vec3d p = vertex.cast<double>() / voxel;
+      points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()),
+                          static_cast<float>(p.z()));
+      rounding = std::max(rounding, kUnit * p.cwiseAbs().maxCoeff());
+    }
+    for (const std::int32_t n : mesh.tree(shell).members()) {
+      const Triangle& t = mesh.topology().triangles[static_cast<std::size_t>(n)];
+      triangles.emplace_back(static_cast<openvdb::Index32>(t[0]),
+                             static_cast<openvdb::Index32>(t[1]),
+                             static_cast<openvdb::Index32>(t[2]));
+    }
+  }
+
+  /// Voxels within the band, from area and box: an upper estimate, before anything is allocated.
+  [[nodiscard]] double estimate_voxels(double band_voxels) const {
+    double area = 0;
+    Eigen::AlignedBox3d box;
+    for (const openvdb::Vec3I& t : triangles) {
+      openvdb::Vec3d p[3];
+      for (int v = 0; v < 3; ++v) {
+        p[v] = points[t[v]];
+        box.extend(Vec3d(p[v].x(), p[v].y(), p[v].z()));
+      }
+      area += 0.5 * (p[1] - p[0]).cross(p[2] - p[0]).length();
+    }
+    const Vec3d sides = box.sizes().array() + 2 * band_voxels + 2;
+    if (box.min().cwiseAbs().maxCoeff() > 1e9 || box.max().cwiseAbs().maxCoeff() > 1e9) {
+      return std::numeric_limits<double>::infinity();
+    }
+    return std::min(sides.prod(), (area + sides.sum()) * (2 * band_voxels + 2));
   }
 };
-
-/// Voxels within the band, from area and box: an upper estimate, before anything is allocated.
-double estimate_voxels(const ShellAdapter& shell, double band_voxels) {
-  double area = 0;
-  Eigen::AlignedBox3d box;
-  for (std::size_t i = 0; i < shell.polygonCount(); ++i) {
-    openvdb::Vec3d p[3];
-    for (std::size_t v = 0; v < 3; ++v) {
-      shell.getIndexSpacePoint(i, v, p[v]);
-      box.extend(Vec3d(p[v].x(), p[v].y(), p[v].z()));
-    }
-    area += 0.5 * (p[1] - p[0]).cross(p[2] - p[0]).length();
-  }
-  const Vec3d sides = box.sizes().array() + 2 * band_voxels + 2;
-  if (box.min().cwiseAbs().maxCoeff() > 1e9 || box.max().cwiseAbs().maxCoeff() > 1e9) {
-    return std::numeric_limits<double>::infinity();
-  }
-  return std::min(sides.prod(), (area + sides.sum()) * (2 * band_voxels + 2));
-}
 
 }  // namespace
 
@@ -66,10 +75,10 @@ DistanceGrid::DistanceGrid(const MeshDistance& mesh, std::size_t shell, std::siz
     : impl_(std::make_unique<Impl>()) {
   openvdb::initialize();
   const double voxel = options.voxel_size;
-  const double band_voxels = options.band / voxel + kHalfDiagonal + 1e-3;
-  const ShellAdapter adapter{mesh, mesh.tree(shell).members(), mesh.frames()[frame], 1.0 / voxel};
+  const ShellMesh surface(mesh, shell, mesh.frames()[frame], voxel);
+  const double band_voxels = options.band / voxel + kHalfDiagonal + 1e-3 + surface.rounding;
   constexpr double kMostVoxels = 4e8;
-  if (const double voxels = estimate_voxels(adapter, band_voxels); voxels > kMostVoxels) {
+  if (const double voxels = surface.estimate_voxels(band_voxels); voxels > kMostVoxels) {
     const double factor = std::isfinite(voxels) ? std::sqrt(voxels / kMostVoxels) : 1e6;
     throw_input(options.what + ": a distance grid of voxel " + std::to_string(voxel) +
                 " m would have about " + std::to_string(voxels) +
@@ -85,8 +94,11 @@ DistanceGrid::DistanceGrid(const MeshDistance& mesh, std::size_t shell, std::siz
   // lazily built grid must not steal the caller's tasks while others wait for it.
   tbb::task_arena alone(1);
   alone.execute([&] {
+    const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3s, openvdb::Vec3I> adapter(
+        surface.points, surface.triangles);
+    openvdb::util::NullInterrupter none;
     impl_->grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
-        adapter, *transform, static_cast<float>(band_voxels), static_cast<float>(band_voxels),
+        none, adapter, *transform, static_cast<float>(band_voxels), static_cast<float>(band_voxels),
         openvdb::tools::UNSIGNED_DISTANCE_FIELD);
     const auto background = static_cast<float>(impl_->background);
     for (auto leaf = impl_->grid->tree().beginLeaf(); leaf; ++leaf) {
@@ -97,7 +109,8 @@ DistanceGrid::DistanceGrid(const MeshDistance& mesh, std::size_t shell, std::siz
         }
         const openvdb::Coord ijk = value.getCoord();
         const Vec3d x = voxel * Vec3d(ijk.x(), ijk.y(), ijk.z());
-        const double reach = static_cast<double>(value.getValue()) * 1.001 + 0.01 * voxel;
+        const double reach =
+            static_cast<double>(value.getValue()) * 1.001 + (0.01 + 2.0 * surface.rounding) * voxel;
         double distance = impl_->background;
         if (impl_->sheet) {
           NearestTriangle nearest;

@@ -19,7 +19,7 @@ SANITIZER_ENVIRONMENT = {
 }
 
 # What runs under the sanitizers: the solver, the laws, every parser and the job documents.
-SANITIZED = ["test_mpm", "test_base", "test_material", "test_capture_readers", "test_fit",
+SANITIZED = ["test_mpm", "test_base", "test_math", "test_material", "test_capture_readers", "test_fit",
              "test_job_documents"]
 # What does not yet, because most of what it runs is OpenVDB, OpenEXR and OpenSubdiv, which are not
 # instrumented, and each takes minutes to compile so.

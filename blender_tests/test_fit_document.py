@@ -166,6 +166,8 @@ class DocumentTest(FitCase):
         self.assertEqual(
             [written[key] for key in ("loss", "huber", "iterations", "windows", "levels")],
             ["chamfer", 2.5, 12, False, [4, 2, 1]])
+        fit.loss = "SURFACE"
+        self.assertEqual(self.written()["loss"], "surface")
 
     def test_start_bounds_prior(self):
         self.only("material.E")

@@ -42,8 +42,9 @@ set(MATTERFIT_TEST_OPTIONS -O1 $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized
 # Headers that nearly every file reads, parsed once for all rooms and once for all tests: half of the
 # time of a build from nothing went there. What a file needs it includes all the same.
 function(matterfit_precompiled_headers)
-  file(WRITE ${CMAKE_BINARY_DIR}/precompiled/rooms.cpp "")
-  file(WRITE ${CMAKE_BINARY_DIR}/precompiled/tests.cpp "int main() {}\n")
+  # Written only where they differ, so that nothing is compiled again.
+  file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/precompiled/rooms.cpp CONTENT "")
+  file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/precompiled/tests.cpp CONTENT "int main() {}\n")
   set(headers <algorithm> <array> <cmath> <cstdint> <filesystem> <functional> <limits> <map> <memory>
     <numeric> <optional> <random> <span> <sstream> <string> <string_view> <utility> <vector>
     <Eigen/Dense>)

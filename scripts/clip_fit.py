@@ -70,11 +70,11 @@ def _parameter_errors(fit, clip):
         path = parameter["path"]
         row = {"value": parameter["value"], "standard_error": parameter["standard_error"]}
         key = path.split("material.")[-1]
-        if key in clip["parameters"]:
+        kind, _, component = path.split(".")[-1].partition("[")
+        if key in clip.get("parameters", {}):
             row["truth"] = clip["parameters"][key]
-        elif path.endswith("]") and path.split(".")[-1].split("[")[0] in ("velocity", "spin"):
-            kind, component = path.split(".")[-1][:-1].split("[")
-            row["truth"] = clip[kind][int(component)]
+        elif kind in ("velocity", "spin") and kind in clip:
+            row["truth"] = clip[kind][int(component.rstrip("]"))]
         if "truth" in row:
             row["error"] = row["value"] - row["truth"]
         rows[path.replace("bodies.body.", "")] = row
@@ -118,16 +118,25 @@ def fit_clip(name, clip, folder, document, write_inputs, truth_and_own, options)
     return row
 
 
+def last_words(row):
+    return (row["failed"].splitlines() or ["it said nothing"])[-1]
+
+
+def held_out_mm(row, when):
+    """Mean error of what was held out `before` or `after`; NaN: not simulated."""
+    held = row["fit"][when]["held_out"]
+    return held["mean_mm"] if held else float("nan")
+
+
 def line_of(row):
     if "failed" in row:
-        return f"{row['name']}: FAILED after {row['seconds']:.0f} s: {row['failed'].splitlines()[-1:]}"
-    held = row["fit"]["after"]["held_out"]
+        return f"{row['name']}: FAILED after {row['seconds']:.0f} s: {last_words(row)}"
     values = ", ".join(
         f"{key.removeprefix('material.')} {p['value']:.4g}" + (f" ({p['truth']:.4g})" if "truth" in p else "")
         for key, p in row["parameters"].items()
     )
     return (
         f"{row['name']}: observable {row['observable']:.3f} (floor {row['observable_floor']:.3f}), "
-        f"future {row['future']:.3f} ({row['future_floor']:.3f}), held-out {held['mean_mm']:.2f} mm, "
+        f"future {row['future']:.3f} ({row['future_floor']:.3f}), held-out {held_out_mm(row, 'after'):.2f} mm, "
         f"{row['seconds']:.0f} s, CPU {row['cpu_seconds']:.0f} s, {row['fit']['evaluations']} runs; {values}"
     )

@@ -10,7 +10,7 @@ import argparse
 import concurrent.futures
 import json
 import os
-import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -109,7 +109,10 @@ def tidy_database(database):
     """A folder with the database as clang can use it: it cannot read g++'s precompiled headers."""
     entries = json.loads(database.read_text(encoding="utf-8"))
     for entry in entries:
-        entry["command"] = re.sub(r"-Winvalid-pch|-include \S*/cmake_pch\.hxx", "", entry["command"])
+        words = shlex.split(entry["command"])
+        drop = {i for i, word in enumerate(words) if word.endswith("/cmake_pch.hxx")}
+        drop |= {i - 1 for i in drop} | {i for i, word in enumerate(words) if word == "-Winvalid-pch"}
+        entry["command"] = shlex.join(word for i, word in enumerate(words) if i not in drop)
     folder = BUILD / "lint"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "compile_commands.json").write_text(json.dumps(entries), encoding="utf-8")

@@ -4,8 +4,9 @@
     other_simulators.py [FOLDER] [--only NAME …] [--threads N] [--again]
 
 FOLDER (../shared/data/other_simulators) holds NAME.npz (`rest`, `positions` without noise, `times`)
-and NAME.json (law, density, gravity, ground, contact, fps, and of the simulator: name, grid spacing,
-substeps a frame). A fit knows these but no parameter of the law and not how the body was thrown; it
+and NAME.json (`law`, `density`, `gravity`, `ground`, `contact`, `fps`; if known
+`simulator_grid_spacing`, `simulator_substeps_per_frame`, and the truth: `parameters`, `velocity`,
+`spin`). A fit knows these but no parameter of the law and not how the body was thrown; it
 sees the tracks of the first seven tenths with .5 mm of noise and starts from poor guesses. Fits that
 are done for the same document are kept in build/other_simulators.
 Progress on standard error; the table as Markdown on standard output and in table.md.
@@ -108,17 +109,16 @@ def markdown(rows):
     ]
     for row in rows:
         if "failed" in row:
-            lines.append(f"| {row['name']} | failed: {row['failed'].splitlines()[-1]} | | | | {row['seconds']:.0f} |")
+            lines.append(f"| {row['name']} | failed: {clip_fit.last_words(row)} | | | | {row['seconds']:.0f} |")
             continue
         parts = [f"{row[part] - row[part + '_floor']:.3f}; {row[part + '_track_mm']:.1f}"
                  for part in ("observable", "future")]
-        before, after = (row["fit"][when]["held_out"] for when in ("before", "after"))
+        before, after = (clip_fit.held_out_mm(row, when) for when in ("before", "after"))
         found = ", ".join(
             f"{key.removeprefix('material.')} {p['value']:.4g} ± {p['standard_error'] or float('nan'):.2g}"
             + (f" ({p['truth']:.4g})" if "truth" in p else "")
             for key, p in row["parameters"].items() if key.startswith("material."))
-        held = f"{before['mean_mm']:.0f}" if before else "not simulated"
-        lines.append(f"| {row['name']} | {parts[0]} | {parts[1]} | {held} → {after['mean_mm']:.2f} | {found} "
+        lines.append(f"| {row['name']} | {parts[0]} | {parts[1]} | {before:.0f} → {after:.2f} | {found} "
                      f"| {row['fit']['evaluations']}, {row['seconds']:.0f} |")
     return "\n".join(lines)
 

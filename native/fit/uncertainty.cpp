@@ -275,13 +275,14 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
     hessian.diagonal() += weights;
     return hessian;
   };
-  Covariance covariance = invert(with_priors(data.weight / (enlarged * enlarged)));
+  const Covariance covariance = invert(with_priors(data.weight / (enlarged * enlarged)));
+  VectorXd errors = covariance.error;
   std::vector<Index> disagreed;
   if (!blocks.empty() && data.judged) {
     const VectorXd between = between_blocks(state, with_priors(data.slope), weights, huber, blocks);
     for (Index k = 0; k < n; ++k) {
-      if (between[k] > kDisagree * covariance.error[k]) disagreed.push_back(k);
-      covariance.error[k] = std::max(covariance.error[k], between[k]);
+      if (between[k] > kDisagree * errors[k]) disagreed.push_back(k);
+      errors[k] = std::max(errors[k], between[k]);
     }
   }
 
@@ -294,7 +295,7 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
       return std::clamp(from_natural(parameter.coordinate, natural), parameter.low, parameter.high);
     };
     const double at = state.point[k];
-    const double error = covariance.error[k];
+    const double error = errors[k];
     Estimate estimate;
     estimate.value = value_at(at);
     estimate.standard_error = error * derivative(parameter.coordinate, at);
@@ -305,7 +306,7 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
                         to_natural(parameter.coordinate, parameter.high) - at <= near;
     const double expected =
         parameter.prior ? parameter.prior->sigma / std::sqrt(2.0) : parameter.scale;
-    estimate.observable = error < expected;
+    estimate.observable = covariance.error[k] < expected;
     const bool unknown =
         std::size_t(k) < state.unknown.size() && state.unknown[std::size_t(k)] != 0;
     estimate.statement = statement_of(parameter, estimate, data.data(k, k) > 0.0, unknown);

@@ -39,8 +39,9 @@ struct Uncertainty {
 /// fit: errors are then those of Huber's estimator (Huber, Robust Statistics, ch. 7.6). With
 /// `blocks` (Problem::blocks()) an error is at least what the blocks' disagreement about the value
 /// makes it, H⁻¹ M H⁻¹ with M from the gradients of the blocks (Liang and Zeger 1986): under a
-/// wrong law residuals hang together in ways that no count of independent ones tells. Throws
-/// Error(kInput) where the sizes differ.
+/// wrong law residuals hang together in ways that no count of independent ones tells. What is
+/// observable and the correlations stay those of the noise. Throws Error(kInput) where the sizes
+/// differ.
 [[nodiscard]] Uncertainty uncertainty(const std::vector<Parameter>& parameters,
                                       const LeastSquaresState& state, double effective = 0.0,
                                       double huber = 0.0,

@@ -166,7 +166,7 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
     check_law(parameter, fit, *capture->scene);
   }
   if (const auto loss = object.find("loss")) {
-    fit.loss = static_cast<FitDoc::Loss>(loss->choice({"tracks", "chamfer"}));
+    fit.loss = static_cast<FitDoc::Loss>(loss->choice({"tracks", "chamfer", "surface"}));
   }
   fit.huber = object.number("huber", 0.0, not_negative("standard deviations"));
   fit.iterations = object.integer("iterations", fit.iterations, 1, 100'000);

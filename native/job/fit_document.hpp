@@ -26,7 +26,7 @@ struct FitParameterDoc {
 
 /// The section `fit` of a job (docs/formats.md).
 struct FitDoc {
-  enum class Loss { kTracks, kChamfer };
+  enum class Loss { kTracks, kChamfer, kSurface };
   std::vector<FitParameterDoc> parameters;
   std::vector<material::Law> laws;  ///< candidates; empty: the document's own law
   std::string body;                 ///< whose law is sought, with `laws`

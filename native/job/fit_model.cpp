@@ -9,6 +9,7 @@
 
 #include "base/error.hpp"
 #include "fit/metrics.hpp"
+#include "fit/surface_points.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -75,21 +76,38 @@ struct FitModel::RunModel {
   mpm::Scene scene;
   std::vector<Watcher> watchers;    ///< one a capture, as the loss looks at it
   std::vector<Watcher> own_points;  ///< one a capture; empty where the loss looks at them
+  std::vector<Points> surfaces;     ///< one a capture, with the surface loss
 
+  /// As dense as the captured cloud: one that is sparser draws the other together.
+  [[nodiscard]] static std::vector<std::size_t> drawn(std::size_t all, const FitCapture& capture) {
+    const std::size_t count = std::max(kFewestParticles, capture.input.tracks.points);
+    return fit::draw(all, std::min({all, kMostParticles, count}), 0);
+  }
+  /// `rest`: of the points that are looked at; of particles none.
   [[nodiscard]] static Watcher watch(const mpm::Scene& scene, const FitCapture& capture,
                                      FitDoc::Loss loss, Points rest, Arena& arena) {
     Watcher watcher;
     watcher.body = body_index(scene, capture.input.body);
     const mpm::Body& body = scene.bodies[watcher.body];
     if (loss == FitDoc::Loss::kChamfer) {
-      // As dense as the captured cloud: one that is sparser draws the other together.
-      const std::size_t count = std::max(kFewestParticles, capture.input.tracks.points);
-      watcher.particles =
-          fit::draw(body.rest.size(), std::min({body.rest.size(), kMostParticles, count}), 0);
-    } else {
-      watcher.points.emplace(body, std::move(rest), 0.5 * scene.dx, arena);
+      watcher.particles = drawn(body.rest.size(), capture);
+      return watcher;
     }
+    watcher.points.emplace(body, std::move(rest), 0.5 * scene.dx, arena);
     return watcher;
+  }
+
+  /// What the surface loss looks at, at rest.
+  [[nodiscard]] static Points surface_of(const mpm::Body& body, const FitCapture& capture,
+                                         Arena& arena) {
+    const Points all = fit::surface_points(body.rest, body.volumes, arena);
+    if (all.empty()) {
+      throw_input("fit.loss: the particles of body '" + body.name +
+                  "' have no surface: take \"chamfer\".");
+    }
+    Points chosen;
+    for (const std::size_t i : drawn(all.size(), capture)) chosen.push_back(all[i]);
+    return chosen;
   }
 };
 
@@ -105,8 +123,14 @@ FitModel::FitModel(const std::vector<FitRun>& runs, std::vector<mpm::Scene> scen
     auto model = std::make_unique<RunModel>();
     model->scene = std::move(scenes[r]);
     for (const FitCapture& capture : runs[r].captures) {
+      Points rest = capture.input.rest;
+      if (options_.loss == FitDoc::Loss::kSurface) {
+        const std::size_t body = body_index(model->scene, capture.input.body);
+        rest = RunModel::surface_of(model->scene.bodies[body], capture, arena);
+        model->surfaces.push_back(rest);
+      }
       model->watchers.push_back(
-          RunModel::watch(model->scene, capture, options_.loss, capture.input.rest, arena));
+          RunModel::watch(model->scene, capture, options_.loss, std::move(rest), arena));
       if (options_.loss == FitDoc::Loss::kTracks) continue;
       model->own_points.push_back(
           RunModel::watch(model->scene, capture, FitDoc::Loss::kTracks, capture.input.rest, arena));
@@ -207,9 +231,11 @@ std::optional<FitObservation> FitModel::simulate(std::size_t run, std::span<cons
     const bool placed = std::any_of(scene.bodies.begin(), scene.bodies.end(),
                                     [&](const auto& b) { return parameters_.places(run, b.name); });
     if (placed) {
-      for (const FitCapture& capture : fit_run.captures) {
-        Points rest = capture.input.rest;
-        if (capture.places_given) {
+      for (std::size_t c = 0; c < fit_run.captures.size(); ++c) {
+        const FitCapture& capture = fit_run.captures[c];
+        const bool surface = loss == FitDoc::Loss::kSurface;
+        Points rest = surface ? model.surfaces[c] : capture.input.rest;
+        if (surface || capture.places_given) {
           for (Vec3d& x : rest) x = parameters_.placed(values, run, capture.input.body, x);
         }
         moved.push_back(RunModel::watch(scene, capture, loss, std::move(rest), *arena));

@@ -34,8 +34,8 @@ struct FitSteps {
 };
 
 /// Scenes in memory, simulated at any values of the parameters and seen at the captures' own points
-/// and times. With the Chamfer loss the points are particles of the capture's body, as many as the
-/// capture has points, 2048 at most.
+/// and times. With a loss between clouds the points are particles of the capture's body, or points
+/// of its surface, as many as the capture has points, 2048 at most.
 class FitModel {
  public:
   struct Options {

@@ -151,33 +151,27 @@ void LawFit::tell(const LawState& state, const std::string& stage, double part, 
   report(said);
 }
 
-void LawFit::begin(LawState& state) {
+std::vector<double> LawFit::mean_distances(LawState& state,
+                                           const std::vector<std::vector<double>>& points,
+                                           const FitWindow& window) {
   FitModel& coarse = model(stages_.front().level);
-  const auto& runs = *setup_.runs;
-  double told = std::numeric_limits<double>::quiet_NaN();
-  const auto progress = [&](double part) { tell(state, "looking for a start", part, told); };
-  progress(0.0);
-  const auto mean_distances = [&](const std::vector<std::vector<double>>& points,
-                                  const FitWindow& window) {
-    const FitProblem problem(coarse, runs, parameters_->parameters(), setup_.fit->loss, window);
-    std::vector<double> means;
-    for (const auto& outcome : coarse.evaluate(points, {window.until, true}, progress)) {
-      const double mean = outcome ? mean_of(problem.distances(problem.residuals(*outcome)))
-                                  : std::numeric_limits<double>::infinity();
-      means.push_back(std::isfinite(mean) ? mean : std::numeric_limits<double>::infinity());
-    }
-    state.evaluations += static_cast<int>(points.size());
-    told = *std::min_element(means.begin(), means.end());
-    return means;
+  const FitProblem problem(coarse, *setup_.runs, parameters_->parameters(), setup_.fit->loss,
+                           window);
+  const auto progress = [&](double part) {
+    tell(state, "looking for a start", part, std::numeric_limits<double>::quiet_NaN());
   };
-  std::vector<double> moved = with_initial_motion(runs, scenes_, *parameters_, state.values);
-  if (moved != state.values) {
-    const auto means = mean_distances({state.values, moved}, stages_.front().window);
-    if (means[1] < means[0] || !std::isfinite(means[0])) state.values = std::move(moved);
+  std::vector<double> means;
+  for (const auto& outcome : coarse.evaluate(points, {window.until, true}, progress)) {
+    const double mean = outcome ? mean_of(problem.distances(problem.residuals(*outcome)))
+                                : std::numeric_limits<double>::infinity();
+    means.push_back(std::isfinite(mean) ? mean : std::numeric_limits<double>::infinity());
   }
+  state.evaluations += static_cast<int>(points.size());
+  return means;
+}
 
-  const FitWindow window = fit_window(runs, kScanSamples);
-  double mean = mean_distances({state.values}, window).front();
+double LawFit::poor() const {
+  const auto& runs = *setup_.runs;
   double sigma = 0.0;
   double size = 0.0;
   for (std::size_t r = 0; r < runs.size(); ++r) {
@@ -189,13 +183,25 @@ void LawFit::begin(LawState& state) {
           std::max(size, fit::body_size(scene.bodies[body_index(scene, capture.input.body)].rest));
     }
   }
-  const double poor = std::max(kPoorNoise * sigma, kPoorSize * size);
-  if (mean <= poor) return;
+  return std::max(kPoorNoise * sigma, kPoorSize * size);
+}
+
+void LawFit::begin(LawState& state) {
+  const auto& runs = *setup_.runs;
+  std::vector<double> moved = with_initial_motion(runs, scenes_, *parameters_, state.values);
+  if (moved != state.values) {
+    const auto means = mean_distances(state, {state.values, moved}, stages_.front().window);
+    if (means[1] < means[0] || !std::isfinite(means[0])) state.values = std::move(moved);
+  }
+
+  const FitWindow window = fit_window(runs, kScanSamples);
+  double mean = mean_distances(state, {state.values}, window).front();
+  if (mean <= poor()) return;
   if (setup_.fit->loss == FitDoc::Loss::kTracks) {
     EquationStart balance =
         equation_start(runs, scenes_, *parameters_, state.values, setup_.threads, interrupter_);
     if (!balance.candidates.empty()) {
-      const auto means = mean_distances(balance.candidates, window);
+      const auto means = mean_distances(state, balance.candidates, window);
       const auto best = std::min_element(means.begin(), means.end());
       const bool better = *best < mean;
       const auto millimetres = [](double distance) {
@@ -211,10 +217,25 @@ void LawFit::begin(LawState& state) {
       }
     }
     if (!balance.statement.empty()) statements_.push_back(balance.statement);
-    if (mean <= poor) return;
+    if (mean <= poor()) return;
   }
   state.values = scanned(*parameters_, state.values, mean,
-                         [&](const auto& points) { return mean_distances(points, window); });
+                         [&](const auto& points) { return mean_distances(state, points, window); });
+}
+
+bool LawFit::rescan(LawState& state) {
+  context_.reset();
+  const FitWindow window = fit_window(*setup_.runs, kScanSamples);
+  FitModel& coarse = model(stages_.front().level);
+  coarse.release_contacts();
+  coarse.set_steps(std::vector<FitSteps>(setup_.runs->size()));
+  const double mean = mean_distances(state, {state.values}, window).front();
+  std::vector<double> found = scanned(*parameters_, state.values, mean, [&](const auto& points) {
+    return mean_distances(state, points, window);
+  });
+  if (found == state.values) return false;
+  state.values = std::move(found);
+  return true;
 }
 
 std::vector<fit::Parameter> LawFit::stage_parameters(const LawState& state) const {
@@ -302,6 +323,11 @@ void LawFit::set_stage(LawState& state) {
 }
 
 void LawFit::end_stage(LawState& state) {
+  if (state.stage == 0 && !state.rescanned &&
+      mean_of(context(state).problem.distances(state.search->residual)) > poor()) {
+    state.scan_due = true;
+    return;
+  }
   if (!stages_[state.stage].last) {
     ++state.stage;
     state.search.reset();
@@ -309,9 +335,10 @@ void LawFit::end_stage(LawState& state) {
   }
   FitModel& fine = model(1.0);
   double change = 1.0;
+  const auto before = fine.contacts_at(state.stage_start);
   const auto now = fine.contacts_at(state.values);
   for (std::size_t r = 0; r < now.size(); ++r) {
-    change = std::max(change, largest_change(fine.frozen()[r], now[r]));
+    change = std::max(change, largest_change(before[r], now[r]));
   }
   // Substeps, too, are to be those that the solver takes at the end.
   const bool other_steps =
@@ -333,6 +360,18 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
     LawState next = state;
     begin(next);
     next.begun = true;
+    state = std::move(next);
+    return;
+  }
+  if (state.scan_due) {
+    LawState next = state;
+    next.scan_due = false;
+    next.rescanned = true;
+    if (rescan(next)) {
+      next.search.reset();
+    } else {
+      end_stage(next);
+    }
     state = std::move(next);
     return;
   }

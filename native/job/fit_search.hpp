@@ -38,7 +38,8 @@ struct FitReport {
 /// The fit of one law, one step at a time: the initial motion in closed form; where the start is
 /// poor the momentum balance of the tracks and, if that leaves it poor, a scan of simulations; then
 /// windows that grow, at the coarsest level; then the whole clip, level by level to the finest,
-/// each led by the Jacobian of the one before. In each stage Levenberg–Marquardt with contacts and
+/// each led by the Jacobian of the one before. Where the first of these stages ends far off, the
+/// scan is made once more and the stage again. In each stage Levenberg–Marquardt with contacts and
 /// substeps held.
 class LawFit {
  public:
@@ -82,6 +83,15 @@ class LawFit {
   struct Context;
 
   void begin(LawState& state);
+  /// Looks once more along each parameter from where the first stage ended: it may lie in a wrong
+  /// valley. True if something better was found.
+  [[nodiscard]] bool rescan(LawState& state);
+  /// Of simulations at the coarsest level, each with contacts as they are now [m].
+  [[nodiscard]] std::vector<double> mean_distances(LawState& state,
+                                                   const std::vector<std::vector<double>>& points,
+                                                   const FitWindow& window);
+  /// The mean distance beyond which a start is poor [m].
+  [[nodiscard]] double poor() const;
   void set_stage(LawState& state);
   void end_stage(LawState& state);
   void settle(LawState& state);

@@ -81,6 +81,8 @@ Json to_json(const LawState& law) {
   Json json = {{"law", law.law},
                {"values", law.values},
                {"begun", law.begun},
+               {"scan_due", law.scan_due},
+               {"rescanned", law.rescanned},
                {"stage", law.stage},
                {"repeats", law.repeats},
                {"stage_start", law.stage_start},
@@ -103,6 +105,8 @@ LawState to_law(const Json& json) {
   json.at("law").get_to(law.law);
   json.at("values").get_to(law.values);
   json.at("begun").get_to(law.begun);
+  law.scan_due = json.value("scan_due", false);
+  law.rescanned = json.value("rescanned", false);
   json.at("stage").get_to(law.stage);
   json.at("repeats").get_to(law.repeats);
   json.at("stage_start").get_to(law.stage_start);

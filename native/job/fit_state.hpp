@@ -21,6 +21,8 @@ struct LawState {
   std::string law;
   std::vector<double> values;  ///< physical, the best so far
   bool begun = false;          ///< the start has been looked for
+  bool scan_due = false;       ///< the first stage ended far off; what it found is kept
+  bool rescanned = false;      ///< the scan that follows has been made
   std::size_t stage = 0;
   int repeats = 0;                       ///< of the last stage, with contacts resolved anew
   std::vector<double> stage_start;       ///< contacts are resolved at these values

@@ -172,14 +172,17 @@ TEST(Fit, NeverSeesWhatIsHeldOut) {
       [](std::size_t, std::size_t i) { return i == 0 || i == 5 || i == 63; });
 }
 
-/// Cancels when the progress says `label`.
-Json cancelled_at(const Json& document, const fs::path& folder, const std::string& label) {
+/// Cancels when the progress has said each of `labels`, in this order.
+Json cancelled_at(const Json& document, const fs::path& folder,
+                  const std::vector<std::string>& labels) {
   Interrupter interrupter;
   const Job job = job_of(document, folder);
   std::thread watcher([&] {
-    while (interrupter.progress().label.find(label) == std::string::npos &&
-           !interrupter.cancelled()) {
-      std::this_thread::yield();
+    for (const std::string& label : labels) {
+      while (interrupter.progress().label.find(label) == std::string::npos &&
+             !interrupter.cancelled()) {
+        std::this_thread::yield();
+      }
     }
     interrupter.cancel();
   });
@@ -204,7 +207,7 @@ TEST(Fit, GoesOnToTheSameBitsWithAnyNumberOfThreads) {
        {"looking for a start", "frames 1-6, iteration", "frames 1-13, iteration"}) {
     const Folder folder;
     fs::copy(whole.path / "a.npz", folder.path / "a.npz");
-    const Json broken = cancelled_at(poor_start(), folder.path, label);
+    const Json broken = cancelled_at(poor_start(), folder.path, {label});
     ASSERT_EQ(broken["status"], "cancelled") << label;
     EXPECT_EQ(broken["exit_status"], 130);
     for (const char* name : {"material.json", "scene.json", "result.json"}) {
@@ -219,6 +222,48 @@ TEST(Fit, GoesOnToTheSameBitsWithAnyNumberOfThreads) {
   }
 }
 
+/// Of a plastic body, by an elastic law: however stiff, it stays far off.
+Json of_the_wrong_law() {
+  Json document = fit_of(thrown_cube(), {"material.E"});
+  document["scene"]["bodies"][0]["material"] = {{"law", "neo_hookean"}, {"E", 1e5}, {"nu", 0.3}};
+  document["scene"]["colliders"][0]["contact"].erase("stiffness");
+  document["fit"]["parameters"] = {{{"path", "material.E"}, {"bounds", {1e4, 3e5}}}};
+  document["fit"]["levels"] = {1};
+  document["fit"]["windows"] = false;
+  return document;
+}
+
+TEST(Fit, LooksOnceMoreWhereTheFirstStageEndsFarOff) {
+  Json truth = thrown_cube();
+  truth["scene"]["bodies"][0]["velocity"] = {0.8, 0.3, -3.0};
+  truth["scene"]["bodies"][0]["material"] = {
+      {"law", "von_mises"}, {"E", 1e5}, {"nu", 0.3}, {"yield_stress", 300}};
+  Json document = of_the_wrong_law();
+  document["scene"]["bodies"][0]["velocity"] = truth["scene"]["bodies"][0]["velocity"];
+  const Folder whole;
+  record(truth, whole.path, "a", 1);
+  const Json unbroken = run(document, whole.path, 1);
+  EXPECT_GT(unbroken["fit"]["noise_scale"].get<double>(), 10.0);
+  // The scan comes again between two stages: broken off in it, the fit goes on to the same bits.
+  const Folder folder;
+  fs::copy(whole.path / "a.npz", folder.path / "a.npz");
+  const Json broken = cancelled_at(document, folder.path, {"iteration 2", "looking for a start"});
+  ASSERT_EQ(broken["status"], "cancelled");
+  const Json resumed = run(document, folder.path, 2);
+  EXPECT_EQ(bits(resumed), bits(unbroken));
+  EXPECT_EQ(resumed["fit"]["history"], unbroken["fit"]["history"]);
+}
+
+TEST(Fit, ResolvesContactsAnewInASingleStage) {
+  Json truth = thrown_cube();
+  truth["scene"]["colliders"][0]["contact"].erase("stiffness");
+  Json document = of_the_wrong_law();
+  const Folder folder;
+  record(truth, folder.path, "a", 1);
+  const Json result = run(document, folder.path);
+  EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 3e4, 1.0, 0.02);
+}
+
 TEST(Fit, TheStateIsKeptToTheLastBit) {
   FitState state;
   state.input_hash = "abc";
@@ -226,6 +271,7 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   law.law = "neo_hookean";
   law.values = {1.0 / 3.0, 1e-300, 12345.678901234567};
   law.steps = {{{7, 8}, 2.0 / 7.0}};
+  law.scan_due = law.rescanned = true;
   law.search.emplace();
   law.search->point = Eigen::Vector3d(0.1, -0.2, 1e10 / 3.0);
   law.search->residual = Eigen::Vector2d(1.0 / 3.0, -0.0);
@@ -237,6 +283,7 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   const auto read = read_fit_state(folder.path, "abc");
   ASSERT_TRUE(read);
   EXPECT_EQ(read->laws[0].values, law.values);
+  EXPECT_TRUE(read->laws[0].scan_due && read->laws[0].rescanned);
   EXPECT_EQ(read->laws[0].search->point, law.search->point);
   EXPECT_EQ(read->laws[0].search->cost, law.search->cost);
   EXPECT_TRUE(std::signbit(read->laws[0].search->residual[1]));

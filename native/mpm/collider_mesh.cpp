@@ -98,7 +98,10 @@ class MeshCollider final : public Collider {
                                      MeshColliderOptions options) {
     Eigen::AlignedBox3d box;
     for (const Vec3f& p : frames[0]) box.extend(p.cast<double>());
-    if (!(options.voxel_size > 0)) options.voxel_size = box.sizes().maxCoeff() / 64.0;
+    if (!(options.voxel_size > 0)) {
+      // Around a small mesh a wide band would be millions of voxels, each with an exact distance.
+      options.voxel_size = std::max(box.sizes().maxCoeff() / 64.0, options.band / 8.0);
+    }
     if (!(options.voxel_size > 0)) options.voxel_size = 1e-3;
     if (!(options.band > 0)) options.band = 4.0 * options.voxel_size;
     return options;

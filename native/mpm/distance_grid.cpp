@@ -6,6 +6,7 @@
 #include <openvdb/tools/SignedFloodFill.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -27,17 +28,15 @@ struct ShellMesh {
   ShellMesh(const MeshDistance& mesh, std::size_t shell, const std::vector<Vec3f>& vertices,
             double voxel) {
     constexpr double kUnit = 1.2e-7;  // of float
-    for (const Vec3f& vertex : vertices) {
-      const Vec3d p = vertex.cast<double>() / voxel;
-      points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()),
-                          static_cast<float>(p.z()));
-      rounding = std::max(rounding, kUnit * p.cwiseAbs().maxCoeff());
-    }
     for (const std::int32_t n : mesh.tree(shell).members()) {
-      const Triangle& t = mesh.topology().triangles[static_cast<std::size_t>(n)];
-      triangles.emplace_back(static_cast<openvdb::Index32>(t[0]),
-                             static_cast<openvdb::Index32>(t[1]),
-                             static_cast<openvdb::Index32>(t[2]));
+      const auto corner = static_cast<openvdb::Index32>(points.size());
+      triangles.emplace_back(corner, corner + 1, corner + 2);
+      for (const std::int32_t v : mesh.topology().triangles[static_cast<std::size_t>(n)]) {
+        const Vec3d p = vertices[static_cast<std::size_t>(v)].cast<double>() / voxel;
+        points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()),
+                            static_cast<float>(p.z()));
+        rounding = std::max(rounding, kUnit * p.cwiseAbs().maxCoeff());
+      }
     }
   }
 

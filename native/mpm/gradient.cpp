@@ -24,7 +24,10 @@ constexpr double kForwardShare = 0.3;
 
 void check_adjoints(const Scene& scene) {
   if (all_updated(scene) || scene.bodies.size() == 1) return;
-  throw_input("Bodies '" + scene.bodies[0].name + "' and '" + scene.bodies[1].name +
+  const auto total = std::find_if(scene.bodies.begin(), scene.bodies.end(),
+                                  [](const Body& body) { return is_total(body); });
+  const Body& other = scene.bodies[total == scene.bodies.begin() ? 1 : 0];
+  throw_input("Bodies '" + total->name + "' and '" + other.name +
               "' may touch each other, and contact between bodies has no gradient where one of "
               "them is of formulation 'total'. Fit each in a scene of its own, set all to "
               "'updated', or fit by differences.");
@@ -45,6 +48,7 @@ class Run {
         frames_(static_cast<std::size_t>(scene_.end_frame - 1 - scene_.first_frame)),
         record_(options.memory_budget, Tape::kFirstInterval) {
     stepper_.set_schedule(options.schedule);
+    record_.reserve_segment(!tape_.has_all());
   }
 
   RollOut roll_out() {
@@ -92,7 +96,9 @@ class Run {
         expected_ = begin + static_cast<std::size_t>(substeps) * (frames_ - starts_.size() + 1);
         make_room(bytes);
         record_.put(substeps_, std::move(state), bytes, expected_);
-        if (substeps_ == 0 && known_length() > 0) record_.require(known_length());
+        if (substeps_ == 0 && known_length() > 0 && !tape_.has_all()) {
+          record_.require(known_length());
+        }
       }
       tape_.before_substep();
     };
@@ -111,10 +117,12 @@ class Run {
 
   /// What need not be kept goes before a state does.
   void make_room(std::size_t bytes) {
-    if (record_.needed() + bytes + tape_.spare_bytes() > options_.memory_budget) tape_.give_up();
+    if (record_.held() + bytes + tape_.spare_bytes() <= options_.memory_budget) return;
+    tape_.give_up();
+    record_.reserve_segment(true);
   }
 
-  void note_peak() { peak_ = std::max(peak_, record_.needed() + tape_.spare_bytes()); }
+  void note_peak() { peak_ = std::max(peak_, record_.held() + tape_.spare_bytes()); }
 
   /// Asks for the present frame's loss.
   void observe() {

@@ -72,7 +72,7 @@ struct Gradient {
   std::size_t substeps = 0;
   std::size_t recomputed = 0;   ///< substeps that were run a second time
   std::size_t state_bytes = 0;  ///< of what is kept of one substep, about
-  std::size_t peak_bytes = 0;   ///< of all that was recorded at once; at most the budget
+  std::size_t peak_bytes = 0;   ///< of all that was recorded at once, as the budget counts it
 };
 
 struct GradientOptions {
@@ -87,7 +87,8 @@ struct GradientOptions {
   std::function<void(double)> progress;
 };
 
-/// The loss of a run and how it was stepped: what gradient() gives, without the way back.
+/// The loss of a run and how it was stepped: what gradient() gives, without the way back, of the
+/// same scenes.
 struct RollOut {
   double loss = 0.0;
   Schedule schedule;

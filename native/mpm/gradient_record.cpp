@@ -14,7 +14,7 @@ std::size_t least_record(std::size_t substeps, std::size_t state_bytes, std::siz
   std::size_t interval = first_interval;
   do {
     const std::size_t kept = (substeps + interval - 1) / interval;
-    least = std::min(least, other + (kept + interval - 1) * state_bytes);
+    least = std::min(least, other + (kept + std::min(interval, substeps) - 1) * state_bytes);
     interval *= 2;
   } while (interval / 2 < substeps);
   return least;

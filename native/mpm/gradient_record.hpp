@@ -65,12 +65,18 @@ class GradientRecord {
   [[nodiscard]] bool empty() const { return states_.empty(); }
   [[nodiscard]] std::size_t largest() const { return largest_; }
   [[nodiscard]] std::size_t peak() const { return peak_; }
-  /// With the states inside a segment, less the one that begins it [bytes].
-  [[nodiscard]] std::size_t needed() const { return other_ + kept_ + (interval_ - 1) * largest_; }
+  /// Now, without what a segment takes when it is run again [bytes].
+  [[nodiscard]] std::size_t held() const { return other_ + kept_; }
+  /// Whether segments will be run again, so that the budget has to hold the states inside one.
+  void reserve_segment(bool reserve) { reserve_ = reserve; }
 
  private:
   using States = std::map<std::size_t, std::pair<State, std::size_t>>;
 
+  /// With the states inside a segment, less the one that begins it.
+  [[nodiscard]] std::size_t needed() const {
+    return held() + (reserve_ ? (interval_ - 1) * largest_ : 0);
+  }
   void drop(typename States::iterator at) {
     kept_ -= at->second.second;
     states_.erase(at);
@@ -99,6 +105,7 @@ class GradientRecord {
   std::size_t budget_;
   std::size_t first_interval_;
   std::size_t interval_;
+  bool reserve_ = true;
   std::size_t other_ = 0;
   std::size_t kept_ = 0;
   std::size_t largest_ = 0;

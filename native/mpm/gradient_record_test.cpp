@@ -245,6 +245,9 @@ TEST(GradientRecord, WhatHasNoAdjointIsRefusedByName) {
   scene.bodies[1].name = "other";
   EXPECT_THAT(error_of(scene, GradientCase::observe),
               HasSubstr("Bodies 'bar' and 'other' may touch each other"));
+  scene.bodies[0].formulation = Formulation::kUpdated;
+  EXPECT_THAT(error_of(scene, GradientCase::observe), HasSubstr("Bodies 'other' and 'bar'"));
+  scene.bodies[0].formulation = Formulation::kTotal;
   scene.bodies.resize(1);
   EXPECT_THAT(
       error_of(scene, [](const ObservedFrame&,

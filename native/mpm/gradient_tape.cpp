@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "mpm/state_bytes.hpp"
+
 namespace matterfit::mpm {
 
 template <class S>
@@ -76,7 +78,10 @@ template <class S>
 std::string UpdatedTape<S>::state() const {
   ByteWriter out;
   stepper_.updated()->save(out);
-  return out.take();
+  stepper_.updated()->save_sleep(out);
+  std::string bytes = out.take();
+  bytes.shrink_to_fit();
+  return bytes;
 }
 
 template <class S>
@@ -98,15 +103,19 @@ void UpdatedTape<S>::after_substep() {
   const std::size_t bytes = records_.back().bytes();
   largest_ = std::max(largest_, bytes);
   record_bytes_ += bytes;
+  ++finished_;
 }
 
 template <class S>
 void UpdatedTape<S>::forget_from(std::size_t substep) {
   stepper_.keep(nullptr);
   // The substep that failed has added nothing to the sum.
-  while (records_.size() > substep) records_.pop_back();
-  record_bytes_ = 0;
-  for (const UpdatedRecord<S>& record : records_) record_bytes_ += record.bytes();
+  if (finished_ < records_.size()) records_.pop_back();
+  while (records_.size() > substep) {
+    record_bytes_ -= records_.back().bytes();
+    records_.pop_back();
+  }
+  finished_ = records_.size();
 }
 
 template <class S>
@@ -114,6 +123,7 @@ void UpdatedTape<S>::give_up() {
   keeps_ = false;
   records_.clear();
   record_bytes_ = 0;
+  finished_ = 0;
 }
 
 template <class S>
@@ -142,12 +152,14 @@ void UpdatedTape<S>::observe(const FrameLoss& loss) {
 }
 
 template <class S>
-void UpdatedTape<S>::back(std::size_t begin, std::size_t end, const State& first,
-                          const StepAgain& again, const SubstepPassed& passed) {
+void UpdatedTape<S>::back(std::size_t begin, std::size_t end, State first, const StepAgain& again,
+                          const SubstepPassed& passed) {
   if (!keeps_) {
     ByteReader in(first);
     stepper_.updated()->load(in);
+    stepper_.updated()->load_sleep(in);
     in.expect_end();
+    first = {};
     for (std::size_t n = begin; n < end; ++n) {
       records_.emplace_back();
       stepper_.keep(&records_.back());

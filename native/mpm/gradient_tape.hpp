@@ -89,7 +89,7 @@ class UpdatedTape {
 
   void turn();
   void observe(const FrameLoss& loss);
-  void back(std::size_t begin, std::size_t end, const State& first, const StepAgain& again,
+  void back(std::size_t begin, std::size_t end, State first, const StepAgain& again,
             const SubstepPassed& passed);
   void collect(Gradient& out) const;
 
@@ -98,6 +98,7 @@ class UpdatedTape {
   SimdTarget target_;
   bool keeps_ = true;
   std::deque<UpdatedRecord<S>> records_;
+  std::size_t finished_ = 0;  ///< of them in the forward pass; one more may have been begun
   std::size_t record_bytes_ = 0;
   std::size_t largest_ = 0;  ///< of one record
   std::unique_ptr<UpdatedAdjoint<S>> adjoint_;

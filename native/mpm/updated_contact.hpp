@@ -30,6 +30,7 @@ class UpdatedContact {
     frame_seconds_ = frame_seconds;
     pull_ = pull;
   }
+  [[nodiscard]] double pull() const { return pull_; }
   /// The particles of block `b` at `time`. `max_speed`: of any particle [m/s]. `touches` gets each
   /// one that touches, if not null.
   void apply(UpdatedGrid<S>& grid, std::vector<UpdatedMember<S>>& members, std::size_t b,

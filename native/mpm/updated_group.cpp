@@ -490,6 +490,26 @@ void UpdatedGroup<S>::load(ByteReader& in) {
   }
 }
 
+template <class S>
+void UpdatedGroup<S>::save_sleep(ByteWriter& out) const {
+  std::vector<double> wake_times;
+  for (std::size_t b = 0; b < impl_->blocks.size(); ++b) {
+    wake_times.push_back(impl_->blocks[b].wake_time);
+  }
+  out.put(wake_times);
+  out.put(impl_->contact.pull());
+}
+
+template <class S>
+void UpdatedGroup<S>::load_sleep(ByteReader& in) {
+  std::vector<double> wake_times(impl_->blocks.size());
+  in.get_same_size(wake_times);
+  for (std::size_t b = 0; b < wake_times.size(); ++b) impl_->blocks[b].wake_time = wake_times[b];
+  double pull = 0.0;
+  in.get(pull);
+  impl_->contact.wake(impl_->frame_seconds, pull);
+}
+
 template class UpdatedGroup<float>;
 template class UpdatedGroup<double>;
 

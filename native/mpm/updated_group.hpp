@@ -67,8 +67,12 @@ class UpdatedGroup {
   [[nodiscard]] std::vector<UpdatedParticle> particles(std::size_t body) const;
   void sample(std::vector<BodyState>& bodies) const;
   void report(FrameReport& report) const;
+  /// At the start of a frame.
   void save(ByteWriter& out) const;
   void load(ByteReader& in);
+  /// Besides, between two substeps of one frame: how long contacts sleep.
+  void save_sleep(ByteWriter& out) const;
+  void load_sleep(ByteReader& in);
 
  private:
   struct Impl;

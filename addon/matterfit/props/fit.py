@@ -105,8 +105,10 @@ class MatterfitFit(bpy.types.PropertyGroup):
         name="Loss", default="TRACKS",
         items=(("TRACKS", "Tracks", "Distance of each recorded point to where the simulation has "
                                     "carried the same point"),
-               ("CHAMFER", "Chamfer", "Nearest distances between clouds: for points that are not "
-                                      "the same ones from frame to frame")),
+               ("CHAMFER", "Chamfer", "Nearest distances between clouds: for points that fill the "
+                                      "body and are not the same ones from frame to frame"),
+               ("SURFACE", "Surface", "Nearest distances to the body's surface: for points all "
+                                      "around it that are not the same ones from frame to frame")),
         description="What is made small")
     use_huber: BoolProperty(
         name="Huber", default=False,

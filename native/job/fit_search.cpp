@@ -21,6 +21,9 @@ constexpr std::size_t kScanSamples = 32;
 /// body's size.
 constexpr double kPoorNoise = 5.0;
 constexpr double kPoorSize = 0.005;
+/// Steps of the scan after the first stage, either way: where the law is wrong all of them are
+/// poor.
+constexpr int kNear = 3;
 /// Stages before the last: how far is far enough.
 constexpr int kShortStage = 8;
 constexpr double kCoarseStep = 2e-2;
@@ -230,9 +233,8 @@ bool LawFit::rescan(LawState& state) {
   coarse.release_contacts();
   coarse.set_steps(std::vector<FitSteps>(setup_.runs->size()));
   const double mean = mean_distances(state, {state.values}, window).front();
-  std::vector<double> found = scanned(*parameters_, state.values, mean, [&](const auto& points) {
-    return mean_distances(state, points, window);
-  });
+  const auto costs = [&](const auto& points) { return mean_distances(state, points, window); };
+  std::vector<double> found = scanned(*parameters_, state.values, mean, costs, kNear);
   if (found == state.values) return false;
   state.values = std::move(found);
   return true;

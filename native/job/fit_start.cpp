@@ -19,7 +19,6 @@ constexpr std::size_t kFewestFrames = 3;
 constexpr std::size_t kMostFrames = 12;
 /// How much worse than the noise, or than the fewest frames, a longer flight may be explained.
 constexpr double kStillBallistic = 2.0;
-constexpr int kFarthest = 8;  // steps of a scan
 constexpr double kHalfDecade = 3.1622776601683795;
 constexpr double kAngleStep = 8.0;  // [degrees]
 
@@ -103,8 +102,8 @@ std::optional<std::vector<double>> stepped(const FitParameters& parameters,
 
 /// Along one direction; true if other values than the present ones are the best.
 bool scan(const FitParameters& parameters, const Direction& direction,
-          const std::vector<int>& first, const FitCost& costs, std::vector<double>& values,
-          double& cost) {
+          const std::vector<int>& first, const FitCost& costs, int farthest,
+          std::vector<double>& values, double& cost) {
   std::map<int, double> known{{0, cost}};
   const auto try_steps = [&](const std::vector<int>& steps) {
     std::vector<int> tried;
@@ -130,7 +129,7 @@ bool scan(const FitParameters& parameters, const Direction& direction,
     const int at = best()->first;
     const bool low = at == known.begin()->first;
     const bool high = at == known.rbegin()->first;
-    if (!(low || high) || std::abs(at) >= kFarthest) break;
+    if (!(low || high) || std::abs(at) >= farthest) break;
     const int way = high ? 1 : -1;
     if (!try_steps({at + way, at + 2 * way})) break;
   }
@@ -195,7 +194,7 @@ std::vector<double> with_initial_motion(const std::vector<FitRun>& runs,
 }
 
 std::vector<double> scanned(const FitParameters& parameters, std::vector<double> values,
-                            double cost, const FitCost& costs) {
+                            double cost, const FitCost& costs, int farthest) {
   std::vector<Direction> directions;
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     const FitQuantity quantity = parameters.path(i).quantity;
@@ -210,11 +209,11 @@ std::vector<double> scanned(const FitParameters& parameters, std::vector<double>
                    });
   bool moved = false;
   for (const Direction& direction : directions) {
-    moved = scan(parameters, direction, {-2, -1, 1, 2}, costs, values, cost) || moved;
+    moved = scan(parameters, direction, {-2, -1, 1, 2}, costs, farthest, values, cost) || moved;
   }
   if (directions.size() < 2 || !moved) return values;
   for (const Direction& direction : directions) {
-    (void)scan(parameters, direction, {-1, 1}, costs, values, cost);
+    (void)scan(parameters, direction, {-1, 1}, costs, farthest, values, cost);
   }
   return values;
 }

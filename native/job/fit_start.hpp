@@ -25,9 +25,9 @@ using FitCost = std::function<std::vector<double>(const std::vector<std::vector<
 /// The best of a search along one parameter after the other, half a decade a step (friction angles
 /// 8°): stiffness (where ν is fitted too, then the bulk modulus alone: a ratio that is far off
 /// makes it wrong by decades), yield stress, friction angle, viscosity. Twice where there are
-/// several. `cost` is that of `values`.
+/// several. `cost` is that of `values`; it goes `farthest` steps either way at most.
 [[nodiscard]] std::vector<double> scanned(const FitParameters& parameters,
                                           std::vector<double> values, double cost,
-                                          const FitCost& costs);
+                                          const FitCost& costs, int farthest = 8);
 
 }  // namespace matterfit::job

@@ -19,8 +19,9 @@ struct PolygonArrays {
 };
 
 struct MeshColliderOptions {
-  /// Voxel of the OpenVDB distance grid [m]; 0: a 64th of the longest side of the mesh's box, and no
-  /// less than an eighth of the band. The answer does not depend on it, only speed and memory do.
+  /// Voxel of the OpenVDB distance grid [m]; 0: a 64th of the longest side of the mesh's box, and
+  /// no less than an eighth of the band. The answer does not depend on it, only speed and memory
+  /// do.
   double voxel_size = 0.0;
   /// Distances and normals are exact this far from the surface [m]; 0: four voxels. Make it a few
   /// particle separations.

@@ -205,7 +205,8 @@ struct UpdatedAdjoint<S>::Impl {
     const S* velocities_after = velocities(arena, record);
     load_velocity_bar.clear();
     std::vector<ColliderCotangents> touched(particle_colliders.size());
-    loads.back(record, bar.nodes, velocities_after, bar.bodies, touched.data(), load_velocity_bar);
+    loads.back(arena, record, bar.nodes, velocities_after, bar.bodies, touched.data(),
+               load_velocity_bar);
 
     halos.resize(blocks * 3 * kHaloNodes);
     laws.resize(blocks * members.size());

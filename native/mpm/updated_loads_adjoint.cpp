@@ -141,14 +141,45 @@ UpdatedLoadsAdjoint<S>::UpdatedLoadsAdjoint(const Scene& scene,
     : dx_(scene.dx), members_(members), colliders_(std::move(colliders)) {}
 
 template <class S>
-void UpdatedLoadsAdjoint<S>::back(const UpdatedRecord<S>& record, const std::vector<S>& nodes,
-                                  const S* velocity, std::vector<UpdatedBodyCotangents<S>>& bodies,
+void UpdatedLoadsAdjoint<S>::back(Arena& arena, const UpdatedRecord<S>& record,
+                                  const std::vector<S>& nodes, const S* velocity,
+                                  std::vector<UpdatedBodyCotangents<S>>& bodies,
                                   ColliderCotangents* colliders,
                                   std::vector<double>& velocity_bar) const {
   const Substep at{&record, &nodes, velocity, dx_};
   for (const UpdatedHold<S>& h : record.holds) hold(at, h, bodies[h.member]);
-  for (auto t = record.touches.rbegin(); t != record.touches.rend(); ++t) {
-    touch(at, *t, bodies[t->member], colliders, velocity_bar);
+
+  // Groups of touches, those of one particle together, side by side; their sums in order.
+  constexpr std::size_t kGroup = 64;
+  const std::vector<UpdatedTouch<S>>& touches = record.touches;
+  std::vector<std::size_t> first;
+  bool fluid = false;
+  for (std::size_t t = 0; t < touches.size(); ++t) {
+    fluid = fluid || members_[touches[t].member].is_fluid();
+    const bool same = t > 0 && touches[t].member == touches[t - 1].member &&
+                      touches[t].particle == touches[t - 1].particle;
+    if (first.empty() || (!same && t >= first.back() + kGroup)) first.push_back(t);
+  }
+  std::vector<Sums> sums(first.size());
+  const auto group = [&](std::size_t g) {
+    sums[g].colliders.resize(colliders_.size());
+    sums[g].log_density.resize(members_.size());
+    std::size_t t = g + 1 < first.size() ? first[g + 1] : touches.size();
+    while (t > first[g]) {
+      --t;
+      touch(at, touches[t], bodies[touches[t].member], sums[g], velocity_bar);
+    }
+  };
+  if (fluid) {  // their nodes are others' too
+    for (std::size_t g = first.size(); g > 0; --g) group(g - 1);
+  } else {
+    arena.parallel_for(0, first.size(), 1, group);
+  }
+  for (const Sums& of_group : sums) {
+    for (std::size_t c = 0; c < colliders_.size(); ++c) colliders[c] += of_group.colliders[c];
+    for (std::size_t m = 0; m < members_.size(); ++m) {
+      bodies[m].log_density += of_group.log_density[m];
+    }
   }
 }
 
@@ -176,7 +207,7 @@ void UpdatedLoadsAdjoint<S>::hold(const Substep& at, const UpdatedHold<S>& hold,
 
 template <class S>
 void UpdatedLoadsAdjoint<S>::touch(const Substep& at, const UpdatedTouch<S>& touch,
-                                   UpdatedBodyCotangents<S>& body, ColliderCotangents* colliders,
+                                   UpdatedBodyCotangents<S>& body, Sums& sums_of_all,
                                    std::vector<double>& velocity_bar) const {
   const UpdatedMember<S>& member = members_[touch.member];
   const Collider& collider = *colliders_[touch.collider];
@@ -228,7 +259,7 @@ void UpdatedLoadsAdjoint<S>::touch(const Substep& at, const UpdatedTouch<S>& tou
   ContactCotangents c =
       contact_force_adjoint(law, point, id, dt, touch.memory, dt * of_impulse.impulse, stretch_bar);
   stretch_bar = c.stretch;
-  ColliderCotangents& own = colliders[touch.collider];
+  ColliderCotangents& own = sums_of_all.colliders[touch.collider];
   own.mu += c.mu;
   own.stiffness += c.stiffness;
   own.damping += c.damping;
@@ -253,7 +284,7 @@ void UpdatedLoadsAdjoint<S>::touch(const Substep& at, const UpdatedTouch<S>& tou
         });
   }
   const ContactPointCotangents p = contact_point_adjoint(n, f, volume, c);
-  body.log_density += member.density * p.density;
+  sums_of_all.log_density[touch.member] += member.density * p.density;
   x_bar += back_to_surface(collider, x, time, kColliderProbe * dx_, surface, c.distance,
                            c.normal + p.normal, -c.relative_velocity, own);
   UpdatedParticleBar<S>& bar = body.particles[touch.particle];

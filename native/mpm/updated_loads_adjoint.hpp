@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "base/parallel.hpp"
 #include "mpm/updated_adjoint.hpp"
 
 namespace matterfit::mpm {
@@ -19,14 +20,19 @@ class UpdatedLoadsAdjoint {
   /// `colliders`. `nodes`: per block of record.after [4][64], cotangents of momentum and mass.
   /// `velocity` are the node velocities of the substep, per block of record.before [3][64], and
   /// `velocity_bar` gets their cotangents, if any: else it stays empty.
-  void back(const UpdatedRecord<S>& record, const std::vector<S>& nodes, const S* velocity,
-            std::vector<UpdatedBodyCotangents<S>>& bodies, ColliderCotangents* colliders,
-            std::vector<double>& velocity_bar) const;
+  void back(Arena& arena, const UpdatedRecord<S>& record, const std::vector<S>& nodes,
+            const S* velocity, std::vector<UpdatedBodyCotangents<S>>& bodies,
+            ColliderCotangents* colliders, std::vector<double>& velocity_bar) const;
 
  private:
   struct Substep;
+  /// What many touches add to.
+  struct Sums {
+    std::vector<ColliderCotangents> colliders;
+    std::vector<double> log_density;  ///< per member
+  };
   void touch(const Substep& at, const UpdatedTouch<S>& touch, UpdatedBodyCotangents<S>& body,
-             ColliderCotangents* colliders, std::vector<double>& velocity_bar) const;
+             Sums& sums, std::vector<double>& velocity_bar) const;
   void hold(const Substep& at, const UpdatedHold<S>& hold, UpdatedBodyCotangents<S>& body) const;
 
   double dx_;

@@ -49,7 +49,7 @@ def job_document(name, clip, frames):
     """The clip's grid and substep, as far as they are known: both are part of how its material flows."""
     scene = {
         "fps": clip["fps"],
-        "frames": [0, frames - 1],
+        "frames": [0, frames],
         "gravity": clip["gravity"],
         "bodies": [
             {
@@ -76,7 +76,7 @@ def job_document(name, clip, frames):
                 "name": name,
                 "tracks": "tracks.npz",
                 "noise": clip_fit.NOISE,
-                "holdout": {"frames": [round(0.7 * frames), frames - 1]},
+                "holdout": {"frames": [round(0.7 * frames), frames]},
             }
         ],
         "fit": {"parameters": [*parameters, "velocity", "spin"], "iterations": ITERATIONS},

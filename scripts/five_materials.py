@@ -14,7 +14,6 @@ table.json.
 import json
 import subprocess
 import sys
-import zlib
 
 import clip_fit
 import clip_metrics
@@ -84,10 +83,9 @@ def parameter_paths(material):
 
 def write_inputs(name, folder):
     """What the fit is given: the tracks with noise, and the surface around the first frame's points."""
-    random = np.random.default_rng(zlib.crc32(name.encode()))
     arrays = np.load(CLIPS / f"{name}.npz")
-    noise = random.normal(0.0, clip_fit.NOISE, arrays["positions"].shape)
-    np.savez(folder / "capture.npz", positions=arrays["positions"] + noise, times=arrays["times"])
+    positions = clip_fit.with_noise(name, arrays["positions"])
+    np.savez(folder / "capture.npz", positions=positions, times=arrays["times"])
     vertices, faces = surface_of_points(arrays["rest"])
     np.savez(
         folder / "body.npz",

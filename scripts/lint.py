@@ -134,6 +134,7 @@ def check_tidy(tally, everything):
         tally.skipped.append((what, "`make lint ALL=1` takes all"))
     if not files:
         tally.skipped.append(("lint: clang-tidy", "no C++ file changed"))
+        return
     folder = tidy_database(database)
 
     def tidy(file):

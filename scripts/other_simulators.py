@@ -16,7 +16,6 @@ import json
 import pathlib
 import subprocess
 import sys
-import zlib
 
 import clip_fit
 import numpy as np
@@ -92,9 +91,7 @@ def fit_one(path, options):
     folder = DONE / name
 
     def write_inputs():
-        random = np.random.default_rng(zlib.crc32(name.encode()))
-        noise = random.normal(0.0, clip_fit.NOISE, positions.shape)
-        np.savez(folder / "tracks.npz", positions=positions + noise, times=arrays["times"])
+        np.savez(folder / "tracks.npz", positions=clip_fit.with_noise(name, positions), times=arrays["times"])
         np.savez(folder / "rest.npz", positions=arrays["rest"])
 
     return clip_fit.fit_clip(name, clip, folder, job_document(name, clip, len(positions)), write_inputs,

@@ -91,9 +91,9 @@ struct FitModel::RunModel {
     const mpm::Body& body = scene.bodies[watcher.body];
     if (loss == FitDoc::Loss::kChamfer) {
       watcher.particles = drawn(body.rest.size(), capture);
-      return watcher;
+    } else {
+      watcher.points.emplace(body, std::move(rest), 0.5 * scene.dx, arena);
     }
-    watcher.points.emplace(body, std::move(rest), 0.5 * scene.dx, arena);
     return watcher;
   }
 

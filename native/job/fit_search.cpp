@@ -160,9 +160,8 @@ std::vector<double> LawFit::mean_distances(LawState& state,
   FitModel& coarse = model(stages_.front().level);
   const FitProblem problem(coarse, *setup_.runs, parameters_->parameters(), setup_.fit->loss,
                            window);
-  const auto progress = [&](double part) {
-    tell(state, "looking for a start", part, std::numeric_limits<double>::quiet_NaN());
-  };
+  const auto progress = [&](double part) { tell(state, "looking for a start", part, told_); };
+  progress(0.0);
   std::vector<double> means;
   for (const auto& outcome : coarse.evaluate(points, {window.until, true}, progress)) {
     const double mean = outcome ? mean_of(problem.distances(problem.residuals(*outcome)))
@@ -170,6 +169,7 @@ std::vector<double> LawFit::mean_distances(LawState& state,
     means.push_back(std::isfinite(mean) ? mean : std::numeric_limits<double>::infinity());
   }
   state.evaluations += static_cast<int>(points.size());
+  told_ = *std::min_element(means.begin(), means.end());
   return means;
 }
 
@@ -199,7 +199,8 @@ void LawFit::begin(LawState& state) {
 
   const FitWindow window = fit_window(runs, kScanSamples);
   double mean = mean_distances(state, {state.values}, window).front();
-  if (mean <= poor()) return;
+  const double far_off = poor();
+  if (mean <= far_off) return;
   if (setup_.fit->loss == FitDoc::Loss::kTracks) {
     EquationStart balance =
         equation_start(runs, scenes_, *parameters_, state.values, setup_.threads, interrupter_);
@@ -220,7 +221,7 @@ void LawFit::begin(LawState& state) {
       }
     }
     if (!balance.statement.empty()) statements_.push_back(balance.statement);
-    if (mean <= poor()) return;
+    if (mean <= far_off) return;
   }
   state.values = scanned(*parameters_, state.values, mean,
                          [&](const auto& points) { return mean_distances(state, points, window); });

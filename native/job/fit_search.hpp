@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -111,6 +112,8 @@ class LawFit {
   std::vector<Stage> stages_;
   std::map<double, std::unique_ptr<FitModel>> models_;  ///< by level
   std::unique_ptr<Context> context_;
+  /// The best of the points that mean_distances() tried last [m], for progress.
+  double told_ = std::numeric_limits<double>::quiet_NaN();
 };
 
 }  // namespace matterfit::job

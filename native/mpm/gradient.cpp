@@ -147,9 +147,8 @@ class Run {
     }
     losses_.push_back(std::move(loss));
     const std::size_t other = cotangent_bytes_ + tape_.log_bytes();
-    make_room(other - other_bytes_);
+    make_room(other - record_.other());
     record_.set_other(other, expected_);
-    other_bytes_ = other;
     note_peak();
   }
 
@@ -209,9 +208,8 @@ class Run {
   std::vector<std::size_t> starts_;  ///< first substep of each frame
   std::vector<FrameLoss> losses_;    ///< one more
   std::size_t cotangent_bytes_ = 0;
-  std::size_t other_bytes_ = 0;  ///< beside states, as the record was told last
-  std::size_t expected_ = 0;     ///< substeps
-  std::size_t peak_ = 0;         ///< with what the tape keeps beside the states [bytes]
+  std::size_t expected_ = 0;  ///< substeps
+  std::size_t peak_ = 0;      ///< with what the tape keeps beside the states [bytes]
   Gradient out_;
 };
 

@@ -10,6 +10,7 @@
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
 #include "material/law_gradient.hpp"
+#include "mpm/collider_adjoint.hpp"
 #include "mpm/scene.hpp"
 #include "mpm/schedule.hpp"
 #include "mpm/simulation.hpp"
@@ -52,15 +53,10 @@ struct BodyGradient {
   std::vector<Vec3d> particle_velocities;
 };
 
-struct ColliderGradient {
-  double mu = 0.0;
-  double stiffness = 0.0;  ///< [Pa/m]; by the resolved one where the scene has 0
-  double damping = 0.0;    ///< fraction of critical
-  /// Of the whole collider with its motion, world axes [m]. Updated bodies that it meets node by
-  /// node do not feel where its surface is, only how it is inclined and moves.
-  Vec3d translation = Vec3d::Zero();
-  Vec3d rotation = Vec3d::Zero();  ///< of it about the world's origin [rad]
-};
+/// By contact (the stiffness is the resolved one where the scene has 0) and place. Updated bodies
+/// that the collider meets node by node do not feel where its surface is, only how it is inclined
+/// and moves.
+using ColliderGradient = ColliderCotangents;
 
 /// A loss and its derivatives by everything that the scene says, per unit of each.
 struct Gradient {

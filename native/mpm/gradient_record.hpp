@@ -65,6 +65,7 @@ class GradientRecord {
   [[nodiscard]] bool empty() const { return states_.empty(); }
   [[nodiscard]] std::size_t largest() const { return largest_; }
   [[nodiscard]] std::size_t peak() const { return peak_; }
+  [[nodiscard]] std::size_t other() const { return other_; }
   /// Now, without what a segment takes when it is run again [bytes].
   [[nodiscard]] std::size_t held() const { return other_ + kept_; }
   /// Whether segments will be run again, so that the budget has to hold the states inside one.

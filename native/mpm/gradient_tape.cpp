@@ -189,14 +189,7 @@ void UpdatedTape<S>::collect(Gradient& out) const {
     body.particle_velocities = std::move(start.particle_velocities);
   }
   out.gravity += bar_.gravity;
-  for (std::size_t c = 0; c < out.colliders.size(); ++c) {
-    const ColliderCotangents& own = bar_.colliders[c];
-    out.colliders[c].mu += own.mu;
-    out.colliders[c].stiffness += own.stiffness;
-    out.colliders[c].damping += own.damping;
-    out.colliders[c].translation += own.translation;
-    out.colliders[c].rotation += own.rotation;
-  }
+  for (std::size_t c = 0; c < out.colliders.size(); ++c) out.colliders[c] += bar_.colliders[c];
 }
 
 template class TotalTape<float>;

@@ -97,10 +97,10 @@ std::vector<Entry> entries(const GradientCase& run, const Gradient& g) {
       vector("rotation", g.colliders[0].rotation, 0.1, &GradientCase::rotation);
     }
   }
-  if (run.ground && run.method == ContactMethod::kNode) {
+  if (run.ground) {
     add("mu", g.colliders[0].mu, run.mu, [](GradientCase& c) -> double& { return c.mu; });
-  } else if (run.ground) {
-    add("mu", g.colliders[0].mu, run.mu, [](GradientCase& c) -> double& { return c.mu; });
+  }
+  if (run.ground && run.method == ContactMethod::kParticle) {
     add("stiffness", g.colliders[0].stiffness, run.stiffness,
         [](GradientCase& c) -> double& { return c.stiffness; });
     add("contact damping", g.colliders[0].damping, run.contact_damping,

@@ -54,11 +54,7 @@ void TotalGroupAdjoint<S>::collect(Gradient& out) const {
     if (!member.contact) continue;
     for (std::size_t c = 0; c < out.colliders.size(); ++c) {
       const ColliderCotangents& own = member.contact->colliders()[c];
-      out.colliders[c].mu += own.mu;
-      out.colliders[c].stiffness += own.stiffness;
-      out.colliders[c].damping += own.damping;
-      out.colliders[c].translation += own.translation;
-      out.colliders[c].rotation += own.rotation;
+      out.colliders[c] += own;
       body.offset -= own.translation;  // a collider that comes nearer is a body that does
     }
   }

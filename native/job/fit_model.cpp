@@ -188,6 +188,7 @@ int steps_finer(const FitSteps& steps, double limit, double margin) {
 
 std::vector<int> multiplied(const std::vector<int>& substeps, double factor) {
   std::vector<int> result;
+  result.reserve(substeps.size());
   for (const int count : substeps) {
     result.push_back(std::max(1, static_cast<int>(std::ceil(factor * count - 1e-9))));
   }

@@ -33,19 +33,24 @@ STARTS = {
     "drucker_prager": {"E": 1e5, "nu": 0.4, "friction_angle": 45.0},
 }
 ITERATIONS = 8
+# Of a body of a simulator without a grid.
+PARTICLES_ACROSS = 14
 
 
 def contact_of(clip):
-    """As `sticky` or `friction 0.4`, met by grid nodes: so these simulators have it."""
+    """As `sticky` or `friction 0.4`; where the simulator has a grid, its nodes meet the ground."""
     words = str(clip["contact"]).split()
-    contact = {"kind": words[0], "method": "node"}
+    contact = {"kind": words[0]}
+    if "simulator_grid_spacing" in clip:
+        contact["method"] = "node"
     if len(words) > 1:
         contact["mu"] = float(words[1])
     return contact
 
 
-def job_document(name, clip, frames):
-    """The clip's grid and substep, as far as they are known: both are part of how its material flows."""
+def job_document(name, clip, rest, frames):
+    """The clip's grid and substep, as far as they are known: both are part of how its material flows.
+    Without a grid (finite elements) the formulation is the material's own."""
     scene = {
         "fps": clip["fps"],
         "frames": [0, frames],
@@ -56,13 +61,15 @@ def job_document(name, clip, frames):
                 "source": {"points": "rest.npz"},
                 "density": clip["density"],
                 "material": {"law": clip["law"], **STARTS[clip["law"]]},
-                "formulation": "updated",
             }
         ],
         "colliders": [{"name": "ground", "shape": "ground", "height": clip["ground"], "contact": contact_of(clip)}],
     }
     if "simulator_grid_spacing" in clip:
         scene["particle_separation"] = clip["simulator_grid_spacing"] / 2
+        scene["bodies"][0]["formulation"] = "updated"
+    else:
+        scene["particle_separation"] = float(np.cbrt(np.ptp(rest, axis=0).prod()) / PARTICLES_ACROSS)
     if "simulator_substeps_per_frame" in clip:
         scene["solver"] = {"dt": 1.0 / (clip["fps"] * clip["simulator_substeps_per_frame"])}
     parameters = [f"material.{key}" for key in STARTS[clip["law"]]]
@@ -94,7 +101,7 @@ def fit_one(path, options):
         np.savez(folder / "tracks.npz", positions=clip_fit.with_noise(name, positions), times=arrays["times"])
         np.savez(folder / "rest.npz", positions=arrays["rest"])
 
-    return clip_fit.fit_clip(name, clip, folder, job_document(name, clip, len(positions)), write_inputs,
+    return clip_fit.fit_clip(name, clip, folder, job_document(name, clip, arrays["rest"], len(positions)), write_inputs,
                              lambda: (positions[:, ::2], positions[:, 1::2], arrays["times"]), options)
 
 

@@ -306,18 +306,16 @@ template <class S>
 typename TotalBody<S>::PointState TotalBody<S>::point_state(std::uint32_t particle,
                                                             const Vec3d& offset) const {
   const Vec3d rest = grid_.rest(particle) + grid_.axes().transpose() * offset;
-  const CellPoint point = grid_.point_in(particle, rest);
-  const PointStencil s(point.f, grid_.dx());
-  const Vec3d u = field_at(grid_, point, s, displacement_.data());
-  const Vec3d v = field_at(grid_, point, s, velocity_.data());
+  const FieldStencil s(grid_, grid_.point_in(particle, rest));
+  const Vec3d u = field_at(s, displacement_.data());
+  const Vec3d v = field_at(s, velocity_.data());
   return {grid_.to_world(rest + u), grid_.axes() * v};
 }
 
 template <class S>
 Mat3d TotalBody<S>::deformation_gradient(std::uint32_t particle) const {
-  const CellPoint point = grid_.point_in(particle, grid_.rest(particle));
-  const PointStencil s(point.f, grid_.dx());
-  const Mat3d h = field_gradient(grid_, point, s, displacement_.data());
+  const FieldStencil s(grid_, grid_.point_in(particle, grid_.rest(particle)));
+  const Mat3d h = field_gradient(s, displacement_.data());
   return grid_.axes() * (Mat3d::Identity() + h) * grid_.axes().transpose();
 }
 

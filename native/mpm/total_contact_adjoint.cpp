@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "mpm/total_stencil.hpp"
-
 namespace matterfit::mpm {
 template <class S>
 TotalContactAdjoint<S>::TotalContactAdjoint(const Body& body, const Scene& scene,
@@ -46,27 +44,20 @@ void TotalContactAdjoint<S>::meet(Particle& particle, const TotalSubstep& subste
   const TotalGrid& grid = body_.grid();
   const Vec3d& rest = grid.rest(p);
   const double* u = body_.displacement().data();
-  particle.at_center = grid.point_in(p, rest);
-  const PointStencil center(particle.at_center.f, grid.dx());
-  particle.position = grid.to_world(rest + field_at(grid, particle.at_center, center, u));
-  const Mat3d h = field_gradient(grid, particle.at_center, center, u);
+  particle.at_center.emplace(grid, grid.point_in(p, rest));
+  particle.position = grid.to_world(rest + field_at(*particle.at_center, u));
+  const Mat3d h = field_gradient(*particle.at_center, u);
   particle.f = grid.axes() * (Mat3d::Identity() + h) * grid.axes().transpose();
   const double half = 0.5 * std::cbrt(body_.volume(p));
   for (std::size_t s = 0; s < colliders_.size(); ++s) {
     const SurfacePoint surface = colliders_[s]->closest(particle.position, substep.time);
     const auto id = static_cast<std::int32_t>(s);
     if (surface.distance > 4.0 * half && memory.surface != id) continue;
-    Touch touch;
-    touch.collider = s;
-    touch.memory = memory;
-    touch.center_normal = surface.normal;
-    touch.face = -half * (particle.f.transpose() * surface.normal).normalized();
-    const Vec3d rest_face = rest + grid.axes().transpose() * touch.face;
-    touch.at_face = grid.point_in(p, rest_face);
-    const PointStencil at_face(touch.at_face.f, grid.dx());
-    touch.face_position = grid.to_world(rest_face + field_at(grid, touch.at_face, at_face, u));
-    const Vec3d velocity =
-        grid.axes() * field_at(grid, touch.at_face, at_face, body_.velocity().data());
+    const Vec3d face = -half * (particle.f.transpose() * surface.normal).normalized();
+    const Vec3d rest_face = rest + grid.axes().transpose() * face;
+    Touch touch{s, memory, surface.normal, face, {grid, grid.point_in(p, rest_face)}};
+    touch.face_position = grid.to_world(rest_face + field_at(touch.at_face, u));
+    const Vec3d velocity = grid.axes() * field_at(touch.at_face, body_.velocity().data());
     touch.below = colliders_[s]->closest(touch.face_position, substep.time);
     touch.point = contact_point(touch.below, particle.f, body_.volume(p), density_, velocity);
     touch.point.radius = 0.0;
@@ -97,15 +88,19 @@ void TotalContactAdjoint<S>::back(Arena& arena, const TotalSubstep& substep,
       particle.bars.push_back(back(particle, *touch, substep, force_bar, stretch_bar));
     }
   });
-  // In order, on one thread: sums must not depend on threads.
+  // Sums must not depend on threads: each is made in order, by one.
+  arena.parallel_for(0, 6, 1, [&](std::size_t task) {
+    if (task < 3) {
+      add_displacements(task, bar.state.displacement.data());
+    } else {
+      add_velocities(task - 3, bar.state.velocity.data());
+    }
+  });
   for (const Particle& particle : particles_) {
     for (std::size_t t = 0; t < particle.bars.size(); ++t) {
-      const Touch& touch = particle.touches[particle.bars.size() - 1 - t];
-      if (particle.bars[t].any) {
-        bars_[touch.collider] += particle.bars[t].collider;
-        add(particle, touch, particle.bars[t], bar);
-      }
-      bar.log_density += particle.bars[t].log_density;
+      const TouchBar& own = particle.bars[t];
+      if (own.any) bars_[particle.touch_of(t).collider] += own.collider;
+      bar.log_density += own.log_density;
     }
   }
 }
@@ -117,11 +112,11 @@ typename TotalContactAdjoint<S>::TouchBar TotalContactAdjoint<S>::back(
   TouchBar out;
   const TotalGrid& grid = body_.grid();
   const Mat3d to_local = grid.axes().transpose();
-  const PointStencil s(touch.at_face.f, grid.dx());
+  const FieldStencil& s = touch.at_face;
   const Vec3d force = to_local * touch.force;
 
   // The load: f_I += w_I F.
-  const Vec3d load_bar = field_at(grid, touch.at_face, s, force_bar.data());
+  const Vec3d load_bar = field_at(s, force_bar.data());
   out.log_density = -load_bar.dot(force);
   const auto id = static_cast<std::int32_t>(touch.collider);
   const ContactCotangents c =
@@ -146,17 +141,17 @@ typename TotalContactAdjoint<S>::TouchBar TotalContactAdjoint<S>::back(
   out.face_velocity = to_local * c.relative_velocity;
   const double* u = body_.displacement().data();
   const double* v = body_.velocity().data();
-  Vec3d place_bar = out.face;  // of the face's place at rest, body axes
-  visit_nodes(grid, touch.at_face,
-              [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
-                double of_node = 0.0;
-                for (int axis = 0; axis < 3; ++axis) {
-                  const std::size_t at = node + static_cast<std::size_t>(axis) * kBlockNodes;
-                  of_node += force_bar[at] * force[axis] + u[at] * out.face[axis] +
-                             v[at] * out.face_velocity[axis];
-                }
-                place_bar += of_node * s.gradient(i, j, k);
-              });
+  // Of the face's place at rest, body axes.
+  const Vec3d place_bar = out.face + gradient_of(s, [&](std::size_t n) {
+                            double of_node = 0.0;
+                            for (int axis = 0; axis < 3; ++axis) {
+                              const std::size_t at =
+                                  s.node[n] + static_cast<std::size_t>(axis) * kBlockNodes;
+                              of_node += force_bar[at] * force[axis] + u[at] * out.face[axis] +
+                                         v[at] * out.face_velocity[axis];
+                            }
+                            return of_node;
+                          });
   // face = −½h Fᵀn/|Fᵀn|.
   const Vec3d pulled = particle.f.transpose() * touch.center_normal;
   const Vec3d direction = pulled.normalized();
@@ -174,14 +169,28 @@ typename TotalContactAdjoint<S>::TouchBar TotalContactAdjoint<S>::back(
 }
 
 template <class S>
-void TotalContactAdjoint<S>::add(const Particle& particle, const Touch& touch, const TouchBar& own,
-                                 TotalCotangents<S>& bar) const {
-  const TotalGrid& grid = body_.grid();
-  const PointStencil s(touch.at_face.f, grid.dx());
-  add_to_field(grid, touch.at_face, s, own.face, bar.state.displacement.data());
-  add_to_field(grid, touch.at_face, s, own.face_velocity, bar.state.velocity.data());
-  const PointStencil r(particle.at_center.f, grid.dx());
-  add_to_field(grid, particle.at_center, r, own.center, own.f, bar.state.displacement.data());
+void TotalContactAdjoint<S>::add_displacements(std::size_t c, double* displacement_bar) const {
+  const auto axis = static_cast<int>(c);
+  for (const Particle& particle : particles_) {
+    for (std::size_t t = 0; t < particle.bars.size(); ++t) {
+      const TouchBar& own = particle.bars[t];
+      if (!own.any) continue;
+      add_to_field(particle.touch_of(t).at_face, c, own.face[axis], displacement_bar);
+      add_to_field(*particle.at_center, c, own.center[axis], own.f.row(axis), displacement_bar);
+    }
+  }
+}
+
+template <class S>
+void TotalContactAdjoint<S>::add_velocities(std::size_t c, double* velocity_bar) const {
+  const auto axis = static_cast<int>(c);
+  for (const Particle& particle : particles_) {
+    for (std::size_t t = 0; t < particle.bars.size(); ++t) {
+      const TouchBar& own = particle.bars[t];
+      if (!own.any) continue;
+      add_to_field(particle.touch_of(t).at_face, c, own.face_velocity[axis], velocity_bar);
+    }
+  }
 }
 
 template <class S>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -8,6 +9,7 @@
 #include "mpm/contact_law_adjoint.hpp"
 #include "mpm/total_adjoint.hpp"
 #include "mpm/total_contact.hpp"
+#include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
 
@@ -34,11 +36,11 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
     ContactMemory memory;  ///< before
     Vec3d center_normal;   ///< of the collider at the particle's centre
     Vec3d face;            ///< its offset at rest, world axes
-    CellPoint at_face;
-    Vec3d face_position;
-    SurfacePoint below;
-    ContactPoint point;
-    Vec3d force;
+    FieldStencil at_face;
+    Vec3d face_position = Vec3d::Zero();
+    SurfacePoint below{};
+    ContactPoint point{};
+    Vec3d force = Vec3d::Zero();
   };
   /// What comes back through a touch, body axes: of the places of the particle's face and centre,
   /// of the face's velocity and of F.
@@ -54,18 +56,23 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
   struct Particle {
     std::uint32_t particle;
     ContactMemory memory;  ///< before
-    CellPoint at_center{0, 0, 0, 0, Vec3d::Zero()};
+    std::optional<FieldStencil> at_center{};
     Vec3d position = Vec3d::Zero();
     Mat3d f = Mat3d::Identity();
     std::vector<Touch> touches{};
-    std::vector<TouchBar> bars{};
+    std::vector<TouchBar> bars{};  ///< last touch first
+
+    [[nodiscard]] const Touch& touch_of(std::size_t bar) const {
+      return touches[bars.size() - 1 - bar];
+    }
   };
   void meet(Particle& particle, const TotalSubstep& substep) const;
   [[nodiscard]] TouchBar back(const Particle& particle, const Touch& touch,
                               const TotalSubstep& substep, const std::vector<double>& force_bar,
                               Vec3d& stretch_bar) const;
-  void add(const Particle& particle, const Touch& touch, const TouchBar& own,
-           TotalCotangents<S>& bar) const;
+  /// Component c of what all touches add to the nodes' cotangents.
+  void add_displacements(std::size_t c, double* displacement_bar) const;
+  void add_velocities(std::size_t c, double* velocity_bar) const;
   /// The cotangents of normal and velocity of the surface met at `x`: returns that of x.
   Vec3d back_to_surface(std::size_t collider, const Vec3d& x, const SurfacePoint& at,
                         double distance_bar, const Vec3d& normal_bar, const Vec3d& velocity_bar,

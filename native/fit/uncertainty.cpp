@@ -33,6 +33,7 @@ struct Information {
   MatrixXd data;        ///< JᵀJ, with Huber's estimator its counterpart
   double noise = 1.0;   ///< √(χ²/degrees of freedom)
   bool judged = true;   ///< there are degrees of freedom
+  bool smooth = false;  ///< what is missed is so smooth that none are left
   double slope = 1.0;   ///< mean of ψ′: with Huber's estimator the part that lies inside
   double weight = 1.0;  ///< independent residuals, as a part of all
 };
@@ -63,8 +64,10 @@ Information information(const LeastSquaresState& state, std::size_t parameters, 
   std::size_t free = 0;
   for (std::size_t k = 0; k < parameters; ++k)
     free += result.data(Index(k), Index(k)) > 0.0 ? 1 : 0;
-  const double freedom = independent - double(free);
-  result.judged = freedom >= 1.0 && linear < observed;
+  // Residuals that hang together over the whole capture are a misfit, not a lack of data.
+  result.smooth = independent - double(free) < 1.0;
+  const double freedom = std::max(1.0, independent - double(free));
+  result.judged = observed - double(free) >= 1.0 && linear < observed;
   if (observed > 0.0) result.weight = independent / observed;
   if (!result.judged) return result;
   result.slope = 1.0 - linear / observed;
@@ -242,8 +245,11 @@ std::vector<std::string> general(const std::vector<Parameter>& parameters,
   } else if (data.noise > kMisfit) {
     statements.push_back(fmt::format(
         "The simulation misses the capture by {:.3g} times the stated noise: the law or "
-        "the scene lacks something, or the noise is larger. Errors are enlarged by it.",
-        data.noise));
+        "the scene lacks something, or the noise is larger. Errors are enlarged by it{}.",
+        data.noise,
+        data.smooth ? ", and rough: what is missed is so smooth that it is hardly more than one "
+                      "observation for each parameter"
+                    : ""));
   } else if (data.noise < 1.0 / kMisfit) {
     statements.push_back(fmt::format(
         "The simulation meets the capture to {:.3g} of the stated noise: the noise is smaller than "

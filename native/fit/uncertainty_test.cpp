@@ -87,6 +87,18 @@ TEST(Uncertainty, FewerIndependentResidualsGiveLargerErrors) {
   EXPECT_NEAR(quarter.estimates[0].standard_error, 2.0 * error, 1e-12);
 }
 
+TEST(Uncertainty, ASmoothMisfitIsNoLackOfData) {
+  const MatrixXd jacobian = random_matrix(4000, 2, 3);
+  LeastSquaresState state = state_of(jacobian);
+  const double error = uncertainty(parameters(2), state).estimates[0].standard_error;
+  state.residual.setConstant(20.0);
+  const auto smooth = uncertainty(parameters(2), state, 2.0);
+  EXPECT_GE(smooth.noise_scale, 20.0);
+  EXPECT_GT(smooth.estimates[0].standard_error, 20.0 * error);
+  ASSERT_EQ(smooth.statements.size(), 1U);
+  EXPECT_THAT(smooth.statements[0], HasSubstr("so smooth"));
+}
+
 TEST(Uncertainty, SamplesThatAreNotThereDoNotCount) {
   MatrixXd jacobian = random_matrix(60, 2, 4);
   LeastSquaresState state = state_of(jacobian.topRows(30));

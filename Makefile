@@ -11,7 +11,7 @@ ROOT := '$(subst ','\'',$(CURDIR))'
 RUN := bash $(ROOT)/scripts/in_tree.sh
 PYTHON := $(RUN) python
 .DEFAULT_GOAL := help
-.PHONY: help demo test build bench five-materials other-simulators format lint fuzz run package clean
+.PHONY: help demo test build bench five-materials other-simulators finite-elements format lint fuzz run package clean
 
 help: ## Say what each target does (the default)
 	@grep -hE '^[a-z-]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | \
@@ -41,6 +41,11 @@ five-materials: ## Fit 45 clips of another simulator and score the fits, hours (
 other-simulators: ## Fit the clips of other simulators in FOLDER (../shared/data/other_simulators), a quarter of an hour each
 	@bash $(ROOT)/scripts/dependencies.sh fits 1>&2
 	@$(PYTHON) $(ROOT)/scripts/other_simulators.py $(FOLDER) $(if $(ONLY),--only $(ONLY)) $(if $(THREADS),--threads $(THREADS))
+
+finite-elements: ## Make clips of elastic bodies by finite elements and fit them, a quarter of an hour
+	@bash $(ROOT)/scripts/dependencies.sh fits 1>&2
+	@$(PYTHON) $(ROOT)/scripts/finite_elements.py $(if $(ONLY),--only $(ONLY))
+	@$(PYTHON) $(ROOT)/scripts/other_simulators.py $(ROOT)/build/finite_elements $(if $(ONLY),--only $(ONLY)) $(if $(THREADS),--threads $(THREADS))
 
 format: ## Bring C++ and Python into the tree's form
 	@bash $(ROOT)/scripts/dependencies.sh test

@@ -24,6 +24,7 @@ class FunctionProblem : public Problem {
     if (batches++ >= last_batch) throw Error(ErrorKind::kCancelled, "cancelled");
     evaluations += int(points.size());
     std::vector<std::optional<Eigen::VectorXd>> results;
+    results.reserve(points.size());
     for (const Eigen::VectorXd& x : points) results.push_back(function_(x));
     return results;
   }

@@ -365,10 +365,11 @@ TEST(Uncertainty, OfARobustFitIsItsScatter) {
 /// parameter.
 LeastSquaresState state_of_blocks(double spread, unsigned seed,
                                   std::vector<std::uint32_t>& blocks) {
+  constexpr Index kRows = 640;
   LeastSquaresState state;
-  state.jacobian = random_matrix(16 * 40, 1, seed);
+  state.jacobian = random_matrix(kRows, 1, seed);
   const MatrixXd own = random_matrix(16, 1, seed + 1);
-  state.residual = random_matrix(16 * 40, 1, seed + 2);
+  state.residual = random_matrix(kRows, 1, seed + 2);
   blocks.clear();
   for (Index i = 0; i < state.residual.size(); ++i) {
     state.residual[i] -= state.jacobian(i, 0) * spread * own(i / 40, 0);

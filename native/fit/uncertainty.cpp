@@ -65,8 +65,9 @@ Information information(const LeastSquaresState& state, std::size_t parameters, 
   for (std::size_t k = 0; k < parameters; ++k)
     free += result.data(Index(k), Index(k)) > 0.0 ? 1 : 0;
   // Residuals that hang together over the whole capture are a misfit, not a lack of data.
-  result.smooth = independent - double(free) < 1.0;
-  const double freedom = std::max(1.0, independent - double(free));
+  const double left = independent - double(free);
+  result.smooth = left < 1.0;
+  const double freedom = std::max(1.0, left);
   result.judged = observed - double(free) >= 1.0 && linear < observed;
   if (observed > 0.0) result.weight = independent / observed;
   if (!result.judged) return result;

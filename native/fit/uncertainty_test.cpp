@@ -365,15 +365,16 @@ TEST(Uncertainty, OfARobustFitIsItsScatter) {
 /// parameter.
 LeastSquaresState state_of_blocks(double spread, unsigned seed,
                                   std::vector<std::uint32_t>& blocks) {
-  constexpr Index kRows = 640;
+  constexpr Index kBlocks = 16;
+  constexpr Index kRows = 40;  // each
   LeastSquaresState state;
-  state.jacobian = random_matrix(kRows, 1, seed);
-  const MatrixXd own = random_matrix(16, 1, seed + 1);
-  state.residual = random_matrix(kRows, 1, seed + 2);
+  state.jacobian = random_matrix(kBlocks * kRows, 1, seed);
+  const MatrixXd own = random_matrix(kBlocks, 1, seed + 1);
+  state.residual = random_matrix(kBlocks * kRows, 1, seed + 2);
   blocks.clear();
   for (Index i = 0; i < state.residual.size(); ++i) {
-    state.residual[i] -= state.jacobian(i, 0) * spread * own(i / 40, 0);
-    blocks.push_back(std::uint32_t(i / 40));
+    state.residual[i] -= state.jacobian(i, 0) * spread * own(i / kRows, 0);
+    blocks.push_back(std::uint32_t(i / kRows));
   }
   const double step =
       state.jacobian.col(0).dot(state.residual) / state.jacobian.col(0).squaredNorm();

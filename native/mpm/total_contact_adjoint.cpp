@@ -79,6 +79,17 @@ void TotalContactAdjoint<S>::prepare(Arena& arena, const TotalSubstep& substep) 
 }
 
 template <class S>
+template <class Use>
+void TotalContactAdjoint<S>::for_each_bar(const Use& use) const {
+  for (const Particle& particle : particles_) {
+    const std::size_t count = particle.bars.size();
+    for (std::size_t t = 0; t < count; ++t) {
+      use(particle, particle.touches[count - 1 - t], particle.bars[t]);
+    }
+  }
+}
+
+template <class S>
 void TotalContactAdjoint<S>::back(Arena& arena, const TotalSubstep& substep,
                                   const std::vector<double>& force_bar, TotalCotangents<S>& bar) {
   arena.parallel_for(0, particles_.size(), 16, [&](std::size_t i) {
@@ -90,19 +101,24 @@ void TotalContactAdjoint<S>::back(Arena& arena, const TotalSubstep& substep,
   });
   // Sums must not depend on threads: each is made in order, by one.
   arena.parallel_for(0, 6, 1, [&](std::size_t task) {
-    if (task < 3) {
-      add_displacements(task, bar.state.displacement.data());
-    } else {
-      add_velocities(task - 3, bar.state.velocity.data());
-    }
+    const std::size_t c = task % 3;
+    const auto axis = static_cast<int>(c);
+    double* u_bar = bar.state.displacement.data();
+    double* v_bar = bar.state.velocity.data();
+    for_each_bar([&](const Particle& particle, const Touch& touch, const TouchBar& own) {
+      if (!own.any) return;
+      if (task < 3) {
+        add_to_field(touch.at_face, c, own.face[axis], u_bar);
+        add_to_field(*particle.at_center, c, own.center[axis], own.f.row(axis), u_bar);
+      } else {
+        add_to_field(touch.at_face, c, own.face_velocity[axis], v_bar);
+      }
+    });
   });
-  for (const Particle& particle : particles_) {
-    for (std::size_t t = 0; t < particle.bars.size(); ++t) {
-      const TouchBar& own = particle.bars[t];
-      if (own.any) bars_[particle.touch_of(t).collider] += own.collider;
-      bar.log_density += own.log_density;
-    }
-  }
+  for_each_bar([&](const Particle&, const Touch& touch, const TouchBar& own) {
+    if (own.any) bars_[touch.collider] += own.collider;
+    bar.log_density += own.log_density;
+  });
 }
 
 template <class S>
@@ -166,31 +182,6 @@ typename TotalContactAdjoint<S>::TouchBar TotalContactAdjoint<S>::back(
   out.f = to_local * (p.deformation_gradient + touch.center_normal * pulled_bar.transpose()) *
           grid.axes();
   return out;
-}
-
-template <class S>
-void TotalContactAdjoint<S>::add_displacements(std::size_t c, double* displacement_bar) const {
-  const auto axis = static_cast<int>(c);
-  for (const Particle& particle : particles_) {
-    for (std::size_t t = 0; t < particle.bars.size(); ++t) {
-      const TouchBar& own = particle.bars[t];
-      if (!own.any) continue;
-      add_to_field(particle.touch_of(t).at_face, c, own.face[axis], displacement_bar);
-      add_to_field(*particle.at_center, c, own.center[axis], own.f.row(axis), displacement_bar);
-    }
-  }
-}
-
-template <class S>
-void TotalContactAdjoint<S>::add_velocities(std::size_t c, double* velocity_bar) const {
-  const auto axis = static_cast<int>(c);
-  for (const Particle& particle : particles_) {
-    for (std::size_t t = 0; t < particle.bars.size(); ++t) {
-      const TouchBar& own = particle.bars[t];
-      if (!own.any) continue;
-      add_to_field(particle.touch_of(t).at_face, c, own.face_velocity[axis], velocity_bar);
-    }
-  }
 }
 
 template <class S>

@@ -61,18 +61,14 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
     Mat3d f = Mat3d::Identity();
     std::vector<Touch> touches{};
     std::vector<TouchBar> bars{};  ///< last touch first
-
-    [[nodiscard]] const Touch& touch_of(std::size_t bar) const {
-      return touches[bars.size() - 1 - bar];
-    }
   };
   void meet(Particle& particle, const TotalSubstep& substep) const;
   [[nodiscard]] TouchBar back(const Particle& particle, const Touch& touch,
                               const TotalSubstep& substep, const std::vector<double>& force_bar,
                               Vec3d& stretch_bar) const;
-  /// Component c of what all touches add to the nodes' cotangents.
-  void add_displacements(std::size_t c, double* displacement_bar) const;
-  void add_velocities(std::size_t c, double* velocity_bar) const;
+  /// Calls use(particle, touch, bar) for each bar there is, in order.
+  template <class Use>
+  void for_each_bar(const Use& use) const;
   /// The cotangents of normal and velocity of the surface met at `x`: returns that of x.
   Vec3d back_to_surface(std::size_t collider, const Vec3d& x, const SurfacePoint& at,
                         double distance_bar, const Vec3d& normal_bar, const Vec3d& velocity_bar,

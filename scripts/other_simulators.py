@@ -4,9 +4,9 @@
     other_simulators.py [FOLDER] [--only NAME …] [--threads N] [--again]
 
 FOLDER (../shared/data/other_simulators) holds NAME.npz (`rest`, `positions` without noise, `times`)
-and NAME.json (`law`, `density`, `gravity`, `ground`, `contact`, `fps`; if known
-`simulator_grid_spacing`, `simulator_substeps_per_frame`, and the truth: `parameters`, `velocity`,
-`spin`). A fit knows these but no parameter of the law and not how the body was thrown; it
+and NAME.json (`law`, `density`, `gravity`, `ground`, `contact`, `fps`; of a simulator with a grid
+`simulator_grid_spacing`; if known `simulator_substeps_per_frame`, and the truth: `parameters`,
+`velocity`, `spin`). A fit knows these but no parameter of the law and not how the body was thrown; it
 sees the tracks of the first seven tenths with .5 mm of noise and starts from poor guesses. Fits that
 are done for the same document are kept in build/other_simulators.
 Progress on standard error; the table as Markdown on standard output and in table.md.

@@ -245,7 +245,7 @@ TEST(Fit, LooksOnceMoreWhereTheFirstStageEndsFarOff) {
   // The scan comes again between two stages: broken off in it, the fit goes on to the same bits.
   const Folder folder;
   fs::copy(whole.path / "a.npz", folder.path / "a.npz");
-  const Json broken = cancelled_at(document, folder.path, {"iteration 2", "looking for a start"});
+  const Json broken = cancelled_at(document, folder.path, {"iteration 1", "looking for a start"});
   ASSERT_EQ(broken["status"], "cancelled");
   const Json resumed = run(document, folder.path, 2);
   EXPECT_EQ(bits(resumed), bits(unbroken));

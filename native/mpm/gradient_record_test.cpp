@@ -80,7 +80,7 @@ TEST(GradientRecord, EveryBudgetGivesTheSameBits) {
     EXPECT_GE(g.recomputed, last);
     last = g.recomputed;
     options.memory_budget = options.memory_budget * 4 / 5;
-    if (options.memory_budget < 13 * whole.state_bytes) break;
+    if (options.memory_budget < 16 * whole.state_bytes) break;
   }
   EXPECT_GT(last, whole.substeps / 2);
   EXPECT_LT(last, whole.substeps);

@@ -15,7 +15,7 @@ namespace matterfit::HWY_NAMESPACE {
 template <class S>
 const mpm::Kernels<S>& table() {
   static const mpm::Kernels<S> kTable{updated_block<S>, updated_scatter<S>, total_forces<S>,
-                                      total_smooth<S>};
+                                      total_smooth<S>, total_mass<S>};
   return kTable;
 }
 const mpm::Kernels<float>& table_float() { return table<float>(); }

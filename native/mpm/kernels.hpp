@@ -99,6 +99,8 @@ struct Kernels {
   void (*total_forces)(const TotalView<S>& view, std::size_t block);
   /// Momentum of a block's particles after a transfer to them and back, into `force` [kg m/s].
   void (*total_smooth)(const TotalView<S>& view, std::size_t block);
+  /// The consistent mass matrix of a block's particles times the field in `velocity`, into `force`.
+  void (*total_mass)(const TotalView<S>& view, std::size_t block);
 };
 
 /// The kernels of an instruction set; kAuto: the best this processor has. Those in double, which

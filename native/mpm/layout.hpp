@@ -49,6 +49,16 @@ inline constexpr std::size_t kExpanded = 54 * kLanes;  ///< numbers of one expan
   return (x * 6 + y) * 6 + z;
 }
 
+/// Fields of three components over nodes: node blocks × [3][64].
+inline constexpr std::size_t kNodeBlock = 3 * kBlockNodes;
+[[nodiscard]] constexpr std::size_t component_of(std::size_t node, std::size_t component) {
+  return (node / kBlockNodes * 3 + component) * kBlockNodes + node % kBlockNodes;
+}
+/// The node whose component place i of such a field is.
+[[nodiscard]] constexpr std::size_t node_of(std::size_t i) {
+  return i / kNodeBlock * kBlockNodes + i % kBlockNodes;
+}
+
 inline constexpr std::uint32_t kNoBlock = 0xffffffffU;
 
 }  // namespace matterfit::mpm

@@ -5,15 +5,6 @@
 #include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
-namespace {
-
-constexpr std::size_t kNodeBlock = 3 * kBlockNodes;
-
-/// Value of a field per node at place i of a field of three components.
-std::size_t node_of(std::size_t i) { return i / kNodeBlock * kBlockNodes + i % kBlockNodes; }
-
-}  // namespace
-
 template <class S>
 TotalAdjoint<S>::TotalAdjoint(TotalBody<S>& body, const material::Material& material,
                               const AdjointKernels<S>& kernels)
@@ -100,23 +91,15 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   std::vector<double>& force_bar = node_field_;
   force_bar.resize(v_bar.size());
   Vec3d gravity_bar = Vec3d::Zero();  // body axes
+  std::vector<Vec3d> a_bar;           // of the nodes that pins and masses move
   if (body_.pins_->any()) {
     std::vector<Vec3d> accelerations(body_.pins_->deferred_nodes().size(), Vec3d::Zero());
     if (body_.pins_->has_masses() && !substep.held) {
       accelerations = deferred_accelerations(arena, substep);
     }
-    std::vector<Vec3d> a_bar;
     body_.pins_->step_adjoint(substep.kick, substep.dt, substep.time,
                               grid.axes().transpose() * substep.gravity, accelerations, u_bar,
                               v_bar, a_bar, gravity_bar, bar.log_density);
-    const std::vector<std::uint32_t>& nodes = body_.pins_->deferred_nodes();
-    for (std::size_t i = 0; i < nodes.size(); ++i) {
-      gravity_bar += a_bar[i];
-      for (std::size_t c = 0; c < 3; ++c) {
-        force_bar[(nodes[i] / kBlockNodes * 3 + c) * kBlockNodes + nodes[i] % kBlockNodes] =
-            inverse[nodes[i]] * a_bar[i][static_cast<int>(c)];
-      }
-    }
   }
   std::vector<Vec3d> block_gravity(grid.node_blocks());
   arena.parallel_for(0, grid.node_blocks(), 4, [&](std::size_t b) {
@@ -135,6 +118,15 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
     }
   });
   for (const Vec3d& block : block_gravity) gravity_bar += block;
+  // M⁻¹ + M⁻¹ (M − B) M⁻¹ is symmetric.
+  if (substep.kick > 0.0) body_.correct_lumping(arena, force_bar);
+  const std::vector<std::uint32_t>& nodes = body_.pins_->deferred_nodes();
+  for (std::size_t i = 0; i < a_bar.size(); ++i) {
+    gravity_bar += a_bar[i];
+    for (std::size_t c = 0; c < 3; ++c) {
+      force_bar[component_of(nodes[i], c)] = inverse[nodes[i]] * a_bar[i][static_cast<int>(c)];
+    }
+  }
   bar.gravity += grid.axes() * gravity_bar;
   if (loads != nullptr) loads->back(arena, substep, force_bar, bar);
 

@@ -166,10 +166,10 @@ struct Rollout {
   void expect(double found, double scale, const std::string& what, double step,
               const std::function<void(Scene&, double)>& move, double factor = 1.0) const {
     double expected = 0.0;
-    for (int k = 0; k < 4; ++k) {
+    for (int k = 0; k < 6; ++k) {
       expected = factor * difference(step, move);
       if (std::abs(expected - found) <= 1e-6 * std::max(std::abs(expected), scale)) return;
-      step *= 0.1;
+      step *= 0.3;
     }
     ADD_FAILURE() << what << ": difference " << expected << ", adjoint " << found;
   }

@@ -11,8 +11,6 @@
 namespace matterfit::mpm {
 namespace {
 
-constexpr std::size_t kNodeBlock = 3 * kBlockNodes;
-
 /// Amplitude of the noise in the probe for the fastest mode, whose own is 1.
 constexpr double kProbeNoise = 0.3;
 
@@ -48,6 +46,9 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   }
   if (law_.plastic) plastic_.assign(grid_.chunks() * 10 * kLanes, S(0));
   maxwell_.assign(grid_.chunks() * 12 * kLanes * law_.maxwell_count, S(0));
+  acceleration_.assign(displacement_.size(), 0.0);
+  free_.assign(displacement_.size(), 0.0);
+  share_masses();
 
   const Vec3d velocity = grid_.axes().transpose() * body.velocity;
   const Vec3d spin = grid_.axes().transpose() * body.spin;
@@ -148,42 +149,31 @@ void TotalBody<S>::step_nodes(Arena& arena, double kick, double dt, const Vec3d&
   const std::vector<std::uint32_t>& deferred_nodes = pins_->deferred_nodes();
   std::vector<Vec3d> deferred_acceleration(deferred_nodes.size());
   arena.parallel_for(0, grid_.node_blocks(), 4, [&](std::size_t b) {
-    double force[kNodeBlock];
-    sum_forces(b, force);
+    double* a = acceleration_.data() + b * kNodeBlock;
+    sum_forces(b, a);
     const double* inv = inverse.data() + b * kBlockNodes;
-    const std::uint8_t* skip = deferred.data() + b * kBlockNodes;
-    bool any = false;
-    for (std::size_t n = 0; n < kBlockNodes; ++n) any = any || skip[n] != 0;
-    if (!any) {
-      for (std::size_t c = 0; c < 3; ++c) {
-        double* u = displacement_.data() + b * kNodeBlock + c * kBlockNodes;
-        double* v = velocity_.data() + b * kNodeBlock + c * kBlockNodes;
-        const double* f = force + c * kBlockNodes;
-        const double gc = g[static_cast<int>(c)];
-        for (std::size_t n = 0; n < kBlockNodes; ++n) {
-          // Empty nodes fall with the body: their weight is zero, their value harmless.
-          v[n] += kick * (f[n] * inv[n] + gc);
-          u[n] += dt * v[n];
-        }
-      }
-      return;
+    for (std::size_t i = 0; i < kNodeBlock; ++i) a[i] *= inv[i % kBlockNodes];
+  });
+  for (std::size_t i = 0; i < deferred_nodes.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      deferred_acceleration[i][static_cast<int>(c)] =
+          acceleration_[component_of(deferred_nodes[i], c)] + g[static_cast<int>(c)];
     }
-    for (std::size_t n = 0; n < kBlockNodes; ++n) {
-      if (skip[n] != 0) {
-        const auto node = static_cast<std::uint32_t>(b * kBlockNodes + n);
-        const auto i = std::lower_bound(deferred_nodes.begin(), deferred_nodes.end(), node) -
-                       deferred_nodes.begin();
-        for (std::size_t c = 0; c < 3; ++c) {
-          deferred_acceleration[static_cast<std::size_t>(i)][static_cast<int>(c)] =
-              force[c * kBlockNodes + n] * inv[n] + g[static_cast<int>(c)];
-        }
-        continue;
-      }
-      for (std::size_t c = 0; c < 3; ++c) {
-        double& u = displacement_[b * kNodeBlock + c * kBlockNodes + n];
-        double& v = velocity_[b * kNodeBlock + c * kBlockNodes + n];
-        v += kick * (force[c * kBlockNodes + n] * inv[n] + g[static_cast<int>(c)]);
-        u += dt * v;
+  }
+  if (kick > 0.0) correct_lumping(arena, acceleration_);
+  arena.parallel_for(0, grid_.node_blocks(), 4, [&](std::size_t b) {
+    const std::uint8_t* skip = deferred.data() + b * kBlockNodes;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const std::size_t first = b * kNodeBlock + c * kBlockNodes;
+      double* u = displacement_.data() + first;
+      double* v = velocity_.data() + first;
+      const double* a = acceleration_.data() + first;
+      const double gc = g[static_cast<int>(c)];
+      for (std::size_t n = 0; n < kBlockNodes; ++n) {
+        if (skip[n] != 0) continue;
+        // Empty nodes fall with the body: their weight is zero, their value harmless.
+        v[n] += kick * (a[n] + gc);
+        u[n] += dt * v[n];
       }
     }
   });
@@ -207,6 +197,53 @@ void TotalBody<S>::smooth_velocities(Arena& arena, double share) {
         double& velocity = velocity_[b * kNodeBlock + c * kBlockNodes + n];
         velocity += share * (momentum[c * kBlockNodes + n] * inverse[n] - velocity);
       }
+    }
+  });
+}
+
+template <class S>
+void TotalBody<S>::share_masses() {
+  Arena arena(1);
+  multiply_by_mass(arena, std::vector<double>(displacement_.size(), 1.0));
+  mass_share_.assign(grid_.mass().size(), 0.0);
+  for (std::size_t b = 0; b < grid_.node_blocks(); ++b) {
+    double momentum[kNodeBlock];
+    sum_forces(b, momentum);
+    for (std::size_t n = 0; n < kBlockNodes; ++n) {
+      const std::size_t node = b * kBlockNodes + n;
+      if (pins_->deferred()[node] != 0) continue;
+      mass_share_[node] = grid_.inverse_mass()[node] * momentum[n];
+    }
+  }
+}
+
+template <class S>
+void TotalBody<S>::multiply_by_mass(Arena& arena, const std::vector<double>& field) {
+  const std::vector<double>& inverse = grid_.inverse_mass();
+  const std::vector<std::uint8_t>& skip = pins_->deferred();
+  arena.parallel_for(0, grid_.node_blocks(), 4, [&](std::size_t b) {
+    for (std::size_t i = b * kNodeBlock; i < (b + 1) * kNodeBlock; ++i) {
+      const std::size_t n = node_of(i);
+      free_[i] = inverse[n] > 0.0 && skip[n] == 0 ? field[i] : 0.0;
+    }
+  });
+  TotalView<S> v = view(0.0, false);
+  v.velocity = free_.data();
+  arena.parallel_for(0, grid_.blocks(), 1, [&](std::size_t b) { kernels_->total_mass(v, b); });
+}
+
+template <class S>
+void TotalBody<S>::correct_lumping(Arena& arena, std::vector<double>& acceleration) {
+  multiply_by_mass(arena, acceleration);
+  arena.parallel_for(0, grid_.node_blocks(), 4, [&](std::size_t b) {
+    double momentum[kNodeBlock];
+    sum_forces(b, momentum);
+    const double* inverse = grid_.inverse_mass().data() + b * kBlockNodes;
+    const double* share = mass_share_.data() + b * kBlockNodes;
+    double* a = acceleration.data() + b * kNodeBlock;
+    for (std::size_t i = 0; i < kNodeBlock; ++i) {
+      const std::size_t n = i % kBlockNodes;
+      if (share[n] > 0.0) a[i] += share[n] * a[i] - inverse[n] * momentum[i];
     }
   });
 }
@@ -277,8 +314,9 @@ double TotalBody<S>::stable_time_step(Arena& arena, int iterations,
       const double kw = (base[i] - f[i]) / epsilon;
       rayleigh += mode[i] * kw;
       mode[i] = kw * weight(inverse, i);
-      image += mode[i] * kw;
     }
+    correct_lumping(arena, mode);
+    for (std::size_t i = 0; i < size; ++i) image += mode[i] * mode[i] * weight(mass, i);
     // |M⁻¹K w|_M/|w|_M bounds the Rayleigh quotient from above and converges to the same.
     omega_squared = std::max(std::abs(rayleigh) / norm, std::sqrt(std::abs(image) / norm));
     const double scale = 1.0 / std::sqrt(std::max(image, 1e-300));

@@ -132,12 +132,12 @@ void expect(Rollout& rollout, double& x, double step, double factor, double foun
     return v;
   };
   double expected = 0.0;
-  for (int k = 0; k < 4; ++k) {
+  for (int k = 0; k < 6; ++k) {
     expected = factor *
                (8.0 * (value(step) - value(-step)) - (value(2.0 * step) - value(-2.0 * step))) /
                (12.0 * step);
     if (std::abs(expected - found) <= 1e-6 * std::max(std::abs(expected), 0.1)) return;
-    step *= 0.1;
+    step *= 0.3;
   }
   ADD_FAILURE() << what << ": difference " << expected << ", adjoint " << found;
 }

@@ -268,7 +268,7 @@ double TotalGrid::contact_response() const {
       largest = std::max(largest, sums[n] * inverse_mass_[n]);
     }
   }
-  return largest;
+  return 2.0 * largest;
 }
 
 Vec3i TotalGrid::node_coordinates(std::uint32_t node) const {

@@ -300,6 +300,44 @@ void total_smooth(const mpm::TotalView<S>& view, std::size_t block) {
   for (std::size_t c = 0; c < 3; ++c) fold(out + c * kExpanded, force + c * kHaloNodes);
 }
 
+/// Σ w m a_p of a block into its halo, a_p = Σ w a of the nodes: the consistent mass matrix times
+/// the field in `velocity`, of the points that lie in the cell whose polynomial moves them. The
+/// weights of the others, which belong to a host, may be negative.
+template <class S>
+void total_mass(const mpm::TotalView<S>& view, std::size_t block) {
+  using D = hn::CappedTag<S, kLanes>;
+  using T = Lanes<D>;
+  constexpr std::size_t kWidth = hn::MaxLanes(D());
+  HWY_ALIGN S expanded[3 * kExpanded];
+  HWY_ALIGN S out[3 * kExpanded] = {};
+  constexpr double kOrigin[3] = {0.0, 0.0, 0.0};
+  expand_nodes(view.velocity, view.block_nodes + block * 8, kOrigin, expanded);
+  for (std::size_t slab = 0; slab < kSlabs; ++slab) {
+    const std::uint32_t end = view.slab_chunks[block * kSlabs + slab + 1];
+    for (std::uint32_t chunk = view.slab_chunks[block * kSlabs + slab]; chunk < end; ++chunk) {
+      for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
+        const S* geometry = view.geometry + chunk * (4 * kLanes) + lane;
+        const T f[3] = {T::load(geometry), T::load(geometry + kLanes),
+                        T::load(geometry + 2 * kLanes)};
+        T mass = T::load(geometry + 3 * kLanes) * T(view.density);
+        for (int a = 0; a < 3; ++a) {
+          const T off = f[a] - scalar<T>(1);
+          mass = select(off * off < scalar<T>(0.2501), mass, scalar<T>(0));
+        }
+        Stencil<T> stencil;
+        for (int a = 0; a < 3; ++a) spline_weights(f[a], stencil.w[a]);
+        T value[3];
+        gather_values<3, T>(expanded, slab, lane, stencil, value);
+        for (std::size_t c = 0; c < 3; ++c) {
+          scatter_value(out + c * kExpanded, slab, lane, stencil, mass * value[c]);
+        }
+      }
+    }
+  }
+  S* force = view.force + block * 3 * kHaloNodes;
+  for (std::size_t c = 0; c < 3; ++c) fold(out + c * kExpanded, force + c * kHaloNodes);
+}
+
 }  // namespace matterfit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 #endif

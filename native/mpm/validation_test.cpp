@@ -29,7 +29,9 @@ TEST_P(Validation, BlockSticksAtTheFrictionAngleAndSlidesBeyond) {
 
 TEST_P(Validation, FreeBarRingsAtTheSpeedOfSound) {
   const Frequency bar = bar_frequency({GetParam(), false, 2});
-  EXPECT_NEAR(bar.measured / bar.expected, 1.0, 0.015);
+  // Ten cells along: with lumped masses the total Lagrangian bar would be 1.2 % low.
+  const double least = GetParam() == Formulation::kTotal ? 0.003 : 0.015;
+  EXPECT_NEAR(bar.measured / bar.expected, 1.0, least);
   EXPECT_LT(std::abs(bar.damping), 0.002);
 }
 

@@ -261,8 +261,8 @@ bool TotalBody<S>::releases_between(double from, double to) const {
 template <class S>
 double TotalBody<S>::stable_time_step(Arena& arena, int iterations,
                                       const Interrupter& interrupter) {
-  // Power iteration on M⁻¹K, K w ≈ (f(u) − f(u + εw))/ε. ε keeps the strain of the fastest mode
-  // small against one and large against float rounding.
+  // Power iteration on M⁻¹K with corrected masses, K w ≈ (f(u) − f(u + εw))/ε. ε keeps the strain
+  // of the fastest mode small against one and large against float rounding.
   const std::size_t size = displacement_.size();
   // Noise goes into the last call's mode, so that a mode that has become the fastest since, in
   // another place, is found as well.
@@ -317,7 +317,7 @@ double TotalBody<S>::stable_time_step(Arena& arena, int iterations,
     }
     correct_lumping(arena, mode);
     for (std::size_t i = 0; i < size; ++i) image += mode[i] * mode[i] * weight(mass, i);
-    // |M⁻¹K w|_M/|w|_M bounds the Rayleigh quotient from above and converges to the same.
+    // Both converge to the highest frequency; the second, of the corrected masses, is the larger.
     omega_squared = std::max(std::abs(rayleigh) / norm, std::sqrt(std::abs(image) / norm));
     const double scale = 1.0 / std::sqrt(std::max(image, 1e-300));
     for (double& m : mode) m *= scale;

@@ -129,6 +129,7 @@ class TotalBody {
   };
   /// The consistent mass matrix times a field of free nodes, into force_.
   void multiply_by_mass(Arena& arena, const std::vector<double>& field);
+  /// mass_share_: what a uniform acceleration gets from the points that correct_lumping() takes.
   void share_masses();
   void sort_loads();
   void apply_loads(std::size_t block);
@@ -148,7 +149,7 @@ class TotalBody {
   std::vector<std::vector<Load>> loads_;        ///< by the block of the particle
   std::vector<std::vector<Load>> block_loads_;  ///< by the block of the load's cell
   mutable std::vector<S> force_;                ///< blocks × [3][216]
-  std::vector<double> acceleration_;            ///< as displacement_: f/m of free nodes
+  std::vector<double> acceleration_;            ///< as displacement_ [m/s²], without gravity
   std::vector<double> free_;                    ///< a field with zeros where nodes are not free
   std::vector<double> mass_share_;              ///< a node: Σ B of its row over free nodes, over m
   mutable std::vector<BlockExtremes<S>> extremes_;

@@ -33,8 +33,9 @@ void expand_nodes(const double* nodes, const std::uint32_t* block_nodes, const d
       for (std::size_t y = 0; y < 6; ++y) {
         const std::size_t corner = (x / 4) * 4 + (y / 4) * 2;
         const std::size_t row_in_block = mpm::node_index(x % 4, y % 4, 0);
-        const double* low = nodes + (block_nodes[corner] * 3 + c) * kBlockNodes + row_in_block;
-        const double* high = nodes + (block_nodes[corner + 1] * 3 + c) * kBlockNodes + row_in_block;
+        const double* place = nodes + c * kBlockNodes + row_in_block;
+        const double* low = place + block_nodes[corner] * mpm::kNodeBlock;
+        const double* high = place + block_nodes[corner + 1] * mpm::kNodeBlock;
         const S row[6] = {
             static_cast<S>(low[0] - reference[c]),  static_cast<S>(low[1] - reference[c]),
             static_cast<S>(low[2] - reference[c]),  static_cast<S>(low[3] - reference[c]),
@@ -60,7 +61,7 @@ std::size_t reference_node(const mpm::TotalView<S>& view, std::size_t block) {
   const std::size_t b = lane / 4 + 1;
   const std::size_t c = lane % 4 + 1;
   const std::uint32_t nodes = view.block_nodes[block * 8 + (a / 4 * 4 + b / 4 * 2 + c / 4)];
-  return nodes * 3 * kBlockNodes + mpm::node_index(a % 4, b % 4, c % 4);
+  return nodes * mpm::kNodeBlock + mpm::node_index(a % 4, b % 4, c % 4);
 }
 
 inline void reference_value(const double* nodes, std::size_t node, double out[3]) {
@@ -150,7 +151,7 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
         const T jm1 = determinant_minus_one(h);
         low = min(low, jm1 + scalar<T>(1));
         high = max(high, jm1 + scalar<T>(1));
-        broken += jm1 - jm1;
+        broken = fma(scalar<T>(0), jm1, broken);  // NaN of what is not finite
         sum_volume += volume;
         sum_change = fma(volume, jm1, sum_change);
         S* slot = slots.data() + (chunk - first) * (10 * kLanes) + lane;

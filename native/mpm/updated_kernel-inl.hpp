@@ -113,7 +113,8 @@ void updated_block_law(mpm::UpdatedView<S>& view) {
         T jm1 = determinant_minus_one(h);
         low_j = min(low_j, select(present, jm1 + scalar<T>(1), scalar<T>(1)));
         high_j = max(high_j, select(present, jm1 + scalar<T>(1), scalar<T>(1)));
-        broken += select(present, jm1 - jm1, scalar<T>(0));
+        broken =
+            fma(scalar<T>(0), select(present, jm1, scalar<T>(0)), broken);  // NaN of infinity too
         T strain = T::load(&chunk.a[Chunk::kStrain][lane]);
         Sym3<T> flow{};
         Sym3<T> tau = kirchhoff_stress<kLaw, T>(view.law, h, jm1, jm1, dt, flow, strain);

@@ -4,9 +4,9 @@
     finite_elements.py [FOLDER] [--only NAME …]
 
 Trilinear hexahedra, 2×2×2 points, lumped mass, symplectic Euler; the ground is a stiff penalty at the
-nodes with Coulomb friction. Nothing is shared with the solver: no grid that
-the body moves through, no transfer, no contact by particles. Writes FOLDER/NAME.npz and NAME.json
-(build/finite_elements), in the form that other_simulators.py reads.
+nodes with Coulomb friction. Nothing is shared with the solver: no grid that the body moves through, no
+transfer, no contact by particles. Writes FOLDER/NAME.npz and NAME.json (build/finite_elements), in the
+form that other_simulators.py reads.
 """
 
 import argparse
@@ -44,9 +44,14 @@ def lattice(shape):
     return (cells[:, None] + CORNERS).astype(float)
 
 
-def block(across):
-    """Of half sizes 1 and .3: `across` elements along its length."""
-    return lambda n: hexahedra((lattice([n, *across(n)]) - 0.5 * np.array([n, *across(n)])) * 2.0 / n)
+def block(width):
+    """A mesh of cubes, n of them along its length: half sizes 1, `width`, `width`."""
+
+    def mesh(n):
+        shape = np.array([n, round(width * n), round(width * n)])
+        return hexahedra((lattice(shape) - 0.5 * shape) * 2.0 / n)
+
+    return mesh
 
 
 def ball(n):
@@ -76,10 +81,10 @@ def ball(n):
 CLIPS = {
     "ball": {"mesh": ball, "half": 0.1, "elements": 8, "E": 1.5e5, "nu": 0.35, "density": 1000.0,
              "turn": 0.0, "centre": [0, 0, 0.30], "velocity": [0.8, -0.2, -0.5], "spin": [2, 3, -1], "mu": 0.4},
-    "bar": {"mesh": block(lambda n: [0.3 * n] * 2), "half": 0.15, "elements": 20, "E": 3e5, "nu": 0.4,
+    "bar": {"mesh": block(0.3), "half": 0.15, "elements": 20, "E": 3e5, "nu": 0.4,
             "density": 1100.0, "turn": 0.4, "centre": [0, 0, 0.30], "velocity": [-0.5, 0.3, -0.5],
             "spin": [0, -2, 1], "mu": 0.4},
-    "cube": {"mesh": block(lambda n: [n, n]), "half": 0.08, "elements": 12, "E": 2e5, "nu": 0.25,
+    "cube": {"mesh": block(1.0), "half": 0.08, "elements": 12, "E": 2e5, "nu": 0.25,
              "density": 900.0, "turn": 0.3, "centre": [0, 0, 0.28], "velocity": [0.3, 0.4, -0.5],
              "spin": [1, -2, 3], "mu": 0.0},
 }

@@ -123,9 +123,7 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   const std::vector<std::uint32_t>& nodes = body_.pins_->deferred_nodes();
   for (std::size_t i = 0; i < a_bar.size(); ++i) {
     gravity_bar += a_bar[i];
-    for (std::size_t c = 0; c < 3; ++c) {
-      force_bar[component_of(nodes[i], c)] = inverse[nodes[i]] * a_bar[i][static_cast<int>(c)];
-    }
+    set_field_value(force_bar, nodes[i], inverse[nodes[i]] * a_bar[i]);
   }
   bar.gravity += grid.axes() * gravity_bar;
   if (loads != nullptr) loads->back(arena, substep, force_bar, bar);
@@ -214,14 +212,7 @@ void TotalAdjoint<S>::add_particles(Arena& arena, const std::vector<Vec3d>& posi
 template <class S>
 InitialCotangents TotalAdjoint<S>::initial(const TotalCotangents<S>& bar) const {
   const TotalGrid& grid = body_.grid_;
-  const auto at = [&](std::uint32_t n) {
-    Vec3d v;
-    for (std::size_t c = 0; c < 3; ++c) {
-      v[static_cast<int>(c)] =
-          bar.state.velocity[(n / kBlockNodes * 3 + c) * kBlockNodes + n % kBlockNodes];
-    }
-    return v;
-  };
+  const auto at = [&](std::uint32_t n) { return field_value(bar.state.velocity, n); };
   InitialCotangents out;
   for (std::uint32_t n = 0; n < grid.mass().size(); ++n) {
     const Vec3d v = at(n);

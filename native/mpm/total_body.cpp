@@ -68,9 +68,7 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   for (std::uint32_t n = 0; n < grid_.mass().size(); ++n) {
     const Vec3d v = velocity + spin.cross(grid_.node_position(n) - grid_.center_of_mass()) +
                     extra[n] * grid_.inverse_mass()[n];
-    for (std::size_t c = 0; c < 3; ++c) {
-      velocity_[(n / kBlockNodes * 3 + c) * kBlockNodes + n % kBlockNodes] = v[static_cast<int>(c)];
-    }
+    set_field_value(velocity_, n, v);
   }
 }
 
@@ -155,10 +153,7 @@ void TotalBody<S>::step_nodes(Arena& arena, double kick, double dt, const Vec3d&
     for (std::size_t i = 0; i < kNodeBlock; ++i) a[i] *= inv[i % kBlockNodes];
   });
   for (std::size_t i = 0; i < deferred_nodes.size(); ++i) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      deferred_acceleration[i][static_cast<int>(c)] =
-          acceleration_[component_of(deferred_nodes[i], c)] + g[static_cast<int>(c)];
-    }
+    deferred_acceleration[i] = field_value(acceleration_, deferred_nodes[i]) + g;
   }
   if (kick > 0.0) correct_lumping(arena, acceleration_);
   arena.parallel_for(0, grid_.node_blocks(), 4, [&](std::size_t b) {
@@ -292,7 +287,7 @@ double TotalBody<S>::stable_time_step(Arena& arena, int iterations,
   const std::vector<double>& inverse = grid_.inverse_mass();
   const std::vector<double>& mass = grid_.mass();
   const auto weight = [&](const std::vector<double>& per_node, std::size_t i) {
-    return per_node[i / kNodeBlock * kBlockNodes + i % kBlockNodes];
+    return per_node[node_of(i)];
   };
   double omega_squared = 0.0;
   for (int k = 0; k < iterations; ++k) {
@@ -396,7 +391,7 @@ double TotalBody<S>::max_speed() const {
     if (!(grid_.mass()[n] > 0.0)) continue;
     double sum = 0.0;
     for (std::size_t c = 0; c < 3; ++c) {
-      const double v = velocity_[(n / kBlockNodes * 3 + c) * kBlockNodes + n % kBlockNodes];
+      const double v = velocity_[component_of(n, c)];
       sum += v * v;
     }
     if (!(sum <= fastest)) fastest = sum;  // a NaN stays
@@ -408,8 +403,7 @@ template <class S>
 double TotalBody<S>::kinetic_energy() const {
   double energy = 0.0;
   for (std::size_t i = 0; i < velocity_.size(); ++i) {
-    energy += 0.5 * grid_.mass()[i / kNodeBlock * kBlockNodes + i % kBlockNodes] * velocity_[i] *
-              velocity_[i];
+    energy += 0.5 * grid_.mass()[node_of(i)] * velocity_[i] * velocity_[i];
   }
   return energy;
 }

@@ -265,47 +265,11 @@ void total_forces(const mpm::TotalView<S>& view, std::size_t block) {
   }
 }
 
-/// Σ w m (v_p + C_p (X_I − X_p)) of a block into its halo: the APIC transfer of the node velocities
-/// to the particles and back, at rest positions.
-template <class S>
-void total_smooth(const mpm::TotalView<S>& view, std::size_t block) {
-  using D = hn::CappedTag<S, kLanes>;
-  using T = Lanes<D>;
-  constexpr std::size_t kWidth = hn::MaxLanes(D());
-  HWY_ALIGN S expanded[3 * kExpanded];
-  HWY_ALIGN S out[3 * kExpanded] = {};
-  const std::uint32_t* block_nodes = view.block_nodes + block * 8;
-  constexpr double kOrigin[3] = {0.0, 0.0, 0.0};
-  expand_nodes(view.velocity, block_nodes, kOrigin, expanded);
-  for (std::size_t slab = 0; slab < kSlabs; ++slab) {
-    const std::uint32_t end = view.slab_chunks[block * kSlabs + slab + 1];
-    for (std::uint32_t chunk = view.slab_chunks[block * kSlabs + slab]; chunk < end; ++chunk) {
-      for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
-        const S* geometry = view.geometry + chunk * (4 * kLanes) + lane;
-        const T f[3] = {T::load(geometry), T::load(geometry + kLanes),
-                        T::load(geometry + 2 * kLanes)};
-        const T mass = T::load(geometry + 3 * kLanes) * T(view.density);
-        const Stencil<T> stencil = affine_stencil(f);
-        T value[3];
-        T affine[3][3];
-        gather<3, true, T>(expanded, slab, lane, stencil, value, affine);
-        for (int c = 0; c < 3; ++c) {
-          value[c] *= mass;
-          for (int a = 0; a < 3; ++a) affine[c][a] *= scalar<T>(4) * mass;  // D⁻¹ dx² = 4
-        }
-        scatter<3, true, T>(out, slab, lane, stencil, value, affine);
-      }
-    }
-  }
-  S* force = view.force + block * 3 * kHaloNodes;
-  for (std::size_t c = 0; c < 3; ++c) fold(out + c * kExpanded, force + c * kHaloNodes);
-}
-
-/// Σ w m a_p of a block into its halo, a_p = Σ w a of the nodes: the consistent mass matrix times
-/// the field in `velocity`, of the points that lie in the cell whose polynomial moves them. The
-/// weights of the others, which belong to a host, may be negative.
-template <class S>
-void total_mass(const mpm::TotalView<S>& view, std::size_t block) {
+/// Carries the node field in `velocity` to the points of a block and back into its halo:
+/// point(expanded, out, slab, lane, f, mass) gathers from `expanded` and scatters into `out`.
+template <class S, class Point>
+HWY_INLINE void through_points(const mpm::TotalView<S>& view, std::size_t block,
+                               const Point& point) {
   using D = hn::CappedTag<S, kLanes>;
   using T = Lanes<D>;
   constexpr std::size_t kWidth = hn::MaxLanes(D());
@@ -320,23 +284,57 @@ void total_mass(const mpm::TotalView<S>& view, std::size_t block) {
         const S* geometry = view.geometry + chunk * (4 * kLanes) + lane;
         const T f[3] = {T::load(geometry), T::load(geometry + kLanes),
                         T::load(geometry + 2 * kLanes)};
-        T mass = T::load(geometry + 3 * kLanes) * T(view.density);
-        for (int a = 0; a < 3; ++a) {
-          const T off = f[a] - scalar<T>(1);
-          mass = select(off * off < scalar<T>(0.2501), mass, scalar<T>(0));
-        }
-        Stencil<T> stencil;
-        for (int a = 0; a < 3; ++a) spline_weights(f[a], stencil.w[a]);
-        T value[3];
-        gather_values<3, T>(expanded, slab, lane, stencil, value);
-        for (std::size_t c = 0; c < 3; ++c) {
-          scatter_value(out + c * kExpanded, slab, lane, stencil, mass * value[c]);
-        }
+        const T mass = T::load(geometry + 3 * kLanes) * T(view.density);
+        point(expanded, out, slab, lane, f, mass);
       }
     }
   }
   S* force = view.force + block * 3 * kHaloNodes;
   for (std::size_t c = 0; c < 3; ++c) fold(out + c * kExpanded, force + c * kHaloNodes);
+}
+
+/// Σ w m (v_p + C_p (X_I − X_p)) of a block into its halo: the APIC transfer of the node velocities
+/// to the particles and back, at rest positions.
+template <class S>
+void total_smooth(const mpm::TotalView<S>& view, std::size_t block) {
+  using T = Lanes<hn::CappedTag<S, kLanes>>;
+  through_points(view, block,
+                 [](const S* expanded, S* out, std::size_t slab, std::size_t lane, const T f[3],
+                    T mass) HWY_ATTR {
+                   const Stencil<T> stencil = affine_stencil(f);
+                   T value[3];
+                   T affine[3][3];
+                   gather<3, true, T>(expanded, slab, lane, stencil, value, affine);
+                   for (int c = 0; c < 3; ++c) {
+                     value[c] *= mass;
+                     // D⁻¹ dx² = 4.
+                     for (int a = 0; a < 3; ++a) affine[c][a] *= scalar<T>(4) * mass;
+                   }
+                   scatter<3, true, T>(out, slab, lane, stencil, value, affine);
+                 });
+}
+
+/// Σ w m a_p of a block into its halo, a_p = Σ w a of the nodes: the consistent mass matrix times
+/// the field in `velocity`, of the points that lie in the cell whose polynomial moves them. The
+/// weights of the others, which belong to a host, may be negative.
+template <class S>
+void total_mass(const mpm::TotalView<S>& view, std::size_t block) {
+  using T = Lanes<hn::CappedTag<S, kLanes>>;
+  through_points(view, block,
+                 [](const S* expanded, S* out, std::size_t slab, std::size_t lane, const T f[3],
+                    T mass) HWY_ATTR {
+                   Stencil<T> stencil;
+                   for (int a = 0; a < 3; ++a) {
+                     const T off = f[a] - scalar<T>(1);  // ½ at most in its own cell
+                     mass = select(off * off < scalar<T>(0.2501), mass, scalar<T>(0));
+                     spline_weights(f[a], stencil.w[a]);
+                   }
+                   T value[3];
+                   gather_values<3, T>(expanded, slab, lane, stencil, value);
+                   for (std::size_t c = 0; c < 3; ++c) {
+                     scatter_value(out + c * kExpanded, slab, lane, stencil, mass * value[c]);
+                   }
+                 });
 }
 
 }  // namespace matterfit::HWY_NAMESPACE

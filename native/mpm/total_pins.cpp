@@ -8,6 +8,7 @@
 
 #include "base/error.hpp"
 #include "mpm/pin_region.hpp"
+#include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -214,16 +215,6 @@ Vec3d TotalPins::target(const Pin& pin, const Vec3d& local, double time) const {
 void TotalPins::step(double kick, double dt, double time, const Vec3d& gravity,
                      const std::vector<Vec3d>& acceleration, std::vector<double>& displacement,
                      std::vector<double>& velocity) const {
-  const auto component = [](std::uint32_t node, int c) {
-    return (node / kBlockNodes * 3 + static_cast<std::size_t>(c)) * kBlockNodes +
-           node % kBlockNodes;
-  };
-  const auto get = [&](const std::vector<double>& field, std::uint32_t node) {
-    return Vec3d(field[component(node, 0)], field[component(node, 1)], field[component(node, 2)]);
-  };
-  const auto set = [&](std::vector<double>& field, std::uint32_t node, const Vec3d& value) {
-    for (int c = 0; c < 3; ++c) field[component(node, c)] = value[c];
-  };
   const auto index = [&](std::uint32_t node) {
     return static_cast<std::size_t>(std::lower_bound(nodes_.begin(), nodes_.end(), node) -
                                     nodes_.begin());
@@ -254,7 +245,8 @@ void TotalPins::step(double kick, double dt, double time, const Vec3d& gravity,
     }
   }
   std::vector<Vec3d> v(nodes_.size());
-  for (std::size_t i = 0; i < nodes_.size(); ++i) v[i] = get(velocity, nodes_[i]) + kick * a[i];
+  for (std::size_t i = 0; i < nodes_.size(); ++i)
+    v[i] = field_value(velocity, nodes_[i]) + kick * a[i];
 
   for (const Clamp& clamp : clamps_) {
     if (time >= clamp.pin.release - 1e-12) continue;
@@ -270,7 +262,7 @@ void TotalPins::step(double kick, double dt, double time, const Vec3d& gravity,
         Vec3d present = Vec3d::Zero();
         for (std::size_t n = 0; n < row.nodes.size(); ++n) {
           moving += row.weights[n] * v[index(row.nodes[n])];
-          present += row.weights[n] * get(displacement, row.nodes[n]);
+          present += row.weights[n] * field_value(displacement, row.nodes[n]);
         }
         defect.row(static_cast<Eigen::Index>(r)) =
             (moving - wanted(points.points[r], present)).transpose();
@@ -287,7 +279,7 @@ void TotalPins::step(double kick, double dt, double time, const Vec3d& gravity,
       }
     }
     for (const std::uint32_t node : clamp.prescribed) {
-      v[index(node)] = wanted(grid_.node_position(node), get(displacement, node));
+      v[index(node)] = wanted(grid_.node_position(node), field_value(displacement, node));
     }
     for (const Mirror& mirror : clamp.mirrors) {
       // Relative to the plane the ghost moves opposite to the free node: one degree of freedom
@@ -295,23 +287,25 @@ void TotalPins::step(double kick, double dt, double time, const Vec3d& gravity,
       const Vec3d middle =
           0.5 * (grid_.node_position(mirror.free) + grid_.node_position(mirror.ghost));
       const Vec3d plane_now =
-          0.5 * (get(displacement, mirror.free) + get(displacement, mirror.ghost));
+          0.5 * (field_value(displacement, mirror.free) + field_value(displacement, mirror.ghost));
       const Vec3d plane = wanted(middle, plane_now);
-      const Vec3d plane_old = 0.5 * (get(velocity, mirror.free) + get(velocity, mirror.ghost));
+      const Vec3d plane_old =
+          0.5 * (field_value(velocity, mirror.free) + field_value(velocity, mirror.ghost));
       const double mass_free = grid_.mass()[mirror.free];
       const double mass_ghost = grid_.mass()[mirror.ghost];
       const Vec3d impulse =
           kick * (mass_free * a[index(mirror.free)] - mass_ghost * a[index(mirror.ghost)]) -
           (mass_free - mass_ghost) * (plane - plane_old);
-      const Vec3d relative = 0.5 * (get(velocity, mirror.free) - get(velocity, mirror.ghost)) +
-                             impulse / (mass_free + mass_ghost);
+      const Vec3d relative =
+          0.5 * (field_value(velocity, mirror.free) - field_value(velocity, mirror.ghost)) +
+          impulse / (mass_free + mass_ghost);
       v[index(mirror.free)] = plane + relative;
       v[index(mirror.ghost)] = plane - relative;
     }
   }
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
-    set(velocity, nodes_[i], v[i]);
-    set(displacement, nodes_[i], get(displacement, nodes_[i]) + dt * v[i]);
+    set_field_value(velocity, nodes_[i], v[i]);
+    set_field_value(displacement, nodes_[i], field_value(displacement, nodes_[i]) + dt * v[i]);
   }
 }
 

@@ -3,23 +3,9 @@
 #include <algorithm>
 
 #include "mpm/total_pins.hpp"
+#include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
-namespace {
-
-std::size_t component(std::uint32_t node, int c) {
-  return (node / kBlockNodes * 3 + static_cast<std::size_t>(c)) * kBlockNodes + node % kBlockNodes;
-}
-
-Vec3d get(const std::vector<double>& field, std::uint32_t node) {
-  return {field[component(node, 0)], field[component(node, 1)], field[component(node, 2)]};
-}
-
-void set(std::vector<double>& field, std::uint32_t node, const Vec3d& value) {
-  for (int c = 0; c < 3; ++c) field[component(node, c)] = value[c];
-}
-
-}  // namespace
 
 void TotalPins::step_adjoint(double kick, double dt, double time, const Vec3d& gravity,
                              const std::vector<Vec3d>& acceleration,
@@ -37,8 +23,8 @@ void TotalPins::step_adjoint(double kick, double dt, double time, const Vec3d& g
   std::vector<Vec3d> v(count);    // of velocities as they are formed
   std::vector<Vec3d> a(count, Vec3d::Zero());
   for (std::size_t i = 0; i < count; ++i) {
-    u[i] = get(displacement_bar, nodes_[i]);
-    v[i] = get(velocity_bar, nodes_[i]) + dt * u[i];
+    u[i] = field_value(displacement_bar, nodes_[i]);
+    v[i] = field_value(velocity_bar, nodes_[i]) + dt * u[i];
     old[i].setZero();
   }
   for (auto clamp = clamps_.rbegin(); clamp != clamps_.rend(); ++clamp) {
@@ -134,8 +120,8 @@ void TotalPins::step_adjoint(double kick, double dt, double time, const Vec3d& g
     }
   }
   for (std::size_t i = 0; i < count; ++i) {
-    set(displacement_bar, nodes_[i], u[i]);
-    set(velocity_bar, nodes_[i], old[i]);
+    set_field_value(displacement_bar, nodes_[i], u[i]);
+    set_field_value(velocity_bar, nodes_[i], old[i]);
   }
   acceleration_bar = std::move(a);
 }

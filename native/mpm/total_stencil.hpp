@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "mpm/halo.hpp"
 #include "mpm/layout.hpp"
@@ -12,6 +13,14 @@
 #include "mpm/total_grid.hpp"
 
 namespace matterfit::mpm {
+
+/// The three components of a field at a node.
+inline Vec3d field_value(const std::vector<double>& field, std::size_t node) {
+  return {field[component_of(node, 0)], field[component_of(node, 1)], field[component_of(node, 2)]};
+}
+inline void set_field_value(std::vector<double>& field, std::size_t node, const Vec3d& value) {
+  for (std::size_t c = 0; c < 3; ++c) field[component_of(node, c)] = value[static_cast<int>(c)];
+}
 
 /// The 27 nodes of the cell of a point and their weights there, looked up once for several fields.
 /// Node (i, j, k) of the cell has the index 9i + 3j + k.

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <unordered_map>
 
+#include "mpm/cell_hash.hpp"
+
 namespace matterfit::mpm {
 namespace {
 
@@ -17,17 +19,7 @@ Contact pair_contact(const Scene& scene, const std::string& a, const std::string
   return {};
 }
 
-struct Cell {
-  std::array<int, 3> c;
-  bool operator==(const Cell& other) const { return c == other.c; }
-};
-struct CellHash {
-  std::size_t operator()(const Cell& cell) const {
-    return static_cast<std::size_t>(cell.c[0]) * 73856093U ^
-           static_cast<std::size_t>(cell.c[1]) * 19349663U ^
-           static_cast<std::size_t>(cell.c[2]) * 83492791U;
-  }
-};
+using Cell = std::array<int, 3>;
 
 }  // namespace
 
@@ -48,8 +40,8 @@ struct BodyContacts::Surface {
     }
   }
   [[nodiscard]] Cell cell(const Vec3d& x) const {
-    return {{static_cast<int>(std::floor(x[0] / reach)), static_cast<int>(std::floor(x[1] / reach)),
-             static_cast<int>(std::floor(x[2] / reach))}};
+    return {static_cast<int>(std::floor(x[0] / reach)), static_cast<int>(std::floor(x[1] / reach)),
+            static_cast<int>(std::floor(x[2] / reach))};
   }
 
   struct Seen {
@@ -64,8 +56,7 @@ struct BodyContacts::Surface {
     double sum = 0.0;
     double distance = 0.0;
     for (int k = 0; k < 27; ++k) {
-      const Cell at{
-          {middle.c[0] + k / 9 - 1, middle.c[1] + k / 3 % 3 - 1, middle.c[2] + k % 3 - 1}};
+      const Cell at{middle[0] + k / 9 - 1, middle[1] + k / 3 % 3 - 1, middle[2] + k % 3 - 1};
       const auto found = cells.find(at);
       if (found == cells.end()) continue;
       for (const std::uint32_t i : found->second) {
@@ -152,11 +143,11 @@ void BodyContacts::refresh(Arena& arena, Skin& skin, double time, bool with_norm
   skin.normals.resize(with_normals ? count : 0);
   arena.parallel_for(0, count, 64, [&](std::size_t i) {
     const std::uint32_t p = skin.particles[i];
-    const auto state = skin.body->point_state(p, skin.offsets[i]);
+    const auto state = skin.body->state(skin.body->point(p, skin.offsets[i]));
     skin.positions[i] = state.position;
     skin.velocities[i] = state.velocity;
     if (!with_normals) return;
-    const Mat3d f = skin.body->deformation_gradient(p);
+    const Mat3d f = skin.body->deformation_gradient(skin.body->point(p));
     skin.normals[i] = (f.inverse().transpose() * skin.rest_normals[i]).normalized();
   });
   skin.low = Vec3d::Constant(1e300);
@@ -168,6 +159,11 @@ void BodyContacts::refresh(Arena& arena, Skin& skin, double time, bool with_norm
     skin.speed = std::max(skin.speed, skin.velocities[i].norm());
   }
   skin.at = time;
+}
+
+void BodyContacts::add_load(const Skin& skin, std::size_t i, const Vec3d& force) {
+  const std::uint32_t p = skin.particles[i];
+  skin.body->add_load(p, skin.body->point(p, skin.offsets[i]), force);
 }
 
 void BodyContacts::apply(Arena& arena, double time, double dt, double acceleration,
@@ -255,11 +251,10 @@ void BodyContacts::apply(Arena& arena, double time, double dt, double accelerati
       if (pair.skin == kUpdatedBody) {
         updated_->add_impulse(points[looking[i].source], dt * forces[i]);
       } else {
-        const Skin& skin = skins_[pair.skin];
-        skin.body->add_load(looking[i].id, skin.offsets[looking[i].source], forces[i]);
+        add_load(skins_[pair.skin], looking[i].source, forces[i]);
       }
       for (const auto& [k, w] : views[i].weights) {
-        seen.body->add_load(seen.particles[k], seen.offsets[k], -w * forces[i]);
+        add_load(seen, k, -w * forces[i]);
       }
     }
   }

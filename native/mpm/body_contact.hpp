@@ -70,6 +70,8 @@ class BodyContacts {
   static constexpr std::size_t kUpdatedBody = static_cast<std::size_t>(-1);
 
   void refresh(Arena& arena, Skin& skin, double time, bool with_normals);
+  /// On the face of its particle i.
+  static void add_load(const Skin& skin, std::size_t i, const Vec3d& force);
 
   UpdatedGroup<float>* updated_;
   std::vector<Skin> skins_;

@@ -17,7 +17,7 @@ void TotalTape<S>::see(ObservedFrame& frame) const {
     seen.positions.resize(body.particles());
     seen.velocities.resize(body.particles());
     stepper_.arena().parallel_for(0, body.particles(), 256, [&](std::size_t p) {
-      const auto state = body.point_state(static_cast<std::uint32_t>(p));
+      const auto state = body.state(body.point(static_cast<std::uint32_t>(p)));
       seen.positions[p] = state.position;
       seen.velocities[p] = state.velocity;
     });

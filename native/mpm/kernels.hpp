@@ -27,7 +27,10 @@ struct TotalView {
   const std::uint32_t* block_nodes;  ///< per block: 8 node blocks at (+a, +b, +c), index 4a+2b+c
   const std::uint32_t* slab_chunks;  ///< first chunk of each slab, 4 a block, and the end
   const S* geometry;                 ///< per chunk [4][16]: x/dx − base (3), rest volume [m³]
-  S* plastic;  ///< per chunk [10][16]: Fᵖ⁻¹ − I, plastic strain; or null
+  const S* full_volume;              ///< per slab [16]: of each full cell, else 0 [m³]
+  const S* piece_volume;  ///< per chunk [16]: of points in the cell they lie in, if not full [m³]
+  const std::uint8_t* has_pieces;  ///< per chunk
+  S* plastic;                      ///< per chunk [10][16]: Fᵖ⁻¹ − I, plastic strain; or null
   S* maxwell;  ///< per chunk, branch and component [12][16]: G − I and its lost digits
   S* force;    ///< out, per block [3][216]: internal forces [N]
   BlockExtremes<S>* extremes;  ///< out, per block
@@ -99,7 +102,9 @@ struct Kernels {
   void (*total_forces)(const TotalView<S>& view, std::size_t block);
   /// Momentum of a block's particles after a transfer to them and back, into `force` [kg m/s].
   void (*total_smooth)(const TotalView<S>& view, std::size_t block);
-  /// The consistent mass matrix of a block's particles times the field in `velocity`, into `force`.
+  /// The mass matrix of a block times the field in `velocity`, into `force`: Σ w m a_p over the
+  /// points in the cell whose polynomial moves them, a_p = Σ w a. The weights of the others, which
+  /// belong to a host, may be negative; they are left out.
   void (*total_mass)(const TotalView<S>& view, std::size_t block);
 };
 

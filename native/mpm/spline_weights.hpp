@@ -26,11 +26,12 @@ struct PointStencil {
   double g[3][3];
 
   PointStencil(const Vec3d& f, double dx) {
+    const double inverse_dx = 1.0 / dx;
     for (int axis = 0; axis < 3; ++axis) {
       quadratic_weights(f[axis], w[axis]);
-      g[axis][0] = -(1.5 - f[axis]) / dx;
-      g[axis][1] = -2.0 * (f[axis] - 1.0) / dx;
-      g[axis][2] = (f[axis] - 0.5) / dx;
+      g[axis][0] = (f[axis] - 1.5) * inverse_dx;
+      g[axis][1] = -2.0 * (f[axis] - 1.0) * inverse_dx;
+      g[axis][2] = (f[axis] - 0.5) * inverse_dx;
     }
   }
   [[nodiscard]] double weight(std::size_t i, std::size_t j, std::size_t k) const {

@@ -169,20 +169,11 @@ void TotalAdjoint<S>::add_field(Arena& arena, const std::vector<Vec3d>& particle
                                 std::vector<double>& node_bar) const {
   if (particle_bar.empty()) return;
   const TotalGrid& grid = body_.grid_;
-  // A particle lies in the block that hosts it, its polynomial perhaps in a neighbour: sorted by
-  // that, as the loads are.
-  std::vector<std::vector<std::uint32_t>> of_block(grid.blocks());
-  std::vector<CellPoint> points(grid.particles());
-  arena.parallel_for(0, grid.particles(), 256, [&](std::size_t p) {
-    const auto particle = static_cast<std::uint32_t>(p);
-    points[p] = grid.point_in(particle, grid.rest(particle));
-  });
-  for (std::uint32_t p = 0; p < grid.particles(); ++p) of_block[points[p].block].push_back(p);
   std::vector<double> halos(grid.blocks() * 3 * kHaloNodes, 0.0);
   arena.parallel_for(0, grid.blocks(), 1, [&](std::size_t b) {
     double* halo = halos.data() + b * 3 * kHaloNodes;
-    for (const std::uint32_t p : of_block[b]) {
-      const CellPoint& point = points[p];
+    for (const std::uint32_t p : grid.block_particles(b)) {
+      const CellPoint point = grid.point_of(p);
       const PointStencil s(point.f, grid.dx());
       const Vec3d local = grid.axes().transpose() * particle_bar[p];
       for (std::size_t i = 0; i < 27; ++i) {
@@ -222,14 +213,13 @@ InitialCotangents TotalAdjoint<S>::initial(const TotalCotangents<S>& bar) const 
   out.velocity = grid.axes() * out.velocity;
   out.spin = grid.axes() * out.spin;
   out.particle_velocities.assign(grid.particles(), Vec3d::Zero());
+  NodesOfCell nodes_of(grid);
   for (const QuadraturePoint& q : grid.quadrature()) {
+    const std::array<std::uint32_t, 27>& nodes = nodes_of(q.cell);
     const PointStencil s(q.f, grid.dx());
     Vec3d sum = Vec3d::Zero();
     for (std::size_t i = 0; i < 27; ++i) {
-      const Vec3i step(static_cast<int>(i / 9), static_cast<int>(i / 3 % 3),
-                       static_cast<int>(i % 3));
-      const std::uint32_t n = grid.find_node(q.cell + step);
-      sum += s.weight(i / 9, i / 3 % 3, i % 3) * grid.inverse_mass()[n] * at(n);
+      sum += s.weight(i / 9, i / 3 % 3, i % 3) * grid.inverse_mass()[nodes[i]] * at(nodes[i]);
     }
     out.particle_velocities[q.particle] += body_.density_ * q.volume * (grid.axes() * sum);
   }

@@ -116,7 +116,7 @@ struct Rollout {
       if (smoothing(n) > 0.0) body.smooth_velocities(arena, smoothing(n));
       if (n != kObserved[0] && n != kObserved[1]) continue;
       for (std::uint32_t p = 0; p < weights.size(); ++p) {
-        loss += 1e3 * weights[p].dot(body.point_state(p).position);
+        loss += 1e3 * weights[p].dot(body.state(body.point(p)).position);
       }
     }
     return loss;

@@ -6,7 +6,6 @@
 
 #include "base/error.hpp"
 #include "mpm/total_pins.hpp"
-#include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -36,6 +35,14 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   for (std::size_t i = 0; i < geometry_.size(); ++i) {
     if (i / kLanes % 4 < 3) geometry_[i] = S(1);  // absent particles sit in the middle of the cell
   }
+  full_volume_.assign(grid_.blocks() * kSlabs * kLanes, S(0));
+  piece_volume_.assign(grid_.chunks() * kLanes, S(0));
+  has_pieces_.assign(grid_.chunks(), 0);
+  std::vector<std::size_t> slab_of(grid_.chunks());
+  for (std::size_t slab = 0; slab < grid_.blocks() * kSlabs; ++slab) {
+    std::fill(slab_of.begin() + grid_.slab_chunks()[slab],
+              slab_of.begin() + grid_.slab_chunks()[slab + 1], slab);
+  }
   const std::vector<QuadraturePoint>& points = grid_.quadrature();
   for (std::size_t q = 0; q < points.size(); ++q) {
     const std::size_t place = grid_.place(q);
@@ -43,6 +50,13 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
     for (std::size_t axis = 0; axis < 3; ++axis)
       g[axis * kLanes] = static_cast<S>(points[q].f[static_cast<int>(axis)]);
     g[3 * kLanes] = static_cast<S>(points[q].volume);
+    if (points[q].kind == PointKind::kGauss) {
+      full_volume_[slab_of[place / kLanes] * kLanes + place % kLanes] +=
+          static_cast<S>(points[q].volume);
+    } else if (points[q].kind == PointKind::kPiece) {
+      piece_volume_[place] = static_cast<S>(points[q].volume);
+      has_pieces_[place / kLanes] = 1;
+    }
   }
   if (law_.plastic) plastic_.assign(grid_.chunks() * 10 * kLanes, S(0));
   maxwell_.assign(grid_.chunks() * 12 * kLanes * law_.maxwell_count, S(0));
@@ -54,14 +68,14 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   const Vec3d spin = grid_.axes().transpose() * body.spin;
   std::vector<Vec3d> extra(grid_.mass().size(), Vec3d::Zero());
   if (!body.particle_velocities.empty()) {
+    NodesOfCell nodes_of(grid_);
     for (const QuadraturePoint& q : points) {
+      const std::array<std::uint32_t, 27>& nodes = nodes_of(q.cell);
       const PointStencil s(q.f, grid_.dx());
       const Vec3d momentum =
           density_ * q.volume * (grid_.axes().transpose() * body.particle_velocities[q.particle]);
       for (std::size_t i = 0; i < 27; ++i) {
-        const Vec3i step(static_cast<int>(i / 9), static_cast<int>(i / 3 % 3),
-                         static_cast<int>(i % 3));
-        extra[grid_.find_node(q.cell + step)] += s.weight(i / 9, i / 3 % 3, i % 3) * momentum;
+        extra[nodes[i]] += s.weight(i / 9, i / 3 % 3, i % 3) * momentum;
       }
     }
   }
@@ -83,6 +97,9 @@ TotalView<S> TotalBody<S>::view(double dt, bool commit) const {
   v.block_nodes = grid_.block_nodes();
   v.slab_chunks = grid_.slab_chunks().data();
   v.geometry = geometry_.data();
+  v.full_volume = full_volume_.data();
+  v.piece_volume = piece_volume_.data();
+  v.has_pieces = has_pieces_.data();
   // History is written by commit alone, and then through a non-const member function.
   v.plastic = plastic_.empty() ? nullptr : const_cast<S*>(plastic_.data());
   v.maxwell = maxwell_.empty() ? nullptr : const_cast<S*>(maxwell_.data());
@@ -329,26 +346,34 @@ void TotalBody<S>::clear_loads(std::size_t block) {
 }
 
 template <class S>
-void TotalBody<S>::add_load(std::uint32_t particle, const Vec3d& offset, const Vec3d& force) {
-  const Mat3d to_local = grid_.axes().transpose();
-  loads_[grid_.block(particle)].push_back(
-      {grid_.point_in(particle, grid_.rest(particle) + to_local * offset), to_local * force});
+void TotalBody<S>::add_load(std::uint32_t particle, const Point& point, const Vec3d& force) {
+  loads_[grid_.block(particle)].push_back({point.cell, grid_.axes().transpose() * force});
 }
 
 template <class S>
-typename TotalBody<S>::PointState TotalBody<S>::point_state(std::uint32_t particle,
-                                                            const Vec3d& offset) const {
+typename TotalBody<S>::Point TotalBody<S>::point(std::uint32_t particle) const {
+  const CellPoint cell = grid_.point_of(particle);
+  return {grid_.rest(particle), cell, {grid_, cell}};
+}
+
+template <class S>
+typename TotalBody<S>::Point TotalBody<S>::point(std::uint32_t particle,
+                                                 const Vec3d& offset) const {
   const Vec3d rest = grid_.rest(particle) + grid_.axes().transpose() * offset;
-  const FieldStencil s(grid_, grid_.point_in(particle, rest));
-  const Vec3d u = field_at(s, displacement_.data());
-  const Vec3d v = field_at(s, velocity_.data());
-  return {grid_.to_world(rest + u), grid_.axes() * v};
+  const CellPoint cell = grid_.point_in(particle, rest);
+  return {rest, cell, {grid_, cell}};
 }
 
 template <class S>
-Mat3d TotalBody<S>::deformation_gradient(std::uint32_t particle) const {
-  const FieldStencil s(grid_, grid_.point_in(particle, grid_.rest(particle)));
-  const Mat3d h = field_gradient(s, displacement_.data());
+typename TotalBody<S>::PointState TotalBody<S>::state(const Point& point) const {
+  const Vec3d u = field_at(point.field, displacement_.data());
+  const Vec3d v = field_at(point.field, velocity_.data());
+  return {grid_.to_world(point.rest + u), grid_.axes() * v};
+}
+
+template <class S>
+Mat3d TotalBody<S>::deformation_gradient(const Point& point) const {
+  const Mat3d h = field_gradient(point.field, displacement_.data());
   return grid_.axes() * (Mat3d::Identity() + h) * grid_.axes().transpose();
 }
 
@@ -361,10 +386,11 @@ void TotalBody<S>::sample(Arena& arena, BodyState& out) const {
   out.plastic_strain.resize(plastic_.empty() ? 0 : count);
   arena.parallel_for(0, grid_.blocks(), 1, [&](std::size_t b) {
     for (const std::uint32_t p : grid_.block_particles(b)) {
-      const PointState state = point_state(p);
-      out.positions[p] = state.position.template cast<float>();
-      out.velocities[p] = state.velocity.template cast<float>();
-      out.deformation_gradients[p] = deformation_gradient(p).template cast<float>();
+      const Point at = point(p);
+      const PointState now = state(at);
+      out.positions[p] = now.position.template cast<float>();
+      out.velocities[p] = now.velocity.template cast<float>();
+      out.deformation_gradients[p] = deformation_gradient(at).template cast<float>();
       if (!plastic_.empty()) {
         const std::size_t place = grid_.place(grid_.nearest_point(p));
         out.plastic_strain[p] = static_cast<float>(

@@ -15,6 +15,7 @@
 #include "mpm/simulation.hpp"
 #include "mpm/state_bytes.hpp"
 #include "mpm/total_grid.hpp"
+#include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
 
@@ -81,20 +82,27 @@ class TotalBody {
   [[nodiscard]] double stable_time_step(Arena& arena, int iterations,
                                         const Interrupter& interrupter);
 
-  /// Forces [N] at points of the body, set before compute_forces: `offset` [m] from the particle at
-  /// rest, world axes both. A block is touched by one thread only.
-  void clear_loads(std::size_t block);
-  void add_load(std::uint32_t particle, const Vec3d& offset, const Vec3d& force);
-
-  /// Present position and velocity, world axes, of the point that is `offset` [m, world axes] from
-  /// a particle at rest, by the polynomial of the particle's cell.
+  /// A point of the body, looked up once.
+  struct Point {
+    Vec3d rest;  ///< body axes [m]
+    CellPoint cell;
+    FieldStencil field;
+  };
+  [[nodiscard]] Point point(std::uint32_t particle) const;
+  /// The point that is `offset` [m, world axes] from a particle at rest.
+  [[nodiscard]] Point point(std::uint32_t particle, const Vec3d& offset) const;
+  /// Present position and velocity, world axes.
   struct PointState {
     Vec3d position;
     Vec3d velocity;
   };
-  [[nodiscard]] PointState point_state(std::uint32_t particle,
-                                       const Vec3d& offset = Vec3d::Zero()) const;
-  [[nodiscard]] Mat3d deformation_gradient(std::uint32_t particle) const;
+  [[nodiscard]] PointState state(const Point& point) const;
+  [[nodiscard]] Mat3d deformation_gradient(const Point& point) const;
+
+  /// Forces [N, world axes] at points of particles, set before compute_forces. Those of a block's
+  /// particles are set by one thread only.
+  void clear_loads(std::size_t block);
+  void add_load(std::uint32_t particle, const Point& point, const Vec3d& force);
 
   void sample(Arena& arena, BodyState& out) const;
   [[nodiscard]] BlockExtremes<S> extremes() const;
@@ -144,6 +152,9 @@ class TotalBody {
   std::vector<double> displacement_;  ///< node blocks × [3][64]
   std::vector<double> velocity_;
   std::vector<S> geometry_;                     ///< chunks × [4][16]
+  std::vector<S> full_volume_;                  ///< slabs × [16], TotalView::full_volume
+  std::vector<S> piece_volume_;                 ///< chunks × [16]
+  std::vector<std::uint8_t> has_pieces_;        ///< chunks
   std::vector<S> plastic_;                      ///< chunks × [10][16], or empty
   std::vector<S> maxwell_;                      ///< chunks × branches × [12][16], or empty
   std::vector<std::vector<Load>> loads_;        ///< by the block of the particle

@@ -50,7 +50,8 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
     double closing = 0.0;  // fastest approach seen [m/s]
     bool touching = false;
     for (const std::uint32_t p : skin_[b]) {
-      const auto state = body.point_state(p);
+      const auto center = body.point(p);
+      const auto state = body.state(center);
       const double half = 0.5 * std::cbrt(body.volume(p));
       for (std::size_t s = 0; s < colliders_.size(); ++s) {
         const SurfacePoint surface = colliders_[s].collider->closest(state.position, time);
@@ -63,15 +64,16 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
         }
         // Gap and force are those of the particle's face: a force at its centre would leave the
         // layer outside of it without stress.
-        const Mat3d f = body.deformation_gradient(p);
+        const Mat3d f = body.deformation_gradient(center);
         const Vec3d face = -half * (f.transpose() * surface.normal).normalized();
-        const auto face_state = body.point_state(p, face);
+        const auto at_face = body.point(p, face);
+        const auto face_state = body.state(at_face);
         const SurfacePoint below = colliders_[s].collider->closest(face_state.position, time);
         ContactPoint point = contact_point(below, f, body.volume(p), density_, face_state.velocity);
         point.radius = 0.0;
         const Vec3d force = contact_force(colliders_[s].law, point, id, dt, memory_[p]);
         if (!force.isZero(0.0)) {
-          body.add_load(p, face, force);
+          body.add_load(p, at_face, force);
           touching = true;
           penetration_[b] = std::max(penetration_[b], point.radius - point.distance);
         }

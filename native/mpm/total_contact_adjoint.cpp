@@ -41,25 +41,20 @@ template <class S>
 void TotalContactAdjoint<S>::meet(Particle& particle, const TotalSubstep& substep) const {
   ContactMemory memory = particle.memory;
   const std::uint32_t p = particle.particle;
-  const TotalGrid& grid = body_.grid();
-  const Vec3d& rest = grid.rest(p);
-  const double* u = body_.displacement().data();
-  particle.at_center.emplace(grid, grid.point_in(p, rest));
-  particle.position = grid.to_world(rest + field_at(*particle.at_center, u));
-  const Mat3d h = field_gradient(*particle.at_center, u);
-  particle.f = grid.axes() * (Mat3d::Identity() + h) * grid.axes().transpose();
+  particle.center.emplace(body_.point(p));
+  particle.position = body_.state(*particle.center).position;
+  particle.f = body_.deformation_gradient(*particle.center);
   const double half = 0.5 * std::cbrt(body_.volume(p));
   for (std::size_t s = 0; s < colliders_.size(); ++s) {
     const SurfacePoint surface = colliders_[s]->closest(particle.position, substep.time);
     const auto id = static_cast<std::int32_t>(s);
     if (surface.distance > 4.0 * half && memory.surface != id) continue;
-    const Vec3d face = -half * (particle.f.transpose() * surface.normal).normalized();
-    const Vec3d rest_face = rest + grid.axes().transpose() * face;
-    Touch touch{s, memory, surface.normal, face, {grid, grid.point_in(p, rest_face)}};
-    touch.face_position = grid.to_world(rest_face + field_at(touch.at_face, u));
-    const Vec3d velocity = grid.axes() * field_at(touch.at_face, body_.velocity().data());
+    const Vec3d offset = -half * (particle.f.transpose() * surface.normal).normalized();
+    Touch touch{s, memory, surface.normal, body_.point(p, offset)};
+    const auto state = body_.state(touch.face);
+    touch.face_position = state.position;
     touch.below = colliders_[s]->closest(touch.face_position, substep.time);
-    touch.point = contact_point(touch.below, particle.f, body_.volume(p), density_, velocity);
+    touch.point = contact_point(touch.below, particle.f, body_.volume(p), density_, state.velocity);
     touch.point.radius = 0.0;
     touch.force = contact_force(laws_[s], touch.point, id, substep.dt, memory);
     particle.touches.push_back(touch);
@@ -108,10 +103,10 @@ void TotalContactAdjoint<S>::back(Arena& arena, const TotalSubstep& substep,
     for_each_bar([&](const Particle& particle, const Touch& touch, const TouchBar& own) {
       if (!own.any) return;
       if (task < 3) {
-        add_to_field(touch.at_face, c, own.face[axis], u_bar);
-        add_to_field(*particle.at_center, c, own.center[axis], own.f.row(axis), u_bar);
+        add_to_field(touch.face.field, c, own.face[axis], u_bar);
+        add_to_field(particle.center->field, c, own.center[axis], own.f.row(axis), u_bar);
       } else {
-        add_to_field(touch.at_face, c, own.face_velocity[axis], v_bar);
+        add_to_field(touch.face.field, c, own.face_velocity[axis], v_bar);
       }
     });
   });
@@ -128,7 +123,7 @@ typename TotalContactAdjoint<S>::TouchBar TotalContactAdjoint<S>::back(
   TouchBar out;
   const TotalGrid& grid = body_.grid();
   const Mat3d to_local = grid.axes().transpose();
-  const FieldStencil& s = touch.at_face;
+  const FieldStencil& s = touch.face.field;
   const Vec3d force = to_local * touch.force;
 
   // The load: f_I += w_I F.

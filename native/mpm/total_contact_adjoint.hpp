@@ -35,8 +35,7 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
     std::size_t collider;
     ContactMemory memory;  ///< before
     Vec3d center_normal;   ///< of the collider at the particle's centre
-    Vec3d face;            ///< its offset at rest, world axes
-    FieldStencil at_face;
+    typename TotalBody<S>::Point face;
     Vec3d face_position = Vec3d::Zero();
     SurfacePoint below{};
     ContactPoint point{};
@@ -56,7 +55,7 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
   struct Particle {
     std::uint32_t particle;
     ContactMemory memory;  ///< before
-    std::optional<FieldStencil> at_center{};
+    std::optional<typename TotalBody<S>::Point> center{};
     Vec3d position = Vec3d::Zero();
     Mat3d f = Mat3d::Identity();
     std::vector<Touch> touches{};

@@ -88,7 +88,7 @@ struct Rollout {
     if (record != nullptr) record->memories.push_back(contact.record().memory);
     double loss = 0.0;
     for (std::uint32_t p = 0; p < 64; ++p)
-      loss += 1e3 * weight(p).dot(body.point_state(p).position);
+      loss += 1e3 * weight(p).dot(body.state(body.point(p)).position);
     return loss;
   }
 

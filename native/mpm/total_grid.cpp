@@ -99,14 +99,22 @@ CellPoint TotalGrid::point_in(std::uint32_t particle, const Vec3d& local) const 
   const Vec3i own = quadrature_.cells[particle];
   Vec3i base = cell(local).first;
   if (base != own) base = quadrature_.cell_at(base, own);
-  CellPoint point{particle_block_[particle], 0, 0, 0, Vec3d::Zero()};
-  const Vec3i block = floor_divide(base);
-  if (block != block_coordinates_[point.block]) point.block = find(block_coordinates_, block);
-  for (int axis = 0; axis < 3; ++axis) point.f[axis] = node_coordinate(local, axis) - base[axis];
-  const Vec3i c = base - 4 * block;
-  point.x = static_cast<std::size_t>(c[0]);
-  point.y = static_cast<std::size_t>(c[1]);
-  point.z = static_cast<std::size_t>(c[2]);
+  std::uint32_t block = particle_block_[particle];
+  const Vec3i at = floor_divide(base);
+  if (at != block_coordinates_[block]) block = find(block_coordinates_, at);
+  return point_in_cell(block, base, local);
+}
+
+CellPoint TotalGrid::point_of(std::uint32_t particle) const {
+  return point_in_cell(particle_block_[particle], quadrature_.cells[particle], rest_[particle]);
+}
+
+CellPoint TotalGrid::point_in_cell(std::uint32_t block, const Vec3i& cell,
+                                   const Vec3d& local) const {
+  const Vec3i c = cell - 4 * block_coordinates_[block];
+  CellPoint point{block, static_cast<std::size_t>(c[0]), static_cast<std::size_t>(c[1]),
+                  static_cast<std::size_t>(c[2]), Vec3d::Zero()};
+  for (int axis = 0; axis < 3; ++axis) point.f[axis] = node_coordinate(local, axis) - cell[axis];
   return point;
 }
 
@@ -198,14 +206,15 @@ void TotalGrid::find_surface(const Lattice& lattice) {
 
 void TotalGrid::lump_mass(double density) {
   mass_.assign(node_blocks() * kBlockNodes, 0.0);
+  NodesOfCell nodes_of(*this);
   for (const QuadraturePoint& q : quadrature_.points) {
+    const std::array<std::uint32_t, 27>& nodes = nodes_of(q.cell);
     double w[3][3];
     for (int axis = 0; axis < 3; ++axis) quadratic_weights(q.f[axis], w[axis]);
     const double m = density * q.volume;
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j)
-        for (int k = 0; k < 3; ++k)
-          mass_[find_node(q.cell + Vec3i(i, j, k))] += m * w[0][i] * w[1][j] * w[2][k];
+    for (std::size_t i = 0; i < 27; ++i) {
+      mass_[nodes[i]] += m * w[0][i / 9] * w[1][i / 3 % 3] * w[2][i % 3];
+    }
   }
   center_.setZero();
   for (std::uint32_t p = 0; p < rest_.size(); ++p) {
@@ -287,6 +296,17 @@ std::uint32_t TotalGrid::find_node(const Vec3i& coordinates) const {
   const Vec3i n = coordinates - 4 * b;
   return block * static_cast<std::uint32_t>(kBlockNodes) +
          static_cast<std::uint32_t>((n[0] * 4 + n[1]) * 4 + n[2]);
+}
+
+const std::array<std::uint32_t, 27>& NodesOfCell::operator()(const Vec3i& cell) {
+  if (cell != cell_) {
+    cell_ = cell;
+    for (int i = 0; i < 27; ++i) {
+      const Vec3i step(i / 9, i / 3 % 3, i % 3);
+      nodes_[static_cast<std::size_t>(i)] = grid_.find_node(cell + step);
+    }
+  }
+  return nodes_;
 }
 
 NodeWeights TotalGrid::point_weights(const Vec3d& local) const {

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -97,7 +98,9 @@ class TotalGrid {
   }
   /// Base node's coordinates of the cell that holds a point, and x/dx − base there.
   [[nodiscard]] std::pair<Vec3i, Vec3d> cell(const Vec3d& local) const;
-  /// A point of a particle's box, in the cell whose polynomial moves it.
+  /// A particle, in the cell whose polynomial moves it.
+  [[nodiscard]] CellPoint point_of(std::uint32_t particle) const;
+  /// A point of its box.
   [[nodiscard]] CellPoint point_in(std::uint32_t particle, const Vec3d& local) const;
 
   /// First-order (moving least squares) weights over nodes that carry mass: exact for affine
@@ -110,6 +113,8 @@ class TotalGrid {
   [[nodiscard]] NodeWeights field_weights(std::uint32_t particle, const Vec3d& local) const;
 
  private:
+  [[nodiscard]] CellPoint point_in_cell(std::uint32_t block, const Vec3i& cell,
+                                        const Vec3d& local) const;
   void place_points();
   void link_blocks();
   void find_surface(const Lattice& lattice);
@@ -135,6 +140,18 @@ class TotalGrid {
   std::vector<double> inverse_mass_;
   double total_mass_ = 0.0;
   Vec3d center_ = Vec3d::Zero();
+};
+
+/// The 27 nodes of a cell, 9i + 3j + k; looked up where the cell is another than last time.
+class NodesOfCell {
+ public:
+  explicit NodesOfCell(const TotalGrid& grid) : grid_(grid) {}
+  const std::array<std::uint32_t, 27>& operator()(const Vec3i& cell);
+
+ private:
+  const TotalGrid& grid_;
+  Vec3i cell_ = Vec3i::Constant(std::numeric_limits<int>::min());
+  std::array<std::uint32_t, 27> nodes_{};
 };
 
 }  // namespace matterfit::mpm

@@ -165,7 +165,7 @@ void TotalGroup<S>::fail(const Member& member, double time, int frame) const {
   std::uint32_t worst = 0;
   double least = std::numeric_limits<double>::infinity();
   for (std::uint32_t p = 0; p < body.particles(); ++p) {
-    const double j = body.deformation_gradient(p).determinant();
+    const double j = body.deformation_gradient(body.point(p)).determinant();
     if (!std::isfinite(j)) {
       worst = p;
       least = j;
@@ -176,7 +176,7 @@ void TotalGroup<S>::fail(const Member& member, double time, int frame) const {
       worst = p;
     }
   }
-  const Vec3d x = body.point_state(worst).position;
+  const Vec3d x = body.state(body.point(worst)).position;
   std::ostringstream text;
   text << "Body '" << body.name() << "', frame " << frame << " (" << time << " s): particle "
        << worst << " at (" << x[0] << ", " << x[1] << ", " << x[2] << ") m ";

@@ -265,32 +265,27 @@ void total_forces(const mpm::TotalView<S>& view, std::size_t block) {
   }
 }
 
-/// Carries the node field in `velocity` to the points of a block and back into its halo:
-/// point(expanded, out, slab, lane, f, mass) gathers from `expanded` and scatters into `out`.
-template <class S, class Point>
-HWY_INLINE void through_points(const mpm::TotalView<S>& view, std::size_t block,
-                               const Point& point) {
-  using D = hn::CappedTag<S, kLanes>;
-  using T = Lanes<D>;
-  constexpr std::size_t kWidth = hn::MaxLanes(D());
+/// A kernel that takes the node field in `velocity` to something and back into the block's halo:
+/// slab(expanded, out, slab, lane) gathers from `expanded` and scatters into `out`.
+template <class S, class Slab>
+HWY_INLINE void through_slabs(const mpm::TotalView<S>& view, std::size_t block, const Slab& slab) {
+  constexpr std::size_t kWidth = hn::MaxLanes(hn::CappedTag<S, kLanes>());
   HWY_ALIGN S expanded[3 * kExpanded];
   HWY_ALIGN S out[3 * kExpanded] = {};
   constexpr double kOrigin[3] = {0.0, 0.0, 0.0};
   expand_nodes(view.velocity, view.block_nodes + block * 8, kOrigin, expanded);
-  for (std::size_t slab = 0; slab < kSlabs; ++slab) {
-    const std::uint32_t end = view.slab_chunks[block * kSlabs + slab + 1];
-    for (std::uint32_t chunk = view.slab_chunks[block * kSlabs + slab]; chunk < end; ++chunk) {
-      for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
-        const S* geometry = view.geometry + chunk * (4 * kLanes) + lane;
-        const T f[3] = {T::load(geometry), T::load(geometry + kLanes),
-                        T::load(geometry + 2 * kLanes)};
-        const T mass = T::load(geometry + 3 * kLanes) * T(view.density);
-        point(expanded, out, slab, lane, f, mass);
-      }
-    }
+  const std::uint32_t* chunks = view.slab_chunks + block * kSlabs;
+  for (std::size_t x = 0; x < kSlabs; ++x) {
+    if (chunks[x] == chunks[x + 1]) continue;
+    for (std::size_t lane = 0; lane < kLanes; lane += kWidth) slab(expanded, out, x, lane);
   }
   S* force = view.force + block * 3 * kHaloNodes;
   for (std::size_t c = 0; c < 3; ++c) fold(out + c * kExpanded, force + c * kHaloNodes);
+}
+
+template <class T>
+HWY_INLINE void load_place(const typename LaneTraits<T>::Scalar* geometry, T f[3]) {
+  for (std::size_t a = 0; a < 3; ++a) f[a] = LaneTraits<T>::load(geometry + a * kLanes);
 }
 
 /// Σ w m (v_p + C_p (X_I − X_p)) of a block into its halo: the APIC transfer of the node velocities
@@ -298,43 +293,116 @@ HWY_INLINE void through_points(const mpm::TotalView<S>& view, std::size_t block,
 template <class S>
 void total_smooth(const mpm::TotalView<S>& view, std::size_t block) {
   using T = Lanes<hn::CappedTag<S, kLanes>>;
-  through_points(view, block,
-                 [](const S* expanded, S* out, std::size_t slab, std::size_t lane, const T f[3],
-                    T mass) HWY_ATTR {
-                   const Stencil<T> stencil = affine_stencil(f);
-                   T value[3];
-                   T affine[3][3];
-                   gather<3, true, T>(expanded, slab, lane, stencil, value, affine);
-                   for (int c = 0; c < 3; ++c) {
-                     value[c] *= mass;
-                     // D⁻¹ dx² = 4.
-                     for (int a = 0; a < 3; ++a) affine[c][a] *= scalar<T>(4) * mass;
-                   }
-                   scatter<3, true, T>(out, slab, lane, stencil, value, affine);
-                 });
+  const std::uint32_t* chunks = view.slab_chunks + block * kSlabs;
+  through_slabs(view, block,
+                [&](const S* expanded, S* out, std::size_t slab, std::size_t lane) HWY_ATTR {
+                  for (std::uint32_t chunk = chunks[slab]; chunk < chunks[slab + 1]; ++chunk) {
+                    const S* geometry = view.geometry + chunk * (4 * kLanes) + lane;
+                    T f[3];
+                    load_place(geometry, f);
+                    const T mass = T::load(geometry + 3 * kLanes) * T(view.density);
+                    const Stencil<T> stencil = affine_stencil(f);
+                    T value[3];
+                    T affine[3][3];
+                    gather<3, true, T>(expanded, slab, lane, stencil, value, affine);
+                    for (int c = 0; c < 3; ++c) {
+                      value[c] *= mass;
+                      // D⁻¹ dx² = 4.
+                      for (int a = 0; a < 3; ++a) affine[c][a] *= scalar<T>(4) * mass;
+                    }
+                    scatter<3, true, T>(out, slab, lane, stencil, value, affine);
+                  }
+                });
 }
 
-/// Σ w m a_p of a block into its halo, a_p = Σ w a of the nodes: the consistent mass matrix times
-/// the field in `velocity`, of the points that lie in the cell whose polynomial moves them. The
-/// weights of the others, which belong to a host, may be negative.
+/// Values at two Gauss points 1 ± 1/√12 of a cell whose nodes hold n: even ± odd/√48.
+template <class T>
+HWY_INLINE void to_gauss_points(const T n[3], T& even, T& odd) {
+  even = fma(scalar<T>(2.0 / 3.0), n[1], scalar<T>(1.0 / 6.0) * (n[0] + n[2]));
+  odd = n[2] - n[0];
+}
+
+/// Its transpose.
+template <class T>
+HWY_INLINE void from_gauss_points(T even, T odd, T n[3]) {
+  const T outer = scalar<T>(1.0 / 6.0) * even;
+  n[0] = outer - odd;
+  n[1] = scalar<T>(2.0 / 3.0) * even;
+  n[2] = outer + odd;
+}
+
+/// The mass matrix of full cells, m G ⊗ G ⊗ G with G = ½ Σ w wᵀ over two Gauss points: axis by axis
+/// into the even and the odd part, and back.
+template <class T>
+HWY_INLINE void multiply_by_cell_mass(const typename LaneTraits<T>::Scalar* HWY_RESTRICT expanded,
+                                      typename LaneTraits<T>::Scalar* HWY_RESTRICT out,
+                                      std::size_t slab, std::size_t lane, T mass) {
+  using mpm::expanded_index;
+  T planes[2][2][3];  // even and odd along z, along y; x
+  for (std::size_t i = 0; i < 3; ++i) {
+    T rows[2][3];
+    for (std::size_t j = 0; j < 3; ++j) {
+      T n[3];
+      for (std::size_t k = 0; k < 3; ++k) {
+        n[k] = LaneTraits<T>::load(expanded + expanded_index(slab + i, j, k) + lane);
+      }
+      to_gauss_points(n, rows[0][j], rows[1][j]);
+    }
+    for (std::size_t z = 0; z < 2; ++z) {
+      to_gauss_points(rows[z], planes[z][0][i], planes[z][1][i]);
+    }
+  }
+  const T odd_mass = scalar<T>(1.0 / 48.0) * mass;
+  const T scale[4] = {mass, odd_mass, scalar<T>(1.0 / 48.0) * odd_mass,
+                      scalar<T>(1.0 / 2304.0) * odd_mass};
+  for (std::size_t z = 0; z < 2; ++z)
+    for (std::size_t y = 0; y < 2; ++y) {
+      T even;
+      T odd;
+      to_gauss_points(planes[z][y], even, odd);
+      from_gauss_points(scale[z + y] * even, scale[z + y + 1] * odd, planes[z][y]);
+    }
+  for (std::size_t i = 0; i < 3; ++i) {
+    T rows[2][3];
+    for (std::size_t z = 0; z < 2; ++z) {
+      from_gauss_points(planes[z][0][i], planes[z][1][i], rows[z]);
+    }
+    for (std::size_t j = 0; j < 3; ++j) {
+      T n[3];
+      from_gauss_points(rows[0][j], rows[1][j], n);
+      for (std::size_t k = 0; k < 3; ++k) {
+        auto* place = out + expanded_index(slab + i, j, k) + lane;
+        LaneTraits<T>::store(LaneTraits<T>::load(place) + n[k], place);
+      }
+    }
+  }
+}
+
 template <class S>
 void total_mass(const mpm::TotalView<S>& view, std::size_t block) {
   using T = Lanes<hn::CappedTag<S, kLanes>>;
-  through_points(view, block,
-                 [](const S* expanded, S* out, std::size_t slab, std::size_t lane, const T f[3],
-                    T mass) HWY_ATTR {
-                   Stencil<T> stencil;
-                   for (int a = 0; a < 3; ++a) {
-                     const T off = f[a] - scalar<T>(1);  // ½ at most in its own cell
-                     mass = select(off * off < scalar<T>(0.2501), mass, scalar<T>(0));
-                     spline_weights(f[a], stencil.w[a]);
-                   }
-                   T value[3];
-                   gather_values<3, T>(expanded, slab, lane, stencil, value);
-                   for (std::size_t c = 0; c < 3; ++c) {
-                     scatter_value(out + c * kExpanded, slab, lane, stencil, mass * value[c]);
-                   }
-                 });
+  const std::uint32_t* chunks = view.slab_chunks + block * kSlabs;
+  through_slabs(
+      view, block, [&](const S* expanded, S* out, std::size_t slab, std::size_t lane) HWY_ATTR {
+        const T mass =
+            T::load(view.full_volume + (block * kSlabs + slab) * kLanes + lane) * T(view.density);
+        for (std::size_t c = 0; c < 3; ++c) {
+          multiply_by_cell_mass(expanded + c * kExpanded, out + c * kExpanded, slab, lane, mass);
+        }
+        for (std::uint32_t chunk = chunks[slab]; chunk < chunks[slab + 1]; ++chunk) {
+          if (view.has_pieces[chunk] == 0) continue;
+          T f[3];
+          load_place(view.geometry + chunk * (4 * kLanes) + lane, f);
+          const T piece = T::load(view.piece_volume + chunk * kLanes + lane) * T(view.density);
+          Stencil<T> stencil;
+          for (int a = 0; a < 3; ++a) spline_weights(f[a], stencil.w[a]);
+          T value[3];
+          gather_values<3, T>(expanded, slab, lane, stencil, value);
+          for (std::size_t c = 0; c < 3; ++c) {
+            scatter_value(out + c * kExpanded, slab, lane, stencil, piece * value[c]);
+          }
+        }
+      });
 }
 
 }  // namespace matterfit::HWY_NAMESPACE

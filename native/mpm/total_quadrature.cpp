@@ -69,7 +69,7 @@ std::vector<Piece> cut(const std::vector<Vec3d>& coordinates, const std::vector<
           const double covered = x.width * y.width * z.width;
           const double share = edge > 0.0 ? covered / (edge * edge * edge) : 1.0;
           const Vec3d f = Vec3d(x.middle, y.middle, z.middle) - cell.cast<double>();
-          pieces.push_back({{cell, f, volumes[p] * share, p}, covered});
+          pieces.push_back({{cell, f, volumes[p] * share, p, PointKind::kPiece}, covered});
         }
   }
   std::stable_sort(pieces.begin(), pieces.end(), [](const Piece& a, const Piece& b) {
@@ -97,7 +97,8 @@ void add_gauss_points(Pieces begin, Pieces end, const std::vector<Vec3d>& coordi
   for (Pieces piece = begin; piece != end; ++piece) volume += piece->point.volume;
   for (int i = 0; i < 8; ++i) {
     const Vec3d side = Vec3i(i / 4, i / 2 % 2, i % 2).cast<double>() - Vec3d::Constant(0.5);
-    QuadraturePoint q{cell, Vec3d::Ones() + side / std::sqrt(3.0), volume / 8.0, 0};
+    QuadraturePoint q{cell, Vec3d::Ones() + side / std::sqrt(3.0), volume / 8.0, 0,
+                      PointKind::kGauss};
     double least = 1e30;
     for (Pieces piece = begin; piece != end; ++piece) {
       const std::uint32_t p = piece->point.particle;
@@ -151,10 +152,8 @@ Vec3i find_host(const std::vector<FilledCell>& cells, const Vec3i& cell) {
 }  // namespace
 
 Vec3i Quadrature::cell_at(const Vec3i& cell, const Vec3i& otherwise) const {
-  const auto host = first_of(hosted, cell);
-  if (host != hosted.end() && host->cell == cell) return host->host;
-  const auto own = first_of(points, cell);
-  return own != points.end() && own->cell == cell ? cell : otherwise;
+  const auto home = homes.find({cell[0], cell[1], cell[2]});
+  return home == homes.end() ? otherwise : home->second;
 }
 
 Quadrature cell_quadrature(const std::vector<Vec3d>& coordinates,
@@ -163,13 +162,15 @@ Quadrature cell_quadrature(const std::vector<Vec3d>& coordinates,
   const std::vector<Piece> pieces = cut(coordinates, volumes, edge);
   const std::vector<FilledCell> cells = filled_cells(pieces);
   for (const FilledCell& c : cells) {
-    if (edge > 0.0 && c.filled < kLeastFilled) {
-      const Vec3i host = find_host(cells, c.cell);
-      if (host != c.cell) result.hosted.push_back({c.cell, host});
+    const bool is_hosted = edge > 0.0 && c.filled < kLeastFilled;
+    const Vec3i host = is_hosted ? find_host(cells, c.cell) : c.cell;
+    result.homes[{c.cell[0], c.cell[1], c.cell[2]}] = host;
+    if (is_hosted) {
       for (Pieces piece = c.begin; piece != c.end; ++piece) {
         QuadraturePoint q = piece->point;
         q.f += (c.cell - host).cast<double>();
         q.cell = host;
+        if (host != c.cell) q.kind = PointKind::kHosted;
         result.points.push_back(q);
       }
     } else if (is_full(c.begin, c.end, volumes)) {

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <tuple>
+#include <unordered_map>
 #include <vector>
 
 #include "base/vec.hpp"
+#include "mpm/cell_hash.hpp"
 
 namespace matterfit::mpm {
 
@@ -14,28 +17,31 @@ namespace matterfit::mpm {
   return std::tie(a[0], a[1], a[2]) < std::tie(b[0], b[1], b[2]);
 }
 
+/// What a quadrature point stands for.
+enum class PointKind : std::uint8_t {
+  kGauss,   ///< an eighth of a full cell
+  kPiece,   ///< a particle's share of the cell it lies in
+  kHosted,  ///< the same of another cell: f is outside of ½ … 3/2
+};
+
 /// Where the stress of a total Lagrangian body is evaluated.
 struct QuadraturePoint {
   Vec3i cell;              ///< its base node
   Vec3d f;                 ///< x/dx − base, ½ … 3/2 in its cell
   double volume;           ///< at rest [m³]
   std::uint32_t particle;  ///< whose share it is, or the nearest one
-};
-
-/// A cell that the body fills too little of: what lies in it belongs to `host`, whose polynomial is
-/// continued to it.
-struct HostedCell {
-  Vec3i cell;
-  Vec3i host;
+  PointKind kind;
 };
 
 struct Quadrature {
   std::vector<QuadraturePoint> points;  ///< sorted by cell
-  std::vector<HostedCell> hosted;       ///< sorted by cell
-  std::vector<Vec3i> cells;             ///< per particle: the cell whose polynomial moves it
-  std::vector<std::uint32_t> nearest;   ///< per particle: the point nearest to it in its cell
+  /// Of each cell that holds a part of the body, the cell whose polynomial is used there: itself,
+  /// or where the body fills too little of it its host.
+  std::unordered_map<std::array<int, 3>, Vec3i, CellHash> homes;
+  std::vector<Vec3i> cells;            ///< per particle: the cell whose polynomial moves it
+  std::vector<std::uint32_t> nearest;  ///< per particle: the point nearest to it in its cell
 
-  /// The cell whose polynomial holds at a cell: itself, its host, or `otherwise` off the body.
+  /// The home of a cell, or `otherwise` off the body.
   [[nodiscard]] Vec3i cell_at(const Vec3i& cell, const Vec3i& otherwise) const;
 };
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
+#include "mpm/cell_hash.hpp"
 #include "mpm/kernels.hpp"
 #include "mpm/layout.hpp"
 #include "mpm/state_bytes.hpp"
@@ -85,19 +86,11 @@ class UpdatedBlocks {
   }
 
  private:
-  struct Hash {
-    std::size_t operator()(const std::array<int, 3>& c) const {
-      std::size_t h = static_cast<std::size_t>(c[0]) * 73856093U;
-      h ^= static_cast<std::size_t>(c[1]) * 19349663U;
-      h ^= static_cast<std::size_t>(c[2]) * 83492791U;
-      return h;
-    }
-  };
   void relink();
 
   std::size_t bodies_;
   std::vector<std::unique_ptr<UpdatedBlock<S>>> blocks_;
-  std::unordered_map<std::array<int, 3>, std::uint32_t, Hash> index_;
+  std::unordered_map<std::array<int, 3>, std::uint32_t, CellHash> index_;
 };
 
 extern template struct BodyBlock<float>;

@@ -11,6 +11,7 @@
 #include "base/error.hpp"
 #include "fit/bounded_step.hpp"
 #include "fit/differences.hpp"
+#include "fit/uncertainty.hpp"
 
 namespace matterfit::fit {
 namespace {
@@ -168,6 +169,11 @@ void finish(LeastSquaresState& state, bool converged, std::string reason) {
   state.reason = std::move(reason);
 }
 
+void forget_slopes(LeastSquaresState& state) {
+  state.anchor.resize(0);
+  state.trail.clear();
+}
+
 void check_size(const LeastSquaresState& state, std::size_t parameters) {
   if (state.point.size() == Index(parameters)) return;
   throw_input(
@@ -175,10 +181,25 @@ void check_size(const LeastSquaresState& state, std::size_t parameters) {
                   state.point.size(), parameters));
 }
 
+/// Broyden's update: the least change of the Jacobian, in units of the scales, with which it
+/// explains what the residuals did over a step.
+void bring_up_to_date(const std::vector<Parameter>& parameters, const VectorXd& step,
+                      const VectorXd& change, MatrixXd& jacobian) {
+  VectorXd scaled = step;
+  for (Index k = 0; k < step.size(); ++k) {
+    scaled[k] /= parameters[std::size_t(k)].scale * parameters[std::size_t(k)].scale;
+  }
+  const double length = step.dot(scaled);
+  if (!(length > 0.0)) return;
+  VectorXd missed = change;
+  for (Index k = 0; k < step.size(); ++k) missed -= step[k] * jacobian.col(k);
+  for (Index k = 0; k < step.size(); ++k) jacobian.col(k) += (scaled[k] / length) * missed;
+}
+
 /// Where a Jacobian comes from, in the order in which they are tried.
 enum class Slopes : std::uint8_t { kStandIn, kKept, kOneSided, kCentral };
 
-/// A Jacobian is used again after a step that gained at least this part of what it promised.
+/// A Jacobian is kept after a step that gained at least this part of what it promised.
 constexpr double kKeeps = 0.5;
 /// One that was taken farther from the point than this, in scales, does not end the search.
 constexpr double kNear = 0.05;
@@ -213,31 +234,67 @@ bool stalled(const std::vector<LeastSquaresStep>& history, double least) {
 /// With a stand-in's slopes: where a few steps are refused, the problem's own lead farther.
 constexpr int kBorrowedTrials = 3;
 
+/// A step that moves nothing by more than this part of its standard error, and lowers the cost by
+/// no more than that, is the last: what a wrong law misses has many such steps in store.
+constexpr double kNothing = 0.1;
+constexpr double kLittle = 0.01;
+/// Errors are no measure far from the truth, where all that is missed makes them: at most this part
+/// of a parameter's scale is nothing.
+constexpr double kShort = 0.01;
+
+/// How far each parameter may move without a word said about it; 0 where that is not known.
+VectorXd unimportant(const Problem& problem, const std::vector<Parameter>& parameters,
+                     const LeastSquaresState& state, double huber) {
+  VectorXd result = VectorXd::Zero(state.point.size());
+  const double independent = problem.effective(state.residual);
+  if (!(independent > 0.0)) return result;
+  const Uncertainty known = uncertainty(parameters, state, independent, huber, problem.blocks());
+  for (Index k = 0; k < result.size(); ++k) {
+    const Parameter& parameter = parameters[std::size_t(k)];
+    const double slope = derivative(parameter.coordinate, state.point[k]);
+    const double error = known.estimates[std::size_t(k)].standard_error / slope;
+    result[k] = std::min(kNothing * error, kShort * parameter.scale);
+  }
+  return result;
+}
+
 /// Tries ever shorter steps until one is accepted.
 enum class Outcome : std::uint8_t { kAccepted, kRough, kFailed };
 
+/// How a step was accepted.
+struct Taken {
+  bool good = false;  ///< the first that was tried, and it gained most of what it promised
+  bool full = false;  ///< a longer one was no better, or hardly anything holds it back
+};
+
+template <class MovesNothing>
 Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
                   const LeastSquaresOptions& options, const Model& model, const Box& bounds,
-                  int most_trials, LeastSquaresState& state, bool& good) {
+                  const MovesNothing& moves_nothing, int most_trials, LeastSquaresState& state,
+                  Taken& taken) {
   const Box room = room_around(parameters, bounds, state.point);
   const VectorXd full = damped_step(model, kLeastDamping, room);
   double damping = std::max(state.damping, kLeastDamping);
   VectorXd step = damped_step(model, damping, room);
   bool failed = false;
+  bool stopped = false;  // some step failed
   for (int trial = 0; trial < most_trials; ++trial) {
     const double predicted = model.decrease(step);
     const double size = relative_size(parameters, step);
-    if (!(predicted > 0.0) || (trial > 0 && size < options.step_tolerance)) break;
+    const bool too_short = size < options.step_tolerance || moves_nothing(step);
+    if (!(predicted > 0.0) || (trial > 0 && too_short)) break;
     const VectorXd point = moved(state.point, step, bounds);
     auto result = evaluate(problem, {point}, state.residual.size());
     ++state.evaluations;
     failed = !result.front();
+    stopped = stopped || failed;
     const double cost = failed ? std::numeric_limits<double>::infinity()
                                : cost_of(parameters, point, *result.front(), options.huber);
     if (cost < state.cost) {
       const double before = state.cost;
       const double gain = (before - cost) / predicted;
-      good = trial == 0 && gain > kKeeps;
+      taken.good = trial == 0 && gain > kKeeps;
+      taken.full = !stopped && (trial > 0 || 2.0 * model.length(step) > model.length(full));
       state.point = point;
       state.residual = std::move(*result.front());
       state.cost = cost;
@@ -309,9 +366,19 @@ void linearise_at(Problem& problem, const std::vector<Parameter>& parameters,
     }
   } else if (slopes == Slopes::kKept) {
     if (state.jacobian.size() == 0) {
-      const int evaluations = state.evaluations;
-      take(differ(problem, state.anchor, {}), false);
-      state.evaluations = evaluations;  // counted when it was first made
+      // Counted when it was first made.
+      Differences found = differ(problem, state.anchor, {});
+      const VectorXd* from = &state.anchor;
+      for (const VectorXd& to : state.trail) {
+        auto residual = evaluate(problem, {to}, found.residual.size());
+        if (!residual.front()) throw_compute("a fit that goes on meets another simulation.");
+        bring_up_to_date(parameters, to - *from, *residual.front() - found.residual,
+                         found.jacobian);
+        found.residual = std::move(*residual.front());
+        from = &to;
+      }
+      state.jacobian = std::move(found.jacobian);
+      state.unknown = std::move(found.unknown);
     }
   } else {
     take(differ(problem, state.point, state.residual), true);
@@ -375,7 +442,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     }
     if (slopes != Slopes::kStandIn) {
       next.own = borrows;
-      if (slopes != Slopes::kKept) next.anchor.resize(0);
+      if (slopes != Slopes::kKept) forget_slopes(next);
       linearise_at(problem, parameters_, options, slopes, next);
     }
     const bool all_known =
@@ -387,6 +454,8 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     const bool still = model.scaling.maxCoeff() == 0.0;
     const double left = still ? 0.0 : model.decrease(damped_step(model, kLeastDamping, room));
     const VectorXd from = next.point;
+    const VectorXd before = next.residual;
+    const double cost_before = next.cost;
     const auto far = [&] {
       return slopes == Slopes::kKept &&
              relative_size(parameters_, next.point - next.anchor) > kNear;
@@ -406,24 +475,40 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
                          : "No step would lower the cost by more than the tolerance; for some "
                            "parameters the simulation could not be completed beside this point.");
       }
-      if (borrows && slopes != Slopes::kKept) next.anchor = next.point;
+      if (slopes != Slopes::kKept) next.anchor = next.point;
       break;
     }
-    bool good = false;
+    const VectorXd nothing = slopes == Slopes::kStandIn
+                                 ? VectorXd::Zero(from.size())
+                                 : unimportant(problem, parameters_, next, options.huber);
+    const auto moves_nothing = [&](const VectorXd& step) {
+      return (step.cwiseAbs().array() <= nothing.array()).all();
+    };
+    Taken taken;
     const Outcome outcome =
-        try_steps(problem, parameters_, options, model, bounds,
-                  slopes == Slopes::kStandIn ? kBorrowedTrials : kMostTrials, next, good);
+        try_steps(problem, parameters_, options, model, bounds, moves_nothing,
+                  slopes == Slopes::kStandIn ? kBorrowedTrials : kMostTrials, next, taken);
     if (outcome == Outcome::kAccepted) {
       next.converged = next.converged && all_known;
       if (slopes == Slopes::kStandIn) {
         // Its tolerance is not that of the problem itself.
-        if (next.finished || !good) next.own = true;
+        if (next.finished || !taken.good) next.own = true;
         next.finished = next.converged = false;
         next.reason.clear();
-      } else if (borrows) {
+      } else {
         if (slopes != Slopes::kKept) next.anchor = from;
         if (far()) next.finished = next.converged = false;
-        if (!next.finished && (!good || far())) next.anchor.resize(0);
+        const VectorXd step = next.point - from;
+        if (!next.finished && !far() && taken.full && all_known &&
+            cost_before - next.cost <= kLittle * cost_before && moves_nothing(step)) {
+          finish(next, true, "The last step moved nothing by a tenth of its standard error.");
+        }
+        if (next.finished || taken.good) {
+          next.trail.push_back(next.point);
+          bring_up_to_date(parameters_, step, next.residual - before, next.jacobian);
+        } else {
+          forget_slopes(next);
+        }
       }
       break;
     }
@@ -433,7 +518,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       finish(next, rough && all_known,
              rough ? "No shorter step lowers the cost."
                    : "No shorter step could be simulated to its end.");
-      if (borrows) next.anchor = next.point;
+      next.anchor = next.point;
       break;
     }
     slopes = slopes == Slopes::kOneSided ? Slopes::kCentral : usual;
@@ -446,7 +531,8 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
 
 void LeastSquares::linearise(Problem& problem, LeastSquaresState& state) const {
   check_size(state, parameters_.size());
-  const bool kept = state.anchor.size() > 0 && state.residual.size() > 0;
+  const bool kept =
+      problem.stand_in() != nullptr && state.anchor.size() > 0 && state.residual.size() > 0;
   linearise_at(problem, parameters_, options_, kept ? Slopes::kKept : Slopes::kCentral, state);
 }
 

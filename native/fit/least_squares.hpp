@@ -67,6 +67,8 @@ struct LeastSquaresState {
   bool own = false;        ///< the stand-in leads no farther: Jacobians are the problem's own
   /// Where the Jacobian was taken that the next iteration uses again; empty: it makes its own.
   Eigen::VectorXd anchor;
+  /// Points stepped to since then: each has brought the Jacobian up to date.
+  std::vector<Eigen::VectorXd> trail;
   /// Of the last linearisation, residuals × parameters. With an anchor it goes into the next
   /// iteration, which makes it again, to the same bits, where it is empty.
   Eigen::MatrixXd jacobian;
@@ -82,9 +84,11 @@ struct LeastSquaresState {
 /// shorter. No step takes a logarithmic coordinate farther than a factor ten, and what the data do
 /// not know to 30 scales stays. One-sided differences end up to half their step off where the
 /// residuals are large and curved (`central` does not). With a stand-in its Jacobian leads to where
-/// its own gradient against the true residuals is 0; from there on the problem's own is used, and
-/// kept while steps gain what it promises. References: Nocedal and Wright, Numerical Optimization,
-/// ch. 10; Madsen, Nielsen and Tingleff 2004; space mapping: Bandler et al. 2004.
+/// its own gradient against the true residuals is 0; from there on the problem's own is used. A
+/// Jacobian is kept while steps gain what it promises, and each brings it up to date with what the
+/// residuals did (Broyden's update, in units of the scales). References: Nocedal and Wright,
+/// Numerical Optimization, ch. 10 and 11; Madsen, Nielsen and Tingleff 2004; space mapping: Bandler
+/// et al. 2004.
 class LeastSquares {
  public:
   LeastSquares(std::vector<Parameter> parameters, LeastSquaresOptions options);
@@ -94,8 +98,8 @@ class LeastSquares {
   /// when it converged, came to the limit of iterations, or no step helps. Throws Error(kCompute)
   /// if the starting point itself cannot be evaluated. Where it throws the state is as before.
   void iterate(Problem& problem, LeastSquaresState& state) const;
-  /// Linearises for the covariance: where the anchor is, if there is one, else at `state.point`
-  /// with central differences.
+  /// Linearises for the covariance: with a stand-in the kept Jacobian, if there is one; else at
+  /// `state.point` with central differences.
   void linearise(Problem& problem, LeastSquaresState& state) const;
 
  private:

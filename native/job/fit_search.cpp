@@ -33,7 +33,7 @@ constexpr double kCoarseCost = 1e-3;
 constexpr double kLeash = 2.0;
 /// A contact's default stiffness that has changed by more than this is resolved anew.
 constexpr double kContactChange = 1.05;
-constexpr int kMostRepeats = 3;
+constexpr int kMostRepeats = 1;
 /// What a stage that is led by a coarser one takes of the time that it would take alone, about.
 constexpr double kLedShare = 0.3;
 
@@ -412,12 +412,20 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
     const double rms = !step.accepted ? std::numeric_limits<double>::quiet_NaN()
                        : moved        ? rms_now()
                                       : at.problem.rms_seen(from);
+    Json values;
+    if (step.accepted && moved) {
+      for (std::size_t p = 0; p < next.values.size(); ++p) {
+        values[parameters_->parameters()[p].name] = next.values[p];
+      }
+    }
     history.push_back({{"stage", name},
                        {"law", next.law},
                        {"iteration", step.iteration},
                        {"cost", step.cost},
                        {"rms_mm", std::isfinite(rms) ? Json(1e3 * rms) : Json()},
-                       {"accepted", step.accepted}});
+                       {"accepted", step.accepted},
+                       {"evaluations", next.evaluations},
+                       {"values", values}});
   }
   if (search.finished) end_stage(next);
   state = std::move(next);
@@ -434,6 +442,7 @@ void LawFit::settle(LawState& state) {
   state.refinements = at_level.refinements();
   state.search->residual.resize(0);
   state.search->anchor.resize(0);
+  state.search->trail.clear();
 }
 
 fit::Uncertainty LawFit::uncertainty(const LawState& state) {

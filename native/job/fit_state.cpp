@@ -29,6 +29,8 @@ Json to_json(const fit::LeastSquaresState& state) {
   for (const fit::LeastSquaresStep& step : state.history) {
     history.push_back({step.iteration, step.cost, step.damping, step.accepted});
   }
+  Json trail = Json::array();
+  for (const Eigen::VectorXd& point : state.trail) trail.push_back(to_json(point));
   return {{"point", to_json(state.point)},
           {"residual", to_json(state.residual)},
           {"cost", state.cost},
@@ -40,6 +42,7 @@ Json to_json(const fit::LeastSquaresState& state) {
           {"reason", state.reason},
           {"own", state.own},
           {"anchor", to_json(state.anchor)},
+          {"trail", trail},
           {"history", history}};
 }
 
@@ -56,6 +59,10 @@ fit::LeastSquaresState to_search(const Json& json) {
   json.at("reason").get_to(state.reason);
   json.at("own").get_to(state.own);
   state.anchor = to_vector(json.at("anchor"));
+  // Not in states from before there was one.
+  for (const Json& point : json.value("trail", Json::array())) {
+    state.trail.push_back(to_vector(point));
+  }
   for (const Json& step : json.at("history")) {
     state.history.push_back({step.at(0).get<int>(), step.at(1).get<double>(),
                              step.at(2).get<double>(), step.at(3).get<bool>()});

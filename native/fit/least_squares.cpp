@@ -261,10 +261,18 @@ VectorXd unimportant(const Problem& problem, const std::vector<Parameter>& param
 /// Tries ever shorter steps until one is accepted.
 enum class Outcome : std::uint8_t { kAccepted, kRough, kFailed };
 
+/// What is missed is not noise: its last hundredth tells nothing.
+bool missed_by_far(const Problem& problem, const LeastSquaresState& state) {
+  constexpr double kFar = 2.0;  // times the noise
+  return problem.effective(state.residual) > 0.0 &&
+         2.0 * state.cost > kFar * kFar * double(state.residual.size());
+}
+
 /// How a step was accepted.
 struct Taken {
-  bool good = false;  ///< the first that was tried, and it gained most of what it promised
-  bool full = false;  ///< a longer one was no better, or hardly anything holds it back
+  double stall = 0.0;  ///< relative decrease of a search that stands still
+  bool good = false;   ///< the first that was tried, and it gained most of what it promised
+  bool full = false;   ///< a longer one was no better, or hardly anything holds it back
 };
 
 template <class MovesNothing>
@@ -314,8 +322,7 @@ Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
       } else if (before - cost <= options.cost_tolerance * before &&
                  model.decrease(full) <= 10.0 * options.cost_tolerance * before) {
         finish(state, true, "The last step lowered the cost by less than the tolerance.");
-      } else if ((trial > 0 || gain < 0.25) &&
-                 stalled(state.history, options.cost_tolerance * before)) {
+      } else if ((trial > 0 || gain < 0.25) && stalled(state.history, taken.stall * before)) {
         finish(state, true, "The last two steps lowered the cost by less than the tolerance.");
       }
       return Outcome::kAccepted;
@@ -485,6 +492,8 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       return (step.cwiseAbs().array() <= nothing.array()).all();
     };
     Taken taken;
+    taken.stall = missed_by_far(problem, next) ? std::max(kLittle, options.cost_tolerance)
+                                               : options.cost_tolerance;
     const Outcome outcome =
         try_steps(problem, parameters_, options, model, bounds, moves_nothing,
                   slopes == Slopes::kStandIn ? kBorrowedTrials : kMostTrials, next, taken);
@@ -513,7 +522,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       break;
     }
     // One-sided differences are off by half their step; two-sided ones may still point downhill.
-    if (slopes == Slopes::kCentral) {
+    if (slopes == Slopes::kCentral || (slopes == Slopes::kOneSided && !options.thorough)) {
       const bool rough = outcome == Outcome::kRough;
       finish(next, rough && all_known,
              rough ? "No shorter step lowers the cost."

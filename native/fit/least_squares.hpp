@@ -42,6 +42,7 @@ struct LeastSquaresOptions {
   double cost_tolerance = 1e-6;
   double difference = 1e-2;  ///< step of the finite differences, in units of Parameter::scale
   bool central = false;      ///< central differences: twice the evaluations
+  bool thorough = true;      ///< where one-sided ones lead no farther, central ones are tried
 };
 
 /// One accepted or refused step, for loss curves and logs.

@@ -274,6 +274,7 @@ LawFit::Context& LawFit::context(const LawState& state) {
     options.iterations = std::min(options.iterations, kShortStage);
     options.step_tolerance = kCoarseStep;
     options.cost_tolerance = kCoarseCost;
+    options.thorough = false;
   }
   const auto problem = [&](const FitModel& of) {
     return FitProblem(of, *setup_.runs, parameters, setup_.fit->loss, stage.window);

@@ -156,14 +156,14 @@ void LawFit::tell(const LawState& state, const std::string& stage, double part, 
 
 std::vector<double> LawFit::mean_distances(LawState& state,
                                            const std::vector<std::vector<double>>& points,
-                                           const FitWindow& window) {
-  FitModel& coarse = model(stages_.front().level);
-  const FitProblem problem(coarse, *setup_.runs, parameters_->parameters(), setup_.fit->loss,
+                                           const FitWindow& window, double level) {
+  FitModel& at_level = model(level);
+  const FitProblem problem(at_level, *setup_.runs, parameters_->parameters(), setup_.fit->loss,
                            window);
   const auto progress = [&](double part) { tell(state, "looking for a start", part, told_); };
   progress(0.0);
   std::vector<double> means;
-  for (const auto& outcome : coarse.evaluate(points, {window.until, true}, progress)) {
+  for (const auto& outcome : at_level.evaluate(points, {window.until, true}, progress)) {
     const double mean = outcome ? mean_of(problem.distances(problem.residuals(*outcome)))
                                 : std::numeric_limits<double>::infinity();
     means.push_back(std::isfinite(mean) ? mean : std::numeric_limits<double>::infinity());
@@ -171,6 +171,32 @@ std::vector<double> LawFit::mean_distances(LawState& state,
   state.evaluations += static_cast<int>(points.size());
   told_ = *std::min_element(means.begin(), means.end());
   return means;
+}
+
+std::vector<double> LawFit::mean_distances(LawState& state,
+                                           const std::vector<std::vector<double>>& points,
+                                           const FitWindow& window) {
+  return mean_distances(state, points, window, stages_.front().level);
+}
+
+void LawFit::choose_material(LawState& state) {
+  const Stage& stage = stages_[state.stage];
+  const bool finer = state.stage > 0 && stages_[state.stage - 1].level != stage.level;
+  if (!finer || state.repeats > 0) return;
+  std::vector<std::vector<double>> points{state.values};
+  for (const std::vector<double>& candidate : state.candidates) {
+    std::vector<double> point = state.values;
+    for (std::size_t k = 0; k < point.size(); ++k) {
+      if (!parameters_->path(k).law_parameter().empty()) point[k] = candidate[k];
+    }
+    if (std::find(points.begin(), points.end(), point) == points.end()) {
+      points.push_back(std::move(point));
+    }
+  }
+  if (points.size() == 1) return;
+  const auto means = mean_distances(state, points, stage.window, stage.level);
+  const auto best = std::min_element(means.begin(), means.end());
+  state.values = points[static_cast<std::size_t>(best - means.begin())];
 }
 
 double LawFit::poor() const {
@@ -204,6 +230,8 @@ void LawFit::begin(LawState& state) {
   if (setup_.fit->loss == FitDoc::Loss::kTracks) {
     EquationStart balance =
         equation_start(runs, scenes_, *parameters_, state.values, setup_.threads, interrupter_);
+    state.candidates = balance.candidates;
+    state.candidates.push_back(parameters_->starts());
     if (!balance.candidates.empty()) {
       const auto means = mean_distances(state, balance.candidates, window);
       const auto best = std::min_element(means.begin(), means.end());
@@ -238,6 +266,7 @@ bool LawFit::rescan(LawState& state) {
   std::vector<double> found = scanned(*parameters_, state.values, mean, costs, kNear);
   if (found == state.values) return false;
   state.values = std::move(found);
+  state.candidates.push_back(state.values);
   return true;
 }
 
@@ -302,6 +331,7 @@ void LawFit::set_stage(LawState& state) {
   const Stage& stage = stages_[state.stage];
   context_.reset();
   tell(state, stage.name, 0.0, std::numeric_limits<double>::quiet_NaN());
+  choose_material(state);
   const auto steps = fix(model(stage.level), state, stage.window);
   if (!steps) {
     const std::string why =
@@ -364,6 +394,7 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
     LawState next = state;
     begin(next);
     next.begun = true;
+    next.candidates.push_back(next.values);
     state = std::move(next);
     return;
   }

@@ -87,10 +87,17 @@ class LawFit {
   /// Looks once more along each parameter from where the first stage ended: it may lie in a wrong
   /// valley. True if something better was found.
   [[nodiscard]] bool rescan(LawState& state);
-  /// Of simulations at the coarsest level, each with contacts as they are now [m].
+  /// Of simulations at a level (the coarsest), each with contacts as they are now [m].
+  [[nodiscard]] std::vector<double> mean_distances(LawState& state,
+                                                   const std::vector<std::vector<double>>& points,
+                                                   const FitWindow& window, double level);
   [[nodiscard]] std::vector<double> mean_distances(LawState& state,
                                                    const std::vector<std::vector<double>>& points,
                                                    const FitWindow& window);
+  /// Where a finer level begins: with the material of the coarser one, or with one of those that
+  /// were tried as a start, whichever is nearest there. A coarse grid is viscous by itself, and a
+  /// fit there makes up for it.
+  void choose_material(LawState& state);
   /// The mean distance beyond which a start is poor [m].
   [[nodiscard]] double poor() const;
   void set_stage(LawState& state);

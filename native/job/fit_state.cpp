@@ -88,6 +88,7 @@ Json to_json(const LawState& law) {
   Json json = {{"law", law.law},
                {"values", law.values},
                {"begun", law.begun},
+               {"candidates", law.candidates},
                {"scan_due", law.scan_due},
                {"rescanned", law.rescanned},
                {"stage", law.stage},
@@ -112,6 +113,8 @@ LawState to_law(const Json& json) {
   json.at("law").get_to(law.law);
   json.at("values").get_to(law.values);
   json.at("begun").get_to(law.begun);
+  // Not in states from before there were any.
+  law.candidates = json.value("candidates", law.candidates);
   law.scan_due = json.value("scan_due", false);
   law.rescanned = json.value("rescanned", false);
   json.at("stage").get_to(law.stage);

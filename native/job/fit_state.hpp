@@ -19,10 +19,11 @@ inline constexpr const char* kFitCheckpointPath = "fit/checkpoint.json";
 // NOLINTNEXTLINE(bugprone-exception-escape): of the JSON library's moves it cannot tell
 struct LawState {
   std::string law;
-  std::vector<double> values;  ///< physical, the best so far
-  bool begun = false;          ///< the start has been looked for
-  bool scan_due = false;       ///< the first stage ended far off; what it found is kept
-  bool rescanned = false;      ///< the scan that follows has been made
+  std::vector<double> values;                   ///< physical, the best so far
+  bool begun = false;                           ///< the start has been looked for
+  std::vector<std::vector<double>> candidates;  ///< for a start, the one that was taken last
+  bool scan_due = false;   ///< the first stage ended far off; what it found is kept
+  bool rescanned = false;  ///< the scan that follows has been made
   std::size_t stage = 0;
   int repeats = 0;                       ///< of the last stage, with contacts resolved anew
   std::vector<double> stage_start;       ///< contacts are resolved at these values

@@ -169,11 +169,6 @@ void finish(LeastSquaresState& state, bool converged, std::string reason) {
   state.reason = std::move(reason);
 }
 
-void forget_slopes(LeastSquaresState& state) {
-  state.anchor.resize(0);
-  state.trail.clear();
-}
-
 void check_size(const LeastSquaresState& state, std::size_t parameters) {
   if (state.point.size() == Index(parameters)) return;
   throw_input(
@@ -233,6 +228,10 @@ bool stalled(const std::vector<LeastSquaresStep>& history, double least) {
 
 /// With a stand-in's slopes: where a few steps are refused, the problem's own lead farther.
 constexpr int kBorrowedTrials = 3;
+/// With a kept Jacobian: refused, a new one is made here, before steps grow short. Nor is damping
+/// that it asked for carried on: on rough ground short steps keep failing, and damping keeps
+/// rising.
+constexpr int kKeptTrials = 2;
 
 /// A step that moves nothing by more than this part of its standard error, and lowers the cost by
 /// no more than that, is the last: what a wrong law misses has many such steps in store.
@@ -242,43 +241,50 @@ constexpr double kLittle = 0.01;
 /// of a parameter's scale is nothing.
 constexpr double kShort = 0.01;
 
-/// How far each parameter may move without a word said about it; 0 where that is not known.
-VectorXd unimportant(const Problem& problem, const std::vector<Parameter>& parameters,
-                     const LeastSquaresState& state, double huber) {
-  VectorXd result = VectorXd::Zero(state.point.size());
+/// What a search does not go on for.
+struct Negligible {
+  VectorXd moves;         ///< of each parameter; 0 where that is not known
+  double decrease = 0.0;  ///< relative, of the last two steps
+  [[nodiscard]] bool moves_nothing(const VectorXd& step) const {
+    return (step.cwiseAbs().array() <= moves.array()).all();
+  }
+};
+
+/// `own`: the Jacobian is the problem's own.
+Negligible negligible(const Problem& problem, const std::vector<Parameter>& parameters,
+                      const LeastSquaresOptions& options, const LeastSquaresState& state,
+                      bool own) {
+  constexpr double kFar = 2.0;  // times the noise: what is missed is not noise
+  Negligible result{VectorXd::Zero(state.point.size()), options.cost_tolerance};
   const double independent = problem.effective(state.residual);
   if (!(independent > 0.0)) return result;
-  const Uncertainty known = uncertainty(parameters, state, independent, huber, problem.blocks());
-  for (Index k = 0; k < result.size(); ++k) {
+  if (2.0 * state.cost > kFar * kFar * double(state.residual.size())) {
+    result.decrease = std::max(kLittle, result.decrease);
+  }
+  if (!own) return result;
+  const Uncertainty known =
+      uncertainty(parameters, state, independent, options.huber, problem.blocks());
+  for (Index k = 0; k < state.point.size(); ++k) {
     const Parameter& parameter = parameters[std::size_t(k)];
     const double slope = derivative(parameter.coordinate, state.point[k]);
     const double error = known.estimates[std::size_t(k)].standard_error / slope;
-    result[k] = std::min(kNothing * error, kShort * parameter.scale);
+    result.moves[k] = std::min(kNothing * error, kShort * parameter.scale);
   }
   return result;
 }
 
-/// Tries ever shorter steps until one is accepted.
 enum class Outcome : std::uint8_t { kAccepted, kRough, kFailed };
-
-/// What is missed is not noise: its last hundredth tells nothing.
-bool missed_by_far(const Problem& problem, const LeastSquaresState& state) {
-  constexpr double kFar = 2.0;  // times the noise
-  return problem.effective(state.residual) > 0.0 &&
-         2.0 * state.cost > kFar * kFar * double(state.residual.size());
-}
 
 /// How a step was accepted.
 struct Taken {
-  double stall = 0.0;  ///< relative decrease of a search that stands still
-  bool good = false;   ///< the first that was tried, and it gained most of what it promised
-  bool full = false;   ///< a longer one was no better, or hardly anything holds it back
+  bool good = false;  ///< the first that was tried, and it gained most of what it promised
+  bool full = false;  ///< a longer one was no better, or hardly anything holds it back
 };
 
-template <class MovesNothing>
+/// Tries ever shorter steps until one is accepted.
 Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
                   const LeastSquaresOptions& options, const Model& model, const Box& bounds,
-                  const MovesNothing& moves_nothing, int most_trials, LeastSquaresState& state,
+                  const Negligible& nothing, int most_trials, LeastSquaresState& state,
                   Taken& taken) {
   const Box room = room_around(parameters, bounds, state.point);
   const VectorXd full = damped_step(model, kLeastDamping, room);
@@ -289,7 +295,7 @@ Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
   for (int trial = 0; trial < most_trials; ++trial) {
     const double predicted = model.decrease(step);
     const double size = relative_size(parameters, step);
-    const bool too_short = size < options.step_tolerance || moves_nothing(step);
+    const bool too_short = size < options.step_tolerance || nothing.moves_nothing(step);
     if (!(predicted > 0.0) || (trial > 0 && too_short)) break;
     const VectorXd point = moved(state.point, step, bounds);
     auto result = evaluate(problem, {point}, state.residual.size());
@@ -322,7 +328,7 @@ Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
       } else if (before - cost <= options.cost_tolerance * before &&
                  model.decrease(full) <= 10.0 * options.cost_tolerance * before) {
         finish(state, true, "The last step lowered the cost by less than the tolerance.");
-      } else if ((trial > 0 || gain < 0.25) && stalled(state.history, taken.stall * before)) {
+      } else if ((trial > 0 || gain < 0.25) && stalled(state.history, nothing.decrease * before)) {
         finish(state, true, "The last two steps lowered the cost by less than the tolerance.");
       }
       return Outcome::kAccepted;
@@ -449,7 +455,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     }
     if (slopes != Slopes::kStandIn) {
       next.own = borrows;
-      if (slopes != Slopes::kKept) forget_slopes(next);
+      if (slopes != Slopes::kKept) next.forget_slopes();
       linearise_at(problem, parameters_, options, slopes, next);
     }
     const bool all_known =
@@ -461,8 +467,6 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     const bool still = model.scaling.maxCoeff() == 0.0;
     const double left = still ? 0.0 : model.decrease(damped_step(model, kLeastDamping, room));
     const VectorXd from = next.point;
-    const VectorXd before = next.residual;
-    const double cost_before = next.cost;
     const auto far = [&] {
       return slopes == Slopes::kKept &&
              relative_size(parameters_, next.point - next.anchor) > kNear;
@@ -485,18 +489,17 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       if (slopes != Slopes::kKept) next.anchor = next.point;
       break;
     }
-    const VectorXd nothing = slopes == Slopes::kStandIn
-                                 ? VectorXd::Zero(from.size())
-                                 : unimportant(problem, parameters_, next, options.huber);
-    const auto moves_nothing = [&](const VectorXd& step) {
-      return (step.cwiseAbs().array() <= nothing.array()).all();
-    };
+    const Negligible nothing =
+        negligible(problem, parameters_, options, next, slopes != Slopes::kStandIn);
+    const VectorXd before = next.residual;
+    const double cost_before = next.cost;
+    const double damping_before = next.damping;
     Taken taken;
-    taken.stall = missed_by_far(problem, next) ? std::max(kLittle, options.cost_tolerance)
-                                               : options.cost_tolerance;
-    const Outcome outcome =
-        try_steps(problem, parameters_, options, model, bounds, moves_nothing,
-                  slopes == Slopes::kStandIn ? kBorrowedTrials : kMostTrials, next, taken);
+    const Outcome outcome = try_steps(problem, parameters_, options, model, bounds, nothing,
+                                      slopes == Slopes::kStandIn ? kBorrowedTrials
+                                      : slopes == Slopes::kKept  ? kKeptTrials
+                                                                 : kMostTrials,
+                                      next, taken);
     if (outcome == Outcome::kAccepted) {
       next.converged = next.converged && all_known;
       if (slopes == Slopes::kStandIn) {
@@ -509,14 +512,15 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
         if (far()) next.finished = next.converged = false;
         const VectorXd step = next.point - from;
         if (!next.finished && !far() && taken.full && all_known &&
-            cost_before - next.cost <= kLittle * cost_before && moves_nothing(step)) {
+            cost_before - next.cost <= kLittle * cost_before && nothing.moves_nothing(step)) {
           finish(next, true, "The last step moved nothing by a tenth of its standard error.");
         }
+        if (slopes == Slopes::kKept && !taken.good) next.damping = damping_before;
         if (next.finished || taken.good) {
           next.trail.push_back(next.point);
           bring_up_to_date(parameters_, step, next.residual - before, next.jacobian);
         } else {
-          forget_slopes(next);
+          next.forget_slopes();
         }
       }
       break;

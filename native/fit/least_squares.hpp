@@ -77,6 +77,12 @@ struct LeastSquaresState {
   /// failed. Goes with the Jacobian.
   std::vector<std::uint8_t> unknown;
   std::vector<LeastSquaresStep> history;
+
+  /// The next iteration makes a Jacobian of its own.
+  void forget_slopes() {
+    anchor.resize(0);
+    trail.clear();
+  }
 };
 
 /// Levenberg–Marquardt within bounds (projected, with an active set), Marquardt's scaling by the

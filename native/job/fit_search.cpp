@@ -473,8 +473,7 @@ void LawFit::settle(LawState& state) {
   // With other substeps the residuals are not quite the same.
   state.refinements = at_level.refinements();
   state.search->residual.resize(0);
-  state.search->anchor.resize(0);
-  state.search->trail.clear();
+  state.search->forget_slopes();
 }
 
 fit::Uncertainty LawFit::uncertainty(const LawState& state) {

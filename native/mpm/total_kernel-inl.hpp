@@ -69,10 +69,15 @@ inline void reference_value(const double* nodes, std::size_t node, double out[3]
 }
 
 template <class T>
+HWY_INLINE void load_place(const typename LaneTraits<T>::Scalar* geometry, T f[3]) {
+  for (std::size_t a = 0; a < 3; ++a) f[a] = LaneTraits<T>::load(geometry + a * kLanes);
+}
+
+template <class T>
 HWY_INLINE Stencil<T> load_gradient_stencil(const typename LaneTraits<T>::Scalar* geometry,
                                             T inverse_dx) {
-  const T f[3] = {LaneTraits<T>::load(geometry), LaneTraits<T>::load(geometry + kLanes),
-                  LaneTraits<T>::load(geometry + 2 * kLanes)};
+  T f[3];
+  load_place(geometry, f);
   return gradient_stencil(f, inverse_dx);
 }
 
@@ -281,11 +286,6 @@ HWY_INLINE void through_slabs(const mpm::TotalView<S>& view, std::size_t block, 
   }
   S* force = view.force + block * 3 * kHaloNodes;
   for (std::size_t c = 0; c < 3; ++c) fold(out + c * kExpanded, force + c * kHaloNodes);
-}
-
-template <class T>
-HWY_INLINE void load_place(const typename LaneTraits<T>::Scalar* geometry, T f[3]) {
-  for (std::size_t a = 0; a < 3; ++a) f[a] = LaneTraits<T>::load(geometry + a * kLanes);
 }
 
 /// Σ w m (v_p + C_p (X_I − X_p)) of a block into its halo: the APIC transfer of the node velocities

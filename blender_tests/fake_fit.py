@@ -17,7 +17,7 @@ def measure(mean):
 
 def estimate(path, unit, start, value, error, **other):
     entry = {"path": path, "unit": unit, "start": start, "value": value, "standard_error": error,
-             "interval": None, "bounds": [0.0, 1e10], "at_bound": False, "observable": True,
+             "grid_error": None, "interval": None, "bounds": [0.0, 1e10], "at_bound": False, "observable": True,
              "statement": ""}
     if error is not None:
         entry["interval"] = [value - 1.96 * error, value + 1.96 * error]

@@ -75,7 +75,7 @@ def _parameter_errors(fit, clip):
     rows = {}
     for parameter in fit["parameters"]:
         path = parameter["path"]
-        row = {"value": parameter["value"], "standard_error": parameter["standard_error"]}
+        row = {key: parameter.get(key) for key in ("value", "standard_error", "grid_error", "interval")}
         key = path.split("material.")[-1]
         kind, _, component = path.split(".")[-1].partition("[")
         if key in clip.get("parameters", {}):

@@ -121,6 +121,20 @@ Covariance invert(const MatrixXd& hessian) {
   return result;
 }
 
+/// The covariance of natural coordinates times a vector; 0 where nothing is observed.
+VectorXd product(const Covariance& covariance, const VectorXd& vector) {
+  VectorXd result = VectorXd::Zero(vector.size());
+  for (Index k = 0; k < vector.size(); ++k) {
+    if (!std::isfinite(covariance.error[k])) continue;
+    for (Index j = 0; j < vector.size(); ++j) {
+      if (!std::isfinite(covariance.error[j])) continue;
+      result[k] += covariance.correlation(k, j) * covariance.error[k] * covariance.error[j] *
+                   vector[j];
+    }
+  }
+  return result;
+}
+
 /// Errors from how far the blocks disagree; 0 where they cannot tell. `hessian` and `weights` (of
 /// the priors) are those that the fit itself made small.
 VectorXd between_blocks(const LeastSquaresState& state, const MatrixXd& hessian,
@@ -147,15 +161,28 @@ VectorXd between_blocks(const LeastSquaresState& state, const MatrixXd& hessian,
   }
   const Covariance inverse = invert(hessian);
   for (Index k = 0; k < n; ++k) {
-    if (!std::isfinite(inverse.error[k])) continue;
-    VectorXd row = VectorXd::Zero(n);
-    for (Index j = 0; j < n; ++j) {
-      if (!std::isfinite(inverse.error[j])) continue;
-      row[j] = inverse.correlation(k, j) * inverse.error[k] * inverse.error[j];
-    }
+    const VectorXd row = product(inverse, VectorXd::Unit(n, k));
     errors[k] = std::sqrt(std::max(0.0, row.dot(middle * row)));
   }
   return errors;
+}
+
+/// Sets the interval from its half width in natural coordinates.
+void set_interval(const Parameter& parameter, double at, double half, Estimate& estimate) {
+  const auto value_at = [&](double natural) {
+    return std::clamp(from_natural(parameter.coordinate, natural), parameter.low, parameter.high);
+  };
+  estimate.low = value_at(at - half);
+  estimate.high = value_at(at + half);
+}
+
+VectorXd prior_weights(const std::vector<Parameter>& parameters) {
+  VectorXd weights = VectorXd::Zero(Index(parameters.size()));
+  for (std::size_t k = 0; k < parameters.size(); ++k) {
+    const auto& prior = parameters[k].prior;
+    if (prior) weights[Index(k)] = 1.0 / (prior->sigma * prior->sigma);
+  }
+  return weights;
 }
 
 std::string capital(std::string text) {
@@ -272,11 +299,7 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
   }
   const Information data = information(state, parameters.size(), effective, huber);
   const double enlarged = std::max(1.0, data.noise);
-  VectorXd weights = VectorXd::Zero(n);
-  for (Index k = 0; k < n; ++k) {
-    const auto& prior = parameters[std::size_t(k)].prior;
-    if (prior) weights[k] = 1.0 / (prior->sigma * prior->sigma);
-  }
+  const VectorXd weights = prior_weights(parameters);
   const auto with_priors = [&](double weight) {
     MatrixXd hessian = weight * data.data;
     hessian.diagonal() += weights;
@@ -298,16 +321,13 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
   result.noise_scale = data.noise;
   for (Index k = 0; k < n; ++k) {
     const Parameter& parameter = parameters[std::size_t(k)];
-    const auto value_at = [&](double natural) {
-      return std::clamp(from_natural(parameter.coordinate, natural), parameter.low, parameter.high);
-    };
     const double at = state.point[k];
     const double error = errors[k];
     Estimate estimate;
-    estimate.value = value_at(at);
+    estimate.value =
+        std::clamp(from_natural(parameter.coordinate, at), parameter.low, parameter.high);
     estimate.standard_error = error * derivative(parameter.coordinate, at);
-    estimate.low = value_at(at - kQuantile * error);
-    estimate.high = value_at(at + kQuantile * error);
+    set_interval(parameter, at, kQuantile * error, estimate);
     const double near = 1e-6 * parameter.scale;
     estimate.at_bound = at - to_natural(parameter.coordinate, parameter.low) <= near ||
                         to_natural(parameter.coordinate, parameter.high) - at <= near;
@@ -327,6 +347,40 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
         "enlarged by it.");
   }
   return result;
+}
+
+void add_grid_error(const std::vector<Parameter>& parameters, const LeastSquaresState& state,
+                    const VectorXd& change, double share, double huber, Uncertainty& known) {
+  const auto n = Index(parameters.size());
+  if (change.size() != state.residual.size() || state.jacobian.rows() != change.size() ||
+      state.jacobian.cols() != n || known.estimates.size() != parameters.size()) {
+    throw_input("the grid error of a fit needs its Jacobian and as many residuals.");
+  }
+  MatrixXd hessian = prior_weights(parameters).asDiagonal();
+  VectorXd gradient = VectorXd::Zero(n);
+  for (Index i = 0; i < change.size(); ++i) {
+    if (huber > 0.0 && std::abs(state.residual[i]) > huber) continue;
+    const VectorXd row = state.jacobian.row(i);
+    hessian += row * row.transpose();
+    gradient += change[i] * row;
+  }
+  const VectorXd shift = share * product(invert(hessian), gradient);
+  std::vector<Index> uncertain;
+  for (Index k = 0; k < n; ++k) {
+    Estimate& estimate = known.estimates[std::size_t(k)];
+    if (!std::isfinite(estimate.standard_error)) continue;
+    const Parameter& parameter = parameters[std::size_t(k)];
+    const double slope = derivative(parameter.coordinate, state.point[k]);
+    const double error = estimate.standard_error / slope;
+    estimate.grid_error = std::abs(shift[k]) * slope;
+    set_interval(parameter, state.point[k], kQuantile * std::hypot(error, shift[k]), estimate);
+    if (std::abs(shift[k]) > error) uncertain.push_back(k);
+  }
+  if (uncertain.empty()) return;
+  known.statements.push_back(
+      "The grid makes " + listed(parameters, uncertain) +
+      " less certain than the data do: on a coarser grid other values would fit best. Use a "
+      "smaller particle separation to know more.");
 }
 
 }  // namespace matterfit::fit

@@ -14,7 +14,10 @@ namespace matterfit::fit {
 struct Estimate {
   double value = 0.0;           ///< physical
   double standard_error = 0.0;  ///< physical, linearised; infinite where nothing observes it
-  double low = 0.0;             ///< 95 % interval, through the natural coordinate, within bounds
+  /// Physical: what the grid makes it wrong by, about; 0: not known (add_grid_error()).
+  double grid_error = 0.0;
+  /// 95 % interval of both errors, through the natural coordinate, within bounds.
+  double low = 0.0;
   double high = 0.0;
   bool at_bound = false;
   /// The data narrow it: its error is below its scale. With a prior: they know at least as much of
@@ -46,5 +49,13 @@ struct Uncertainty {
                                       const LeastSquaresState& state, double effective = 0.0,
                                       double huber = 0.0,
                                       const std::vector<std::uint32_t>& blocks = {});
+
+/// Adds what the discretisation makes of the values, from the same simulation on a coarser grid:
+/// `change` is what that adds to the residuals at the end of the fit, of which `share` is taken to
+/// be in the fit as well (1 with a grid twice as coarse: errors of first order). The values would
+/// move by −H⁻¹Jᵀ share change; that is the grid error, and the intervals are widened by it. States
+/// which values it makes less certain than the data do.
+void add_grid_error(const std::vector<Parameter>& parameters, const LeastSquaresState& state,
+                    const Eigen::VectorXd& change, double share, double huber, Uncertainty& known);
 
 }  // namespace matterfit::fit

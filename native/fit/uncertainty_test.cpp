@@ -401,6 +401,47 @@ TEST(Uncertainty, BlocksThatDisagreeWidenAnError) {
   EXPECT_LT(9.0 * alone, variance);
 }
 
+TEST(GridError, IsHowFarACoarserGridMovesTheValues) {
+  const MatrixXd jacobian = random_matrix(50, 2, 11);
+  const LeastSquaresState state = state_of(jacobian, 0.1);
+  Uncertainty known = uncertainty(parameters(2), state);
+  const Uncertainty before = known;
+  const Vector2d moved(0.3, -0.7);  // what a fit on the coarser grid would find instead
+  add_grid_error(parameters(2), state, -jacobian * moved, 0.5, 0.0, known);
+  for (Index k = 0; k < 2; ++k) {
+    const Estimate& estimate = known.estimates[std::size_t(k)];
+    EXPECT_EQ(estimate.value, before.estimates[std::size_t(k)].value);
+    EXPECT_EQ(estimate.standard_error, before.estimates[std::size_t(k)].standard_error);
+    EXPECT_NEAR(estimate.grid_error, 0.5 * std::abs(moved[k]), 1e-12);
+    const double both = std::hypot(estimate.standard_error, estimate.grid_error);
+    EXPECT_NEAR(estimate.high, 1.96 * both, 1e-4 * both);
+    EXPECT_NEAR(estimate.low, -1.96 * both, 1e-4 * both);
+  }
+  EXPECT_THAT(known.statements, testing::Contains(HasSubstr("The grid makes x[0] and x[1]")));
+}
+
+TEST(GridError, IsNotTheResidualsThatNoValueExplains) {
+  MatrixXd jacobian = MatrixXd::Zero(4, 2);
+  jacobian(0, 0) = 1.0;  // nothing observes the second
+  const LeastSquaresState state = state_of(jacobian, 1.0, 1);
+  Uncertainty known = uncertainty(parameters(2), state);
+  const std::size_t statements = known.statements.size();
+  add_grid_error(parameters(2), state, 5.0 * VectorXd::Unit(4, 3), 1.0, 0.0, known);
+  EXPECT_EQ(known.estimates[0].grid_error, 0.0);
+  EXPECT_EQ(known.estimates[1].grid_error, 0.0);
+  EXPECT_EQ(known.statements.size(), statements);
+  EXPECT_THROW(add_grid_error(parameters(2), state, VectorXd::Zero(3), 1.0, 0.0, known), Error);
+}
+
+TEST(GridError, LeavesOutWhatAHuberFitDoesNotSee) {
+  MatrixXd jacobian = MatrixXd::Ones(3, 1);
+  LeastSquaresState state = state_of(jacobian, 0.1);
+  state.residual[2] = 100.0;
+  Uncertainty known = uncertainty(parameters(1), state, 0.0, 2.0);
+  add_grid_error(parameters(1), state, VectorXd(Eigen::Vector3d(0.4, 0.4, 9.0)), 1.0, 2.0, known);
+  EXPECT_NEAR(known.estimates[0].grid_error, 0.4, 1e-12);
+}
+
 TEST(Uncertainty, BlocksSayWhatTheyDisagreeAbout) {
   std::vector<std::uint32_t> blocks;
   const LeastSquaresState apart = state_of_blocks(1.0, 7, blocks);

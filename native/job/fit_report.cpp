@@ -102,6 +102,7 @@ Json parameters_json(const std::vector<fit::Parameter>& parameters,
                  {"start", parameter.start},
                  {"value", values[k]},
                  {"standard_error", nullptr},
+                 {"grid_error", nullptr},
                  {"interval", nullptr},
                  {"bounds", {parameter.low, parameter.high}},
                  {"at_bound", values[k] <= parameter.low || values[k] >= parameter.high},
@@ -110,6 +111,7 @@ Json parameters_json(const std::vector<fit::Parameter>& parameters,
     if (uncertainty) {
       const fit::Estimate& estimate = uncertainty->estimates[k];
       json["standard_error"] = finite(estimate.standard_error);
+      if (estimate.grid_error > 0.0) json["grid_error"] = finite(estimate.grid_error);
       json["interval"] = {finite(estimate.low), finite(estimate.high)};
       json["at_bound"] = estimate.at_bound;
       json["observable"] = estimate.observable;
@@ -175,7 +177,8 @@ Json material_preset(const Job& fitted, const std::string& body, const Json& fit
   Json parameters = Json::array();
   for (const Json& parameter : fit.at("parameters")) {
     Json kept;
-    for (const char* key : {"path", "unit", "value", "standard_error", "interval", "observable"}) {
+    for (const char* key : {"path", "unit", "value", "standard_error", "grid_error", "interval",
+                            "observable"}) {
       kept[key] = parameter.at(key);
     }
     parameters.push_back(std::move(kept));

@@ -34,6 +34,8 @@ constexpr double kLeash = 2.0;
 /// A contact's default stiffness that has changed by more than this is resolved anew.
 constexpr double kContactChange = 1.05;
 constexpr int kMostRepeats = 1;
+/// The grid that tells how much the values depend on it.
+const double kCoarser = std::getenv("COARSER") ? std::atof(std::getenv("COARSER")) : 2.0;
 /// What a stage that is led by a coarser one takes of the time that it would take alone, about.
 constexpr double kLedShare = 0.3;
 
@@ -482,8 +484,27 @@ fit::Uncertainty LawFit::uncertainty(const LawState& state) {
   settle(at_end);
   fit::LeastSquaresState& search = *at_end.search;
   at.search.linearise(at.problem, search);
-  return fit::uncertainty(at.search.parameters(), search, at.problem.effective(search.residual),
-                          setup_.fit->huber, at.problem.blocks());
+  fit::Uncertainty known =
+      fit::uncertainty(at.search.parameters(), search, at.problem.effective(search.residual),
+                       setup_.fit->huber, at.problem.blocks());
+  if (const auto change = coarser(at_end)) {
+    fit::add_grid_error(at.search.parameters(), search, *change, 1.0 / (kCoarser - 1.0),
+                        setup_.fit->huber, known);
+  }
+  return known;
+}
+
+std::optional<Eigen::VectorXd> LawFit::coarser(const LawState& state) {
+  const Stage& stage = stages_[state.stage];
+  if (setup_.fit->loss != FitDoc::Loss::kTracks) return std::nullopt;
+  FitModel& of = model(kCoarser * stage.level);
+  of.freeze_contacts(state.values);
+  of.set_steps(std::vector<FitSteps>(setup_.runs->size()));
+  const auto outcome = of.evaluate({state.values}, {stage.window.until, true}).front();
+  if (!outcome) return std::nullopt;
+  const FitProblem problem(of, *setup_.runs, parameters_->parameters(), setup_.fit->loss,
+                           stage.window);
+  return problem.residuals(*outcome) - state.search->residual;
 }
 
 std::vector<double> LawFit::distances(const LawState& state) {

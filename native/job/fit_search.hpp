@@ -109,6 +109,9 @@ class LawFit {
                                                          const FitWindow& window);
   Context& context(const LawState& state);
   [[nodiscard]] std::vector<fit::Parameter> stage_parameters(const LawState& state) const;
+  /// What a coarser grid adds to the residuals of the last stage at its end; nothing where it
+  /// cannot be told (clouds have another number of points; the simulation could not be completed).
+  [[nodiscard]] std::optional<Eigen::VectorXd> coarser(const LawState& state);
   void tell(const LawState& state, const std::string& stage, double part, double rms) const;
 
   FitSetup setup_;

@@ -346,35 +346,20 @@ void TotalBody<S>::clear_loads(std::size_t block) {
 }
 
 template <class S>
-void TotalBody<S>::add_load(std::uint32_t particle, const Point& point, const Vec3d& force) {
-  loads_[grid_.block(particle)].push_back({point.cell, grid_.axes().transpose() * force});
+void TotalBody<S>::add_load(std::uint32_t particle, const Place& place, const Vec3d& force) {
+  loads_[grid_.block(particle)].push_back({place.cell, grid_.axes().transpose() * force});
 }
 
 template <class S>
-typename TotalBody<S>::Point TotalBody<S>::point(std::uint32_t particle) const {
-  const CellPoint cell = grid_.point_of(particle);
-  return {grid_.rest(particle), cell, {grid_, cell}};
+typename TotalBody<S>::Place TotalBody<S>::place(std::uint32_t particle) const {
+  return {grid_.rest(particle), grid_.point_of(particle)};
 }
 
 template <class S>
-typename TotalBody<S>::Point TotalBody<S>::point(std::uint32_t particle,
+typename TotalBody<S>::Place TotalBody<S>::place(std::uint32_t particle,
                                                  const Vec3d& offset) const {
   const Vec3d rest = grid_.rest(particle) + grid_.axes().transpose() * offset;
-  const CellPoint cell = grid_.point_in(particle, rest);
-  return {rest, cell, {grid_, cell}};
-}
-
-template <class S>
-typename TotalBody<S>::PointState TotalBody<S>::state(const Point& point) const {
-  const Vec3d u = field_at(point.field, displacement_.data());
-  const Vec3d v = field_at(point.field, velocity_.data());
-  return {grid_.to_world(point.rest + u), grid_.axes() * v};
-}
-
-template <class S>
-Mat3d TotalBody<S>::deformation_gradient(const Point& point) const {
-  const Mat3d h = field_gradient(point.field, displacement_.data());
-  return grid_.axes() * (Mat3d::Identity() + h) * grid_.axes().transpose();
+  return {rest, grid_.point_in(particle, rest)};
 }
 
 template <class S>

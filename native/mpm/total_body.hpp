@@ -82,27 +82,48 @@ class TotalBody {
   [[nodiscard]] double stable_time_step(Arena& arena, int iterations,
                                         const Interrupter& interrupter);
 
-  /// A point of the body, looked up once.
-  struct Point {
+  /// Where a point of the body lies at rest.
+  struct Place {
     Vec3d rest;  ///< body axes [m]
     CellPoint cell;
+  };
+  [[nodiscard]] Place place(std::uint32_t particle) const;
+  /// The point that is `offset` [m, world axes] from a particle at rest.
+  [[nodiscard]] Place place(std::uint32_t particle, const Vec3d& offset) const;
+  /// A point of the body, its nodes looked up once. (Of many in one block: TotalBlock.)
+  struct Point : Place {
     FieldStencil field;
   };
-  [[nodiscard]] Point point(std::uint32_t particle) const;
-  /// The point that is `offset` [m, world axes] from a particle at rest.
-  [[nodiscard]] Point point(std::uint32_t particle, const Vec3d& offset) const;
+  [[nodiscard]] Point point(const Place& place) const { return {place, {grid_, place.cell}}; }
+  [[nodiscard]] Point point(std::uint32_t particle) const { return point(place(particle)); }
+  [[nodiscard]] Point point(std::uint32_t particle, const Vec3d& offset) const {
+    return point(place(particle, offset));
+  }
   /// Present position and velocity, world axes.
   struct PointState {
     Vec3d position;
     Vec3d velocity;
   };
-  [[nodiscard]] PointState state(const Point& point) const;
-  [[nodiscard]] Mat3d deformation_gradient(const Point& point) const;
+  [[nodiscard]] PointState state(const Point& point) const {
+    return state(point, field_at(point.field, displacement_.data()),
+                 field_at(point.field, velocity_.data()));
+  }
+  [[nodiscard]] Mat3d deformation_gradient(const Point& point) const {
+    return deformation_gradient(field_gradient(point.field, displacement_.data()));
+  }
+  /// From displacement and velocity there, and from Σ u ⊗ ∇w, all in body axes.
+  [[nodiscard]] PointState state(const Place& place, const Vec3d& displacement,
+                                 const Vec3d& velocity) const {
+    return {grid_.to_world(place.rest + displacement), grid_.axes() * velocity};
+  }
+  [[nodiscard]] Mat3d deformation_gradient(const Mat3d& gradient) const {
+    return grid_.axes() * (Mat3d::Identity() + gradient) * grid_.axes().transpose();
+  }
 
   /// Forces [N, world axes] at points of particles, set before compute_forces. Those of a block's
   /// particles are set by one thread only.
   void clear_loads(std::size_t block);
-  void add_load(std::uint32_t particle, const Point& point, const Vec3d& force);
+  void add_load(std::uint32_t particle, const Place& place, const Vec3d& force);
 
   void sample(Arena& arena, BodyState& out) const;
   [[nodiscard]] BlockExtremes<S> extremes() const;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "mpm/total_block.hpp"
+
 namespace matterfit::mpm {
 
 template <class S>
@@ -45,13 +47,14 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
   }
   arena.parallel_for(0, skin_.size(), 1, [&](std::size_t b) {
     body.clear_loads(b);
-    if (time < wake_time_[b]) return;
+    if (skin_[b].empty() || time < wake_time_[b]) return;
     double gap = 1e30;     // least distance of any particle's surface to any collider
     double closing = 0.0;  // fastest approach seen [m/s]
     bool touching = false;
+    const TotalBlock<S> block(body, b);
     for (const std::uint32_t p : skin_[b]) {
-      const auto center = body.point(p);
-      const auto state = body.state(center);
+      const auto center = body.place(p);
+      const auto state = block.state(center);
       const double half = 0.5 * std::cbrt(body.volume(p));
       for (std::size_t s = 0; s < colliders_.size(); ++s) {
         const SurfacePoint surface = colliders_[s].collider->closest(state.position, time);
@@ -64,10 +67,10 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
         }
         // Gap and force are those of the particle's face: a force at its centre would leave the
         // layer outside of it without stress.
-        const Mat3d f = body.deformation_gradient(center);
+        const Mat3d f = block.deformation_gradient(center);
         const Vec3d face = -half * (f.transpose() * surface.normal).normalized();
-        const auto at_face = body.point(p, face);
-        const auto face_state = body.state(at_face);
+        const auto at_face = body.place(p, face);
+        const auto face_state = block.state(at_face);
         const SurfacePoint below = colliders_[s].collider->closest(face_state.position, time);
         ContactPoint point = contact_point(below, f, body.volume(p), density_, face_state.velocity);
         point.radius = 0.0;

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <optional>
 #include <utility>
 #include <vector>
 
 #include "mpm/collider_adjoint.hpp"
 #include "mpm/contact_law_adjoint.hpp"
 #include "mpm/total_adjoint.hpp"
+#include "mpm/total_block.hpp"
 #include "mpm/total_contact.hpp"
-#include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
 
@@ -30,12 +29,22 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
   [[nodiscard]] const std::vector<ColliderCotangents>& colliders() const { return bars_; }
 
  private:
+  using Place = typename TotalBody<S>::Place;
+  /// A particle that can have met a surface.
+  struct Particle {
+    std::uint32_t particle;
+    ContactMemory memory;  ///< before
+    Place center;
+    Vec3d position = Vec3d::Zero();
+    Mat3d f = Mat3d::Identity();
+  };
   /// One particle at one collider, as the forward pass met it.
   struct Touch {
+    std::size_t particle;  ///< into the group's
     std::size_t collider;
     ContactMemory memory;  ///< before
     Vec3d center_normal;   ///< of the collider at the particle's centre
-    typename TotalBody<S>::Point face;
+    Place face;
     Vec3d face_position = Vec3d::Zero();
     SurfacePoint below{};
     ContactPoint point{};
@@ -52,22 +61,23 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
     double log_density = 0.0;
     ColliderCotangents collider;
   };
-  struct Particle {
-    std::uint32_t particle;
-    ContactMemory memory;  ///< before
-    std::optional<typename TotalBody<S>::Point> center{};
-    Vec3d position = Vec3d::Zero();
-    Mat3d f = Mat3d::Identity();
-    std::vector<Touch> touches{};
-    std::vector<TouchBar> bars{};  ///< last touch first
+  /// The particles of one block.
+  struct Group {
+    std::size_t block = 0;
+    std::vector<Particle> particles;  ///< ascending
+    std::vector<Touch> touches;       ///< particle by particle
+    std::vector<TouchBar> bars;       ///< one each
+    BlockField displacement_bar;
+    BlockField velocity_bar;
   };
-  void meet(Particle& particle, const TotalSubstep& substep) const;
+  void meet(Group& group, const TotalSubstep& substep) const;
+  void back(Group& group, const TotalSubstep& substep, const std::vector<double>& force_bar);
   [[nodiscard]] TouchBar back(const Particle& particle, const Touch& touch,
-                              const TotalSubstep& substep, const std::vector<double>& force_bar,
-                              Vec3d& stretch_bar) const;
-  /// Calls use(particle, touch, bar) for each bar there is, in order.
-  template <class Use>
-  void for_each_bar(const Use& use) const;
+                              const TotalSubstep& substep, const TotalBlock<S>& block,
+                              const BlockField& block_force_bar,
+                              const std::vector<double>& force_bar, Vec3d& stretch_bar) const;
+  /// The groups' displacement_bar and velocity_bar, and those of faces in other blocks.
+  void add_to(Arena& arena, TotalCotangents<S>& bar) const;
   /// The cotangents of normal and velocity of the surface met at `x`: returns that of x.
   Vec3d back_to_surface(std::size_t collider, const Vec3d& x, const SurfacePoint& at,
                         double distance_bar, const Vec3d& normal_bar, const Vec3d& velocity_bar,
@@ -79,8 +89,10 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
   std::vector<ColliderPtr> colliders_;
   std::vector<ContactLaw> laws_;
   std::vector<ColliderCotangents> bars_;
-  std::vector<Vec3d> stretch_bar_;   ///< per particle
-  std::vector<Particle> particles_;  ///< that can have met a surface, ascending
+  std::vector<Vec3d> stretch_bar_;  ///< per particle
+  std::vector<Group> groups_;       ///< the first group_count_ are of this substep
+  std::size_t group_count_ = 0;
+  std::vector<std::uint32_t> group_of_;  ///< of a block, or kNoBlock
 };
 
 extern template class TotalContactAdjoint<float>;

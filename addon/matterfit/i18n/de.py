@@ -113,6 +113,7 @@ TEXTS = {
     "Error of the fit; blue: held out": "Fehler der Anpassung; blau: zurückgehalten",
     "{stage}: rms {error} mm": "{stage}: quadratisches Mittel {error} mm",
     "{value}, not observable": "{value}, nicht beobachtbar",
+    "Grid: ± {error}": "Gitter: ± {error}",
     "95 %: {low} to {high}": "95 %: {low} bis {high}",
     "What is left is {factor} × the noise": "Es bleibt das {factor}-Fache des Rauschens",
     "Cancelled: the best so far. Resume goes on.":

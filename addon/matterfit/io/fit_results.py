@@ -18,13 +18,15 @@ HISTORY_FILE = os.path.join("fit", "history.jsonl")
 @dataclass
 class Estimate:
     """One fitted number, SI. `error` and the interval are None where nothing observes it, and where
-    the fit was cancelled before they were known."""
+    the fit was cancelled before they were known; `grid_error`, what the particle separation makes
+    it wrong by, also where it was not examined. The interval is of both errors."""
 
     path: str
     unit: str = ""
     start: float = 0.0
     value: float = 0.0
     error: float = None
+    grid_error: float = None
     interval: tuple = None
     at_bound: bool = False
     observable: bool = True
@@ -99,6 +101,7 @@ def _estimate(entry):
     return Estimate(
         path=entry["path"], unit=entry.get("unit", ""), start=entry.get("start") or 0.0,
         value=float(entry["value"]), error=entry.get("standard_error"),
+        grid_error=entry.get("grid_error"),
         interval=tuple(interval) if interval else None,
         at_bound=bool(entry.get("at_bound")), observable=entry.get("observable") is not False,
         statement=entry.get("statement") or "")

@@ -225,6 +225,10 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             column.label(text=translate("{value}, not observable").format(
                 value=fit_results.value_text(estimate.value, None, estimate.unit)),
                 translate=False)
+        if estimate.grid_error and estimate.observable:
+            column.label(text=translate("Grid: ± {error}").format(
+                error=fit_results.rounded(estimate.grid_error, estimate.grid_error)),
+                translate=False)
         if estimate.interval is not None and estimate.observable:
             low, high = (fit_results.rounded(value, estimate.error)
                          for value in estimate.interval)

@@ -128,8 +128,8 @@ VectorXd product(const Covariance& covariance, const VectorXd& vector) {
     if (!std::isfinite(covariance.error[k])) continue;
     for (Index j = 0; j < vector.size(); ++j) {
       if (!std::isfinite(covariance.error[j])) continue;
-      result[k] += covariance.correlation(k, j) * covariance.error[k] * covariance.error[j] *
-                   vector[j];
+      result[k] +=
+          covariance.correlation(k, j) * covariance.error[k] * covariance.error[j] * vector[j];
     }
   }
   return result;
@@ -356,15 +356,29 @@ void add_grid_error(const std::vector<Parameter>& parameters, const LeastSquares
       state.jacobian.cols() != n || known.estimates.size() != parameters.size()) {
     throw_input("the grid error of a fit needs its Jacobian and as many residuals.");
   }
-  MatrixXd hessian = prior_weights(parameters).asDiagonal();
+  MatrixXd hessian = MatrixXd::Zero(n, n);
   VectorXd gradient = VectorXd::Zero(n);
+  double observed = 0.0;
+  double squares = 0.0;
   for (Index i = 0; i < change.size(); ++i) {
     if (huber > 0.0 && std::abs(state.residual[i]) > huber) continue;
+    if (change[i] == 0.0 && state.jacobian.row(i).isZero(0.0)) continue;
     const VectorXd row = state.jacobian.row(i);
     hessian += row * row.transpose();
     gradient += change[i] * row;
+    observed += 1.0;
+    squares += change[i] * change[i];
   }
-  const VectorXd shift = share * product(invert(hessian), gradient);
+  if (!(squares > 0.0)) return;
+  const double weight = observed / squares;
+  hessian *= weight;
+  for (Index k = 0; k < n; ++k) {
+    const Parameter& parameter = parameters[std::size_t(k)];
+    const double scale =
+        parameter.prior ? std::min(parameter.prior->sigma, parameter.scale) : parameter.scale;
+    hessian(k, k) += 1.0 / (scale * scale);
+  }
+  const VectorXd shift = share * weight * product(invert(hessian), gradient);
   std::vector<Index> uncertain;
   for (Index k = 0; k < n; ++k) {
     Estimate& estimate = known.estimates[std::size_t(k)];

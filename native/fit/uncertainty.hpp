@@ -52,9 +52,11 @@ struct Uncertainty {
 
 /// Adds what the discretisation makes of the values, from the same simulation on a coarser grid:
 /// `change` is what that adds to the residuals at the end of the fit, of which `share` is taken to
-/// be in the fit as well (1 with a grid twice as coarse: errors of first order). The values would
-/// move by −H⁻¹Jᵀ share change; that is the grid error, and the intervals are widened by it. States
-/// which values it makes less certain than the data do.
+/// be in the fit as well (a third with a grid twice as coarse and errors of second order). The
+/// values that would make up for the change, times the share, are the grid errors; the intervals
+/// are widened by them. Most of a change no values make up for: it counts as noise of its own size,
+/// and the values as known to their scales, so that a direction that hardly changes anything takes
+/// no part. States which values the grid makes less certain than the data do.
 void add_grid_error(const std::vector<Parameter>& parameters, const LeastSquaresState& state,
                     const Eigen::VectorXd& change, double share, double huber, Uncertainty& known);
 

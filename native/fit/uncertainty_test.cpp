@@ -407,12 +407,15 @@ TEST(GridError, IsHowFarACoarserGridMovesTheValues) {
   Uncertainty known = uncertainty(parameters(2), state);
   const Uncertainty before = known;
   const Vector2d moved(0.3, -0.7);  // what a fit on the coarser grid would find instead
-  add_grid_error(parameters(2), state, -jacobian * moved, 0.5, 0.0, known);
+  // Exactly so where the scales are wide.
+  std::vector<Parameter> wide = parameters(2);
+  for (Parameter& parameter : wide) parameter.scale = 1e4;
+  add_grid_error(wide, state, -jacobian * moved, 0.5, 0.0, known);
   for (Index k = 0; k < 2; ++k) {
     const Estimate& estimate = known.estimates[std::size_t(k)];
     EXPECT_EQ(estimate.value, before.estimates[std::size_t(k)].value);
     EXPECT_EQ(estimate.standard_error, before.estimates[std::size_t(k)].standard_error);
-    EXPECT_NEAR(estimate.grid_error, 0.5 * std::abs(moved[k]), 1e-12);
+    EXPECT_NEAR(estimate.grid_error, 0.5 * std::abs(moved[k]), 1e-6);
     const double both = std::hypot(estimate.standard_error, estimate.grid_error);
     EXPECT_NEAR(estimate.high, 1.96 * both, 1e-4 * both);
     EXPECT_NEAR(estimate.low, -1.96 * both, 1e-4 * both);
@@ -438,8 +441,24 @@ TEST(GridError, LeavesOutWhatAHuberFitDoesNotSee) {
   LeastSquaresState state = state_of(jacobian, 0.1);
   state.residual[2] = 100.0;
   Uncertainty known = uncertainty(parameters(1), state, 0.0, 2.0);
-  add_grid_error(parameters(1), state, VectorXd(Eigen::Vector3d(0.4, 0.4, 9.0)), 1.0, 2.0, known);
-  EXPECT_NEAR(known.estimates[0].grid_error, 0.4, 1e-12);
+  std::vector<Parameter> wide = parameters(1);
+  wide[0].scale = 1e4;
+  add_grid_error(wide, state, VectorXd(Eigen::Vector3d(0.4, 0.4, 9.0)), 1.0, 2.0, known);
+  EXPECT_NEAR(known.estimates[0].grid_error, 0.4, 1e-6);
+}
+
+TEST(GridError, OfAValleyIsNoMoreThanItsScale) {
+  // Two values of which hardly more than the sum tells, and a change that asks for a thousand.
+  MatrixXd jacobian = MatrixXd::Ones(40, 2);
+  jacobian(0, 0) = 1.0 + 1e-3;
+  const LeastSquaresState state = state_of(jacobian);
+  Uncertainty known = uncertainty(parameters(2), state);
+  VectorXd change = VectorXd::Ones(40);
+  change[0] = 2.0;
+  add_grid_error(parameters(2), state, change, 1.0, 0.0, known);
+  EXPECT_LT(known.estimates[0].grid_error, 1.0);
+  EXPECT_LT(known.estimates[1].grid_error, 1.0);
+  EXPECT_NEAR(known.estimates[0].grid_error + known.estimates[1].grid_error, 1.0, 0.1);
 }
 
 TEST(Uncertainty, BlocksSayWhatTheyDisagreeAbout) {

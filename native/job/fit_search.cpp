@@ -34,8 +34,10 @@ constexpr double kLeash = 2.0;
 /// A contact's default stiffness that has changed by more than this is resolved anew.
 constexpr double kContactChange = 1.05;
 constexpr int kMostRepeats = 1;
-/// The grid that tells how much the values depend on it.
-const double kCoarser = std::getenv("COARSER") ? std::atof(std::getenv("COARSER")) : 2.0;
+/// The grid that tells how much the values depend on it, and what it has of the difference itself:
+/// errors of second order in the separation (docs/validation.md).
+constexpr double kCoarser = 2.0;
+constexpr double kOfCoarser = 1.0 / (kCoarser * kCoarser - 1.0);
 /// What a stage that is led by a coarser one takes of the time that it would take alone, about.
 constexpr double kLedShare = 0.3;
 
@@ -488,8 +490,8 @@ fit::Uncertainty LawFit::uncertainty(const LawState& state) {
       fit::uncertainty(at.search.parameters(), search, at.problem.effective(search.residual),
                        setup_.fit->huber, at.problem.blocks());
   if (const auto change = coarser(at_end)) {
-    fit::add_grid_error(at.search.parameters(), search, *change, 1.0 / (kCoarser - 1.0),
-                        setup_.fit->huber, known);
+    fit::add_grid_error(at.search.parameters(), search, *change, kOfCoarser, setup_.fit->huber,
+                        known);
   }
   return known;
 }

@@ -136,6 +136,7 @@ Json correlation_json(const fit::Uncertainty& uncertainty) {
 
 Json ranked_models(const std::vector<LawState>& laws) {
   std::vector<const LawState*> order;
+  order.reserve(laws.size());
   for (const LawState& law : laws) order.push_back(&law);
   const auto weight = [](const LawState* law) {
     return usable(*law) ? log_weight(law->model) : -std::numeric_limits<double>::infinity();

@@ -28,13 +28,15 @@ struct Rollout {
   material::Material material;
   double density = 1000.0;
   bool with_mass = false;
+  int length = 4;  ///< in particles
+  double dx = 2.0 * kH;
 
   [[nodiscard]] Scene scene() const {
     Scene scene;
     scene.fps = 100.0;
     scene.first_frame = 0;
     scene.end_frame = 2;
-    scene.dx = 2.0 * kH;
+    scene.dx = dx;
     scene.gravity = Keyed<Vec3d>(Vec3d(0, 0, -9.81));
     Body body;
     body.name = "bar";
@@ -45,10 +47,10 @@ struct Rollout {
     body.spin = Vec3d(1, -2, 0.5);
     body.lattice.regular = true;
     body.lattice.spacing = kH;
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < length; ++i)
       for (int j = 0; j < 4; ++j)
         for (int k = 0; k < 4; ++k) {
-          body.rest.emplace_back(kH * Vec3d(i + 0.5, j + 0.5, k + 1.4));
+          body.rest.emplace_back(kH * Vec3d(i + 4.5 - length, j + 0.5, k + 1.4));
           body.volumes.push_back(kH * kH * kH);
         }
     if (with_mass) body.masses.push_back({Vec3d(0.06, 0.05, 0.1), 0.1, 0.0});
@@ -87,7 +89,7 @@ struct Rollout {
     }
     if (record != nullptr) record->memories.push_back(contact.record().memory);
     double loss = 0.0;
-    for (std::uint32_t p = 0; p < 64; ++p)
+    for (std::uint32_t p = 0; p < body.particles(); ++p)
       loss += 1e3 * weight(p).dot(body.state(body.point(p)).position);
     return loss;
   }
@@ -107,7 +109,7 @@ struct Rollout {
     TotalContactAdjoint<double> contact(s.bodies[0], s, body);
     TotalCotangents<double> bar = adjoint.zero();
     std::vector<Vec3d> position_bar;
-    for (std::uint32_t p = 0; p < 64; ++p) position_bar.emplace_back(1e3 * weight(p));
+    for (std::uint32_t p = 0; p < body.particles(); ++p) position_bar.emplace_back(1e3 * weight(p));
     adjoint.add_particles(arena, position_bar, {}, bar);
     for (int n = kSteps - 1; n >= 0; --n) {
       contact.set_memory(record.memories[static_cast<std::size_t>(n)],
@@ -149,6 +151,7 @@ TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
     ContactKind kind;
     double mu;
     bool mass;
+    bool across_blocks = false;  ///< some faces lie in another block than their particles
   };
   const Case cases[] = {
       {"sliding on a plane", Shape::kPlane, ContactKind::kFriction, 0.2, false},
@@ -157,6 +160,7 @@ TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
       {"slip plane", Shape::kPlane, ContactKind::kSlip, 0.0, false},
       {"separating plane", Shape::kPlane, ContactKind::kSeparating, 0.0, false},
       {"plane, with a mass", Shape::kPlane, ContactKind::kFriction, 0.2, true},
+      {"sphere under two blocks", Shape::kSphere, ContactKind::kFriction, 0.3, false, true},
       {"sphere", Shape::kSphere, ContactKind::kFriction, 0.3, false},
       {"edge of a box", Shape::kBox, ContactKind::kFriction, 0.3, false},
       {"moving plane", Shape::kMovingPlane, ContactKind::kFriction, 0.3, false},
@@ -168,6 +172,10 @@ TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
     rollout.place.kind = item.kind;
     rollout.place.mu = item.mu;
     rollout.with_mass = item.mass;
+    if (item.across_blocks) {
+      rollout.dx = 2.15 * kH;
+      rollout.length = 14;
+    }
     rollout.material.law = material::Law::kNeoHookean;
     rollout.material.youngs_modulus = 2e5;
     rollout.material.poisson_ratio = 0.35;

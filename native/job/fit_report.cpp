@@ -178,8 +178,8 @@ Json material_preset(const Job& fitted, const std::string& body, const Json& fit
   Json parameters = Json::array();
   for (const Json& parameter : fit.at("parameters")) {
     Json kept;
-    for (const char* key : {"path", "unit", "value", "standard_error", "grid_error", "interval",
-                            "observable"}) {
+    for (const char* key :
+         {"path", "unit", "value", "standard_error", "grid_error", "interval", "observable"}) {
       kept[key] = parameter.at(key);
     }
     parameters.push_back(std::move(kept));

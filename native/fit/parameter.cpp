@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/error.hpp"
@@ -75,6 +76,10 @@ double from_natural(Coordinate coordinate, double natural) {
       break;
   }
   return natural;
+}
+
+double value_within_bounds(const Parameter& parameter, double natural) {
+  return std::clamp(from_natural(parameter.coordinate, natural), parameter.low, parameter.high);
 }
 
 double derivative(Coordinate coordinate, double natural) {

@@ -37,6 +37,8 @@ struct Parameter {
 void check(const Parameter& parameter);
 [[nodiscard]] double to_natural(Coordinate coordinate, double value);
 [[nodiscard]] double from_natural(Coordinate coordinate, double natural);
+/// The parameter's value at a natural coordinate, within its bounds.
+[[nodiscard]] double value_within_bounds(const Parameter& parameter, double natural);
 /// dx/dξ at the natural coordinate ξ: turns a standard error in ξ into one in x.
 [[nodiscard]] double derivative(Coordinate coordinate, double natural);
 

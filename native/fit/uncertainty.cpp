@@ -169,11 +169,8 @@ VectorXd between_blocks(const LeastSquaresState& state, const MatrixXd& hessian,
 
 /// Sets the interval from its half width in natural coordinates.
 void set_interval(const Parameter& parameter, double at, double half, Estimate& estimate) {
-  const auto value_at = [&](double natural) {
-    return std::clamp(from_natural(parameter.coordinate, natural), parameter.low, parameter.high);
-  };
-  estimate.low = value_at(at - half);
-  estimate.high = value_at(at + half);
+  estimate.low = value_within_bounds(parameter, at - half);
+  estimate.high = value_within_bounds(parameter, at + half);
 }
 
 VectorXd prior_weights(const std::vector<Parameter>& parameters) {
@@ -324,8 +321,7 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
     const double at = state.point[k];
     const double error = errors[k];
     Estimate estimate;
-    estimate.value =
-        std::clamp(from_natural(parameter.coordinate, at), parameter.low, parameter.high);
+    estimate.value = value_within_bounds(parameter, at);
     estimate.standard_error = error * derivative(parameter.coordinate, at);
     set_interval(parameter, at, kQuantile * error, estimate);
     const double near = 1e-6 * parameter.scale;

@@ -141,9 +141,7 @@ class BalanceProblem final : public fit::Problem {
     std::vector<double> values = values_;
     for (std::size_t k = 0; k < numbers_.size(); ++k) {
       const fit::Parameter& parameter = parameters_.parameters()[numbers_[k]];
-      values[numbers_[k]] =
-          std::clamp(fit::from_natural(parameter.coordinate, point[Eigen::Index(k)]), parameter.low,
-                     parameter.high);
+      values[numbers_[k]] = fit::value_within_bounds(parameter, point[Eigen::Index(k)]);
     }
     return values;
   }

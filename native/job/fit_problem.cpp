@@ -132,9 +132,7 @@ FitProblem::FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
 std::vector<double> FitProblem::physical(const Eigen::VectorXd& point) const {
   std::vector<double> values;
   for (std::size_t k = 0; k < parameters_.size(); ++k) {
-    const fit::Parameter& parameter = parameters_[k];
-    values.push_back(std::clamp(fit::from_natural(parameter.coordinate, point[Eigen::Index(k)]),
-                                parameter.low, parameter.high));
+    values.push_back(fit::value_within_bounds(parameters_[k], point[Eigen::Index(k)]));
   }
   return values;
 }

@@ -7,10 +7,10 @@
 
 namespace matterfit::mpm {
 
-/// Adds to the 64 nodes of a block what the block at (−a, −b, −c), `k` = 4a+2b+c, has for them in
-/// one component of its halo (6³ nodes, layout.hpp).
-template <class S, class Sum>
-void add_halo(std::size_t k, const S* halo, Sum* nodes) {
+/// use(node, place) of the nodes of a block that the block at (−a, −b, −c), `k` = 4a+2b+c, has at
+/// `place` of its halo (6³ nodes, layout.hpp).
+template <class Use>
+void for_each_shared_node(std::size_t k, const Use& use) {
   const std::size_t x0 = k / 4 * 4;
   const std::size_t y0 = k / 2 % 2 * 4;
   const std::size_t z0 = k % 2 * 4;
@@ -20,7 +20,15 @@ void add_halo(std::size_t k, const S* halo, Sum* nodes) {
   for (std::size_t x = 0; x < nx; ++x)
     for (std::size_t y = 0; y < ny; ++y)
       for (std::size_t z = 0; z < nz; ++z)
-        nodes[node_index(x, y, z)] += static_cast<Sum>(halo[halo_index(x + x0, y + y0, z + z0)]);
+        use(node_index(x, y, z), halo_index(x + x0, y + y0, z + z0));
+}
+
+/// Adds to the 64 nodes of a block what such a block has for them in one component of its halo.
+template <class S, class Sum>
+void add_halo(std::size_t k, const S* halo, Sum* nodes) {
+  for_each_shared_node(k, [&](std::size_t node, std::size_t place) {
+    nodes[node] += static_cast<Sum>(halo[place]);
+  });
 }
 
 }  // namespace matterfit::mpm

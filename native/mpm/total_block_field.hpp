@@ -4,8 +4,8 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
-#include <cstdint>
 
+#include "mpm/halo.hpp"
 #include "mpm/layout.hpp"
 #include "mpm/spline_weights.hpp"
 #include "mpm/total_grid.hpp"
@@ -29,7 +29,7 @@ class BlockField {
   void gather(const TotalGrid& grid, std::size_t block, const double* field) {
     for (std::size_t k = 0; k < 8; ++k) {
       const double* from = field + grid.block_nodes()[block * 8 + k] * kNodeBlock;
-      for_each_shared(k, [&](std::size_t node, std::size_t here) {
+      for_each_shared_node(k, [&](std::size_t node, std::size_t here) {
         nodes_[here] << from[node], from[node + kBlockNodes], from[node + 2 * kBlockNodes], 0.0;
       });
     }
@@ -37,7 +37,7 @@ class BlockField {
   /// Adds what lies on the nodes of the node block at (4a, 4b, 4c) from the block, `k` = 4a+2b+c,
   /// to `nodes` [3][64].
   void add_to(std::size_t k, double* nodes) const {
-    for_each_shared(k, [&](std::size_t node, std::size_t here) {
+    for_each_shared_node(k, [&](std::size_t node, std::size_t here) {
       for (std::size_t c = 0; c < 3; ++c) {
         nodes[node + c * kBlockNodes] += nodes_[here][static_cast<int>(c)];
       }
@@ -92,17 +92,6 @@ class BlockField {
   }
 
  private:
-  /// use(node in its node block, node here) of the nodes shared with node block `k`.
-  template <class Use>
-  static void for_each_shared(std::size_t k, const Use& use) {
-    const std::size_t x0 = k / 4 * 4;
-    const std::size_t y0 = k / 2 % 2 * 4;
-    const std::size_t z0 = k % 2 * 4;
-    for (std::size_t x = 0; x < (x0 != 0 ? 2 : 4); ++x)
-      for (std::size_t y = 0; y < (y0 != 0 ? 2 : 4); ++y)
-        for (std::size_t z = 0; z < (z0 != 0 ? 2 : 4); ++z)
-          use(node_index(x, y, z), halo_index(x + x0, y + y0, z + z0));
-  }
   template <class Use>
   void for_each_row(const Stencil& s, const Use& use) const {
     for (std::size_t i = 0; i < 3; ++i)

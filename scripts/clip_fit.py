@@ -2,6 +2,7 @@
 """A fit of one clip of another simulator by the tool, kept on disk, and its score."""
 
 import argparse
+import hashlib
 import json
 import pathlib
 import resource
@@ -88,16 +89,36 @@ def _parameter_errors(fit, clip):
     return rows
 
 
-def fit_clip(name, clip, folder, document, write_inputs, truth_and_own, options):
-    """One row of a table, from an earlier run where the document is still the same. `write_inputs()`
-    puts what the document names into `folder`; `truth_and_own()` gives the arrays of `score`."""
+def fingerprint(clip, arrays):
+    """A hash of a clip: its JSON, and its arrays by name."""
+    found = hashlib.sha256(json.dumps(clip, sort_keys=True).encode())
+    for key in sorted(arrays):
+        array = np.ascontiguousarray(arrays[key])
+        found.update(f"{key} {array.dtype.str} {array.shape}".encode())
+        found.update(array.tobytes())
+    return found.hexdigest()
+
+
+def kept_row(path, document, clip_hash):
+    """The row of an earlier run of the same document and clip, or None. Older rows have no hash of
+    their clip and are taken as they are; one that failed is not taken."""
+    if not path.exists():
+        return None
+    row = json.loads(path.read_text(encoding="utf-8"))
+    same = row["document"] == document and row.get("clip_hash", clip_hash) == clip_hash
+    return row if same and "failed" not in row else None
+
+
+def fit_clip(name, clip, arrays, folder, document, write_inputs, truth_and_own, options):
+    """One row of a table, from an earlier run where the document and the clip, with all of its
+    `arrays`, are still the same. `write_inputs()` puts what the document names into `folder`;
+    `truth_and_own()` gives the arrays of `score`."""
     row_path = folder / "row.json"
-    if options.again:
-        row_path.unlink(missing_ok=True)
-    if row_path.exists():
-        row = json.loads(row_path.read_text(encoding="utf-8"))
-        if row["document"] == document:
-            return row
+    clip_hash = fingerprint(clip, arrays)
+    row = None if options.again else kept_row(row_path, document, clip_hash)
+    if row is not None:
+        return row
+    row_path.unlink(missing_ok=True)
     folder.mkdir(parents=True, exist_ok=True)
     write_inputs()
     job = folder / "job.json"
@@ -111,6 +132,7 @@ def fit_clip(name, clip, folder, document, write_inputs, truth_and_own, options)
         "cpu_seconds": resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - cpu,
         "threads": options.threads,
         "document": document,
+        "clip_hash": clip_hash,
     }
     if result is None:
         row["failed"] = error
@@ -121,7 +143,8 @@ def fit_clip(name, clip, folder, document, write_inputs, truth_and_own, options)
                                                 "noise_scale", "statements")}
         fitted_frames = document["captures"][0]["holdout"]["frames"][0]
         row.update(score(folder, *truth_and_own(), fitted_frames, options))
-    row_path.write_text(json.dumps(row, indent=1), encoding="utf-8")
+    if "failed" not in row:
+        row_path.write_text(json.dumps(row, indent=1), encoding="utf-8")
     return row
 
 

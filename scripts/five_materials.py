@@ -135,13 +135,11 @@ def fit_clip(name, options):
     material = name.split("_")[0]
     clip = json.loads((CLIPS / f"{name}.json").read_text(encoding="utf-8"))
     folder = FITS / name
-
-    def truth_and_own():
-        arrays = np.load(CLIPS / f"{name}_truth.npz")
-        return arrays["truth"], arrays["own"], arrays["times"]
-
-    row = clip_fit.fit_clip(name, clip, folder, job_document(material, clip), lambda: write_inputs(name, folder),
-                            truth_and_own, options)
+    truth = np.load(CLIPS / f"{name}_truth.npz")
+    arrays = {**np.load(CLIPS / f"{name}.npz"), **{f"truth {key}": truth[key] for key in truth}}
+    row = clip_fit.fit_clip(name, clip, arrays, folder, job_document(material, clip),
+                            lambda: write_inputs(name, folder),
+                            lambda: (truth["truth"], truth["own"], truth["times"]), options)
     return {**row, "material": material, "volume": clip["volume"]}
 
 

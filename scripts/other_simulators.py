@@ -101,7 +101,8 @@ def fit_one(path, options):
         np.savez(folder / "tracks.npz", positions=clip_fit.with_noise(name, positions), times=arrays["times"])
         np.savez(folder / "rest.npz", positions=arrays["rest"])
 
-    return clip_fit.fit_clip(name, clip, folder, job_document(name, clip, arrays["rest"], len(positions)), write_inputs,
+    document = job_document(name, clip, arrays["rest"], len(positions))
+    return clip_fit.fit_clip(name, clip, arrays, folder, document, write_inputs,
                              lambda: (positions[:, ::2], positions[:, 1::2], arrays["times"]), options)
 
 

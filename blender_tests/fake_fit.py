@@ -84,3 +84,14 @@ def write(folder, status="done", law=None, change=None, extra=(), held_out=True)
         "provenance": {"captures": [{"name": "clip"}], "held_out": measure(0.75),
                        "version": "0.1.0"}})
     write_history(folder)
+
+
+def write_checkpoint(folder):
+    """What an unfinished fit has."""
+    files.write_json(os.path.join(folder, "fit", "checkpoint.json"), {})
+
+
+def write_cancelled(folder):
+    """The best so far of a fit that was cancelled."""
+    write(folder, status="cancelled")
+    write_checkpoint(folder)

@@ -10,7 +10,6 @@ import numpy
 from matterfit import jobs, native, ops
 from matterfit.io import files, fit_results, job_document, presets, takes
 from matterfit.jobs import JobError
-from matterfit.ops import base
 from matterfit.ui import fit as fit_panel
 from matterfit.ui import fit_overlay
 from support import SceneCase, kill_cli, needs_library, printed_json, run_cli, tree
@@ -54,6 +53,16 @@ class FakeFitCase(FitCase):
         self.results = results
         self.assertEqual(bpy.ops.matterfit.fit(), {"FINISHED"}, self.error())
 
+    def cancelled(self, work=None, operator="fit"):
+        """Runs a fit that is cancelled after `work()`."""
+        self.backend = Backend(frames=(0, 0), status=jobs.EXIT_CANCELLED, work=work)
+        self.assertEqual(getattr(bpy.ops.matterfit, operator)(), {"CANCELLED"})
+        self.backend = None
+
+    @property
+    def job(self):
+        return jobs.registry.current
+
     def report(self):
         return bpy.context.window_manager.matterfit.last_report
 
@@ -64,7 +73,7 @@ class RunTest(FakeFitCase):
         take = takes.ensure_active(self.settings)
         self.fitted()
         document, options = self.started[0]
-        self.assertEqual((document["task"], options["restart"]), ("fit", 1))
+        self.assertEqual((document["task"], options["restart"]), ("fit", 2))
         self.assertEqual(take.folder, "")
         self.assertTrue(self.fit.run.folder.startswith("//cache_matterfit_"))
         self.assertTrue(self.fit.done)
@@ -84,24 +93,11 @@ class RunTest(FakeFitCase):
         self.assertEqual(self.started[0][0]["scene"]["bodies"][0]["velocity"], [4, 0, 0])
 
     def test_cancel_keeps_the_best(self):
-        folder = []
-
-        def work():
-            folder.append(takes.locate(self.fit.run).folder)
-            fake_fit.write(folder[0], status="cancelled")
-
-        self.backend = Backend(frames=(0, 0), status=jobs.EXIT_CANCELLED, work=work)
-        operator = next(cls for cls in ops.CLASSES if cls.bl_idname == "matterfit.fit")
-        with mock.patch.object(base.JobOperator, "report", create=True) as report:
-            stub = mock.Mock(spec=operator, report=report, bl_options=operator.bl_options)
-            stub.stopped = lambda context, job: operator.stopped(stub, context, job)
-            stub._show = lambda context, job: operator._show(stub, context, job)
-            job = operator.begin(stub, bpy.context).run(interval=0.0)
-            self.assertEqual(operator._result(stub, bpy.context, job), {"CANCELLED"})
-        self.assertIn("Resume goes on", report.call_args[0][1])
-        self.assertEqual(job.resume, "matterfit.resume_fit")
+        self.cancelled(lambda: fake_fit.write_cancelled(self.run_folder))
+        self.assertTrue(self.job.resumable)
+        self.assertEqual(self.job.resume, "matterfit.resume_fit")
         self.assertTrue(self.fit.done)
-        result = fit_results.load(folder[0])
+        result = fit_results.load(self.run_folder)
         self.assertEqual(result.status, "cancelled")
         self.assertTrue(all(estimate.observable for estimate in result.estimates))
         self.assertEqual(bpy.ops.matterfit.apply_fit(), {"FINISHED"})
@@ -131,6 +127,91 @@ class RunTest(FakeFitCase):
         self.fails(bpy.ops.matterfit.fit, ["unstable at the start"])
         self.assertFalse(self.fit.done)
         self.assertFalse(bpy.ops.matterfit.apply_fit.poll())
+
+    def test_the_result_of_an_earlier_fit_is_not_shown(self):
+        """A fit that has begun, and ends without a result of its own, shows none."""
+        self.fitted()
+        self.settings.bodies[0].material.E = 2e5
+        self.backend = Backend(frames=(0, 0), status=3, error="unstable at frame 3",
+                               work=lambda: fake_fit.write_checkpoint(self.run_folder))
+        self.fails(bpy.ops.matterfit.fit, ["unstable at frame 3"])
+        self.assertFalse(self.fit.done)
+
+    def test_what_was_before_stays_where_nothing_comes_of_a_fit(self):
+        """Refused by us, refused by the library, cancelled at once: the result, job.json and the
+        inputs are those of before, and Apply knows what they are of."""
+        self.fitted()
+        folder, before = self.run_folder, tree(self.run_folder)
+        first = self.settings.takes[0].name
+        bpy.ops.matterfit.add_take()
+        self.settings.body_index = 0
+        bpy.ops.matterfit.add_throw()
+        bpy.data.meshes[0].vertices[0].co.x *= 1.1
+        self.settings.bodies[0].material.E = 2e5
+
+        def refused():
+            self.backend = Backend(status=2, error="scene.bodies[0]: no")
+            self.fails(bpy.ops.matterfit.fit, ["scene.bodies[0]: no"])
+            self.backend = None
+
+        def refused_at_once():
+            with mock.patch.object(native, "estimate", lambda *_arguments: {"bytes": 10**15}):
+                self.fails(bpy.ops.matterfit.fit, ["limit is 8.0 GB"])
+
+        for end in (refused, refused_at_once, self.cancelled,
+                    lambda: self.cancelled(operator="resume_fit")):
+            end()
+            self.assertEqual(tree(folder), before)
+            self.assertEqual((self.run_folder, self.fit.run.name), (folder, first))
+            self.assertEqual(len(self.fit.run.throws), 0)
+            self.assertTrue(self.fit.done)
+        self.assertFalse(self.job.resumable)
+        bpy.ops.matterfit.apply_fit()
+        self.assertEqual(tuple(self.settings.takes[1].throws[0].velocity), (0.0, 0.0, 0.0))
+        self.assertEqual(tuple(self.settings.bodies[0].velocity), (1.0, 2.0, 3.0))
+
+    def test_a_first_fit_that_is_refused_leaves_nothing(self):
+        before = sorted(os.listdir(self.folder))
+        self.backend = Backend(status=2, error="no")
+        self.fails(bpy.ops.matterfit.fit, ["no"])
+        self.assertEqual(self.fit.run.folder, "")
+        self.assertEqual(sorted(os.listdir(self.folder)), before)
+
+    def test_a_cancelled_second_fit_keeps_its_own_document(self):
+        """What lies in the folder is of the second fit then, and Resume goes on with that."""
+        self.fitted()
+        self.settings.bodies[0].material.E = 2e5
+        self.cancelled(lambda: fake_fit.write_cancelled(self.run_folder))
+        document = files.read_json(os.path.join(self.run_folder, "job.json"))
+        self.assertEqual(document["scene"]["bodies"][0]["material"]["E"], 2e5)
+        self.assertTrue(self.job.resumable)
+        self.assertTrue(self.fit.done)
+
+    def test_cancelled_before_there_is_a_checkpoint(self):
+        """There is nothing to resume, and Resume is not promised."""
+        self.cancelled()
+        self.assertFalse(self.job.resumable)
+        self.assertFalse(self.fit.done)
+
+    def test_the_window_closes(self):
+        """The best so far is there when the file is opened again."""
+        operator = next(cls for cls in ops.CLASSES if cls.bl_idname == "matterfit.fit")
+        stub = mock.Mock(spec=operator)
+        for name in ("_fit", "_show", "start", "stopped", "taken_away"):
+            function = getattr(operator, name)
+            setattr(stub, name, lambda *arguments, call=function: call(stub, *arguments))
+        self.backend = Backend(frames=[0] * 1000)
+        self.backend.wait = lambda: (self.backend.frames.clear(),
+                                     fake_fit.write_cancelled(self.run_folder))
+        stub._job = operator.begin(stub, bpy.context).start()
+        operator.cancel(stub, bpy.context)
+        self.assertTrue(self.fit.done)
+
+    def test_saving_is_advised(self):
+        """A fit whose folder is not in the saved file cannot be found again after a crash."""
+        reports = []
+        self.cancelled(lambda: reports.append(self.report()))
+        self.assertIn("Save the .blend file now", reports[0])
 
     def test_refused_before_it_starts(self):
         self.settings.captures.clear()
@@ -317,6 +398,13 @@ class ApplyTest(FakeFitCase):
         ball = self.settings.bodies[1].contact
         self.assertEqual((ball.use_stiffness, ball.stiffness), (True, 3e6))
         self.assertEqual((self.capture.use_start_frame, self.capture.start_frame), (True, 0.25))
+
+    def test_the_take_that_is_gone(self):
+        """Not into the one that happens to be active."""
+        self.fitted()
+        self.settings.takes[0].name = "Other"
+        self.fails(bpy.ops.matterfit.apply_fit, ["'Take 1'", "not among the Takes"])
+        self.assertEqual(self.settings.bodies[0].material.E, 1e5)
 
     def test_a_body_that_is_gone(self):
         """Nothing is half applied."""

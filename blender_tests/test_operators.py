@@ -88,20 +88,21 @@ class EndTest(JobCase):
         self.assertEqual([options["restart"] for _document, options in self.started], [2, 0, 1])
 
     def test_a_refused_resume_moves_nothing(self):
-        """Neither while it reads nor at its end, and job.json is the one of the results."""
+        """Neither while it reads nor at its end; job.json and the inputs are those of the results."""
         take, folder = self.cached()
         bpy.ops.matterfit.bake()
         mesh = next(item for item in take.collection.objects if item["matterfit"] == "mesh:Cube")
         self.assertAlmostEqual(mesh.location.z, 0.3, places=6)
-        before = read(folder, "job.json")
+        before = tree(folder)
         bpy.data.objects["Cube"].location.z = 2.0
+        bpy.data.meshes["Cube"].vertices[0].co.x *= 1.1
         self.scene.frame_end = 4
         self.backend = Backend(frames=(1, 1, 1), status=2, error="other inputs. Run with --restart x")
         self.fails(bpy.ops.matterfit.resume, ["Press Bake"])
         self.assertEqual(self.started[-1][0]["scene"]["frames"], [1, 5])
         self.assertAlmostEqual(mesh.location.z, 0.3, places=6)
         self.assertEqual(take.frame_count, 6)
-        self.assertEqual(read(folder, "job.json"), before)
+        self.assertEqual(tree(folder), before)
 
     def test_a_job_that_has_begun_keeps_its_document(self):
         """Once the run has written the manifest, the results are the new document's."""

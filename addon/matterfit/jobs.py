@@ -112,6 +112,7 @@ class Job:
         self.resumable = resumable
         self.resume = resume
         self.stale = None  # what lies in the folder from before, for those who draw its progress
+        self.untouched = False  # it ended, and the folder's results are those from before it
         self.state = State.IDLE
         self.snapshot = Snapshot()
         self.result = {}

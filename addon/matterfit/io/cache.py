@@ -196,11 +196,9 @@ def listed_files(folder):
     """Paths below the folder that are ours: by the manifest, the input list, and fixed names."""
     from . import job_writer
     names = set(manifest(folder).get("files", {}))
-    listing = os.path.join(folder, job_writer.INPUT_FOLDER, job_writer.INPUT_LIST)
-    if os.path.isfile(listing):
-        document = files.read_json(listing)
-        names.update(str(name) for name in document.get("files", []))
-        names.add(f"{job_writer.INPUT_FOLDER}/{job_writer.INPUT_LIST}")
+    names.update(job_writer.listed_inputs(folder))
+    names.update(f"{job_writer.KEPT_FOLDER}/{os.path.basename(name)}"
+                 for name in job_writer.kept_inputs(folder))
     names.update(_unfinished(folder, names))
     names.update(name for name in ("job.json", "manifest.json", LOCK_FILE)
                  if os.path.isfile(os.path.join(folder, name)))

@@ -32,9 +32,12 @@ def write_bytes(path, content):
     return path
 
 
+def json_bytes(document):
+    return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
 def write_json(path, document):
-    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return write_bytes(path, text.encode("utf-8"))
+    return write_bytes(path, json_bytes(document))
 
 
 def read_text(path):

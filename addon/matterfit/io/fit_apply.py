@@ -10,7 +10,6 @@ from mathutils import Matrix, Quaternion, Vector
 
 from ..compat import translate
 from ..jobs import JobError
-from ..props import scene as scene_props
 from . import files, fit_parameters, fit_results, job_fit, presets, transforms
 
 
@@ -20,8 +19,11 @@ def apply_run(scene, folder):
     settings = scene.matterfit
     run = settings.fit.run
     # The take that was fitted gets what it throws; it was named after it.
-    take = next((take for take in settings.takes if take.name == run.name),
-                scene_props.active_take(settings))
+    take = next((take for take in settings.takes if take.name == run.name), None)
+    if take is None:
+        raise JobError(translate(
+            "The fit is of the take '{name}', which is not among the Takes any more. Name it so "
+            "again, or fit again.").format(name=run.name))
     return apply(scene, fit_results.load(folder), folder, run, take)
 
 

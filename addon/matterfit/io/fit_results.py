@@ -13,6 +13,7 @@ RESULT_FILE = "result.json"
 SCENE_FILE = "scene.json"
 MATERIAL_FILE = "material.json"
 HISTORY_FILE = os.path.join("fit", "history.jsonl")
+CHECKPOINT_FILE = os.path.join("fit", "checkpoint.json")
 
 
 @dataclass
@@ -107,6 +108,16 @@ def _estimate(entry):
         statement=entry.get("statement") or "")
 
 
+def stamp(folder):
+    """Changes whenever a result is written; None where there is none."""
+    return _stamp(os.path.join(folder, RESULT_FILE))
+
+
+def is_unfinished(folder):
+    """Whether a fit lies there that Resume can go on with."""
+    return os.path.isfile(os.path.join(folder, CHECKPOINT_FILE))
+
+
 _known = {}
 
 
@@ -134,7 +145,7 @@ def _stamp(path):
         found = os.stat(path)
     except OSError:
         return None
-    return found.st_mtime_ns, found.st_size
+    return found.st_mtime_ns, found.st_size, found.st_ino
 
 
 # -- the curve ---------------------------------------------------------------------------------

@@ -4,9 +4,19 @@ the tool on that file gives the same results as the panel."""
 
 import contextlib
 import os
+import shutil
 
-from ..jobs import JobError
-from . import files, job_bodies, job_captures, job_colliders, job_fit, job_writer, transforms
+from ..jobs import EXIT_COMPUTE, JobError
+from . import (
+    files,
+    fit_results,
+    job_bodies,
+    job_captures,
+    job_colliders,
+    job_fit,
+    job_writer,
+    transforms,
+)
 from .files import number, numbers
 
 SCHEMA = "matterfit.job/1"
@@ -74,25 +84,84 @@ def write(document, folder):
 
 
 class Replaced:
-    """The job.json that a run replaces, made before the new one is written.
+    """The job.json and the inputs that a run replaces, made before the new ones are written.
 
     A run that is refused, or stopped before its first frame, leaves the folder's results as they
-    were (it has not written the manifest): they still are those of the old document.
+    were: they still are those of the old document and of the old inputs. What tells is the
+    manifest, and of a fit its result and its checkpoint too.
     """
 
-    def __init__(self, folder):
+    def __init__(self, folder, task):
+        self._folder = folder
         self._path = os.path.join(folder, JOB_FILE)
-        self._manifest_path = os.path.join(folder, MANIFEST_FILE)
-        self._manifest = _stamp(self._manifest_path)
+        names = [MANIFEST_FILE]
+        if task == "fit":
+            names += [fit_results.RESULT_FILE, fit_results.CHECKPOINT_FILE]
+        self._results = [os.path.join(folder, name) for name in names]
+        self._stamps = self._stamp()
         self._content = None
-        if self._manifest is not None:
+        if any(stamp is not None for stamp in self._stamps):
             with contextlib.suppress(OSError), open(self._path, "rb") as stream:
                 self._content = stream.read()
+        self._forget_inputs()
+        if self._content is not None:
+            self._keep_inputs()
+
+    def untouched(self):
+        """Whether the results are those from before the run."""
+        return self._stamp() == self._stamps
+
+    def is_of(self, document):
+        """Whether what was there is of this very document."""
+        return self._content == files.json_bytes(document)
 
     def put_back(self):
-        """Writes the old document again unless the run has written a manifest."""
-        if self._content is not None and _stamp(self._manifest_path) == self._manifest:
+        """Writes the old document and inputs again unless the run has written results."""
+        if self._content is not None and self.untouched():
             files.write_bytes(self._path, self._content)
+            self._put_inputs_back()
+        self._forget_inputs()
+
+    def end(self):
+        """The run is done: nothing of what it replaced is wanted again."""
+        self._forget_inputs()
+
+    def _stamp(self):
+        return [_stamp(path) for path in self._results]
+
+    def _keep_inputs(self):
+        """Written files get another inode (files.write_bytes), so that a link keeps the old one."""
+        for relative in job_writer.listed_inputs(self._folder):
+            kept = job_writer.kept_input(self._folder, relative)
+            path = os.path.join(self._folder, relative)
+            try:
+                os.makedirs(os.path.dirname(kept), exist_ok=True)
+                try:
+                    os.link(path, kept)
+                except OSError:  # a file system without links
+                    shutil.copy2(path, kept)
+            except FileNotFoundError:
+                continue
+            except OSError as error:
+                raise JobError(f"{kept}: could not be written: {error.strerror or error}. "
+                               "Is the disk full, or the folder read-only?",
+                               EXIT_COMPUTE) from error
+
+    def _put_inputs_back(self):
+        for relative in job_writer.listed_inputs(self._folder):
+            with contextlib.suppress(OSError):
+                os.remove(os.path.join(self._folder, relative))
+        for relative in job_writer.kept_inputs(self._folder):
+            with contextlib.suppress(OSError):
+                os.replace(job_writer.kept_input(self._folder, relative),
+                           os.path.join(self._folder, relative))
+
+    def _forget_inputs(self):
+        for relative in job_writer.kept_inputs(self._folder):
+            with contextlib.suppress(OSError):
+                os.remove(job_writer.kept_input(self._folder, relative))
+        with contextlib.suppress(OSError):
+            os.rmdir(os.path.join(self._folder, job_writer.KEPT_FOLDER))
 
 
 def _stamp(path):

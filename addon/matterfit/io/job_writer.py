@@ -12,6 +12,33 @@ from . import files, frames, transforms
 
 INPUT_FOLDER = "input"
 INPUT_LIST = "files.json"
+KEPT_FOLDER = "input_before"  # the inputs that a run replaces, until it has results of its own
+
+
+def listed_inputs(folder):
+    """Our input files in a cache folder by its own list, and the list; paths below the folder."""
+    listing = f"{INPUT_FOLDER}/{INPUT_LIST}"
+    if not os.path.isfile(os.path.join(folder, listing)):
+        return []
+    known = files.read_json(os.path.join(folder, listing))
+    old = known.get("files", []) if isinstance(known, dict) else []
+    inside = os.path.join(folder, INPUT_FOLDER) + os.sep
+    return [*(str(relative) for relative in old
+              if os.path.normpath(os.path.join(folder, str(relative))).startswith(inside)), listing]
+
+
+def kept_input(folder, relative):
+    """Where the old one of an input file is kept."""
+    return os.path.join(folder, KEPT_FOLDER, os.path.basename(relative))
+
+
+def kept_inputs(folder):
+    """The input files that are kept, by the paths that they had."""
+    try:
+        names = sorted(os.listdir(os.path.join(folder, KEPT_FOLDER)))
+    except OSError:
+        return []
+    return [f"{INPUT_FOLDER}/{name}" for name in names]
 
 
 def world_matrix(item, depsgraph):
@@ -163,13 +190,9 @@ class JobWriter:
     def finish_inputs(self):
         """Lists our input files for Free, and removes those of an older run that are not used."""
         listing = os.path.join(self.folder, INPUT_FOLDER, INPUT_LIST)
-        if os.path.isfile(listing):
-            known = files.read_json(listing)
-            old = known.get("files", []) if isinstance(known, dict) else []
-            for relative in old:
-                path = os.path.normpath(os.path.join(self.folder, str(relative)))
-                inside = path.startswith(os.path.join(self.folder, INPUT_FOLDER) + os.sep)
-                if inside and relative not in self.written and os.path.isfile(path):
-                    os.remove(path)
+        for relative in listed_inputs(self.folder):
+            path = os.path.join(self.folder, relative)
+            if path != listing and relative not in self.written and os.path.isfile(path):
+                os.remove(path)
         if self.written or os.path.isfile(listing):
             files.write_json(listing, {"files": sorted(self.written)})

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Takes and their cache folders. A folder belongs to one take of one .blend file for good."""
 
+import contextlib
 import os
 import secrets
 
@@ -108,9 +109,8 @@ def copy_settings(source, target):
         ours.clear()
         for item in theirs:
             added = ours.add()
-            for found in item.bl_rna.properties:
-                if found.identifier != "rna_type":
-                    setattr(added, found.identifier, getattr(item, found.identifier))
+            for key, value in _contents(item).items():
+                setattr(added, key, value)
 
 
 def ensure_active(settings):
@@ -130,6 +130,49 @@ def for_fit(settings):
     run.name = source.name
     copy_settings(source, run)
     return run
+
+
+class Kept:
+    """A take as it is before a run that changes it; put back where nothing comes of the run."""
+
+    def __init__(self, take):
+        self._values = {name: getattr(take, name)
+                        for name in ("name", "folder", "owner", "baked", "frames_done",
+                                     "use_gravity")}
+        self._gravity = tuple(take.gravity)
+        self._rows = {name: [_contents(row) for row in getattr(take, name)]
+                      for name in ("throws", "colliders")}
+
+    def is_in(self, take):
+        """Whether the take has the folder that it had."""
+        return take.folder == self._values["folder"]
+
+    def put_back(self, take):
+        """A folder that was claimed since is deleted."""
+        if not self.is_in(take):
+            # What is reported is why nothing came of it.
+            with contextlib.suppress(JobError):
+                cache.free(locate(take).folder)
+        for name, value in self._values.items():
+            setattr(take, name, value)
+        take.gravity = self._gravity
+        for name, rows in self._rows.items():
+            ours = getattr(take, name)
+            ours.clear()
+            for row in rows:
+                added = ours.add()
+                for key, value in row.items():
+                    setattr(added, key, value)
+
+
+def _contents(row):
+    found = {}
+    for item in row.bl_rna.properties:
+        if item.identifier != "rna_type":
+            value = getattr(row, item.identifier)
+            found[item.identifier] = (tuple(value) if getattr(item, "is_array", False)
+                                      else value)
+    return found
 
 
 def find(folder):

@@ -177,6 +177,8 @@ class JobOperator(NoJobRunning):
         if self._job is not None:
             self._job.cancel()
             self._job.join()
+            with contextlib.suppress(Exception):
+                self.taken_away(context, self._job)
         self._remove_timer(context)
 
     def _remove_timer(self, context):
@@ -237,6 +239,9 @@ class JobOperator(NoJobRunning):
 
     def stopped(self, context, job):
         """Called after CANCELLED and FAILED: what there is by now may be shown."""
+
+    def taken_away(self, context, job):
+        """Called in place of all others where the window closes: nothing is drawn any more."""
 
 
 def panel_words(message, advice):

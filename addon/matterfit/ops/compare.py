@@ -5,12 +5,12 @@ import bpy
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import comparison, job_document, takes
+from ..io import comparison, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
 from ..props.compare import store
 from .base import JobOperator, session
-from .simulate import GO_ON, check_estimate, start_job
+from .simulate import GO_ON, prepare, start_job
 
 
 class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
@@ -22,16 +22,14 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
     def begin(self, context):
         takes.require_saved()
         native.require()
-        scene = context.scene
-        settings = scene.matterfit
+        settings = context.scene.matterfit
         if not any(capture.enabled for capture in settings.captures):
             raise JobError(translate("There is no capture to compare with. Import one in "
                                      "Capture."))
         take = takes.ensure_active(settings)
         folder = takes.claim(take)
-        document = job_document.build(scene, take, folder, "compare")
-        check_estimate(context, document, folder)
-        return start_job(context, translate("Compare {name}").format(name=take.name), document,
+        prepared = prepare(context, take, folder, "compare")
+        return start_job(context, translate("Compare {name}").format(name=take.name), prepared,
                          folder, GO_ON)
 
     def ended(self, context, job):

@@ -9,15 +9,24 @@ import bpy
 from .. import jobs, native
 from ..compat import translate
 from ..io import cache, fit_parameters, fit_results, job_document, takes
-from ..jobs import EXIT_INPUT, JobError
+from ..jobs import JobError, State
 from .base import JobOperator, NoJobRunning, PlainOperator, session
-from .simulate import AFRESH, GO_ON, check_estimate, start_job
+from .simulate import AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job
 
 
 class FitJob(JobOperator):
     """What Fit and Resume share. The fit has a cache of its own, apart from the takes'."""
 
     restart_advice = "Press Fit to begin afresh."
+    _before = None  # takes.Kept of what the fit was until now
+    _result_before = None
+
+    def start(self, context, label, run, folder, restart):
+        """The job; JobError where it is refused before it starts."""
+        prepared = prepare(context, run, folder, "fit")
+        self._result_before = fit_results.stamp(folder)
+        return start_job(context, label.format(name=run.name), prepared, folder, restart,
+                         resumable=True, resume="matterfit.resume_fit")
 
     def progress_mark(self, context, job):
         return fit_results.history_stamp(job.folder)
@@ -26,23 +35,40 @@ class FitJob(JobOperator):
         _redraw_view(context)  # the curve lies in the scene
 
     def stopped(self, context, job):
-        if job.status == EXIT_INPUT:
+        fit = self._fit(job)
+        if job.untouched:
+            # What lies in the folder is what an earlier fit has left.
+            if fit is not None:
+                if self._before is not None:
+                    self._before.put_back(fit.run)
+                folder = takes.locate(fit.run).folder
+                fit.done = fit.done and fit_results.stamp(folder) is not None
             return
         # Cancelled: the best so far. Why it ended is reported, not what could not be read.
         with contextlib.suppress(JobError):
             self._show(context, job)
+
+    def taken_away(self, context, job):
+        self.stopped(context, job)
 
     def ended(self, context, job):
         result = self._show(context, job)
         session(context).last_report = "\n".join([summary(result, job),
                                                   *job.result.get("notes", [])])
 
-    def _show(self, context, job):
+    def _fit(self, job):
+        """The settings of the fit that the job is of; None where they are gone."""
         scene, run = takes.find(job.folder)
-        fit = scene.matterfit.fit if scene is not None and run == scene.matterfit.fit.run else None
+        return scene.matterfit.fit if scene is not None and run == scene.matterfit.fit.run else None
+
+    def _show(self, context, job):
+        """The result; None where there is none but that of an earlier fit."""
+        fit = self._fit(job)
         if fit is not None:
             fit.done = False
         _redraw_view(context)
+        if job.state is not State.DONE and fit_results.stamp(job.folder) == self._result_before:
+            return None
         result = fit_results.load(job.folder)
         if fit is not None:
             fit.done = True
@@ -64,6 +90,15 @@ def error_text(measure):
     return f"{mean:.4g}" if isinstance(mean, int | float) else "–"
 
 
+def linked_text(location):
+    """Whose the fit is that this scene only shows."""
+    if location.shared:
+        return translate("This fit is that of the scene that was copied, and is linked, read-only. "
+                         "Press Fit to make one of its own.")
+    return translate("This fit belongs to another .blend file and is linked, read-only. Press Fit "
+                     "to make one of its own.")
+
+
 def _redraw_view(context):
     for area in context.screen.areas if context.screen else ():
         if area.type == "VIEW_3D":
@@ -79,16 +114,24 @@ class MATTERFIT_OT_fit(FitJob, bpy.types.Operator):
     def begin(self, context):
         takes.require_saved()
         native.require()
-        scene = context.scene
-        settings = scene.matterfit
+        settings = context.scene.matterfit
         fit_parameters.refresh(settings)
-        run = takes.for_fit(settings)
-        folder = takes.claim(run)
-        document = job_document.build(scene, run, folder, "fit")
-        check_estimate(context, document, folder)
-        job = start_job(context, translate("Fit {name}").format(name=run.name), document, folder,
-                        AFRESH, resumable=True, resume="matterfit.resume_fit")
+        run = settings.fit.run
+        self._before = takes.Kept(run)
+        try:
+            takes.for_fit(settings)
+            folder = takes.claim(run)
+            # An unfinished fit of the very same inputs goes on; hours of it are not thrown away.
+            job = self.start(context, translate("Fit {name}"), run, folder, AFRESH_WHERE_CHANGED)
+        except JobError:
+            self._before.put_back(run)
+            raise
         job.stale = fit_results.history_stamp(folder)
+        session(context).last_report = ""
+        if not self._before.is_in(run) or bpy.data.is_dirty:
+            session(context).last_report = translate(
+                "Save the .blend file now: without that, a fit that is killed with Blender cannot "
+                "be resumed")
         return job
 
 
@@ -107,19 +150,14 @@ class MATTERFIT_OT_resume_fit(_HasFit, FitJob, bpy.types.Operator):
     def begin(self, context):
         takes.require_saved()
         native.require()
-        scene = context.scene
-        run = scene.matterfit.fit.run
+        run = context.scene.matterfit.fit.run
         location = takes.locate(run)
         if location.linked:
-            raise JobError(translate("This fit belongs to another .blend file and is linked, "
-                                     "read-only. Press Fit to make one of its own."))
+            raise JobError(linked_text(location))
         if not os.path.isfile(os.path.join(location.folder, job_document.JOB_FILE)):
             raise JobError(translate("{path} does not exist: nothing was fitted yet. Press Fit.")
                            .format(path=os.path.join(location.folder, job_document.JOB_FILE)))
-        document = job_document.build(scene, run, location.folder, "fit")
-        check_estimate(context, document, location.folder)
-        return start_job(context, translate("Resume {name}").format(name=run.name), document,
-                         location.folder, GO_ON, resumable=True, resume="matterfit.resume_fit")
+        return self.start(context, translate("Resume {name}"), run, location.folder, GO_ON)
 
 
 class MATTERFIT_OT_free_fit(_HasFit, PlainOperator, bpy.types.Operator):

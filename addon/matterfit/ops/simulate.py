@@ -9,7 +9,7 @@ import bpy
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import attach, cache, files, job_document, takes
+from ..io import attach, cache, files, fit_results, job_document, takes
 from ..jobs import EXIT_INPUT, JobError, State
 from ..props import scene as scene_props
 from .base import JobOperator, NoJobRunning, PlainOperator, redraw, report_error, session
@@ -57,26 +57,46 @@ def estimate_text(estimate):
     return ", ".join(parts)
 
 
-def start_job(context, label, document, folder, restart, **options):
+def prepare(context, take, folder, task, **options):
+    """(document, Replaced) of a run that fits into memory; `options` are those of
+    job_document.build(). The folder stays as it was where it raises."""
+    replaced = job_document.Replaced(folder, task)
+    try:
+        document = job_document.build(context.scene, take, folder, task, **options)
+        check_estimate(context, document, folder)
+    except Exception:
+        replaced.put_back()
+        raise
+    return document, replaced
+
+
+def start_job(context, label, prepared, folder, restart, **options):
     """A job on <folder>/job.json, which is written first: the file is what is run.
 
     GO_ON continues what the folder holds, which the library refuses where the inputs have changed.
-    The old job.json is put back where the run leaves the old results. `options` are a Job's.
+    What was prepared (prepare()) is taken back where the run leaves the old results. `options` are
+    a Job's.
     """
     threads = context.scene.matterfit.solver.threads
-    replaced = job_document.Replaced(folder)
+    document, replaced = prepared
     path = job_document.write(document, folder)
 
     def start():
         return native.start(path, task=document["task"], threads=threads, restart=restart)
 
-    def put_back(job):
-        if job.state is not State.DONE:
-            # What is reported is why the job ended.
-            with contextlib.suppress(JobError):
-                replaced.put_back()
+    def ended(job):
+        if job.state is State.DONE:
+            replaced.end()
+            return
+        job.untouched = replaced.untouched()
+        if document["task"] == "fit":
+            ours = not job.untouched or replaced.is_of(document)
+            job.resumable = ours and fit_results.is_unfinished(folder)
+        # What is reported is why the job ended.
+        with contextlib.suppress(JobError):
+            replaced.put_back()
 
-    return jobs.Job(label, start, folder=folder, on_end=put_back, **options)
+    return jobs.Job(label, start, folder=folder, on_end=ended, **options)
 
 
 def written_document(folder):
@@ -150,11 +170,10 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         take = takes.ensure_active(scene.matterfit)
         discard_preview(scene)
         folder = takes.claim(take)
-        document = job_document.build(scene, take, folder, "bake")
-        check_estimate(context, document, folder)
+        prepared = prepare(context, take, folder, "bake")
         scene.matterfit.compare.done = False
         # States of the very same inputs are used again: another output bakes without simulating.
-        return start_job(context, translate("Bake {name}").format(name=take.name), document,
+        return start_job(context, translate("Bake {name}").format(name=take.name), prepared,
                          folder, AFRESH_WHERE_CHANGED, resumable=True)
 
 
@@ -181,9 +200,8 @@ class MATTERFIT_OT_resume(BakeJob, bpy.types.Operator):
             raise JobError(translate("This take belongs to another .blend file and is linked, "
                                      "read-only. Press Bake to make one of its own."))
         written_document(location.folder)
-        document = job_document.build(scene, take, location.folder, "bake")
-        check_estimate(context, document, location.folder)
-        return start_job(context, translate("Resume {name}").format(name=take.name), document,
+        prepared = prepare(context, take, location.folder, "bake")
+        return start_job(context, translate("Resume {name}").format(name=take.name), prepared,
                          location.folder, GO_ON, resumable=True)
 
 
@@ -206,10 +224,9 @@ class MATTERFIT_OT_preview(BakeJob, bpy.types.Operator):
         folder = takes.claim(preview)
         separation = (settings.solver.particle_separation * scene.unit_settings.scale_length
                       * session(context).preview_scale)
-        document = job_document.build(scene, preview, folder, "bake", quality="preview",
-                                      separation=separation, outputs=False)
-        check_estimate(context, document, folder)
-        return start_job(context, translate("Preview"), document, folder, AFRESH)
+        prepared = prepare(context, preview, folder, "bake", quality="preview",
+                           separation=separation, outputs=False)
+        return start_job(context, translate("Preview"), prepared, folder, AFRESH)
 
 
 def discard_preview(scene):

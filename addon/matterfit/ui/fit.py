@@ -120,7 +120,11 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
         if jobs.registry.running is not None:
             layout.operator("matterfit.cancel", icon="CANCEL")
         form(layout).prop(fit, "show_history")
-        if fit.run.folder and takes.locate(fit.run).linked:
+        location = takes.locate(fit.run)
+        if location.shared:
+            lines(layout, translate("Linked, read-only: the fit of the scene that was copied. Fit "
+                                    "makes a cache of this scene's own."), icon="LINKED")
+        elif location.linked:
             lines(layout, translate("Linked, read-only: fitted by {file}. Fit makes a cache of "
                                     "this file's own.").format(file=fit.run.owner), icon="LINKED")
 

@@ -413,6 +413,33 @@ class ApplyTest(FakeFitCase):
         self.fails(bpy.ops.matterfit.apply_fit, ["'Cube'", "not among the Bodies"])
         self.assertEqual(self.settings.bodies[0].material.E, 1e5)
 
+    def test_a_collider_that_is_gone(self):
+        """What was found of it goes neither onto the ground nor onto a body."""
+        self.body(self.cube("Ball", location=(2, 0, 0)), role="COLLIDER")
+        self.fitted(extra=[fake_fit.estimate("colliders.Ball.contact.mu", "", 0.4, 0.7, 0.1)])
+        ground, ball = self.settings.solver.ground.mu, self.settings.bodies[1]
+        ball.name = "Wall"
+        self.fails(bpy.ops.matterfit.apply_fit, ["'Ball'", "not among the colliders"])
+        ball.name, ball.role = "Ball", "BODY"
+        self.fails(bpy.ops.matterfit.apply_fit, ["'Ball'", "not among the colliders"])
+        self.settings.bodies[0].role = "COLLIDER"
+        ball.role = "COLLIDER"
+        self.fails(bpy.ops.matterfit.apply_fit, ["'Cube'", "not among the Bodies"])
+        self.assertEqual(self.settings.solver.ground.mu, ground)
+        self.assertEqual(self.settings.bodies[0].material.E, 1e5)
+
+    def test_names_with_quotes(self):
+        """In the words of the result."""
+        self.settings.bodies[0].name = 'the "cube"'
+        self.fitted()
+        path = os.path.join(self.run_folder, "result.json")
+        result = files.read_json(path)
+        for entry in result["fit"]["parameters"]:
+            entry["path"] = entry["path"].replace('the "cube"', "'the \"cube\"'")
+        files.write_json(path, result)
+        bpy.ops.matterfit.apply_fit()
+        self.assertAlmostEqual(self.settings.bodies[0].material.E, fake_fit.E, delta=1.0)
+
     def test_a_capture_that_is_gone(self):
         self.fitted(extra=[fake_fit.estimate("captures.clip.start_frame", "frames", 1, 0.25, 0.1)])
         self.capture.name = "other"

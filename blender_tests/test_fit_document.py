@@ -119,6 +119,36 @@ class ListTest(FitCase):
         self.assertEqual(document["scene"]["bodies"][0]["material"]["maxwell"],
                          [{"modulus": 10000, "time": 0.1}])
 
+    def test_removing_a_branch_moves_the_settings_of_the_next(self):
+        """They belong to a branch, not to its number."""
+        self.settings.body_index = 0
+        for _ in range(3):
+            bpy.ops.matterfit.add_branch()
+        material = self.settings.bodies[0].material
+        for index, modulus in enumerate((1e3, 2e3, 3e3)):
+            material.maxwell[index].modulus = modulus
+            row = self.row(f"material.maxwell[{index}].modulus")
+            row.enabled, row.use_start, row.start = index == 1, True, 10.0 * modulus
+        material.maxwell_index = 0
+        bpy.ops.matterfit.remove_branch()
+        row = self.row("material.maxwell[0].modulus")
+        self.assertEqual((row.enabled, row.start), (True, 2e4))
+        self.assertIn("1: Modulus", row.name)
+        row = self.row("material.maxwell[1].modulus")
+        self.assertEqual((row.enabled, row.start), (False, 3e4))
+        self.assertNotIn("material.maxwell[2].modulus", self.keys())
+
+    def test_a_capture_keeps_its_row(self):
+        """Renamed, or switched off for a while."""
+        row = self.row("start_frame", "clip")
+        row.enabled, row.use_bounds, row.low, row.high = True, True, 0.5, 1.5
+        self.capture.name = "drop"
+        self.capture.enabled = False
+        fit_parameters.refresh(self.settings)
+        row = self.row("start_frame", "drop")
+        self.assertEqual((row.enabled, row.use_bounds, row.low, row.high), (True, True, 0.5, 1.5))
+        self.assertEqual(self.keys("clip"), [])
+
     def test_older_scenes(self):
         """Version 2 had no list: it is made when the file is opened."""
         self.fit.parameters.clear()
@@ -191,6 +221,38 @@ class DocumentTest(FitCase):
         self.assertAlmostEqual(row.low, 0.04, places=5)
         self.assertAlmostEqual(row.high, 4e6, places=0)
 
+    def test_bounds_are_the_documented_ones(self):
+        """Switched on, they are those that the search has without them (docs/formats.md)."""
+        self.settings.solver.ground_height = 5.0
+        row = self.row("height", "ground")
+        row.use_bounds = True
+        self.assertEqual((row.low, row.high), (4.0, 6.0))
+        self.settings.bodies[0].material.preset = "TOOTHPASTE"
+        row = self.row("material.exponent")
+        row.use_bounds = True
+        numpy.testing.assert_allclose((row.low, row.high), (0.1, 4.0))
+        for key, reach in (("velocity", 50.0), ("spin", 200.0), ("placement.position", 1.0),
+                           ("placement.rotation", numpy.pi)):
+            self.assertAlmostEqual(self.row(key).reach, reach, places=5)
+
+    def test_a_prior_expects_the_start(self):
+        """What is expected begins at what the search begins at when it is switched on."""
+        self.only("material.E", "velocity")
+        self.settings.bodies[0].material.E = 7e4
+        self.settings.bodies[0].velocity = (1.0, 2.0, 3.0)
+        row = self.row("material.E")
+        row.use_prior = True
+        self.assertEqual(row.mean, 7e4)
+        row.use_prior, row.use_start, row.start = False, True, 5e4
+        row.use_prior = True
+        self.assertEqual(row.mean, 5e4)
+        row = self.row("velocity")
+        row.use_prior, row.sigma = True, 0.5
+        row.axes = (True, False, True)
+        self.assertEqual(self.written()["parameters"][1:], [
+            {"path": "bodies.Cube.velocity[0]", "prior": {"mean": 1, "sigma": 0.5}},
+            {"path": "bodies.Cube.velocity[2]", "prior": {"mean": 3, "sigma": 0.5}}])
+
     def test_vectors(self):
         """Axes alone, and components with bounds about where they start."""
         self.only("velocity")
@@ -216,6 +278,12 @@ class DocumentTest(FitCase):
         self.scene.frame_start = 1
         row.use_bounds = True
         self.assertEqual((row.low, row.high), (-1.0, 3.0))
+        solver = self.settings.solver
+        solver.use_range, solver.frame_start, solver.frame_end = True, 4, 6
+        row.use_bounds = False
+        row.use_bounds = True
+        self.assertEqual((row.low, row.high), (2.0, 6.0))
+        self.written()
         self.capture.use_start_frame, self.capture.start_frame = True, 0.5
         self.assertEqual(fit_parameters.value(self.settings, "clip", "start_frame"), 0.5)
 
@@ -241,6 +309,41 @@ class DocumentTest(FitCase):
         self.assertEqual(self.written()["parameters"],
                          [{"path": "bodies.Cube.velocity[0]", "bounds": [3, 5]}])
 
+    def test_what_the_active_take_starts_from(self):
+        """Its throw and its gravity; of an animated object the place at the first frame."""
+        def start(key, owner="Cube"):
+            return fit_parameters.value(self.settings, owner, key)
+
+        item = bpy.data.objects["Cube"]
+        for frame, x in ((1, 2.0), (6, 4.0)):
+            item.location.x = x
+            item.keyframe_insert("location", frame=frame)
+        self.scene.frame_set(6)
+        self.assertIsNone(start("placement.position"))
+        row = self.row("placement.position")
+        row.use_start = True
+        self.assertAlmostEqual(row.start_vector[0], 2.0, places=5)
+        self.assertEqual(self.scene.frame_current, 6)
+        bpy.ops.matterfit.add_take()
+        self.settings.body_index = 0
+        bpy.ops.matterfit.add_throw()
+        take = self.settings.takes[0]
+        throw = take.throws[0]
+        throw.velocity_from, throw.velocity, throw.spin = "VALUE", (4.0, 0.0, 0.0), (0.0, 5.0, 0.0)
+        throw.use_placement, throw.location = True, (7.0, 0.0, 0.0)
+        take.use_gravity, take.gravity = True, (0.0, 0.0, -2.0)
+        self.assertEqual(start("velocity"), (4.0, 0.0, 0.0))
+        self.assertEqual(start("spin"), (0.0, 5.0, 0.0))
+        self.assertEqual(start("placement.position"), (7.0, 0.0, 0.0))
+        self.assertEqual(start("gravity", ""), (0.0, 0.0, -2.0))
+        row = self.row("velocity")
+        row.use_start = True
+        self.assertEqual(tuple(row.start_vector), (4.0, 0.0, 0.0))
+        throw.velocity_from = "ANIMATION"
+        self.assertIsNone(start("velocity"))
+        throw.velocity_from = "BODY"
+        self.assertEqual(start("velocity"), (0.0, 0.0, 0.0))
+
     def test_names_in_quotes(self):
         self.settings.bodies[0].name = "my.dough"
         self.settings.captures[0].body = ""
@@ -248,9 +351,13 @@ class DocumentTest(FitCase):
         self.assertEqual(written[0], 'bodies."my.dough".material.E')
         self.assertEqual(job_fit.split_path('bodies."my.dough".velocity[1]', {}),
                          ("my.dough", "velocity", 1))
+        self.settings.bodies[0].name = 'the "dough"'
+        path = self.written()["parameters"][0]
+        self.assertEqual(path, """bodies.'the "dough"'.material.E""")
+        self.assertEqual(job_fit.split_path(path, {}), ('the "dough"', "material.E", None))
 
     def test_split_path(self):
-        scene = {"bodies": [{"name": "Cube"}]}
+        scene = {"bodies": [{"name": "Cube"}], "captures": [{"name": "a"}, {"name": "b'\""}]}
         for path, expected in (
                 ("material.E", ("Cube", "material.E", None)),
                 ("scene.bodies.Cube.material.maxwell[0].time",
@@ -258,7 +365,10 @@ class DocumentTest(FitCase):
                 ("bodies[0].placement.rotation[2]", ("Cube", "placement.rotation", 2)),
                 ("gravity[2]", ("", "gravity", 2)), ("gravity", ("", "gravity", None)),
                 ("colliders.ground.contact.mu", ("ground", "contact.mu", None)),
-                ('captures."a.b".start_frame', ("a.b", "start_frame", None))):
+                ('captures."a.b".start_frame', ("a.b", "start_frame", None)),
+                ("captures[1].start_frame", ("b'\"", "start_frame", None)),
+                ("""bodies.'my "cube"'.velocity[1]""", ('my "cube"', "velocity", 1)),
+                ("""bodies."Ann's".density""", ("Ann's", "density", None))):
             self.assertEqual(job_fit.split_path(path, scene), expected, path)
 
     def test_find_the_law(self):
@@ -302,6 +412,7 @@ class DocumentTest(FitCase):
         self.row("velocity").use_bounds = True
         self.row("spin").axes = (True, False, True)
         self.row("material.E").use_prior = True
+        self.row("placement.position").use_prior = True
         for loss, law in (("TRACKS", "BODY"), ("CHAMFER", "FIND")):
             self.fit.loss, self.fit.law = loss, law
             document, folder = self.document("fit")
@@ -349,6 +460,14 @@ class RefusalTest(FitCase):
         self.refused("start at 100000, outside its bounds 200000 to 1e.06")
         row.low = -1.0
         self.refused("Lowest is -1, and must be above 0")
+
+    def test_priors(self):
+        self.only("material.nu")
+        row = self.row("material.nu")
+        row.use_prior, row.mean = True, 0.0
+        self.refused("Cube: Poisson's Ratio: Expected is 0, and must be above 0")
+        row.mean = 0.5
+        self.refused("Cube: Poisson's Ratio: Expected is 0.5, and must be below .5")
 
     def test_nearly_incompressible(self):
         self.only("material.nu")

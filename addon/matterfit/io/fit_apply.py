@@ -30,7 +30,8 @@ def apply_run(scene, folder):
 def apply(scene, result, folder, fitted_take, take):
     """The same for a result. `fitted_take` is what the fit threw (a copy of a take's settings),
     `take` the take that gets fitted throws."""
-    document = files.read_json(os.path.join(folder, fit_results.SCENE_FILE)).get("scene", {})
+    found = files.read_json(os.path.join(folder, fit_results.SCENE_FILE))
+    document = {**found.get("scene", {}), "captures": found.get("captures", [])}
     work = _Application(scene, document, fitted_take, take)
     for estimate in result.estimates:
         work.note(estimate)
@@ -49,6 +50,11 @@ def _source(folder, body):
         return str(files.read_json(fit_results.material_path(folder, body)).get("source", ""))
     except JobError:
         return ""
+
+
+def _is_surface(key):
+    """Whether it is of the ground or of a collider."""
+    return key == "height" or key.startswith("contact.")
 
 
 class _Application:
@@ -78,23 +84,29 @@ class _Application:
                 raise JobError(translate(
                     "The fit is to '{name}', which is not among the Captures any more. Name it so "
                     "again, or fit again.").format(name=name))
-        for owner in self.wanted:
-            if owner in ("", fit_parameters.GROUND):
-                continue
-            if fit_parameters.find_body(self.settings, owner) is None:
+        for owner, keys in self.wanted.items():
+            for key in keys if owner else ():
+                self._check_owner(owner, key)
+
+    def _check_owner(self, owner, key):
+        if _is_surface(key):
+            if fit_parameters.contact_of(self.settings, owner) is None:
+                raise JobError(translate(
+                    "The fit is of '{name}', which is not among the colliders any more. Name it so "
+                    "again, or fit again.").format(name=owner))
+        else:
+            body = fit_parameters.find_body(self.settings, owner)
+            if body is None or body.role != "BODY":
                 raise JobError(translate(
                     "The fit is of '{name}', which is not among the Bodies any more. Name it so "
                     "again, or fit again.").format(name=owner))
-            if self._item(owner) is None:
-                raise JobError(translate("scene.json holds nothing of '{name}'. Fit again.")
-                               .format(name=owner))
+        if self._item(owner, "colliders" if _is_surface(key) else "bodies") is None:
+            raise JobError(translate("scene.json holds nothing of '{name}'. Fit again.")
+                           .format(name=owner))
 
-    def _item(self, owner):
-        for listed in ("bodies", "colliders"):
-            for item in self.document.get(listed, []):
-                if item.get("name") == owner:
-                    return item
-        return None
+    def _item(self, owner, listed="bodies"):
+        return next((item for item in self.document.get(listed, [])
+                     if item.get("name") == owner), None)
 
     def materials(self, folder):
         for owner, keys in self.wanted.items():
@@ -161,12 +173,9 @@ class _Application:
             own = self.fitted_take.use_gravity and self.take is not None
             (self.take if own else solver).gravity = self.document["gravity"]
         for owner, keys in self.wanted.items():
-            if not any(key == "height" or key.startswith("contact.") for key in keys):
+            if not any(_is_surface(key) for key in keys):
                 continue
-            item = self._item(owner)
-            if item is None:
-                raise JobError(translate("scene.json holds nothing of '{name}'. Fit again.")
-                               .format(name=owner))
+            item = self._item(owner, "colliders")
             contact = fit_parameters.contact_of(self.settings, owner)
             if "contact.mu" in keys:
                 contact.mu = item["contact"]["mu"]

@@ -5,13 +5,15 @@ captures.
 All values here are SI, as in the job document.
 """
 
+import math
 import re
 from dataclasses import dataclass
 
 from ..props import choices
+from ..props import scene as scene_props
 from ..props.body import MatterfitBody, MatterfitContact
 from ..props.material import MatterfitMaterial, MatterfitMaxwell
-from . import transforms
+from . import frames, transforms
 
 # In which scale steps are equal: x, ln x, ln(x / (½ - x)).
 LINEAR, LOG, LOGIT = "linear", "log", "logit"
@@ -21,15 +23,17 @@ RANGE = 1e4  # a LOG parameter without bounds of its own is looked for this fact
 
 _BRANCH = re.compile(r"^material\.maxwell\[(\d+)\]\.(modulus|time)$")
 _KEPT = ("enabled", "axes", "use_start", "start", "start_vector", "use_bounds", "low", "high",
-         "reach", "use_prior", "mean", "sigma")
+         "reach", "use_prior", "mean", "mean_vector", "sigma")
+_restoring = []  # not empty while rows are filled in: nothing follows from their switches then
 
 
 @dataclass(frozen=True)
 class Quantity:
     """`key` in the job document's words below its owner; `label` in English with the unit.
 
-    `low` and `high` are the bounds that the list begins with (0, 0: a factor either side of the
-    start), `reach` that of vectors.
+    `low` and `high` are the bounds that it has by itself (0, 0: a factor either side of the start;
+    `around`: about the start), `reach` that of vectors; `sigma` is the deviation that a prior
+    begins with.
     """
 
     key: str
@@ -39,22 +43,25 @@ class Quantity:
     high: float = 0.0
     size: int = 1
     reach: float = 1.0
+    around: bool = False
+    sigma: float = 0.2
 
 
 _MATERIAL = {
     "E": {"low": 1e2, "high": 1e10},
     "nu": {"scale": LOGIT, "low": 0.01, "high": 0.495},
-    "friction_angle": {"scale": LINEAR, "low": 5.0, "high": 65.0},
+    "exponent": {"low": 0.1, "high": 4.0},
+    "friction_angle": {"scale": LINEAR, "low": 5.0, "high": 65.0, "sigma": 5.0},
 }
 _MOTION = (
-    Quantity("velocity", "Velocity [m/s]", LINEAR, size=3, reach=50.0),
-    Quantity("spin", "Spin [rad/s]", LINEAR, size=3, reach=200.0),
-    Quantity("placement.position", "Position [m]", LINEAR, size=3, reach=0.05),
-    Quantity("placement.rotation", "Rotation [rad]", LINEAR, size=3, reach=0.3),
+    Quantity("velocity", "Velocity [m/s]", LINEAR, size=3, reach=50.0, sigma=1.0),
+    Quantity("spin", "Spin [rad/s]", LINEAR, size=3, reach=200.0, sigma=5.0),
+    Quantity("placement.position", "Position [m]", LINEAR, size=3, reach=1.0, sigma=0.02),
+    Quantity("placement.rotation", "Rotation [rad]", LINEAR, size=3, reach=math.pi, sigma=0.1),
 )
-_GRAVITY = Quantity("gravity", "Gravity [m/s²]", LINEAR, size=3, reach=20.0)
-_HEIGHT = Quantity("height", "Height [m]", LINEAR, -1.0, 1.0)
-_START_FRAME = Quantity("start_frame", "Start Frame", LINEAR, -2.0, 2.0)
+_GRAVITY = Quantity("gravity", "Gravity [m/s²]", LINEAR, size=3, reach=100.0, sigma=0.1)
+_HEIGHT = Quantity("height", "Height [m]", LINEAR, -1.0, 1.0, around=True, sigma=0.01)
+_START_FRAME = Quantity("start_frame", "Start Frame", LINEAR, -2.0, 2.0, around=True, sigma=0.5)
 
 
 def _label(group, name):
@@ -121,7 +128,8 @@ def candidates(settings):
     for body in settings.bodies:
         if body.role == "COLLIDER":
             found += [(body.name, quantity) for quantity in _of_contact(body.contact)]
-    found += [(capture.name, _START_FRAME) for capture in settings.captures if capture.enabled]
+    # Those that are switched off too: their settings stay until they are on again.
+    found += [(capture.name, _START_FRAME) for capture in settings.captures]
     seen = set()
     return [(owner, quantity) for owner, quantity in found
             if (owner, quantity.key) not in seen and not seen.add((owner, quantity.key))]
@@ -144,26 +152,31 @@ def find_capture(settings, name):
 
 
 def contact_of(settings, owner):
-    """The contact of a collider or of the ground."""
+    """The contact of a collider or of the ground; None where there is no such collider."""
     body = find_body(settings, owner)
     if body is not None and body.role == "COLLIDER":
         return body.contact
-    return settings.solver.ground
+    return settings.solver.ground if owner == GROUND else None
 
 
 def value(settings, owner, key):
-    """What the scene has now: a number, or three."""
-    scale = transforms.metres(settings.id_data)
+    """What a fit of the active take starts from: a number, or three. None where it is animated, so
+    that it is not known at this frame."""
+    scene = settings.id_data
+    scale = transforms.metres(scene)
+    take = scene_props.active_take(settings)
     if key == "gravity":
-        return tuple(settings.solver.gravity)
+        return tuple(take.gravity if take is not None and take.use_gravity
+                     else settings.solver.gravity)
     if key == "height":
         return settings.solver.ground_height * scale
     if key == "start_frame":
         capture = find_capture(settings, owner)
         own = capture is not None and capture.use_start_frame
-        return capture.start_frame if own else float(settings.id_data.frame_start)
+        return capture.start_frame if own else float(frames.frame_range(scene)[0])
     if key.startswith("contact."):
-        return getattr(contact_of(settings, owner), key[len("contact."):])
+        contact = contact_of(settings, owner)
+        return 0.0 if contact is None else getattr(contact, key[len("contact."):])
     body = find_body(settings, owner)
     if body is None:
         return 0.0
@@ -176,13 +189,46 @@ def value(settings, owner, key):
         return getattr(body.material, key[len("material."):])
     if key == "density":
         return body.density
-    if key == "velocity":
-        return tuple(component * scale for component in body.velocity)
-    if key == "spin":
-        return tuple(body.spin)
-    if key == "placement.position" and body.object is not None:
-        return tuple(component * scale for component in body.object.matrix_world.translation)
+    throw = None if take is None else next(
+        (throw for throw in take.throws if throw.name == owner), None)
+    if key in ("velocity", "spin"):
+        if throw is not None and throw.velocity_from == "ANIMATION":
+            return None
+        thrown = throw if throw is not None and throw.velocity_from == "VALUE" else body
+        return tuple(thrown.spin) if key == "spin" else _times(thrown.velocity, scale)
+    if key == "placement.position":
+        if throw is not None and throw.use_placement:
+            return _times(throw.location, scale)
+        if body.object is not None:
+            there = scene.frame_current == frames.frame_range(scene)[0]
+            return (_times(body.object.matrix_world.translation, scale)
+                    if there or not _moves(body.object) else None)
     return (0.0, 0.0, 0.0)
+
+
+def _times(vector, scale):
+    return tuple(component * scale for component in vector)
+
+
+def _moves(item):
+    """Whether the object may be somewhere else at another frame."""
+    while item is not None:
+        if item.animation_data is not None or item.constraints or item.rigid_body is not None:
+            return True
+        item = item.parent
+    return False
+
+
+def _played(settings, row):
+    """value(), with the scene set to its first frame where only that tells; None for the velocity
+    of an animation."""
+    found = value(settings, row.owner, row.key)
+    if found is None and row.key == "placement.position":
+        scene = settings.id_data
+        with frames.frame_kept(scene):
+            scene.frame_set(frames.frame_range(scene)[0])
+            found = value(settings, row.owner, row.key)
+    return found
 
 
 def refresh(settings):
@@ -195,16 +241,21 @@ def refresh(settings):
     renamed = _renamed(rows, wanted)
     observed = observed_bodies(settings)
     rows.clear()
-    for owner, quantity in wanted:
-        row = rows.add()
-        row.owner, row.key = owner, quantity.key
-        row.name = f"{owner} {quantity.label}".strip()
-        old = kept.get((owner, quantity.key)) or kept.get((renamed.get(owner), quantity.key))
-        if old is not None:
-            for name, content in old.items():
-                setattr(row, name, content)
-        else:
-            _begin(settings, row, quantity, owner in observed)
+    _restoring.append(settings)
+    try:
+        for owner, quantity in wanted:
+            row = rows.add()
+            row.owner, row.key = owner, quantity.key
+            row.name = f"{owner} {quantity.label}".strip()
+            before = renamed.get((quantity is _START_FRAME, owner))
+            old = kept.get((owner, quantity.key)) or kept.get((before, quantity.key))
+            if old is not None:
+                for name, content in old.items():
+                    setattr(row, name, content)
+            else:
+                _begin(settings, row, quantity, owner in observed)
+    finally:
+        _restoring.pop()
     settings.fit.parameter_index = min(settings.fit.parameter_index, max(len(rows) - 1, 0))
 
 
@@ -217,11 +268,32 @@ def _contents(row):
 
 
 def _renamed(rows, wanted):
-    """{new name: old name} where exactly one body or collider has gone and one has come."""
-    before = {row.owner for row in rows if row.key != _START_FRAME.key}
-    after = {owner for owner, quantity in wanted if quantity is not _START_FRAME}
-    gone, come = before - after, after - before
-    return {come.pop(): gone.pop()} if len(gone) == len(come) == 1 else {}
+    """{(of a capture, new name): old name} where exactly one body or collider, or exactly one
+    capture, has gone and one has come."""
+    found = {}
+    for of_capture in (False, True):
+        before = {row.owner for row in rows if (row.key == _START_FRAME.key) is of_capture}
+        after = {owner for owner, quantity in wanted if (quantity is _START_FRAME) is of_capture}
+        gone, come = before - after, after - before
+        if len(gone) == len(come) == 1:
+            found[of_capture, come.pop()] = gone.pop()
+    return found
+
+
+def branch_removed(settings, owner, index):
+    """A Maxwell branch is gone: the rows of those after it go on with it, by their new numbers."""
+    rows = settings.fit.parameters
+    for place in reversed(range(len(rows))):
+        row = rows[place]
+        branch = _BRANCH.match(row.key)
+        if row.owner != owner or branch is None or int(branch.group(1)) < index:
+            continue
+        if int(branch.group(1)) == index:
+            rows.remove(place)
+            continue
+        quantity = material_quantity(f"maxwell[{int(branch.group(1)) - 1}].{branch.group(2)}")
+        row.key, row.name = quantity.key, f"{owner} {quantity.label}".strip()
+    refresh(settings)
 
 
 def observed_bodies(settings):
@@ -233,28 +305,48 @@ def observed_bodies(settings):
 
 def _begin(settings, row, quantity, observed):
     """The values of a new row: what the scene has, and bounds about it."""
-    row.reach = quantity.reach
-    row.sigma = 5.0 if quantity.scale == LINEAR else 0.2
+    row.reach, row.sigma = quantity.reach, quantity.sigma
     if quantity.size == 1 and quantity.scale != LINEAR:
         # The logarithm of 0 is no start, nor is a stiffness that the solver derives.
         row.use_start = value(settings, row.owner, row.key) <= 0.0 or (
             row.key == "contact.stiffness"
             and not contact_of(settings, row.owner).use_stiffness)
-    reset_start(settings, row, quantity)
+    _set_start(settings, row, quantity, value(settings, row.owner, row.key))
     reset_bounds(settings, row, quantity)
-    row.mean = row.start
+    row.mean, row.mean_vector = row.start, row.start_vector
     row.enabled = observed and _on(settings, row)
 
 
 def reset_start(settings, row, quantity):
     """Sets the row's start to what the scene has; where that is no start, to something near."""
-    now = value(settings, row.owner, row.key)
+    _set_start(settings, row, quantity, _played(settings, row))
+
+
+def _set_start(settings, row, quantity, now):
+    if now is None:
+        return
     if quantity.size == 3:
         row.start_vector = now
     elif quantity.scale != LINEAR and now <= 0.0:
         row.start = _guess(settings, row)
     else:
         row.start = now
+
+
+def reset_mean(settings, row, quantity):
+    """Sets what a prior expects to where the search begins."""
+    now = _played(settings, row)
+    if quantity.size == 3:
+        row.mean_vector = row.start_vector if row.use_start or now is None else now
+    elif row.use_start:
+        row.mean = row.start
+    else:
+        row.mean = now if quantity.scale == LINEAR or now > 0.0 else _guess(settings, row)
+
+
+def is_restoring():
+    """Whether rows are being filled in, so that nothing follows from what is switched."""
+    return bool(_restoring)
 
 
 def reset_bounds(settings, row, quantity):
@@ -265,7 +357,7 @@ def reset_bounds(settings, row, quantity):
     start = row.start if row.use_start else value(settings, row.owner, row.key)
     if quantity.low == quantity.high:
         row.low, row.high = start / RANGE, start * RANGE
-    elif quantity is _START_FRAME:
+    elif quantity.around:
         row.low, row.high = start + quantity.low, start + quantity.high
     else:
         row.low, row.high = min(quantity.low, start), max(quantity.high, start)

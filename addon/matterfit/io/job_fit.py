@@ -105,6 +105,7 @@ class _Entry:
             self._check_bounds(start)
             entry["bounds"] = numbers((row.low, row.high))
         if row.use_prior:
+            self._check_prior()
             entry["prior"] = {"mean": number(row.mean), "sigma": number(row.sigma)}
         return [self.path if len(entry) == 1 else entry]
 
@@ -134,13 +135,24 @@ class _Entry:
                 "the bounds, or change Start.").format(
                     where=self.where, start=f"{start:g}", low=f"{low:g}", high=f"{high:g}"))
 
+    def _check_prior(self):
+        mean = self.row.mean
+        if self.quantity.scale != LINEAR and mean <= 0.0:
+            raise JobError(translate(
+                "Fit: {where}: Expected is {mean}, and must be above 0.").format(
+                    where=self.where, mean=f"{mean:g}"))
+        if self.quantity.scale == LOGIT and mean >= 0.5:
+            raise JobError(translate(
+                "Fit: {where}: Expected is {mean}, and must be below .5.").format(
+                    where=self.where, mean=f"{mean:g}"))
+
     def _vector(self):
         row = self.row
         axes = [axis for axis in range(3) if row.axes[axis]]
         if not axes:
             raise JobError(translate("Fit: {where} has no axis that is looked for. Switch on one, "
                                      "or switch it off.").format(where=self.where))
-        own = row.use_start or row.use_bounds
+        own = row.use_start or row.use_bounds or row.use_prior
         if len(axes) == 3 and not own:
             return [self.path]
         start = tuple(row.start_vector) if row.use_start else self.now
@@ -155,6 +167,9 @@ class _Entry:
                 entry["start"] = number(start[axis])
             if row.use_bounds:
                 entry["bounds"] = numbers((start[axis] - row.reach, start[axis] + row.reach))
+            if row.use_prior:
+                entry["prior"] = {"mean": number(row.mean_vector[axis]),
+                                  "sigma": number(row.sigma)}
             entries.append(entry if own else entry["path"])
         return entries
 
@@ -193,20 +208,19 @@ def path(scene_document, row):
 
 def split_path(text, scene_document):
     """(owner, key, axis) of a path in a result: ('Cube', 'velocity', 2). The owner is "" for what
-    belongs to the scene, the axis None for what is a number or all three."""
+    belongs to the scene, the axis None for what is a number or all three. Where `scene_document`
+    lists them, numbers stand for bodies, colliders and captures."""
     steps = [next(part for part in match.groups() if part is not None)
              for match in _STEP.finditer(text)]
     if steps and steps[0] == "scene":
         steps = steps[1:]
     owner = ""
-    if steps and steps[0] in ("bodies", "colliders"):
+    if len(steps) > 1 and steps[0] in ("bodies", "colliders", "captures"):
         listed, owner = scene_document.get(steps[0], []), steps[1]
         names = [item.get("name", "") for item in listed]
         if owner not in names and owner.isdigit() and int(owner) < len(names):
             owner = names[int(owner)]
         steps = steps[2:]
-    elif len(steps) > 1 and steps[0] == "captures":
-        owner, steps = steps[1], steps[2:]
     elif steps and steps[0] != "gravity" and len(scene_document.get("bodies", [])) == 1:
         owner = scene_document["bodies"][0].get("name", "")
     axis = None

@@ -191,7 +191,7 @@ class MATTERFIT_OT_remove_branch(PlainOperator, bpy.types.Operator):
         index = min(material.maxwell_index, len(material.maxwell) - 1)
         material.maxwell.remove(index)
         material.maxwell_index = max(0, index - 1)
-        fit_parameters.refresh(settings)
+        fit_parameters.branch_removed(settings, scene_props.active_body(settings).name, index)
 
 
 CLASSES = (MATTERFIT_OT_apply_fit, MATTERFIT_OT_save_material, MATTERFIT_OT_load_material,

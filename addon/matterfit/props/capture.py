@@ -23,10 +23,16 @@ def _reread(self, context):
     outdated(self, context)
 
 
+def _renamed(self, context):
+    from ..io import fit_parameters
+    outdated(self, context)
+    fit_parameters.refresh(self.id_data.matterfit)
+
+
 class MatterfitCapture(bpy.types.PropertyGroup):
     """One row of the Captures list."""
 
-    name: StringProperty(name="Name", default="Capture", update=outdated,
+    name: StringProperty(name="Name", default="Capture", update=_renamed,
                          description="A name for this capture")
     enabled: BoolProperty(
         name="Enabled", default=True, update=outdated,

@@ -20,20 +20,27 @@ from .compare import _redraw
 from .take import MatterfitTake
 
 
-def _start_switched(self, _context):
+def _switched(row, switch, reset):
+    """Where the artist has switched it on: `reset` of io.fit_parameters fills in its values."""
     from ..io import fit_parameters
-    settings = self.id_data.matterfit
-    quantity = fit_parameters.quantity_of(settings, self)
-    if self.use_start and quantity is not None:
-        fit_parameters.reset_start(settings, self, quantity)
+    if not getattr(row, switch) or fit_parameters.is_restoring():
+        return
+    settings = row.id_data.matterfit
+    quantity = fit_parameters.quantity_of(settings, row)
+    if quantity is not None:
+        getattr(fit_parameters, reset)(settings, row, quantity)
+
+
+def _start_switched(self, _context):
+    _switched(self, "use_start", "reset_start")
 
 
 def _bounds_switched(self, _context):
-    from ..io import fit_parameters
-    settings = self.id_data.matterfit
-    quantity = fit_parameters.quantity_of(settings, self)
-    if self.use_bounds and quantity is not None:
-        fit_parameters.reset_bounds(settings, self, quantity)
+    _switched(self, "use_bounds", "reset_bounds")
+
+
+def _prior_switched(self, _context):
+    _switched(self, "use_prior", "reset_mean")
 
 
 class MatterfitFitParameter(bpy.types.PropertyGroup):
@@ -71,17 +78,20 @@ class MatterfitFitParameter(bpy.types.PropertyGroup):
         name="Within ±", default=1.0, min=1e-9, soft_min=1e-3, max=1e6, soft_max=50.0, precision=4,
         description="The search goes no further than this from the start, on each axis")
     use_prior: BoolProperty(
-        name="Prior", default=False,
+        name="Prior", default=False, update=_prior_switched,
         description="Something is known of it beforehand: the value and deviation below count as "
                     "one more measurement")
     mean: FloatProperty(
         name="Expected", default=0.0, min=-1e9, soft_min=-1e6, max=1e13, soft_max=1e10,
         precision=4, description="The value that is expected, in the unit of the parameter")
+    mean_vector: FloatVectorProperty(
+        name="Expected", size=3, min=-1e6, soft_min=-100.0, max=1e6, soft_max=100.0, precision=4,
+        description="The value that is expected, in the unit of the parameter")
     sigma: FloatProperty(
         name="Deviation", default=0.2, min=1e-9, soft_min=1e-3, max=1e9, soft_max=100.0,
         precision=4,
         description="Standard deviation of what is expected: in the unit of the parameter for "
-                    "velocities, angles and heights, else relative (0.2 is 20 %)")
+                    "velocities, angles, places, gravity and frames, else relative (0.2 is 20 %)")
 
 
 class MatterfitFit(bpy.types.PropertyGroup):

@@ -76,7 +76,7 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
         precision=4, step=10,
         description="Dynamic viscosity in pascal seconds: water .001, honey 10, toothpaste 100")
     exponent: FloatProperty(
-        name="Flow Exponent", default=1.0, min=0.1, soft_min=0.3, max=3.0, soft_max=1.5,
+        name="Flow Exponent", default=1.0, min=0.1, soft_min=0.3, max=4.0, soft_max=1.5,
         precision=2, step=5,
         description="Herschel-Bulkley exponent, without unit: below 1 it thins as it flows")
     friction_angle: FloatProperty(

@@ -66,9 +66,10 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
             row = column.row(align=True, heading="Axes")
             for axis, name in enumerate("XYZ"):
                 row.prop(item, "axes", index=axis, text=name, toggle=True)
-            self._start(column, item, "start_vector",
-                        ", ".join(f"{component:.3g}" for component in now))
+            self._start(column, item, "start_vector", translate("of the animation") if now is None
+                        else ", ".join(f"{component:.3g}" for component in now))
             switched(column, item, "use_bounds", "reach")
+            self._prior(column, item, "mean_vector")
             return
         self._start(column, item, "start", f"{now:.6g}")
         column.prop(item, "use_bounds")
@@ -76,10 +77,13 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
             pair = column.column(align=True)
             pair.prop(item, "low")
             pair.prop(item, "high")
+        self._prior(column, item, "mean")
+
+    def _prior(self, column, item, mean):
         column.prop(item, "use_prior")
         if item.use_prior:
             pair = column.column(align=True)
-            pair.prop(item, "mean")
+            pair.prop(item, mean)
             pair.prop(item, "sigma")
 
     def _start(self, column, item, name, now):

@@ -334,6 +334,14 @@ def script(folder):
     yield
     yield
     picture("fit_result")
+    # A curve of two laws has a legend.
+    fake_fit.write_history(takes.locate(bpy.context.scene.matterfit.fit.run).folder, [
+        {"stage": "frames 1-8", "law": law, "rms_mm": 20.0 / (i + 1)}
+        for law in ("fixed_corotated", "von_mises") for i in range(8)])
+    view()[1].tag_redraw()
+    yield
+    yield
+    picture("fit_laws")
     settings = bpy.context.scene.matterfit
     settings.compare.worst_index = 0
     if bpy.context.scene.frame_current != settings.compare.worst[0].frame:

@@ -6,8 +6,9 @@ import math
 import os
 from dataclasses import dataclass, field
 
+from ..compat import translate
 from ..jobs import JobError
-from . import files
+from . import files, job_fit
 
 RESULT_FILE = "result.json"
 SCENE_FILE = "scene.json"
@@ -69,12 +70,14 @@ def load(folder):
     document = files.read_json(path)
     found = document.get("fit") if isinstance(document, dict) else None
     if not isinstance(found, dict):
-        raise JobError(f"{path}: holds no result of a fit. Fit again.")
+        raise JobError(translate("{path}: holds no result of a fit. Fit again.")
+                       .format(path=path))
     try:
         return _result(document, found)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise JobError(f"{path}: is not a result of a fit that this version reads "
-                       f"({type(error).__name__}: {error}). Fit again.") from error
+        raise JobError(translate(
+            "{path}: is not a result of a fit that this version reads ({error}). Fit again.").format(
+                path=path, error=f"{type(error).__name__}: {error}")) from error
 
 
 def _result(document, found):
@@ -134,10 +137,32 @@ def load_quietly(folder):
     return _known["value"]
 
 
+def fitted_bodies(folder):
+    """Names of the bodies whose materials the result in `folder` is of, in its order."""
+    scene = files.read_json(os.path.join(folder, SCENE_FILE)).get("scene", {})
+    found = {}
+    for estimate in load(folder).estimates:
+        owner, key, _axis = job_fit.split_path(estimate.path, scene)
+        if key.startswith("material."):
+            found[owner] = True
+    return list(found)
+
+
 def material_path(folder, body):
-    """The fitted material of a body: material_NAME.json, or material.json of the first one."""
-    own = os.path.join(folder, f"material_{body}.json")
-    return own if body and os.path.isfile(own) else os.path.join(folder, MATERIAL_FILE)
+    """The fitted material of a body; "" is the only one. JobError where it was not fitted."""
+    names = fitted_bodies(folder)
+    if not names:
+        raise JobError(translate("The fit found no material: none of its parameters belongs to "
+                                 "one."))
+    if not body and len(names) == 1:
+        body = names[0]
+    if body not in names:
+        raise JobError(translate(
+            "The fit found the material of {names}, not of '{name}'. Make that body the active one "
+            "in Bodies.").format(names=", ".join(f"'{name}'" for name in names), name=body))
+    # Another file than that of the first may be of an earlier fit.
+    own = MATERIAL_FILE if body == names[0] else f"material_{body}.json"
+    return os.path.join(folder, own)
 
 
 def _stamp(path):

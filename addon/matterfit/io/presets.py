@@ -2,14 +2,14 @@
 """Material and quality presets: JSON files with provenance, read once. Ours come with the add-on;
 those that the user adds lie in Blender's folder for data files."""
 
-import contextlib
 import math
 import os
 import zlib
 
 import bpy
 
-from ..jobs import JobError
+from ..compat import translate
+from ..jobs import EXIT_COMPUTE, JobError
 from ..props import choices
 from . import files
 
@@ -29,7 +29,8 @@ def folder():
                       os.path.join(os.path.dirname(os.path.dirname(package)), "presets")):
         if os.path.isdir(candidate):
             return candidate
-    raise JobError("The folder 'presets' is missing beside the add-on. Install the package again.")
+    raise JobError(translate("The folder 'presets' is missing beside the add-on. Install the "
+                             "package again."))
 
 
 def user_folder():
@@ -104,8 +105,8 @@ def add(document, name):
     path = os.path.join(user_folder(), files.safe_name(name) + ".json")
     identifier = _user_identifier(name)
     if identifier in materials() or os.path.exists(path):
-        raise JobError(f"preset '{name}': there is one of this name. Choose another name, or "
-                       "remove that one first.")
+        raise JobError(translate("preset '{name}': there is one of this name. Choose another name, "
+                                 "or remove that one first.").format(name=name))
     files.write_json(path, saved(document, name))
     forget()
     return identifier
@@ -113,13 +114,19 @@ def add(document, name):
 
 def remove(identifier):
     """Deletes a preset of the user; materials that had it keep their values."""
-    document = materials()[identifier]
+    path = materials()[identifier]["path"]
+    try:
+        os.remove(path)
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        raise JobError(translate(
+            "{path}: could not be deleted: {error}. Change the folder's permissions.").format(
+                path=path, error=error.strerror or error), EXIT_COMPUTE) from error
     using = [body.material for scene in bpy.data.scenes for body in scene.matterfit.bodies
              if body.material.preset == identifier]
     for material in using:
         material.preset = "CUSTOM"
-    with contextlib.suppress(FileNotFoundError):
-        os.remove(document["path"])
     forget()
 
 
@@ -133,25 +140,33 @@ def check(document, name):
     """The document, if it is a material; JobError that says what is wrong otherwise."""
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema != SCHEMA:
-        raise JobError(f"{name}: schema is {schema!r}, expected '{SCHEMA}'.")
-    for key in ("material", "name", "source", "density"):
-        if key not in document:
-            raise JobError(f"{name}: '{key}' is missing.")
+        raise JobError(translate("{name}: schema is {schema}, expected '{expected}'.").format(
+            name=name, schema=repr(schema), expected=SCHEMA))
+    _check_needed(name, document, ("material", "name", "source", "density"))
+    for key in ("name", "source"):
+        if not isinstance(document[key], str):
+            raise JobError(translate("{name}: {key} is {value}, expected a text.").format(
+                name=name, key=key, value=repr(document[key])))
     material = document["material"] if isinstance(document["material"], dict) else {}
     law = str(material.get("law", "")).upper()
     if law not in choices.LAW_PARAMETERS:
-        raise JobError(f"{name}: law is {material.get('law')!r}, which is not known.")
-    known = {"law", "maxwell", *choices.LAW_PARAMETERS[law], *choices.DAMPING_PARAMETERS}
+        raise JobError(translate("{name}: law is {law}, which is not known.").format(
+            name=name, law=repr(material.get("law"))))
+    parameters = choices.LAW_PARAMETERS[law]
+    known = {"law", "maxwell", *parameters, *choices.DAMPING_PARAMETERS}
     for key in material:
         if key not in known:
-            raise JobError(f"{name}: '{key}' is not a parameter of {material['law']}.")
+            raise JobError(translate("{name}: '{key}' is not a parameter of {law}.").format(
+                name=name, key=key, law=material["law"]))
+    _check_needed(name, material,
+                  [key for key in choices.NEEDED_PARAMETERS if key in parameters])
     for key in sorted(known - {"law", "maxwell"}):
         _check_number(name, key, material.get(key, 0.0))
     _check_number(name, "density", document["density"])
     branches = material.get("maxwell", [])
     if not isinstance(branches, list) or len(branches) > choices.MOST_BRANCHES:
-        raise JobError(f"{name}: 'maxwell' is not a list of at most {choices.MOST_BRANCHES} "
-                       "branches.")
+        raise JobError(translate("{name}: 'maxwell' is not a list of at most {n} branches.").format(
+            name=name, n=choices.MOST_BRANCHES))
     for branch in branches:
         for key in ("modulus", "time"):
             _check_number(name, f"maxwell {key}",
@@ -159,10 +174,24 @@ def check(document, name):
     return document
 
 
+def _check_needed(name, document, keys):
+    for key in keys:
+        if key not in document:
+            raise JobError(translate("{name}: '{key}' is missing.").format(name=name, key=key))
+
+
+# What nothing simulates at 0.
+_ABOVE_0 = ("E", "bulk_modulus", "density", "maxwell time")
+
+
 def _check_number(name, key, value):
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not math.isfinite(value):
-        raise JobError(f"{name}: {key} is {value!r}, expected a number.")
+        raise JobError(translate("{name}: {key} is {value}, expected a number.").format(
+            name=name, key=key, value=repr(value)))
+    if value < 0.0 and key != "nu" or value == 0.0 and key in _ABOVE_0:
+        raise JobError(translate("{name}: {key} is {value}, expected a number above 0.").format(
+            name=name, key=key, value=repr(value)))
 
 
 def enum_items():

@@ -63,16 +63,20 @@ def remove_active(owner, items, index):
     setattr(owner, index, max(0, min(at, len(collection) - 1)))
 
 
+def greyed(cls, condition, reason):
+    """What a poll() returns: False where the operator is greyed, which its button explains."""
+    if condition and hasattr(cls, "poll_message_set"):
+        cls.poll_message_set(reason)
+    return not condition
+
+
 class NoJobRunning:
     """Greyed, with the reason, while a job runs."""
 
     @classmethod
     def poll(cls, context):
-        if jobs.registry.running is not None:
-            if hasattr(cls, "poll_message_set"):
-                cls.poll_message_set("Another job is running: cancel it first")
-            return False
-        return True
+        return greyed(cls, jobs.registry.running is not None,
+                      "Another job is running: cancel it first")
 
 
 class PlainOperator:

@@ -8,7 +8,7 @@ from ..compat import translate
 from ..io import fit_parameters, presets, resolution
 from ..jobs import JobError
 from ..props import scene as scene_props
-from .base import PlainOperator, remove_active
+from .base import PlainOperator, greyed, remove_active
 
 USABLE = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
@@ -77,7 +77,8 @@ class MATTERFIT_OT_remove_body(PlainOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return scene_props.active_body(context.scene.matterfit) is not None
+        return greyed(cls, scene_props.active_body(context.scene.matterfit) is None,
+                      "Add a body first")
 
     def act(self, context):
         from ..io import attach
@@ -108,7 +109,8 @@ class MATTERFIT_OT_move_body(PlainOperator, bpy.types.Operator):
 class _ActiveBody:
     @classmethod
     def poll(cls, context):
-        return scene_props.active_body(context.scene.matterfit) is not None
+        return greyed(cls, scene_props.active_body(context.scene.matterfit) is None,
+                      "Add a body first")
 
 
 class MATTERFIT_OT_add_pin(_ActiveBody, PlainOperator, bpy.types.Operator):

@@ -14,7 +14,7 @@ from ..io import fit_parameters, job_captures
 from ..jobs import JobError
 from ..props import choices
 from ..props import scene as scene_props
-from .base import PlainOperator, redraw, remove_active
+from .base import PlainOperator, greyed, redraw, remove_active
 
 EXTENSIONS = (".npz", ".npy", ".c3d", ".pc2", ".ply")
 
@@ -91,7 +91,8 @@ class MATTERFIT_OT_add_capture_object(PlainOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return context.active_object is not None and context.active_object.type == "MESH"
+        item = context.active_object
+        return greyed(cls, item is None or item.type != "MESH", "Select a mesh object first")
 
     def act(self, context):
         item = context.active_object
@@ -109,7 +110,8 @@ class MATTERFIT_OT_remove_capture(PlainOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return scene_props.active_capture(context.scene.matterfit) is not None
+        return greyed(cls, scene_props.active_capture(context.scene.matterfit) is None,
+                      "There is no capture")
 
     def act(self, context):
         settings = context.scene.matterfit
@@ -126,7 +128,8 @@ class MATTERFIT_OT_check_capture(PlainOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         capture = scene_props.active_capture(context.scene.matterfit)
-        return capture is not None and capture.source == "FILE"
+        return greyed(cls, capture is None or capture.source != "FILE",
+                      "The capture is not read from a file")
 
     def act(self, context):
         summarize(context.scene, scene_props.active_capture(context.scene.matterfit))

@@ -10,7 +10,7 @@ from .. import jobs, native
 from ..compat import translate
 from ..io import cache, fit_parameters, fit_results, job_document, takes
 from ..jobs import JobError, State
-from .base import JobOperator, NoJobRunning, PlainOperator, session
+from .base import JobOperator, NoJobRunning, PlainOperator, greyed, session
 from .simulate import AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job
 
 
@@ -138,7 +138,8 @@ class MATTERFIT_OT_fit(FitJob, bpy.types.Operator):
 class _HasFit(NoJobRunning):
     @classmethod
     def poll(cls, context):
-        return super().poll(context) and bool(context.scene.matterfit.fit.run.folder)
+        return super().poll(context) and greyed(
+            cls, not context.scene.matterfit.fit.run.folder, "Nothing was fitted yet: press Fit")
 
 
 class MATTERFIT_OT_resume_fit(_HasFit, FitJob, bpy.types.Operator):
@@ -185,6 +186,40 @@ class MATTERFIT_OT_free_fit(_HasFit, PlainOperator, bpy.types.Operator):
                 n=len(left), folder=location.folder, names=", ".join(left[:5])))
 
 
+class MATTERFIT_OT_write_fit_job(NoJobRunning, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.write_fit_job"
+    bl_label = "Write Job"
+    bl_description = ("Write job.json and its input files into the fit's cache folder, for the "
+                      "matterfit tool or a farm; nothing is computed. Resume takes up what was "
+                      "done there")
+    bl_options = {"UNDO"}
+
+    def act(self, context):
+        takes.require_saved()
+        settings = context.scene.matterfit
+        fit_parameters.refresh(settings)
+        fit = settings.fit
+        before = takes.Kept(fit.run)
+        try:
+            takes.for_fit(settings)
+            folder = takes.claim(fit.run)
+            replaced = job_document.Replaced(folder, "fit")
+            try:
+                document = job_document.build(context.scene, fit.run, folder, "fit")
+            except Exception:
+                replaced.put_back()
+                raise
+        except JobError:
+            before.put_back(fit.run)
+            raise
+        # A result that lies there is of another job, unless that is still the same.
+        fit.done = fit.done and replaced.is_of(document)
+        replaced.end()
+        path = job_document.write(document, folder)
+        session(context).last_report = path
+        self.report({"INFO"}, path)
+
+
 class MATTERFIT_OT_list_parameters(PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.list_parameters"
     bl_label = "List Parameters"
@@ -195,4 +230,4 @@ class MATTERFIT_OT_list_parameters(PlainOperator, bpy.types.Operator):
 
 
 CLASSES = (MATTERFIT_OT_fit, MATTERFIT_OT_resume_fit, MATTERFIT_OT_free_fit,
-           MATTERFIT_OT_list_parameters)
+           MATTERFIT_OT_write_fit_job, MATTERFIT_OT_list_parameters)

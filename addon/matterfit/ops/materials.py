@@ -7,20 +7,20 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from .. import jobs
 from ..compat import translate
 from ..io import files, fit_apply, fit_parameters, fit_results, presets, takes
 from ..jobs import JobError
 from ..props import choices
 from ..props import scene as scene_props
-from .base import PlainOperator, session
+from .base import NoJobRunning, PlainOperator, greyed, session
 
 
-class _HasResult:
+class _HasResult(NoJobRunning):
     @classmethod
     def poll(cls, context):
         fit = context.scene.matterfit.fit
-        return jobs.registry.running is None and fit.done and bool(fit.run.folder)
+        return super().poll(context) and greyed(
+            cls, not fit.done or not fit.run.folder, "There is no result: press Fit first")
 
 
 def result_folder(context):
@@ -33,9 +33,11 @@ def result_folder(context):
 
 
 def fitted_material(context):
-    """The document of the fitted material, checked; of several that of the active body."""
+    """The document of the active body's fitted material, checked; of the only one where no body is
+    active."""
     body = scene_props.active_body(context.scene.matterfit)
-    path = fit_results.material_path(result_folder(context), body.name if body is not None else "")
+    name = body.name if body is not None and body.role == "BODY" else ""
+    path = fit_results.material_path(result_folder(context), name)
     return presets.check(files.read_json(path), path)
 
 
@@ -50,16 +52,22 @@ def material_name(context):
 class MATTERFIT_OT_apply_fit(_HasResult, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.apply_fit"
     bl_label = "Apply to Body"
-    bl_description = ("Put the fitted values into Bodies, Solver and the take's throw, so that "
-                      "bakes use them")
+    bl_description = ("Put the fitted values where they belong, so that bakes use them: materials "
+                      "and densities into Bodies, velocities and placements into the take's throw "
+                      "(else into Bodies, and the object is moved), gravity into the take or "
+                      "Solver, ground and colliders, the frame at which a capture begins")
 
     def act(self, context):
         scene = context.scene
         settings = scene.matterfit
-        left = fit_apply.apply_run(scene, result_folder(context))
+        folder = result_folder(context)
+        left = fit_apply.apply_run(scene, folder)
         settings.compare.done = False
-        words = translate("The fitted values are set. Bake or Compare uses them")
-        session(context).last_report = "\n".join([words, *left])
+        words = [translate("The fitted values are set. Bake or Compare uses them")]
+        if fit_results.is_unfinished(folder):
+            words.append(translate("The fit is unfinished, and begins at other values now: undo "
+                                   "this before Resume"))
+        session(context).last_report = "\n".join([*words, *left])
         for sentence in left:
             self.report({"WARNING"}, sentence)
 
@@ -67,8 +75,8 @@ class MATTERFIT_OT_apply_fit(_HasResult, PlainOperator, bpy.types.Operator):
 class MATTERFIT_OT_save_material(_HasResult, PlainOperator, bpy.types.Operator, ExportHelper):
     bl_idname = "matterfit.save_material"
     bl_label = "Save Material"
-    bl_description = ("Write the fitted material to a file, with where it comes from; of several "
-                      "bodies that of the active one")
+    bl_description = ("Write the active body's fitted material to a file, with where it comes "
+                      "from")
     bl_options = set()
 
     filename_ext = ".json"
@@ -99,7 +107,8 @@ class MATTERFIT_OT_load_material(PlainOperator, bpy.types.Operator, ImportHelper
     @classmethod
     def poll(cls, context):
         body = scene_props.active_body(context.scene.matterfit)
-        return body is not None and body.role == "BODY"
+        return greyed(cls, body is None or body.role != "BODY",
+                      "Choose a body in the list: colliders have no material")
 
     def act(self, context):
         path = bpy.path.abspath(self.filepath)
@@ -114,7 +123,8 @@ class MATTERFIT_OT_load_material(PlainOperator, bpy.types.Operator, ImportHelper
 class MATTERFIT_OT_add_preset(_HasResult, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.add_preset"
     bl_label = "Add to Presets"
-    bl_description = "Keep the fitted material as a preset of your own, for every scene"
+    bl_description = ("Keep the active body's fitted material as a preset of your own, for every "
+                      "scene")
     bl_options = set()
 
     name: StringProperty(name="Name", default="", options={"SKIP_SAVE"},
@@ -146,7 +156,8 @@ class MATTERFIT_OT_remove_preset(PlainOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         body = scene_props.active_body(context.scene.matterfit)
-        return body is not None and presets.is_users(body.material.preset)
+        return greyed(cls, body is None or not presets.is_users(body.material.preset),
+                      "The body's preset is not one of your own")
 
     def invoke(self, context, event):
         return context.window_manager.invoke_confirm(self, event)
@@ -163,7 +174,8 @@ class MATTERFIT_OT_add_branch(PlainOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         body = scene_props.active_body(context.scene.matterfit)
-        return body is not None and len(body.material.maxwell) < choices.MOST_BRANCHES
+        return greyed(cls, body is None or len(body.material.maxwell) >= choices.MOST_BRANCHES,
+                      "The solver takes no more branches")
 
     def act(self, context):
         settings = context.scene.matterfit
@@ -183,7 +195,7 @@ class MATTERFIT_OT_remove_branch(PlainOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         body = scene_props.active_body(context.scene.matterfit)
-        return body is not None and len(body.material.maxwell) > 0
+        return greyed(cls, body is None or not body.material.maxwell, "There is no branch")
 
     def act(self, context):
         settings = context.scene.matterfit

@@ -11,7 +11,15 @@ from ..compat import translate
 from ..io import attach, cache, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
-from .base import JobOperator, NoJobRunning, PlainOperator, redraw, report_error, session
+from .base import (
+    JobOperator,
+    NoJobRunning,
+    PlainOperator,
+    greyed,
+    redraw,
+    report_error,
+    session,
+)
 
 KINDS = (
     ("volume", "Volumes", "OpenVDB files"),
@@ -38,7 +46,8 @@ class _HasCache(NoJobRunning):
     @classmethod
     def poll(cls, context):
         take = scene_props.active_take(context.scene.matterfit)
-        return super().poll(context) and take is not None and bool(take.folder)
+        return super().poll(context) and greyed(
+            cls, take is None or not take.folder, "This take was not baked yet: press Bake")
 
 
 class MATTERFIT_OT_verify(_HasCache, JobOperator, bpy.types.Operator):

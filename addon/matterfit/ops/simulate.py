@@ -12,7 +12,15 @@ from ..compat import translate
 from ..io import attach, cache, files, fit_results, job_document, takes
 from ..jobs import EXIT_INPUT, JobError, State
 from ..props import scene as scene_props
-from .base import JobOperator, NoJobRunning, PlainOperator, redraw, report_error, session
+from .base import (
+    JobOperator,
+    NoJobRunning,
+    PlainOperator,
+    greyed,
+    redraw,
+    report_error,
+    session,
+)
 
 # `restart` of a job: what becomes of results that the folder holds (native/capi/matterfit.h).
 GO_ON, AFRESH, AFRESH_WHERE_CHANGED = 0, 1, 2
@@ -186,7 +194,8 @@ class MATTERFIT_OT_resume(BakeJob, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         take = scene_props.active_take(context.scene.matterfit)
-        return super().poll(context) and take is not None and bool(take.folder)
+        return super().poll(context) and greyed(
+            cls, take is None or not take.folder, "This take was not baked yet: press Bake")
 
     def begin(self, context):
         takes.require_saved()
@@ -243,7 +252,7 @@ def discard_preview(scene):
     preview.frames_done = 0
 
 
-class MATTERFIT_OT_free(PlainOperator, bpy.types.Operator):
+class MATTERFIT_OT_free(NoJobRunning, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.free"
     bl_label = "Free"
     bl_description = ("Delete the active take's cache and the objects that show it. Only files "
@@ -254,8 +263,8 @@ class MATTERFIT_OT_free(PlainOperator, bpy.types.Operator):
     def poll(cls, context):
         settings = context.scene.matterfit
         take = scene_props.active_take(settings)
-        return jobs.registry.running is None and (
-            bool(settings.preview.folder) or (take is not None and bool(take.folder)))
+        baked = settings.preview.folder or (take is not None and take.folder)
+        return super().poll(context) and greyed(cls, not baked, "There is no cache to delete")
 
     def invoke(self, context, event):
         return context.window_manager.invoke_confirm(self, event)

@@ -3,12 +3,11 @@
 
 import bpy
 
-from .. import jobs
 from ..compat import translate
 from ..io import attach, cache, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
-from .base import PlainOperator, remove_active, session
+from .base import NoJobRunning, PlainOperator, greyed, remove_active, session
 
 
 class MATTERFIT_OT_add_take(PlainOperator, bpy.types.Operator):
@@ -29,7 +28,7 @@ class MATTERFIT_OT_add_take(PlainOperator, bpy.types.Operator):
         settings.take_index = len(settings.takes) - 1
 
 
-class MATTERFIT_OT_remove_take(PlainOperator, bpy.types.Operator):
+class MATTERFIT_OT_remove_take(NoJobRunning, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.remove_take"
     bl_label = "Remove Take"
     bl_description = "Remove the active take, the objects that show it, and its cache"
@@ -37,8 +36,8 @@ class MATTERFIT_OT_remove_take(PlainOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return (jobs.registry.running is None
-                and scene_props.active_take(context.scene.matterfit) is not None)
+        return super().poll(context) and greyed(
+            cls, scene_props.active_take(context.scene.matterfit) is None, "There is no take")
 
     def invoke(self, context, event):
         return context.window_manager.invoke_confirm(self, event)
@@ -63,7 +62,8 @@ class MATTERFIT_OT_add_throw(PlainOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         body = scene_props.active_body(context.scene.matterfit)
-        return body is not None and body.role == "BODY"
+        return greyed(cls, body is None or body.role != "BODY",
+                      "Choose a body in Bodies: colliders are not thrown")
 
     def act(self, context):
         settings = context.scene.matterfit
@@ -91,7 +91,7 @@ class MATTERFIT_OT_remove_throw(PlainOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         take = scene_props.active_take(context.scene.matterfit)
-        return take is not None and len(take.throws) > 0
+        return greyed(cls, take is None or not take.throws, "There is no throw in this take")
 
     def act(self, context):
         take = scene_props.active_take(context.scene.matterfit)

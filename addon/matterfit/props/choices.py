@@ -22,6 +22,8 @@ LAW_PARAMETERS = {
     "DRUCKER_PRAGER": ("E", "nu", "friction_angle", "cohesion"),
     "NEWTONIAN": ("bulk_modulus", "viscosity"),
 }
+# Those of them that a material has to have; the others are 0 where they are left out (exponent 1).
+NEEDED_PARAMETERS = ("E", "nu", "yield_stress", "friction_angle", "bulk_modulus")
 DAMPING_PARAMETERS = ("damping_shear", "damping_bulk")
 MOST_BRANCHES = 6  # Maxwell branches that the solver takes
 
@@ -59,3 +61,8 @@ UP_AXES = (
     ("Y", "Y Up", "Most games and film packages"),
     ("X", "X Up", "Rare"),
 )
+
+
+def law_name(law):
+    """What the panel calls a law of the job document."""
+    return next((item[1] for item in LAWS if item[0] == law.upper()), law)

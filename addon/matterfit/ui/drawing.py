@@ -13,10 +13,10 @@ GREY = (0.95, 0.95, 0.95, 0.25)
 HELD_OUT = (0.3, 0.6, 1.0, 0.2)
 
 
-def text(words, x, y, scale):
+def text(words, x, y, scale, color=WHITE):
     import blf
     compat.font_size(0, 11 * scale)
-    blf.color(0, 0.95, 0.95, 0.95, 1.0)
+    blf.color(0, *color)
     blf.position(0, x, y, 0)
     blf.draw(0, words)
 
@@ -98,6 +98,18 @@ class Graph:
         below = self.bottom - 16 * self.scale
         text(left, self.left, below, self.scale)
         text(right, self.left + self.width - text_width(right, self.scale), below, self.scale)
+
+
+    def legend(self, entries):
+        """(words, colour) of each curve, right of the graph, the first at the top."""
+        wide = max(text_width(words, self.scale) for words, _color in entries)
+        line = 16 * self.scale
+        left = self.left + self.width + 20 * self.scale
+        top = self.bottom + self.height
+        box(left - 8 * self.scale, top - len(entries) * line - 4 * self.scale,
+            wide + 16 * self.scale, len(entries) * line + 12 * self.scale, BACKGROUND)
+        for place, (words, color) in enumerate(entries):
+            text(words, left, top - place * line - 10 * self.scale, self.scale, color)
 
 
 def error_over_time(rectangle, scale, found, frame, title, held_out=None):

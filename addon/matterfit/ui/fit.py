@@ -10,8 +10,6 @@ from ..props import scene as scene_props
 from . import fit_overlay
 from .common import MatterfitPanel, form, holdout, lines, switched
 
-LAW_NAMES = {law[0].lower(): law[1] for law in choices.LAWS}
-
 
 class MATTERFIT_UL_parameters(bpy.types.UIList):
     def draw_item(self, context, layout, _data, item, _icon, _active, _name, _index=0):
@@ -118,6 +116,7 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
         row.operator("matterfit.fit", icon="VIEWZOOM")
         row.operator("matterfit.resume_fit", text="Resume", icon="PLAY")
         row.operator("matterfit.free_fit", text="", icon="TRASH")
+        layout.operator("matterfit.write_fit_job", icon="FILE_TICK")
         running = fit_overlay.running_fit(context.scene.matterfit)
         if running:
             self._progress(layout, running)
@@ -140,7 +139,7 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
         words = translate("{stage}: rms {error} mm").format(stage=newest.stage,
                                                             error=f"{newest.errors[-1]:.4g}")
         if newest.law:
-            words = f"{_law_name(newest.law)}, {words}"
+            words = f"{choices.law_name(newest.law)}, {words}"
         lines(layout.box(), words, icon="TIME")
 
 
@@ -178,7 +177,7 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             lines(layout, translate("The result of the fit cannot be read. Fit again."),
                   icon="ERROR")
             return
-        self._state(layout, result)
+        self._state(layout, result, folder)
         self._errors(layout, result)
         named = [(*_names(settings, estimate.path), estimate) for estimate in result.estimates]
         several = len({owner for owner, _label, _estimate in named}) > 1
@@ -198,15 +197,17 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
         column.operator("matterfit.save_material", icon="FILE_TICK")
         column.operator("matterfit.add_preset", icon="ADD")
 
-    def _state(self, layout, result):
+    def _state(self, layout, result, folder):
         if result.status == "cancelled":
-            lines(layout, translate("Cancelled: the best so far. Resume goes on."), icon="ERROR")
+            lines(layout, translate("Cancelled: the best so far. Resume goes on.")
+                  if fit_results.is_unfinished(folder) else translate("Cancelled: the best so far."),
+                  icon="ERROR")
         elif not result.converged:
             lines(layout, translate("Not converged: {reason}").format(reason=result.reason),
                   icon="ERROR")
         row = layout.row()
         row.label(text="Law")
-        row.label(text=_law_name(result.law))
+        row.label(text=choices.law_name(result.law))
         if result.noise_scale > 0.0:
             lines(layout, translate("What is left is {factor} × the noise").format(
                 factor=f"{result.noise_scale:.3g}"))
@@ -254,7 +255,7 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             row.label(text=title)
         for place, model in enumerate(result.models):
             row = box.row()
-            row.label(text=translate_label(_law_name(model.get("law", ""))), translate=False,
+            row.label(text=translate_label(choices.law_name(model.get("law", ""))), translate=False,
                       icon="CHECKMARK" if place == 0 else "NONE")
             if model.get("failed"):
                 lines(box, str(model["failed"]), icon="ERROR")
@@ -275,10 +276,6 @@ def _of_only_body(settings, owner):
 
 def _number(value, digits=4):
     return f"{value:.{digits}g}" if isinstance(value, int | float) else "–"
-
-
-def _law_name(law):
-    return LAW_NAMES.get(law, law)
 
 
 def _names(settings, path):

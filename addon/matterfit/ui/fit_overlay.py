@@ -8,6 +8,7 @@ from .. import jobs
 from ..compat import translate_label
 from ..io import comparison, files, fit_results, takes
 from ..jobs import JobError
+from ..props import choices
 from ..props import scene as scene_props
 from . import drawing
 
@@ -96,10 +97,16 @@ def _draw_curve(rectangle, scale, segments):
         graph.curve(segment.places, segment.errors, COLORS[laws.index(segment.law) % len(COLORS)])
     newest = segments[-1]
     title = newest.stage
-    if len(laws) > 1 and newest.law:
-        title = f"{newest.law}: {title}"
+    if len(laws) > 1:
+        title = f"{_law_name(newest.law)}: {title}"
+        graph.legend([(_law_name(law), COLORS[index % len(COLORS)])
+                      for index, law in enumerate(laws)])
     graph.labels(f"{translate_label('Fit')}: {title}", f"{high:.3g} mm", f"{low:.3g} mm",
                  f"rms {newest.errors[-1]:.4g} mm")
+
+
+def _law_name(law):
+    return translate_label(choices.law_name(law))
 
 
 def _error(settings, folder):

@@ -163,9 +163,9 @@ def run_cli(*arguments, blend=None, timeout=60):
                           check=False)
 
 
-def kill_cli(*arguments, when, timeout=120):
+def kill_cli(*arguments, when, blend=None, timeout=120):
     """Starts cli.py and kills it, with no chance to clean up, as soon as `when()` is true."""
-    process = subprocess.Popen(_cli([*arguments, "--quiet"]), stdout=subprocess.DEVNULL,
+    process = subprocess.Popen(_cli([*arguments, "--quiet"], blend), stdout=subprocess.DEVNULL,
                                stderr=subprocess.DEVNULL)
     try:
         end = time.monotonic() + timeout

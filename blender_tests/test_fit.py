@@ -207,6 +207,39 @@ class RunTest(FakeFitCase):
         operator.cancel(stub, bpy.context)
         self.assertTrue(self.fit.done)
 
+    def test_write_job(self):
+        """What Fit would run, for a farm; a result of another job is not shown as its."""
+        self.assertEqual(bpy.ops.matterfit.write_fit_job(), {"FINISHED"}, self.error())
+        path = os.path.join(self.run_folder, "job.json")
+        self.assertEqual(self.report(), path)
+        written = files.read_json(path)
+        self.assertEqual(written["task"], "fit")
+        self.fitted()
+        self.assertEqual(self.started[0][0], written)
+        bpy.ops.matterfit.write_fit_job()
+        self.assertTrue(self.fit.done)
+        self.settings.bodies[0].material.E = 2e5
+        bpy.ops.matterfit.write_fit_job()
+        self.assertFalse(self.fit.done)
+        before, self.capture.enabled = tree(self.run_folder), False
+        self.fails(bpy.ops.matterfit.write_fit_job, ["no capture to fit to"])
+        self.assertEqual(tree(self.run_folder), before)
+
+    def test_resume_after_apply(self):
+        """It would be refused: Apply says so."""
+        self.fitted()
+        bpy.ops.matterfit.apply_fit()
+        self.assertNotIn("Resume", self.report())
+        self.settings.bodies[0].material.E = 2e5
+        self.cancelled(lambda: fake_fit.write_cancelled(self.run_folder))
+        bpy.ops.matterfit.apply_fit()
+        self.assertIn("undo this before Resume", self.report())
+
+    def test_a_copied_scene_shows_the_fit(self):
+        self.fitted()
+        bpy.ops.scene.new(type="FULL_COPY")
+        self.fails(bpy.ops.matterfit.resume_fit, ["scene that was copied", "Press Fit"])
+
     def test_saving_is_advised(self):
         """A fit whose folder is not in the saved file cannot be found again after a crash."""
         reports = []
@@ -467,16 +500,52 @@ class PresetTest(FakeFitCase):
         self.assertAlmostEqual(self.settings.bodies[1].material.E, fake_fit.E, delta=1.0)
         self.assertIn("Fitted to", self.settings.bodies[1].material.source)
 
+    def test_another_bodys_material(self):
+        """It was not fitted, and the files of an earlier fit are not looked at."""
+        self.body(self.cube("Other", location=(2, 0, 0)))
+        self.fitted()
+        files.write_json(os.path.join(self.run_folder, "material_Other.json"),
+                         files.read_json(os.path.join(self.run_folder, "material.json")))
+        path = os.path.join(self.folder, "dough.json")
+        self.settings.body_index = 1
+        self.fails(bpy.ops.matterfit.save_material, ["material of 'Cube', not of 'Other'"],
+                   filepath=path)
+        self.fails(bpy.ops.matterfit.add_preset, ["material of 'Cube', not of 'Other'"], name="x")
+        self.assertFalse(os.path.exists(path))
+        self.settings.bodies[1].role = "COLLIDER"  # has none, so it says nothing
+        self.assertEqual(bpy.ops.matterfit.save_material(filepath=path), {"FINISHED"})
+
+    def test_of_two_bodies(self):
+        """The file of the first has no name; that of the second has."""
+        self.body(self.cube("Other", location=(2, 0, 0)))
+        self.fitted(extra=[fake_fit.estimate("bodies.Other.material.E", "Pa", 1e5, 3e5, 1e3)])
+        first = files.read_json(os.path.join(self.run_folder, "material.json"))
+        files.write_json(os.path.join(self.run_folder, "material_Other.json"),
+                         {**first, "material": {**first["material"], "E": 3e5}})
+        path = os.path.join(self.folder, "dough.json")
+        for index, value in enumerate((fake_fit.E, 3e5)):
+            self.settings.body_index = index
+            bpy.ops.matterfit.save_material(filepath=path)
+            self.assertEqual(files.read_json(path)["material"]["E"], value)
+
     def test_load_refuses(self):
         path = os.path.join(self.folder, "bad.json")
         good = dict(presets.materials()["JELLY"])
+        elastic = {"law": "neo_hookean", "E": 1e5, "nu": 0.3}
         for change, words in (
                 ({"schema": "other/1"}, ["bad.json", "schema is 'other/1'"]),
                 ({"material": {"law": "jam"}}, ["law is 'jam'"]),
-                ({"material": {"law": "neo_hookean", "E": "stiff"}}, ["E is 'stiff'", "a number"]),
-                ({"material": {"law": "neo_hookean", "maxwell": [{"modulus": 1}]}},
-                 ["maxwell time is None"]),
-                ({"material": {"law": "neo_hookean", "maxwell": 3}}, ["at most 6 branches"])):
+                ({"material": {**elastic, "E": "stiff"}}, ["E is 'stiff'", "a number"]),
+                ({"material": {**elastic, "maxwell": [{"modulus": 1}]}}, ["maxwell time is None"]),
+                ({"material": {**elastic, "maxwell": 3}}, ["at most 6 branches"]),
+                ({"material": {"law": "neo_hookean", "E": 1e5}}, ["'nu' is missing"]),
+                ({"material": {**elastic, "law": "von_mises"}}, ["'yield_stress' is missing"]),
+                ({"material": {"law": "newtonian", "viscosity": 1}}, ["'bulk_modulus' is missing"]),
+                ({"material": {**elastic, "E": 0}}, ["E is 0", "above 0"]),
+                ({"material": {**elastic, "damping_shear": -1}}, ["damping_shear is -1", "above 0"]),
+                ({"density": 0.0}, ["density is 0.0", "above 0"]),
+                ({"source": 3}, ["source is 3", "a text"]),
+                ({"name": None}, ["name is None", "a text"])):
             files.write_json(path, {**good, **change})
             self.fails(bpy.ops.matterfit.load_material, words, filepath=path)
         files.write_json(path, [])
@@ -505,6 +574,17 @@ class PresetTest(FakeFitCase):
         self.assertEqual(body.material.preset, "CUSTOM")
         self.assertAlmostEqual(body.material.E, fake_fit.E, delta=1.0)
         self.assertFalse(bpy.ops.matterfit.remove_preset.poll())
+
+    def test_one_that_cannot_be_deleted(self):
+        """It stays, and so does the choice of it."""
+        self.fitted()
+        bpy.ops.matterfit.add_preset(name="mine")
+        self.settings.body_index = 0
+        body = self.settings.bodies[0]
+        body.material.preset = "USER_MINE"
+        with mock.patch.object(os, "remove", side_effect=PermissionError(13, "Permission denied")):
+            self.fails(bpy.ops.matterfit.remove_preset, ["mine.json", "Permission denied"])
+        self.assertEqual(body.material.preset, "USER_MINE")
 
     def test_a_preset_that_this_machine_lacks(self):
         """The values lie in the scene; nothing raises."""
@@ -597,6 +677,52 @@ class NativeTest(SceneCase):
             found.append([(entry["path"], entry["value"], entry["standard_error"])
                           for entry in fit["parameters"]] + fit["history"])
         self.assertEqual(*found)
+
+    def test_killed_without_a_window(self):
+        """The saved scene knows the folder, so that Resume goes on there."""
+        if not bpy.app.binary_path:
+            self.skipTest("a .blend on the command line needs Blender itself")
+        for row in self.settings.fit.parameters:
+            row.enabled = row.key in ("material.E", "material.nu", "velocity")
+        self.settings.fit.windows = True
+        self.save("scene.blend")
+        path = os.path.join(self.folder, "scene.blend")
+        before = set(os.listdir(self.folder))
+
+        def begun():
+            return any(len(fit_results.history(os.path.join(self.folder, name))) >= 2
+                       for name in set(os.listdir(self.folder)) - before)
+
+        kill_cli("fit", "--save", when=begun, blend=path)
+        self.reopen()
+        folder = takes.locate(self.settings.fit.run).folder
+        self.assertTrue(fit_results.is_unfinished(folder))
+        lines = len(fit_results.history(folder))
+        self.assertEqual(bpy.ops.matterfit.resume_fit(), {"FINISHED"}, self.error())
+        self.assertGreaterEqual(len(fit_results.history(folder)), lines)
+        self.assertTrue(self.settings.fit.done)
+
+    def test_refused_without_a_window(self):
+        """Questions and what is refused leave nothing beside the scene, nor in it."""
+        if not bpy.app.binary_path:
+            self.skipTest("a .blend on the command line needs Blender itself")
+        self.save("scene.blend")
+        path = os.path.join(self.folder, "scene.blend")
+        before = sorted(name for name in os.listdir(self.folder) if not name.endswith(".blend1"))
+
+        def names():
+            return sorted(name for name in os.listdir(self.folder) if not name.endswith(".blend1"))
+
+        self.assertIn("particles", printed_json(run_cli("estimate", blend=path)))
+        self.assertEqual(names(), before)
+        self.assertEqual(run_cli("diagnose", "--quiet", blend=path).returncode, 2)
+        self.assertEqual(names(), before)
+        done = run_cli("fit", "--save", "--quiet", "--set", "density=-5", blend=path)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("density is -5", done.stderr)
+        self.assertEqual(names(), before)
+        self.reopen()
+        self.assertEqual(self.settings.fit.run.folder, "")
 
     def test_without_a_window(self):
         """`fit --save` from the command line fits the open scene, applies and saves."""

@@ -4,8 +4,8 @@
     blender -b [scene.blend] --python-exit-code 1 -P addon/matterfit/cli.py -- bake JOB.json --json
 
 The same document, the same native code, the same exit statuses. Without JOB the open scene's
-active take is written as job.json and run; `bake` then attaches and saves it with --save, `fit`
-applies what it found and saves.
+active take is written as job.json and run; with --save the scene is saved as soon as it has its
+folder, `bake` then attaches and saves the result, `fit` applies what it found and saves.
 """
 
 import argparse
@@ -13,9 +13,11 @@ import importlib
 import json
 import os
 import sys
+import tempfile
 
 EXIT_INPUT = 2
 EXIT_COMPUTE = 3
+QUESTIONS = ("estimate", "validate", "diagnose")  # that leave nothing in the take's folder
 
 VERBS = {
     "simulate": "write the states of every frame, and simulated.npz at the captures' points",
@@ -63,7 +65,7 @@ def parser():
         sub.add_argument("--quiet", action="store_true", help="no progress on standard error")
         sub.add_argument("--save", action="store_true",
                          help="without JOB: attach the result (fit: apply it) and save the "
-                         ".blend file")
+                         ".blend file; its cache folder is saved before the run")
     look = verbs.add_parser("inspect", help="result hash of a cache folder; checks its files")
     look.add_argument("folder", metavar="FOLDER", help="a job's output folder")
     look.add_argument("--report", help="write the result to this file too")
@@ -98,22 +100,85 @@ def give(result, arguments, files):
         print(text, flush=True)
 
 
-def scene_job(module, verb):
-    """Writes the open scene's active take as job.json; returns (path, cache folder). A fit has a
-    cache of its own."""
+class SceneJob:
+    """The open scene's active take as job.json in its cache folder; a fit has a cache of its own.
+    With `save` the .blend file knows the folder before anything runs."""
+
+    def __init__(self, module, verb, save):
+        import bpy
+        self._module = module
+        self._save = save
+        self._verb = verb
+        job_document, takes = self._io("job_document"), self._io("takes")
+        takes.require_saved()
+        scene = bpy.context.scene
+        settings = scene.matterfit
+        self._fit = settings.fit if verb == "fit" else None
+        if self._fit is None:
+            take = takes.ensure_active(settings)
+        else:
+            self._io("fit_parameters").refresh(settings)
+            take = self._fit.run
+            self._before, self._done_before = takes.Kept(take), self._fit.done
+            takes.for_fit(settings)
+        task = "bake" if self._fit is None else "fit"
+        self.folder = takes.claim(take)
+        self._replaced = job_document.Replaced(self.folder, task)
+        try:
+            self._document = job_document.build(scene, take, self.folder, task)
+        except Exception:
+            self._take_back()
+            raise
+        self._result_before = self._io("fit_results").stamp(self.folder)
+        self.path = job_document.write(self._document, self.folder)
+        if save:
+            if self._fit is not None:
+                self._fit.done = False
+            bpy.ops.wm.save_mainfile()
+
+    def _io(self, name):
+        return importlib.import_module(f"{self._module.__name__}.io.{name}")
+
+    def _take_back(self):
+        self._replaced.put_back()
+        if self._fit is not None:
+            self._before.put_back(self._fit.run)
+            self._fit.done = self._done_before
+
+    def end(self, job):
+        """Saves what there is, and says what to go on with where the job is not done."""
+        import bpy
+        if job.status == 0:
+            self._replaced.end()
+            if self._save:
+                (attach_and_save if self._fit is None else apply_and_save)(self._module, self.folder)
+            return
+        if self._replaced.untouched():
+            self._take_back()
+        elif self._fit is not None:
+            self._fit.done = self._io("fit_results").stamp(self.folder) != self._result_before
+        if self._save:
+            bpy.ops.wm.save_mainfile()
+        files = self._io("files")
+        if (os.path.isfile(self.path)
+                and files.read_text(self.path).encode() == files.json_bytes(self._document)):
+            print(f"matterfit: to go on: {self._verb} {self.path}", file=sys.stderr)
+
+
+def scene_question(module, folder):
+    """The open scene's active take as a document in a temporary folder; returns its path."""
     import bpy
     job_document = importlib.import_module(module.__name__ + ".io.job_document")
-    takes = importlib.import_module(module.__name__ + ".io.takes")
-    takes.require_saved()
+    scene_props = importlib.import_module(module.__name__ + ".props.scene")
+    importlib.import_module(module.__name__ + ".io.takes").require_saved()
     scene = bpy.context.scene
-    task = "fit" if verb == "fit" else "bake"
-    take = takes.for_fit(scene.matterfit) if task == "fit" else takes.ensure_active(scene.matterfit)
-    folder = takes.claim(take)
-    return job_document.write(job_document.build(scene, take, folder, task), folder), folder
+    folder = os.path.realpath(folder)  # the document's paths climb from it by ..
+    take = scene_props.active_take(scene.matterfit)
+    return job_document.write(job_document.build(scene, take, folder, "bake"), folder)
 
 
 def run(module, arguments):
-    native, jobs = module.native, module.jobs
+    native = module.native
     files = importlib.import_module(module.__name__ + ".io.files")
     native.require()
     if arguments.verb == "inspect":
@@ -122,9 +187,19 @@ def run(module, arguments):
         for fault in found.get("faults", []):
             print(f"matterfit: {fault['path']} {fault['what']}", file=sys.stderr)
         return EXIT_INPUT if found.get("faults") else 0
-    path, folder = os.path.abspath(arguments.job) if arguments.job else None, None
-    if path is None:
-        path, folder = scene_job(module, arguments.verb)
+    if arguments.job:
+        return run_job(module, arguments, os.path.abspath(arguments.job))
+    if arguments.verb in QUESTIONS:
+        with tempfile.TemporaryDirectory(prefix="matterfit_") as folder:
+            return run_job(module, arguments, scene_question(module, folder))
+    scene = SceneJob(module, arguments.verb, arguments.save)
+    return run_job(module, arguments, scene.path, scene)
+
+
+def run_job(module, arguments, path, scene=None):
+    """Runs a document; `scene` is the SceneJob that it comes from."""
+    native, jobs = module.native, module.jobs
+    files = importlib.import_module(module.__name__ + ".io.files")
     if arguments.verb in ("estimate", "validate"):
         function = getattr(native, arguments.verb)
         give(function(files.read_text(path), os.path.dirname(path), overrides=arguments.set),
@@ -139,8 +214,8 @@ def run(module, arguments):
         print(f"matterfit: {job.error}", file=sys.stderr)
     result = job.result or {"status": "error", "error": job.error, "exit_status": job.status}
     give(result, arguments, files)
-    if folder is not None and arguments.save and job.status == 0:
-        (apply_and_save if arguments.verb == "fit" else attach_and_save)(module, folder)
+    if scene is not None:
+        scene.end(job)
     return job.status
 
 

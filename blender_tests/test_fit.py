@@ -52,6 +52,7 @@ class FakeFitCase(FitCase):
     def fitted(self, **results):
         self.results = results
         self.assertEqual(bpy.ops.matterfit.fit(), {"FINISHED"}, self.error())
+        files.write_json(os.path.join(self.run_folder, "manifest.json"), {"files": {}})
 
     def cancelled(self, work=None, operator="fit"):
         """Runs a fit that is cancelled after `work()`."""

@@ -154,4 +154,17 @@ TEXTS = {
         "Dieser Take ist noch nicht gebacken. Backen drücken.",
     "Another job is running: cancel it first":
         "Ein anderer Auftrag läuft: zuerst abbrechen",
+    "There is no result: press Fit first": "Es gibt kein Ergebnis: zuerst Anpassen drücken",
+    "Nothing was fitted yet: press Fit": "Noch ist nichts angepasst: Anpassen drücken",
+    "This take was not baked yet: press Bake":
+        "Dieser Take ist noch nicht gebacken: Backen drücken",
+    "Add a body first": "Zuerst einen Körper hinzufügen",
+    "of the animation": "aus der Animation",
+    "Cancelled: the best so far.": "Abgebrochen: das Beste bis dahin.",
+    "The fit is unfinished, and begins at other values now: undo this before Resume":
+        "Die Anpassung ist unfertig und beginnt jetzt bei anderen Werten: vor Fortsetzen dies "
+        "rückgängig machen",
+    "Save the .blend file now: without that, a fit that is killed with Blender cannot be resumed":
+        "Jetzt die .blend-Datei speichern: sonst ist eine Anpassung, die mit Blender abbricht, "
+        "nicht fortzusetzen",
 }

@@ -43,6 +43,9 @@ class GradientBench {
     // As in a fit; and without the search for the fastest mode, which a longer run would not feel.
     stored_.schedule = g.schedule;
     checkpointed_.schedule = g.schedule;
+    // The material has no damping, and none is looked for.
+    stored_.of_no_damping = false;
+    checkpointed_.of_no_damping = false;
     // Of a run of which at most one state in four can be kept.
     checkpointed_.memory_budget = g.peak_bytes - g.substeps * g.state_bytes * 3 / 4;
     const mpm::Gradient checked = differentiate(checkpointed_);

@@ -188,6 +188,8 @@ HWY_INLINE void herschel_bulkley_adjoint(const Constants<T>& c, const HenckyRetu
     of_k = -rate * slope;
     of_eta = k * p * rate / T(c.eta) * slope;
     of_exponent = k * rate * log_ratio * p * p * slope;
+  } else {  // x = η (excess/k)ⁿ while η is small
+    of_eta = exp(T(c.exponent) * log(max(excess, tiny<T>()) / max(k, tiny<T>())));
   }
   const T drop = select(flows, excess - left, zero);
   const T inverse = one / max(s, tiny<T>());

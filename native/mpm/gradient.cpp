@@ -40,18 +40,20 @@ class Run {
   Run(const Scene& scene, const std::shared_ptr<Arena>& arena, const Observer& observer,
       const GradientOptions& options, const Interrupter& interrupter)
       : stepper_(scene, arena, options.simulation),
-        tape_(stepper_, options.simulation.target),
+        tape_(stepper_, options.simulation.target, options.of_no_damping),
         scene_(stepper_.scene()),
         observer_(observer),
         options_(options),
         interrupter_(interrupter),
         frames_(static_cast<std::size_t>(scene_.end_frame - 1 - scene_.first_frame)),
-        record_(options.memory_budget, Tape::kFirstInterval) {
+        record_(options.memory_budget, Tape::kFirstInterval),
+        turn_(scene_.bodies.size(), Vec3d::Zero()) {
     stepper_.set_schedule(options.schedule);
     record_.reserve_segment(!tape_.has_all());
   }
 
   RollOut roll_out() {
+    goes_back_ = false;
     forward({}, 1.0);
     return {out_.loss, std::move(out_.schedule)};
   }
@@ -61,7 +63,7 @@ class Run {
     backward();
     out_.bodies.resize(scene_.bodies.size());
     out_.colliders.resize(scene_.colliders.size());
-    tape_.collect(out_);
+    tape_.collect(turn_, out_);
     out_.substeps = substeps_;
     out_.peak_bytes = std::max(peak_, record_.peak());
     return std::move(out_);
@@ -77,7 +79,6 @@ class Run {
       observe();
       progress(share * static_cast<double>(f + 1) / static_cast<double>(frames_));
     }
-    for (const FrameLoss& loss : losses_) out_.loss += loss.loss;
   }
 
   /// Forward, with what the way back needs.
@@ -91,6 +92,7 @@ class Run {
         substeps_ = begin;
       }
       if (record_.wants(substeps_)) {
+        make_room(record_.largest());
         auto state = tape_.state();
         const std::size_t bytes = tape_.bytes(state);
         expected_ = begin + static_cast<std::size_t>(substeps) * (frames_ - starts_.size() + 1);
@@ -122,6 +124,13 @@ class Run {
     record_.reserve_segment(true);
   }
 
+  /// Σ a × ā.
+  static Vec3d turn_of(const std::vector<Vec3d>& vectors, const std::vector<Vec3d>& bars) {
+    Vec3d sum = Vec3d::Zero();
+    for (std::size_t i = 0; i < bars.size(); ++i) sum += vectors[i].cross(bars[i]);
+    return sum;
+  }
+
   void note_peak() { peak_ = std::max(peak_, record_.held() + tape_.spare_bytes()); }
 
   /// Asks for the present frame's loss.
@@ -142,8 +151,14 @@ class Run {
                       std::to_string(frame.bodies[b].positions.size()) + " particles of body '" +
                       scene_.bodies[b].name + "'.");
         }
-        cotangent_bytes_ += bars->size() * sizeof(Vec3d);
+        cotangent_bytes_ += bars->capacity() * sizeof(Vec3d);
       }
+    }
+    out_.loss += loss.loss;
+    if (!goes_back_) return;
+    for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
+      turn_[b] += turn_of(frame.bodies[b].positions, loss.bodies[b].positions) +
+                  turn_of(frame.bodies[b].velocities, loss.bodies[b].velocities);
     }
     losses_.push_back(std::move(loss));
     const std::size_t other = cotangent_bytes_ + tape_.log_bytes();
@@ -206,7 +221,9 @@ class Run {
   GradientRecord<typename Tape::State> record_;
   std::size_t substeps_ = 0;         ///< taken
   std::vector<std::size_t> starts_;  ///< first substep of each frame
-  std::vector<FrameLoss> losses_;    ///< one more
+  bool goes_back_ = true;
+  std::vector<FrameLoss> losses_;  ///< one more; none where the run does not go back
+  std::vector<Vec3d> turn_;        ///< per body: Σ x × x̄ + v × v̄ of what was observed
   std::size_t cotangent_bytes_ = 0;
   std::size_t expected_ = 0;  ///< substeps
   std::size_t peak_ = 0;      ///< with what the tape keeps beside the states [bytes]

@@ -48,6 +48,9 @@ struct BodyGradient {
   double density = 0.0;
   /// Of the whole body at the start, with its pins and masses, against colliders and the observer.
   Vec3d offset = Vec3d::Zero();
+  /// Of it turned about its centre of volume, with its pins, their motion and its masses; it is
+  /// thrown as before [1/rad].
+  Vec3d rotation = Vec3d::Zero();
   Vec3d velocity = Vec3d::Zero();  ///< by Body::velocity
   Vec3d spin = Vec3d::Zero();      ///< by Body::spin
   std::vector<Vec3d> particle_velocities;
@@ -79,6 +82,9 @@ struct GradientOptions {
   std::size_t memory_budget = std::size_t{2} << 30U;
   /// Frames that it has are stepped by it; Scene::substeps and the solver's choice set the others.
   Schedule schedule;
+  /// Derivatives by damping also where there is none, and by a fluid's viscosity where that is 0:
+  /// takes the velocity gradients of materials that do not need them. Else those are given as 0.
+  bool of_no_damping = true;
   /// Called from the calling thread with the share that is done, from 0 to 1.
   std::function<void(double)> progress;
 };

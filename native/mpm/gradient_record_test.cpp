@@ -45,6 +45,7 @@ std::vector<double> numbers(const Gradient& g) {
       all.insert(all.end(), {branch.modulus, branch.time});
     }
     add(b.offset);
+    add(b.rotation);
     add(b.velocity);
     add(b.spin);
     for (const Vec3d& v : b.particle_velocities) add(v);
@@ -149,11 +150,36 @@ TEST(GradientRecord, SegmentsGrowOnlyAsTheyMust) {
   EXPECT_EQ(least_record(36, 1, 5), 5U + 12U);
 }
 
+TEST(GradientRecord, ARollOutKeepsNothingForAWayBack) {
+  GradientCase run = everything();
+  GradientOptions options;
+  options.memory_budget = 1;
+  const auto roll = [&](const GradientOptions& with) {
+    return roll_out<float>(run.scene(), std::make_shared<Arena>(1), GradientCase::observe, with,
+                           Interrupter())
+        .loss;
+  };
+  EXPECT_EQ(roll(options), roll({}));
+}
+
+TEST(GradientRecord, AScheduleOfAnotherSceneIsRefused) {
+  const GradientCase run = everything();
+  for (const Schedule& schedule : {Schedule{{0, {0.0}}}, Schedule{{5, {}}}}) {
+    GradientOptions options;
+    options.schedule = schedule;
+    EXPECT_THROW((void)run.gradient<float>(options), Error);
+  }
+}
+
 class GradientOf : public testing::TestWithParam<Formulation> {};
 
 TEST_P(GradientOf, ThreadsDoNotMatter) {
-  const GradientCase run = everything(GetParam());
-  EXPECT_TRUE(same_bits(run.gradient<float>({}, 1), run.gradient<float>({}, 2)));
+  GradientCase run = everything(GetParam());
+  run.length = 14;  // several blocks of the grid
+  run.frames = 3;
+  const Gradient one = run.gradient<float>({}, 1);
+  EXPECT_TRUE(same_bits(one, run.gradient<float>({}, 2)));
+  EXPECT_TRUE(same_bits(one, run.gradient<float>({}, 4)));
 }
 
 TEST_P(GradientOf, FloatsAgreeWithDouble) {

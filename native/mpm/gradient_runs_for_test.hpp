@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "mpm/gradient.hpp"
+#include "mpm/initial_velocity.hpp"
 
 namespace matterfit::mpm {
 
@@ -18,6 +19,7 @@ struct GradientCase {
   material::Material material;
   double density = 900.0;
   Vec3d offset = Vec3d::Zero();
+  Vec3d turn = Vec3d::Zero();  ///< of each body about its centre
   Vec3d velocity = Vec3d(0.8, 0.3, -1.5);
   Vec3d spin = Vec3d(2.0, -3.0, 4.0);
   double stir = 1.0;  ///< of the particles' own velocities
@@ -105,6 +107,7 @@ struct GradientCase {
     }
     scene.bodies.push_back(std::move(body));
     if (neighbour) scene.bodies.push_back(water_beside(scene.bodies[0]));
+    for (Body& placed : scene.bodies) turn_body(placed, turn);
     if (ground) {
       Contact contact;
       contact.mu = mu;
@@ -119,6 +122,26 @@ struct GradientCase {
                                            turn * Vec3d(0.1, 0.05, 1.0).normalized()));
     }
     return scene;
+  }
+
+  /// Turns where it is, and what holds it; not how it is thrown.
+  static void turn_body(Body& body, const Vec3d& turn) {
+    if (turn.isZero(0.0)) return;
+    const Quatd by(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
+    const Vec3d center = center_of_volume(body);
+    const auto turned = [&](Vec3d& x) { x = center + by * (x - center); };
+    for (Vec3d& x : body.rest) turned(x);
+    turned(body.lattice.origin);
+    body.lattice.axes = by * body.lattice.axes;
+    for (Pin& pin : body.pins) {
+      turned(pin.point);
+      turned(pin.pivot);
+      pin.normal = by * pin.normal;
+      for (Pose& pose : pin.motion.values) {
+        pose = {by * pose.position, by * pose.rotation * by.conjugate()};
+      }
+    }
+    for (AttachedMass& mass : body.masses) turned(mass.position);
   }
 
   /// As much water, touching its side.

@@ -40,7 +40,8 @@ std::vector<ContactMemories> TotalTape<S>::memories(const State& state) {
 
 template <class S>
 void TotalTape<S>::turn() {
-  adjoint_ = std::make_unique<TotalGroupAdjoint<S>>(stepper_.scene(), stepper_.total(), target_);
+  adjoint_ =
+      std::make_unique<TotalGroupAdjoint<S>>(stepper_.scene(), stepper_.total(), target_, rates_);
   after_ = memories(stepper_.total().record());
 }
 
@@ -77,10 +78,12 @@ void UpdatedTape<S>::see(ObservedFrame& frame) const {
 template <class S>
 std::string UpdatedTape<S>::state() const {
   ByteWriter out;
+  out.reserve(state_bytes_);
   stepper_.updated()->save(out);
   stepper_.updated()->save_sleep(out);
   std::string bytes = out.take();
   bytes.shrink_to_fit();
+  state_bytes_ = bytes.size();
   return bytes;
 }
 
@@ -129,7 +132,7 @@ void UpdatedTape<S>::give_up() {
 template <class S>
 void UpdatedTape<S>::turn() {
   adjoint_ = std::make_unique<UpdatedAdjoint<S>>(stepper_.scene(), stepper_.updated_bodies(),
-                                                 updated_adjoint_kernels<S>(target_));
+                                                 updated_adjoint_kernels<S>(target_), rates_);
   bar_ = adjoint_->zero();
 }
 
@@ -159,7 +162,7 @@ void UpdatedTape<S>::back(std::size_t begin, std::size_t end, State first, const
     stepper_.updated()->load(in);
     stepper_.updated()->load_sleep(in);
     in.expect_end();
-    first = {};
+    State().swap(first);
     for (std::size_t n = begin; n < end; ++n) {
       records_.emplace_back();
       stepper_.keep(&records_.back());
@@ -176,14 +179,15 @@ void UpdatedTape<S>::back(std::size_t begin, std::size_t end, State first, const
 }
 
 template <class S>
-void UpdatedTape<S>::collect(Gradient& out) const {
+void UpdatedTape<S>::collect(const std::vector<Vec3d>& /*observed*/, Gradient& out) const {
   const std::vector<std::size_t>& bodies = stepper_.updated_bodies();
   for (std::size_t m = 0; m < bodies.size(); ++m) {
     BodyGradient& body = out.bodies[bodies[m]];
-    UpdatedStartCotangents start = adjoint_->start(m, bar_);
+    UpdatedStartCotangents start = adjoint_->start(stepper_.arena(), m, bar_);
     body.material = adjoint_->material_gradient(m, bar_);
     body.density = start.log_density / stepper_.scene().bodies[bodies[m]].density;
     body.offset = start.offset;
+    body.rotation = start.rotation;
     body.velocity = start.velocity;
     body.spin = start.spin;
     body.particle_velocities = std::move(start.particle_velocities);

@@ -28,7 +28,9 @@ class TotalTape {
   using State = std::vector<TotalMemberState<S>>;  ///< before a substep
   static constexpr std::size_t kFirstInterval = 1;
 
-  TotalTape(Stepper<S>& stepper, SimdTarget target) : stepper_(stepper), target_(target) {}
+  /// `rates`: GradientOptions::of_no_damping.
+  TotalTape(Stepper<S>& stepper, SimdTarget target, bool rates)
+      : stepper_(stepper), target_(target), rates_(rates) {}
 
   void see(ObservedFrame& frame) const;
   [[nodiscard]] State state() const { return stepper_.total().record(); }
@@ -54,13 +56,17 @@ class TotalTape {
   /// Over the substeps of [begin, end) from the state before the first.
   void back(std::size_t begin, std::size_t end, State first, const StepAgain& again,
             const SubstepPassed& passed);
-  void collect(Gradient& out) const { adjoint_->collect(out); }
+  /// `observed`, of each body: Σ x × x̄ + v × v̄ of all that was observed.
+  void collect(const std::vector<Vec3d>& observed, Gradient& out) const {
+    adjoint_->collect(observed, out);
+  }
 
  private:
   [[nodiscard]] static std::vector<ContactMemories> memories(const State& state);
 
   Stepper<S>& stepper_;
   SimdTarget target_;
+  bool rates_;
   std::unique_ptr<TotalGroupAdjoint<S>> adjoint_;
   std::vector<std::vector<TotalSubstep>> log_;  ///< of every substep
   std::vector<ContactMemories> after_;          ///< the next substep to go back over
@@ -74,7 +80,8 @@ class UpdatedTape {
   using State = std::string;  ///< before a substep, bytes
   static constexpr std::size_t kFirstInterval = 16;
 
-  UpdatedTape(Stepper<S>& stepper, SimdTarget target) : stepper_(stepper), target_(target) {}
+  UpdatedTape(Stepper<S>& stepper, SimdTarget target, bool rates)
+      : stepper_(stepper), target_(target), rates_(rates) {}
 
   void see(ObservedFrame& frame) const;
   [[nodiscard]] State state() const;
@@ -91,16 +98,18 @@ class UpdatedTape {
   void observe(const FrameLoss& loss);
   void back(std::size_t begin, std::size_t end, State first, const StepAgain& again,
             const SubstepPassed& passed);
-  void collect(Gradient& out) const;
+  void collect(const std::vector<Vec3d>& observed, Gradient& out) const;
 
  private:
   Stepper<S>& stepper_;
   SimdTarget target_;
+  bool rates_;
   bool keeps_ = true;
   std::deque<UpdatedRecord<S>> records_;
   std::size_t finished_ = 0;  ///< of them in the forward pass; one more may have been begun
   std::size_t record_bytes_ = 0;
-  std::size_t largest_ = 0;  ///< of one record
+  std::size_t largest_ = 0;              ///< of one record
+  mutable std::size_t state_bytes_ = 0;  ///< of the last state
   std::unique_ptr<UpdatedAdjoint<S>> adjoint_;
   UpdatedCotangents<S> bar_;
 };

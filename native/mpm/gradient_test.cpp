@@ -39,6 +39,7 @@ std::vector<Entry> entries(const GradientCase& run, const Gradient& g) {
   BodyGradient body = g.bodies[0];
   for (std::size_t b = 1; b < g.bodies.size(); ++b) {
     body.offset += g.bodies[b].offset;
+    body.rotation += g.bodies[b].rotation;
     body.velocity += g.bodies[b].velocity;
     body.spin += g.bodies[b].spin;
   }
@@ -89,6 +90,7 @@ std::vector<Entry> entries(const GradientCase& run, const Gradient& g) {
           [member, axis](GradientCase& c) -> double& { return (c.*member)[axis]; });
     };
     vector("offset", body.offset, 0.1, &GradientCase::offset);
+    vector("turn", body.rotation, 0.1, &GradientCase::turn);
     vector("velocity", body.velocity, 1.0, &GradientCase::velocity);
     vector("spin", body.spin, 10.0, &GradientCase::spin);
     vector("gravity", g.gravity, 10.0, &GradientCase::gravity);
@@ -229,6 +231,61 @@ TEST(Gradient, OfUpdatedBodiesThatTouchAndArePinnedMatchesDifferences) {
   run.hold = Hold::kPatch;
   run.release = 0.033;
   expect_differences("updated, moved patch let go", run);
+  run.masses = true;
+  expect_differences("updated, with attached masses", run);
+  run.hold = Hold::kNone;
+  run.material.law = Law::kNewtonian;
+  run.material.bulk_modulus = 2e5;
+  run.material.viscosity = 10.0;
+  expect_differences("updated fluid with attached masses", run);
+}
+
+/// What a material has nothing of: differences to the one side that there is.
+TEST(Gradient, ByDampingAndViscosityThatAreZeroMatchesDifferences) {
+  const auto expect = [](const std::string& name, const GradientCase& run, double found,
+                         double material::Material::*member, double unit) {
+    const Schedule schedule = run.gradient<double>().schedule;
+    const auto value = [&](double by) {
+      GradientCase moved = run;
+      moved.material.*member += by * unit;
+      return moved.loss(schedule);
+    };
+    double error = 1.0;
+    double expected = 0.0;
+    for (double step = 1e-3; step > 1e-7 && error > 1e-6; step *= 0.1) {
+      expected = (-11.0 * value(0.0) + 18.0 * value(step) - 9.0 * value(2.0 * step) +
+                  2.0 * value(3.0 * step)) /
+                 (6.0 * step);
+      error = std::abs(expected - unit * found) / std::max(std::abs(expected), 1.0);
+    }
+    EXPECT_LE(error, 1e-6) << name << ": difference " << expected << ", gradient " << unit * found;
+    EXPECT_NE(found, 0.0) << name;
+  };
+  using material::Material;
+  for (const Formulation formulation : {Formulation::kTotal, Formulation::kUpdated}) {
+    const std::string of = formulation == Formulation::kTotal ? "total, " : "updated, ";
+    GradientCase run;
+    run.formulation = formulation;
+    run.frames = 3;
+    const Gradient g = run.gradient<double>();
+    expect(of + "shear damping", run, g.bodies[0].material.damping_shear, &Material::damping_shear,
+           10.0);
+    expect(of + "bulk damping", run, g.bodies[0].material.damping_bulk, &Material::damping_bulk,
+           10.0);
+    run.material.law = Law::kHerschelBulkley;
+    run.material.yield_stress = 800.0;
+    run.material.viscosity = 0.0;
+    expect(of + "viscosity", run, run.gradient<double>().bodies[0].material.viscosity,
+           &Material::viscosity, 10.0);
+  }
+  GradientCase water;
+  water.formulation = Formulation::kUpdated;
+  water.frames = 3;
+  water.material.law = Law::kNewtonian;
+  water.material.bulk_modulus = 2e5;
+  water.material.viscosity = 0.0;
+  expect("fluid's viscosity", water, water.gradient<double>().bodies[0].material.viscosity,
+         &Material::viscosity, 10.0);
 }
 
 /// A bar that swings and comes to rest, over more than two thousand substeps.

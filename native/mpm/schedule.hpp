@@ -7,7 +7,7 @@ namespace matterfit::mpm {
 
 /// How a frame was stepped: what the solver found before it began, and a gradient takes as given.
 struct FrameSchedule {
-  int substeps = 0;
+  int substeps = 0;  ///< at least 1
   /// Substep that the unforced body could take [s], of each total Lagrangian body: the smoothing of
   /// its velocities is measured by it. 0: held so far.
   std::vector<double> elastic_dt;

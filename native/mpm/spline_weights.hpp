@@ -19,6 +19,11 @@ void quadratic_weights(S f, S w[3]) {
   w[2] = S(0.5) * c * c;
 }
 
+/// A cell's node [cells].
+[[nodiscard]] inline Vec3d stencil_node(std::size_t i, std::size_t j, std::size_t k) {
+  return {static_cast<double>(i), static_cast<double>(j), static_cast<double>(k)};
+}
+
 /// Weights and gradients [1/m] of a cell's 27 nodes at f = x/dx − base. Outside the cell its
 /// polynomial goes on.
 struct PointStencil {

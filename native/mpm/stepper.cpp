@@ -195,6 +195,19 @@ void Stepper<S>::substep(int frame, const FrameSchedule& plan, int k) {
 }
 
 template <class S>
+void Stepper<S>::set_schedule(Schedule schedule) {
+  for (std::size_t f = 0; f < schedule.size(); ++f) {
+    if (schedule[f].substeps >= 1 && schedule[f].elastic_dt.size() == total_->size()) continue;
+    throw_input("The schedule's frame " + std::to_string(f) + " has " +
+                std::to_string(schedule[f].substeps) + " substeps, and limits for " +
+                std::to_string(schedule[f].elastic_dt.size()) +
+                " total Lagrangian bodies; the scene has " + std::to_string(total_->size()) +
+                ". Take the schedule of a run of this scene.");
+  }
+  schedule_ = std::move(schedule);
+}
+
+template <class S>
 FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHooks& hooks) {
   const auto at = static_cast<std::size_t>(frame_ - scene_.first_frame);
   const bool scheduled = at < schedule_.size();

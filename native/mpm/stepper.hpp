@@ -46,7 +46,7 @@ class Stepper {
   [[nodiscard]] int frame() const { return frame_; }
 
   /// Frames that a schedule has are stepped by it.
-  void set_schedule(Schedule schedule) { schedule_ = std::move(schedule); }
+  void set_schedule(Schedule schedule);
   /// One frame. `seconds` of the report is left out.
   FrameReport advance(const Interrupter& interrupter, const SubstepHooks& hooks = {});
   /// How the last frame was stepped.

@@ -7,8 +7,8 @@
 namespace matterfit::mpm {
 template <class S>
 TotalAdjoint<S>::TotalAdjoint(TotalBody<S>& body, const material::Material& material,
-                              const AdjointKernels<S>& kernels)
-    : body_(body), material_(material), kernels_(kernels) {
+                              const AdjointKernels<S>& kernels, bool rates)
+    : body_(body), material_(material), kernels_(kernels), rates_(rates) {
   displacement_halo_.assign(body.grid_.blocks() * 3 * kHaloNodes, S(0));
   velocity_halo_.assign(displacement_halo_.size(), S(0));
   block_law_.resize(body.grid_.blocks());
@@ -125,12 +125,15 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
     gravity_bar += a_bar[i];
     set_field_value(force_bar, nodes[i], inverse[nodes[i]] * a_bar[i]);
   }
-  bar.gravity += grid.axes() * gravity_bar;
+  gravity_bar = grid.axes() * gravity_bar;
+  bar.gravity += gravity_bar;
+  bar.gravity_turn += substep.gravity.cross(gravity_bar);
   if (loads != nullptr) loads->back(arena, substep, force_bar, bar);
 
   if (substep.held) return;
   TotalAdjointView<S> view{};
   view.forward = body_.view(substep.dt, true);
+  view.forward.law.damped = view.forward.law.damped || rates_;
   view.forward.displacement = before.displacement.data();
   view.forward.velocity = before.velocity.data();
   // The adjoint only reads the history.
@@ -143,7 +146,7 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   view.maxwell_bar = bar.state.maxwell.data();
   view.law_bar = block_law_.data();
   arena.parallel_for(0, grid.blocks(), 1, [&](std::size_t b) { kernels_.total_forces(view, b); });
-  const bool damped = body_.law_.damped;
+  const bool damped = view.forward.law.damped;
   arena.parallel_for(0, grid.node_blocks(), 4, [&](std::size_t b) {
     double sum[kNodeBlock];
     sum_halos(grid, displacement_halo_.data(), b, sum);

@@ -16,6 +16,7 @@ struct TotalCotangents {
   LawCotangents law;                             ///< sums over substeps
   std::vector<material::MaxwellBranch> maxwell;  ///< by modulus and time, sums
   Vec3d gravity = Vec3d::Zero();                 ///< world axes
+  Vec3d gravity_turn = Vec3d::Zero();            ///< Σ g × ḡ
   double log_density = 0.0;                      ///< ∂/∂ln ρ
 };
 
@@ -47,9 +48,9 @@ class TotalLoadsAdjoint {
 template <class S>
 class TotalAdjoint {
  public:
-  /// `body` is set to the states that are gone back over.
+  /// `body` is set to the states that are gone back over. `rates`: GradientOptions::of_no_damping.
   TotalAdjoint(TotalBody<S>& body, const material::Material& material,
-               const AdjointKernels<S>& kernels);
+               const AdjointKernels<S>& kernels, bool rates = true);
 
   [[nodiscard]] TotalCotangents<S> zero() const;
   /// Takes `bar` from after the substep to before it. `before` is the state before.
@@ -72,6 +73,7 @@ class TotalAdjoint {
   TotalBody<S>& body_;
   material::Material material_;
   const AdjointKernels<S>& kernels_;
+  bool rates_;
   std::vector<S> displacement_halo_;
   std::vector<S> velocity_halo_;
   std::vector<double> node_field_;  ///< of a substep, as TotalState::velocity

@@ -1,21 +1,23 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mpm/total_group_adjoint.hpp"
 
+#include "mpm/initial_velocity.hpp"
+
 namespace matterfit::mpm {
 
 template <class S>
-TotalGroupAdjoint<S>::TotalGroupAdjoint(const Scene& scene, TotalGroup<S>& group,
-                                        SimdTarget target) {
+TotalGroupAdjoint<S>::TotalGroupAdjoint(const Scene& scene, TotalGroup<S>& group, SimdTarget target,
+                                        bool rates) {
   for (std::size_t m = 0; m < group.size(); ++m) {
     const Body& body = scene.bodies[group.index(m)];
     std::unique_ptr<TotalContactAdjoint<S>> contact;
     if (!scene.colliders.empty()) {
       contact = std::make_unique<TotalContactAdjoint<S>>(body, scene, group.body(m));
     }
-    TotalAdjoint<S> adjoint(group.body(m), body.material, adjoint_kernels<S>(target));
+    TotalAdjoint<S> adjoint(group.body(m), body.material, adjoint_kernels<S>(target), rates);
     TotalCotangents<S> bar = adjoint.zero();
     members_.push_back({group.index(m), body.density, std::move(adjoint), std::move(contact),
-                        std::move(bar), Vec3d::Zero()});
+                        std::move(bar), Vec3d::Zero(), &body});
   }
 }
 
@@ -40,7 +42,7 @@ void TotalGroupAdjoint<S>::substep(Arena& arena, const std::vector<TotalSubstep>
 }
 
 template <class S>
-void TotalGroupAdjoint<S>::collect(Gradient& out) const {
+void TotalGroupAdjoint<S>::collect(const std::vector<Vec3d>& observed, Gradient& out) const {
   for (const Member& member : members_) {
     BodyGradient& body = out.bodies[member.index];
     body.material = member.adjoint.material_gradient(member.bar);
@@ -48,14 +50,23 @@ void TotalGroupAdjoint<S>::collect(Gradient& out) const {
     InitialCotangents initial = member.adjoint.initial(member.bar);
     body.velocity = initial.velocity;
     body.spin = initial.spin;
-    body.particle_velocities = std::move(initial.particle_velocities);
     body.offset = member.observed;
+    // To turn the body is to turn everything else the other way, and what is seen with the body.
+    const Vec3d center = center_of_volume(*member.body);
+    body.rotation = observed[member.index] - center.cross(member.observed) -
+                    member.bar.gravity_turn - member.body->velocity.cross(initial.velocity) -
+                    member.body->spin.cross(initial.spin);
+    for (std::size_t p = 0; p < member.body->particle_velocities.size(); ++p) {
+      body.rotation -= member.body->particle_velocities[p].cross(initial.particle_velocities[p]);
+    }
+    body.particle_velocities = std::move(initial.particle_velocities);
     out.gravity += member.bar.gravity;
     if (!member.contact) continue;
     for (std::size_t c = 0; c < out.colliders.size(); ++c) {
       const ColliderCotangents& own = member.contact->colliders()[c];
       out.colliders[c] += own;
       body.offset -= own.translation;  // a collider that comes nearer is a body that does
+      body.rotation -= own.rotation - center.cross(own.translation);
     }
   }
 }

@@ -18,7 +18,7 @@ class TotalGroupAdjoint {
   using States = std::vector<TotalMemberState<S>>;
 
   /// `group` is set to the states that are gone back over. `scene` with its walls.
-  TotalGroupAdjoint(const Scene& scene, TotalGroup<S>& group, SimdTarget target);
+  TotalGroupAdjoint(const Scene& scene, TotalGroup<S>& group, SimdTarget target, bool rates);
 
   /// Adds the cotangents of a frame; the next substep to go back over is that before it.
   void observe(Arena& arena, const FrameLoss& loss);
@@ -27,8 +27,9 @@ class TotalGroupAdjoint {
   void substep(Arena& arena, const std::vector<TotalSubstep>& taken, const States& before,
                const std::vector<ContactMemories>& after);
   /// Adds what came back to the gradient of the scene, which has a place for each body and
-  /// collider. Call once, at the start of the run.
-  void collect(Gradient& out) const;
+  /// collider. Call once, at the start of the run. `observed`, of each body: Σ x × x̄ + v × v̄ of all
+  /// that was observed.
+  void collect(const std::vector<Vec3d>& observed, Gradient& out) const;
 
  private:
   struct Member {
@@ -38,6 +39,7 @@ class TotalGroupAdjoint {
     std::unique_ptr<TotalContactAdjoint<S>> contact;  ///< null where there is no collider
     TotalCotangents<S> bar;
     Vec3d observed = Vec3d::Zero();  ///< sum of the positions' cotangents
+    const Body* body = nullptr;
   };
   std::vector<Member> members_;
 };

@@ -56,6 +56,7 @@ template <class S>
 struct UpdatedAdjoint<S>::Impl {
   const Scene* scene;
   const UpdatedAdjointKernels<S>* kernels;
+  bool rates;
   double dx;
   std::vector<UpdatedMember<S>> members;
   std::vector<ColliderPtr> particle_colliders;
@@ -71,9 +72,10 @@ struct UpdatedAdjoint<S>::Impl {
   std::vector<double> load_velocity_bar;
 
   Impl(const Scene& s, const std::vector<std::size_t>& bodies,
-       const UpdatedAdjointKernels<S>& adjoint_kernels)
+       const UpdatedAdjointKernels<S>& adjoint_kernels, bool rates_of_all)
       : scene(&s),
         kernels(&adjoint_kernels),
+        rates(rates_of_all),
         dx(s.dx),
         particle_colliders(colliders_met(s, false)),
         node_colliders(colliders_met(s, true)),
@@ -150,6 +152,7 @@ struct UpdatedAdjoint<S>::Impl {
       }
       UpdatedBodyCotangents<S>& body = bar.bodies[m];
       view.law = members[m].law;
+      view.law.damped = view.law.damped || rates;
       view.density = static_cast<S>(members[m].density);
       view.maxwell = record.maxwell[m].empty() ? nullptr : record.maxwell[m].data();
       view.maxwell_bar = body.maxwell.data();
@@ -250,8 +253,8 @@ struct UpdatedAdjoint<S>::Impl {
 
 template <class S>
 UpdatedAdjoint<S>::UpdatedAdjoint(const Scene& scene, const std::vector<std::size_t>& bodies,
-                                  const UpdatedAdjointKernels<S>& kernels)
-    : impl_(std::make_unique<Impl>(scene, bodies, kernels)) {}
+                                  const UpdatedAdjointKernels<S>& kernels, bool rates)
+    : impl_(std::make_unique<Impl>(scene, bodies, kernels, rates)) {}
 template <class S>
 UpdatedAdjoint<S>::~UpdatedAdjoint() = default;
 
@@ -277,71 +280,95 @@ void UpdatedAdjoint<S>::substep(Arena& arena, const UpdatedRecord<S>& record,
   impl_->substep(arena, record, bar);
 }
 
-// The first transfer: momentum Σ w m (v + C (x_I − x)) and mass, without stress.
+namespace {
+
+/// What one particle's first transfer gives back.
+struct ParticleStart {
+  Vec3d x = Vec3d::Zero();
+  Vec3d v = Vec3d::Zero();
+  Mat3d spin = Mat3d::Zero();  ///< of the velocity gradient
+  double log_density = 0.0;
+};
+
 template <class S>
-UpdatedStartCotangents UpdatedAdjoint<S>::start(std::size_t body,
+Vec3d vector_of(const std::array<S, 3>& a) {
+  return {static_cast<double>(a[0]), static_cast<double>(a[1]), static_cast<double>(a[2])};
+}
+
+/// The first transfer: momentum Σ w m (v + C (x_I − x)) and mass, without stress.
+template <class S>
+void add_first_transfer(const Body& body, std::size_t p, double dx, const Vec3d& center,
+                        const TopologyIndex& index, const UpdatedCotangents<S>& bar,
+                        ParticleStart& out) {
+  const Vec3d v = start_velocity(body, p, center);
+  const Mat3d spin = spin_matrix(body.spin);
+  const double mass = body.density * body.volumes[p];
+  const UpdatedStart<S> start = updated_start<S>(body, p, dx, center);
+  const UpdatedPlace<S> place{index.find(start.block),
+                              start.particle.cell,
+                              {start.particle.f[0], start.particle.f[1], start.particle.f[2]}};
+  const PointStencil stencil(place.fraction(), dx);
+  place.for_each_node([&](std::size_t x, std::size_t y, std::size_t z, std::size_t i, std::size_t j,
+                          std::size_t k) {
+    const std::uint32_t block = bar.topology->neighbours[place.block][neighbour_of_node(x, y, z)];
+    const S* node = bar.nodes.data() + block * kNodes + node_index(x % 4, y % 4, z % 4);
+    const Vec3d n(static_cast<double>(node[0]), static_cast<double>(node[kBlockNodes]),
+                  static_cast<double>(node[2 * kBlockNodes]));
+    const auto m = static_cast<double>(node[3 * kBlockNodes]);
+    const double w = stencil.weight(i, j, k);
+    const Vec3d arm = dx * (stencil_node(i, j, k) - place.fraction());
+    const double all = n.dot(v + spin * arm) + m;
+    out.v += mass * w * n;
+    out.spin += mass * w * n * arm.transpose();
+    out.x += mass * (all * stencil.gradient(i, j, k) - w * (spin.transpose() * n));
+    out.log_density += mass * w * all;
+  });
+}
+
+}  // namespace
+
+template <class S>
+UpdatedStartCotangents UpdatedAdjoint<S>::start(Arena& arena, std::size_t body,
                                                 const UpdatedCotangents<S>& bar) const {
   const Impl& s = *impl_;
   const Body& of = s.scene->bodies[s.members[body].index];
   const UpdatedBodyCotangents<S>& own = bar.bodies[body];
   const Vec3d center = center_of_volume(of);
   const Mat3d spin = spin_matrix(of.spin);
+  std::unique_ptr<TopologyIndex> index;
+  if (bar.topology) index = std::make_unique<TopologyIndex>(*bar.topology);
+  std::vector<ParticleStart> particles(of.rest.size());
+  arena.parallel_for(0, particles.size(), 256, [&](std::size_t p) {
+    particles[p].x = vector_of(own.particles[p].position);
+    particles[p].v = vector_of(own.particles[p].velocity);
+    if (index) add_first_transfer(of, p, s.dx, center, *index, bar, particles[p]);
+  });
+
   UpdatedStartCotangents out;
   out.log_density = own.log_density;
   Vec3d center_bar = Vec3d::Zero();
   double volume = 0.0;
-  std::unique_ptr<TopologyIndex> index;
-  if (bar.topology) index = std::make_unique<TopologyIndex>(*bar.topology);
-  for (std::size_t p = 0; p < of.rest.size(); ++p) {
-    const UpdatedParticleBar<S>& state = own.particles[p];
-    Vec3d x_bar(static_cast<double>(state.position[0]), static_cast<double>(state.position[1]),
-                static_cast<double>(state.position[2]));
-    Vec3d v_bar(static_cast<double>(state.velocity[0]), static_cast<double>(state.velocity[1]),
-                static_cast<double>(state.velocity[2]));
-    Mat3d spin_bar = Mat3d::Zero();
-    const Vec3d v = start_velocity(of, p, center);
-    const double mass = of.density * of.volumes[p];
-    volume += of.volumes[p];
-    if (index) {
-      const UpdatedStart<S> start = updated_start<S>(of, p, s.dx, center);
-      const UpdatedPlace<S> place{index->find(start.block),
-                                  start.particle.cell,
-                                  {start.particle.f[0], start.particle.f[1], start.particle.f[2]}};
-      const PointStencil stencil(place.fraction(), s.dx);
-      place.for_each_node([&](std::size_t x, std::size_t y, std::size_t z, std::size_t i,
-                              std::size_t j, std::size_t k) {
-        const std::uint32_t block =
-            bar.topology->neighbours[place.block][neighbour_of_node(x, y, z)];
-        const S* node = bar.nodes.data() + block * kNodes + node_index(x % 4, y % 4, z % 4);
-        const Vec3d n(static_cast<double>(node[0]), static_cast<double>(node[kBlockNodes]),
-                      static_cast<double>(node[2 * kBlockNodes]));
-        const auto m = static_cast<double>(node[3 * kBlockNodes]);
-        const double w = stencil.weight(i, j, k);
-        const Vec3d arm =
-            s.dx * (Vec3d(static_cast<double>(i), static_cast<double>(j), static_cast<double>(k)) -
-                    place.fraction());
-        const double all = n.dot(v + spin * arm) + m;
-        v_bar += mass * w * n;
-        spin_bar += mass * w * n * arm.transpose();
-        x_bar += mass * (all * stencil.gradient(i, j, k) - w * (spin.transpose() * n));
-        out.log_density += mass * w * all;
-      });
-    }
+  for (std::size_t p = 0; p < particles.size(); ++p) {
+    const ParticleStart& at = particles[p];
     const Vec3d arm = of.rest[p] - center;
-    out.velocity += v_bar;
-    out.particle_velocities.push_back(v_bar);
+    volume += of.volumes[p];
+    out.log_density += at.log_density;
+    out.velocity += at.v;
+    out.particle_velocities.push_back(at.v);
     out.spin +=
-        arm.cross(v_bar) + Vec3d(spin_bar(2, 1) - spin_bar(1, 2), spin_bar(0, 2) - spin_bar(2, 0),
-                                 spin_bar(1, 0) - spin_bar(0, 1));
-    const Vec3d arm_bar = spin.transpose() * v_bar;
+        arm.cross(at.v) + Vec3d(at.spin(2, 1) - at.spin(1, 2), at.spin(0, 2) - at.spin(2, 0),
+                                at.spin(1, 0) - at.spin(0, 1));
+    const Vec3d arm_bar = spin.transpose() * at.v;
     center_bar -= arm_bar;
-    out.positions.emplace_back(x_bar + arm_bar);
+    out.positions.emplace_back(at.x + arm_bar);
     if (!own.rest.empty()) out.positions.back() += own.rest[p];
   }
   out.offset = own.pivots;
+  out.rotation = own.turn - center.cross(own.pivots);
   for (std::size_t p = 0; p < of.rest.size(); ++p) {
     out.positions[p] += of.volumes[p] / volume * center_bar;
     out.offset += out.positions[p];
+    out.rotation += (of.rest[p] - center).cross(out.positions[p]);
   }
   return out;
 }

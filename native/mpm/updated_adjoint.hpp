@@ -17,11 +17,13 @@ namespace matterfit::mpm {
 /// it is made of.
 template <class S>
 struct UpdatedBodyCotangents {
-  std::vector<UpdatedParticleBar<S>> particles;   ///< in the order of Body::rest
-  std::vector<S> maxwell;                         ///< as UpdatedMember::maxwell
-  std::vector<Vec3d> stretch;                     ///< of ContactMemory; empty without colliders
-  Points rest;                                    ///< of Body::rest, through pins; sums
-  Vec3d pivots = Vec3d::Zero();                   ///< of all pins' pivots together, sum
+  std::vector<UpdatedParticleBar<S>> particles;  ///< in the order of Body::rest
+  std::vector<S> maxwell;                        ///< as UpdatedMember::maxwell
+  std::vector<Vec3d> stretch;                    ///< of ContactMemory; empty without colliders
+  Points rest;                                   ///< of Body::rest, through pins; sums
+  Vec3d pivots = Vec3d::Zero();                  ///< of all pins' pivots together, sum
+  /// Of all pins turned with their motion about the world's origin, less what `rest` has of it.
+  Vec3d turn = Vec3d::Zero();
   LawCotangents law;                              ///< sums over substeps
   std::vector<material::MaxwellBranch> branches;  ///< by modulus and time, sums
   double log_density = 0.0;                       ///< ∂/∂ln ρ, sum
@@ -41,8 +43,9 @@ struct UpdatedCotangents {
 
 /// Derivatives with respect to how a body starts.
 struct UpdatedStartCotangents {
-  Points positions;              ///< of Body::rest, each
-  Vec3d offset = Vec3d::Zero();  ///< of all of them together, with the pins
+  Points positions;  ///< of Body::rest, each; without what attached masses are shared out by
+  Vec3d offset = Vec3d::Zero();    ///< of all of them together, with the pins
+  Vec3d rotation = Vec3d::Zero();  ///< of them about their centre, with the pins and their motion
   Vec3d velocity = Vec3d::Zero();
   Vec3d spin = Vec3d::Zero();
   std::vector<Vec3d> particle_velocities;
@@ -59,9 +62,9 @@ struct UpdatedStartCotangents {
 template <class S>
 class UpdatedAdjoint {
  public:
-  /// `bodies` as UpdatedGroup was given them.
+  /// `bodies` as UpdatedGroup was given them; `rates`: GradientOptions::of_no_damping.
   UpdatedAdjoint(const Scene& scene, const std::vector<std::size_t>& bodies,
-                 const UpdatedAdjointKernels<S>& kernels);
+                 const UpdatedAdjointKernels<S>& kernels, bool rates = true);
   ~UpdatedAdjoint();
   UpdatedAdjoint(const UpdatedAdjoint&) = delete;
   UpdatedAdjoint& operator=(const UpdatedAdjoint&) = delete;
@@ -70,7 +73,7 @@ class UpdatedAdjoint {
   /// Takes `bar` from after the substep to before it.
   void substep(Arena& arena, const UpdatedRecord<S>& record, UpdatedCotangents<S>& bar);
   /// Of the n-th body, with `bar` taken back to before the first substep.
-  [[nodiscard]] UpdatedStartCotangents start(std::size_t body,
+  [[nodiscard]] UpdatedStartCotangents start(Arena& arena, std::size_t body,
                                              const UpdatedCotangents<S>& bar) const;
   [[nodiscard]] material::MaterialGradient material_gradient(std::size_t body,
                                                              const UpdatedCotangents<S>& bar) const;

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 
 #include "mpm/lane_sums-inl.hpp"
 #include "mpm/spline_sums-inl.hpp"
@@ -34,6 +35,29 @@ void expand_blocks(const S* const nodes[8], std::size_t components, S* expanded)
         expand_row(row, expanded + c * kExpanded, x, y);
       }
     }
+  }
+}
+
+/// to[n][m] = from[m][n]ᵀ, at most 4 × 4 numbers, rows so many numbers apart.
+template <std::size_t m, std::size_t n, class S>
+HWY_INLINE void transpose(const S* from, std::size_t from_row, S* to, std::size_t to_row) {
+  if constexpr (m == 4 && n == 4 && sizeof(S) == 4) {
+    const hn::FixedTag<S, 4> d;
+    const auto a = hn::LoadU(d, from);
+    const auto b = hn::LoadU(d, from + from_row);
+    const auto c = hn::LoadU(d, from + 2 * from_row);
+    const auto e = hn::LoadU(d, from + 3 * from_row);
+    const auto ac_low = hn::InterleaveLower(d, a, c);
+    const auto be_low = hn::InterleaveLower(d, b, e);
+    const auto ac_high = hn::InterleaveUpper(d, a, c);
+    const auto be_high = hn::InterleaveUpper(d, b, e);
+    hn::StoreU(hn::InterleaveLower(d, ac_low, be_low), d, to);
+    hn::StoreU(hn::InterleaveUpper(d, ac_low, be_low), d, to + to_row);
+    hn::StoreU(hn::InterleaveLower(d, ac_high, be_high), d, to + 2 * to_row);
+    hn::StoreU(hn::InterleaveUpper(d, ac_high, be_high), d, to + 3 * to_row);
+  } else {
+    for (std::size_t i = 0; i < m; ++i)
+      for (std::size_t j = 0; j < n; ++j) to[j * to_row + i] = from[i * from_row + j];
   }
 }
 
@@ -351,27 +375,39 @@ class UpdatedBlockAdjoint {
     for (std::size_t l = 0; l < kLanes; ++l) hwy::Prefetch(&view_.particle_bar[chunk.id[l]]);
   }
 
-  template <class Visit>
-  void each_bar(const mpm::KeptChunk<S>& chunk, std::size_t lane, const Visit& visit) const {
-    for (std::size_t l = 0; l < kWidth; ++l) {
-      if (!(chunk.a[Chunk::kVolume][lane + l] > S(0))) continue;
-      mpm::UpdatedParticleBar<S>& p = view_.particle_bar[chunk.id[lane + l]];
-      for (std::size_t c = 0; c < 3; ++c) {
-        visit(p.position[c], kPosition + c, l);
-        visit(p.velocity[c], kVelocity + c, l);
+  /// Numbers of one particle after another, a few particles at a time.
+  static constexpr std::size_t kTogether = std::min<std::size_t>(4, kWidth);
+  static_assert(sizeof(mpm::UpdatedParticleBar<S>) == kBars * sizeof(S) && kWidth % kTogether == 0);
+
+  void load_bars(const mpm::KeptChunk<S>& chunk, std::size_t lane, S* bars) const {
+    HWY_ALIGN S particles[kTogether * kBars];
+    for (std::size_t l = 0; l < kWidth; l += kTogether) {
+      for (std::size_t n = 0; n < kTogether; ++n) {
+        const std::size_t at = lane + l + n;
+        if (chunk.a[Chunk::kVolume][at] > S(0)) {
+          std::memcpy(particles + n * kBars, &view_.particle_bar[chunk.id[at]], kBars * sizeof(S));
+        } else {
+          std::fill_n(particles + n * kBars, kBars, S(0));
+        }
       }
-      for (std::size_t c = 0; c < 9; ++c) visit(p.h[c], kH + c, l);
-      visit(p.strain, kStrain, l);
+      for (std::size_t i = 0; i < kBars; i += 4) {
+        transpose<kTogether, 4>(particles + i, kBars, bars + i * kLanes + l, kLanes);
+      }
     }
   }
-  void load_bars(const mpm::KeptChunk<S>& chunk, std::size_t lane, S* bars) const {
-    std::fill(bars, bars + kBars * kLanes, S(0));
-    each_bar(chunk, lane,
-             [&](S& entry, std::size_t i, std::size_t l) { bars[i * kLanes + l] = entry; });
-  }
   void store_bars(const mpm::KeptChunk<S>& chunk, std::size_t lane, const S* bars) const {
-    each_bar(chunk, lane,
-             [&](S& entry, std::size_t i, std::size_t l) { entry = bars[i * kLanes + l]; });
+    HWY_ALIGN S particles[kTogether * kBars];
+    for (std::size_t l = 0; l < kWidth; l += kTogether) {
+      for (std::size_t i = 0; i < kBars; i += 4) {
+        transpose<4, kTogether>(bars + i * kLanes + l, kLanes, particles + i, kBars);
+      }
+      for (std::size_t n = 0; n < kTogether; ++n) {
+        const std::size_t at = lane + l + n;
+        if (!(chunk.a[Chunk::kVolume][at] > S(0))) continue;
+        std::memcpy(static_cast<void*>(&view_.particle_bar[chunk.id[at]]), particles + n * kBars,
+                    kBars * sizeof(S));
+      }
+    }
   }
 
   [[nodiscard]] Sym3<T> load_branch(const S* all, const mpm::KeptChunk<S>& chunk, std::size_t lane,

@@ -9,9 +9,9 @@
 
 namespace matterfit::mpm {
 
-/// Cotangents of one particle's state between two substeps.
+/// Cotangents of one particle's state between two substeps: in float one line of the cache.
 template <class S>
-struct UpdatedParticleBar {
+struct alignas(16 * sizeof(S)) UpdatedParticleBar {
   std::array<S, 3> position{};  ///< [1/m] per unit of the number that is differentiated
   std::array<S, 3> velocity{};  ///< of what G2P left; nothing before the substep depends on it
   std::array<S, 9> h{};         ///< of the elastic F, row by row

@@ -25,6 +25,24 @@ void UpdatedGrid<S>::add_momentum(const UpdatedPlace<S>& place,
 }
 
 template <class S>
+void UpdatedGrid<S>::add_affine_momentum(const UpdatedPlace<S>& place, double mass,
+                                         const Vec3d& velocity, const Mat3d& gradient) {
+  const Vec3d f = place.fraction();
+  const PointStencil s(f, dx);
+  S* halo = blocks[place.block].halo.data();
+  place.for_each_node([&](std::size_t x, std::size_t y, std::size_t z, std::size_t i, std::size_t j,
+                          std::size_t k) {
+    const std::size_t node = halo_index(x, y, z);
+    const double share = mass * s.weight(i, j, k);
+    const Vec3d momentum = share * (velocity + gradient * (dx * (stencil_node(i, j, k) - f)));
+    for (std::size_t c = 0; c < 3; ++c) {
+      halo[c * kHaloNodes + node] += static_cast<S>(momentum[static_cast<int>(c)]);
+    }
+    halo[3 * kHaloNodes + node] += static_cast<S>(share);
+  });
+}
+
+template <class S>
 Mat3d UpdatedGrid<S>::velocity_gradient(const UpdatedPlace<S>& place) const {
   const PointStencil s(place.fraction(), dx);
   Mat3d gradient = Mat3d::Zero();

@@ -28,6 +28,9 @@ struct UpdatedGrid {
   /// Adds momentum and mass at the nodes of a particle, `offset` [m] from it.
   void add_momentum(const UpdatedPlace<S>& place, const Eigen::Matrix<S, 3, 1>& momentum, S mass,
                     const Vec3d& offset = Vec3d::Zero());
+  /// Adds the momentum m (v + G (x_I − x)) and the mass m [kg] at the nodes of a particle.
+  void add_affine_momentum(const UpdatedPlace<S>& place, double mass, const Vec3d& velocity,
+                           const Mat3d& gradient);
   /// ∇v of the nodes at a particle [1/s], before this substep's contacts.
   [[nodiscard]] Mat3d velocity_gradient(const UpdatedPlace<S>& place) const;
 };

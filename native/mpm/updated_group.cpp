@@ -13,6 +13,7 @@
 #include "mpm/updated_check.hpp"
 #include "mpm/updated_contact.hpp"
 #include "mpm/updated_grid.hpp"
+#include "mpm/updated_masses.hpp"
 #include "mpm/updated_pins.hpp"
 #include "mpm/updated_record.hpp"
 
@@ -40,6 +41,7 @@ struct UpdatedGroup<S>::Impl {
   struct Loads {
     std::vector<UpdatedTouch<S>> touches;
     std::vector<UpdatedHold<S>> holds;
+    std::vector<UpdatedCarry<S>> carries;
   };
 
   Impl(const Scene& s, const std::vector<std::size_t>& bodies, const Kernels<S>& k,
@@ -331,15 +333,20 @@ std::pair<double, double> UpdatedGroup<S>::step(Arena& arena, double time, doubl
                     of_block != nullptr ? &of_block->touches : nullptr);
     apply_updated_pins(s.grid, s.members, b, time + dt, dt,
                        of_block != nullptr ? &of_block->holds : nullptr);
+    apply_attached_masses(s.grid, s.members, b, time + dt,
+                          of_block != nullptr ? &of_block->carries : nullptr);
   });
   if (record != nullptr) {
     record->after = s.present_topology();
     record->touches.clear();
     record->holds.clear();
+    record->carries.clear();
     for (const auto& of_block : loads) {
       record->touches.insert(record->touches.end(), of_block.touches.begin(),
                              of_block.touches.end());
       record->holds.insert(record->holds.end(), of_block.holds.begin(), of_block.holds.end());
+      record->carries.insert(record->carries.end(), of_block.carries.begin(),
+                             of_block.carries.end());
     }
   }
   s.last_dt = dt;

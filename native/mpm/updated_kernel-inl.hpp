@@ -29,9 +29,10 @@ void relax_particles(mpm::UpdatedView<S>& view,
                      const std::uint32_t* id, const S* volume, const Mat3<T>& step, Sym3<T>& tau) {
   constexpr std::size_t kWidth = LaneTraits<T>::kCount;
   const std::size_t branches = view.law.maxwell_count;
-  HWY_ALIGN S state[6 * kLanes];
+  HWY_ALIGN S state[6 * kLanes] = {};
   for (std::size_t i = 0; i < branches; ++i) {
     for (std::size_t l = 0; l < kWidth; ++l) {
+      if (!(volume[l] > S(0))) continue;
       const S* from = view.maxwell + (id[l] * branches + i) * 6;
       for (std::size_t c = 0; c < 6; ++c) state[c * kLanes + l] = from[c];
     }

@@ -46,23 +46,30 @@ struct UpdatedLoadsAdjoint<S>::Substep {
     return place.position(origin, dx);
   }
 
-  /// At the nodes of the place's cell, with the weights of `f`.
-  [[nodiscard]] GridSums sums(const UpdatedPlace<S>& place, const Vec3d& f) const {
-    GridSums out;
-    const PointStencil s(f, dx);
+  /// Calls visit(cotangent of momentum, of mass, i, j, k) for the nodes of the place's cell.
+  template <class Visit>
+  void for_each_cotangent(const UpdatedPlace<S>& place, const Visit& visit) const {
     place.for_each_node([&](std::size_t x, std::size_t y, std::size_t z, std::size_t i,
                             std::size_t j, std::size_t k) {
       const std::size_t block = record->after->neighbours[place.block][neighbour_of_node(x, y, z)];
       const S* node = nodes->data() + block * 4 * kBlockNodes + node_index(x % 4, y % 4, z % 4);
+      visit(Vec3d(static_cast<double>(node[0]), static_cast<double>(node[kBlockNodes]),
+                  static_cast<double>(node[2 * kBlockNodes])),
+            static_cast<double>(node[3 * kBlockNodes]), i, j, k);
+    });
+  }
+  /// At the nodes of the place's cell, with the weights of `f`.
+  [[nodiscard]] GridSums sums(const UpdatedPlace<S>& place, const Vec3d& f) const {
+    GridSums out;
+    const PointStencil s(f, dx);
+    for_each_cotangent(place, [&](const Vec3d& momentum, double mass, std::size_t i, std::size_t j,
+                                  std::size_t k) {
       const double w = s.weight(i, j, k);
       const Vec3d g = s.gradient(i, j, k);
-      const Vec3d p(static_cast<double>(node[0]), static_cast<double>(node[kBlockNodes]),
-                    static_cast<double>(node[2 * kBlockNodes]));
-      const auto m = static_cast<double>(node[3 * kBlockNodes]);
-      out.momentum += w * p;
-      out.momentum_by += p * g.transpose();
-      out.mass += w * m;
-      out.mass_by += m * g;
+      out.momentum += w * momentum;
+      out.momentum_by += momentum * g.transpose();
+      out.mass += w * mass;
+      out.mass_by += mass * g;
     });
     return out;
   }
@@ -81,6 +88,30 @@ struct UpdatedLoadsAdjoint<S>::Substep {
   [[nodiscard]] Vec3d node_velocity(std::size_t at) const {
     return {static_cast<double>(velocity[at]), static_cast<double>(velocity[at + kBlockNodes]),
             static_cast<double>(velocity[at + 2 * kBlockNodes])};
+  }
+  /// Σ v_I ∇w_I.
+  [[nodiscard]] Mat3d velocity_gradient(const UpdatedPlace<S>& place, const PointStencil& s) const {
+    Mat3d gradient = Mat3d::Zero();
+    for_each_velocity(place, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
+      gradient += node_velocity(node) * s.gradient(i, j, k).transpose();
+    });
+    return gradient;
+  }
+  /// From the cotangent of velocity_gradient() to those of the node velocities, which are made if
+  /// there are none yet, and of the place.
+  void velocity_gradient_adjoint(const UpdatedPlace<S>& place, const PointStencil& s,
+                                 const Mat3d& gradient_bar, std::vector<double>& velocity_bar,
+                                 Vec3d& x_bar) const {
+    if (velocity_bar.empty()) {
+      velocity_bar.assign(record->before->coordinates.size() * 3 * kBlockNodes, 0.0);
+    }
+    for_each_velocity(place, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
+      const Vec3d bar = gradient_bar * s.gradient(i, j, k);
+      for (std::size_t a = 0; a < 3; ++a) {
+        velocity_bar[node + a * kBlockNodes] += bar[static_cast<int>(a)];
+      }
+      x_bar += s.curvature(i, j, k, dx) * (gradient_bar.transpose() * node_velocity(node));
+    });
   }
 };
 
@@ -147,6 +178,9 @@ void UpdatedLoadsAdjoint<S>::back(Arena& arena, const UpdatedRecord<S>& record,
                                   ColliderCotangents* colliders,
                                   std::vector<double>& velocity_bar) const {
   const Substep at{&record, &nodes, velocity, dx_};
+  for (const UpdatedCarry<S>& c : record.carries) {
+    carry(at, c, bodies[c.member].particles[c.particle], velocity_bar);
+  }
   for (const UpdatedHold<S>& h : record.holds) hold(at, h, bodies[h.member]);
 
   // Groups of touches, those of one particle together, side by side; their sums in order.
@@ -193,16 +227,43 @@ void UpdatedLoadsAdjoint<S>::hold(const Substep& at, const UpdatedHold<S>& hold,
   const Pin* pin = holding_pin(member, hold.particle, time);
   if (pin == nullptr) return;
   const Vec3d& rest = member.rest[hold.particle];
-  const Vec3d velocity = (pin_target(*pin, rest, time + dt) - at.position(hold.place)) / dt;
+  const Vec3d target = pin_target(*pin, rest, time + dt);
+  const Vec3d velocity = (target - at.position(hold.place)) / dt;
   const double mass = kPinWeight * member.density * static_cast<double>(hold.volume);
   const GridSums sums = at.sums(hold.place, hold.place.fraction());
   const Vec3d target_bar = mass / dt * sums.momentum;
   const Vec3d rest_bar = pin->motion.at(time + dt).rotation.conjugate() * target_bar;
   body.rest[hold.particle] += rest_bar;
   body.pivots += target_bar - rest_bar;
+  body.turn += target.cross(target_bar) - rest.cross(rest_bar);
   body.log_density += mass * (velocity.dot(sums.momentum) + sums.mass);
   add_to<S>(mass * (sums.momentum_by.transpose() * velocity + sums.mass_by) - target_bar,
             body.particles[hold.particle].position);
+}
+
+// Momentum m (v + G (x_I − x)) and mass m, G = Σ v_I ∇w_I.
+template <class S>
+void UpdatedLoadsAdjoint<S>::carry(const Substep& at, const UpdatedCarry<S>& carry,
+                                   UpdatedParticleBar<S>& bar,
+                                   std::vector<double>& velocity_bar) const {
+  const Vec3d f = carry.place.fraction();
+  const PointStencil s(f, dx_);
+  const Mat3d gradient = at.velocity_gradient(carry.place, s);
+  Vec3d v_bar = Vec3d::Zero();
+  Vec3d x_bar = Vec3d::Zero();
+  Mat3d gradient_bar = Mat3d::Zero();
+  at.for_each_cotangent(carry.place, [&](const Vec3d& momentum, double mass, std::size_t i,
+                                         std::size_t j, std::size_t k) {
+    const double share = carry.mass * s.weight(i, j, k);
+    const Vec3d arm = dx_ * (stencil_node(i, j, k) - f);
+    v_bar += share * momentum;
+    gradient_bar += share * momentum * arm.transpose();
+    const double all = momentum.dot(carry.velocity + gradient * arm) + mass;
+    x_bar += carry.mass * all * s.gradient(i, j, k) - share * (gradient.transpose() * momentum);
+  });
+  at.velocity_gradient_adjoint(carry.place, s, gradient_bar, velocity_bar, x_bar);
+  add_to<S>(v_bar, bar.velocity);
+  add_to<S>(x_bar, bar.position);
 }
 
 template <class S>
@@ -230,10 +291,7 @@ void UpdatedLoadsAdjoint<S>::touch(const Substep& at, const UpdatedTouch<S>& tou
   const PointStencil s(touch.place.fraction(), dx_);
   Mat3d gradient = Mat3d::Zero();
   if (sheared) {
-    at.for_each_velocity(touch.place,
-                         [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
-                           gradient += at.node_velocity(node) * s.gradient(i, j, k).transpose();
-                         });
+    gradient = at.velocity_gradient(touch.place, s);
     point.relative_velocity -= point.radius * (gradient * n);
   }
   ContactMemory memory = touch.memory;
@@ -270,18 +328,8 @@ void UpdatedLoadsAdjoint<S>::touch(const Substep& at, const UpdatedTouch<S>& tou
     // v_rel −= r G n, G = Σ v_I ∇w_I.
     c.radius -= c.relative_velocity.dot(gradient * n);
     c.normal -= point.radius * (gradient.transpose() * c.relative_velocity);
-    const Vec3d taken = -point.radius * c.relative_velocity;
-    if (velocity_bar.empty()) {
-      velocity_bar.assign(at.record->before->coordinates.size() * 3 * kBlockNodes, 0.0);
-    }
-    at.for_each_velocity(
-        touch.place, [&](std::size_t node, std::size_t i, std::size_t j, std::size_t k) {
-          const double along = s.gradient(i, j, k).dot(n);
-          for (std::size_t a = 0; a < 3; ++a) {
-            velocity_bar[node + a * kBlockNodes] += along * taken[static_cast<int>(a)];
-          }
-          x_bar += taken.dot(at.node_velocity(node)) * (s.curvature(i, j, k, dx_) * n);
-        });
+    at.velocity_gradient_adjoint(
+        touch.place, s, -point.radius * c.relative_velocity * n.transpose(), velocity_bar, x_bar);
   }
   const ContactPointCotangents p = contact_point_adjoint(n, f, volume, c);
   sums_of_all.log_density[touch.member] += member.density * p.density;

@@ -9,7 +9,7 @@
 namespace matterfit::mpm {
 
 /// Adjoints of what acts on single particles after a substep: contact with colliders
-/// (UpdatedContact) and pins (apply_updated_pins).
+/// (UpdatedContact), pins (apply_updated_pins) and attached masses (apply_attached_masses).
 template <class S>
 class UpdatedLoadsAdjoint {
  public:
@@ -34,6 +34,8 @@ class UpdatedLoadsAdjoint {
   void touch(const Substep& at, const UpdatedTouch<S>& touch, UpdatedBodyCotangents<S>& body,
              Sums& sums, std::vector<double>& velocity_bar) const;
   void hold(const Substep& at, const UpdatedHold<S>& hold, UpdatedBodyCotangents<S>& body) const;
+  void carry(const Substep& at, const UpdatedCarry<S>& carry, UpdatedParticleBar<S>& bar,
+             std::vector<double>& velocity_bar) const;
 
   double dx_;
   const std::vector<UpdatedMember<S>>& members_;

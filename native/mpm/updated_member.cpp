@@ -5,6 +5,7 @@
 
 #include "base/error.hpp"
 #include "mpm/initial_velocity.hpp"
+#include "mpm/updated_masses.hpp"
 #include "mpm/updated_pins.hpp"
 
 namespace matterfit::mpm {
@@ -12,11 +13,6 @@ namespace matterfit::mpm {
 template <class S>
 UpdatedMember<S> make_updated_member(const Body& body, std::size_t index,
                                      const std::vector<ColliderPtr>& colliders, double dx) {
-  if (!body.masses.empty()) {
-    throw_input("Body '" + body.name +
-                "': attached masses need the total Lagrangian formulation. Set formulation to "
-                "'total', or remove the masses.");
-  }
   UpdatedMember<S> m;
   m.index = index;
   m.name = body.name;
@@ -34,6 +30,7 @@ UpdatedMember<S> make_updated_member(const Body& body, std::size_t index,
     m.rest = body.rest;
     m.pin_of = particles_of_pins(body);
   }
+  m.carried = carried_masses(body, dx);
   return m;
 }
 

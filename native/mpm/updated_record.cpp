@@ -10,7 +10,8 @@ namespace matterfit::mpm {
 template <class S>
 std::size_t UpdatedRecord<S>::bytes() const {
   std::size_t sum = bytes_of(node_mass) + bytes_of(node_velocity) + bytes_of(slab_chunks) +
-                    bytes_of(chunks) + bytes_of(touches) + bytes_of(holds);
+                    chunks.size() * sizeof(KeptChunk<S>) + bytes_of(touches) + bytes_of(holds) +
+                    bytes_of(carries);
   for (const std::vector<S>& of_body : maxwell) sum += bytes_of(of_body);
   return sum;
 }

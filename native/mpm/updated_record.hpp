@@ -31,6 +31,16 @@ struct UpdatedHold {
   S volume;  ///< at rest [m³]
 };
 
+/// A particle that carries part of an attached mass, after a substep.
+template <class S>
+struct UpdatedCarry {
+  std::uint32_t member;
+  std::uint32_t particle;
+  UpdatedPlace<S> place;
+  double mass;     ///< [kg]
+  Vec3d velocity;  ///< [m/s]
+};
+
 /// A particle that touches a collider after a substep, as contact_force() met it.
 template <class S>
 struct UpdatedTouch {
@@ -52,9 +62,29 @@ struct KeptChunk {
   std::uint32_t id[kLanes];
 };
 
+/// Values that are not set when they are made: each thread touches its own first.
+template <class Value>
+class RawArray {
+ public:
+  void resize(std::size_t size) {
+    values_ = std::make_unique_for_overwrite<Value[]>(size);
+    size_ = size;
+  }
+  [[nodiscard]] std::size_t size() const { return size_; }
+  [[nodiscard]] Value* data() { return values_.get(); }
+  [[nodiscard]] const Value* data() const { return values_.get(); }
+  [[nodiscard]] const Value& operator[](std::size_t i) const { return values_[i]; }
+  [[nodiscard]] const Value* begin() const { return data(); }
+  [[nodiscard]] const Value* end() const { return data() + size_; }
+
+ private:
+  std::unique_ptr<Value[]> values_;
+  std::size_t size_ = 0;
+};
+
 /// What the adjoint needs of one substep (updated_adjoint.hpp): the particles and the grid before
-/// it, in storage order, and the contacts and pins after it. Some 75 bytes a particle in float
-/// where cells are evenly filled, and 24 more for each Maxwell branch.
+/// it, in storage order, and the contacts, pins and attached masses after it. Some 75 bytes a
+/// particle in float where cells are evenly filled, and 24 more for each Maxwell branch.
 template <class S>
 struct UpdatedRecord {
   double time = 0.0;  ///< of the state before [s]
@@ -67,10 +97,11 @@ struct UpdatedRecord {
   std::vector<S> node_velocity;                  ///< per block [3][64], before node-wise contact
   /// First of `chunks` of each block, body and slab, in this order, and the end.
   std::vector<std::uint32_t> slab_chunks;
-  std::vector<KeptChunk<S>> chunks;
+  RawArray<KeptChunk<S>> chunks;
   std::vector<std::vector<S>> maxwell;  ///< per body, as UpdatedView::maxwell
   std::vector<UpdatedTouch<S>> touches;
   std::vector<UpdatedHold<S>> holds;
+  std::vector<UpdatedCarry<S>> carries;
 
   /// Bytes of it [B], without the topologies, which substeps share.
   [[nodiscard]] std::size_t bytes() const;

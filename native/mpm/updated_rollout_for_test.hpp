@@ -96,7 +96,7 @@ struct UpdatedRollout {
     }
     Gradient g;
     for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
-      g.start.push_back(adjoint.start(b, bar));
+      g.start.push_back(adjoint.start(arena, b, bar));
       g.material.push_back(adjoint.material_gradient(b, bar));
     }
     g.gravity = bar.gravity;

@@ -203,12 +203,7 @@ class MATTERFIT_OT_write_fit_job(NoJobRunning, PlainOperator, bpy.types.Operator
         try:
             takes.for_fit(settings)
             folder = takes.claim(fit.run)
-            replaced = job_document.Replaced(folder, "fit")
-            try:
-                document = job_document.build(context.scene, fit.run, folder, "fit")
-            except Exception:
-                replaced.put_back()
-                raise
+            document, replaced = prepare(context, fit.run, folder, "fit", estimate=False)
         except JobError:
             before.put_back(fit.run)
             raise

@@ -65,13 +65,14 @@ def estimate_text(estimate):
     return ", ".join(parts)
 
 
-def prepare(context, take, folder, task, **options):
-    """(document, Replaced) of a run that fits into memory; `options` are those of
-    job_document.build(). The folder stays as it was where it raises."""
+def prepare(context, take, folder, task, estimate=True, **options):
+    """(document, Replaced) of a run, with `estimate` of one that fits into memory; `options` are
+    those of job_document.build(). The folder stays as it was where it raises."""
     replaced = job_document.Replaced(folder, task)
     try:
         document = job_document.build(context.scene, take, folder, task, **options)
-        check_estimate(context, document, folder)
+        if estimate:
+            check_estimate(context, document, folder)
     except Exception:
         replaced.put_back()
         raise
@@ -338,11 +339,12 @@ class MATTERFIT_OT_write_job(NoJobRunning, PlainOperator, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     def act(self, context):
-        scene = context.scene
         takes.require_saved()
-        take = takes.ensure_active(scene.matterfit)
+        take = takes.ensure_active(context.scene.matterfit)
         folder = takes.claim(take)
-        path = job_document.write(job_document.build(scene, take, folder, "bake"), folder)
+        document, replaced = prepare(context, take, folder, "bake", estimate=False)
+        replaced.end()
+        path = job_document.write(document, folder)
         session(context).last_report = path
         self.report({"INFO"}, path)
 

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fit, Cancel, Resume, what they found, Apply, Save Material, presets of one's own."""
 
+import contextlib
+import io
 import os
 from unittest import mock
 
 import bpy
 import fake_fit
+import matterfit
 import numpy
-from matterfit import jobs, native, ops
+from matterfit import cli, jobs, native, ops
 from matterfit.io import files, fit_results, job_document, presets, takes
 from matterfit.jobs import JobError
 from matterfit.ui import fit as fit_panel
@@ -225,6 +228,20 @@ class RunTest(FakeFitCase):
         before, self.capture.enabled = tree(self.run_folder), False
         self.fails(bpy.ops.matterfit.write_fit_job, ["no capture to fit to"])
         self.assertEqual(tree(self.run_folder), before)
+
+    def test_what_to_go_on_with(self):
+        """Without a window the job.json is named, and the saved scene shows no earlier result."""
+        self.fitted()
+        self.settings.bodies[0].material.E = 2e5
+        scene = cli.SceneJob(matterfit, "fit", True)
+        fake_fit.write_checkpoint(self.run_folder)
+        with contextlib.redirect_stderr(io.StringIO()) as words:
+            scene.end(mock.Mock(status=3))
+        self.assertIn(f"to go on: fit {os.path.join(self.run_folder, 'job.json')}",
+                      words.getvalue())
+        self.reopen()
+        self.assertFalse(self.fit.done)
+        self.assertTrue(fit_results.is_unfinished(self.run_folder))
 
     def test_resume_after_apply(self):
         """It would be refused: Apply says so."""

@@ -417,6 +417,10 @@ class DocumentTest(FitCase):
             self.fit.loss, self.fit.law = loss, law
             document, folder = self.document("fit")
             native.validate(document, folder)
+        for name in ("my.dough", 'the "dough"', "Ann's"):
+            self.settings.bodies[0].name = name
+            document, folder = self.document("fit")
+            native.validate(document, folder)
 
 
 class RefusalTest(FitCase):

@@ -160,7 +160,7 @@ class SceneJob:
         if self._save:
             bpy.ops.wm.save_mainfile()
         files = self._io("files")
-        if (os.path.isfile(self.path)
+        if (job.status != EXIT_INPUT and os.path.isfile(self.path)
                 and files.read_text(self.path).encode() == files.json_bytes(self._document)):
             print(f"matterfit: to go on: {self._verb} {self.path}", file=sys.stderr)
 

@@ -187,6 +187,35 @@ std::vector<Vec3d> MeshBinding::positions(const ParticleView& state, Arena& aren
   return result;
 }
 
+void MeshBinding::spread(std::span<const Vec3d> position_bar, std::span<Vec3d> particle_bar,
+                         std::span<Mat3d> deformation_gradient_bar) const {
+  const bool gradients = !deformation_gradient_bar.empty();
+  if (position_bar.size() != points() || particle_bar.size() != particles() ||
+      (gradients && deformation_gradient_bar.size() != particles())) {
+    throw_input("the cotangents of " + std::to_string(position_bar.size()) + " points and " +
+                std::to_string(particle_bar.size()) + " particles are not of a binding of " +
+                std::to_string(points()) + " points to " + std::to_string(particles()) +
+                " particles.");
+  }
+  for (std::size_t i = 0; i < points(); ++i) {
+    const Stencil s = stencil(i);
+    const bool fitted = gradient_ == BindingGradient::kFitted && !s.fitted.empty();
+    const std::span<const float> weights = fitted ? s.fitted : s.weights;
+    // Weights are rounded to float; what they miss of 1 hangs on the first particle.
+    Vec3d rest = position_bar[i];
+    for (std::size_t k = 0; k < s.particles.size(); ++k) {
+      const std::uint32_t p = s.particles[k];
+      const Vec3d share = static_cast<double>(weights[k]) * position_bar[i];
+      particle_bar[p] += share;
+      rest -= share;
+      if (gradients && !fitted) {
+        deformation_gradient_bar[p] += share * (points_[i] - rest_[p]).transpose();
+      }
+    }
+    particle_bar[s.particles[0]] += rest;
+  }
+}
+
 std::vector<Vec3d> MeshBinding::velocities(const ParticleView& state, Arena& arena) const {
   check_state(state);
   std::vector<Vec3d> result(points(), Vec3d::Zero());

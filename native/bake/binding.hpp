@@ -70,6 +70,11 @@ class MeshBinding {
     std::span<const float> fitted;             ///< sum 1, Σ fitted_p X_p = X; empty: falls back
   };
   [[nodiscard]] Stencil stencil(std::size_t point) const;
+  /// The transpose of positions(): adds the cotangents of the points' positions, one each, to those
+  /// of the particles' positions and, where it is not empty, deformation gradients. Throws
+  /// Error(kInput) if they are of other numbers.
+  void spread(std::span<const Vec3d> position_bar, std::span<Vec3d> particle_bar,
+              std::span<Mat3d> deformation_gradient_bar) const;
   [[nodiscard]] BindingGradient gradient() const { return gradient_; }
 
  private:

@@ -67,6 +67,35 @@ TEST_P(BindingModes, ReproduceAffineMotion) {
   EXPECT_GT(fits, 150U);
 }
 
+// Positions are linear in the particles' positions and F.
+TEST_P(BindingModes, SpreadIsTheTranspose) {
+  Specimen body = ball(0.05, 0.4);
+  const Affine motion = some_motion();
+  body.move(motion.a, motion.b, motion.w);
+  const auto points = scatter(300, 0.5);
+  Arena arena(1);
+  BindingOptions options;
+  options.gradient = GetParam();
+  const MeshBinding binding(points, body.rest, body.separation, options, arena);
+  const auto x = binding.positions(body.view(), arena);
+  std::vector<Vec3d> bar(points.size());
+  double expected = 0.0;
+  for (std::size_t i = 0; i < bar.size(); ++i) {
+    bar[i] = Vec3d(std::sin(double(i)), std::cos(2.0 * double(i)), std::sin(0.3 * double(i)));
+    expected += bar[i].dot(x[i]);
+  }
+  std::vector<Vec3d> of_position(binding.particles(), Vec3d::Zero());
+  std::vector<Mat3d> of_gradient(binding.particles(), Mat3d::Zero());
+  binding.spread(bar, of_position, of_gradient);
+  double found = 0.0;
+  for (std::size_t p = 0; p < of_position.size(); ++p) {
+    found += of_position[p].dot(body.view().positions[p].cast<double>()) +
+             of_gradient[p].cwiseProduct(body.view().deformation_gradients[p].cast<double>()).sum();
+  }
+  EXPECT_NEAR(found, expected, 1e-10 * std::abs(expected));
+  EXPECT_THROW(binding.spread(bar, {of_position.data(), 3}, of_gradient), Error);
+}
+
 INSTANTIATE_TEST_SUITE_P(Both, BindingModes,
                          ::testing::Values(BindingGradient::kParticle, BindingGradient::kFitted));
 

@@ -124,6 +124,23 @@ class Run {
     record_.reserve_segment(true);
   }
 
+  void check_derivatives(const ObservedFrame& frame, std::size_t body, std::size_t count) const {
+    const std::size_t particles = frame.bodies[body].positions.size();
+    if (count == 0 || count == particles) return;
+    throw_input("The loss of frame " + std::to_string(frame.frame) + " has " +
+                std::to_string(count) + " derivatives for the " + std::to_string(particles) +
+                " particles of body '" + scene_.bodies[body].name + "'.");
+  }
+
+  /// Of F turned, R F Rᵀ.
+  static Vec3d turn_of(const std::vector<Mat3d>& f, const std::vector<Mat3d>& bars) {
+    Vec3d sum = Vec3d::Zero();
+    for (std::size_t i = 0; i < bars.size(); ++i) {
+      const Mat3d m = f[i] * bars[i].transpose() - bars[i].transpose() * f[i];
+      sum += Vec3d(m(1, 2) - m(2, 1), m(2, 0) - m(0, 2), m(0, 1) - m(1, 0));
+    }
+    return sum;
+  }
   /// Σ a × ā.
   static Vec3d turn_of(const std::vector<Vec3d>& vectors, const std::vector<Vec3d>& bars) {
     Vec3d sum = Vec3d::Zero();
@@ -139,26 +156,26 @@ class Run {
     frame.frame = stepper_.frame();
     frame.time = (frame.frame - scene_.first_frame) / scene_.fps;
     frame.bodies.resize(scene_.bodies.size());
-    tape_.see(frame);
+    tape_.see(frame, options_.deformation_gradients);
     FrameLoss loss;
     loss.bodies.resize(scene_.bodies.size());
     observer_(frame, loss);
     for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
-      for (const auto* bars : {&loss.bodies[b].positions, &loss.bodies[b].velocities}) {
-        if (!bars->empty() && bars->size() != frame.bodies[b].positions.size()) {
-          throw_input("The loss of frame " + std::to_string(frame.frame) + " has " +
-                      std::to_string(bars->size()) + " derivatives for the " +
-                      std::to_string(frame.bodies[b].positions.size()) + " particles of body '" +
-                      scene_.bodies[b].name + "'.");
-        }
-        cotangent_bytes_ += bars->capacity() * sizeof(Vec3d);
+      const FrameLoss::Body& of = loss.bodies[b];
+      for (const std::size_t count :
+           {of.positions.size(), of.velocities.size(), of.deformation_gradients.size()}) {
+        check_derivatives(frame, b, count);
       }
+      cotangent_bytes_ += (of.positions.capacity() + of.velocities.capacity()) * sizeof(Vec3d) +
+                          of.deformation_gradients.capacity() * sizeof(Mat3d);
     }
     out_.loss += loss.loss;
     if (!goes_back_) return;
     for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
-      turn_[b] += turn_of(frame.bodies[b].positions, loss.bodies[b].positions) +
-                  turn_of(frame.bodies[b].velocities, loss.bodies[b].velocities);
+      turn_[b] +=
+          turn_of(frame.bodies[b].positions, loss.bodies[b].positions) +
+          turn_of(frame.bodies[b].velocities, loss.bodies[b].velocities) +
+          turn_of(frame.bodies[b].deformation_gradients, loss.bodies[b].deformation_gradients);
     }
     losses_.push_back(std::move(loss));
     const std::size_t other = cotangent_bytes_ + tape_.log_bytes();

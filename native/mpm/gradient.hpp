@@ -22,6 +22,9 @@ struct ObservedFrame {
   struct Body {
     std::vector<Vec3d> positions;   ///< [m]
     std::vector<Vec3d> velocities;  ///< [m/s]
+    /// FrameState's, of the elastic part where a law flows; only with
+    /// GradientOptions::deformation_gradients.
+    std::vector<Mat3d> deformation_gradients;
   };
   int frame = 0;
   double time = 0.0;  ///< seconds after the scene's first frame
@@ -29,12 +32,13 @@ struct ObservedFrame {
 };
 
 /// What it says of it: its share of the loss, and the derivatives of that with respect to the
-/// particles' positions and velocities, per body one each or none at all. Empty to begin with, one
-/// for each body of the scene.
+/// particles' positions, velocities and deformation gradients, per body one each or none at all.
+/// Empty to begin with, one for each body of the scene.
 struct FrameLoss {
   struct Body {
     std::vector<Vec3d> positions;
     std::vector<Vec3d> velocities;
+    std::vector<Mat3d> deformation_gradients;
   };
   double loss = 0.0;
   std::vector<Body> bodies;
@@ -85,6 +89,9 @@ struct GradientOptions {
   /// Derivatives by damping also where there is none, and by a fluid's viscosity where that is 0:
   /// takes the velocity gradients of materials that do not need them. Else those are given as 0.
   bool of_no_damping = true;
+  /// Observers see deformation gradients, as points bound beside particles follow them
+  /// (bake/binding.hpp).
+  bool deformation_gradients = false;
   /// Called from the calling thread with the share that is done, from 0 to 1.
   std::function<void(double)> progress;
 };

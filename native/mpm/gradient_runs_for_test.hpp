@@ -33,6 +33,7 @@ struct GradientCase {
   Hold hold = Hold::kNone;
   double release = std::numeric_limits<double>::infinity();
   bool masses = false;
+  bool observes_f = false;
   bool neighbour = false;  ///< another updated body of water beside it
   ContactMethod method = ContactMethod::kParticle;
   int length = 6;  ///< particles
@@ -161,7 +162,8 @@ struct GradientCase {
     return body;
   }
 
-  /// Depends on every particle's position and velocity in every frame, and not linearly.
+  /// Depends on every particle's position, velocity and, if seen, F in every frame, and not
+  /// linearly.
   static void observe(const ObservedFrame& frame, FrameLoss& loss) {
     const ObservedFrame::Body& body = frame.bodies[0];
     for (std::size_t p = 0; p < body.positions.size(); ++p) {
@@ -172,17 +174,23 @@ struct GradientCase {
       loss.loss += 10.0 * away.squaredNorm() + 0.01 * speed.squaredNorm();
       loss.bodies[0].positions.emplace_back(20.0 * away);
       loss.bodies[0].velocities.emplace_back(0.02 * speed);
+      if (body.deformation_gradients.empty()) continue;
+      const Mat3d bent = body.deformation_gradients[p] - aim * aim.transpose();
+      loss.loss += 0.5 * bent.squaredNorm();
+      loss.bodies[0].deformation_gradients.emplace_back(bent);
     }
   }
 
   template <class S>
-  [[nodiscard]] Gradient gradient(const GradientOptions& options = {}, int threads = 1) const {
+  [[nodiscard]] Gradient gradient(GradientOptions options = {}, int threads = 1) const {
+    options.deformation_gradients = observes_f;
     return mpm::gradient<S>(scene(), std::make_shared<Arena>(threads), observe, options,
                             Interrupter());
   }
   [[nodiscard]] double loss(const Schedule& schedule) const {
     GradientOptions options;
     options.schedule = schedule;
+    options.deformation_gradients = observes_f;
     return roll_out<double>(scene(), std::make_shared<Arena>(1), observe, options, Interrupter())
         .loss;
   }

@@ -240,6 +240,18 @@ TEST(Gradient, OfUpdatedBodiesThatTouchAndArePinnedMatchesDifferences) {
   expect_differences("updated fluid with attached masses", run);
 }
 
+TEST(Gradient, OfDeformationGradientsSeenMatchesDifferences) {
+  GradientCase run;
+  run.observes_f = true;
+  expect_differences("total, F seen", run);
+  run.formulation = Formulation::kUpdated;
+  expect_differences("updated, F seen", run);
+  run.material.law = Law::kNewtonian;
+  run.material.bulk_modulus = 2e5;
+  run.material.viscosity = 10.0;
+  expect_differences("updated fluid, F seen", run);
+}
+
 /// What a material has nothing of: differences to the one side that there is.
 TEST(Gradient, ByDampingAndViscosityThatAreZeroMatchesDifferences) {
   const auto expect = [](const std::string& name, const GradientCase& run, double found,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mpm/total_adjoint.hpp"
 
+#include "mpm/total_block_field.hpp"
 #include "mpm/total_pins.hpp"
 #include "mpm/total_stencil.hpp"
 
@@ -168,39 +169,38 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
 }
 
 template <class S>
-void TotalAdjoint<S>::add_field(Arena& arena, const std::vector<Vec3d>& particle_bar,
+void TotalAdjoint<S>::add_field(Arena& arena, const std::vector<Vec3d>& value_bar,
+                                const std::vector<Mat3d>& gradient_bar,
                                 std::vector<double>& node_bar) const {
-  if (particle_bar.empty()) return;
+  if (value_bar.empty() && gradient_bar.empty()) return;
   const TotalGrid& grid = body_.grid_;
-  std::vector<double> halos(grid.blocks() * 3 * kHaloNodes, 0.0);
+  const Mat3d& axes = grid.axes();
+  std::vector<BlockField> fields(grid.blocks());
   arena.parallel_for(0, grid.blocks(), 1, [&](std::size_t b) {
-    double* halo = halos.data() + b * 3 * kHaloNodes;
+    fields[b].clear();
     for (const std::uint32_t p : grid.block_particles(b)) {
-      const CellPoint point = grid.point_of(p);
-      const PointStencil s(point.f, grid.dx());
-      const Vec3d local = grid.axes().transpose() * particle_bar[p];
-      for (std::size_t i = 0; i < 27; ++i) {
-        const std::size_t node = halo_index(point.x + i / 9, point.y + i / 3 % 3, point.z + i % 3);
-        const double w = s.weight(i / 9, i / 3 % 3, i % 3);
-        for (std::size_t c = 0; c < 3; ++c) {
-          halo[c * kHaloNodes + node] += w * local[static_cast<int>(c)];
-        }
-      }
+      Vec3d value = Vec3d::Zero();
+      Mat3d rows = Mat3d::Zero();
+      if (!value_bar.empty()) value = axes.transpose() * value_bar[p];
+      if (!gradient_bar.empty()) rows = axes.transpose() * gradient_bar[p] * axes;
+      fields[b].add({grid.point_of(p), grid.dx()}, value, rows);
     }
   });
   arena.parallel_for(0, grid.node_blocks(), 4, [&](std::size_t b) {
-    double sum[kNodeBlock];
-    sum_halos(grid, halos.data(), b, sum);
-    for (std::size_t i = 0; i < kNodeBlock; ++i) node_bar[b * kNodeBlock + i] += sum[i];
+    const std::array<std::uint32_t, 8>& sources = grid.node_sources(b);
+    for (std::size_t k = 0; k < 8; ++k) {
+      if (sources[k] != kNoBlock) fields[sources[k]].add_to(k, node_bar.data() + b * kNodeBlock);
+    }
   });
 }
 
 template <class S>
 void TotalAdjoint<S>::add_particles(Arena& arena, const std::vector<Vec3d>& position_bar,
                                     const std::vector<Vec3d>& velocity_bar,
+                                    const std::vector<Mat3d>& deformation_gradient_bar,
                                     TotalCotangents<S>& bar) const {
-  add_field(arena, position_bar, bar.state.displacement);
-  add_field(arena, velocity_bar, bar.state.velocity);
+  add_field(arena, position_bar, deformation_gradient_bar, bar.state.displacement);
+  add_field(arena, velocity_bar, {}, bar.state.velocity);
 }
 
 template <class S>

@@ -56,16 +56,18 @@ class TotalAdjoint {
   /// Takes `bar` from after the substep to before it. `before` is the state before.
   void substep(Arena& arena, const TotalSubstep& substep, const TotalState<S>& before,
                TotalCotangents<S>& bar, TotalLoadsAdjoint<S>* loads = nullptr);
-  /// Adds the cotangents of the particles' present positions and velocities (world axes), one each
-  /// or none.
+  /// Adds the cotangents of the particles' present positions, velocities and deformation gradients
+  /// (world axes), one each or none.
   void add_particles(Arena& arena, const std::vector<Vec3d>& position_bar,
-                     const std::vector<Vec3d>& velocity_bar, TotalCotangents<S>& bar) const;
+                     const std::vector<Vec3d>& velocity_bar,
+                     const std::vector<Mat3d>& deformation_gradient_bar,
+                     TotalCotangents<S>& bar) const;
   [[nodiscard]] InitialCotangents initial(const TotalCotangents<S>& bar) const;
   [[nodiscard]] material::MaterialGradient material_gradient(const TotalCotangents<S>& bar) const;
 
  private:
-  void add_field(Arena& arena, const std::vector<Vec3d>& particle_bar,
-                 std::vector<double>& node_bar) const;
+  void add_field(Arena& arena, const std::vector<Vec3d>& value_bar,
+                 const std::vector<Mat3d>& gradient_bar, std::vector<double>& node_bar) const;
   void smooth(Arena& arena, double share, std::vector<double>& velocity_bar);
   [[nodiscard]] std::vector<Vec3d> deferred_accelerations(Arena& arena,
                                                           const TotalSubstep& substep);

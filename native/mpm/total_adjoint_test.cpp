@@ -141,7 +141,7 @@ struct Rollout {
       if (n == kObserved[0] || n == kObserved[1]) {
         std::vector<Vec3d> position_bar;
         for (const Vec3d& weight : weights) position_bar.emplace_back(1e3 * weight);
-        adjoint.add_particles(arena, position_bar, {}, bar);
+        adjoint.add_particles(arena, position_bar, {}, {}, bar);
       }
       adjoint.substep(arena, {n * kDt, kDt, kick(n), smoothing(n), scene.gravity.at(0.0)},
                       record[static_cast<std::size_t>(n)], bar);

@@ -110,7 +110,7 @@ struct Rollout {
     TotalCotangents<double> bar = adjoint.zero();
     std::vector<Vec3d> position_bar;
     for (std::uint32_t p = 0; p < body.particles(); ++p) position_bar.emplace_back(1e3 * weight(p));
-    adjoint.add_particles(arena, position_bar, {}, bar);
+    adjoint.add_particles(arena, position_bar, {}, {}, bar);
     for (int n = kSteps - 1; n >= 0; --n) {
       contact.set_memory(record.memories[static_cast<std::size_t>(n)],
                          record.memories[static_cast<std::size_t>(n) + 1]);

@@ -25,7 +25,8 @@ template <class S>
 void TotalGroupAdjoint<S>::observe(Arena& arena, const FrameLoss& loss) {
   for (Member& member : members_) {
     const FrameLoss::Body& body = loss.bodies[member.index];
-    member.adjoint.add_particles(arena, body.positions, body.velocities, member.bar);
+    member.adjoint.add_particles(arena, body.positions, body.velocities, body.deformation_gradients,
+                                 member.bar);
     for (const Vec3d& bar : body.positions) member.observed += bar;
   }
 }

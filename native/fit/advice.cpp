@@ -52,6 +52,8 @@ constexpr std::array kRows{
         "the body as it slides along the collider, at an angle or with a sideways throw"},
     Row{"contact.stiffness", "the stiffness of the contact",
         "a hard contact with the collider at a higher frame rate"},
+    Row{"start_frame", "the time at which the recording begins",
+        "the body as it is let go, at a higher frame rate"},
     Row{"height", "the collider's height", "the body as it rests on the collider"},
 };
 

@@ -17,6 +17,7 @@ TEST(Advice, KnowsTheParametersOfAScene) {
   EXPECT_EQ(advice("bodies.dough.placement.position[0]").quantity, "the starting place");
   EXPECT_EQ(advice("colliders.floor.contact.mu").quantity, "the friction");
   EXPECT_EQ(advice("colliders.floor.contact.stiffness").quantity, "the stiffness of the contact");
+  EXPECT_EQ(advice("captures.drop.start_frame").quantity, "the time at which the recording begins");
   EXPECT_EQ(advice("gravity").quantity, "gravity");
   EXPECT_EQ(advice("gravity[1]").quantity, "gravity");
 }

@@ -44,6 +44,13 @@ struct Model {
   }
 };
 
+/// Mean square of the residuals that are observed, from the cost.
+double mean_square(const LeastSquaresState& state) {
+  Index observed = 0;
+  for (Index i = 0; i < state.residual.size(); ++i) observed += is_observed(state, i) ? 1 : 0;
+  return 2.0 * state.cost / double(std::max<Index>(1, observed));
+}
+
 Box natural_bounds(const std::vector<Parameter>& parameters) {
   const auto n = Index(parameters.size());
   Box box{VectorXd(n), VectorXd(n)};
@@ -101,7 +108,7 @@ Model model_of(const std::vector<Parameter>& parameters, const LeastSquaresState
       model.gradient[k] += weight * (state.point[k] - parameter.prior->mean);
     }
   }
-  const double variance = 2.0 * state.cost / double(residual.size());
+  const double variance = mean_square(state);
   for (Index k = 0; k < n; ++k) {
     if (!(model.hessian(k, k) > 0.0)) continue;
     const double held = kHeldWithin * parameters[std::size_t(k)].scale;
@@ -258,7 +265,7 @@ Negligible negligible(const Problem& problem, const std::vector<Parameter>& para
   Negligible result{VectorXd::Zero(state.point.size()), options.cost_tolerance};
   const double independent = problem.effective(state.residual);
   if (!(independent > 0.0)) return result;
-  if (2.0 * state.cost > kFar * kFar * double(state.residual.size())) {
+  if (mean_square(state) > kFar * kFar) {
     result.decrease = std::max(kLittle, result.decrease);
   }
   if (!own) return result;
@@ -354,7 +361,7 @@ void linearise_at(Problem& problem, const std::vector<Parameter>& parameters,
                   const LeastSquaresOptions& options, Slopes slopes, LeastSquaresState& state) {
   const Box bounds = natural_bounds(parameters);
   const bool fresh = state.residual.size() == 0;
-  const bool central = slopes == Slopes::kCentral;
+  const bool central = slopes == Slopes::kCentral || (slopes == Slopes::kKept && state.central);
   const auto take = [&](Differences found, bool with_residual) {
     state.evaluations += found.evaluations;
     if (with_residual) state.residual = std::move(found.residual);
@@ -438,7 +445,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
   const Box bounds = natural_bounds(parameters_);
   LeastSquaresState next = state;
   const bool borrows = problem.stand_in() != nullptr;
-  const Slopes usual = options_.central ? Slopes::kCentral : Slopes::kOneSided;
+  const Slopes usual = Slopes::kOneSided;
   LeastSquaresOptions options = options_;
   options.cost_tolerance = worth_while(problem, next.residual, options_.cost_tolerance);
   Slopes slopes = usual;
@@ -467,6 +474,12 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     const bool still = model.scaling.maxCoeff() == 0.0;
     const double left = still ? 0.0 : model.decrease(damped_step(model, kLeastDamping, room));
     const VectorXd from = next.point;
+    // Where this iteration's own Jacobian was taken.
+    const auto anchor_at = [&](const VectorXd& point) {
+      if (slopes == Slopes::kKept) return;
+      next.anchor = point;
+      next.central = slopes == Slopes::kCentral;
+    };
     const auto far = [&] {
       return slopes == Slopes::kKept &&
              relative_size(parameters_, next.point - next.anchor) > kNear;
@@ -486,7 +499,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
                          : "No step would lower the cost by more than the tolerance; for some "
                            "parameters the simulation could not be completed beside this point.");
       }
-      if (slopes != Slopes::kKept) next.anchor = next.point;
+      anchor_at(next.point);
       break;
     }
     const Negligible nothing =
@@ -508,7 +521,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
         next.finished = next.converged = false;
         next.reason.clear();
       } else {
-        if (slopes != Slopes::kKept) next.anchor = from;
+        anchor_at(from);
         if (far()) next.finished = next.converged = false;
         const VectorXd step = next.point - from;
         if (!next.finished && !far() && taken.full && all_known &&
@@ -531,7 +544,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       finish(next, rough && all_known,
              rough ? "No shorter step lowers the cost."
                    : "No shorter step could be simulated to its end.");
-      next.anchor = next.point;
+      anchor_at(next.point);
       break;
     }
     slopes = slopes == Slopes::kOneSided ? Slopes::kCentral : usual;

@@ -41,7 +41,6 @@ struct LeastSquaresOptions {
   /// tenth of its standard error (Problem::effective()).
   double cost_tolerance = 1e-6;
   double difference = 1e-2;  ///< step of the finite differences, in units of Parameter::scale
-  bool central = false;      ///< central differences: twice the evaluations
   bool thorough = true;      ///< where one-sided ones lead no farther, central ones are tried
 };
 
@@ -68,6 +67,7 @@ struct LeastSquaresState {
   bool own = false;        ///< the stand-in leads no farther: Jacobians are the problem's own
   /// Where the Jacobian was taken that the next iteration uses again; empty: it makes its own.
   Eigen::VectorXd anchor;
+  bool central = false;  ///< that one is of central differences
   /// Points stepped to since then: each has brought the Jacobian up to date.
   std::vector<Eigen::VectorXd> trail;
   /// Of the last linearisation, residuals × parameters. With an anchor it goes into the next
@@ -81,16 +81,22 @@ struct LeastSquaresState {
   /// The next iteration makes a Jacobian of its own.
   void forget_slopes() {
     anchor.resize(0);
+    central = false;
     trail.clear();
   }
 };
+
+/// Whether the residual is observed: it or its slopes are not 0. The state has a Jacobian.
+[[nodiscard]] inline bool is_observed(const LeastSquaresState& state, Eigen::Index row) {
+  return state.residual[row] != 0.0 || !state.jacobian.row(row).isZero(0.0);
+}
 
 /// Levenberg–Marquardt within bounds (projected, with an active set), Marquardt's scaling by the
 /// diagonal, priors as further residuals, Huber weights (iteratively reweighted). Jacobian by
 /// finite differences, away from a bound that is near. An evaluation that fails makes the step
 /// shorter. No step takes a logarithmic coordinate farther than a factor ten, and what the data do
 /// not know to 30 scales stays. One-sided differences end up to half their step off where the
-/// residuals are large and curved (`central` does not). With a stand-in its Jacobian leads to where
+/// residuals are large and curved; central ones do not. With a stand-in its Jacobian leads to where
 /// its own gradient against the true residuals is 0; from there on the problem's own is used. A
 /// Jacobian is kept while steps gain what it promises, and each brings it up to date with what the
 /// residuals did (Broyden's update, in units of the scales). References: Nocedal and Wright,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 #include <random>
 #include <vector>
@@ -74,6 +75,35 @@ TEST(LeastSquaresResume, CancelledAnywhereGoesOnToTheSameBits) {
     EXPECT_TRUE(cancelled);
     expect_same(state, expected);
   }
+}
+
+TEST(LeastSquaresResume, GoesOnFromCentralSlopesToTheSameBits) {
+  const LeastSquaresOptions options = exact();
+  const double h = options.difference;
+  const auto curved = [](const Eigen::VectorXd& x) {
+    return Eigen::VectorXd(Eigen::Vector3d(x[0] + 0.3 * std::sin(x[0]) - 2.0 + 0.2 * x[1],
+                                           std::exp(0.3 * x[1]) - 1.5 + 0.1 * x[0] * x[0],
+                                           0.1 * x[0] * x[1]));
+  };
+  // Beside the start both sides are off by as much: one-sided slopes lead the wrong way, where
+  // nothing can be simulated, and two-sided ones are right.
+  FunctionProblem problem([&](const Eigen::VectorXd& x) -> std::optional<Eigen::VectorXd> {
+    const bool beside = x[1] == 0.0 && std::abs(std::abs(x[0]) - h) < 1e-3 * h;
+    if (!beside) return x[0] < 0.0 ? std::nullopt : std::optional(curved(x));
+    return Eigen::VectorXd(curved(x) - 2.0 * h * Eigen::Vector3d(1.3, 0.0, 0.0));
+  });
+  const LeastSquares fit(linear_parameters({0.0, 0.0}, -5.0, 5.0), options);
+  LeastSquaresState state = fit.start();
+  fit.iterate(problem, state);
+  EXPECT_TRUE(state.central);
+  ASSERT_GT(state.anchor.size(), 0);
+  ASSERT_FALSE(state.finished);
+  while (!state.finished) {
+    state = reloaded(state);
+    fit.iterate(problem, state);
+  }
+  EXPECT_GT(state.iteration, 3);
+  expect_same(state, run(fit, problem));
 }
 
 TEST(LeastSquaresResume, SameForAnyThreads) {

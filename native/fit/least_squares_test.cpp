@@ -435,5 +435,21 @@ TEST(LeastSquares, RefusesWhatMakesNoSense) {
   EXPECT_THROW(LeastSquares(one, {}).iterate(problem, state), Error);
 }
 
+TEST(LeastSquares, SamplesThatAreNotThereChangeNothing) {
+  // What is missed is so much that the spring decides the step, by the mean square of the samples.
+  const auto first_step = [](Eigen::Index rows) {
+    FunctionProblem problem([&](const VectorXd& x) {
+      VectorXd residual = VectorXd::Zero(rows);
+      residual.head<3>() = Vector3d(1e4, 300.0 * (x[0] - 1.0), 300.0 * (x[1] + x[0]));
+      return residual;
+    });
+    const LeastSquares fit(linear_parameters({0.0, 0.0}), exact());
+    LeastSquaresState state = fit.start();
+    fit.iterate(problem, state);
+    return state.point;
+  };
+  EXPECT_LT((first_step(300) - first_step(3)).norm(), 1e-9);
+}
+
 }  // namespace
 }  // namespace matterfit::fit

@@ -11,6 +11,7 @@
 
 #include "base/error.hpp"
 #include "fit/advice.hpp"
+#include "fit/student.hpp"
 
 namespace matterfit::fit {
 namespace {
@@ -20,8 +21,9 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr double kQuantile = 1.959963984540054;  // 97.5 % of a normal distribution
-constexpr double kStrong = 0.95;                 // correlation worth a statement
+constexpr double kStrong = 0.95;  // correlation worth a statement
+/// A noise scale above this enlarges errors: 1, but for rounding.
+constexpr double kEnlarges = 1.0 + 1e-9;
 /// Variance by which others multiply a parameter's, above which only a combination is observed.
 constexpr double kDependent = 1e10;
 constexpr double kTakesPart = 0.1;      // component of a direction worth a name
@@ -30,12 +32,13 @@ constexpr double kDisagree = 2.0;       // blocks' error over the noise's, worth
 constexpr std::size_t kMoreBlocks = 4;  // than parameters
 
 struct Information {
-  MatrixXd data;        ///< JᵀJ, with Huber's estimator its counterpart
-  double noise = 1.0;   ///< √(χ²/degrees of freedom)
-  bool judged = true;   ///< there are degrees of freedom
-  bool smooth = false;  ///< what is missed is so smooth that none are left
-  double slope = 1.0;   ///< mean of ψ′: with Huber's estimator the part that lies inside
-  double weight = 1.0;  ///< independent residuals, as a part of all
+  MatrixXd data;         ///< JᵀJ, with Huber's estimator its counterpart
+  double noise = 1.0;    ///< √(χ²/degrees of freedom)
+  bool judged = true;    ///< there are degrees of freedom
+  bool smooth = false;   ///< what is missed is so smooth that none are left
+  double slope = 1.0;    ///< mean of ψ′: with Huber's estimator the part that lies inside
+  double weight = 1.0;   ///< independent residuals, as a part of all
+  double freedom = 1.0;  ///< independent residuals less parameters that they know, at least 1
 };
 
 Information information(const LeastSquaresState& state, std::size_t parameters, double effective,
@@ -54,7 +57,7 @@ Information information(const LeastSquaresState& state, std::size_t parameters, 
   double squares = 0.0;
   for (Index i = 0; i < state.residual.size(); ++i) {
     const double size = std::abs(state.residual[i]);
-    if (size == 0.0 && jacobian.row(i).isZero(0.0)) continue;
+    if (!is_observed(state, i)) continue;
     observed += 1.0;
     const bool outside = huber > 0.0 && size > huber;
     if (outside) linear += 1.0;
@@ -67,12 +70,12 @@ Information information(const LeastSquaresState& state, std::size_t parameters, 
   // Residuals that hang together over the whole capture are a misfit, not a lack of data.
   const double left = independent - double(free);
   result.smooth = left < 1.0;
-  const double freedom = std::max(1.0, left);
+  result.freedom = std::max(1.0, left);
   result.judged = observed - double(free) >= 1.0 && linear < observed;
   if (observed > 0.0) result.weight = independent / observed;
   if (!result.judged) return result;
   result.slope = 1.0 - linear / observed;
-  result.noise = std::sqrt(squares / observed * (independent / freedom)) / result.slope;
+  result.noise = std::sqrt(squares / observed * (independent / result.freedom)) / result.slope;
   return result;
 }
 
@@ -135,11 +138,38 @@ VectorXd product(const Covariance& covariance, const VectorXd& vector) {
   return result;
 }
 
+/// The inverse of a Hessian; rows and columns of what nothing observes are 0.
+MatrixXd matrix_of(const Covariance& covariance) {
+  const Index n = covariance.error.size();
+  MatrixXd result(n, n);
+  for (Index k = 0; k < n; ++k) result.col(k) = product(covariance, VectorXd::Unit(n, k));
+  return result;
+}
+
+/// H⁻¹ M H⁻¹ in place of H⁻¹: of the values at which a function with the Hessian H is least, where
+/// its gradient scatters by M.
+Covariance sandwich(Covariance inverse, const MatrixXd& middle) {
+  const MatrixXd bread = matrix_of(inverse);
+  const MatrixXd covariance = bread * middle * bread;
+  const auto seen = [&](Index k) { return std::isfinite(inverse.error[k]); };
+  for (Index k = 0; k < covariance.cols(); ++k) {
+    if (seen(k)) inverse.error[k] = std::sqrt(std::max(0.0, covariance(k, k)));
+  }
+  for (Index k = 0; k < covariance.cols(); ++k) {
+    for (Index j = 0; j < covariance.cols(); ++j) {
+      const double both = inverse.error[k] * inverse.error[j];
+      if (j == k || !seen(k) || !seen(j) || !(both > 0.0)) continue;
+      inverse.correlation(k, j) = std::clamp(covariance(k, j) / both, -1.0, 1.0);
+    }
+  }
+  return inverse;
+}
+
 /// Errors from how far the blocks disagree; 0 where they cannot tell. `hessian` and `weights` (of
-/// the priors) are those that the fit itself made small.
+/// the priors) are those that the fit itself made small. `freedom`: blocks less parameters.
 VectorXd between_blocks(const LeastSquaresState& state, const MatrixXd& hessian,
                         const VectorXd& weights, double huber,
-                        const std::vector<std::uint32_t>& blocks) {
+                        const std::vector<std::uint32_t>& blocks, double& freedom) {
   const Index n = hessian.cols();
   VectorXd errors = VectorXd::Zero(n);
   std::map<std::uint32_t, VectorXd> gradients;
@@ -153,6 +183,7 @@ VectorXd between_blocks(const LeastSquaresState& state, const MatrixXd& hessian,
   }
   if (gradients.size() < std::size_t(n) + kMoreBlocks) return errors;
   const double count = double(gradients.size());
+  freedom = count - double(n);
   VectorXd mean = VectorXd::Zero(n);  // not 0 at a bound
   for (const auto& [block, gradient] : gradients) mean += gradient / count;
   MatrixXd middle = weights.asDiagonal();
@@ -167,8 +198,9 @@ VectorXd between_blocks(const LeastSquaresState& state, const MatrixXd& hessian,
   return errors;
 }
 
-/// Sets the interval from its half width in natural coordinates.
-void set_interval(const Parameter& parameter, double at, double half, Estimate& estimate) {
+/// Sets the interval from the error in natural coordinates.
+void set_interval(const Parameter& parameter, double at, double error, Estimate& estimate) {
+  const double half = estimate.quantile * error;
   estimate.low = value_within_bounds(parameter, at - half);
   estimate.high = value_within_bounds(parameter, at + half);
 }
@@ -302,14 +334,27 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
     hessian.diagonal() += weights;
     return hessian;
   };
-  const Covariance covariance = invert(with_priors(data.weight / (enlarged * enlarged)));
+  const double known = data.weight / (enlarged * enlarged);
+  // What the data and the priors know; of values that were found with another weight, which only
+  // matters where there are priors, more is wrong.
+  const Covariance narrowed = invert(with_priors(known));
+  const Covariance covariance =
+      weights.isZero(0.0)
+          ? narrowed
+          : sandwich(invert(with_priors(data.slope)), with_priors(data.slope * data.slope / known));
   VectorXd errors = covariance.error;
+  VectorXd quantiles = VectorXd::Constant(
+      n, data.judged && data.noise > kEnlarges ? student_quantile(data.freedom) : kNormalQuantile);
   std::vector<Index> disagreed;
   if (!blocks.empty() && data.judged) {
-    const VectorXd between = between_blocks(state, with_priors(data.slope), weights, huber, blocks);
+    double freedom = 0.0;
+    const VectorXd between =
+        between_blocks(state, with_priors(data.slope), weights, huber, blocks, freedom);
     for (Index k = 0; k < n; ++k) {
       if (between[k] > kDisagree * errors[k]) disagreed.push_back(k);
-      errors[k] = std::max(errors[k], between[k]);
+      if (!(between[k] > errors[k])) continue;
+      errors[k] = between[k];
+      quantiles[k] = student_quantile(freedom);
     }
   }
 
@@ -323,13 +368,14 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
     Estimate estimate;
     estimate.value = value_within_bounds(parameter, at);
     estimate.standard_error = error * derivative(parameter.coordinate, at);
-    set_interval(parameter, at, kQuantile * error, estimate);
+    estimate.quantile = quantiles[k];
+    set_interval(parameter, at, error, estimate);
     const double near = 1e-6 * parameter.scale;
     estimate.at_bound = at - to_natural(parameter.coordinate, parameter.low) <= near ||
                         to_natural(parameter.coordinate, parameter.high) - at <= near;
     const double expected =
         parameter.prior ? parameter.prior->sigma / std::sqrt(2.0) : parameter.scale;
-    estimate.observable = covariance.error[k] < expected;
+    estimate.observable = narrowed.error[k] < expected;
     const bool unknown =
         std::size_t(k) < state.unknown.size() && state.unknown[std::size_t(k)] != 0;
     estimate.statement = statement_of(parameter, estimate, data.data(k, k) > 0.0, unknown);
@@ -383,7 +429,7 @@ void add_grid_error(const std::vector<Parameter>& parameters, const LeastSquares
     const double slope = derivative(parameter.coordinate, state.point[k]);
     const double error = estimate.standard_error / slope;
     estimate.grid_error = std::abs(shift[k]) * slope;
-    set_interval(parameter, state.point[k], kQuantile * std::hypot(error, shift[k]), estimate);
+    set_interval(parameter, state.point[k], std::hypot(error, shift[k]), estimate);
     if (std::abs(shift[k]) > error) uncertain.push_back(k);
   }
   if (uncertain.empty()) return;

@@ -19,6 +19,7 @@ struct Estimate {
   /// 95 % interval of both errors, through the natural coordinate, within bounds.
   double low = 0.0;
   double high = 0.0;
+  double quantile = 0.0;  ///< half of that interval over the error
   bool at_bound = false;
   /// The data narrow it: its error is below its scale. With a prior: they know at least as much of
   /// it as the prior does, so its error is below 1/√2 of the prior's.
@@ -37,7 +38,9 @@ struct Uncertainty {
 
 /// From the Gauss–Newton Hessian JᵀJ + priors at the end of a fit (state.jacobian and
 /// state.residual). Where noise_scale is above 1 the noise is taken to be that much larger than
-/// stated: without priors errors are multiplied by it. `effective` is the number of residuals that
+/// stated: without priors errors are multiplied by it; with priors they are those of the values
+/// that the fit finds, H⁻¹ (s² JᵀJ + priors) H⁻¹, and the intervals take Student's quantile for the
+/// degrees of freedom in which the noise was seen. `effective` is the number of residuals that
 /// count as independent; 0: all that are observed (not 0 with a Jacobian of 0). `huber` as in the
 /// fit: errors are then those of Huber's estimator (Huber, Robust Statistics, ch. 7.6). With
 /// `blocks` (Problem::blocks()) an error is at least what the blocks' disagreement about the value

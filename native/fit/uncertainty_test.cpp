@@ -216,6 +216,44 @@ TEST(Uncertainty, PriorsAreInformation) {
   EXPECT_TRUE(uncertainty(two, state_of(jacobian)).estimates[0].observable);
 }
 
+TEST(Uncertainty, WithAPriorErrorsAreThoseOfTheEstimate) {
+  // Again and again with noise three times the stated: the values that the fit finds weigh data and
+  // prior as stated.
+  const MatrixXd jacobian = random_matrix(40, 1, 21);
+  const double data = jacobian.squaredNorm();
+  auto one = parameters(1);
+  one[0].scale = 10.0;
+  one[0].prior = Prior{0.0, 1.0 / std::sqrt(2.0 * data)};
+  constexpr int kRepetitions = 2000;
+  constexpr double kNoise = 3.0;
+  std::mt19937 engine(22);
+  std::normal_distribution<double> normal(0.0, 1.0);
+  double squares = 0.0;
+  double reported = 0.0;
+  for (int k = 0; k < kRepetitions; ++k) {
+    LeastSquaresState state;
+    state.jacobian = jacobian;
+    const double truth = one[0].prior->sigma * normal(engine);
+    const VectorXd noise = kNoise * VectorXd::NullaryExpr(40, [&] { return normal(engine); });
+    const double found = jacobian.col(0).dot(jacobian.col(0) * truth + noise) / (3.0 * data);
+    state.point = VectorXd::Constant(1, found);
+    state.residual = jacobian.col(0) * (found - truth) - noise;
+    squares += std::pow(found - truth, 2.0) / kRepetitions;
+    reported += std::pow(uncertainty(one, state).estimates[0].standard_error, 2.0) / kRepetitions;
+  }
+  EXPECT_NEAR(reported / squares, 1.0, 0.15);
+}
+
+TEST(Uncertainty, FewDegreesOfFreedomWidenAnInterval) {
+  const MatrixXd jacobian = random_matrix(8, 2, 23);
+  const auto over_error = [&](double noise) {
+    const Estimate found = uncertainty(parameters(2), state_of(jacobian, noise)).estimates[0];
+    return found.high / found.standard_error;
+  };
+  EXPECT_NEAR(over_error(2.0), 2.446912, 1e-5);  // Student's, six degrees of freedom
+  EXPECT_NEAR(over_error(0.9), 1.959964, 1e-5);  // of the stated noise
+}
+
 TEST(Uncertainty, WhatOnlyAPriorKnowsHasItsError) {
   MatrixXd jacobian = random_matrix(30, 2, 11);
   jacobian.col(0).setZero();

@@ -42,6 +42,7 @@ Json to_json(const fit::LeastSquaresState& state) {
           {"reason", state.reason},
           {"own", state.own},
           {"anchor", to_json(state.anchor)},
+          {"central", state.central},
           {"trail", trail},
           {"history", history}};
 }
@@ -59,7 +60,8 @@ fit::LeastSquaresState to_search(const Json& json) {
   json.at("reason").get_to(state.reason);
   json.at("own").get_to(state.own);
   state.anchor = to_vector(json.at("anchor"));
-  // Not in states from before there was one.
+  // Not in states from before there were any.
+  state.central = json.value("central", false);
   for (const Json& point : json.value("trail", Json::array())) {
     state.trail.push_back(to_vector(point));
   }
@@ -162,16 +164,14 @@ std::optional<FitState> read_fit_state(const std::filesystem::path& folder,
   const Json file =
       Json::parse(reinterpret_cast<const char*>(bytes.data()),
                   reinterpret_cast<const char*>(bytes.data()) + bytes.size(), nullptr, false);
-  if (!file.is_object() || file.value("schema", "") != kSchemaName || !file.contains("state") ||
-      file.value("hash", "") != hash_hex(dump(file["state"]))) {
-    return std::nullopt;
-  }
-  const std::string hash = file.value("input_hash", "");
-  if (!input_hash.empty() && hash != input_hash) return std::nullopt;
   try {
-    const Json& json = file["state"];
+    if (file.at("schema") != kSchemaName || file.at("hash") != hash_hex(dump(file.at("state")))) {
+      return std::nullopt;
+    }
+    const Json& json = file.at("state");
     FitState state;
-    state.input_hash = hash;
+    file.at("input_hash").get_to(state.input_hash);
+    if (!input_hash.empty() && state.input_hash != input_hash) return std::nullopt;
     json.at("inputs").get_to(state.inputs);
     for (const Json& law : json.at("laws")) state.laws.push_back(to_law(law));
     json.at("law").get_to(state.law);

@@ -76,6 +76,17 @@ TEST(FitDocument, ShortAndLongPathsAreTheSame) {
                                    "captures.b.bodies.dough.spin", "captures.a.start_frame"));
 }
 
+TEST(FitDocument, NamesWithQuotesReadBack) {
+  for (const std::string name : {"my.dough", "my \"dough\"", "baker's"}) {
+    Json json = document();
+    json["captures"].erase(1);
+    json["scene"]["bodies"][0]["name"] = name;
+    const std::string text = read(json).fit->parameters[0].path.text();
+    json["fit"]["parameters"] = {text};
+    EXPECT_EQ(read(json).fit->parameters[0].path.owner, name) << text;
+  }
+}
+
 TEST(FitDocument, DefaultsAndValues) {
   Json json = document();
   json["fit"]["parameters"] = {{{"path", "velocity"},
@@ -113,6 +124,13 @@ TEST(FitDocument, ErrorsNameThePath) {
               HasSubstr("the law von_mises does not use 'friction_angle'; it takes E nu"));
   EXPECT_THAT(path_refusal("material.maxwell[1].time"), HasSubstr("has 1 Maxwell branches"));
   EXPECT_THAT(path_refusal("velocity[3]"), HasSubstr("components [0], [1] and [2]"));
+  EXPECT_THAT(refusal([](Json& d) {
+                d["scene"]["colliders"][1]["name"] = "ground";
+                d["fit"]["parameters"] = {"colliders[0].height"};
+              }),
+              HasSubstr("several colliders are called 'ground'"));
+  EXPECT_THAT(refusal([](Json& d) { d["scene"]["colliders"][1]["name"] = "ground"; }),
+              HasSubstr("nothing was refused"));
   EXPECT_THAT(path_refusal("colliders.ball.height"), HasSubstr("only the shape 'ground'"));
   EXPECT_THAT(path_refusal("colliders.ball.contact.mu"), HasSubstr("not of the kind 'friction'"));
   EXPECT_THAT(path_refusal("colliders.wall.contact.mu"), HasSubstr("there is no collider 'wall'"));

@@ -91,6 +91,34 @@ bool has_owner(const Job& job, const FitPath& path) {
   }
 }
 
+/// Why a quantity whose owner the scene has cannot be set there; empty: it can.
+std::string obstacle(const SceneDoc& scene, const FitPath& path) {
+  switch (path.quantity) {
+    case FitQuantity::kFriction:
+    case FitQuantity::kContactStiffness:
+    case FitQuantity::kHeight:
+      return collider_obstacle(scene, path);
+    case FitQuantity::kMaxwellModulus:
+    case FitQuantity::kMaxwellTime:
+      return branch_obstacle(scene, path);
+    default:
+      break;
+  }
+  const std::string_view key = path.law_parameter();
+  if (key.empty()) return {};
+  const material::Law law = body_named(scene, path.owner).material.law;
+  const auto used = material::law_parameters(law);
+  if (std::find(used.begin(), used.end(), key) != used.end()) return {};
+  return "the law " + std::string(material::law_name(law)) + " does not use it.";
+}
+
+/// The names of the captures whose own scene it is.
+std::string listed(const std::vector<std::string>& captures) {
+  std::string text;
+  for (const std::string& name : captures) text += (text.empty() ? "'" : ", '") + name + "'";
+  return text;
+}
+
 Vec3d vector_in(const SceneDoc& scene, const FitPath& path) {
   if (path.quantity == FitQuantity::kGravity) return scene.gravity.values.front();
   const BodyDoc& body = body_named(scene, path.owner);
@@ -241,6 +269,31 @@ FitParameters::FitParameters(const std::vector<FitParameterDoc>& docs,
     const std::size_t components = doc.path.is_vector() && !doc.path.component ? 3 : 1;
     for (std::size_t c = 0; c < components; ++c) add(doc, c, scenes);
   }
+  settle_overlaps();
+}
+
+void FitParameters::settle_overlaps() {
+  const auto same = [](const FitPath& a, const FitPath& b) {
+    return a.quantity == b.quantity && a.owner == b.owner && a.branch == b.branch &&
+           a.component == b.component;
+  };
+  for (std::size_t i = 0; i < numbers_.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      Number& later = numbers_[i];
+      Number& earlier = numbers_[k];
+      if (!same(earlier.path, later.path)) continue;
+      for (std::size_t s = 0; s < scenes_.size(); ++s) {
+        if (earlier.scenes[s] == 0 || later.scenes[s] == 0) continue;
+        if (!earlier.path.capture.empty() && !later.path.capture.empty()) {
+          throw_input(later.where + ": '" + later.path.text() + "' is there already, as '" +
+                      earlier.path.text() + "': the captures " + listed(scenes_[s].captures) +
+                      " share one scene. Keep one of them, or give the captures different scenes.");
+        }
+        // A capture's own number comes before that of all scenes.
+        (later.path.capture.empty() ? later : earlier).scenes[s] = 0;
+      }
+    }
+  }
 }
 
 void FitParameters::add(const FitParameterDoc& doc, std::size_t component,
@@ -248,7 +301,7 @@ void FitParameters::add(const FitParameterDoc& doc, std::size_t component,
   Number number;
   number.path = doc.path;
   number.where = doc.where;
-  number.given = !doc.start.empty();
+  const bool given = !doc.start.empty();
   if (doc.path.is_vector() && !doc.path.component) {
     number.path.component = static_cast<int>(component);
   }
@@ -262,6 +315,10 @@ void FitParameters::add(const FitParameterDoc& doc, std::size_t component,
     } else {
       acts = acts && std::find(scene.captures.begin(), scene.captures.end(), number.path.capture) !=
                          scene.captures.end();
+    }
+    if (const std::string why = acts ? obstacle(scene.job->scene, number.path) : ""; !why.empty()) {
+      throw_input(doc.where + ": '" + doc.path.text() + "' acts on the scene of the capture " +
+                  listed(scene.captures) + " too, and there " + why);
     }
     number.scenes.push_back(acts ? 1 : 0);
     if (acts && first == nullptr) first = &scene;
@@ -281,13 +338,20 @@ void FitParameters::add(const FitParameterDoc& doc, std::size_t component,
   if (kind.quantity == FitQuantity::kPosition || kind.quantity == FitQuantity::kHeight) {
     parameter.scale = first->job->scene.particle_separation;
   }
-  parameter.start = number.given ? doc.start[component] : scalar_in(*first, number.path);
-  if (!number.given && kind.coordinate != Coordinate::kLinear && !(parameter.start > 0.0)) {
+  parameter.start = given ? doc.start[component] : scalar_in(*first, number.path);
+  if (!given && kind.coordinate != Coordinate::kLinear && !(parameter.start > 0.0)) {
     parameter.start =
         kind.coordinate == Coordinate::kLogit ? 0.3
         : number.path.is_material()
             ? usual_start(number.path, body_named(first->job->scene, number.path.owner).material)
             : 0.1;
+  }
+  const bool too_low = kind.coordinate != Coordinate::kLinear && !(parameter.start > 0.0);
+  const bool too_high = kind.coordinate == Coordinate::kLogit && !(parameter.start < 0.5);
+  if (too_low || too_high) {
+    throw_input(doc.where + ": " + parameter.name + " starts at " + number_text(parameter.start) +
+                (kind.coordinate == Coordinate::kLogit ? ", expected a start between 0 and 0.5."
+                                                       : ", expected a start above 0."));
   }
   set_bounds(doc, kind, parameter);
   if (parameter.start < parameter.low || parameter.start > parameter.high) {
@@ -431,7 +495,15 @@ void FitParameters::write(std::span<const double> values, const Job& job, Json& 
     const Quatd turned = placing(values, of, path.owner).turn * given;
     set_quantity(scene, path, {turned.w(), turned.x(), turned.y(), turned.z()});
   };
-  for (std::size_t i = 0; i < numbers_.size(); ++i) {
+  // Those of all scenes first: what a capture's own scene takes over from the document is then
+  // fitted already.
+  std::vector<std::size_t> order;
+  for (const bool own : {false, true}) {
+    for (std::size_t i = 0; i < numbers_.size(); ++i) {
+      if (numbers_[i].path.capture.empty() != own) order.push_back(i);
+    }
+  }
+  for (const std::size_t i : order) {
     const Number& number = numbers_[i];
     const auto acting = std::find(number.scenes.begin(), number.scenes.end(), 1);
     const auto scene = static_cast<std::size_t>(acting - number.scenes.begin());

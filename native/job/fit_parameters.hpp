@@ -22,18 +22,18 @@ struct FitScene {
 };
 
 /// The numbers that a fit moves, in the order of `fit.parameters` with vectors taken apart, and how
-/// to put them into a scene or a document.
+/// to put them into a scene or a document. A quantity of a scene is moved by one number: where a
+/// capture's own scene has one of its own, by that.
 class FitParameters {
  public:
-  /// Throws Error(kInput) beginning with the entry's path for a start or bounds that do not go.
+  /// Throws Error(kInput) beginning with the entry's path for a start or bounds that do not go, for
+  /// a scene that has no such quantity, and for two numbers for one quantity of a scene.
   FitParameters(const std::vector<FitParameterDoc>& docs, const std::vector<FitScene>& scenes);
 
   [[nodiscard]] std::size_t size() const { return numbers_.size(); }
   /// Names, units, bounds, starts (physical); of each number.
   [[nodiscard]] const std::vector<fit::Parameter>& parameters() const { return parameters_; }
   [[nodiscard]] const FitPath& path(std::size_t number) const { return numbers_[number].path; }
-  /// The document gives a start for it.
-  [[nodiscard]] bool has_start(std::size_t number) const { return numbers_[number].given; }
   [[nodiscard]] bool acts_on(std::size_t number, std::size_t scene) const {
     return numbers_[number].scenes[scene] != 0;
   }
@@ -58,7 +58,6 @@ class FitParameters {
   struct Number {
     FitPath path;  ///< of a vector one component
     std::string where;
-    bool given = false;
     std::vector<std::uint8_t> scenes;  ///< 1: acts on it
   };
   struct Placing {
@@ -72,6 +71,8 @@ class FitParameters {
   };
 
   void add(const FitParameterDoc& doc, std::size_t component, const std::vector<FitScene>& scenes);
+  /// Leaves each quantity of each scene to one number.
+  void settle_overlaps();
   /// All three components of a vector, those that are not fitted as the scene has them.
   [[nodiscard]] Vec3d vector_of(std::span<const double> values, std::size_t scene,
                                 const FitPath& path) const;

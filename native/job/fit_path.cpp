@@ -54,7 +54,9 @@ const Entry& entry_of(FitQuantity quantity) {
 
 /// As a step of a path: in quotes where it would be read as something else.
 std::string quoted(const std::string& name) {
-  return name.find_first_of(".[]\"'") == std::string::npos ? name : "\"" + name + "\"";
+  if (!name.empty() && name.find_first_of(".[]\"'") == std::string::npos) return name;
+  const char* quote = name.find('"') == std::string::npos ? "\"" : "'";
+  return quote + name + quote;
 }
 
 std::string below(const Entry& entry, std::size_t branch) {
@@ -89,7 +91,7 @@ class Reader {
       ++at_;
       path.owner = name_in(scene_->colliders, "collider");
       find(path, Owner::kCollider);
-      check_collider(path);
+      check(collider_obstacle(*scene_, path));
     } else {
       path.owner = body();
       find(path, Owner::kBody);
@@ -196,7 +198,7 @@ class Reader {
         path.quantity = entry.quantity;
         path.branch = steps_[at_ + 2].index;
         at_ += 4;
-        check_branch(path);
+        check(branch_obstacle(*scene_, path));
         return;
       }
       const std::size_t length = entry.group.empty() ? 1 : 2;
@@ -209,24 +211,8 @@ class Reader {
     unknown();
   }
 
-  void check_branch(const FitPath& path) const {
-    const std::size_t branches = body_named(*scene_, path.owner).material.maxwell.size();
-    if (path.branch < branches) return;
-    refuse("the material has " + std::to_string(branches) +
-           " Maxwell branches; add one to 'maxwell' for the fit to start from.");
-  }
-
-  void check_collider(const FitPath& path) const {
-    const auto found =
-        std::find_if(scene_->colliders.begin(), scene_->colliders.end(),
-                     [&](const ColliderDoc& collider) { return collider.name == path.owner; });
-    if (path.quantity == FitQuantity::kHeight && found->shape != ColliderDoc::Shape::kGround) {
-      refuse("only the shape 'ground' has a height.");
-    }
-    if (path.quantity == FitQuantity::kFriction &&
-        found->contact.kind != mpm::ContactKind::kFriction) {
-      refuse("the collider's contact is not of the kind 'friction', so mu has no effect.");
-    }
+  void check(const std::string& obstacle) const {
+    if (!obstacle.empty()) refuse(obstacle);
   }
 
   void read_component(FitPath& path) {
@@ -292,6 +278,30 @@ std::string_view FitPath::law_parameter() const {
   const bool any_law =
       quantity == FitQuantity::kDampingShear || quantity == FitQuantity::kDampingBulk;
   return entry.group == "material" && !any_law ? entry.key : std::string_view();
+}
+
+std::string collider_obstacle(const SceneDoc& scene, const FitPath& path) {
+  const auto has_name = [&](const ColliderDoc& collider) { return collider.name == path.owner; };
+  const auto& all = scene.colliders;
+  if (std::count_if(all.begin(), all.end(), has_name) > 1) {
+    return "several colliders are called '" + path.owner + "'; give them different names.";
+  }
+  const ColliderDoc& collider = *std::find_if(all.begin(), all.end(), has_name);
+  if (path.quantity == FitQuantity::kHeight && collider.shape != ColliderDoc::Shape::kGround) {
+    return "only the shape 'ground' has a height.";
+  }
+  if (path.quantity == FitQuantity::kFriction &&
+      collider.contact.kind != mpm::ContactKind::kFriction) {
+    return "the collider's contact is not of the kind 'friction', so mu has no effect.";
+  }
+  return {};
+}
+
+std::string branch_obstacle(const SceneDoc& scene, const FitPath& path) {
+  const std::size_t branches = body_named(scene, path.owner).material.maxwell.size();
+  if (path.branch < branches) return {};
+  return "the material has " + std::to_string(branches) +
+         " Maxwell branches; add one to 'maxwell' for the fit to start from.";
 }
 
 FitPath read_fit_path(const std::string& text, const std::string& where, const SceneDoc& scene,

@@ -60,6 +60,11 @@ struct FitPath {
 [[nodiscard]] FitPath read_fit_path(const std::string& text, const std::string& where,
                                     const SceneDoc& scene, const std::vector<CaptureDoc>& captures);
 
+/// Why a collider's quantity cannot be set in a scene that has a collider of that name, and a
+/// Maxwell branch's in one that has the body, a sentence; empty: it can.
+[[nodiscard]] std::string collider_obstacle(const SceneDoc& scene, const FitPath& path);
+[[nodiscard]] std::string branch_obstacle(const SceneDoc& scene, const FitPath& path);
+
 /// The quantity in a document's `scene` (or in overrides of one): the number, the vector, for a
 /// rotation the quaternion. Null where it does not stand there.
 [[nodiscard]] const Json* find_quantity(const Json& scene, const FitPath& path);

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_parameters.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <deque>
+#include <functional>
+
+#include "base/parallel.hpp"
+#include "job/build_scene.hpp"
+#include "job/capture_scene.hpp"
+#include "job/fit_fixture_for_test.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+using testing::HasSubstr;
+
+/// A job's scenes, as a fit builds them, and its parameters.
+struct Fixture {
+  explicit Fixture(const Json& document, const fs::path& folder) : job(job_of(document, folder)) {
+    Arena arena(1);
+    std::vector<FitScene> all;
+    for (const SceneGroup& group : scene_groups(job)) {
+      jobs.push_back(group_job(job, group));
+      scenes.push_back(build_scene(jobs.back(), arena, Interrupter()).scene);
+      FitScene scene{&jobs.back(), &scenes.back(), {}, nullptr};
+      for (const std::size_t i : group.captures) {
+        if (!group.own) break;
+        scene.captures.push_back(job.captures[i].name);
+        scene.overrides = job.captures[i].scene_overrides;
+      }
+      all.push_back(std::move(scene));
+    }
+    parameters.emplace(job.fit->parameters, all);
+  }
+  Job job;
+  std::deque<Job> jobs;
+  std::deque<mpm::Scene> scenes;
+  std::optional<FitParameters> parameters;
+};
+
+/// Captures a, of the document's scene, and b, c, … with a scene of their own each.
+Json with_scenes(const std::vector<Json>& overrides, const Json& parameters) {
+  Json document = fit_of(thrown_cube(), {});
+  document["scene"]["bodies"][0]["material"]["maxwell"] = {{{"modulus", 1e3}, {"time", 0.1}},
+                                                           {{"modulus", 2e3}, {"time", 0.5}}};
+  char name = 'b';
+  for (const Json& scene : overrides) {
+    document["captures"].push_back({{"tracks", std::string(1, name++) + ".npz"}, {"scene", scene}});
+  }
+  document["fit"]["parameters"] = parameters;
+  return document;
+}
+
+std::string refusal(const Json& document) {
+  return message_of([&] {
+    const Folder folder;
+    (void)Fixture(document, folder.path);
+  });
+}
+
+TEST(FitParameters, ASceneThatLacksTheQuantityIsRefused) {
+  const Json fewer = {
+      {"bodies",
+       {{{"name", "cube"}, {"material", {{"maxwell", {{{"modulus", 1e3}, {"time", 0.1}}}}}}}}}};
+  EXPECT_THAT(refusal(with_scenes({fewer}, {"material.maxwell[1].modulus"})),
+              HasSubstr("fit.parameters[0]: 'bodies.cube.material.maxwell[1].modulus' acts on the "
+                        "scene of the capture 'b' too, and there the material has 1 Maxwell"));
+  const Json ball = {{"colliders",
+                      {{{"name", "ground"},
+                        {"shape", "sphere"},
+                        {"radius", 1},
+                        {"transform", {{"position", {0, 0, -1}}}}}}}};
+  EXPECT_THAT(refusal(with_scenes({ball}, {"colliders.ground.height"})),
+              HasSubstr("the scene of the capture 'b' too, and there only the shape 'ground'"));
+  const Json sticky = {{"colliders", {{{"name", "ground"}, {"contact", {{"kind", "sticky"}}}}}}};
+  EXPECT_THAT(refusal(with_scenes({sticky, sticky}, {"colliders.ground.contact.mu"})),
+              HasSubstr("the scene of the capture 'b', 'c' too, and there the collider's contact"));
+  Json document = with_scenes({thrown_cube()["scene"]}, {"material.yield_stress"});
+  document["scene"]["bodies"][0]["material"]["law"] = "von_mises";
+  document["scene"]["bodies"][0]["material"]["yield_stress"] = 1e3;
+  document["captures"][1]["scene"] = {
+      {"bodies",
+       {{{"name", "cube"}, {"material", {{"law", "neo_hookean"}, {"yield_stress", nullptr}}}}}}};
+  EXPECT_THAT(refusal(document), HasSubstr("and there the law neo_hookean does not use it."));
+}
+
+TEST(FitParameters, OneQuantityOfASceneIsOneNumber) {
+  const Json thrown = {{"bodies", {{{"name", "cube"}, {"density", 900}}}}};
+  EXPECT_THAT(
+      refusal(with_scenes({thrown, thrown}, {"captures.b.velocity", "captures.c.velocity"})),
+      HasSubstr("fit.parameters[1]: 'captures.c.bodies.cube.velocity[0]' is there already, "
+                "as 'captures.b.bodies.cube.velocity[0]': the captures 'b', 'c' share"));
+  // In whatever order they stand, a capture's own number holds in its scene.
+  for (const Json& order :
+       {Json{"velocity", "captures.b.velocity[2]"}, Json{"captures.b.velocity[2]", "velocity"}}) {
+    const Folder folder;
+    const Fixture fixture(with_scenes({thrown}, order), folder.path);
+    const bool own_last = order[0] == "velocity";
+    const std::vector<double> values =
+        own_last ? std::vector<double>{1, 2, 3, 4} : std::vector<double>{4, 1, 2, 3};
+    for (std::size_t s = 0; s < 2; ++s) {
+      mpm::Scene scene = fixture.scenes[s];
+      fixture.parameters->apply(values, s, scene);
+      EXPECT_EQ(scene.bodies[0].velocity, Vec3d(1, 2, s == 0 ? 3 : 4)) << order;
+    }
+    Json written = fixture.job.document;
+    fixture.parameters->write(values, fixture.job, written);
+    const Job fitted = job_of(written, folder.path);
+    EXPECT_EQ(fitted.scene.bodies[0].velocity, Vec3d(1, 2, 3)) << order;
+    EXPECT_EQ(fitted.captures[1].scene->bodies[0].velocity, Vec3d(1, 2, 4)) << order;
+  }
+}
+
+TEST(FitParameters, AStartIsLookedAtBeforeItsBounds) {
+  const auto start = [](const std::string& path, double value) {
+    return refusal(with_scenes({}, {{{"path", path}, {"start", value}}}));
+  };
+  EXPECT_THAT(start("material.damping_shear", 0.0),
+              HasSubstr("fit.parameters[0]: bodies.cube.material.damping_shear starts at 0, "
+                        "expected a start above 0."));
+  EXPECT_THAT(start("material.E", -1.0), HasSubstr("starts at -1, expected a start above 0."));
+  EXPECT_THAT(start("material.nu", 0.5), HasSubstr("expected a start between 0 and 0.5."));
+  EXPECT_EQ(refusal(with_scenes({}, {"material.damping_shear"})), "nothing was thrown");
+}
+
+}  // namespace
+}  // namespace matterfit::job

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/fit_contacts.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -9,6 +11,9 @@
 
 namespace matterfit::job {
 namespace {
+
+/// A stiffness that differs by more than this factor is another one.
+constexpr double kOther = 1.05;
 
 class Recontacted final : public mpm::Collider {
  public:
@@ -39,6 +44,11 @@ double resolved(const mpm::Contact& contact, const std::vector<const mpm::Body*>
     softest = softest > 0.0 ? std::min(softest, stiffness) : stiffness;
   }
   return softest;
+}
+
+bool same_pair(const mpm::BodyContact& a, const mpm::BodyContact& b) {
+  return (a.first == b.first && a.second == b.second) ||
+         (a.first == b.second && a.second == b.first);
 }
 
 void widen(double a, double b, double& ratio) {
@@ -75,13 +85,11 @@ FrozenContacts resolve_contacts(const mpm::Scene& scene, const std::vector<std::
       const mpm::Body& second = scene.bodies[b];
       if (!has_name(fitted, first.name) && !has_name(fitted, second.name)) continue;
       if (!mpm::is_total(first) && !mpm::is_total(second)) continue;  // they share a grid
-      const bool listed = std::any_of(
-          scene.contacts.begin(), scene.contacts.end(), [&](const mpm::BodyContact& pair) {
-            return (pair.first == first.name && pair.second == second.name) ||
-                   (pair.first == second.name && pair.second == first.name);
-          });
-      if (listed) continue;
       mpm::BodyContact pair{first.name, second.name, {}};
+      const bool listed =
+          std::any_of(scene.contacts.begin(), scene.contacts.end(),
+                      [&](const mpm::BodyContact& other) { return same_pair(pair, other); });
+      if (listed) continue;
       pair.contact.stiffness = resolved(pair.contact, {&first, &second}, scene.dx);
       frozen.added.push_back(std::move(pair));
     }
@@ -100,15 +108,50 @@ void inherit(const FrozenContacts& base, const mpm::Scene& base_scene, const mpm
       }
     }
   }
-  for (std::size_t i = 0; i < std::min(base.contacts.size(), frozen.contacts.size()); ++i) {
-    if (frozen.contacts[i] > 0.0 && base.contacts[i] > 0.0) frozen.contacts[i] = base.contacts[i];
+  // 0 where the base does not hold the pair's.
+  const auto held = [&](const mpm::BodyContact& pair) {
+    for (std::size_t k = 0; k < base.contacts.size(); ++k) {
+      if (same_pair(pair, base_scene.contacts[k])) return base.contacts[k];
+    }
+    for (const mpm::BodyContact& other : base.added) {
+      if (same_pair(pair, other)) return other.contact.stiffness;
+    }
+    return 0.0;
+  };
+  for (std::size_t i = 0; i < frozen.contacts.size(); ++i) {
+    const double stiffness = held(scene.contacts[i]);
+    if (frozen.contacts[i] > 0.0 && stiffness > 0.0) frozen.contacts[i] = stiffness;
   }
   for (mpm::BodyContact& pair : frozen.added) {
-    for (const mpm::BodyContact& other : base.added) {
-      if (pair.first == other.first && pair.second == other.second) pair.contact = other.contact;
-    }
+    if (const double stiffness = held(pair); stiffness > 0.0) pair.contact.stiffness = stiffness;
   }
   if (frozen.walls > 0.0 && base.walls > 0.0) frozen.walls = base.walls;
+}
+
+std::vector<std::string> shared_contacts(const FrozenContacts& frozen, const mpm::Scene& scene,
+                                         const std::vector<std::string>& fitted) {
+  std::vector<std::string> sentences;
+  const auto look_at = [&](const std::string& what, const mpm::Contact& contact, double held) {
+    if (!(held > 0.0)) return;
+    for (const mpm::Body& body : scene.bodies) {
+      if (has_name(fitted, body.name)) continue;
+      const double own = mpm::resolve_contact(contact, body, scene.dx).stiffness;
+      double ratio = 1.0;
+      widen(own, held, ratio);
+      if (ratio < kOther) continue;
+      sentences.push_back(fmt::format(
+          "The stiffness of {} is held at {:.3g} Pa/m, what the fitted body asks for; alone, body "
+          "'{}' would have {:.3g} Pa/m there, which matters if it touches it. A stiffness in the "
+          "document settles it.",
+          what, held, body.name, own));
+    }
+  };
+  for (std::size_t i = 0; i < frozen.colliders.size(); ++i) {
+    look_at("the contact with '" + scene.colliders[i]->name() + "'", scene.colliders[i]->contact(),
+            frozen.colliders[i]);
+  }
+  if (scene.walls) look_at("the contact with the walls", scene.walls->contact, frozen.walls);
+  return sentences;
 }
 
 void apply(const FrozenContacts& frozen, mpm::Scene& scene) {

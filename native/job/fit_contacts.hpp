@@ -28,9 +28,16 @@ struct FrozenContacts {
 [[nodiscard]] FrozenContacts resolve_contacts(const mpm::Scene& scene,
                                               const std::vector<std::string>& fitted);
 
-/// A scene laid over another one takes the stiffness of the contacts that it has from there.
+/// A scene laid over another one takes the stiffness of the contacts that it has from there, by the
+/// names of colliders and bodies.
 void inherit(const FrozenContacts& base, const mpm::Scene& base_scene, const mpm::Scene& scene,
              FrozenContacts& frozen);
+
+/// Colliders and walls whose stiffness is held although bodies that are not fitted would have
+/// another one: a sentence each, for what such bodies touch them.
+[[nodiscard]] std::vector<std::string> shared_contacts(const FrozenContacts& frozen,
+                                                       const mpm::Scene& scene,
+                                                       const std::vector<std::string>& fitted);
 
 void apply(const FrozenContacts& frozen, mpm::Scene& scene);
 /// The same in a document's `scene`.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/fit_files.hpp"
 
+#include <algorithm>
+
 #include "base/file.hpp"
 #include "job/fit_report.hpp"
 
@@ -10,9 +12,36 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kFittedSchema = "matterfit.fit/1";
+constexpr const char* kMaterialSchema = "matterfit.material/1";
 
 std::string text_of(const Json& json) {
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+/// Whether a fit wrote the file: a material with its provenance.
+bool is_fitted_material(const fs::path& path) {
+  const auto bytes = read_file(path);
+  const auto* text = reinterpret_cast<const char*>(bytes.data());
+  const Json json = Json::parse(text, text + bytes.size(), nullptr, false);
+  return json.is_object() && json.contains("provenance") && json.contains("schema") &&
+         json["schema"] == kMaterialSchema;
+}
+
+void remove_others(const fs::path& folder, const std::vector<std::string>& files) {
+  std::vector<fs::path> stale;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (!entry.is_regular_file() || name.rfind("material_", 0) != 0 ||
+        entry.path().extension() != ".json" ||
+        std::find(files.begin(), files.end(), name) != files.end()) {
+      continue;
+    }
+    if (is_fitted_material(entry.path())) stale.push_back(entry.path());
+  }
+  for (const fs::path& path : stale) {
+    std::error_code code;
+    fs::remove(path, code);
+  }
 }
 
 }  // namespace
@@ -54,6 +83,7 @@ std::vector<std::string> write_materials(const fs::path& folder, const Job& fitt
     files.push_back(k == 0 ? "material.json" : "material_" + bodies[k] + ".json");
     write_file(folder / files.back(), text_of(material_preset(fitted, bodies[k], fit)));
   }
+  remove_others(folder, files);
   return files;
 }
 

@@ -31,7 +31,7 @@ void write_fitted(const std::filesystem::path& folder, const Fitted& fitted);
 void write_history(const std::filesystem::path& folder, const std::vector<Json>& history);
 
 /// `scene.json` and, for each body, `material.json` (from the second on `material_NAME.json`);
-/// returns their names.
+/// returns their names. Removes materials that an earlier fit wrote and this one does not.
 [[nodiscard]] std::vector<std::string> write_materials(const std::filesystem::path& folder,
                                                        const Job& fitted,
                                                        const std::vector<std::string>& bodies,

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 #include "base/error.hpp"
 #include "capture/thin.hpp"
@@ -87,7 +88,9 @@ fit::Clearance clearance_in(const mpm::Scene& scene, const mpm::Body& body, cons
   return least;
 }
 
-fit::Balance balance_of(const FitCapture& capture, const mpm::Scene& scene) {
+/// Keeps the scene.
+fit::Balance balance_of(const FitCapture& capture, const std::shared_ptr<const mpm::Scene>& held) {
+  const mpm::Scene& scene = *held;
   const mpm::Body& body = scene.bodies.front();
   fit::Balance balance;
   double volume = 0.0;
@@ -105,8 +108,8 @@ fit::Balance balance_of(const FitCapture& capture, const mpm::Scene& scene) {
   }
   balance.flows = !body.material.is_elastic();
   balance.contact_reach = kContactCells * scene.dx;
-  balance.clearance = [&scene, &body](const Vec3d& rest, const Vec3d& position, double time) {
-    return clearance_in(scene, body, rest, position, time);
+  balance.clearance = [held](const Vec3d& rest, const Vec3d& position, double time) {
+    return clearance_in(*held, held->bodies.front(), rest, position, time);
   };
   return balance;
 }
@@ -123,8 +126,11 @@ class BalanceProblem final : public fit::Problem {
         interrupter_(interrupter) {}
 
   void add(std::size_t run, const mpm::Scene& scene, const FitCapture& capture) {
-    errors_.emplace_back(balance_of(capture, scene), arena_);
-    Part part{run, scene};
+    // Density, gravity, heights of colliders and what else is fitted as the fit begins.
+    const auto start = std::make_shared<mpm::Scene>(scene);
+    parameters_.apply(values_, run, *start);
+    errors_.emplace_back(balance_of(capture, start), arena_);
+    Part part{run, *start};
     // Only what parameters are set in: no particles.
     part.scene.bodies.front().rest.clear();
     part.scene.bodies.front().volumes.clear();

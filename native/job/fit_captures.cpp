@@ -10,6 +10,7 @@
 #include "base/error.hpp"
 #include "capture/check.hpp"
 #include "fit/metrics.hpp"
+#include "job/fit_document.hpp"
 #include "job/follow.hpp"
 
 namespace matterfit::job {
@@ -22,6 +23,10 @@ constexpr double kStrayDistance = 2.0;  // particle separations
 constexpr double kOtherBody = 0.25;     // of the body's size
 constexpr double kDefaultNoise = 1e-3;  // of the body's size
 constexpr std::size_t kFewestFrames = 2;
+/// A body whose points have moved by less than this, root mean square, has not: of points at rest
+/// the noise makes it √6.
+constexpr double kStill = 3.0;  // times the noise
+constexpr std::size_t kMostNamed = 6;
 
 template <class... Arguments>
 std::string print(const char* format, Arguments... arguments) {
@@ -38,30 +43,120 @@ std::size_t first_seen(const capture::Tracks& tracks, std::size_t point) {
   return tracks.frames();
 }
 
-/// Where the points are at rest comes from frames that the fit must then be allowed to see.
-void check_rest_is_seen(const FitCapture& capture, double slack) {
-  const CaptureInput& input = capture.input;
+/// The samples that a fit may look at, as tracks of their own.
+capture::Tracks visible_to_fit(const FitCapture& capture) {
+  capture::Tracks tracks = capture.input.tracks;
+  const std::size_t points = tracks.points;
+  if (tracks.visible.empty()) tracks.visible.assign(tracks.frames() * points, 1);
+  for (std::size_t t = 0; t < tracks.frames(); ++t) {
+    for (std::size_t i = 0; i < points; ++i) {
+      if (capture.held_out(t, i)) tracks.visible[t * points + i] = 0;
+    }
+  }
+  return tracks;
+}
+
+/// The first frame in which any of the points is seen.
+std::size_t first_frame(const capture::Tracks& tracks) {
+  std::size_t first = tracks.frames();
+  for (std::size_t i = 0; i < tracks.points; ++i) {
+    first = std::min(first, first_seen(tracks, i));
+  }
+  return first;
+}
+
+/// Until when the body is where it starts [s]: its release, or the capture's first frame and those
+/// after it over which nothing has moved by more than the noise.
+double still_until(const FitCapture& capture) {
+  const capture::Tracks& all = capture.input.tracks;
+  const std::size_t first = first_frame(all);
+  double until = first < all.frames() ? all.times[first] : 0.0;
+  if (capture.input.release) until = std::max(until, *capture.input.release);
+  if (first == all.frames() || capture.clouds) return until;
+  const capture::Tracks tracks = visible_to_fit(capture);
+  double noise = 0.0;
+  for (const double sigma : tracks.noise) noise = std::max(noise, sigma);
+  if (!(noise > 0.0)) noise = capture::summarise(tracks).noise;
+  for (std::size_t t = first + 1; t < tracks.frames(); ++t) {
+    double squares = 0.0;
+    double count = 0.0;
+    for (std::size_t i = 0; i < tracks.points; ++i) {
+      if (!tracks.is_visible(first, i) || !tracks.is_visible(t, i)) continue;
+      squares += (tracks.position(t, i) - tracks.position(first, i)).squaredNorm();
+      count += 1.0;
+    }
+    if (count == 0.0 || squares > kStill * kStill * noise * noise * count) break;
+    until = std::max(until, tracks.times[t]);
+  }
+  return until;
+}
+
+/// "3 of its 64 points (a, b, c)".
+std::string named(const CaptureInput& input, const std::vector<std::size_t>& points) {
+  std::string text = print("%zu of its %zu points (", points.size(), input.tracks.points);
+  for (std::size_t k = 0; k < std::min(points.size(), kMostNamed); ++k) {
+    text += (k == 0 ? "" : ", ") + input.label(points[k]);
+  }
+  return text + (points.size() > kMostNamed ? ", …)" : ")");
+}
+
+/// Takes their rest from points that were first seen when the body was elsewhere already.
+void leave_out_late(FitCapture& capture, double slack, std::vector<std::string>& statements) {
+  CaptureInput& input = capture.input;
   if (capture.places_given) return;
-  const auto refuse = [&](const std::string& frames) {
+  const std::size_t earliest = first_frame(input.tracks);
+  std::vector<std::size_t> later;  // than the first frame
+  for (std::size_t i = 0; i < input.tracks.points; ++i) {
+    const std::size_t first = first_seen(input.tracks, i);
+    if (first != earliest && first != input.tracks.frames()) later.push_back(i);
+  }
+  if (later.empty()) return;
+  const double until = still_until(capture);
+  std::vector<std::size_t> late;
+  for (const std::size_t i : later) {
+    if (input.tracks.times[first_seen(input.tracks, i)] <= until + slack) continue;
+    input.rest[i] = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    late.push_back(i);
+  }
+  if (late.empty() || capture.clouds) return;
+  statements.push_back(
+      "captures." + input.name + ": " + named(input, late) +
+      " are seen first when the body moves, so where they belong on it is not known; they are left "
+      "out. To use them give 'positions'.");
+}
+
+/// Where the points are at rest comes from frames that the fit must then be allowed to see: points
+/// of which it sees none of them are held out; a capture that has no others is refused.
+void hold_out_unknown(FitCapture& capture, double slack, std::vector<std::string>& statements) {
+  CaptureInput& input = capture.input;
+  if (capture.places_given || capture.clouds) return;
+  std::vector<std::size_t> unknown;
+  std::size_t points = 0;
+  std::string frames;
+  for (std::size_t i = 0; i < input.tracks.points; ++i) {
+    if (input.held_out_points[i] != 0 || !input.rest[i].allFinite()) continue;
+    const std::size_t first = first_seen(input.tracks, i);
+    if (first == input.tracks.frames()) continue;
+    ++points;
+    bool seen = input.held_out_frames[first] == 0;
+    const bool quiet = input.release && input.tracks.times[first] <= *input.release + slack;
+    for (std::size_t t = first; quiet && t < input.tracks.frames(); ++t) {
+      if (input.tracks.times[t] > *input.release + slack) break;
+      seen = seen || (input.tracks.is_visible(t, i) && input.held_out_frames[t] == 0);
+    }
+    if (seen) continue;
+    unknown.push_back(i);
+    frames = quiet ? "all frames before the release" : "the first frames";
+  }
+  if (unknown.empty()) return;
+  if (unknown.size() == points) {
     throw_input(capture.path + ".holdout.frames: holds out " + frames +
                 ", which say where the points are on the body. Hold out later frames, or give "
                 "'positions'.");
-  };
-  for (std::size_t i = 0; i < input.tracks.points; ++i) {
-    if (input.held_out_points[i] != 0) continue;
-    const std::size_t first = first_seen(input.tracks, i);
-    if (first == input.tracks.frames()) continue;
-    if (input.release && input.tracks.times[first] <= *input.release + slack) {
-      bool seen = false;
-      for (std::size_t t = first; t < input.tracks.frames(); ++t) {
-        if (input.tracks.times[t] > *input.release + slack) break;
-        seen = seen || (input.tracks.is_visible(t, i) && input.held_out_frames[t] == 0);
-      }
-      if (!seen) refuse("all frames before the release");
-    } else if (input.held_out_frames[first] != 0) {
-      refuse("the first frames");
-    }
   }
+  for (const std::size_t i : unknown) input.held_out_points[i] = 1;
+  statements.push_back("captures." + input.name + ": " + named(input, unknown) +
+                       " are seen at rest in held-out frames only; they are held out.");
 }
 
 void mark_used(FitCapture& capture, const SceneDoc& scene) {
@@ -70,21 +165,29 @@ void mark_used(FitCapture& capture, const SceneDoc& scene) {
   const double slack = kSlack / scene.fps;
   const double last = (scene.frames() - 1) / scene.fps;
   const std::size_t points = tracks.points;
+  const std::size_t earliest = first_frame(tracks);
   capture.used.assign(tracks.frames() * points, 0);
+  capture.predicted = capture.used;
   capture.begin = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < points; ++i) {
-    if (input.held_out_points[i] != 0 || !input.rest[i].allFinite()) continue;
-    const std::size_t first = first_seen(tracks, i);
+    if (!input.rest[i].allFinite() && !capture.clouds) continue;
+    const std::size_t first = capture.clouds ? earliest : first_seen(tracks, i);
     if (first == tracks.frames()) continue;
     // Until then the point is at rest by definition: such samples say nothing.
     double rest = tracks.times[first];
     if (input.release) rest = std::max(rest, *input.release);
     if (capture.places_given && !input.release) rest = -std::numeric_limits<double>::infinity();
-    capture.begin = std::min(capture.begin, std::max(0.0, rest));
+    if (input.held_out_points[i] == 0) {
+      capture.begin = std::min(capture.begin, std::max(0.0, rest));
+    }
     for (std::size_t t = 0; t < tracks.frames(); ++t) {
       const double time = tracks.times[t];
       if (!(time > rest + slack) || time < -slack || time > last + slack) continue;
-      if (!tracks.is_visible(t, i) || input.held_out_frames[t] != 0) continue;
+      if (!tracks.is_visible(t, i)) continue;
+      if (capture.held_out(t, i)) {
+        capture.predicted[t * points + i] = 1;
+        continue;
+      }
       capture.used[t * points + i] = 1;
       capture.end = std::max(capture.end, time);
       ++capture.used_count;
@@ -122,19 +225,6 @@ void state_what_is_odd(const FitCapture& capture, const CaptureDoc& doc,
   }
 }
 
-/// The samples that a fit may look at, as tracks of their own.
-capture::Tracks visible_to_fit(const FitCapture& capture) {
-  capture::Tracks tracks = capture.input.tracks;
-  const std::size_t points = tracks.points;
-  if (tracks.visible.empty()) tracks.visible.assign(tracks.frames() * points, 1);
-  for (std::size_t t = 0; t < tracks.frames(); ++t) {
-    for (std::size_t i = 0; i < points; ++i) {
-      if (capture.held_out(t, i)) tracks.visible[t * points + i] = 0;
-    }
-  }
-  return tracks;
-}
-
 }  // namespace
 
 std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& statements) {
@@ -158,7 +248,10 @@ std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& stat
       capture.path = doc.path;
       capture.input = load_capture(run.job, k);
       capture.places_given = !doc.positions.empty();
-      if (!doc.holdout.capture) check_rest_is_seen(capture, kSlack / run.job.scene.fps);
+      capture.clouds = job.fit && job.fit->loss != FitDoc::Loss::kTracks;
+      const double slack = kSlack / run.job.scene.fps;
+      leave_out_late(capture, slack, statements);
+      if (!doc.holdout.capture) hold_out_unknown(capture, slack, statements);
       mark_used(capture, run.job.scene);
       state_what_is_odd(capture, doc, statements);
       if (capture.used_count > 0 && used_frames(capture) < kFewestFrames) {
@@ -182,33 +275,39 @@ std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& stat
 
 void settle_noise(FitRun& run, const mpm::Scene& scene, std::vector<std::string>& statements) {
   for (FitCapture& capture : run.captures) {
-    const capture::Tracks& tracks = capture.input.tracks;
-    std::vector<double> given = tracks.noise;
-    if (given.size() == 1) given.assign(tracks.points, given.front());
-    const bool sound = given.size() == tracks.points &&
-                       std::all_of(given.begin(), given.end(), [](double s) { return s > 0.0; });
-    if (sound) {
-      capture.sigma = std::move(given);
-      continue;
+    const CaptureInput& input = capture.input;
+    capture.sigma = input.tracks.noise;
+    if (capture.sigma.size() != input.tracks.points) {
+      capture.sigma.assign(input.tracks.points,
+                           capture.sigma.size() == 1 ? capture.sigma.front() : 0.0);
     }
-    const mpm::Body& body = scene.bodies[body_index(scene, capture.input.body)];
+    std::vector<std::size_t> missing;
+    for (std::size_t i = 0; i < input.tracks.points; ++i) {
+      if (!(capture.sigma[i] > 0.0)) missing.push_back(i);
+    }
+    if (missing.empty()) continue;
+    const mpm::Body& body = scene.bodies[body_index(scene, input.body)];
     const double fallback = kDefaultNoise * fit::body_size(body.rest);
-    double noise = fallback;
-    if (capture.used_count > 0) {
-      const double estimate = capture::summarise(visible_to_fit(capture)).noise;
-      const std::string name = "captures." + capture.input.name;
-      if (estimate > 0.0) {
-        noise = estimate;
-        statements.push_back(
-            name + print(": no noise is given; its own estimate is %.3g mm.", 1e3 * estimate));
-      } else {
-        statements.push_back(
-            name + print(": no noise is given and none can be estimated; %.3g mm is taken, a "
-                         "thousandth of the body's size.",
-                         1e3 * fallback));
-      }
-    }
-    capture.sigma.assign(tracks.points, noise);
+    // Its differences over time tell nothing of clouds, whose points change from frame to frame.
+    const bool told = capture.used_count > 0 && !capture.clouds;
+    const double estimate = told ? capture::summarise(visible_to_fit(capture)).noise : 0.0;
+    const double noise = estimate > 0.0 ? estimate : fallback;
+    for (const std::size_t i : missing) capture.sigma[i] = noise;
+    if (capture.used_count == 0) continue;
+    const std::string given = missing.size() == input.tracks.points
+                                  ? "no noise is given"
+                                  : "the noise of " + named(input, missing) + " is given as 0";
+    const std::string taken =
+        estimate > 0.0 ? print("its own estimate is %.3g mm.", 1e3 * noise)
+        : capture.clouds
+            ? print(
+                  "without correspondence it cannot be estimated; %.3g mm is taken, a thousandth "
+                  "of the body's size.",
+                  1e3 * noise)
+            : print("none can be estimated; %.3g mm is taken, a thousandth of the body's size.",
+                    1e3 * noise);
+    statements.push_back("captures." + input.name + ": " + given +
+                         (estimate > 0.0 || capture.clouds ? "; " : " and ") + taken);
   }
 }
 

@@ -17,10 +17,12 @@ struct FitCapture {
   std::string path;  ///< in the document
   CaptureInput input;
   bool places_given = false;       ///< `positions` of the document: they move with the body
+  bool clouds = false;             ///< point i of one frame is not point i of another
   std::vector<std::uint8_t> used;  ///< (T, N) 1: seen, not held out, in the simulated time, moving
-  std::vector<double> sigma;       ///< (N) standard deviation of a coordinate [m]
-  double begin = 0.0;              ///< from here on it moves [s after the scene's first frame]
-  double end = 0.0;                ///< the last sample that is used [s]
+  std::vector<std::uint8_t> predicted;  ///< (T, N) the same of what is held out
+  std::vector<double> sigma;            ///< (N) standard deviation of a coordinate [m]
+  double begin = 0.0;                   ///< from here on it moves [s after the scene's first frame]
+  double end = 0.0;                     ///< the last sample that is used [s]
   std::size_t used_count = 0;
 
   [[nodiscard]] bool held_out(std::size_t frame, std::size_t point) const {
@@ -39,13 +41,16 @@ struct FitRun {
 };
 
 /// Reads the captures of a job, marks what the fit may look at, and refuses a hold-out that leaves
-/// nothing, or that holds out where the points are at rest. What is odd and no error goes into
-/// `statements`. Throws Error(kInput) beginning with the capture's path.
+/// nothing, or that holds out where the points are at rest. A point that is first seen once the
+/// body moves, and has no place in `positions`, has no `rest` and is left out; one whose rest alone
+/// is held out counts as held out. What is odd and no error goes into `statements`. Throws
+/// Error(kInput) beginning with the capture's path.
 [[nodiscard]] std::vector<FitRun> load_fit_runs(const Job& job,
                                                 std::vector<std::string>& statements);
 
-/// σ of every point: the job's or the file's noise, else the capture's own estimate from samples
-/// that are not held out, else 1e-3 of the body's size.
+/// σ of every point: the job's or the file's noise; where that is 0 or missing the capture's own
+/// estimate from samples that are not held out, where there is none, and for clouds, 1e-3 of the
+/// body's size.
 void settle_noise(FitRun& run, const mpm::Scene& scene, std::vector<std::string>& statements);
 
 /// Whether a capture can be of this body: where more than 5 % of its points lie farther than two

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <system_error>
 #include <thread>
 
 #include "base/error.hpp"
@@ -74,9 +75,8 @@ struct Watcher {
 
 struct FitModel::RunModel {
   mpm::Scene scene;
-  std::vector<Watcher> watchers;    ///< one a capture, as the loss looks at it
-  std::vector<Watcher> own_points;  ///< one a capture; empty where the loss looks at them
-  std::vector<Points> surfaces;     ///< one a capture, with the surface loss
+  std::vector<Watcher> watchers;  ///< one a capture, as the loss looks at it
+  std::vector<Points> surfaces;   ///< one a capture, with the surface loss
 
   /// As dense as the captured cloud: one that is sparser draws the other together.
   [[nodiscard]] static std::vector<std::size_t> drawn(std::size_t all, const FitCapture& capture) {
@@ -131,10 +131,8 @@ FitModel::FitModel(const std::vector<FitRun>& runs, std::vector<mpm::Scene> scen
       }
       model->watchers.push_back(
           RunModel::watch(model->scene, capture, options_.loss, std::move(rest), arena));
-      if (options_.loss == FitDoc::Loss::kTracks) continue;
-      model->own_points.push_back(
-          RunModel::watch(model->scene, capture, FitDoc::Loss::kTracks, capture.input.rest, arena));
     }
+    bytes_ = std::max(bytes_, mpm::Simulation::estimate(model->scene).bytes);
     models_.push_back(std::move(model));
   }
   frozen_.resize(runs.size());
@@ -218,7 +216,7 @@ std::optional<FitObservation> FitModel::simulate(std::size_t run, std::span<cons
                                                  const Scope& scope,
                                                  const std::shared_ptr<Arena>& arena,
                                                  const std::function<void()>& tick,
-                                                 std::string& failure) const {
+                                                 Failure& failure) const {
   const RunModel& model = *models_[run];
   const FitRun& fit_run = runs_[run];
   try {
@@ -226,9 +224,8 @@ std::optional<FitObservation> FitModel::simulate(std::size_t run, std::span<cons
     apply(frozen_[run], scene);
     parameters_.apply(values, run, scene);
     std::vector<Watcher> moved;
-    const FitDoc::Loss loss = scope.own_points ? FitDoc::Loss::kTracks : options_.loss;
-    const std::vector<Watcher>* watchers =
-        loss == options_.loss ? &model.watchers : &model.own_points;
+    const FitDoc::Loss loss = options_.loss;
+    const std::vector<Watcher>* watchers = &model.watchers;
     const bool placed = std::any_of(scene.bodies.begin(), scene.bodies.end(),
                                     [&](const auto& b) { return parameters_.places(run, b.name); });
     if (placed) {
@@ -295,7 +292,7 @@ std::optional<FitObservation> FitModel::simulate(std::size_t run, std::span<cons
     }
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
-    failure = error.what();
+    failure = {error.what(), error.kind() == ErrorKind::kInput};
     return std::nullopt;
   }
 }
@@ -309,7 +306,7 @@ std::vector<std::optional<FitOutcome>> FitModel::evaluate(
   }
   const std::size_t tasks = points.size() * runs.size();
   std::vector<std::optional<FitObservation>> results(tasks);
-  std::vector<std::string> failures(tasks);
+  std::vector<Failure> failures(tasks);
   double frames = 0.0;
   for (const std::size_t r : runs) frames += scope.until[r] * models_[r]->scene.fps;
   const double all = std::max(1.0, frames * double(points.size()));
@@ -323,7 +320,9 @@ std::vector<std::optional<FitOutcome>> FitModel::evaluate(
     if (progress) progress(std::min(1.0, double(count) / all));
   };
   // One thread a simulation; those that are left over help where there are few.
-  const auto workers = std::min(tasks, static_cast<std::size_t>(options_.threads));
+  const double room = 1e9 * options_.memory_limit_gb / double(std::max<std::size_t>(1, bytes_));
+  const auto workers = std::min({tasks, static_cast<std::size_t>(options_.threads),
+                                 static_cast<std::size_t>(std::clamp(room, 1.0, 1e6))});
   const int each = tasks == 0 ? 1 : std::max(1, options_.threads / static_cast<int>(workers));
   const auto work = [&] {
     try {
@@ -341,9 +340,14 @@ std::vector<std::optional<FitOutcome>> FitModel::evaluate(
   if (workers <= 1) {
     work();
   } else {
-    std::vector<std::thread> threads;
-    for (std::size_t k = 0; k < workers; ++k) threads.emplace_back(work);
-    for (std::thread& thread : threads) thread.join();
+    std::vector<std::jthread> threads;
+    threads.reserve(workers);
+    try {
+      for (std::size_t k = 0; k < workers; ++k) threads.emplace_back(work);
+    } catch (const std::system_error&) {
+      // Those that could be started do the work of the others.
+      if (threads.empty()) work();
+    }
   }
   if (thrown) std::rethrow_exception(thrown);
   interrupter_.check();

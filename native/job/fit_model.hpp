@@ -48,7 +48,6 @@ class FitModel {
   struct Scope {
     std::vector<double> until;  ///< [s] of each run; negative: not simulated
     bool solver_steps = false;  ///< the solver chooses its substeps, as it does outside of a fit
-    bool own_points = false;    ///< seen at the captures' points, whatever the loss
   };
 
   /// `scenes` one a run; both are borrowed but for the scenes.
@@ -83,23 +82,28 @@ class FitModel {
   /// The power of 2^¼ by which settle() multiplied the substeps of each run.
   [[nodiscard]] const std::vector<int>& refinements() const { return refinements_; }
 
-  /// Simulates at each of the points (physical values), side by side with one thread each, one
-  /// alone with all of them. Nothing where a simulation could not be completed; failure() then says
-  /// why. Equal bits for any number of threads. `progress` is told the fraction done, from any
-  /// thread. Throws Error(kCancelled).
+  /// Simulates at each of the points (physical values), side by side with one thread each, as many
+  /// as the memory limit holds, one alone with all of them. Nothing where a simulation could not be
+  /// completed; failure() then says why. Equal bits for any number of threads. `progress` is told
+  /// the fraction done, from any thread. Throws Error(kCancelled).
   [[nodiscard]] std::vector<std::optional<FitOutcome>> evaluate(
       const std::vector<std::vector<double>>& points, const Scope& scope,
       const std::function<void(double)>& progress = {}) const;
-  [[nodiscard]] const std::string& failure() const { return failure_; }
+  [[nodiscard]] const std::string& failure() const { return failure_.message; }
+  /// It was refused for what the document says.
+  [[nodiscard]] bool failed_by_input() const { return failure_.by_input; }
 
  private:
   struct RunModel;
+  struct Failure {
+    std::string message;
+    bool by_input = false;
+  };
   /// The power for this scene.
   [[nodiscard]] int refined(std::size_t run, const mpm::Scene& scene) const;
   std::optional<FitObservation> simulate(std::size_t run, std::span<const double> values,
                                          const Scope& scope, const std::shared_ptr<Arena>& arena,
-                                         const std::function<void()>& tick,
-                                         std::string& failure) const;
+                                         const std::function<void()>& tick, Failure& failure) const;
 
   const std::vector<FitRun>& runs_;
   const FitParameters& parameters_;
@@ -109,7 +113,8 @@ class FitModel {
   std::vector<FrozenContacts> frozen_;
   std::vector<FitSteps> steps_;
   std::vector<int> refinements_;  ///< least power of 2^¼ of each run
-  mutable std::string failure_;
+  std::size_t bytes_ = 0;         ///< that one simulation takes, of the largest run
+  mutable Failure failure_;
 };
 
 }  // namespace matterfit::job

@@ -127,6 +127,17 @@ FitProblem::FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
       if (!part.frames.empty()) parts_.push_back(std::move(part));
     }
   }
+  if (loss_ == FitDoc::Loss::kTracks) return;
+  double entries = 0.0;
+  double weights = 0.0;
+  for (const Part& part : parts_) {
+    for (const std::size_t t : part.frames) {
+      const double captured = double(cloud(part, t).points.size());
+      entries += double(model_.watched(part.run, part.capture)) + captured;
+      weights += 2.0 * captured;
+    }
+  }
+  if (weights > 0.0) cloud_weight_ = std::sqrt(entries / weights);
 }
 
 std::vector<double> FitProblem::physical(const Eigen::VectorXd& point) const {
@@ -173,7 +184,7 @@ Eigen::VectorXd FitProblem::residuals(const FitOutcome& outcome) const {
       const Cloud seen = cloud(part, t);
       Points captured;
       for (const std::size_t i : seen.points) captured.push_back(theirs[i]);
-      pieces.push_back(std::sqrt(double(captured.size())) *
+      pieces.push_back(cloud_weight_ * std::sqrt(double(captured.size())) *
                        fit::chamfer_residuals(ours, captured, seen.sigma, arena));
     }
   }
@@ -197,8 +208,9 @@ FitProblem::Cloud FitProblem::cloud(const Part& part, std::size_t frame) const {
     result.points.push_back(i);
     result.sigma = std::max(result.sigma, capture.sigma[i]);
   }
-  // Neighbours of two samplings of one body are about half a separation apart.
-  result.sigma = std::hypot(result.sigma, 0.25 * model_.scene(part.run).dx);
+  // Neighbours of two samplings of one body are about half a separation apart: this of a
+  // coordinate.
+  result.sigma = std::hypot(result.sigma, 0.25 / std::sqrt(3.0) * model_.scene(part.run).dx);
   return result;
 }
 
@@ -221,7 +233,7 @@ std::vector<double> FitProblem::distances(const Eigen::VectorXd& residual) const
       }
       at += Eigen::Index(3 * particles);
       for (std::size_t k = 0; k < seen.points.size(); ++k, at += 3) {
-        result.push_back(seen.sigma * residual.segment<3>(at).norm());
+        result.push_back(seen.sigma / cloud_weight_ * residual.segment<3>(at).norm());
       }
     }
   }

@@ -24,7 +24,9 @@ struct FitWindow {
 /// At most `samples` used times of each run.
 [[nodiscard]] FitWindow fit_window(const std::vector<FitRun>& runs, std::size_t samples);
 
-/// Residuals of simulations against the captures over one window.
+/// Residuals of simulations against the captures over one window. Those of clouds are weighed so
+/// that a frame counts as its captured points do, both ways, and the squares of a perfect fit sum
+/// up to the number of residuals.
 class FitProblem final : public fit::Problem {
  public:
   FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
@@ -79,6 +81,7 @@ class FitProblem final : public fit::Problem {
   FitWindow window_;
   FitProblem* stand_in_ = nullptr;
   std::vector<Part> parts_;
+  double cloud_weight_ = 1.0;  ///< of every residual of clouds
   std::vector<std::pair<Eigen::VectorXd, double>> seen_;
 };
 

@@ -8,6 +8,7 @@
 #include "fit/metrics.hpp"
 #include "job/compare.hpp"
 #include "job/fit_laws.hpp"
+#include "job/fit_problem.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -30,16 +31,16 @@ bool usable(const LawState& law) {
 
 }  // namespace
 
-void ErrorPool::add(const CaptureInput& capture, const std::vector<double>& error_mm,
+void ErrorPool::add(const FitCapture& capture, const std::vector<double>& error_mm,
                     double body_size) {
-  const std::size_t points = capture.tracks.points;
-  for (std::size_t t = 0; t < capture.tracks.frames(); ++t) {
+  const std::size_t points = capture.input.tracks.points;
+  for (std::size_t t = 0; t < capture.input.tracks.frames(); ++t) {
     bool any[2] = {false, false};
     for (std::size_t i = 0; i < points; ++i) {
-      const double error = error_mm[t * points + i];
-      if (!std::isfinite(error)) continue;
-      const bool held = capture.held_out_points[i] != 0 || capture.held_out_frames[t] != 0;
-      const std::size_t which = held ? 1 : 0;
+      const std::size_t at = t * points + i;
+      const double error = error_mm[at];
+      if (!std::isfinite(error) || (capture.used[at] == 0 && capture.predicted[at] == 0)) continue;
+      const std::size_t which = capture.predicted[at];
       errors_[which].push_back(error);
       percents_[which].push_back(0.1 * error / body_size);
       any[which] = true;
@@ -48,11 +49,14 @@ void ErrorPool::add(const CaptureInput& capture, const std::vector<double>& erro
   }
 }
 
-void ErrorPool::add_fitted(const std::vector<double>& distances, double body_size) {
+void ErrorPool::add(const std::vector<double>& distances, double body_size, std::size_t frames,
+                    bool held_out) {
+  const std::size_t which = held_out ? 1 : 0;
   for (const double distance : distances) {
-    errors_[0].push_back(1e3 * distance);
-    percents_[0].push_back(100.0 * distance / body_size);
+    errors_[which].push_back(1e3 * distance);
+    percents_[which].push_back(100.0 * distance / body_size);
   }
+  frames_[which] += frames;
 }
 
 Json ErrorPool::json() const {
@@ -76,16 +80,61 @@ std::optional<double> ErrorPool::mean(bool held_out) const {
   return sum / double(errors.size());
 }
 
-ErrorPool errors_of(const std::vector<FitRun>& runs, const std::vector<mpm::Scene>& scenes,
+namespace {
+
+double size_of(const mpm::Scene& scene, const FitCapture& capture) {
+  const mpm::Body& body = scene.bodies[body_index(scene, capture.input.body)];
+  return fit::body_size(body.rest) + 0.5 * scene.dx;
+}
+
+/// Frames in which some sample is marked.
+std::size_t frames_of(const std::vector<std::uint8_t>& marks, std::size_t points) {
+  std::size_t count = 0;
+  for (auto frame = marks.begin(); frame != marks.end(); frame += std::ptrdiff_t(points)) {
+    count += std::find(frame, frame + std::ptrdiff_t(points), 1) != frame + std::ptrdiff_t(points);
+  }
+  return count;
+}
+
+/// Of clouds: each capture alone, first what is used of it, then what is held out.
+ErrorPool cloud_errors(std::vector<FitRun> runs, const FitModel& model, FitDoc::Loss loss,
+                       const FitOutcome& outcome) {
+  ErrorPool pool;
+  FitWindow whole;
+  std::vector<std::vector<FitCapture>> captures;
+  for (FitRun& run : runs) {
+    whole.until.push_back(run.captures.empty() ? -1.0 : std::numeric_limits<double>::infinity());
+    captures.push_back(run.captures);
+    for (FitCapture& capture : run.captures) capture.used.assign(capture.used.size(), 0);
+  }
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    for (std::size_t c = 0; c < captures[r].size(); ++c) {
+      const FitCapture& capture = captures[r][c];
+      std::vector<std::uint8_t>& used = runs[r].captures[c].used;
+      for (const bool held_out : {false, true}) {
+        const std::vector<std::uint8_t> none = used;
+        used = held_out ? capture.predicted : capture.used;
+        const FitProblem problem(model, runs, {}, loss, whole);
+        pool.add(problem.distances(problem.residuals(outcome)), size_of(model.scene(r), capture),
+                 frames_of(used, capture.input.tracks.points), held_out);
+        used = none;
+      }
+    }
+  }
+  return pool;
+}
+
+}  // namespace
+
+ErrorPool errors_of(const std::vector<FitRun>& runs, const FitModel& model, FitDoc::Loss loss,
                     const FitOutcome& outcome) {
+  if (loss != FitDoc::Loss::kTracks) return cloud_errors(runs, model, loss, outcome);
   ErrorPool pool;
   for (std::size_t r = 0; r < runs.size(); ++r) {
-    const mpm::Scene& scene = scenes[r];
     for (std::size_t c = 0; c < outcome[r].captures.size(); ++c) {
-      const CaptureInput& input = runs[r].captures[c].input;
-      const mpm::Body& body = scene.bodies[body_index(scene, input.body)];
-      pool.add(input, capture_error_mm(input, outcome[r].captures[c]),
-               fit::body_size(body.rest) + 0.5 * scene.dx);
+      const FitCapture& capture = runs[r].captures[c];
+      pool.add(capture, capture_error_mm(capture.input, outcome[r].captures[c]),
+               size_of(model.scene(r), capture));
     }
   }
   return pool;
@@ -112,7 +161,9 @@ Json parameters_json(const std::vector<fit::Parameter>& parameters,
       const fit::Estimate& estimate = uncertainty->estimates[k];
       json["standard_error"] = finite(estimate.standard_error);
       if (estimate.grid_error > 0.0) json["grid_error"] = finite(estimate.grid_error);
-      json["interval"] = {finite(estimate.low), finite(estimate.high)};
+      if (std::isfinite(estimate.standard_error)) {
+        json["interval"] = {finite(estimate.low), finite(estimate.high)};
+      }
       json["at_bound"] = estimate.at_bound;
       json["observable"] = estimate.observable;
       json["statement"] = estimate.statement;

@@ -16,10 +16,11 @@ namespace matterfit::job {
 /// Errors of several captures together, what is held out apart.
 class ErrorPool {
  public:
-  /// `error_mm` (T, N); not finite: left out.
-  void add(const CaptureInput& capture, const std::vector<double>& error_mm, double body_size);
-  /// Samples whose error is known without their place, all fitted [m].
-  void add_fitted(const std::vector<double>& distances, double body_size);
+  /// Of the samples that a fit uses or predicts. `error_mm` (T, N); not finite: left out.
+  void add(const FitCapture& capture, const std::vector<double>& error_mm, double body_size);
+  /// Of samples of so many frames whose error is known without their place [m].
+  void add(const std::vector<double>& distances, double body_size, std::size_t frames,
+           bool held_out);
 
   /// {"fitted": {…}, "held_out": {…} or null}.
   [[nodiscard]] Json json() const;
@@ -34,9 +35,10 @@ class ErrorPool {
   std::size_t frames_[2] = {0, 0};
 };
 
-/// Of an outcome of the whole clip.
-[[nodiscard]] ErrorPool errors_of(const std::vector<FitRun>& runs,
-                                  const std::vector<mpm::Scene>& scenes, const FitOutcome& outcome);
+/// Of an outcome of the whole clip, point by point; of clouds from each captured point to the
+/// nearest simulated one.
+[[nodiscard]] ErrorPool errors_of(const std::vector<FitRun>& runs, const FitModel& model,
+                                  FitDoc::Loss loss, const FitOutcome& outcome);
 
 /// One entry a number of `fit.parameters`. Without an uncertainty (a fit that was cancelled) errors
 /// and intervals are null.

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
@@ -26,12 +25,6 @@ using Clock = std::chrono::steady_clock;
 
 /// Share of the whole that the fit takes; the rest is the fitted scene's simulation.
 constexpr double kFitShare = 0.9;
-
-std::string print(const char* format, double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
 
 /// One fit of a job, from the folder as it is to the result.
 class FitJob {
@@ -55,6 +48,8 @@ class FitJob {
     Json fit;
     if (fitted_) {
       document = fitted_->document;
+      // It may have been moved since.
+      document["output"]["folder"] = folder_.generic_string();
       fit = fitted_->fit;
     } else {
       build_laws();
@@ -165,14 +160,9 @@ class FitJob {
     Progress progress;
     const double law = double(state_.law);
     progress.fraction = kFitShare * (law + report.fraction) / double(laws_.size());
-    progress.label = "Fitting: ";
-    if (laws_.size() > 1 && state_.law < laws_.size()) {
-      progress.label += std::string(material::law_name(laws_[state_.law])) + ", ";
-    }
-    progress.label += report.stage;
-    if (report.iteration > 0) progress.label += ", iteration " + std::to_string(report.iteration);
-    if (std::isfinite(report.rms))
-      progress.label += ", rms " + print("%.2f", 1e3 * report.rms) + " mm";
+    const bool several = laws_.size() > 1 && state_.law < laws_.size();
+    progress.label =
+        fit_label(report, several ? std::string(material::law_name(laws_[state_.law])) : "");
     interrupter_.report(progress);
   }
 
@@ -261,7 +251,9 @@ class FitJob {
     if (!current_ || current_->start().law != state_.laws[k].law) {
       current_ = law_fit(laws_[k], own_law_);
     }
-    if (state_.laws[k].values.empty()) state_.laws[k] = current_->start();
+    if (state_.laws[k].values.empty() && !state_.laws[k].finished) {
+      state_.laws[k] = current_->start();
+    }
     return state_.laws[k];
   }
 
@@ -343,8 +335,18 @@ class FitJob {
       }
     }
     document = fitted_document(law);
+    for (const std::string& shared : current_->shared_contacts(law)) {
+      statements_.push_back(shared);
+    }
+    Json after;
+    if (doc_.loss != FitDoc::Loss::kTracks) {
+      // The run that follows compares point by point, which means nothing for clouds.
+      std::string failure;
+      if (const auto errors = current_->errors(law, true, failure)) after = errors->json();
+    }
     save();
     Json fit = fit_json(law, uncertainty);
+    if (after.is_object()) fit["after"] = after;
     write_fitted(folder_, {hash_, inputs_, document, fit});
     // Only now: until then the search would go on from it.
     std::error_code code;
@@ -383,10 +385,16 @@ class FitJob {
     extras.task = task_name(Task::kFit);
     extras.begin = kFitShare;
     extras.kept = kept;
-    extras.compared = [&](const CaptureInput& capture, const std::vector<double>& error_mm,
-                          double size) { after.add(capture, error_mm, size); };
+    extras.compared = [&](const CaptureInput& compared, const std::vector<double>& error_mm,
+                          double size) {
+      for (const FitRun& run : runs_) {
+        for (const FitCapture& capture : run.captures) {
+          if (capture.input.name == compared.name) after.add(capture, error_mm, size);
+        }
+      }
+    };
     extras.finish = [&](Json& result) {
-      fit["after"] = after.json();
+      if (doc_.loss == FitDoc::Loss::kTracks) fit["after"] = after.json();
       result["fit"] = fit;
       std::vector<std::string> files = write_materials(folder_, scene, fitted_bodies(), fit);
       files.insert(files.end(), kept.begin(), kept.end());
@@ -425,7 +433,7 @@ class FitJob {
           if (capture.used_count > 0) size = std::max(size, fit::body_size(body.rest));
         }
       }
-      after.add_fitted(current_->distances(law), size);
+      after.add(current_->distances(law), size, 0, false);
     } catch (const Error& error) {
       // The stage's scenes are not built, as after a fit that was taken up and broken off at once.
       if (error.kind() != ErrorKind::kCancelled) throw;

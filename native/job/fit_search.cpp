@@ -53,7 +53,40 @@ double mean_of(const std::vector<double>& values) {
   return values.empty() ? 0.0 : sum / double(values.size());
 }
 
+/// Has a problem tell its progress for as long as this stands.
+class Told {
+ public:
+  Told(FitProblem& problem, std::function<void(double)> tell) : problem_(problem) {
+    tell(0.0);
+    problem_.progress = std::move(tell);
+  }
+  ~Told() { problem_.progress = {}; }
+  Told(const Told&) = delete;
+  Told& operator=(const Told&) = delete;
+
+ private:
+  FitProblem& problem_;
+};
+
 }  // namespace
+
+std::string fit_label(const FitReport& report, const std::string& law) {
+  constexpr std::size_t kMost = 63;
+  const std::string iteration =
+      report.iteration > 0 ? ", iteration " + std::to_string(report.iteration) : "";
+  const std::string rms =
+      std::isfinite(report.rms) ? ", rms " + print("%.2f", 1e3 * report.rms) + " mm" : "";
+  std::string stage = report.stage;
+  const std::string separation = ", separation ×";
+  if (const std::size_t at = stage.find(separation); at != std::string::npos) {
+    stage.replace(at, separation.size(), " ×");
+  }
+  const std::string name = law.empty() ? "" : law + ", ";
+  std::string label = "Fitting: " + name + stage + iteration + rms;
+  if (label.size() > kMost) label = "Fitting: " + name + stage + rms;
+  if (label.size() > kMost) label = "Fitting: " + stage + rms;
+  return label;
+}
 
 struct LawFit::Context {
   std::size_t stage;
@@ -341,6 +374,7 @@ void LawFit::set_stage(LawState& state) {
     const std::string why =
         "The simulation could not be completed: " + model(stage.level).failure();
     if (state.stage == 0 && state.repeats == 0) {
+      if (model(stage.level).failed_by_input()) throw_input(model(stage.level).failure());
       throw_compute("the fit cannot begin at these values. " + why);
     }
     state.finished = true;
@@ -394,6 +428,12 @@ void LawFit::end_stage(LawState& state) {
 
 void LawFit::advance(LawState& state, std::vector<Json>& history) {
   if (state.finished) return;
+  if (parameters_->size() == 0) {
+    state.finished = true;
+    state.converged = true;
+    state.reason = "No parameter is of this law: it is taken as the document has it.";
+    return;
+  }
   if (!state.begun) {
     LawState next = state;
     begin(next);
@@ -429,16 +469,22 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
                                       : std::numeric_limits<double>::quiet_NaN();
   };
   const double before_rms = rms_now();
-  at.problem.progress = [&](double part) { tell(state, name, part, before_rms); };
-  at.problem.progress(0.0);
   at.problem.forget();
   settle(next);
   const std::size_t known = search.history.size();
   const int evaluations = search.evaluations;
   const int iterations = search.iteration;
   const Eigen::VectorXd from = search.point;
-  at.search.iterate(at.problem, search);
-  at.problem.progress = {};
+  try {
+    const Told told(at.problem, [&](double part) { tell(state, name, part, before_rms); });
+    at.search.iterate(at.problem, search);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kCompute || state.iterations == 0) throw;
+    state.finished = true;
+    state.converged = false;
+    state.reason = "Stopped in the stage " + name + ": " + error.what();
+    return;
+  }
   next.evaluations += search.evaluations - evaluations;
   next.iterations += search.iteration - iterations;
   next.values = at.problem.physical(search.point);
@@ -499,14 +545,23 @@ fit::Uncertainty LawFit::uncertainty(const LawState& state) {
 std::optional<Eigen::VectorXd> LawFit::coarser(const LawState& state) {
   const Stage& stage = stages_[state.stage];
   if (setup_.fit->loss != FitDoc::Loss::kTracks) return std::nullopt;
-  FitModel& of = model(kCoarser * stage.level);
-  of.freeze_contacts(state.values);
-  of.set_steps(std::vector<FitSteps>(setup_.runs->size()));
-  const auto outcome = of.evaluate({state.values}, {stage.window.until, true}).front();
-  if (!outcome) return std::nullopt;
-  const FitProblem problem(of, *setup_.runs, parameters_->parameters(), setup_.fit->loss,
-                           stage.window);
-  return problem.residuals(*outcome) - state.search->residual;
+  try {
+    FitModel& of = model(kCoarser * stage.level);
+    of.freeze_contacts(state.values);
+    of.set_steps(std::vector<FitSteps>(setup_.runs->size()));
+    const auto outcome = of.evaluate({state.values}, {stage.window.until, true}).front();
+    if (!outcome) throw_compute(of.failure());
+    const FitProblem problem(of, *setup_.runs, parameters_->parameters(), setup_.fit->loss,
+                             stage.window);
+    return problem.residuals(*outcome) - state.search->residual;
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kInput && error.kind() != ErrorKind::kCompute) throw;
+    statements_.push_back(
+        std::string("What the grid makes of the values is not known: with twice the particle "
+                    "separation the scene could not be simulated (") +
+        error.what() + ")");
+    return std::nullopt;
+  }
 }
 
 std::vector<double> LawFit::distances(const LawState& state) {
@@ -519,6 +574,18 @@ std::vector<FrozenContacts> LawFit::contacts(const LawState& state) {
   return fine.contacts_at(state.stage_start.empty() ? state.values : state.stage_start);
 }
 
+std::vector<std::string> LawFit::shared_contacts(const LawState& state) {
+  std::vector<std::string> all;
+  const std::vector<FrozenContacts> frozen = contacts(state);
+  for (std::size_t r = 0; r < scenes_.size(); ++r) {
+    for (std::string& one :
+         matterfit::job::shared_contacts(frozen[r], scenes_[r], parameters_->moved_materials(r))) {
+      if (std::find(all.begin(), all.end(), one) == all.end()) all.push_back(std::move(one));
+    }
+  }
+  return all;
+}
+
 std::optional<ErrorPool> LawFit::errors(const LawState& state, bool fitted, std::string& failure) {
   FitModel& fine = model(1.0);
   context_.reset();
@@ -529,7 +596,6 @@ std::optional<ErrorPool> LawFit::errors(const LawState& state, bool fitted, std:
   }
   FitModel::Scope scope;
   scope.solver_steps = true;
-  scope.own_points = true;
   for (const FitRun& run : *setup_.runs) {
     const SceneDoc& scene = run.job.scene;
     scope.until.push_back(run.captures.empty() ? -1.0 : (scene.frames() - 1) / scene.fps);
@@ -541,9 +607,10 @@ std::optional<ErrorPool> LawFit::errors(const LawState& state, bool fitted, std:
   const auto outcome = fine.evaluate({state.values}, scope, progress).front();
   if (!outcome) {
     failure = fine.failure();
+    if (!fitted && fine.failed_by_input()) throw_input(failure);
     return std::nullopt;
   }
-  return errors_of(*setup_.runs, scenes_, *outcome);
+  return errors_of(*setup_.runs, fine, setup_.fit->loss, *outcome);
 }
 
 }  // namespace matterfit::job

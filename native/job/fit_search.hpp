@@ -36,6 +36,10 @@ struct FitReport {
   double rms = 0.0;  ///< [m]; NaN: not known
 };
 
+/// As a label of progress, of 63 bytes at most (capi/matterfit.h): where that is too little the
+/// iteration is left out, then the law. `law` empty: the only one.
+[[nodiscard]] std::string fit_label(const FitReport& report, const std::string& law);
+
 /// The fit of one law, one step at a time: the initial motion in closed form; where the start is
 /// poor the momentum balance of the tracks and, if that leaves it poor, a scan of simulations; then
 /// windows that grow, at the coarsest level; then the whole clip, level by level to the finest,
@@ -56,7 +60,9 @@ class LawFit {
   [[nodiscard]] LawState start() const;
 
   /// One step: the start, or one iteration. Adds lines to `history`. Throws Error(kCompute) if the
-  /// simulation at the start cannot be completed, Error(kCancelled); the state is then as before.
+  /// simulation at the start cannot be completed, Error(kInput) if the document is why,
+  /// Error(kCancelled); the state is then as before. Where a later one cannot be completed the
+  /// search ends with the values so far.
   void advance(LawState& state, std::vector<Json>& history);
 
   /// At the end: standard errors and correlations; linearises once more.
@@ -65,9 +71,11 @@ class LawFit {
   [[nodiscard]] std::vector<double> distances(const LawState& state);
   /// The contacts of the last stage, one a run.
   [[nodiscard]] std::vector<FrozenContacts> contacts(const LawState& state);
+  /// Whose contact with bodies that are not fitted they change, a sentence each.
+  [[nodiscard]] std::vector<std::string> shared_contacts(const LawState& state);
   /// Errors over all runs and frames, held-out ones too, as a simulation outside of the fit has
   /// them; nothing if it could not be completed (`failure`). `fitted`: with the contacts of the
-  /// fit, else with the document's.
+  /// fit, else with the document's, and then Error(kInput) if the document is why it could not.
   [[nodiscard]] std::optional<ErrorPool> errors(const LawState& state, bool fitted,
                                                 std::string& failure);
 
@@ -110,7 +118,8 @@ class LawFit {
   Context& context(const LawState& state);
   [[nodiscard]] std::vector<fit::Parameter> stage_parameters(const LawState& state) const;
   /// What a coarser grid adds to the residuals of the last stage at its end; nothing where it
-  /// cannot be told (clouds have another number of points; the simulation could not be completed).
+  /// cannot be told (clouds have another number of points; the grid cannot be made; the simulation
+  /// could not be completed).
   [[nodiscard]] std::optional<Eigen::VectorXd> coarser(const LawState& state);
   void tell(const LawState& state, const std::string& stage, double part, double rms) const;
 

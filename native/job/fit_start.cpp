@@ -22,13 +22,27 @@ constexpr double kStillBallistic = 2.0;
 constexpr double kHalfDecade = 3.1622776601683795;
 constexpr double kAngleStep = 8.0;  // [degrees]
 
+/// Of the points of one frame that the fit may see; NaN without any.
+Vec3d mean_seen(const FitCapture& capture, std::size_t frame) {
+  Vec3d sum = Vec3d::Zero();
+  double count = 0.0;
+  for (std::size_t i = 0; i < capture.input.tracks.points; ++i) {
+    if (!capture.input.tracks.is_visible(frame, i) || capture.held_out(frame, i)) continue;
+    sum += capture.input.tracks.position(frame, i);
+    count += 1.0;
+  }
+  return sum / count;
+}
+
 std::optional<fit::InitialMotion> motion_of(const FitCapture& capture, const Vec3d& centre,
                                             const Vec3d& gravity) {
   const capture::Tracks& tracks = capture.input.tracks;
   const Vec3d unseen = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
   Points rest = capture.input.rest;
+  // Of a cloud nothing but its mean goes on from frame to frame.
+  if (capture.clouds) rest = {centre};
   for (std::size_t i = 0; i < tracks.points; ++i) {
-    if (capture.input.held_out_points[i] != 0) rest[i] = unseen;
+    if (!capture.clouds && capture.input.held_out_points[i] != 0) rest[i] = unseen;
   }
   std::vector<double> times;
   std::vector<Vec3d> positions;
@@ -39,9 +53,13 @@ std::optional<fit::InitialMotion> motion_of(const FitCapture& capture, const Vec
   for (std::size_t t = 0; t < tracks.frames() && times.size() < kMostFrames; ++t) {
     if (tracks.times[t] < -1e-9 || capture.input.held_out_frames[t] != 0) continue;
     times.push_back(tracks.times[t]);
-    for (std::size_t i = 0; i < tracks.points; ++i) {
-      const bool seen = tracks.is_visible(t, i) && rest[i].allFinite();
-      positions.push_back(seen ? tracks.position(t, i) : unseen);
+    if (capture.clouds) {
+      positions.push_back(mean_seen(capture, t));
+    } else {
+      for (std::size_t i = 0; i < tracks.points; ++i) {
+        const bool seen = tracks.is_visible(t, i) && rest[i].allFinite();
+        positions.push_back(seen ? tracks.position(t, i) : unseen);
+      }
     }
     if (times.size() < 2) continue;
     try {
@@ -126,12 +144,19 @@ bool scan(const FitParameters& parameters, const Direction& direction,
   };
   (void)try_steps(first);
   for (;;) {
-    const int at = best()->first;
-    const bool low = at == known.begin()->first;
-    const bool high = at == known.rbegin()->first;
-    if (!(low || high) || std::abs(at) >= farthest) break;
-    const int way = high ? 1 : -1;
-    if (!try_steps({at + way, at + 2 * way})) break;
+    // Where nothing could be simulated so far, either way may lead out of that.
+    const bool nowhere = !std::isfinite(best()->second);
+    const int low = known.begin()->first;
+    const int high = known.rbegin()->first;
+    std::vector<int> next;
+    const auto beyond = [&](int end, int way) {
+      for (int step = 1; step <= 2 && std::abs(end + step * way) <= farthest; ++step) {
+        next.push_back(end + step * way);
+      }
+    };
+    if (nowhere || best()->first == low) beyond(low, -1);
+    if (nowhere || best()->first == high) beyond(high, 1);
+    if (!try_steps(next)) break;
   }
   const bool moved = best()->first != 0 && best()->second < cost;
   if (moved) {

@@ -13,7 +13,8 @@ namespace matterfit::job {
 
 /// The values with velocity and spin replaced, where they are among the parameters, by those of the
 /// rigid motion through the first frames of a capture of that body (fit/initial_motion.hpp): as
-/// many frames as a ballistic flight explains. Bodies with pins stay. `scenes` one a run.
+/// many frames as a ballistic flight explains; of clouds the velocity alone, by the mean of a
+/// frame's points. Bodies with pins stay. `scenes` one a run.
 [[nodiscard]] std::vector<double> with_initial_motion(const std::vector<FitRun>& runs,
                                                       const std::vector<mpm::Scene>& scenes,
                                                       const FitParameters& parameters,
@@ -25,7 +26,8 @@ using FitCost = std::function<std::vector<double>(const std::vector<std::vector<
 /// The best of a search along one parameter after the other, half a decade a step (friction angles
 /// 8°): stiffness (where ν is fitted too, then the bulk modulus alone: a ratio that is far off
 /// makes it wrong by decades), yield stress, friction angle, viscosity. Twice where there are
-/// several. `cost` is that of `values`; it goes `farthest` steps either way at most.
+/// several. `cost` is that of `values`; it goes `farthest` steps either way at most, both ways as
+/// long as no simulation could be completed.
 [[nodiscard]] std::vector<double> scanned(const FitParameters& parameters,
                                           std::vector<double> values, double cost,
                                           const FitCost& costs, int farthest = 8);

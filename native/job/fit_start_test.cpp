@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "job/build_scene.hpp"
@@ -59,6 +61,33 @@ TEST(FitStart, AScanFindsShearAndBulkApart) {
   const std::vector<double> down = scanned_from(3e2, 0.49, foam);
   EXPECT_LT((logarithms(down[1], down[0]) - logarithms(foam[0], foam[1])).cwiseAbs().maxCoeff(),
             half);
+}
+
+TEST(FitStart, AScanLooksBothWaysWhereNothingCouldBeSimulated) {
+  const double infinite = std::numeric_limits<double>::infinity();
+  for (const double truth : {1e3, 1e9}) {
+    Json document = thrown_cube();
+    document["scene"]["bodies"][0]["material"]["E"] = 1e6;
+    document["captures"] = {{{"tracks", "a.npz"}}};
+    document["fit"] = {{"parameters", {"material.E"}}};
+    const Folder folder;
+    const Job job = job_of(document, folder.path);
+    Arena arena(1);
+    const mpm::Scene scene = build_scene(job, arena, Interrupter()).scene;
+    const FitParameters parameters(job.fit->parameters, {{&job, &scene, {}, nullptr}});
+    double farthest = 0.0;
+    const auto costs = [&](const std::vector<std::vector<double>>& points) {
+      std::vector<double> all;
+      for (const auto& values : points) {
+        const double off = std::abs(std::log10(values[0] / truth));
+        farthest = std::max(farthest, std::abs(std::log10(values[0] / 1e6)));
+        all.push_back(off < 1.1 ? off : infinite);
+      }
+      return all;
+    };
+    EXPECT_NEAR(scanned(parameters, {1e6}, infinite, costs, 7)[0] / truth, 1.0, 1e-6);
+    EXPECT_LT(farthest, 3.6);
+  }
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "base/file.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_fixture_for_test.hpp"
+#include "job/fit_search.hpp"
 #include "job/fit_state.hpp"
 
 namespace matterfit::job {
@@ -274,6 +275,8 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   law.search->point = Eigen::Vector3d(0.1, -0.2, 1e10 / 3.0);
   law.search->residual = Eigen::Vector2d(1.0 / 3.0, -0.0);
   law.search->cost = 0.1 + 0.2;
+  law.search->anchor = Eigen::Vector3d(0.3, 0.2, 0.1);
+  law.search->central = true;
   law.search->history = {{1, 0.3, 1e-2, true}};
   state.laws = {law};
   const Folder folder;
@@ -284,6 +287,7 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   EXPECT_TRUE(read->laws[0].scan_due && read->laws[0].rescanned);
   EXPECT_EQ(read->laws[0].search->point, law.search->point);
   EXPECT_EQ(read->laws[0].search->cost, law.search->cost);
+  EXPECT_TRUE(read->laws[0].search->central);
   EXPECT_TRUE(std::signbit(read->laws[0].search->residual[1]));
   EXPECT_EQ(format_fit_state(*read), format_fit_state(state));
   EXPECT_FALSE(read_fit_state(folder.path, "abd"));
@@ -291,6 +295,10 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   damaged[damaged.find("12345")] = '2';
   write_file(folder.path / kFitCheckpointPath, damaged);
   EXPECT_FALSE(read_fit_state(folder.path, "abc"));
+  for (const char* other : {"{\"schema\": 5}", "[1]", "{"}) {
+    write_file(folder.path / kFitCheckpointPath, other);
+    EXPECT_FALSE(read_fit_state(folder.path, "abc")) << other;
+  }
 }
 
 TEST(Fit, OtherInputsAreRefusedUntilRestart) {
@@ -395,6 +403,59 @@ TEST(Fit, FramesOutOfOrderAndPositionsThatAreNone) {
   const Json result = run(poor_start(), folder.path);
   EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 3e4, 1.0, 0.02);
   EXPECT_THAT(result["notes"].dump(), HasSubstr("of the samples are missing"));
+}
+
+/// A fit of little work.
+Json short_fit() {
+  Json document = fit_of(thrown_cube(), {"material.E"});
+  document["scene"]["frames"] = {0, 8};
+  document["fit"]["levels"] = {1};
+  document["fit"]["windows"] = false;
+  document["fit"]["iterations"] = 1;
+  return document;
+}
+
+TEST(Fit, AProjectThatWasMovedWritesWhereItIs) {
+  const Folder folder;
+  fs::create_directories(folder.path / "before");
+  record(thrown_cube(), folder.path / "before", "a", 1);
+  const Json first = run(short_fit(), folder.path / "before");
+  fs::rename(folder.path / "before", folder.path / "after");
+  write_file(folder.path / "after/out/material_gone.json",
+             R"({"schema": "matterfit.material/1", "provenance": {}})");
+  write_file(folder.path / "after/out/material_mine.json", "{}");
+  const Json again = run(short_fit(), folder.path / "after");
+  EXPECT_EQ(bits(again), bits(first));
+  EXPECT_EQ(again["folder"], (folder.path / "after/out").string());
+  EXPECT_FALSE(fs::exists(folder.path / "before"));
+  EXPECT_FALSE(fs::exists(folder.path / "after/out/material_gone.json"));
+  EXPECT_TRUE(fs::exists(folder.path / "after/out/material_mine.json"));
+}
+
+TEST(Fit, WhatTheDocumentMakesImpossibleIsAnInputError) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  Json document = short_fit();
+  document["scene"]["solver"] = {{"memory_limit_gb", 1e-5}};
+  try {
+    (void)run(document, folder.path);
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kInput) << error.what();
+  }
+}
+
+TEST(Fit, LabelsFitTheirField) {
+  FitReport report;
+  report.stage = "frames 1-13, separation ×1.6";
+  report.iteration = 4;
+  report.rms = 12.34e-3;
+  EXPECT_EQ(fit_label(report, ""), "Fitting: frames 1-13 ×1.6, iteration 4, rms 12.34 mm");
+  report.stage = "frames 1000-1130, separation ×2";
+  report.iteration = 12;
+  const std::string label = fit_label(report, "herschel_bulkley");
+  EXPECT_LE(label.size(), 63U);
+  EXPECT_EQ(label, "Fitting: herschel_bulkley, frames 1000-1130 ×2, rms 12.34 mm");
 }
 
 }  // namespace

@@ -44,10 +44,15 @@ std::string fit_text(const Json& fit) {
     const auto unit = parameter.at("unit").get<std::string>();
     text += fmt::format("  {} = {:.6g}", parameter.at("path").get<std::string>(),
                         parameter.at("value").get<double>());
-    if (parameter.at("standard_error").is_number()) {
-      text += fmt::format(" ± {:.2g}", parameter.at("standard_error").get<double>());
+    const bool known = parameter.at("standard_error").is_number();
+    if (known) text += fmt::format(" ± {:.2g}", parameter.at("standard_error").get<double>());
+    if (known && parameter.value("grid_error", Json()).is_number()) {
+      text += fmt::format(" (grid ± {:.2g})", parameter["grid_error"].get<double>());
     }
-    text += (unit.empty() ? "" : " " + unit) + "\n";
+    text += unit.empty() ? "" : " " + unit;
+    if (parameter.at("at_bound") == true) text += ", at its bound";
+    if (parameter.at("observable") == false) text += ", not observable";
+    text += "\n";
   }
   text += "  mean error before: " + error_text(fit.at("before")) + "\n";
   text += "  mean error after: " + error_text(fit.at("after")) + "\n";

@@ -5,6 +5,21 @@
 
 namespace matterfit::mpm {
 
+namespace {
+
+/// How a vector changes from `low` over `at` to `high`, which lie `probe` apart. Where it turns
+/// sharply to one side only, as a mesh's normal does at an edge, the other side counts.
+Vec3d slope(const Vec3d& low, const Vec3d& at, const Vec3d& high, double probe) {
+  constexpr double kSharp = 4.0;
+  const Vec3d below = at - low;
+  const Vec3d above = high - at;
+  if (above.norm() > kSharp * below.norm()) return below / probe;
+  if (below.norm() > kSharp * above.norm()) return above / probe;
+  return (high - low) / (2.0 * probe);
+}
+
+}  // namespace
+
 ColliderCotangents& ColliderCotangents::operator+=(const ColliderCotangents& other) {
   mu += other.mu;
   stiffness += other.stiffness;
@@ -26,16 +41,15 @@ Vec3d back_to_surface(const Collider& collider, const Vec3d& x, double time, dou
       const Vec3d step = probe / size * normal_bar;
       const SurfacePoint high = collider.closest(x + step, time);
       const SurfacePoint low = collider.closest(x - step, time);
-      x_bar += size / (2.0 * probe) * (high.normal - low.normal);
+      x_bar += size * slope(low.normal, at.normal, high.normal, probe);
     }
   } else {
     for (int axis = 0; axis < 3; ++axis) {
       const Vec3d step = probe * Vec3d::Unit(axis);
       const SurfacePoint high = collider.closest(x + step, time);
       const SurfacePoint low = collider.closest(x - step, time);
-      x_bar[axis] += ((high.normal - low.normal).dot(normal_bar) +
-                      (high.velocity - low.velocity).dot(velocity_bar)) /
-                     (2.0 * probe);
+      x_bar[axis] += slope(low.normal, at.normal, high.normal, probe).dot(normal_bar) +
+                     slope(low.velocity, at.velocity, high.velocity, probe).dot(velocity_bar);
     }
   }
   // A collider that moves by t meets x as it met x − t before; one that turns, x turned back.

@@ -19,7 +19,8 @@ struct ColliderCotangents {
 
 /// The cotangents of distance, normal and velocity of the surface `at` met at `x`: returns that of
 /// x, and adds to those of the collider's place. How normal and velocity change from place to place
-/// is taken from differences of the exact distance, `probe` [m] to each side.
+/// is taken from differences of the exact distance, `probe` [m] to each side, or to the smooth side
+/// of an edge.
 Vec3d back_to_surface(const Collider& collider, const Vec3d& x, double time, double probe,
                       const SurfacePoint& at, double distance_bar, const Vec3d& normal_bar,
                       const Vec3d& velocity_bar, ColliderCotangents& bar);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "mpm/collider.hpp"
+#include "mpm/mesh_shapes_for_test.hpp"
 
 /// Flat, round, cornered and moving colliders that can be moved by a little, for gradients against
 /// differences.
@@ -17,7 +18,7 @@ struct Place {
   Vec3d rotation = Vec3d::Zero();
 };
 
-enum class Shape { kPlane, kSphere, kBox, kMovingPlane, kTurningBox };
+enum class Shape { kPlane, kSphere, kBox, kCapsule, kMesh, kMovingPlane, kTurningBox, kMovingMesh };
 
 inline ColliderPtr collider(Shape shape, const Place& place) {
   Contact contact;
@@ -46,8 +47,18 @@ inline ColliderPtr collider(Shape shape, const Place& place) {
     case Shape::kBox:
       return make_box("box", contact, Vec3d(0.04, 0.2, 0.1),
                       Keyed<Pose>(moved(Vec3d(0.02, 0.05, -0.085), own)));
+    case Shape::kCapsule:
+      return make_capsule(
+          "capsule", contact, 0.2, 0.05,
+          Keyed<Pose>(moved(Vec3d(0.06, 0.04, -0.18),
+                            Quatd(Eigen::AngleAxisd(1.4, Vec3d(1, 0.2, 0).normalized())))));
+    case Shape::kMesh:
+      return make_mesh_collider(
+          "mesh", contact, test_shapes::box(Vec3f(-0.04F, -0.2F, -0.1F), Vec3f(0.04F, 0.2F, 0.1F)),
+          Keyed<Pose>(moved(Vec3d(0.02, 0.05, -0.085), own)));
     case Shape::kMovingPlane:
     case Shape::kTurningBox:
+    case Shape::kMovingMesh:
       break;
   }
   Keyed<Pose> motion;
@@ -57,6 +68,11 @@ inline ColliderPtr collider(Shape shape, const Place& place) {
   motion.values = {moved(at, Quatd::Identity()),
                    moved(at + Vec3d(0.002, 0, 0.005), plane ? Quatd::Identity() : own)};
   if (plane) return make_plane("plane", contact, Vec3d::Zero(), Vec3d::UnitZ(), motion);
+  if (shape == Shape::kMovingMesh) {
+    return make_mesh_collider("mesh", contact,
+                              test_shapes::box(Vec3f(-0.2F, -0.2F, -0.1F), Vec3f(0.2F, 0.2F, 0.1F)),
+                              motion);
+  }
   return make_box("box", contact, Vec3d(0.2, 0.2, 0.1), motion);
 }
 

@@ -165,6 +165,9 @@ TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
       {"edge of a box", Shape::kBox, ContactKind::kFriction, 0.3, false},
       {"moving plane", Shape::kMovingPlane, ContactKind::kFriction, 0.3, false},
       {"turning box", Shape::kTurningBox, ContactKind::kSticky, 0.0, false},
+      {"capsule", Shape::kCapsule, ContactKind::kFriction, 0.3, false},
+      {"edge of a mesh", Shape::kMesh, ContactKind::kFriction, 0.3, false},
+      {"moving mesh", Shape::kMovingMesh, ContactKind::kSeparating, 0.0, false},
   };
   for (const Case& item : cases) {
     Rollout rollout;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The adjoint of what acts on updated Lagrangian bodies against central differences in double:
-// contact of particles and of nodes with colliders, walls, and pins.
+// contact of particles and of nodes with colliders, and pins.
 #include "mpm/updated_loads_adjoint.hpp"
 
 #include <gtest/gtest.h>
@@ -114,6 +114,10 @@ TEST(UpdatedLoadsAdjoint, MatchesDifferencesForParticleContact) {
       {"edge of a box", Law::kNeoHookean, Shape::kBox, ContactKind::kFriction, 0.3},
       {"moving plane", Law::kNewtonian, Shape::kMovingPlane, ContactKind::kFriction, 0.3},
       {"turning box", Law::kNeoHookean, Shape::kTurningBox, ContactKind::kSticky, 0.0},
+      {"capsule", Law::kStvkHencky, Shape::kCapsule, ContactKind::kFriction, 0.3},
+      {"edge of a mesh", Law::kNeoHookean, Shape::kMesh, ContactKind::kFriction, 0.3},
+      {"sand on a moving mesh", Law::kDruckerPrager, Shape::kMovingMesh, ContactKind::kFriction,
+       0.3},
   };
   for (const Case& item : cases) {
     Place place;

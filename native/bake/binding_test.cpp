@@ -149,6 +149,7 @@ TEST(Binding, IsContinuousFromInsideToFarOutside) {
   std::normal_distribution<float> noise(0.0F, 0.01F);
   for (Vec3f& x : body.positions) x += Vec3f(noise(random), noise(random), noise(random));
   std::vector<Vec3d> points;
+  points.reserve(20000);
   for (int i = 0; i < 20000; ++i) points.push_back(i * 5e-5 * Vec3d(0.8, 0.36, 0.48));
   Arena arena(2);
   const MeshBinding binding(points, body.rest, 0.05, {}, arena);

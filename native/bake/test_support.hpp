@@ -123,8 +123,7 @@ inline std::string run_python(const std::filesystem::path& folder, const std::st
     return {};
   }
   spill(folder / "reader.py", script);
-  const std::string text =
-      run("cd '" + folder.string() + "' && /usr/bin/python3 reader.py", status);
+  std::string text = run("cd '" + folder.string() + "' && /usr/bin/python3 reader.py", status);
   EXPECT_EQ(status, 0) << text;
   return text;
 }

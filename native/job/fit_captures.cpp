@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/fit_captures.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -306,8 +308,8 @@ void settle_noise(FitRun& run, const mpm::Scene& scene, std::vector<std::string>
                   1e3 * noise)
             : print("none can be estimated; %.3g mm is taken, a thousandth of the body's size.",
                     1e3 * noise);
-    statements.push_back("captures." + input.name + ": " + given +
-                         (estimate > 0.0 || capture.clouds ? "; " : " and ") + taken);
+    const char* link = estimate > 0.0 || capture.clouds ? "; " : " and ";
+    statements.push_back(fmt::format("captures.{}: {}{}{}", input.name, given, link, taken));
   }
 }
 

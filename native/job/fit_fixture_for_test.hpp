@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <filesystem>
 #include <random>
 #include <string>
@@ -63,7 +64,8 @@ inline void write_tracks(const fs::path& path, const std::vector<double>& positi
   std::vector<double> times;
   for (std::size_t t = 0; t < frames; ++t) times.push_back(double(t) / fps);
   capture::Arrays arrays;
-  arrays["positions"] = capture::Array({frames, positions.size() / 3 / frames, 3}, positions);
+  arrays["positions"] = capture::Array(
+      {frames, positions.size() / 3 / std::max<std::size_t>(1, frames), 3}, positions);
   arrays["times"] = capture::Array({frames}, times);
   capture::write_npz(path, arrays);
 }

@@ -11,7 +11,10 @@ namespace {
 /// Γ(x + ½)/Γ(x), x > 0: Stirling's series where x is large.
 double ratio_of_gammas(double x) {
   double factor = 1.0;
-  for (; x < 30.0; x += 1.0) factor *= x / (x + 0.5);
+  while (x < 30.0) {
+    factor *= x / (x + 0.5);
+    x += 1.0;
+  }
   const double y = 1.0 / (8.0 * x);
   return factor * std::sqrt(x) * (1.0 - y * (1.0 - y * (0.5 + y * (2.5 - 2.625 * y))));
 }

@@ -34,31 +34,36 @@ std::vector<Vec3d> scatter(std::size_t count, double half) {
   return points;
 }
 
-class BindingModes : public ::testing::TestWithParam<BindingGradient> {};
+class BindingModes : public ::testing::TestWithParam<BindingGradient> {
+ protected:
+  void SetUp() override { body_.move(motion_.a, motion_.b, motion_.w); }
+  [[nodiscard]] MeshBinding bind(const std::vector<Vec3d>& points, Arena& arena) const {
+    BindingOptions options;
+    options.gradient = GetParam();
+    return {points, body_.rest, body_.separation, options, arena};
+  }
+  const Affine motion_ = some_motion();
+  Specimen body_ = ball(0.05, 0.4);
+};
 
 // x = A X + b is reproduced to float rounding inside, on and outside the body, and so are F and an
 // affine velocity field.
 TEST_P(BindingModes, ReproduceAffineMotion) {
-  Specimen body = ball(0.05, 0.4);
-  const Affine motion = some_motion();
-  body.move(motion.a, motion.b, motion.w);
   const auto points = scatter(500, 0.5);
   Arena arena(2);
-  BindingOptions options;
-  options.gradient = GetParam();
-  const MeshBinding binding(points, body.rest, body.separation, options, arena);
-  const auto x = binding.positions(body.view(), arena);
-  const auto v = binding.velocities(body.view(), arena);
-  const auto f = binding.deformation_gradients(body.view(), arena);
+  const MeshBinding binding = bind(points, arena);
+  const auto x = binding.positions(body_.view(), arena);
+  const auto v = binding.velocities(body_.view(), arena);
+  const auto f = binding.deformation_gradients(body_.view(), arena);
   std::size_t fits = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const Vec3d expected = motion.a * points[i] + motion.b;
+    const Vec3d expected = motion_.a * points[i] + motion_.b;
     EXPECT_LT((x[i] - expected).norm(), 1e-5) << i;
-    EXPECT_LT((f[i] - motion.a).norm(), 1e-4) << i;
+    EXPECT_LT((f[i] - motion_.a).norm(), 1e-4) << i;
     const bool fitted = !binding.stencil(i).fitted.empty();
     fits += fitted ? 1 : 0;
     if (fitted) {
-      EXPECT_LT((v[i] - motion.w * expected).norm(), 1e-4) << i;
+      EXPECT_LT((v[i] - motion_.w * expected).norm(), 1e-4) << i;
     }
     if (points[i].norm() < 0.4) {
       EXPECT_TRUE(fitted) << "inside there is always a fit, " << i;
@@ -69,15 +74,10 @@ TEST_P(BindingModes, ReproduceAffineMotion) {
 
 // Positions are linear in the particles' positions and F.
 TEST_P(BindingModes, SpreadIsTheTranspose) {
-  Specimen body = ball(0.05, 0.4);
-  const Affine motion = some_motion();
-  body.move(motion.a, motion.b, motion.w);
   const auto points = scatter(300, 0.5);
   Arena arena(1);
-  BindingOptions options;
-  options.gradient = GetParam();
-  const MeshBinding binding(points, body.rest, body.separation, options, arena);
-  const auto x = binding.positions(body.view(), arena);
+  const MeshBinding binding = bind(points, arena);
+  const auto x = binding.positions(body_.view(), arena);
   std::vector<Vec3d> bar(points.size());
   double expected = 0.0;
   for (std::size_t i = 0; i < bar.size(); ++i) {
@@ -89,8 +89,9 @@ TEST_P(BindingModes, SpreadIsTheTranspose) {
   binding.spread(bar, of_position, of_gradient);
   double found = 0.0;
   for (std::size_t p = 0; p < of_position.size(); ++p) {
-    found += of_position[p].dot(body.view().positions[p].cast<double>()) +
-             of_gradient[p].cwiseProduct(body.view().deformation_gradients[p].cast<double>()).sum();
+    found +=
+        of_position[p].dot(body_.view().positions[p].cast<double>()) +
+        of_gradient[p].cwiseProduct(body_.view().deformation_gradients[p].cast<double>()).sum();
   }
   EXPECT_NEAR(found, expected, 1e-10 * std::abs(expected));
   EXPECT_THROW(binding.spread(bar, {of_position.data(), 3}, of_gradient), Error);

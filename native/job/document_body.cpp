@@ -165,7 +165,6 @@ material::Material read_material(const JsonValue& value) {
   } catch (const Error& error) {
     law.refuse(error.what());
   }
-  const auto used = material::law_parameters(material.law);
   struct Parameter {
     const char* key;
     double material::Material::*member;
@@ -183,10 +182,12 @@ material::Material read_material(const JsonValue& value) {
       {"bulk_modulus", &material::Material::bulk_modulus, false},
   };
   for (const Parameter& parameter : kParameters) {
-    if (std::find(used.begin(), used.end(), std::string_view(parameter.key)) == used.end()) {
+    if (!material::uses(material.law, parameter.key)) {
       if (object.has(parameter.key)) {
         std::string message = "the law " + name + " does not use '" + parameter.key + "'; it takes";
-        for (const auto& key : used) message += " " + std::string(key);
+        for (const auto& key : material::law_parameters(material.law)) {
+          message += " " + std::string(key);
+        }
         value.refuse(message + ".");
       }
       continue;

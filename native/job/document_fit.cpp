@@ -19,11 +19,6 @@ std::vector<material::Law> all_laws() {
   return laws;
 }
 
-bool uses(material::Law law, std::string_view parameter) {
-  const auto used = material::law_parameters(law);
-  return std::find(used.begin(), used.end(), parameter) != used.end();
-}
-
 /// One number, or three for a whole vector.
 std::vector<double> read_components(const JsonValue& value, const FitPath& path) {
   if (!path.is_vector() || path.component) return {value.number()};
@@ -90,9 +85,10 @@ void check_law(const FitParameterDoc& parameter, const FitDoc& fit, const SceneD
   if (key.empty()) return;
   const material::Law own = body_named(scene, parameter.path.owner).material.law;
   const bool sought = !fit.laws.empty() && parameter.path.owner == fit.body;
-  const bool fits = sought ? std::any_of(fit.laws.begin(), fit.laws.end(),
-                                         [&](material::Law law) { return uses(law, key); })
-                           : uses(own, key);
+  const bool fits = sought
+                        ? std::any_of(fit.laws.begin(), fit.laws.end(),
+                                      [&](material::Law law) { return material::uses(law, key); })
+                        : material::uses(own, key);
   if (fits) return;
   std::string message = parameter.where + ": ";
   if (sought) {

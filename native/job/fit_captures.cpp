@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include "bake/binding.hpp"
@@ -29,13 +28,6 @@ constexpr std::size_t kFewestFrames = 2;
 /// the noise makes it √6.
 constexpr double kStill = 3.0;  // times the noise
 constexpr std::size_t kMostNamed = 6;
-
-template <class... Arguments>
-std::string print(const char* format, Arguments... arguments) {
-  char text[400];
-  std::snprintf(text, sizeof text, format, arguments...);
-  return text;
-}
 
 /// The frame in which the point is seen first.
 std::size_t first_seen(const capture::Tracks& tracks, std::size_t point) {
@@ -95,7 +87,7 @@ double still_until(const FitCapture& capture) {
 
 /// "3 of its 64 points (a, b, c)".
 std::string named(const CaptureInput& input, const std::vector<std::size_t>& points) {
-  std::string text = print("%zu of its %zu points (", points.size(), input.tracks.points);
+  std::string text = fmt::format("{} of its {} points (", points.size(), input.tracks.points);
   for (std::size_t k = 0; k < std::min(points.size(), kMostNamed); ++k) {
     text += (k == 0 ? "" : ", ") + input.label(points[k]);
   }
@@ -198,19 +190,6 @@ void mark_used(FitCapture& capture, const SceneDoc& scene) {
   if (capture.used_count == 0) capture.begin = 0.0;
 }
 
-std::size_t used_frames(const FitCapture& capture) {
-  const std::size_t points = capture.input.tracks.points;
-  std::size_t count = 0;
-  for (std::size_t t = 0; t < capture.input.tracks.frames(); ++t) {
-    const auto begin = capture.used.begin() + static_cast<std::ptrdiff_t>(t * points);
-    count += std::any_of(begin, begin + static_cast<std::ptrdiff_t>(points),
-                         [](std::uint8_t used) { return used != 0; })
-                 ? 1U
-                 : 0U;
-  }
-  return count;
-}
-
 void state_what_is_odd(const FitCapture& capture, const CaptureDoc& doc,
                        std::vector<std::string>& statements) {
   const CaptureInput& input = capture.input;
@@ -228,6 +207,18 @@ void state_what_is_odd(const FitCapture& capture, const CaptureDoc& doc,
 }
 
 }  // namespace
+
+std::vector<std::size_t> FitCapture::used_frames() const {
+  const auto points = static_cast<std::ptrdiff_t>(input.tracks.points);
+  std::vector<std::size_t> frames;
+  auto begin = used.begin();
+  for (std::size_t t = 0; t < input.tracks.frames(); ++t, begin += points) {
+    const bool any =
+        std::any_of(begin, begin + points, [](std::uint8_t mark) { return mark != 0; });
+    if (any) frames.push_back(t);
+  }
+  return frames;
+}
 
 std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& statements) {
   if (job.captures.empty()) throw_input("captures: a fit needs at least one capture to fit to.");
@@ -256,8 +247,9 @@ std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& stat
       if (!doc.holdout.capture) hold_out_unknown(capture, slack, statements);
       mark_used(capture, run.job.scene);
       state_what_is_odd(capture, doc, statements);
-      if (capture.used_count > 0 && used_frames(capture) < kFewestFrames) {
-        throw_input(doc.path + ": only " + std::to_string(used_frames(capture)) +
+      const std::size_t frames = capture.used_frames().size();
+      if (frames > 0 && frames < kFewestFrames) {
+        throw_input(doc.path + ": only " + std::to_string(frames) +
                     " frame of it is left to fit to, and at least two are needed. Hold out less, "
                     "or let the scene's frames cover more of the capture.");
       }
@@ -300,14 +292,15 @@ void settle_noise(FitRun& run, const mpm::Scene& scene, std::vector<std::string>
                                   ? "no noise is given"
                                   : "the noise of " + named(input, missing) + " is given as 0";
     const std::string taken =
-        estimate > 0.0 ? print("its own estimate is %.3g mm.", 1e3 * noise)
+        estimate > 0.0 ? fmt::format("its own estimate is {:.3g} mm.", 1e3 * noise)
         : capture.clouds
-            ? print(
-                  "without correspondence it cannot be estimated; %.3g mm is taken, a thousandth "
+            ? fmt::format(
+                  "without correspondence it cannot be estimated; {:.3g} mm is taken, a thousandth "
                   "of the body's size.",
                   1e3 * noise)
-            : print("none can be estimated; %.3g mm is taken, a thousandth of the body's size.",
-                    1e3 * noise);
+            : fmt::format(
+                  "none can be estimated; {:.3g} mm is taken, a thousandth of the body's size.",
+                  1e3 * noise);
     const char* link = estimate > 0.0 || capture.clouds ? "; " : " and ";
     statements.push_back(fmt::format("captures.{}: {}{}{}", input.name, given, link, taken));
   }
@@ -331,21 +324,24 @@ void check_places(const FitRun& run, const mpm::Scene& scene, Arena& arena,
     const double size = fit::body_size(body.rest) + separation;
     const std::size_t far =
         binding.count_beyond(std::max(kStrayDistance * separation, kOtherBody * size));
-    const std::string lie = print("%zu of %zu points lie farther than %.3g mm off '%s' at rest",
-                                  far, places.size(), 1e3 * kOtherBody * size, body.name.c_str());
+    const std::string lie =
+        fmt::format("{} of {} points lie farther than {:.3g} mm off '{}' at rest", far,
+                    places.size(), 1e3 * kOtherBody * size, body.name);
     if (double(far) > kStray * double(places.size())) {
-      throw_input(capture.path + ": " + lie +
-                  print(", up to %.3g m. Is it a capture of another body? Look at body, unit, up, "
-                        "transform and start_frame.",
-                        binding.farthest().distance));
+      throw_input(
+          capture.path + ": " + lie +
+          fmt::format(", up to {:.3g} m. Is it a capture of another body? Look at body, unit, up, "
+                      "transform and start_frame.",
+                      binding.farthest().distance));
     }
     statements.push_back(
         "captures." + capture.input.name +
-        print(": %zu of %zu points lie farther than two particle separations (%.3g mm) off '%s' at "
-              "rest, up to %.3g mm. Markers that stand off the body are carried along; if they do "
-              "not, this may be a capture of another body, or its unit or transform is wrong.",
-              stray, places.size(), 1e3 * kStrayDistance * separation, body.name.c_str(),
-              1e3 * binding.farthest().distance));
+        fmt::format(
+            ": {} of {} points lie farther than two particle separations ({:.3g} mm) off '{}' at "
+            "rest, up to {:.3g} mm. Markers that stand off the body are carried along; if they do "
+            "not, this may be a capture of another body, or its unit or transform is wrong.",
+            stray, places.size(), 1e3 * kStrayDistance * separation, body.name,
+            1e3 * binding.farthest().distance));
   }
 }
 

@@ -28,6 +28,8 @@ struct FitCapture {
   [[nodiscard]] bool held_out(std::size_t frame, std::size_t point) const {
     return input.held_out_points[point] != 0 || input.held_out_frames[frame] != 0;
   }
+  /// Frames with a used sample, ascending.
+  [[nodiscard]] std::vector<std::size_t> used_frames() const;
 };
 
 /// One scene of a fit with the captures that are compared with it. Runs without a used sample are

@@ -11,11 +11,6 @@ namespace {
 using material::Law;
 using material::Material;
 
-bool uses(Law law, std::string_view parameter) {
-  const auto used = material::law_parameters(law);
-  return std::find(used.begin(), used.end(), parameter) != used.end();
-}
-
 constexpr double kUsualPoissonRatio = 0.3;
 constexpr double kUsualYieldStrain = 0.02;
 constexpr double kUsualFrictionAngle = 30.0;  // [degrees]
@@ -32,7 +27,7 @@ Material with_law(const Material& material, Law law) {
   Material result = material;
   result.law = law;
   const auto is_new = [&](std::string_view key) {
-    return uses(law, key) && !uses(material.law, key);
+    return material::uses(law, key) && !material::uses(material.law, key);
   };
   if (is_new("E")) {
     result.poisson_ratio = kUsualPoissonRatio;
@@ -53,7 +48,7 @@ std::vector<FitParameterDoc> parameters_of_law(const FitDoc& fit, Law own, Law l
     return path.owner == fit.body && !path.law_parameter().empty();
   };
   for (const FitParameterDoc& parameter : fit.parameters) {
-    if (is_of_law(parameter.path) && !uses(law, parameter.path.law_parameter())) continue;
+    if (is_of_law(parameter.path) && !material::uses(law, parameter.path.law_parameter())) continue;
     result.push_back(parameter);
   }
   for (const FitQuantity quantity : kTelling) {
@@ -62,7 +57,7 @@ std::vector<FitParameterDoc> parameters_of_law(const FitDoc& fit, Law own, Law l
     parameter.path.quantity = quantity;
     parameter.path.owner = fit.body;
     const std::string_view key = parameter.path.law_parameter();
-    if (!uses(law, key) || uses(own, key)) continue;
+    if (!material::uses(law, key) || material::uses(own, key)) continue;
     const bool listed = std::any_of(result.begin(), result.end(), [&](const auto& other) {
       return other.path.text() == parameter.path.text();
     });
@@ -74,7 +69,7 @@ std::vector<FitParameterDoc> parameters_of_law(const FitDoc& fit, Law own, Law l
 Json material_json(const Material& material) {
   Json json = {{"law", material::law_name(material.law)}};
   const auto put = [&](const char* key, double value) {
-    if (uses(material.law, key)) json[key] = value;
+    if (material::uses(material.law, key)) json[key] = value;
   };
   put("E", material.youngs_modulus);
   put("nu", material.poisson_ratio);

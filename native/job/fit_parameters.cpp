@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/fit_parameters.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include "base/error.hpp"
@@ -107,8 +108,7 @@ std::string obstacle(const SceneDoc& scene, const FitPath& path) {
   const std::string_view key = path.law_parameter();
   if (key.empty()) return {};
   const material::Law law = body_named(scene, path.owner).material.law;
-  const auto used = material::law_parameters(law);
-  if (std::find(used.begin(), used.end(), key) != used.end()) return {};
+  if (material::uses(law, key)) return {};
   return "the law " + std::string(material::law_name(law)) + " does not use it.";
 }
 
@@ -228,11 +228,7 @@ void set_scalar(const FitPath& path, double value, mpm::Scene& scene) {
   }
 }
 
-std::string number_text(double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.6g", value);
-  return text;
-}
+std::string number_text(double value) { return fmt::format("{:.6g}", value); }
 
 void set_bounds(const FitParameterDoc& doc, const Kind& kind, fit::Parameter& parameter) {
   if (doc.bounds) {

@@ -87,15 +87,6 @@ double size_of(const mpm::Scene& scene, const FitCapture& capture) {
   return fit::body_size(body.rest) + 0.5 * scene.dx;
 }
 
-/// Frames in which some sample is marked.
-std::size_t frames_of(const std::vector<std::uint8_t>& marks, std::size_t points) {
-  std::size_t count = 0;
-  for (auto frame = marks.begin(); frame != marks.end(); frame += std::ptrdiff_t(points)) {
-    count += std::find(frame, frame + std::ptrdiff_t(points), 1) != frame + std::ptrdiff_t(points);
-  }
-  return count;
-}
-
 /// Of clouds: each capture alone, first what is used of it, then what is held out.
 ErrorPool cloud_errors(std::vector<FitRun> runs, const FitModel& model, FitDoc::Loss loss,
                        const FitOutcome& outcome) {
@@ -116,7 +107,7 @@ ErrorPool cloud_errors(std::vector<FitRun> runs, const FitModel& model, FitDoc::
         used = held_out ? capture.predicted : capture.used;
         const FitProblem problem(model, runs, {}, loss, whole);
         pool.add(problem.distances(problem.residuals(outcome)), size_of(model.scene(r), capture),
-                 frames_of(used, capture.input.tracks.points), held_out);
+                 runs[r].captures[c].used_frames().size(), held_out);
         used = none;
       }
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "material/material.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <sstream>
@@ -83,6 +84,11 @@ std::vector<std::string_view> law_parameters(Law law) {
       return {"bulk_modulus", "viscosity"};
   }
   return {};
+}
+
+bool uses(Law law, std::string_view key) {
+  const auto used = law_parameters(law);
+  return std::find(used.begin(), used.end(), key) != used.end();
 }
 
 void validate(const Material& m, const std::string& where) {

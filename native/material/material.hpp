@@ -64,6 +64,8 @@ struct Material {
 /// The job-document names of the parameters this law uses, elastic ones first, without the
 /// damping and Maxwell ones that every law takes.
 [[nodiscard]] std::vector<std::string_view> law_parameters(Law law);
+/// Whether the key is among law_parameters(law).
+[[nodiscard]] bool uses(Law law, std::string_view key);
 
 /// Throws Error(kInput) naming the parameter, its value and the allowed range. `where` is the JSON
 /// path of the material ("scene.bodies[0].material").

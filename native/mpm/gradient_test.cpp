@@ -111,6 +111,12 @@ std::vector<Entry> entries(const GradientCase& run, const Gradient& g) {
   return all;
 }
 
+void make_fluid(material::Material& material, double viscosity = 10.0) {
+  material.law = Law::kNewtonian;
+  material.bulk_modulus = 2e5;
+  material.viscosity = viscosity;
+}
+
 /// Every entry, or `only` some, to 1e-6 of its difference, or of 1 where that is larger; losses are
 /// of the order of 500. Where a particle begins to touch or to yield between the two sides the
 /// difference is none: then a smaller step counts.
@@ -214,9 +220,7 @@ TEST(Gradient, OfUpdatedBodiesMatchesDifferences) {
   run.material.maxwell = {{2e4, 5e-3}};
   expect_differences("updated Herschel-Bulkley, relaxing", run);
   run.material.maxwell.clear();
-  run.material.law = Law::kNewtonian;
-  run.material.bulk_modulus = 2e5;
-  run.material.viscosity = 10.0;
+  make_fluid(run.material);
   expect_differences("updated fluid", run);
 }
 
@@ -234,9 +238,7 @@ TEST(Gradient, OfUpdatedBodiesThatTouchAndArePinnedMatchesDifferences) {
   run.masses = true;
   expect_differences("updated, with attached masses", run);
   run.hold = Hold::kNone;
-  run.material.law = Law::kNewtonian;
-  run.material.bulk_modulus = 2e5;
-  run.material.viscosity = 10.0;
+  make_fluid(run.material);
   expect_differences("updated fluid with attached masses", run);
 }
 
@@ -246,9 +248,7 @@ TEST(Gradient, OfDeformationGradientsSeenMatchesDifferences) {
   expect_differences("total, F seen", run);
   run.formulation = Formulation::kUpdated;
   expect_differences("updated, F seen", run);
-  run.material.law = Law::kNewtonian;
-  run.material.bulk_modulus = 2e5;
-  run.material.viscosity = 10.0;
+  make_fluid(run.material);
   expect_differences("updated fluid, F seen", run);
 }
 
@@ -293,9 +293,7 @@ TEST(Gradient, ByDampingAndViscosityThatAreZeroMatchesDifferences) {
   GradientCase water;
   water.formulation = Formulation::kUpdated;
   water.frames = 3;
-  water.material.law = Law::kNewtonian;
-  water.material.bulk_modulus = 2e5;
-  water.material.viscosity = 0.0;
+  make_fluid(water.material, 0.0);
   expect("fluid's viscosity", water, water.gradient<double>().bodies[0].material.viscosity,
          &Material::viscosity, 10.0);
 }

@@ -16,8 +16,8 @@ TotalGroupAdjoint<S>::TotalGroupAdjoint(const Scene& scene, TotalGroup<S>& group
     }
     TotalAdjoint<S> adjoint(group.body(m), body.material, adjoint_kernels<S>(target), rates);
     TotalCotangents<S> bar = adjoint.zero();
-    members_.push_back({group.index(m), body.density, std::move(adjoint), std::move(contact),
-                        std::move(bar), Vec3d::Zero(), &body});
+    members_.push_back({group.index(m), std::move(adjoint), std::move(contact), std::move(bar),
+                        Vec3d::Zero(), &body});
   }
 }
 
@@ -47,7 +47,7 @@ void TotalGroupAdjoint<S>::collect(const std::vector<Vec3d>& observed, Gradient&
   for (const Member& member : members_) {
     BodyGradient& body = out.bodies[member.index];
     body.material = member.adjoint.material_gradient(member.bar);
-    body.density = member.bar.log_density / member.density;
+    body.density = member.bar.log_density / member.body->density;
     InitialCotangents initial = member.adjoint.initial(member.bar);
     body.velocity = initial.velocity;
     body.spin = initial.spin;

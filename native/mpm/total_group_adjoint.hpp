@@ -34,7 +34,6 @@ class TotalGroupAdjoint {
  private:
   struct Member {
     std::size_t index;  ///< into scene.bodies
-    double density;
     TotalAdjoint<S> adjoint;
     std::unique_ptr<TotalContactAdjoint<S>> contact;  ///< null where there is no collider
     TotalCotangents<S> bar;

@@ -308,13 +308,7 @@ void add_first_transfer(const Body& body, std::size_t p, double dx, const Vec3d&
                               start.particle.cell,
                               {start.particle.f[0], start.particle.f[1], start.particle.f[2]}};
   const PointStencil stencil(place.fraction(), dx);
-  place.for_each_node([&](std::size_t x, std::size_t y, std::size_t z, std::size_t i, std::size_t j,
-                          std::size_t k) {
-    const std::uint32_t block = bar.topology->neighbours[place.block][neighbour_of_node(x, y, z)];
-    const S* node = bar.nodes.data() + block * kNodes + node_index(x % 4, y % 4, z % 4);
-    const Vec3d n(static_cast<double>(node[0]), static_cast<double>(node[kBlockNodes]),
-                  static_cast<double>(node[2 * kBlockNodes]));
-    const auto m = static_cast<double>(node[3 * kBlockNodes]);
+  const auto add = [&](const Vec3d& n, double m, std::size_t i, std::size_t j, std::size_t k) {
     const double w = stencil.weight(i, j, k);
     const Vec3d arm = dx * (stencil_node(i, j, k) - place.fraction());
     const double all = n.dot(v + spin * arm) + m;
@@ -322,7 +316,8 @@ void add_first_transfer(const Body& body, std::size_t p, double dx, const Vec3d&
     out.spin += mass * w * n * arm.transpose();
     out.x += mass * (all * stencil.gradient(i, j, k) - w * (spin.transpose() * n));
     out.log_density += mass * w * all;
-  });
+  };
+  for_each_cotangent(*bar.topology, bar.nodes, place, add);
 }
 
 }  // namespace

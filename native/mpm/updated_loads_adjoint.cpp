@@ -46,31 +46,20 @@ struct UpdatedLoadsAdjoint<S>::Substep {
     return place.position(origin, dx);
   }
 
-  /// Calls visit(cotangent of momentum, of mass, i, j, k) for the nodes of the place's cell.
-  template <class Visit>
-  void for_each_cotangent(const UpdatedPlace<S>& place, const Visit& visit) const {
-    place.for_each_node([&](std::size_t x, std::size_t y, std::size_t z, std::size_t i,
-                            std::size_t j, std::size_t k) {
-      const std::size_t block = record->after->neighbours[place.block][neighbour_of_node(x, y, z)];
-      const S* node = nodes->data() + block * 4 * kBlockNodes + node_index(x % 4, y % 4, z % 4);
-      visit(Vec3d(static_cast<double>(node[0]), static_cast<double>(node[kBlockNodes]),
-                  static_cast<double>(node[2 * kBlockNodes])),
-            static_cast<double>(node[3 * kBlockNodes]), i, j, k);
-    });
-  }
   /// At the nodes of the place's cell, with the weights of `f`.
   [[nodiscard]] GridSums sums(const UpdatedPlace<S>& place, const Vec3d& f) const {
     GridSums out;
     const PointStencil s(f, dx);
-    for_each_cotangent(place, [&](const Vec3d& momentum, double mass, std::size_t i, std::size_t j,
-                                  std::size_t k) {
-      const double w = s.weight(i, j, k);
-      const Vec3d g = s.gradient(i, j, k);
-      out.momentum += w * momentum;
-      out.momentum_by += momentum * g.transpose();
-      out.mass += w * mass;
-      out.mass_by += mass * g;
-    });
+    for_each_cotangent(
+        *record->after, *nodes, place,
+        [&](const Vec3d& momentum, double mass, std::size_t i, std::size_t j, std::size_t k) {
+          const double w = s.weight(i, j, k);
+          const Vec3d g = s.gradient(i, j, k);
+          out.momentum += w * momentum;
+          out.momentum_by += momentum * g.transpose();
+          out.mass += w * mass;
+          out.mass_by += mass * g;
+        });
     return out;
   }
 
@@ -252,15 +241,16 @@ void UpdatedLoadsAdjoint<S>::carry(const Substep& at, const UpdatedCarry<S>& car
   Vec3d v_bar = Vec3d::Zero();
   Vec3d x_bar = Vec3d::Zero();
   Mat3d gradient_bar = Mat3d::Zero();
-  at.for_each_cotangent(carry.place, [&](const Vec3d& momentum, double mass, std::size_t i,
-                                         std::size_t j, std::size_t k) {
-    const double share = carry.mass * s.weight(i, j, k);
-    const Vec3d arm = dx_ * (stencil_node(i, j, k) - f);
-    v_bar += share * momentum;
-    gradient_bar += share * momentum * arm.transpose();
-    const double all = momentum.dot(carry.velocity + gradient * arm) + mass;
-    x_bar += carry.mass * all * s.gradient(i, j, k) - share * (gradient.transpose() * momentum);
-  });
+  for_each_cotangent(
+      *at.record->after, *at.nodes, carry.place,
+      [&](const Vec3d& momentum, double mass, std::size_t i, std::size_t j, std::size_t k) {
+        const double share = carry.mass * s.weight(i, j, k);
+        const Vec3d arm = dx_ * (stencil_node(i, j, k) - f);
+        v_bar += share * momentum;
+        gradient_bar += share * momentum * arm.transpose();
+        const double all = momentum.dot(carry.velocity + gradient * arm) + mass;
+        x_bar += carry.mass * all * s.gradient(i, j, k) - share * (gradient.transpose() * momentum);
+      });
   at.velocity_gradient_adjoint(carry.place, s, gradient_bar, velocity_bar, x_bar);
   add_to<S>(v_bar, bar.velocity);
   add_to<S>(x_bar, bar.position);

@@ -8,6 +8,21 @@
 
 namespace matterfit::mpm {
 
+/// Calls visit(cotangent of momentum, of mass, i, j, k) for the nodes of the place's cell. `nodes`
+/// of the blocks of `topology`, as UpdatedCotangents::nodes.
+template <class S, class Visit>
+void for_each_cotangent(const UpdatedTopology& topology, const std::vector<S>& nodes,
+                        const UpdatedPlace<S>& place, const Visit& visit) {
+  place.for_each_node([&](std::size_t x, std::size_t y, std::size_t z, std::size_t i, std::size_t j,
+                          std::size_t k) {
+    const std::size_t block = topology.neighbours[place.block][neighbour_of_node(x, y, z)];
+    const S* node = nodes.data() + block * 4 * kBlockNodes + node_index(x % 4, y % 4, z % 4);
+    visit(Vec3d(static_cast<double>(node[0]), static_cast<double>(node[kBlockNodes]),
+                static_cast<double>(node[2 * kBlockNodes])),
+          static_cast<double>(node[3 * kBlockNodes]), i, j, k);
+  });
+}
+
 /// Adjoints of what acts on single particles after a substep: contact with colliders
 /// (UpdatedContact), pins (apply_updated_pins) and attached masses (apply_attached_masses).
 template <class S>

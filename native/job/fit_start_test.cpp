@@ -90,5 +90,29 @@ TEST(FitStart, AScanLooksBothWaysWhereNothingCouldBeSimulated) {
   }
 }
 
+TEST(FitStart, AScanDoesNotGoFarForNextToNothing) {
+  Json document = thrown_cube();
+  document["captures"] = {{{"tracks", "a.npz"}}};
+  document["fit"] = {{"parameters", {"material.E"}}};
+  const Folder folder;
+  const Job job = job_of(document, folder.path);
+  Arena arena(1);
+  const mpm::Scene scene = build_scene(job, arena, Interrupter()).scene;
+  const FitParameters parameters(job.fit->parameters, {{&job, &scene, {}, nullptr}});
+  // Every half decade is another .5 % better, as far as the bounds.
+  double stiffest = 0.0;
+  const auto costs = [&](const std::vector<std::vector<double>>& points) {
+    std::vector<double> all;
+    for (const auto& values : points) {
+      stiffest = std::max(stiffest, values[0]);
+      all.push_back(1.0 - 0.01 * std::log10(values[0] / 3e4));
+    }
+    return all;
+  };
+  const std::vector<double> found = scanned(parameters, {3e4}, 1.0, costs);
+  EXPECT_LE(stiffest, 1.01 * 3e5);
+  EXPECT_GT(found[0], 3e4);
+}
+
 }  // namespace
 }  // namespace matterfit::job

@@ -198,8 +198,32 @@ void bring_up_to_date(const std::vector<Parameter>& parameters, const VectorXd& 
   for (Index k = 0; k < step.size(); ++k) jacobian.col(k) += (scaled[k] / length) * missed;
 }
 
-/// Where a Jacobian comes from, in the order in which they are tried.
-enum class Slopes : std::uint8_t { kStandIn, kKept, kOneSided, kCentral };
+/// Residuals as the cost's gradient weighs them: beyond Huber's threshold they count by their sign.
+VectorXd weighed(const VectorXd& residual, double huber) {
+  if (!(huber > 0.0)) return residual;
+  return residual.cwiseMax(-huber).cwiseMin(huber);
+}
+
+/// The adjoint Broyden update: the least change of the Jacobian with which it gives the cost's
+/// exact gradient. False where the problem does not tell that.
+bool correct(Problem& problem, const VectorXd& point, const VectorXd& residual, double huber,
+             const std::vector<std::uint8_t>& unknown, MatrixXd& jacobian) {
+  const VectorXd weights = weighed(residual, huber);
+  const double length = weights.squaredNorm();
+  if (!(length > 0.0)) return false;
+  const auto exact = problem.transposed(point, weights);
+  if (!exact || exact->size() != jacobian.cols() || !exact->allFinite()) return false;
+  for (Index k = 0; k < jacobian.cols(); ++k) {
+    if (unknown[std::size_t(k)] != 0) continue;
+    const double missed = (*exact)[k] - jacobian.col(k).dot(weights);
+    jacobian.col(k) += (missed / length) * weights;
+  }
+  return true;
+}
+
+/// Where a Jacobian comes from, in the order in which they are tried. A corrected one is the one
+/// that was tried before it, a kept one or one of one-sided differences.
+enum class Slopes : std::uint8_t { kStandIn, kKept, kCorrected, kOneSided, kCentral };
 
 /// A Jacobian is kept after a step that gained at least this part of what it promised.
 constexpr double kKeeps = 0.5;
@@ -388,6 +412,13 @@ void linearise_at(Problem& problem, const std::vector<Parameter>& parameters,
     if (state.jacobian.size() == 0) {
       // Counted when it was first made.
       Differences found = differ(problem, state.anchor, {});
+      int passed = 0;
+      const auto corrected = [&](const VectorXd& at) {
+        const auto& where = state.corrected;
+        if (std::find(where.begin(), where.end(), passed++) == where.end()) return;
+        (void)correct(problem, at, found.residual, options.huber, found.unknown, found.jacobian);
+      };
+      corrected(state.anchor);
       const VectorXd* from = &state.anchor;
       for (const VectorXd& to : state.trail) {
         auto residual = evaluate(problem, {to}, found.residual.size());
@@ -395,6 +426,7 @@ void linearise_at(Problem& problem, const std::vector<Parameter>& parameters,
         bring_up_to_date(parameters, to - *from, *residual.front() - found.residual,
                          found.jacobian);
         found.residual = std::move(*residual.front());
+        corrected(to);
         from = &to;
       }
       state.jacobian = std::move(found.jacobian);
@@ -446,6 +478,10 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
   LeastSquaresState next = state;
   const bool borrows = problem.stand_in() != nullptr;
   const Slopes usual = Slopes::kOneSided;
+  const double columns = double(parameters_.size());
+  const auto adjoint_is_cheaper = [&, cost = problem.transposed_cost()](double than) {
+    return cost > 0.0 && cost < than;
+  };
   LeastSquaresOptions options = options_;
   options.cost_tolerance = worth_while(problem, next.residual, options_.cost_tolerance);
   Slopes slopes = usual;
@@ -460,7 +496,17 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
         slopes = usual;
       }
     }
-    if (slopes != Slopes::kStandIn) {
+    if (slopes == Slopes::kCorrected) {
+      const bool corrected =
+          correct(problem, next.point, next.residual, options.huber, next.unknown, next.jacobian);
+      next.evaluations += int(std::ceil(problem.transposed_cost()));
+      if (corrected) {
+        next.corrected.push_back(int(next.trail.size()));
+      } else {
+        slopes = next.anchor.size() > 0 ? usual : Slopes::kCentral;
+      }
+    }
+    if (slopes != Slopes::kStandIn && slopes != Slopes::kCorrected) {
       next.own = borrows;
       if (slopes != Slopes::kKept) next.forget_slopes();
       linearise_at(problem, parameters_, options, slopes, next);
@@ -476,7 +522,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     const VectorXd from = next.point;
     // Where this iteration's own Jacobian was taken.
     const auto anchor_at = [&](const VectorXd& point) {
-      if (slopes == Slopes::kKept) return;
+      if (next.anchor.size() > 0) return;
       next.anchor = point;
       next.central = slopes == Slopes::kCentral;
     };
@@ -508,11 +554,13 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     const double cost_before = next.cost;
     const double damping_before = next.damping;
     Taken taken;
-    const Outcome outcome = try_steps(problem, parameters_, options, model, bounds, nothing,
-                                      slopes == Slopes::kStandIn ? kBorrowedTrials
-                                      : slopes == Slopes::kKept  ? kKeptTrials
-                                                                 : kMostTrials,
-                                      next, taken);
+    // Before another Jacobian is made.
+    const bool kept_and_corrected = slopes == Slopes::kCorrected && next.anchor.size() > 0;
+    const int most_trials = slopes == Slopes::kStandIn || kept_and_corrected ? kBorrowedTrials
+                            : slopes == Slopes::kKept                        ? kKeptTrials
+                                                                             : kMostTrials;
+    const Outcome outcome =
+        try_steps(problem, parameters_, options, model, bounds, nothing, most_trials, next, taken);
     if (outcome == Outcome::kAccepted) {
       next.converged = next.converged && all_known;
       if (slopes == Slopes::kStandIn) {
@@ -538,8 +586,14 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       }
       break;
     }
-    // One-sided differences are off by half their step; two-sided ones may still point downhill.
-    if (slopes == Slopes::kCentral || (slopes == Slopes::kOneSided && !options.thorough)) {
+    // One-sided differences are off by half their step; what is exact may still point downhill.
+    if (slopes == Slopes::kKept) {
+      slopes = adjoint_is_cheaper(columns) ? Slopes::kCorrected : usual;
+    } else if (slopes == Slopes::kStandIn || kept_and_corrected) {
+      slopes = usual;
+    } else if (slopes == Slopes::kOneSided && options.thorough) {
+      slopes = adjoint_is_cheaper(2.0 * columns) ? Slopes::kCorrected : Slopes::kCentral;
+    } else {
       const bool rough = outcome == Outcome::kRough;
       finish(next, rough && all_known,
              rough ? "No shorter step lowers the cost."
@@ -547,7 +601,6 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       anchor_at(next.point);
       break;
     }
-    slopes = slopes == Slopes::kOneSided ? Slopes::kCentral : usual;
   }
   if (!next.finished && next.iteration >= options.iterations) {
     finish(next, false, fmt::format("The limit of {} iterations was reached.", options.iterations));

@@ -26,6 +26,14 @@ class Problem {
   /// (the same simulation at a coarser resolution); null: none. The Jacobian is taken from it until
   /// that leads no farther.
   virtual Problem* stand_in() { return nullptr; }
+  /// The transpose of the Jacobian at `point` times `weights`, one a residual, by an adjoint:
+  /// nothing where there is none or it failed. Throws Error(kCancelled).
+  virtual std::optional<Eigen::VectorXd> transposed(const Eigen::VectorXd& /*point*/,
+                                                    const Eigen::VectorXd& /*weights*/) {
+    return std::nullopt;
+  }
+  /// What transposed() takes, in evaluations of a batch; 0: there is none.
+  [[nodiscard]] virtual double transposed_cost() const { return 0.0; }
   /// How many of these residuals count as independent; 0: not known.
   [[nodiscard]] virtual double effective(const Eigen::VectorXd&) const { return 0.0; }
   /// The block of each residual: parts of the data that know little of each other, for errors from
@@ -41,7 +49,8 @@ struct LeastSquaresOptions {
   /// tenth of its standard error (Problem::effective()).
   double cost_tolerance = 1e-6;
   double difference = 1e-2;  ///< step of the finite differences, in units of Parameter::scale
-  bool thorough = true;      ///< where one-sided ones lead no farther, central ones are tried
+  /// Where one-sided ones lead no farther, an adjoint or central ones are tried.
+  bool thorough = true;
 };
 
 /// One accepted or refused step, for loss curves and logs.
@@ -70,6 +79,8 @@ struct LeastSquaresState {
   bool central = false;  ///< that one is of central differences
   /// Points stepped to since then: each has brought the Jacobian up to date.
   std::vector<Eigen::VectorXd> trail;
+  /// Where an adjoint has corrected it: 0 at the anchor, i at the i-th point of the trail.
+  std::vector<int> corrected;
   /// Of the last linearisation, residuals × parameters. With an anchor it goes into the next
   /// iteration, which makes it again, to the same bits, where it is empty.
   Eigen::MatrixXd jacobian;
@@ -83,6 +94,7 @@ struct LeastSquaresState {
     anchor.resize(0);
     central = false;
     trail.clear();
+    corrected.clear();
   }
 };
 
@@ -99,9 +111,11 @@ struct LeastSquaresState {
 /// residuals are large and curved; central ones do not. With a stand-in its Jacobian leads to where
 /// its own gradient against the true residuals is 0; from there on the problem's own is used. A
 /// Jacobian is kept while steps gain what it promises, and each brings it up to date with what the
-/// residuals did (Broyden's update, in units of the scales). References: Nocedal and Wright,
+/// residuals did (Broyden's update, in units of the scales). Where it leads no farther and an
+/// adjoint costs less than another one, it is corrected by the exact gradient (the adjoint Broyden
+/// update). References: Nocedal and Wright,
 /// Numerical Optimization, ch. 10 and 11; Madsen, Nielsen and Tingleff 2004; space mapping: Bandler
-/// et al. 2004.
+/// et al. 2004; Schlenkrich, Griewank and Walther 2010.
 class LeastSquares {
  public:
   LeastSquares(std::vector<Parameter> parameters, LeastSquaresOptions options);

@@ -11,6 +11,8 @@
 #include "base/error.hpp"
 #include "fit/metrics.hpp"
 #include "fit/surface_points.hpp"
+#include "job/fit_gradient.hpp"
+#include "mpm/gradient.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -212,82 +214,100 @@ void FitModel::settle(std::span<const double> values, std::span<const int> befor
   }
 }
 
+/// What is simulated, and where and when it is looked at.
+struct FitModel::Trial {
+  mpm::Scene scene;
+  std::vector<Watcher> moved;  ///< of bodies that are placed anew
+  std::span<const Watcher> watchers;
+  std::vector<std::vector<double>> times;  ///< of each capture
+  int frames = 0;                          ///< after the first
+  bool own_steps = false;                  ///< the solver chooses its substeps
+  double finer = 1.0;                      ///< else the factor of those that were chosen
+};
+
+FitModel::Trial FitModel::trial(std::size_t run, std::span<const double> values, const Scope& scope,
+                                Arena& arena) const {
+  const RunModel& model = *models_[run];
+  const FitRun& fit_run = runs_[run];
+  Trial trial;
+  trial.scene = model.scene;
+  mpm::Scene& scene = trial.scene;
+  apply(frozen_[run], scene);
+  parameters_.apply(values, run, scene);
+  const FitDoc::Loss loss = options_.loss;
+  trial.watchers = model.watchers;
+  const bool placed = std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                                  [&](const auto& b) { return parameters_.places(run, b.name); });
+  if (placed) {
+    for (std::size_t c = 0; c < fit_run.captures.size(); ++c) {
+      const FitCapture& capture = fit_run.captures[c];
+      const bool surface = loss == FitDoc::Loss::kSurface;
+      Points rest = surface ? model.surfaces[c] : capture.input.rest;
+      if (surface || capture.places_given) {
+        for (Vec3d& x : rest) x = parameters_.placed(values, run, capture.input.body, x);
+      }
+      trial.moved.push_back(RunModel::watch(scene, capture, loss, std::move(rest), arena));
+    }
+    trial.watchers = trial.moved;
+  }
+  const int last = scene.end_frame - 1 - scene.first_frame;
+  const double end = last / scene.fps;
+  double latest = 0.0;
+  for (const FitCapture& capture : fit_run.captures) {
+    const double delay = parameters_.delay(values, run, capture.input.name);
+    latest = std::max(latest, delay);
+    std::vector<double> times = capture.input.tracks.times;
+    // What a delay brings to beyond the simulated time is compared with its end.
+    for (double& time : times) {
+      const bool inside = time >= 0.0 && time <= end;
+      time += delay;
+      if (inside) time = std::clamp(time, 0.0, end);
+    }
+    trial.times.push_back(std::move(times));
+  }
+  const double until = scope.until[run] + latest;
+  trial.frames = std::min(last, int(std::ceil(until * scene.fps - 1e-6)));
+  trial.own_steps = scope.solver_steps || scene.dt > 0.0 || steps_[run].substeps.empty();
+  if (!trial.own_steps) trial.finer = std::pow(kFiner, refined(run, scene));
+  return trial;
+}
+
 std::optional<FitObservation> FitModel::simulate(std::size_t run, std::span<const double> values,
                                                  const Scope& scope,
                                                  const std::shared_ptr<Arena>& arena,
                                                  const std::function<void()>& tick,
                                                  Failure& failure) const {
-  const RunModel& model = *models_[run];
-  const FitRun& fit_run = runs_[run];
   try {
-    mpm::Scene scene = model.scene;
-    apply(frozen_[run], scene);
-    parameters_.apply(values, run, scene);
-    std::vector<Watcher> moved;
-    const FitDoc::Loss loss = options_.loss;
-    const std::vector<Watcher>* watchers = &model.watchers;
-    const bool placed = std::any_of(scene.bodies.begin(), scene.bodies.end(),
-                                    [&](const auto& b) { return parameters_.places(run, b.name); });
-    if (placed) {
-      for (std::size_t c = 0; c < fit_run.captures.size(); ++c) {
-        const FitCapture& capture = fit_run.captures[c];
-        const bool surface = loss == FitDoc::Loss::kSurface;
-        Points rest = surface ? model.surfaces[c] : capture.input.rest;
-        if (surface || capture.places_given) {
-          for (Vec3d& x : rest) x = parameters_.placed(values, run, capture.input.body, x);
-        }
-        moved.push_back(RunModel::watch(scene, capture, loss, std::move(rest), *arena));
-      }
-      watchers = &moved;
-    }
-    const int last = scene.end_frame - 1 - scene.first_frame;
-    std::vector<double> delays;
-    double latest = 0.0;
-    for (const FitCapture& capture : fit_run.captures) {
-      delays.push_back(parameters_.delay(values, run, capture.input.name));
-      latest = std::max(latest, delays.back());
-    }
-    const double until = scope.until[run] + latest;
-    const int frames = std::min(last, int(std::ceil(until * scene.fps - 1e-6)));
-    const bool own = scope.solver_steps || scene.dt > 0.0 || steps_[run].substeps.empty();
-    const double factor = own ? 1.0 : std::pow(kFiner, refined(run, scene));
-    mpm::Simulation::Options options;
-    options.target = options_.target;
-    options.memory_limit = static_cast<std::size_t>(1e9 * options_.memory_limit_gb);
+    Trial trial = this->trial(run, values, scope, *arena);
+    mpm::Scene& scene = trial.scene;
     for (int attempt = 0;; ++attempt) {
-      if (!own) scene.substeps = multiplied(steps_[run].substeps, std::ldexp(factor, attempt));
+      if (!trial.own_steps) {
+        scene.substeps = multiplied(steps_[run].substeps, std::ldexp(trial.finer, attempt));
+      }
       try {
-        mpm::Simulation simulation(scene, arena, options);
+        mpm::Simulation simulation(scene, arena, simulation_options());
         FitObservation observation;
-        std::vector<std::vector<Points>> seen(watchers->size());
+        std::vector<std::vector<Points>> seen(trial.watchers.size());
         const auto record = [&] {
           const mpm::FrameState state = simulation.state();
-          for (std::size_t c = 0; c < watchers->size(); ++c) {
-            seen[c].push_back((*watchers)[c].see(scene, state, *arena));
+          for (std::size_t c = 0; c < seen.size(); ++c) {
+            seen[c].push_back(trial.watchers[c].see(scene, state, *arena));
           }
         };
         record();
-        for (int k = 0; k < frames; ++k) {
+        for (int k = 0; k < trial.frames; ++k) {
           interrupter_.check();
           observation.substeps.push_back(simulation.advance(interrupter_).substeps);
           record();
           tick();
         }
-        for (std::size_t c = 0; c < watchers->size(); ++c) {
-          std::vector<double> times = fit_run.captures[c].input.tracks.times;
-          // What a delay brings to beyond the simulated time is compared with its end.
-          const double end = last / scene.fps;
-          for (double& time : times) {
-            const bool inside = time >= 0.0 && time <= end;
-            time += delays[c];
-            if (inside) time = std::clamp(time, 0.0, end);
-          }
+        for (std::size_t c = 0; c < seen.size(); ++c) {
           observation.captures.push_back(
-              at_times(seen[c], (*watchers)[c].size(), times, scene.fps));
+              at_times(seen[c], trial.watchers[c].size(), trial.times[c], scene.fps));
         }
         return observation;
       } catch (const Error& error) {
-        if (error.kind() != ErrorKind::kCompute || own || attempt == kMoreTries) throw;
+        if (error.kind() != ErrorKind::kCompute || trial.own_steps || attempt == kMoreTries) throw;
       }
     }
   } catch (const Error& error) {
@@ -295,6 +315,69 @@ std::optional<FitObservation> FitModel::simulate(std::size_t run, std::span<cons
     failure = {error.what(), error.kind() == ErrorKind::kInput};
     return std::nullopt;
   }
+}
+
+mpm::Simulation::Options FitModel::simulation_options() const {
+  mpm::Simulation::Options options;
+  options.target = options_.target;
+  options.memory_limit = static_cast<std::size_t>(1e9 * options_.memory_limit_gb);
+  return options;
+}
+
+bool FitModel::has_gradient() const {
+  if (options_.loss != FitDoc::Loss::kTracks) return false;
+  for (std::size_t r = 0; r < models_.size(); ++r) {
+    if (!matterfit::job::has_gradient(parameters_, r, models_[r]->scene)) return false;
+  }
+  return true;
+}
+
+std::optional<std::vector<double>> FitModel::pull_back(
+    const std::vector<double>& values, const Scope& scope,
+    const std::vector<std::vector<Points>>& bars,
+    const std::function<void(double)>& progress) const {
+  if (!has_gradient()) return std::nullopt;
+  std::vector<double> sum(parameters_.size(), 0.0);
+  const auto arena = std::make_shared<Arena>(options_.threads);
+  try {
+    for (std::size_t r = 0; r < models_.size(); ++r) {
+      if (scope.until[r] < 0.0) continue;
+      Trial trial = this->trial(r, values, scope, *arena);
+      mpm::Scene& scene = trial.scene;
+      if (!trial.own_steps) scene.substeps = multiplied(steps_[r].substeps, trial.finer);
+      scene.end_frame = scene.first_frame + trial.frames + 1;
+      std::vector<std::vector<Points>> frames;
+      for (std::size_t c = 0; c < trial.watchers.size(); ++c) {
+        frames.push_back(frames_bar(static_cast<std::size_t>(trial.frames) + 1,
+                                    trial.watchers[c].size(), trial.times[c], scene.fps,
+                                    bars[r][c]));
+      }
+      const mpm::Observer observer = [&](const mpm::ObservedFrame& frame, mpm::FrameLoss& loss) {
+        const auto k = static_cast<std::size_t>(frame.frame - scene.first_frame);
+        for (std::size_t c = 0; c < frames.size(); ++c) {
+          const Watcher& watcher = trial.watchers[c];
+          mpm::FrameLoss::Body& of = loss.bodies[watcher.body];
+          const std::size_t particles = scene.bodies[watcher.body].rest.size();
+          of.positions.resize(particles, Vec3d::Zero());
+          of.deformation_gradients.resize(particles, Mat3d::Zero());
+          watcher.points->spread(frames[c][k], of.positions, of.deformation_gradients);
+        }
+      };
+      mpm::GradientOptions options;
+      options.simulation = simulation_options();
+      options.memory_budget = options.simulation.memory_limit / 2;
+      options.of_no_damping = false;
+      options.deformation_gradients = true;
+      options.progress = progress;
+      const mpm::Gradient gradient =
+          mpm::gradient<float>(scene, arena, observer, options, interrupter_);
+      add_gradient(parameters_, r, scene, gradient, sum);
+    }
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kCancelled) throw;
+    return std::nullopt;
+  }
+  return sum;
 }
 
 std::vector<std::optional<FitOutcome>> FitModel::evaluate(

@@ -89,18 +89,35 @@ class FitModel {
   [[nodiscard]] std::vector<std::optional<FitOutcome>> evaluate(
       const std::vector<std::vector<double>>& points, const Scope& scope,
       const std::function<void(double)>& progress = {}) const;
+  /// Whether pull_back() can tell: not with a loss between clouds, whose nearest neighbours change,
+  /// nor by where a body is placed or when a recording began, nor where the scenes have no adjoint.
+  [[nodiscard]] bool has_gradient() const;
+  /// The derivative by each parameter (physical values) of Σ bar·x over what the captures see of a
+  /// simulation: `bars` run by run and capture by capture, (T, N), none of a run that is not
+  /// simulated. By the adjoint (mpm/gradient.hpp), with contacts and substeps held. Nothing where
+  /// the simulation could not be completed, or its record does not fit into the memory. Equal bits
+  /// for any number of threads. Throws Error(kCancelled).
+  [[nodiscard]] std::optional<std::vector<double>> pull_back(
+      const std::vector<double>& values, const Scope& scope,
+      const std::vector<std::vector<Points>>& bars,
+      const std::function<void(double)>& progress = {}) const;
   [[nodiscard]] const std::string& failure() const { return failure_.message; }
   /// It was refused for what the document says.
   [[nodiscard]] bool failed_by_input() const { return failure_.by_input; }
 
  private:
   struct RunModel;
+  struct Trial;
   struct Failure {
     std::string message;
     bool by_input = false;
   };
   /// The power for this scene.
   [[nodiscard]] int refined(std::size_t run, const mpm::Scene& scene) const;
+  [[nodiscard]] mpm::Simulation::Options simulation_options() const;
+  /// A run at these values, without its substeps.
+  [[nodiscard]] Trial trial(std::size_t run, std::span<const double> values, const Scope& scope,
+                            Arena& arena) const;
   std::optional<FitObservation> simulate(std::size_t run, std::span<const double> values,
                                          const Scope& scope, const std::shared_ptr<Arena>& arena,
                                          const std::function<void()>& tick, Failure& failure) const;

@@ -21,14 +21,7 @@ constexpr double kWorthwhile = 0.75;
 std::vector<double> used_times(const FitRun& run) {
   std::set<double> times;
   for (const FitCapture& capture : run.captures) {
-    const std::size_t points = capture.input.tracks.points;
-    for (std::size_t t = 0; t < capture.input.tracks.frames(); ++t) {
-      const auto begin = capture.used.begin() + static_cast<std::ptrdiff_t>(t * points);
-      if (std::any_of(begin, begin + static_cast<std::ptrdiff_t>(points),
-                      [](std::uint8_t used) { return used != 0; })) {
-        times.insert(capture.input.tracks.times[t]);
-      }
-    }
+    for (const std::size_t t : capture.used_frames()) times.insert(capture.input.tracks.times[t]);
   }
   return {times.begin(), times.end()};
 }
@@ -114,15 +107,10 @@ FitProblem::FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
     if (window_.until[r] < 0.0) continue;
     for (std::size_t c = 0; c < runs[r].captures.size(); ++c) {
       const FitCapture& capture = runs[r].captures[c];
-      const std::size_t points = capture.input.tracks.points;
       Part part{r, c, {}};
-      for (std::size_t t = 0; t < capture.input.tracks.frames(); ++t) {
+      for (const std::size_t t : capture.used_frames()) {
         if (capture.input.tracks.times[t] > window_.until[r] + kSlack) break;
-        const auto begin = capture.used.begin() + static_cast<std::ptrdiff_t>(t * points);
-        if (std::any_of(begin, begin + static_cast<std::ptrdiff_t>(points),
-                        [](std::uint8_t used) { return used != 0; })) {
-          part.frames.push_back(t);
-        }
+        part.frames.push_back(t);
       }
       if (!part.frames.empty()) parts_.push_back(std::move(part));
     }
@@ -163,6 +151,42 @@ std::vector<std::optional<Eigen::VectorXd>> FitProblem::evaluate(
     results[p] = std::move(residual);
   }
   return results;
+}
+
+double FitProblem::transposed_cost() const {
+  // One run with all threads and its way back, beside runs with one thread each.
+  constexpr double kCost = 5.0;
+  return model_.has_gradient() ? kCost : 0.0;
+}
+
+std::optional<Eigen::VectorXd> FitProblem::transposed(const Eigen::VectorXd& point,
+                                                      const Eigen::VectorXd& weights) {
+  if (!model_.has_gradient()) return std::nullopt;
+  std::vector<std::vector<Points>> bars(runs_.size());
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    for (const FitCapture& capture : runs_[r].captures) {
+      bars[r].emplace_back(capture.input.tracks.positions.size(), Vec3d::Zero());
+    }
+  }
+  Eigen::Index at = 0;
+  for (const Part& part : parts_) {
+    const FitCapture& capture = capture_of(part);
+    const std::size_t points = capture.input.tracks.points;
+    for (const std::size_t t : part.frames) {
+      for (std::size_t i = 0; i < points; ++i, at += 3) {
+        if (capture.used[t * points + i] == 0) continue;
+        bars[part.run][part.capture][t * points + i] = weights.segment<3>(at) / capture.sigma[i];
+      }
+    }
+  }
+  const auto sum = model_.pull_back(physical(point), {window_.until, false}, bars, progress);
+  if (!sum) return std::nullopt;
+  Eigen::VectorXd result(point.size());
+  for (Eigen::Index k = 0; k < point.size(); ++k) {
+    const auto n = std::size_t(k);
+    result[k] = (*sum)[n] * fit::derivative(parameters_[n].coordinate, point[k]);
+  }
+  return result;
 }
 
 Eigen::VectorXd FitProblem::residuals(const FitOutcome& outcome) const {

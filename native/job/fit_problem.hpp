@@ -35,6 +35,10 @@ class FitProblem final : public fit::Problem {
   std::vector<std::optional<Eigen::VectorXd>> evaluate(
       const std::vector<Eigen::VectorXd>& points) override;
   fit::Problem* stand_in() override { return stand_in_; }
+  /// By the model's adjoint.
+  std::optional<Eigen::VectorXd> transposed(const Eigen::VectorXd& point,
+                                            const Eigen::VectorXd& weights) override;
+  [[nodiscard]] double transposed_cost() const override;
   /// Borrowed: the same captures against a coarser model.
   void set_stand_in(FitProblem* problem) { stand_in_ = problem; }
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/fit_search.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include "base/error.hpp"
@@ -24,6 +25,9 @@ constexpr double kPoorSize = 0.005;
 /// Steps of the scan after the first stage, either way: where the law is wrong all of them are
 /// poor.
 constexpr int kNear = 3;
+/// A start whose waves cross the body more often than this from frame to frame looks like any
+/// stiffer one, and a simulation takes the longer the stiffer it is.
+constexpr double kMostCrossings = 30.0;
 /// Stages before the last: how far is far enough.
 constexpr int kShortStage = 8;
 constexpr double kCoarseStep = 2e-2;
@@ -40,12 +44,6 @@ constexpr double kCoarser = 2.0;
 constexpr double kOfCoarser = 1.0 / (kCoarser * kCoarser - 1.0);
 /// What a stage that is led by a coarser one takes of the time that it would take alone, about.
 constexpr double kLedShare = 0.3;
-
-std::string print(const char* format, double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
 
 double mean_of(const std::vector<double>& values) {
   double sum = 0.0;
@@ -75,7 +73,7 @@ std::string fit_label(const FitReport& report, const std::string& law) {
   const std::string iteration =
       report.iteration > 0 ? ", iteration " + std::to_string(report.iteration) : "";
   const std::string rms =
-      std::isfinite(report.rms) ? ", rms " + print("%.2f", 1e3 * report.rms) + " mm" : "";
+      std::isfinite(report.rms) ? fmt::format(", rms {:.2f} mm", 1e3 * report.rms) : "";
   std::string stage = report.stage;
   const std::string separation = ", separation ×";
   if (const std::size_t at = stage.find(separation); at != std::string::npos) {
@@ -129,7 +127,7 @@ LawFit::LawFit(FitSetup setup, const Interrupter& interrupter, std::vector<std::
       stage.last = l + 1 == levels.size() && w + 1 == windows.size();
       stage.name = "frames " + std::to_string(windows[w].first_frame) + "-" +
                    std::to_string(windows[w].last_frame);
-      if (levels[l] != 1.0) stage.name += ", separation ×" + print("%g", levels[l]);
+      if (levels[l] != 1.0) stage.name += fmt::format(", separation ×{:g}", levels[l]);
       stages_.push_back(std::move(stage));
     }
   }
@@ -216,6 +214,38 @@ std::vector<double> LawFit::mean_distances(LawState& state,
   return mean_distances(state, points, window, stages_.front().level);
 }
 
+double LawFit::crossings(std::span<const double> values) const {
+  double most = 0.0;
+  for (std::size_t r = 0; r < scenes_.size(); ++r) {
+    mpm::Scene scene = scenes_[r];
+    parameters_->apply(values, r, scene);
+    for (const std::string& name : parameters_->moved_materials(r)) {
+      const mpm::Body& body = scene.bodies[body_index(scene, name)];
+      const double speed = body.material.wave_speed(body.density);
+      most = std::max(most, speed / (fit::body_size(body.rest) * scene.fps));
+    }
+  }
+  return most;
+}
+
+std::vector<double> LawFit::start_distances(LawState& state,
+                                            const std::vector<std::vector<double>>& points,
+                                            const FitWindow& window) {
+  const double limit = std::max(kMostCrossings, crossings(parameters_->starts()));
+  std::vector<double> all(points.size(), std::numeric_limits<double>::infinity());
+  std::vector<std::vector<double>> tried;
+  std::vector<std::size_t> places;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (crossings(points[i]) > limit) continue;
+    tried.push_back(points[i]);
+    places.push_back(i);
+  }
+  if (tried.empty()) return all;
+  const std::vector<double> found = mean_distances(state, tried, window);
+  for (std::size_t i = 0; i < places.size(); ++i) all[places[i]] = found[i];
+  return all;
+}
+
 void LawFit::choose_material(LawState& state) {
   const Stage& stage = stages_[state.stage];
   const bool finer = state.stage > 0 && stages_[state.stage - 1].level != stage.level;
@@ -270,11 +300,11 @@ void LawFit::begin(LawState& state) {
     state.candidates = balance.candidates;
     state.candidates.push_back(parameters_->starts());
     if (!balance.candidates.empty()) {
-      const auto means = mean_distances(state, balance.candidates, window);
+      const auto means = start_distances(state, balance.candidates, window);
       const auto best = std::min_element(means.begin(), means.end());
       const bool better = *best < mean;
       const auto millimetres = [](double distance) {
-        return std::isfinite(distance) ? print("%.3g mm", 1e3 * distance)
+        return std::isfinite(distance) ? fmt::format("{:.3g} mm", 1e3 * distance)
                                        : std::string("beyond all");
       };
       balance.statement += ". It misses the capture by " + millimetres(*best) +
@@ -288,8 +318,8 @@ void LawFit::begin(LawState& state) {
     if (!balance.statement.empty()) statements_.push_back(balance.statement);
     if (mean <= far_off) return;
   }
-  state.values = scanned(*parameters_, state.values, mean,
-                         [&](const auto& points) { return mean_distances(state, points, window); });
+  const auto costs = [&](const auto& points) { return start_distances(state, points, window); };
+  state.values = scanned(*parameters_, state.values, mean, costs);
 }
 
 bool LawFit::rescan(LawState& state) {
@@ -299,7 +329,7 @@ bool LawFit::rescan(LawState& state) {
   coarse.release_contacts();
   coarse.set_steps(std::vector<FitSteps>(setup_.runs->size()));
   const double mean = mean_distances(state, {state.values}, window).front();
-  const auto costs = [&](const auto& points) { return mean_distances(state, points, window); };
+  const auto costs = [&](const auto& points) { return start_distances(state, points, window); };
   std::vector<double> found = scanned(*parameters_, state.values, mean, costs, kNear);
   if (found == state.values) return false;
   state.values = std::move(found);

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -102,6 +103,13 @@ class LawFit {
   [[nodiscard]] std::vector<double> mean_distances(LawState& state,
                                                    const std::vector<std::vector<double>>& points,
                                                    const FitWindow& window);
+  /// How often waves cross a body whose material is moved, from frame to frame.
+  [[nodiscard]] double crossings(std::span<const double> values) const;
+  /// mean_distances() of starts; infinite where one is too stiff for that to be seen, and stiffer
+  /// than the document's, without a simulation.
+  [[nodiscard]] std::vector<double> start_distances(LawState& state,
+                                                    const std::vector<std::vector<double>>& points,
+                                                    const FitWindow& window);
   /// Where a finer level begins: with the material of the coarser one, or with one of those that
   /// were tried as a start, whichever is nearest there. A coarse grid is viscous by itself, and a
   /// fit there makes up for it.

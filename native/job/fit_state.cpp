@@ -44,6 +44,7 @@ Json to_json(const fit::LeastSquaresState& state) {
           {"anchor", to_json(state.anchor)},
           {"central", state.central},
           {"trail", trail},
+          {"corrected", state.corrected},
           {"history", history}};
 }
 
@@ -65,6 +66,7 @@ fit::LeastSquaresState to_search(const Json& json) {
   for (const Json& point : json.value("trail", Json::array())) {
     state.trail.push_back(to_vector(point));
   }
+  state.corrected = json.value("corrected", state.corrected);
   for (const Json& step : json.at("history")) {
     state.history.push_back({step.at(0).get<int>(), step.at(1).get<double>(),
                              step.at(2).get<double>(), step.at(3).get<bool>()});

@@ -19,6 +19,31 @@ bake::BindingGradient gradient_of(const mpm::Body& body) {
                                     : bake::BindingGradient::kFitted;
 }
 
+/// Where a time lies among whole frames.
+struct Moment {
+  bool inside = false;  ///< from the first frame to the last
+  std::size_t below = 0;
+  std::size_t above = 0;
+  double s = 0.0;  ///< from `below` to `above`
+  bool cubic = false;
+};
+
+Moment moment(double time, double fps, std::size_t frames) {
+  constexpr double kSameFrame = 1e-6;
+  const double last = double(frames) - 1.0;
+  const double at = time * fps;
+  Moment result;
+  if (at < -kSameFrame || at > last + kSameFrame) return result;
+  const double inside = std::clamp(at, 0.0, last);
+  result.inside = true;
+  result.below = static_cast<std::size_t>(inside + kSameFrame);
+  result.s = inside - double(result.below);
+  if (std::abs(result.s) < kSameFrame) result.s = 0.0;
+  result.above = std::min(result.below + 1, frames - 1);
+  result.cubic = result.below > 0 && result.above + 1 < frames && result.above > result.below;
+  return result;
+}
+
 }  // namespace
 
 PointFollower::PointFollower(const mpm::Body& body, Points rest, double separation, Arena& arena)
@@ -43,6 +68,15 @@ Points PointFollower::positions(const mpm::Body& body, const mpm::BodyState& sta
   return all;
 }
 
+void PointFollower::spread(const Points& bar, std::span<Vec3d> particle_bar,
+                           std::span<Mat3d> deformation_gradient_bar) const {
+  if (!binding_) return;
+  Points known;
+  known.reserve(bound_.size());
+  for (const std::size_t i : bound_) known.push_back(bar[i]);
+  binding_->spread(known, particle_bar, deformation_gradient_bar);
+}
+
 double PointFollower::farthest() const { return binding_ ? binding_->farthest().distance : 0.0; }
 
 SimulatedCapture at_times(const std::vector<Points>& frames, std::size_t points,
@@ -50,33 +84,49 @@ SimulatedCapture at_times(const std::vector<Points>& frames, std::size_t points,
   SimulatedCapture result;
   result.times = times;
   result.positions.assign(times.size() * points, kUnknown);
-  constexpr double kSameFrame = 1e-6;
-  const double last = double(frames.size()) - 1.0;
   for (std::size_t t = 0; t < times.size(); ++t) {
-    const double at = times[t] * fps;
-    if (at < -kSameFrame || at > last + kSameFrame) {
+    const Moment at = moment(times[t], fps, frames.size());
+    if (!at.inside) {
       ++result.outside;
       continue;
     }
-    const double inside = std::clamp(at, 0.0, last);
-    const auto below = static_cast<std::size_t>(inside + kSameFrame);
-    double s = inside - double(below);
-    if (std::abs(s) < kSameFrame) s = 0.0;
-    const std::size_t above = std::min(below + 1, frames.size() - 1);
-    result.interpolated = result.interpolated || s != 0.0;
-    const bool cubic = below > 0 && above + 1 < frames.size() && above > below;
+    result.interpolated = result.interpolated || at.s != 0.0;
     for (std::size_t i = 0; i < points; ++i) {
-      const Vec3d& a = frames[below][i];
-      const Vec3d& b = frames[above][i];
+      const Vec3d& a = frames[at.below][i];
+      const Vec3d& b = frames[at.above][i];
       Vec3d& x = result.positions[t * points + i];
-      if (s == 0.0) {
+      if (at.s == 0.0) {
         x = a;
-      } else if (cubic) {
-        x = catmull_rom(frames[below - 1][i], a, b, frames[above + 1][i], s);
+      } else if (at.cubic) {
+        x = catmull_rom(frames[at.below - 1][i], a, b, frames[at.above + 1][i], at.s);
       } else {
-        x = a + s * (b - a);
+        x = a + at.s * (b - a);
       }
     }
+  }
+  return result;
+}
+
+std::vector<Points> frames_bar(std::size_t frames, std::size_t points,
+                               const std::vector<double>& times, double fps,
+                               const std::vector<Vec3d>& bar) {
+  std::vector<Points> result(frames, Points(points, Vec3d::Zero()));
+  for (std::size_t t = 0; t < times.size(); ++t) {
+    const Moment at = moment(times[t], fps, frames);
+    if (!at.inside) continue;
+    const auto add = [&](std::size_t frame, double weight) {
+      if (weight == 0.0) return;
+      for (std::size_t i = 0; i < points; ++i) result[frame][i] += weight * bar[t * points + i];
+    };
+    if (!at.cubic) {
+      add(at.below, 1.0 - at.s);
+      add(at.above, at.s);
+      continue;
+    }
+    add(at.below - 1, catmull_rom(1.0, 0.0, 0.0, 0.0, at.s));
+    add(at.below, catmull_rom(0.0, 1.0, 0.0, 0.0, at.s));
+    add(at.above, catmull_rom(0.0, 0.0, 1.0, 0.0, at.s));
+    add(at.above + 1, catmull_rom(0.0, 0.0, 0.0, 1.0, at.s));
   }
   return result;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,10 @@ class PointFollower {
   /// (N) at a state of the body; NaN where a point is not followed.
   [[nodiscard]] Points positions(const mpm::Body& body, const mpm::BodyState& state,
                                  Arena& arena) const;
+  /// The transpose: adds the cotangents of positions() (N) to those of the particles' positions and
+  /// deformation gradients, one each. Those of points that are not followed are ignored.
+  void spread(const Points& bar, std::span<Vec3d> particle_bar,
+              std::span<Mat3d> deformation_gradient_bar) const;
   /// How far the farthest point lies from the body's nearest particle at rest [m].
   [[nodiscard]] double farthest() const;
 
@@ -47,6 +52,12 @@ class PointFollower {
 /// interval.
 [[nodiscard]] SimulatedCapture at_times(const std::vector<Points>& frames, std::size_t points,
                                         const std::vector<double>& times, double fps);
+
+/// The transpose of at_times(): the cotangents of the frames' positions, from those of the
+/// positions at `times`, (T, N) frame-major.
+[[nodiscard]] std::vector<Points> frames_bar(std::size_t frames, std::size_t points,
+                                             const std::vector<double>& times, double fps,
+                                             const std::vector<Vec3d>& bar);
 
 /// Index of the body of that name. Throws Error(kInput) if there is none.
 [[nodiscard]] std::size_t body_index(const mpm::Scene& scene, const std::string& name);

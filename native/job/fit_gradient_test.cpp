@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_gradient.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "job/build_scene.hpp"
+#include "job/fit_fixture_for_test.hpp"
+#include "job/fit_problem.hpp"
+#include "job/follow.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+
+/// A fit of tracks made anew of a document, as a problem of its own.
+class Fixture {
+ public:
+  explicit Fixture(const Json& document, const fs::path& folder, int threads = 2)
+      : job_(job_of(document, folder)), runs_(load_fit_runs(job_, statements_)) {
+    Arena arena(1);
+    std::vector<mpm::Scene> scenes{build_scene(job_, arena, interrupter_).scene};
+    settle_noise(runs_.front(), scenes.front(), statements_);
+    const FitScene scene{&job_, &scenes.front(), {}, nullptr};
+    parameters_ = std::make_unique<FitParameters>(job_.fit->parameters, std::vector{scene});
+    FitModel::Options options;
+    options.threads = threads;
+    model_ = std::make_unique<FitModel>(runs_, scenes, *parameters_, options, interrupter_);
+    model_->freeze_contacts(parameters_->starts());
+    const FitWindow window = fit_windows(runs_, false).front();
+    const auto outcome = model_->evaluate({parameters_->starts()}, {window.until, true}).front();
+    model_->set_steps(model_->steps_of(parameters_->starts(), *outcome));
+    problem_ = std::make_unique<FitProblem>(*model_, runs_, parameters_->parameters(),
+                                            FitDoc::Loss::kTracks, window);
+  }
+
+  [[nodiscard]] FitProblem& problem() { return *problem_; }
+  [[nodiscard]] const FitParameters& parameters() const { return *parameters_; }
+  [[nodiscard]] Eigen::VectorXd start() const {
+    Eigen::VectorXd point(Eigen::Index(parameters_->size()));
+    for (std::size_t k = 0; k < parameters_->size(); ++k) {
+      const fit::Parameter& parameter = parameters_->parameters()[k];
+      point[Eigen::Index(k)] = fit::to_natural(parameter.coordinate, parameter.start);
+    }
+    return point;
+  }
+
+ private:
+  Interrupter interrupter_;
+  std::vector<std::string> statements_;
+  Job job_;
+  std::vector<FitRun> runs_;
+  std::unique_ptr<FitParameters> parameters_;
+  std::unique_ptr<FitModel> model_;
+  std::unique_ptr<FitProblem> problem_;
+};
+
+/// What the residuals are weighed by: smooth over the points, so that no rounding of one counts.
+Eigen::VectorXd some_weights(Eigen::Index size) {
+  Eigen::VectorXd weights(size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    weights[i] = std::sin(0.37 * double(i)) + 0.5 * std::cos(0.011 * double(i));
+  }
+  return weights;
+}
+
+/// Jᵀw against differences of fourth order of the same simulations. Those are in float, and contact
+/// makes of its rounding a noise of about kNoise in wᵀr, and kinks in it: some hundredths. Exact to
+/// 1e-6 are the proofs of mpm::gradient; here it is about the chain from there to the numbers.
+constexpr double kNoise = 0.02;
+void expect_transposed(const Json& document, const fs::path& folder, double step) {
+  Fixture fixture(document, folder);
+  FitProblem& problem = fixture.problem();
+  ASSERT_GT(problem.transposed_cost(), 0.0);
+  const Eigen::VectorXd start = fixture.start();
+  const auto n = std::size_t(start.size());
+  std::vector<Eigen::VectorXd> points{start};
+  const double steps[] = {-2.0, -1.0, 1.0, 2.0};
+  for (std::size_t k = 0; k < n; ++k) {
+    for (const double s : steps) {
+      points.push_back(start);
+      points.back()[Eigen::Index(k)] += s * step * fixture.parameters().parameters()[k].scale;
+    }
+  }
+  const auto results = problem.evaluate(points);
+  for (const auto& result : results) ASSERT_TRUE(result.has_value());
+  const Eigen::VectorXd weights = some_weights(results[0]->size());
+  const auto exact = problem.transposed(start, weights);
+  ASSERT_TRUE(exact.has_value());
+  for (std::size_t k = 0; k < n; ++k) {
+    const auto value = [&](std::size_t s) { return weights.dot(*results[4 * k + 1 + s]); };
+    const double h = step * fixture.parameters().parameters()[k].scale;
+    const double difference = (value(0) - 8.0 * value(1) + 8.0 * value(2) - value(3)) / (12.0 * h);
+    const std::string& name = fixture.parameters().parameters()[k].name;
+    EXPECT_GT(std::abs(difference), 5.0 * kNoise / h) << name;
+    EXPECT_NEAR((*exact)[Eigen::Index(k)], difference, 6e-2 * std::abs(difference) + kNoise / h)
+        << name;
+  }
+}
+
+TEST(FitGradient, IsTheTransposeOfDifferencesForElasticBodies) {
+  const Folder folder;
+  Json truth = thrown_cube();
+  truth["scene"]["frames"] = {0, 6};
+  truth["scene"]["bodies"][0]["material"]["damping_shear"] = 50.0;
+  truth["scene"]["bodies"][0]["spin"] = {1, -2, 3};
+  truth["scene"]["colliders"][0]["contact"]["mu"] = 0.2;
+  truth["scene"]["bodies"][0]["material"]["maxwell"] = {{{"modulus", 5e3}, {"time", 0.05}}};
+  record(truth, folder.path, "a", 1);
+  // Between frames and beside them; the last sample lies between the last two frames.
+  Json document =
+      fit_of(truth, {"material.E", "material.nu", "material.damping_shear",
+                     "material.maxwell[0].modulus", "material.maxwell[0].time", "density",
+                     "velocity", "spin", "gravity", "colliders.ground.contact.mu",
+                     "colliders.ground.contact.stiffness", "colliders.ground.height"});
+  document["captures"][0]["start_frame"] = 0.3;
+  document["captures"][0]["positions"] = Json::array();
+  for (const Vec3d& x : markers()) {
+    document["captures"][0]["positions"].push_back({x.x(), x.y(), x.z()});
+  }
+  expect_transposed(document, folder.path, 0.03);
+}
+
+TEST(FitGradient, IsTheTransposeOfDifferencesForPlasticBodies) {
+  const Folder folder;
+  Json truth = thrown_cube();
+  truth["scene"]["frames"] = {0, 6};
+  truth["scene"]["bodies"][0]["material"] = {
+      {"law", "von_mises"}, {"E", 3e4}, {"nu", 0.3}, {"yield_stress", 800}, {"hardening", 2e3}};
+  record(truth, folder.path, "a", 1);
+  expect_transposed(fit_of(truth, {"material.E", "material.nu", "material.yield_stress",
+                                   "material.hardening", "velocity", "spin"}),
+                    folder.path, 0.03);
+}
+
+TEST(FitGradient, SameBitsForAnyThreads) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  const Json document = fit_of(thrown_cube(), {"material.E", "velocity"});
+  Fixture one(document, folder.path, 1);
+  Fixture two(document, folder.path, 2);
+  const Eigen::VectorXd point = one.start();
+  const auto residual = one.problem().evaluate({point}).front();
+  ASSERT_TRUE(residual.has_value());
+  EXPECT_EQ(one.problem().transposed(point, *residual), two.problem().transposed(point, *residual));
+}
+
+TEST(FitGradient, IsNotThereForWhatItDoesNotKnow) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  for (const char* unknown :
+       {"placement.position", "placement.rotation", "captures.a.start_frame"}) {
+    Fixture fixture(fit_of(thrown_cube(), {"material.E", unknown}), folder.path);
+    EXPECT_EQ(fixture.problem().transposed_cost(), 0.0) << unknown;
+    EXPECT_FALSE(fixture.problem().transposed(fixture.start(), {}).has_value()) << unknown;
+  }
+}
+
+TEST(FitGradient, TimesBetweenFramesAreTransposed) {
+  std::mt19937 engine(3);
+  std::normal_distribution<double> normal;
+  const auto random = [&](std::size_t count) {
+    Points points(count);
+    for (Vec3d& x : points) {
+      for (int a = 0; a < 3; ++a) x[a] = normal(engine);
+    }
+    return points;
+  };
+  constexpr std::size_t kFrames = 5;
+  constexpr std::size_t kPoints = 2;
+  const double fps = 10.0;
+  const std::vector<double> times{-0.1, 0.0, 0.03, 0.1, 0.17, 0.25, 0.39, 0.4, 0.5};
+  std::vector<Points> frames;
+  for (std::size_t f = 0; f < kFrames; ++f) frames.push_back(random(kPoints));
+  const Points bar = random(times.size() * kPoints);
+  const SimulatedCapture seen = at_times(frames, kPoints, times, fps);
+  EXPECT_EQ(seen.outside, 2U);
+  double forth = 0.0;
+  for (std::size_t i = 0; i < bar.size(); ++i) {
+    if (seen.positions[i].allFinite()) forth += bar[i].dot(seen.positions[i]);
+  }
+  const std::vector<Points> back = frames_bar(kFrames, kPoints, times, fps, bar);
+  double sum = 0.0;
+  for (std::size_t f = 0; f < kFrames; ++f) {
+    for (std::size_t i = 0; i < kPoints; ++i) sum += back[f][i].dot(frames[f][i]);
+  }
+  EXPECT_NEAR(sum, forth, 1e-13 * std::abs(forth) + 1e-13);
+}
+
+}  // namespace
+}  // namespace matterfit::job

@@ -111,8 +111,7 @@ class SceneJob:
         self._verb = verb
         job_document, takes = self._io("job_document"), self._io("takes")
         takes.require_saved()
-        scene = bpy.context.scene
-        settings = scene.matterfit
+        settings = bpy.context.scene.matterfit
         self._fit = settings.fit if verb == "fit" else None
         if self._fit is None:
             take = takes.ensure_active(settings)
@@ -123,9 +122,10 @@ class SceneJob:
             takes.for_fit(settings)
         task = "bake" if self._fit is None else "fit"
         self.folder = takes.claim(take)
-        self._replaced = job_document.Replaced(self.folder, task)
+        prepare = importlib.import_module(f"{module.__name__}.ops.simulate").prepare
         try:
-            self._document = job_document.build(scene, take, self.folder, task)
+            self._document, self._replaced = prepare(bpy.context, take, self.folder, task,
+                                                     estimate=False)
         except Exception:
             self._take_back()
             raise
@@ -140,7 +140,7 @@ class SceneJob:
         return importlib.import_module(f"{self._module.__name__}.io.{name}")
 
     def _take_back(self):
-        self._replaced.put_back()
+        """The fit's take as it was; of the folder prepare() and Replaced see to that."""
         if self._fit is not None:
             self._before.put_back(self._fit.run)
             self._fit.done = self._done_before
@@ -154,6 +154,7 @@ class SceneJob:
                 (attach_and_save if self._fit is None else apply_and_save)(self._module, self.folder)
             return
         if self._replaced.untouched():
+            self._replaced.put_back()
             self._take_back()
         elif self._fit is not None:
             self._fit.done = self._io("fit_results").stamp(self.folder) != self._result_before

@@ -228,10 +228,27 @@ double LawFit::crossings(std::span<const double> values) const {
   return most;
 }
 
+double LawFit::most_crossings() const {
+  return std::max(kMostCrossings, crossings(parameters_->starts()));
+}
+
+std::vector<double> LawFit::softened(std::vector<double> values) const {
+  const double ratio = most_crossings() / crossings(values);
+  if (!(ratio < 1.0)) return values;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const FitQuantity quantity = parameters_->path(i).quantity;
+    if (quantity != FitQuantity::kYoungsModulus && quantity != FitQuantity::kBulkModulus) continue;
+    const fit::Parameter& parameter = parameters_->parameters()[i];
+    values[i] = std::clamp(ratio * ratio * values[i], parameter.low, parameter.high);
+  }
+  return values;
+}
+
 std::vector<double> LawFit::start_distances(LawState& state,
                                             const std::vector<std::vector<double>>& points,
                                             const FitWindow& window) {
-  const double limit = std::max(kMostCrossings, crossings(parameters_->starts()));
+  // What was softened lies on the limit.
+  const double limit = 1.001 * most_crossings();
   std::vector<double> all(points.size(), std::numeric_limits<double>::infinity());
   std::vector<std::vector<double>> tried;
   std::vector<std::size_t> places;
@@ -297,6 +314,7 @@ void LawFit::begin(LawState& state) {
   if (setup_.fit->loss == FitDoc::Loss::kTracks) {
     EquationStart balance =
         equation_start(runs, scenes_, *parameters_, state.values, setup_.threads, interrupter_);
+    for (std::vector<double>& values : balance.candidates) values = softened(std::move(values));
     state.candidates = balance.candidates;
     state.candidates.push_back(parameters_->starts());
     if (!balance.candidates.empty()) {

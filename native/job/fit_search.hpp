@@ -105,6 +105,10 @@ class LawFit {
                                                    const FitWindow& window);
   /// How often waves cross a body whose material is moved, from frame to frame.
   [[nodiscard]] double crossings(std::span<const double> values) const;
+  /// That a start may have.
+  [[nodiscard]] double most_crossings() const;
+  /// With stiffnesses that can be seen.
+  [[nodiscard]] std::vector<double> softened(std::vector<double> values) const;
   /// mean_distances() of starts; infinite where one is too stiff for that to be seen, and stiffer
   /// than the document's, without a simulation.
   [[nodiscard]] std::vector<double> start_distances(LawState& state,

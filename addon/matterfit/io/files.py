@@ -32,6 +32,15 @@ def write_bytes(path, content):
     return path
 
 
+def stamp(path):
+    """Changes whenever the file is written; None where there is none."""
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino
+
+
 def json_bytes(document):
     return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 

@@ -113,7 +113,7 @@ def _estimate(entry):
 
 def stamp(folder):
     """Changes whenever a result is written; None where there is none."""
-    return _stamp(os.path.join(folder, RESULT_FILE))
+    return files.stamp(os.path.join(folder, RESULT_FILE))
 
 
 def is_unfinished(folder):
@@ -127,7 +127,7 @@ _known = {}
 def load_quietly(folder):
     """load(), or None, for drawing: the file is read again only when it has changed."""
     path = os.path.join(folder, RESULT_FILE)
-    key = (path, _stamp(path))
+    key = (path, files.stamp(path))
     if _known.get("key") != key:
         try:
             found = load(folder)
@@ -165,14 +165,6 @@ def material_path(folder, body):
     return os.path.join(folder, own)
 
 
-def _stamp(path):
-    try:
-        found = os.stat(path)
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size, found.st_ino
-
-
 # -- the curve ---------------------------------------------------------------------------------
 
 def history(folder):
@@ -197,7 +189,7 @@ def history(folder):
 
 def history_stamp(folder):
     """Changes whenever the history grows; None where there is none."""
-    return _stamp(os.path.join(folder, HISTORY_FILE))
+    return files.stamp(os.path.join(folder, HISTORY_FILE))
 
 
 @dataclass

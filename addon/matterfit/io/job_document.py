@@ -127,7 +127,7 @@ class Replaced:
         self._forget_inputs()
 
     def _stamp(self):
-        return [_stamp(path) for path in self._results]
+        return [files.stamp(path) for path in self._results]
 
     def _keep_inputs(self):
         """Written files get another inode (files.write_bytes), so that a link keeps the old one."""
@@ -162,15 +162,6 @@ class Replaced:
                 os.remove(job_writer.kept_input(self._folder, relative))
         with contextlib.suppress(OSError):
             os.rmdir(os.path.join(self._folder, job_writer.KEPT_FOLDER))
-
-
-def _stamp(path):
-    """Changes whenever the file is written; None where there is none."""
-    try:
-        found = os.stat(path)
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size, found.st_ino
 
 
 def _check(writer):

@@ -105,12 +105,7 @@ def copy_settings(source, target):
     target.use_gravity = source.use_gravity
     target.gravity = source.gravity
     for collection in ("throws", "colliders"):
-        ours, theirs = getattr(target, collection), getattr(source, collection)
-        ours.clear()
-        for item in theirs:
-            added = ours.add()
-            for key, value in _contents(item).items():
-                setattr(added, key, value)
+        _fill(getattr(target, collection), map(_contents, getattr(source, collection)))
 
 
 def ensure_active(settings):
@@ -157,12 +152,16 @@ class Kept:
             setattr(take, name, value)
         take.gravity = self._gravity
         for name, rows in self._rows.items():
-            ours = getattr(take, name)
-            ours.clear()
-            for row in rows:
-                added = ours.add()
-                for key, value in row.items():
-                    setattr(added, key, value)
+            _fill(getattr(take, name), rows)
+
+
+def _fill(rows, contents):
+    """Puts rows of these _contents() in place of what is there."""
+    rows.clear()
+    for row in contents:
+        added = rows.add()
+        for key, value in row.items():
+            setattr(added, key, value)
 
 
 def _contents(row):

@@ -70,15 +70,17 @@ class MATTERFIT_OT_add_body_file(PlainOperator, bpy.types.Operator):
         body.source = "POINTS"
 
 
-class MATTERFIT_OT_remove_body(PlainOperator, bpy.types.Operator):
-    bl_idname = "matterfit.remove_body"
-    bl_label = "Remove Body"
-    bl_description = "Remove the active body from the list; the object stays"
-
+class _ActiveBody:
     @classmethod
     def poll(cls, context):
         return greyed(cls, scene_props.active_body(context.scene.matterfit) is None,
                       "Add a body first")
+
+
+class MATTERFIT_OT_remove_body(_ActiveBody, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.remove_body"
+    bl_label = "Remove Body"
+    bl_description = "Remove the active body from the list; the object stays"
 
     def act(self, context):
         from ..io import attach
@@ -104,13 +106,6 @@ class MATTERFIT_OT_move_body(PlainOperator, bpy.types.Operator):
             settings.bodies.move(settings.body_index, target)
             settings.body_index = target
             fit_parameters.refresh(settings)
-
-
-class _ActiveBody:
-    @classmethod
-    def poll(cls, context):
-        return greyed(cls, scene_props.active_body(context.scene.matterfit) is None,
-                      "Add a body first")
 
 
 class MATTERFIT_OT_add_pin(_ActiveBody, PlainOperator, bpy.types.Operator):

@@ -11,15 +11,8 @@ from ..compat import translate
 from ..io import attach, cache, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
-from .base import (
-    JobOperator,
-    NoJobRunning,
-    PlainOperator,
-    greyed,
-    redraw,
-    report_error,
-    session,
-)
+from .base import JobOperator, PlainOperator, redraw, report_error, session
+from .simulate import HasCache
 
 KINDS = (
     ("volume", "Volumes", "OpenVDB files"),
@@ -42,15 +35,7 @@ def active_location(context):
     return take, location
 
 
-class _HasCache(NoJobRunning):
-    @classmethod
-    def poll(cls, context):
-        take = scene_props.active_take(context.scene.matterfit)
-        return super().poll(context) and greyed(
-            cls, take is None or not take.folder, "This take was not baked yet: press Bake")
-
-
-class MATTERFIT_OT_verify(_HasCache, JobOperator, bpy.types.Operator):
+class MATTERFIT_OT_verify(HasCache, JobOperator, bpy.types.Operator):
     bl_idname = "matterfit.verify"
     bl_label = "Verify"
     bl_description = "Compare every file of the active take's cache with what was written"
@@ -80,7 +65,7 @@ class MATTERFIT_OT_verify(_HasCache, JobOperator, bpy.types.Operator):
         self.report({"INFO"}, state.verify)
 
 
-class MATTERFIT_OT_remove_output(_HasCache, PlainOperator, bpy.types.Operator):
+class MATTERFIT_OT_remove_output(HasCache, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.remove_output"
     bl_label = "Remove"
     bl_description = "Delete the files of one kind from the active take's cache, and their objects"
@@ -101,7 +86,7 @@ class MATTERFIT_OT_remove_output(_HasCache, PlainOperator, bpy.types.Operator):
         cache.free(location.folder, only=self.kind + "/")
 
 
-class MATTERFIT_OT_open_folder(_HasCache, bpy.types.Operator):
+class MATTERFIT_OT_open_folder(HasCache, bpy.types.Operator):
     bl_idname = "matterfit.open_folder"
     bl_label = "Open Folder"
     bl_description = "Show the active take's cache in the file browser of the system"

@@ -129,6 +129,16 @@ def report_text(job):
     return "\n".join(parts)
 
 
+class HasCache(NoJobRunning):
+    """Greyed, with the reason, until the active take has a cache."""
+
+    @classmethod
+    def poll(cls, context):
+        take = scene_props.active_take(context.scene.matterfit)
+        return super().poll(context) and greyed(
+            cls, take is None or not take.folder, "This take was not baked yet: press Bake")
+
+
 class BakeJob(JobOperator):
     """What Bake, Resume and Preview share: the cache is attached as it grows."""
 
@@ -186,17 +196,11 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
                          folder, AFRESH_WHERE_CHANGED, resumable=True)
 
 
-class MATTERFIT_OT_resume(BakeJob, bpy.types.Operator):
+class MATTERFIT_OT_resume(HasCache, BakeJob, bpy.types.Operator):
     bl_idname = "matterfit.resume"
     bl_label = "Resume"
     bl_description = ("Go on from the last checkpoint of a bake that was cancelled or killed; "
                       "refused where the scene has changed since")
-
-    @classmethod
-    def poll(cls, context):
-        take = scene_props.active_take(context.scene.matterfit)
-        return super().poll(context) and greyed(
-            cls, take is None or not take.folder, "This take was not baked yet: press Bake")
 
     def begin(self, context):
         takes.require_saved()

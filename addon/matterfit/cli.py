@@ -9,6 +9,7 @@ folder, `bake` then attaches and saves the result, `fit` applies what it found a
 """
 
 import argparse
+import contextlib
 import importlib
 import json
 import os
@@ -130,7 +131,12 @@ class SceneJob:
             self._take_back()
             raise
         self._result_before = self._io("fit_results").stamp(self.folder)
-        self.path = job_document.write(self._document, self.folder)
+        try:
+            self.path = job_document.write(self._document, self.folder)
+        except Exception:
+            self._replaced.put_back()
+            self._take_back()
+            raise
         if save:
             if self._fit is not None:
                 self._fit.done = False
@@ -153,8 +159,10 @@ class SceneJob:
             if self._save:
                 (attach_and_save if self._fit is None else apply_and_save)(self._module, self.folder)
             return
-        if self._replaced.untouched():
+        untouched = self._replaced.untouched()
+        with contextlib.suppress(self._module.jobs.JobError):
             self._replaced.put_back()
+        if untouched:
             self._take_back()
         elif self._fit is not None:
             self._fit.done = self._io("fit_results").stamp(self.folder) != self._result_before

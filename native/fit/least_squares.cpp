@@ -204,8 +204,12 @@ VectorXd weighed(const VectorXd& residual, double huber) {
   return residual.cwiseMax(-huber).cwiseMin(huber);
 }
 
+/// A derivative that misses the Jacobian's by more than this part of the longest that a column may
+/// have is none: kinks, or a simulation that is not smooth.
+constexpr double kPlausible = 0.5;
+
 /// The adjoint Broyden update: the least change of the Jacobian with which it gives the cost's
-/// exact gradient. False where the problem does not tell that.
+/// exact gradient. False, and no change, where the problem does not tell that, or not plausibly.
 bool correct(Problem& problem, const VectorXd& point, const VectorXd& residual, double huber,
              const std::vector<std::uint8_t>& unknown, MatrixXd& jacobian) {
   const VectorXd weights = weighed(residual, huber);
@@ -213,11 +217,14 @@ bool correct(Problem& problem, const VectorXd& point, const VectorXd& residual, 
   if (!(length > 0.0)) return false;
   const auto exact = problem.transposed(point, weights);
   if (!exact || exact->size() != jacobian.cols() || !exact->allFinite()) return false;
+  VectorXd missed = VectorXd::Zero(jacobian.cols());
   for (Index k = 0; k < jacobian.cols(); ++k) {
     if (unknown[std::size_t(k)] != 0) continue;
-    const double missed = (*exact)[k] - jacobian.col(k).dot(weights);
-    jacobian.col(k) += (missed / length) * weights;
+    missed[k] = (*exact)[k] - jacobian.col(k).dot(weights);
+    const double longest = jacobian.col(k).norm() * std::sqrt(length);
+    if (std::abs(missed[k]) > kPlausible * longest) return false;
   }
+  for (Index k = 0; k < jacobian.cols(); ++k) jacobian.col(k) += (missed[k] / length) * weights;
   return true;
 }
 
@@ -259,6 +266,8 @@ bool stalled(const std::vector<LeastSquaresStep>& history, double least) {
 
 /// With a stand-in's slopes: where a few steps are refused, the problem's own lead farther.
 constexpr int kBorrowedTrials = 3;
+/// An adjoint that was of no use so often is not asked again.
+constexpr int kMostVain = 2;
 /// With a kept Jacobian: refused, a new one is made here, before steps grow short. Nor is damping
 /// that it asked for carried on: on rough ground short steps keep failing, and damping keeps
 /// rising.
@@ -416,7 +425,9 @@ void linearise_at(Problem& problem, const std::vector<Parameter>& parameters,
       const auto corrected = [&](const VectorXd& at) {
         const auto& where = state.corrected;
         if (std::find(where.begin(), where.end(), passed++) == where.end()) return;
-        (void)correct(problem, at, found.residual, options.huber, found.unknown, found.jacobian);
+        if (!correct(problem, at, found.residual, options.huber, found.unknown, found.jacobian)) {
+          throw_compute("a fit that goes on meets another simulation.");
+        }
       };
       corrected(state.anchor);
       const VectorXd* from = &state.anchor;
@@ -480,7 +491,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
   const Slopes usual = Slopes::kOneSided;
   const double columns = double(parameters_.size());
   const auto adjoint_is_cheaper = [&, cost = problem.transposed_cost()](double than) {
-    return cost > 0.0 && cost < than;
+    return cost > 0.0 && cost < than && next.vain < kMostVain;
   };
   LeastSquaresOptions options = options_;
   options.cost_tolerance = worth_while(problem, next.residual, options_.cost_tolerance);
@@ -503,9 +514,12 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       if (corrected) {
         next.corrected.push_back(int(next.trail.size()));
       } else {
+        ++next.vain;
         slopes = next.anchor.size() > 0 ? usual : Slopes::kCentral;
       }
     }
+    // Before another Jacobian is made.
+    const bool kept_and_corrected = slopes == Slopes::kCorrected && next.anchor.size() > 0;
     if (slopes != Slopes::kStandIn && slopes != Slopes::kCorrected) {
       next.own = borrows;
       if (slopes != Slopes::kKept) next.forget_slopes();
@@ -527,7 +541,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
       next.central = slopes == Slopes::kCentral;
     };
     const auto far = [&] {
-      return slopes == Slopes::kKept &&
+      return (slopes == Slopes::kKept || kept_and_corrected) &&
              relative_size(parameters_, next.point - next.anchor) > kNear;
     };
     if (left <= options.cost_tolerance * next.cost) {
@@ -554,8 +568,6 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     const double cost_before = next.cost;
     const double damping_before = next.damping;
     Taken taken;
-    // Before another Jacobian is made.
-    const bool kept_and_corrected = slopes == Slopes::kCorrected && next.anchor.size() > 0;
     const int most_trials = slopes == Slopes::kStandIn || kept_and_corrected ? kBorrowedTrials
                             : slopes == Slopes::kKept                        ? kKeptTrials
                                                                              : kMostTrials;
@@ -576,7 +588,9 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
             cost_before - next.cost <= kLittle * cost_before && nothing.moves_nothing(step)) {
           finish(next, true, "The last step moved nothing by a tenth of its standard error.");
         }
-        if (slopes == Slopes::kKept && !taken.good) next.damping = damping_before;
+        if ((slopes == Slopes::kKept || kept_and_corrected) && !taken.good) {
+          next.damping = damping_before;
+        }
         if (next.finished || taken.good) {
           next.trail.push_back(next.point);
           bring_up_to_date(parameters_, step, next.residual - before, next.jacobian);
@@ -589,8 +603,12 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     // One-sided differences are off by half their step; what is exact may still point downhill.
     if (slopes == Slopes::kKept) {
       slopes = adjoint_is_cheaper(columns) ? Slopes::kCorrected : usual;
-    } else if (slopes == Slopes::kStandIn || kept_and_corrected) {
+    } else if (slopes == Slopes::kStandIn) {
       slopes = usual;
+    } else if (slopes == Slopes::kCorrected) {
+      // No short step along the exact gradient: the cost is rough, and differences may see past it.
+      ++next.vain;
+      slopes = kept_and_corrected ? usual : Slopes::kCentral;
     } else if (slopes == Slopes::kOneSided && options.thorough) {
       slopes = adjoint_is_cheaper(2.0 * columns) ? Slopes::kCorrected : Slopes::kCentral;
     } else {
@@ -610,8 +628,9 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
 
 void LeastSquares::linearise(Problem& problem, LeastSquaresState& state) const {
   check_size(state, parameters_.size());
-  const bool kept =
-      problem.stand_in() != nullptr && state.anchor.size() > 0 && state.residual.size() > 0;
+  // A correction makes the gradient exact, and each block of the data no better known.
+  const bool kept = problem.stand_in() != nullptr && state.anchor.size() > 0 &&
+                    state.residual.size() > 0 && state.corrected.empty();
   linearise_at(problem, parameters_, options_, kept ? Slopes::kKept : Slopes::kCentral, state);
 }
 

@@ -81,6 +81,7 @@ struct LeastSquaresState {
   std::vector<Eigen::VectorXd> trail;
   /// Where an adjoint has corrected it: 0 at the anchor, i at the i-th point of the trail.
   std::vector<int> corrected;
+  int vain = 0;  ///< corrections of this search that led nowhere
   /// Of the last linearisation, residuals × parameters. With an anchor it goes into the next
   /// iteration, which makes it again, to the same bits, where it is empty.
   Eigen::MatrixXd jacobian;
@@ -113,7 +114,7 @@ struct LeastSquaresState {
 /// Jacobian is kept while steps gain what it promises, and each brings it up to date with what the
 /// residuals did (Broyden's update, in units of the scales). Where it leads no farther and an
 /// adjoint costs less than another one, it is corrected by the exact gradient (the adjoint Broyden
-/// update). References: Nocedal and Wright,
+/// update), unless two such corrections have led nowhere. References: Nocedal and Wright,
 /// Numerical Optimization, ch. 10 and 11; Madsen, Nielsen and Tingleff 2004; space mapping: Bandler
 /// et al. 2004; Schlenkrich, Griewank and Walther 2010.
 class LeastSquares {
@@ -125,8 +126,8 @@ class LeastSquares {
   /// when it converged, came to the limit of iterations, or no step helps. Throws Error(kCompute)
   /// if the starting point itself cannot be evaluated. Where it throws the state is as before.
   void iterate(Problem& problem, LeastSquaresState& state) const;
-  /// Linearises for the covariance: with a stand-in the kept Jacobian, if there is one; else at
-  /// `state.point` with central differences.
+  /// Linearises for the covariance: with a stand-in the kept Jacobian, if there is one that no
+  /// adjoint has corrected; else at `state.point` with central differences.
   void linearise(Problem& problem, LeastSquaresState& state) const;
 
  private:

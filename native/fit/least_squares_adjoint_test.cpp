@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "fit/least_squares.hpp"
@@ -43,12 +44,13 @@ class CurvedProblem : public FunctionProblem {
                                             const Eigen::VectorXd& weights) override {
     ++asked;
     if (fails) return std::nullopt;
-    return gradient(point, weights);
+    return factor * gradient(point, weights);
   }
   [[nodiscard]] double transposed_cost() const override { return has_adjoint_ ? 4.0 : 0.0; }
 
   int asked = 0;
   bool fails = false;
+  double factor = 1.0;
 
  private:
   bool has_adjoint_;
@@ -62,6 +64,8 @@ std::vector<Parameter> parameters() {
 LeastSquaresOptions wide() {
   LeastSquaresOptions options = exact();
   options.difference = 0.3;
+  options.cost_tolerance = 1e-9;
+  options.step_tolerance = 1e-6;
   return options;
 }
 
@@ -97,22 +101,58 @@ TEST(LeastSquaresAdjoint, WhereItFailsCentralDifferencesTakeItsPlace) {
   EXPECT_GT(with.asked, 0);
 }
 
-TEST(LeastSquaresAdjoint, GoesOnToTheSameBits) {
+TEST(LeastSquaresAdjoint, AWrongOneDoesNotEndTheSearch) {
+  CurvedProblem right(true);
   const LeastSquares fit(parameters(), wide());
-  CurvedProblem problem(true);
-  const LeastSquaresState expected = run(fit, problem);
-  LeastSquaresState state = fit.start();
-  int corrected = 0;
-  while (!state.finished) {
-    state.jacobian.resize(0, 0);
-    state.unknown.clear();
-    fit.iterate(problem, state);
-    corrected += int(state.corrected.size());
+  const double least = run(fit, right).cost;
+  for (const double factor : {-1.0, 1e20, std::numeric_limits<double>::quiet_NaN()}) {
+    CurvedProblem wrong(true);
+    wrong.factor = factor;
+    const LeastSquaresState state = run(fit, wrong);
+    EXPECT_NEAR(state.cost, least, 1e-6 * least) << factor;
+    EXPECT_LE(wrong.asked, 3) << factor;
   }
-  EXPECT_GT(corrected, 0);
-  EXPECT_EQ(state.point, expected.point);
-  EXPECT_EQ(state.cost, expected.cost);
-  EXPECT_EQ(state.jacobian, expected.jacobian);
+}
+
+TEST(LeastSquaresAdjoint, GoesOnToTheSameBits) {
+  bool fresh = false;
+  bool kept = false;
+  for (int i = 0; i < 20; ++i) {
+    std::vector<double> start;
+    for (int k = 0; k < kSize; ++k) start.push_back(3.0 * std::sin(1.7 * i + 2.3 * k));
+    const LeastSquares fit(linear_parameters(start, -10.0, 10.0), wide());
+    CurvedProblem problem(true);
+    const LeastSquaresState expected = run(fit, problem);
+    LeastSquaresState state = fit.start();
+    while (!state.finished) {
+      state.jacobian.resize(0, 0);
+      state.unknown.clear();
+      fit.iterate(problem, state);
+      for (const int at : state.corrected) (at == 0 ? fresh : kept) = true;
+    }
+    EXPECT_EQ(state.point, expected.point);
+    EXPECT_EQ(state.cost, expected.cost);
+    EXPECT_EQ(state.evaluations, expected.evaluations);
+    EXPECT_EQ(state.jacobian, expected.jacobian);
+  }
+  EXPECT_TRUE(fresh);
+  EXPECT_TRUE(kept);
+}
+
+TEST(LeastSquaresAdjoint, ACorrectedJacobianIsNotWhatErrorsAreTakenFrom) {
+  const LeastSquares fit(parameters(), exact());
+  CurvedProblem problem(true);
+  CurvedProblem cheaper(true);
+  problem.cheaper = &cheaper;
+  LeastSquaresState state = fit.start();
+  state.point.setConstant(0.1);
+  state.residual = *CurvedProblem::residuals(state.point);
+  state.anchor = state.point;
+  state.corrected = {0};
+  state.jacobian = Eigen::MatrixXd::Constant(3 * kSize, kSize, 1e3);
+  state.unknown.assign(kSize, 0);
+  fit.linearise(problem, state);
+  EXPECT_LT(state.jacobian.cwiseAbs().maxCoeff(), 10.0);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "base/error.hpp"
 #include "job/follow.hpp"
 #include "mpm/scene_check.hpp"
 
@@ -49,6 +50,7 @@ double of_body(const FitPath& path, const mpm::BodyGradient& body) {
   const auto* known =
       std::find_if(std::begin(kLawNumbers), std::end(kLawNumbers),
                    [&](const LawNumber& number) { return number.quantity == path.quantity; });
+  if (known == std::end(kLawNumbers)) throw_compute(path.text() + " has no derivative.");
   return body.material.*known->member;
 }
 

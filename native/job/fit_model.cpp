@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <new>
 #include <system_error>
 #include <thread>
 
@@ -12,6 +13,7 @@
 #include "fit/metrics.hpp"
 #include "fit/surface_points.hpp"
 #include "job/fit_gradient.hpp"
+#include "job/step_limit.hpp"
 #include "mpm/gradient.hpp"
 
 namespace matterfit::job {
@@ -25,34 +27,11 @@ constexpr double kMargin = 1.1;
 /// Steps in which substeps are made more or fewer: a quarter of an octave.
 constexpr double kFiner = 1.189207115002721;
 constexpr int kMoreTries = 2;
+/// For the record of a gradient [bytes]. The same whatever the job may take, as its values must not
+/// depend on that.
+constexpr std::size_t kAdjointBudget = std::size_t{1} << 30U;
 /// So many steps fewer are worth another sequence of substeps: half of them.
 constexpr int kWorthCoarser = 4;
-
-/// The limit of stability as it follows from the material and the contacts, up to a factor that is
-/// the same for all values: ω² of the stiffest cell, with the damping's share ξ of critical.
-double step_limit(const mpm::Scene& scene) {
-  double least = std::numeric_limits<double>::infinity();
-  double contact = 0.0;
-  for (const mpm::ColliderPtr& collider : scene.colliders) {
-    contact = std::max(contact, collider->contact().stiffness);
-  }
-  for (const mpm::BodyContact& pair : scene.contacts) {
-    contact = std::max(contact, pair.contact.stiffness);
-  }
-  if (scene.walls) contact = std::max(contact, scene.walls->contact.stiffness);
-  constexpr double kCell = 13.3;
-  for (const mpm::Body& body : scene.bodies) {
-    const material::Material& m = body.material;
-    const double per_modulus = kCell / (body.density * scene.dx * scene.dx);
-    const double omega =
-        std::sqrt(per_modulus * m.p_wave_modulus() + 2.0 * contact / (body.density * scene.dx));
-    double viscous = 2.0 * m.damping_shear + m.damping_bulk;
-    if (m.law == material::Law::kNewtonian) viscous += 2.0 * m.viscosity;
-    const double xi = 0.5 * per_modulus * viscous / omega;
-    least = std::min(least, 2.0 / omega * (std::sqrt(1.0 + xi * xi) - xi));
-  }
-  return least;
-}
 
 /// Where a capture's samples are: points bound to the body, or particles of it.
 struct Watcher {
@@ -216,6 +195,13 @@ void FitModel::settle(std::span<const double> values, std::span<const int> befor
 
 /// What is simulated, and where and when it is looked at.
 struct FitModel::Trial {
+  Trial() = default;
+  Trial(Trial&&) = default;  // a copy would look at what `moved` was copied from
+  Trial& operator=(Trial&&) = default;
+  Trial(const Trial&) = delete;
+  Trial& operator=(const Trial&) = delete;
+  ~Trial() = default;
+
   mpm::Scene scene;
   std::vector<Watcher> moved;  ///< of bodies that are placed anew
   std::span<const Watcher> watchers;
@@ -356,16 +342,20 @@ std::optional<std::vector<double>> FitModel::pull_back(
         const auto k = static_cast<std::size_t>(frame.frame - scene.first_frame);
         for (std::size_t c = 0; c < frames.size(); ++c) {
           const Watcher& watcher = trial.watchers[c];
+          const Points& bar = frames[c][k];
+          if (std::all_of(bar.begin(), bar.end(), [](const Vec3d& x) { return x.isZero(0.0); })) {
+            continue;
+          }
           mpm::FrameLoss::Body& of = loss.bodies[watcher.body];
           const std::size_t particles = scene.bodies[watcher.body].rest.size();
           of.positions.resize(particles, Vec3d::Zero());
           of.deformation_gradients.resize(particles, Mat3d::Zero());
-          watcher.points->spread(frames[c][k], of.positions, of.deformation_gradients);
+          watcher.points->spread(bar, of.positions, of.deformation_gradients);
         }
       };
       mpm::GradientOptions options;
       options.simulation = simulation_options();
-      options.memory_budget = options.simulation.memory_limit / 2;
+      options.memory_budget = kAdjointBudget;
       options.of_no_damping = false;
       options.deformation_gradients = true;
       options.progress = progress;
@@ -375,6 +365,8 @@ std::optional<std::vector<double>> FitModel::pull_back(
     }
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
+    return std::nullopt;
+  } catch (const std::bad_alloc&) {
     return std::nullopt;
   }
   return sum;

@@ -94,9 +94,10 @@ class FitModel {
   [[nodiscard]] bool has_gradient() const;
   /// The derivative by each parameter (physical values) of Σ bar·x over what the captures see of a
   /// simulation: `bars` run by run and capture by capture, (T, N), none of a run that is not
-  /// simulated. By the adjoint (mpm/gradient.hpp), with contacts and substeps held. Nothing where
-  /// the simulation could not be completed, or its record does not fit into the memory. Equal bits
-  /// for any number of threads. Throws Error(kCancelled).
+  /// simulated. By the adjoint (mpm/gradient.hpp), with contacts and substeps held, and with the
+  /// share of total Lagrangian velocities that is smoothed. Nothing where the simulation could not
+  /// be completed, or a gigabyte does not hold its record. Equal bits for any number of threads.
+  /// Throws Error(kCancelled).
   [[nodiscard]] std::optional<std::vector<double>> pull_back(
       const std::vector<double>& values, const Scope& scope,
       const std::vector<std::vector<Points>>& bars,

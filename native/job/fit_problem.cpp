@@ -8,6 +8,7 @@
 #include <set>
 
 #include "fit/losses.hpp"
+#include "mpm/scene_check.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -154,9 +155,17 @@ std::vector<std::optional<Eigen::VectorXd>> FitProblem::evaluate(
 }
 
 double FitProblem::transposed_cost() const {
-  // One run with all threads and its way back, beside runs with one thread each.
-  constexpr double kCost = 5.0;
-  return model_.has_gradient() ? kCost : 0.0;
+  // One run with all threads and its way back, beside runs with one thread each; the way back of
+  // updated bodies is longer.
+  constexpr double kTotal = 4.0;
+  constexpr double kUpdated = 7.0;
+  if (!model_.has_gradient()) return 0.0;
+  double cost = kTotal;
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    const auto& bodies = model_.scene(r).bodies;
+    if (!std::any_of(bodies.begin(), bodies.end(), mpm::is_total)) cost = kUpdated;
+  }
+  return cost;
 }
 
 std::optional<Eigen::VectorXd> FitProblem::transposed(const Eigen::VectorXd& point,

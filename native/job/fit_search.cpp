@@ -13,6 +13,7 @@
 #include "job/fit_equation_start.hpp"
 #include "job/fit_levels.hpp"
 #include "job/fit_start.hpp"
+#include "job/fit_start_limit.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -25,9 +26,6 @@ constexpr double kPoorSize = 0.005;
 /// Steps of the scan after the first stage, either way: where the law is wrong all of them are
 /// poor.
 constexpr int kNear = 3;
-/// A start whose waves cross the body more often than this from frame to frame looks like any
-/// stiffer one, and a simulation takes the longer the stiffer it is.
-constexpr double kMostCrossings = 30.0;
 /// Stages before the last: how far is far enough.
 constexpr int kShortStage = 8;
 constexpr double kCoarseStep = 2e-2;
@@ -214,46 +212,15 @@ std::vector<double> LawFit::mean_distances(LawState& state,
   return mean_distances(state, points, window, stages_.front().level);
 }
 
-double LawFit::crossings(std::span<const double> values) const {
-  double most = 0.0;
-  for (std::size_t r = 0; r < scenes_.size(); ++r) {
-    mpm::Scene scene = scenes_[r];
-    parameters_->apply(values, r, scene);
-    for (const std::string& name : parameters_->moved_materials(r)) {
-      const mpm::Body& body = scene.bodies[body_index(scene, name)];
-      const double speed = body.material.wave_speed(body.density);
-      most = std::max(most, speed / (fit::body_size(body.rest) * scene.fps));
-    }
-  }
-  return most;
-}
-
-double LawFit::most_crossings() const {
-  return std::max(kMostCrossings, crossings(parameters_->starts()));
-}
-
-std::vector<double> LawFit::softened(std::vector<double> values) const {
-  const double ratio = most_crossings() / crossings(values);
-  if (!(ratio < 1.0)) return values;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const FitQuantity quantity = parameters_->path(i).quantity;
-    if (quantity != FitQuantity::kYoungsModulus && quantity != FitQuantity::kBulkModulus) continue;
-    const fit::Parameter& parameter = parameters_->parameters()[i];
-    values[i] = std::clamp(ratio * ratio * values[i], parameter.low, parameter.high);
-  }
-  return values;
-}
-
 std::vector<double> LawFit::start_distances(LawState& state,
                                             const std::vector<std::vector<double>>& points,
                                             const FitWindow& window) {
-  // What was softened lies on the limit.
-  const double limit = 1.001 * most_crossings();
+  const StartLimit limit(*setup_.runs, scenes_, *parameters_);
   std::vector<double> all(points.size(), std::numeric_limits<double>::infinity());
   std::vector<std::vector<double>> tried;
   std::vector<std::size_t> places;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (crossings(points[i]) > limit) continue;
+    if (!limit.allows(points[i])) continue;
     tried.push_back(points[i]);
     places.push_back(i);
   }
@@ -314,17 +281,24 @@ void LawFit::begin(LawState& state) {
   if (setup_.fit->loss == FitDoc::Loss::kTracks) {
     EquationStart balance =
         equation_start(runs, scenes_, *parameters_, state.values, setup_.threads, interrupter_);
-    for (std::vector<double>& values : balance.candidates) values = softened(std::move(values));
+    const StartLimit limit(runs, scenes_, *parameters_);
+    bool softer = false;
+    for (std::vector<double>& values : balance.candidates) {
+      std::vector<double> softened = limit.softened(values);
+      softer = softer || softened != values;
+      values = std::move(softened);
+    }
     state.candidates = balance.candidates;
     state.candidates.push_back(parameters_->starts());
     if (!balance.candidates.empty()) {
-      const auto means = start_distances(state, balance.candidates, window);
+      const auto means = mean_distances(state, balance.candidates, window);
       const auto best = std::min_element(means.begin(), means.end());
       const bool better = *best < mean;
       const auto millimetres = [](double distance) {
         return std::isfinite(distance) ? fmt::format("{:.3g} mm", 1e3 * distance)
                                        : std::string("beyond all");
       };
+      if (softer) balance.statement += "; made softer, so that a run takes minutes at most";
       balance.statement += ". It misses the capture by " + millimetres(*best) +
                            ", the given start by " + millimetres(mean) +
                            (better ? "; it is taken." : "; it is not taken.");

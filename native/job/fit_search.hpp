@@ -6,7 +6,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -103,14 +102,7 @@ class LawFit {
   [[nodiscard]] std::vector<double> mean_distances(LawState& state,
                                                    const std::vector<std::vector<double>>& points,
                                                    const FitWindow& window);
-  /// How often waves cross a body whose material is moved, from frame to frame.
-  [[nodiscard]] double crossings(std::span<const double> values) const;
-  /// That a start may have.
-  [[nodiscard]] double most_crossings() const;
-  /// With stiffnesses that can be seen.
-  [[nodiscard]] std::vector<double> softened(std::vector<double> values) const;
-  /// mean_distances() of starts; infinite where one is too stiff for that to be seen, and stiffer
-  /// than the document's, without a simulation.
+  /// mean_distances() of a scan; infinite, without a simulation, beyond the StartLimit.
   [[nodiscard]] std::vector<double> start_distances(LawState& state,
                                                     const std::vector<std::vector<double>>& points,
                                                     const FitWindow& window);

@@ -21,9 +21,6 @@ constexpr std::size_t kMostFrames = 12;
 constexpr double kStillBallistic = 2.0;
 constexpr double kHalfDecade = 3.1622776601683795;
 constexpr double kAngleStep = 8.0;  // [degrees]
-/// A scan goes on beyond its end where that is better than all else by this much. What flows hardly
-/// shows how stiff it is, and the stiffer it is the longer a simulation takes.
-constexpr double kWorthGoingOn = 0.98;
 
 /// Of the points of one frame that the fit may see; NaN without any.
 Vec3d mean_seen(const FitCapture& capture, std::size_t frame) {
@@ -151,11 +148,6 @@ bool scan(const FitParameters& parameters, const Direction& direction,
     const bool nowhere = !std::isfinite(best()->second);
     const int low = known.begin()->first;
     const int high = known.rbegin()->first;
-    double others = std::numeric_limits<double>::infinity();
-    for (const auto& [step, its] : known) {
-      if (step != best()->first) others = std::min(others, its);
-    }
-    if (!nowhere && best()->second > kWorthGoingOn * others) break;
     std::vector<int> next;
     const auto beyond = [&](int end, int way) {
       for (int step = 1; step <= 2 && std::abs(end + step * way) <= farthest; ++step) {

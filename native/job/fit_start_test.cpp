@@ -10,6 +10,7 @@
 
 #include "job/build_scene.hpp"
 #include "job/fit_fixture_for_test.hpp"
+#include "job/fit_start_limit.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -90,28 +91,39 @@ TEST(FitStart, AScanLooksBothWaysWhereNothingCouldBeSimulated) {
   }
 }
 
-TEST(FitStart, AScanDoesNotGoFarForNextToNothing) {
+TEST(FitStart, TheStiffestIsWhatCanBeSimulated) {
   Json document = thrown_cube();
   document["captures"] = {{{"tracks", "a.npz"}}};
-  document["fit"] = {{"parameters", {"material.E"}}};
-  const Folder folder;
-  const Job job = job_of(document, folder.path);
-  Arena arena(1);
-  const mpm::Scene scene = build_scene(job, arena, Interrupter()).scene;
-  const FitParameters parameters(job.fit->parameters, {{&job, &scene, {}, nullptr}});
-  // Every half decade is another .5 % better, as far as the bounds.
-  double stiffest = 0.0;
-  const auto costs = [&](const std::vector<std::vector<double>>& points) {
-    std::vector<double> all;
-    for (const auto& values : points) {
-      stiffest = std::max(stiffest, values[0]);
-      all.push_back(1.0 - 0.01 * std::log10(values[0] / 3e4));
-    }
-    return all;
+  document["fit"] = {{"parameters", {"material.E", "material.nu", "velocity"}}};
+  const auto most_of = [&](double start) {
+    document["scene"]["bodies"][0]["material"]["E"] = start;
+    const Folder folder;
+    record(thrown_cube(), folder.path, "a", 1);
+    const Job job = job_of(document, folder.path);
+    std::vector<std::string> statements;
+    const std::vector<FitRun> runs = load_fit_runs(job, statements);
+    Arena arena(1);
+    const std::vector<mpm::Scene> scenes{build_scene(job, arena, Interrupter()).scene};
+    const FitParameters parameters(job.fit->parameters, {{&job, &scenes.front(), {}, nullptr}});
+    const StartLimit limit(runs, scenes, parameters);
+    std::vector<double> values = parameters.starts();
+    EXPECT_TRUE(limit.allows(values));
+    EXPECT_EQ(limit.softened(values), values);
+    values[0] = 1e10;
+    EXPECT_FALSE(limit.allows(values));
+    const std::vector<double> softer = limit.softened(values);
+    EXPECT_EQ(std::vector(softer.begin() + 1, softer.end()),
+              std::vector(values.begin() + 1, values.end()));
+    values[0] = 0.99 * softer[0];
+    EXPECT_TRUE(limit.allows(values));
+    values[0] = 1.5 * softer[0];
+    EXPECT_FALSE(limit.allows(values));
+    return softer[0];
   };
-  const std::vector<double> found = scanned(parameters, {3e4}, 1.0, costs);
-  EXPECT_LE(stiffest, 1.01 * 3e5);
-  EXPECT_GT(found[0], 3e4);
+  // A thousand substeps a frame of cells of 10 cm: far above what it is to find.
+  EXPECT_GT(most_of(3e4), 1e8);
+  // A hundred times a stiff start.
+  EXPECT_NEAR(most_of(5e7) / 5e9, 1.0, 0.2);
 }
 
 }  // namespace

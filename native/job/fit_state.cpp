@@ -45,6 +45,7 @@ Json to_json(const fit::LeastSquaresState& state) {
           {"central", state.central},
           {"trail", trail},
           {"corrected", state.corrected},
+          {"vain", state.vain},
           {"history", history}};
 }
 
@@ -67,6 +68,7 @@ fit::LeastSquaresState to_search(const Json& json) {
     state.trail.push_back(to_vector(point));
   }
   state.corrected = json.value("corrected", state.corrected);
+  state.vain = json.value("vain", 0);
   for (const Json& step : json.at("history")) {
     state.history.push_back({step.at(0).get<int>(), step.at(1).get<double>(),
                              step.at(2).get<double>(), step.at(3).get<bool>()});

@@ -277,6 +277,9 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   law.search->cost = 0.1 + 0.2;
   law.search->anchor = Eigen::Vector3d(0.3, 0.2, 0.1);
   law.search->central = true;
+  law.search->trail = {Eigen::Vector3d(0.3, 0.2, 1.0 / 7.0)};
+  law.search->corrected = {0, 1};
+  law.search->vain = 1;
   law.search->history = {{1, 0.3, 1e-2, true}};
   state.laws = {law};
   const Folder folder;
@@ -288,6 +291,9 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   EXPECT_EQ(read->laws[0].search->point, law.search->point);
   EXPECT_EQ(read->laws[0].search->cost, law.search->cost);
   EXPECT_TRUE(read->laws[0].search->central);
+  EXPECT_EQ(read->laws[0].search->trail, law.search->trail);
+  EXPECT_EQ(read->laws[0].search->corrected, law.search->corrected);
+  EXPECT_EQ(read->laws[0].search->vain, 1);
   EXPECT_TRUE(std::signbit(read->laws[0].search->residual[1]));
   EXPECT_EQ(format_fit_state(*read), format_fit_state(state));
   EXPECT_FALSE(read_fit_state(folder.path, "abd"));

@@ -4,6 +4,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -163,8 +164,9 @@ def run_cli(*arguments, blend=None, timeout=60):
                           check=False)
 
 
-def kill_cli(*arguments, when, blend=None, timeout=120):
-    """Starts cli.py and kills it, with no chance to clean up, as soon as `when()` is true."""
+def kill_cli(*arguments, when, blend=None, timeout=120, number=signal.SIGKILL):
+    """Starts cli.py and kills it, with no chance to clean up or by another signal, as soon as
+    `when()` is true. Returns its exit status."""
     process = subprocess.Popen(_cli([*arguments, "--quiet"], blend), stdout=subprocess.DEVNULL,
                                stderr=subprocess.DEVNULL)
     try:
@@ -175,6 +177,8 @@ def kill_cli(*arguments, when, blend=None, timeout=120):
             if time.monotonic() > end:
                 raise AssertionError(f"{arguments[0]}: not so far in {timeout} s")
             time.sleep(0.01)
+        process.send_signal(number)
+        return process.wait(timeout)
     finally:
         process.kill()
         process.wait()

@@ -4,6 +4,7 @@
 import contextlib
 import io
 import os
+import signal
 from unittest import mock
 
 import bpy
@@ -695,6 +696,22 @@ class NativeTest(SceneCase):
             found.append([(entry["path"], entry["value"], entry["standard_error"])
                           for entry in fit["parameters"]] + fit["history"])
         self.assertEqual(*found)
+
+    def test_interrupted_without_a_window(self):
+        """Ctrl-C and SIGTERM cancel: status 130, and the best values so far are written."""
+        for row in self.settings.fit.parameters:
+            row.enabled = row.key in ("material.E", "material.nu", "velocity")
+        self.settings.fit.windows = True
+        for number in (signal.SIGINT, signal.SIGTERM):
+            run = takes.for_fit(self.settings)
+            folder = takes.claim(run)
+            path = job_document.write(job_document.build(self.scene, run, folder, "fit"), folder)
+            status = kill_cli("fit", path, "--restart", number=number,
+                              when=lambda at=folder: len(fit_results.history(at)) >= 2)
+            self.assertEqual(status, jobs.EXIT_CANCELLED)
+            result = files.read_json(os.path.join(folder, "result.json"))
+            self.assertEqual(result["status"], "cancelled")
+            os.remove(os.path.join(folder, "fit", "history.jsonl"))
 
     def test_killed_without_a_window(self):
         """The saved scene knows the folder, so that Resume goes on there."""

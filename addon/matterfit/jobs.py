@@ -10,6 +10,7 @@ A `Job` drives a backend (native.NativeRun or ThreadRun in the product, a fake o
 """
 
 import enum
+import signal
 import threading
 import time
 from dataclasses import dataclass, field
@@ -98,6 +99,26 @@ class ThreadRun:
         pass
 
 
+class _CancelsOnSignals:
+    """Ctrl-C and SIGTERM cancel the job. Blender has handlers of its own, under which a script
+    hears of neither: as it cannot be asked for them, the system's take their place afterwards."""
+
+    SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+    def __init__(self, job):
+        self._job = job
+        self._before = {}
+
+    def __enter__(self):
+        if threading.current_thread() is threading.main_thread():
+            for number in self.SIGNALS:
+                self._before[number] = signal.signal(number, lambda *_: self._job.cancel())
+
+    def __exit__(self, *_):
+        for number, handler in self._before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+
+
 class Job:
     """One computation. `start` is called once and returns the backend, or raises JobError.
 
@@ -174,14 +195,16 @@ class Job:
         return self
 
     def run(self, on_tick=None, interval=0.1, sleep=time.sleep):
-        """Start (where that is still to do), poll until the end, return self."""
-        if self.state is State.IDLE:
-            self.start()
-        while self.state not in ENDED:
-            if self.tick() and on_tick is not None:
-                on_tick(self)
-            if self.state not in ENDED:
-                sleep(interval)
+        """Start (where that is still to do), poll until the end, return self. Ctrl-C and SIGTERM
+        cancel."""
+        with _CancelsOnSignals(self):
+            if self.state is State.IDLE:
+                self.start()
+            while self.state not in ENDED:
+                if self.tick() and on_tick is not None:
+                    on_tick(self)
+                if self.state not in ENDED:
+                    sleep(interval)
         return self
 
     # -- what panels show ----------------------------------------------------------------------

@@ -51,7 +51,9 @@ FitParameterDoc read_parameter(const JsonValue& value, const SceneDoc& scene,
     }
     for (const double start : parameter.start) {
       if (start >= (*parameter.bounds)[0] && start <= (*parameter.bounds)[1]) continue;
-      value.refuse("the start lies outside the bounds.");
+      value.refuse(parameter.path.text() + " starts at " + Json(start).dump() +
+                   ", outside its bounds " + Json(*parameter.bounds).dump() +
+                   ". Give a start inside them.");
     }
   }
   if (const auto prior = object.find("prior")) {

@@ -149,7 +149,7 @@ TEST(FitDocument, ErrorsNameThePath) {
       refusal([](Json& d) {
         d["fit"]["parameters"] = {{{"path", "material.E"}, {"start", 1}, {"bounds", {2, 5}}}};
       }),
-      HasSubstr("fit.parameters[0]: the start lies outside the bounds"));
+      HasSubstr("starts at 1.0, outside its bounds [2.0,5.0]"));
   EXPECT_THAT(
       refusal([](Json& d) {
         d["fit"]["parameters"] = {{{"path", "material.E"}, {"prior", {{"mean", 1}, {"sigma", 0}}}}};

@@ -27,6 +27,9 @@ constexpr double kMargin = 1.1;
 /// Steps in which substeps are made more or fewer: a quarter of an octave.
 constexpr double kFiner = 1.189207115002721;
 constexpr int kMoreTries = 2;
+/// More than 32 times the substeps with which a stage began: such a step is refused, as it would
+/// take as many times as long.
+constexpr int kMostFiner = 20;
 /// For the record of a gradient [bytes]. The same whatever the job may take, as its values must not
 /// depend on that.
 constexpr std::size_t kAdjointBudget = std::size_t{1} << 30U;
@@ -81,6 +84,10 @@ struct FitModel::RunModel {
   /// What the surface loss looks at, at rest.
   [[nodiscard]] static Points surface_of(const mpm::Body& body, const FitCapture& capture,
                                          Arena& arena) {
+    if (body.material.law == material::Law::kNewtonian) {
+      throw_input("fit.loss: \"surface\" follows the surface that body '" + body.name +
+                  "' has at rest, and a fluid makes new ones: take \"chamfer\".");
+    }
     const Points all = fit::surface_points(body.rest, body.volumes, arena);
     if (all.empty()) {
       throw_input("fit.loss: the particles of body '" + body.name +
@@ -254,7 +261,12 @@ FitModel::Trial FitModel::trial(std::size_t run, std::span<const double> values,
   const double until = scope.until[run] + latest;
   trial.frames = std::min(last, int(std::ceil(until * scene.fps - 1e-6)));
   trial.own_steps = scope.solver_steps || scene.dt > 0.0 || steps_[run].substeps.empty();
-  if (!trial.own_steps) trial.finer = std::pow(kFiner, refined(run, scene));
+  if (trial.own_steps) return trial;
+  const int finer = refined(run, scene);
+  if (finer > kMostFiner) {
+    throw_compute("the values ask for more than 32 times the substeps of where the search began.");
+  }
+  trial.finer = std::pow(kFiner, finer);
   return trial;
 }
 

@@ -34,8 +34,13 @@ constexpr double kCoarseCost = 1e-3;
 /// deviation of that, in scales of the parameters.
 constexpr double kLeash = 2.0;
 /// A contact's default stiffness that has changed by more than this is resolved anew.
-constexpr double kContactChange = 1.05;
-constexpr int kMostRepeats = 1;
+constexpr double kContactChange = 1.005;
+/// Values and the stiffness that follows from them come to each other by a factor of two or more.
+constexpr int kMostRepeats = 4;
+constexpr int kMostForSteps = 1;
+/// Differences between clouds are to move their points by some part of the spacing: what is nearest
+/// to what does not change before, and a search creeps.
+constexpr double kCloudDifference = 0.05;
 /// The grid that tells how much the values depend on it, and what it has of the difference itself:
 /// errors of second order in the separation (docs/validation.md).
 constexpr double kCoarser = 2.0;
@@ -358,6 +363,7 @@ LawFit::Context& LawFit::context(const LawState& state) {
   fit::LeastSquaresOptions options;
   options.iterations = setup_.fit->iterations;
   options.huber = setup_.fit->huber;
+  if (setup_.fit->loss != FitDoc::Loss::kTracks) options.difference = kCloudDifference;
   if (!stage.last) {
     options.iterations = std::min(options.iterations, kShortStage);
     options.step_tolerance = kCoarseStep;
@@ -438,14 +444,57 @@ void LawFit::end_stage(LawState& state) {
   const bool other_steps =
       std::any_of(state.refinements.begin(), state.refinements.end(),
                   [](int power) { return power != 0 && power != FitModel::kUnsettled; });
-  if ((change > kContactChange || other_steps) && state.repeats < kMostRepeats) {
+  if ((change > kContactChange && state.repeats < kMostRepeats) ||
+      (other_steps && state.repeats < kMostForSteps)) {
     ++state.repeats;
     state.search.reset();
+    extrapolate(state);
     return;
+  }
+  if (change > kContactChange) {
+    statements_.push_back(fmt::format(
+        "The stiffness of contacts that the fit held is {:.0f} % off the one that the solver takes "
+        "with the values found. Give the contact a stiffness, or fit it.",
+        100.0 * (change - 1.0)));
   }
   state.finished = true;
   state.converged = state.search->converged;
   state.reason = state.search->reason;
+}
+
+void LawFit::extrapolate(LawState& state) const {
+  // Steffensen's way to x = g(x): g are the values that a stage ends with whose contacts follow
+  // from x, with one slope for all of them, in units of the scales.
+  constexpr double kSteepest = 0.8;
+  constexpr double kSteepestDown = -4.0;
+  const std::vector<double> x = state.stage_start;
+  const std::vector<double> g = state.values;
+  if (!state.repeat_start.empty()) {
+    const auto& all = parameters_->parameters();
+    const auto step = [&](std::size_t k, double from, double to) {
+      const fit::Parameter& parameter = all[k];
+      return (fit::to_natural(parameter.coordinate, to) -
+              fit::to_natural(parameter.coordinate, from)) /
+             parameter.scale;
+    };
+    double products = 0.0;
+    double squares = 0.0;
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      const double dx = step(k, state.repeat_start[k], x[k]);
+      products += dx * step(k, state.repeat_values[k], g[k]);
+      squares += dx * dx;
+    }
+    const double slope = squares > 0.0 ? products / squares : 0.0;
+    if (slope > kSteepestDown && slope < kSteepest) {
+      for (std::size_t k = 0; k < all.size(); ++k) {
+        const double further = slope / (1.0 - slope) * step(k, x[k], g[k]) * all[k].scale;
+        state.values[k] =
+            fit::value_within_bounds(all[k], fit::to_natural(all[k].coordinate, g[k]) + further);
+      }
+    }
+  }
+  state.repeat_start = x;
+  state.repeat_values = g;
 }
 
 void LawFit::advance(LawState& state, std::vector<Json>& history) {

@@ -114,6 +114,8 @@ class LawFit {
   [[nodiscard]] double poor() const;
   void set_stage(LawState& state);
   void end_stage(LawState& state);
+  /// Where the last stage begins again: nearer to where values and contacts agree.
+  void extrapolate(LawState& state) const;
   void settle(LawState& state);
   FitModel& model(double level);
   /// Fixes contacts and substeps of a level at the start of a stage; nothing if it cannot be run.

@@ -21,6 +21,9 @@ constexpr std::size_t kMostFrames = 12;
 constexpr double kStillBallistic = 2.0;
 constexpr double kHalfDecade = 3.1622776601683795;
 constexpr double kAngleStep = 8.0;  // [degrees]
+/// That a scan looks at first: between a body that bounces too early and one that is right lie
+/// worse ones. What is softer is quicker to simulate.
+const std::vector<int> kFirstSteps = {-4, -3, -2, -1, 1, 2};
 
 /// Of the points of one frame that the fit may see; NaN without any.
 Vec3d mean_seen(const FitCapture& capture, std::size_t frame) {
@@ -234,7 +237,7 @@ std::vector<double> scanned(const FitParameters& parameters, std::vector<double>
                    });
   bool moved = false;
   for (const Direction& direction : directions) {
-    moved = scan(parameters, direction, {-2, -1, 1, 2}, costs, farthest, values, cost) || moved;
+    moved = scan(parameters, direction, kFirstSteps, costs, farthest, values, cost) || moved;
   }
   if (directions.size() < 2 || !moved) return values;
   for (const Direction& direction : directions) {

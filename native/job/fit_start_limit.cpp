@@ -10,7 +10,7 @@
 namespace matterfit::job {
 namespace {
 
-constexpr double kMost = 1000.0;
+constexpr double kMost = 300.0;
 constexpr double kMoreThanStart = 10.0;
 
 bool is_stiffness(FitQuantity quantity) {

@@ -13,8 +13,8 @@ namespace matterfit::job {
 
 /// How stiff a start of a fit may be. What flows, or hardly deforms, looks the same at any
 /// stiffness above some, and a simulation takes the longer the stiffer it is: a scan that follows
-/// the last hundredths of a misfit ends at runs of many minutes. A body may take a thousand
-/// substeps a frame, or ten times as many as with the document's start, whichever is more.
+/// the last hundredths of a misfit ends at runs of many minutes. A body may take 300 substeps
+/// a frame, or ten times as many as with the document's start, whichever is more.
 class StartLimit {
  public:
   /// `scenes` one a run; only runs that are fitted count.

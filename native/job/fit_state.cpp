@@ -100,6 +100,8 @@ Json to_json(const LawState& law) {
                {"stage", law.stage},
                {"repeats", law.repeats},
                {"stage_start", law.stage_start},
+               {"repeat_start", law.repeat_start},
+               {"repeat_values", law.repeat_values},
                {"steps", to_json(law.steps)},
                {"stand_in_steps", to_json(law.stand_in_steps)},
                {"refinements", law.refinements},
@@ -126,6 +128,8 @@ LawState to_law(const Json& json) {
   json.at("stage").get_to(law.stage);
   json.at("repeats").get_to(law.repeats);
   json.at("stage_start").get_to(law.stage_start);
+  law.repeat_start = json.value("repeat_start", law.repeat_start);
+  law.repeat_values = json.value("repeat_values", law.repeat_values);
   law.steps = to_steps(json.at("steps"));
   law.stand_in_steps = to_steps(json.at("stand_in_steps"));
   json.at("refinements").get_to(law.refinements);

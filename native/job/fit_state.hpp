@@ -27,6 +27,8 @@ struct LawState {
   std::size_t stage = 0;
   int repeats = 0;                       ///< of the last stage, with contacts resolved anew
   std::vector<double> stage_start;       ///< contacts are resolved at these values
+  std::vector<double> repeat_start;      ///< `stage_start` of the last stage before it was repeated
+  std::vector<double> repeat_values;     ///< with which that one ended
   std::vector<FitSteps> steps;           ///< of the present stage
   std::vector<FitSteps> stand_in_steps;  ///< of the coarser level that leads it; empty: none
   std::vector<int> refinements;          ///< of `steps`, that the residuals were computed with

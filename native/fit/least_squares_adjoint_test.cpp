@@ -11,7 +11,8 @@
 namespace matterfit::fit {
 namespace {
 
-constexpr int kSize = 8;
+constexpr Eigen::Index kSize = 8;
+constexpr Eigen::Index kResiduals = 3 * kSize;
 
 /// Curved residuals that no point makes 0, with their exact Jacobian.
 class CurvedProblem : public FunctionProblem {
@@ -20,8 +21,8 @@ class CurvedProblem : public FunctionProblem {
       : FunctionProblem(residuals), has_adjoint_(has_adjoint) {}
 
   static std::optional<Eigen::VectorXd> residuals(const Eigen::VectorXd& x) {
-    Eigen::VectorXd r(3 * kSize);
-    for (int k = 0; k < kSize; ++k) {
+    Eigen::VectorXd r(kResiduals);
+    for (Eigen::Index k = 0; k < kSize; ++k) {
       const double y = x[(k + 1) % kSize];
       r[3 * k] = std::exp(x[k]) - 2.0 + 0.3 * y;
       r[3 * k + 1] = std::sin(x[k] + 0.5 * y) + 1.5;
@@ -31,8 +32,8 @@ class CurvedProblem : public FunctionProblem {
   }
   static Eigen::VectorXd gradient(const Eigen::VectorXd& x, const Eigen::VectorXd& w) {
     Eigen::VectorXd g = Eigen::VectorXd::Zero(kSize);
-    for (int k = 0; k < kSize; ++k) {
-      const int next = (k + 1) % kSize;
+    for (Eigen::Index k = 0; k < kSize; ++k) {
+      const Eigen::Index next = (k + 1) % kSize;
       const double slope = std::cos(x[k] + 0.5 * x[next]);
       g[k] += w[3 * k] * std::exp(x[k]) + w[3 * k + 1] * slope + w[3 * k + 2] * 0.8 * x[k];
       g[next] += 0.3 * w[3 * k] + 0.5 * w[3 * k + 1] * slope - w[3 * k + 2];
@@ -57,7 +58,7 @@ class CurvedProblem : public FunctionProblem {
 };
 
 std::vector<Parameter> parameters() {
-  return linear_parameters(std::vector<double>(kSize, 1.5), -10.0, 10.0);
+  return linear_parameters(std::vector<double>(std::size_t(kSize), 1.5), -10.0, 10.0);
 }
 
 /// Differences so wide that one-sided ones lead nowhere at last.
@@ -118,8 +119,10 @@ TEST(LeastSquaresAdjoint, GoesOnToTheSameBits) {
   bool fresh = false;
   bool kept = false;
   for (int i = 0; i < 20; ++i) {
-    std::vector<double> start;
-    for (int k = 0; k < kSize; ++k) start.push_back(3.0 * std::sin(1.7 * i + 2.3 * k));
+    std::vector<double> start(std::size_t(kSize), 0.0);
+    for (int k = 0; k < int(kSize); ++k) {
+      start[std::size_t(k)] = 3.0 * std::sin(1.7 * i + 2.3 * k);
+    }
     const LeastSquares fit(linear_parameters(start, -10.0, 10.0), wide());
     CurvedProblem problem(true);
     const LeastSquaresState expected = run(fit, problem);
@@ -149,8 +152,8 @@ TEST(LeastSquaresAdjoint, ACorrectedJacobianIsNotWhatErrorsAreTakenFrom) {
   state.residual = *CurvedProblem::residuals(state.point);
   state.anchor = state.point;
   state.corrected = {0};
-  state.jacobian = Eigen::MatrixXd::Constant(3 * kSize, kSize, 1e3);
-  state.unknown.assign(kSize, 0);
+  state.jacobian = Eigen::MatrixXd::Constant(kResiduals, kSize, 1e3);
+  state.unknown.assign(std::size_t(kSize), 0);
   fit.linearise(problem, state);
   EXPECT_LT(state.jacobian.cwiseAbs().maxCoeff(), 10.0);
 }

@@ -44,6 +44,7 @@ std::vector<double> scanned_from(double youngs_modulus, double poisson_ratio,
   };
   const auto costs = [&](const std::vector<std::vector<double>>& points) {
     std::vector<double> all;
+    all.reserve(points.size());
     for (const auto& values : points) all.push_back(cost(values));
     return all;
   };

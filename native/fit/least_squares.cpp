@@ -518,8 +518,6 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
         slopes = next.anchor.size() > 0 ? usual : Slopes::kCentral;
       }
     }
-    // Before another Jacobian is made.
-    const bool kept_and_corrected = slopes == Slopes::kCorrected && next.anchor.size() > 0;
     if (slopes != Slopes::kStandIn && slopes != Slopes::kCorrected) {
       next.own = borrows;
       if (slopes != Slopes::kKept) next.forget_slopes();
@@ -534,15 +532,16 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     const bool still = model.scaling.maxCoeff() == 0.0;
     const double left = still ? 0.0 : model.decrease(damped_step(model, kLeastDamping, room));
     const VectorXd from = next.point;
+    // From an earlier iteration, corrected or not.
+    const bool kept = next.anchor.size() > 0;
     // Where this iteration's own Jacobian was taken.
     const auto anchor_at = [&](const VectorXd& point) {
-      if (next.anchor.size() > 0) return;
+      if (kept) return;
       next.anchor = point;
       next.central = slopes == Slopes::kCentral;
     };
     const auto far = [&] {
-      return (slopes == Slopes::kKept || kept_and_corrected) &&
-             relative_size(parameters_, next.point - next.anchor) > kNear;
+      return kept && relative_size(parameters_, next.point - next.anchor) > kNear;
     };
     if (left <= options.cost_tolerance * next.cost) {
       if (slopes == Slopes::kStandIn || far()) {
@@ -568,9 +567,9 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     const double cost_before = next.cost;
     const double damping_before = next.damping;
     Taken taken;
-    const int most_trials = slopes == Slopes::kStandIn || kept_and_corrected ? kBorrowedTrials
-                            : slopes == Slopes::kKept                        ? kKeptTrials
-                                                                             : kMostTrials;
+    const int most_trials = slopes == Slopes::kKept              ? kKeptTrials
+                            : slopes == Slopes::kStandIn || kept ? kBorrowedTrials
+                                                                 : kMostTrials;
     const Outcome outcome =
         try_steps(problem, parameters_, options, model, bounds, nothing, most_trials, next, taken);
     if (outcome == Outcome::kAccepted) {
@@ -588,9 +587,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
             cost_before - next.cost <= kLittle * cost_before && nothing.moves_nothing(step)) {
           finish(next, true, "The last step moved nothing by a tenth of its standard error.");
         }
-        if ((slopes == Slopes::kKept || kept_and_corrected) && !taken.good) {
-          next.damping = damping_before;
-        }
+        if (kept && !taken.good) next.damping = damping_before;
         if (next.finished || taken.good) {
           next.trail.push_back(next.point);
           bring_up_to_date(parameters_, step, next.residual - before, next.jacobian);
@@ -608,7 +605,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     } else if (slopes == Slopes::kCorrected) {
       // No short step along the exact gradient: the cost is rough, and differences may see past it.
       ++next.vain;
-      slopes = kept_and_corrected ? usual : Slopes::kCentral;
+      slopes = kept ? usual : Slopes::kCentral;
     } else if (slopes == Slopes::kOneSided && options.thorough) {
       slopes = adjoint_is_cheaper(2.0 * columns) ? Slopes::kCorrected : Slopes::kCentral;
     } else {

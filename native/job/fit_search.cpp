@@ -13,7 +13,6 @@
 #include "job/fit_equation_start.hpp"
 #include "job/fit_levels.hpp"
 #include "job/fit_start.hpp"
-#include "job/fit_start_limit.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -217,10 +216,9 @@ std::vector<double> LawFit::mean_distances(LawState& state,
   return mean_distances(state, points, window, stages_.front().level);
 }
 
-std::vector<double> LawFit::start_distances(LawState& state,
+std::vector<double> LawFit::start_distances(LawState& state, const StartLimit& limit,
                                             const std::vector<std::vector<double>>& points,
                                             const FitWindow& window) {
-  const StartLimit limit(*setup_.runs, scenes_, *parameters_);
   std::vector<double> all(points.size(), std::numeric_limits<double>::infinity());
   std::vector<std::vector<double>> tried;
   std::vector<std::size_t> places;
@@ -283,10 +281,10 @@ void LawFit::begin(LawState& state) {
   double mean = mean_distances(state, {state.values}, window).front();
   const double far_off = poor();
   if (mean <= far_off) return;
+  const StartLimit limit(runs, scenes_, *parameters_);
   if (setup_.fit->loss == FitDoc::Loss::kTracks) {
     EquationStart balance =
         equation_start(runs, scenes_, *parameters_, state.values, setup_.threads, interrupter_);
-    const StartLimit limit(runs, scenes_, *parameters_);
     bool softer = false;
     for (std::vector<double>& values : balance.candidates) {
       std::vector<double> softened = limit.softened(values);
@@ -315,7 +313,9 @@ void LawFit::begin(LawState& state) {
     if (!balance.statement.empty()) statements_.push_back(balance.statement);
     if (mean <= far_off) return;
   }
-  const auto costs = [&](const auto& points) { return start_distances(state, points, window); };
+  const auto costs = [&](const auto& points) {
+    return start_distances(state, limit, points, window);
+  };
   state.values = scanned(*parameters_, state.values, mean, costs);
 }
 
@@ -326,7 +326,10 @@ bool LawFit::rescan(LawState& state) {
   coarse.release_contacts();
   coarse.set_steps(std::vector<FitSteps>(setup_.runs->size()));
   const double mean = mean_distances(state, {state.values}, window).front();
-  const auto costs = [&](const auto& points) { return start_distances(state, points, window); };
+  const StartLimit limit(*setup_.runs, scenes_, *parameters_);
+  const auto costs = [&](const auto& points) {
+    return start_distances(state, limit, points, window);
+  };
   std::vector<double> found = scanned(*parameters_, state.values, mean, costs, kNear);
   if (found == state.values) return false;
   state.values = std::move(found);

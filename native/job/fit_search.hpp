@@ -12,6 +12,7 @@
 #include "fit/uncertainty.hpp"
 #include "job/fit_problem.hpp"
 #include "job/fit_report.hpp"
+#include "job/fit_start_limit.hpp"
 #include "job/fit_state.hpp"
 
 namespace matterfit::job {
@@ -102,8 +103,8 @@ class LawFit {
   [[nodiscard]] std::vector<double> mean_distances(LawState& state,
                                                    const std::vector<std::vector<double>>& points,
                                                    const FitWindow& window);
-  /// mean_distances() of a scan; infinite, without a simulation, beyond the StartLimit.
-  [[nodiscard]] std::vector<double> start_distances(LawState& state,
+  /// mean_distances() of a scan; infinite, without a simulation, beyond the limit.
+  [[nodiscard]] std::vector<double> start_distances(LawState& state, const StartLimit& limit,
                                                     const std::vector<std::vector<double>>& points,
                                                     const FitWindow& window);
   /// Where a finer level begins: with the material of the coarser one, or with one of those that

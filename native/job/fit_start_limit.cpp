@@ -2,7 +2,6 @@
 #include "job/fit_start_limit.hpp"
 
 #include <algorithm>
-#include <limits>
 
 #include "job/follow.hpp"
 #include "job/step_limit.hpp"

@@ -23,19 +23,38 @@ Eigen::Vector2d logarithms(double youngs_modulus, double poisson_ratio) {
           std::log(youngs_modulus / (3.0 * (1.0 - 2.0 * poisson_ratio)))};
 }
 
+/// The cube with a fit of some numbers.
+Json fit_with(const std::vector<std::string>& parameters, double youngs_modulus = 3e4) {
+  Json document = thrown_cube();
+  document["scene"]["bodies"][0]["material"]["E"] = youngs_modulus;
+  document["captures"] = {{{"tracks", "a.npz"}}};
+  document["fit"] = {{"parameters", parameters}};
+  return document;
+}
+
+/// A document read, with its scene and its numbers.
+struct BuiltFit {
+  BuiltFit(const Json& document, const fs::path& folder)
+      : job(job_of(document, folder)),
+        scenes{scene_of(job)},
+        parameters(job.fit->parameters, {{&job, &scenes.front(), {}, nullptr}}) {}
+  static mpm::Scene scene_of(const Job& job) {
+    Arena arena(1);
+    return build_scene(job, arena, Interrupter()).scene;
+  }
+  const Job job;
+  const std::vector<mpm::Scene> scenes;
+  const FitParameters parameters;
+};
+
 /// Where a scan of E and ν ends that looks for `truth` (E, ν).
 std::vector<double> scanned_from(double youngs_modulus, double poisson_ratio,
                                  const Eigen::Vector2d& truth) {
-  Json document = thrown_cube();
-  document["scene"]["bodies"][0]["material"]["E"] = youngs_modulus;
+  Json document = fit_with({"material.nu", "material.E"}, youngs_modulus);
   document["scene"]["bodies"][0]["material"]["nu"] = poisson_ratio;
-  document["captures"] = {{{"tracks", "a.npz"}}};
-  document["fit"] = {{"parameters", {"material.nu", "material.E"}}};
   const Folder folder;
-  const Job job = job_of(document, folder.path);
-  Arena arena(1);
-  const mpm::Scene scene = build_scene(job, arena, Interrupter()).scene;
-  const FitParameters parameters(job.fit->parameters, {{&job, &scene, {}, nullptr}});
+  const BuiltFit built(document, folder.path);
+  const FitParameters& parameters = built.parameters;
   const Eigen::Vector2d goal = logarithms(truth[0], truth[1]);
   const auto cost = [&](const std::vector<double>& values) {
     EXPECT_GE(values[0], parameters.parameters()[0].low);
@@ -68,15 +87,8 @@ TEST(FitStart, AScanFindsShearAndBulkApart) {
 TEST(FitStart, AScanLooksBothWaysWhereNothingCouldBeSimulated) {
   const double infinite = std::numeric_limits<double>::infinity();
   for (const double truth : {1e3, 1e9}) {
-    Json document = thrown_cube();
-    document["scene"]["bodies"][0]["material"]["E"] = 1e6;
-    document["captures"] = {{{"tracks", "a.npz"}}};
-    document["fit"] = {{"parameters", {"material.E"}}};
     const Folder folder;
-    const Job job = job_of(document, folder.path);
-    Arena arena(1);
-    const mpm::Scene scene = build_scene(job, arena, Interrupter()).scene;
-    const FitParameters parameters(job.fit->parameters, {{&job, &scene, {}, nullptr}});
+    const BuiltFit built(fit_with({"material.E"}, 1e6), folder.path);
     double farthest = 0.0;
     const auto costs = [&](const std::vector<std::vector<double>>& points) {
       std::vector<double> all;
@@ -87,20 +99,14 @@ TEST(FitStart, AScanLooksBothWaysWhereNothingCouldBeSimulated) {
       }
       return all;
     };
-    EXPECT_NEAR(scanned(parameters, {1e6}, infinite, costs, 7)[0] / truth, 1.0, 1e-6);
+    EXPECT_NEAR(scanned(built.parameters, {1e6}, infinite, costs, 7)[0] / truth, 1.0, 1e-6);
     EXPECT_LT(farthest, 3.6);
   }
 }
 
 TEST(FitStart, AScanSeesWhatLiesBehindAHill) {
-  Json document = thrown_cube();
-  document["captures"] = {{{"tracks", "a.npz"}}};
-  document["fit"] = {{"parameters", {"material.E"}}};
   const Folder folder;
-  const Job job = job_of(document, folder.path);
-  Arena arena(1);
-  const mpm::Scene scene = build_scene(job, arena, Interrupter()).scene;
-  const FitParameters parameters(job.fit->parameters, {{&job, &scene, {}, nullptr}});
+  const BuiltFit built(fit_with({"material.E"}), folder.path);
   const auto costs = [&](const std::vector<std::vector<double>>& points) {
     std::vector<double> all;
     for (const auto& values : points) {
@@ -109,25 +115,17 @@ TEST(FitStart, AScanSeesWhatLiesBehindAHill) {
     }
     return all;
   };
-  EXPECT_NEAR(scanned(parameters, {3e6}, costs({{3e6}}).front(), costs)[0], 3e4, 300.0);
+  EXPECT_NEAR(scanned(built.parameters, {3e6}, costs({{3e6}}).front(), costs)[0], 3e4, 300.0);
 }
 
 TEST(FitStart, TheStiffestIsWhatCanBeSimulated) {
-  Json document = thrown_cube();
-  document["captures"] = {{{"tracks", "a.npz"}}};
-  document["fit"] = {{"parameters", {"material.E", "material.nu", "velocity"}}};
-  const auto most_of = [&](double start) {
-    document["scene"]["bodies"][0]["material"]["E"] = start;
+  const auto most_of = [](double start) {
     const Folder folder;
     record(thrown_cube(), folder.path, "a", 1);
-    const Job job = job_of(document, folder.path);
+    const BuiltFit built(fit_with({"material.E", "material.nu", "velocity"}, start), folder.path);
     std::vector<std::string> statements;
-    const std::vector<FitRun> runs = load_fit_runs(job, statements);
-    Arena arena(1);
-    const std::vector<mpm::Scene> scenes{build_scene(job, arena, Interrupter()).scene};
-    const FitParameters parameters(job.fit->parameters, {{&job, &scenes.front(), {}, nullptr}});
-    const StartLimit limit(runs, scenes, parameters);
-    std::vector<double> values = parameters.starts();
+    const StartLimit limit(load_fit_runs(built.job, statements), built.scenes, built.parameters);
+    std::vector<double> values = built.parameters.starts();
     EXPECT_TRUE(limit.allows(values));
     EXPECT_EQ(limit.softened(values), values);
     values[0] = 1e10;

@@ -309,8 +309,8 @@ std::vector<std::string> general(const std::vector<Parameter>& parameters,
                     : ""));
   } else if (data.noise < 1.0 / kMisfit) {
     statements.push_back(fmt::format(
-        "The simulation meets the capture to {:.3g} of the stated noise: the noise is smaller than "
-        "stated, and the errors may be too.",
+        "The simulation meets the capture to {:.3g} of the noise that is counted (of clouds the "
+        "spacing of their points is counted too): it is smaller, and the errors may be too.",
         data.noise));
   }
   return statements;

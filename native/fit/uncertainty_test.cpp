@@ -75,7 +75,7 @@ TEST(Uncertainty, ErrorsGrowWithAMisfitAndDoNotShrinkBelowTheNoise) {
   EXPECT_NEAR(better.noise_scale, 0.2, 1e-12);
   EXPECT_NEAR(better.estimates[0].standard_error, error, 1e-12);
   ASSERT_EQ(better.statements.size(), 1U);
-  EXPECT_THAT(better.statements[0], HasSubstr("smaller than stated"));
+  EXPECT_THAT(better.statements[0], HasSubstr("it is smaller"));
 }
 
 TEST(Uncertainty, FewerIndependentResidualsGiveLargerErrors) {

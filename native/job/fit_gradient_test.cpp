@@ -32,7 +32,6 @@ class Fixture {
     FitModel::Options options;
     options.threads = threads;
     model_ = std::make_unique<FitModel>(runs_, scenes, *parameters_, options, interrupter_);
-    model_->freeze_contacts(parameters_->starts());
     const FitWindow window = fit_windows(runs_, false).front();
     const auto outcome = model_->evaluate({parameters_->starts()}, {window.until, true}).front();
     model_->set_steps(model_->steps_of(parameters_->starts(), *outcome));

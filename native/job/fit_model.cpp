@@ -12,6 +12,7 @@
 #include "base/error.hpp"
 #include "fit/metrics.hpp"
 #include "fit/surface_points.hpp"
+#include "job/fit_contacts.hpp"
 #include "job/fit_gradient.hpp"
 #include "job/step_limit.hpp"
 #include "mpm/gradient.hpp"
@@ -123,7 +124,6 @@ FitModel::FitModel(const std::vector<FitRun>& runs, std::vector<mpm::Scene> scen
     bytes_ = std::max(bytes_, mpm::Simulation::estimate(model->scene).bytes);
     models_.push_back(std::move(model));
   }
-  frozen_.resize(runs.size());
   steps_.resize(runs.size());
   refinements_.assign(runs.size(), kUnsettled);
 }
@@ -136,28 +136,12 @@ std::size_t FitModel::watched(std::size_t run, std::size_t capture) const {
   return models_[run]->watchers[capture].size();
 }
 
-std::vector<FrozenContacts> FitModel::contacts_at(std::span<const double> values) const {
-  std::vector<FrozenContacts> frozen;
-  for (std::size_t r = 0; r < models_.size(); ++r) {
-    mpm::Scene scene = models_[r]->scene;
-    parameters_.apply(values, r, scene);
-    frozen.push_back(resolve_contacts(scene, parameters_.moved_materials(r)));
-    if (r > 0) inherit(frozen.front(), models_.front()->scene, scene, frozen.back());
-  }
-  return frozen;
-}
-
-void FitModel::freeze_contacts(std::span<const double> values) { frozen_ = contacts_at(values); }
-
-void FitModel::release_contacts() { frozen_.assign(models_.size(), {}); }
-
 std::vector<FitSteps> FitModel::steps_of(std::span<const double> values,
                                          const FitOutcome& outcome) const {
   std::vector<FitSteps> steps = steps_;
   for (std::size_t r = 0; r < models_.size(); ++r) {
     if (outcome[r].substeps.empty()) continue;
     mpm::Scene scene = models_[r]->scene;
-    apply(frozen_[r], scene);
     parameters_.apply(values, r, scene);
     steps[r] = {outcome[r].substeps, step_limit(scene)};
   }
@@ -191,7 +175,6 @@ void FitModel::settle(std::span<const double> values, std::span<const int> befor
   for (std::size_t r = 0; r < models_.size(); ++r) {
     if (steps_[r].substeps.empty()) continue;
     mpm::Scene scene = models_[r]->scene;
-    apply(frozen_[r], scene);
     parameters_.apply(values, r, scene);
     // The steps of the differences beside these values go without more substeps.
     const int asked = steps_finer(steps_[r], step_limit(scene), 0.95 * kMargin);
@@ -225,7 +208,6 @@ FitModel::Trial FitModel::trial(std::size_t run, std::span<const double> values,
   Trial trial;
   trial.scene = model.scene;
   mpm::Scene& scene = trial.scene;
-  apply(frozen_[run], scene);
   parameters_.apply(values, run, scene);
   const FitDoc::Loss loss = options_.loss;
   trial.watchers = model.watchers;
@@ -325,9 +307,34 @@ mpm::Simulation::Options FitModel::simulation_options() const {
 bool FitModel::has_gradient() const {
   if (options_.loss != FitDoc::Loss::kTracks) return false;
   for (std::size_t r = 0; r < models_.size(); ++r) {
-    if (!matterfit::job::has_gradient(parameters_, r, models_[r]->scene)) return false;
+    const mpm::Scene& scene = models_[r]->scene;
+    if (!matterfit::job::has_gradient(parameters_, r, scene)) return false;
+    if (!follows_one_body(scene)) return false;
   }
   return true;
+}
+
+void FitModel::add_through_contacts(std::size_t run, std::span<const double> values,
+                                    const mpm::Gradient& gradient, std::span<double> sum) const {
+  constexpr double kDifference = 1e-4;
+  if (models_[run]->scene.bodies.size() > 1) return;
+  const auto stiffnesses = [&](std::size_t i, double factor) {
+    std::vector<double> moved(values.begin(), values.end());
+    moved[i] *= factor;
+    mpm::Scene scene = models_[run]->scene;
+    parameters_.apply(moved, run, scene);
+    return contact_stiffnesses(scene, scene.bodies.front());
+  };
+  for (std::size_t i = 0; i < parameters_.size(); ++i) {
+    if (!parameters_.acts_on(i, run) || !parameters_.path(i).is_material()) continue;
+    const std::vector<double> more = stiffnesses(i, 1.0 + kDifference);
+    const std::vector<double> less = stiffnesses(i, 1.0 - kDifference);
+    for (std::size_t c = 0; c < more.size(); ++c) {
+      if (more[c] == less[c]) continue;
+      sum[i] +=
+          gradient.colliders[c].stiffness * (more[c] - less[c]) / (2.0 * kDifference * values[i]);
+    }
+  }
 }
 
 std::optional<std::vector<double>> FitModel::pull_back(
@@ -374,6 +381,7 @@ std::optional<std::vector<double>> FitModel::pull_back(
       const mpm::Gradient gradient =
           mpm::gradient<float>(scene, arena, observer, options, interrupter_);
       add_gradient(parameters_, r, scene, gradient, sum);
+      add_through_contacts(r, values, gradient, sum);
     }
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;

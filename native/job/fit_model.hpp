@@ -10,10 +10,13 @@
 
 #include "base/interrupter.hpp"
 #include "job/fit_captures.hpp"
-#include "job/fit_contacts.hpp"
 #include "job/fit_parameters.hpp"
 #include "job/follow.hpp"
 #include "mpm/simulation.hpp"
+
+namespace matterfit::mpm {
+struct Gradient;
+}
 
 namespace matterfit::job {
 
@@ -60,14 +63,6 @@ class FitModel {
   [[nodiscard]] const mpm::Scene& scene(std::size_t run) const;
   /// How many points of the simulation one capture looks at.
   [[nodiscard]] std::size_t watched(std::size_t run, std::size_t capture) const;
-  /// Resolves the default stiffness of contacts for these values, and keeps it from then on.
-  void freeze_contacts(std::span<const double> values);
-  /// From here on they follow the material, as outside of a fit.
-  void release_contacts();
-  [[nodiscard]] const std::vector<FrozenContacts>& frozen() const { return frozen_; }
-  /// What freeze_contacts() would resolve.
-  [[nodiscard]] std::vector<FrozenContacts> contacts_at(std::span<const double> values) const;
-
   [[nodiscard]] const std::vector<FitSteps>& steps() const { return steps_; }
   void set_steps(std::vector<FitSteps> steps) { steps_ = std::move(steps); }
   /// The substeps of an evaluation that the solver chose, at these values.
@@ -90,12 +85,13 @@ class FitModel {
       const std::vector<std::vector<double>>& points, const Scope& scope,
       const std::function<void(double)>& progress = {}) const;
   /// Whether pull_back() can tell: not with a loss between clouds, whose nearest neighbours change,
-  /// nor by where a body is placed or when a recording began, nor where the scenes have no adjoint.
+  /// nor by where a body is placed or when a recording began, nor where the scenes have no adjoint
+  /// or contacts of several bodies, or with walls, follow the material.
   [[nodiscard]] bool has_gradient() const;
   /// The derivative by each parameter (physical values) of Σ bar·x over what the captures see of a
   /// simulation: `bars` run by run and capture by capture, (T, N), none of a run that is not
-  /// simulated. By the adjoint (mpm/gradient.hpp), with contacts and substeps held, and with the
-  /// share of total Lagrangian velocities that is smoothed. Nothing where the simulation could not
+  /// simulated. By the adjoint (mpm/gradient.hpp), with substeps held, and with the share of total
+  /// Lagrangian velocities that is smoothed. Nothing where the simulation could not
   /// be completed, or a gigabyte does not hold its record. Equal bits for any number of threads.
   /// Throws Error(kCancelled).
   [[nodiscard]] std::optional<std::vector<double>> pull_back(
@@ -113,6 +109,9 @@ class FitModel {
     std::string message;
     bool by_input = false;
   };
+  /// What the values of a run do by way of contacts that follow the material.
+  void add_through_contacts(std::size_t run, std::span<const double> values,
+                            const mpm::Gradient& gradient, std::span<double> sum) const;
   /// The power for this scene.
   [[nodiscard]] int refined(std::size_t run, const mpm::Scene& scene) const;
   [[nodiscard]] mpm::Simulation::Options simulation_options() const;
@@ -128,7 +127,6 @@ class FitModel {
   Options options_;
   const Interrupter& interrupter_;
   std::vector<std::unique_ptr<RunModel>> models_;
-  std::vector<FrozenContacts> frozen_;
   std::vector<FitSteps> steps_;
   std::vector<int> refinements_;  ///< least power of 2^¼ of each run
   std::size_t bytes_ = 0;         ///< that one simulation takes, of the largest run

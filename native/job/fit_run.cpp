@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <map>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
@@ -11,6 +12,7 @@
 #include "job/fit_document.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_laws.hpp"
+#include "job/fit_race.hpp"
 #include "job/fit_report.hpp"
 #include "job/fit_search.hpp"
 #include "job/fit_state.hpp"
@@ -113,15 +115,17 @@ class FitJob {
     return text;
   }
 
-  /// The fit of one law; the body's own where none is sought.
-  [[nodiscard]] std::unique_ptr<LawFit> law_fit(material::Law law, material::Law own) {
+  /// The fit of a law, made where it is not yet; the body's own where none is sought.
+  LawFit& law_fit(material::Law law) {
+    std::unique_ptr<LawFit>& made = fits_[law];
+    if (made) return *made;
     FitSetup setup;
     setup.fit = &doc_;
     setup.runs = &runs_;
     setup.law = law;
     setup.target = target_;
     setup.threads = options_.threads;
-    setup.parameters = doc_.laws.empty() ? doc_.parameters : parameters_of_law(doc_, own, law);
+    setup.parameters = doc_.laws.empty() ? doc_.parameters : parameters_of_law(doc_, own_law_, law);
     for (const FitRun& run : runs_) {
       setup.jobs.push_back(run.job);
       for (BodyDoc& body : setup.jobs.back().scene.bodies) {
@@ -130,9 +134,9 @@ class FitJob {
         }
       }
     }
-    auto result = std::make_unique<LawFit>(std::move(setup), interrupter_, law_statements_);
-    result->report = [this](const FitReport& report) { show(report); };
-    return result;
+    made = std::make_unique<LawFit>(std::move(setup), interrupter_, law_statements_);
+    made->report = [this](const FitReport& report) { show(report); };
+    return *made;
   }
 
   void build_laws() {
@@ -140,11 +144,11 @@ class FitJob {
     own_law_ = body_named(job_.scene, body).material.law;
     laws_ = doc_.laws.empty() ? std::vector<material::Law>{own_law_} : doc_.laws;
     say("Filling bodies", 0.0);
-    first_ = law_fit(own_law_, own_law_);
+    const LawFit& own = law_fit(own_law_);
     Arena arena(options_.threads);
     for (std::size_t r = 0; r < runs_.size(); ++r) {
-      settle_noise(runs_[r], first_->scene(r), statements_);
-      check_places(runs_[r], first_->scene(r), arena, statements_);
+      settle_noise(runs_[r], own.scene(r), statements_);
+      check_places(runs_[r], own.scene(r), arena, statements_);
     }
     if (!resumed_) {
       for (const material::Law law : laws_) {
@@ -158,9 +162,14 @@ class FitJob {
 
   void show(const FitReport& report) {
     Progress progress;
-    const double law = double(state_.law);
-    progress.fraction = kFitShare * (law + report.fraction) / double(laws_.size());
     const bool several = laws_.size() > 1 && state_.law < laws_.size();
+    fractions_.resize(laws_.size());
+    if (state_.law < laws_.size()) fractions_[state_.law] = report.fraction;
+    double done = 0.0;
+    for (std::size_t k = 0; k < laws_.size(); ++k) {
+      done += state_.laws[k].finished ? 1.0 : fractions_[k];
+    }
+    progress.fraction = kFitShare * done / double(laws_.size());
     progress.label =
         fit_label(report, several ? std::string(material::law_name(laws_[state_.law])) : "");
     interrupter_.report(progress);
@@ -177,18 +186,19 @@ class FitJob {
 
   void search() {
     if (!state_.measured_before) {
-      const LawState start = first_->start();
-      if (const auto errors = first_->errors(start, false, state_.before_failed)) {
+      LawFit& own = law_fit(own_law_);
+      if (const auto errors = own.errors(own.start(), false, state_.before_failed)) {
         state_.before = errors->json();
       }
       state_.measured_before = true;
       save();
     }
-    for (; state_.law < laws_.size(); ++state_.law) {
-      LawState& law = state_.laws[state_.law];
-      if (law.finished) continue;
+    if (std::find(laws_.begin(), laws_.end(), own_law_) == laws_.end()) fits_.erase(own_law_);
+    while (const auto next = next_law(state_.laws)) {
+      state_.law = *next;
+      LawState& law = state_.laws[*next];
       try {
-        fit_law(law);
+        advance(law);
       } catch (const Error& error) {
         if (error.kind() == ErrorKind::kCancelled || error.kind() == ErrorKind::kOutput ||
             doc_.laws.empty()) {
@@ -202,28 +212,38 @@ class FitJob {
     }
   }
 
-  void fit_law(LawState& law) {
-    current_ = laws_[state_.law] == own_law_ && first_ ? std::move(first_)
-                                                       : law_fit(laws_[state_.law], own_law_);
-    if (law.values.empty()) law = current_->start();
-    while (!law.finished) {
-      current_->advance(law, state_.history);
-      if (law.finished && !doc_.laws.empty()) measure(law);
-      save();
+  /// One step of a law, and the end of those that have no hope after it.
+  void advance(LawState& law) {
+    LawFit& fit = law_fit(laws_[state_.law]);
+    if (law.values.empty()) law = fit.start();
+    fit.advance(law, state_.history);
+    if (law.finished) finish_law(state_.law);
+    if (laws_.size() > 1) {
+      for (const LeftLaw& left : hopeless_laws(state_.laws)) {
+        state_.laws[left.law].finished = true;
+        state_.laws[left.law].reason = left.reason;
+        finish_law(left.law);
+        fits_.erase(laws_[left.law]);
+      }
     }
+    save();
+  }
+
+  void finish_law(std::size_t k) {
+    if (!doc_.laws.empty()) measure(state_.laws[k], law_fit(laws_[k]));
   }
 
   /// A candidate's entry of `models`.
-  void measure(LawState& law) {
+  static void measure(LawState& law, LawFit& fit) {
     std::string failure;
-    const auto errors = current_->errors(law, true, failure);
+    const auto errors = fit.errors(law, true, failure);
     if (!errors) {
       law.failed = "The fitted scene could not be simulated: " + failure;
       return;
     }
     Json parameters = Json::object();
     for (std::size_t k = 0; k < law.values.size(); ++k) {
-      parameters[current_->parameters().parameters()[k].name] = law.values[k];
+      parameters[fit.parameters().parameters()[k].name] = law.values[k];
     }
     const auto held = errors->mean(true);
     const auto seen = errors->mean(false);
@@ -233,9 +253,9 @@ class FitJob {
                  {"parameters", parameters}};
   }
 
-  /// The law that is taken: the best of those that are done, else the one that is being fitted.
+  /// The law that is taken: the best of all, or the one that came nearest so far.
   [[nodiscard]] std::size_t winner() const {
-    if (laws_.size() > 1) {
+    if (laws_.size() > 1 && !next_law(state_.laws)) {
       const Json models = ranked_models(state_.laws);
       if (models[0].at("probability").is_number()) {
         for (std::size_t k = 0; k < state_.laws.size(); ++k) {
@@ -243,22 +263,11 @@ class FitJob {
         }
       }
     }
-    return std::min(state_.law, laws_.size() - 1);
-  }
-
-  /// Makes current_ the fit of that law.
-  LawState& take(std::size_t k) {
-    if (!current_ || current_->start().law != state_.laws[k].law) {
-      current_ = law_fit(laws_[k], own_law_);
-    }
-    if (state_.laws[k].values.empty() && !state_.laws[k].finished) {
-      state_.laws[k] = current_->start();
-    }
-    return state_.laws[k];
+    return leading_law(state_.laws).value_or(std::min(state_.law, laws_.size() - 1));
   }
 
   /// The document with the fitted values, as a job that `simulate` takes.
-  [[nodiscard]] Json fitted_document(const LawState& law) {
+  [[nodiscard]] Json fitted_document(const LawState& law, LawFit& of) {
     Json document = job_.document;
     document["task"] = "simulate";
     document["output"]["folder"] = folder_.generic_string();
@@ -268,12 +277,11 @@ class FitJob {
       (*find_named(document.at("scene"), "bodies", doc_.body))["material"] =
           material_json(with_law(own, material::law_from_name(law.law)));
     }
-    write(current_->contacts(law).front(), document.at("scene"));
-    current_->parameters().write(law.values, job_, document);
+    of.parameters().write(law.values, job_, document);
     return document;
   }
 
-  [[nodiscard]] Json fit_json(const LawState& law,
+  [[nodiscard]] Json fit_json(const LawState& law, const LawFit& of,
                               const std::optional<fit::Uncertainty>& uncertainty) {
     std::vector<std::string> statements = statements_;
     for (const std::string& statement : law_statements_) {
@@ -298,20 +306,20 @@ class FitJob {
       iterations += one.iterations;
       evaluations += one.evaluations;
     }
-    Json json = {{"law", law.law},
-                 {"converged", law.converged},
-                 {"reason", law.reason},
-                 {"iterations", iterations},
-                 {"evaluations", evaluations},
-                 {"seconds", state_.seconds},
-                 {"parameters",
-                  parameters_json(current_->parameters().parameters(), law.values, uncertainty)},
-                 {"correlation", uncertainty ? correlation_json(*uncertainty) : Json()},
-                 {"noise_scale", uncertainty ? Json(uncertainty->noise_scale) : Json()},
-                 {"statements", statements},
-                 {"before", state_.before},
-                 {"after", {{"fitted", nullptr}, {"held_out", nullptr}}},
-                 {"history", state_.history}};
+    Json json = {
+        {"law", law.law},
+        {"converged", law.converged},
+        {"reason", law.reason},
+        {"iterations", iterations},
+        {"evaluations", evaluations},
+        {"seconds", state_.seconds},
+        {"parameters", parameters_json(of.parameters().parameters(), law.values, uncertainty)},
+        {"correlation", uncertainty ? correlation_json(*uncertainty) : Json()},
+        {"noise_scale", uncertainty ? Json(uncertainty->noise_scale) : Json()},
+        {"statements", statements},
+        {"before", state_.before},
+        {"after", {{"fitted", nullptr}, {"held_out", nullptr}}},
+        {"history", state_.history}};
     if (json["before"].is_null()) json["before"] = {{"fitted", nullptr}, {"held_out", nullptr}};
     if (!doc_.laws.empty()) json["models"] = ranked_models(state_.laws);
     return json;
@@ -319,33 +327,32 @@ class FitJob {
 
   /// The end of the search: errors of the values, and all of it on disk in place of the checkpoint.
   Json finish(Json& document) {
-    LawState& law = take(winner());
+    const std::size_t best = winner();
+    const LawState& law = state_.laws[best];
     if (!law.failed.empty()) {
       throw_compute("fit.laws: none of the laws could be fitted. " + law.law + ": " + law.failed);
     }
+    LawFit& of = law_fit(laws_[best]);
     std::optional<fit::Uncertainty> uncertainty;
     if (law.search) {
       say("Fitting: errors of the values", kFitShare);
       try {
-        uncertainty = current_->uncertainty(law);
+        uncertainty = of.uncertainty(law);
       } catch (const Error& error) {
         if (error.kind() != ErrorKind::kCompute) throw;
         statements_.push_back(std::string("Errors of the values could not be found: ") +
                               error.what());
       }
     }
-    document = fitted_document(law);
-    for (const std::string& shared : current_->shared_contacts(law)) {
-      statements_.push_back(shared);
-    }
+    document = fitted_document(law, of);
     Json after;
     if (doc_.loss != FitDoc::Loss::kTracks) {
       // The run that follows compares point by point, which means nothing for clouds.
       std::string failure;
-      if (const auto errors = current_->errors(law, true, failure)) after = errors->json();
+      if (const auto errors = of.errors(law, true, failure)) after = errors->json();
     }
     save();
-    Json fit = fit_json(law, uncertainty);
+    Json fit = fit_json(law, of, uncertainty);
     if (after.is_object()) fit["after"] = after;
     write_fitted(folder_, {hash_, inputs_, document, fit});
     // Only now: until then the search would go on from it.
@@ -413,33 +420,31 @@ class FitJob {
 
   /// The best so far of a search that was broken off; the checkpoint stays.
   Json cancelled() {
-    LawState& law = state_.laws[winner()];
-    if (!current_ || current_->start().law != law.law) {
-      // Nothing but the start can be told of a law whose scenes are not built.
-      if (!first_ || first_->start().law != law.law) {
-        throw Error(ErrorKind::kCancelled, "Cancelled.");
-      }
-      current_ = std::move(first_);
-    }
-    if (law.values.empty()) law.values = current_->start().values;
+    const std::size_t best = winner();
+    LawState& law = state_.laws[best];
+    const auto made = fits_.find(laws_[best]);
+    // Nothing can be told of a law whose scenes are not built.
+    if (made == fits_.end() || !made->second) throw Error(ErrorKind::kCancelled, "Cancelled.");
+    LawFit& of = *made->second;
+    if (law.values.empty()) law = of.start();
     if (!law.finished) law.reason = "Cancelled; these are the best values so far.";
     ErrorPool after;
     try {
       double size = 0.0;
       for (std::size_t r = 0; r < runs_.size(); ++r) {
         for (const FitCapture& capture : runs_[r].captures) {
-          const mpm::Scene& scene = current_->scene(r);
+          const mpm::Scene& scene = of.scene(r);
           const mpm::Body& body = scene.bodies[body_index(scene, capture.input.body)];
           if (capture.used_count > 0) size = std::max(size, fit::body_size(body.rest));
         }
       }
-      after.add(current_->distances(law), size, 0, false);
+      after.add(of.distances(law), size, 0, false);
     } catch (const Error& error) {
       // The stage's scenes are not built, as after a fit that was taken up and broken off at once.
       if (error.kind() != ErrorKind::kCancelled) throw;
     }
-    const Json document = fitted_document(law);
-    Json fit = fit_json(law, std::nullopt);
+    const Json document = fitted_document(law, of);
+    Json fit = fit_json(law, of, std::nullopt);
     fit["after"] = after.json();
     return write_cancelled(job_from(document), std::move(fit));
   }
@@ -473,8 +478,9 @@ class FitJob {
   FitState state_;
   material::Law own_law_ = material::Law::kFixedCorotated;
   std::vector<material::Law> laws_;
-  std::unique_ptr<LawFit> first_;    ///< of the document's law
-  std::unique_ptr<LawFit> current_;  ///< of the law that is being fitted
+  /// Of laws that are being fitted, and of the document's while the start is looked at.
+  std::map<material::Law, std::unique_ptr<LawFit>> fits_;
+  std::vector<double> fractions_;  ///< of each law's fit, for progress
   Clock::time_point started_;
 };
 

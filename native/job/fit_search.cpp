@@ -12,6 +12,7 @@
 #include "job/build_scene.hpp"
 #include "job/fit_equation_start.hpp"
 #include "job/fit_levels.hpp"
+#include "job/fit_race.hpp"
 #include "job/fit_start.hpp"
 
 namespace matterfit::job {
@@ -32,11 +33,11 @@ constexpr double kCoarseCost = 1e-3;
 /// Until the last stage what a short clip hardly shows stays near where it was: the standard
 /// deviation of that, in scales of the parameters.
 constexpr double kLeash = 2.0;
-/// A contact's default stiffness that has changed by more than this is resolved anew.
-constexpr double kContactChange = 1.005;
-/// Values and the stiffness that follows from them come to each other by a factor of two or more.
-constexpr int kMostRepeats = 4;
-constexpr int kMostForSteps = 1;
+constexpr int kMostRepeats = 1;
+/// A level does not show the motion where a finer one differs by more of what is missed.
+constexpr double kLevelGap = 0.7;
+/// Iterations from one comparison of candidate laws to the next.
+constexpr int kIterationsToStanding = 5;
 /// Differences between clouds are to move their points by some part of the spacing: what is nearest
 /// to what does not change before, and a search creeps.
 constexpr double kCloudDifference = 0.05;
@@ -44,6 +45,8 @@ constexpr double kCloudDifference = 0.05;
 /// errors of second order in the separation (docs/validation.md).
 constexpr double kCoarser = 2.0;
 constexpr double kOfCoarser = 1.0 / (kCoarser * kCoarser - 1.0);
+/// What the start takes of the whole, about.
+constexpr double kStartShare = 0.15;
 /// What a stage that is led by a coarser one takes of the time that it would take alone, about.
 constexpr double kLedShare = 0.3;
 
@@ -51,6 +54,18 @@ double mean_of(const std::vector<double>& values) {
   double sum = 0.0;
   for (const double value : values) sum += value;
   return values.empty() ? 0.0 : sum / double(values.size());
+}
+
+/// Of a capture of which the fit sees nothing.
+bool is_unseen(const FitPath& path, const std::vector<FitRun>& runs) {
+  const std::string& name = path.quantity == FitQuantity::kStartFrame ? path.owner : path.capture;
+  if (name.empty()) return false;
+  for (const FitRun& run : runs) {
+    for (const FitCapture& capture : run.captures) {
+      if (capture.input.name == name) return capture.used_count == 0;
+    }
+  }
+  return false;
 }
 
 /// Has a problem tell its progress for as long as this stands.
@@ -126,7 +141,8 @@ LawFit::LawFit(FitSetup setup, const Interrupter& interrupter, std::vector<std::
       // Clouds have another number of points at another level.
       if (l > 0 && setup_.fit->loss == FitDoc::Loss::kTracks) stage.stand_in = levels[l - 1];
       stage.window = windows[w];
-      stage.last = l + 1 == levels.size() && w + 1 == windows.size();
+      stage.whole = w + 1 == windows.size();
+      stage.last = stage.whole && l + 1 == levels.size();
       stage.name = "frames " + std::to_string(windows[w].first_frame) + "-" +
                    std::to_string(windows[w].last_frame);
       if (levels[l] != 1.0) stage.name += fmt::format(", separation ×{:g}", levels[l]);
@@ -168,12 +184,20 @@ FitModel& LawFit::model(double level) {
 
 void LawFit::tell(const LawState& state, const std::string& stage, double part, double rms) const {
   if (!report) return;
-  // A stage takes about twice as long as the one before it; iterations go quicker at its end.
+  // The start takes as long as a stage or longer; iterations go quicker at a stage's end.
+  if (!state.begun) {
+    FitReport start;
+    start.stage = stage;
+    start.fraction = kStartShare * state.evaluations / (state.evaluations + 10.0);
+    start.rms = rms;
+    report(start);
+    return;
+  }
   double before = 0.0;
   double all = 0.0;
   for (std::size_t s = 0; s < stages_.size(); ++s) {
     double weight = (stages_[s].window.last_frame - stages_[s].window.first_frame + 1) /
-                    std::pow(stages_[s].level, 4.0);
+                    std::pow(stages_[s].level, 2.0);
     if (stages_[s].last) weight *= 2.0;
     if (stages_[s].stand_in) weight *= kLedShare;
     if (s < state.stage) before += weight;
@@ -185,7 +209,7 @@ void LawFit::tell(const LawState& state, const std::string& stage, double part, 
   }
   FitReport said;
   said.stage = stage;
-  said.fraction = std::clamp(before / all, 0.0, 1.0);
+  said.fraction = kStartShare + (1.0 - kStartShare) * std::clamp(before / all, 0.0, 1.0);
   said.iteration = state.search ? state.search->iteration + 1 : 0;
   said.rms = rms;
   report(said);
@@ -213,7 +237,7 @@ std::vector<double> LawFit::mean_distances(LawState& state,
 std::vector<double> LawFit::mean_distances(LawState& state,
                                            const std::vector<std::vector<double>>& points,
                                            const FitWindow& window) {
-  return mean_distances(state, points, window, stages_.front().level);
+  return mean_distances(state, points, window, stages_[state.first_stage].level);
 }
 
 std::vector<double> LawFit::start_distances(LawState& state, const StartLimit& limit,
@@ -317,13 +341,44 @@ void LawFit::begin(LawState& state) {
     return start_distances(state, limit, points, window);
   };
   state.values = scanned(*parameters_, state.values, mean, costs);
+  while (skip_level(state)) {
+  }
+}
+
+bool LawFit::skip_level(LawState& state) {
+  const double level = stages_[state.first_stage].level;
+  const auto next = std::find_if(stages_.begin(), stages_.end(),
+                                 [&](const Stage& stage) { return stage.level < level; });
+  const bool free = setup_.fit->levels.empty() && setup_.fit->loss == FitDoc::Loss::kTracks;
+  if (next == stages_.end() || !free) return false;
+  const FitWindow window = fit_window(*setup_.runs, kScanSamples);
+  const auto residuals = [&](double at) -> std::optional<Eigen::VectorXd> {
+    FitModel& of = model(at);
+    of.set_steps(std::vector<FitSteps>(setup_.runs->size()));
+    ++state.evaluations;
+    const auto outcome = of.evaluate({state.values}, {window.until, true}).front();
+    if (!outcome) return std::nullopt;
+    return FitProblem(of, *setup_.runs, parameters_->parameters(), setup_.fit->loss, window)
+        .residuals(*outcome);
+  };
+  context_.reset();
+  const auto coarse = residuals(level);
+  if (!coarse) return false;
+  const FitProblem problem(model(level), *setup_.runs, parameters_->parameters(), setup_.fit->loss,
+                           window);
+  const double missed = mean_of(problem.distances(*coarse));
+  if (missed <= poor()) return false;
+  const auto fine = residuals(next->level);
+  if (!fine || mean_of(problem.distances(*fine - *coarse)) <= kLevelGap * missed) return false;
+  state.first_stage = static_cast<std::size_t>(next - stages_.begin());
+  state.stage = state.first_stage;
+  return true;
 }
 
 bool LawFit::rescan(LawState& state) {
   context_.reset();
   const FitWindow window = fit_window(*setup_.runs, kScanSamples);
-  FitModel& coarse = model(stages_.front().level);
-  coarse.release_contacts();
+  FitModel& coarse = model(stages_[state.first_stage].level);
   coarse.set_steps(std::vector<FitSteps>(setup_.runs->size()));
   const double mean = mean_distances(state, {state.values}, window).front();
   const StartLimit limit(*setup_.runs, scenes_, *parameters_);
@@ -357,7 +412,6 @@ LawFit::Context& LawFit::context(const LawState& state) {
   }
   const auto settled = [&](double level, const std::vector<FitSteps>& steps) -> FitModel& {
     FitModel& at_level = model(level);
-    at_level.freeze_contacts(state.stage_start);
     at_level.set_steps(steps);
     return at_level;
   };
@@ -388,7 +442,6 @@ LawFit::Context& LawFit::context(const LawState& state) {
 
 std::optional<std::vector<FitSteps>> LawFit::fix(FitModel& model, LawState& state,
                                                  const FitWindow& window) {
-  model.freeze_contacts(state.values);
   const auto outcome = model.evaluate({state.values}, {window.until, true}).front();
   ++state.evaluations;
   if (!outcome) return std::nullopt;
@@ -404,7 +457,7 @@ void LawFit::set_stage(LawState& state) {
   if (!steps) {
     const std::string why =
         "The simulation could not be completed: " + model(stage.level).failure();
-    if (state.stage == 0 && state.repeats == 0) {
+    if (state.stage == state.first_stage && state.repeats == 0) {
       if (model(stage.level).failed_by_input()) throw_input(model(stage.level).failure());
       throw_compute("the fit cannot begin at these values. " + why);
     }
@@ -415,7 +468,7 @@ void LawFit::set_stage(LawState& state) {
   }
   state.steps = *steps;
   state.stand_in_steps.clear();
-  if (stage.stand_in) {
+  if (stage.stand_in && stages_[state.first_stage].level > stage.level) {
     if (auto coarse = fix(model(*stage.stand_in), state, stage.window)) {
       state.stand_in_steps = std::move(*coarse);
     }
@@ -426,7 +479,7 @@ void LawFit::set_stage(LawState& state) {
 }
 
 void LawFit::end_stage(LawState& state) {
-  if (state.stage == 0 && !state.rescanned &&
+  if (state.stage == state.first_stage && !state.rescanned &&
       mean_of(context(state).problem.distances(state.search->residual)) > poor()) {
     state.scan_due = true;
     return;
@@ -436,68 +489,29 @@ void LawFit::end_stage(LawState& state) {
     state.search.reset();
     return;
   }
-  FitModel& fine = model(1.0);
-  double change = 1.0;
-  const auto before = fine.contacts_at(state.stage_start);
-  const auto now = fine.contacts_at(state.values);
-  for (std::size_t r = 0; r < now.size(); ++r) {
-    change = std::max(change, largest_change(before[r], now[r]));
-  }
-  // Substeps, too, are to be those that the solver takes at the end.
+  // Substeps are to be those that the solver takes at the end.
   const bool other_steps =
       std::any_of(state.refinements.begin(), state.refinements.end(),
                   [](int power) { return power != 0 && power != FitModel::kUnsettled; });
-  if ((change > kContactChange && state.repeats < kMostRepeats) ||
-      (other_steps && state.repeats < kMostForSteps)) {
+  if (other_steps && state.repeats < kMostRepeats) {
     ++state.repeats;
     state.search.reset();
-    extrapolate(state);
     return;
-  }
-  if (change > kContactChange) {
-    statements_.push_back(fmt::format(
-        "The stiffness of contacts that the fit held is {:.0f} % off the one that the solver takes "
-        "with the values found. Give the contact a stiffness, or fit it.",
-        100.0 * (change - 1.0)));
   }
   state.finished = true;
   state.converged = state.search->converged;
   state.reason = state.search->reason;
 }
 
-void LawFit::extrapolate(LawState& state) const {
-  // Steffensen's way to x = g(x): g are the values that a stage ends with whose contacts follow
-  // from x, with one slope for all of them, in units of the scales.
-  constexpr double kSteepest = 0.8;
-  constexpr double kSteepestDown = -4.0;
-  const std::vector<double> x = state.stage_start;
-  const std::vector<double> g = state.values;
-  if (!state.repeat_start.empty()) {
-    const auto& all = parameters_->parameters();
-    const auto step = [&](std::size_t k, double from, double to) {
-      const fit::Parameter& parameter = all[k];
-      return (fit::to_natural(parameter.coordinate, to) -
-              fit::to_natural(parameter.coordinate, from)) /
-             parameter.scale;
-    };
-    double products = 0.0;
-    double squares = 0.0;
-    for (std::size_t k = 0; k < all.size(); ++k) {
-      const double dx = step(k, state.repeat_start[k], x[k]);
-      products += dx * step(k, state.repeat_values[k], g[k]);
-      squares += dx * dx;
-    }
-    const double slope = squares > 0.0 ? products / squares : 0.0;
-    if (slope > kSteepestDown && slope < kSteepest) {
-      for (std::size_t k = 0; k < all.size(); ++k) {
-        const double further = slope / (1.0 - slope) * step(k, x[k], g[k]) * all[k].scale;
-        state.values[k] =
-            fit::value_within_bounds(all[k], fit::to_natural(all[k].coordinate, g[k]) + further);
-      }
-    }
-  }
-  state.repeat_start = x;
-  state.repeat_values = g;
+void LawFit::take_standing(LawState& state, int iterations_before) {
+  const fit::LeastSquaresState& search = *state.search;
+  const bool due = search.finished || search.iteration / kIterationsToStanding >
+                                          iterations_before / kIterationsToStanding;
+  if (!due || search.residual.size() == 0) return;
+  const FitProblem& problem = context(state).problem;
+  const bool scanned = state.stage > state.first_stage || state.rescanned ||
+                       mean_of(problem.distances(search.residual)) <= poor();
+  add_standing(state, {problem.rms(search.residual), scanned && stages_[state.stage].whole});
 }
 
 void LawFit::advance(LawState& state, std::vector<Json>& history) {
@@ -519,6 +533,12 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
   if (state.scan_due) {
     LawState next = state;
     next.scan_due = false;
+    if (skip_level(next)) {
+      next.candidates.push_back(next.values);
+      next.search.reset();
+      state = std::move(next);
+      return;
+    }
     next.rescanned = true;
     if (rescan(next)) {
       next.search.reset();
@@ -583,6 +603,7 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
                        {"evaluations", next.evaluations},
                        {"values", values}});
   }
+  take_standing(next, iterations);
   if (search.finished) end_stage(next);
   state = std::move(next);
 }
@@ -609,6 +630,13 @@ fit::Uncertainty LawFit::uncertainty(const LawState& state) {
   fit::Uncertainty known =
       fit::uncertainty(at.search.parameters(), search, at.problem.effective(search.residual),
                        setup_.fit->huber, at.problem.blocks());
+  for (std::size_t k = 0; k < known.estimates.size(); ++k) {
+    if (known.estimates[k].observable || !is_unseen(parameters_->path(k), *setup_.runs)) continue;
+    known.estimates[k].statement = at.search.parameters()[k].name +
+                                   " is not observed: the fit sees nothing of its capture, which "
+                                   "is held out or outside of the "
+                                   "scene's frames. It keeps its start value.";
+  }
   if (const auto change = coarser(at_end)) {
     fit::add_grid_error(at.search.parameters(), search, *change, kOfCoarser, setup_.fit->huber,
                         known);
@@ -621,7 +649,6 @@ std::optional<Eigen::VectorXd> LawFit::coarser(const LawState& state) {
   if (setup_.fit->loss != FitDoc::Loss::kTracks) return std::nullopt;
   try {
     FitModel& of = model(kCoarser * stage.level);
-    of.freeze_contacts(state.values);
     of.set_steps(std::vector<FitSteps>(setup_.runs->size()));
     const auto outcome = of.evaluate({state.values}, {stage.window.until, true}).front();
     if (!outcome) throw_compute(of.failure());
@@ -643,31 +670,9 @@ std::vector<double> LawFit::distances(const LawState& state) {
   return context(state).problem.distances(state.search->residual);
 }
 
-std::vector<FrozenContacts> LawFit::contacts(const LawState& state) {
-  FitModel& fine = model(1.0);
-  return fine.contacts_at(state.stage_start.empty() ? state.values : state.stage_start);
-}
-
-std::vector<std::string> LawFit::shared_contacts(const LawState& state) {
-  std::vector<std::string> all;
-  const std::vector<FrozenContacts> frozen = contacts(state);
-  for (std::size_t r = 0; r < scenes_.size(); ++r) {
-    for (std::string& one :
-         matterfit::job::shared_contacts(frozen[r], scenes_[r], parameters_->moved_materials(r))) {
-      if (std::find(all.begin(), all.end(), one) == all.end()) all.push_back(std::move(one));
-    }
-  }
-  return all;
-}
-
 std::optional<ErrorPool> LawFit::errors(const LawState& state, bool fitted, std::string& failure) {
   FitModel& fine = model(1.0);
   context_.reset();
-  if (fitted && !state.stage_start.empty()) {
-    fine.freeze_contacts(state.stage_start);
-  } else {
-    fine.release_contacts();
-  }
   FitModel::Scope scope;
   scope.solver_steps = true;
   for (const FitRun& run : *setup_.runs) {

@@ -45,8 +45,8 @@ struct FitReport {
 /// poor the momentum balance of the tracks and, if that leaves it poor, a scan of simulations; then
 /// windows that grow, at the coarsest level; then the whole clip, level by level to the finest,
 /// each led by the Jacobian of the one before. Where the first of these stages ends far off, the
-/// scan is made once more and the stage again. In each stage Levenberg–Marquardt with contacts and
-/// substeps held.
+/// scan is made once more and the stage again. In each stage Levenberg–Marquardt with substeps
+/// held.
 class LawFit {
  public:
   /// Builds the scenes at the document's resolution. Throws Error(kInput), Error(kCancelled).
@@ -70,13 +70,9 @@ class LawFit {
   [[nodiscard]] fit::Uncertainty uncertainty(const LawState& state);
   /// Distances [m] of the samples that the present stage compares, at the state's values.
   [[nodiscard]] std::vector<double> distances(const LawState& state);
-  /// The contacts of the last stage, one a run.
-  [[nodiscard]] std::vector<FrozenContacts> contacts(const LawState& state);
-  /// Whose contact with bodies that are not fitted they change, a sentence each.
-  [[nodiscard]] std::vector<std::string> shared_contacts(const LawState& state);
   /// Errors over all runs and frames, held-out ones too, as a simulation outside of the fit has
-  /// them; nothing if it could not be completed (`failure`). `fitted`: with the contacts of the
-  /// fit, else with the document's, and then Error(kInput) if the document is why it could not.
+  /// them; nothing if it could not be completed (`failure`). `fitted`: of values that
+  /// were found; else Error(kInput) if the document is why it could not.
   [[nodiscard]] std::optional<ErrorPool> errors(const LawState& state, bool fitted,
                                                 std::string& failure);
 
@@ -88,6 +84,7 @@ class LawFit {
     double level = 1.0;
     std::optional<double> stand_in;  ///< the level that Jacobians come from at first
     FitWindow window;
+    bool whole = false;  ///< its window is the whole clip
     bool last = false;
   };
   struct Context;
@@ -96,7 +93,11 @@ class LawFit {
   /// Looks once more along each parameter from where the first stage ended: it may lie in a wrong
   /// valley. True if something better was found.
   [[nodiscard]] bool rescan(LawState& state);
-  /// Of simulations at a level (the coarsest), each with contacts as they are now [m].
+  /// Begins with a finer level where the state's one does not show the motion: where what the finer
+  /// one makes of the same values differs by much of what they are off. A coarse grid is stiff and
+  /// viscous by itself, and a search there makes up for it. True if it does.
+  bool skip_level(LawState& state);
+  /// Of simulations at a level (that of the first stage) [m].
   [[nodiscard]] std::vector<double> mean_distances(LawState& state,
                                                    const std::vector<std::vector<double>>& points,
                                                    const FitWindow& window, double level);
@@ -115,11 +116,11 @@ class LawFit {
   [[nodiscard]] double poor() const;
   void set_stage(LawState& state);
   void end_stage(LawState& state);
-  /// Where the last stage begins again: nearer to where values and contacts agree.
-  void extrapolate(LawState& state) const;
+  /// Notes every few iterations how far the capture is missed.
+  void take_standing(LawState& state, int iterations_before);
   void settle(LawState& state);
   FitModel& model(double level);
-  /// Fixes contacts and substeps of a level at the start of a stage; nothing if it cannot be run.
+  /// Fixes the substeps of a level at the start of a stage; nothing if it cannot be run.
   [[nodiscard]] std::optional<std::vector<FitSteps>> fix(FitModel& model, LawState& state,
                                                          const FitWindow& window);
   Context& context(const LawState& state);

@@ -90,6 +90,27 @@ std::vector<FitSteps> to_steps(const Json& json) {
   return steps;
 }
 
+Json to_json(const std::vector<std::vector<Standing>>& all) {
+  Json stages = Json::array();
+  for (const auto& stage : all) {
+    Json standings = Json::array();
+    for (const Standing& standing : stage) standings.push_back({standing.rms, standing.firm});
+    stages.push_back(std::move(standings));
+  }
+  return stages;
+}
+
+std::vector<std::vector<Standing>> to_standings(const Json& json) {
+  std::vector<std::vector<Standing>> stages;
+  for (const Json& stage : json) {
+    std::vector<Standing>& standings = stages.emplace_back();
+    for (const Json& one : stage) {
+      standings.push_back({one.at(0).get<double>(), one.at(1).get<bool>()});
+    }
+  }
+  return stages;
+}
+
 Json to_json(const LawState& law) {
   Json json = {{"law", law.law},
                {"values", law.values},
@@ -98,13 +119,13 @@ Json to_json(const LawState& law) {
                {"scan_due", law.scan_due},
                {"rescanned", law.rescanned},
                {"stage", law.stage},
+               {"first_stage", law.first_stage},
                {"repeats", law.repeats},
                {"stage_start", law.stage_start},
-               {"repeat_start", law.repeat_start},
-               {"repeat_values", law.repeat_values},
                {"steps", to_json(law.steps)},
                {"stand_in_steps", to_json(law.stand_in_steps)},
                {"refinements", law.refinements},
+               {"standings", to_json(law.standings)},
                {"finished", law.finished},
                {"converged", law.converged},
                {"reason", law.reason},
@@ -126,13 +147,13 @@ LawState to_law(const Json& json) {
   law.scan_due = json.value("scan_due", false);
   law.rescanned = json.value("rescanned", false);
   json.at("stage").get_to(law.stage);
+  law.first_stage = json.value("first_stage", law.first_stage);
   json.at("repeats").get_to(law.repeats);
   json.at("stage_start").get_to(law.stage_start);
-  law.repeat_start = json.value("repeat_start", law.repeat_start);
-  law.repeat_values = json.value("repeat_values", law.repeat_values);
   law.steps = to_steps(json.at("steps"));
   law.stand_in_steps = to_steps(json.at("stand_in_steps"));
   json.at("refinements").get_to(law.refinements);
+  law.standings = to_standings(json.value("standings", Json::array()));
   json.at("finished").get_to(law.finished);
   json.at("converged").get_to(law.converged);
   json.at("reason").get_to(law.reason);

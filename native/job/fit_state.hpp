@@ -15,6 +15,12 @@ namespace matterfit::job {
 
 inline constexpr const char* kFitCheckpointPath = "fit/checkpoint.json";
 
+/// How far a law missed what its stage looks at, some iterations into it.
+struct Standing {
+  double rms = 0.0;   ///< [m]
+  bool firm = false;  ///< over the whole clip, and not in a valley that another scan may leave
+};
+
 /// Where the fit of one law stands.
 // NOLINTNEXTLINE(bugprone-exception-escape): of the JSON library's moves it cannot tell
 struct LawState {
@@ -25,13 +31,13 @@ struct LawState {
   bool scan_due = false;   ///< the first stage ended far off; what it found is kept
   bool rescanned = false;  ///< the scan that follows has been made
   std::size_t stage = 0;
-  int repeats = 0;                       ///< of the last stage, with contacts resolved anew
-  std::vector<double> stage_start;       ///< contacts are resolved at these values
-  std::vector<double> repeat_start;      ///< `stage_start` of the last stage before it was repeated
-  std::vector<double> repeat_values;     ///< with which that one ended
+  std::size_t first_stage = 0;           ///< later where a level does not show the motion
+  int repeats = 0;                       ///< of the last stage, with substeps chosen anew
+  std::vector<double> stage_start;       ///< the values where the stage began
   std::vector<FitSteps> steps;           ///< of the present stage
   std::vector<FitSteps> stand_in_steps;  ///< of the coarser level that leads it; empty: none
   std::vector<int> refinements;          ///< of `steps`, that the residuals were computed with
+  std::vector<std::vector<Standing>> standings;  ///< by stage; candidates are compared by them
   std::optional<fit::LeastSquaresState> search;
   bool finished = false;
   bool converged = false;

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_race.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+namespace matterfit::job {
+namespace {
+
+/// Far more: a law that is right passes a wrong one within a few iterations of the whole clip, and
+/// one that is nearly right is not so far off.
+constexpr double kHopeless = 3.0;
+/// Before that: what is more is more than a wrong valley.
+constexpr double kLost = 15.0;
+
+/// How far a law has come: its stage, and how many standings it has there.
+std::pair<std::size_t, std::size_t> place(const LawState& law) {
+  const std::size_t here =
+      law.stage < law.standings.size() ? law.standings[law.stage].size() : std::size_t{0};
+  return {law.stage, here};
+}
+
+/// What [m] a law had at a place, or with what it left that stage before; nothing if it has not
+/// come so far, or was never compared there.
+std::optional<double> standing_at(const LawState& law, std::size_t stage, std::size_t count) {
+  if (!law.failed.empty() || stage >= law.standings.size()) return std::nullopt;
+  const std::vector<Standing>& there = law.standings[stage];
+  if (there.size() >= count) return there[count - 1].rms;
+  const bool passed = law.finished || law.stage > stage;
+  if (!passed || there.empty()) return std::nullopt;
+  return there.back().rms;
+}
+
+}  // namespace
+
+void add_standing(LawState& law, const Standing& standing) {
+  if (law.standings.size() <= law.stage) law.standings.resize(law.stage + 1);
+  law.standings[law.stage].push_back(standing);
+}
+
+std::optional<std::size_t> next_law(const std::vector<LawState>& laws) {
+  std::optional<std::size_t> next;
+  for (std::size_t k = 0; k < laws.size(); ++k) {
+    if (laws[k].finished) continue;
+    if (!next || place(laws[k]) < place(laws[*next])) next = k;
+  }
+  return next;
+}
+
+std::vector<LeftLaw> hopeless_laws(const std::vector<LawState>& laws) {
+  std::vector<LeftLaw> left;
+  for (std::size_t k = 0; k < laws.size(); ++k) {
+    if (laws[k].finished || laws[k].standings.empty()) continue;
+    const std::size_t stage = laws[k].standings.size() - 1;
+    const std::size_t count = laws[k].standings.back().size();
+    if (count == 0) continue;
+    const Standing own = laws[k].standings.back().back();
+    const double most = own.firm ? kHopeless : kLost;
+    for (const LawState& other : laws) {
+      const auto rms = standing_at(other, stage, count);
+      if (!rms || own.rms <= most * *rms) continue;
+      left.push_back({k, fmt::format("Left early: it missed the capture by {:.3g} mm where {} "
+                                     "missed it by {:.3g} mm.",
+                                     1e3 * own.rms, other.law, 1e3 * *rms)});
+      break;
+    }
+  }
+  return left;
+}
+
+std::optional<std::size_t> leading_law(const std::vector<LawState>& laws) {
+  std::optional<std::size_t> leader;
+  double nearest = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < laws.size(); ++k) {
+    if (!laws[k].failed.empty() || laws[k].standings.empty()) continue;
+    const std::vector<Standing>& newest = laws[k].standings.back();
+    if (newest.empty() || newest.back().rms >= nearest) continue;
+    nearest = newest.back().rms;
+    leader = k;
+  }
+  return leader;
+}
+
+}  // namespace matterfit::job

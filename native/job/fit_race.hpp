@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "job/fit_state.hpp"
+
+/// The order in which the candidate laws of a fit are fitted, and which of them are left early: all
+/// of them go on side by side, from one standing to the next, and a law that misses the capture by
+/// far more than another at the same standing is not followed further.
+namespace matterfit::job {
+
+/// Adds to the standings of its present stage.
+void add_standing(LawState& law, const Standing& standing);
+
+/// The law that is behind all others, the first of equals; nothing if all are finished.
+[[nodiscard]] std::optional<std::size_t> next_law(const std::vector<LawState>& laws);
+
+struct LeftLaw {
+  std::size_t law = 0;
+  std::string reason;
+};
+
+/// The unfinished laws that miss the capture by far more than another one did at their newest
+/// standing.
+[[nodiscard]] std::vector<LeftLaw> hopeless_laws(const std::vector<LawState>& laws);
+
+/// Of laws that are not done, the one that came nearest; nothing if none has a standing.
+[[nodiscard]] std::optional<std::size_t> leading_law(const std::vector<LawState>& laws);
+
+}  // namespace matterfit::job

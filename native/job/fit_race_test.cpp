@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_race.hpp"
+
+#include <gtest/gtest.h>
+
+namespace matterfit::job {
+namespace {
+
+LawState law_at(const char* name, std::size_t stage,
+                const std::vector<std::vector<double>>& standings, bool firm = true) {
+  LawState law;
+  law.law = name;
+  law.stage = stage;
+  for (const std::vector<double>& there : standings) {
+    law.standings.emplace_back();
+    for (const double rms : there) law.standings.back().push_back({rms, firm});
+  }
+  return law;
+}
+
+TEST(FitRace, GoesFromStandingToStandingSideBySide) {
+  std::vector<LawState> laws{law_at("a", 0, {}), law_at("b", 0, {})};
+  EXPECT_EQ(next_law(laws), 0U);
+  laws[0].stage = 1;
+  EXPECT_EQ(next_law(laws), 1U);
+  laws[1].stage = 1;
+  add_standing(laws[0], {0.01, true});
+  EXPECT_EQ(next_law(laws), 1U);
+  add_standing(laws[1], {0.01, true});
+  EXPECT_EQ(next_law(laws), 0U);
+  laws[0].finished = true;
+  EXPECT_EQ(next_law(laws), 1U);
+  laws[1].finished = true;
+  EXPECT_FALSE(next_law(laws));
+}
+
+TEST(FitRace, LeavesALawThatMissesByFarAtTheSameStanding) {
+  std::vector<LawState> laws{law_at("near", 1, {{}, {0.002, 0.001}}),
+                             law_at("far", 1, {{}, {0.005}})};
+  // Of the first standings one is two and a half times the other.
+  EXPECT_TRUE(hopeless_laws(laws).empty());
+  add_standing(laws[1], {0.0035, true});
+  const auto left = hopeless_laws(laws);
+  ASSERT_EQ(left.size(), 1U);
+  EXPECT_EQ(left[0].law, 1U);
+  EXPECT_NE(left[0].reason.find("3.5 mm where near missed it by 1 mm"), std::string::npos)
+      << left[0].reason;
+}
+
+TEST(FitRace, BeforeTheWholeClipOnlyWhatIsLostIsLeft) {
+  const LawState near = law_at("near", 0, {{0.001}}, false);
+  EXPECT_TRUE(hopeless_laws({near, law_at("far", 0, {{0.01}}, false)}).empty());
+  EXPECT_EQ(hopeless_laws({near, law_at("lost", 0, {{0.02}}, false)}).size(), 1U);
+}
+
+TEST(FitRace, WhatEndedAStageBeforeCountsWithWhatItEndedWith) {
+  std::vector<LawState> laws{law_at("quick", 2, {{}, {0.001}}),
+                             law_at("slow", 1, {{}, {0.0009, 0.0031}})};
+  ASSERT_EQ(hopeless_laws(laws).size(), 1U);
+  // One that is still on its way to that standing says nothing.
+  laws[0].stage = 1;
+  EXPECT_TRUE(hopeless_laws(laws).empty());
+  laws[0].finished = true;
+  EXPECT_EQ(hopeless_laws(laws).size(), 1U);
+  laws[0].failed = "it burst";
+  EXPECT_TRUE(hopeless_laws(laws).empty());
+}
+
+TEST(FitRace, TheLeaderIsWhatCameNearest) {
+  EXPECT_FALSE(leading_law({law_at("a", 0, {})}));
+  EXPECT_EQ(leading_law({law_at("a", 0, {}), law_at("b", 1, {{}, {0.002}}),
+                         law_at("c", 1, {{}, {0.004, 0.001}})}),
+            2U);
+}
+
+}  // namespace
+}  // namespace matterfit::job

@@ -32,19 +32,20 @@ mpm::ColliderPtr with_contact(const mpm::ColliderPtr& collider, const mpm::Conta
 
 std::vector<double> contact_stiffnesses(const mpm::Scene& scene, const mpm::Body& body) {
   std::vector<double> stiffnesses;
-  stiffnesses.reserve(scene.colliders.size());
-  for (const mpm::ColliderPtr& collider : scene.colliders) {
-    stiffnesses.push_back(mpm::resolve_contact(collider->contact(), body, scene.dx).stiffness);
-  }
+  const auto add = [&](const mpm::Contact& contact) {
+    stiffnesses.push_back(mpm::resolve_contact(contact, body, scene.dx).stiffness);
+  };
+  for (const mpm::ColliderPtr& collider : scene.colliders) add(collider->contact());
+  if (scene.walls) add(scene.walls->contact);
   return stiffnesses;
 }
 
-bool follows_one_body(const mpm::Scene& scene) {
+bool follows_several_bodies(const mpm::Scene& scene) {
   const auto follows = [](const mpm::Contact& contact) { return contact.stiffness <= 0.0; };
-  if (scene.walls && follows(scene.walls->contact)) return false;
-  return scene.bodies.size() < 2 ||
-         std::none_of(scene.colliders.begin(), scene.colliders.end(),
-                      [&](const auto& collider) { return follows(collider->contact()); });
+  if (scene.bodies.size() < 2) return false;
+  return (scene.walls && follows(scene.walls->contact)) ||
+         std::any_of(scene.colliders.begin(), scene.colliders.end(),
+                     [&](const auto& collider) { return follows(collider->contact()); });
 }
 
 }  // namespace matterfit::job

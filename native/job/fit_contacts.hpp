@@ -13,13 +13,12 @@ namespace matterfit::job {
 [[nodiscard]] mpm::ColliderPtr with_contact(const mpm::ColliderPtr& collider,
                                             const mpm::Contact& contact);
 
-/// The stiffness of the scene's colliders [Pa/m] as the body meets them, in their order: their own,
-/// else the default.
+/// The stiffness of the scene's colliders, then of its walls [Pa/m], as the body meets them: their
+/// own, else the default.
 [[nodiscard]] std::vector<double> contact_stiffnesses(const mpm::Scene& scene,
                                                       const mpm::Body& body);
 
-/// Whether the only stiffnesses that follow a material are those of one body's contacts with
-/// colliders.
-[[nodiscard]] bool follows_one_body(const mpm::Scene& scene);
+/// Whether the stiffness of a collider or of the walls is another one for each of several bodies.
+[[nodiscard]] bool follows_several_bodies(const mpm::Scene& scene);
 
 }  // namespace matterfit::job

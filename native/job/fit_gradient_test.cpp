@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "job/build_scene.hpp"
+#include "job/fit_contacts.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/fit_problem.hpp"
 #include "job/follow.hpp"
@@ -40,6 +41,7 @@ class Fixture {
   }
 
   [[nodiscard]] FitProblem& problem() { return *problem_; }
+  [[nodiscard]] const mpm::Scene& scene() const { return model_->scene(0); }
   [[nodiscard]] const FitParameters& parameters() const { return *parameters_; }
   [[nodiscard]] Eigen::VectorXd start() const {
     Eigen::VectorXd point(Eigen::Index(parameters_->size()));
@@ -136,6 +138,29 @@ TEST(FitGradient, IsTheTransposeOfDifferencesForPlasticBodies) {
   expect_transposed(fit_of(truth, {"material.E", "material.nu", "material.yield_stress",
                                    "material.hardening", "velocity", "spin"}),
                     folder.path, 0.03);
+}
+
+TEST(FitGradient, GoesThroughContactsThatFollowTheMaterial) {
+  const Folder folder;
+  Json truth = thrown_cube();
+  truth["scene"]["frames"] = {0, 6};
+  record(truth, folder.path, "a", 1);
+  Json document = fit_of(truth, {"material.E", "material.nu"});
+  document["scene"]["colliders"][0]["contact"].erase("stiffness");
+  expect_transposed(document, folder.path, 0.03);
+  // The contact's part is not small, so the test above would see that it is missing.
+  Fixture follows(document, folder.path);
+  const mpm::Scene& scene = follows.scene();
+  document["scene"]["colliders"][0]["contact"]["stiffness"] =
+      contact_stiffnesses(scene, scene.bodies.front()).front();
+  Fixture held(document, folder.path);
+  const Eigen::VectorXd start = follows.start();
+  const auto residual = follows.problem().evaluate({start}).front();
+  ASSERT_TRUE(residual.has_value());
+  const Eigen::VectorXd weights = some_weights(residual->size());
+  const double with = (*follows.problem().transposed(start, weights))[0];
+  const double without = (*held.problem().transposed(start, weights))[0];
+  EXPECT_GT(std::abs(with - without), 0.2 * std::abs(with));
 }
 
 TEST(FitGradient, SameBitsForAnyThreads) {

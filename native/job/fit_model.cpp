@@ -309,7 +309,7 @@ bool FitModel::has_gradient() const {
   for (std::size_t r = 0; r < models_.size(); ++r) {
     const mpm::Scene& scene = models_[r]->scene;
     if (!matterfit::job::has_gradient(parameters_, r, scene)) return false;
-    if (!follows_one_body(scene)) return false;
+    if (follows_several_bodies(scene) && !parameters_.moved_materials(r).empty()) return false;
   }
   return true;
 }
@@ -318,21 +318,23 @@ void FitModel::add_through_contacts(std::size_t run, std::span<const double> val
                                     const mpm::Gradient& gradient, std::span<double> sum) const {
   constexpr double kDifference = 1e-4;
   if (models_[run]->scene.bodies.size() > 1) return;
-  const auto stiffnesses = [&](std::size_t i, double factor) {
+  const auto stiffnesses = [&](std::size_t i, double value) {
     std::vector<double> moved(values.begin(), values.end());
-    moved[i] *= factor;
+    moved[i] = value;
     mpm::Scene scene = models_[run]->scene;
     parameters_.apply(moved, run, scene);
     return contact_stiffnesses(scene, scene.bodies.front());
   };
   for (std::size_t i = 0; i < parameters_.size(); ++i) {
     if (!parameters_.acts_on(i, run) || !parameters_.path(i).is_material()) continue;
-    const std::vector<double> more = stiffnesses(i, 1.0 + kDifference);
-    const std::vector<double> less = stiffnesses(i, 1.0 - kDifference);
+    const fit::Parameter& parameter = parameters_.parameters()[i];
+    const double high = std::min(parameter.high, values[i] * (1.0 + kDifference));
+    const double low = std::max(parameter.low, values[i] * (1.0 - kDifference));
+    const std::vector<double> more = stiffnesses(i, high);
+    const std::vector<double> less = stiffnesses(i, low);
     for (std::size_t c = 0; c < more.size(); ++c) {
       if (more[c] == less[c]) continue;
-      sum[i] +=
-          gradient.colliders[c].stiffness * (more[c] - less[c]) / (2.0 * kDifference * values[i]);
+      sum[i] += gradient.colliders[c].stiffness * (more[c] - less[c]) / (high - low);
     }
   }
 }

@@ -86,7 +86,7 @@ class FitModel {
       const std::function<void(double)>& progress = {}) const;
   /// Whether pull_back() can tell: not with a loss between clouds, whose nearest neighbours change,
   /// nor by where a body is placed or when a recording began, nor where the scenes have no adjoint
-  /// or contacts of several bodies, or with walls, follow the material.
+  /// or contacts of several bodies follow a material that is fitted.
   [[nodiscard]] bool has_gradient() const;
   /// The derivative by each parameter (physical values) of Σ bar·x over what the captures see of a
   /// simulation: `bars` run by run and capture by capture, (T, N), none of a run that is not

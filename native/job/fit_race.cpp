@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 namespace matterfit::job {
@@ -53,11 +52,12 @@ std::optional<std::size_t> next_law(const std::vector<LawState>& laws) {
 std::vector<LeftLaw> hopeless_laws(const std::vector<LawState>& laws) {
   std::vector<LeftLaw> left;
   for (std::size_t k = 0; k < laws.size(); ++k) {
-    if (laws[k].finished || laws[k].standings.empty()) continue;
+    if (laws[k].finished || laws[k].spared || laws[k].standings.empty()) continue;
     const std::size_t stage = laws[k].standings.size() - 1;
     const std::size_t count = laws[k].standings.back().size();
     if (count == 0) continue;
     const Standing own = laws[k].standings.back().back();
+    if (!own.far) continue;
     const double most = own.firm ? kHopeless : kLost;
     for (const LawState& other : laws) {
       const auto rms = standing_at(other, stage, count);
@@ -73,12 +73,16 @@ std::vector<LeftLaw> hopeless_laws(const std::vector<LawState>& laws) {
 
 std::optional<std::size_t> leading_law(const std::vector<LawState>& laws) {
   std::optional<std::size_t> leader;
-  double nearest = std::numeric_limits<double>::infinity();
+  Standing nearest;
   for (std::size_t k = 0; k < laws.size(); ++k) {
-    if (!laws[k].failed.empty() || laws[k].standings.empty()) continue;
-    const std::vector<Standing>& newest = laws[k].standings.back();
-    if (newest.empty() || newest.back().rms >= nearest) continue;
-    nearest = newest.back().rms;
+    const LawState& law = laws[k];
+    if (!law.failed.empty() || law.left || law.standings.empty() || law.standings.back().empty()) {
+      continue;
+    }
+    const Standing& newest = law.standings.back().back();
+    const bool ahead = newest.firm != nearest.firm ? newest.firm : newest.rms < nearest.rms;
+    if (leader && !ahead) continue;
+    nearest = newest;
     leader = k;
   }
   return leader;

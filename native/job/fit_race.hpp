@@ -25,10 +25,11 @@ struct LeftLaw {
 };
 
 /// The unfinished laws that miss the capture by far more than another one did at their newest
-/// standing.
+/// standing, and by more than noise and grid explain. Those that were spared are not among them.
 [[nodiscard]] std::vector<LeftLaw> hopeless_laws(const std::vector<LawState>& laws);
 
-/// Of laws that are not done, the one that came nearest; nothing if none has a standing.
+/// The law that came nearest, of those that were neither left nor failed: over the whole clip where
+/// one has come so far. Nothing if none has a standing.
 [[nodiscard]] std::optional<std::size_t> leading_law(const std::vector<LawState>& laws);
 
 }  // namespace matterfit::job

@@ -13,7 +13,7 @@ LawState law_at(const char* name, std::size_t stage,
   law.stage = stage;
   for (const std::vector<double>& there : standings) {
     law.standings.emplace_back();
-    for (const double rms : there) law.standings.back().push_back({rms, firm});
+    for (const double rms : there) law.standings.back().push_back({rms, firm, true});
   }
   return law;
 }
@@ -24,9 +24,9 @@ TEST(FitRace, GoesFromStandingToStandingSideBySide) {
   laws[0].stage = 1;
   EXPECT_EQ(next_law(laws), 1U);
   laws[1].stage = 1;
-  add_standing(laws[0], {0.01, true});
+  add_standing(laws[0], {0.01, true, true});
   EXPECT_EQ(next_law(laws), 1U);
-  add_standing(laws[1], {0.01, true});
+  add_standing(laws[1], {0.01, true, true});
   EXPECT_EQ(next_law(laws), 0U);
   laws[0].finished = true;
   EXPECT_EQ(next_law(laws), 1U);
@@ -39,7 +39,7 @@ TEST(FitRace, LeavesALawThatMissesByFarAtTheSameStanding) {
                              law_at("far", 1, {{}, {0.005}})};
   // Of the first standings one is two and a half times the other.
   EXPECT_TRUE(hopeless_laws(laws).empty());
-  add_standing(laws[1], {0.0035, true});
+  add_standing(laws[1], {0.0035, true, true});
   const auto left = hopeless_laws(laws);
   ASSERT_EQ(left.size(), 1U);
   EXPECT_EQ(left[0].law, 1U);
@@ -66,7 +66,24 @@ TEST(FitRace, WhatEndedAStageBeforeCountsWithWhatItEndedWith) {
   EXPECT_TRUE(hopeless_laws(laws).empty());
 }
 
+TEST(FitRace, WhatIsWithinTheNoiseOrWasSparedIsNotLeft) {
+  const LawState near = law_at("near", 1, {{}, {0.00002}});
+  LawState other = law_at("other", 1, {{}, {0.00007}});
+  EXPECT_EQ(hopeless_laws({near, other}).size(), 1U);
+  other.spared = true;
+  EXPECT_TRUE(hopeless_laws({near, other}).empty());
+  other.spared = false;
+  other.standings[1][0].far = false;
+  EXPECT_TRUE(hopeless_laws({near, other}).empty());
+}
+
 TEST(FitRace, TheLeaderIsWhatCameNearest) {
+  LawState left = law_at("left", 1, {{}, {0.0001}});
+  left.left = true;
+  EXPECT_FALSE(leading_law({left}));
+  EXPECT_EQ(leading_law({left, law_at("first frames", 0, {{0.0005}}, false),
+                         law_at("whole clip", 1, {{}, {0.002}})}),
+            2U);
   EXPECT_FALSE(leading_law({law_at("a", 0, {})}));
   EXPECT_EQ(leading_law({law_at("a", 0, {}), law_at("b", 1, {{}, {0.002}}),
                          law_at("c", 1, {{}, {0.004, 0.001}})}),

@@ -197,6 +197,7 @@ Json ranked_models(const std::vector<LawState>& laws) {
     json["law"] = law->law;
     json["failed"] = law->failed;
     json["reason"] = law->reason;
+    json["left"] = law->left;
     json["probability"] = usable(*law) ? Json(std::exp(weight(law) - best) / sum) : Json();
     for (const char* key : {"held_out_mm", "fitted_mm", "parameters"}) {
       if (!json.contains(key)) json[key] = nullptr;

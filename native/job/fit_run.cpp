@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <map>
+#include <mutex>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
@@ -116,7 +117,9 @@ class FitJob {
   }
 
   /// The fit of a law, made where it is not yet; the body's own where none is sought.
-  LawFit& law_fit(material::Law law) {
+  LawFit& law_fit(material::Law law) { return law_fit(law, interrupter_); }
+
+  LawFit& law_fit(material::Law law, const Interrupter& interrupter) {
     std::unique_ptr<LawFit>& made = fits_[law];
     if (made) return *made;
     FitSetup setup;
@@ -134,7 +137,7 @@ class FitJob {
         }
       }
     }
-    made = std::make_unique<LawFit>(std::move(setup), interrupter_, law_statements_);
+    made = std::make_unique<LawFit>(std::move(setup), interrupter, law_statements_);
     made->report = [this](const FitReport& report) { show(report); };
     return *made;
   }
@@ -143,6 +146,7 @@ class FitJob {
     const std::string& body = doc_.laws.empty() ? job_.scene.bodies.front().name : doc_.body;
     own_law_ = body_named(job_.scene, body).material.law;
     laws_ = doc_.laws.empty() ? std::vector<material::Law>{own_law_} : doc_.laws;
+    fractions_.assign(laws_.size(), 0.0);
     say("Filling bodies", 0.0);
     const LawFit& own = law_fit(own_law_);
     Arena arena(options_.threads);
@@ -163,13 +167,15 @@ class FitJob {
   void show(const FitReport& report) {
     Progress progress;
     const bool several = laws_.size() > 1 && state_.law < laws_.size();
-    fractions_.resize(laws_.size());
-    if (state_.law < laws_.size()) fractions_[state_.law] = report.fraction;
-    double done = 0.0;
-    for (std::size_t k = 0; k < laws_.size(); ++k) {
-      done += state_.laws[k].finished ? 1.0 : fractions_[k];
+    {
+      const std::lock_guard lock(fractions_mutex_);  // simulations tell from any thread
+      if (state_.law < laws_.size()) fractions_[state_.law] = report.fraction;
+      double done = 0.0;
+      for (std::size_t k = 0; k < laws_.size(); ++k) {
+        done += state_.laws[k].finished ? 1.0 : fractions_[k];
+      }
+      progress.fraction = kFitShare * done / double(laws_.size());
     }
-    progress.fraction = kFitShare * done / double(laws_.size());
     progress.label =
         fit_label(report, several ? std::string(material::law_name(laws_[state_.law])) : "");
     interrupter_.report(progress);
@@ -194,7 +200,15 @@ class FitJob {
       save();
     }
     if (std::find(laws_.begin(), laws_.end(), own_law_) == laws_.end()) fits_.erase(own_law_);
-    while (const auto next = next_law(state_.laws)) {
+    for (;;) {
+      const auto next = next_law(state_.laws);
+      if (!next) {
+        LawState& best = state_.laws[winner()];
+        if (!best.left) break;
+        best.left = best.finished = false;
+        best.spared = true;
+        continue;
+      }
       state_.law = *next;
       LawState& law = state_.laws[*next];
       try {
@@ -207,6 +221,7 @@ class FitJob {
         law.failed = error.what();
         law.finished = true;
         law.search.reset();
+        fits_.erase(laws_[*next]);
         save();
       }
     }
@@ -220,17 +235,27 @@ class FitJob {
     if (law.finished) finish_law(state_.law);
     if (laws_.size() > 1) {
       for (const LeftLaw& left : hopeless_laws(state_.laws)) {
-        state_.laws[left.law].finished = true;
-        state_.laws[left.law].reason = left.reason;
+        LawState& one = state_.laws[left.law];
+        one.finished = one.left = true;
+        one.reason = left.reason;
         finish_law(left.law);
-        fits_.erase(laws_[left.law]);
       }
     }
     save();
   }
 
+  /// What is to be told of a candidate; its scenes go, as there may be many.
   void finish_law(std::size_t k) {
-    if (!doc_.laws.empty()) measure(state_.laws[k], law_fit(laws_[k]));
+    if (doc_.laws.empty()) return;
+    state_.law = k;
+    LawState& law = state_.laws[k];
+    try {
+      measure(law, law_fit(laws_[k]));
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::kCompute && error.kind() != ErrorKind::kInput) throw;
+      law.failed = error.what();
+    }
+    if (laws_.size() > 1) fits_.erase(laws_[k]);
   }
 
   /// A candidate's entry of `models`.
@@ -422,10 +447,7 @@ class FitJob {
   Json cancelled() {
     const std::size_t best = winner();
     LawState& law = state_.laws[best];
-    const auto made = fits_.find(laws_[best]);
-    // Nothing can be told of a law whose scenes are not built.
-    if (made == fits_.end() || !made->second) throw Error(ErrorKind::kCancelled, "Cancelled.");
-    LawFit& of = *made->second;
+    LawFit& of = law_fit(laws_[best], undisturbed_);
     if (law.values.empty()) law = of.start();
     if (!law.finished) law.reason = "Cancelled; these are the best values so far.";
     ErrorPool after;
@@ -466,6 +488,7 @@ class FitJob {
   RunOptions options_;
   mpm::SimdTarget target_;
   Interrupter& interrupter_;
+  const Interrupter undisturbed_;  ///< for what is still to be told after Cancel
   fs::path folder_;
   std::vector<std::string> statements_;
   std::vector<std::string> law_statements_;
@@ -481,6 +504,7 @@ class FitJob {
   /// Of laws that are being fitted, and of the document's while the start is looked at.
   std::map<material::Law, std::unique_ptr<LawFit>> fits_;
   std::vector<double> fractions_;  ///< of each law's fit, for progress
+  std::mutex fractions_mutex_;
   Clock::time_point started_;
 };
 

@@ -199,7 +199,7 @@ void LawFit::tell(const LawState& state, const std::string& stage, double part, 
     double weight = (stages_[s].window.last_frame - stages_[s].window.first_frame + 1) /
                     std::pow(stages_[s].level, 2.0);
     if (stages_[s].last) weight *= 2.0;
-    if (stages_[s].stand_in) weight *= kLedShare;
+    if (stages_[s].level < stages_[state.first_stage].level) weight *= kLedShare;
     if (s < state.stage) before += weight;
     all += weight;
     if (s == state.stage && state.search) {
@@ -457,7 +457,7 @@ void LawFit::set_stage(LawState& state) {
   if (!steps) {
     const std::string why =
         "The simulation could not be completed: " + model(stage.level).failure();
-    if (state.stage == state.first_stage && state.repeats == 0) {
+    if (state.iterations == 0) {
       if (model(stage.level).failed_by_input()) throw_input(model(stage.level).failure());
       throw_compute("the fit cannot begin at these values. " + why);
     }
@@ -509,9 +509,12 @@ void LawFit::take_standing(LawState& state, int iterations_before) {
                                           iterations_before / kIterationsToStanding;
   if (!due || search.residual.size() == 0) return;
   const FitProblem& problem = context(state).problem;
-  const bool scanned = state.stage > state.first_stage || state.rescanned ||
-                       mean_of(problem.distances(search.residual)) <= poor();
-  add_standing(state, {problem.rms(search.residual), scanned && stages_[state.stage].whole});
+  const bool far = mean_of(problem.distances(search.residual)) > poor();
+  const Stage& stage = stages_[state.stage];
+  const bool early = far && state.stage == state.first_stage && !state.rescanned;
+  // A coarse grid may be why.
+  if (early && stage.level != stages_.back().level) return;
+  add_standing(state, {problem.rms(search.residual), stage.whole && !early, far});
 }
 
 void LawFit::advance(LawState& state, std::vector<Json>& history) {

@@ -94,7 +94,8 @@ Json to_json(const std::vector<std::vector<Standing>>& all) {
   Json stages = Json::array();
   for (const auto& stage : all) {
     Json standings = Json::array();
-    for (const Standing& standing : stage) standings.push_back({standing.rms, standing.firm});
+    for (const Standing& standing : stage)
+      standings.push_back({standing.rms, standing.firm, standing.far});
     stages.push_back(std::move(standings));
   }
   return stages;
@@ -105,7 +106,7 @@ std::vector<std::vector<Standing>> to_standings(const Json& json) {
   for (const Json& stage : json) {
     std::vector<Standing>& standings = stages.emplace_back();
     for (const Json& one : stage) {
-      standings.push_back({one.at(0).get<double>(), one.at(1).get<bool>()});
+      standings.push_back({one.at(0).get<double>(), one.at(1).get<bool>(), one.at(2).get<bool>()});
     }
   }
   return stages;
@@ -130,6 +131,8 @@ Json to_json(const LawState& law) {
                {"converged", law.converged},
                {"reason", law.reason},
                {"failed", law.failed},
+               {"left", law.left},
+               {"spared", law.spared},
                {"iterations", law.iterations},
                {"evaluations", law.evaluations},
                {"model", law.model}};
@@ -158,6 +161,8 @@ LawState to_law(const Json& json) {
   json.at("converged").get_to(law.converged);
   json.at("reason").get_to(law.reason);
   json.at("failed").get_to(law.failed);
+  law.left = json.value("left", false);
+  law.spared = json.value("spared", false);
   json.at("iterations").get_to(law.iterations);
   json.at("evaluations").get_to(law.evaluations);
   law.model = json.at("model");

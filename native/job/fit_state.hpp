@@ -19,6 +19,7 @@ inline constexpr const char* kFitCheckpointPath = "fit/checkpoint.json";
 struct Standing {
   double rms = 0.0;   ///< [m]
   bool firm = false;  ///< over the whole clip, and not in a valley that another scan may leave
+  bool far = false;   ///< by more than noise and grid explain
 };
 
 /// Where the fit of one law stands.
@@ -42,8 +43,10 @@ struct LawState {
   bool finished = false;
   bool converged = false;
   std::string reason;
-  std::string failed;  ///< why this law could not be fitted; else empty
-  int iterations = 0;  ///< of all stages
+  std::string failed;   ///< why this law could not be fitted; else empty
+  bool left = false;    ///< finished early, as another law came much nearer
+  bool spared = false;  ///< was left, and then predicted best: goes on to its end
+  int iterations = 0;   ///< of all stages
   int evaluations = 0;
   Json model;  ///< its entry of `models`, once it is done
 };

@@ -253,7 +253,7 @@ TEST(Fit, LooksOnceMoreWhereTheFirstStageEndsFarOff) {
   EXPECT_EQ(resumed["fit"]["history"], unbroken["fit"]["history"]);
 }
 
-TEST(Fit, ResolvesContactsAnewInASingleStage) {
+TEST(Fit, ContactsFollowTheMaterialFromAFarStart) {
   Json truth = thrown_cube();
   truth["scene"]["colliders"][0]["contact"].erase("stiffness");
   const Json document = of_the_wrong_law();
@@ -263,6 +263,36 @@ TEST(Fit, ResolvesContactsAnewInASingleStage) {
   EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 3e4, 1.0, 0.02);
 }
 
+TEST(Fit, ARaceOfLawsGoesOnToTheSameBitsAndKeepsTheBestWhenCancelled) {
+  Json truth = thrown_cube();
+  truth["scene"]["bodies"][0]["material"] = {
+      {"law", "von_mises"}, {"E", 6e4}, {"nu", 0.3}, {"yield_stress", 800}};
+  const Folder whole;
+  record(truth, whole.path, "a", 1);
+  Json document = fit_of(truth, {"material.E", "material.yield_stress"});
+  document["scene"]["bodies"][0]["material"] = {{"law", "neo_hookean"}, {"E", 3e4}, {"nu", 0.3}};
+  document["captures"][0]["holdout"] = {{"frames", {11, 14}}};
+  document["fit"]["laws"] = {"neo_hookean", "von_mises"};
+  document["fit"]["levels"] = {1};
+  const Json unbroken = run(document, whole.path, 1);
+  EXPECT_EQ(unbroken["fit"]["law"], "von_mises");
+  const Json& elastic = unbroken["fit"]["models"][1];
+  EXPECT_EQ(elastic["law"], "neo_hookean");
+  EXPECT_THAT(elastic["reason"].get<std::string>(), HasSubstr("Left early: it missed"));
+  for (const char* label : {"neo_hookean, frames 1-6", "von_mises, frames 1-6, iteration 2",
+                            "von_mises, frames 1-10, iteration 1"}) {
+    const Folder folder;
+    fs::copy(whole.path / "a.npz", folder.path / "a.npz");
+    const Json broken = cancelled_at(document, folder.path, {label});
+    ASSERT_EQ(broken["status"], "cancelled") << label;
+    EXPECT_TRUE(fs::exists(folder.path / "out/material.json")) << label;
+    const Json resumed = run(document, folder.path, 2);
+    EXPECT_EQ(bits(resumed), bits(unbroken)) << label;
+    EXPECT_EQ(resumed["fit"]["models"], unbroken["fit"]["models"]) << label;
+    EXPECT_EQ(resumed["fit"]["history"], unbroken["fit"]["history"]) << label;
+  }
+}
+
 TEST(Fit, TheStateIsKeptToTheLastBit) {
   FitState state;
   state.input_hash = "abc";
@@ -270,7 +300,9 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   law.law = "neo_hookean";
   law.values = {1.0 / 3.0, 1e-300, 12345.678901234567};
   law.steps = {{{7, 8}, 2.0 / 7.0}};
-  law.scan_due = law.rescanned = true;
+  law.scan_due = law.rescanned = law.left = law.spared = true;
+  law.first_stage = 2;
+  law.standings = {{}, {{1.0 / 3.0, true, false}, {0.1, false, true}}};
   law.search.emplace();
   law.search->point = Eigen::Vector3d(0.1, -0.2, 1e10 / 3.0);
   law.search->residual = Eigen::Vector2d(1.0 / 3.0, -0.0);
@@ -288,6 +320,12 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   ASSERT_TRUE(read);
   EXPECT_EQ(read->laws[0].values, law.values);
   EXPECT_TRUE(read->laws[0].scan_due && read->laws[0].rescanned);
+  EXPECT_TRUE(read->laws[0].left && read->laws[0].spared);
+  EXPECT_EQ(read->laws[0].first_stage, 2U);
+  ASSERT_EQ(read->laws[0].standings.size(), 2U);
+  EXPECT_EQ(read->laws[0].standings[1].at(0).rms, 1.0 / 3.0);
+  EXPECT_TRUE(read->laws[0].standings[1].at(0).firm);
+  EXPECT_TRUE(read->laws[0].standings[1].at(1).far);
   EXPECT_EQ(read->laws[0].search->point, law.search->point);
   EXPECT_EQ(read->laws[0].search->cost, law.search->cost);
   EXPECT_TRUE(read->laws[0].search->central);

@@ -5,17 +5,18 @@
 #include <cmath>
 #include <limits>
 
+#include "mpm/contact_law.hpp"
+
 namespace matterfit::job {
 
 double step_limit(const mpm::Scene& scene, const mpm::Body& body) {
   double contact = 0.0;
-  for (const mpm::ColliderPtr& collider : scene.colliders) {
-    contact = std::max(contact, collider->contact().stiffness);
-  }
-  for (const mpm::BodyContact& pair : scene.contacts) {
-    contact = std::max(contact, pair.contact.stiffness);
-  }
-  if (scene.walls) contact = std::max(contact, scene.walls->contact.stiffness);
+  const auto look_at = [&](const mpm::Contact& one) {
+    contact = std::max(contact, mpm::resolve_contact(one, body, scene.dx).stiffness);
+  };
+  for (const mpm::ColliderPtr& collider : scene.colliders) look_at(collider->contact());
+  for (const mpm::BodyContact& pair : scene.contacts) look_at(pair.contact);
+  if (scene.walls) look_at(scene.walls->contact);
   constexpr double kCell = 13.3;
   const material::Material& m = body.material;
   const double per_modulus = kCell / (body.density * scene.dx * scene.dx);

@@ -76,9 +76,7 @@ ContactLaw resolve_contact(const Contact& contact, const Body& body, double dx) 
   if (!(law.stiffness > 0.0)) {
     double modulus = body.material.p_wave_modulus();
     const double mu = body.material.mu();
-    if (body.material.law != material::Law::kNewtonian && body.material.poisson_ratio > 0.4) {
-      modulus = std::min(modulus, 4.0 * mu);
-    }
+    if (body.material.law != material::Law::kNewtonian) modulus = std::min(modulus, 4.0 * mu);
     double volume = 0.0;
     for (const double v : body.volumes) volume += v;
     const double size = std::cbrt(6.0 * volume / std::numbers::pi);  // of the ball of equal volume

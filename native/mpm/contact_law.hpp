@@ -54,7 +54,7 @@ struct ContactPoint {
 [[nodiscard]] Vec3d contact_force(const ContactLaw& law, const ContactPoint& point,
                                   std::int32_t surface, double dt, ContactMemory& memory);
 
-/// Fills in the defaults: stiffness 8 M/size, at most M/dx, with M = λ+2μ, or 4μ where ν is near ½.
+/// Fills in the defaults: stiffness 8 M/size, at most M/dx, with M = λ+2μ, of a solid at most 4μ.
 [[nodiscard]] ContactLaw resolve_contact(const Contact& contact, const Body& body, double dx);
 
 /// Default damping, as a fraction of critical of a particle on its spring: takes the edge off the

@@ -203,18 +203,19 @@ class Segment:
 
 
 def segments(entries):
-    """The accepted iterations of a history as Segments; refused steps leave a gap in `places`."""
-    found = []
+    """The accepted iterations of a history as Segments, that of the last one at the end; refused
+    steps, and laws that are fitted side by side, leave gaps in `places`."""
+    found = {}
     for place, entry in enumerate(entries):
         stage, law = str(entry.get("stage", "")), str(entry.get("law", ""))
-        if not found or (found[-1].stage, found[-1].law) != (stage, law):
-            found.append(Segment(stage, law))
+        segment = found.setdefault((stage, law), Segment(stage, law))
         rms = entry.get("rms_mm")
         usable = isinstance(rms, int | float) and math.isfinite(rms) and rms > 0.0
         if entry.get("accepted", True) and usable:
-            found[-1].places.append(place)
-            found[-1].errors.append(float(rms))
-    return [segment for segment in found if segment.places]
+            segment.places.append(place)
+            segment.errors.append(float(rms))
+    return sorted((segment for segment in found.values() if segment.places),
+                  key=lambda segment: segment.places[-1])
 
 
 # -- words -------------------------------------------------------------------------------------

@@ -38,6 +38,7 @@ class FitJob(JobOperator):
         fit = self._fit(job)
         if job.untouched:
             # What lies in the folder is what an earlier fit has left.
+            session(context).last_report = ""
             if fit is not None:
                 if self._before is not None:
                     self._before.put_back(fit.run)

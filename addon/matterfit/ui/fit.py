@@ -262,6 +262,8 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
                 continue
             row.label(text=_number(model.get("held_out_mm")), translate=False)
             row.label(text=_number(model.get("probability"), 2), translate=False)
+            if model.get("left"):
+                lines(box, str(model.get("reason", "")))
 
 
 def _short(label):

@@ -37,9 +37,11 @@ def tool_of(options):
     return options.tool or BUILD / "release" / "bin" / "matterfit"
 
 
-def _run_tool(options, verb, document, log):
+def _run_tool(options, verb, document, log, restart=True):
     """The tool's result, or None and its last words."""
-    command = [tool_of(options), verb, document, "--json", "--quiet", "--restart", "--threads", str(options.threads)]
+    command = [tool_of(options), verb, document, "--json", "--quiet", "--threads", str(options.threads)]
+    if restart:
+        command.append("--restart")
     with open(log, "w", encoding="utf-8") as errors:
         done = subprocess.run(command, stdout=subprocess.PIPE, stderr=errors, text=True, check=False)
     if done.returncode == 0:
@@ -122,13 +124,16 @@ def fit_clip(name, clip, arrays, folder, document, write_inputs, truth_and_own, 
     folder.mkdir(parents=True, exist_ok=True)
     write_inputs()
     job = folder / "job.json"
-    job.write_text(json.dumps(document, indent=1), encoding="utf-8")
+    text = json.dumps(document, indent=1)
+    # What was broken off goes on: a fit at another simulator's substep may take half an hour.
+    broken_off = (folder / "out" / "fit" / "checkpoint.json").exists() and job.read_text(encoding="utf-8") == text
+    job.write_text(text, encoding="utf-8")
     started = time.monotonic()
     cpu = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-    result, error = _run_tool(options, "fit", job, folder / "fit.log")
+    result, error = _run_tool(options, "fit", job, folder / "fit.log", restart=options.again or not broken_off)
     row = {
         "name": name,
-        "seconds": time.monotonic() - started,
+        "seconds": max(time.monotonic() - started, result["fit"]["seconds"] if result else 0.0),
         "cpu_seconds": resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - cpu,
         "threads": options.threads,
         "document": document,

@@ -65,6 +65,8 @@ class FitModel {
   [[nodiscard]] std::size_t watched(std::size_t run, std::size_t capture) const;
   [[nodiscard]] const std::vector<FitSteps>& steps() const { return steps_; }
   void set_steps(std::vector<FitSteps> steps) { steps_ = std::move(steps); }
+  /// From here on the solver chooses.
+  void forget_steps() { steps_.assign(models_.size(), {}); }
   /// The substeps of an evaluation that the solver chose, at these values.
   [[nodiscard]] std::vector<FitSteps> steps_of(std::span<const double> values,
                                                const FitOutcome& outcome) const;
@@ -91,9 +93,9 @@ class FitModel {
   /// The derivative by each parameter (physical values) of Σ bar·x over what the captures see of a
   /// simulation: `bars` run by run and capture by capture, (T, N), none of a run that is not
   /// simulated. By the adjoint (mpm/gradient.hpp), with substeps held, and with the share of total
-  /// Lagrangian velocities that is smoothed. Nothing where the simulation could not
-  /// be completed, or a gigabyte does not hold its record. Equal bits for any number of threads.
-  /// Throws Error(kCancelled).
+  /// Lagrangian velocities that is smoothed. Nothing where the simulation could not be completed,
+  /// or a gigabyte does not hold its record. Equal bits for any number of threads. Throws
+  /// Error(kCancelled).
   [[nodiscard]] std::optional<std::vector<double>> pull_back(
       const std::vector<double>& values, const Scope& scope,
       const std::vector<std::vector<Points>>& bars,

@@ -233,13 +233,11 @@ class FitJob {
     if (law.values.empty()) law = fit.start();
     fit.advance(law, state_.history);
     if (law.finished) finish_law(state_.law);
-    if (laws_.size() > 1) {
-      for (const LeftLaw& left : hopeless_laws(state_.laws)) {
-        LawState& one = state_.laws[left.law];
-        one.finished = one.left = true;
-        one.reason = left.reason;
-        finish_law(left.law);
-      }
+    for (const LeftLaw& left : hopeless_laws(state_.laws)) {
+      LawState& one = state_.laws[left.law];
+      one.finished = one.left = true;
+      one.reason = left.reason;
+      finish_law(left.law);
     }
     save();
   }

@@ -33,6 +33,7 @@ constexpr double kCoarseCost = 1e-3;
 /// Until the last stage what a short clip hardly shows stays near where it was: the standard
 /// deviation of that, in scales of the parameters.
 constexpr double kLeash = 2.0;
+/// Of the last stage, with the substeps that the solver takes at its end.
 constexpr int kMostRepeats = 1;
 /// A level does not show the motion where a finer one differs by more of what is missed.
 constexpr double kLevelGap = 0.7;
@@ -185,14 +186,6 @@ FitModel& LawFit::model(double level) {
 void LawFit::tell(const LawState& state, const std::string& stage, double part, double rms) const {
   if (!report) return;
   // The start takes as long as a stage or longer; iterations go quicker at a stage's end.
-  if (!state.begun) {
-    FitReport start;
-    start.stage = stage;
-    start.fraction = kStartShare * state.evaluations / (state.evaluations + 10.0);
-    start.rms = rms;
-    report(start);
-    return;
-  }
   double before = 0.0;
   double all = 0.0;
   for (std::size_t s = 0; s < stages_.size(); ++s) {
@@ -209,7 +202,9 @@ void LawFit::tell(const LawState& state, const std::string& stage, double part, 
   }
   FitReport said;
   said.stage = stage;
-  said.fraction = kStartShare + (1.0 - kStartShare) * std::clamp(before / all, 0.0, 1.0);
+  said.fraction = state.begun
+                      ? kStartShare + (1.0 - kStartShare) * std::clamp(before / all, 0.0, 1.0)
+                      : kStartShare * state.evaluations / (state.evaluations + 10.0);
   said.iteration = state.search ? state.search->iteration + 1 : 0;
   said.rms = rms;
   report(said);
@@ -354,7 +349,7 @@ bool LawFit::skip_level(LawState& state) {
   const FitWindow window = fit_window(*setup_.runs, kScanSamples);
   const auto residuals = [&](double at) -> std::optional<Eigen::VectorXd> {
     FitModel& of = model(at);
-    of.set_steps(std::vector<FitSteps>(setup_.runs->size()));
+    of.forget_steps();
     ++state.evaluations;
     const auto outcome = of.evaluate({state.values}, {window.until, true}).front();
     if (!outcome) return std::nullopt;
@@ -378,8 +373,7 @@ bool LawFit::skip_level(LawState& state) {
 bool LawFit::rescan(LawState& state) {
   context_.reset();
   const FitWindow window = fit_window(*setup_.runs, kScanSamples);
-  FitModel& coarse = model(stages_[state.first_stage].level);
-  coarse.set_steps(std::vector<FitSteps>(setup_.runs->size()));
+  model(stages_[state.first_stage].level).forget_steps();
   const double mean = mean_distances(state, {state.values}, window).front();
   const StartLimit limit(*setup_.runs, scenes_, *parameters_);
   const auto costs = [&](const auto& points) {
@@ -637,8 +631,8 @@ fit::Uncertainty LawFit::uncertainty(const LawState& state) {
     if (known.estimates[k].observable || !is_unseen(parameters_->path(k), *setup_.runs)) continue;
     known.estimates[k].statement = at.search.parameters()[k].name +
                                    " is not observed: the fit sees nothing of its capture, which "
-                                   "is held out or outside of the "
-                                   "scene's frames. It keeps its start value.";
+                                   "is held out or outside of the scene's frames. It keeps its "
+                                   "start value.";
   }
   if (const auto change = coarser(at_end)) {
     fit::add_grid_error(at.search.parameters(), search, *change, kOfCoarser, setup_.fit->huber,
@@ -652,7 +646,7 @@ std::optional<Eigen::VectorXd> LawFit::coarser(const LawState& state) {
   if (setup_.fit->loss != FitDoc::Loss::kTracks) return std::nullopt;
   try {
     FitModel& of = model(kCoarser * stage.level);
-    of.set_steps(std::vector<FitSteps>(setup_.runs->size()));
+    of.forget_steps();
     const auto outcome = of.evaluate({state.values}, {stage.window.until, true}).front();
     if (!outcome) throw_compute(of.failure());
     const FitProblem problem(of, *setup_.runs, parameters_->parameters(), setup_.fit->loss,

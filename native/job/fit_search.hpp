@@ -45,9 +45,8 @@ struct FitReport {
 /// poor the momentum balance of the tracks and, if that leaves it poor, a scan of simulations; then
 /// windows that grow, at the coarsest level that shows the motion (the whole clip at once at others
 /// than the first); then the whole clip, level by level to the finest, each led by the Jacobian of
-/// the one before. Where the first of these stages ends far off, the
-/// scan is made once more and the stage again. In each stage Levenberg–Marquardt with substeps
-/// held.
+/// the one before. Where the first of these stages ends far off, the scan is made once more and the
+/// stage again. In each stage Levenberg–Marquardt with substeps held.
 class LawFit {
  public:
   /// Builds the scenes at the document's resolution. Throws Error(kInput), Error(kCancelled).

@@ -94,8 +94,9 @@ Json to_json(const std::vector<std::vector<Standing>>& all) {
   Json stages = Json::array();
   for (const auto& stage : all) {
     Json standings = Json::array();
-    for (const Standing& standing : stage)
+    for (const Standing& standing : stage) {
       standings.push_back({standing.rms, standing.firm, standing.far});
+    }
     stages.push_back(std::move(standings));
   }
   return stages;

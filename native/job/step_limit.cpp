@@ -5,18 +5,19 @@
 #include <cmath>
 #include <limits>
 
+#include "job/fit_contacts.hpp"
 #include "mpm/contact_law.hpp"
 
 namespace matterfit::job {
 
 double step_limit(const mpm::Scene& scene, const mpm::Body& body) {
   double contact = 0.0;
-  const auto look_at = [&](const mpm::Contact& one) {
-    contact = std::max(contact, mpm::resolve_contact(one, body, scene.dx).stiffness);
-  };
-  for (const mpm::ColliderPtr& collider : scene.colliders) look_at(collider->contact());
-  for (const mpm::BodyContact& pair : scene.contacts) look_at(pair.contact);
-  if (scene.walls) look_at(scene.walls->contact);
+  for (const double stiffness : contact_stiffnesses(scene, body)) {
+    contact = std::max(contact, stiffness);
+  }
+  for (const mpm::BodyContact& pair : scene.contacts) {
+    contact = std::max(contact, mpm::resolve_contact(pair.contact, body, scene.dx).stiffness);
+  }
   constexpr double kCell = 13.3;
   const material::Material& m = body.material;
   const double per_modulus = kCell / (body.density * scene.dx * scene.dx);

@@ -34,7 +34,8 @@ def write_history(folder, entries=None):
     return files.write_bytes(os.path.join(folder, "fit", "history.jsonl"), text.encode())
 
 
-def write(folder, status="done", law=None, change=None, extra=(), held_out=True):
+def write(folder, status="done", law=None, change=None, extra=(), held_out=True,
+          warning=""):
     """result.json, scene.json, material.json and the history of a fit of the job.json in `folder`.
 
     The first body gets E, velocity (1, 2, 3) m/s, and what `change(scene)` does; `extra` are more
@@ -68,7 +69,7 @@ def write(folder, status="done", law=None, change=None, extra=(), held_out=True)
         "statements": [parameters[1]["statement"], "E and nu move together (.92)."],
         "before": {"fitted": measure(8.0), "held_out": measure(16.0) if held_out else None},
         "after": {"fitted": measure(0.5), "held_out": measure(0.75) if held_out else None},
-        "history": [], "models": []}
+        "history": [], "models": [], "warning": warning}
     if "laws" in document.get("fit", {}):
         fit["models"] = [
             {"law": "fixed_corotated", "held_out_mm": 0.75, "fitted_mm": 0.5, "probability": 0.97,
@@ -82,7 +83,7 @@ def write(folder, status="done", law=None, change=None, extra=(), held_out=True)
         "schema": "matterfit.material/1", "name": name, "density": body["density"],
         "material": body["material"], "source": "Fitted to 'clip', held-out error 0.75 mm.",
         "provenance": {"captures": [{"name": "clip"}], "held_out": measure(0.75),
-                       "version": "0.1.0"}})
+                       "version": "0.1.0", "warning": warning}})
     write_history(folder)
 
 

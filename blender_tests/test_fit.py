@@ -519,6 +519,19 @@ class PresetTest(FakeFitCase):
         self.assertAlmostEqual(self.settings.bodies[1].material.E, fake_fit.E, delta=1.0)
         self.assertIn("Fitted to", self.settings.bodies[1].material.source)
 
+    def test_a_fit_that_is_no_result(self):
+        """Whoever applies, saves, loads or keeps it is told."""
+        words = "The search did not end at a minimum."
+        self.fitted(warning=words)
+        path = os.path.join(self.folder, "dough.json")
+        for act in (bpy.ops.matterfit.apply_fit,
+                    lambda: bpy.ops.matterfit.save_material(filepath=path),
+                    lambda: bpy.ops.matterfit.load_material(filepath=path),
+                    lambda: bpy.ops.matterfit.add_preset(name="doubtful")):
+            bpy.context.window_manager.matterfit.last_report = ""
+            self.assertEqual(act(), {"FINISHED"})
+            self.assertIn(words, self.report())
+
     def test_another_bodys_material(self):
         """It was not fitted, and the files of an earlier fit are not looked at."""
         self.body(self.cube("Other", location=(2, 0, 0)))

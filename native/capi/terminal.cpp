@@ -40,6 +40,8 @@ std::string error_text(const Json& errors) {
 std::string fit_text(const Json& fit) {
   std::string text = fmt::format("fit: law {}, {}\n", fit.at("law").get<std::string>(),
                                  fit.at("reason").get<std::string>());
+  const auto warning = fit.value("warning", std::string());
+  if (!warning.empty()) text += "  warning: " + warning + "\n";
   for (const Json& parameter : fit.at("parameters")) {
     const auto unit = parameter.at("unit").get<std::string>();
     text += fmt::format("  {} = {:.6g}", parameter.at("path").get<std::string>(),
@@ -60,7 +62,8 @@ std::string fit_text(const Json& fit) {
     for (const Json& model : fit.at("models")) {
       const auto law = model.at("law").get<std::string>();
       if (!model.at("probability").is_number()) {
-        text += fmt::format("  {}: failed: {}\n", law, model.at("failed").get<std::string>());
+        const auto failed = model.at("failed").get<std::string>();
+        text += "  " + law + (failed.empty() ? ": not finished\n" : ": failed: " + failed + "\n");
         continue;
       }
       const bool held = model.at("held_out_mm").is_number();

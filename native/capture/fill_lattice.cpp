@@ -311,7 +311,7 @@ class LatticeFill {
     }
     const Eigen::Vector3i across = cells.sizes() + Eigen::Vector3i::Ones();
     body.report = fmt::format(
-        "{} particles {:.4g} m apart ({} × {} × {} cells), {} of them cut by the surface; volume "
+        "{} particles {:.4g} m apart ({} × {} × {} cells); the surface cuts {} cells; volume "
         "{:.6g} m³, particles hold {:.2f} % of it.",
         count, h_, across.x(), across.y(), across.z(), dropped_ + cut_count(), body.volume,
         100.0 * sum / body.volume);

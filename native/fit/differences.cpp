@@ -99,8 +99,8 @@ Differences differences(Problem& problem, const std::vector<Parameter>& paramete
     if (with_base) {
       if (!evaluated.front()) {
         throw_compute(
-            "the fit cannot begin: the simulation at the starting values could not be completed. "
-            "Start from other values, or make the time step smaller.");
+            "the simulation could not be completed at the values where the search stands. Start "
+            "from other values, or make the time step smaller.");
       }
       result.residual = std::move(*evaluated.front());
     }

@@ -109,8 +109,8 @@ EquationError::EquationError(Balance balance, Arena& arena) : balance_(std::move
   const InteriorTracks& tracks = balance_.tracks;
   if (tracks.frames() < 3) throw_input("its tracks have fewer than three frames in a row.");
   if (tracks.points() < kFewestTracks) {
-    throw_input(fmt::format("{} tracks are too few; it takes {} or more all through the body.",
-                            tracks.points(), kFewestTracks));
+    throw_input(fmt::format("it takes {} tracks or more all through the body, and there are {}.",
+                            kFewestTracks, tracks.points()));
   }
   dt_ = (tracks.times.back() - tracks.times.front()) / double(tracks.frames() - 1);
   cell_ = kCell * tracks.spacing;

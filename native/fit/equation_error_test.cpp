@@ -235,7 +235,7 @@ TEST(EquationError, RefusesWhatTellsTooLittle) {
 
   Balance sparse = full;
   sparse.tracks.rest.resize(100);
-  EXPECT_THAT(refusal(sparse), testing::HasSubstr("100 tracks are too few"));
+  EXPECT_THAT(refusal(sparse), testing::HasSubstr("all through the body, and there are 100"));
 }
 
 }  // namespace

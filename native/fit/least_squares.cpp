@@ -409,7 +409,8 @@ void linearise_at(Problem& problem, const std::vector<Parameter>& parameters,
       auto result = evaluate(problem, {state.point}, 0);
       ++state.evaluations;
       if (!result.front()) {
-        throw_compute("the fit cannot begin: the simulation could not be completed.");
+        throw_compute(
+            "the simulation could not be completed at the values where the search stands.");
       }
       state.residual = std::move(*result.front());
     }
@@ -449,7 +450,7 @@ void linearise_at(Problem& problem, const std::vector<Parameter>& parameters,
   if (!fresh) return;
   state.cost = cost_of(parameters, state.point, state.residual, options.huber);
   if (!std::isfinite(state.cost)) {
-    throw_compute("the fit cannot begin: the residuals at the starting values are too large.");
+    throw_compute("the residuals at the values where the search begins are too large.");
   }
   state.history.push_back({state.iteration, state.cost, state.damping, true});
 }
@@ -611,8 +612,9 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     } else {
       const bool rough = outcome == Outcome::kRough;
       finish(next, rough && all_known,
-             rough ? "No shorter step lowers the cost."
-                   : "No shorter step could be simulated to its end.");
+             rough
+                 ? "No shorter step lowers the cost: as near a minimum as the simulation is smooth."
+                 : "No shorter step could be simulated to its end.");
       anchor_at(next.point);
       break;
     }

@@ -235,9 +235,15 @@ std::string range(const Parameter& parameter, const Estimate& estimate) {
 }
 
 std::string statement_of(const Parameter& parameter, const Estimate& estimate, bool sensitive,
-                         bool unknown) {
+                         bool unknown, double noise) {
   const Advice about = advice(parameter.name);
-  const std::string see = " To see it, record " + about.record + ".";
+  std::string see = " To see it, record " + about.record + ".";
+  if (noise > kLost) {
+    see = fmt::format(
+        " That holds where the search ended, {:.3g} times the noise away from the capture: if that "
+        "is a wrong place, begin from other values. Else record {}.",
+        noise, about.record);
+  }
   const std::string subject = capital(about.quantity) + " (" + parameter.name + ")";
   if (unknown) {
     return subject +
@@ -378,7 +384,8 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
     estimate.observable = narrowed.error[k] < expected;
     const bool unknown =
         std::size_t(k) < state.unknown.size() && state.unknown[std::size_t(k)] != 0;
-    estimate.statement = statement_of(parameter, estimate, data.data(k, k) > 0.0, unknown);
+    estimate.statement =
+        statement_of(parameter, estimate, data.data(k, k) > 0.0, unknown, data.noise);
     result.estimates.push_back(std::move(estimate));
   }
   result.statements = general(parameters, covariance, data);

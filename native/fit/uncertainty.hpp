@@ -10,6 +10,9 @@
 
 namespace matterfit::fit {
 
+/// Noise scale above which a fit may have ended in a wrong place.
+inline constexpr double kLost = 10.0;
+
 /// What a fit knows of one parameter.
 struct Estimate {
   double value = 0.0;           ///< physical

@@ -274,7 +274,7 @@ EquationStart equation_start(const std::vector<FitRun>& runs, const std::vector<
   }
   const std::string title = "Start by the momentum balance of the tracks";
   if (problem.empty()) {
-    result.statement = title + ": not used, " + why;
+    result.statement = title + ": it does not apply, and simulations look for one; " + why;
     return result;
   }
   std::vector<Found> found;

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/fit_report.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "fit/metrics.hpp"
+#include "fit/uncertainty.hpp"
 #include "job/compare.hpp"
 #include "job/fit_laws.hpp"
 #include "job/fit_problem.hpp"
@@ -207,6 +210,23 @@ Json ranked_models(const std::vector<LawState>& laws) {
   return list;
 }
 
+std::string fit_warning(const Json& fit) {
+  std::string warning;
+  if (fit.at("converged") == false) {
+    warning = "The search did not end at a minimum. " + fit.at("reason").get<std::string>() +
+              " The values are the best that it came to.";
+  }
+  const Json& noise = fit.at("noise_scale");
+  if (noise.is_number() && noise.get<double>() > fit::kLost) {
+    warning += fmt::format(
+        "{}The fitted simulation misses the capture by {:.3g} times the noise: the search may have "
+        "ended in a wrong place (begin from other values), or the law or the scene lacks "
+        "something.",
+        warning.empty() ? "" : " ", noise.get<double>());
+  }
+  return warning;
+}
+
 Json material_preset(const Job& fitted, const std::string& body, const Json& fit) {
   const BodyDoc& doc = body_named(fitted.scene, body);
   Json captures = Json::array();
@@ -237,6 +257,7 @@ Json material_preset(const Job& fitted, const std::string& body, const Json& fit
            {{"version", MATTERFIT_VERSION},
             {"captures", captures},
             {"converged", fit.at("converged")},
+            {"warning", fit.value("warning", "")},
             {"parameters", parameters},
             {"correlation", fit.at("correlation")},
             {"noise_scale", fit.at("noise_scale")},

@@ -345,6 +345,7 @@ class FitJob {
         {"history", state_.history}};
     if (json["before"].is_null()) json["before"] = {{"fitted", nullptr}, {"held_out", nullptr}};
     if (!doc_.laws.empty()) json["models"] = ranked_models(state_.laws);
+    json["warning"] = fit_warning(json);
     return json;
   }
 

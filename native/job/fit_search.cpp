@@ -290,54 +290,83 @@ double LawFit::poor() const {
 
 void LawFit::begin(LawState& state) {
   const auto& runs = *setup_.runs;
-  std::vector<double> moved = with_initial_motion(runs, scenes_, *parameters_, state.values);
-  if (moved != state.values) {
-    const auto means = mean_distances(state, {state.values, moved}, stages_.front().window);
-    if (means[1] < means[0] || !std::isfinite(means[0])) state.values = std::move(moved);
+  MotionStart motion = with_initial_motion(runs, scenes_, *parameters_, state.values);
+  Start best;
+  best.values = state.values;
+  if (motion.values != state.values && motion.unsure.empty()) {
+    const auto means = mean_distances(state, {state.values, motion.values}, stages_.front().window);
+    if (means[1] < means[0] || !std::isfinite(means[0])) best.values = motion.values;
   }
+  const bool unsure = !motion.unsure.empty() && motion.values != state.values;
+  // What a motion that is not quite right leads to later is no judge of a material.
+  const FitWindow window = unsure ? stages_.front().window : fit_window(runs, kScanSamples);
+  find_material(state, window, best);
+  if (unsure) {
+    // With a material that is wrong neither motion can be told to be the better one.
+    Start other;
+    other.values = motion.values;
+    find_material(state, window, other);
+    const bool better = other.mean < best.mean;
+    if (better) best = std::move(other);
+    statements_.push_back(
+        fmt::format("The first frames of {} are no rigid flight: it may meet something before the "
+                    "second. Two initial motions were tried, that of the document and that from "
+                    "the first frame to the second; the {} led nearer to the capture.",
+                    fmt::join(motion.unsure, ", "), better ? "second" : "first"));
+  }
+  state.values = std::move(best.values);
+  if (!best.statement.empty()) statements_.push_back(std::move(best.statement));
+  if (!best.poor) return;
+  while (skip_level(state)) {
+  }
+}
 
-  const FitWindow window = fit_window(runs, kScanSamples);
-  double mean = mean_distances(state, {state.values}, window).front();
-  const double far_off = poor();
-  if (mean <= far_off) return;
+void LawFit::find_material(LawState& state, const FitWindow& window, Start& start) {
+  const auto& runs = *setup_.runs;
+  start.mean = mean_distances(state, {start.values}, window).front();
+  start.poor = start.mean > poor();
+  if (!start.poor) return;
   const StartLimit limit(runs, scenes_, *parameters_);
   if (setup_.fit->loss == FitDoc::Loss::kTracks) {
     EquationStart balance =
-        equation_start(runs, scenes_, *parameters_, state.values, setup_.threads, interrupter_);
+        equation_start(runs, scenes_, *parameters_, start.values, setup_.threads, interrupter_);
     bool softer = false;
     for (std::vector<double>& values : balance.candidates) {
       std::vector<double> softened = limit.softened(values);
       softer = softer || softened != values;
       values = std::move(softened);
     }
-    state.candidates = balance.candidates;
+    for (const std::vector<double>& values : balance.candidates) state.candidates.push_back(values);
     state.candidates.push_back(parameters_->starts());
     if (!balance.candidates.empty()) {
       const auto means = mean_distances(state, balance.candidates, window);
       const auto best = std::min_element(means.begin(), means.end());
-      const bool better = *best < mean;
+      const bool better = *best < start.mean;
       const auto millimetres = [](double distance) {
         return std::isfinite(distance) ? fmt::format("{:.3g} mm", 1e3 * distance)
                                        : std::string("beyond all");
       };
       if (softer) balance.statement += "; made softer, so that a run takes minutes at most";
       balance.statement += ". It misses the capture by " + millimetres(*best) +
-                           ", the given start by " + millimetres(mean) +
+                           ", the given start by " + millimetres(start.mean) +
                            (better ? "; it is taken." : "; it is not taken.");
       if (better) {
-        state.values = balance.candidates[static_cast<std::size_t>(best - means.begin())];
-        mean = *best;
+        start.values = balance.candidates[static_cast<std::size_t>(best - means.begin())];
+        start.mean = *best;
       }
     }
-    if (!balance.statement.empty()) statements_.push_back(balance.statement);
-    if (mean <= far_off) return;
+    start.statement = std::move(balance.statement);
+    if (start.mean <= poor()) {
+      start.poor = false;
+      return;
+    }
   }
   const auto costs = [&](const auto& points) {
     return start_distances(state, limit, points, window);
   };
-  state.values = scanned(*parameters_, state.values, mean, costs);
-  while (skip_level(state)) {
-  }
+  Scanned found = scanned(*parameters_, start.values, start.mean, costs);
+  start.values = std::move(found.values);
+  start.mean = found.cost;
 }
 
 bool LawFit::skip_level(LawState& state) {
@@ -379,7 +408,7 @@ bool LawFit::rescan(LawState& state) {
   const auto costs = [&](const auto& points) {
     return start_distances(state, limit, points, window);
   };
-  std::vector<double> found = scanned(*parameters_, state.values, mean, costs, kNear);
+  std::vector<double> found = scanned(*parameters_, state.values, mean, costs, kNear).values;
   if (found == state.values) return false;
   state.values = std::move(found);
   state.candidates.push_back(state.values);

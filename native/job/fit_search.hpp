@@ -89,7 +89,17 @@ class LawFit {
   };
   struct Context;
 
+  /// Where a search may begin.
+  struct Start {
+    std::vector<double> values;
+    double mean = 0.0;  ///< distance from the capture [m]
+    bool poor = false;  ///< the given values were, and those of the momentum balance
+    std::string statement;
+  };
+
   void begin(LawState& state);
+  /// Replaces the start's material by a better one, where the start is poor.
+  void find_material(LawState& state, const FitWindow& window, Start& start);
   /// Looks once more along each parameter from where the first stage ended: it may lie in a wrong
   /// valley. True if something better was found.
   [[nodiscard]] bool rescan(LawState& state);

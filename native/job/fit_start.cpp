@@ -9,6 +9,7 @@
 
 #include "base/error.hpp"
 #include "fit/initial_motion.hpp"
+#include "fit/metrics.hpp"
 #include "job/follow.hpp"
 #include "mpm/initial_velocity.hpp"
 
@@ -19,6 +20,9 @@ constexpr std::size_t kFewestFrames = 3;
 constexpr std::size_t kMostFrames = 12;
 /// How much worse than the noise, or than the fewest frames, a longer flight may be explained.
 constexpr double kStillBallistic = 2.0;
+/// Where more than this part of the body's size is left over, and more than noise, the fewest
+/// frames are no flight.
+constexpr double kRigid = 0.005;
 constexpr double kHalfDecade = 3.1622776601683795;
 constexpr double kAngleStep = 8.0;  // [degrees]
 /// That a scan looks at first: between a body that bounces too early and one that is right lie
@@ -37,8 +41,14 @@ Vec3d mean_seen(const FitCapture& capture, std::size_t frame) {
   return sum / count;
 }
 
-std::optional<fit::InitialMotion> motion_of(const FitCapture& capture, const Vec3d& centre,
-                                            const Vec3d& gravity) {
+struct FirstFrames {
+  fit::InitialMotion motion;
+  bool flight = false;  ///< of more than two frames
+};
+
+std::optional<FirstFrames> motion_of(const FitCapture& capture, const mpm::Body& body,
+                                     const Vec3d& gravity) {
+  const Vec3d centre = mpm::center_of_volume(body);
   const capture::Tracks& tracks = capture.input.tracks;
   const Vec3d unseen = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
   Points rest = capture.input.rest;
@@ -51,8 +61,8 @@ std::optional<fit::InitialMotion> motion_of(const FitCapture& capture, const Vec
   std::vector<Vec3d> positions;
   double sigma = 0.0;
   for (const double s : capture.sigma) sigma += s / double(capture.sigma.size());
-  std::optional<fit::InitialMotion> best;
-  double shortest = 0.0;
+  std::optional<FirstFrames> best;
+  double limit = std::max(kStillBallistic * sigma, kRigid * fit::body_size(body.rest));
   for (std::size_t t = 0; t < tracks.frames() && times.size() < kMostFrames; ++t) {
     if (tracks.times[t] < -1e-9 || capture.input.held_out_frames[t] != 0) continue;
     times.push_back(tracks.times[t]);
@@ -67,12 +77,12 @@ std::optional<fit::InitialMotion> motion_of(const FitCapture& capture, const Vec
     if (times.size() < 2) continue;
     try {
       const auto motion = fit::initial_motion(rest, centre, times, positions, gravity);
-      if (times.size() <= kFewestFrames) {
-        shortest = motion.residual;
-      } else if (motion.residual > kStillBallistic * std::max(sigma, shortest)) {
-        break;
+      const bool flight = times.size() >= kFewestFrames;
+      if (flight && motion.residual > limit) break;
+      if (times.size() == kFewestFrames) {
+        limit = std::min(limit, kStillBallistic * std::max(sigma, motion.residual));
       }
-      best = motion;
+      best = {motion, flight};
     } catch (const Error&) {
       // Too few points are seen in these frames; later ones may show them.
     }
@@ -184,11 +194,12 @@ std::optional<std::size_t> poisson_beside(const FitParameters& parameters, std::
 
 }  // namespace
 
-std::vector<double> with_initial_motion(const std::vector<FitRun>& runs,
-                                        const std::vector<mpm::Scene>& scenes,
-                                        const FitParameters& parameters,
-                                        std::span<const double> values) {
-  std::vector<double> result(values.begin(), values.end());
+MotionStart with_initial_motion(const std::vector<FitRun>& runs,
+                                const std::vector<mpm::Scene>& scenes,
+                                const FitParameters& parameters, std::span<const double> values) {
+  MotionStart start;
+  start.values.assign(values.begin(), values.end());
+  std::vector<double>& result = start.values;
   std::vector<std::uint8_t> done(result.size(), 0);
   for (std::size_t r = 0; r < runs.size(); ++r) {
     for (const FitCapture& capture : runs[r].captures) {
@@ -204,25 +215,26 @@ std::vector<double> with_initial_motion(const std::vector<FitRun>& runs,
         }
       }
       if (wanted.empty()) continue;
-      const auto motion =
-          motion_of(capture, mpm::center_of_volume(body), scenes[r].gravity.at(0.0));
-      if (!motion) continue;
+      const auto first = motion_of(capture, body, scenes[r].gravity.at(0.0));
+      if (!first) continue;
+      const fit::InitialMotion& motion = first->motion;
+      if (!first->flight) start.unsure.push_back(body.name);
       for (const std::size_t i : wanted) {
         const FitPath& path = parameters.path(i);
         const bool spin = path.quantity == FitQuantity::kSpin;
-        if (spin && !motion->spin_observable) continue;
+        if (spin && !motion.spin_observable) continue;
         const fit::Parameter& parameter = parameters.parameters()[i];
-        result[i] = std::clamp((spin ? motion->spin : motion->velocity)[*path.component],
+        result[i] = std::clamp((spin ? motion.spin : motion.velocity)[*path.component],
                                parameter.low, parameter.high);
         done[i] = 1;
       }
     }
   }
-  return result;
+  return start;
 }
 
-std::vector<double> scanned(const FitParameters& parameters, std::vector<double> values,
-                            double cost, const FitCost& costs, int farthest) {
+Scanned scanned(const FitParameters& parameters, std::vector<double> values, double cost,
+                const FitCost& costs, int farthest) {
   std::vector<Direction> directions;
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     const FitQuantity quantity = parameters.path(i).quantity;
@@ -239,11 +251,11 @@ std::vector<double> scanned(const FitParameters& parameters, std::vector<double>
   for (const Direction& direction : directions) {
     moved = scan(parameters, direction, kFirstSteps, costs, farthest, values, cost) || moved;
   }
-  if (directions.size() < 2 || !moved) return values;
+  if (directions.size() < 2 || !moved) return {values, cost};
   for (const Direction& direction : directions) {
     (void)scan(parameters, direction, {-1, 1}, costs, farthest, values, cost);
   }
-  return values;
+  return {values, cost};
 }
 
 }  // namespace matterfit::job

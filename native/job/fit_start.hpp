@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "job/fit_captures.hpp"
@@ -11,25 +12,37 @@
 /// Where a fit begins.
 namespace matterfit::job {
 
+/// Values that begin with the motion of the first frames.
+struct MotionStart {
+  std::vector<double> values;
+  /// Bodies whose first three frames are no flight: their motion is that from the first frame to
+  /// the second, in which the body may have met something.
+  std::vector<std::string> unsure;
+};
+
 /// The values with velocity and spin replaced, where they are among the parameters, by those of the
 /// rigid motion through the first frames of a capture of that body (fit/initial_motion.hpp): as
 /// many frames as a ballistic flight explains; of clouds the velocity alone, by the mean of a
 /// frame's points. Bodies with pins stay. `scenes` one a run.
-[[nodiscard]] std::vector<double> with_initial_motion(const std::vector<FitRun>& runs,
-                                                      const std::vector<mpm::Scene>& scenes,
-                                                      const FitParameters& parameters,
-                                                      std::span<const double> values);
+[[nodiscard]] MotionStart with_initial_motion(const std::vector<FitRun>& runs,
+                                              const std::vector<mpm::Scene>& scenes,
+                                              const FitParameters& parameters,
+                                              std::span<const double> values);
 
 /// Cost of each of the points; infinite where a simulation could not be completed.
 using FitCost = std::function<std::vector<double>(const std::vector<std::vector<double>>&)>;
+
+struct Scanned {
+  std::vector<double> values;
+  double cost = 0.0;
+};
 
 /// The best of a search along one parameter after the other, half a decade a step (friction angles
 /// 8°): stiffness (where ν is fitted too, then the bulk modulus alone: a ratio that is far off
 /// makes it wrong by decades), yield stress, friction angle, viscosity. Twice where there are
 /// several. `cost` is that of `values`; it goes `farthest` steps either way at most, both ways as
 /// long as no simulation could be completed.
-[[nodiscard]] std::vector<double> scanned(const FitParameters& parameters,
-                                          std::vector<double> values, double cost,
-                                          const FitCost& costs, int farthest = 8);
+[[nodiscard]] Scanned scanned(const FitParameters& parameters, std::vector<double> values,
+                              double cost, const FitCost& costs, int farthest = 8);
 
 }  // namespace matterfit::job

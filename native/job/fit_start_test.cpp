@@ -68,7 +68,7 @@ std::vector<double> scanned_from(double youngs_modulus, double poisson_ratio,
     return all;
   };
   const std::vector<double> start = parameters.starts();
-  return scanned(parameters, start, cost(start), costs);
+  return scanned(parameters, start, cost(start), costs).values;
 }
 
 TEST(FitStart, AScanFindsShearAndBulkApart) {
@@ -99,7 +99,7 @@ TEST(FitStart, AScanLooksBothWaysWhereNothingCouldBeSimulated) {
       }
       return all;
     };
-    EXPECT_NEAR(scanned(built.parameters, {1e6}, infinite, costs, 7)[0] / truth, 1.0, 1e-6);
+    EXPECT_NEAR(scanned(built.parameters, {1e6}, infinite, costs, 7).values[0] / truth, 1.0, 1e-6);
     EXPECT_LT(farthest, 3.6);
   }
 }
@@ -115,7 +115,8 @@ TEST(FitStart, AScanSeesWhatLiesBehindAHill) {
     }
     return all;
   };
-  EXPECT_NEAR(scanned(built.parameters, {3e6}, costs({{3e6}}).front(), costs)[0], 3e4, 300.0);
+  EXPECT_NEAR(scanned(built.parameters, {3e6}, costs({{3e6}}).front(), costs).values[0], 3e4,
+              300.0);
 }
 
 TEST(FitStart, TheStiffestIsWhatCanBeSimulated) {

@@ -60,6 +60,31 @@ TEST(Fit, FindsStiffnessAndVelocityInNoisyTracks) {
   }
 }
 
+/// The motion that the first frames show is none that the body was thrown with, and a material that
+/// is wrong likes it better than the true one.
+TEST(Fit, FindsAThrowThatHitsWithinTheFirstFrame) {
+  Json truth = thrown_cube();
+  Json& body = truth["scene"]["bodies"][0];
+  body["material"] = {{"law", "von_mises"}, {"E", 1e5}, {"nu", 0.3}, {"yield_stress", 4e3}};
+  body["velocity"] = {0.8, 0.3, -3.5};
+  const Folder folder;
+  record(truth, folder.path, "a", 1);
+  for (const double speed : {0.0, 3.5}) {
+    Json document = fit_of(truth, {"material.E", "material.yield_stress", "velocity"});
+    Json& start = document["scene"]["bodies"][0];
+    start["material"]["E"] = 4e5;
+    start["material"]["yield_stress"] = 2e4;
+    start["velocity"][2] = -speed;
+    document["output"]["folder"] = speed > 0.0 ? "known" : "unknown";
+    const Json result = run(document, folder.path);
+    EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 1e5, 1.0, 0.05);
+    EXPECT_NEAR(value_of(result, "bodies.cube.material.yield_stress") / 4e3, 1.0, 0.05);
+    EXPECT_NEAR(value_of(result, "bodies.cube.velocity[2]"), -3.5, 0.05);
+    EXPECT_THAT(result["fit"]["statements"].dump(), HasSubstr("are no rigid flight"));
+    EXPECT_EQ(result["fit"]["warning"], "");
+  }
+}
+
 TEST(Fit, FindsWhenARecordingBegan) {
   const Folder folder;
   Json truth = thrown_cube();

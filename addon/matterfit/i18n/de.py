@@ -118,6 +118,7 @@ TEXTS = {
     "What is left is {factor} × the noise": "Es bleibt das {factor}-Fache des Rauschens",
     "Cancelled: the best so far. Resume goes on.":
         "Abgebrochen: das Beste bis dahin. Fortsetzen geht weiter.",
+    "'{name}' is loaded": "„{name}“ ist geladen",
     "Not converged: {reason}": "Nicht konvergiert: {reason}",
     "Fit {name}": "Anpassen: {name}",
     "Fitted error {before} → {after} mm, in {time}":

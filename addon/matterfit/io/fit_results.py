@@ -62,6 +62,7 @@ class FitResult:
     statements: list = field(default_factory=list)
     models: list = field(default_factory=list)
     correlation: list = field(default_factory=list)
+    warning: str = ""  # why the values are not to be used as they stand
 
 
 def load(folder):
@@ -95,7 +96,8 @@ def _result(document, found):
         held_out=Measure(before.get("held_out"), after.get("held_out")),
         statements=[str(text) for text in found.get("statements") or []],
         models=list(found.get("models") or []),
-        correlation=list(found.get("correlation") or []))
+        correlation=list(found.get("correlation") or []),
+        warning=str(found.get("warning") or ""))
 
 
 def _estimate(entry):

@@ -210,6 +210,12 @@ def saved(document, name):
     return {**kept, "name": name}
 
 
+def warning(document):
+    """What the fit that found a material says against using it; "" where it says nothing."""
+    provenance = document.get("provenance")
+    return str(provenance.get("warning") or "") if isinstance(provenance, dict) else ""
+
+
 def apply(material):
     """Fills in the chosen preset. The density goes to the body that owns the material."""
     if _applying or material.preset not in materials():

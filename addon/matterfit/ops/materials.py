@@ -49,6 +49,15 @@ def material_name(context):
         return context.scene.matterfit.fit.run.name
 
 
+def _tell(operator, context, words, document):
+    """Reports what was done with a material, and what its fit says against using it."""
+    warning = presets.warning(document)
+    session(context).last_report = "\n".join([words, warning] if warning else [words])
+    operator.report({"INFO"}, words)
+    if warning:
+        operator.report({"WARNING"}, warning)
+
+
 class MATTERFIT_OT_apply_fit(_HasResult, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.apply_fit"
     bl_label = "Apply to Body"
@@ -64,9 +73,11 @@ class MATTERFIT_OT_apply_fit(_HasResult, PlainOperator, bpy.types.Operator):
         left = fit_apply.apply_run(scene, folder)
         settings.compare.done = False
         words = [translate("The fitted values are set. Bake or Compare uses them")]
+        warning = fit_results.load(folder).warning
         if fit_results.is_unfinished(folder):
             words.append(translate("The fit is unfinished, and begins at other values now: undo "
                                    "this before Resume"))
+        left = [*([warning] if warning else []), *left]
         session(context).last_report = "\n".join([*words, *left])
         for sentence in left:
             self.report({"WARNING"}, sentence)
@@ -92,8 +103,7 @@ class MATTERFIT_OT_save_material(_HasResult, PlainOperator, bpy.types.Operator, 
         path = bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")
         name = os.path.splitext(os.path.basename(path))[0]
         files.write_json(path, presets.saved(document, name))
-        session(context).last_report = path
-        self.report({"INFO"}, path)
+        _tell(self, context, path, document)
 
 
 class MATTERFIT_OT_load_material(PlainOperator, bpy.types.Operator, ImportHelper):
@@ -118,6 +128,8 @@ class MATTERFIT_OT_load_material(PlainOperator, bpy.types.Operator, ImportHelper
         presets.fill(body.material, document["material"])
         body.material.source = document["source"]
         body.density = document["density"]
+        _tell(self, context, translate("'{name}' is loaded").format(name=document["name"]),
+              document)
 
 
 class MATTERFIT_OT_add_preset(_HasResult, PlainOperator, bpy.types.Operator):
@@ -141,10 +153,10 @@ class MATTERFIT_OT_add_preset(_HasResult, PlainOperator, bpy.types.Operator):
         name = self.name.strip()
         if not name:
             raise JobError(translate("Add to Presets: no name is given. Type one."))
-        presets.add(fitted_material(context), name)
+        document = fitted_material(context)
+        presets.add(document, name)
         words = translate("'{name}' is among the material presets").format(name=name)
-        session(context).last_report = words
-        self.report({"INFO"}, words)
+        _tell(self, context, words, document)
 
 
 class MATTERFIT_OT_remove_preset(PlainOperator, bpy.types.Operator):

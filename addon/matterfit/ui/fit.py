@@ -202,6 +202,8 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             lines(layout, translate("Cancelled: the best so far. Resume goes on.")
                   if fit_results.is_unfinished(folder) else translate("Cancelled: the best so far."),
                   icon="ERROR")
+        elif result.warning:
+            lines(layout, result.warning, icon="ERROR")
         elif not result.converged:
             lines(layout, translate("Not converged: {reason}").format(reason=result.reason),
                   icon="ERROR")

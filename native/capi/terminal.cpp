@@ -32,7 +32,7 @@ std::string error_text(const Json& errors) {
   };
   const std::string fitted = one("fitted");
   const std::string held = one("held_out");
-  if (fitted.empty() && held.empty()) return "not known";
+  if (fitted.empty() && held.empty()) return "not computed";
   return fitted + (fitted.empty() || held.empty() ? "" : ", ") + held;
 }
 

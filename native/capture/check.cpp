@@ -20,6 +20,8 @@ constexpr std::size_t kJumpsListed = 20;
 /// moves just before and after.
 constexpr double kJumpOverNoise = 10.0;
 constexpr double kJumpOverMotion = 3.0;
+/// Cosine between steps that go on, or (negative) that turn back.
+constexpr double kStraight = 0.5;
 /// Values that a pooled median looks at, at most; more are thinned evenly by point.
 constexpr std::size_t kPool = 2'000'000;
 constexpr std::size_t kNoiseBlocks = 8;
@@ -116,6 +118,7 @@ class Summariser {
     look_at_visibility();
     estimate_noise();
     find_jumps();
+    find_exchanged();
     write_text();
     return std::move(out_);
   }
@@ -279,6 +282,39 @@ class Summariser {
     if (out_.jumps.size() > kJumpsListed) out_.jumps.resize(kJumpsListed);
   }
 
+  /// Whether most of the body turns back from frames a to b to c: the cosine between the steps,
+  /// over all points; 1 where it stands still or is not seen.
+  [[nodiscard]] double straightness(std::size_t a, std::size_t b, std::size_t c) const {
+    double product = 0.0;
+    double before = 0.0;
+    double after = 0.0;
+    for (std::size_t point = 0; point < tracks_.points; ++point) {
+      if (!tracks_.is_visible(a, point) || !tracks_.is_visible(b, point) ||
+          !tracks_.is_visible(c, point)) {
+        continue;
+      }
+      const Vec3d first = tracks_.position(b, point) - tracks_.position(a, point);
+      const Vec3d second = tracks_.position(c, point) - tracks_.position(b, point);
+      product += first.dot(second);
+      before += first.squaredNorm();
+      after += second.squaredNorm();
+    }
+    const double still = kJumpOverNoise * kJumpOverNoise * out_.noise * out_.noise;
+    const double least = still * double(tracks_.points);
+    return before > least && after > least ? product / std::sqrt(before * after) : 1.0;
+  }
+
+  void find_exchanged() {
+    for (std::size_t f = 1; f + 2 < tracks_.frames(); ++f) {
+      const bool to_and_fro =
+          straightness(f - 1, f, f + 1) < -kStraight && straightness(f, f + 1, f + 2) < -kStraight;
+      if (to_and_fro && straightness(f - 1, f + 1, f) > kStraight &&
+          straightness(f + 1, f, f + 2) > kStraight) {
+        out_.exchanged.push_back(f);
+      }
+    }
+  }
+
   void write_text() {
     std::vector<std::string>& text = out_.text;
     text.push_back(print("%zu frame%s of %zu point%s over %.3g s", out_.frames,
@@ -293,6 +329,11 @@ class Summariser {
       text.push_back(print("Warning: %zu jump%s, the largest %s: ", out_.jump_count,
                            out_.jump_count == 1 ? "" : "s", length_text(jump.size).c_str()) +
                      point_text(tracks_, jump.point) + " at frame " + std::to_string(jump.frame));
+    }
+    if (!out_.exchanged.empty()) {
+      const std::size_t frame = out_.exchanged.front();
+      text.push_back(print("Warning: frames %zu and %zu look exchanged%s", frame, frame + 1,
+                           out_.exchanged.size() > 1 ? ", and others" : ""));
     }
     text.push_back(out_.missing == 0.0 ? std::string("No samples missing")
                                        : print("%.3g %% of the samples missing",

@@ -36,6 +36,9 @@ struct CaptureSummary {
   std::string unit_warning;  ///< "looks like millimetres …", or empty
   std::vector<Jump> jumps;   ///< the largest first, 20 at most
   std::size_t jump_count = 0;
+  /// Frames that move smoothly once each is exchanged with the one after it, and do not as they
+  /// are.
+  std::vector<std::size_t> exchanged;
   double missing = 0.0;                    ///< fraction of samples that are not visible
   std::vector<std::size_t> never_visible;  ///< points seen in no frame
   /// Standard deviation of one coordinate [m], from third differences in time (their MAD /

@@ -150,6 +150,17 @@ TEST(CheckTest, RefusesWhatCannotBeUsed) {
   EXPECT_THAT(message(tracks), HasSubstr("need 1000 positions, there are 999"));
 }
 
+TEST(CheckTest, FramesThatAreExchanged) {
+  Tracks tracks = bouncing(1e-5);
+  EXPECT_TRUE(summarise(tracks).exchanged.empty());
+  const auto at = [&](std::size_t frame) {
+    return tracks.positions.begin() + std::ptrdiff_t(frame * tracks.points);
+  };
+  std::swap_ranges(at(6), at(7), at(7));
+  EXPECT_THAT(summarise(tracks).exchanged, ElementsAre(6U));
+  EXPECT_THAT(summarise(tracks).text, Contains(HasSubstr("frames 6 and 7 look exchanged")));
+}
+
 TEST(CheckTest, PointClouds) {
   PointCloudSequence clouds;
   clouds.source = "clouds";

@@ -69,20 +69,16 @@ TEST(Fit, FindsAThrowThatHitsWithinTheFirstFrame) {
   body["velocity"] = {0.8, 0.3, -3.5};
   const Folder folder;
   record(truth, folder.path, "a", 1);
-  for (const double speed : {0.0, 3.5}) {
-    Json document = fit_of(truth, {"material.E", "material.yield_stress", "velocity"});
-    Json& start = document["scene"]["bodies"][0];
-    start["material"]["E"] = 4e5;
-    start["material"]["yield_stress"] = 2e4;
-    start["velocity"][2] = -speed;
-    document["output"]["folder"] = speed > 0.0 ? "known" : "unknown";
-    const Json result = run(document, folder.path);
-    EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 1e5, 1.0, 0.05);
-    EXPECT_NEAR(value_of(result, "bodies.cube.material.yield_stress") / 4e3, 1.0, 0.05);
-    EXPECT_NEAR(value_of(result, "bodies.cube.velocity[2]"), -3.5, 0.05);
-    EXPECT_THAT(result["fit"]["statements"].dump(), HasSubstr("are no rigid flight"));
-    EXPECT_EQ(result["fit"]["warning"], "");
-  }
+  Json document = fit_of(truth, {"material.E", "material.yield_stress", "velocity"});
+  Json& start = document["scene"]["bodies"][0]["material"];
+  start["E"] = 4e5;
+  start["yield_stress"] = 2e4;
+  const Json result = run(document, folder.path);
+  EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 1e5, 1.0, 0.05);
+  EXPECT_NEAR(value_of(result, "bodies.cube.material.yield_stress") / 4e3, 1.0, 0.05);
+  EXPECT_NEAR(value_of(result, "bodies.cube.velocity[2]"), -3.5, 0.05);
+  EXPECT_THAT(result["fit"]["statements"].dump(), HasSubstr("are no rigid flight"));
+  EXPECT_EQ(result["fit"]["warning"], "");
 }
 
 TEST(Fit, FindsWhenARecordingBegan) {

@@ -130,7 +130,10 @@ def fit_clip(name, clip, arrays, folder, document, write_inputs, truth_and_own, 
     job.write_text(text, encoding="utf-8")
     started = time.monotonic()
     cpu = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-    result, error = _run_tool(options, "fit", job, folder / "fit.log", restart=options.again or not broken_off)
+    log = folder / "fit.log"
+    result, error = _run_tool(options, "fit", job, log, restart=options.again or not broken_off)
+    if result is None and broken_off and "--restart" in error:  # it was broken off by another version
+        result, error = _run_tool(options, "fit", job, log)
     row = {
         "name": name,
         "seconds": max(time.monotonic() - started, result["fit"]["seconds"] if result else 0.0),

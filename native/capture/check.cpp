@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 
 #include "base/error.hpp"
 
@@ -22,6 +23,7 @@ constexpr double kJumpOverNoise = 10.0;
 constexpr double kJumpOverMotion = 3.0;
 /// Cosine between steps that go on, or (negative) that turn back.
 constexpr double kStraight = 0.5;
+constexpr double kLeastMotion = 1e-6;  // of the box: less is rounding
 /// Values that a pooled median looks at, at most; more are thinned evenly by point.
 constexpr std::size_t kPool = 2'000'000;
 constexpr std::size_t kNoiseBlocks = 8;
@@ -262,7 +264,7 @@ class Summariser {
         if (d >= 0.0) sample.push_back(d);
       }
     }
-    const double floor = 1e-6 * (out_.high - out_.low).norm();
+    const double floor = kLeastMotion * (out_.high - out_.low).norm();
     const double threshold = std::max(floor, kJumpOverNoise * kMadToSigma * median(sample));
     for (std::size_t point = 0; point < tracks_.points; ++point) {
       std::size_t last = 0;
@@ -282,13 +284,15 @@ class Summariser {
     if (out_.jumps.size() > kJumpsListed) out_.jumps.resize(kJumpsListed);
   }
 
-  /// Whether most of the body turns back from frames a to b to c: the cosine between the steps,
-  /// over all points; 1 where it stands still or is not seen.
-  [[nodiscard]] double straightness(std::size_t a, std::size_t b, std::size_t c) const {
+  /// The cosine between the steps from frame a to b and from b to c, over all points that are seen
+  /// in the three; nothing where they stand still or are not seen.
+  [[nodiscard]] std::optional<double> straightness(std::size_t a, std::size_t b,
+                                                   std::size_t c) const {
     double product = 0.0;
     double before = 0.0;
     double after = 0.0;
-    for (std::size_t point = 0; point < tracks_.points; ++point) {
+    double seen = 0.0;
+    for (std::size_t point = 0; point < tracks_.points; point += thinning()) {
       if (!tracks_.is_visible(a, point) || !tracks_.is_visible(b, point) ||
           !tracks_.is_visible(c, point)) {
         continue;
@@ -298,21 +302,45 @@ class Summariser {
       product += first.dot(second);
       before += first.squaredNorm();
       after += second.squaredNorm();
+      seen += 1.0;
     }
-    const double still = kJumpOverNoise * kJumpOverNoise * out_.noise * out_.noise;
-    const double least = still * double(tracks_.points);
-    return before > least && after > least ? product / std::sqrt(before * after) : 1.0;
+    const double still =
+        std::max(kLeastMotion * (out_.high - out_.low).norm(), kJumpOverNoise * out_.noise);
+    const double least = still * still * seen;
+    if (!(before > least && after > least)) return std::nullopt;
+    return product / std::sqrt(before * after);
   }
 
+  /// Whether the steps go on, where they can be told.
+  [[nodiscard]] bool goes_on(std::size_t a, std::size_t b, std::size_t c) const {
+    const auto cosine = straightness(a, b, c);
+    return cosine && *cosine > kStraight;
+  }
+  [[nodiscard]] bool turns_back(std::size_t a, std::size_t b, std::size_t c) const {
+    const auto cosine = straightness(a, b, c);
+    return cosine && *cosine < -kStraight;
+  }
+
+  /// Frames f and f + 1: as they are the points turn back twice, exchanged they go on, and so do
+  /// those before and after (vibration near the frame rate does not).
   void find_exchanged() {
     for (std::size_t f = 1; f + 2 < tracks_.frames(); ++f) {
-      const bool to_and_fro =
-          straightness(f - 1, f, f + 1) < -kStraight && straightness(f, f + 1, f + 2) < -kStraight;
-      if (to_and_fro && straightness(f - 1, f + 1, f) > kStraight &&
-          straightness(f + 1, f, f + 2) > kStraight) {
-        out_.exchanged.push_back(f);
-      }
+      if (!turns_back(f - 1, f, f + 1) || !turns_back(f, f + 1, f + 2)) continue;
+      if (!goes_on(f - 1, f + 1, f) || !goes_on(f + 1, f, f + 2)) continue;
+      if (f >= 2 && !goes_on(f - 2, f - 1, f + 1)) continue;
+      if (f + 3 < tracks_.frames() && !goes_on(f, f + 2, f + 3)) continue;
+      out_.exchanged.push_back(f);
     }
+    if (out_.exchanged.empty()) return;
+    const std::size_t frame = out_.exchanged.front();
+    const std::size_t others = out_.exchanged.size() - 1;
+    out_.exchanged_warning =
+        print("frames %zu and %zu (counted from 0) look exchanged", frame, frame + 1);
+    if (others > 0) {
+      out_.exchanged_warning += print(", and %zu other pair%s", others, others > 1 ? "s" : "");
+    }
+    out_.exchanged_warning +=
+        ": as they are the points turn back twice. They are taken as they are; look at the file.";
   }
 
   void write_text() {
@@ -330,11 +358,7 @@ class Summariser {
                            out_.jump_count == 1 ? "" : "s", length_text(jump.size).c_str()) +
                      point_text(tracks_, jump.point) + " at frame " + std::to_string(jump.frame));
     }
-    if (!out_.exchanged.empty()) {
-      const std::size_t frame = out_.exchanged.front();
-      text.push_back(print("Warning: frames %zu and %zu look exchanged%s", frame, frame + 1,
-                           out_.exchanged.size() > 1 ? ", and others" : ""));
-    }
+    if (!out_.exchanged_warning.empty()) text.push_back("Warning: " + out_.exchanged_warning);
     text.push_back(out_.missing == 0.0 ? std::string("No samples missing")
                                        : print("%.3g %% of the samples missing",
                                                std::max(out_.missing * 100.0, 1e-3)));

@@ -158,7 +158,27 @@ TEST(CheckTest, FramesThatAreExchanged) {
   };
   std::swap_ranges(at(6), at(7), at(7));
   EXPECT_THAT(summarise(tracks).exchanged, ElementsAre(6U));
-  EXPECT_THAT(summarise(tracks).text, Contains(HasSubstr("frames 6 and 7 look exchanged")));
+  EXPECT_THAT(summarise(tracks).text, Contains(HasSubstr("frames 6 and 7 (counted")));
+  std::swap_ranges(at(11), at(12), at(12));
+  EXPECT_THAT(summarise(tracks).exchanged, ElementsAre(6U, 11U));
+  EXPECT_THAT(summarise(tracks).exchanged_warning, HasSubstr("and 1 other pair:"));
+}
+
+TEST(CheckTest, WhatIsNotExchanged) {
+  Tracks shaking = bouncing(0.0);  // near the frame rate, and carried along
+  for (std::size_t i = 0; i < shaking.positions.size(); ++i) {
+    const auto frame = static_cast<double>(i / shaking.points);
+    shaking.positions[i] = Vec3d(0.01 * frame + (i / shaking.points % 2 == 0 ? 0.01 : -0.01), 0, 0);
+  }
+  EXPECT_TRUE(summarise(shaking).exchanged.empty());
+  Tracks still = bouncing(0.0);  // with the digits of floats, of which most are the same
+  for (std::size_t i = 0; i < still.positions.size(); ++i) {
+    const std::size_t frame = i / still.points;
+    const double place = static_cast<double>(i % still.points);
+    const double digit = frame == 50 ? 2e-9 : frame == 51 ? 1e-9 : frame > 51 ? 3e-9 : 0.0;
+    still.positions[i] = Vec3d(place + digit, 0, 0);
+  }
+  EXPECT_TRUE(summarise(still).exchanged.empty());
 }
 
 TEST(CheckTest, PointClouds) {

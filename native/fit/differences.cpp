@@ -98,9 +98,7 @@ Differences differences(Problem& problem, const std::vector<Parameter>& paramete
     result.evaluations += int(points.size());
     if (with_base) {
       if (!evaluated.front()) {
-        throw_compute(
-            "the simulation could not be completed at the values where the search stands. Start "
-            "from other values, or make the time step smaller.");
+        throw_compute(kNotCompleted);
       }
       result.residual = std::move(*evaluated.front());
     }

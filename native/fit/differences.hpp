@@ -12,6 +12,11 @@
 
 namespace matterfit::fit {
 
+/// Where a search stands; thrown as Error(kCompute).
+inline constexpr const char* kNotCompleted =
+    "the simulation could not be completed at the values that the search has come to. Give other "
+    "start values or narrower bounds, or a lower solver.dt_safety.";
+
 /// Residuals at the points; nothing for a point that failed or has an entry that is not finite.
 /// `rows`: how many residuals are expected, 0: as many as the first point has. Throws
 /// Error(kCompute) where the number differs, Error(kInput) where there is none.

@@ -409,8 +409,7 @@ void linearise_at(Problem& problem, const std::vector<Parameter>& parameters,
       auto result = evaluate(problem, {state.point}, 0);
       ++state.evaluations;
       if (!result.front()) {
-        throw_compute(
-            "the simulation could not be completed at the values where the search stands.");
+        throw_compute(kNotCompleted);
       }
       state.residual = std::move(*result.front());
     }
@@ -450,7 +449,9 @@ void linearise_at(Problem& problem, const std::vector<Parameter>& parameters,
   if (!fresh) return;
   state.cost = cost_of(parameters, state.point, state.residual, options.huber);
   if (!std::isfinite(state.cost)) {
-    throw_compute("the residuals at the values where the search begins are too large.");
+    throw_compute(
+        "the residuals are too large at the values that the search has come to. Give other start "
+        "values.");
   }
   state.history.push_back({state.iteration, state.cost, state.damping, true});
 }
@@ -612,9 +613,12 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     } else {
       const bool rough = outcome == Outcome::kRough;
       finish(next, rough && all_known,
-             rough
-                 ? "No shorter step lowers the cost: as near a minimum as the simulation is smooth."
-                 : "No shorter step could be simulated to its end.");
+             rough && all_known
+                 ? "No shorter step lowers the cost: what is nearer to the minimum than this is "
+                   "hidden by the simulation's own roughness."
+             : rough ? "No shorter step lowers the cost, and for some parameters the simulation "
+                       "could not be completed beside this point."
+                     : "No shorter step could be simulated to its end.");
       anchor_at(next.point);
       break;
     }

@@ -235,14 +235,15 @@ std::string range(const Parameter& parameter, const Estimate& estimate) {
 }
 
 std::string statement_of(const Parameter& parameter, const Estimate& estimate, bool sensitive,
-                         bool unknown, double noise) {
+                         bool unknown, bool far) {
   const Advice about = advice(parameter.name);
   std::string see = " To see it, record " + about.record + ".";
-  if (noise > kLost) {
-    see = fmt::format(
-        " That holds where the search ended, {:.3g} times the noise away from the capture: if that "
-        "is a wrong place, begin from other values. Else record {}.",
-        noise, about.record);
+  if (far) {
+    see =
+        " That holds where the search ended, which is far from the capture: if it is a wrong "
+        "place, "
+        "begin from other values. Else record " +
+        about.record + ".";
   }
   const std::string subject = capital(about.quantity) + " (" + parameter.name + ")";
   if (unknown) {
@@ -325,7 +326,8 @@ std::vector<std::string> general(const std::vector<Parameter>& parameters,
 }  // namespace
 
 Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSquaresState& state,
-                        double effective, double huber, const std::vector<std::uint32_t>& blocks) {
+                        double effective, double huber, const std::vector<std::uint32_t>& blocks,
+                        bool far) {
   const auto n = Index(parameters.size());
   if (state.point.size() != n || state.jacobian.cols() != n ||
       state.jacobian.rows() != state.residual.size() ||
@@ -384,8 +386,7 @@ Uncertainty uncertainty(const std::vector<Parameter>& parameters, const LeastSqu
     estimate.observable = narrowed.error[k] < expected;
     const bool unknown =
         std::size_t(k) < state.unknown.size() && state.unknown[std::size_t(k)] != 0;
-    estimate.statement =
-        statement_of(parameter, estimate, data.data(k, k) > 0.0, unknown, data.noise);
+    estimate.statement = statement_of(parameter, estimate, data.data(k, k) > 0.0, unknown, far);
     result.estimates.push_back(std::move(estimate));
   }
   result.statements = general(parameters, covariance, data);

@@ -10,9 +10,6 @@
 
 namespace matterfit::fit {
 
-/// Noise scale above which a fit may have ended in a wrong place.
-inline constexpr double kLost = 10.0;
-
 /// What a fit knows of one parameter.
 struct Estimate {
   double value = 0.0;           ///< physical
@@ -49,12 +46,14 @@ struct Uncertainty {
 /// `blocks` (Problem::blocks()) an error is at least what the blocks' disagreement about the value
 /// makes it, H⁻¹ M H⁻¹ with M from the gradients of the blocks (Liang and Zeger 1986): under a
 /// wrong law residuals hang together in ways that no count of independent ones tells. What is
-/// observable and the correlations stay those of the noise. Throws Error(kInput) where the sizes
-/// differ.
+/// observable and the correlations stay those of the noise. `far`: the fit may have ended in a
+/// wrong place, and statements say so before they say what to record. Throws Error(kInput) where
+/// the sizes differ.
 [[nodiscard]] Uncertainty uncertainty(const std::vector<Parameter>& parameters,
                                       const LeastSquaresState& state, double effective = 0.0,
                                       double huber = 0.0,
-                                      const std::vector<std::uint32_t>& blocks = {});
+                                      const std::vector<std::uint32_t>& blocks = {},
+                                      bool far = false);
 
 /// Adds what the discretisation makes of the values, from the same simulation on a coarser grid:
 /// `change` is what that adds to the residuals at the end of the fit, of which `share` is taken to

@@ -190,6 +190,14 @@ void mark_used(FitCapture& capture, const SceneDoc& scene) {
   if (capture.used_count == 0) capture.begin = 0.0;
 }
 
+/// Which times a capture and its scene cover.
+std::string extent(const FitCapture& capture, const SceneDoc& scene) {
+  const std::vector<double>& times = capture.input.tracks.times;
+  return fmt::format("its {} frame{} from {:.4g} to {:.4g} s of the scene, which ends at {:.4g} s",
+                     times.size(), times.size() == 1 ? " goes" : "s go", times.front(),
+                     times.back(), (scene.frames() - 1) / scene.fps);
+}
+
 void state_what_is_odd(const FitCapture& capture, const CaptureDoc& doc,
                        std::vector<std::string>& statements) {
   const CaptureInput& input = capture.input;
@@ -198,6 +206,10 @@ void state_what_is_odd(const FitCapture& capture, const CaptureDoc& doc,
     statements.push_back(capture.path + ".holdout.frames: no sample lies in the frames [" +
                          std::to_string((*doc.holdout.frames)[0]) + ", " +
                          std::to_string((*doc.holdout.frames)[1]) + "), so none is held out.");
+  }
+  if (!capture.clouds && capture.used_count > 0) {
+    const std::string exchanged = capture::summarise(visible_to_fit(capture)).exchanged_warning;
+    if (!exchanged.empty()) statements.push_back("captures." + input.name + ": " + exchanged);
   }
   if (capture.used_count == 0 && !doc.holdout.capture) {
     statements.push_back(capture.path +
@@ -224,6 +236,7 @@ std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& stat
   if (job.captures.empty()) throw_input("captures: a fit needs at least one capture to fit to.");
   std::vector<FitRun> runs;
   bool any = false;
+  std::string extents;
   for (const SceneGroup& group : scene_groups(job)) {
     FitRun run;
     run.group = group;
@@ -250,10 +263,14 @@ std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& stat
       const std::size_t frames = capture.used_frames().size();
       if (frames > 0 && frames < kFewestFrames) {
         throw_input(doc.path + ": only " + std::to_string(frames) +
-                    " frame of it is left to fit to, and at least two are needed. Hold out less, "
-                    "or let the scene's frames cover more of the capture.");
+                    " frame of it is left to fit to, and at least two are needed (" +
+                    extent(capture, run.job.scene) +
+                    "). Hold out less, let the scene's frames cover more of the capture, or look "
+                    "at the file's times, which are in seconds.");
       }
       run.fitted = run.fitted || capture.used_count > 0;
+      extents += (extents.empty() ? "" : "; ") + capture.input.name + ": " +
+                 extent(capture, run.job.scene);
       run.captures.push_back(std::move(capture));
     }
     any = any || run.fitted;
@@ -262,7 +279,10 @@ std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& stat
   if (!any) {
     throw_input(
         "captures: every sample is held out, not seen, or outside the scene's frames; nothing is "
-        "left to fit to. Shorten a 'holdout', or look at start_frame and scene.frames.");
+        "left to fit to (" +
+        extents +
+        "). Shorten a 'holdout', or look at start_frame, scene.frames and the file's times, which "
+        "are in seconds.");
   }
   return runs;
 }

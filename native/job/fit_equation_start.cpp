@@ -274,7 +274,7 @@ EquationStart equation_start(const std::vector<FitRun>& runs, const std::vector<
   }
   const std::string title = "Start by the momentum balance of the tracks";
   if (problem.empty()) {
-    result.statement = title + ": it does not apply, and simulations look for one; " + why;
+    result.statement = title + ": not possible here, " + why;
     return result;
   }
   std::vector<Found> found;
@@ -282,7 +282,8 @@ EquationStart equation_start(const std::vector<FitRun>& runs, const std::vector<
     found = search(problem, parameters, numbers, best);
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kCompute) throw;
-    result.statement = title + ": not used, it could not be evaluated (" + error.what() + ")";
+    result.statement =
+        title + ": not possible here, it could not be evaluated (" + error.what() + ")";
     return result;
   }
   std::string values_found;

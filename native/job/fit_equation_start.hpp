@@ -15,7 +15,7 @@ namespace matterfit::job {
 struct EquationStart {
   /// To be tried, physical: all that was found, then all but each of it. Empty: it does not apply.
   std::vector<std::vector<double>> candidates;
-  /// A sentence: what was found, or why it was not used.
+  /// A sentence: what was found, or why it is not possible.
   std::string statement;
 };
 

@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "fit/metrics.hpp"
-#include "fit/uncertainty.hpp"
 #include "job/compare.hpp"
 #include "job/fit_laws.hpp"
 #include "job/fit_problem.hpp"
@@ -210,19 +209,20 @@ Json ranked_models(const std::vector<LawState>& laws) {
   return list;
 }
 
-std::string fit_warning(const Json& fit) {
+std::string fit_warning(const Json& fit, bool far) {
   std::string warning;
   if (fit.at("converged") == false) {
-    warning = "The search did not end at a minimum. " + fit.at("reason").get<std::string>() +
-              " The values are the best that it came to.";
+    warning = "The search did not end at a minimum: " + fit.at("reason").get<std::string>() +
+              " Begin from other values, or raise fit.iterations.";
   }
   const Json& noise = fit.at("noise_scale");
-  if (noise.is_number() && noise.get<double>() > fit::kLost) {
+  if (far) {
     warning += fmt::format(
-        "{}The fitted simulation misses the capture by {:.3g} times the noise: the search may have "
-        "ended in a wrong place (begin from other values), or the law or the scene lacks "
+        "{}The fitted simulation misses the capture by far more than its noise{}: the search may "
+        "have ended in a wrong place (begin from other values), or the law or the scene lacks "
         "something.",
-        warning.empty() ? "" : " ", noise.get<double>());
+        warning.empty() ? "" : " ",
+        noise.is_number() ? fmt::format(" ({:.3g} times that)", noise.get<double>()) : "");
   }
   return warning;
 }

@@ -53,9 +53,9 @@ class ErrorPool {
 /// n^(−k/2) for k parameters. Failed ones at the end.
 [[nodiscard]] Json ranked_models(const std::vector<LawState>& laws);
 
-/// Why a result is not to be used as it stands: its search did not end at a minimum, or far from
-/// the capture; else empty. `fit` is the result's object `fit`.
-[[nodiscard]] std::string fit_warning(const Json& fit);
+/// Why a result is not to be used as it stands: its search did not end at a minimum, or `far` from
+/// the capture (LawFit::is_far()); else empty. `fit` is the result's object `fit`.
+[[nodiscard]] std::string fit_warning(const Json& fit, bool far);
 
 /// `material.json`: a preset with its provenance. `fit` is the result's object `fit`.
 [[nodiscard]] Json material_preset(const Job& fitted, const std::string& body, const Json& fit);

@@ -15,14 +15,17 @@ Json ended(bool converged, const Json& noise) {
 }
 
 TEST(FitReport, WarnsOfWhatIsNoResult) {
-  EXPECT_EQ(fit_warning(ended(true, 1.1)), "");
-  EXPECT_EQ(fit_warning(ended(true, nullptr)), "");
-  EXPECT_EQ(fit_warning(ended(true, 9.0)), "");
-  EXPECT_THAT(fit_warning(ended(false, 1.1)),
-              AllOf(HasSubstr("minimum. The limit was reached."), Not(HasSubstr("the noise"))));
-  EXPECT_THAT(fit_warning(ended(true, 93.0)), HasSubstr("93 times the noise"));
-  EXPECT_THAT(fit_warning(ended(false, 93.0)),
-              AllOf(HasSubstr("limit was reached"), HasSubstr("93 times the noise")));
+  EXPECT_EQ(fit_warning(ended(true, 1.1), false), "");
+  EXPECT_EQ(fit_warning(ended(true, nullptr), false), "");
+  // Tracks without noise: many times next to nothing is not far.
+  EXPECT_EQ(fit_warning(ended(true, 900.0), false), "");
+  EXPECT_THAT(
+      fit_warning(ended(false, 1.1), false),
+      AllOf(HasSubstr("minimum: The limit was reached. Begin"), Not(HasSubstr("its noise"))));
+  EXPECT_THAT(fit_warning(ended(true, 93.0), true), HasSubstr("93 times that"));
+  EXPECT_THAT(fit_warning(ended(true, nullptr), true), HasSubstr("than its noise:"));
+  EXPECT_THAT(fit_warning(ended(false, 93.0), true),
+              AllOf(HasSubstr("limit was reached"), HasSubstr("93 times")));
 }
 
 }  // namespace

@@ -307,6 +307,7 @@ class FitJob {
   [[nodiscard]] Json fit_json(const LawState& law, const LawFit& of,
                               const std::optional<fit::Uncertainty>& uncertainty) {
     std::vector<std::string> statements = statements_;
+    statements.insert(statements.end(), law.statements.begin(), law.statements.end());
     for (const std::string& statement : law_statements_) {
       if (std::find(statements.begin(), statements.end(), statement) == statements.end()) {
         statements.push_back(statement);
@@ -345,7 +346,6 @@ class FitJob {
         {"history", state_.history}};
     if (json["before"].is_null()) json["before"] = {{"fitted", nullptr}, {"held_out", nullptr}};
     if (!doc_.laws.empty()) json["models"] = ranked_models(state_.laws);
-    json["warning"] = fit_warning(json);
     return json;
   }
 
@@ -377,6 +377,7 @@ class FitJob {
     }
     save();
     Json fit = fit_json(law, of, uncertainty);
+    fit["warning"] = fit_warning(fit, of.is_far(law));
     if (after.is_object()) fit["after"] = after;
     write_fitted(folder_, {hash_, inputs_, document, fit});
     // Only now: until then the search would go on from it.
@@ -437,8 +438,13 @@ class FitJob {
     try {
       return run_scenes(fitted, options, interrupter_, extras);
     } catch (const Error& error) {
+      if (error.kind() == ErrorKind::kCompute) {
+        (void)write_unfinished(scene, std::move(fit), "failed", error);
+        throw_compute("The fit is done, and its values are in " + folder_.generic_string() +
+                      "/result.json, but the fitted scene could not be simulated: " + error.what());
+      }
       if (error.kind() != ErrorKind::kCancelled) throw;
-      return write_cancelled(scene, std::move(fit));
+      return write_unfinished(scene, std::move(fit), "cancelled", error);
     }
   }
 
@@ -467,16 +473,22 @@ class FitJob {
     const Json document = fitted_document(law, of);
     Json fit = fit_json(law, of, std::nullopt);
     fit["after"] = after.json();
-    return write_cancelled(job_from(document), std::move(fit));
+    fit["warning"] = "The fit was cancelled: these are the best values so far. Resume goes on.";
+    return write_unfinished(job_from(document), std::move(fit), "cancelled",
+                            Error(ErrorKind::kCancelled, "Cancelled."));
   }
 
-  Json write_cancelled(const Job& scene, Json fit) const {
+  /// A result without the fitted scene's run.
+  Json write_unfinished(const Job& scene, Json fit, const char* status, const Error& why) const {
     (void)write_materials(folder_, scene, fitted_bodies(), fit);
-    Json result = {
-        {"status", "cancelled"},        {"task", "fit"},
-        {"error", "Cancelled."},        {"exit_status", exit_status(ErrorKind::kCancelled)},
-        {"version", MATTERFIT_VERSION}, {"target", target_name(target_)},
-        {"folder", folder_.string()},   {"fit", std::move(fit)}};
+    Json result = {{"status", status},
+                   {"task", "fit"},
+                   {"error", why.what()},
+                   {"exit_status", exit_status(why.kind())},
+                   {"version", MATTERFIT_VERSION},
+                   {"target", target_name(target_)},
+                   {"folder", folder_.string()},
+                   {"fit", std::move(fit)}};
     write_file(folder_ / "result.json",
                result.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
     return result;

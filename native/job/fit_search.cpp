@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "base/error.hpp"
 #include "fit/metrics.hpp"
@@ -19,6 +20,8 @@ namespace matterfit::job {
 namespace {
 
 constexpr std::size_t kScanSamples = 32;
+/// Where the first motion is not known.
+constexpr std::size_t kFirstSamples = 6;
 /// A start is poor where it misses the capture by so many times the noise, and by this part of the
 /// body's size.
 constexpr double kPoorNoise = 5.0;
@@ -258,10 +261,7 @@ void LawFit::choose_material(LawState& state) {
   if (!finer || state.repeats > 0) return;
   std::vector<std::vector<double>> points{state.values};
   for (const std::vector<double>& candidate : state.candidates) {
-    std::vector<double> point = state.values;
-    for (std::size_t k = 0; k < point.size(); ++k) {
-      if (!parameters_->path(k).law_parameter().empty()) point[k] = candidate[k];
-    }
+    std::vector<double> point = with_law_of(state.values, candidate);
     if (std::find(points.begin(), points.end(), point) == points.end()) {
       points.push_back(std::move(point));
     }
@@ -290,83 +290,104 @@ double LawFit::poor() const {
 
 void LawFit::begin(LawState& state) {
   const auto& runs = *setup_.runs;
-  MotionStart motion = with_initial_motion(runs, scenes_, *parameters_, state.values);
+  const MotionStart motion = with_initial_motion(runs, scenes_, *parameters_, state.values);
   Start best;
   best.values = state.values;
-  if (motion.values != state.values && motion.unsure.empty()) {
-    const auto means = mean_distances(state, {state.values, motion.values}, stages_.front().window);
-    if (means[1] < means[0] || !std::isfinite(means[0])) best.values = motion.values;
+  if (motion.flights != state.values) {
+    const auto means =
+        mean_distances(state, {state.values, motion.flights}, stages_.front().window);
+    if (means[1] < means[0] || !std::isfinite(means[0])) best.values = motion.flights;
   }
-  const bool unsure = !motion.unsure.empty() && motion.values != state.values;
+  state.torn = !motion.contradicted.empty();
   // What a motion that is not quite right leads to later is no judge of a material.
-  const FitWindow window = unsure ? stages_.front().window : fit_window(runs, kScanSamples);
-  find_material(state, window, best);
-  if (unsure) {
-    // With a material that is wrong neither motion can be told to be the better one.
-    Start other;
-    other.values = motion.values;
-    find_material(state, window, other);
-    const bool better = other.mean < best.mean;
-    if (better) best = std::move(other);
-    statements_.push_back(
-        fmt::format("The first frames of {} are no rigid flight: it may meet something before the "
-                    "second. Two initial motions were tried, that of the document and that from "
-                    "the first frame to the second; the {} led nearer to the capture.",
-                    fmt::join(motion.unsure, ", "), better ? "second" : "first"));
+  const FitWindow window = fit_window(runs, state.torn ? kFirstSamples : kScanSamples);
+  best.mean = mean_distances(state, {best.values}, window).front();
+  const bool poor_start = best.mean > poor();
+  if (poor_start) {
+    const StartLimit limit(runs, scenes_, *parameters_);
+    EquationStart balance;
+    if (setup_.fit->loss == FitDoc::Loss::kTracks) {
+      balance =
+          equation_start(runs, scenes_, *parameters_, best.values, setup_.threads, interrupter_);
+      bool softer = false;
+      for (std::vector<double>& values : balance.candidates) {
+        std::vector<double> softened = limit.softened(values);
+        softer = softer || softened != values;
+        values = std::move(softened);
+      }
+      if (softer) balance.statement += "; made softer, so that a run takes minutes at most";
+      state.candidates = balance.candidates;
+      state.candidates.push_back(parameters_->starts());
+    }
+    find_material(state, window, limit, balance, best);
+    if (state.torn) {
+      Start other;
+      other.values = motion.guesses;
+      other.mean = mean_distances(state, {other.values}, window).front();
+      find_material(state, window, limit, balance, other);
+      const bool better = other.mean < best.mean;
+      state.statements.push_back(fmt::format(
+          "captures {}: the first frames are no rigid flight; the body may touch something before "
+          "the second. {}",
+          fmt::join(motion.contradicted, ", "),
+          better ? "The motion from the first frame to the second led nearer to the capture than "
+                   "the document's, and the search begins with it."
+          : std::isfinite(best.mean)
+              ? "The document's motion led nearer to the capture than that from the first frame to "
+                "the second, and the search begins with it."
+              : "With neither the document's motion nor that from the first frame to the second "
+                "could anything be simulated."));
+      if (better) std::swap(best, other);
+      if (std::isfinite(other.mean)) state.other = std::move(other.values);
+    }
+    if (!best.statement.empty()) state.statements.push_back(std::move(best.statement));
   }
   state.values = std::move(best.values);
-  if (!best.statement.empty()) statements_.push_back(std::move(best.statement));
-  if (!best.poor) return;
-  while (skip_level(state)) {
+  while (best.scanned && skip_level(state)) {
   }
 }
 
-void LawFit::find_material(LawState& state, const FitWindow& window, Start& start) {
-  const auto& runs = *setup_.runs;
-  start.mean = mean_distances(state, {start.values}, window).front();
-  start.poor = start.mean > poor();
-  if (!start.poor) return;
-  const StartLimit limit(runs, scenes_, *parameters_);
-  if (setup_.fit->loss == FitDoc::Loss::kTracks) {
-    EquationStart balance =
-        equation_start(runs, scenes_, *parameters_, start.values, setup_.threads, interrupter_);
-    bool softer = false;
-    for (std::vector<double>& values : balance.candidates) {
-      std::vector<double> softened = limit.softened(values);
-      softer = softer || softened != values;
-      values = std::move(softened);
+void LawFit::find_material(LawState& state, const FitWindow& window, const StartLimit& limit,
+                           const EquationStart& balance, Start& start) {
+  start.statement = balance.statement;
+  if (!balance.candidates.empty()) {
+    std::vector<std::vector<double>> points;
+    for (const std::vector<double>& values : balance.candidates) {
+      points.push_back(with_law_of(start.values, values));
     }
-    for (const std::vector<double>& values : balance.candidates) state.candidates.push_back(values);
-    state.candidates.push_back(parameters_->starts());
-    if (!balance.candidates.empty()) {
-      const auto means = mean_distances(state, balance.candidates, window);
-      const auto best = std::min_element(means.begin(), means.end());
-      const bool better = *best < start.mean;
-      const auto millimetres = [](double distance) {
-        return std::isfinite(distance) ? fmt::format("{:.3g} mm", 1e3 * distance)
-                                       : std::string("beyond all");
-      };
-      if (softer) balance.statement += "; made softer, so that a run takes minutes at most";
-      balance.statement += ". It misses the capture by " + millimetres(*best) +
-                           ", the given start by " + millimetres(start.mean) +
-                           (better ? "; it is taken." : "; it is not taken.");
-      if (better) {
-        start.values = balance.candidates[static_cast<std::size_t>(best - means.begin())];
-        start.mean = *best;
-      }
-    }
-    start.statement = std::move(balance.statement);
-    if (start.mean <= poor()) {
-      start.poor = false;
-      return;
+    const auto means = mean_distances(state, points, window);
+    const auto best = std::min_element(means.begin(), means.end());
+    const bool better = *best < start.mean;
+    const auto millimetres = [](double distance) {
+      return std::isfinite(distance) ? fmt::format("{:.3g} mm", 1e3 * distance)
+                                     : std::string("beyond all");
+    };
+    start.statement += fmt::format(
+        ". Over the first {} samples it misses the capture by {}, what it replaces by {}; it is "
+        "{}taken.",
+        state.torn ? kFirstSamples : kScanSamples, millimetres(*best), millimetres(start.mean),
+        better ? "" : "not ");
+    if (better) {
+      start.values = points[static_cast<std::size_t>(best - means.begin())];
+      start.mean = *best;
     }
   }
+  if (start.mean <= poor()) return;
   const auto costs = [&](const auto& points) {
     return start_distances(state, limit, points, window);
   };
-  Scanned found = scanned(*parameters_, start.values, start.mean, costs);
+  Scanned found = job::scanned(*parameters_, start.values, start.mean, costs);
   start.values = std::move(found.values);
   start.mean = found.cost;
+  start.scanned = true;
+}
+
+std::vector<double> LawFit::with_law_of(std::vector<double> values,
+                                        const std::vector<double>& material) const {
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    if (!parameters_->path(k).law_parameter().empty()) values[k] = material[k];
+  }
+  return values;
 }
 
 bool LawFit::skip_level(LawState& state) {
@@ -396,6 +417,46 @@ bool LawFit::skip_level(LawState& state) {
   if (!fine || mean_of(problem.distances(*fine - *coarse)) <= kLevelGap * missed) return false;
   state.first_stage = static_cast<std::size_t>(next - stages_.begin());
   state.stage = state.first_stage;
+  return true;
+}
+
+bool LawFit::is_far(const LawState& state) {
+  if (!state.search || state.search->residual.size() == 0) return false;
+  return mean_of(context(state).problem.distances(state.search->residual)) > poor();
+}
+
+bool LawFit::at_first_level(const LawState& state) const {
+  return stages_[state.stage].level == stages_[state.first_stage].level;
+}
+
+bool LawFit::may_rescan(const LawState& state) const {
+  if (state.rescanned) return false;
+  return state.torn ? at_first_level(state) : state.stage == state.first_stage;
+}
+
+bool LawFit::try_other_start(LawState& state) {
+  if (state.other.empty() && state.ended.empty()) return false;
+  const double mean = mean_of(context(state).problem.distances(state.search->residual));
+  if (!state.other.empty()) {
+    const std::vector<double> other = std::exchange(state.other, {});
+    if (mean <= poor()) return false;
+    state.ended = std::exchange(state.values, other);
+    state.ended_mean = mean;
+    state.stage = state.first_stage;
+    state.search.reset();
+    return true;
+  }
+  const std::vector<double> first = std::exchange(state.ended, {});
+  const bool nearer = mean <= state.ended_mean;
+  state.statements.push_back(
+      fmt::format("That search ended {:.3g} mm off on the mean, and one that began with the other "
+                  "motion {:.3g} "
+                  "mm: the {} is taken.",
+                  1e3 * state.ended_mean, 1e3 * mean, nearer ? "second" : "first"));
+  if (nearer) return false;
+  // To the end of its stage again, which is where it stands.
+  state.values = first;
+  state.search.reset();
   return true;
 }
 
@@ -502,8 +563,10 @@ void LawFit::set_stage(LawState& state) {
 }
 
 void LawFit::end_stage(LawState& state) {
-  if (state.stage == state.first_stage && !state.rescanned &&
-      mean_of(context(state).problem.distances(state.search->residual)) > poor()) {
+  // Where the first motion was not known the whole clip is what tells a wrong valley.
+  const bool judged = !state.torn || (stages_[state.stage].whole && at_first_level(state));
+  if (judged && try_other_start(state)) return;
+  if (judged && may_rescan(state) && is_far(state)) {
     state.scan_due = true;
     return;
   }
@@ -532,9 +595,9 @@ void LawFit::take_standing(LawState& state, int iterations_before) {
                                           iterations_before / kIterationsToStanding;
   if (!due || search.residual.size() == 0) return;
   const FitProblem& problem = context(state).problem;
-  const bool far = mean_of(problem.distances(search.residual)) > poor();
+  const bool far = is_far(state);
   const Stage& stage = stages_[state.stage];
-  const bool early = far && state.stage == state.first_stage && !state.rescanned;
+  const bool early = far && may_rescan(state);
   // A coarse grid may be why.
   if (early && stage.level != stages_.back().level) return;
   add_standing(state, {problem.rms(search.residual), stage.whole && !early, far});
@@ -599,7 +662,8 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
     const Told told(at.problem, [&](double part) { tell(state, name, part, before_rms); });
     at.search.iterate(at.problem, search);
   } catch (const Error& error) {
-    if (error.kind() != ErrorKind::kCompute || state.iterations == 0) throw;
+    if (error.kind() != ErrorKind::kCompute) throw;
+    if (state.iterations == 0) throw_compute(std::string("fit: ") + error.what());
     state.finished = true;
     state.converged = false;
     state.reason = "Stopped in the stage " + name + ": " + error.what();
@@ -655,7 +719,7 @@ fit::Uncertainty LawFit::uncertainty(const LawState& state) {
   at.search.linearise(at.problem, search);
   fit::Uncertainty known =
       fit::uncertainty(at.search.parameters(), search, at.problem.effective(search.residual),
-                       setup_.fit->huber, at.problem.blocks());
+                       setup_.fit->huber, at.problem.blocks(), is_far(at_end));
   for (std::size_t k = 0; k < known.estimates.size(); ++k) {
     if (known.estimates[k].observable || !is_unseen(parameters_->path(k), *setup_.runs)) continue;
     known.estimates[k].statement = at.search.parameters()[k].name +

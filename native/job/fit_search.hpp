@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "fit/uncertainty.hpp"
+#include "job/fit_equation_start.hpp"
 #include "job/fit_problem.hpp"
 #include "job/fit_report.hpp"
 #include "job/fit_start_limit.hpp"
@@ -68,6 +69,8 @@ class LawFit {
 
   /// At the end: standard errors and correlations; linearises once more.
   [[nodiscard]] fit::Uncertainty uncertainty(const LawState& state);
+  /// Whether the present stage misses what it compares by more than noise and grid explain.
+  [[nodiscard]] bool is_far(const LawState& state);
   /// Distances [m] of the samples that the present stage compares, at the state's values.
   [[nodiscard]] std::vector<double> distances(const LawState& state);
   /// Errors over all runs and frames, held-out ones too, as a simulation outside of the fit has
@@ -92,16 +95,28 @@ class LawFit {
   /// Where a search may begin.
   struct Start {
     std::vector<double> values;
-    double mean = 0.0;  ///< distance from the capture [m]
-    bool poor = false;  ///< the given values were, and those of the momentum balance
+    double mean = 0.0;     ///< distance from the capture [m]
+    bool scanned = false;  ///< it was poor, and so was what the momentum balance gives
     std::string statement;
   };
 
   void begin(LawState& state);
-  /// Replaces the start's material by a better one, where the start is poor.
-  void find_material(LawState& state, const FitWindow& window, Start& start);
-  /// Looks once more along each parameter from where the first stage ended: it may lie in a wrong
-  /// valley. True if something better was found.
+  /// Replaces the material of a start by one that misses less: of the momentum balance or, if that
+  /// is poor, of a scan.
+  void find_material(LawState& state, const FitWindow& window, const StartLimit& limit,
+                     const EquationStart& balance, Start& start);
+  /// `values` with the law's parameters of `material`.
+  [[nodiscard]] std::vector<double> with_law_of(std::vector<double> values,
+                                                const std::vector<double>& material) const;
+  [[nodiscard]] bool at_first_level(const LawState& state) const;
+  /// At the end of the first level's last stage, far off, with two starts: goes to the second, and
+  /// after that back to the first if the second ended farther off. True where a stage begins anew.
+  [[nodiscard]] bool try_other_start(LawState& state);
+  /// Whether the present stage is one after which rescan() may be due.
+  [[nodiscard]] bool may_rescan(const LawState& state) const;
+  /// Looks once more along each parameter from where the first stage ended (where the first motion
+  /// was not known, the first level): it may lie in a wrong valley. True if something better was
+  /// found.
   [[nodiscard]] bool rescan(LawState& state);
   /// Begins with a finer level where the state's one does not show the motion: where what the finer
   /// one makes of the same values differs by much of what they are off. A coarse grid is stiff and

@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <utility>
 
 #include "base/error.hpp"
 #include "fit/initial_motion.hpp"
@@ -18,10 +19,9 @@ namespace {
 
 constexpr std::size_t kFewestFrames = 3;
 constexpr std::size_t kMostFrames = 12;
-/// How much worse than the noise, or than the fewest frames, a longer flight may be explained.
+/// How much more than noise leaves over, or than the fewest frames did, a flight may leave over.
 constexpr double kStillBallistic = 2.0;
-/// Where more than this part of the body's size is left over, and more than noise, the fewest
-/// frames are no flight.
+/// Of the fewest frames this part of the body's size too.
 constexpr double kRigid = 0.005;
 constexpr double kHalfDecade = 3.1622776601683795;
 constexpr double kAngleStep = 8.0;  // [degrees]
@@ -43,8 +43,17 @@ Vec3d mean_seen(const FitCapture& capture, std::size_t frame) {
 
 struct FirstFrames {
   fit::InitialMotion motion;
-  bool flight = false;  ///< of more than two frames
+  bool flight = true;  ///< false: that of two frames, as no flight explains a third
 };
+
+/// What noise alone leaves over of a flight [m]: root mean square distance over `frames` frames, of
+/// which the first says where the points are at rest unless that is given.
+double left_by_noise(const FitCapture& capture, std::size_t frames) {
+  double sigma = 0.0;
+  for (const double s : capture.sigma) sigma += s / double(capture.sigma.size());
+  const double first = capture.places_given ? 1.0 : 2.0 * (1.0 - 1.0 / double(frames));
+  return sigma * std::sqrt(3.0 * first);
+}
 
 std::optional<FirstFrames> motion_of(const FitCapture& capture, const mpm::Body& body,
                                      const Vec3d& gravity) {
@@ -59,10 +68,9 @@ std::optional<FirstFrames> motion_of(const FitCapture& capture, const mpm::Body&
   }
   std::vector<double> times;
   std::vector<Vec3d> positions;
-  double sigma = 0.0;
-  for (const double s : capture.sigma) sigma += s / double(capture.sigma.size());
   std::optional<FirstFrames> best;
-  double limit = std::max(kStillBallistic * sigma, kRigid * fit::body_size(body.rest));
+  std::optional<double> shortest;  // left over of the fewest frames that tell
+  const double rigid = kRigid * fit::body_size(body.rest);
   for (std::size_t t = 0; t < tracks.frames() && times.size() < kMostFrames; ++t) {
     if (tracks.times[t] < -1e-9 || capture.input.held_out_frames[t] != 0) continue;
     times.push_back(tracks.times[t]);
@@ -77,12 +85,17 @@ std::optional<FirstFrames> motion_of(const FitCapture& capture, const mpm::Body&
     if (times.size() < 2) continue;
     try {
       const auto motion = fit::initial_motion(rest, centre, times, positions, gravity);
-      const bool flight = times.size() >= kFewestFrames;
-      if (flight && motion.residual > limit) break;
-      if (times.size() == kFewestFrames) {
-        limit = std::min(limit, kStillBallistic * std::max(sigma, motion.residual));
+      if (times.size() >= kFewestFrames) {
+        const double noise = left_by_noise(capture, times.size());
+        const double limit = shortest ? kStillBallistic * std::max(noise, *shortest)
+                                      : std::max(kStillBallistic * noise, rigid);
+        if (motion.residual > limit) {
+          if (best && !shortest) best->flight = false;
+          break;
+        }
+        if (!shortest) shortest = motion.residual;
       }
-      best = {motion, flight};
+      best = {motion, true};
     } catch (const Error&) {
       // Too few points are seen in these frames; later ones may show them.
     }
@@ -198,15 +211,19 @@ MotionStart with_initial_motion(const std::vector<FitRun>& runs,
                                 const std::vector<mpm::Scene>& scenes,
                                 const FitParameters& parameters, std::span<const double> values) {
   MotionStart start;
-  start.values.assign(values.begin(), values.end());
-  std::vector<double>& result = start.values;
-  std::vector<std::uint8_t> done(result.size(), 0);
+  start.flights.assign(values.begin(), values.end());
+  std::vector<std::uint8_t> done(values.size(), 0);
+  struct Guess {
+    std::string capture;
+    std::vector<std::pair<std::size_t, double>> values;
+  };
+  std::vector<Guess> guesses;
   for (std::size_t r = 0; r < runs.size(); ++r) {
     for (const FitCapture& capture : runs[r].captures) {
       const mpm::Body& body = scenes[r].bodies[body_index(scenes[r], capture.input.body)];
       if (capture.used_count == 0 || !body.pins.empty()) continue;
       std::vector<std::size_t> wanted;
-      for (std::size_t i = 0; i < result.size(); ++i) {
+      for (std::size_t i = 0; i < values.size(); ++i) {
         const FitPath& path = parameters.path(i);
         const bool motion =
             path.quantity == FitQuantity::kVelocity || path.quantity == FitQuantity::kSpin;
@@ -217,18 +234,36 @@ MotionStart with_initial_motion(const std::vector<FitRun>& runs,
       if (wanted.empty()) continue;
       const auto first = motion_of(capture, body, scenes[r].gravity.at(0.0));
       if (!first) continue;
-      const fit::InitialMotion& motion = first->motion;
-      if (!first->flight) start.unsure.push_back(body.name);
+      Guess found{capture.input.name, {}};
       for (const std::size_t i : wanted) {
         const FitPath& path = parameters.path(i);
         const bool spin = path.quantity == FitQuantity::kSpin;
-        if (spin && !motion.spin_observable) continue;
+        if (spin && !first->motion.spin_observable) continue;
         const fit::Parameter& parameter = parameters.parameters()[i];
-        result[i] = std::clamp((spin ? motion.spin : motion.velocity)[*path.component],
-                               parameter.low, parameter.high);
+        found.values.emplace_back(
+            i, std::clamp((spin ? first->motion.spin : first->motion.velocity)[*path.component],
+                          parameter.low, parameter.high));
+      }
+      if (!first->flight) {
+        guesses.push_back(std::move(found));
+        continue;
+      }
+      for (const auto& [i, value] : found.values) {
+        start.flights[i] = value;
         done[i] = 1;
       }
     }
+  }
+  start.guesses = start.flights;
+  for (const Guess& guess : guesses) {
+    bool moved = false;
+    for (const auto& [i, value] : guess.values) {
+      if (done[i] != 0) continue;
+      done[i] = 1;
+      moved = moved || start.guesses[i] != value;
+      start.guesses[i] = value;
+    }
+    if (moved) start.contradicted.push_back(guess.capture);
   }
   return start;
 }

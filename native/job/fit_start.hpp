@@ -14,16 +14,18 @@ namespace matterfit::job {
 
 /// Values that begin with the motion of the first frames.
 struct MotionStart {
-  std::vector<double> values;
-  /// Bodies whose first three frames are no flight: their motion is that from the first frame to
-  /// the second, in which the body may have met something.
-  std::vector<std::string> unsure;
+  std::vector<double> flights;  ///< where a ballistic flight explains at least three of them
+  /// Those, and where it does not the motion from the first frame to the second, in which the body
+  /// may have met something.
+  std::vector<double> guesses;
+  std::vector<std::string> contradicted;  ///< captures that `guesses` takes more from
 };
 
 /// The values with velocity and spin replaced, where they are among the parameters, by those of the
 /// rigid motion through the first frames of a capture of that body (fit/initial_motion.hpp): as
-/// many frames as a ballistic flight explains; of clouds the velocity alone, by the mean of a
-/// frame's points. Bodies with pins stay. `scenes` one a run.
+/// many frames as a ballistic flight explains, two where there are no more; of clouds the velocity
+/// alone, by the mean of a frame's points. A later capture of the body counts where an earlier one
+/// shows no flight. Bodies with pins stay. `scenes` one a run; noise settled (settle_noise()).
 [[nodiscard]] MotionStart with_initial_motion(const std::vector<FitRun>& runs,
                                               const std::vector<mpm::Scene>& scenes,
                                               const FitParameters& parameters,

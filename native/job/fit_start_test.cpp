@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <random>
 #include <vector>
 
 #include "job/build_scene.hpp"
@@ -117,6 +118,73 @@ TEST(FitStart, AScanSeesWhatLiesBehindAHill) {
   };
   EXPECT_NEAR(scanned(built.parameters, {3e6}, costs({{3e6}}).front(), costs).values[0], 3e4,
               300.0);
+}
+
+/// A rigid flight of the cube's markers with (1, 2, 3) m/s; `bounce`: until the first frame only,
+/// then back the way it came.
+void write_flight(const fs::path& path, std::size_t frames, double noise, bool bounce) {
+  const Points points = markers();
+  const Vec3d velocity(1, 2, 3);
+  const Vec3d gravity(0, 0, -9.81);
+  std::mt19937_64 generator(5);
+  std::normal_distribution<double> normal(0.0, noise);
+  std::vector<double> positions;
+  for (std::size_t frame = 0; frame < frames; ++frame) {
+    double t = double(frame) / 24.0;
+    if (bounce && frame > 1) t = 1.0 / 24.0 - 0.7 * (t - 1.0 / 24.0);
+    const Vec3d moved = t * velocity + 0.5 * t * t * gravity;
+    for (const Vec3d& x : points) {
+      for (int axis = 0; axis < 3; ++axis) {
+        positions.push_back(x[axis] + moved[axis] + normal(generator));
+      }
+    }
+  }
+  write_tracks(path, positions, frames, 24);
+}
+
+/// Of captures in the folder that are named after their files.
+MotionStart motion_from(const Folder& folder, const std::vector<std::string>& names, double noise) {
+  Json document = fit_with({"velocity", "spin"});
+  document["captures"] = Json::array();
+  for (const std::string& name : names) {
+    document["captures"].push_back({{"tracks", name + ".npz"}, {"name", name}, {"noise", noise}});
+  }
+  const BuiltFit built(document, folder.path);
+  std::vector<std::string> statements;
+  std::vector<FitRun> runs = load_fit_runs(built.job, statements);
+  settle_noise(runs.front(), built.scenes.front(), statements);
+  return with_initial_motion(runs, built.scenes, built.parameters, built.parameters.starts());
+}
+
+TEST(FitStart, NoiseDoesNotHideAFlight) {
+  for (const double noise : {1e-4, 0.02 * kSize}) {
+    const Folder folder;
+    write_flight(folder.path / "a.npz", 12, noise, false);
+    const MotionStart start = motion_from(folder, {"a"}, noise);
+    EXPECT_TRUE(start.contradicted.empty());
+    EXPECT_EQ(start.guesses, start.flights);
+    // Of all twelve frames: those of two would be known ten times worse.
+    EXPECT_NEAR(start.flights[0], 1.0, noise);
+    EXPECT_NEAR(start.flights[1], 2.0, noise);
+    EXPECT_NEAR(start.flights[2], 3.0, noise);
+  }
+}
+
+TEST(FitStart, ABounceWithinTheFirstFramesIsOnlyAGuess) {
+  const Folder folder;
+  write_flight(folder.path / "a.npz", 8, 1e-4, true);
+  write_flight(folder.path / "b.npz", 8, 1e-4, false);
+  const MotionStart alone = motion_from(folder, {"a"}, 1e-4);
+  EXPECT_EQ(alone.contradicted, std::vector<std::string>{"a"});
+  EXPECT_EQ(alone.flights[0], 0.8);  // the document's
+  EXPECT_NEAR(alone.guesses[0], 1.0, 0.01);
+  // Where another recording of the body shows a flight that one counts, whichever comes first.
+  for (const auto& names : {std::vector<std::string>{"a", "b"}, {"b", "a"}}) {
+    const MotionStart both = motion_from(folder, names, 1e-4);
+    EXPECT_TRUE(both.contradicted.empty());
+    EXPECT_NEAR(both.flights[0], 1.0, 0.01);
+    EXPECT_EQ(both.guesses, both.flights);
+  }
 }
 
 TEST(FitStart, TheStiffestIsWhatCanBeSimulated) {

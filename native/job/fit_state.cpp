@@ -118,6 +118,10 @@ Json to_json(const LawState& law) {
                {"values", law.values},
                {"begun", law.begun},
                {"candidates", law.candidates},
+               {"torn", law.torn},
+               {"other", law.other},
+               {"ended", law.ended},
+               {"ended_mean", law.ended_mean},
                {"scan_due", law.scan_due},
                {"rescanned", law.rescanned},
                {"stage", law.stage},
@@ -136,6 +140,7 @@ Json to_json(const LawState& law) {
                {"spared", law.spared},
                {"iterations", law.iterations},
                {"evaluations", law.evaluations},
+               {"statements", law.statements},
                {"model", law.model}};
   if (law.search) json["search"] = to_json(*law.search);
   return json;
@@ -148,6 +153,10 @@ LawState to_law(const Json& json) {
   json.at("begun").get_to(law.begun);
   // Not in states from before there were any.
   law.candidates = json.value("candidates", law.candidates);
+  law.torn = json.value("torn", false);
+  law.other = json.value("other", law.other);
+  law.ended = json.value("ended", law.ended);
+  law.ended_mean = json.value("ended_mean", 0.0);
   law.scan_due = json.value("scan_due", false);
   law.rescanned = json.value("rescanned", false);
   json.at("stage").get_to(law.stage);
@@ -166,6 +175,7 @@ LawState to_law(const Json& json) {
   law.spared = json.value("spared", false);
   json.at("iterations").get_to(law.iterations);
   json.at("evaluations").get_to(law.evaluations);
+  law.statements = json.value("statements", law.statements);
   law.model = json.at("model");
   if (json.contains("search")) law.search = to_search(json.at("search"));
   return law;

@@ -29,8 +29,14 @@ struct LawState {
   std::vector<double> values;                   ///< physical, the best so far
   bool begun = false;                           ///< the start has been looked for
   std::vector<std::vector<double>> candidates;  ///< for a start, the one that was taken last
-  bool scan_due = false;   ///< the first stage ended far off; what it found is kept
-  bool rescanned = false;  ///< the scan that follows has been made
+  bool torn = false;  ///< the first frames are no flight: the start is that of a few of them
+  /// With `torn`: the start that seemed worse, tried if the other's level ends far off; and where
+  /// that ended, until the second has.
+  std::vector<double> other;
+  std::vector<double> ended;
+  double ended_mean = 0.0;  ///< [m]
+  bool scan_due = false;    ///< the first stage ended far off; what it found is kept
+  bool rescanned = false;   ///< the scan that follows has been made
   std::size_t stage = 0;
   std::size_t first_stage = 0;           ///< later where a level does not show the motion
   int repeats = 0;                       ///< of the last stage, with substeps chosen anew
@@ -48,7 +54,8 @@ struct LawState {
   bool spared = false;  ///< was left, and then predicted best: goes on to its end
   int iterations = 0;   ///< of all stages
   int evaluations = 0;
-  Json model;  ///< its entry of `models`, once it is done
+  std::vector<std::string> statements;  ///< how its start was found
+  Json model;                           ///< its entry of `models`, once it is done
 };
 
 /// Where a fit stands: all that the next iteration depends on.

@@ -274,6 +274,34 @@ TEST(Fit, LooksOnceMoreWhereTheFirstStageEndsFarOff) {
   EXPECT_EQ(resumed["fit"]["history"], unbroken["fit"]["history"]);
 }
 
+TEST(Fit, TriesTheOtherMotionWhereOneEndsFarOff) {
+  Json truth = thrown_cube();
+  Json& body = truth["scene"]["bodies"][0];
+  body["material"] = {{"law", "von_mises"}, {"E", 1e5}, {"nu", 0.3}, {"yield_stress", 4e3}};
+  body["velocity"] = {0.8, 0.3, -3.0};
+  truth["scene"]["frames"] = {0, 10};
+  const Folder whole;
+  record(truth, whole.path, "a", 1);
+  // However it is thrown, this elastic body does not do what that one did.
+  Json document = fit_of(truth, {"velocity"});
+  document["scene"]["bodies"][0]["material"] = {{"law", "neo_hookean"}, {"E", 4e5}, {"nu", 0.3}};
+  document["fit"]["levels"] = {1};
+  document["fit"]["iterations"] = 5;
+  const Json unbroken = run(document, whole.path, 1);
+  EXPECT_THAT(unbroken["fit"]["statements"].dump(), HasSubstr("began with the other motion"));
+  EXPECT_THAT(unbroken["fit"]["warning"].get<std::string>(), HasSubstr("far more than its noise"));
+  // Broken off in the second search the fit goes on to the same bits.
+  const Folder folder;
+  fs::copy(whole.path / "a.npz", folder.path / "a.npz");
+  const Json broken =
+      cancelled_at(document, folder.path, {"frames 1-9, iteration 1", "frames 1-6, iteration 2"});
+  ASSERT_EQ(broken["status"], "cancelled");
+  const Json resumed = run(document, folder.path, 2);
+  EXPECT_EQ(bits(resumed), bits(unbroken));
+  EXPECT_EQ(resumed["fit"]["history"], unbroken["fit"]["history"]);
+  EXPECT_EQ(resumed["fit"]["statements"], unbroken["fit"]["statements"]);
+}
+
 TEST(Fit, ContactsFollowTheMaterialFromAFarStart) {
   Json truth = thrown_cube();
   truth["scene"]["colliders"][0]["contact"].erase("stiffness");

@@ -100,6 +100,7 @@ Json capture_summary(const std::filesystem::path& path, const Json& options) {
                {"unit_warning", summary.unit_warning},
                {"jumps", jumps},
                {"jump_count", summary.jump_count},
+               {"exchanged", summary.exchanged},
                {"missing", summary.missing},
                {"never_visible", summary.never_visible.size()},
                {"noise", summary.noise},

@@ -107,11 +107,9 @@ class Run {
     const capture::CaptureSummary summary = capture::summarise(input.tracks);
     const std::string where = "captures." + input.name + ": ";
     if (!summary.unit_warning.empty()) notes_.push_back(where + summary.unit_warning);
-    for (const std::size_t frame : summary.exchanged) {
-      notes_.push_back(where + "frames " + std::to_string(frame) + " and " +
-                       std::to_string(frame + 1) +
-                       " of the file look exchanged: as they are its points turn back twice. They "
-                       "are taken as they are; look at the file.");
+    // A fit has said it before it began.
+    if (!summary.exchanged_warning.empty() && extras_.task.empty()) {
+      notes_.push_back(where + summary.exchanged_warning);
     }
     if (summary.missing == 0.0) return;
     char text[120];

@@ -119,6 +119,7 @@ TEXTS = {
     "Cancelled: the best so far. Resume goes on.":
         "Abgebrochen: das Beste bis dahin. Fortsetzen geht weiter.",
     "'{name}' is loaded": "„{name}“ ist geladen",
+    "Doubtful: {reason}": "Zweifelhaft: {reason}",
     "Not converged: {reason}": "Nicht konvergiert: {reason}",
     "Fit {name}": "Anpassen: {name}",
     "Fitted error {before} → {after} mm, in {time}":

@@ -200,7 +200,8 @@ def enum_items():
     if _items is None:
         _items = [("CUSTOM", "Custom", "The values below, as they are", 0)]
         for identifier, document in materials().items():
-            _items.append((identifier, document["name"], document["source"], document["number"]))
+            about = " ".join(filter(None, (document["source"], warning(document))))
+            _items.append((identifier, document["name"], about, document["number"]))
     return _items
 
 

@@ -54,7 +54,8 @@ class FitJob(JobOperator):
 
     def ended(self, context, job):
         result = self._show(context, job)
-        session(context).last_report = "\n".join([summary(result, job),
+        warning = [result.warning] if result is not None and result.warning else []
+        session(context).last_report = "\n".join([summary(result, job), *warning,
                                                   *job.result.get("notes", [])])
 
     def _fit(self, job):

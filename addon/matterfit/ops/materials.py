@@ -49,13 +49,13 @@ def material_name(context):
         return context.scene.matterfit.fit.run.name
 
 
-def _tell(operator, context, words, document):
-    """Reports what was done with a material, and what its fit says against using it."""
-    warning = presets.warning(document)
-    session(context).last_report = "\n".join([words, warning] if warning else [words])
+def _tell(operator, context, words, warnings):
+    """Reports what was done, and what speaks against it."""
+    warnings = [sentence for sentence in warnings if sentence]
+    session(context).last_report = "\n".join([words, *warnings])
     operator.report({"INFO"}, words)
-    if warning:
-        operator.report({"WARNING"}, warning)
+    for sentence in warnings:
+        operator.report({"WARNING"}, sentence)
 
 
 class MATTERFIT_OT_apply_fit(_HasResult, PlainOperator, bpy.types.Operator):
@@ -72,15 +72,11 @@ class MATTERFIT_OT_apply_fit(_HasResult, PlainOperator, bpy.types.Operator):
         folder = result_folder(context)
         left = fit_apply.apply_run(scene, folder)
         settings.compare.done = False
-        words = [translate("The fitted values are set. Bake or Compare uses them")]
-        warning = fit_results.load(folder).warning
+        words = translate("The fitted values are set. Bake or Compare uses them")
         if fit_results.is_unfinished(folder):
-            words.append(translate("The fit is unfinished, and begins at other values now: undo "
-                                   "this before Resume"))
-        left = [*([warning] if warning else []), *left]
-        session(context).last_report = "\n".join([*words, *left])
-        for sentence in left:
-            self.report({"WARNING"}, sentence)
+            words += "\n" + translate("The fit is unfinished, and begins at other values now: undo "
+                                      "this before Resume")
+        _tell(self, context, words, [fit_results.load(folder).warning, *left])
 
 
 class MATTERFIT_OT_save_material(_HasResult, PlainOperator, bpy.types.Operator, ExportHelper):
@@ -103,7 +99,7 @@ class MATTERFIT_OT_save_material(_HasResult, PlainOperator, bpy.types.Operator, 
         path = bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")
         name = os.path.splitext(os.path.basename(path))[0]
         files.write_json(path, presets.saved(document, name))
-        _tell(self, context, path, document)
+        _tell(self, context, path, [presets.warning(document)])
 
 
 class MATTERFIT_OT_load_material(PlainOperator, bpy.types.Operator, ImportHelper):
@@ -129,7 +125,7 @@ class MATTERFIT_OT_load_material(PlainOperator, bpy.types.Operator, ImportHelper
         body.material.source = document["source"]
         body.density = document["density"]
         _tell(self, context, translate("'{name}' is loaded").format(name=document["name"]),
-              document)
+              [presets.warning(document)])
 
 
 class MATTERFIT_OT_add_preset(_HasResult, PlainOperator, bpy.types.Operator):
@@ -156,7 +152,7 @@ class MATTERFIT_OT_add_preset(_HasResult, PlainOperator, bpy.types.Operator):
         document = fitted_material(context)
         presets.add(document, name)
         words = translate("'{name}' is among the material presets").format(name=name)
-        _tell(self, context, words, document)
+        _tell(self, context, words, [presets.warning(document)])
 
 
 class MATTERFIT_OT_remove_preset(PlainOperator, bpy.types.Operator):

@@ -203,7 +203,8 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
                   if fit_results.is_unfinished(folder) else translate("Cancelled: the best so far."),
                   icon="ERROR")
         elif result.warning:
-            lines(layout, result.warning, icon="ERROR")
+            lines(layout, translate("Doubtful: {reason}").format(reason=result.warning),
+                  icon="ERROR")
         elif not result.converged:
             lines(layout, translate("Not converged: {reason}").format(reason=result.reason),
                   icon="ERROR")

@@ -465,7 +465,14 @@ class FitJob {
           if (capture.used_count > 0) size = std::max(size, fit::body_size(body.rest));
         }
       }
-      after.add(of.distances(law), size, 0, false);
+      const std::vector<double> distances = of.distances(law);
+      double mean = 0.0;
+      for (const double distance : distances) mean += distance / double(distances.size());
+      if (law.ended.empty() || (!distances.empty() && mean <= law.ended_mean)) {
+        after.add(distances, size, 0, false);
+      } else {
+        law.values = law.ended;  // of the first start, while the search goes on from the second
+      }
     } catch (const Error& error) {
       // The stage's scenes are not built, as after a fit that was taken up and broken off at once.
       if (error.kind() != ErrorKind::kCancelled) throw;

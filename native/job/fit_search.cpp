@@ -446,16 +446,21 @@ bool LawFit::try_other_start(LawState& state) {
     state.search.reset();
     return true;
   }
-  const std::vector<double> first = std::exchange(state.ended, {});
   const bool nearer = mean <= state.ended_mean;
   state.statements.push_back(
       fmt::format("That search ended {:.3g} mm off on the mean, and one that began with the other "
                   "motion {:.3g} "
                   "mm: the {} is taken.",
                   1e3 * state.ended_mean, 1e3 * mean, nearer ? "second" : "first"));
-  if (nearer) return false;
-  // To the end of its stage again, which is where it stands.
-  state.values = first;
+  if (!nearer) return back_to_first_start(state);
+  state.ended.clear();
+  return false;
+}
+
+bool LawFit::back_to_first_start(LawState& state) const {
+  if (state.ended.empty()) return false;
+  state.values = std::exchange(state.ended, {});
+  while (!stages_[state.stage].whole) ++state.stage;
   state.search.reset();
   return true;
 }
@@ -545,6 +550,7 @@ void LawFit::set_stage(LawState& state) {
       if (model(stage.level).failed_by_input()) throw_input(model(stage.level).failure());
       throw_compute("the fit cannot begin at these values. " + why);
     }
+    if (back_to_first_start(state)) return;
     state.finished = true;
     state.converged = false;
     state.reason = "Stopped before the stage " + stage.name + ". " + why;
@@ -664,6 +670,7 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kCompute) throw;
     if (state.iterations == 0) throw_compute(std::string("fit: ") + error.what());
+    if (back_to_first_start(state)) return;
     state.finished = true;
     state.converged = false;
     state.reason = "Stopped in the stage " + name + ": " + error.what();

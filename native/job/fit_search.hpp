@@ -112,6 +112,9 @@ class LawFit {
   /// At the end of the first level's last stage, far off, with two starts: goes to the second, and
   /// after that back to the first if the second ended farther off. True where a stage begins anew.
   [[nodiscard]] bool try_other_start(LawState& state);
+  /// To where the first of two starts ended, at the end of its last stage; false if it was no
+  /// second that was searched from.
+  [[nodiscard]] bool back_to_first_start(LawState& state) const;
   /// Whether the present stage is one after which rescan() may be due.
   [[nodiscard]] bool may_rescan(const LawState& state) const;
   /// Looks once more along each parameter from where the first stage ended (where the first motion

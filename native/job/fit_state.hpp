@@ -29,12 +29,12 @@ struct LawState {
   std::vector<double> values;                   ///< physical, the best so far
   bool begun = false;                           ///< the start has been looked for
   std::vector<std::vector<double>> candidates;  ///< for a start, the one that was taken last
-  bool torn = false;  ///< the first frames are no flight: the start is that of a few of them
   /// With `torn`: the start that seemed worse, tried if the other's level ends far off; and where
   /// that ended, until the second has.
   std::vector<double> other;
   std::vector<double> ended;
   double ended_mean = 0.0;  ///< [m]
+  bool torn = false;        ///< the first frames are no flight: the start is that of a few of them
   bool scan_due = false;    ///< the first stage ended far off; what it found is kept
   bool rescanned = false;   ///< the scan that follows has been made
   std::size_t stage = 0;

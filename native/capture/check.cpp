@@ -21,6 +21,8 @@ constexpr std::size_t kJumpsListed = 20;
 /// moves just before and after.
 constexpr double kJumpOverNoise = 10.0;
 constexpr double kJumpOverMotion = 3.0;
+/// Steps of a body at rest are √6 of the noise, which the motion around makes seem larger.
+constexpr double kStillOverNoise = 3.0;
 /// Cosine between steps that go on, or (negative) that turn back.
 constexpr double kStraight = 0.5;
 constexpr double kLeastMotion = 1e-6;  // of the box: less is rounding
@@ -305,7 +307,7 @@ class Summariser {
       seen += 1.0;
     }
     const double still =
-        std::max(kLeastMotion * (out_.high - out_.low).norm(), kJumpOverNoise * out_.noise);
+        std::max(kLeastMotion * (out_.high - out_.low).norm(), kStillOverNoise * out_.noise);
     const double least = still * still * seen;
     if (!(before > least && after > least)) return std::nullopt;
     return product / std::sqrt(before * after);
@@ -322,13 +324,15 @@ class Summariser {
   }
 
   /// Frames f and f + 1: as they are the points turn back twice, exchanged they go on, and so do
-  /// those before and after (vibration near the frame rate does not).
+  /// those before or after (vibration near the frame rate does not).
   void find_exchanged() {
     for (std::size_t f = 1; f + 2 < tracks_.frames(); ++f) {
       if (!turns_back(f - 1, f, f + 1) || !turns_back(f, f + 1, f + 2)) continue;
       if (!goes_on(f - 1, f + 1, f) || !goes_on(f + 1, f, f + 2)) continue;
-      if (f >= 2 && !goes_on(f - 2, f - 1, f + 1)) continue;
-      if (f + 3 < tracks_.frames() && !goes_on(f, f + 2, f + 3)) continue;
+      // A bounce may lie on one side.
+      const bool before = f >= 2 && goes_on(f - 2, f - 1, f + 1);
+      const bool after = f + 3 < tracks_.frames() && goes_on(f, f + 2, f + 3);
+      if (!before && !after) continue;
       out_.exchanged.push_back(f);
     }
     if (out_.exchanged.empty()) return;

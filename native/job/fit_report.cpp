@@ -227,6 +227,21 @@ std::string fit_warning(const Json& fit, bool far) {
   return warning;
 }
 
+std::string held_out_warning(const Json& after) {
+  constexpr double kMuchWorse = 10.0;
+  constexpr double kLarge = 10.0;  // % of the body
+  const Json& fitted = after.at("fitted");
+  const Json& held = after.at("held_out");
+  if (!fitted.is_object() || !held.is_object()) return "";
+  const auto mean = [](const Json& errors) { return errors.at("mean_mm").get<double>(); };
+  const double percent = held.at("mean_percent").get<double>();
+  if (percent < kLarge || mean(held) < kMuchWorse * mean(fitted)) return "";
+  return fmt::format(
+      "What was held out is missed by {:.3g} mm ({:.3g} % of the body), what was fitted by {:.3g} "
+      "mm: the one does not tell the other. Fit more frames, or look for what the scene lacks.",
+      mean(held), percent, mean(fitted));
+}
+
 Json material_preset(const Job& fitted, const std::string& body, const Json& fit) {
   const BodyDoc& doc = body_named(fitted.scene, body);
   Json captures = Json::array();

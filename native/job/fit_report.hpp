@@ -56,6 +56,9 @@ class ErrorPool {
 /// Why a result is not to be used as it stands: its search did not end at a minimum, or `far` from
 /// the capture (LawFit::is_far()); else empty. `fit` is the result's object `fit`.
 [[nodiscard]] std::string fit_warning(const Json& fit, bool far);
+/// The same of a fit that does not predict what it was not shown; else empty. `after` is the
+/// result's object of that name.
+[[nodiscard]] std::string held_out_warning(const Json& after);
 
 /// `material.json`: a preset with its provenance. `fit` is the result's object `fit`.
 [[nodiscard]] Json material_preset(const Job& fitted, const std::string& body, const Json& fit);

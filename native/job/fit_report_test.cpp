@@ -28,5 +28,16 @@ TEST(FitReport, WarnsOfWhatIsNoResult) {
               AllOf(HasSubstr("limit was reached"), HasSubstr("93 times")));
 }
 
+TEST(FitReport, WarnsOfWhatPredictsNothing) {
+  const auto errors = [](double mean, double percent) {
+    return Json{{"mean_mm", mean}, {"mean_percent", percent}};
+  };
+  EXPECT_THAT(held_out_warning({{"fitted", errors(1, 0.4)}, {"held_out", errors(489, 200)}}),
+              AllOf(HasSubstr("489 mm (200 %"), HasSubstr("by 1 mm")));
+  EXPECT_EQ(held_out_warning({{"fitted", errors(1, 0.4)}, {"held_out", errors(4, 1.6)}}), "");
+  EXPECT_EQ(held_out_warning({{"fitted", errors(100, 40)}, {"held_out", errors(489, 200)}}), "");
+  EXPECT_EQ(held_out_warning({{"fitted", errors(1, 0.4)}, {"held_out", nullptr}}), "");
+}
+
 }  // namespace
 }  // namespace matterfit::job

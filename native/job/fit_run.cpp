@@ -427,6 +427,11 @@ class FitJob {
     };
     extras.finish = [&](Json& result) {
       if (doc_.loss == FitDoc::Loss::kTracks) fit["after"] = after.json();
+      const std::string held_out = held_out_warning(fit.at("after"));
+      if (!held_out.empty()) {
+        const auto warning = fit.at("warning").get<std::string>();
+        fit["warning"] = warning.empty() ? held_out : warning + " " + held_out;
+      }
       result["fit"] = fit;
       std::vector<std::string> files = write_materials(folder_, scene, fitted_bodies(), fit);
       files.insert(files.end(), kept.begin(), kept.end());

@@ -237,14 +237,11 @@ std::string range(const Parameter& parameter, const Estimate& estimate) {
 std::string statement_of(const Parameter& parameter, const Estimate& estimate, bool sensitive,
                          bool unknown, bool far) {
   const Advice about = advice(parameter.name);
-  std::string see = " To see it, record " + about.record + ".";
-  if (far) {
-    see =
-        " That holds where the search ended, which is far from the capture: if it is a wrong "
-        "place, "
-        "begin from other values. Else record " +
-        about.record + ".";
-  }
+  const std::string see =
+      far ? " That holds where the search ended, which is far from the capture: if it is a wrong "
+            "place, begin from other values. Else record " +
+                about.record + "."
+          : " To see it, record " + about.record + ".";
   const std::string subject = capital(about.quantity) + " (" + parameter.name + ")";
   if (unknown) {
     return subject +

@@ -470,11 +470,8 @@ class FitJob {
           if (capture.used_count > 0) size = std::max(size, fit::body_size(body.rest));
         }
       }
-      const std::vector<double> distances = of.distances(law);
-      double mean = 0.0;
-      for (const double distance : distances) mean += distance / double(distances.size());
-      if (law.ended.empty() || (!distances.empty() && mean <= law.ended_mean)) {
-        after.add(distances, size, 0, false);
+      if (law.ended.empty() || of.mean_missed(law) <= law.ended_mean) {
+        after.add(of.distances(law), size, 0, false);
       } else {
         law.values = law.ended;  // of the first start, while the search goes on from the second
       }

@@ -302,8 +302,7 @@ void LawFit::begin(LawState& state) {
   // What a motion that is not quite right leads to later is no judge of a material.
   const FitWindow window = fit_window(runs, state.torn ? kFirstSamples : kScanSamples);
   best.mean = mean_distances(state, {best.values}, window).front();
-  const bool poor_start = best.mean > poor();
-  if (poor_start) {
+  if (best.mean > poor()) {
     const StartLimit limit(runs, scenes_, *parameters_);
     EquationStart balance;
     if (setup_.fit->loss == FitDoc::Loss::kTracks) {
@@ -376,7 +375,7 @@ void LawFit::find_material(LawState& state, const FitWindow& window, const Start
   const auto costs = [&](const auto& points) {
     return start_distances(state, limit, points, window);
   };
-  Scanned found = job::scanned(*parameters_, start.values, start.mean, costs);
+  Scanned found = scanned(*parameters_, start.values, start.mean, costs);
   start.values = std::move(found.values);
   start.mean = found.cost;
   start.scanned = true;
@@ -420,9 +419,14 @@ bool LawFit::skip_level(LawState& state) {
   return true;
 }
 
+double LawFit::mean_missed(const LawState& state) {
+  const std::vector<double> missed = distances(state);
+  return missed.empty() ? std::numeric_limits<double>::infinity() : mean_of(missed);
+}
+
 bool LawFit::is_far(const LawState& state) {
-  if (!state.search || state.search->residual.size() == 0) return false;
-  return mean_of(context(state).problem.distances(state.search->residual)) > poor();
+  const double mean = mean_missed(state);
+  return std::isfinite(mean) && mean > poor();
 }
 
 bool LawFit::at_first_level(const LawState& state) const {
@@ -436,7 +440,7 @@ bool LawFit::may_rescan(const LawState& state) const {
 
 bool LawFit::try_other_start(LawState& state) {
   if (state.other.empty() && state.ended.empty()) return false;
-  const double mean = mean_of(context(state).problem.distances(state.search->residual));
+  const double mean = mean_missed(state);
   if (!state.other.empty()) {
     const std::vector<double> other = std::exchange(state.other, {});
     if (mean <= poor()) return false;
@@ -449,8 +453,7 @@ bool LawFit::try_other_start(LawState& state) {
   const bool nearer = mean <= state.ended_mean;
   state.statements.push_back(
       fmt::format("That search ended {:.3g} mm off on the mean, and one that began with the other "
-                  "motion {:.3g} "
-                  "mm: the {} is taken.",
+                  "motion {:.3g} mm: the {} is taken.",
                   1e3 * state.ended_mean, 1e3 * mean, nearer ? "second" : "first"));
   if (!nearer) return back_to_first_start(state);
   state.ended.clear();

@@ -69,6 +69,8 @@ class LawFit {
 
   /// At the end: standard errors and correlations; linearises once more.
   [[nodiscard]] fit::Uncertainty uncertainty(const LawState& state);
+  /// Their mean; infinite where the stage has compared nothing yet.
+  [[nodiscard]] double mean_missed(const LawState& state);
   /// Whether the present stage misses what it compares by more than noise and grid explain.
   [[nodiscard]] bool is_far(const LawState& state);
   /// Distances [m] of the samples that the present stage compares, at the state's values.

@@ -24,7 +24,9 @@ def apply_run(scene, folder):
         raise JobError(translate(
             "The fit is of the take '{name}', which is not among the Takes any more. Name it so "
             "again, or fit again.").format(name=run.name))
-    return apply(scene, fit_results.load(folder), folder, run, take)
+    result = fit_results.load(folder)
+    left = apply(scene, result, folder, run, take)
+    return [result.warning, *left] if result.warning else left
 
 
 def apply(scene, result, folder, fitted_take, take):

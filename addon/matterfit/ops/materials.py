@@ -76,7 +76,7 @@ class MATTERFIT_OT_apply_fit(_HasResult, PlainOperator, bpy.types.Operator):
         if fit_results.is_unfinished(folder):
             words += "\n" + translate("The fit is unfinished, and begins at other values now: undo "
                                       "this before Resume")
-        _tell(self, context, words, [fit_results.load(folder).warning, *left])
+        _tell(self, context, words, left)
 
 
 class MATTERFIT_OT_save_material(_HasResult, PlainOperator, bpy.types.Operator, ExportHelper):

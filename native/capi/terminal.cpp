@@ -142,9 +142,17 @@ std::string summary(const Json& result) {
     }
   }
   if (result.contains("compare")) {
+    const bool clouds = result.contains("fit") && result["fit"].value("loss", "tracks") != "tracks";
     for (const Json& compare : result["compare"]["captures"]) {
       if (!compare.contains("mean_percent")) {
         line(compare.at("name").get<std::string>() + ": no sample could be compared");
+        continue;
+      }
+      if (clouds) {
+        // Point by point they are not the same points.
+        line(fmt::format("{}: Chamfer distance {:.4g} ×1e3 m²",
+                         compare.at("name").get<std::string>(),
+                         compare.at("chamfer_1e3_m2").get<double>()));
         continue;
       }
       line(fmt::format("{}: mean error {:.3f} mm ({:.2f} % of the body), 95th percentile {:.3f} mm",

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "base/error.hpp"
+#include "fit/cloud_residuals.hpp"
 #include "fit/least_squares.hpp"
-#include "fit/losses.hpp"
 #include "fit/test_problem.hpp"
 
 namespace matterfit::fit {
@@ -107,7 +107,7 @@ TEST(LeastSquaresResume, GoesOnFromCentralSlopesToTheSameBits) {
 }
 
 TEST(LeastSquaresResume, SameForAnyThreads) {
-  // Where a cloud lies, from another sample of it, by the Chamfer distance.
+  // Where a cloud lies, from another sample of it.
   std::mt19937 engine(1);
   std::uniform_real_distribution<double> uniform(0.0, 1.0);
   const auto cloud = [&](double shift) {
@@ -122,18 +122,17 @@ TEST(LeastSquaresResume, SameForAnyThreads) {
   };
   const Points simulated = cloud(0.0);
   const Points captured = cloud(0.2);
-  // Steps of about the points' spacing: with shorter ones each point keeps its neighbour.
-  LeastSquaresOptions options;
-  options.difference = 0.05;
   std::vector<LeastSquaresState> states;
   for (const int threads : {1, 2}) {
     Arena arena(threads);
+    const CloudScale scale = cloud_scale(captured, 0.01, arena);
+    const Points means = cloud_means(captured, scale, arena);
     FunctionProblem problem([&](const Eigen::VectorXd& x) {
       Points moved = simulated;
       for (Vec3d& y : moved) y += Vec3d(x[0], x[1], x[2]);
-      return chamfer_residuals(moved, captured, 0.01, arena);
+      return cloud_residuals(moved, captured, means, scale, arena);
     });
-    states.push_back(run(LeastSquares(linear_parameters({0.0, 0.0, 0.0}), options), problem));
+    states.push_back(run(LeastSquares(linear_parameters({0.0, 0.0, 0.0}), {}), problem));
     expect_same(states.back(), states.front());
   }
   // To half the points' spacing.

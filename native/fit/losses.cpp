@@ -26,37 +26,32 @@ void require_samples(std::span<const Vec3d> simulated, std::span<const Vec3d> ca
   }
 }
 
-/// The finite points of a set, and their places in it.
-struct Kept {
-  explicit Kept(std::span<const Vec3d> points) {
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      if (!points[i].allFinite()) continue;
-      positions.push_back(points[i]);
-      indices.push_back(i);
-    }
+Points finite(std::span<const Vec3d> points) {
+  Points kept;
+  for (const Vec3d& x : points) {
+    if (x.allFinite()) kept.push_back(x);
   }
-  Points positions;
-  std::vector<std::size_t> indices;
-};
+  return kept;
+}
 
 /// Both sets and the nearest neighbours of each in the other.
 struct Pairing {
   Pairing(std::span<const Vec3d> simulated_points, std::span<const Vec3d> captured_points,
           Arena& arena)
-      : simulated(simulated_points), captured(captured_points) {
-    if (captured.positions.empty()) {
+      : simulated(finite(simulated_points)), captured(finite(captured_points)) {
+    if (captured.empty()) {
       throw_input("a Chamfer loss: no captured point is finite.");
     }
     if (simulated_points.empty()) {
       throw_input("a Chamfer loss: there is no simulated point.");
     }
-    broken = simulated.positions.size() != simulated_points.size();
+    broken = simulated.size() != simulated_points.size();
     if (broken) return;
-    of_simulated = nearest(simulated.positions, captured.positions, arena);
-    of_captured = nearest(captured.positions, simulated.positions, arena);
+    of_simulated = nearest(simulated, captured, arena);
+    of_captured = nearest(captured, simulated, arena);
   }
-  Kept simulated;
-  Kept captured;
+  Points simulated;
+  Points captured;
   std::vector<Nearest> of_simulated;
   std::vector<Nearest> of_captured;
   bool broken = false;  ///< a simulated point is not finite, so the loss is not a number
@@ -128,8 +123,8 @@ LossGradient chamfer_loss(std::span<const Vec3d> simulated, std::span<const Vec3
     loss.value = std::numeric_limits<double>::quiet_NaN();
     return loss;
   }
-  const Points& a = pairing.simulated.positions;
-  const Points& b = pairing.captured.positions;
+  const Points& a = pairing.simulated;
+  const Points& b = pairing.captured;
   double forth = 0.0;
   for (std::size_t i = 0; i < a.size(); ++i) {
     const Nearest& neighbour = pairing.of_simulated[i];
@@ -144,32 +139,6 @@ LossGradient chamfer_loss(std::span<const Vec3d> simulated, std::span<const Vec3
   }
   loss.value = forth / double(a.size()) + back / double(b.size());
   return loss;
-}
-
-Eigen::VectorXd chamfer_residuals(std::span<const Vec3d> simulated, std::span<const Vec3d> captured,
-                                  double sigma, Arena& arena) {
-  if (!(sigma > 0.0) || !std::isfinite(sigma)) {
-    throw_input("a Chamfer loss: the noise is " + std::to_string(sigma) +
-                " m; expected a length above 0.");
-  }
-  const Pairing pairing(simulated, captured, arena);
-  const auto size = Eigen::Index(3 * (simulated.size() + captured.size()));
-  if (pairing.broken) {
-    return Eigen::VectorXd::Constant(size, std::numeric_limits<double>::quiet_NaN());
-  }
-  Eigen::VectorXd residual = Eigen::VectorXd::Zero(size);
-  const Points& a = pairing.simulated.positions;
-  const Points& b = pairing.captured.positions;
-  const double forth = 1.0 / (sigma * std::sqrt(double(a.size())));
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    residual.segment<3>(Eigen::Index(3 * i)) = forth * (a[i] - b[pairing.of_simulated[i].index]);
-  }
-  const double back = 1.0 / (sigma * std::sqrt(double(b.size())));
-  for (std::size_t j = 0; j < b.size(); ++j) {
-    const std::size_t place = simulated.size() + pairing.captured.indices[j];
-    residual.segment<3>(Eigen::Index(3 * place)) = back * (a[pairing.of_captured[j].index] - b[j]);
-  }
-  return residual;
 }
 
 }  // namespace matterfit::fit

@@ -39,13 +39,4 @@ struct LossGradient {
 [[nodiscard]] LossGradient chamfer_loss(std::span<const Vec3d> simulated,
                                         std::span<const Vec3d> captured, Arena& arena);
 
-/// The same as residuals: vectors to the nearest point, both ways, each divided by √(points) and
-/// `sigma` [m], so that their sum of squares is the Chamfer distance over σ². 3 (|a| + |b|)
-/// entries; not a number where a simulated point is not finite, 0 for a captured one that is not.
-/// Least squares over them goes as iterated closest points do: slowly unless the steps of its
-/// differences move the points by about their spacing.
-[[nodiscard]] Eigen::VectorXd chamfer_residuals(std::span<const Vec3d> simulated,
-                                                std::span<const Vec3d> captured, double sigma,
-                                                Arena& arena);
-
 }  // namespace matterfit::fit

@@ -156,7 +156,6 @@ TEST(ChamferLoss, SameForAnyThreads) {
   const LossGradient second = chamfer_loss(a, b, two);
   EXPECT_EQ(first.value, second.value);
   EXPECT_EQ(first.gradient, second.gradient);
-  EXPECT_EQ(chamfer_residuals(a, b, 0.1, one), chamfer_residuals(a, b, 0.1, two));
 }
 
 TEST(ChamferLoss, LeavesOutCapturedPointsThatAreNotThere) {
@@ -169,10 +168,6 @@ TEST(ChamferLoss, LeavesOutCapturedPointsThatAreNotThere) {
   const LossGradient found = chamfer_loss(a, holes, arena);
   EXPECT_EQ(found.value, expected.value);
   EXPECT_EQ(found.gradient, expected.gradient);
-  const Eigen::VectorXd residual = chamfer_residuals(a, holes, 0.01, arena);
-  ASSERT_EQ(residual.size(), 3 * (50 + 41));
-  EXPECT_EQ(residual.segment<3>(3 * 57).norm(), 0.0);
-  EXPECT_NEAR(residual.squaredNorm(), expected.value / 1e-4, 1e-9 * expected.value / 1e-4);
 }
 
 TEST(ChamferLoss, OfABrokenSimulationIsNotFinite) {
@@ -181,28 +176,13 @@ TEST(ChamferLoss, OfABrokenSimulationIsNotFinite) {
   a[2].y() = std::numeric_limits<double>::infinity();
   Arena arena(1);
   EXPECT_TRUE(std::isnan(chamfer_loss(a, b, arena).value));
-  const Eigen::VectorXd residual = chamfer_residuals(a, b, 1.0, arena);
-  EXPECT_EQ(residual.size(), 30);
-  EXPECT_FALSE(residual.allFinite());
 }
 
-TEST(ChamferLoss, RefusesEmptySetsAndNoNoise) {
+TEST(ChamferLoss, RefusesEmptySets) {
   const Points a = random_points(5, 14);
   Arena arena(1);
   EXPECT_THROW((void)chamfer_loss({}, a, arena), Error);
   EXPECT_THROW((void)chamfer_loss(a, Points{Vec3d(kNan, 0, 0)}, arena), Error);
-  EXPECT_THROW((void)chamfer_residuals(a, a, 0.0, arena), Error);
-  EXPECT_THROW((void)chamfer_residuals(a, a, kNan, arena), Error);
-}
-
-TEST(ChamferResiduals, TheirSquaresAreTheDistance) {
-  const Points a = random_points(200, 15);
-  const Points b = random_points(130, 16);
-  Arena arena(2);
-  const Eigen::VectorXd residual = chamfer_residuals(a, b, 0.02, arena);
-  ASSERT_EQ(residual.size(), 3 * 330);
-  const double expected = chamfer(a, b, arena) / (0.02 * 0.02);
-  EXPECT_NEAR(residual.squaredNorm(), expected, 1e-12 * expected);
 }
 
 }  // namespace

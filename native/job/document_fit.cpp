@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <algorithm>
 #include <set>
+#include <string_view>
 
 #include "base/error.hpp"
 #include "job/document_reading.hpp"
@@ -10,6 +11,7 @@ namespace matterfit::job {
 namespace {
 
 constexpr double kCoarsest = 8.0;
+constexpr std::string_view kLossNames[] = {"tracks", "chamfer", "surface"};
 
 std::vector<material::Law> all_laws() {
   std::vector<material::Law> laws;
@@ -164,7 +166,8 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
     check_law(parameter, fit, *capture->scene);
   }
   if (const auto loss = object.find("loss")) {
-    fit.loss = static_cast<FitDoc::Loss>(loss->choice({"tracks", "chamfer", "surface"}));
+    fit.loss =
+        static_cast<FitDoc::Loss>(loss->choice({kLossNames[0], kLossNames[1], kLossNames[2]}));
   }
   fit.huber = object.number("huber", 0.0, not_negative("standard deviations"));
   fit.iterations = object.integer("iterations", fit.iterations, 1, 100'000);
@@ -184,5 +187,7 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
   object.finish();
   return fit;
 }
+
+std::string_view loss_name(FitDoc::Loss loss) { return kLossNames[static_cast<std::size_t>(loss)]; }
 
 }  // namespace matterfit::job

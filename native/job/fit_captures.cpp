@@ -24,6 +24,8 @@ constexpr double kStrayDistance = 2.0;  // particle separations
 constexpr double kOtherBody = 0.25;     // of the body's size
 constexpr double kDefaultNoise = 1e-3;  // of the body's size
 constexpr std::size_t kFewestFrames = 2;
+/// Points of one frame's cloud: more tell little more.
+constexpr std::size_t kMostCompared = 8192;
 /// A body whose points have moved by less than this, root mean square, has not: of points at rest
 /// the noise makes it √6.
 constexpr double kStill = 3.0;  // times the noise
@@ -232,6 +234,30 @@ std::vector<std::size_t> FitCapture::used_frames() const {
   return frames;
 }
 
+std::vector<std::size_t> FitCapture::compared(std::size_t frame) const {
+  const std::size_t points = input.tracks.points;
+  std::vector<std::size_t> seen;
+  for (std::size_t i = 0; i < points; ++i) {
+    if (used[frame * points + i] != 0) seen.push_back(i);
+  }
+  if (!clouds || seen.size() <= kMostCompared) return seen;
+  std::vector<std::size_t> drawn;
+  for (const std::size_t k : fit::draw(seen.size(), kMostCompared, frame)) drawn.push_back(seen[k]);
+  return drawn;
+}
+
+fit::CloudScale FitCapture::cloud_scale() const {
+  const std::size_t frame = used_frames().front();
+  Points points;
+  double noise = 0.0;
+  for (const std::size_t i : compared(frame)) {
+    points.push_back(input.tracks.positions[frame * input.tracks.points + i]);
+    noise = std::max(noise, sigma[i]);
+  }
+  Arena arena(1);
+  return fit::cloud_scale(points, noise, arena);
+}
+
 std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& statements) {
   if (job.captures.empty()) throw_input("captures: a fit needs at least one capture to fit to.");
   std::vector<FitRun> runs;
@@ -323,6 +349,18 @@ void settle_noise(FitRun& run, const mpm::Scene& scene, std::vector<std::string>
                   1e3 * noise);
     const char* link = estimate > 0.0 || capture.clouds ? "; " : " and ";
     statements.push_back(fmt::format("captures.{}: {}{}{}", input.name, given, link, taken));
+  }
+}
+
+void describe_clouds(const FitRun& run, std::vector<std::string>& statements) {
+  for (const FitCapture& capture : run.captures) {
+    if (!capture.clouds || capture.used_count == 0) continue;
+    const fit::CloudScale scale = capture.cloud_scale();
+    statements.push_back(fmt::format(
+        "captures.{}: clouds are compared by means over a radius of {:.3g} mm. By these two "
+        "samplings of the same body miss each other by {:.3g} mm: an error is to be seen against "
+        "that.",
+        capture.input.name, 1e3 * scale.reach, 1e3 * fit::mean_length(scale.sigma)));
   }
 }
 

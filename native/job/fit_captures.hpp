@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/parallel.hpp"
+#include "fit/cloud_residuals.hpp"
 #include "job/capture_input.hpp"
 #include "job/capture_scene.hpp"
 #include "mpm/scene.hpp"
@@ -30,6 +31,11 @@ struct FitCapture {
   }
   /// Frames with a used sample, ascending.
   [[nodiscard]] std::vector<std::size_t> used_frames() const;
+  /// Points of a frame that are compared, ascending: those that are used; of a cloud of many a
+  /// draw.
+  [[nodiscard]] std::vector<std::size_t> compared(std::size_t frame) const;
+  /// Of a cloud, from the first frame that is used; there is one, and noise is settled.
+  [[nodiscard]] fit::CloudScale cloud_scale() const;
 };
 
 /// One scene of a fit with the captures that are compared with it. Runs without a used sample are
@@ -54,6 +60,9 @@ struct FitRun {
 /// estimate from samples that are not held out, where there is none, and for clouds, 1e-3 of the
 /// body's size.
 void settle_noise(FitRun& run, const mpm::Scene& scene, std::vector<std::string>& statements);
+
+/// States of each cloud how it is compared, and what its points alone make of that; noise settled.
+void describe_clouds(const FitRun& run, std::vector<std::string>& statements);
 
 /// Whether a capture can be of this body: where more than 5 % of its points lie farther than two
 /// particle separations off it at rest there is a statement; beyond a quarter of the body's size as

@@ -4,6 +4,7 @@
 #include <array>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "job/fit_path.hpp"
@@ -37,5 +38,8 @@ struct FitDoc {
   /// Particle separations as multiples of the scene's, coarse first; empty: as many as pay.
   std::vector<double> levels;
 };
+
+/// As in a document.
+[[nodiscard]] std::string_view loss_name(FitDoc::Loss loss);
 
 }  // namespace matterfit::job

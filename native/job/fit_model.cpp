@@ -20,8 +20,8 @@
 namespace matterfit::job {
 namespace {
 
-constexpr std::size_t kMostParticles = 2048;
-constexpr std::size_t kFewestParticles = 64;
+/// Of those that a loss between clouds looks at: more tell little more.
+constexpr std::size_t kMostParticles = 8192;
 /// Of the solver's margin (dt_safety), that values beside the ones whose substeps are taken may
 /// use.
 constexpr double kMargin = 1.1;
@@ -63,10 +63,8 @@ struct FitModel::RunModel {
   std::vector<Watcher> watchers;  ///< one a capture, as the loss looks at it
   std::vector<Points> surfaces;   ///< one a capture, with the surface loss
 
-  /// As dense as the captured cloud: one that is sparser draws the other together.
-  [[nodiscard]] static std::vector<std::size_t> drawn(std::size_t all, const FitCapture& capture) {
-    const std::size_t count = std::max(kFewestParticles, capture.input.tracks.points);
-    return fit::draw(all, std::min({all, kMostParticles, count}), 0);
+  [[nodiscard]] static std::vector<std::size_t> drawn(std::size_t all) {
+    return fit::draw(all, std::min(all, kMostParticles), 0);
   }
   /// `rest`: of the points that are looked at; of particles none.
   [[nodiscard]] static Watcher watch(const mpm::Scene& scene, const FitCapture& capture,
@@ -75,7 +73,7 @@ struct FitModel::RunModel {
     watcher.body = body_index(scene, capture.input.body);
     const mpm::Body& body = scene.bodies[watcher.body];
     if (loss == FitDoc::Loss::kChamfer) {
-      watcher.particles = drawn(body.rest.size(), capture);
+      watcher.particles = drawn(body.rest.size());
     } else {
       watcher.points.emplace(body, std::move(rest), 0.5 * scene.dx, arena);
     }
@@ -83,8 +81,7 @@ struct FitModel::RunModel {
   }
 
   /// What the surface loss looks at, at rest.
-  [[nodiscard]] static Points surface_of(const mpm::Body& body, const FitCapture& capture,
-                                         Arena& arena) {
+  [[nodiscard]] static Points surface_of(const mpm::Body& body, Arena& arena) {
     if (body.material.law == material::Law::kNewtonian) {
       throw_input("fit.loss: \"surface\" follows the surface that body '" + body.name +
                   "' has at rest, and a fluid makes new ones: take \"chamfer\".");
@@ -95,7 +92,7 @@ struct FitModel::RunModel {
                   "' have no surface: take \"chamfer\".");
     }
     Points chosen;
-    for (const std::size_t i : drawn(all.size(), capture)) chosen.push_back(all[i]);
+    for (const std::size_t i : drawn(all.size())) chosen.push_back(all[i]);
     return chosen;
   }
 };
@@ -115,7 +112,7 @@ FitModel::FitModel(const std::vector<FitRun>& runs, std::vector<mpm::Scene> scen
       Points rest = capture.input.rest;
       if (options_.loss == FitDoc::Loss::kSurface) {
         const std::size_t body = body_index(model->scene, capture.input.body);
-        rest = RunModel::surface_of(model->scene.bodies[body], capture, arena);
+        rest = RunModel::surface_of(model->scene.bodies[body], arena);
         model->surfaces.push_back(rest);
       }
       model->watchers.push_back(
@@ -131,10 +128,6 @@ FitModel::FitModel(const std::vector<FitRun>& runs, std::vector<mpm::Scene> scen
 FitModel::~FitModel() = default;
 
 const mpm::Scene& FitModel::scene(std::size_t run) const { return models_[run]->scene; }
-
-std::size_t FitModel::watched(std::size_t run, std::size_t capture) const {
-  return models_[run]->watchers[capture].size();
-}
 
 std::vector<FitSteps> FitModel::steps_of(std::span<const double> values,
                                          const FitOutcome& outcome) const {

@@ -38,7 +38,7 @@ struct FitSteps {
 
 /// Scenes in memory, simulated at any values of the parameters and seen at the captures' own points
 /// and times. With a loss between clouds the points are particles of the capture's body, or points
-/// of its surface, as many as the capture has points, 2048 at most.
+/// of its surface, 8192 at most.
 class FitModel {
  public:
   struct Options {
@@ -61,8 +61,7 @@ class FitModel {
   FitModel& operator=(const FitModel&) = delete;
 
   [[nodiscard]] const mpm::Scene& scene(std::size_t run) const;
-  /// How many points of the simulation one capture looks at.
-  [[nodiscard]] std::size_t watched(std::size_t run, std::size_t capture) const;
+  [[nodiscard]] int threads() const { return options_.threads; }
   [[nodiscard]] const std::vector<FitSteps>& steps() const { return steps_; }
   void set_steps(std::vector<FitSteps> steps) { steps_ = std::move(steps); }
   /// From here on the solver chooses.

@@ -108,7 +108,9 @@ FitProblem::FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
     if (window_.until[r] < 0.0) continue;
     for (std::size_t c = 0; c < runs[r].captures.size(); ++c) {
       const FitCapture& capture = runs[r].captures[c];
-      Part part{r, c, {}};
+      Part part;
+      part.run = r;
+      part.capture = c;
       for (const std::size_t t : capture.used_frames()) {
         if (capture.input.tracks.times[t] > window_.until[r] + kSlack) break;
         part.frames.push_back(t);
@@ -117,16 +119,20 @@ FitProblem::FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
     }
   }
   if (loss_ == FitDoc::Loss::kTracks) return;
-  double entries = 0.0;
-  double weights = 0.0;
-  for (const Part& part : parts_) {
+  Arena arena(model_.threads());
+  for (Part& part : parts_) {
+    const FitCapture& capture = capture_of(part);
+    const capture::Tracks& tracks = capture.input.tracks;
+    part.scale = capture.cloud_scale();
     for (const std::size_t t : part.frames) {
-      const double captured = double(cloud(part, t).points.size());
-      entries += double(model_.watched(part.run, part.capture)) + captured;
-      weights += 2.0 * captured;
+      Cloud cloud;
+      for (const std::size_t i : capture.compared(t)) {
+        cloud.points.push_back(tracks.positions[t * tracks.points + i]);
+      }
+      cloud.means = fit::cloud_means(cloud.points, part.scale, arena);
+      part.clouds.push_back(std::move(cloud));
     }
   }
-  if (weights > 0.0) cloud_weight_ = std::sqrt(entries / weights);
 }
 
 std::vector<double> FitProblem::physical(const Eigen::VectorXd& point) const {
@@ -200,25 +206,23 @@ std::optional<Eigen::VectorXd> FitProblem::transposed(const Eigen::VectorXd& poi
 
 Eigen::VectorXd FitProblem::residuals(const FitOutcome& outcome) const {
   std::vector<Eigen::VectorXd> pieces;
-  Arena arena(1);
+  Arena arena(model_.threads());
   for (const Part& part : parts_) {
     const FitCapture& capture = capture_of(part);
     const capture::Tracks& tracks = capture.input.tracks;
     const SimulatedCapture& simulated = outcome[part.run].captures[part.capture];
     const std::size_t simulated_points = simulated.positions.size() / tracks.frames();
-    for (const std::size_t t : part.frames) {
+    for (std::size_t k = 0; k < part.frames.size(); ++k) {
+      const std::size_t t = part.frames[k];
       const std::span ours(simulated.positions.data() + t * simulated_points, simulated_points);
-      const std::span theirs(tracks.positions.data() + t * tracks.points, tracks.points);
-      const std::span used(capture.used.data() + t * tracks.points, tracks.points);
       if (loss_ == FitDoc::Loss::kTracks) {
+        const std::span theirs(tracks.positions.data() + t * tracks.points, tracks.points);
+        const std::span used(capture.used.data() + t * tracks.points, tracks.points);
         pieces.push_back(fit::track_residuals(ours, theirs, used, capture.sigma, tracks.points));
         continue;
       }
-      const Cloud seen = cloud(part, t);
-      Points captured;
-      for (const std::size_t i : seen.points) captured.push_back(theirs[i]);
-      pieces.push_back(cloud_weight_ * std::sqrt(double(captured.size())) *
-                       fit::chamfer_residuals(ours, captured, seen.sigma, arena));
+      const Cloud& cloud = part.clouds[k];
+      pieces.push_back(fit::cloud_residuals(ours, cloud.points, cloud.means, part.scale, arena));
     }
   }
   Eigen::Index size = 0;
@@ -232,42 +236,26 @@ Eigen::VectorXd FitProblem::residuals(const FitOutcome& outcome) const {
   return residual;
 }
 
-FitProblem::Cloud FitProblem::cloud(const Part& part, std::size_t frame) const {
-  const FitCapture& capture = capture_of(part);
-  const std::size_t points = capture.input.tracks.points;
-  Cloud result;
-  for (std::size_t i = 0; i < points; ++i) {
-    if (capture.used[frame * points + i] == 0) continue;
-    result.points.push_back(i);
-    result.sigma = std::max(result.sigma, capture.sigma[i]);
-  }
-  // Neighbours of two samplings of one body are about half a separation apart: this of a
-  // coordinate.
-  result.sigma = std::hypot(result.sigma, 0.25 / std::sqrt(3.0) * model_.scene(part.run).dx);
-  return result;
-}
-
 std::vector<double> FitProblem::distances(const Eigen::VectorXd& residual) const {
   std::vector<double> result;
   Eigen::Index at = 0;
   for (const Part& part : parts_) {
     const FitCapture& capture = capture_of(part);
     const auto points = Eigen::Index(capture.input.tracks.points);
-    const std::size_t particles = model_.watched(part.run, part.capture);
     for (const std::size_t t : part.frames) {
-      const Cloud seen = cloud(part, t);
+      const std::vector<std::size_t> seen = capture.compared(t);
       if (loss_ == FitDoc::Loss::kTracks) {
-        for (const std::size_t i : seen.points) {
+        for (const std::size_t i : seen) {
           const double size = residual.segment<3>(at + Eigen::Index(3 * i)).norm();
           result.push_back(capture.sigma[i] * size);
         }
         at += 3 * points;
         continue;
       }
-      at += Eigen::Index(3 * particles);
-      for (std::size_t k = 0; k < seen.points.size(); ++k, at += 3) {
-        result.push_back(seen.sigma / cloud_weight_ * residual.segment<3>(at).norm());
+      for (std::size_t k = 0; k < seen.size(); ++k, at += 3) {
+        result.push_back(part.scale.sigma * residual.segment<3>(at).norm());
       }
+      at += Eigen::Index(3 * seen.size());  // of what is far off
     }
   }
   return result;
@@ -288,7 +276,15 @@ double FitProblem::rms_seen(const Eigen::VectorXd& point) const {
 }
 
 double FitProblem::effective(const Eigen::VectorXd& residual) const {
-  if (loss_ != FitDoc::Loss::kTracks) return 0.0;
+  if (loss_ != FitDoc::Loss::kTracks) {
+    double alone = 0.0;
+    for (const Part& part : parts_) {
+      for (const Cloud& cloud : part.clouds) {
+        alone += 3.0 * double(cloud.points.size()) / part.scale.alike;
+      }
+    }
+    return alone;
+  }
   double squares = 0.0;  // of all residuals
   double lagged = 0.0;   // products of neighbours in time
   double means = 0.0;    // squares of a frame's mean, times its points
@@ -350,9 +346,8 @@ std::vector<std::uint32_t> FitProblem::blocks() const {
         }
         continue;
       }
-      const std::size_t points =
-          model_.watched(part.run, part.capture) + cloud(part, part.frames[k]).points.size();
-      result.insert(result.end(), 3 * points, first + kMostParts * stretch);
+      const std::size_t entries = 6 * part.clouds[k].points.size();
+      result.insert(result.end(), entries, first + kMostParts * stretch);
     }
     first += kMostParts * kStretches;
   }

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "fit/cloud_residuals.hpp"
 #include "fit/least_squares.hpp"
 #include "job/fit_model.hpp"
 
@@ -24,9 +25,9 @@ struct FitWindow {
 /// At most `samples` used times of each run.
 [[nodiscard]] FitWindow fit_window(const std::vector<FitRun>& runs, std::size_t samples);
 
-/// Residuals of simulations against the captures over one window. Those of clouds are weighed so
-/// that a frame counts as its captured points do, both ways, and the squares of a perfect fit sum
-/// up to the number of residuals.
+/// Residuals of simulations against the captures over one window. Those of clouds are
+/// fit::cloud_residuals(), 6 a captured point; the squares of a perfect fit sum up to half their
+/// number.
 class FitProblem final : public fit::Problem {
  public:
   FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
@@ -47,8 +48,8 @@ class FitProblem final : public fit::Problem {
 
   [[nodiscard]] std::vector<double> physical(const Eigen::VectorXd& point) const;
   [[nodiscard]] Eigen::VectorXd residuals(const FitOutcome& outcome) const;
-  /// Distance of every used sample [m], run by run, capture by capture, frame by frame. With the
-  /// Chamfer loss from each captured point to the nearest simulated one.
+  /// Distance of every used sample [m], run by run, capture by capture, frame by frame. Of
+  /// clouds what the means around each captured point are apart.
   [[nodiscard]] std::vector<double> distances(const Eigen::VectorXd& residual) const;
   /// Root mean square of distances() [m].
   [[nodiscard]] double rms(const Eigen::VectorXd& residual) const;
@@ -62,18 +63,19 @@ class FitProblem final : public fit::Problem {
   [[nodiscard]] std::vector<std::uint32_t> blocks() const override;
 
  private:
+  /// Captured points of one frame, and what cloud_means() makes of them.
+  struct Cloud {
+    Points points;
+    Points means;
+  };
   /// The frames of one capture that lie in the window and have a used sample.
   struct Part {
     std::size_t run = 0;
     std::size_t capture = 0;
     std::vector<std::size_t> frames;
+    fit::CloudScale scale;      ///< of clouds
+    std::vector<Cloud> clouds;  ///< one a frame
   };
-  /// Captured points of one frame that are used, and how far off one of them is [m].
-  struct Cloud {
-    std::vector<std::size_t> points;
-    double sigma = 0.0;
-  };
-  [[nodiscard]] Cloud cloud(const Part& part, std::size_t frame) const;
   [[nodiscard]] const FitCapture& capture_of(const Part& part) const {
     return runs_[part.run].captures[part.capture];
   }
@@ -85,7 +87,6 @@ class FitProblem final : public fit::Problem {
   FitWindow window_;
   FitProblem* stand_in_ = nullptr;
   std::vector<Part> parts_;
-  double cloud_weight_ = 1.0;  ///< of every residual of clouds
   std::vector<std::pair<Eigen::VectorXd, double>> seen_;
 };
 

@@ -35,8 +35,8 @@ class ErrorPool {
   std::size_t frames_[2] = {0, 0};
 };
 
-/// Of an outcome of the whole clip, point by point; of clouds from each captured point to the
-/// nearest simulated one.
+/// Of an outcome of the whole clip, point by point; of clouds what the means around each
+/// captured point are apart.
 [[nodiscard]] ErrorPool errors_of(const std::vector<FitRun>& runs, const FitModel& model,
                                   FitDoc::Loss loss, const FitOutcome& outcome);
 

@@ -152,6 +152,7 @@ class FitJob {
     Arena arena(options_.threads);
     for (std::size_t r = 0; r < runs_.size(); ++r) {
       settle_noise(runs_[r], own.scene(r), statements_);
+      describe_clouds(runs_[r], statements_);
       check_places(runs_[r], own.scene(r), arena, statements_);
     }
     if (!resumed_) {
@@ -334,6 +335,7 @@ class FitJob {
         {"law", law.law},
         {"converged", law.converged},
         {"reason", law.reason},
+        {"loss", loss_name(doc_.loss)},
         {"iterations", iterations},
         {"evaluations", evaluations},
         {"seconds", state_.seconds},

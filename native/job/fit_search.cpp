@@ -26,6 +26,10 @@ constexpr std::size_t kFirstSamples = 6;
 /// body's size.
 constexpr double kPoorNoise = 5.0;
 constexpr double kPoorSize = 0.005;
+/// Clouds: so many times what two samplings of one body miss each other by. That is a mean over
+/// many, and well known; smoothing hides much of how far the bodies are off.
+constexpr double kPoorCloud = 1.05;
+constexpr double kFarCloud = 1.5;
 /// Steps of the scan after the first stage, either way: where the law is wrong all of them are
 /// poor.
 constexpr int kNear = 3;
@@ -42,9 +46,6 @@ constexpr int kMostRepeats = 1;
 constexpr double kLevelGap = 0.7;
 /// Iterations from one comparison of candidate laws to the next.
 constexpr int kIterationsToStanding = 5;
-/// Differences between clouds are to move their points by some part of the spacing: what is nearest
-/// to what does not change before, and a search creeps.
-constexpr double kCloudDifference = 0.05;
 /// The grid that tells how much the values depend on it, and what it has of the difference itself:
 /// errors of second order in the separation (docs/validation.md).
 constexpr double kCoarser = 2.0;
@@ -142,8 +143,7 @@ LawFit::LawFit(FitSetup setup, const Interrupter& interrupter, std::vector<std::
     for (std::size_t w = l == 0 ? 0 : windows.size() - 1; w < windows.size(); ++w) {
       Stage stage;
       stage.level = levels[l];
-      // Clouds have another number of points at another level.
-      if (l > 0 && setup_.fit->loss == FitDoc::Loss::kTracks) stage.stand_in = levels[l - 1];
+      if (l > 0) stage.stand_in = levels[l - 1];
       stage.window = windows[w];
       stage.whole = w + 1 == windows.size();
       stage.last = stage.whole && l + 1 == levels.size();
@@ -272,7 +272,22 @@ void LawFit::choose_material(LawState& state) {
   state.values = points[static_cast<std::size_t>(best - means.begin())];
 }
 
+double LawFit::alike() const {
+  double sigma = 0.0;
+  for (const FitRun& run : *setup_.runs) {
+    for (const FitCapture& capture : run.captures) {
+      if (capture.used_count > 0) sigma = std::max(sigma, capture.cloud_scale().sigma);
+    }
+  }
+  return fit::mean_length(sigma);
+}
+
+double LawFit::far() const {
+  return setup_.fit->loss == FitDoc::Loss::kTracks ? poor() : kFarCloud * alike();
+}
+
 double LawFit::poor() const {
+  if (setup_.fit->loss != FitDoc::Loss::kTracks) return kPoorCloud * alike();
   const auto& runs = *setup_.runs;
   double sigma = 0.0;
   double size = 0.0;
@@ -411,7 +426,7 @@ bool LawFit::skip_level(LawState& state) {
   const FitProblem problem(model(level), *setup_.runs, parameters_->parameters(), setup_.fit->loss,
                            window);
   const double missed = mean_of(problem.distances(*coarse));
-  if (missed <= poor()) return false;
+  if (missed <= far()) return false;
   const auto fine = residuals(next->level);
   if (!fine || mean_of(problem.distances(*fine - *coarse)) <= kLevelGap * missed) return false;
   state.first_stage = static_cast<std::size_t>(next - stages_.begin());
@@ -426,7 +441,7 @@ double LawFit::mean_missed(const LawState& state) {
 
 bool LawFit::is_far(const LawState& state) {
   const double mean = mean_missed(state);
-  return std::isfinite(mean) && mean > poor();
+  return std::isfinite(mean) && mean > far();
 }
 
 bool LawFit::at_first_level(const LawState& state) const {
@@ -443,7 +458,7 @@ bool LawFit::try_other_start(LawState& state) {
   const double mean = mean_missed(state);
   if (!state.other.empty()) {
     const std::vector<double> other = std::exchange(state.other, {});
-    if (mean <= poor()) return false;
+    if (mean <= far()) return false;
     state.ended = std::exchange(state.values, other);
     state.ended_mean = mean;
     state.stage = state.first_stage;
@@ -512,7 +527,6 @@ LawFit::Context& LawFit::context(const LawState& state) {
   fit::LeastSquaresOptions options;
   options.iterations = setup_.fit->iterations;
   options.huber = setup_.fit->huber;
-  if (setup_.fit->loss != FitDoc::Loss::kTracks) options.difference = kCloudDifference;
   if (!stage.last) {
     options.iterations = std::min(options.iterations, kShortStage);
     options.step_tolerance = kCoarseStep;
@@ -746,7 +760,6 @@ fit::Uncertainty LawFit::uncertainty(const LawState& state) {
 
 std::optional<Eigen::VectorXd> LawFit::coarser(const LawState& state) {
   const Stage& stage = stages_[state.stage];
-  if (setup_.fit->loss != FitDoc::Loss::kTracks) return std::nullopt;
   try {
     FitModel& of = model(kCoarser * stage.level);
     of.forget_steps();

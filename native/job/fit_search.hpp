@@ -142,8 +142,11 @@ class LawFit {
   /// were tried as a start, whichever is nearest there. A coarse grid is viscous by itself, and a
   /// fit there makes up for it.
   void choose_material(LawState& state);
-  /// The mean distance beyond which a start is poor [m].
+  /// The mean distance beyond which a start is poor, and that beyond which an end is far off [m].
   [[nodiscard]] double poor() const;
+  [[nodiscard]] double far() const;
+  /// What clouds of one body miss each other by in the mean [m].
+  [[nodiscard]] double alike() const;
   void set_stage(LawState& state);
   void end_stage(LawState& state);
   /// Notes every few iterations how far the capture is missed.
@@ -156,8 +159,7 @@ class LawFit {
   Context& context(const LawState& state);
   [[nodiscard]] std::vector<fit::Parameter> stage_parameters(const LawState& state) const;
   /// What a coarser grid adds to the residuals of the last stage at its end; nothing where it
-  /// cannot be told (clouds have another number of points; the grid cannot be made; the simulation
-  /// could not be completed).
+  /// cannot be told (the grid cannot be made; the simulation could not be completed).
   [[nodiscard]] std::optional<Eigen::VectorXd> coarser(const LawState& state);
   void tell(const LawState& state, const std::string& stage, double part, double rms) const;
 

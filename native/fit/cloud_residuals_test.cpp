@@ -118,7 +118,8 @@ TEST(CloudResiduals, DoNotJumpWhereTheyGoOverIntoThem) {
   const Points captured = ball(300, 9);
   const Points simulated = ball(300, 10);
   double before = squares(simulated, captured, scale);
-  for (double shift = 0.001; shift < 1.2; shift += 0.001) {
+  for (int step = 1; step < 1200; ++step) {
+    const double shift = 0.001 * step;
     const double now = squares(moved(simulated, {shift, 0, 0}), captured, scale);
     EXPECT_LT(std::abs(now - before), 0.01 * before + 0.05) << shift;
     before = now;
@@ -135,7 +136,7 @@ TEST(CloudResiduals, LeaveOutCapturedPointsThatAreNotThere) {
   EXPECT_EQ(scale.reach, cloud_scale(b, kNoise, arena).reach);
   const Eigen::VectorXd residual = residuals_of(a, holes, scale, arena);
   ASSERT_EQ(residual.size(), 6 * 41);
-  EXPECT_EQ(residual.segment<3>(3 * 7).norm(), 0.0);
+  EXPECT_EQ(residual.segment<3>(Eigen::Index(3) * 7).norm(), 0.0);
   const double expected = residuals_of(a, b, scale, arena).squaredNorm();
   EXPECT_NEAR(residual.squaredNorm(), expected, 1e-9 * expected);
 }

@@ -24,9 +24,9 @@ std::array<std::size_t, 2> samples_between(const std::vector<double>& times, dou
 
 /// The mean over the quiet frames in which the point is seen, else where it is seen first. What is
 /// held out does not count among the quiet frames where others are left.
-Points rest_positions(const CaptureInput& input, double slack) {
+void take_rest(CaptureInput& input, double slack) {
   const capture::Tracks& tracks = input.tracks;
-  Points rest(tracks.points, Vec3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  input.rest.assign(tracks.points, Vec3d::Constant(std::numeric_limits<double>::quiet_NaN()));
   for (std::size_t i = 0; i < tracks.points; ++i) {
     Vec3d sum[2] = {Vec3d::Zero(), Vec3d::Zero()};  // seen by a fit, held out
     std::size_t count[2] = {0, 0};
@@ -40,9 +40,9 @@ Points rest_positions(const CaptureInput& input, double slack) {
       if (!quiet) break;
     }
     const std::size_t which = count[0] > 0 ? 0 : 1;
-    if (count[which] > 0) rest[i] = sum[which] / double(count[which]);
+    input.rest_samples[i] = count[which];
+    if (count[which] > 0) input.rest[i] = sum[which] / double(count[which]);
   }
-  return rest;
 }
 
 std::vector<std::uint8_t> held_out_points(const CaptureDoc& doc, const CaptureInput& input,
@@ -139,8 +139,9 @@ CaptureInput load_capture(const Job& job, std::size_t index) {
                 input.held_out_frames.begin() + static_cast<std::ptrdiff_t>(range[1]),
                 std::uint8_t{1});
     }
+    input.rest_samples.assign(input.tracks.points, 0);
     if (doc.positions.empty()) {
-      input.rest = rest_positions(input, slack);
+      take_rest(input, slack);
     } else if (doc.positions.size() != input.tracks.points) {
       throw_input("positions: " + std::to_string(doc.positions.size()) + " places for " +
                   std::to_string(input.tracks.points) + " points of the capture.");

@@ -14,8 +14,10 @@ namespace matterfit::job {
 struct CaptureInput {
   std::string name;
   std::string body;
-  capture::Tracks tracks;         ///< times are seconds after the scene's first frame
-  Points rest;                    ///< (N) where the points are on the body at rest; NaN: not known
+  capture::Tracks tracks;  ///< times are seconds after the scene's first frame
+  Points rest;             ///< (N) where the points are on the body at rest; NaN: not known
+  std::vector<std::size_t>
+      rest_samples;               ///< (N) that `rest` is the mean of; 0: given, or not known
   std::optional<double> release;  ///< [s]; before it is the quiet time
   double start = 0.0;             ///< scene seconds of the capture's time 0
   std::vector<std::uint8_t> held_out_points;  ///< (N)

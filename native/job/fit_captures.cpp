@@ -222,6 +222,11 @@ void state_what_is_odd(const FitCapture& capture, const CaptureDoc& doc,
 
 }  // namespace
 
+double FitCapture::deviation(std::size_t point) const {
+  const std::size_t samples = clouds ? 0 : input.rest_samples[point];
+  return sigma[point] * std::sqrt(samples > 0 ? 1.0 + 1.0 / double(samples) : 1.0);
+}
+
 std::vector<std::size_t> FitCapture::used_frames() const {
   const auto points = static_cast<std::ptrdiff_t>(input.tracks.points);
   std::vector<std::size_t> frames;

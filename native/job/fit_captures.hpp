@@ -29,6 +29,9 @@ struct FitCapture {
   [[nodiscard]] bool held_out(std::size_t frame, std::size_t point) const {
     return input.held_out_points[point] != 0 || input.held_out_frames[frame] != 0;
   }
+  /// Standard deviation of a coordinate of what a simulation of the truth misses a point by [m]:
+  /// its noise and, where that point's place on the body is told by noisy samples, theirs.
+  [[nodiscard]] double deviation(std::size_t point) const;
   /// Frames with a used sample, ascending.
   [[nodiscard]] std::vector<std::size_t> used_frames() const;
   /// Points of a frame that are compared, ascending: those that are used; of a cloud of many a

@@ -137,6 +137,32 @@ TEST(FitCaptures, OnlyNoiseThatIsZeroIsEstimated) {
               HasSubstr("captures.a: the noise of 1 of its 64 points (5) is given as 0"));
 }
 
+TEST(FitCaptures, PlacesFromNoisyFramesAddTheirNoise) {
+  const auto deviation = [](const std::function<void(Json&)>& change) {
+    const Folder folder;
+    write_flight(
+        folder.path, 0, [](std::size_t, std::size_t) { return true; },
+        std::vector<double>(kPoints, 2e-3));
+    return loaded(folder.path, change).run.captures[0].deviation(3) / 2e-3;
+  };
+  const auto own = [](Json& d) { d["captures"][0].erase("noise"); };
+  EXPECT_DOUBLE_EQ(deviation(own), std::sqrt(2.0));
+  // The mean of the frames 0 to 4.
+  EXPECT_DOUBLE_EQ(deviation([&](Json& d) {
+                     own(d);
+                     d["captures"][0]["release"] = 4;
+                   }),
+                   std::sqrt(1.2));
+  EXPECT_DOUBLE_EQ(deviation([&](Json& d) {
+                     own(d);
+                     d["captures"][0]["positions"] = Json::array();
+                     for (std::size_t i = 0; i < kPoints; ++i) {
+                       d["captures"][0]["positions"].push_back({0.1, 0.1, 0.2});
+                     }
+                   }),
+                   1.0);
+}
+
 TEST(FitCaptures, NoiseOfCloudsIsNotEstimatedOverTime) {
   const Folder folder;
   write_flight(folder.path, 0, [](std::size_t t, std::size_t i) { return i != 7 || t >= 5; });

@@ -118,10 +118,13 @@ FitProblem::FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
       if (!part.frames.empty()) parts_.push_back(std::move(part));
     }
   }
-  if (loss_ == FitDoc::Loss::kTracks) return;
   Arena arena(model_.threads());
   for (Part& part : parts_) {
     const FitCapture& capture = capture_of(part);
+    for (std::size_t i = 0; i < capture.sigma.size(); ++i) {
+      part.deviations.push_back(capture.deviation(i));
+    }
+    if (loss_ == FitDoc::Loss::kTracks) continue;
     const capture::Tracks& tracks = capture.input.tracks;
     part.scale = capture.cloud_scale();
     for (const std::size_t t : part.frames) {
@@ -190,7 +193,8 @@ std::optional<Eigen::VectorXd> FitProblem::transposed(const Eigen::VectorXd& poi
     for (const std::size_t t : part.frames) {
       for (std::size_t i = 0; i < points; ++i, at += 3) {
         if (capture.used[t * points + i] == 0) continue;
-        bars[part.run][part.capture][t * points + i] = weights.segment<3>(at) / capture.sigma[i];
+        bars[part.run][part.capture][t * points + i] =
+            weights.segment<3>(at) / capture.deviation(i);
       }
     }
   }
@@ -218,7 +222,7 @@ Eigen::VectorXd FitProblem::residuals(const FitOutcome& outcome) const {
       if (loss_ == FitDoc::Loss::kTracks) {
         const std::span theirs(tracks.positions.data() + t * tracks.points, tracks.points);
         const std::span used(capture.used.data() + t * tracks.points, tracks.points);
-        pieces.push_back(fit::track_residuals(ours, theirs, used, capture.sigma, tracks.points));
+        pieces.push_back(fit::track_residuals(ours, theirs, used, part.deviations, tracks.points));
         continue;
       }
       const Cloud& cloud = part.clouds[k];
@@ -247,7 +251,7 @@ std::vector<double> FitProblem::distances(const Eigen::VectorXd& residual) const
       if (loss_ == FitDoc::Loss::kTracks) {
         for (const std::size_t i : seen) {
           const double size = residual.segment<3>(at + Eigen::Index(3 * i)).norm();
-          result.push_back(capture.sigma[i] * size);
+          result.push_back(capture.deviation(i) * size);
         }
         at += 3 * points;
         continue;

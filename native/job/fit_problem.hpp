@@ -73,8 +73,9 @@ class FitProblem final : public fit::Problem {
     std::size_t run = 0;
     std::size_t capture = 0;
     std::vector<std::size_t> frames;
-    fit::CloudScale scale;      ///< of clouds
-    std::vector<Cloud> clouds;  ///< one a frame
+    std::vector<double> deviations;  ///< FitCapture::deviation() of its points
+    fit::CloudScale scale;           ///< of clouds
+    std::vector<Cloud> clouds;       ///< one a frame
   };
   [[nodiscard]] const FitCapture& capture_of(const Part& part) const {
     return runs_[part.run].captures[part.capture];

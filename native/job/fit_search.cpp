@@ -24,7 +24,7 @@ constexpr std::size_t kScanSamples = 32;
 constexpr std::size_t kFirstSamples = 6;
 /// A start is poor where it misses the capture by so many times the noise, and by this part of the
 /// body's size.
-constexpr double kPoorNoise = 5.0;
+constexpr double kPoorNoise = 2.5;
 constexpr double kPoorSize = 0.005;
 /// Clouds: so many times what two samplings of one body miss each other by. That is a mean over
 /// many, and well known; smoothing hides much of how far the bodies are off.
@@ -294,7 +294,11 @@ double LawFit::poor() const {
   for (std::size_t r = 0; r < runs.size(); ++r) {
     for (const FitCapture& capture : runs[r].captures) {
       if (capture.used_count == 0) continue;
-      sigma = std::max(sigma, mean_of(capture.sigma));
+      double mean = 0.0;
+      for (std::size_t i = 0; i < capture.sigma.size(); ++i) {
+        mean += capture.deviation(i) / double(capture.sigma.size());
+      }
+      sigma = std::max(sigma, mean);
       const mpm::Scene& scene = scenes_[r];
       size =
           std::max(size, fit::body_size(scene.bodies[body_index(scene, capture.input.body)].rest));

@@ -171,16 +171,20 @@ RawTracks from_ply(const fs::path& path, const TracksOptions& options, const std
   const NumberedFiles files = find_sequence(path);
   RawTracks raw;
   raw.tracks.times = times_from_numbers(files.numbers, options, name);
+  std::vector<Points> clouds;
   for (std::size_t i = 0; i < files.paths.size(); ++i) {
-    const Points cloud = read_cloud(files.paths[i]);
-    if (i == 0) raw.tracks.points = cloud.size();
-    if (cloud.size() != raw.tracks.points || cloud.empty()) {
+    const Points& cloud = clouds.emplace_back(read_cloud(files.paths[i]));
+    raw.tracks.points = std::max(raw.tracks.points, cloud.size());
+    if (!options.clouds && (cloud.size() != clouds.front().size() || cloud.empty())) {
       throw_input(files.paths[i].filename().string() + ": has " + std::to_string(cloud.size()) +
                   " points, " + files.paths[0].filename().string() + " has " +
-                  std::to_string(raw.tracks.points) +
-                  ". Tracks need the same points in every frame; clouds without correspondence "
-                  "are compared as point clouds.");
+                  std::to_string(clouds.front().size()) +
+                  ". Tracks need the same points in every frame. A fit takes clouds without "
+                  "correspondence with fit.loss \"chamfer\" or \"surface\".");
     }
+  }
+  for (Points& cloud : clouds) {
+    cloud.resize(raw.tracks.points, kMissing);
     raw.tracks.positions.insert(raw.tracks.positions.end(), cloud.begin(), cloud.end());
   }
   return raw;

@@ -44,6 +44,9 @@ struct TracksOptions {
   /// in this order; empty: all.
   std::vector<std::string> markers;
   std::vector<double> noise;  ///< [m] overrides the file's: one value or one a kept marker
+  /// Point i of one frame is not point i of another: PLY files may differ in their number of
+  /// points. Those that a frame lacks are not visible in it.
+  bool clouds = false;
 };
 
 /// Point clouds without correspondence, as many points in each frame as were seen.
@@ -63,9 +66,10 @@ struct PointCloudSequence {
 
 /// Reads tracks by what `path` is: a .npz (`positions` (T,N,3); `times` (T,); optional `visible`
 /// (T,N), `noise` scalar or (N,), `up` "x|y|z", `labels` (N,)), a .npy (positions), a .pc2, a .c3d,
-/// or numbered PLY files with one number of points: a pattern `cloud_####.ply`, the first file
-/// of the sequence, or its folder. A point whose position is NaN in a file without `visible` is not
-/// visible. Result satisfies check_tracks(). Throws Error(kInput).
+/// or numbered PLY files with one number of points (see TracksOptions::clouds): a pattern
+/// `cloud_####.ply`, the first file of the sequence, or its folder. A point whose position is NaN
+/// in a file without `visible` is not visible. Result satisfies check_tracks(). Throws
+/// Error(kInput).
 [[nodiscard]] Tracks read_tracks(const std::filesystem::path& path,
                                  const TracksOptions& options = {});
 

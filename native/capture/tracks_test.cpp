@@ -192,6 +192,14 @@ TEST_F(TracksTest, NumberedPly) {
   EXPECT_EQ(clouds.frames.size(), 4U);
   EXPECT_FALSE(clouds.equal_counts());
   EXPECT_EQ(clouds.frames[3][2].x(), 5.0);
+
+  options.clouds = true;
+  cloud("cloud_0009.ply", {});
+  const Tracks padded = read_tracks(folder_, options);
+  ASSERT_EQ(padded.points, 3U);
+  ASSERT_EQ(padded.frames(), 5U);
+  EXPECT_THAT(padded.visible, ElementsAre(1, 1, 0, 1, 1, 0, 0, 0, 0, 1, 1, 0, 1, 1, 1));
+  EXPECT_EQ(padded.position(4, 2).x(), 5.0);
 }
 
 TEST_F(TracksTest, PointCloudsInOneNpz) {

@@ -76,7 +76,7 @@ std::optional<double> body_release(const BodyDoc& body, const SceneDoc& scene) {
   return last;
 }
 
-CaptureInput load_capture(const Job& job, std::size_t index) {
+CaptureInput load_capture(const Job& job, std::size_t index, bool clouds) {
   const CaptureDoc& doc = job.captures[index];
   const SceneDoc& scene = job.scene;
   const std::string& path = doc.path;
@@ -121,6 +121,7 @@ CaptureInput load_capture(const Job& job, std::size_t index) {
     }
     options.markers = doc.markers;
     if (doc.noise) options.noise = {*doc.noise};
+    options.clouds = clouds;
     input.tracks = capture::read_tracks(doc.file, options);
     for (double& time : input.tracks.times) time += input.start;
 

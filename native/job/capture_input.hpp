@@ -31,8 +31,9 @@ struct CaptureInput {
 };
 
 /// Reads, aligns and times a capture of a job whose captures share its scene (job/capture_scene.hpp
-/// takes others apart). Throws Error(kInput) beginning with the capture's path.
-[[nodiscard]] CaptureInput load_capture(const Job& job, std::size_t index);
+/// takes others apart). `clouds`: capture::TracksOptions::clouds. Throws Error(kInput) beginning
+/// with the capture's path.
+[[nodiscard]] CaptureInput load_capture(const Job& job, std::size_t index, bool clouds = false);
 
 /// When the body is let go: the last release of its pins [s], if any is released in the scene.
 [[nodiscard]] std::optional<double> body_release(const BodyDoc& body, const SceneDoc& scene);

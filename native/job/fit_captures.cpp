@@ -283,9 +283,14 @@ std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& stat
       }
       FitCapture capture;
       capture.path = doc.path;
-      capture.input = load_capture(run.job, k);
-      capture.places_given = !doc.positions.empty();
       capture.clouds = job.fit && job.fit->loss != FitDoc::Loss::kTracks;
+      if (capture.clouds && !doc.holdout.tracks.empty()) {
+        throw_input(doc.path +
+                    ".holdout.tracks: the points of clouds are others in every frame, "
+                    "so none can be held out. Hold out frames, or the capture.");
+      }
+      capture.input = load_capture(run.job, k, capture.clouds);
+      capture.places_given = !doc.positions.empty();
       const double slack = kSlack / run.job.scene.fps;
       leave_out_late(capture, slack, statements);
       if (!doc.holdout.capture) hold_out_unknown(capture, slack, statements);
@@ -373,6 +378,12 @@ void check_places(const FitRun& run, const mpm::Scene& scene, Arena& arena,
                   std::vector<std::string>& statements) {
   const double separation = 0.5 * scene.dx;
   for (const FitCapture& capture : run.captures) {
+    // A cloud that begins in the middle of the motion says nothing of the body at rest.
+    const capture::Tracks& tracks = capture.input.tracks;
+    const std::size_t first = first_frame(tracks);
+    if (capture.clouds && first < tracks.frames() && tracks.times[first] > kSlack / scene.fps) {
+      continue;
+    }
     Points places;
     for (std::size_t i = 0; i < capture.input.rest.size(); ++i) {
       if (capture.input.held_out_points[i] == 0 && capture.input.rest[i].allFinite()) {

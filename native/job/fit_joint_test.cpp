@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
 #include <utility>
 
 #include "base/parallel.hpp"
+#include "capture/ply.hpp"
 #include "job/build_scene.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/fit_parameters.hpp"
@@ -175,6 +178,34 @@ TEST(Fit, CloudsWithoutCorrespondence) {
   EXPECT_EQ(result["fit"]["after"]["held_out"]["samples"], 2 * 600);
   EXPECT_GT(result["fit"]["noise_scale"].get<double>(), 0.8);
   EXPECT_LT(result["fit"]["noise_scale"].get<double>(), 1.4);
+}
+
+// As a depth camera writes them: PLY files of differing counts, the first frames missing.
+TEST(Fit, CloudsInFilesThatBeginLate) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1, 2e-3, cloud(600));
+  shuffle(folder.path / "a.npz", 600);
+  const auto positions = capture::read_npz(folder.path / "a.npz").at("positions").doubles("a");
+  for (std::size_t t = 6; t < positions.size() / 1800; ++t) {
+    const std::size_t count = 600 - 17 * (t % 3);
+    std::array<std::vector<float>, 3> places;
+    for (std::size_t i = 0; i < count; ++i) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        places[axis].push_back(float(positions[1800 * t + 3 * i + axis]));
+      }
+    }
+    const std::vector<capture::PlyColumn> columns{
+        {"x", places[0]}, {"y", places[1]}, {"z", places[2]}};
+    capture::write_ply_points(folder.path / fmt::format("cloud_{:04d}.ply", t), columns);
+  }
+  Json document = fit_of(thrown_cube(), {"material.E"});
+  document["scene"]["bodies"][0]["material"]["E"] = 7e4;
+  document["captures"] = {
+      {{"tracks", {{"pattern", "cloud_####.ply"}}}, {"name", "cloud"}, {"start_frame", 6}}};
+  EXPECT_THROW((void)run(document, folder.path), Error) << "no tracks";
+  document["fit"]["loss"] = "chamfer";
+  const Json result = run(document, folder.path);
+  EXPECT_NEAR(value_of(result, "bodies.cube.material.E") / 3e4, 1.0, 0.05);
 }
 
 TEST(Fit, CloudsOfTheSurface) {

@@ -218,10 +218,11 @@ std::string fit_warning(const Json& fit, bool far) {
   const Json& noise = fit.at("noise_scale");
   if (far) {
     warning += fmt::format(
-        "{}The fitted simulation misses the capture by far more than its noise{}: the search may "
-        "have ended in a wrong place (begin from other values), or the law or the scene lacks "
-        "something.",
+        "{}The fitted simulation misses the capture by {}{}: the search may have ended in a wrong "
+        "place (begin from other values), or the law or the scene lacks something.",
         warning.empty() ? "" : " ",
+        fit.value("loss", "tracks") == "tracks" ? "far more than its noise"
+                                                : "more than another sampling would",
         noise.is_number() ? fmt::format(" ({:.3g} times that)", noise.get<double>()) : "");
   }
   return warning;

@@ -419,6 +419,7 @@ class FitJob {
     extras.task = task_name(Task::kFit);
     extras.begin = kFitShare;
     extras.kept = kept;
+    extras.clouds = doc_.loss != FitDoc::Loss::kTracks;
     extras.compared = [&](const CaptureInput& compared, const std::vector<double>& error_mm,
                           double size) {
       for (const FitRun& run : runs_) {

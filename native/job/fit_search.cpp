@@ -27,9 +27,11 @@ constexpr std::size_t kFirstSamples = 6;
 constexpr double kPoorNoise = 2.5;
 constexpr double kPoorSize = 0.005;
 /// Clouds: so many times what two samplings of one body miss each other by. That is a mean over
-/// many, and well known; smoothing hides much of how far the bodies are off.
+/// many, and well known; smoothing hides much of how far the bodies are off. A body's own surface
+/// is that of its particles, which a smooth one misses by some more.
 constexpr double kPoorCloud = 1.05;
-constexpr double kFarCloud = 1.5;
+constexpr double kFarCloud = 1.1;
+constexpr double kFarSurface = 1.3;
 /// Steps of the scan after the first stage, either way: where the law is wrong all of them are
 /// poor.
 constexpr int kNear = 3;
@@ -283,7 +285,8 @@ double LawFit::alike() const {
 }
 
 double LawFit::far() const {
-  return setup_.fit->loss == FitDoc::Loss::kTracks ? poor() : kFarCloud * alike();
+  if (setup_.fit->loss == FitDoc::Loss::kTracks) return poor();
+  return alike() * (setup_.fit->loss == FitDoc::Loss::kSurface ? kFarSurface : kFarCloud);
 }
 
 double LawFit::poor() const {
@@ -394,7 +397,9 @@ void LawFit::find_material(LawState& state, const FitWindow& window, const Start
   const auto costs = [&](const auto& points) {
     return start_distances(state, limit, points, window);
   };
-  Scanned found = scanned(*parameters_, start.values, start.mean, costs);
+  constexpr int kFar = 8;
+  const bool finely = setup_.fit->loss != FitDoc::Loss::kTracks;
+  Scanned found = scanned(*parameters_, start.values, start.mean, costs, kFar, finely);
   start.values = std::move(found.values);
   start.mean = found.cost;
   start.scanned = true;
@@ -445,7 +450,12 @@ double LawFit::mean_missed(const LawState& state) {
 
 bool LawFit::is_far(const LawState& state) {
   const double mean = mean_missed(state);
-  return std::isfinite(mean) && mean > far();
+  if (!std::isfinite(mean)) return false;
+  if (setup_.fit->loss == FitDoc::Loss::kTracks) return mean > far();
+  // With what no captured point is near to.
+  const Eigen::VectorXd& residual = state.search->residual;
+  const double entries = 0.5 * double(residual.size());
+  return std::sqrt(residual.squaredNorm() / entries) > far() / alike();
 }
 
 bool LawFit::at_first_level(const LawState& state) const {
@@ -496,7 +506,9 @@ bool LawFit::rescan(LawState& state) {
   const auto costs = [&](const auto& points) {
     return start_distances(state, limit, points, window);
   };
-  std::vector<double> found = scanned(*parameters_, state.values, mean, costs, kNear).values;
+  std::vector<double> found = scanned(*parameters_, state.values, mean, costs, kNear,
+                                      setup_.fit->loss != FitDoc::Loss::kTracks)
+                                  .values;
   if (found == state.values) return false;
   state.values = std::move(found);
   state.candidates.push_back(state.values);

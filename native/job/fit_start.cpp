@@ -28,6 +28,9 @@ constexpr double kAngleStep = 8.0;  // [degrees]
 /// That a scan looks at first: between a body that bounces too early and one that is right lie
 /// worse ones. What is softer is quicker to simulate.
 const std::vector<int> kFirstSteps = {-4, -3, -2, -1, 1, 2};
+/// Between half decades there may be a valley of a body's vibrations, which clouds show as such.
+constexpr int kFineParts = 4;
+const std::vector<int> kFineSteps{-3, -2, -1, 1, 2, 3};
 
 /// Of the points of one frame that the fit may see; NaN without any.
 Vec3d mean_seen(const FitCapture& capture, std::size_t frame) {
@@ -115,6 +118,7 @@ bool is_scanned(FitQuantity quantity) {
 struct Direction {
   std::size_t number = 0;
   std::optional<std::size_t> poisson;
+  int parts = 1;  ///< of half a decade (of a step of an angle)
 };
 
 bool inside(const fit::Parameter& parameter, double value) {
@@ -127,7 +131,8 @@ std::optional<std::vector<double>> stepped(const FitParameters& parameters,
                                            int step) {
   const auto& all = parameters.parameters();
   double& value = values[direction.number];
-  const double factor = std::pow(kHalfDecade, step);
+  const double steps = double(step) / double(direction.parts);
+  const double factor = std::pow(kHalfDecade, steps);
   if (direction.poisson) {
     double& nu = values[*direction.poisson];
     const double shear = value / (2.0 * (1.0 + nu));
@@ -136,7 +141,7 @@ std::optional<std::vector<double>> stepped(const FitParameters& parameters,
     nu = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear));
     if (!inside(all[*direction.poisson], nu)) return std::nullopt;
   } else if (all[direction.number].coordinate == fit::Coordinate::kLinear) {
-    value += kAngleStep * step;
+    value += kAngleStep * steps;
   } else {
     value *= factor;
   }
@@ -269,7 +274,7 @@ MotionStart with_initial_motion(const std::vector<FitRun>& runs,
 }
 
 Scanned scanned(const FitParameters& parameters, std::vector<double> values, double cost,
-                const FitCost& costs, int farthest) {
+                const FitCost& costs, int farthest, bool finely) {
   std::vector<Direction> directions;
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     const FitQuantity quantity = parameters.path(i).quantity;
@@ -286,9 +291,15 @@ Scanned scanned(const FitParameters& parameters, std::vector<double> values, dou
   for (const Direction& direction : directions) {
     moved = scan(parameters, direction, kFirstSteps, costs, farthest, values, cost) || moved;
   }
-  if (directions.size() < 2 || !moved) return {values, cost};
-  for (const Direction& direction : directions) {
-    (void)scan(parameters, direction, {-1, 1}, costs, farthest, values, cost);
+  if (directions.size() > 1 && moved) {
+    for (const Direction& direction : directions) {
+      (void)scan(parameters, direction, {-1, 1}, costs, farthest, values, cost);
+    }
+  }
+  if (!finely) return {values, cost};
+  for (Direction& direction : directions) {
+    direction.parts = kFineParts;
+    (void)scan(parameters, direction, kFineSteps, costs, kFineParts, values, cost);
   }
   return {values, cost};
 }

@@ -43,8 +43,9 @@ struct Scanned {
 /// 8°): stiffness (where ν is fitted too, then the bulk modulus alone: a ratio that is far off
 /// makes it wrong by decades), yield stress, friction angle, viscosity. Twice where there are
 /// several. `cost` is that of `values`; it goes `farthest` steps either way at most, both ways as
-/// long as no simulation could be completed.
+/// long as no simulation could be completed. `finely`: at the end by quarters of these steps.
 [[nodiscard]] Scanned scanned(const FitParameters& parameters, std::vector<double> values,
-                              double cost, const FitCost& costs, int farthest = 8);
+                              double cost, const FitCost& costs, int farthest = 8,
+                              bool finely = false);
 
 }  // namespace matterfit::job

@@ -120,6 +120,24 @@ TEST(FitStart, AScanSeesWhatLiesBehindAHill) {
               300.0);
 }
 
+// A valley of a body's vibrations lies beside the right one, which no half decade meets.
+TEST(FitStart, AFineScanSeesTheValleyBetweenHalfDecades) {
+  const Folder folder;
+  const BuiltFit built(fit_with({"material.E"}), folder.path);
+  const auto cost = [](double modulus) {
+    const double decades = std::log10(modulus / 3e4);
+    return std::min(4.0 * std::abs(decades), 0.2 + 0.2 * std::abs(decades - 0.36));
+  };
+  const auto costs = [&](const std::vector<std::vector<double>>& points) {
+    std::vector<double> all;
+    for (const auto& values : points) all.push_back(cost(values[0]));
+    return all;
+  };
+  const double start = 7e4;
+  EXPECT_EQ(scanned(built.parameters, {start}, cost(start), costs, 8, false).values[0], start);
+  EXPECT_NEAR(scanned(built.parameters, {start}, cost(start), costs, 8, true).values[0], 3e4, 2e3);
+}
+
 /// A rigid flight of the cube's markers with (1, 2, 3) m/s; `bounce`: until the first frame only,
 /// then back the way it came.
 void write_flight(const fs::path& path, std::size_t frames, double noise, bool bounce) {

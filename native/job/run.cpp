@@ -60,7 +60,7 @@ class Run {
   Json run() {
     report(0.0, "Reading");
     for (std::size_t i = 0; i < job_.captures.size(); ++i) {
-      captures_.push_back(load_capture(job_, i));
+      captures_.push_back(load_capture(job_, i, extras_.clouds));
       note_summary(captures_.back());
     }
     const Inputs inputs = simulation_inputs(job_, target_);

@@ -59,6 +59,7 @@ Json run_scenes(const Job& job, const RunOptions& options, Interrupter& interrup
       RunExtras inner;
       inner.begin = extras.begin + (1.0 - extras.begin) * double(g) / double(groups.size());
       inner.compared = extras.compared;
+      inner.clouds = extras.clouds;
       join(result, run_scene(own, options, interrupter, inner), groups[g]);
     }
     return extras.finish ? extras.finish(result) : std::vector<std::string>();

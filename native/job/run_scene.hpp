@@ -14,6 +14,7 @@ namespace matterfit::job {
 /// What a caller adds to the run of one scene.
 struct RunExtras {
   std::string_view task;  ///< that the result names; empty: the job's
+  bool clouds = false;    ///< of captures: capture::TracksOptions::clouds
   double begin = 0.0;     ///< where the progress of this run begins
   /// Files that stay in the folder although an earlier manifest lists them.
   std::vector<std::string> kept;

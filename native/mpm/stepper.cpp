@@ -227,8 +227,8 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
   const std::string before = may_retry ? save() : "";  // with the limits just found
   double count = fixed > 0 ? fixed : substeps(step);
   if (!(count < kMostSubsteps)) {
-    throw_compute("Frame " + std::to_string(frame_) + " would need " + std::to_string(count) +
-                  " substeps (" + step.reason +
+    throw_compute("Frame " + std::to_string(frame_) + " would need " +
+                  std::to_string(std::llround(count)) + " substeps (" + step.reason +
                   "). Soften the material, use a larger particle separation, or override "
                   "scene.solver.dt.");
   }

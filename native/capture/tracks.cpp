@@ -220,7 +220,8 @@ void keep_markers(Tracks& tracks, const std::vector<std::string>& markers,
   for (const std::string& marker : markers) {
     const std::size_t index = require_marker(tracks, marker, name);
     if (std::find(kept.begin(), kept.end(), index) != kept.end()) {
-      throw_input(name + ": marker '" + marker + "' is named twice.");
+      throw_input(
+          std::string(name).append(": marker '").append(marker).append("' is named twice."));
     }
     kept.push_back(index);
   }

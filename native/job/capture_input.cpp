@@ -56,7 +56,11 @@ std::vector<std::uint8_t> held_out_points(const CaptureDoc& doc, const CaptureIn
         found = true;
       }
     }
-    if (!found) throw_input(path + ".holdout.tracks: the capture has no point '" + wanted + "'.");
+    if (!found) {
+      throw_input(
+          std::string(path).append(".holdout.tracks: the capture has no point '").append(wanted) +
+          "'.");
+    }
   }
   return held;
 }
@@ -91,11 +95,8 @@ CaptureInput load_capture(const Job& job, std::size_t index, bool clouds) {
     options.unit = doc.unit;
     options.up = doc.up;
     options.fps = doc.fps > 0.0 ? doc.fps : scene.fps;
-    for (int i = 0; i < 4; ++i) {
-      for (int j = 0; j < 4; ++j) {
-        options.transform(i, j) = doc.transform[static_cast<std::size_t>(4 * i + j)];
-      }
-    }
+    options.transform =
+        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(doc.transform.data());
     if (doc.align) {
       capture::TracksOptions quiet = options;
       quiet.markers = doc.align->markers;

@@ -130,6 +130,7 @@ TEST(FitStart, AFineScanSeesTheValleyBetweenHalfDecades) {
   };
   const auto costs = [&](const std::vector<std::vector<double>>& points) {
     std::vector<double> all;
+    all.reserve(points.size());
     for (const auto& values : points) all.push_back(cost(values[0]));
     return all;
   };

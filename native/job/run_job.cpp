@@ -50,6 +50,7 @@ Json run_scenes(const Job& job, const RunOptions& options, Interrupter& interrup
   const std::vector<SceneGroup> groups = scene_groups(job);
   if (groups.size() == 1) return run_scene(job, options, interrupter, extras);
   std::vector<Job> jobs;
+  jobs.reserve(groups.size());
   for (const SceneGroup& group : groups) jobs.push_back(group_job(job, group));
   RunExtras base = extras;
   base.finish = [&](Json& result) {

@@ -203,11 +203,21 @@ std::string extent(const FitCapture& capture, const SceneDoc& scene) {
 void state_what_is_odd(const FitCapture& capture, const CaptureDoc& doc,
                        std::vector<std::string>& statements) {
   const CaptureInput& input = capture.input;
-  if (doc.holdout.frames &&
-      std::count(input.held_out_frames.begin(), input.held_out_frames.end(), 1) == 0) {
-    statements.push_back(capture.path + ".holdout.frames: no sample lies in the frames [" +
-                         std::to_string((*doc.holdout.frames)[0]) + ", " +
-                         std::to_string((*doc.holdout.frames)[1]) + "), so none is held out.");
+  if (doc.holdout.frames) {
+    const auto has = [](const std::vector<std::uint8_t>& marks) {
+      return std::find(marks.begin(), marks.end(), 1) != marks.end();
+    };
+    const std::string frames =
+        fmt::format("[{}, {})", (*doc.holdout.frames)[0], (*doc.holdout.frames)[1]);
+    if (!has(input.held_out_frames)) {
+      statements.push_back(capture.path + ".holdout.frames: no sample lies in the frames " +
+                           frames + ", so none is held out.");
+    } else if (!has(capture.predicted)) {
+      statements.push_back(capture.path + ".holdout.frames: none of the samples in the frames " +
+                           frames +
+                           " can be predicted (not seen, before the motion or outside the scene's "
+                           "frames), so there is no held-out error.");
+    }
   }
   if (!capture.clouds && capture.used_count > 0) {
     const std::string exchanged = capture::summarise(visible_to_fit(capture)).exchanged_warning;
@@ -218,6 +228,17 @@ void state_what_is_odd(const FitCapture& capture, const CaptureDoc& doc,
                          ": none of its samples is left to fit (held out, not seen, before the "
                          "release or outside the scene's frames); it is compared only.");
   }
+}
+
+/// A point tells where a body is, but not what shape it has.
+void refuse_single_points(const FitCapture& capture) {
+  for (const std::size_t t : capture.used_frames()) {
+    if (capture.compared(t).size() > 1) return;
+  }
+  if (capture.used_count == 0) return;
+  throw_input(capture.path +
+              ": its frames have one point each, which is no cloud. Give a file with the body's "
+              "points, or the loss 'tracks', which follows single points.");
 }
 
 }  // namespace
@@ -295,6 +316,7 @@ std::vector<FitRun> load_fit_runs(const Job& job, std::vector<std::string>& stat
       leave_out_late(capture, slack, statements);
       if (!doc.holdout.capture) hold_out_unknown(capture, slack, statements);
       mark_used(capture, run.job.scene);
+      if (capture.clouds) refuse_single_points(capture);
       state_what_is_odd(capture, doc, statements);
       const std::size_t frames = capture.used_frames().size();
       if (frames > 0 && frames < kFewestFrames) {

@@ -123,6 +123,23 @@ TEST(FitCaptures, WhatSaysNothingIsNeitherUsedNorPredicted) {
   }
 }
 
+TEST(FitCaptures, AHoldOutThatPredictsNothingIsTold) {
+  const Folder folder;
+  write_flight(folder.path, 4, [](std::size_t, std::size_t) { return true; });
+  const Loaded found = loaded(folder.path, [](Json& d) {
+    d["captures"][0]["release"] = 4;
+    d["captures"][0]["holdout"] = {{"frames", {0, 2}}};
+  });
+  EXPECT_THAT(found.statements, HasSubstr("in the frames [0, 2) can be predicted"));
+}
+
+TEST(FitCaptures, ACloudOfSinglePointsIsRefused) {
+  const Folder folder;
+  write_flight(folder.path, 0, [](std::size_t, std::size_t i) { return i == 3; });
+  EXPECT_THAT([&] { (void)loaded(folder.path, [](Json& d) { d["fit"]["loss"] = "chamfer"; }); },
+              testing::ThrowsMessage<Error>(HasSubstr("one point each, which is no cloud")));
+}
+
 TEST(FitCaptures, OnlyNoiseThatIsZeroIsEstimated) {
   const Folder folder;
   std::vector<double> noise(kPoints, 2e-3);

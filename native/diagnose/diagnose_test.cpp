@@ -104,7 +104,9 @@ TEST_P(FalseAlarms, AreRare) {
     if (seed > 1) continue;
     EXPECT_NEAR(report.noise.sigma, noise.sigma, 0.1 * noise.sigma);
     EXPECT_NEAR(report.noise.autocorrelation, noise.correlation, 0.05);
-    EXPECT_EQ(report.detection_limits.size() + report.not_observable.size(), 15U);
+    // A drift of the camera is a velocity.
+    EXPECT_THAT(report.not_observable, ElementsAre("camera_drift"));
+    EXPECT_EQ(report.detection_limits.size(), 12U);
   }
   // With 5 % each, more than 4 of 24 have a probability of .6 %.
   EXPECT_LE(alarms, 4);
@@ -165,9 +167,10 @@ TEST(Diagnose, ProposesTheThrowThatSeparatesAClass) {
   // Slow throws cannot tell the laws of drag apart.
   ThrownModel model({Vec3d(3.0, 0.0, 1.0)});
   model.experiments_ = {{"fast", "Throw it fast and sideways.", model.captures_[0]}};
-  model.record({cause_of(model, {"drag_quadratic", {0.01}})}, {});
+  model.record({cause_of(model, {"drag_quadratic", {0.002}})}, {});
   const Report report = diagnose(model);
   EXPECT_EQ(report.verdict, Verdict::kClass) << told(report);
+  EXPECT_EQ(report.next_recording, "Throw it fast and sideways.") << told(report);
   EXPECT_THAT(report.classes, Contains("drag_quadratic"));
   EXPECT_THAT(report.classes, Contains("drag_linear"));
 }
@@ -201,7 +204,7 @@ INSTANTIATE_TEST_SUITE_P(Chain, ChainHides,
                          [](const auto& info) { return info.param.effect; });
 
 TEST(Diagnose, ACoarseSolverIsNumericalAndNotDamping) {
-  ChainModel model(200);
+  ChainModel model(20);
   model.record({}, {});
   const Report report = diagnose(model);
   EXPECT_EQ(report.verdict, Verdict::kNumerical) << told(report);
@@ -212,7 +215,7 @@ TEST(Diagnose, ACoarseSolverIsNumericalAndNotDamping) {
 }
 
 TEST(Diagnose, DampingIsFoundBesideACoarseSolver) {
-  ChainModel model(400);
+  ChainModel model(60);
   model.record({cause_of(model, {"attached_mass", {0.5}}, 2)}, {});
   const Report report = diagnose(model);
   EXPECT_THAT(report.classes, ElementsAre("attached_mass")) << told(report);

@@ -375,7 +375,7 @@ class Search {
     const bool predicts =
         g.measurable ? g.low > 0.0 && g.after < g.last_residual && g.after <= kAsGood * g.free_field
                      : g.after <= 1.05 * g.before;
-    const bool likelier = excludes(*out_.best, out_.base);
+    const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
     out_.accepted = predicts && likelier && !out_.best->refit.at_bound;
     for (std::size_t k = 0; k < out_.first->scores.size(); ++k) {
       if (is_rival(out_.first->scores[k])) out_.rivals.push_back(k);

@@ -10,6 +10,7 @@
 #include "base/message_for_test.hpp"
 #include "capture/npz.hpp"
 #include "job/documents/document.hpp"
+#include "job/documents/fit_document.hpp"
 
 namespace matterfit::job {
 namespace {

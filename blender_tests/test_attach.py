@@ -8,7 +8,7 @@ import unittest
 import bpy
 import numpy
 from fake_cache import openvdb_module, write_exr, write_pc2, write_vdb
-from matterfit.io import attach, cache, takes
+from matterfit.io import attach, attached, cache, takes
 from matterfit.jobs import JobError
 from support import SceneCase, second_process
 
@@ -66,7 +66,7 @@ class MeshTest(AttachCase):
         self.assertEqual(self.frames_done, len(FRAMES))
         self.assertTrue(self.item.hide_render)
         self.assertIs(result.data, self.item.data)
-        attach.detach(self.scene, self.take)
+        attached.detach(self.scene, self.take)
         self.assertFalse(self.item.hide_render)
         self.assertNotIn("matterfit_hidden", self.item)
         self.assertIsNone(self.take.collection)
@@ -176,7 +176,7 @@ class MovedTest(AttachCase):
         self.attach()
         self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
         self.assertEqual(result.users_collection, (shelf,))
-        attach.detach(self.scene, self.take)
+        attached.detach(self.scene, self.take)
         self.assertEqual([item.name for item in self.scene.objects], ["Cube"])
         self.assertFalse(self.item.hide_render)
 
@@ -197,7 +197,7 @@ class MovedTest(AttachCase):
         shelf.objects.link(lamp)
         self.attach()
         self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
-        attach.detach(self.scene, self.take)
+        attached.detach(self.scene, self.take)
         self.assertEqual(sorted(item.name for item in self.scene.objects), ["Cube", "Lamp"])
 
     def test_without_its_collection(self):
@@ -209,7 +209,7 @@ class MovedTest(AttachCase):
         self.assertIsNone(self.take.collection)
         self.attach()
         self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
-        attach.detach_kind(self.take, "points")
+        attached.detach_kind(self.take, "points")
         self.assertEqual(self.tagged(), ["mesh:Cube"])
 
     def test_of_another_take(self):
@@ -222,9 +222,9 @@ class MovedTest(AttachCase):
         self.shelf(first, second)
         self.attach()
         self.assertEqual(self.tagged(), ["mesh:Cube"] * 2 + ["points:Cube"] * 2)
-        attach.detach(self.scene, self.take)
+        attached.detach(self.scene, self.take)
         self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
-        self.assertIn(first, attach.objects_of(self.scene, first_take))
+        self.assertIn(first, attached.objects_of(self.scene, first_take))
 
     def test_of_an_older_version(self):
         """Without the folder's name on them objects are found in the take's collection."""
@@ -287,7 +287,7 @@ class CopiedSceneTest(AttachCase):
                 self.assertEqual(takes.claim(take), folder)
                 # The original is as it was, and again alone with its cache.
                 self.assertTrue(self.take.baked)
-                self.assertEqual(attach.objects_of(self.scene, self.take),
+                self.assertEqual(attached.objects_of(self.scene, self.take),
                                  self.results[self.scene])
                 self.assertIsNotNone(self.take.collection)
                 self.assertFalse(takes.locate(self.take).linked)
@@ -304,7 +304,7 @@ class CopiedSceneTest(AttachCase):
                 self.assertFalse(copy.matterfit.takes[0].baked)
                 self.assertEqual([item for item in copy.objects if "matterfit" in item], [])
                 self.assertTrue(os.path.isdir(self.folder_of_cache))
-                self.assertEqual(attach.objects_of(self.scene, self.take),
+                self.assertEqual(attached.objects_of(self.scene, self.take),
                                  self.results[self.scene])
                 bpy.context.window.scene = self.scene
                 bpy.ops.matterfit.free()

@@ -6,6 +6,7 @@ from bpy.app.handlers import persistent
 
 from . import jobs
 from .props import migration
+from .ui import overlay
 
 
 @persistent
@@ -19,7 +20,6 @@ def migrate_all(*_arguments):
     messages = [migration.migrate_scene(scene) for scene in bpy.data.scenes]
     state = bpy.context.window_manager.matterfit
     state.last_error = next((message for message in messages if message), "")
-    from .ui import overlay
     overlay.forget()
 
 

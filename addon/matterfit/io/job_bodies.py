@@ -4,8 +4,8 @@
 import numpy
 from mathutils import Matrix, Quaternion, Vector
 
+from .. import laws
 from ..jobs import JobError
-from ..props import choices
 from . import files, meshes, transforms
 from .files import number, numbers
 
@@ -14,9 +14,9 @@ def material_document(material):
     """{law, parameters}, only those the law takes; damping and branches only where there are
     some."""
     document = {"law": material.law.lower()}
-    for name in choices.LAW_PARAMETERS[material.law]:
+    for name in laws.PARAMETERS[material.law]:
         document[name] = number(getattr(material, name))
-    for name in choices.DAMPING_PARAMETERS:
+    for name in laws.DAMPING:
         if getattr(material, name) > 0.0:
             document[name] = number(getattr(material, name))
     if material.maxwell:

@@ -5,6 +5,7 @@ import numpy
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
+from ..props import reactions
 from . import presets
 
 RAYS = 400
@@ -15,12 +16,14 @@ MOST_PARTICLES = 4e6
 _applying = []
 
 
+@reactions.separation_typed.done_by
 def separation_typed(solver):
     """Called when the particle separation changes; typing it makes the quality Custom."""
     if not _applying and solver.quality != "CUSTOM":
         _set(solver, "quality", "CUSTOM")
 
 
+@reactions.quality_chosen.done_by
 def apply_quality(solver, scene):
     """Sets the particle separation from the quality; without bodies nothing changes."""
     if _applying or solver.quality == "CUSTOM":

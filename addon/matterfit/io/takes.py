@@ -10,7 +10,7 @@ import bpy
 from ..compat import translate
 from ..jobs import JobError
 from ..props import scene as scene_props
-from . import attach, cache
+from . import attached, cache
 
 PREFIX = "cache_matterfit_"
 
@@ -66,9 +66,9 @@ def claim(take):
     location = locate(take)
     scene = take.id_data
     if location.shared:
-        attach.detach(scene, take)
+        attached.detach(scene, take)
     if not take.folder or location.linked:
-        shown = attach.objects_of(scene, take)
+        shown = attached.objects_of(scene, take)
         while True:
             name = PREFIX + secrets.token_hex(4)
             if not os.path.exists(os.path.join(base, name)):
@@ -76,7 +76,7 @@ def claim(take):
         take.folder = f"//{name}/"
         take.baked = False
         take.frames_done = 0
-        attach.mark(shown, name)
+        attached.mark(shown, name)
     take.owner = os.path.abspath(bpy.data.filepath)
     return os.path.join(base, cache.name_of(take))
 

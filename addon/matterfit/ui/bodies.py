@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import bpy
 
+from .. import laws
+from ..compat import translate
 from ..io import meshes, presets
-from ..props import choices
 from ..props import scene as scene_props
 from .common import MatterfitPanel, contact, form, lines, switched
 
@@ -86,13 +87,12 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         for fault in presets.faults():
             lines(column, fault, icon="ERROR")
         column.prop(material, "law")
-        for name in choices.LAW_PARAMETERS[material.law]:
+        for name in laws.PARAMETERS[material.law]:
             column.prop(material, name)
         column.prop(body, "density")
 
 
 def _shape_text(item):
-    from ..compat import translate
     return translate("Used: {shape}").format(shape=translate(meshes.body_shape(item).text))
 
 
@@ -124,7 +124,7 @@ class MATTERFIT_PT_body_motion(_BodyDetail, bpy.types.Panel):
         column.prop(body, "velocity")
         column.prop(body, "spin")
         column.prop(body, "formulation")
-        for name in choices.DAMPING_PARAMETERS:
+        for name in laws.DAMPING:
             column.prop(body.material, name)
         column.prop(body, "seed")
         if body.material.source:

@@ -5,7 +5,7 @@ import bpy
 
 from .. import jobs
 from ..compat import translate
-from ..io import attach, cache, takes
+from ..io import attached, cache, takes
 from ..props import scene as scene_props
 from .common import MatterfitPanel, lines, switched
 
@@ -72,7 +72,7 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
             lines(box, session.verify)
         if take.collection is not None:
             for item in take.collection.objects:
-                if item.get(attach.TAG):
+                if item.get(attached.TAG):
                     row = box.row(align=True)
                     row.label(text=item.name, translate=False)
                     row.prop(item, "hide_viewport", text="", emboss=False)

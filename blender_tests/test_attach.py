@@ -440,6 +440,84 @@ print(json.dumps(sums))
         self.assertGreater(large, 2 * small)
 
 
+@unittest.skipUnless(openvdb_module(), "this Blender has no pyopenvdb")
+class PictureTest(AttachCase):
+    """Each body has one picture, in the viewport and in renders."""
+
+    def write_files(self, document):
+        local = numpy.array([vertex.co for vertex in self.item.data.vertices])
+        for kind in ("mesh", "points"):
+            write_pc2(os.path.join(self.folder_of_cache, kind, "Cube.pc2"), [local] * len(FRAMES))
+        for frame in FRAMES:
+            write_vdb(os.path.join(self.folder_of_cache, "volume", f"Cube_{frame:04d}.vdb"), 0.2)
+
+    def seen(self, items, where="hide_render"):
+        return {tag.split(":")[0] for tag, item in items.items() if not getattr(item, where)}
+
+    def update(self, **arguments):
+        document, folder = self.document()
+        document["output"].update(volume=["density", "surface"])
+        attach.Attachment(self.scene, self.take, folder, document).update(**arguments)
+
+    def test_of_a_solid(self):
+        items = self.attach(volume=["density", "surface"])
+        self.assertEqual(set(items), {"mesh:Cube", "points:Cube", "surface:Cube", "volume:Cube"})
+        self.assertEqual(self.seen(items), {"mesh"})
+        self.assertEqual(self.seen(items, "hide_viewport") - {"volume"}, {"mesh"})
+        self.assertTrue(self.item.hide_render and self.item.hide_viewport)
+
+    def test_of_what_pours(self):
+        """Water and sand are their surface; the mesh is neither asked for nor seen."""
+        for preset in ("WATER", "SAND", "HONEY"):
+            with self.subTest(preset):
+                self.body_row.material.preset = preset
+                document, _folder = self.document()
+                self.assertNotIn("mesh", document["output"])
+                items = self.attach(volume=["density", "surface"])
+                self.assertEqual(self.seen(items), {"surface"})
+                self.assertEqual(self.seen(items, "hide_viewport") - {"volume"}, {"surface"})
+                self.assertTrue(self.item.hide_render)
+
+    def test_the_level_set_does_not_glow(self):
+        """Its volume has to stay in the viewport, and shows nothing there."""
+        volume = self.attach(volume=["surface"])["volume:Cube"]
+        self.assertFalse(volume.hide_viewport)
+        self.assertLess(volume.data.display.density, 1e-4)  # Blender's least
+        self.assertEqual(volume.data.display.wireframe_type, "NONE")
+
+    def test_fog_where_there_is_nothing_better(self):
+        document, folder = self.document()
+        self.folder_of_cache = folder
+        self.write_files(document)
+        document["output"].update(mesh=[], volume=["density"])
+        attach.Attachment(self.scene, self.take, folder, document).update()
+        items = {item["matterfit"]: item for item in self.take.collection.objects}
+        self.assertEqual(self.seen(items), {"volume"})
+        self.assertEqual(items["volume:Cube"].data.display.density, 1.0)
+
+    def test_while_it_bakes(self):
+        """Particles are of the newest frame; nothing of another frame stands beside them."""
+        items = self.attach(volume=["density", "surface"])
+        self.update(live=True)
+        self.assertEqual(self.seen(items), {"points"})
+        self.update(final=True)
+        self.assertEqual(self.seen(items), {"mesh"})
+
+    def test_what_the_artist_has_chosen_stays(self):
+        items = self.attach(volume=["density", "surface"])
+        items["surface:Cube"].hide_render = False
+        self.update(final=True)
+        self.assertEqual(self.seen(items), {"mesh", "surface"})
+
+    def test_another_picture_after_another_bake(self):
+        """Without render meshes the surface takes their place."""
+        items = self.attach(volume=["density", "surface"])
+        document, folder = self.document()
+        document["output"].update(mesh=[], volume=["surface"])
+        attach.Attachment(self.scene, self.take, folder, document).update()
+        self.assertEqual(self.seen(items), {"surface"})
+
+
 class FreeTest(AttachCase):
     def write_files(self, document):
         local = numpy.array([vertex.co for vertex in self.item.data.vertices])

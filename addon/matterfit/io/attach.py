@@ -8,6 +8,7 @@ import os
 
 import bpy
 
+from .. import laws
 from . import (
     attach_mesh,
     attach_particles,
@@ -36,10 +37,11 @@ class Attachment:
         self.kept = set()
         self.made = False
 
-    def update(self, final=False):
+    def update(self, final=False, live=False):
         """Everything that the cache holds by now. Returns how many frames play.
 
-        `final`: objects of outputs that this bake no longer writes are removed.
+        `final`: objects of outputs that this bake no longer writes are removed. `live`: the bake
+        runs, and only the newest frame's particles are seen.
         """
         self._collection()
         self.items = attached.objects_of(self.scene, self.take)
@@ -66,7 +68,7 @@ class Attachment:
             attached.remove([item for item in self.items if item[attached.TAG] not in self.kept])
             self.items = attached.objects_of(self.scene, self.take)
         self._evaluate_once()
-        self._visibility(final)
+        self._visibility(live)
         return done
 
     # -- collections and objects ---------------------------------------------------------------
@@ -122,23 +124,23 @@ class Attachment:
         for layer in self.scene.view_layers:
             layer.update()
 
-    def _visibility(self, final):
-        """Once, when all is there: a mesh hides surface and particles, a surface the particles.
-
-        Afterwards what is seen is the artist's choice.
-        """
-        if final:
-            tags = {item[attached.TAG] for item in self.items}
-            has_mesh = any(tag.startswith("mesh:") for tag in tags)
-            has_surface = any(tag.startswith("surface:") for tag in tags)
-            for item in self.items:
-                kind = item[attached.TAG].split(":")[0]
-                hide = (kind == "surface" and has_mesh) or (
-                    kind == "points" and (has_mesh or has_surface))
-                if hide and visibility.CHOSEN_TAG not in item:
-                    item.hide_render = True
-                    item.hide_viewport = True
-                item[visibility.CHOSEN_TAG] = 1
+    def _visibility(self, live):
+        """One picture of each body; what an earlier bake has left is none."""
+        laws_of = {files.safe_name(body["name"]): body["material"]["law"]
+                   for body in self.document["scene"]["bodies"]}
+        kinds = {}
+        for item in self.items:
+            kind, _colon, name = item[attached.TAG].partition(":")
+            kinds.setdefault(name, {})[kind] = item
+        for name, items in kinds.items():
+            usable = {kind for kind, item in items.items() if item[attached.TAG] in self.kept}
+            if "density" not in self.document.get("output", {}).get("volume", []):
+                usable.discard("volume")  # only a source for the surface
+            seen = visibility.picture(usable, laws.flows(laws_of.get(name, "")))
+            if live and "points" in usable:
+                seen = "points"
+            for kind, item in items.items():
+                visibility.decide(item, kind == seen)
         for body in self.scene.matterfit.bodies:
             if body.enabled and body.role == "BODY" and body.source == "OBJECT" and body.object:
                 visibility.hide_original(body.object)

@@ -26,10 +26,6 @@ def volume(work, name, sequence, grids):
         index, _body = work.body(name)
         volume.materials.append(nodes.volume_material(f"Matterfit {name} Volume",
                                                       nodes.COLORS[index % len(nodes.COLORS)]))
-    if "density" not in grids:
-        # Only a source for the surface: there is nothing to see in it.
-        item.hide_render = True
-        volume.display.wireframe_type = "NONE"
     if "surface" in grids:
         _surface(work, name, item)
     return count

@@ -81,7 +81,7 @@ class BodyPart:
                                         creases=self.shape.kind == "cage")
         meshes.check_faces(item, self.arrays)
         pinned = any(pin.kind == "VERTEX_GROUP" for pin in self.body.pins)
-        if item.type == "MESH" and (pinned or self.writer.settings.output.mesh):
+        if item.type == "MESH" and (pinned or self._has_render_mesh()):
             self.render = meshes.read_shape(item, meshes.render_shape(item), stretch, 1.0,
                                             creases=True)
         self._sample_pins(item, stretch)
@@ -221,9 +221,14 @@ class BodyPart:
             document["attach"] = mass.attach
         return document
 
+    def _has_render_mesh(self):
+        """What pours has left its mesh behind: its surface is the picture."""
+        return self.writer.settings.output.mesh and not laws.flows(self.body.material.law)
+
     def mesh_output(self):
         """The entry of output.mesh, or None. PC2 is in Blender units, without the pose."""
-        if self.render is None or len(self.render["face_sizes"]) == 0:
+        if (not self._has_render_mesh() or self.render is None
+                or len(self.render["face_sizes"]) == 0):
             return None
         item = self.body.object
         stop = meshes.first_topology_modifier(item)

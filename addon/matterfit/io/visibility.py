@@ -1,11 +1,41 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which take is seen, and when the artist's own objects give way to it."""
+"""What is seen of a take: one picture of each body, and when the artist's own objects give way."""
 
 from ..props import reactions
 
 HIDDEN_TAG = "matterfit_hidden"  # on an artist's object: how it was hidden before we hid it
-CHOSEN_TAG = "matterfit_shown"  # on one of ours: whether it is seen was decided once, and is the
-# artist's choice now
+CHOSEN_TAG = "matterfit_shown"  # on one of ours: what decide() made of it last
+SHOWN, HIDDEN, MIXED = 3, 2, 0
+# What shows a body, the best first: what pours has no mesh that could follow it.
+OF_SOLIDS = ("mesh", "surface", "volume", "points")
+OF_FLOWS = ("surface", "volume", "points", "mesh")
+
+
+def picture(kinds, flows):
+    """The one of `kinds` ('mesh', 'surface', 'volume', 'points') that shows the body."""
+    return next((kind for kind in (OF_FLOWS if flows else OF_SOLIDS) if kind in kinds), None)
+
+
+def decide(item, seen):
+    """Shows or hides an object of ours, unless the artist has changed that since."""
+    if item.get(CHOSEN_TAG, _state(item)) != _state(item):
+        return
+    item.hide_render = not seen
+    if item.type == "VOLUME":
+        # Its level set is what Volume to Mesh reads, and a hidden object is not evaluated: it stays,
+        # without anything that could be seen.
+        item.data.display.density = 1.0 if seen else 0.0
+        item.data.display.wireframe_type = "BOXES" if seen else "NONE"
+    else:
+        item.hide_viewport = not seen
+    item[CHOSEN_TAG] = _state(item)
+
+
+def _state(item):
+    hidden = item.hide_render
+    if item.type != "VOLUME" and item.hide_viewport != hidden:
+        return MIXED
+    return HIDDEN if hidden else SHOWN
 
 
 def hide_original(item):

@@ -30,10 +30,14 @@ def report_text(job):
 class BakeJob(JobOperator):
     """What Bake, Resume and Preview share: the cache is attached as it grows."""
 
+    _followed = None  # the frame that the playhead was put to last
+    _stood = 0  # and where it was before
+
     def progressed(self, context, job):
         # Until its first frame is done the job may be refused, and what is shown stays.
         if job.snapshot.frame > written_document(job.folder)["scene"]["frames"][0]:
-            self.show(context, job)
+            self.show(context, job, live=True)
+            self._follow(job)
 
     def stopped(self, context, job):
         if job.status == EXIT_INPUT:
@@ -44,11 +48,27 @@ class BakeJob(JobOperator):
 
     def ended(self, context, job):
         take = self.show(context, job, final=True)
+        scene, _take = takes.find(job.folder)
+        if scene is not None and scene.frame_current == self._followed:
+            scene.frame_set(self._stood)
         if take is not None:
             take.baked = True
         session(context).last_report = report_text(job)
 
-    def show(self, context, job, final=False):
+    def _follow(self, job):
+        """The playhead goes with the frame whose particles are seen, so that all else, such as an
+        animated collider, is of that frame too; until the artist moves it."""
+        scene, take = takes.find(job.folder)
+        if take is None or not take.frames_done:
+            return
+        if self._followed is None:
+            self._stood = scene.frame_current
+        elif scene.frame_current != self._followed:
+            return
+        self._followed = take.first_frame + take.frames_done - 1
+        scene.frame_set(self._followed)
+
+    def show(self, context, job, final=False, live=False):
         scene, take = takes.find(job.folder)
         if take is None:
             return None
@@ -56,7 +76,7 @@ class BakeJob(JobOperator):
         first, end = document["scene"]["frames"]
         take.first_frame, take.frame_count = first, end - first
         shown = attach.Attachment(scene, take, job.folder, document)
-        take.frames_done = shown.update(final)
+        take.frames_done = shown.update(final, live)
         if take == scene.matterfit.preview:
             visibility.show_only(scene.matterfit, take)
         else:

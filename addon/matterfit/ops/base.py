@@ -118,7 +118,7 @@ class JobOperator(NoJobRunning):
     _job = None
     _mark_shown = None
     # What replaces the tool's advice to run with --restart.
-    restart_advice = "Press Bake to replace them, or add a take and bake that."
+    restart_advice = "Press Bake, and choose a new take or this one."
 
     def progress_mark(self, context, job):
         return job.snapshot.frame

@@ -4,6 +4,7 @@
 import contextlib
 
 import bpy
+from bpy.props import EnumProperty
 
 from .. import jobs, native
 from ..compat import translate
@@ -13,6 +14,10 @@ from ..props import scene as scene_props
 from .base import JobOperator, session
 from .caches import HasCache, discard_preview
 from .launch import AFRESH, AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job, written_document
+
+
+ONTO = (("NEW", "New Take", "Into a new take with the same settings; the finished one stays"),
+        ("REPLACE", "Replace", "Into this take: what it holds is baked anew where it has changed"))
 
 
 def report_text(job):
@@ -88,20 +93,60 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
     bl_idname = "matterfit.bake"
     bl_label = "Bake"
     bl_description = ("Simulate the active take and write its caches beside the .blend file; "
-                      "frames appear as they are done")
+                      "frames appear as they are done. A take that is finished is kept")
+
+    onto: EnumProperty(
+        name="Onto", items=ONTO, options={"SKIP_SAVE"},
+        description="Where the bake goes when the active take is finished")
+
+    def invoke(self, context, event):
+        take = scene_props.active_take(context.scene.matterfit)
+        asked = self.properties.is_property_set("onto")
+        if take is not None and not asked and not bpy.app.background and takes.is_finished(take):
+            return bpy.ops.matterfit.bake_again("INVOKE_DEFAULT")
+        return super().invoke(context, event)
 
     def begin(self, context):
         takes.require_saved()
         native.require()
         scene = context.scene
-        take = takes.ensure_active(scene.matterfit)
-        discard_preview(scene)
-        folder = takes.claim(take)
-        prepared = prepare(context, take, folder, "bake")
+        settings = scene.matterfit
+        before = settings.take_index, len(settings.takes)
+        take = takes.for_bake(settings, replace=self.onto == "REPLACE")
+        try:
+            discard_preview(scene)
+            folder = takes.claim(take)
+            prepared = prepare(context, take, folder, "bake")
+        except JobError:
+            if before[1] and len(settings.takes) > before[1]:
+                settings.takes.remove(len(settings.takes) - 1)
+                settings.take_index = before[0]
+            raise
         scene.matterfit.compare.done = False
         # States of the very same inputs are used again: another output bakes without simulating.
         return start_job(context, translate("Bake {name}").format(name=take.name), prepared,
                          folder, AFRESH_WHERE_CHANGED, resumable=True)
+
+
+class MATTERFIT_OT_bake_again(bpy.types.Operator):
+    bl_idname = "matterfit.bake_again"
+    bl_label = "This Take Is Finished"
+    bl_description = "Ask whether a bake may replace the active take, which is finished"
+
+    onto: EnumProperty(name="Bake Into", items=ONTO, options={"SKIP_SAVE"},
+                       description="Where the bake goes")
+
+    def invoke(self, context, _event):
+        return context.window_manager.invoke_props_dialog(self)
+
+    def draw(self, context):
+        take = scene_props.active_take(context.scene.matterfit)
+        self.layout.label(text=translate("'{name}' holds {n} baked frames.").format(
+            name=take.name, n=take.frames_done), translate=False)
+        self.layout.prop(self, "onto", expand=True)
+
+    def execute(self, _context):
+        return bpy.ops.matterfit.bake("INVOKE_DEFAULT", onto=self.onto)
 
 
 class MATTERFIT_OT_resume(HasCache, BakeJob, bpy.types.Operator):
@@ -151,4 +196,4 @@ class MATTERFIT_OT_preview(BakeJob, bpy.types.Operator):
         return start_job(context, translate("Preview"), prepared, folder, AFRESH)
 
 
-CLASSES = (MATTERFIT_OT_bake, MATTERFIT_OT_resume, MATTERFIT_OT_preview)
+CLASSES = (MATTERFIT_OT_bake, MATTERFIT_OT_bake_again, MATTERFIT_OT_resume, MATTERFIT_OT_preview)

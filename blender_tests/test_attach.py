@@ -131,6 +131,36 @@ class MeshTest(AttachCase):
         with self.assertRaisesRegex(JobError, "holds 8 points.*9 vertices.*bake again"):
             attach.Attachment(self.scene, self.take, folder, document).update()
 
+    def test_after_what_makes_the_shape(self):
+        """A mirrored mesh moves as one: the result shows what Mirror made, and refines that."""
+        self.item.location.x = 0.3
+        mirror = self.item.modifiers.new("Mirror", "MIRROR")
+        mirror.mirror_object = bpy.data.objects.new("Middle", None)
+        self.scene.collection.objects.link(mirror.mirror_object)
+        self.item.modifiers.new("Subdivision", "SUBSURF").levels = 1
+        document, folder = self.document()
+        with numpy.load(os.path.join(folder, document["output"]["mesh"][0]["cage"])) as arrays:
+            local = arrays["vertices"]
+        self.assertEqual(len(local), 16)
+        write_pc2(os.path.join(folder, "mesh", "Cube.pc2"),
+                  [local + (0.0, 0.0, 0.1 * k) for k in range(len(FRAMES))])
+        attach.Attachment(self.scene, self.take, folder, document).update()
+        result = next(iter(self.take.collection.objects))
+        self.assertEqual([modifier.name for modifier in result.modifiers],
+                         ["Matterfit Cache", "Subdivision"])
+        self.assertIsNot(result.data, self.item.data)
+        self.assertEqual(len(result.data.vertices), 16)
+        for k, frame in enumerate(FRAMES):
+            points = evaluated_points(result, frame)
+            self.assertEqual(len(points), 52)
+            numpy.testing.assert_allclose(points.mean(axis=0), (0, 0, 1 + 0.1 * k), atol=1e-4)
+        attach.Attachment(self.scene, self.take, folder, document).update(final=True)
+        self.assertEqual([mesh.name for mesh in bpy.data.meshes if "matterfit" in mesh],
+                         [result.data.name])
+        attached.detach(self.scene, self.take)
+        self.assertEqual([mesh.name for mesh in bpy.data.meshes if "matterfit" in mesh], [])
+        self.assertFalse(self.item.hide_viewport)
+
     def test_plays_without_us(self):
         """Saved, opened in another process that has no add-on: the same places."""
         self.attach()

@@ -7,7 +7,7 @@ lies in; by these they are found again wherever in the scene the artist has put 
 
 import bpy
 
-from . import cache, meshes, visibility
+from . import cache, shapes, visibility
 
 TAG = "matterfit"
 CACHE_TAG = "matterfit_cache"
@@ -73,11 +73,12 @@ def _is_in_use(collection):
 def remove(items):
     """Removes our objects with the data only they use."""
     for item in items:
-        shared = item[TAG].startswith("mesh:")
+        # The artist's own mesh, which a result shows, stays whatever uses it.
+        shared = item[TAG].startswith("mesh:") and not item.data.get(TAG)
         data = item.data
         trees = [modifier.node_group for modifier in item.modifiers
                  if modifier.type == "NODES" and modifier.node_group is not None
-                 and meshes.is_own(modifier)]
+                 and shapes.is_own(modifier)]
         bpy.data.objects.remove(item)
         if not shared and data is not None and data.users == 0:
             bpy.data.batch_remove([data])

@@ -9,7 +9,7 @@ import numpy
 from mathutils import Euler, Vector
 
 from ..jobs import JobError
-from . import files, meshes, transforms
+from . import files, meshes, shapes, transforms
 from .files import number, numbers
 
 UNIT_NAMES = {"M": "m", "CM": "cm", "MM": "mm"}
@@ -44,7 +44,7 @@ class ObjectTrack:
         writer.at_every(self._visit)
 
     def _visit(self, frame, _depsgraph):
-        with meshes.modifiers_limited(self.item, len(self.item.modifiers)):
+        with shapes.modifiers_limited(self.item, len(self.item.modifiers)):
             depsgraph = bpy.context.evaluated_depsgraph_get()
             with meshes.evaluated_mesh(self.item, depsgraph) as mesh:
                 points = numpy.empty(len(mesh.vertices) * 3, dtype=numpy.float32)

@@ -2,7 +2,7 @@
 """PC2 files, played by Blender's Mesh Cache modifier."""
 
 from .. import compat
-from . import meshes, nodes
+from . import nodes, shapes
 
 
 def play(item, points, first):
@@ -10,7 +10,7 @@ def play(item, points, first):
     name = "Matterfit Cache"
     modifier = item.modifiers.get(name)
     if modifier is None:
-        stop = meshes.first_topology_modifier(item, own=True)
+        stop = shapes.cache_place(item)
         modifier = item.modifiers.new(name, "MESH_CACHE")
         compat.move_modifier(item, name, stop)
         modifier = item.modifiers[name]

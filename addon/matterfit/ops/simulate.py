@@ -15,7 +15,6 @@ from .base import JobOperator, session
 from .caches import HasCache, discard_preview
 from .launch import AFRESH, AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job, written_document
 
-
 ONTO = (("NEW", "New Take", "Into a new take with the same settings; the finished one stays"),
         ("REPLACE", "Replace", "Into this take: what it holds is baked anew where it has changed"))
 

@@ -34,6 +34,11 @@ class MatterfitSolver(bpy.types.PropertyGroup):
         precision=4, step=0.1, unit="LENGTH", update=_separation_changed,
         description="Distance between particles: the one resolution knob. A grid cell is twice "
                     "as wide")
+    most_particles: IntProperty(
+        name="Most Particles", default=100000, min=1000, soft_min=10000, max=100000000,
+        soft_max=5000000, update=_quality_changed,
+        description="The quality asks for no more particles than this in all bodies together; a "
+                    "particle separation that is typed may")
     use_range: BoolProperty(
         name="Own Frame Range", default=False,
         description="Simulate the frames below instead of the scene's")

@@ -3,7 +3,7 @@ import bpy
 
 from .. import laws
 from ..compat import translate
-from ..io import meshes, presets
+from ..io import presets, shapes
 from ..props import scene as scene_props
 from .common import MatterfitPanel, contact, form, lines, switched
 
@@ -93,7 +93,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
 
 
 def _shape_text(item):
-    return translate("Used: {shape}").format(shape=translate(meshes.body_shape(item).text))
+    return translate("Used: {shape}").format(shape=translate(shapes.body_shape(item).text))
 
 
 class _BodyDetail(MatterfitPanel):

@@ -131,6 +131,19 @@ class MeshTest(AttachCase):
         with self.assertRaisesRegex(JobError, "holds 8 points.*9 vertices.*bake again"):
             attach.Attachment(self.scene, self.take, folder, document).update()
 
+    def test_a_result_as_a_capture(self):
+        """It is recorded as it plays, not as the mesh that it shows at rest."""
+        result = self.attach()["mesh:Cube"]
+        capture = self.settings.captures.add()
+        capture.name, capture.source, capture.object = "take", "OBJECT", result
+        document, folder = self.document("compare")
+        with numpy.load(os.path.join(folder, document["captures"][0]["tracks"])) as arrays:
+            heights = arrays["positions"].mean(axis=1)[:, 2]
+        numpy.testing.assert_allclose(heights, 1.0 + 0.1 * numpy.arange(len(FRAMES)), atol=1e-5)
+        result["matterfit"] = "points:Cube"
+        with self.assertRaisesRegex(JobError, "'take'.*Choose the take's mesh"):
+            self.document("compare")
+
     def test_after_what_makes_the_shape(self):
         """A mirrored mesh moves as one: the result shows what Mirror made, and refines that."""
         self.item.location.x = 0.3

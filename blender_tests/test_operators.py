@@ -254,6 +254,23 @@ class PollTest(JobCase):
         self.assertTrue(kind.is_hidden and kind.is_skip_save)
 
 
+class OverlayTest(JobCase):
+    def test_simulated_points_beside_captured_ones(self):
+        """Both at their places in Blender units; a point that was not seen is not drawn."""
+        captured = numpy.zeros((1, 3, 3)) + [[0, 0, 0], [1, 0, 0], [2, 0, 0]]
+        errors = numpy.array([[0.0, 10.0, numpy.nan]])
+        found = comparison.Comparison(numpy.array([1.0]), captured, captured + [0, 0, 1], errors,
+                                      ["a", "b", "c"])
+        compare = self.settings.compare
+        ghosts, seen = ui.overlay.point_sets(compare, found, 0, 0.5, 10.0)
+        numpy.testing.assert_allclose(ghosts[0], [[0, 0, 0.5], [0.5, 0, 0.5]])
+        numpy.testing.assert_allclose(seen[0], [[0, 0, 0], [0.5, 0, 0]])
+        numpy.testing.assert_allclose(seen[1][:, :3], ui.overlay.STOPS[[0, -1]], atol=1e-6)
+        self.assertLess(ghosts[2], seen[2])
+        compare.show_simulation = False
+        self.assertEqual(len(ui.overlay.point_sets(compare, found, 0, 0.5, 10.0)), 1)
+
+
 class CompareTest(JobCase):
     def setUp(self):
         super().setUp()

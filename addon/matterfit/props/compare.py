@@ -72,6 +72,9 @@ class MatterfitCompare(bpy.types.PropertyGroup):
     show_heatmap: BoolProperty(
         name="Heat-Map", default=True, update=redraw,
         description="Draw the captured points in the viewport, coloured by their error")
+    show_simulation: BoolProperty(
+        name="Simulated Points", default=True, update=redraw,
+        description="Draw where the simulation has the same points, in grey")
     show_graph: BoolProperty(
         name="Error over Time", default=True, update=redraw,
         description="Draw the mean error of every frame in the viewport")

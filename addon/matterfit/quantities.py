@@ -21,7 +21,8 @@ _BRANCH = re.compile(r"^material\.maxwell\[(\d+)\]\.(modulus|time)$")
 class Quantity:
     """One row of the table; SI units.
 
-    Shown: `title` and `about` in English, `unit` ("" without one), `least` and `most` that are
+    Shown: `title` and `about` in English, `unit` ("" without one), `short` a title for a narrow
+    panel (the title itself where it is none), `least` and `most` that are
     allowed, `soft` limits of a slider, `precision` [digits] and `step` of the field; `size` 3 is a
     vector. Stored: `default` in a new scene, `absent` what a document means that leaves it out (None:
     it must not), `positive` where nothing can be simulated at 0.
@@ -52,6 +53,12 @@ class Quantity:
     around: bool = False
     sigma: float = 0.2
     share: float = 0.0
+    short: str = ""
+
+    @property
+    def caption(self):
+        """What a panel has room for; the tooltip has unit and sentence."""
+        return self.short or self.title
 
     @property
     def label(self):
@@ -67,11 +74,11 @@ class Quantity:
 _MATERIAL = (
     Quantity("material.E", "Young's Modulus", "Pa",
              "Stiffness in tension, in pascals: jelly 1e4, rubber 1e6, wood 1e10",
-             default=1e5, least=1e-3, most=1e13, soft=(1e2, 1e9), precision=0, step=10000,
+             short="Young's", default=1e5, least=1e-3, most=1e13, soft=(1e2, 1e9), precision=0, step=10000,
              absent=None, positive=True, low=1e2, high=1e10),
     Quantity("material.nu", "Poisson's Ratio", "",
              "Sideways shrinking over stretching, without unit: .5 keeps its volume",
-             default=0.3, least=-0.9, most=0.4999, soft=(0.0, 0.499), precision=4, step=1,
+             short="Poisson's", default=0.3, least=-0.9, most=0.4999, soft=(0.0, 0.499), precision=4, step=1,
              absent=None, scale=LOGIT, low=0.01, high=0.495),
     Quantity("material.yield_stress", "Yield Stress", "Pa",
              "Uniaxial stress in pascals from which the material keeps its new shape",
@@ -84,11 +91,11 @@ _MATERIAL = (
              default=1.0, most=1e9, soft=(1e-3, 1e4), precision=4, step=10, share=1e-4),
     Quantity("material.exponent", "Flow Exponent", "",
              "Herschel-Bulkley exponent, without unit: below 1 it thins as it flows",
-             default=1.0, least=0.1, most=4.0, soft=(0.3, 1.5), step=5, absent=1.0,
+             short="Exponent", default=1.0, least=0.1, most=4.0, soft=(0.3, 1.5), step=5, absent=1.0,
              low=0.1, high=4.0),
     Quantity("material.friction_angle", "Friction Angle", "°",
              "Angle of internal friction in degrees: dry sand 25 to 40",
-             default=30.0, most=89.0, soft=(10.0, 50.0), precision=1, step=50, absent=None,
+             short="Friction [°]", default=30.0, most=89.0, soft=(10.0, 50.0), precision=1, step=50, absent=None,
              scale=LINEAR, low=5.0, high=65.0, sigma=5.0),
     Quantity("material.cohesion", "Cohesion", "Pa",
              "Shear strength without pressure, in pascals: dry sand 0, wet sand 1e3",
@@ -100,10 +107,10 @@ _MATERIAL = (
              positive=True),
     Quantity("material.damping_shear", "Shear Damping", "Pa s",
              "Kelvin-Voigt viscosity against change of shape, in pascal seconds",
-             most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),
+             short="Shear Damp.", most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),
     Quantity("material.damping_bulk", "Bulk Damping", "Pa s",
              "Kelvin-Voigt viscosity against change of volume, in pascal seconds",
-             most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),
+             short="Bulk Damp.", most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),
 )
 # Of one Maxwell branch; its key in a document has the branch's number.
 _MAXWELL = (
@@ -113,7 +120,7 @@ _MAXWELL = (
              default=1e4, soft=(1.0, 1e9), precision=1, step=1000, absent=None),
     Quantity("material.maxwell.time", "Relaxation Time", "s",
              "Seconds in which a held stress of the branch falls to 37 %",
-             default=0.1, least=1e-6, most=1e5, soft=(1e-4, 100.0), precision=5, step=1,
+             short="Time [s]", default=0.1, least=1e-6, most=1e5, soft=(1e-4, 100.0), precision=5, step=1,
              absent=None, positive=True),
 )
 DENSITY = Quantity("density", "Density", "kg/m³",

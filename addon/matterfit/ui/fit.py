@@ -151,7 +151,8 @@ class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
         column = form(self.layout)
         switched(column, fit, "use_huber", "huber")
         column.prop(fit, "iterations")
-        column.prop(fit, "windows")
+        self.layout.prop(fit, "windows")
+        column = form(self.layout)
         column.prop(fit, "levels")
         column.prop(context.scene.matterfit.solver, "threads")
 

@@ -39,8 +39,8 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
         if take is not None and take.folder:
             self._cache(layout, context, take)
         row = layout.row(align=True)
-        row.operator("matterfit.export_alembic", icon="EXPORT")
-        row.operator("matterfit.export_usd", icon="EXPORT")
+        row.operator("matterfit.export_alembic", text="Alembic", icon="EXPORT")
+        row.operator("matterfit.export_usd", text="USD", icon="EXPORT")
 
     def _cache(self, layout, context, take):
         session = context.window_manager.matterfit

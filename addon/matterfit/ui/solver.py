@@ -15,7 +15,7 @@ class MATTERFIT_PT_solver(MatterfitPanel, bpy.types.Panel):
         solver = context.scene.matterfit.solver
         column = form(layout)
         column.prop(solver, "quality")
-        column.prop(solver, "particle_separation")
+        layout.prop(solver, "particle_separation")
         cells = _cells(context)
         if cells is not None:
             lines(layout, translate("{n} cells across the thinnest part").format(
@@ -27,14 +27,14 @@ class MATTERFIT_PT_solver(MatterfitPanel, bpy.types.Panel):
                     solver.bl_rna.properties["quality"].enum_items[solver.quality].name)),
                   icon="INFO")
         if solver.quality != "CUSTOM":
-            form(layout).prop(solver, "most_particles")
+            layout.prop(solver, "most_particles")
         layout.operator("matterfit.set_resolution", icon="DRIVER_DISTANCE")
         column = form(layout)
-        column.prop(solver, "use_range")
+        column.prop(solver, "use_range", text="Own Range")
         if solver.use_range:
             column.prop(solver, "frame_start")
             column.prop(solver, "frame_end")
-        column.prop(solver, "gravity")
+        column.prop(solver, "gravity", text="Gravity")
 
 
 _measured = {}
@@ -69,7 +69,7 @@ class MATTERFIT_PT_container(MatterfitPanel, bpy.types.Panel):
         column = form(layout)
         column.prop(solver, "use_walls")
         if solver.use_walls:
-            column.prop(solver, "container")
+            column.prop(solver, "container", text="Object")
             column.prop(solver, "open_top")
             contact(layout, solver.walls)
 
@@ -82,7 +82,7 @@ class MATTERFIT_PT_solver_advanced(MatterfitPanel, bpy.types.Panel):
         column = form(self.layout)
         solver = context.scene.matterfit.solver
         column.prop(solver, "cfl")
-        column.prop(solver, "memory_limit")
+        column.prop(solver, "memory_limit", text="Memory [GB]")
         column.prop(solver, "threads")
 
 

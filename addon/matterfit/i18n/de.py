@@ -133,7 +133,13 @@ TEXTS = {
     "{value}, not observable": "{value}, nicht beobachtbar",
     "Grid: ± {error}": "Gitter: ± {error}",
     "95 %: {low} to {high}": "95 %: {low} bis {high}",
-    "What is left is {factor} × the noise": "Es bleibt das {factor}-Fache des Rauschens",
+    "Remaining error: {factor} × the recording's noise (1 is ideal)":
+        "Verbleibender Fehler: {factor} × Rauschen der Aufnahme (1 ist ideal)",
+    "The scene changed since this bake: {changes}.":
+        "Die Szene hat sich seit diesem Backen geändert: {changes}.",
+    "The scene changed since this fit: {changes}.":
+        "Die Szene hat sich seit dieser Anpassung geändert: {changes}.",
+    "{what} was {before}, now {now}": "{what} war {before}, jetzt {now}",
     "Cancelled: the best so far. Resume goes on.":
         "Abgebrochen: das Beste bis dahin. Fortsetzen geht weiter.",
     "'{name}' is loaded": "„{name}“ ist geladen",

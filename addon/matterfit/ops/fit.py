@@ -8,7 +8,7 @@ import bpy
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import cache, fit_results, fit_rows, job_document, takes
+from ..io import cache, fit_results, fit_rows, job_document, takes, words
 from ..jobs import JobError, State
 from .base import JobOperator, NoJobRunning, PlainOperator, greyed, session
 from .launch import AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job
@@ -55,8 +55,9 @@ class FitJob(JobOperator):
     def ended(self, context, job):
         result = self._show(context, job)
         warning = [result.warning] if result is not None and result.warning else []
-        session(context).last_report = "\n".join([summary(result, job), *warning,
-                                                  *job.result.get("notes", [])])
+        session(context).last_report = words.in_panel(
+            "\n".join([summary(result, job), *warning, *job.result.get("notes", [])]),
+            context.scene.matterfit)
 
     def _fit(self, job):
         """The settings of the fit that the job is of; None where they are gone."""

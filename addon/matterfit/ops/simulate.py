@@ -8,7 +8,7 @@ from bpy.props import EnumProperty
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import attach, takes, visibility
+from ..io import attach, takes, visibility, words
 from ..jobs import EXIT_INPUT, JobError
 from ..props import scene as scene_props
 from .base import JobOperator, session
@@ -57,7 +57,7 @@ class BakeJob(JobOperator):
             scene.frame_set(self._stood)
         if take is not None:
             take.baked = True
-        session(context).last_report = report_text(job)
+        session(context).last_report = words.in_panel(report_text(job), context.scene.matterfit)
 
     def _follow(self, job):
         """The playhead goes with the frame whose particles are seen, so that all else, such as an

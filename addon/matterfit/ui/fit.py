@@ -212,7 +212,7 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
         row.label(text="Law")
         row.label(text=laws.name_of(result.law))
         if result.noise_scale > 0.0:
-            lines(layout, translate("What is left is {factor} × the noise").format(
+            lines(layout, translate("Remaining error: {factor} × the recording's noise (1 is ideal)").format(
                 factor=f"{result.noise_scale:.3g}"))
 
     def _errors(self, layout, result):

@@ -87,6 +87,27 @@ class EndTest(JobCase):
         bpy.ops.matterfit.preview()
         self.assertEqual([options["restart"] for _document, options in self.started], [2, 0, 1])
 
+    def test_a_finished_take_is_not_baked_over(self):
+        """Without a word it goes into a new take; Replace goes into the same one. One that was
+        refused before it began leaves no empty take."""
+        take, folder = self.cached()
+        take.baked = True
+        files.write_json(os.path.join(folder, "manifest.json"), {"files": {}, "complete": True})
+        before = tree(folder)
+        bpy.ops.matterfit.bake(onto="REPLACE")
+        self.assertEqual(len(self.settings.takes), 1)
+        self.settings.takes[0].baked = True
+        before = tree(folder)
+        bpy.ops.matterfit.bake()
+        self.assertEqual([other.name for other in self.settings.takes], ["Take 1", "Take 2"])
+        self.assertEqual(self.settings.take_index, 1)
+        self.assertEqual(tree(folder), before)
+        self.settings.take_index = 0
+        self.settings.solver.memory_limit = 0.1
+        with mock.patch.object(native, "estimate", lambda *_arguments: {"bytes": 10**9}):
+            self.fails(bpy.ops.matterfit.bake, ["memory"])
+        self.assertEqual((len(self.settings.takes), self.settings.take_index), (2, 0))
+
     def test_a_refused_resume_moves_nothing(self):
         """Neither while it reads nor at its end; job.json and the inputs are those of the results."""
         take, folder = self.cached()
@@ -132,7 +153,8 @@ class EndTest(JobCase):
             with mock.patch.object(base.JobOperator, "report", create=True) as report:
                 operator = next(cls for cls in ops.CLASSES
                                 if cls.bl_idname == "matterfit." + name)
-                stub = mock.Mock(spec=operator, report=report, bl_options=operator.bl_options)
+                stub = mock.Mock(spec=operator, report=report, bl_options=operator.bl_options,
+                                 onto="NEW")
                 job = operator.begin(stub, bpy.context).run(interval=0.0)
                 operator._result(stub, bpy.context, job)
             found[name] = (job.resumable, "Resume goes on" in report.call_args[0][1])
@@ -230,6 +252,23 @@ class PollTest(JobCase):
                 self.assertNotIn("REGISTER", cls.bl_options, cls)
         kind = bpy.ops.matterfit.remove_output.get_rna_type().properties["kind"]
         self.assertTrue(kind.is_hidden and kind.is_skip_save)
+
+
+class OverlayTest(JobCase):
+    def test_simulated_points_beside_captured_ones(self):
+        """Both at their places in Blender units; a point that was not seen is not drawn."""
+        captured = numpy.zeros((1, 3, 3)) + [[0, 0, 0], [1, 0, 0], [2, 0, 0]]
+        errors = numpy.array([[0.0, 10.0, numpy.nan]])
+        found = comparison.Comparison(numpy.array([1.0]), captured, captured + [0, 0, 1], errors,
+                                      ["a", "b", "c"])
+        compare = self.settings.compare
+        ghosts, seen = ui.overlay.point_sets(compare, found, 0, 0.5, 10.0)
+        numpy.testing.assert_allclose(ghosts[0], [[0, 0, 0.5], [0.5, 0, 0.5]])
+        numpy.testing.assert_allclose(seen[0], [[0, 0, 0], [0.5, 0, 0]])
+        numpy.testing.assert_allclose(seen[1][:, :3], ui.overlay.STOPS[[0, -1]], atol=1e-6)
+        self.assertLess(ghosts[2], seen[2])
+        compare.show_simulation = False
+        self.assertEqual(len(ui.overlay.point_sets(compare, found, 0, 0.5, 10.0)), 1)
 
 
 class CompareTest(JobCase):

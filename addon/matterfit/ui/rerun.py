@@ -55,14 +55,14 @@ class MATTERFIT_PT_rerun(MatterfitPanel, bpy.types.Panel):
             if throw.use_placement:
                 column.prop(throw, "location")
                 column.prop(throw, "rotation")
-            column.prop(throw, "velocity_from")
+            column.prop(throw, "velocity_from", text="Motion")
             if throw.velocity_from == "VALUE":
                 column.prop(throw, "velocity")
-                column.prop(throw, "spin")
+                column.prop(throw, "spin", text="Spin")
         column = form(layout)
         column.prop(take, "use_gravity")
         if take.use_gravity:
-            column.prop(take, "gravity")
+            column.prop(take, "gravity", text="Gravity")
         row = layout.row()
         row.label(text="Colliders")
         row.operator("matterfit.list_colliders", text="", icon="FILE_REFRESH")

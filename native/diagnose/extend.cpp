@@ -19,6 +19,8 @@ constexpr double kNearScore = 0.8;
 constexpr double kNoiseFloor = 1e-7;
 /// χ² is counted in numbers of causes at this price each.
 constexpr double kPrice = 2.0;
+/// A cause that is itself an acceleration field predicts what the free field does, to rounding.
+constexpr double kAsGood = 1.02;
 
 MatrixXd both(const MatrixXd& a, const MatrixXd& b) {
   MatrixXd result(a.rows(), a.cols() + b.cols());
@@ -339,7 +341,7 @@ class Search {
         judge_->gain_of(out_.base.opinion, out_.best->opinion, out_.best->numbers, options_.gain);
     const Gain& g = out_.best->gain;
     const bool predicts = g.measurable
-                              ? g.low > 0.0 && g.after < g.last_residual && g.after < g.free_field
+                              ? g.low > 0.0 && g.after < g.last_residual && g.after <= kAsGood * g.free_field
                               : g.after <= 1.05 * g.before;
     const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
     out_.accepted = predicts && likelier && !out_.best->refit.at_bound;

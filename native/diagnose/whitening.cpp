@@ -73,6 +73,8 @@ Whitening::Whitening(const Rows& rows, const Noise& noise, const MatrixXd& sprea
   factor_.resize(rows.size(), common.cols() + spread.cols());
   if (common.cols() > 0) factor_.leftCols(common.cols()) = common;
   if (spread.cols() > 0) factor_.rightCols(spread.cols()) = spread;
+  vectors_.resize(rows.size(), 0);
+  if (factor_.cols() == 0) return;
   const MatrixXd v = own(factor_);
   const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(v.transpose() * v);
   // Directions a thousandth of the noise in size change nothing.

@@ -8,6 +8,7 @@ from unittest import mock
 import bpy
 import numpy
 from fake_cache import write_pc2
+from mathutils import Vector
 from matterfit import jobs, native, ops, ui
 from matterfit.io import comparison, files, job_document, takes
 from matterfit.jobs import JobError, Outcome, Snapshot
@@ -269,6 +270,51 @@ class OverlayTest(JobCase):
         self.assertLess(ghosts[2], seen[2])
         compare.show_simulation = False
         self.assertEqual(len(ui.overlay.point_sets(compare, found, 0, 0.5, 10.0)), 1)
+
+
+class ThrowTest(JobCase):
+    """The arrow and the path that the viewport draws."""
+
+    def flight(self):
+        found = ui.throw_overlay.flights(self.scene)
+        return found[0] if found else None
+
+    def test_none_without_a_velocity(self):
+        self.assertIsNone(self.flight())
+        self.settings.bodies[0].velocity = (1.0, 0.0, 0.0)
+        self.settings.bodies[0].velocity_from = "ANIMATION"
+        self.assertIsNone(self.flight())
+
+    def test_a_parabola_to_the_ground(self):
+        """From .3 m with the half height .1 m the underside meets the ground after √(2·.2/9.81) s."""
+        self.scene.frame_end = 25
+        self.settings.bodies[0].velocity = (2.0, 0.0, 0.0)
+        path = self.flight().path
+        numpy.testing.assert_allclose(path[0], (0.0, 0.0, 0.3), atol=1e-6)
+        numpy.testing.assert_allclose(path[-1], (2.0 * (0.4 / 9.81) ** 0.5, 0.0, 0.1), atol=0.01)
+        numpy.testing.assert_allclose(path[2, 2], 0.3 - 0.5 * 9.81 / 12**2, atol=1e-6)
+
+    def test_the_throw_of_a_take(self):
+        """Its own place, velocity and gravity count; without a ground it flies to the last frame."""
+        self.settings.solver.use_ground = False
+        take = takes.ensure_active(self.settings)
+        bpy.ops.matterfit.add_throw()
+        throw = take.throws[0]
+        throw.velocity, throw.use_placement, throw.location = (0.0, 1.0, 0.0), True, (3.0, 0.0, 0.0)
+        take.use_gravity, take.gravity = True, (0.0, 0.0, -2.0)
+        path = self.flight().path
+        numpy.testing.assert_allclose(path[0], (3.0, 0.0, 0.0), atol=1e-6)
+        seconds = 5 / 24
+        numpy.testing.assert_allclose(path[-1], (3.0, seconds, -seconds**2), atol=1e-6)
+        throw.velocity_from = "BODY"
+        self.assertIsNone(self.flight())
+
+    def test_the_arrow(self):
+        flight = ui.throw_overlay.Flight("a", Vector((1, 0, 0)), Vector((0, 0, 5)), None)
+        ends = ui.throw_overlay.arrow(flight, Vector((0, 1, 0)))
+        numpy.testing.assert_allclose(ends[1], (1.0, 0.0, 0.5), atol=1e-6)
+        numpy.testing.assert_allclose(ends[3] + ends[5], (2.0, 0.0, 0.8), atol=1e-6)
+        self.assertGreater(abs(ends[3][0] - ends[5][0]), 0.05)
 
 
 class CompareTest(JobCase):

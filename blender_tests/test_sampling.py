@@ -8,7 +8,7 @@ import os
 import bpy
 import numpy
 from matterfit import compat
-from matterfit.io import files, shapes
+from matterfit.io import files, motion, shapes
 from matterfit.jobs import JobError
 from support import SceneCase
 
@@ -157,6 +157,72 @@ class HiddenTest(SamplingCase):
         self.item.hide_viewport = True
         numpy.testing.assert_allclose(self.first_body()["velocity"], (2.4, 0.0, 0.0), atol=2e-3)
         self.assertTrue(self.item.hide_viewport)
+
+
+class KeyedTest(SamplingCase):
+    """What Blender animates moves in the simulation too, without a word."""
+
+    def collider(self, item):
+        row = self.body(item, "COLLIDER")
+        document, self.cache = self.document()
+        return row, next(collider for collider in document["scene"]["colliders"]
+                         if collider["name"] == row.name)
+
+    def test_a_collider_that_stands(self):
+        _row, written = self.collider(self.cube("Ramp", location=(1.0, 0.0, 0.0)))
+        self.assertEqual(written["transform"]["position"], [1, 0, 0])
+
+    def test_a_keyed_collider(self):
+        item = self.cube("Ramp", location=(0.0, 0.0, 0.0))
+        self.animate(item, 1, 6, (1.0, 0.0, 0.0))
+        row, written = self.collider(item)
+        self.assertEqual(motion.collider_kind(row), "RIGID")
+        xs = [value["position"][0] for value in written["transform"]["values"]]
+        numpy.testing.assert_allclose(xs, numpy.linspace(0.0, 1.0, 6), atol=1e-5)
+
+    def test_a_parent_moves_it(self):
+        item = self.cube("Ramp")
+        item.parent = self.empty("Mover", (0.0, 0.0, 0.0))
+        row, written = self.collider(item)
+        self.assertEqual(motion.collider_kind(row), "RIGID")
+        self.assertEqual(len(written["transform"]["values"]), 6)
+
+    def test_a_mesh_that_deforms(self):
+        item = self.cube("Ramp")
+        item.shape_key_add(name="Basis")
+        item.shape_key_add(name="Tall").data[0].co.z += 1.0
+        key = item.data.shape_keys.key_blocks["Tall"]
+        for frame, value in ((1, 0.0), (6, 1.0)):
+            key.value = value
+            key.keyframe_insert("value", frame=frame)
+        row, written = self.collider(item)
+        self.assertEqual(motion.collider_kind(row), "DEFORMING")
+        self.assertEqual(len(written["meshes"]), 6)
+
+    def test_a_keyed_modifier(self):
+        item = self.cube("Ramp")
+        modifier = item.modifiers.new("Cast", "CAST")
+        for frame, value in ((1, 0.0), (6, 1.0)):
+            modifier.factor = value
+            modifier.keyframe_insert("factor", frame=frame)
+        self.assertEqual(motion.collider_kind(self.body(item, "COLLIDER")), "DEFORMING")
+
+    def test_a_body_flies_as_it_is_keyed(self):
+        """2 m in x over 5 frames at 24 a second, offered when the body is added."""
+        item = self.cube("Thrown", location=(0.0, 0.0, 1.0))
+        self.animate(item, 1, 6, (2.0, 0.0, 0.0))
+        row = self.body(item)
+        self.assertEqual(row.velocity_from, "ANIMATION")
+        document, _folder = self.document()
+        written = next(body for body in document["scene"]["bodies"] if body["name"] == "Thrown")
+        numpy.testing.assert_allclose(written["velocity"], (2.0 * 24 / 5, 0, 0), atol=1e-3)
+        row.velocity_from = "VALUE"
+        document, _folder = self.document()
+        written = next(body for body in document["scene"]["bodies"] if body["name"] == "Thrown")
+        self.assertEqual(written["velocity"], [0, 0, 0])
+
+    def test_a_body_without_keys_has_typed_values(self):
+        self.assertEqual(self.row.velocity_from, "VALUE")
 
 
 class RenderOnlyTest(SamplingCase):

@@ -143,6 +143,8 @@ class _Application:
         if fitted is not None and fitted.velocity_from != "BODY" and throw is not None:
             throw.velocity_from = "VALUE"
             target = throw
+        if target == fit_values.find_body(self.settings, owner):
+            target.velocity_from = "VALUE"
         target.velocity = Vector(item.get("velocity", (0, 0, 0))) / self.scale
         target.spin = item.get("spin", (0, 0, 0))
 

@@ -4,7 +4,7 @@ document."""
 
 from .. import quantities
 from ..props import scene as scene_props
-from . import frames, transforms
+from . import frames, motion, transforms
 
 GROUND = "ground"  # its name in the job document
 
@@ -58,7 +58,8 @@ def value(settings, owner, key):
     throw = None if take is None else next(
         (throw for throw in take.throws if throw.name == owner), None)
     if key in ("velocity", "spin"):
-        if throw is not None and throw.velocity_from == "ANIMATION":
+        source = throw.velocity_from if throw is not None else "BODY"
+        if (body.velocity_from if source == "BODY" else source) == "ANIMATION":
             return None
         thrown = throw if throw is not None and throw.velocity_from == "VALUE" else body
         return tuple(thrown.spin) if key == "spin" else _times(thrown.velocity, scale)
@@ -68,21 +69,12 @@ def value(settings, owner, key):
         if body.object is not None:
             there = scene.frame_current == frames.frame_range(scene)[0]
             return (_times(body.object.matrix_world.translation, scale)
-                    if there or not _moves(body.object) else None)
+                    if there or not motion.moves(body.object) else None)
     return (0.0, 0.0, 0.0)
 
 
 def _times(vector, scale):
     return tuple(component * scale for component in vector)
-
-
-def _moves(item):
-    """Whether the object may be somewhere else at another frame."""
-    while item is not None:
-        if item.animation_data is not None or item.constraints or item.rigid_body is not None:
-            return True
-        item = item.parent
-    return False
 
 
 def played(settings, row):

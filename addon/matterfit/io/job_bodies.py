@@ -68,7 +68,7 @@ class BodyPart:
         self.shape, self.bound = shapes.body_shape(item), shapes.bound_shape(item)
         self.writer.show(item)
         self.writer.at_first(self._sample)
-        if self.throw is not None and self.throw.velocity_from == "ANIMATION":
+        if self._velocity_from() == "ANIMATION":
             self._motion = self.writer.timed_matrix(
                 item, transforms.velocity_times(self.writer.first))
 
@@ -150,15 +150,19 @@ class BodyPart:
             return {"cage": path, "level": self.shape.level}
         return {"mesh": path}
 
+    def _velocity_from(self):
+        if self.throw is None or self.throw.velocity_from == "BODY":
+            return self.body.velocity_from
+        return self.throw.velocity_from
+
     def _velocity(self):
         body, throw, writer = self.body, self.throw, self.writer
-        if throw is None or throw.velocity_from == "BODY":
-            return Vector(body.velocity) * writer.scale, Vector(body.spin)
-        if throw.velocity_from == "VALUE":
-            return Vector(throw.velocity) * writer.scale, Vector(throw.spin)
+        if self._velocity_from() == "VALUE":
+            thrown = body if throw is None or throw.velocity_from == "BODY" else throw
+            return Vector(thrown.velocity) * writer.scale, Vector(thrown.spin)
         if body.source != "OBJECT":
-            raise JobError(f"{self.where}: is made from a file and has no animation. Set the "
-                           "take's velocity to Values Below.")
+            raise JobError(f"{self.where}: is made from a file and has no animation. Set its "
+                           "velocity to Values Below.")
         linear, angular = transforms.motion_velocity(self._motion, writer.scale, writer.fps)
         # The animation moves the object's origin; the job wants the centre of mass.
         arm = self.rotation @ Vector(meshes.center_of_mass(self.arrays))

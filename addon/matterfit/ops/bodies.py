@@ -5,7 +5,7 @@ import bpy
 from bpy.props import EnumProperty, IntProperty
 
 from ..compat import translate
-from ..io import fit_rows, presets, resolution, visibility
+from ..io import fit_rows, motion, presets, resolution, visibility
 from ..jobs import JobError
 from ..props import scene as scene_props
 from .base import PlainOperator, greyed, remove_active
@@ -31,6 +31,8 @@ def add_body(settings, item, role):
     body.object = item
     if role == "BODY":
         body.material.preset = "JELLY"
+        if item is not None and motion.is_keyed(item):
+            body.velocity_from = "ANIMATION"
     settings.body_index = len(settings.bodies) - 1
     return body
 

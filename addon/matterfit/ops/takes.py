@@ -74,7 +74,7 @@ class MATTERFIT_OT_add_throw(PlainOperator, bpy.types.Operator):
                                      "list.").format(name=body.name))
         throw = take.throws.add()
         throw.name = body.name
-        throw.velocity_from = "VALUE"
+        throw.velocity_from = body.velocity_from
         throw.velocity = body.velocity
         throw.spin = body.spin
         if body.object is not None:

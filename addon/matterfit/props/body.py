@@ -129,6 +129,9 @@ class MatterfitBody(bpy.types.PropertyGroup):
     formulation: EnumProperty(
         name="Formulation", items=choices.FORMULATIONS, default="AUTO",
         description="Where the computation's grid lives")
+    velocity_from: EnumProperty(
+        name="Velocity From", default="VALUE", items=choices.VELOCITY_SOURCES,
+        update=list_changed, description="Where the initial velocity comes from")
     velocity: vector("velocity", name="Velocity", subtype="VELOCITY", unit="VELOCITY")
     spin: vector("spin")
     seed: IntProperty(
@@ -141,11 +144,14 @@ class MatterfitBody(bpy.types.PropertyGroup):
     mass_index: IntProperty(name="Active Mass", default=0, min=0, soft_max=100, max=100000,
                             description="The mass shown below the list")
 
+    # Numbered: files store the number.
     collider_kind: EnumProperty(
-        name="Motion", default="STATIC",
-        items=(("STATIC", "Static", "Stands still where it is at the first frame"),
-               ("RIGID", "Rigid Animated", "Its transform is sampled once a frame"),
-               ("DEFORMING", "Deforming", "Its evaluated mesh is sampled at every frame")),
+        name="Motion", default="AUTO",
+        items=(("AUTO", "Automatic", "As its object is animated: not at all, as a whole, or its mesh",
+                "NONE", 3),
+               ("STATIC", "Static", "Stands still where it is at the first frame", "NONE", 0),
+               ("RIGID", "Rigid Animated", "Its transform is sampled once a frame", "NONE", 1),
+               ("DEFORMING", "Deforming", "Its evaluated mesh is sampled at every frame", "NONE", 2)),
         description="How the collider moves")
     collider_shape: EnumProperty(
         name="Shape", default="MESH",

@@ -36,3 +36,9 @@ UP_AXES = (
     ("Y", "Y Up", "Most games and film packages"),
     ("X", "X Up", "Rare"),
 )
+
+VELOCITY_SOURCES = (
+    ("VALUE", "Values Below", "The velocity and spin typed below"),
+    ("ANIMATION", "Object's Animation",
+     "Linear and angular velocity of the object's own animation at the first frame"),
+)

@@ -51,6 +51,9 @@ class MatterfitScene(bpy.types.PropertyGroup):
     fit: PointerProperty(type=MatterfitFit)
     preview: PointerProperty(type=MatterfitTake)
     takes: CollectionProperty(type=MatterfitTake)
+    show_throws: BoolProperty(
+        name="Show Throws", default=True, update=compare.redraw,
+        description="Draw the velocity of each body, and how it would fly, in the viewport")
     take_index: IntProperty(name="Active Take", default=0, min=0, max=100000, soft_max=100,
                             update=_take_switched,
                             description="The take that is shown, baked and compared")

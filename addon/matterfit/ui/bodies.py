@@ -3,9 +3,12 @@ import bpy
 
 from .. import laws
 from ..compat import translate
-from ..io import presets, shapes
+from ..io import motion, presets, shapes
 from ..props import scene as scene_props
 from .common import MatterfitPanel, contact, form, lines, quantity, switched
+
+MOTIONS = {"STATIC": "Stands still", "RIGID": "Moves with its object's animation",
+           "DEFORMING": "Its mesh is sampled at every frame"}
 
 
 class MATTERFIT_UL_bodies(bpy.types.UIList):
@@ -58,6 +61,8 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         column = form(layout)
         column.prop(body, "object")
         column.prop(body, "collider_kind")
+        if body.collider_kind == "AUTO" and body.object is not None:
+            lines(column, translate(MOTIONS[motion.collider_kind(body)]), icon="INFO")
         if body.collider_kind != "DEFORMING":
             column.prop(body, "collider_shape")
         contact(layout, body.contact)
@@ -121,8 +126,11 @@ class MATTERFIT_PT_body_motion(_BodyDetail, bpy.types.Panel):
     def draw(self, context):
         body = scene_props.active_body(context.scene.matterfit)
         column = form(self.layout)
-        column.prop(body, "velocity")
-        quantity(column, body, "spin")
+        if body.velocity_from == "ANIMATION" or body.object is not None and motion.moves(body.object):
+            column.prop(body, "velocity_from", text="From")
+        if body.velocity_from == "VALUE":
+            column.prop(body, "velocity")
+            quantity(column, body, "spin")
         column.prop(body, "formulation")
         for name in laws.DAMPING:
             quantity(column, body.material, "material." + name)

@@ -8,7 +8,7 @@ from .. import compat
 from ..compat import translate_label
 from ..io import comparison, takes, transforms
 from ..props import scene as scene_props
-from . import drawing, fit_overlay
+from . import drawing, fit_overlay, throw_overlay
 
 # Dark blue, cyan, green, yellow, red: error from nothing to the range's end.
 STOPS = numpy.array(((0.10, 0.20, 0.60), (0.10, 0.65, 0.80), (0.25, 0.75, 0.30),
@@ -162,6 +162,10 @@ def draw_fit():
     fit_overlay.draw(bpy.context, compare_graph_shown(bpy.context.scene.matterfit.compare))
 
 
+def draw_throws():
+    throw_overlay.draw()
+
+
 def compare_graph_shown(compare):
     return compare.done and compare.show_graph
 
@@ -171,6 +175,7 @@ def register():
         return
     view = bpy.types.SpaceView3D
     _handles.append(view.draw_handler_add(draw_points, (), "WINDOW", "POST_VIEW"))
+    _handles.append(view.draw_handler_add(draw_throws, (), "WINDOW", "POST_VIEW"))
     _handles.append(view.draw_handler_add(draw_legend, (), "WINDOW", "POST_PIXEL"))
     _handles.append(view.draw_handler_add(draw_fit, (), "WINDOW", "POST_PIXEL"))
 

@@ -41,7 +41,9 @@ class MATTERFIT_PT_rerun(MatterfitPanel, bpy.types.Panel):
         if take is None:
             layout.operator("matterfit.add_take", icon="ADD")
             return
-        layout.label(text="Throws")
+        row = layout.row()
+        row.label(text="Throws")
+        row.prop(settings, "show_throws", text="", icon="HIDE_OFF" if settings.show_throws else "HIDE_ON")
         row = layout.row()
         row.template_list("MATTERFIT_UL_throws", "throws", take, "throws", session, "throw_index",
                           rows=2)

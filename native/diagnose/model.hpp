@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
-#include "fit/parameter.hpp"
+#include "fit/numerics/parameter.hpp"
 
 /// What the discrepancy engine asks of a simulator. The engine (diagnose.hpp) knows no physics: it
 /// asks for positions at the captured samples, differentiates them by finite differences, and does

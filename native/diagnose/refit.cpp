@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "base/error.hpp"
-#include "fit/bounded_step.hpp"
+#include "fit/numerics/bounded_step.hpp"
 
 namespace matterfit::diagnose {
 namespace {

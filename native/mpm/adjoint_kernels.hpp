@@ -4,13 +4,13 @@
 #include <array>
 #include <cstddef>
 
-#include "material/constants_adjoint.hpp"
+#include "material/classical/constants_adjoint.hpp"
 #include "mpm/kernels.hpp"
 
 namespace matterfit::mpm {
 
 /// Cotangents of a law's constants, and of each Maxwell branch's stiffness and relaxed share
-/// (material/maxwell-inl.hpp), summed over a block.
+/// (material/classical/maxwell-inl.hpp), summed over a block.
 struct LawCotangents {
   material::ConstantsAdjoint<double> constants{};
   std::array<double, material::kMostMaxwellBranches> stiffness{};

@@ -9,11 +9,11 @@
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
-#include "material/law_gradient.hpp"
-#include "mpm/collider_adjoint.hpp"
+#include "material/classical/law_gradient.hpp"
 #include "mpm/scene.hpp"
 #include "mpm/schedule.hpp"
 #include "mpm/simulation.hpp"
+#include "shape/collider_adjoint.hpp"
 
 namespace matterfit::mpm {
 
@@ -63,7 +63,7 @@ struct BodyGradient {
 /// By contact (the stiffness is the resolved one where the scene has 0) and place. Updated bodies
 /// that the collider meets node by node do not feel where its surface is, only how it is inclined
 /// and moves.
-using ColliderGradient = ColliderCotangents;
+using ColliderGradient = shape::ColliderCotangents;
 
 /// A loss and its derivatives by everything that the scene says, per unit of each.
 struct Gradient {
@@ -90,7 +90,7 @@ struct GradientOptions {
   /// takes the velocity gradients of materials that do not need them. Else those are given as 0.
   bool of_no_damping = true;
   /// Observers see deformation gradients, as points bound beside particles follow them
-  /// (bake/binding.hpp).
+  /// (capture/binding.hpp).
   bool deformation_gradients = false;
   /// Called from the calling thread with the share that is done, from 0 to 1.
   std::function<void(double)> progress;

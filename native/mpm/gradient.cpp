@@ -23,6 +23,11 @@ constexpr double kForwardShare = 0.3;
 }
 
 void check_adjoints(const Scene& scene) {
+  const auto renewed = std::find_if(scene.bodies.begin(), scene.bodies.end(), is_renewed);
+  if (renewed != scene.bodies.end()) {
+    throw_input("Body '" + renewed->name +
+                "': formulation 'renewed' has no gradient. Fit by differences, or set 'updated'.");
+  }
   if (all_updated(scene) || scene.bodies.size() == 1) return;
   const auto total = std::find_if(scene.bodies.begin(), scene.bodies.end(),
                                   [](const Body& body) { return is_total(body); });

@@ -18,6 +18,7 @@ enum class Formulation {
   kAuto,     ///< total for elastic laws, updated for the rest
   kTotal,    ///< total Lagrangian: grid of the rest shape, node velocities the state
   kUpdated,  ///< updated Lagrangian MLS-MPM with APIC
+  kRenewed,  ///< node velocities the state as in total, its reference renewed as motion asks
 };
 
 /// Where a body's particles lie: x = origin + axes · (spacing · (i + ½, j + ½, k + ½)) for integer

@@ -8,7 +8,7 @@ import unittest
 import bpy
 import numpy
 from fake_cache import openvdb_module, write_exr, write_pc2, write_vdb
-from matterfit.io import attach, cache, takes
+from matterfit.io import attach, attached, cache, takes
 from matterfit.jobs import JobError
 from support import SceneCase, second_process
 
@@ -66,7 +66,7 @@ class MeshTest(AttachCase):
         self.assertEqual(self.frames_done, len(FRAMES))
         self.assertTrue(self.item.hide_render)
         self.assertIs(result.data, self.item.data)
-        attach.detach(self.scene, self.take)
+        attached.detach(self.scene, self.take)
         self.assertFalse(self.item.hide_render)
         self.assertNotIn("matterfit_hidden", self.item)
         self.assertIsNone(self.take.collection)
@@ -131,6 +131,49 @@ class MeshTest(AttachCase):
         with self.assertRaisesRegex(JobError, "holds 8 points.*9 vertices.*bake again"):
             attach.Attachment(self.scene, self.take, folder, document).update()
 
+    def test_a_result_as_a_capture(self):
+        """It is recorded as it plays, not as the mesh that it shows at rest."""
+        result = self.attach()["mesh:Cube"]
+        capture = self.settings.captures.add()
+        capture.name, capture.source, capture.object = "take", "OBJECT", result
+        document, folder = self.document("compare")
+        with numpy.load(os.path.join(folder, document["captures"][0]["tracks"])) as arrays:
+            heights = arrays["positions"].mean(axis=1)[:, 2]
+        numpy.testing.assert_allclose(heights, 1.0 + 0.1 * numpy.arange(len(FRAMES)), atol=1e-5)
+        result["matterfit"] = "points:Cube"
+        with self.assertRaisesRegex(JobError, "'take'.*Choose the take's mesh"):
+            self.document("compare")
+
+    def test_after_what_makes_the_shape(self):
+        """A mirrored mesh moves as one: the result shows what Mirror made, and refines that."""
+        self.item.location.x = 0.3
+        mirror = self.item.modifiers.new("Mirror", "MIRROR")
+        mirror.mirror_object = bpy.data.objects.new("Middle", None)
+        self.scene.collection.objects.link(mirror.mirror_object)
+        self.item.modifiers.new("Subdivision", "SUBSURF").levels = 1
+        document, folder = self.document()
+        with numpy.load(os.path.join(folder, document["output"]["mesh"][0]["cage"])) as arrays:
+            local = arrays["vertices"]
+        self.assertEqual(len(local), 16)
+        write_pc2(os.path.join(folder, "mesh", "Cube.pc2"),
+                  [local + (0.0, 0.0, 0.1 * k) for k in range(len(FRAMES))])
+        attach.Attachment(self.scene, self.take, folder, document).update()
+        result = next(iter(self.take.collection.objects))
+        self.assertEqual([modifier.name for modifier in result.modifiers],
+                         ["Matterfit Cache", "Subdivision"])
+        self.assertIsNot(result.data, self.item.data)
+        self.assertEqual(len(result.data.vertices), 16)
+        for k, frame in enumerate(FRAMES):
+            points = evaluated_points(result, frame)
+            self.assertEqual(len(points), 52)
+            numpy.testing.assert_allclose(points.mean(axis=0), (0, 0, 1 + 0.1 * k), atol=1e-4)
+        attach.Attachment(self.scene, self.take, folder, document).update(final=True)
+        self.assertEqual([mesh.name for mesh in bpy.data.meshes if "matterfit" in mesh],
+                         [result.data.name])
+        attached.detach(self.scene, self.take)
+        self.assertEqual([mesh.name for mesh in bpy.data.meshes if "matterfit" in mesh], [])
+        self.assertFalse(self.item.hide_viewport)
+
     def test_plays_without_us(self):
         """Saved, opened in another process that has no add-on: the same places."""
         self.attach()
@@ -176,7 +219,7 @@ class MovedTest(AttachCase):
         self.attach()
         self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
         self.assertEqual(result.users_collection, (shelf,))
-        attach.detach(self.scene, self.take)
+        attached.detach(self.scene, self.take)
         self.assertEqual([item.name for item in self.scene.objects], ["Cube"])
         self.assertFalse(self.item.hide_render)
 
@@ -197,7 +240,7 @@ class MovedTest(AttachCase):
         shelf.objects.link(lamp)
         self.attach()
         self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
-        attach.detach(self.scene, self.take)
+        attached.detach(self.scene, self.take)
         self.assertEqual(sorted(item.name for item in self.scene.objects), ["Cube", "Lamp"])
 
     def test_without_its_collection(self):
@@ -209,7 +252,7 @@ class MovedTest(AttachCase):
         self.assertIsNone(self.take.collection)
         self.attach()
         self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
-        attach.detach_kind(self.take, "points")
+        attached.detach_kind(self.take, "points")
         self.assertEqual(self.tagged(), ["mesh:Cube"])
 
     def test_of_another_take(self):
@@ -222,9 +265,9 @@ class MovedTest(AttachCase):
         self.shelf(first, second)
         self.attach()
         self.assertEqual(self.tagged(), ["mesh:Cube"] * 2 + ["points:Cube"] * 2)
-        attach.detach(self.scene, self.take)
+        attached.detach(self.scene, self.take)
         self.assertEqual(self.tagged(), ["mesh:Cube", "points:Cube"])
-        self.assertIn(first, attach.objects_of(self.scene, first_take))
+        self.assertIn(first, attached.objects_of(self.scene, first_take))
 
     def test_of_an_older_version(self):
         """Without the folder's name on them objects are found in the take's collection."""
@@ -287,7 +330,7 @@ class CopiedSceneTest(AttachCase):
                 self.assertEqual(takes.claim(take), folder)
                 # The original is as it was, and again alone with its cache.
                 self.assertTrue(self.take.baked)
-                self.assertEqual(attach.objects_of(self.scene, self.take),
+                self.assertEqual(attached.objects_of(self.scene, self.take),
                                  self.results[self.scene])
                 self.assertIsNotNone(self.take.collection)
                 self.assertFalse(takes.locate(self.take).linked)
@@ -304,7 +347,7 @@ class CopiedSceneTest(AttachCase):
                 self.assertFalse(copy.matterfit.takes[0].baked)
                 self.assertEqual([item for item in copy.objects if "matterfit" in item], [])
                 self.assertTrue(os.path.isdir(self.folder_of_cache))
-                self.assertEqual(attach.objects_of(self.scene, self.take),
+                self.assertEqual(attached.objects_of(self.scene, self.take),
                                  self.results[self.scene])
                 bpy.context.window.scene = self.scene
                 bpy.ops.matterfit.free()
@@ -438,6 +481,84 @@ print(json.dumps(sums))
         small, large = found["3"], found["7"]
         self.assertGreater(small, 5)
         self.assertGreater(large, 2 * small)
+
+
+@unittest.skipUnless(openvdb_module(), "this Blender has no pyopenvdb")
+class PictureTest(AttachCase):
+    """Each body has one picture, in the viewport and in renders."""
+
+    def write_files(self, document):
+        local = numpy.array([vertex.co for vertex in self.item.data.vertices])
+        for kind in ("mesh", "points"):
+            write_pc2(os.path.join(self.folder_of_cache, kind, "Cube.pc2"), [local] * len(FRAMES))
+        for frame in FRAMES:
+            write_vdb(os.path.join(self.folder_of_cache, "volume", f"Cube_{frame:04d}.vdb"), 0.2)
+
+    def seen(self, items, where="hide_render"):
+        return {tag.split(":")[0] for tag, item in items.items() if not getattr(item, where)}
+
+    def update(self, **arguments):
+        document, folder = self.document()
+        document["output"].update(volume=["density", "surface"])
+        attach.Attachment(self.scene, self.take, folder, document).update(**arguments)
+
+    def test_of_a_solid(self):
+        items = self.attach(volume=["density", "surface"])
+        self.assertEqual(set(items), {"mesh:Cube", "points:Cube", "surface:Cube", "volume:Cube"})
+        self.assertEqual(self.seen(items), {"mesh"})
+        self.assertEqual(self.seen(items, "hide_viewport") - {"volume"}, {"mesh"})
+        self.assertTrue(self.item.hide_render and self.item.hide_viewport)
+
+    def test_of_what_pours(self):
+        """Water and sand are their surface; the mesh is neither asked for nor seen."""
+        for preset in ("WATER", "SAND", "HONEY"):
+            with self.subTest(preset):
+                self.body_row.material.preset = preset
+                document, _folder = self.document()
+                self.assertNotIn("mesh", document["output"])
+                items = self.attach(volume=["density", "surface"])
+                self.assertEqual(self.seen(items), {"surface"})
+                self.assertEqual(self.seen(items, "hide_viewport") - {"volume"}, {"surface"})
+                self.assertTrue(self.item.hide_render)
+
+    def test_the_level_set_does_not_glow(self):
+        """Its volume has to stay in the viewport, and shows nothing there."""
+        volume = self.attach(volume=["surface"])["volume:Cube"]
+        self.assertFalse(volume.hide_viewport)
+        self.assertLess(volume.data.display.density, 1e-4)  # Blender's least
+        self.assertEqual(volume.data.display.wireframe_type, "NONE")
+
+    def test_fog_where_there_is_nothing_better(self):
+        document, folder = self.document()
+        self.folder_of_cache = folder
+        self.write_files(document)
+        document["output"].update(mesh=[], volume=["density"])
+        attach.Attachment(self.scene, self.take, folder, document).update()
+        items = {item["matterfit"]: item for item in self.take.collection.objects}
+        self.assertEqual(self.seen(items), {"volume"})
+        self.assertEqual(items["volume:Cube"].data.display.density, 1.0)
+
+    def test_while_it_bakes(self):
+        """Particles are of the newest frame; nothing of another frame stands beside them."""
+        items = self.attach(volume=["density", "surface"])
+        self.update(live=True)
+        self.assertEqual(self.seen(items), {"points"})
+        self.update(final=True)
+        self.assertEqual(self.seen(items), {"mesh"})
+
+    def test_what_the_artist_has_chosen_stays(self):
+        items = self.attach(volume=["density", "surface"])
+        items["surface:Cube"].hide_render = False
+        self.update(final=True)
+        self.assertEqual(self.seen(items), {"mesh", "surface"})
+
+    def test_another_picture_after_another_bake(self):
+        """Without render meshes the surface takes their place."""
+        items = self.attach(volume=["density", "surface"])
+        document, folder = self.document()
+        document["output"].update(mesh=[], volume=["surface"])
+        attach.Attachment(self.scene, self.take, folder, document).update()
+        self.assertEqual(self.seen(items), {"surface"})
 
 
 class FreeTest(AttachCase):

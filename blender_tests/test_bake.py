@@ -109,7 +109,7 @@ print(json.dumps(found))
         states = {path: os.stat(os.path.join(self.folder_of(), path)).st_mtime_ns
                   for path in results(self.folder_of()) if path.startswith("state")}
         self.settings.output.density = True
-        bpy.ops.matterfit.bake()
+        bpy.ops.matterfit.bake(onto="REPLACE")
         for path, stamp in states.items():
             self.assertEqual(os.stat(os.path.join(self.folder_of(), path)).st_mtime_ns, stamp)
         self.assertIn("density", files.read_json(
@@ -136,17 +136,18 @@ print(json.dumps(found))
     def test_changed_input_is_refused_on_resume(self):
         bpy.ops.matterfit.bake()
         self.settings.solver.gravity = (0.0, 0.0, -3.7)
-        message = self.fails(bpy.ops.matterfit.resume, ["gravity", "-3.7", "Press Bake"])
+        message = self.fails(bpy.ops.matterfit.resume, [
+            "The scene changed since this bake", "Gravity", "-3.7", "Press Bake"])
         self.assertNotIn("--restart", message)
 
     def test_bake_after_a_refusal(self):
         """What is refused, or only writes, leaves Bake able to replace the results of other inputs."""
         bpy.ops.matterfit.bake()
         self.settings.solver.gravity = (0.0, 0.0, -3.7)
-        self.fails(bpy.ops.matterfit.resume, ["gravity", "Press Bake"])
+        self.fails(bpy.ops.matterfit.resume, ["Gravity", "Press Bake"])
         bpy.ops.matterfit.estimate()
         bpy.ops.matterfit.write_job()
-        self.assertEqual(bpy.ops.matterfit.bake(), {"FINISHED"})
+        self.assertEqual(bpy.ops.matterfit.bake(onto="REPLACE"), {"FINISHED"})
         self.assertEqual(jobs.registry.current.result["frames_reused"], 0)
         self.assertEqual(files.read_json(os.path.join(self.folder_of(), "job.json"))
                          ["scene"]["gravity"], [0, 0, -3.7])
@@ -160,10 +161,36 @@ print(json.dumps(found))
         states = {path: os.stat(os.path.join(self.folder_of(), path)).st_mtime_ns
                   for path in results(self.folder_of()) if path.startswith("state")}
         self.assertTrue(states)
-        bpy.ops.matterfit.bake()
+        bpy.ops.matterfit.bake(onto="REPLACE")
         self.assertEqual(jobs.registry.current.result["frames_reused"], 6)
         for path, stamp in states.items():
             self.assertEqual(os.stat(os.path.join(self.folder_of(), path)).st_mtime_ns, stamp)
+
+    def test_a_finished_take_is_kept(self):
+        """Bake makes a new take, which is shown; the finished one keeps its files."""
+        bpy.ops.matterfit.bake()
+        first = tree(self.folder_of())
+        self.row.velocity = (1.0, 0.0, 0.0)
+        self.assertEqual(bpy.ops.matterfit.bake(), {"FINISHED"})
+        self.assertEqual([take.name for take in self.settings.takes], ["Take 1", "Take 2"])
+        self.assertEqual(self.settings.take_index, 1)
+        self.assertTrue(self.settings.takes[0].baked and self.settings.takes[1].baked)
+        self.assertEqual(first, tree(self.folder_of(0)))
+
+    def test_what_is_on_disk_is_shown(self):
+        """After another file was opened: a cache that has gone, or that a farm has finished."""
+        bpy.ops.matterfit.bake()
+        self.save("scene.blend")
+        away = self.folder_of() + "_away"
+        os.rename(self.folder_of(), away)
+        self.reopen()
+        self.assertFalse(self.settings.takes[0].baked)
+        self.assertEqual(self.settings.takes[0].frames_done, 0)
+        self.save("scene.blend")
+        os.rename(away, self.folder_of())
+        self.reopen()
+        self.assertTrue(self.settings.takes[0].baked)
+        self.assertEqual(self.settings.takes[0].frames_done, 6)
 
     def test_verify(self):
         """A truncated and a missing file are named."""

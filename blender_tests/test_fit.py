@@ -156,7 +156,7 @@ class RunTest(FakeFitCase):
 
         def refused():
             self.backend = Backend(status=2, error="scene.bodies[0]: no")
-            self.fails(bpy.ops.matterfit.fit, ["scene.bodies[0]: no"])
+            self.fails(bpy.ops.matterfit.fit, ["'Cube': no"])
             self.backend = None
 
         def refused_at_once():

@@ -5,8 +5,8 @@ import os
 
 import bpy
 import numpy
-from matterfit import native
-from matterfit.io import files, fit_parameters, job_fit
+from matterfit import native, quantities
+from matterfit.io import files, fit_rows, fit_values, job_fit
 from matterfit.jobs import JobError
 from matterfit.props import migration
 from support import SceneCase, needs_library, select
@@ -62,7 +62,7 @@ class ListTest(FitCase):
         self.assertEqual(self.keys(enabled=True),
                          ["material.E", "material.nu", "velocity", "spin"])
         self.assertEqual(self.keys("ground", enabled=True), [])
-        fit_parameters.refresh(self.settings)
+        fit_rows.refresh(self.settings)
         self.assertEqual(self.keys("clip"), ["start_frame"])
         self.assertEqual(self.keys("clip", enabled=True), [])
 
@@ -111,7 +111,7 @@ class ListTest(FitCase):
         bpy.ops.matterfit.add_branch()
         bpy.ops.matterfit.add_branch()
         self.assertIn("material.maxwell[1].time", self.keys())
-        self.assertEqual(fit_parameters.label_of("material.maxwell[1].time"),
+        self.assertEqual(quantities.label_of("material.maxwell[1].time"),
                          "2: Relaxation Time [s]")
         bpy.ops.matterfit.remove_branch()
         self.assertNotIn("material.maxwell[1].time", self.keys())
@@ -144,7 +144,7 @@ class ListTest(FitCase):
         row.enabled, row.use_bounds, row.low, row.high = True, True, 0.5, 1.5
         self.capture.name = "drop"
         self.capture.enabled = False
-        fit_parameters.refresh(self.settings)
+        fit_rows.refresh(self.settings)
         row = self.row("start_frame", "drop")
         self.assertEqual((row.enabled, row.use_bounds, row.low, row.high), (True, True, 0.5, 1.5))
         self.assertEqual(self.keys("clip"), [])
@@ -174,8 +174,8 @@ class ListTest(FitCase):
         self.settings.bodies[0].velocity = (100.0, 0.0, 0.0)
         self.settings.solver.ground_height = 50.0
         numpy.testing.assert_allclose(
-            fit_parameters.value(self.settings, "Cube", "velocity"), (1.0, 0.0, 0.0), rtol=1e-6)
-        self.assertAlmostEqual(fit_parameters.value(self.settings, "ground", "height"), 0.5)
+            fit_values.value(self.settings, "Cube", "velocity"), (1.0, 0.0, 0.0), rtol=1e-6)
+        self.assertAlmostEqual(fit_values.value(self.settings, "ground", "height"), 0.5)
 
 
 class DocumentTest(FitCase):
@@ -271,7 +271,7 @@ class DocumentTest(FitCase):
 
     def test_when_a_capture_begins(self):
         """Of the capture, from where it begins in the scene."""
-        fit_parameters.refresh(self.settings)
+        fit_rows.refresh(self.settings)
         self.only("start_frame", owner="clip")
         self.assertEqual(self.written()["parameters"], ["captures.clip.start_frame"])
         row = self.row("start_frame", "clip")
@@ -285,7 +285,7 @@ class DocumentTest(FitCase):
         self.assertEqual((row.low, row.high), (2.0, 6.0))
         self.written()
         self.capture.use_start_frame, self.capture.start_frame = True, 0.5
-        self.assertEqual(fit_parameters.value(self.settings, "clip", "start_frame"), 0.5)
+        self.assertEqual(fit_values.value(self.settings, "clip", "start_frame"), 0.5)
 
     def test_rotation_is_on_top(self):
         """The document has a quaternion; the search begins at none."""
@@ -312,7 +312,7 @@ class DocumentTest(FitCase):
     def test_what_the_active_take_starts_from(self):
         """Its throw and its gravity; of an animated object the place at the first frame."""
         def start(key, owner="Cube"):
-            return fit_parameters.value(self.settings, owner, key)
+            return fit_values.value(self.settings, owner, key)
 
         item = bpy.data.objects["Cube"]
         for frame, x in ((1, 2.0), (6, 4.0)):

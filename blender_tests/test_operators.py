@@ -8,6 +8,7 @@ from unittest import mock
 import bpy
 import numpy
 from fake_cache import write_pc2
+from mathutils import Vector
 from matterfit import jobs, native, ops, ui
 from matterfit.io import comparison, files, job_document, takes
 from matterfit.jobs import JobError, Outcome, Snapshot
@@ -87,6 +88,27 @@ class EndTest(JobCase):
         bpy.ops.matterfit.preview()
         self.assertEqual([options["restart"] for _document, options in self.started], [2, 0, 1])
 
+    def test_a_finished_take_is_not_baked_over(self):
+        """Without a word it goes into a new take; Replace goes into the same one. One that was
+        refused before it began leaves no empty take."""
+        take, folder = self.cached()
+        take.baked = True
+        files.write_json(os.path.join(folder, "manifest.json"), {"files": {}, "complete": True})
+        before = tree(folder)
+        bpy.ops.matterfit.bake(onto="REPLACE")
+        self.assertEqual(len(self.settings.takes), 1)
+        self.settings.takes[0].baked = True
+        before = tree(folder)
+        bpy.ops.matterfit.bake()
+        self.assertEqual([other.name for other in self.settings.takes], ["Take 1", "Take 2"])
+        self.assertEqual(self.settings.take_index, 1)
+        self.assertEqual(tree(folder), before)
+        self.settings.take_index = 0
+        self.settings.solver.memory_limit = 0.1
+        with mock.patch.object(native, "estimate", lambda *_arguments: {"bytes": 10**9}):
+            self.fails(bpy.ops.matterfit.bake, ["memory"])
+        self.assertEqual((len(self.settings.takes), self.settings.take_index), (2, 0))
+
     def test_a_refused_resume_moves_nothing(self):
         """Neither while it reads nor at its end; job.json and the inputs are those of the results."""
         take, folder = self.cached()
@@ -132,7 +154,8 @@ class EndTest(JobCase):
             with mock.patch.object(base.JobOperator, "report", create=True) as report:
                 operator = next(cls for cls in ops.CLASSES
                                 if cls.bl_idname == "matterfit." + name)
-                stub = mock.Mock(spec=operator, report=report, bl_options=operator.bl_options)
+                stub = mock.Mock(spec=operator, report=report, bl_options=operator.bl_options,
+                                 onto="NEW")
                 job = operator.begin(stub, bpy.context).run(interval=0.0)
                 operator._result(stub, bpy.context, job)
             found[name] = (job.resumable, "Resume goes on" in report.call_args[0][1])
@@ -230,6 +253,68 @@ class PollTest(JobCase):
                 self.assertNotIn("REGISTER", cls.bl_options, cls)
         kind = bpy.ops.matterfit.remove_output.get_rna_type().properties["kind"]
         self.assertTrue(kind.is_hidden and kind.is_skip_save)
+
+
+class OverlayTest(JobCase):
+    def test_simulated_points_beside_captured_ones(self):
+        """Both at their places in Blender units; a point that was not seen is not drawn."""
+        captured = numpy.zeros((1, 3, 3)) + [[0, 0, 0], [1, 0, 0], [2, 0, 0]]
+        errors = numpy.array([[0.0, 10.0, numpy.nan]])
+        found = comparison.Comparison(numpy.array([1.0]), captured, captured + [0, 0, 1], errors,
+                                      ["a", "b", "c"])
+        compare = self.settings.compare
+        ghosts, seen = ui.overlay.point_sets(compare, found, 0, 0.5, 10.0)
+        numpy.testing.assert_allclose(ghosts[0], [[0, 0, 0.5], [0.5, 0, 0.5]])
+        numpy.testing.assert_allclose(seen[0], [[0, 0, 0], [0.5, 0, 0]])
+        numpy.testing.assert_allclose(seen[1][:, :3], ui.overlay.STOPS[[0, -1]], atol=1e-6)
+        self.assertLess(ghosts[2], seen[2])
+        compare.show_simulation = False
+        self.assertEqual(len(ui.overlay.point_sets(compare, found, 0, 0.5, 10.0)), 1)
+
+
+class ThrowTest(JobCase):
+    """The arrow and the path that the viewport draws."""
+
+    def flight(self):
+        found = ui.throw_overlay.flights(self.scene)
+        return found[0] if found else None
+
+    def test_none_without_a_velocity(self):
+        self.assertIsNone(self.flight())
+        self.settings.bodies[0].velocity = (1.0, 0.0, 0.0)
+        self.settings.bodies[0].velocity_from = "ANIMATION"
+        self.assertIsNone(self.flight())
+
+    def test_a_parabola_to_the_ground(self):
+        """From .3 m with the half height .1 m the underside meets the ground after √(2·.2/9.81) s."""
+        self.scene.frame_end = 25
+        self.settings.bodies[0].velocity = (2.0, 0.0, 0.0)
+        path = self.flight().path
+        numpy.testing.assert_allclose(path[0], (0.0, 0.0, 0.3), atol=1e-6)
+        numpy.testing.assert_allclose(path[-1], (2.0 * (0.4 / 9.81) ** 0.5, 0.0, 0.1), atol=0.01)
+        numpy.testing.assert_allclose(path[2, 2], 0.3 - 0.5 * 9.81 / 12**2, atol=1e-6)
+
+    def test_the_throw_of_a_take(self):
+        """Its own place, velocity and gravity count; without a ground it flies to the last frame."""
+        self.settings.solver.use_ground = False
+        take = takes.ensure_active(self.settings)
+        bpy.ops.matterfit.add_throw()
+        throw = take.throws[0]
+        throw.velocity, throw.use_placement, throw.location = (0.0, 1.0, 0.0), True, (3.0, 0.0, 0.0)
+        take.use_gravity, take.gravity = True, (0.0, 0.0, -2.0)
+        path = self.flight().path
+        numpy.testing.assert_allclose(path[0], (3.0, 0.0, 0.0), atol=1e-6)
+        seconds = 5 / 24
+        numpy.testing.assert_allclose(path[-1], (3.0, seconds, -seconds**2), atol=1e-6)
+        throw.velocity_from = "BODY"
+        self.assertIsNone(self.flight())
+
+    def test_the_arrow(self):
+        flight = ui.throw_overlay.Flight("a", Vector((1, 0, 0)), Vector((0, 0, 5)), None)
+        ends = ui.throw_overlay.arrow(flight, Vector((0, 1, 0)))
+        numpy.testing.assert_allclose(ends[1], (1.0, 0.0, 0.5), atol=1e-6)
+        numpy.testing.assert_allclose(ends[3] + ends[5], (2.0, 0.0, 0.8), atol=1e-6)
+        self.assertGreater(abs(ends[3][0] - ends[5][0]), 0.05)
 
 
 class CompareTest(JobCase):

@@ -12,9 +12,8 @@ from unittest import mock
 import bpy
 import matterfit
 import support
-from matterfit import i18n, native, ops, props, ui
+from matterfit import i18n, laws, native, ops, props, ui
 from matterfit.io import presets
-from matterfit.props import choices
 
 
 class RegisterTest(unittest.TestCase):
@@ -166,7 +165,7 @@ class PresetTest(unittest.TestCase):
             body.material.preset = identifier
             values = document["material"]
             self.assertEqual(body.material.law, values["law"].upper())
-            for name in choices.LAW_PARAMETERS[body.material.law]:
+            for name in laws.PARAMETERS[body.material.law]:
                 if name in values:
                     self.assertAlmostEqual(getattr(body.material, name) / (values[name] or 1.0),
                                            1.0 if values[name] else 0.0, places=5)

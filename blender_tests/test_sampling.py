@@ -7,7 +7,9 @@ import os
 
 import bpy
 import numpy
-from matterfit.io import files, meshes
+from matterfit import compat
+from matterfit.io import files, motion, shapes
+from matterfit.jobs import JobError
 from support import SceneCase
 
 AWAY = 5  # where the playhead stands
@@ -157,6 +159,72 @@ class HiddenTest(SamplingCase):
         self.assertTrue(self.item.hide_viewport)
 
 
+class KeyedTest(SamplingCase):
+    """What Blender animates moves in the simulation too, without a word."""
+
+    def collider(self, item):
+        row = self.body(item, "COLLIDER")
+        document, self.cache = self.document()
+        return row, next(collider for collider in document["scene"]["colliders"]
+                         if collider["name"] == row.name)
+
+    def test_a_collider_that_stands(self):
+        _row, written = self.collider(self.cube("Ramp", location=(1.0, 0.0, 0.0)))
+        self.assertEqual(written["transform"]["position"], [1, 0, 0])
+
+    def test_a_keyed_collider(self):
+        item = self.cube("Ramp", location=(0.0, 0.0, 0.0))
+        self.animate(item, 1, 6, (1.0, 0.0, 0.0))
+        row, written = self.collider(item)
+        self.assertEqual(motion.collider_kind(row), "RIGID")
+        xs = [value["position"][0] for value in written["transform"]["values"]]
+        numpy.testing.assert_allclose(xs, numpy.linspace(0.0, 1.0, 6), atol=1e-5)
+
+    def test_a_parent_moves_it(self):
+        item = self.cube("Ramp")
+        item.parent = self.empty("Mover", (0.0, 0.0, 0.0))
+        row, written = self.collider(item)
+        self.assertEqual(motion.collider_kind(row), "RIGID")
+        self.assertEqual(len(written["transform"]["values"]), 6)
+
+    def test_a_mesh_that_deforms(self):
+        item = self.cube("Ramp")
+        item.shape_key_add(name="Basis")
+        item.shape_key_add(name="Tall").data[0].co.z += 1.0
+        key = item.data.shape_keys.key_blocks["Tall"]
+        for frame, value in ((1, 0.0), (6, 1.0)):
+            key.value = value
+            key.keyframe_insert("value", frame=frame)
+        row, written = self.collider(item)
+        self.assertEqual(motion.collider_kind(row), "DEFORMING")
+        self.assertEqual(len(written["meshes"]), 6)
+
+    def test_a_keyed_modifier(self):
+        item = self.cube("Ramp")
+        modifier = item.modifiers.new("Cast", "CAST")
+        for frame, value in ((1, 0.0), (6, 1.0)):
+            modifier.factor = value
+            modifier.keyframe_insert("factor", frame=frame)
+        self.assertEqual(motion.collider_kind(self.body(item, "COLLIDER")), "DEFORMING")
+
+    def test_a_body_flies_as_it_is_keyed(self):
+        """2 m in x over 5 frames at 24 a second, offered when the body is added."""
+        item = self.cube("Thrown", location=(0.0, 0.0, 1.0))
+        self.animate(item, 1, 6, (2.0, 0.0, 0.0))
+        row = self.body(item)
+        self.assertEqual(row.velocity_from, "ANIMATION")
+        document, _folder = self.document()
+        written = next(body for body in document["scene"]["bodies"] if body["name"] == "Thrown")
+        numpy.testing.assert_allclose(written["velocity"], (2.0 * 24 / 5, 0, 0), atol=1e-3)
+        row.velocity_from = "VALUE"
+        document, _folder = self.document()
+        written = next(body for body in document["scene"]["bodies"] if body["name"] == "Thrown")
+        self.assertEqual(written["velocity"], [0, 0, 0])
+
+    def test_a_body_without_keys_has_typed_values(self):
+        self.assertEqual(self.row.velocity_from, "VALUE")
+
+
 class RenderOnlyTest(SamplingCase):
     def test_subdivision_of_the_render(self):
         """The cache moves the cage also where only the render subdivides it."""
@@ -164,26 +232,145 @@ class RenderOnlyTest(SamplingCase):
         modifier = self.item.modifiers.new("Subdivision", "SUBSURF")
         modifier.levels, modifier.render_levels = 1, 3
         modifier.show_viewport = False
-        self.assertEqual(meshes.first_topology_modifier(self.item), 1)
-        self.assertEqual(meshes.render_shape(self.item).stop, 1)
-        shape = meshes.body_shape(self.item)
+        self.assertEqual(shapes.bound_shape(self.item).stop, 1)
+        self.assertEqual(shapes.bound_shape(self.item).stop, 1)
+        shape = shapes.body_shape(self.item)
         self.assertEqual((shape.kind, shape.stop, shape.level), ("cage", 1, 3))
         document, folder = self.document()
         mesh = document["output"]["mesh"][0]
         self.assertEqual(mesh["level"], 3)
         self.assertEqual(len(load(folder, mesh["cage"])["vertices"]), 8)
         modifier.show_render = False
-        self.assertEqual(meshes.first_topology_modifier(self.item), 2)
-        self.assertEqual(meshes.body_shape(self.item).kind, "mesh")
+        self.assertEqual(shapes.bound_shape(self.item).stop, 2)
+        self.assertEqual(shapes.body_shape(self.item).kind, "mesh")
 
-    def test_other_modifiers_of_the_render(self):
-        """What the viewport does not evaluate is not named as the last modifier."""
+    def test_what_makes_the_shape_in_the_render(self):
+        """An Array that only the render evaluates is simulated as well."""
         modifier = self.item.modifiers.new("Array", "ARRAY")
         modifier.show_viewport = False
-        self.assertEqual(meshes.render_shape(self.item).stop, 0)
-        self.assertNotIn("Array", meshes.body_shape(self.item).text)
-        self.item.modifiers.new("Bevel", "BEVEL")
-        self.assertIn("Bevel", meshes.body_shape(self.item).text)
+        document, folder = self.document()
+        source = document["scene"]["bodies"][0]["source"]["mesh"]
+        self.assertEqual(len(load(folder, source)["vertices"]), 16)
+        self.assertFalse(modifier.show_viewport)
+
+
+class ModifierTest(SamplingCase):
+    """Sampled after what makes the shape, bound before what only refines it."""
+
+    def sampled(self):
+        """(arrays of the body, arrays of the render mesh, its entry)."""
+        document, folder = self.document()
+        source = document["scene"]["bodies"][0]["source"]
+        entry = document["output"]["mesh"][0]
+        return (load(folder, source.get("mesh") or source["cage"]),
+                load(folder, entry.get("mesh") or entry["cage"]), entry)
+
+    def test_makers(self):
+        """Mirror, Array, Solidify, Boolean: both have the vertices that the modifier makes."""
+        other = self.cube("Other", size=0.2, location=(0.1, 0.1, 1.1))
+        for kind, values in (("MIRROR", {}), ("ARRAY", {"count": 3}), ("SOLIDIFY", {}),
+                             ("BOOLEAN", {"object": other, "solver": "EXACT"}), ("WELD", {}),
+                             ("REMESH", {"voxel_size": 0.05})):
+            with self.subTest(kind):
+                self.item.modifiers.clear()
+                self.item.location.x = 0.3
+                modifier = self.item.modifiers.new("Maker", kind)
+                for name, value in values.items():
+                    setattr(modifier, name, value)
+                self.item.modifiers.new("Subdivision", "SUBSURF")
+                self.assertEqual(shapes.bound_shape(self.item).stop, 1)
+                self.assertEqual((shapes.body_shape(self.item).kind,
+                                  shapes.body_shape(self.item).stop), ("cage", 1))
+                modifier_off = self.item.modifiers["Subdivision"]
+                modifier_off.show_viewport = False
+                bpy.context.view_layer.update()
+                depsgraph = bpy.context.evaluated_depsgraph_get()
+                count = len(self.item.evaluated_get(depsgraph).data.vertices)
+                modifier_off.show_viewport = True
+                body, render, entry = self.sampled()
+                self.assertEqual(len(body["vertices"]), count)
+                self.assertEqual(len(render["vertices"]), count)
+                self.assertIn("cage", entry)
+
+    def test_bevel_before_subdivision(self):
+        """The body has both, the cache moves the mesh before either."""
+        self.item.modifiers.new("Bevel", "BEVEL").width = 0.01
+        self.item.modifiers.new("Subdivision", "SUBSURF")
+        body, render, entry = self.sampled()
+        self.assertEqual(len(body["vertices"]), 24)
+        self.assertEqual(len(render["vertices"]), 8)
+        self.assertIn("mesh", entry)
+        self.assertIn("cage before 'Subdivision'", shapes.body_shape(self.item).text)
+
+    def test_a_maker_after_a_refiner(self):
+        """Then the finer mesh is part of what is made."""
+        self.item.modifiers.new("Subdivision", "SUBSURF").levels = 1
+        self.item.modifiers.new("Array", "ARRAY")
+        body, render, _entry = self.sampled()
+        self.assertEqual(len(body["vertices"]), 2 * 26)
+        self.assertEqual(len(render["vertices"]), 2 * 26)
+
+    def nodes(self, realized=True):
+        """A node group that gives the object on every vertex a cube, as instances or not."""
+        tree = bpy.data.node_groups.new("Cubes", "GeometryNodeTree")
+        compat.add_group_socket(tree, "Geometry", "INPUT", "NodeSocketGeometry")
+        compat.add_group_socket(tree, "Geometry", "OUTPUT", "NodeSocketGeometry")
+        nodes = [tree.nodes.new(name) for name in (
+            "NodeGroupInput", "GeometryNodeMeshToPoints", "GeometryNodeInstanceOnPoints",
+            "GeometryNodeRealizeInstances", "NodeGroupOutput")]
+        entry, points, place, realize, leave = nodes
+        cube = tree.nodes.new("GeometryNodeMeshCube")
+        cube.inputs["Size"].default_value = (0.05, 0.05, 0.05)
+        tree.links.new(entry.outputs[0], points.inputs[0])
+        tree.links.new(points.outputs[0], place.inputs["Points"])
+        tree.links.new(cube.outputs["Mesh"], place.inputs["Instance"])
+        tree.links.new(place.outputs[0], realize.inputs[0])
+        tree.links.new((realize if realized else place).outputs[0], leave.inputs[0])
+        self.item.modifiers.new("Scatter", "NODES").node_group = tree
+
+    def test_geometry_nodes(self):
+        self.nodes()
+        body, render, _entry = self.sampled()
+        self.assertEqual(len(body["vertices"]), 64)
+        self.assertEqual(len(render["vertices"]), 64)
+        self.assertIn("'Scatter'", shapes.body_shape(self.item).text)
+
+    def test_instances_are_refused(self):
+        self.nodes(realized=False)
+        with self.assertRaisesRegex(JobError, "'Cube'.*'Scatter'.*Realize Instances"):
+            self.document()
+
+    def test_what_nothing_can_follow_is_refused(self):
+        self.item.modifiers.new("Grow", "BUILD")
+        with self.assertRaisesRegex(JobError, "'Cube'.*'Grow'.*Apply the modifier"):
+            self.document()
+
+    def test_shading_nodes_make_nothing(self):
+        """Blender 4.1 shades smooth by a modifier, which says nothing of the shape."""
+        tree = bpy.data.node_groups.new("Smooth by Angle", "GeometryNodeTree")
+        compat.add_group_socket(tree, "Geometry", "INPUT", "NodeSocketGeometry")
+        compat.add_group_socket(tree, "Geometry", "OUTPUT", "NodeSocketGeometry")
+        tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0],
+                       tree.nodes.new("NodeGroupOutput").inputs[0])
+        self.item.modifiers.new("Subdivision", "SUBSURF")
+        self.item.modifiers.new("Smooth by Angle", "NODES").node_group = tree
+        self.assertEqual(shapes.body_shape(self.item).kind, "cage")
+        self.assertEqual(shapes.bound_shape(self.item).stop, 0)
+
+    def test_pins_of_a_mirrored_group(self):
+        """The mirrored half of a vertex group is held too."""
+        self.item.location.x = 0.3
+        group = self.item.vertex_groups.new(name="top")
+        group.add([vertex.index for vertex in self.item.data.vertices if vertex.co.z > 0.0], 1.0,
+                  "REPLACE")
+        mirror = self.item.modifiers.new("Mirror", "MIRROR")
+        mirror.mirror_object = self.cube("Middle", location=(0.0, 0.0, 5.0))
+        mirror.use_clip = False
+        pin = self.row.pins.add()
+        pin.kind, pin.vertex_group = "VERTEX_GROUP", "top"
+        document, folder = self.document()
+        region = document["scene"]["bodies"][0]["pins"][0]["region"]
+        self.assertEqual(len(load(folder, region["file"])["positions"]), 8)
 
 
 class PinnedGroupTest(SamplingCase):

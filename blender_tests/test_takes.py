@@ -5,7 +5,7 @@ import os
 import shutil
 
 import bpy
-from matterfit.io import attach, takes
+from matterfit.io import takes, visibility
 from matterfit.jobs import JobError
 from matterfit.props import migration
 from matterfit.props.scene import SCHEMA_VERSION
@@ -181,8 +181,8 @@ class MigrationTest(SceneCase):
 
     def test_hidden_original_comes_back(self):
         item = self.cube()
-        attach.hide_original(item)
-        attach.hide_original(item)
+        visibility.hide_original(item)
+        visibility.hide_original(item)
         self.assertTrue(item.hide_render and item.hide_viewport)
-        attach.show_original(item)
+        visibility.show_original(item)
         self.assertFalse(item.hide_render or item.hide_viewport)

@@ -36,7 +36,7 @@ from matterfit.ui import fit_overlay, overlay
 PICTURE = os.path.abspath(sys.argv[sys.argv.index("--") + 1])
 LIMIT = 450.0  # seconds for everything
 
-HANDLERS = ("draw_points", "draw_legend", "draw_fit")
+HANDLERS = ("draw_points", "draw_legend", "draw_fit", "draw_throws")
 drawn = {}
 faults = []
 

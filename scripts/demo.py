@@ -258,7 +258,8 @@ def show_errors(folder, frame):
 
 def fit_beam():
     """Stiffness and relaxation, and when within a frame the beam was let go."""
-    from matterfit.io import fit_parameters, fit_results
+    from matterfit import quantities
+    from matterfit.io import fit_results
 
     fit = settings().fit
     wanted = {"material.E", "material.maxwell[0].modulus", "start_frame"}
@@ -272,7 +273,7 @@ def fit_beam():
         say("  " + line)
     result = fit_results.load(take_folder(fit.run))
     for estimate in result.estimates:
-        say(f"  {fit_parameters.label_of(estimate.path.split('.', 2)[2])}: {estimate.text}")
+        say(f"  {quantities.label_of(estimate.path.split('.', 2)[2])}: {estimate.text}")
     before, after = (measure["mean_mm"] for measure in (result.held_out.before,
                                                         result.held_out.after))
     if not after < before:

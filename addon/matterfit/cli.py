@@ -117,13 +117,13 @@ class SceneJob:
         if self._fit is None:
             take = takes.ensure_active(settings)
         else:
-            self._io("fit_parameters").refresh(settings)
+            self._io("fit_rows").refresh(settings)
             take = self._fit.run
             self._before, self._done_before = takes.Kept(take), self._fit.done
             takes.for_fit(settings)
         task = "bake" if self._fit is None else "fit"
         self.folder = takes.claim(take)
-        prepare = importlib.import_module(f"{module.__name__}.ops.simulate").prepare
+        prepare = importlib.import_module(f"{module.__name__}.ops.launch").prepare
         try:
             self._document, self._replaced = prepare(bpy.context, take, self.folder, task,
                                                      estimate=False)

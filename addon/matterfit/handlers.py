@@ -5,7 +5,9 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import jobs
+from .io import comparison, takes
 from .props import migration
+from .ui import overlay
 
 
 @persistent
@@ -17,9 +19,11 @@ def stop_jobs(*_arguments):
 @persistent
 def migrate_all(*_arguments):
     messages = [migration.migrate_scene(scene) for scene in bpy.data.scenes]
+    for scene in bpy.data.scenes:
+        takes.look_at_disk(scene.matterfit)
+        comparison.show_active_capture(scene.matterfit)
     state = bpy.context.window_manager.matterfit
     state.last_error = next((message for message in messages if message), "")
-    from .ui import overlay
     overlay.forget()
 
 

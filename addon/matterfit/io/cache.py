@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import bpy
 
 from ..jobs import EXIT_COMPUTE, JobError
-from . import files
+from . import files, job_writer
 
 LOCK_FILE = ".lock"
 # What a fit leaves whether or not it came to its end.
@@ -194,7 +194,6 @@ def manifest(folder):
 
 def listed_files(folder):
     """Paths below the folder that are ours: by the manifest, the input list, and fixed names."""
-    from . import job_writer
     names = set(manifest(folder).get("files", {}))
     names.update(job_writer.listed_inputs(folder))
     names.update(f"{job_writer.KEPT_FOLDER}/{os.path.basename(name)}"

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy
 
 from ..jobs import JobError
-from . import files
+from ..props import compare, reactions
+from ..props import scene as scene_props
+from . import files, takes
 
 
 @dataclass
@@ -102,3 +104,14 @@ def load_quietly(folder, name=""):
         return load(folder, name)
     except (JobError, OSError, ValueError, KeyError):
         return None
+
+
+@reactions.capture_switched.done_by
+def show_active_capture(settings):
+    """What is known of the active take is shown against the capture that is active now."""
+    if not settings.compare.done:
+        return
+    take, found = scene_props.active_take(settings), None
+    if take is not None and scene_props.active_capture(settings) is not None:
+        found = load_quietly(takes.locate(take).folder, scene_props.compared_capture(settings))
+    compare.store(settings.compare, found)

@@ -10,7 +10,7 @@ from mathutils import Matrix, Quaternion, Vector
 
 from ..compat import translate
 from ..jobs import JobError
-from . import files, fit_parameters, fit_results, job_fit, presets, transforms
+from . import files, fit_results, fit_values, job_fit, presets, transforms
 
 
 def apply_run(scene, folder):
@@ -82,7 +82,7 @@ class _Application:
     def check(self):
         """Before anything is changed: everything that was fitted must still be here."""
         for name in self.starts:
-            if fit_parameters.find_capture(self.settings, name) is None:
+            if fit_values.find_capture(self.settings, name) is None:
                 raise JobError(translate(
                     "The fit is to '{name}', which is not among the Captures any more. Name it so "
                     "again, or fit again.").format(name=name))
@@ -92,12 +92,12 @@ class _Application:
 
     def _check_owner(self, owner, key):
         if _is_surface(key):
-            if fit_parameters.contact_of(self.settings, owner) is None:
+            if fit_values.contact_of(self.settings, owner) is None:
                 raise JobError(translate(
                     "The fit is of '{name}', which is not among the colliders any more. Name it so "
                     "again, or fit again.").format(name=owner))
         else:
-            body = fit_parameters.find_body(self.settings, owner)
+            body = fit_values.find_body(self.settings, owner)
             if body is None or body.role != "BODY":
                 raise JobError(translate(
                     "The fit is of '{name}', which is not among the Bodies any more. Name it so "
@@ -114,13 +114,13 @@ class _Application:
         for owner, keys in self.wanted.items():
             if not any(key.startswith("material.") for key in keys):
                 continue
-            body = fit_parameters.find_body(self.settings, owner)
+            body = fit_values.find_body(self.settings, owner)
             body.material.preset = "CUSTOM"
             presets.fill(body.material, self._item(owner)["material"])
             body.material.source = _source(folder, owner) or translate("Fitted")
         for owner, keys in self.wanted.items():
             if "density" in keys:
-                body = fit_parameters.find_body(self.settings, owner)
+                body = fit_values.find_body(self.settings, owner)
                 body.density = self._item(owner)["density"]
 
     def motions(self):
@@ -138,16 +138,18 @@ class _Application:
         return find(self.fitted_take), find(self.take) if self.take is not None else None
 
     def _velocity(self, owner, item):
-        target = fit_parameters.find_body(self.settings, owner)
+        target = fit_values.find_body(self.settings, owner)
         fitted, throw = self._throw(owner)
         if fitted is not None and fitted.velocity_from != "BODY" and throw is not None:
             throw.velocity_from = "VALUE"
             target = throw
+        if target == fit_values.find_body(self.settings, owner):
+            target.velocity_from = "VALUE"
         target.velocity = Vector(item.get("velocity", (0, 0, 0))) / self.scale
         target.spin = item.get("spin", (0, 0, 0))
 
     def _placement(self, owner, item):
-        body = fit_parameters.find_body(self.settings, owner)
+        body = fit_values.find_body(self.settings, owner)
         fitted, throw = self._throw(owner)
         placement = item.get("placement", {})
         position = Vector(placement.get("position", (0, 0, 0))) / self.scale
@@ -178,7 +180,7 @@ class _Application:
             if not any(_is_surface(key) for key in keys):
                 continue
             item = self._item(owner, "colliders")
-            contact = fit_parameters.contact_of(self.settings, owner)
+            contact = fit_values.contact_of(self.settings, owner)
             if "contact.mu" in keys:
                 contact.mu = item["contact"]["mu"]
             if "contact.stiffness" in keys:
@@ -189,6 +191,6 @@ class _Application:
 
     def captures(self):
         for name, frame in self.starts.items():
-            capture = fit_parameters.find_capture(self.settings, name)
+            capture = fit_values.find_capture(self.settings, name)
             capture.use_start_frame = True
             capture.start_frame = frame

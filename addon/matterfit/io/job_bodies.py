@@ -4,9 +4,9 @@
 import numpy
 from mathutils import Matrix, Quaternion, Vector
 
+from .. import laws
 from ..jobs import JobError
-from ..props import choices
-from . import files, meshes, transforms
+from . import files, meshes, shapes, transforms
 from .files import number, numbers
 
 
@@ -14,9 +14,9 @@ def material_document(material):
     """{law, parameters}, only those the law takes; damping and branches only where there are
     some."""
     document = {"law": material.law.lower()}
-    for name in choices.LAW_PARAMETERS[material.law]:
+    for name in laws.PARAMETERS[material.law]:
         document[name] = number(getattr(material, name))
-    for name in choices.DAMPING_PARAMETERS:
+    for name in laws.DAMPING:
         if getattr(material, name) > 0.0:
             document[name] = number(getattr(material, name))
     if material.maxwell:
@@ -65,24 +65,24 @@ class BodyPart:
         if item.type not in {"MESH", "CURVE", "SURFACE", "META", "FONT"}:
             raise JobError(f"{self.where}: object '{item.name}' is of type {item.type.lower()}, "
                            "which has no surface. Choose a mesh.")
-        self.shape = meshes.body_shape(item)
+        self.shape, self.bound = shapes.body_shape(item), shapes.bound_shape(item)
         self.writer.show(item)
         self.writer.at_first(self._sample)
-        if self.throw is not None and self.throw.velocity_from == "ANIMATION":
+        if self._velocity_from() == "ANIMATION":
             self._motion = self.writer.timed_matrix(
                 item, transforms.velocity_times(self.writer.first))
 
     def _sample(self, _frame, depsgraph):
         item = self.body.object
+        shapes.check(item, depsgraph)
         matrix = Matrix(item.evaluated_get(depsgraph).matrix_world)
         scale = self.writer.scale
         self.object_position, self.object_rotation, stretch = transforms.split(matrix, scale)
         self.arrays = meshes.read_shape(item, self.shape, stretch, scale,
                                         creases=self.shape.kind == "cage")
         meshes.check_faces(item, self.arrays)
-        pinned = any(pin.kind == "VERTEX_GROUP" for pin in self.body.pins)
-        if item.type == "MESH" and (pinned or self.writer.settings.output.mesh):
-            self.render = meshes.read_shape(item, meshes.render_shape(item), stretch, 1.0,
+        if item.type == "MESH" and self._has_render_mesh():
+            self.render = meshes.read_shape(item, self.bound, stretch, 1.0,
                                             creases=True)
         self._sample_pins(item, stretch)
 
@@ -96,18 +96,12 @@ class BodyPart:
             if group is None:
                 raise JobError(f"{where}: object '{item.name}' has no vertex group "
                                f"'{pin.vertex_group}'. Choose one of its groups.")
-            chosen = [vertex.index for vertex in item.data.vertices
-                      if any(entry.group == group.index and entry.weight >= 0.5
-                             for entry in vertex.groups)]
-            if not chosen:
+            points = meshes.group_points(item, self.bound, group)
+            if not len(points):
                 raise JobError(f"{where}: no vertex has a weight of at least .5 in "
                                f"'{pin.vertex_group}'. Paint or assign some.")
-            source = self.render if self.render is not None else None
-            if source is not None and len(source["vertices"]) == len(item.data.vertices):
-                points = source["vertices"][chosen].astype(numpy.float64) * self.writer.scale
-            else:
-                matrix = numpy.array(stretch, dtype=numpy.float64) * self.writer.scale
-                points = numpy.array([item.data.vertices[i].co for i in chosen]) @ matrix.T
+            matrix = numpy.array(stretch, dtype=numpy.float64) * self.writer.scale
+            points = points @ matrix.T
             self.pin_points[index] = points
 
     # -- documents -----------------------------------------------------------------------------
@@ -156,15 +150,19 @@ class BodyPart:
             return {"cage": path, "level": self.shape.level}
         return {"mesh": path}
 
+    def _velocity_from(self):
+        if self.throw is None or self.throw.velocity_from == "BODY":
+            return self.body.velocity_from
+        return self.throw.velocity_from
+
     def _velocity(self):
         body, throw, writer = self.body, self.throw, self.writer
-        if throw is None or throw.velocity_from == "BODY":
-            return Vector(body.velocity) * writer.scale, Vector(body.spin)
-        if throw.velocity_from == "VALUE":
-            return Vector(throw.velocity) * writer.scale, Vector(throw.spin)
+        if self._velocity_from() == "VALUE":
+            thrown = body if throw is None or throw.velocity_from == "BODY" else throw
+            return Vector(thrown.velocity) * writer.scale, Vector(thrown.spin)
         if body.source != "OBJECT":
-            raise JobError(f"{self.where}: is made from a file and has no animation. Set the "
-                           "take's velocity to Values Below.")
+            raise JobError(f"{self.where}: is made from a file and has no animation. Set its "
+                           "velocity to Values Below.")
         linear, angular = transforms.motion_velocity(self._motion, writer.scale, writer.fps)
         # The animation moves the object's origin; the job wants the centre of mass.
         arm = self.rotation @ Vector(meshes.center_of_mass(self.arrays))
@@ -221,12 +219,17 @@ class BodyPart:
             document["attach"] = mass.attach
         return document
 
+    def _has_render_mesh(self):
+        """What pours has left its mesh behind: its surface is the picture."""
+        return self.writer.settings.output.mesh and not laws.flows(self.body.material.law)
+
     def mesh_output(self):
         """The entry of output.mesh, or None. PC2 is in Blender units, without the pose."""
-        if self.render is None or len(self.render["face_sizes"]) == 0:
+        if (not self._has_render_mesh() or self.render is None
+                or len(self.render["face_sizes"]) == 0):
             return None
         item = self.body.object
-        stop = meshes.first_topology_modifier(item)
+        stop = self.bound.stop
         subdivided = (stop < len(item.modifiers) and item.modifiers[stop].type == "SUBSURF"
                       and item.modifiers[stop].subdivision_type == "CATMULL_CLARK")
         arrays = dict(self.render)
@@ -236,7 +239,7 @@ class BodyPart:
         entry = {"name": files.safe_name(self.body.name), "body": self.body.name}
         if subdivided:
             entry["cage"] = path
-            entry["level"] = meshes.subdivision_level(item.modifiers[stop])
+            entry["level"] = shapes.subdivision_level(item.modifiers[stop])
         else:
             entry["mesh"] = path
         placement = transforms.pose(self.position, self.rotation)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Captures of the job document, and sampling an animated object into one."""
 
+import contextlib
 import os
 import re
 
@@ -9,7 +10,7 @@ import numpy
 from mathutils import Euler, Vector
 
 from ..jobs import JobError
-from . import files, meshes, transforms
+from . import attached, files, meshes, shapes, transforms
 from .files import number, numbers
 
 UNIT_NAMES = {"M": "m", "CM": "cm", "MM": "mm"}
@@ -40,11 +41,17 @@ class ObjectTrack:
         self.item = item
         self.where = where
         self.positions = []
+        # The result of a take moves by modifiers of ours, which are off for all else.
+        self.is_result = attached.TAG in item
+        if self.is_result and not item[attached.TAG].startswith("mesh:"):
+            raise JobError(f"{self.where}: object '{item.name}' shows a cache whose points are others "
+                           "at every frame, or no mesh. Choose the take's mesh, or the file itself.")
         writer.show(item)
         writer.at_every(self._visit)
 
     def _visit(self, frame, _depsgraph):
-        with meshes.modifiers_limited(self.item, len(self.item.modifiers)):
+        with (contextlib.nullcontext() if self.is_result else
+              shapes.modifiers_limited(self.item, len(self.item.modifiers))):
             depsgraph = bpy.context.evaluated_depsgraph_get()
             with meshes.evaluated_mesh(self.item, depsgraph) as mesh:
                 points = numpy.empty(len(mesh.vertices) * 3, dtype=numpy.float32)

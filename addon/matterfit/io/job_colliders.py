@@ -6,7 +6,7 @@ import numpy
 from mathutils import Matrix, Vector
 
 from ..jobs import JobError
-from . import files, job_writer, meshes, transforms
+from . import files, job_writer, meshes, motion, transforms
 from .files import number, numbers
 
 
@@ -55,15 +55,16 @@ class ColliderPart:
         if item.type == "EMPTY" and body.collider_shape != "PLANE":
             raise JobError(f"{self.where}: object '{item.name}' is an empty and has no surface. "
                            "Choose a mesh, or the shape Plane.")
+        self.kind = motion.collider_kind(body)
         self.arrays = None
         self.matrices = []
         self.mesh_files = []
         writer.show(item)
-        if body.collider_kind == "DEFORMING":
+        if self.kind == "DEFORMING":
             writer.at_every(self._sample_deforming)
             return
         writer.at_first(self._sample_static)
-        if body.collider_kind == "RIGID":
+        if self.kind == "RIGID":
             self.matrices = writer.keyed_matrix(item)
 
     def _read(self, stretch):
@@ -75,7 +76,7 @@ class ColliderPart:
     def _sample_static(self, _frame, depsgraph):
         item = self.body.object
         matrix = Matrix(item.evaluated_get(depsgraph).matrix_world)
-        if self.body.collider_kind == "STATIC":
+        if self.kind == "STATIC":
             self.matrices = [matrix]
         if item.type != "EMPTY":
             self.stretch = transforms.split(matrix, self.writer.scale)[2]
@@ -92,7 +93,7 @@ class ColliderPart:
     def document(self):
         body = self.body
         document = {"name": body.name}
-        if body.collider_kind == "DEFORMING":
+        if self.kind == "DEFORMING":
             document["meshes"] = self.mesh_files
             document["first_frame"] = self.writer.first
         else:

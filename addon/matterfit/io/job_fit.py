@@ -3,12 +3,12 @@
 
 import re
 
+from .. import laws
 from ..compat import translate, translate_label
 from ..jobs import JobError
-from ..props import choices
-from . import fit_parameters
+from ..quantities import LINEAR, LOGIT
+from . import fit_rows
 from .files import number, numbers
-from .fit_parameters import LINEAR, LOGIT
 
 _PLAIN = re.compile(r"^[\w-]+$")
 _STEP = re.compile(r"""\[(\d+)\]|"([^"]*)"|'([^']*)'|([^.\[\]"']+)""")
@@ -23,11 +23,11 @@ def document(settings, scene_document, captures):
     fit = settings.fit
     _check_captures(captures)
     scene_document = {**scene_document, "captures": captures}
-    laws = _laws(fit) if fit.law == "FIND" else []
+    tried = _laws(fit) if fit.law == "FIND" else []
     entries = []
     for row in fit.parameters:
         if (row.enabled and owner_document(scene_document, row) is not None
-                and _known_to(laws, row.key)):
+                and _known_to(tried, row.key)):
             entries += _Entry(settings, row, scene_document).entries()
     if not entries:
         raise JobError(translate("Fit: no parameter is switched on. Switch on at least one in the "
@@ -41,8 +41,8 @@ def document(settings, scene_document, captures):
     }
     if fit.levels:
         found["levels"] = [2**level for level in reversed(range(fit.levels))]
-    if laws:
-        found["laws"] = "all" if len(laws) == len(choices.LAWS) else [law.lower() for law in laws]
+    if tried:
+        found["laws"] = "all" if len(tried) == len(laws.LAWS) else [law.lower() for law in tried]
     return found
 
 
@@ -56,18 +56,18 @@ def _check_captures(captures):
 
 
 def _laws(fit):
-    chosen = [law[0] for law in choices.LAWS if law[0] in fit.laws]
+    chosen = [law[0] for law in laws.LAWS if law[0] in fit.laws]
     if not chosen:
         raise JobError(translate("Fit: no law is chosen to be tried. Choose some under "
                                  "Candidates."))
     return chosen
 
 
-def _known_to(laws, key):
+def _known_to(tried, key):
     """Whether one of the candidates has the parameter; without candidates the body's law has."""
-    if not laws or key not in fit_parameters.law_keys():
+    if not tried or key not in fit_rows.law_keys():
         return True
-    return any(key[len("material."):] in choices.LAW_PARAMETERS[law] for law in laws)
+    return any(key[len("material."):] in laws.PARAMETERS[law] for law in tried)
 
 
 class _Entry:
@@ -75,7 +75,7 @@ class _Entry:
 
     def __init__(self, settings, row, scene_document):
         self.row = row
-        self.quantity = fit_parameters.quantity_of(settings, row)
+        self.quantity = fit_rows.quantity_of(settings, row)
         self.where = f"{row.owner}: " if row.owner else ""
         if self.quantity is None:
             raise JobError(translate("Fit: '{name}' is not in the scene any more. Press List "

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the parts of a job document share while it is written."""
 
-import contextlib
 import os
 
 import bpy
 from mathutils import Matrix, Vector
 
 from ..jobs import JobError
-from . import files, frames, transforms
+from . import files, frames, meshes, transforms
 
 INPUT_FOLDER = "input"
 INPUT_LIST = "files.json"
@@ -113,29 +112,12 @@ class JobWriter:
 
     def walk(self):
         scene = self.scene
-        hidden = []
-        try:
-            for item in self._shown:
-                state = (item.name, item.hide_viewport, item.hide_get())
-                hidden.append(state)
-                item.hide_viewport = False
-                try:
-                    item.hide_set(False)
-                except RuntimeError as error:
-                    raise JobError(f"object '{item.name}': is not in this view layer. Add it to "
-                                   "the scene, or switch its collection on.") from error
-            bpy.context.view_layer.update()
+        with meshes.shown(self._shown):
             frames.walk(scene, [self.first], self._first_visitors)
             if self._visitors:
                 frames.walk(scene, range(self.first, self.end), self._visitors)
             for times, visitor in self._timed_visitors:
                 frames.walk(scene, times, [visitor])
-        finally:
-            for name, viewport, eye in hidden:
-                item = bpy.data.objects[name]
-                with contextlib.suppress(RuntimeError):
-                    item.hide_set(eye)
-                item.hide_viewport = viewport
 
     def keyed_matrix(self, item):
         """A list that holds the object's world matrix at every frame after walk()."""

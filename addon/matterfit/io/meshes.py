@@ -2,109 +2,12 @@
 """Evaluated meshes, read the way the job needs them."""
 
 import contextlib
-from dataclasses import dataclass
 
 import bpy
 import numpy
 
 from ..jobs import JobError
-from . import files
-
-# Everything we put on an artist's object carries this prefix.
-OWN_PREFIX = "Matterfit"
-
-# Modifiers that keep the number and order of vertices; any other may change them.
-DEFORMERS = frozenset({
-    "ARMATURE", "CAST", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM", "LATTICE", "MESH_DEFORM",
-    "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH", "CORRECTIVE_SMOOTH", "LAPLACIANSMOOTH",
-    "SURFACE_DEFORM", "WARP", "WAVE", "CLOTH", "SOFT_BODY", "MESH_CACHE", "COLLISION", "SURFACE",
-    "PARTICLE_SYSTEM", "DATA_TRANSFER", "NORMAL_EDIT", "WEIGHTED_NORMAL", "UV_PROJECT", "UV_WARP",
-    "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY",
-})
-
-
-@dataclass(frozen=True)
-class Shape:
-    """Which shape of an object is used, and why. `stop` is the first modifier left out."""
-
-    kind: str  # "mesh" or "cage"
-    stop: int
-    level: int
-    text: str
-
-
-def is_own(modifier):
-    return modifier.name.startswith(OWN_PREFIX)
-
-
-def is_used(modifier):
-    """Counts in the viewport or in a render: a result must be right in both."""
-    return modifier.show_viewport or modifier.show_render
-
-
-def subdivision_level(modifier):
-    """The level of a Subdivision modifier where it is seen, at least 1."""
-    return max(modifier.levels if modifier.show_viewport else modifier.render_levels, 1)
-
-
-def first_topology_modifier(item, own=False):
-    """Index of the first modifier in use that may change the vertices, or their number.
-
-    Ours do not count, unless `own`.
-    """
-    for index, modifier in enumerate(item.modifiers):
-        if (is_own(modifier) and not own) or not is_used(modifier):
-            continue
-        if modifier.type not in DEFORMERS:
-            return index
-    return len(item.modifiers)
-
-
-def body_shape(item):
-    """The shape that is filled with particles: the cage of a subdivided mesh, else all of it."""
-    if item.type != "MESH":
-        return Shape("mesh", len(item.modifiers), 0, "the evaluated surface")
-    stop = first_topology_modifier(item)
-    if stop == len(item.modifiers):
-        return Shape("mesh", stop, 0, "the mesh after its deformers")
-    modifier = item.modifiers[stop]
-    rest = [other for other in item.modifiers[stop + 1:]
-            if is_used(other) and not is_own(other) and other.type not in DEFORMERS]
-    if modifier.type == "SUBSURF" and modifier.subdivision_type == "CATMULL_CLARK" and not rest:
-        return Shape("cage", stop, subdivision_level(modifier),
-                     f"the limit surface of the cage before '{modifier.name}'")
-    # What is evaluated is the viewport's mesh.
-    seen = [other.name for other in item.modifiers if other.show_viewport and not is_own(other)]
-    text = (f"the mesh after all modifiers (the last is '{seen[-1]}')" if seen
-            else "the mesh without modifiers, as the viewport shows it")
-    return Shape("mesh", len(item.modifiers), 0, text)
-
-
-def render_shape(item):
-    """The shape that a mesh cache moves: the mesh before the first topology modifier."""
-    stop = first_topology_modifier(item)
-    if stop < len(item.modifiers):
-        return Shape("mesh", stop, 0, f"the mesh before '{item.modifiers[stop].name}'")
-    return Shape("mesh", stop, 0, "the mesh after its deformers")
-
-
-@contextlib.contextmanager
-def modifiers_limited(item, stop):
-    """Our own modifiers and those from index `stop` on are off inside."""
-    changed = []
-    for index, modifier in enumerate(item.modifiers):
-        if (index >= stop or is_own(modifier)) and modifier.show_viewport:
-            changed.append(modifier.name)
-            modifier.show_viewport = False
-    try:
-        if changed:
-            bpy.context.view_layer.update()
-        yield
-    finally:
-        for name in changed:
-            item.modifiers[name].show_viewport = True
-        if changed:
-            bpy.context.view_layer.update()
+from .shapes import modifiers_limited
 
 
 def edge_creases(mesh):
@@ -165,6 +68,29 @@ def read_shape(item, shape, stretch, scale_length, creases=False):
 
 
 @contextlib.contextmanager
+def shown(items):
+    """The objects can be evaluated inside: a hidden one has no evaluated mesh."""
+    hidden = []
+    try:
+        for item in items:
+            hidden.append((item.name, item.hide_viewport, item.hide_get()))
+            item.hide_viewport = False
+            try:
+                item.hide_set(False)
+            except RuntimeError as error:
+                raise JobError(f"object '{item.name}': is not in this view layer. Add it to the "
+                               "scene, or switch its collection on.") from error
+        bpy.context.view_layer.update()
+        yield
+    finally:
+        for name, viewport, eye in hidden:
+            item = bpy.data.objects[name]
+            with contextlib.suppress(RuntimeError):
+                item.hide_set(eye)
+            item.hide_viewport = viewport
+
+
+@contextlib.contextmanager
 def evaluated_mesh(item, depsgraph):
     """The object's evaluated mesh; freed on leaving."""
     if item.mode == "EDIT":
@@ -183,6 +109,16 @@ def evaluated_mesh(item, depsgraph):
         evaluated.to_mesh_clear()
 
 
+def group_points(item, shape, group):
+    """(N, 3) float64, local: vertices of the shape that weigh at least one half in a vertex group."""
+    with modifiers_limited(item, shape.stop):
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        with evaluated_mesh(item, depsgraph) as mesh:
+            return numpy.array([tuple(vertex.co) for vertex in mesh.vertices
+                                if any(entry.group == group.index and entry.weight >= 0.5
+                                       for entry in vertex.groups)]).reshape(-1, 3)
+
+
 def check_faces(item, arrays):
     if len(arrays["vertices"]) == 0 or len(arrays["face_sizes"]) == 0:
         raise JobError(f"object '{item.name}': its mesh has {len(arrays['vertices'])} vertices and "
@@ -193,24 +129,31 @@ def check_faces(item, arrays):
                        "Check its modifiers and transform.")
 
 
-def write_mesh(path, arrays):
-    return files.write_npz(path, arrays)
+def _parts(arrays):
+    """(middle, volumes, centres): the tetrahedra between the vertices' mean and the triangles that
+    the faces are cut into."""
+    vertices = arrays["vertices"].astype(numpy.float64)
+    middle = vertices.mean(axis=0)
+    corners = vertices[arrays["face_vertices"]] - middle
+    sizes = arrays["face_sizes"].astype(numpy.int64)
+    first = numpy.repeat(numpy.cumsum(sizes) - sizes, numpy.maximum(sizes - 2, 0))
+    place = numpy.concatenate([numpy.arange(1, size - 1) for size in sizes]
+                              or [numpy.zeros(0, numpy.int64)]).astype(numpy.int64)
+    a, b, c = corners[first], corners[first + place], corners[first + place + 1]
+    volumes = numpy.einsum("ij,ij->i", a, numpy.cross(b, c)) / 6.0
+    return middle, volumes, (a + b + c) / 4.0
+
+
+def volume(arrays):
+    """Volume that the faces enclose, negative where they look inside; of no meaning for an open
+    mesh."""
+    return float(_parts(arrays)[1].sum())
 
 
 def center_of_mass(arrays):
     """Volume centroid of the triangulated faces [m]; the vertices' mean for an open mesh."""
-    vertices = arrays["vertices"].astype(numpy.float64)
-    middle = vertices.mean(axis=0)
-    volume, moment, start = 0.0, numpy.zeros(3), 0
-    for size in arrays["face_sizes"]:
-        face = vertices[arrays["face_vertices"][start:start + size]] - middle
-        start += size
-        for second in range(1, size - 1):
-            a, b, c = face[0], face[second], face[second + 1]
-            part = float(numpy.dot(a, numpy.cross(b, c))) / 6.0
-            volume += part
-            moment += part * (a + b + c) / 4.0
-    extent = numpy.ptp(vertices, axis=0)
-    if abs(volume) < 1e-9 * float(numpy.prod(numpy.maximum(extent, 1e-12))):
+    middle, volumes, centres = _parts(arrays)
+    extent = numpy.ptp(arrays["vertices"].astype(numpy.float64), axis=0)
+    if abs(volumes.sum()) < 1e-9 * float(numpy.prod(numpy.maximum(extent, 1e-12))):
         return middle
-    return middle + moment / volume
+    return middle + (volumes[:, None] * centres).sum(axis=0) / volumes.sum()

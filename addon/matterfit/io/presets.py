@@ -8,9 +8,10 @@ import zlib
 
 import bpy
 
+from .. import laws, quantities
 from ..compat import translate
 from ..jobs import EXIT_COMPUTE, JobError
-from ..props import choices
+from ..props import reactions
 from . import files
 
 SCHEMA = "matterfit.material/1"
@@ -149,27 +150,28 @@ def check(document, name):
                 name=name, key=key, value=repr(document[key])))
     material = document["material"] if isinstance(document["material"], dict) else {}
     law = str(material.get("law", "")).upper()
-    if law not in choices.LAW_PARAMETERS:
+    if law not in laws.PARAMETERS:
         raise JobError(translate("{name}: law is {law}, which is not known.").format(
             name=name, law=repr(material.get("law"))))
-    parameters = choices.LAW_PARAMETERS[law]
-    known = {"law", "maxwell", *parameters, *choices.DAMPING_PARAMETERS}
+    parameters = laws.PARAMETERS[law]
+    known = {"law", "maxwell", *parameters, *laws.DAMPING}
     for key in material:
         if key not in known:
             raise JobError(translate("{name}: '{key}' is not a parameter of {law}.").format(
                 name=name, key=key, law=material["law"]))
     _check_needed(name, material,
-                  [key for key in choices.NEEDED_PARAMETERS if key in parameters])
+                  [key for key in parameters if quantities.material(key).absent is None])
     for key in sorted(known - {"law", "maxwell"}):
-        _check_number(name, key, material.get(key, 0.0))
-    _check_number(name, "density", document["density"])
+        row = quantities.material(key)
+        _check_number(name, row, key, material.get(key, row.absent))
+    _check_number(name, quantities.DENSITY, "density", document["density"])
     branches = material.get("maxwell", [])
-    if not isinstance(branches, list) or len(branches) > choices.MOST_BRANCHES:
+    if not isinstance(branches, list) or len(branches) > laws.MOST_BRANCHES:
         raise JobError(translate("{name}: 'maxwell' is not a list of at most {n} branches.").format(
-            name=name, n=choices.MOST_BRANCHES))
+            name=name, n=laws.MOST_BRANCHES))
     for branch in branches:
         for key in ("modulus", "time"):
-            _check_number(name, f"maxwell {key}",
+            _check_number(name, quantities.find(f"material.maxwell.{key}"), f"maxwell {key}",
                           branch.get(key) if isinstance(branch, dict) else None)
     return document
 
@@ -180,20 +182,17 @@ def _check_needed(name, document, keys):
             raise JobError(translate("{name}: '{key}' is missing.").format(name=name, key=key))
 
 
-# What nothing simulates at 0.
-_ABOVE_0 = ("E", "bulk_modulus", "density", "maxwell time")
-
-
-def _check_number(name, key, value):
+def _check_number(name, quantity, key, value):
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not math.isfinite(value):
         raise JobError(translate("{name}: {key} is {value}, expected a number.").format(
             name=name, key=key, value=repr(value)))
-    if value < 0.0 and key != "nu" or value == 0.0 and key in _ABOVE_0:
+    if value < 0.0 <= quantity.least or value == 0.0 and quantity.positive:
         raise JobError(translate("{name}: {key} is {value}, expected a number above 0.").format(
             name=name, key=key, value=repr(value)))
 
 
+@reactions.preset_items.done_by
 def enum_items():
     """Items of the preset enumeration; Custom keeps the number 0 so that files stay readable."""
     global _items
@@ -217,6 +216,7 @@ def warning(document):
     return str(provenance.get("warning") or "") if isinstance(provenance, dict) else ""
 
 
+@reactions.preset_chosen.done_by
 def apply(material):
     """Fills in the chosen preset. The density goes to the body that owns the material."""
     if _applying or material.preset not in materials():
@@ -236,20 +236,15 @@ def apply(material):
 def fill(material, values):
     """Sets law and parameters from the `material` of a document."""
     law = values["law"].upper()
-    for name in choices.LAW_PARAMETERS[law]:
-        setattr(material, name, values.get(name, _default(name)))
-    for name in choices.DAMPING_PARAMETERS:
+    for name in laws.PARAMETERS[law]:
+        setattr(material, name, values.get(name, quantities.material(name).absent))
+    for name in laws.DAMPING:
         setattr(material, name, values.get(name, 0.0))
     material.maxwell.clear()
     for branch in values.get("maxwell", []):
         added = material.maxwell.add()
         added.modulus, added.time = branch["modulus"], branch["time"]
     material.law = law  # last: the list of a fit's parameters begins with the values
-
-
-def _default(name):
-    """What the job document takes a parameter for that is left out."""
-    return 1.0 if name == "exponent" else 0.0
 
 
 def owner_of(material):
@@ -268,8 +263,8 @@ def differs(material):
     values = materials()[material.preset]["material"]
     if values["law"].upper() != material.law:
         return True
-    for name in (*choices.LAW_PARAMETERS[material.law], *choices.DAMPING_PARAMETERS):
-        if not _equal(getattr(material, name), values.get(name, _default(name))):
+    for name in (*laws.PARAMETERS[material.law], *laws.DAMPING):
+        if not _equal(getattr(material, name), values.get(name, quantities.material(name).absent)):
             return True
     branches = values.get("maxwell", [])
     return len(branches) != len(material.maxwell) or any(

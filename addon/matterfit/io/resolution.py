@@ -1,36 +1,53 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The quality presets: how many cells lie across the thinnest part that matters."""
+"""The quality presets: how many cells lie across the thinnest part that matters, and how many
+particles that makes. What is measured is the shape that is simulated (shapes.py)."""
 
+from dataclasses import dataclass
+
+import bpy
 import numpy
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
-from . import presets
+from ..props import reactions
+from . import meshes, presets, shapes
 
 RAYS = 400
 HITS = 8
-# Particles in a body's bounding box that a preset goes to: an ear or a fin must not ask for tens
-# of millions. A person who wants them types the separation.
-MOST_PARTICLES = 4e6
 _applying = []
+_known = {}  # object's name: Size, for when the object is hidden
 
 
+@dataclass(frozen=True)
+class Size:
+    """Of one body in Blender units: `thickness` of its thin parts, `volume`."""
+
+    thickness: float
+    volume: float
+
+
+@reactions.separation_typed.done_by
 def separation_typed(solver):
     """Called when the particle separation changes; typing it makes the quality Custom."""
     if not _applying and solver.quality != "CUSTOM":
         _set(solver, "quality", "CUSTOM")
 
 
+@reactions.quality_chosen.done_by
 def apply_quality(solver, scene):
-    """Sets the particle separation from the quality; without bodies nothing changes."""
+    """Sets the particle separation from the quality, but to no more particles than the solver's
+    Most Particles; without bodies nothing changes."""
     if _applying or solver.quality == "CUSTOM":
         return
-    thickness = thinnest(scene)
-    if thickness is not None:
-        least = (largest_box(scene) / MOST_PARTICLES) ** (1.0 / 3.0)
-        found = max(separation(thickness, solver.quality), least)
-        # Four digits: a thickness measured in floats must not leave 0.0024999 m.
-        _set(solver, "particle_separation", float(f"{found:.4g}"))
+    items = bodies(scene)
+    with meshes.shown(items):
+        sizes = [size for size in (_measure(item) for item in items) if size is not None]
+    if sizes:
+        wanted = separation(min(size.thickness for size in sizes), solver.quality)
+        least = (sum(size.volume for size in sizes) / solver.most_particles) ** (1.0 / 3.0)
+        # Four digits: a thickness measured in floats must not leave 0.0024999 m. Rounded down, a
+        # limit would be passed.
+        _set(solver, "particle_separation", float(f"{max(wanted, 1.0005 * least):.4g}"))
 
 
 def separation(thickness, quality):
@@ -38,40 +55,90 @@ def separation(thickness, quality):
     return thickness / (2.0 * presets.cells_across(quality))
 
 
+def bodies(scene):
+    """The objects that are simulated."""
+    return [body.object for body in scene.matterfit.bodies
+            if body.enabled and body.role == "BODY" and body.source == "OBJECT"
+            and body.object is not None and body.object.type != "EMPTY"
+            and body.object.name in scene.objects]
+
+
+def sizes(scene):
+    """Size of each body that can be measured, as a panel may: nothing is changed, and a hidden
+    object is what it was when it was seen last."""
+    found = [_seen(item) for item in bodies(scene)]
+    return [size for size in found if size is not None]
+
+
 def thinnest(scene):
     """Thickness of the thinnest body in Blender units, or None where there is no body."""
-    found = [object_thickness(body.object) for body in scene.matterfit.bodies
-             if body.enabled and body.role == "BODY" and body.source == "OBJECT"
-             and body.object is not None and body.object.type == "MESH"]
-    found = [value for value in found if value]
-    return min(found) if found else None
+    return min((size.thickness for size in sizes(scene)), default=None)
 
 
-def largest_box(scene):
-    """Volume of the largest body's bounding box in cubic Blender units; 0 where there is none."""
-    sides = [body.object.dimensions for body in scene.matterfit.bodies
-             if body.enabled and body.role == "BODY" and body.source == "OBJECT"
-             and body.object is not None and body.object.type == "MESH"]
-    return max((x * y * z for x, y, z in sides), default=0.0)
+def cells_across(scene):
+    """Cells across the thinnest part with the present separation, or None."""
+    thickness = thinnest(scene)
+    return None if thickness is None else thickness / (
+        2.0 * scene.matterfit.solver.particle_separation)
 
 
-def object_thickness(item):
-    """The 5th percentile of the distances from face centres straight through the object.
-
-    Rays that find no other side (open meshes) do not count; without any the smallest side of the
-    bounding box is taken.
-    """
-    mesh = item.data
-    scale = item.matrix_world.to_3x3()
-    vertices = [scale @ vertex.co for vertex in mesh.vertices]
-    if not vertices:
+def limited_to(scene):
+    """(particles, cells) where the quality asks for more cells than the limit of particles allows,
+    else None."""
+    solver = scene.matterfit.solver
+    if solver.quality == "CUSTOM":
         return None
-    extent = numpy.ptp(numpy.array(vertices), axis=0)
+    cells, wanted = cells_across(scene), presets.cells_across(solver.quality)
+    return (solver.most_particles, wanted) if cells is not None and cells < 0.98 * wanted else None
+
+
+def _measure(item):
+    """Size of the shape that is simulated; the object can be evaluated."""
+    everything = shapes.Shape("mesh", len(item.modifiers), 0, "")
+    _known[item.name] = size_of(meshes.read_shape(item, everything, item.matrix_world.to_3x3(), 1.0))
+    return _known[item.name]
+
+
+def _seen(item):
+    if item.visible_get() and item.mode != "EDIT":
+        evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        mesh = evaluated.to_mesh()
+        if mesh is not None:
+            arrays = meshes.read_arrays(mesh, item.matrix_world.to_3x3(), 1.0)
+            evaluated.to_mesh_clear()
+            _known[item.name] = size_of(arrays)
+    elif item.name not in _known and item.type == "MESH":
+        return size_of(meshes.read_arrays(item.data, item.matrix_world.to_3x3(), 1.0))
+    return _known.get(item.name)
+
+
+def size_of(arrays):
+    """Size of a mesh (meshes.read_arrays); None where it has no extent.
+
+    The thickness is the 5th percentile of the distances from face centres straight through. Rays
+    that find no other side (open meshes) do not count; without any the smallest side of the
+    bounding box is taken, and an open mesh has that box's volume.
+    """
+    vertices = arrays["vertices"].astype(numpy.float64)
+    if not len(vertices):
+        return None
+    extent = numpy.ptp(vertices, axis=0)
     sides = [float(side) for side in extent if side > 1e-9]
-    smallest = min(item.dimensions) if min(item.dimensions) > 1e-9 else min(sides, default=None)
-    polygons = [tuple(polygon.vertices) for polygon in mesh.polygons]
+    if not sides:
+        return None
+    box = float(numpy.prod(numpy.maximum(extent, 1e-9)))
+    ends = numpy.cumsum(arrays["face_sizes"])
+    polygons = [tuple(int(corner) for corner in face)
+                for face in numpy.split(arrays["face_vertices"], ends[:-1])] if len(ends) else []
+    distances = _distances([Vector(vertex) for vertex in vertices], polygons, float(max(extent)))
+    volume = abs(meshes.volume(arrays))
+    return Size(float(numpy.percentile(distances, 5.0)) if distances else min(sides),
+                volume if distances and volume > 1e-6 * box else box)
+
+
+def _distances(vertices, polygons, extent):
     if not polygons:
-        return smallest
+        return []
     tree = BVHTree.FromPolygons(vertices, polygons)
     step = max(1, len(polygons) // RAYS)
     distances = []
@@ -82,7 +149,7 @@ def object_thickness(item):
         if normal.length < 1e-12:
             continue
         normal.normalize()
-        near = 1e-5 * float(max(extent))
+        near = 1e-5 * extent
         start, through = center - normal * near, 0.0
         for _ in range(HITS):
             place, facing, _, distance = tree.ray_cast(start, -normal)
@@ -94,16 +161,7 @@ def object_thickness(item):
                 break
             # The face itself where it is not planar, or a shell inside: on to the other side.
             start = place - normal * near
-    if not distances:
-        return smallest
-    return float(numpy.percentile(distances, 5.0))
-
-
-def cells_across(scene):
-    """Cells across the thinnest part with the present separation, or None."""
-    thickness = thinnest(scene)
-    return None if thickness is None else thickness / (
-        2.0 * scene.matterfit.solver.particle_separation)
+    return distances
 
 
 def _set(solver, name, value):

@@ -10,9 +10,10 @@ import bpy
 from ..compat import translate
 from ..jobs import JobError
 from ..props import scene as scene_props
-from . import attach, cache
+from . import attached, cache
 
 PREFIX = "cache_matterfit_"
+MOST_FRAMES = 1048574  # Blender's
 
 
 class Location:
@@ -66,9 +67,9 @@ def claim(take):
     location = locate(take)
     scene = take.id_data
     if location.shared:
-        attach.detach(scene, take)
+        attached.detach(scene, take)
     if not take.folder or location.linked:
-        shown = attach.objects_of(scene, take)
+        shown = attached.objects_of(scene, take)
         while True:
             name = PREFIX + secrets.token_hex(4)
             if not os.path.exists(os.path.join(base, name)):
@@ -76,7 +77,7 @@ def claim(take):
         take.folder = f"//{name}/"
         take.baked = False
         take.frames_done = 0
-        attach.mark(shown, name)
+        attached.mark(shown, name)
     take.owner = os.path.abspath(bpy.data.filepath)
     return os.path.join(base, cache.name_of(take))
 
@@ -117,6 +118,41 @@ def ensure_active(settings):
         settings.take_index = 0
         take = settings.takes[0]
     return take
+
+
+def is_finished(take):
+    """Whether the take has a whole bake of its own, which another one would replace."""
+    location = locate(take)
+    if not take.baked or location.linked or not location.exists:
+        return False
+    with contextlib.suppress(JobError):
+        return bool(cache.manifest(location.folder).get("complete"))
+    return False
+
+
+def for_bake(settings, replace):
+    """The take that a bake goes to: the active one, or a new one like it where that is finished and
+    nobody has said that it may be replaced."""
+    take = ensure_active(settings)
+    if replace or not is_finished(take):
+        return take
+    index = settings.take_index
+    added = add(settings, f"{translate('Take')} {len(settings.takes) + 1}")
+    copy_settings(settings.takes[index], added)  # the collection may have moved in memory
+    settings.take_index = len(settings.takes) - 1
+    return scene_props.active_take(settings)
+
+
+def look_at_disk(settings):
+    """Sets what the takes say of their caches to what lies there: a bake may have gone on, or been
+    deleted, since the file was saved."""
+    for take in settings.takes:
+        location = locate(take)
+        document = {}
+        with contextlib.suppress(JobError):
+            document = cache.manifest(location.folder) if location.exists else {}
+        take.frames_done = min(document.get("frames_baked", 0), MOST_FRAMES)
+        take.baked = bool(document.get("complete")) and take.frames_done > 0
 
 
 def for_fit(settings):

@@ -8,6 +8,7 @@ import bpy
 
 from .. import jobs
 from ..compat import translate
+from ..io import words
 from ..jobs import JobError, State
 
 INTERVAL = 0.1
@@ -19,6 +20,7 @@ def session(context):
 
 def report_error(operator, context, message):
     """Shows the error, keeps it for Status > Copy, and returns what execute() returns."""
+    message = words.in_panel(message, context.scene.matterfit)
     session(context).last_error = message
     operator.report({"ERROR"}, message)
     redraw(context)
@@ -118,7 +120,7 @@ class JobOperator(NoJobRunning):
     _job = None
     _mark_shown = None
     # What replaces the tool's advice to run with --restart.
-    restart_advice = "Press Bake to replace them, or add a take and bake that."
+    restart_advice = "Press Bake, and choose a new take or this one."
 
     def progress_mark(self, context, job):
         return job.snapshot.frame
@@ -228,10 +230,10 @@ class JobOperator(NoJobRunning):
 
     def _result(self, context, job):
         if job.state is State.CANCELLED:
-            words = translate("Cancelled: {name}")
+            said = translate("Cancelled: {name}")
             if job.resumable:
-                words = translate("Cancelled: {name}. Resume goes on where it stopped")
-            self.report({"WARNING"}, words.format(name=job.label))
+                said = translate("Cancelled: {name}. Resume goes on where it stopped")
+            self.report({"WARNING"}, said.format(name=job.label))
             self.stopped(context, job)
             return {"CANCELLED"}
         if job.state is State.FAILED:

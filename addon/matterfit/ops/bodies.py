@@ -5,7 +5,7 @@ import bpy
 from bpy.props import EnumProperty, IntProperty
 
 from ..compat import translate
-from ..io import fit_parameters, presets, resolution
+from ..io import fit_rows, motion, presets, resolution, visibility
 from ..jobs import JobError
 from ..props import scene as scene_props
 from .base import PlainOperator, greyed, remove_active
@@ -31,6 +31,8 @@ def add_body(settings, item, role):
     body.object = item
     if role == "BODY":
         body.material.preset = "JELLY"
+        if item is not None and motion.is_keyed(item):
+            body.velocity_from = "ANIMATION"
     settings.body_index = len(settings.bodies) - 1
     return body
 
@@ -83,13 +85,12 @@ class MATTERFIT_OT_remove_body(_ActiveBody, PlainOperator, bpy.types.Operator):
     bl_description = "Remove the active body from the list; the object stays"
 
     def act(self, context):
-        from ..io import attach
         settings = context.scene.matterfit
         body = scene_props.active_body(settings)
         if body.object is not None:
-            attach.show_original(body.object)
+            visibility.show_original(body.object)
         remove_active(settings, "bodies", "body_index")
-        fit_parameters.refresh(settings)
+        fit_rows.refresh(settings)
 
 
 class MATTERFIT_OT_move_body(PlainOperator, bpy.types.Operator):
@@ -105,7 +106,7 @@ class MATTERFIT_OT_move_body(PlainOperator, bpy.types.Operator):
         if 0 <= target < len(settings.bodies):
             settings.bodies.move(settings.body_index, target)
             settings.body_index = target
-            fit_parameters.refresh(settings)
+            fit_rows.refresh(settings)
 
 
 class MATTERFIT_OT_add_pin(_ActiveBody, PlainOperator, bpy.types.Operator):
@@ -125,7 +126,7 @@ class MATTERFIT_OT_add_pin(_ActiveBody, PlainOperator, bpy.types.Operator):
         scale = 2.0 * context.scene.matterfit.solver.particle_separation
         pin.radius = scale
         body.pin_index = len(body.pins) - 1
-        fit_parameters.hold(context.scene.matterfit, body.name)
+        fit_rows.hold(context.scene.matterfit, body.name)
 
 
 class MATTERFIT_OT_remove_pin(_ActiveBody, PlainOperator, bpy.types.Operator):

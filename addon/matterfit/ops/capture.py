@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from .. import native
 from ..compat import translate
-from ..io import fit_parameters, job_captures
+from ..io import fit_rows, job_captures
 from ..jobs import JobError
 from ..props import choices
 from ..props import scene as scene_props
@@ -28,7 +28,7 @@ def add_capture(settings, name):
         number += 1
     capture.name = name
     settings.capture_index = len(settings.captures) - 1
-    fit_parameters.refresh(settings)
+    fit_rows.refresh(settings)
     return capture
 
 
@@ -80,7 +80,7 @@ class MATTERFIT_OT_import_capture(PlainOperator, bpy.types.Operator, ImportHelpe
         except JobError:
             settings.captures.remove(len(settings.captures) - 1)
             settings.capture_index = index
-            fit_parameters.refresh(settings)
+            fit_rows.refresh(settings)
             raise
 
 
@@ -116,7 +116,7 @@ class MATTERFIT_OT_remove_capture(PlainOperator, bpy.types.Operator):
     def act(self, context):
         settings = context.scene.matterfit
         remove_active(settings, "captures", "capture_index")
-        fit_parameters.refresh(settings)
+        fit_rows.refresh(settings)
 
 
 class MATTERFIT_OT_check_capture(PlainOperator, bpy.types.Operator):

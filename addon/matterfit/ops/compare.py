@@ -10,7 +10,7 @@ from ..jobs import JobError
 from ..props import scene as scene_props
 from ..props.compare import store
 from .base import JobOperator, session
-from .simulate import GO_ON, prepare, start_job
+from .launch import GO_ON, prepare, start_job
 
 
 class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):

@@ -8,10 +8,10 @@ import bpy
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import cache, fit_parameters, fit_results, job_document, takes
+from ..io import cache, fit_results, fit_rows, job_document, takes, words
 from ..jobs import JobError, State
 from .base import JobOperator, NoJobRunning, PlainOperator, greyed, session
-from .simulate import AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job
+from .launch import AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job
 
 
 class FitJob(JobOperator):
@@ -55,8 +55,9 @@ class FitJob(JobOperator):
     def ended(self, context, job):
         result = self._show(context, job)
         warning = [result.warning] if result is not None and result.warning else []
-        session(context).last_report = "\n".join([summary(result, job), *warning,
-                                                  *job.result.get("notes", [])])
+        session(context).last_report = words.in_panel(
+            "\n".join([summary(result, job), *warning, *job.result.get("notes", [])]),
+            context.scene.matterfit)
 
     def _fit(self, job):
         """The settings of the fit that the job is of; None where they are gone."""
@@ -117,7 +118,7 @@ class MATTERFIT_OT_fit(FitJob, bpy.types.Operator):
         takes.require_saved()
         native.require()
         settings = context.scene.matterfit
-        fit_parameters.refresh(settings)
+        fit_rows.refresh(settings)
         run = settings.fit.run
         self._before = takes.Kept(run)
         try:
@@ -199,7 +200,7 @@ class MATTERFIT_OT_write_fit_job(NoJobRunning, PlainOperator, bpy.types.Operator
     def act(self, context):
         takes.require_saved()
         settings = context.scene.matterfit
-        fit_parameters.refresh(settings)
+        fit_rows.refresh(settings)
         fit = settings.fit
         before = takes.Kept(fit.run)
         try:
@@ -223,7 +224,7 @@ class MATTERFIT_OT_list_parameters(PlainOperator, bpy.types.Operator):
     bl_description = "Bring the list of what can be fitted up to date with Bodies and Solver"
 
     def act(self, context):
-        fit_parameters.refresh(context.scene.matterfit)
+        fit_rows.refresh(context.scene.matterfit)
 
 
 CLASSES = (MATTERFIT_OT_fit, MATTERFIT_OT_resume_fit, MATTERFIT_OT_free_fit,

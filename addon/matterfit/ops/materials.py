@@ -7,10 +7,10 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
+from .. import laws
 from ..compat import translate
-from ..io import files, fit_apply, fit_parameters, fit_results, presets, takes
+from ..io import files, fit_apply, fit_results, fit_rows, presets, takes
 from ..jobs import JobError
-from ..props import choices
 from ..props import scene as scene_props
 from .base import NoJobRunning, PlainOperator, greyed, session
 
@@ -182,7 +182,7 @@ class MATTERFIT_OT_add_branch(PlainOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         body = scene_props.active_body(context.scene.matterfit)
-        return greyed(cls, body is None or len(body.material.maxwell) >= choices.MOST_BRANCHES,
+        return greyed(cls, body is None or len(body.material.maxwell) >= laws.MOST_BRANCHES,
                       "The solver takes no more branches")
 
     def act(self, context):
@@ -192,7 +192,7 @@ class MATTERFIT_OT_add_branch(PlainOperator, bpy.types.Operator):
         branch.name = f"{translate('Branch')} {len(material.maxwell)}"
         branch.modulus = 0.1 * material.E
         material.maxwell_index = len(material.maxwell) - 1
-        fit_parameters.refresh(settings)
+        fit_rows.refresh(settings)
 
 
 class MATTERFIT_OT_remove_branch(PlainOperator, bpy.types.Operator):
@@ -211,7 +211,7 @@ class MATTERFIT_OT_remove_branch(PlainOperator, bpy.types.Operator):
         index = min(material.maxwell_index, len(material.maxwell) - 1)
         material.maxwell.remove(index)
         material.maxwell_index = max(0, index - 1)
-        fit_parameters.branch_removed(settings, scene_props.active_body(settings).name, index)
+        fit_rows.branch_removed(settings, scene_props.active_body(settings).name, index)
 
 
 CLASSES = (MATTERFIT_OT_apply_fit, MATTERFIT_OT_save_material, MATTERFIT_OT_load_material,

@@ -8,11 +8,11 @@ from bpy.props import EnumProperty, StringProperty
 
 from .. import compat, jobs, native
 from ..compat import translate
-from ..io import attach, cache, takes
+from ..io import attached, cache, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
 from .base import JobOperator, PlainOperator, redraw, report_error, session
-from .simulate import HasCache
+from .caches import HasCache
 
 KINDS = (
     ("volume", "Volumes", "OpenVDB files"),
@@ -82,7 +82,7 @@ class MATTERFIT_OT_remove_output(HasCache, PlainOperator, bpy.types.Operator):
         if location.linked:
             raise JobError(translate("This take belongs to another .blend file and is linked, "
                                      "read-only. Bake it under a new name first."))
-        attach.detach_kind(take, self.kind)
+        attached.detach_kind(take, self.kind)
         cache.free(location.folder, only=self.kind + "/")
 
 

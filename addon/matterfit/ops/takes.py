@@ -4,7 +4,7 @@
 import bpy
 
 from ..compat import translate
-from ..io import attach, cache, takes
+from ..io import attached, cache, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
 from .base import NoJobRunning, PlainOperator, greyed, remove_active, session
@@ -47,7 +47,7 @@ class MATTERFIT_OT_remove_take(NoJobRunning, PlainOperator, bpy.types.Operator):
         settings = scene.matterfit
         take = scene_props.active_take(settings)
         location = takes.locate(take)
-        attach.detach(scene, take)
+        attached.detach(scene, take)
         if location.exists and not location.linked:
             cache.free(location.folder)
         remove_active(settings, "takes", "take_index")
@@ -74,7 +74,7 @@ class MATTERFIT_OT_add_throw(PlainOperator, bpy.types.Operator):
                                      "list.").format(name=body.name))
         throw = take.throws.add()
         throw.name = body.name
-        throw.velocity_from = "VALUE"
+        throw.velocity_from = body.velocity_from
         throw.velocity = body.velocity
         throw.spin = body.spin
         if body.object is not None:

@@ -7,45 +7,37 @@ from bpy.props import (
     CollectionProperty,
     EnumProperty,
     FloatProperty,
-    FloatVectorProperty,
     IntProperty,
     PointerProperty,
     StringProperty,
 )
 
 from ..compat import PATH_OPTIONS
-from . import choices
+from . import choices, reactions
 from .material import MatterfitMaterial
+from .numbers import number, vector
 
 
-def _list_changed(self, _context):
+def list_changed(self, _context):
     """For what adds to the list of a fit's parameters, or takes from it."""
-    from ..io import fit_parameters
-    fit_parameters.refresh(self.id_data.matterfit)
+    reactions.fit_list_outdated(self.id_data.matterfit)
 
 
 class MatterfitContact(bpy.types.PropertyGroup):
     """How a body touches a surface."""
 
     kind: EnumProperty(
-        name="Contact", items=choices.CONTACT_KINDS, default="FRICTION", update=_list_changed,
+        name="Contact", items=choices.CONTACT_KINDS, default="FRICTION", update=list_changed,
         description="What happens where a body touches this surface")
-    mu: FloatProperty(
-        name="Friction", default=0.4, min=0.0, soft_min=0.0, max=10.0, soft_max=1.0, precision=3,
-        description="Coulomb's coefficient, without unit: 0 ice, .4 wood, 1 rubber")
+    mu: number("contact.mu")
     use_stiffness: BoolProperty(
         name="Stiffness", default=False,
         description="Use the stiffness below instead of one derived from the body")
-    stiffness: FloatProperty(
-        name="Stiffness [Pa/m]", default=1e7, min=1.0, soft_min=1e4, max=1e15, soft_max=1e10,
-        precision=0, step=100000,
-        description="Pressure per depth of penetration, in pascals per metre")
+    stiffness: number("contact.stiffness")
     use_damping: BoolProperty(
         name="Damping", default=False,
         description="Use the damping below instead of the solver's default")
-    damping: FloatProperty(
-        name="Damping", default=0.1, min=0.0, soft_min=0.0, max=2.0, soft_max=1.0, precision=3,
-        description="Normal damping while touching, as a fraction of critical damping")
+    damping: number("contact.damping")
 
 
 class MatterfitPin(bpy.types.PropertyGroup):
@@ -103,10 +95,10 @@ def _object_poll(_self, item):
 class MatterfitBody(bpy.types.PropertyGroup):
     """One row of the Bodies list."""
 
-    name: StringProperty(name="Name", default="Body", update=_list_changed,
+    name: StringProperty(name="Name", default="Body", update=list_changed,
                          description="The name in the job document")
     role: EnumProperty(
-        name="Role", default="BODY", update=_list_changed,
+        name="Role", default="BODY", update=list_changed,
         items=(("BODY", "Body", "Simulated", "MESH_ICOSPHERE", 0),
                ("COLLIDER", "Collider", "Bodies run into it", "MOD_PHYSICS", 1)),
         description="Simulated, or something that bodies run into")
@@ -133,21 +125,15 @@ class MatterfitBody(bpy.types.PropertyGroup):
         subtype="FACTOR", description="Gaussians with less opacity are left out, without unit")
 
     material: PointerProperty(type=MatterfitMaterial)
-    density: FloatProperty(
-        name="Density [kg/m³]", default=1000.0, min=1e-3, soft_min=10.0, max=1e6, soft_max=8000.0,
-        precision=1, step=1000,
-        description="Mass per volume at rest, in kilograms per cubic metre: water 1000")
+    density: number("density")
     formulation: EnumProperty(
         name="Formulation", items=choices.FORMULATIONS, default="AUTO",
         description="Where the computation's grid lives")
-    velocity: FloatVectorProperty(
-        name="Velocity", subtype="VELOCITY", unit="VELOCITY", size=3,
-        min=-1e5, soft_min=-20.0, max=1e5, soft_max=20.0,
-        description="Initial velocity of the centre of mass, per second")
-    spin: FloatVectorProperty(
-        name="Spin [rad/s]", size=3, min=-1e5, soft_min=-20.0, max=1e5, soft_max=20.0,
-        description="Initial angular velocity about world axes through the centre of mass, in "
-                    "radians per second")
+    velocity_from: EnumProperty(
+        name="Velocity From", default="VALUE", items=choices.VELOCITY_SOURCES,
+        update=list_changed, description="Where the initial velocity comes from")
+    velocity: vector("velocity", name="Velocity", subtype="VELOCITY", unit="VELOCITY")
+    spin: vector("spin")
     seed: IntProperty(
         name="Seed", default=0, min=0, soft_min=0, max=2147483647, soft_max=1000,
         description="Changes the places of jittered particles; without effect on solids")
@@ -158,11 +144,14 @@ class MatterfitBody(bpy.types.PropertyGroup):
     mass_index: IntProperty(name="Active Mass", default=0, min=0, soft_max=100, max=100000,
                             description="The mass shown below the list")
 
+    # Numbered: files store the number.
     collider_kind: EnumProperty(
-        name="Motion", default="STATIC",
-        items=(("STATIC", "Static", "Stands still where it is at the first frame"),
-               ("RIGID", "Rigid Animated", "Its transform is sampled once a frame"),
-               ("DEFORMING", "Deforming", "Its evaluated mesh is sampled at every frame")),
+        name="Motion", default="AUTO",
+        items=(("AUTO", "Automatic", "As its object is animated: not at all, as a whole, or its mesh",
+                "NONE", 3),
+               ("STATIC", "Static", "Stands still where it is at the first frame", "NONE", 0),
+               ("RIGID", "Rigid Animated", "Its transform is sampled once a frame", "NONE", 1),
+               ("DEFORMING", "Deforming", "Its evaluated mesh is sampled at every frame", "NONE", 2)),
         description="How the collider moves")
     collider_shape: EnumProperty(
         name="Shape", default="MESH",

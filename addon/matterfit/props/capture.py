@@ -13,8 +13,9 @@ from bpy.props import (
 )
 
 from ..compat import PATH_OPTIONS
-from . import choices
+from . import choices, reactions
 from .compare import outdated
+from .numbers import number
 
 
 def _reread(self, context):
@@ -24,9 +25,8 @@ def _reread(self, context):
 
 
 def _renamed(self, context):
-    from ..io import fit_parameters
     outdated(self, context)
-    fit_parameters.refresh(self.id_data.matterfit)
+    reactions.fit_list_outdated(self.id_data.matterfit)
 
 
 class MatterfitCapture(bpy.types.PropertyGroup):
@@ -78,9 +78,7 @@ class MatterfitCapture(bpy.types.PropertyGroup):
     use_start_frame: BoolProperty(
         name="Start Frame", default=False, update=outdated,
         description="The capture's first sample falls on the frame below instead of the first")
-    start_frame: FloatProperty(
-        name="Start Frame", default=1.0, min=-1e6, soft_min=0.0, max=1e6, soft_max=1e4,
-        precision=2, update=outdated, description="Scene frame of the capture's first sample")
+    start_frame: number("start_frame", update=outdated)
     markers: StringProperty(
         name="Markers", update=outdated,
         description="Names or numbers of the points to use, separated by commas; empty: all")

@@ -2,31 +2,6 @@
 """The enumerations of the panel. Identifiers are upper case; the job document's words come from
 lower-casing them."""
 
-LAWS = (
-    ("FIXED_COROTATED", "Fixed Corotated", "Elastic; robust at large rotation"),
-    ("NEO_HOOKEAN", "Neo-Hookean", "Elastic rubber, nearly incompressible if wished"),
-    ("STVK_HENCKY", "StVK-Hencky", "Elastic in logarithmic strain; the law under the plastic ones"),
-    ("VON_MISES", "von Mises", "Yields in shear: plasticine, clay, metal"),
-    ("HERSCHEL_BULKLEY", "Herschel-Bulkley", "Yields, then flows: cream, toothpaste, mud"),
-    ("DRUCKER_PRAGER", "Drucker-Prager", "Grains: sand, soil, snow with cohesion"),
-    ("NEWTONIAN", "Newtonian Fluid", "Weakly compressible liquid: water, honey, oil"),
-)
-
-# Parameters of each law in the job document's words, the order in which the panel shows them.
-LAW_PARAMETERS = {
-    "FIXED_COROTATED": ("E", "nu"),
-    "NEO_HOOKEAN": ("E", "nu"),
-    "STVK_HENCKY": ("E", "nu"),
-    "VON_MISES": ("E", "nu", "yield_stress", "hardening"),
-    "HERSCHEL_BULKLEY": ("E", "nu", "yield_stress", "viscosity", "exponent"),
-    "DRUCKER_PRAGER": ("E", "nu", "friction_angle", "cohesion"),
-    "NEWTONIAN": ("bulk_modulus", "viscosity"),
-}
-# Those of them that a material has to have; the others are 0 where they are left out (exponent 1).
-NEEDED_PARAMETERS = ("E", "nu", "yield_stress", "friction_angle", "bulk_modulus")
-DAMPING_PARAMETERS = ("damping_shear", "damping_bulk")
-MOST_BRANCHES = 6  # Maxwell branches that the solver takes
-
 FORMULATIONS = (
     ("AUTO", "Automatic", "Total Lagrangian for elastic materials, updated for all that flow"),
     ("TOTAL", "Total Lagrangian",
@@ -62,7 +37,8 @@ UP_AXES = (
     ("X", "X Up", "Rare"),
 )
 
-
-def law_name(law):
-    """What the panel calls a law of the job document."""
-    return next((item[1] for item in LAWS if item[0] == law.upper()), law)
+VELOCITY_SOURCES = (
+    ("VALUE", "Values Below", "The velocity and spin typed below"),
+    ("ANIMATION", "Object's Animation",
+     "Linear and angular velocity of the object's own animation at the first frame"),
+)

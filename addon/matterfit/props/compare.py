@@ -17,7 +17,7 @@ def _jump(self, context):
         context.scene.frame_set(self.worst[self.worst_index].frame)
 
 
-def _redraw(_self, context):
+def redraw(_self, context):
     for area in context.screen.areas if context.screen else ():
         if area.type == "VIEW_3D":
             area.tag_redraw()
@@ -26,7 +26,7 @@ def _redraw(_self, context):
 def outdated(owner, context):
     """For every setting that changes what Compare would find."""
     owner.id_data.matterfit.compare.done = False
-    _redraw(owner, context)
+    redraw(owner, context)
 
 
 def store(compare, found):
@@ -70,25 +70,28 @@ class MatterfitCompare(bpy.types.PropertyGroup):
     worst_index: IntProperty(name="Worst Frame", default=0, min=0, soft_max=100, max=100000,
                              update=_jump, description="Jumps to this frame")
     show_heatmap: BoolProperty(
-        name="Heat-Map", default=True, update=_redraw,
+        name="Heat-Map", default=True, update=redraw,
         description="Draw the captured points in the viewport, coloured by their error")
+    show_simulation: BoolProperty(
+        name="Simulated Points", default=True, update=redraw,
+        description="Draw where the simulation has the same points, in grey")
     show_graph: BoolProperty(
-        name="Error over Time", default=True, update=_redraw,
+        name="Error over Time", default=True, update=redraw,
         description="Draw the mean error of every frame in the viewport")
     show_links: BoolProperty(
-        name="Lines to Simulation", default=False, update=_redraw,
+        name="Lines to Simulation", default=False, update=redraw,
         description="Draw a line from each captured point to its simulated place")
     range_mode: EnumProperty(
-        name="Range", default="AUTO", update=_redraw,
+        name="Range", default="AUTO", update=redraw,
         items=(("AUTO", "Automatic", "Red is the 95th percentile of all errors"),
                ("FIXED", "Fixed", "Red is the value below")),
         description="Which error is drawn red")
     range_mm: FloatProperty(
         name="Red At [mm]", default=10.0, min=1e-6, soft_min=0.01, max=1e9, soft_max=1000.0,
-        precision=3, update=_redraw, description="Errors from this on are red, in millimetres")
+        precision=3, update=redraw, description="Errors from this on are red, in millimetres")
     point_size: FloatProperty(
         name="Point Size [px]", default=6.0, min=1.0, soft_min=1.0, max=64.0, soft_max=20.0,
-        precision=1, update=_redraw, description="Size of a drawn point, in pixels")
+        precision=1, update=redraw, description="Size of a drawn point, in pixels")
 
 
 CLASSES = (MatterfitWorstFrame, MatterfitCompare)

@@ -15,32 +15,25 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import choices
-from .compare import _redraw
+from .. import laws
+from . import reactions
+from .compare import redraw
 from .take import MatterfitTake
 
 
-def _switched(row, switch, reset):
-    """Where the artist has switched it on: `reset` of io.fit_parameters fills in its values."""
-    from ..io import fit_parameters
-    if not getattr(row, switch) or fit_parameters.is_restoring():
-        return
-    settings = row.id_data.matterfit
-    quantity = fit_parameters.quantity_of(settings, row)
-    if quantity is not None:
-        getattr(fit_parameters, reset)(settings, row, quantity)
-
-
 def _start_switched(self, _context):
-    _switched(self, "use_start", "reset_start")
+    if self.use_start:
+        reactions.fit_row_switched(self, "start")
 
 
 def _bounds_switched(self, _context):
-    _switched(self, "use_bounds", "reset_bounds")
+    if self.use_bounds:
+        reactions.fit_row_switched(self, "bounds")
 
 
 def _prior_switched(self, _context):
-    _switched(self, "use_prior", "reset_mean")
+    if self.use_prior:
+        reactions.fit_row_switched(self, "prior")
 
 
 class MatterfitFitParameter(bpy.types.PropertyGroup):
@@ -104,8 +97,8 @@ class MatterfitFit(bpy.types.PropertyGroup):
                                         "held out")),
         description="Whether the constitutive law itself is looked for")
     laws: EnumProperty(
-        name="Candidates", items=choices.LAWS, options={"ENUM_FLAG"},
-        default={item[0] for item in choices.LAWS},
+        name="Candidates", items=laws.LAWS, options={"ENUM_FLAG"},
+        default={item[0] for item in laws.LAWS},
         description="The laws that are fitted and ranked")
     parameters: CollectionProperty(type=MatterfitFitParameter)
     parameter_index: IntProperty(
@@ -140,10 +133,10 @@ class MatterfitFit(bpy.types.PropertyGroup):
     run: PointerProperty(type=MatterfitTake)
     done: BoolProperty(name="Fitted", default=False, description="A fit has left a result")
     show_history: BoolProperty(
-        name="Loss Curve", default=True, update=_redraw,
+        name="Loss Curve", default=True, update=redraw,
         description="Draw the error of every iteration in the viewport")
     show_error: BoolProperty(
-        name="Error of the Fit", default=True, update=_redraw,
+        name="Error of the Fit", default=True, update=redraw,
         description="Draw the fitted simulation's error of every frame in the viewport")
 
 

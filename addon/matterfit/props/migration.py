@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Brings the settings of older files up to date: property defaults are not stored in a .blend."""
 
+from . import reactions
 from .scene import SCHEMA_VERSION
 
 
@@ -17,8 +18,7 @@ def _from_1(settings):
 
 def _from_2(settings):
     """Version 2 had no fit: its bodies have no list of parameters yet."""
-    from ..io import fit_parameters
-    fit_parameters.refresh(settings)
+    reactions.fit_list_outdated(settings)
 
 
 STEPS = {1: _from_1, 2: _from_2}

@@ -11,7 +11,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import compare
+from . import compare, reactions
 from .body import MatterfitBody
 from .capture import MatterfitCapture
 from .compare import MatterfitCompare
@@ -25,20 +25,12 @@ SCHEMA_VERSION = 3
 
 
 def _take_switched(self, context):
-    from ..io import attach
-    attach.show_take(self)
+    reactions.take_switched(self)
     compare.outdated(self, context)
 
 
 def _capture_switched(self, _context):
-    """What is known of the take is shown against the capture that is active now."""
-    from ..io import comparison, takes
-    if not self.compare.done:
-        return
-    take, found = active_take(self), None
-    if take is not None and active_capture(self) is not None:
-        found = comparison.load_quietly(takes.locate(take).folder, compared_capture(self))
-    compare.store(self.compare, found)
+    reactions.capture_switched(self)
 
 
 class MatterfitScene(bpy.types.PropertyGroup):
@@ -63,6 +55,9 @@ class MatterfitScene(bpy.types.PropertyGroup):
     fit: PointerProperty(type=MatterfitFit)
     preview: PointerProperty(type=MatterfitTake)
     takes: CollectionProperty(type=MatterfitTake)
+    show_throws: BoolProperty(
+        name="Show Throws", default=True, update=compare.redraw,
+        description="Draw the velocity of each body, and how it would fly, in the viewport")
     take_index: IntProperty(name="Active Take", default=0, min=0, max=100000, soft_max=100,
                             update=_take_switched,
                             description="The take that is shown, baked and compared")

@@ -6,23 +6,21 @@ from bpy.props import (
     BoolProperty,
     EnumProperty,
     FloatProperty,
-    FloatVectorProperty,
     IntProperty,
     PointerProperty,
 )
 
-from . import choices
-from .body import MatterfitContact, _list_changed
+from . import choices, reactions
+from .body import MatterfitContact, list_changed
+from .numbers import number, vector
 
 
 def _separation_changed(self, _context):
-    from ..io import resolution
-    resolution.separation_typed(self)
+    reactions.separation_typed(self)
 
 
 def _quality_changed(self, context):
-    from ..io import resolution
-    resolution.apply_quality(self, context.scene)
+    reactions.quality_chosen(self, context.scene)
 
 
 class MatterfitSolver(bpy.types.PropertyGroup):
@@ -36,6 +34,11 @@ class MatterfitSolver(bpy.types.PropertyGroup):
         precision=4, step=0.1, unit="LENGTH", update=_separation_changed,
         description="Distance between particles: the one resolution knob. A grid cell is twice "
                     "as wide")
+    most_particles: IntProperty(
+        name="Most Particles", default=100000, min=1000, soft_min=10000, max=100000000,
+        soft_max=5000000, update=_quality_changed,
+        description="The quality asks for no more particles than this in all bodies together; a "
+                    "particle separation that is typed may")
     use_range: BoolProperty(
         name="Own Frame Range", default=False,
         description="Simulate the frames below instead of the scene's")
@@ -45,17 +48,14 @@ class MatterfitSolver(bpy.types.PropertyGroup):
     frame_end: IntProperty(
         name="End", default=48, min=1, soft_min=1, max=1048574, soft_max=10000,
         description="Last frame that is simulated (included)")
-    gravity: FloatVectorProperty(
-        name="Gravity [m/s²]", size=3, default=(0.0, 0.0, -9.81),
-        min=-1e5, soft_min=-30.0, max=1e5, soft_max=30.0, precision=3,
+    gravity: vector(
+        "gravity", default=(0.0, 0.0, -9.81),
         description="Acceleration of gravity in metres per second squared, whatever the scene's "
                     "scale; may be keyed")
 
     use_ground: BoolProperty(
-        name="Ground", default=True, update=_list_changed, description="A floor without end")
-    ground_height: FloatProperty(
-        name="Height", default=0.0, min=-1e6, soft_min=-10.0, max=1e6, soft_max=10.0, precision=4,
-        unit="LENGTH", description="World height of the floor")
+        name="Ground", default=True, update=list_changed, description="A floor without end")
+    ground_height: number("height", name="Height", unit="LENGTH")
     ground: PointerProperty(type=MatterfitContact)
 
     use_walls: BoolProperty(

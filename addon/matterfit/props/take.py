@@ -6,11 +6,12 @@ from bpy.props import (
     BoolProperty,
     CollectionProperty,
     EnumProperty,
-    FloatVectorProperty,
     IntProperty,
     PointerProperty,
     StringProperty,
 )
+
+from .numbers import vector
 
 
 class MatterfitThrow(bpy.types.PropertyGroup):
@@ -19,14 +20,9 @@ class MatterfitThrow(bpy.types.PropertyGroup):
     name: StringProperty(name="Body", description="The body that is thrown")
     use_placement: BoolProperty(
         name="New Position", default=False, description="Start somewhere else than the object is")
-    location: FloatVectorProperty(
-        name="Position", subtype="TRANSLATION", unit="LENGTH", size=3,
-        min=-1e6, soft_min=-100.0, max=1e6, soft_max=100.0, precision=4,
-        description="World position of the object's origin at the start")
-    rotation: FloatVectorProperty(
-        name="Rotation", subtype="EULER", unit="ROTATION", size=3,
-        min=-1e3, soft_min=-6.283185, max=1e3, soft_max=6.283185,
-        description="World rotation of the object at the start")
+    location: vector("placement.position", name="Position", subtype="TRANSLATION",
+                     unit="LENGTH")
+    rotation: vector("placement.rotation", name="Rotation", subtype="EULER", unit="ROTATION")
     velocity_from: EnumProperty(
         name="Velocity From", default="BODY",
         items=(("BODY", "Body", "The velocity and spin set in Bodies"),
@@ -34,14 +30,8 @@ class MatterfitThrow(bpy.types.PropertyGroup):
                ("ANIMATION", "Object's Animation",
                 "Linear and angular velocity of the object's own animation at the first frame")),
         description="Where the initial velocity comes from")
-    velocity: FloatVectorProperty(
-        name="Velocity", subtype="VELOCITY", unit="VELOCITY", size=3,
-        min=-1e5, soft_min=-20.0, max=1e5, soft_max=20.0,
-        description="Initial velocity of the centre of mass, per second")
-    spin: FloatVectorProperty(
-        name="Spin [rad/s]", size=3, min=-1e5, soft_min=-20.0, max=1e5, soft_max=20.0,
-        description="Initial angular velocity about world axes through the centre of mass, in "
-                    "radians per second")
+    velocity: vector("velocity", name="Velocity", subtype="VELOCITY", unit="VELOCITY")
+    spin: vector("spin")
 
 
 class MatterfitTakeCollider(bpy.types.PropertyGroup):
@@ -63,9 +53,8 @@ class MatterfitTake(bpy.types.PropertyGroup):
     throws: CollectionProperty(type=MatterfitThrow)
     use_gravity: BoolProperty(
         name="Other Gravity", default=False, description="Another gravity in this take")
-    gravity: FloatVectorProperty(
-        name="Gravity [m/s²]", size=3, default=(0.0, 0.0, -9.81),
-        min=-1e5, soft_min=-30.0, max=1e5, soft_max=30.0, precision=3,
+    gravity: vector(
+        "gravity", default=(0.0, 0.0, -9.81),
         description="Acceleration of gravity in this take, in metres per second squared")
     colliders: CollectionProperty(type=MatterfitTakeCollider)
 

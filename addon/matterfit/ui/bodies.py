@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import bpy
 
-from ..io import meshes, presets
-from ..props import choices
+from .. import laws
+from ..compat import translate
+from ..io import motion, presets, shapes
 from ..props import scene as scene_props
-from .common import MatterfitPanel, contact, form, lines, switched
+from .common import MatterfitPanel, contact, form, lines, quantity, switched
+
+MOTIONS = {"STATIC": "Stands still", "RIGID": "Moves with its object's animation",
+           "DEFORMING": "Its mesh is sampled at every frame"}
 
 
 class MATTERFIT_UL_bodies(bpy.types.UIList):
@@ -36,6 +40,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         column = row.column(align=True)
         column.operator("matterfit.add_body", text="", icon="ADD").role = "BODY"
         column.operator("matterfit.remove_body", text="", icon="REMOVE")
+        column.operator("matterfit.add_body_file", text="", icon="FILE_FOLDER")
         column.separator()
         column.operator("matterfit.move_body", text="", icon="TRIA_UP").step = -1
         column.operator("matterfit.move_body", text="", icon="TRIA_DOWN").step = 1
@@ -43,7 +48,6 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         row.operator("matterfit.add_body", text="Add Body", icon="MESH_ICOSPHERE").role = "BODY"
         row.operator("matterfit.add_body", text="Add Collider",
                      icon="MOD_PHYSICS").role = "COLLIDER"
-        row.operator("matterfit.add_body_file", text="", icon="FILE_FOLDER")
         body = scene_props.active_body(settings)
         if body is None:
             return
@@ -57,6 +61,8 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         column = form(layout)
         column.prop(body, "object")
         column.prop(body, "collider_kind")
+        if body.collider_kind == "AUTO" and body.object is not None:
+            lines(column, translate(MOTIONS[motion.collider_kind(body)]), icon="INFO")
         if body.collider_kind != "DEFORMING":
             column.prop(body, "collider_shape")
         contact(layout, body.contact)
@@ -72,12 +78,12 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
             column.prop(body, "filepath")
             if body.source == "GAUSSIANS":
                 column.prop(body, "fill_inside")
-                column.prop(body, "opacity_threshold")
+                column.prop(body, "opacity_threshold", text="Opacity")
         material = body.material
         column = form(layout)
         column.separator()
         row = column.row(align=True)
-        row.prop(material, "preset")
+        row.prop(material, "preset", text="Preset")
         if presets.differs(material):
             row.operator("matterfit.reset_material", text="", icon="LOOP_BACK")
         if presets.is_users(material.preset):
@@ -86,14 +92,13 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         for fault in presets.faults():
             lines(column, fault, icon="ERROR")
         column.prop(material, "law")
-        for name in choices.LAW_PARAMETERS[material.law]:
-            column.prop(material, name)
-        column.prop(body, "density")
+        for name in laws.PARAMETERS[material.law]:
+            quantity(column, material, "material." + name)
+        quantity(column, body, "density")
 
 
 def _shape_text(item):
-    from ..compat import translate
-    return translate("Used: {shape}").format(shape=translate(meshes.body_shape(item).text))
+    return translate("Used: {shape}").format(shape=translate(shapes.body_shape(item).text))
 
 
 class _BodyDetail(MatterfitPanel):
@@ -121,11 +126,14 @@ class MATTERFIT_PT_body_motion(_BodyDetail, bpy.types.Panel):
     def draw(self, context):
         body = scene_props.active_body(context.scene.matterfit)
         column = form(self.layout)
-        column.prop(body, "velocity")
-        column.prop(body, "spin")
+        if body.velocity_from == "ANIMATION" or body.object is not None and motion.moves(body.object):
+            column.prop(body, "velocity_from", text="From")
+        if body.velocity_from == "VALUE":
+            column.prop(body, "velocity")
+            quantity(column, body, "spin")
         column.prop(body, "formulation")
-        for name in choices.DAMPING_PARAMETERS:
-            column.prop(body.material, name)
+        for name in laws.DAMPING:
+            quantity(column, body.material, "material." + name)
         column.prop(body, "seed")
         if body.material.source:
             lines(self.layout, body.material.source, icon="BOOKMARKS")
@@ -141,8 +149,8 @@ class MATTERFIT_PT_body_relaxation(_BodyDetail, bpy.types.Panel):
         if branch is None:
             return
         column = form(layout)
-        column.prop(branch, "modulus")
-        column.prop(branch, "time")
+        quantity(column, branch, "material.maxwell.modulus")
+        quantity(column, branch, "material.maxwell.time")
 
 
 class MATTERFIT_PT_body_pins(_BodyDetail, bpy.types.Panel):

@@ -5,6 +5,8 @@ import textwrap
 
 import bpy
 
+from .. import quantities
+
 
 class MatterfitPanel:
     """A part of the one tab in the 3D View's sidebar."""
@@ -42,6 +44,12 @@ def lines(layout, text, icon="NONE"):
             first = False
 
 
+def quantity(column, item, key):
+    """The number of quantities.py that `item` has by that key's last word."""
+    row = quantities.find(key)
+    column.prop(item, row.name, text=row.caption)
+
+
 def switched(column, item, switch, value):
     """A value with the switch that makes it count."""
     row = column.row(align=True, heading=item.bl_rna.properties[switch].name)
@@ -56,7 +64,7 @@ def contact(layout, item):
     column = form(layout)
     column.prop(item, "kind")
     if item.kind == "FRICTION":
-        column.prop(item, "mu")
+        quantity(column, item, "contact.mu")
     switched(column, item, "use_stiffness", "stiffness")
     switched(column, item, "use_damping", "damping")
 

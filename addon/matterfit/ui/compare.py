@@ -32,13 +32,14 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
         row.label(text=f"{compare.p95_mm:.4g} mm", translate=False)
         column = form(layout)
         column.prop(compare, "show_heatmap")
+        column.prop(compare, "show_simulation", text="Simulation")
+        column.prop(compare, "show_links", text="Lines")
         column.prop(compare, "show_graph")
         if compare.show_heatmap:
-            column.prop(compare, "show_links")
             column.prop(compare, "range_mode")
             if compare.range_mode == "FIXED":
                 column.prop(compare, "range_mm")
-            column.prop(compare, "point_size")
+            column.prop(compare, "point_size", text="Point Size")
         layout.label(text="Worst Frames")
         row = layout.row()
         for title in ("Frame", "Mean", "Largest"):

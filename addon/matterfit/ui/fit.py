@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import bpy
 
-from .. import jobs
+from .. import jobs, laws, quantities
 from ..compat import translate, translate_label
-from ..io import fit_parameters, fit_results, job_fit, takes
+from ..io import fit_results, fit_rows, fit_values, job_fit, takes
 from ..ops.fit import error_text
-from ..props import choices
 from ..props import scene as scene_props
 from . import fit_overlay
 from .common import MatterfitPanel, form, holdout, lines, switched
@@ -14,7 +13,7 @@ from .common import MatterfitPanel, form, holdout, lines, switched
 class MATTERFIT_UL_parameters(bpy.types.UIList):
     def draw_item(self, context, layout, _data, item, _icon, _active, _name, _index=0):
         settings = context.scene.matterfit
-        quantity = fit_parameters.quantity_of(settings, item)
+        quantity = fit_rows.quantity_of(settings, item)
         row = layout.row(align=True)
         row.prop(item, "enabled", text="")
         row = row.row()
@@ -53,13 +52,13 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
                           "parameter_index", rows=5)
         row.operator("matterfit.list_parameters", text="", icon="FILE_REFRESH")
         item = scene_props.active_item(fit.parameters, fit.parameter_index)
-        quantity = None if item is None else fit_parameters.quantity_of(settings, item)
+        quantity = None if item is None else fit_rows.quantity_of(settings, item)
         if quantity is None:
             return
         column = form(layout)
         column.active = item.enabled
         column.label(text=quantity.label)
-        now = fit_parameters.value(settings, item.owner, item.key)
+        now = fit_values.value(settings, item.owner, item.key)
         if quantity.size == 3:
             row = column.row(align=True, heading="Axes")
             for axis, name in enumerate("XYZ"):
@@ -139,7 +138,7 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
         words = translate("{stage}: rms {error} mm").format(stage=newest.stage,
                                                             error=f"{newest.errors[-1]:.4g}")
         if newest.law:
-            words = f"{choices.law_name(newest.law)}, {words}"
+            words = f"{laws.name_of(newest.law)}, {words}"
         lines(layout.box(), words, icon="TIME")
 
 
@@ -152,7 +151,8 @@ class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
         column = form(self.layout)
         switched(column, fit, "use_huber", "huber")
         column.prop(fit, "iterations")
-        column.prop(fit, "windows")
+        self.layout.prop(fit, "windows")
+        column = form(self.layout)
         column.prop(fit, "levels")
         column.prop(context.scene.matterfit.solver, "threads")
 
@@ -210,9 +210,9 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
                   icon="ERROR")
         row = layout.row()
         row.label(text="Law")
-        row.label(text=choices.law_name(result.law))
+        row.label(text=laws.name_of(result.law))
         if result.noise_scale > 0.0:
-            lines(layout, translate("What is left is {factor} × the noise").format(
+            lines(layout, translate("Remaining error: {factor} × the recording's noise (1 is ideal)").format(
                 factor=f"{result.noise_scale:.3g}"))
 
     def _errors(self, layout, result):
@@ -258,7 +258,7 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             row.label(text=title)
         for place, model in enumerate(result.models):
             row = box.row()
-            row.label(text=translate_label(choices.law_name(model.get("law", ""))), translate=False,
+            row.label(text=translate_label(laws.name_of(model.get("law", ""))), translate=False,
                       icon="CHECKMARK" if place == 0 else "NONE")
             if model.get("failed"):
                 lines(box, str(model["failed"]), icon="ERROR")
@@ -288,7 +288,7 @@ def _names(settings, path):
     document = {"bodies": [{"name": body.name} for body in settings.bodies
                            if body.role == "BODY"]}
     owner, key, axis = job_fit.split_path(path, document)
-    text = _short(fit_parameters.label_of(key))
+    text = _short(quantities.label_of(key))
     return owner, text if axis is None else f"{text} {'XYZ'[axis]}"
 
 

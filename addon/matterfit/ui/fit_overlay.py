@@ -4,11 +4,10 @@ the 3D View above the graph of Compare."""
 
 import os
 
-from .. import jobs
+from .. import jobs, laws
 from ..compat import translate_label
 from ..io import comparison, files, fit_results, takes
 from ..jobs import JobError
-from ..props import choices
 from ..props import scene as scene_props
 from . import drawing
 
@@ -106,7 +105,7 @@ def _draw_curve(rectangle, scale, segments):
 
 
 def _law_name(law):
-    return translate_label(choices.law_name(law))
+    return translate_label(laws.name_of(law))
 
 
 def _error(settings, folder):

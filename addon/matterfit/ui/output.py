@@ -5,7 +5,7 @@ import bpy
 
 from .. import jobs
 from ..compat import translate
-from ..io import attach, cache, takes
+from ..io import attached, cache, takes
 from ..props import scene as scene_props
 from .common import MatterfitPanel, lines, switched
 
@@ -39,8 +39,8 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
         if take is not None and take.folder:
             self._cache(layout, context, take)
         row = layout.row(align=True)
-        row.operator("matterfit.export_alembic", icon="EXPORT")
-        row.operator("matterfit.export_usd", icon="EXPORT")
+        row.operator("matterfit.export_alembic", text="Alembic", icon="EXPORT")
+        row.operator("matterfit.export_usd", text="USD", icon="EXPORT")
 
     def _cache(self, layout, context, take):
         session = context.window_manager.matterfit
@@ -72,7 +72,7 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
             lines(box, session.verify)
         if take.collection is not None:
             for item in take.collection.objects:
-                if item.get(attach.TAG):
+                if item.get(attached.TAG):
                     row = box.row(align=True)
                     row.label(text=item.name, translate=False)
                     row.prop(item, "hide_viewport", text="", emboss=False)

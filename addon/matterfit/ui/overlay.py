@@ -8,13 +8,15 @@ from .. import compat
 from ..compat import translate_label
 from ..io import comparison, takes, transforms
 from ..props import scene as scene_props
-from . import drawing, fit_overlay
+from . import drawing, fit_overlay, throw_overlay
 
 # Dark blue, cyan, green, yellow, red: error from nothing to the range's end.
 STOPS = numpy.array(((0.10, 0.20, 0.60), (0.10, 0.65, 0.80), (0.25, 0.75, 0.30),
                      (0.95, 0.85, 0.20), (0.90, 0.15, 0.10)))
 LEGEND = (24, 60, 14, 160)  # left, bottom, width, height in pixels
 GRAPH = (124, 56, 320, 110)
+
+GHOST = (0.85, 0.85, 0.9, 0.6)
 
 _handles = []
 _loaded = {}
@@ -54,37 +56,61 @@ def top_of_range(settings, found):
     return compare.range_mm if compare.range_mode == "FIXED" else max(found.percentile95, 1e-6)
 
 
+def point_sets(compare, found, row, unit, top):
+    """[(points, colours, size in pixels)] of one sample: simulated places as grey ghosts, captured
+    ones by their error, in Blender units."""
+    errors = found.errors[row]
+    seen = numpy.isfinite(errors)
+    sets = []
+    if compare.show_simulation:
+        ghosts = (found.simulated[row][seen] * unit).astype(numpy.float32)
+        sets.append((ghosts, numpy.tile(numpy.float32(GHOST), (len(ghosts), 1)),
+                     max(0.7 * compare.point_size, 1.0)))
+    if compare.show_heatmap:
+        captured = (found.captured[row][seen] * unit).astype(numpy.float32)
+        sets.append((captured, colors(errors[seen], top), compare.point_size))
+    return sets
+
+
 def draw_points():
     context = bpy.context
     scene = context.scene
     settings = scene.matterfit
-    if not settings.compare.done or not settings.compare.show_heatmap:
+    compare = settings.compare
+    if not compare.done or not (compare.show_heatmap or compare.show_simulation):
         return
     found = active_comparison(scene)
-    if found is None:
-        return
-    row = found.row_at(scene.frame_current + scene.frame_subframe)
+    row = None if found is None else found.row_at(scene.frame_current + scene.frame_subframe)
     if row is None:
         return
     import gpu
-    from gpu_extras.batch import batch_for_shader
     unit = 1.0 / transforms.metres(scene)
-    errors = found.errors[row]
-    seen = numpy.isfinite(errors)
-    points = (found.captured[row][seen] * unit).astype(numpy.float32)
-    shader = compat.flat_shader()
-    gpu.state.point_size_set(settings.compare.point_size)
-    gpu.state.depth_test_set("LESS_EQUAL")
-    color = colors(errors[seen], top_of_range(settings, found))
-    batch_for_shader(shader, "POINTS", {"pos": points, "color": color}).draw(shader)
-    if settings.compare.show_links:
-        simulated = (found.simulated[row][seen] * unit).astype(numpy.float32)
-        ends = numpy.empty((2 * len(points), 3), dtype=numpy.float32)
-        ends[0::2], ends[1::2] = points, simulated
-        batch_for_shader(shader, "LINES", {"pos": ends, "color": numpy.repeat(color, 2, axis=0)}
-                         ).draw(shader)
+    top = top_of_range(settings, found)
+    sets = point_sets(compare, found, row, unit, top)
+    gpu.state.blend_set("ALPHA")
+    for points, color, size in sets:
+        gpu.state.point_size_set(size)
+        _draw("POINTS", points, color)
+    if compare.show_links:
+        seen = numpy.isfinite(found.errors[row])
+        ends = numpy.empty((2 * int(seen.sum()), 3), dtype=numpy.float32)
+        ends[0::2] = found.captured[row][seen] * unit
+        ends[1::2] = found.simulated[row][seen] * unit
+        _draw("LINES", ends, numpy.repeat(colors(found.errors[row][seen], top), 2, axis=0))
+    gpu.state.blend_set("NONE")
     gpu.state.depth_test_set("NONE")
     gpu.state.point_size_set(1.0)
+
+
+def _draw(kind, points, color):
+    """What lies behind or inside something shows through it faintly."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+    shader = compat.flat_shader()
+    for test, part in (("GREATER", 0.3), ("LESS_EQUAL", 1.0)):
+        gpu.state.depth_test_set(test)
+        faded = (color * (1.0, 1.0, 1.0, part)).astype(numpy.float32)
+        batch_for_shader(shader, kind, {"pos": points, "color": faded}).draw(shader)
 
 
 def draw_legend():
@@ -136,6 +162,10 @@ def draw_fit():
     fit_overlay.draw(bpy.context, compare_graph_shown(bpy.context.scene.matterfit.compare))
 
 
+def draw_throws():
+    throw_overlay.draw()
+
+
 def compare_graph_shown(compare):
     return compare.done and compare.show_graph
 
@@ -145,6 +175,7 @@ def register():
         return
     view = bpy.types.SpaceView3D
     _handles.append(view.draw_handler_add(draw_points, (), "WINDOW", "POST_VIEW"))
+    _handles.append(view.draw_handler_add(draw_throws, (), "WINDOW", "POST_VIEW"))
     _handles.append(view.draw_handler_add(draw_legend, (), "WINDOW", "POST_PIXEL"))
     _handles.append(view.draw_handler_add(draw_fit, (), "WINDOW", "POST_PIXEL"))
 

@@ -41,7 +41,9 @@ class MATTERFIT_PT_rerun(MatterfitPanel, bpy.types.Panel):
         if take is None:
             layout.operator("matterfit.add_take", icon="ADD")
             return
-        layout.label(text="Throws")
+        row = layout.row()
+        row.label(text="Throws")
+        row.prop(settings, "show_throws", text="", icon="HIDE_OFF" if settings.show_throws else "HIDE_ON")
         row = layout.row()
         row.template_list("MATTERFIT_UL_throws", "throws", take, "throws", session, "throw_index",
                           rows=2)
@@ -55,14 +57,14 @@ class MATTERFIT_PT_rerun(MatterfitPanel, bpy.types.Panel):
             if throw.use_placement:
                 column.prop(throw, "location")
                 column.prop(throw, "rotation")
-            column.prop(throw, "velocity_from")
+            column.prop(throw, "velocity_from", text="Motion")
             if throw.velocity_from == "VALUE":
                 column.prop(throw, "velocity")
-                column.prop(throw, "spin")
+                column.prop(throw, "spin", text="Spin")
         column = form(layout)
         column.prop(take, "use_gravity")
         if take.use_gravity:
-            column.prop(take, "gravity")
+            column.prop(take, "gravity", text="Gravity")
         row = layout.row()
         row.label(text="Colliders")
         row.operator("matterfit.list_colliders", text="", icon="FILE_REFRESH")

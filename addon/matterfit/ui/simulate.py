@@ -34,6 +34,7 @@ class MATTERFIT_PT_simulate(MatterfitPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.scale_y = 1.4
         row.operator("matterfit.bake", icon="RENDER_ANIMATION")
+        row = layout.row(align=True)
         row.operator("matterfit.resume", icon="PLAY")
         row.operator("matterfit.free", icon="TRASH")
         if jobs.registry.running is not None:

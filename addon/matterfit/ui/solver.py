@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import bpy
 
-from ..compat import translate
+from ..compat import translate, translate_label
 from ..io import resolution
 from .common import MatterfitPanel, contact, form, lines
 
@@ -15,18 +15,26 @@ class MATTERFIT_PT_solver(MatterfitPanel, bpy.types.Panel):
         solver = context.scene.matterfit.solver
         column = form(layout)
         column.prop(solver, "quality")
-        column.prop(solver, "particle_separation")
+        layout.prop(solver, "particle_separation")
         cells = _cells(context)
         if cells is not None:
             lines(layout, translate("{n} cells across the thinnest part").format(
                 n=f"{cells:.1f}"), icon="ERROR" if cells < 2.95 else "INFO")
+        limit = _measured.get("limit")
+        if limit is not None:
+            lines(layout, translate("Limited to {n} particles; {quality} asks for {cells} cells").format(
+                n=f"{limit[0]:,}".replace(",", " "), cells=limit[1], quality=translate_label(
+                    solver.bl_rna.properties["quality"].enum_items[solver.quality].name)),
+                  icon="INFO")
+        if solver.quality != "CUSTOM":
+            layout.prop(solver, "most_particles")
         layout.operator("matterfit.set_resolution", icon="DRIVER_DISTANCE")
         column = form(layout)
-        column.prop(solver, "use_range")
+        column.prop(solver, "use_range", text="Own Range")
         if solver.use_range:
             column.prop(solver, "frame_start")
             column.prop(solver, "frame_end")
-        column.prop(solver, "gravity")
+        column.prop(solver, "gravity", text="Gravity")
 
 
 _measured = {}
@@ -35,15 +43,15 @@ _measured = {}
 def _cells(context):
     """Measuring casts rays, so it is not done at every redraw: only after a change."""
     scene = context.scene
-    key = tuple((body.name, body.enabled, body.object.name, len(body.object.data.vertices),
-                 tuple(body.object.dimensions))
-                for body in scene.matterfit.bodies
-                if body.role == "BODY" and body.object is not None and body.object.type == "MESH")
+    solver = scene.matterfit.solver
+    key = (solver.quality, solver.particle_separation, solver.most_particles, tuple(
+        (item.name, item.type == "MESH" and len(item.data.vertices), tuple(item.dimensions),
+         tuple((modifier.name, modifier.show_viewport) for modifier in item.modifiers))
+        for item in resolution.bodies(scene)))
     if _measured.get("key") != key:
-        _measured.update(key=key, thickness=resolution.thinnest(scene))
-    thickness = _measured["thickness"]
-    return None if thickness is None else thickness / (
-        2.0 * scene.matterfit.solver.particle_separation)
+        _measured.update(key=key, cells=resolution.cells_across(scene),
+                         limit=resolution.limited_to(scene))
+    return _measured["cells"]
 
 
 class MATTERFIT_PT_container(MatterfitPanel, bpy.types.Panel):
@@ -61,7 +69,7 @@ class MATTERFIT_PT_container(MatterfitPanel, bpy.types.Panel):
         column = form(layout)
         column.prop(solver, "use_walls")
         if solver.use_walls:
-            column.prop(solver, "container")
+            column.prop(solver, "container", text="Object")
             column.prop(solver, "open_top")
             contact(layout, solver.walls)
 
@@ -74,7 +82,7 @@ class MATTERFIT_PT_solver_advanced(MatterfitPanel, bpy.types.Panel):
         column = form(self.layout)
         solver = context.scene.matterfit.solver
         column.prop(solver, "cfl")
-        column.prop(solver, "memory_limit")
+        column.prop(solver, "memory_limit", text="Memory [GB]")
         column.prop(solver, "threads")
 
 

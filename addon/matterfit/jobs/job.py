@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A long computation as a state machine. No Blender and no native library in here.
-
-A `Job` drives a backend (native.NativeRun or ThreadRun in the product, a fake one in tests):
+"""A long computation as a state machine. It drives a backend (native.NativeRun or ThreadRun in the
+product, a fake one in tests):
 
     IDLE -> RUNNING -> DONE | FAILED | CANCELLED
                |-> CANCELLING -> CANCELLED | DONE | FAILED
@@ -9,94 +8,11 @@ A `Job` drives a backend (native.NativeRun or ThreadRun in the product, a fake o
 `tick()` is all the user interface calls; `run()` is the same ticked in a loop, for `blender -b`.
 """
 
-import enum
 import signal
 import threading
 import time
-from dataclasses import dataclass, field
 
-
-class State(enum.Enum):
-    IDLE = "idle"
-    RUNNING = "running"
-    CANCELLING = "cancelling"
-    DONE = "done"
-    CANCELLED = "cancelled"
-    FAILED = "failed"
-
-
-ENDED = frozenset({State.DONE, State.CANCELLED, State.FAILED})
-
-EXIT_DONE = 0
-EXIT_INPUT = 2
-EXIT_COMPUTE = 3
-EXIT_CANCELLED = 130
-
-
-class JobError(Exception):
-    """Something the user can act on; `status` is the tool's exit status for it."""
-
-    def __init__(self, message, status=EXIT_INPUT):
-        super().__init__(message)
-        self.status = status
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """What a backend says at one poll. Frames are scene frames; memory in bytes."""
-
-    finished: bool = False
-    fraction: float = 0.0
-    stage: str = ""
-    frame: int = 0
-    last_frame: int = 0
-    memory: int = 0
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How a backend ended: the tool's exit status, its JSON result, its error message."""
-
-    status: int = EXIT_DONE
-    result: dict = field(default_factory=dict)
-    error: str = ""
-
-
-class ThreadRun:
-    """A backend for one call that cannot be interrupted: it runs in a thread, and returns the
-    result as a dictionary or raises JobError. Cancel leaves it to run out unheard."""
-
-    def __init__(self, function, stage=""):
-        self._stage = stage
-        self._outcome = Outcome(EXIT_CANCELLED)
-        self._cancelled = False
-        self._thread = threading.Thread(target=self._work, args=(function,), daemon=True)
-        self._thread.start()
-
-    def _work(self, function):
-        try:
-            self._outcome = Outcome(EXIT_DONE, function())
-        except JobError as error:
-            self._outcome = Outcome(error.status, {}, str(error))
-        except Exception as error:  # in a thread it would be printed and lost
-            self._outcome = Outcome(EXIT_COMPUTE, {}, f"{type(error).__name__}: {error}")
-
-    def poll(self):
-        return Snapshot(finished=self._cancelled or not self._thread.is_alive(),
-                        stage=self._stage)
-
-    def cancel(self):
-        self._cancelled = True
-
-    def wait(self):
-        if not self._cancelled:
-            self._thread.join()
-
-    def outcome(self):
-        return Outcome(EXIT_CANCELLED) if self._cancelled else self._outcome
-
-    def free(self):
-        pass
+from .outcome import ENDED, EXIT_CANCELLED, EXIT_DONE, JobError, Outcome, Snapshot, State
 
 
 class _CancelsOnSignals:
@@ -257,63 +173,3 @@ class Job:
         self._ended = self._clock()
         if self._on_end is not None:
             self._on_end(self)
-
-
-class Registry:
-    """The jobs of this process: at most one at a time is shown, all of them can be stopped."""
-
-    def __init__(self):
-        self._jobs = []
-
-    def add(self, job):
-        self._jobs = [other for other in self._jobs if not other.ended]
-        self._jobs.append(job)
-        return job
-
-    @property
-    def current(self):
-        """The newest job, ended or not; None where there never was one."""
-        return self._jobs[-1] if self._jobs else None
-
-    @property
-    def running(self):
-        """The newest job that has not ended, or None."""
-        for job in reversed(self._jobs):
-            if job.state in (State.RUNNING, State.CANCELLING):
-                return job
-        return None
-
-    def stop_all(self):
-        """Cancel every job and wait for it: before another file opens or the add-on goes."""
-        jobs = [job for job in self._jobs if not job.ended]
-        for job in jobs:
-            job.cancel()
-        for job in jobs:
-            job.join()
-        self._jobs = []
-
-
-registry = Registry()
-
-
-def duration_text(seconds):
-    """3 s, 2 min 5 s, 1 h 4 min."""
-    if seconds is None:
-        return ""
-    seconds = int(round(max(seconds, 0.0)))
-    if seconds < 60:
-        return f"{seconds} s"
-    if seconds < 3600:
-        return f"{seconds // 60} min {seconds % 60} s"
-    return f"{seconds // 3600} h {seconds % 3600 // 60} min"
-
-
-def size_text(size):
-    """Bytes as 512 B, 3.2 kB, 1.5 MB, 2.0 GB (powers of 1000, as Memory Limit has them)."""
-    if size < 1000:
-        return f"{int(size)} B"
-    for unit in ("kB", "MB", "GB"):
-        size /= 1000.0
-        if size < 1000.0 or unit == "GB":
-            return f"{size:.1f} {unit}"
-    raise AssertionError("unreachable")

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The objects that show baked caches: how they are marked, found again, and removed.
+
+They carry the custom properties `matterfit`, what they show, and `matterfit_cache`, the folder it
+lies in; by these they are found again wherever in the scene the artist has put them.
+"""
+
+import bpy
+
+from . import cache, shapes, visibility
+
+TAG = "matterfit"
+CACHE_TAG = "matterfit_cache"
+
+
+def objects_of(scene, take):
+    """Our objects that show the take, wherever the artist has put them; those in its collection
+    first, where an older version left them without the folder's name."""
+    name = cache.name_of(take)
+    inside = take.collection.all_objects if take.collection is not None else ()
+    found = {item: True for item in inside if item.get(CACHE_TAG, name) == name}
+    if name:
+        found.update((item, True) for item in scene.objects if item.get(CACHE_TAG) == name)
+    return [item for item in found if item.get(TAG)]
+
+
+def mark(items, folder):
+    """They show what lies in the cache folder of that name."""
+    for item in items:
+        item[CACHE_TAG] = folder
+
+
+# Which objects show the files of a folder of the cache.
+KIND_TAGS = {"volume": ("volume:", "surface:"), "mesh": ("mesh:",), "points": ("points:",)}
+
+
+def detach_kind(take, kind):
+    """Removes the objects that show one kind of files."""
+    remove([item for item in objects_of(take.id_data, take)
+             if item[TAG].startswith(KIND_TAGS.get(kind, ()))])
+
+
+def detach(scene, take):
+    """Removes the take's objects; the artist's own come back where no other take is shown.
+
+    A take that shares its cache with one of another scene lets go of both, and of what only this
+    scene shows of it.
+    """
+    items = objects_of(scene, take)
+    collection = take.collection
+    take.collection = None
+    if cache.is_shared(take):
+        take.folder = ""
+        items = [item for item in items if set(item.users_scene) <= {scene}]
+        if collection is not None and collection in list(scene.collection.children):
+            scene.collection.children.unlink(collection)
+    remove(items)
+    if collection is not None and not _is_in_use(collection):
+        bpy.data.collections.remove(collection)
+    for image in [image for image in bpy.data.images
+                  if image.source == "SEQUENCE" and image.users == 0]:
+        if take.folder and image.filepath.startswith(take.folder):
+            bpy.data.images.remove(image)
+    visibility.show_take(scene.matterfit)
+
+
+def _is_in_use(collection):
+    """It holds something, or shows a take."""
+    return bool(collection.all_objects or collection.children) or any(
+        take.collection == collection for _scene, take in cache.every_take())
+
+
+def remove(items):
+    """Removes our objects with the data only they use."""
+    for item in items:
+        # The artist's own mesh, which a result shows, stays whatever uses it.
+        shared = item[TAG].startswith("mesh:") and not item.data.get(TAG)
+        data = item.data
+        trees = [modifier.node_group for modifier in item.modifiers
+                 if modifier.type == "NODES" and modifier.node_group is not None
+                 and shapes.is_own(modifier)]
+        bpy.data.objects.remove(item)
+        if not shared and data is not None and data.users == 0:
+            bpy.data.batch_remove([data])
+        for tree in trees:
+            if tree.users == 0:
+                bpy.data.node_groups.remove(tree)

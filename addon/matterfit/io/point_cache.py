@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""PC2 files, played by Blender's Mesh Cache modifier."""
+
+from .. import compat
+from . import nodes, shapes
+
+
+def play(item, points, first):
+    """Moves the vertices of `item` by a PointCache whose first sample is at scene frame `first`."""
+    name = "Matterfit Cache"
+    modifier = item.modifiers.get(name)
+    if modifier is None:
+        stop = shapes.cache_place(item)
+        modifier = item.modifiers.new(name, "MESH_CACHE")
+        compat.move_modifier(item, name, stop)
+        modifier = item.modifiers[name]
+    modifier.cache_format = "PC2"
+    modifier.filepath = nodes.relative_path(points.path)
+    modifier.interpolation = "LINEAR"
+    modifier.deform_mode = "OVERWRITE"
+    modifier.play_mode = "SCENE"
+    modifier.time_mode = "FRAME"
+    modifier.frame_start = float(first)
+    modifier.frame_scale = 1.0
+    modifier.forward_axis = "POS_Y"
+    modifier.up_axis = "POS_Z"

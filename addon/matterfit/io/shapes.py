@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which shape of an object is simulated and which mesh the result moves: both come after the
+modifiers that make the shape (Mirror, Array, Solidify, Boolean, Geometry Nodes), the mesh before those
+that only refine it (Subdivision, Bevel), which then refine what was simulated."""
+
+import contextlib
+from dataclasses import dataclass
+
+import bpy
+
+from ..jobs import JobError
+
+# Everything we put on an artist's object carries this prefix.
+OWN_PREFIX = "Matterfit"
+
+# Modifiers that keep the number and order of vertices; the others may change them.
+DEFORMERS = frozenset({
+    "ARMATURE", "CAST", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM", "LATTICE", "MESH_DEFORM",
+    "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH", "CORRECTIVE_SMOOTH", "LAPLACIANSMOOTH",
+    "SURFACE_DEFORM", "WARP", "WAVE", "CLOTH", "SOFT_BODY", "MESH_CACHE", "COLLISION", "SURFACE",
+    "PARTICLE_SYSTEM", "DATA_TRANSFER", "NORMAL_EDIT", "WEIGHTED_NORMAL", "UV_PROJECT", "UV_WARP",
+    "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY",
+})
+# Modifiers that add detail to a mesh that has the shape already. All others make the shape.
+REFINERS = frozenset({"SUBSURF", "MULTIRES", "BEVEL", "TRIANGULATE", "EDGE_SPLIT"})
+# Modifiers that make another mesh at every frame, or none.
+RESTLESS = frozenset({"BUILD", "EXPLODE", "FLUID", "MESH_TO_VOLUME", "OCEAN", "PARTICLE_INSTANCE"})
+# A node group of Blender's own that shades and moves nothing.
+SHADING_NODES = "Smooth by Angle"
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Which shape of an object is used, and why. `stop` is the first modifier left out; `made` says
+    that modifiers before it make other vertices than the object's own mesh has."""
+
+    kind: str  # "mesh" or "cage"
+    stop: int
+    level: int
+    text: str
+    made: bool = False
+
+
+def is_own(modifier):
+    return modifier.name.startswith(OWN_PREFIX)
+
+
+def is_used(modifier):
+    """Counts in the viewport or in a render: a result must be right in both."""
+    return modifier.show_viewport or modifier.show_render
+
+
+def subdivision_level(modifier):
+    """The level of a Subdivision modifier where it is seen, at least 1."""
+    return max(modifier.levels if modifier.show_viewport else modifier.render_levels, 1)
+
+
+def _keeps_vertices(modifier):
+    if modifier.type == "NODES":
+        tree = modifier.node_group
+        return tree is None or tree.name.startswith(SHADING_NODES)
+    return modifier.type in DEFORMERS
+
+
+def _stack(item):
+    """[(index, modifier)] of the artist's modifiers in use that change the vertices."""
+    return [(index, modifier) for index, modifier in enumerate(item.modifiers)
+            if not is_own(modifier) and is_used(modifier) and not _keeps_vertices(modifier)]
+
+
+def _split(item):
+    """(makers, refiners): what makes the shape, and what comes after and only refines it; lists of
+    (index, modifier)."""
+    stack = _stack(item)
+    makers = [place for place, (_index, modifier) in enumerate(stack)
+              if modifier.type not in REFINERS]
+    end = makers[-1] + 1 if makers else 0
+    if makers:
+        # The details of Multiresolution lie in the object's own mesh.
+        end = max([end, *(place + 1 for place, (_index, modifier) in enumerate(stack)
+                          if modifier.type == "MULTIRES")])
+    return stack[:end], stack[end:]
+
+
+def body_shape(item):
+    """The shape that is filled with particles: the limit surface of a cage that is subdivided at
+    last, else what is evaluated."""
+    everything = len(item.modifiers)
+    if item.type != "MESH":
+        return Shape("mesh", everything, 0, "the evaluated surface")
+    makers, refiners = _split(item)
+    if refiners:
+        index, last = refiners[-1]
+        if last.type == "SUBSURF" and last.subdivision_type == "CATMULL_CLARK":
+            return Shape("cage", index, subdivision_level(last),
+                         f"the limit surface of the cage before '{last.name}'", bool(makers))
+        return Shape("mesh", everything, 0, f"the mesh after '{last.name}'", True)
+    if makers:
+        return Shape("mesh", everything, 0, f"the mesh after '{makers[-1][1].name}'", True)
+    return Shape("mesh", everything, 0, "the mesh after its deformers")
+
+
+def bound_shape(item):
+    """The mesh that a mesh cache moves: after what makes the shape, before what refines it."""
+    makers, refiners = _split(item)
+    if refiners:
+        index, first = refiners[0]
+        return Shape("mesh", index, 0, f"the mesh before '{first.name}'", bool(makers))
+    return Shape("mesh", len(item.modifiers), 0, "the mesh after its deformers", bool(makers))
+
+
+def cache_place(item):
+    """Where in the stack of an object of ours its cache stands: before what refines the mesh."""
+    return next((index for index, modifier in enumerate(item.modifiers)
+                 if is_used(modifier) and not is_own(modifier) and not _keeps_vertices(modifier)
+                 or modifier.type == "NODES" and is_own(modifier)), len(item.modifiers))
+
+
+def check(item, depsgraph):
+    """JobError, by the modifier's name, where no simulated body could have the object's shape."""
+    for _index, modifier in _stack(item):
+        if modifier.type in RESTLESS:
+            raise JobError(
+                f"object '{item.name}': its modifier '{modifier.name}' makes another mesh at every "
+                "frame, which a simulated body cannot follow. Apply the modifier, or switch it off.")
+    nodes = [modifier for _index, modifier in _stack(item) if modifier.type == "NODES"]
+    if nodes and any(instance.is_instance and instance.parent is not None
+                     and instance.parent.original == item
+                     for instance in depsgraph.object_instances):
+        raise JobError(
+            f"object '{item.name}': its modifier '{nodes[-1].name}' leaves instances, which are no "
+            "surface. Add the node Realize Instances at its end.")
+
+
+@contextlib.contextmanager
+def modifiers_limited(item, stop):
+    """Our own modifiers and those from index `stop` on are off inside; what makes the shape in
+    renders only is on."""
+    before = {}
+    makers = {modifier.name for _index, modifier in _split(item)[0]}
+    for index, modifier in enumerate(item.modifiers):
+        seen = modifier.show_viewport or modifier.name in makers
+        wanted = seen and index < stop and not is_own(modifier)
+        if wanted != modifier.show_viewport:
+            before[modifier.name] = modifier.show_viewport
+            modifier.show_viewport = wanted
+    try:
+        if before:
+            bpy.context.view_layer.update()
+        yield
+    finally:
+        for name, shown in before.items():
+            item.modifiers[name].show_viewport = shown
+        if before:
+            bpy.context.view_layer.update()

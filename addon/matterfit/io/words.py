@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Messages of the library in the panel's words: objects and fields in place of paths of the job
+document, and what changed as a sentence."""
+
+import re
+
+from .. import quantities
+from ..compat import translate, translate_label
+
+# bodies[0].material.E, scene.colliders.ground.contact.mu, captures."my clip", scene.gravity[2]
+_STEP = r"""(?:\.[A-Za-z_]\w*|\[\d+\])"""
+_OWNED = re.compile(
+    r"""(?<![\w/."'])(?:scene\.)?(?P<list>bodies|colliders|captures)"""
+    r"""(?:\[(?P<index>\d+)\]|\.(?P<name>[\w-]+)|\.(?P<quote>["'])(?P<quoted>.+?)(?P=quote))"""
+    rf"""(?P<key>{_STEP}*)""")
+_SCENE = re.compile(rf"""(?<![\w/."'])scene(?P<key>{_STEP}+)""")
+_CHANGE = re.compile(r"^(?P<what>.+): (?P<now>[^:]+), was (?P<before>.+)$")
+_CHANGES = re.compile(
+    r"^.* holds (?P<what>the results|a fit|an unfinished fit) of other inputs\. What changed:\n",
+    re.MULTILINE)
+
+# What the panel calls parts of the document that are no quantity; the longest key that fits counts.
+_FIELDS = {
+    "gravity": "Gravity", "particle_separation": "Particle Separation", "quality": "Quality",
+    "frames": "Frame Range", "fps": "Frame Rate", "walls": "Container", "solver.cfl": "CFL",
+    "solver.memory_limit_gb": "Memory Limit", "source": "Shape", "mesh": "Shape", "meshes": "Shape",
+    "material.law": "Law", "material": "Material", "material.maxwell": "Relaxation",
+    "formulation": "Formulation", "pins": "Pins", "masses": "Masses", "seed": "Seed",
+    "placement": "Position", "contact.kind": "Contact", "contact": "Contact",
+    "transform": "Motion", "shape": "Shape", "tracks": "File", "noise": "Noise", "unit": "Unit",
+    "up": "Up Axis", "fps_of_file": "Rate", "holdout": "Hold-out", "release": "Quiet Start",
+    "align": "Align To", "markers": "Markers", "body": "Body", "solver": "Solver",
+}
+
+
+def in_panel(text, settings):
+    """`text` without paths of the document; `settings` are those of the scene that it is about."""
+    text = _OWNED.sub(lambda match: _owned(match, settings), text)
+    text = _SCENE.sub(lambda match: _field(match.group("key"), match.group(0)), text)
+    # A message that begins with a path may name the owner once more.
+    text = re.sub(r"('[^'\n]+') \1", r"\1", text)
+    return _changed(text)
+
+
+def _names(settings, kind):
+    """Names in the document's order."""
+    if kind == "captures":
+        return [capture.name for capture in settings.captures if capture.enabled]
+    role = "BODY" if kind == "bodies" else "COLLIDER"
+    names = [body.name for body in settings.bodies if body.enabled and body.role == role]
+    return ["ground", *names] if kind == "colliders" and settings.solver.use_ground else names
+
+
+def _owned(match, settings):
+    name = match.group("name") or match.group("quoted")
+    if match.group("index") is not None:
+        names, index = _names(settings, match.group("list")), int(match.group("index"))
+        if index >= len(names):
+            return match.group(0)
+        name = names[index]
+    owner = translate_label("Ground") if name == "ground" else f"'{name}'"
+    if not match.group("key"):
+        return owner
+    return f"{owner}, {_field(match.group('key'), match.group('key').lstrip('.'))}"
+
+
+def _field(key, otherwise):
+    """The label of what stands at the end of a path; `otherwise` where it is not known."""
+    key = key.lstrip(".")
+    axis = re.match(r"^(.*)\[([012])\]$", key)
+    row = quantities.find(key)
+    if row is not None:
+        return translate_label(row.title)
+    if axis is not None and quantities.find(axis.group(1)) is not None:
+        return f"{translate_label(quantities.find(axis.group(1)).title)} {'XYZ'[int(axis.group(2))]}"
+    parts = re.sub(r"\[\d+\]", "", key).split(".")
+    for end in range(len(parts), 0, -1):
+        label = _FIELDS.get(".".join(parts[:end]))
+        if label is not None:
+            return translate_label(label)
+    return otherwise
+
+
+def _changed(text):
+    """The list of what changed as a sentence, where the text is one."""
+    found = _CHANGES.search(text)
+    if found is None:
+        return text
+    changes, rest = [], []
+    for line in text[found.end():].split("\n"):
+        (changes if line.startswith("  ") else rest).append(line.strip())
+    said = dict.fromkeys(_change(line) for line in changes)
+    words = (translate("The scene changed since this bake: {changes}.")
+             if found.group("what") == "the results" else
+             translate("The scene changed since this fit: {changes}."))
+    return "\n".join([words.format(changes="; ".join(said)), *rest])
+
+
+def _change(line):
+    line = re.sub("^version:", "Matterfit:", line)
+    match = _CHANGE.match(line)
+    if match is not None and match.group("now") != "gone" and match.group(
+            "before") != "not there":
+        return translate("{what} was {before}, now {now}").format(
+            what=match.group("what"), before=match.group("before"), now=match.group("now"))
+    what, _colon, how = line.partition(": ")
+    if how == "its content":
+        return translate("{what} is another one").format(what=what)
+    if how.startswith("gone"):
+        return translate("{what} is gone").format(what=what)
+    if how.endswith(", was not there"):
+        return translate("{what} is new").format(what=what)
+    return line

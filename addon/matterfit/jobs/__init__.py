@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Long computations. No Blender and no native library in here."""
+
+from .job import Job
+from .outcome import (
+    ENDED,
+    EXIT_CANCELLED,
+    EXIT_COMPUTE,
+    EXIT_DONE,
+    EXIT_INPUT,
+    JobError,
+    Outcome,
+    Snapshot,
+    State,
+)
+from .registered import Registry, registry
+from .text import duration_text, size_text
+from .thread_run import ThreadRun
+
+__all__ = [
+    "ENDED", "EXIT_CANCELLED", "EXIT_COMPUTE", "EXIT_DONE", "EXIT_INPUT", "Job", "JobError",
+    "Outcome", "Registry", "Snapshot", "State", "ThreadRun", "duration_text", "registry",
+    "size_text",
+]

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From the scene to a running job: the document, the estimate, the start."""
+
+import contextlib
+import os
+
+from .. import jobs, native
+from ..compat import translate
+from ..io import files, fit_results, job_document
+from ..jobs import JobError, State
+from .base import session
+
+# `restart` of a job: what becomes of results that the folder holds (native/capi/matterfit.h).
+GO_ON, AFRESH, AFRESH_WHERE_CHANGED = 0, 1, 2
+
+
+def check_estimate(context, document, folder):
+    """The estimate of a run; JobError with the numbers where it will not fit."""
+    estimate = native.estimate(document, folder)
+    state = session(context)
+    state.estimate = estimate_text(estimate)
+    needed = estimate.get("bytes", 0)
+    limit = document["scene"]["solver"]["memory_limit_gb"] * 1e9
+    free = native.free_memory()
+    state.estimate_fits = needed <= limit and (not free or needed <= free)
+    if needed > limit:
+        raise JobError(translate(
+            "This needs about {needed} of memory, the limit is {limit}. Raise Particle Separation, "
+            "or Memory Limit in Solver.").format(needed=jobs.size_text(needed),
+                                                 limit=jobs.size_text(limit)))
+    if free and needed > free:
+        raise JobError(translate(
+            "This needs about {needed} of memory, and {free} are free. Raise Particle Separation, "
+            "or close other programs.").format(needed=jobs.size_text(needed),
+                                               free=jobs.size_text(free)))
+    return estimate
+
+
+def estimate_text(estimate):
+    parts = []
+    particles = estimate.get("particles")
+    if particles:
+        parts.append(translate("{n} particles").format(n=f"{particles:,}".replace(",", " ")))
+    memory = estimate.get("bytes")
+    if memory:
+        parts.append(translate("{size} of memory").format(size=jobs.size_text(memory)))
+    disk = estimate.get("disk_bytes")
+    if disk:
+        parts.append(translate("{size} on disk").format(size=jobs.size_text(disk)))
+    seconds = estimate.get("seconds")
+    if seconds:
+        parts.append(translate("about {time}").format(time=jobs.duration_text(seconds)))
+    return ", ".join(parts)
+
+
+def prepare(context, take, folder, task, estimate=True, **options):
+    """(document, Replaced) of a run, with `estimate` of one that fits into memory; `options` are
+    those of job_document.build(). The folder stays as it was where it raises."""
+    replaced = job_document.Replaced(folder, task)
+    try:
+        document = job_document.build(context.scene, take, folder, task, **options)
+        if estimate:
+            check_estimate(context, document, folder)
+    except Exception:
+        replaced.put_back()
+        raise
+    return document, replaced
+
+
+def start_job(context, label, prepared, folder, restart, **options):
+    """A job on <folder>/job.json, which is written first: the file is what is run.
+
+    GO_ON continues what the folder holds, which the library refuses where the inputs have changed.
+    What was prepared (prepare()) is taken back where the run leaves the old results. `options` are
+    a Job's.
+    """
+    threads = context.scene.matterfit.solver.threads
+    document, replaced = prepared
+    path = job_document.write(document, folder)
+
+    def start():
+        return native.start(path, task=document["task"], threads=threads, restart=restart)
+
+    def ended(job):
+        if job.state is State.DONE:
+            replaced.end()
+            return
+        job.untouched = replaced.untouched()
+        if document["task"] == "fit":
+            ours = not job.untouched or replaced.is_of(document)
+            job.resumable = ours and fit_results.is_unfinished(folder)
+        # What is reported is why the job ended.
+        with contextlib.suppress(JobError):
+            replaced.put_back()
+
+    return jobs.Job(label, start, folder=folder, on_end=ended, **options)
+
+
+def written_document(folder):
+    """The job document of a cache, or JobError."""
+    path = os.path.join(folder, job_document.JOB_FILE)
+    if not os.path.isfile(path):
+        raise JobError(translate("{path} does not exist: this take was not baked yet. Press Bake.")
+                       .format(path=path))
+    return files.read_json(path)

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What follows from a changed property where that is not for the properties themselves to do: they
+are read by io, and so cannot import it. The part of io that does it takes the reaction's place:
+
+    @reactions.take_switched.done_by
+    def show_take(settings): …
+"""
+
+
+class Reaction:
+    """Called like a function; one function of io does what it stands for."""
+
+    def __init__(self):
+        self._function = None
+
+    def done_by(self, function):
+        if self._function is not None:
+            raise RuntimeError(f"done by {self._function.__qualname__} already")
+        self._function = function
+        return function
+
+    def __call__(self, *arguments):
+        return self._function(*arguments)
+
+
+fit_list_outdated = Reaction()  # (settings): what a fit can move is not what its list shows
+fit_row_switched = Reaction()  # (row, what): 'start', 'bounds' or 'prior' of a row was switched on
+preset_items = Reaction()  # (): items of the enumeration of material presets
+preset_chosen = Reaction()  # (material)
+quality_chosen = Reaction()  # (solver, scene)
+separation_typed = Reaction()  # (solver)
+take_switched = Reaction()  # (settings): another take is the active one
+capture_switched = Reaction()  # (settings): another capture is the active one

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A layout that draws nothing and measures every text against the room that Blender gives it in the
+sidebar at its default width (220 pixels, of which panels use 195).
+
+The limits were read off pictures of Blender 3.4: in a split row 40 % are the label's; a text is cut
+where it is wider than its part less the widget's margins.
+"""
+
+import blf
+import bpy
+
+SIDEBAR = 195.0
+ICON = 20.0
+MARGIN = 10.0
+NUMBER = 55.0  # of a value beside its name in one field
+
+
+def text_width(text):
+    if bpy.app.version >= (4, 0, 0):
+        blf.size(0, 11)
+    else:
+        blf.size(0, 11, 72)
+    return blf.dimensions(0, text)[0]
+
+
+class _Properties:
+    """What operator() returns."""
+
+
+class Layout:
+    """`faults` collects (text, its width, the room)."""
+
+    def __init__(self, faults, split=False, across=False):
+        self._faults = faults
+        self._across = across
+        self._children = []  # (width wanted or None, function(width))
+        self.use_property_split = split
+        self.scale_y = 1.0
+
+    def measure(self, width):
+        flexible = [child for child in self._children if child[0] is None]
+        fixed = sum(child[0] for child in self._children if child[0] is not None)
+        for wanted, visit in self._children:
+            room = width if not self._across else wanted or (width - fixed) / len(flexible)
+            visit(room)
+
+    # -- parts ---------------------------------------------------------------------------------
+
+    def _part(self, across, shrink=0.0, heading=""):
+        part = Layout(self._faults, self.use_property_split, across)
+        split = self.use_property_split
+
+        def visit(width):
+            if heading:
+                self._check(heading, 0.4 * width - MARGIN)
+            part.measure((0.6 * width if heading and split else width) - shrink)
+
+        self._children.append((None, visit))
+        return part
+
+    def row(self, align=False, heading=""):
+        return self._part(True, heading=heading)
+
+    def column(self, align=False, heading=""):
+        return self._part(False, heading=heading if self.use_property_split else "")
+
+    def box(self):
+        return self._part(False, shrink=12.0)
+
+    def separator(self):
+        pass
+
+    # -- contents ------------------------------------------------------------------------------
+
+    def label(self, text="", icon="NONE", translate=True):
+        room = ICON if icon != "NONE" else 0.0
+        self._add(text if translate else "", room)
+
+    def operator(self, name, text=None, icon="NONE"):
+        kind = getattr(bpy.types, "MATTERFIT_OT_" + name.split(".")[1])
+        text = kind.bl_label if text is None else text
+        self._add(text, MARGIN + (ICON if icon != "NONE" else 0.0), square=not text)
+        return _Properties()
+
+    def prop(self, item, name, text=None, icon="NONE", expand=False, **options):
+        found = item.bl_rna.properties[name]
+        text = found.name if text is None else text
+        flag = found.type == "BOOLEAN" and not getattr(found, "is_array", False)
+        if getattr(found, "is_array", False):
+            text += " X" if found.subtype not in ("NONE", "") else ""
+        if found.type == "ENUM" and (found.is_enum_flag or expand):
+            for choice in found.enum_items:
+                self._add(choice.name, MARGIN)
+        elif "index" in options:
+            self._add(text, 4.0)
+        elif self.use_property_split and text:
+            part = 0.6 if flag else 0.4
+            self._children.append((None, lambda width: self._check(
+                text, part * width - (1.3 * ICON if flag else 0.0) - MARGIN)))
+        else:
+            value = ICON if flag else NUMBER if found.type in ("FLOAT", "INT") else 0.0
+            self._add(text, value + MARGIN, square=not text and (flag or icon != "NONE"))
+
+    def prop_search(self, item, name, _owner, _list, **options):
+        self.prop(item, name, **options)
+
+    def template_list(self, *_arguments, **_options):
+        self._children.append((None, lambda _width: None))
+
+    def progress(self, **_options):
+        pass
+
+    def _add(self, text, taken, square=False):
+        self._children.append((ICON if square else None,
+                               lambda width: self._check(text, width - taken)))
+
+    def _check(self, text, room):
+        if text and text_width(text) > room:
+            self._faults.append((text, round(text_width(text)), round(room)))
+
+
+def faults_of(panel, context):
+    """What is cut in a panel as it is drawn now: [(text, width, room)]."""
+    if not panel.poll(context):
+        return []
+    faults = []
+    layout = Layout(faults)
+    panel.draw(_stand_in(panel, layout), context)
+    layout.measure(SIDEBAR)
+    return faults
+
+
+def _stand_in(panel, layout):
+    """An object with the panel's methods and our layout: Blender makes panels itself."""
+    methods = {name: getattr(panel, name) for name in dir(panel)
+               if name.startswith("_") and not name.startswith("__")}
+    stand_in = type("Drawing", (), {name: function for name, function in methods.items()})()
+    stand_in.layout = layout
+    return stand_in

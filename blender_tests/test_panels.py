@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Panels at the sidebar's default width: no text is cut."""
+
+import bpy
+from matterfit import laws, ui
+from matterfit.io import fit_rows
+from panel_recorder import faults_of, text_width
+from support import SceneCase, select
+
+
+class CutTest(SceneCase):
+    def setUp(self):
+        super().setUp()
+        self.row = self.jelly()
+        self.scene.frame_end = 6
+
+    def check(self, words=""):
+        for cls in ui.CLASSES:
+            if issubclass(cls, bpy.types.Panel):
+                for text, width, room in faults_of(cls, bpy.context):
+                    self.fail(f"{cls.bl_label}{words}: '{text}' is cut: {width} px wide, {room} px "
+                              "of room")
+
+    def test_the_recorder_measures(self):
+        self.assertGreater(text_width("Young's Modulus [Pa]"), text_width("Young's"))
+
+    def test_every_law(self):
+        for law, _name, _about in laws.LAWS:
+            self.row.material.law = law
+            self.check(f", {law}")
+
+    def test_parts_of_a_body(self):
+        bpy.ops.matterfit.add_pin()
+        bpy.ops.matterfit.add_mass()
+        bpy.ops.matterfit.add_branch()
+        for kind in ("VERTEX_GROUP", "PLANE", "BOX", "ALL"):
+            self.row.pins[0].kind = kind
+            self.check(f", pin {kind}")
+        for source in ("POINTS", "GAUSSIANS"):
+            self.row.source = source
+            self.check(f", {source}")
+
+    def test_a_collider(self):
+        self.body(self.cube("Ball"), "COLLIDER")
+        for kind in ("STATIC", "RIGID", "DEFORMING"):
+            self.settings.bodies[1].collider_kind = kind
+            self.check(f", {kind}")
+
+    def test_the_solver(self):
+        solver = self.settings.solver
+        solver.use_walls, solver.use_range = True, True
+        solver.ground.use_stiffness = solver.ground.use_damping = True
+        for quality in ("PREVIEW", "STANDARD", "FINE", "CUSTOM"):
+            solver.quality = quality
+            self.check(f", {quality}")
+
+    def test_captures_and_fits(self):
+        select(self.cube("Recorded"))
+        bpy.ops.matterfit.add_capture_object()
+        capture = self.settings.captures[0]
+        for source in ("OBJECT", "FILE"):
+            capture.source = source
+            for holdout in ("NONE", "FRAMES", "TRACKS"):
+                capture.holdout = holdout
+                self.check(f", {source}, {holdout}")
+        capture.unit = "CUSTOM"
+        self.check(", custom unit")
+        fit = self.settings.fit
+        fit_rows.refresh(self.settings)
+        for index, row in enumerate(fit.parameters):
+            fit.parameter_index = index
+            row.use_start = row.use_bounds = row.use_prior = True
+            self.check(f", {row.name}")
+        fit.law, fit.use_huber = "FIND", True
+        self.check(", find")
+
+    def test_takes_and_compare(self):
+        bpy.ops.matterfit.add_take()
+        bpy.ops.matterfit.add_throw()
+        take = self.settings.takes[0]
+        take.use_gravity = True
+        take.throws[0].use_placement = True
+        for source in ("BODY", "VALUE", "ANIMATION"):
+            take.throws[0].velocity_from = source
+            self.check(f", {source}")
+        self.settings.compare.done = True
+        self.settings.compare.range_mode = "FIXED"
+        self.check(", compared")

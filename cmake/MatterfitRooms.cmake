@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-# matterfit_room(NAME LINK a b …): native/NAME is a library matterfit_NAME of all *.cpp in it;
-# *_test.cpp become test_NAME, *_fuzz.cpp one libFuzzer program each.
+# matterfit_room(NAME LINK a b …): native/NAME is a library matterfit_NAME of all *.cpp in it and in
+# the folders below it; *_test.cpp become test_NAME, *_fuzz.cpp one libFuzzer program each.
 # PART p SOURCES stems … USES libraries …: these files of the room, with the tests beside them, form
 # a library matterfit_NAME_p (and test_NAME_p) of their own that the room links and its fuzzers
 # link alone, so that a parser is fuzzed without building the solver.
@@ -92,11 +92,56 @@ function(matterfit_test name)
   add_test(NAME ${name} COMMAND test_${name})
 endfunction()
 
+# matterfit_floors(a b/c …): the folders of native/, lowest first. A file belongs to the last floor
+# named here that its path begins with; configuring fails where it includes a header of a floor above.
+function(matterfit_floors)
+  set(floors ${ARGN})
+  foreach(floor IN LISTS floors)
+    file(GLOB_RECURSE files CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/native/${floor}/*.[ch]pp)
+    foreach(file IN LISTS files)
+      matterfit_floor_of(${file} "${floors}" own)
+      file(STRINGS ${file} includes REGEX "^#include \"")
+      foreach(line IN LISTS includes)
+        string(REGEX REPLACE "^#include \"([^\"]+)\".*" "\\1" header "${line}")
+        if(NOT EXISTS ${CMAKE_SOURCE_DIR}/native/${header})
+          continue()
+        endif()
+        matterfit_floor_of(${CMAKE_SOURCE_DIR}/native/${header} "${floors}" other)
+        if(other GREATER own)
+          file(RELATIVE_PATH shown ${CMAKE_SOURCE_DIR} ${file})
+          list(GET floors ${own} lower)
+          list(GET floors ${other} upper)
+          message(SEND_ERROR "${shown} includes ${header}: ${upper}/ lies above ${lower}/ "
+            "(matterfit_floors in CMakeLists.txt).")
+        endif()
+      endforeach()
+    endforeach()
+  endforeach()
+endfunction()
+
+# The index in `floors` of the floor a file belongs to.
+function(matterfit_floor_of file floors result)
+  file(RELATIVE_PATH path ${CMAKE_SOURCE_DIR}/native ${file})
+  set(best -1)
+  set(length 0)
+  set(at 0)
+  foreach(floor IN LISTS floors)
+    string(LENGTH ${floor} own)
+    string(FIND ${path} ${floor}/ begin)
+    if(begin EQUAL 0 AND own GREATER length)
+      set(best ${at})
+      set(length ${own})
+    endif()
+    math(EXPR at "${at} + 1")
+  endforeach()
+  set(${result} ${best} PARENT_SCOPE)
+endfunction()
+
 function(matterfit_room name)
   cmake_parse_arguments(ROOM "" "PART" "LINK;SOURCES;USES" ${ARGN})
-  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/native/${name}/*.cpp)
-  file(GLOB tests CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/native/${name}/*_test.cpp)
-  file(GLOB fuzzers CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/native/${name}/*_fuzz.cpp)
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/native/${name}/*.cpp)
+  file(GLOB_RECURSE tests CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/native/${name}/*_test.cpp)
+  file(GLOB_RECURSE fuzzers CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/native/${name}/*_fuzz.cpp)
   file(GLOB mains CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/native/${name}/main.cpp)
   file(GLOB abi CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/native/${name}/matterfit_abi.cpp)
   if(tests)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs every libFuzzer program (native/ROOM/NAME_fuzz.cpp) for some seconds with ASan and UBSan.
+"""Runs every libFuzzer program (NAME_fuzz.cpp anywhere below native/) for some seconds with ASan and UBSan.
 
-Saved inputs lie in native/ROOM/seeds/NAME/; what a run adds to the corpus stays below build/.
+Saved inputs lie in seeds/NAME/ beside it; what a run adds to the corpus stays below build/.
 """
 
 import argparse
@@ -13,7 +13,7 @@ from parts import BUILD, ROOT, Tally, require_in_tree, run, say
 
 
 def fuzzers():
-    return sorted((ROOT / "native").glob("*/*_fuzz.cpp"))
+    return sorted((ROOT / "native").rglob("*_fuzz.cpp"))
 
 
 def fuzz(seconds):

@@ -53,7 +53,7 @@ def build_sanitized(fuzzers_only=False) -> Finished:
         "-DMATTERFIT_WERROR=ON",
         "-DMATTERFIT_BENCH=OFF",
     ]
-    targets = [f.stem for f in sorted((ROOT / "native").glob("*/*_fuzz.cpp"))]
+    targets = [f.stem for f in sorted((ROOT / "native").rglob("*_fuzz.cpp"))]
     if not fuzzers_only:
         targets += SANITIZED
     return _configure_and_build("sanitize", settings, targets, limit=2400)

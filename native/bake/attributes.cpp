@@ -63,12 +63,12 @@ Vec3d euler_xyz(const Mat3d& r) {
   return {std::atan2(-r(1, 2), r(1, 1)), std::atan2(-r(2, 0), cosine), 0.0};
 }
 
-Mat3d deformation(const ParticleView& state, std::size_t i) {
+Mat3d deformation(const capture::ParticleView& state, std::size_t i) {
   return state.deformation_gradients.empty() ? Mat3d(Mat3d::Identity())
                                              : Mat3d(state.deformation_gradients[i].cast<double>());
 }
 
-Vec3d value_of(const ParticleView& state, std::span<const float> plastic_strain,
+Vec3d value_of(const capture::ParticleView& state, std::span<const float> plastic_strain,
                Attribute attribute, std::size_t i) {
   switch (attribute) {
     case Attribute::kVelocity:
@@ -79,11 +79,12 @@ Vec3d value_of(const ParticleView& state, std::span<const float> plastic_strain,
     case Attribute::kVolumeRatio:
       return Vec3d::Constant(deformation(state, i).determinant());
     case Attribute::kStretch:
-      return Vec3d::Constant(principal_stretches(deformation(state, i)).stretches[0]);
+      return Vec3d::Constant(capture::principal_stretches(deformation(state, i)).stretches[0]);
     case Attribute::kRotation:
-      return euler_xyz(principal_stretches(deformation(state, i)).axes);
+      return euler_xyz(capture::principal_stretches(deformation(state, i)).axes);
     case Attribute::kScale:
-      return principal_stretches(deformation(state, i)).stretches.cwiseAbs() * state.separation;
+      return capture::principal_stretches(deformation(state, i)).stretches.cwiseAbs() *
+             state.separation;
   }
   return Vec3d::Zero();
 }
@@ -122,7 +123,7 @@ TextureLayout texture_layout(std::size_t points) {
   return layout;
 }
 
-std::vector<float> attribute_values(const ParticleView& state,
+std::vector<float> attribute_values(const capture::ParticleView& state,
                                     std::span<const float> plastic_strain, Attribute attribute,
                                     Arena& arena) {
   check(state);

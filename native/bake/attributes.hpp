@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "bake/particles.hpp"
 #include "base/parallel.hpp"
+#include "capture/particles.hpp"
 
 namespace matterfit::bake {
 
@@ -44,7 +44,7 @@ struct TextureLayout {
 
 /// (N, 3). `plastic_strain` as in mpm::BodyState, may be empty. Throws Error(kInput) if lengths
 /// differ and Error(kCompute) if a value is not finite.
-[[nodiscard]] std::vector<float> attribute_values(const ParticleView& state,
+[[nodiscard]] std::vector<float> attribute_values(const capture::ParticleView& state,
                                                   std::span<const float> plastic_strain,
                                                   Attribute attribute, Arena& arena);
 

@@ -23,7 +23,7 @@ TEST_F(BlenderTest, PlaysVolumesAndPointCaches) {
   const Interrupter interrupter;
   Specimen body = ball(0.05, 0.4);
   body.move(Mat3d::Identity(), Vec3d(0.0, 0.0, 2.0), Mat3d::Identity());
-  const ParticleView view = body.view();
+  const capture::ParticleView view = body.view();
   VolumeOptions options;
   options.velocity = true;
   options.surface = true;

@@ -31,13 +31,14 @@ struct Kernel {
   Vec3i high;
 };
 
-Kernel make_kernel(const ParticleView& body, std::size_t i, double voxel_size) {
+Kernel make_kernel(const capture::ParticleView& body, std::size_t i, double voxel_size) {
   Kernel kernel;
   kernel.centre = body.positions[i].cast<double>() / voxel_size;
   Mat3d shape = body.axes.toRotationMatrix();
   double ratio = 1.0;
   if (!body.deformation_gradients.empty()) {
-    const Stretch stretch = principal_stretches(body.deformation_gradients[i].cast<double>());
+    const capture::Stretch stretch =
+        capture::principal_stretches(body.deformation_gradients[i].cast<double>());
     const Vec3d clamped =
         stretch.stretches.cwiseAbs().cwiseMax(1.0 / kStretchLimit).cwiseMin(kStretchLimit);
     shape = stretch.axes * clamped.asDiagonal() * stretch.rest_axes.transpose() * shape;
@@ -67,13 +68,13 @@ Kernel make_kernel(const ParticleView& body, std::size_t i, double voxel_size) {
   return kernel;
 }
 
-std::vector<Kernel> make_kernels(std::span<const ParticleView> bodies, double voxel_size,
+std::vector<Kernel> make_kernels(std::span<const capture::ParticleView> bodies, double voxel_size,
                                  Arena& arena) {
   std::size_t count = 0;
-  for (const ParticleView& body : bodies) count += body.size();
+  for (const capture::ParticleView& body : bodies) count += body.size();
   std::vector<Kernel> kernels(count);
   std::size_t first = 0;
-  for (const ParticleView& body : bodies) {
+  for (const capture::ParticleView& body : bodies) {
     arena.parallel_for(0, body.size(), 1024, [&](std::size_t i) {
       kernels[first + i] = make_kernel(body, i, voxel_size);
     });
@@ -204,13 +205,13 @@ typename Grid::Ptr grid_of_leaves(std::vector<typename Grid::TreeType::LeafNodeT
 
 }  // namespace
 
-Raster rasterize(std::span<const ParticleView> bodies, const RasterOptions& options, Arena& arena,
-                 const Interrupter& interrupter) {
+Raster rasterize(std::span<const capture::ParticleView> bodies, const RasterOptions& options,
+                 Arena& arena, const Interrupter& interrupter) {
   if (!(options.voxel_size > 0.0) || !std::isfinite(options.voxel_size)) {
     throw_input("the voxel size is " + std::to_string(options.voxel_size) +
                 " m, expected more than 0.");
   }
-  for (const ParticleView& body : bodies) check(body);
+  for (const capture::ParticleView& body : bodies) check(body);
   const std::vector<Kernel> kernels = make_kernels(bodies, options.voxel_size, arena);
   interrupter.check();
   const Blocks blocks = make_blocks(kernels, options.voxel_size);

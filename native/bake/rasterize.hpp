@@ -5,9 +5,9 @@
 
 #include <span>
 
-#include "bake/particles.hpp"
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
+#include "capture/particles.hpp"
 
 namespace matterfit::bake {
 
@@ -47,7 +47,8 @@ struct Raster {
 /// the voxel size. Every voxel sums its particles in their order, so the bits do not depend on the
 /// number of threads. Throws Error(kInput) if the voxel size is not positive, or so small that the
 /// kernels cover more than 2³⁴ voxels, or if coordinates leave the 32-bit index range.
-[[nodiscard]] Raster rasterize(std::span<const ParticleView> bodies, const RasterOptions& options,
-                               Arena& arena, const Interrupter& interrupter);
+[[nodiscard]] Raster rasterize(std::span<const capture::ParticleView> bodies,
+                               const RasterOptions& options, Arena& arena,
+                               const Interrupter& interrupter);
 
 }  // namespace matterfit::bake

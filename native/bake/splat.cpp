@@ -68,9 +68,9 @@ Ellipsoid transport_covariance(const Mat3d& deformation_gradient, const Mat3d& p
   return result;
 }
 
-capture::Splats transport(const capture::Splats& rest, const MeshBinding& binding,
-                          const ParticleView& state, const SplatOptions& options, Arena& arena,
-                          SplatReport* report) {
+capture::Splats transport(const capture::Splats& rest, const capture::MeshBinding& binding,
+                          const capture::ParticleView& state, const SplatOptions& options,
+                          Arena& arena, SplatReport* report) {
   const std::size_t count = rest.size();
   if (binding.points() != count) {
     throw_input(std::to_string(count) + " splats, but " + std::to_string(binding.points()) +
@@ -90,7 +90,7 @@ capture::Splats transport(const capture::Splats& rest, const MeshBinding& bindin
   moved.isotropic = false;
   std::vector<std::uint8_t> needles(count, 0);
   arena.parallel_for(0, count, 64, [&](std::size_t i) {
-    const Mat3d polar = polar_rotation(gradients[i]);
+    const Mat3d polar = capture::polar_rotation(gradients[i]);
     const Ellipsoid ellipsoid = transport_covariance(
         gradients[i], polar, rest.rotations[i].cast<double>().toRotationMatrix(),
         rest.scales[i].cast<double>());
@@ -116,8 +116,9 @@ capture::Splats transport(const capture::Splats& rest, const MeshBinding& bindin
 }
 
 SplatReport write_splat_frame(const std::filesystem::path& path, const capture::Splats& rest,
-                              const MeshBinding& binding, const ParticleView& state,
-                              const SplatOptions& options, Arena& arena) {
+                              const capture::MeshBinding& binding,
+                              const capture::ParticleView& state, const SplatOptions& options,
+                              Arena& arena) {
   SplatReport report;
   capture::write_splats(path, transport(rest, binding, state, options, arena, &report));
   return report;

@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <filesystem>
 
-#include "bake/binding.hpp"
 #include "base/parallel.hpp"
+#include "capture/binding.hpp"
 #include "capture/splats.hpp"
 
 namespace matterfit::bake {
@@ -27,9 +27,11 @@ struct SplatReport {
 /// frame to frame, and the handedness stays. Isotropic splats become anisotropic. Opacities stay.
 /// `binding` is of rest.means. Throws Error(kInput) if it has another number of points, or as the
 /// binding does.
-[[nodiscard]] capture::Splats transport(const capture::Splats& rest, const MeshBinding& binding,
-                                        const ParticleView& state, const SplatOptions& options,
-                                        Arena& arena, SplatReport* report = nullptr);
+[[nodiscard]] capture::Splats transport(const capture::Splats& rest,
+                                        const capture::MeshBinding& binding,
+                                        const capture::ParticleView& state,
+                                        const SplatOptions& options, Arena& arena,
+                                        SplatReport* report = nullptr);
 
 /// Rotation and scales of F Σ Fᵀ for Σ = R₀ diag(s₀)² R₀ᵀ; `polar` is R of F = R S.
 struct Ellipsoid {
@@ -41,7 +43,8 @@ struct Ellipsoid {
 
 /// transport() of one frame, written as a 3DGS PLY (capture/splats.hpp). Throws Error(kOutput) too.
 SplatReport write_splat_frame(const std::filesystem::path& path, const capture::Splats& rest,
-                              const MeshBinding& binding, const ParticleView& state,
-                              const SplatOptions& options, Arena& arena);
+                              const capture::MeshBinding& binding,
+                              const capture::ParticleView& state, const SplatOptions& options,
+                              Arena& arena);
 
 }  // namespace matterfit::bake

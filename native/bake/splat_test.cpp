@@ -92,7 +92,7 @@ TEST(SplatCovariance, PureRotationTurnsTheAxesAndKeepsScales) {
     const Mat3d r0 = random_rotation(random);
     const Mat3d r = random_rotation(random);
     const Vec3d scales(0.001, 0.2, 0.03);
-    const Ellipsoid e = transport_covariance(r, polar_rotation(r), r0, scales);
+    const Ellipsoid e = transport_covariance(r, capture::polar_rotation(r), r0, scales);
     EXPECT_LT((e.rotation - r * r0).norm(), 1e-9);
     EXPECT_LT((e.scales - scales).norm(), 1e-12);
   }
@@ -108,7 +108,7 @@ TEST(SplatCovariance, IsTheTransportedCovariance) {
     if (trial == 0) f << 1, 2, 0, 0, 1, 0, 0, 0, 1;
     const Mat3d r0 = random_rotation(random);
     const Vec3d scales(1e-4, 0.2, 0.03);
-    const Ellipsoid e = transport_covariance(f, polar_rotation(f), r0, scales);
+    const Ellipsoid e = transport_covariance(f, capture::polar_rotation(f), r0, scales);
     const Mat3d expected =
         f * r0 * scales.cwiseAbs2().asDiagonal() * r0.transpose() * f.transpose();
     const Mat3d got = e.rotation * e.scales.cwiseAbs2().asDiagonal() * e.rotation.transpose();
@@ -154,7 +154,7 @@ TEST_F(SplatTest, RigidMotionThroughTheFile) {
   body.move(r, b);
   for (int degree = 0; degree <= 3; ++degree) {
     const capture::Splats rest = some_splats(degree);
-    const MeshBinding binding(means_of(rest), body.rest, 0.05, {}, arena_);
+    const capture::MeshBinding binding(means_of(rest), body.rest, 0.05, {}, arena_);
     const SplatReport report =
         write_splat_frame(folder_ / "splat.ply", rest, binding, body.view(), {}, arena_);
     EXPECT_EQ(report.needles, 0U);
@@ -185,7 +185,7 @@ TEST_F(SplatTest, NeedlesAreShortenedAndCounted) {
   capture::Splats rest = some_splats(0);
   for (auto& q : rest.rotations) q.setIdentity();
   rest.scales[0] = Vec3f(1.0F, 0.01F, 0.01F);  // a needle of the artist's own: ratio 100
-  const MeshBinding binding(means_of(rest), body.rest, 0.05, {}, arena_);
+  const capture::MeshBinding binding(means_of(rest), body.rest, 0.05, {}, arena_);
   SplatReport report;
   const capture::Splats moved = transport(rest, binding, body.view(), {}, arena_, &report);
   EXPECT_EQ(report.needles, rest.size());
@@ -199,7 +199,7 @@ TEST_F(SplatTest, NeedlesAreShortenedAndCounted) {
 TEST_F(SplatTest, StandardLayoutReadByNumpy) {
   Specimen body = cube(0.05, 0.4);
   const capture::Splats rest = some_splats(3);
-  const MeshBinding binding(means_of(rest), body.rest, 0.05, {}, arena_);
+  const capture::MeshBinding binding(means_of(rest), body.rest, 0.05, {}, arena_);
   write_splat_frame(folder_ / "splat.ply", rest, binding, body.view(), {}, arena_);
   std::string skip;
   const std::string text = run_python(folder_, "numpy", R"(
@@ -229,7 +229,7 @@ TEST_F(SplatTest, RefusesABindingOfOtherPoints) {
   const Specimen body = cube(0.1, 0.4);
   const capture::Splats rest = some_splats(0);
   const std::vector<Vec3d> two(2, Vec3d::Zero());
-  const MeshBinding binding(two, body.rest, 0.1, {}, arena_);
+  const capture::MeshBinding binding(two, body.rest, 0.1, {}, arena_);
   EXPECT_NE(message_of(ErrorKind::kInput,
                        [&] { (void)transport(rest, binding, body.view(), {}, arena_); })
                 .find("2 points"),

@@ -159,11 +159,11 @@ std::vector<Vec3d> as_double(std::span<const Vec3f> points) {
 struct CageBinding::Impl {
   SparseMatrix limit;
   Eigen::SimplicialLDLT<SparseMatrix> solver;  ///< of LᵀL + ε² I
-  MeshBinding cage;
-  MeshBinding surface;
+  capture::MeshBinding cage;
+  capture::MeshBinding surface;
 
   Impl(SparseMatrix limit_in, std::span<const Vec3d> cage_points, std::span<const Vec3d> rest,
-       double separation, const BindingOptions& options, Arena& arena)
+       double separation, const capture::BindingOptions& options, Arena& arena)
       : limit(std::move(limit_in)),
         cage(cage_points, rest, separation, options, arena),
         surface(points_of(limit * columns_of(cage_points)), rest, separation, options, arena) {
@@ -190,7 +190,8 @@ CageBinding::~CageBinding() = default;
 CageBinding::CageBinding(CageBinding&&) noexcept = default;
 CageBinding& CageBinding::operator=(CageBinding&&) noexcept = default;
 
-std::vector<Vec3d> CageBinding::cage_positions(const ParticleView& state, Arena& arena) const {
+std::vector<Vec3d> CageBinding::cage_positions(const capture::ParticleView& state,
+                                               Arena& arena) const {
   const Columns target = columns_of(impl_->surface.positions(state, arena));
   Columns cage = columns_of(impl_->cage.positions(state, arena));
   for (int iteration = 0; iteration < kIterations; ++iteration) {
@@ -204,6 +205,6 @@ std::vector<Vec3d> CageBinding::limit_positions(std::span<const Vec3d> cage_posi
   return points_of(impl_->limit * columns_of(cage_positions));
 }
 
-MeshBinding::Farthest CageBinding::farthest() const { return impl_->surface.farthest(); }
+capture::MeshBinding::Farthest CageBinding::farthest() const { return impl_->surface.farthest(); }
 
 }  // namespace matterfit::bake

@@ -5,14 +5,14 @@
 #include <span>
 #include <vector>
 
-#include "bake/binding.hpp"
+#include "capture/binding.hpp"
 #include "capture/mesh.hpp"
 
 namespace matterfit::bake {
 
 struct CageOptions {
   bool keep_corners = false;  ///< Blender's subdivision modifier: Boundary Smooth = Keep Corners
-  BindingOptions binding;
+  capture::BindingOptions binding;
 };
 
 /// Binds a render mesh that has a subdivision modifier. A point cache plays on the base mesh,
@@ -39,11 +39,12 @@ class CageBinding {
   CageBinding& operator=(CageBinding&&) noexcept;
 
   /// Positions of the cage's vertices [m], world.
-  [[nodiscard]] std::vector<Vec3d> cage_positions(const ParticleView& state, Arena& arena) const;
+  [[nodiscard]] std::vector<Vec3d> cage_positions(const capture::ParticleView& state,
+                                                  Arena& arena) const;
   /// L c: the limit points of the cage's vertices at `cage_positions`.
   [[nodiscard]] std::vector<Vec3d> limit_positions(std::span<const Vec3d> cage_positions) const;
   /// Of the limit points.
-  [[nodiscard]] MeshBinding::Farthest farthest() const;
+  [[nodiscard]] capture::MeshBinding::Farthest farthest() const;
 
  private:
   struct Impl;

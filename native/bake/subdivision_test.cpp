@@ -123,7 +123,7 @@ TEST(CageBinding, TheLimitSurfaceFollowsTheParticles) {
   const CageBinding binding(cage, body.rest, h, {}, arena);
   const auto rest_limit = binding.limit_positions(doubles(cage.vertices));
   const auto limit = binding.limit_positions(binding.cage_positions(body.view(), arena));
-  const MeshBinding direct(doubles(cage.vertices), body.rest, h, {}, arena);
+  const capture::MeshBinding direct(doubles(cage.vertices), body.rest, h, {}, arena);
   const auto naive = binding.limit_positions(direct.positions(body.view(), arena));
   double error = 0.0;
   double naive_error = 0.0;

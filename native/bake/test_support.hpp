@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Shared by the tests of this room: a scratch folder, bodies of particles, and independent readers.
+// Shared by the tests of this room: a scratch folder and independent readers.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -16,8 +16,9 @@
 #include <string>
 #include <vector>
 
-#include "bake/particles.hpp"
 #include "base/error.hpp"
+#include "base/message_for_test.hpp"
+#include "capture/specimens_for_test.hpp"
 
 namespace matterfit::bake {
 
@@ -34,56 +35,7 @@ class FolderTest : public ::testing::Test {
   std::filesystem::path folder_;
 };
 
-/// Particles with what a ParticleView borrows.
-struct Specimen {
-  std::vector<Vec3d> rest;
-  std::vector<double> volumes;
-  std::vector<Vec3f> positions;
-  std::vector<Vec3f> velocities;
-  std::vector<Mat3f> deformation;
-  double separation = 0.0;
-
-  /// x = A X + b, v = W x.
-  void move(const Mat3d& a, const Vec3d& b, const Mat3d& w = Mat3d::Zero()) {
-    for (std::size_t i = 0; i < rest.size(); ++i) {
-      const Vec3d x = a * rest[i] + b;
-      positions[i] = x.cast<float>();
-      velocities[i] = (w * x).cast<float>();
-      deformation[i] = a.cast<float>();
-    }
-  }
-  [[nodiscard]] ParticleView view() const {
-    return {"blob", positions, velocities, deformation, volumes, separation, Quatd::Identity()};
-  }
-};
-
-/// Lattice points of spacing h (cell centres) where `inside` holds, in [-extent, extent]³.
-inline Specimen lattice_body(double h, double extent,
-                             const std::function<bool(const Vec3d&)>& inside) {
-  Specimen body;
-  body.separation = h;
-  const int n = static_cast<int>(std::ceil(extent / h));
-  for (int i = -n; i < n; ++i)
-    for (int j = -n; j < n; ++j)
-      for (int k = -n; k < n; ++k) {
-        const Vec3d x = h * (Vec3d(i, j, k) + Vec3d::Constant(0.5));
-        if (inside(x)) body.rest.push_back(x);
-      }
-  body.volumes.assign(body.rest.size(), h * h * h);
-  body.positions.resize(body.rest.size());
-  body.velocities.resize(body.rest.size());
-  body.deformation.resize(body.rest.size());
-  body.move(Mat3d::Identity(), Vec3d::Zero());
-  return body;
-}
-
-inline Specimen ball(double h, double radius) {
-  return lattice_body(h, radius, [=](const Vec3d& x) { return x.norm() < radius; });
-}
-
-inline Specimen cube(double h, double half) {
-  return lattice_body(h, half, [](const Vec3d&) { return true; });
-}
+using namespace capture::test_bodies;
 
 inline std::string slurp(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
@@ -149,17 +101,5 @@ class FullDisk {
   rlimit saved_{};
   void (*handler_)(int) = SIG_DFL;
 };
-
-/// The message of the Error(kind) that `work` throws; fails the test if it throws none.
-inline std::string message_of(ErrorKind kind, const std::function<void()>& work) {
-  try {
-    work();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), kind) << error.what();
-    return error.what();
-  }
-  ADD_FAILURE() << "nothing was thrown";
-  return {};
-}
 
 }  // namespace matterfit::bake

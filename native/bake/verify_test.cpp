@@ -32,7 +32,7 @@ class VerifyTest : public FolderTest {
  protected:
   fs::path our_vdb() {
     const Specimen body = ball(0.05, 0.3);
-    const ParticleView view = body.view();
+    const capture::ParticleView view = body.view();
     Arena arena(2);
     const Interrupter interrupter;
     VolumeOptions options;

@@ -94,9 +94,9 @@ openvdb::FloatGrid::Ptr level_set(const openvdb::FloatGrid& colour, double voxel
   return result;
 }
 
-double smallest_separation(std::span<const ParticleView> bodies) {
+double smallest_separation(std::span<const capture::ParticleView> bodies) {
   double result = 0.0;
-  for (const ParticleView& body : bodies) {
+  for (const capture::ParticleView& body : bodies) {
     if (body.separation > 0.0 && (result == 0.0 || body.separation < result)) {
       result = body.separation;
     }
@@ -106,8 +106,9 @@ double smallest_separation(std::span<const ParticleView> bodies) {
 
 }  // namespace
 
-openvdb::GridPtrVec make_volume(std::span<const ParticleView> bodies, const VolumeOptions& options,
-                                Arena& arena, const Interrupter& interrupter) {
+openvdb::GridPtrVec make_volume(std::span<const capture::ParticleView> bodies,
+                                const VolumeOptions& options, Arena& arena,
+                                const Interrupter& interrupter) {
   initialize_openvdb();
   if (!(options.band >= 1.0 && options.band <= 100.0)) {
     throw_input("the level set's band is " + std::to_string(options.band) +
@@ -156,7 +157,8 @@ openvdb::GridPtrVec make_volume(std::span<const ParticleView> bodies, const Volu
   return grids;
 }
 
-VolumeReport write_volume(const std::filesystem::path& path, std::span<const ParticleView> bodies,
+VolumeReport write_volume(const std::filesystem::path& path,
+                          std::span<const capture::ParticleView> bodies,
                           const VolumeOptions& options, Arena& arena,
                           const Interrupter& interrupter) {
   const openvdb::GridPtrVec grids = make_volume(bodies, options, arena, interrupter);

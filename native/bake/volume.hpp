@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "bake/particles.hpp"
 #include "bake/vdb_file.hpp"
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
+#include "capture/particles.hpp"
 
 namespace matterfit::bake {
 
@@ -46,13 +46,14 @@ struct VolumeReport {
 
 /// The grids in memory, in the order density, velocity, surface. Of no particles: empty grids.
 /// Throws Error(kInput), Error(kCompute) and Error(kCancelled) as rasterize() does.
-[[nodiscard]] openvdb::GridPtrVec make_volume(std::span<const ParticleView> bodies,
+[[nodiscard]] openvdb::GridPtrVec make_volume(std::span<const capture::ParticleView> bodies,
                                               const VolumeOptions& options, Arena& arena,
                                               const Interrupter& interrupter);
 
 /// Writes one frame of one or more bodies as a VDB file. Equal input gives equal bytes for any
 /// number of threads. Throws what make_volume throws, and Error(kOutput).
-VolumeReport write_volume(const std::filesystem::path& path, std::span<const ParticleView> bodies,
+VolumeReport write_volume(const std::filesystem::path& path,
+                          std::span<const capture::ParticleView> bodies,
                           const VolumeOptions& options, Arena& arena,
                           const Interrupter& interrupter);
 

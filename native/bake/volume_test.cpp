@@ -20,12 +20,12 @@ namespace fs = std::filesystem;
 class VolumeTest : public FolderTest {
  protected:
   openvdb::GridPtrVec make(const Specimen& body, const VolumeOptions& options) {
-    const ParticleView view = body.view();
+    const capture::ParticleView view = body.view();
     return make_volume({&view, 1}, options, arena_, interrupter_);
   }
   VolumeReport write(const fs::path& path, const Specimen& body, const VolumeOptions& options,
                      Arena& arena) {
-    const ParticleView view = body.view();
+    const capture::ParticleView view = body.view();
     return write_volume(path, {&view, 1}, options, arena, interrupter_);
   }
   Arena arena_{2};

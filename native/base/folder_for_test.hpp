@@ -4,10 +4,7 @@
 #include <unistd.h>
 
 #include <filesystem>
-#include <functional>
 #include <string>
-
-#include "base/error.hpp"
 
 namespace matterfit {
 
@@ -20,15 +17,5 @@ struct Folder {
   }
   ~Folder() { std::filesystem::remove_all(path); }
 };
-
-/// What the Error says that `work` throws.
-inline std::string message_of(const std::function<void()>& work) {
-  try {
-    work();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "nothing was thrown";
-}
 
 }  // namespace matterfit

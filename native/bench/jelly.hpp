@@ -63,8 +63,8 @@ inline mpm::Scene jelly(int edge, mpm::Formulation formulation, int clearance) {
   }
   body.volumes.assign(body.rest.size(), kSeparation * kSeparation * kSeparation);
   scene.bodies.push_back(std::move(body));
-  mpm::Contact contact;
-  scene.colliders.push_back(mpm::make_plane("ground", contact, Vec3d::Zero(), Vec3d::UnitZ()));
+  shape::Contact contact;
+  scene.colliders.push_back(shape::make_plane("ground", contact, Vec3d::Zero(), Vec3d::UnitZ()));
   return scene;
 }
 

@@ -13,9 +13,9 @@
 namespace matterfit::bench {
 namespace {
 
-using mpm::ContactKind;
-using mpm::ContactMethod;
 using mpm::Formulation;
+using shape::ContactKind;
+using shape::ContactMethod;
 namespace validation = mpm::validation;
 
 const char* name(Formulation formulation) {

@@ -10,8 +10,8 @@
 #include <thread>
 
 #include "base/interrupter.hpp"
-#include "job/document.hpp"
-#include "job/run.hpp"
+#include "job/documents/document.hpp"
+#include "job/run_job.hpp"
 
 namespace matterfit::capi {
 

@@ -9,8 +9,9 @@
 #include "base/error.hpp"
 #include "base/folder_for_test.hpp"
 #include "capi/terminal.hpp"
-#include "job/document.hpp"
-#include "job/run.hpp"
+#include "job/documents/document.hpp"
+#include "job/run/inspect.hpp"
+#include "job/run_job.hpp"
 
 namespace matterfit::capi {
 namespace {

@@ -14,10 +14,12 @@
 #include "base/file.hpp"
 #include "capi/job_thread.hpp"
 #include "capi/terminal.hpp"
-#include "job/document.hpp"
-#include "job/inputs.hpp"
-#include "job/json_reader.hpp"
-#include "job/run.hpp"
+#include "job/documents/document.hpp"
+#include "job/documents/inputs.hpp"
+#include "job/documents/json_reader.hpp"
+#include "job/run/estimate.hpp"
+#include "job/run/inspect.hpp"
+#include "job/run_job.hpp"
 
 namespace {
 

@@ -9,9 +9,11 @@
 #include "base/error.hpp"
 #include "capi/job_thread.hpp"
 #include "capi/matterfit.h"
-#include "job/document.hpp"
-#include "job/inputs.hpp"
-#include "job/run.hpp"
+#include "job/documents/document.hpp"
+#include "job/documents/inputs.hpp"
+#include "job/run/estimate.hpp"
+#include "job/run/inspect.hpp"
+#include "job/run_job.hpp"
 
 using matterfit::Error;
 using matterfit::ErrorKind;

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "base/interrupter.hpp"
-#include "job/json_reader.hpp"
+#include "job/documents/json_reader.hpp"
 
 namespace matterfit::capi {
 

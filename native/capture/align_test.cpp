@@ -10,23 +10,13 @@
 #include <random>
 
 #include "base/error.hpp"
+#include "base/message_for_test.hpp"
 
 namespace matterfit::capture {
 namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
-
-std::string message_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  ADD_FAILURE() << "nothing was thrown";
-  return "";
-}
 
 const Points kPlaces = {{0, .015, .036},       {0, -.006, .024},     {0, .036, .006},
                         {-.094, -.010, -.001}, {-.094, .040, .0275}, {-.094, .040, 0}};

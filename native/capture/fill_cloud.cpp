@@ -13,7 +13,7 @@
 #include "base/error.hpp"
 #include "capture/fill_lattice.hpp"
 #include "capture/point_tree.hpp"
-#include "mpm/triangle_mesh.hpp"
+#include "shape/triangle_mesh.hpp"
 
 namespace matterfit::capture {
 namespace {
@@ -36,22 +36,22 @@ Mesh surface_of(const FloatGrid& grid, double level, bool outer_only) {
   mesh.vertices.reserve(points.size());
   for (const openvdb::Vec3s& p : points) mesh.vertices.emplace_back(p.x(), p.y(), p.z());
   if (quads.empty()) return mesh;
-  std::vector<mpm::Triangle> triangles;
+  std::vector<shape::Triangle> triangles;
   for (const openvdb::Vec4I& q : quads) {
     const auto v = [&](int i) { return static_cast<std::int32_t>(q[i]); };
     triangles.push_back({v(0), v(1), v(2)});
     triangles.push_back({v(0), v(2), v(3)});
   }
   const std::vector<std::vector<Vec3f>> frames{mesh.vertices};
-  const mpm::MeshTopology topology = mpm::analyse_topology(std::move(triangles), frames);
-  const std::vector<double> volumes = mpm::shell_volumes(topology, mesh.vertices);
+  const shape::MeshTopology topology = shape::analyse_topology(std::move(triangles), frames);
+  const std::vector<double> volumes = shape::shell_volumes(topology, mesh.vertices);
   // All shells are turned alike, so the largest tells which sign is an outer one.
   const double largest = *std::max_element(
       volumes.begin(), volumes.end(), [](double a, double b) { return std::abs(a) < std::abs(b); });
   for (std::size_t t = 0; t < topology.triangles.size(); ++t) {
     const double volume = volumes[static_cast<std::size_t>(topology.shells[t])];
     if (outer_only && volume * largest < 0) continue;
-    mpm::Triangle c = topology.triangles[t];
+    shape::Triangle c = topology.triangles[t];
     if (largest < 0) std::swap(c[0], c[1]);
     mesh.face_sizes.push_back(3);
     mesh.face_vertices.insert(mesh.face_vertices.end(), c.begin(), c.end());

@@ -6,14 +6,14 @@
 #include "base/error.hpp"
 #include "capture/fill_lattice.hpp"
 #include "capture/limit_surface.hpp"
-#include "mpm/mesh_distance.hpp"
+#include "shape/mesh_distance.hpp"
 
 namespace matterfit::capture {
 namespace {
 
 class MeshShape final : public FillShape {
  public:
-  MeshShape(std::vector<mpm::Triangle> triangles, std::vector<Vec3f> vertices)
+  MeshShape(std::vector<shape::Triangle> triangles, std::vector<Vec3f> vertices)
       : mesh_(std::move(triangles), {std::move(vertices)},
               std::numeric_limits<double>::infinity()) {}
 
@@ -38,9 +38,9 @@ class MeshShape final : public FillShape {
     double sum = 0;
     for (std::size_t a = 0; a < mesh_.shell_count(); ++a) {
       sum += mesh_.volume(a);
-      if (mesh_.kind(a) == mpm::MeshDistance::Kind::kCavity) continue;
+      if (mesh_.kind(a) == shape::MeshDistance::Kind::kCavity) continue;
       for (std::size_t b = 0; b < a; ++b) {
-        if (mesh_.kind(b) == mpm::MeshDistance::Kind::kCavity) continue;
+        if (mesh_.kind(b) == shape::MeshDistance::Kind::kCavity) continue;
         if (shell_box(a, Quatd::Identity()).intersects(shell_box(b, Quatd::Identity()))) {
           return std::nullopt;
         }
@@ -49,7 +49,7 @@ class MeshShape final : public FillShape {
     if (!(sum > 0)) return std::nullopt;
     return sum;
   }
-  [[nodiscard]] const mpm::MeshDistance& mesh() const { return mesh_; }
+  [[nodiscard]] const shape::MeshDistance& mesh() const { return mesh_; }
 
  private:
   [[nodiscard]] Eigen::AlignedBox3d shell_box(std::size_t shell, const Quatd& axes) const {
@@ -63,16 +63,16 @@ class MeshShape final : public FillShape {
     return box;
   }
 
-  mpm::MeshDistance mesh_;
+  shape::MeshDistance mesh_;
 };
 
 const char* plural(std::size_t count) { return count == 1 ? "" : "s"; }
 
 FilledBody fill_polygons(const Mesh& mesh, const FillOptions& options, std::string notes) {
   const auto triangles =
-      mpm::triangulate("Mesh to fill", mesh.vertices, mesh.face_sizes, mesh.face_vertices);
+      shape::triangulate("Mesh to fill", mesh.vertices, mesh.face_sizes, mesh.face_vertices);
   std::vector<std::vector<Vec3f>> frames{mesh.vertices};
-  const mpm::MeshTopology found = mpm::analyse_topology(triangles, frames);
+  const shape::MeshTopology found = shape::analyse_topology(triangles, frames);
   const auto note = [&](const std::string& text) { notes += (notes.empty() ? "" : " ") + text; };
   if (found.triangles.empty()) {
     throw_input("Mesh to fill: every face is degenerate (two of its corners are the same).");
@@ -85,7 +85,7 @@ FilledBody fill_polygons(const Mesh& mesh, const FillOptions& options, std::stri
                      found.turned_triangles));
   }
   std::size_t holes = 0;
-  std::vector<mpm::Triangle> closed = mpm::cap_holes(found, frames[0], holes);
+  std::vector<shape::Triangle> closed = shape::cap_holes(found, frames[0], holes);
   if (holes > 0) {
     note(
         fmt::format("The mesh is not closed: {} boundary edge{} around {} hole{}, filled as if "

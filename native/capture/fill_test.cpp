@@ -14,14 +14,14 @@
 #include "base/error.hpp"
 #include "capture/fill_lattice.hpp"
 #include "capture/limit_surface.hpp"
-#include "mpm/mesh_shapes_for_test.hpp"
+#include "shape/mesh_shapes_for_test.hpp"
 
 namespace matterfit::capture {
 namespace {
 
-using mpm::PolygonArrays;
+using shape::PolygonArrays;
 using ::testing::HasSubstr;
-namespace shapes = mpm::test_shapes;
+namespace shapes = shape::test_shapes;
 
 Mesh mesh_of(const PolygonArrays& arrays) {
   Mesh mesh;

@@ -11,6 +11,7 @@
 
 #include "base/error.hpp"
 #include "base/file.hpp"
+#include "base/message_for_test.hpp"
 
 namespace matterfit::capture {
 namespace {
@@ -28,18 +29,6 @@ std::string npy(const std::string& dict, const std::string& body) {
   out.push_back(static_cast<char>(dict.size()));
   out.push_back('\0');
   return out + dict + body;
-}
-
-template <class Call>
-std::string message_of(const Call& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  ADD_FAILURE() << "nothing was thrown";
-  return "";
 }
 
 class NpzTest : public ::testing::Test {

@@ -10,6 +10,7 @@
 
 #include "base/error.hpp"
 #include "base/file.hpp"
+#include "base/message_for_test.hpp"
 #include "capture/npz.hpp"
 #include "capture/ply.hpp"
 
@@ -21,18 +22,6 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 const double kNan = std::numeric_limits<double>::quiet_NaN();
-
-template <class Call>
-std::string message_of(const Call& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  ADD_FAILURE() << "nothing was thrown";
-  return "";
-}
 
 class TracksTest : public ::testing::Test {
  protected:

@@ -7,12 +7,12 @@
 #include <cmath>
 #include <limits>
 
-#include "bake/binding.hpp"
 #include "base/error.hpp"
+#include "capture/binding.hpp"
 #include "capture/check.hpp"
-#include "fit/metrics.hpp"
-#include "job/fit_document.hpp"
-#include "job/follow.hpp"
+#include "fit/data/follow.hpp"
+#include "fit/data/metrics.hpp"
+#include "job/documents/fit_document.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -358,7 +358,7 @@ void settle_noise(FitRun& run, const mpm::Scene& scene, std::vector<std::string>
       if (!(capture.sigma[i] > 0.0)) missing.push_back(i);
     }
     if (missing.empty()) continue;
-    const mpm::Body& body = scene.bodies[body_index(scene, input.body)];
+    const mpm::Body& body = scene.bodies[fit::body_index(scene, input.body)];
     const double fallback = kDefaultNoise * fit::body_size(body.rest);
     // Its differences over time tell nothing of clouds, whose points change from frame to frame.
     const bool told = capture.used_count > 0 && !capture.clouds;
@@ -413,8 +413,8 @@ void check_places(const FitRun& run, const mpm::Scene& scene, Arena& arena,
       }
     }
     if (places.empty()) continue;
-    const mpm::Body& body = scene.bodies[body_index(scene, capture.input.body)];
-    const bake::MeshBinding binding(places, body.rest, separation, {}, arena);
+    const mpm::Body& body = scene.bodies[fit::body_index(scene, capture.input.body)];
+    const capture::MeshBinding binding(places, body.rest, separation, {}, arena);
     const std::size_t stray = binding.count_beyond(kStrayDistance * separation);
     if (double(stray) <= kStray * double(places.size())) continue;
     const double size = fit::body_size(body.rest) + separation;

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "base/parallel.hpp"
-#include "fit/cloud_residuals.hpp"
-#include "job/capture_input.hpp"
-#include "job/capture_scene.hpp"
+#include "fit/data/cloud_residuals.hpp"
+#include "job/documents/capture_scene.hpp"
+#include "job/run/capture_input.hpp"
 #include "mpm/scene.hpp"
 
 namespace matterfit::job {

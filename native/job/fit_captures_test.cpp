@@ -7,8 +7,8 @@
 #include <cmath>
 #include <functional>
 
-#include "job/build_scene.hpp"
 #include "job/fit_fixture_for_test.hpp"
+#include "job/run/build_scene.hpp"
 
 namespace matterfit::job {
 namespace {

@@ -10,10 +10,10 @@
 
 #include "base/error.hpp"
 #include "capture/thin.hpp"
-#include "fit/equation_error.hpp"
-#include "fit/least_squares.hpp"
-#include "fit/uncertainty.hpp"
-#include "job/follow.hpp"
+#include "fit/data/equation_error.hpp"
+#include "fit/data/follow.hpp"
+#include "fit/numerics/least_squares.hpp"
+#include "fit/numerics/uncertainty.hpp"
 #include "mpm/pin_region.hpp"
 
 namespace matterfit::job {
@@ -68,8 +68,8 @@ void keep_nearer(fit::Clearance& least, double distance, const Vec3d& normal, bo
 fit::Clearance clearance_in(const mpm::Scene& scene, const mpm::Body& body, const Vec3d& rest,
                             const Vec3d& position, double time) {
   fit::Clearance least;
-  for (const mpm::ColliderPtr& collider : scene.colliders) {
-    const mpm::SurfacePoint surface = collider->closest(position, time);
+  for (const shape::ColliderPtr& collider : scene.colliders) {
+    const shape::SurfacePoint surface = collider->closest(position, time);
     keep_nearer(least, surface.distance, surface.normal, false);
   }
   if (scene.walls) {
@@ -106,7 +106,7 @@ fit::Balance balance_of(const FitCapture& capture, const std::shared_ptr<const m
   for (const double time : balance.tracks.times) {
     balance.gravity.push_back(scene.gravity.at(time));
   }
-  balance.flows = !body.material.is_elastic();
+  balance.flows = !body.material.traits().elastic();
   balance.contact_reach = kContactCells * scene.dx;
   balance.clearance = [held](const Vec3d& rest, const Vec3d& position, double time) {
     return clearance_in(*held, held->bodies.front(), rest, position, time);
@@ -236,7 +236,7 @@ std::string obstacle(const mpm::Scene& scene, const FitParameters& parameters, s
   if (scene.bodies.size() != 1) {
     return "there are other bodies, whose contact forces are not known.";
   }
-  if (scene.bodies.front().material.law == material::Law::kDruckerPrager) {
+  if (scene.bodies.front().material.traits().pressure_dependent) {
     return "the pressure that sand's friction depends on cannot be told from noisy tracks.";
   }
   if (!scene.bodies.front().masses.empty()) return "masses are attached to the body.";

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "job/document.hpp"
-#include "job/inputs.hpp"
+#include "job/documents/document.hpp"
+#include "job/documents/inputs.hpp"
 
 /// The files that a fit leaves in its output folder (docs/formats.md).
 namespace matterfit::job {

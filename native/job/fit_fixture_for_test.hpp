@@ -11,7 +11,7 @@
 #include "base/folder_for_test.hpp"
 #include "base/interrupter.hpp"
 #include "capture/npz.hpp"
-#include "job/run.hpp"
+#include "job/run_job.hpp"
 
 /// A small body, captures that the simulator itself makes of it, and fits of them.
 namespace matterfit::job::fit_test {

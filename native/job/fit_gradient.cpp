@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "base/error.hpp"
-#include "job/follow.hpp"
+#include "fit/data/follow.hpp"
 #include "mpm/scene_check.hpp"
 
 namespace matterfit::job {
@@ -96,7 +96,7 @@ void add_gradient(const FitParameters& parameters, std::size_t scene_index, cons
         sum[i] += of_collider(path, gradient.colliders[c]);
       }
     } else {
-      sum[i] += of_body(path, gradient.bodies[body_index(scene, path.owner)]);
+      sum[i] += of_body(path, gradient.bodies[fit::body_index(scene, path.owner)]);
     }
   }
 }

@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "job/build_scene.hpp"
-#include "job/fit_contacts.hpp"
+#include "fit/data/follow.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/fit_problem.hpp"
-#include "job/follow.hpp"
+#include "job/run/build_scene.hpp"
+#include "mpm/default_stiffness.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -152,7 +152,7 @@ TEST(FitGradient, GoesThroughContactsThatFollowTheMaterial) {
   Fixture follows(document, folder.path);
   const mpm::Scene& scene = follows.scene();
   document["scene"]["colliders"][0]["contact"]["stiffness"] =
-      contact_stiffnesses(scene, scene.bodies.front()).front();
+      mpm::contact_stiffnesses(scene, scene.bodies.front()).front();
   Fixture held(document, folder.path);
   const Eigen::VectorXd start = follows.start();
   const auto residual = follows.problem().evaluate({start}).front();
@@ -203,13 +203,13 @@ TEST(FitGradient, TimesBetweenFramesAreTransposed) {
   std::vector<Points> frames;
   for (std::size_t f = 0; f < kFrames; ++f) frames.push_back(random(kPoints));
   const Points bar = random(times.size() * kPoints);
-  const SimulatedCapture seen = at_times(frames, kPoints, times, fps);
+  const fit::SimulatedCapture seen = fit::at_times(frames, kPoints, times, fps);
   EXPECT_EQ(seen.outside, 2U);
   double forth = 0.0;
   for (std::size_t i = 0; i < bar.size(); ++i) {
     if (seen.positions[i].allFinite()) forth += bar[i].dot(seen.positions[i]);
   }
-  const std::vector<Points> back = frames_bar(kFrames, kPoints, times, fps, bar);
+  const std::vector<Points> back = fit::frames_bar(kFrames, kPoints, times, fps, bar);
   double sum = 0.0;
   for (std::size_t f = 0; f < kFrames; ++f) {
     for (std::size_t i = 0; i < kPoints; ++i) sum += back[f][i].dot(frames[f][i]);

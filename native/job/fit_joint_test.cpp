@@ -10,9 +10,9 @@
 
 #include "base/parallel.hpp"
 #include "capture/ply.hpp"
-#include "job/build_scene.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/fit_parameters.hpp"
+#include "job/run/build_scene.hpp"
 
 namespace matterfit::job {
 namespace {

@@ -27,7 +27,7 @@ Material with_law(const Material& material, Law law) {
   Material result = material;
   result.law = law;
   const auto is_new = [&](std::string_view key) {
-    return material::uses(law, key) && !material::uses(material.law, key);
+    return material::traits(law).uses(key) && !material::traits(material.law).uses(key);
   };
   if (is_new("E")) {
     result.poisson_ratio = kUsualPoissonRatio;
@@ -48,7 +48,8 @@ std::vector<FitParameterDoc> parameters_of_law(const FitDoc& fit, Law own, Law l
     return path.owner == fit.body && !path.law_parameter().empty();
   };
   for (const FitParameterDoc& parameter : fit.parameters) {
-    if (is_of_law(parameter.path) && !material::uses(law, parameter.path.law_parameter())) continue;
+    if (is_of_law(parameter.path) && !material::traits(law).uses(parameter.path.law_parameter()))
+      continue;
     result.push_back(parameter);
   }
   for (const FitQuantity quantity : kTelling) {
@@ -57,7 +58,7 @@ std::vector<FitParameterDoc> parameters_of_law(const FitDoc& fit, Law own, Law l
     parameter.path.quantity = quantity;
     parameter.path.owner = fit.body;
     const std::string_view key = parameter.path.law_parameter();
-    if (!material::uses(law, key) || material::uses(own, key)) continue;
+    if (!material::traits(law).uses(key) || material::traits(own).uses(key)) continue;
     const bool listed = std::any_of(result.begin(), result.end(), [&](const auto& other) {
       return other.path.text() == parameter.path.text();
     });
@@ -67,9 +68,9 @@ std::vector<FitParameterDoc> parameters_of_law(const FitDoc& fit, Law own, Law l
 }
 
 Json material_json(const Material& material) {
-  Json json = {{"law", material::law_name(material.law)}};
+  Json json = {{"law", material::traits(material.law).name}};
   const auto put = [&](const char* key, double value) {
-    if (material::uses(material.law, key)) json[key] = value;
+    if (material::traits(material.law).uses(key)) json[key] = value;
   };
   put("E", material.youngs_modulus);
   put("nu", material.poisson_ratio);

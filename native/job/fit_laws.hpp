@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "job/fit_document.hpp"
+#include "job/documents/fit_document.hpp"
 
 /// Candidate laws of a fit: what carries over from the document's law, and what is new.
 namespace matterfit::job {

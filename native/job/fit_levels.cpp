@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "capture/thin.hpp"
-#include "job/build_scene.hpp"
+#include "job/run/build_scene.hpp"
 
 namespace matterfit::job {
 namespace {

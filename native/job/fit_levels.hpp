@@ -5,7 +5,7 @@
 
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
-#include "job/document.hpp"
+#include "job/documents/document.hpp"
 #include "mpm/scene.hpp"
 
 namespace matterfit::job {

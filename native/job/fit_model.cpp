@@ -10,12 +10,12 @@
 #include <thread>
 
 #include "base/error.hpp"
-#include "fit/metrics.hpp"
-#include "fit/surface_points.hpp"
-#include "job/fit_contacts.hpp"
+#include "fit/data/metrics.hpp"
+#include "fit/data/surface_points.hpp"
 #include "job/fit_gradient.hpp"
-#include "job/step_limit.hpp"
+#include "mpm/default_stiffness.hpp"
 #include "mpm/gradient.hpp"
+#include "mpm/step_limit.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -40,7 +40,7 @@ constexpr int kWorthCoarser = 4;
 /// Where a capture's samples are: points bound to the body, or particles of it.
 struct Watcher {
   std::size_t body = 0;
-  std::optional<PointFollower> points;
+  std::optional<fit::PointFollower> points;
   std::vector<std::size_t> particles;
 
   [[nodiscard]] std::size_t size() const { return points ? points->size() : particles.size(); }
@@ -70,7 +70,7 @@ struct FitModel::RunModel {
   [[nodiscard]] static Watcher watch(const mpm::Scene& scene, const FitCapture& capture,
                                      FitDoc::Loss loss, Points rest, Arena& arena) {
     Watcher watcher;
-    watcher.body = body_index(scene, capture.input.body);
+    watcher.body = fit::body_index(scene, capture.input.body);
     const mpm::Body& body = scene.bodies[watcher.body];
     if (loss == FitDoc::Loss::kChamfer) {
       watcher.particles = drawn(body.rest.size());
@@ -82,7 +82,7 @@ struct FitModel::RunModel {
 
   /// What the surface loss looks at, at rest.
   [[nodiscard]] static Points surface_of(const mpm::Body& body, Arena& arena) {
-    if (body.material.law == material::Law::kNewtonian) {
+    if (body.material.traits().fluid) {
       throw_input("fit.loss: \"surface\" follows the surface that body '" + body.name +
                   "' has at rest, and a fluid makes new ones: take \"chamfer\".");
     }
@@ -111,7 +111,7 @@ FitModel::FitModel(const std::vector<FitRun>& runs, std::vector<mpm::Scene> scen
     for (const FitCapture& capture : runs[r].captures) {
       Points rest = capture.input.rest;
       if (options_.loss == FitDoc::Loss::kSurface) {
-        const std::size_t body = body_index(model->scene, capture.input.body);
+        const std::size_t body = fit::body_index(model->scene, capture.input.body);
         rest = RunModel::surface_of(model->scene.bodies[body], arena);
         model->surfaces.push_back(rest);
       }
@@ -136,7 +136,7 @@ std::vector<FitSteps> FitModel::steps_of(std::span<const double> values,
     if (outcome[r].substeps.empty()) continue;
     mpm::Scene scene = models_[r]->scene;
     parameters_.apply(values, r, scene);
-    steps[r] = {outcome[r].substeps, step_limit(scene)};
+    steps[r] = {outcome[r].substeps, mpm::step_limit(scene)};
   }
   return steps;
 }
@@ -161,7 +161,7 @@ std::vector<int> multiplied(const std::vector<int>& substeps, double factor) {
 }  // namespace
 
 int FitModel::refined(std::size_t run, const mpm::Scene& scene) const {
-  return std::max(refinements_[run], steps_finer(steps_[run], step_limit(scene), kMargin));
+  return std::max(refinements_[run], steps_finer(steps_[run], mpm::step_limit(scene), kMargin));
 }
 
 void FitModel::settle(std::span<const double> values, std::span<const int> before) {
@@ -170,7 +170,7 @@ void FitModel::settle(std::span<const double> values, std::span<const int> befor
     mpm::Scene scene = models_[r]->scene;
     parameters_.apply(values, r, scene);
     // The steps of the differences beside these values go without more substeps.
-    const int asked = steps_finer(steps_[r], step_limit(scene), 0.95 * kMargin);
+    const int asked = steps_finer(steps_[r], mpm::step_limit(scene), 0.95 * kMargin);
     const bool keep = !before.empty() && asked < before[r] && asked > before[r] - kWorthCoarser;
     refinements_[r] = keep ? before[r] : asked;
   }
@@ -276,7 +276,7 @@ std::optional<FitObservation> FitModel::simulate(std::size_t run, std::span<cons
         }
         for (std::size_t c = 0; c < seen.size(); ++c) {
           observation.captures.push_back(
-              at_times(seen[c], trial.watchers[c].size(), trial.times[c], scene.fps));
+              fit::at_times(seen[c], trial.watchers[c].size(), trial.times[c], scene.fps));
         }
         return observation;
       } catch (const Error& error) {
@@ -302,7 +302,7 @@ bool FitModel::has_gradient() const {
   for (std::size_t r = 0; r < models_.size(); ++r) {
     const mpm::Scene& scene = models_[r]->scene;
     if (!matterfit::job::has_gradient(parameters_, r, scene)) return false;
-    if (follows_several_bodies(scene) && !parameters_.moved_materials(r).empty()) return false;
+    if (mpm::follows_several_bodies(scene) && !parameters_.moved_materials(r).empty()) return false;
   }
   return true;
 }
@@ -317,7 +317,7 @@ void FitModel::add_through_contacts(std::size_t run, std::span<const double> val
     moved[i] = value;
     mpm::Scene scene = models_[run]->scene;
     parameters_.apply(moved, run, scene);
-    return contact_stiffnesses(scene, scene.bodies.front());
+    return mpm::contact_stiffnesses(scene, scene.bodies.front());
   };
   for (std::size_t i = 0; i < parameters_.size(); ++i) {
     if (!parameters_.acts_on(i, run) || !parameters_.path(i).is_material()) continue;
@@ -349,9 +349,9 @@ std::optional<std::vector<double>> FitModel::pull_back(
       scene.end_frame = scene.first_frame + trial.frames + 1;
       std::vector<std::vector<Points>> frames;
       for (std::size_t c = 0; c < trial.watchers.size(); ++c) {
-        frames.push_back(frames_bar(static_cast<std::size_t>(trial.frames) + 1,
-                                    trial.watchers[c].size(), trial.times[c], scene.fps,
-                                    bars[r][c]));
+        frames.push_back(fit::frames_bar(static_cast<std::size_t>(trial.frames) + 1,
+                                         trial.watchers[c].size(), trial.times[c], scene.fps,
+                                         bars[r][c]));
       }
       const mpm::Observer observer = [&](const mpm::ObservedFrame& frame, mpm::FrameLoss& loss) {
         const auto k = static_cast<std::size_t>(frame.frame - scene.first_frame);

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "base/interrupter.hpp"
+#include "fit/data/follow.hpp"
 #include "job/fit_captures.hpp"
 #include "job/fit_parameters.hpp"
-#include "job/follow.hpp"
 #include "mpm/simulation.hpp"
 
 namespace matterfit::mpm {
@@ -22,8 +22,8 @@ namespace matterfit::job {
 
 /// What the captures of one run would have seen of a simulation.
 struct FitObservation {
-  std::vector<SimulatedCapture> captures;  ///< in the run's order; empty: was not simulated
-  std::vector<int> substeps;               ///< of each frame
+  std::vector<fit::SimulatedCapture> captures;  ///< in the run's order; empty: was not simulated
+  std::vector<int> substeps;                    ///< of each frame
 };
 /// Of all runs.
 using FitOutcome = std::vector<FitObservation>;

@@ -8,10 +8,10 @@
 #include <numbers>
 
 #include "base/error.hpp"
-#include "job/capture_scene.hpp"
-#include "job/fit_contacts.hpp"
-#include "job/follow.hpp"
+#include "fit/data/follow.hpp"
+#include "job/documents/capture_scene.hpp"
 #include "mpm/contact_law.hpp"
+#include "mpm/default_stiffness.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -108,8 +108,8 @@ std::string obstacle(const SceneDoc& scene, const FitPath& path) {
   const std::string_view key = path.law_parameter();
   if (key.empty()) return {};
   const material::Law law = body_named(scene, path.owner).material.law;
-  if (material::uses(law, key)) return {};
-  return "the law " + std::string(material::law_name(law)) + " does not use it.";
+  if (material::traits(law).uses(key)) return {};
+  return "the law " + std::string(material::traits(law).name) + " does not use it.";
 }
 
 /// The names of the captures whose own scene it is.
@@ -130,7 +130,7 @@ Vec3d vector_in(const SceneDoc& scene, const FitPath& path) {
 
 /// The stiffness that the solver takes where the document has none.
 double default_stiffness(const mpm::Scene& scene, const std::string& name) {
-  for (const mpm::ColliderPtr& collider : scene.colliders) {
+  for (const shape::ColliderPtr& collider : scene.colliders) {
     if (collider->name() != name) continue;
     return mpm::resolve_contact(collider->contact(), scene.bodies.front(), scene.dx).stiffness;
   }
@@ -169,8 +169,7 @@ double scalar_in(const FitScene& scene, const FitPath& path) {
 
 /// Where a logarithm cannot begin, because the document has 0.
 double usual_start(const FitPath& path, const Material& material) {
-  const double modulus =
-      material.law == material::Law::kNewtonian ? material.bulk_modulus : material.youngs_modulus;
+  const double modulus = material.traits().fluid ? material.bulk_modulus : material.youngs_modulus;
   switch (path.quantity) {
     case FitQuantity::kDampingShear:
     case FitQuantity::kDampingBulk:
@@ -195,24 +194,24 @@ void set_scalar(const FitPath& path, double value, mpm::Scene& scene) {
       return;
     case FitQuantity::kFriction:
     case FitQuantity::kContactStiffness:
-      for (mpm::ColliderPtr& collider : scene.colliders) {
+      for (shape::ColliderPtr& collider : scene.colliders) {
         if (collider->name() != path.owner) continue;
-        mpm::Contact contact = collider->contact();
+        shape::Contact contact = collider->contact();
         (path.quantity == FitQuantity::kFriction ? contact.mu : contact.stiffness) = value;
-        collider = with_contact(collider, contact);
+        collider = mpm::with_contact(collider, contact);
       }
       return;
     case FitQuantity::kHeight:
-      for (mpm::ColliderPtr& collider : scene.colliders) {
+      for (shape::ColliderPtr& collider : scene.colliders) {
         if (collider->name() != path.owner) continue;
-        collider = mpm::make_plane(collider->name(), collider->contact(), Vec3d(0, 0, value),
-                                   Vec3d::UnitZ());
+        collider = shape::make_plane(collider->name(), collider->contact(), Vec3d(0, 0, value),
+                                     Vec3d::UnitZ());
       }
       return;
     default:
       break;
   }
-  mpm::Body& body = scene.bodies[body_index(scene, path.owner)];
+  mpm::Body& body = scene.bodies[fit::body_index(scene, path.owner)];
   switch (path.quantity) {
     case FitQuantity::kDensity:
       body.density = value;
@@ -447,9 +446,11 @@ void FitParameters::apply(std::span<const double> values, std::size_t scene,
     } else if (number.path.quantity == FitQuantity::kGravity) {
       into.gravity.values.front()[*number.path.component] = values[i];
     } else if (number.path.quantity == FitQuantity::kVelocity) {
-      into.bodies[body_index(into, number.path.owner)].velocity[*number.path.component] = values[i];
+      into.bodies[fit::body_index(into, number.path.owner)].velocity[*number.path.component] =
+          values[i];
     } else if (number.path.quantity == FitQuantity::kSpin) {
-      into.bodies[body_index(into, number.path.owner)].spin[*number.path.component] = values[i];
+      into.bodies[fit::body_index(into, number.path.owner)].spin[*number.path.component] =
+          values[i];
     }
   }
   for (mpm::Body& body : into.bodies) {

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "fit/parameter.hpp"
-#include "job/fit_document.hpp"
+#include "fit/numerics/parameter.hpp"
+#include "job/documents/fit_document.hpp"
 #include "mpm/scene.hpp"
 
 namespace matterfit::job {

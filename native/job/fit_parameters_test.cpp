@@ -8,9 +8,9 @@
 #include <functional>
 
 #include "base/parallel.hpp"
-#include "job/build_scene.hpp"
-#include "job/capture_scene.hpp"
+#include "job/documents/capture_scene.hpp"
 #include "job/fit_fixture_for_test.hpp"
+#include "job/run/build_scene.hpp"
 
 namespace matterfit::job {
 namespace {

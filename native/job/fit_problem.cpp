@@ -7,7 +7,7 @@
 #include <limits>
 #include <set>
 
-#include "fit/losses.hpp"
+#include "fit/data/losses.hpp"
 #include "mpm/scene_check.hpp"
 
 namespace matterfit::job {
@@ -214,7 +214,7 @@ Eigen::VectorXd FitProblem::residuals(const FitOutcome& outcome) const {
   for (const Part& part : parts_) {
     const FitCapture& capture = capture_of(part);
     const capture::Tracks& tracks = capture.input.tracks;
-    const SimulatedCapture& simulated = outcome[part.run].captures[part.capture];
+    const fit::SimulatedCapture& simulated = outcome[part.run].captures[part.capture];
     const std::size_t simulated_points = simulated.positions.size() / tracks.frames();
     for (std::size_t k = 0; k < part.frames.size(); ++k) {
       const std::size_t t = part.frames[k];

@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "fit/cloud_residuals.hpp"
-#include "fit/least_squares.hpp"
+#include "fit/data/cloud_residuals.hpp"
+#include "fit/numerics/least_squares.hpp"
 #include "job/fit_model.hpp"
 
 namespace matterfit::job {

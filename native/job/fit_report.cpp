@@ -7,10 +7,10 @@
 #include <cmath>
 #include <limits>
 
-#include "fit/metrics.hpp"
-#include "job/compare.hpp"
+#include "fit/data/metrics.hpp"
 #include "job/fit_laws.hpp"
 #include "job/fit_problem.hpp"
+#include "job/run/compare.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -85,7 +85,7 @@ std::optional<double> ErrorPool::mean(bool held_out) const {
 namespace {
 
 double size_of(const mpm::Scene& scene, const FitCapture& capture) {
-  const mpm::Body& body = scene.bodies[body_index(scene, capture.input.body)];
+  const mpm::Body& body = scene.bodies[fit::body_index(scene, capture.input.body)];
   return fit::body_size(body.rest) + 0.5 * scene.dx;
 }
 

@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "fit/uncertainty.hpp"
-#include "job/capture_input.hpp"
+#include "fit/numerics/uncertainty.hpp"
 #include "job/fit_model.hpp"
 #include "job/fit_state.hpp"
+#include "job/run/capture_input.hpp"
 
 /// What a fit says when it is done (docs/formats.md, "fit").
 namespace matterfit::job {

@@ -9,16 +9,16 @@
 
 #include "base/error.hpp"
 #include "base/file.hpp"
-#include "fit/metrics.hpp"
-#include "job/fit_document.hpp"
+#include "fit/data/metrics.hpp"
+#include "job/documents/fit_document.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_laws.hpp"
 #include "job/fit_race.hpp"
 #include "job/fit_report.hpp"
 #include "job/fit_search.hpp"
 #include "job/fit_state.hpp"
-#include "job/folder_lock.hpp"
-#include "job/run_scene.hpp"
+#include "job/run/folder_lock.hpp"
+#include "job/run/run_scene.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -158,7 +158,7 @@ class FitJob {
     if (!resumed_) {
       for (const material::Law law : laws_) {
         LawState state;
-        state.law = material::law_name(law);
+        state.law = material::traits(law).name;
         state_.laws.push_back(std::move(state));
       }
     }
@@ -178,7 +178,7 @@ class FitJob {
       progress.fraction = kFitShare * done / double(laws_.size());
     }
     progress.label =
-        fit_label(report, several ? std::string(material::law_name(laws_[state_.law])) : "");
+        fit_label(report, several ? std::string(material::traits(laws_[state_.law]).name) : "");
     interrupter_.report(progress);
   }
 
@@ -469,7 +469,7 @@ class FitJob {
       for (std::size_t r = 0; r < runs_.size(); ++r) {
         for (const FitCapture& capture : runs_[r].captures) {
           const mpm::Scene& scene = of.scene(r);
-          const mpm::Body& body = scene.bodies[body_index(scene, capture.input.body)];
+          const mpm::Body& body = scene.bodies[fit::body_index(scene, capture.input.body)];
           if (capture.used_count > 0) size = std::max(size, fit::body_size(body.rest));
         }
       }

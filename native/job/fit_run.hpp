@@ -2,7 +2,7 @@
 #pragma once
 
 #include "base/interrupter.hpp"
-#include "job/run.hpp"
+#include "job/run/run_options.hpp"
 
 namespace matterfit::job {
 

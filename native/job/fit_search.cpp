@@ -9,12 +9,12 @@
 #include <utility>
 
 #include "base/error.hpp"
-#include "fit/metrics.hpp"
-#include "job/build_scene.hpp"
+#include "fit/data/metrics.hpp"
 #include "job/fit_equation_start.hpp"
 #include "job/fit_levels.hpp"
 #include "job/fit_race.hpp"
 #include "job/fit_start.hpp"
+#include "job/run/build_scene.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -163,7 +163,7 @@ const mpm::Scene& LawFit::scene(std::size_t run) const { return scenes_[run]; }
 
 LawState LawFit::start() const {
   LawState state;
-  state.law = material::law_name(setup_.law);
+  state.law = material::traits(setup_.law).name;
   state.values = parameters_->starts();
   return state;
 }
@@ -303,8 +303,8 @@ double LawFit::poor() const {
       }
       sigma = std::max(sigma, mean);
       const mpm::Scene& scene = scenes_[r];
-      size =
-          std::max(size, fit::body_size(scene.bodies[body_index(scene, capture.input.body)].rest));
+      size = std::max(
+          size, fit::body_size(scene.bodies[fit::body_index(scene, capture.input.body)].rest));
     }
   }
   return std::max(kPoorNoise * sigma, kPoorSize * size);

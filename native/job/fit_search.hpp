@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/uncertainty.hpp"
+#include "fit/numerics/uncertainty.hpp"
 #include "job/fit_equation_start.hpp"
 #include "job/fit_problem.hpp"
 #include "job/fit_report.hpp"

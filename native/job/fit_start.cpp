@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "base/error.hpp"
-#include "fit/initial_motion.hpp"
-#include "fit/metrics.hpp"
-#include "job/follow.hpp"
+#include "fit/data/follow.hpp"
+#include "fit/data/initial_motion.hpp"
+#include "fit/data/metrics.hpp"
 #include "mpm/initial_velocity.hpp"
 
 namespace matterfit::job {
@@ -225,7 +225,7 @@ MotionStart with_initial_motion(const std::vector<FitRun>& runs,
   std::vector<Guess> guesses;
   for (std::size_t r = 0; r < runs.size(); ++r) {
     for (const FitCapture& capture : runs[r].captures) {
-      const mpm::Body& body = scenes[r].bodies[body_index(scenes[r], capture.input.body)];
+      const mpm::Body& body = scenes[r].bodies[fit::body_index(scenes[r], capture.input.body)];
       if (capture.used_count == 0 || !body.pins.empty()) continue;
       std::vector<std::size_t> wanted;
       for (std::size_t i = 0; i < values.size(); ++i) {

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "job/follow.hpp"
-#include "job/step_limit.hpp"
+#include "fit/data/follow.hpp"
+#include "mpm/step_limit.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -40,8 +40,8 @@ StartLimit::StartLimit(const std::vector<FitRun>& runs, const std::vector<mpm::S
 double StartLimit::substeps(std::span<const double> values, const Entry& entry) const {
   mpm::Scene scene = scenes_[entry.run];
   parameters_.apply(values, entry.run, scene);
-  const mpm::Body& body = scene.bodies[body_index(scene, entry.body)];
-  return 1.0 / (scene.fps * scene.dt_safety * step_limit(scene, body));
+  const mpm::Body& body = scene.bodies[fit::body_index(scene, entry.body)];
+  return 1.0 / (scene.fps * scene.dt_safety * mpm::step_limit(scene, body));
 }
 
 bool StartLimit::allows(std::span<const double> values) const {

@@ -9,9 +9,9 @@
 #include <random>
 #include <vector>
 
-#include "job/build_scene.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/fit_start_limit.hpp"
+#include "job/run/build_scene.hpp"
 
 namespace matterfit::job {
 namespace {

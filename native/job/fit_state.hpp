@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "fit/least_squares.hpp"
+#include "fit/numerics/least_squares.hpp"
+#include "job/documents/inputs.hpp"
+#include "job/documents/json_reader.hpp"
 #include "job/fit_model.hpp"
-#include "job/inputs.hpp"
-#include "job/json_reader.hpp"
 
 namespace matterfit::job {
 

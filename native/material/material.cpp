@@ -1,26 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "material/material.hpp"
 
-#include <algorithm>
-#include <array>
 #include <cmath>
 #include <sstream>
-#include <utility>
 
 #include "base/error.hpp"
 
 namespace matterfit::material {
 namespace {
-
-constexpr std::array<std::pair<Law, std::string_view>, 7> kNames = {{
-    {Law::kFixedCorotated, "fixed_corotated"},
-    {Law::kNeoHookean, "neo_hookean"},
-    {Law::kStvkHencky, "stvk_hencky"},
-    {Law::kVonMises, "von_mises"},
-    {Law::kHerschelBulkley, "herschel_bulkley"},
-    {Law::kDruckerPrager, "drucker_prager"},
-    {Law::kNewtonian, "newtonian"},
-}};
 
 void require(bool ok, const std::string& where, const char* name, double value, const char* range) {
   if (ok) return;
@@ -33,13 +20,13 @@ void require(bool ok, const std::string& where, const char* name, double value, 
 
 double Material::mu() const {
   double modulus = 0.0;
-  if (law != Law::kNewtonian) modulus = youngs_modulus / (2.0 * (1.0 + poisson_ratio));
+  if (!traits().fluid) modulus = youngs_modulus / (2.0 * (1.0 + poisson_ratio));
   for (const MaxwellBranch& branch : maxwell) modulus += branch.modulus;
   return modulus;
 }
 
 double Material::lambda() const {
-  if (law == Law::kNewtonian) return bulk_modulus;
+  if (traits().fluid) return bulk_modulus;
   return youngs_modulus * poisson_ratio / ((1.0 + poisson_ratio) * (1.0 - 2.0 * poisson_ratio));
 }
 
@@ -47,52 +34,19 @@ double Material::p_wave_modulus() const { return lambda() + 2.0 * mu(); }
 
 double Material::wave_speed(double rho) const { return std::sqrt(p_wave_modulus() / rho); }
 
-bool Material::is_elastic() const {
-  return law == Law::kFixedCorotated || law == Law::kNeoHookean || law == Law::kStvkHencky;
-}
-
-std::string_view law_name(Law law) {
-  for (const auto& [value, name] : kNames) {
-    if (value == law) return name;
-  }
-  return "unknown";
-}
-
 Law law_from_name(std::string_view name) {
   std::string known;
-  for (const auto& [value, text] : kNames) {
-    if (text == name) return value;
+  for (const LawTraits& row : all_laws()) {
+    if (row.name == name) return row.law;
     known += known.empty() ? "" : ", ";
-    known += text;
+    known += row.name;
   }
   throw_input("'" + std::string(name) + "' is not a law. Known laws: " + known + ".");
 }
 
-std::vector<std::string_view> law_parameters(Law law) {
-  switch (law) {
-    case Law::kFixedCorotated:
-    case Law::kNeoHookean:
-    case Law::kStvkHencky:
-      return {"E", "nu"};
-    case Law::kVonMises:
-      return {"E", "nu", "yield_stress", "hardening"};
-    case Law::kHerschelBulkley:
-      return {"E", "nu", "yield_stress", "viscosity", "exponent"};
-    case Law::kDruckerPrager:
-      return {"E", "nu", "friction_angle", "cohesion"};
-    case Law::kNewtonian:
-      return {"bulk_modulus", "viscosity"};
-  }
-  return {};
-}
-
-bool uses(Law law, std::string_view key) {
-  const auto used = law_parameters(law);
-  return std::find(used.begin(), used.end(), key) != used.end();
-}
-
 void validate(const Material& m, const std::string& where) {
-  if (m.law == Law::kNewtonian) {
+  const LawTraits& law = m.traits();
+  if (law.fluid) {
     require(m.bulk_modulus > 0 && m.bulk_modulus < 1e13, where, "bulk_modulus", m.bulk_modulus,
             "(0, 1e13) Pa");
   } else {
@@ -101,8 +55,7 @@ void validate(const Material& m, const std::string& where) {
     require(m.poisson_ratio > -0.9 && m.poisson_ratio <= 0.4999, where, "nu", m.poisson_ratio,
             "(-0.9, 0.4999]; 0.5 would need an infinite bulk modulus");
   }
-  const bool yields = m.law == Law::kVonMises || m.law == Law::kHerschelBulkley;
-  if (yields) {
+  if (law.uses("yield_stress")) {
     require(m.yield_stress >= 0 && m.yield_stress < 1e13, where, "yield_stress", m.yield_stress,
             "[0, 1e13) Pa");
     require(m.hardening >= 0 && m.hardening < 1e13, where, "hardening", m.hardening,
@@ -110,7 +63,7 @@ void validate(const Material& m, const std::string& where) {
     require(m.exponent > 0.05 && m.exponent <= 5, where, "exponent", m.exponent, "(0.05, 5]");
   }
   require(m.viscosity >= 0 && m.viscosity < 1e9, where, "viscosity", m.viscosity, "[0, 1e9) Pa s");
-  if (m.law == Law::kDruckerPrager) {
+  if (law.uses("friction_angle")) {
     require(m.friction_angle >= 0 && m.friction_angle < 80, where, "friction_angle",
             m.friction_angle, "[0, 80) degrees");
     require(m.cohesion >= 0 && m.cohesion < 1e12, where, "cohesion", m.cohesion, "[0, 1e12) Pa");

@@ -6,17 +6,9 @@
 #include <string_view>
 #include <vector>
 
-namespace matterfit::material {
+#include "material/law_table.hpp"
 
-enum class Law {
-  kFixedCorotated,
-  kNeoHookean,
-  kStvkHencky,
-  kVonMises,
-  kHerschelBulkley,
-  kDruckerPrager,
-  kNewtonian,
-};
+namespace matterfit::material {
 
 /// A Maxwell branch: a deviatoric spring [Pa, shear modulus] in series with a dashpot; it relaxes
 /// with `time` [s] and adds to the long-term elasticity.
@@ -52,20 +44,11 @@ struct Material {
   [[nodiscard]] double wave_speed(double rho) const;
   /// λ + 2μ of the instantaneous response, K for a fluid [Pa].
   [[nodiscard]] double p_wave_modulus() const;
-  /// True for laws without plastic flow (candidates for the total Lagrangian formulation).
-  [[nodiscard]] bool is_elastic() const;
+  [[nodiscard]] const LawTraits& traits() const { return material::traits(law); }
 };
 
-/// Names of the job document: "fixed_corotated", "neo_hookean", "stvk_hencky", "von_mises",
-/// "herschel_bulkley", "drucker_prager", "newtonian".
-[[nodiscard]] std::string_view law_name(Law law);
-/// Throws Error(kInput) that lists the known names.
+/// The law of that document name. Throws Error(kInput) that lists the known names.
 [[nodiscard]] Law law_from_name(std::string_view name);
-/// The job-document names of the parameters this law uses, elastic ones first, without the
-/// damping and Maxwell ones that every law takes.
-[[nodiscard]] std::vector<std::string_view> law_parameters(Law law);
-/// Whether the key is among law_parameters(law).
-[[nodiscard]] bool uses(Law law, std::string_view key);
 
 /// Throws Error(kInput) naming the parameter, its value and the allowed range. `where` is the JSON
 /// path of the material ("scene.bodies[0].material").

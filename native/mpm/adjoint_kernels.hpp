@@ -4,7 +4,7 @@
 #include <array>
 #include <cstddef>
 
-#include "material/constants_adjoint.hpp"
+#include "material/classical/constants_adjoint.hpp"
 #include "mpm/kernels.hpp"
 
 namespace matterfit::mpm {

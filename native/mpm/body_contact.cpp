@@ -12,7 +12,7 @@ namespace matterfit::mpm {
 namespace {
 
 /// Contact of a pair as the scene gives it, or the default.
-Contact pair_contact(const Scene& scene, const std::string& a, const std::string& b) {
+shape::Contact pair_contact(const Scene& scene, const std::string& a, const std::string& b) {
   for (const BodyContact& c : scene.contacts) {
     if ((c.first == a && c.second == b) || (c.first == b && c.second == a)) return c.contact;
   }
@@ -106,7 +106,7 @@ BodyContacts::BodyContacts(const Scene& scene, const std::vector<Member>& total,
   const auto add = [&](std::size_t surface, std::size_t skin, std::size_t body, double share) {
     const Body& looking = scene.bodies[body];
     const Body& seen = scene.bodies[skins_[surface].index];
-    const Contact contact = pair_contact(scene, looking.name, seen.name);
+    const shape::Contact contact = pair_contact(scene, looking.name, seen.name);
     Pair pair;
     pair.surface = surface;
     pair.skin = skin;

@@ -7,7 +7,7 @@
 
 namespace matterfit::mpm {
 
-ContactPoint contact_point(const SurfacePoint& surface, const Mat3d& f, double volume,
+ContactPoint contact_point(const shape::SurfacePoint& surface, const Mat3d& f, double volume,
                            double density, const Vec3d& velocity) {
   const double edge = std::cbrt(volume);
   const double stretch = (f.transpose() * surface.normal).norm();
@@ -31,7 +31,8 @@ double contact_free_time(double gap, double speed, double acceleration, double f
 Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32_t surface,
                     double dt, ContactMemory& memory) {
   const double depth = point.radius - point.distance;
-  const bool separates = law.kind == ContactKind::kSeparating || law.kind == ContactKind::kFriction;
+  const bool separates =
+      law.kind == shape::ContactKind::kSeparating || law.kind == shape::ContactKind::kFriction;
   const bool held = memory.surface == surface;
   if (depth <= 0.0 && (separates || !held)) {
     if (held) memory = {};
@@ -48,13 +49,14 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32
   double normal_force = spring * depth + dashpot * approach;
   if (separates) normal_force = std::max(normal_force, 0.0);
   Vec3d force = normal_force * point.normal;
-  if (law.kind == ContactKind::kSlip || law.kind == ContactKind::kSeparating) return force;
+  if (law.kind == shape::ContactKind::kSlip || law.kind == shape::ContactKind::kSeparating)
+    return force;
 
   const Vec3d sliding = point.relative_velocity + approach * point.normal;
   Vec3d stretch = Eigen::Map<const Vec3d>(memory.stretch.data()) + dt * sliding;
   stretch -= point.normal.dot(stretch) * point.normal;
   Vec3d tangential = -spring * stretch - dashpot * sliding;
-  if (law.kind == ContactKind::kFriction) {
+  if (law.kind == shape::ContactKind::kFriction) {
     const double most = law.mu * normal_force;
     const double size = tangential.norm();
     if (size > most) {
@@ -67,7 +69,7 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32
   return force + tangential;
 }
 
-ContactLaw resolve_contact(const Contact& contact, const Body& body, double dx) {
+ContactLaw resolve_contact(const shape::Contact& contact, const Body& body, double dx) {
   ContactLaw law;
   law.kind = contact.kind;
   law.mu = contact.mu;
@@ -76,7 +78,7 @@ ContactLaw resolve_contact(const Contact& contact, const Body& body, double dx) 
   if (!(law.stiffness > 0.0)) {
     double modulus = body.material.p_wave_modulus();
     const double mu = body.material.mu();
-    if (body.material.law != material::Law::kNewtonian) modulus = std::min(modulus, 4.0 * mu);
+    if (!body.material.traits().fluid) modulus = std::min(modulus, 4.0 * mu);
     double volume = 0.0;
     for (const double v : body.volumes) volume += v;
     const double size = std::cbrt(6.0 * volume / std::numbers::pi);  // of the ball of equal volume

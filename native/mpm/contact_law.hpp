@@ -5,8 +5,8 @@
 #include <cstdint>
 
 #include "base/vec.hpp"
-#include "mpm/collider.hpp"
 #include "mpm/scene.hpp"
+#include "shape/collider.hpp"
 
 namespace matterfit::mpm {
 
@@ -17,7 +17,7 @@ namespace matterfit::mpm {
 /// k [Pa/m] a property of the contact (a skin's compliance), so that results converge with dx.
 /// Friction is a tangential spring with memory, capped at μ f_n: it sticks without creeping.
 struct ContactLaw {
-  ContactKind kind = ContactKind::kFriction;
+  shape::ContactKind kind = shape::ContactKind::kFriction;
   double mu = 0.0;
   double stiffness = 0.0;  ///< [Pa/m]
   double damping = 0.0;    ///< fraction of critical, of the particle on its spring
@@ -41,8 +41,8 @@ struct ContactPoint {
 };
 
 /// The particle with rest volume `volume` [m³] and deformation gradient `f` at `surface`.
-[[nodiscard]] ContactPoint contact_point(const SurfacePoint& surface, const Mat3d& f, double volume,
-                                         double density, const Vec3d& velocity);
+[[nodiscard]] ContactPoint contact_point(const shape::SurfacePoint& surface, const Mat3d& f,
+                                         double volume, double density, const Vec3d& velocity);
 
 /// How long [s] nothing can close `gap` [m]: at twice its present speed and accelerated by twice
 /// `acceleration`, and a quarter of a frame at most; a 64th where a collider is animated, whose
@@ -55,7 +55,8 @@ struct ContactPoint {
                                   std::int32_t surface, double dt, ContactMemory& memory);
 
 /// Fills in the defaults: stiffness 8 M/size, at most M/dx, with M = λ+2μ, of a solid at most 4μ.
-[[nodiscard]] ContactLaw resolve_contact(const Contact& contact, const Body& body, double dx);
+[[nodiscard]] ContactLaw resolve_contact(const shape::Contact& contact, const Body& body,
+                                         double dx);
 
 /// Default damping, as a fraction of critical of a particle on its spring: takes the edge off the
 /// chatter of single particles. The spread of a rebound over sub-cell offsets does not need it

@@ -13,7 +13,8 @@ ContactCotangents contact_force_adjoint(const ContactLaw& law, const ContactPoin
                                         const Vec3d& stretch_bar) {
   ContactCotangents bar;
   const double depth = point.radius - point.distance;
-  const bool separates = law.kind == ContactKind::kSeparating || law.kind == ContactKind::kFriction;
+  const bool separates =
+      law.kind == shape::ContactKind::kSeparating || law.kind == shape::ContactKind::kFriction;
   const bool held = memory.surface == surface;
   if (depth <= 0.0 && (separates || !held)) {
     if (!held) bar.stretch = stretch_bar;  // another surface's, untouched
@@ -33,7 +34,8 @@ ContactCotangents contact_force_adjoint(const ContactLaw& law, const ContactPoin
   double dashpot_bar = 0.0;
   double approach_bar = 0.0;
   bar.normal = normal_force * force_bar;
-  const bool smooth = law.kind == ContactKind::kSlip || law.kind == ContactKind::kSeparating;
+  const bool smooth =
+      law.kind == shape::ContactKind::kSlip || law.kind == shape::ContactKind::kSeparating;
   if (!smooth && spring > 0.0) {
     const Vec3d sliding = v + approach * n;
     Vec3d before = Vec3d::Zero();
@@ -45,7 +47,7 @@ ContactCotangents contact_force_adjoint(const ContactLaw& law, const ContactPoin
     Vec3d projected_bar = stretch_bar;
     const double most = law.mu * normal_force;
     const double size = trial.norm();
-    if (law.kind == ContactKind::kFriction && size > most) {
+    if (law.kind == shape::ContactKind::kFriction && size > most) {
       const double keep = most / size;
       const Vec3d kept_bar = force_bar - stretch_bar / spring;
       spring_bar += keep * stretch_bar.dot(trial) / (spring * spring);

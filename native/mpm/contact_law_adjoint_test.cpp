@@ -18,7 +18,7 @@ constexpr double kDt = 3e-4;
 /// A particle over a surface, and a number that depends on its force and on what it remembers.
 struct Touch {
   ContactLaw law;
-  SurfacePoint surface;
+  shape::SurfacePoint surface;
   Mat3d f;
   double density = 1100.0;
   Vec3d velocity;
@@ -27,7 +27,7 @@ struct Touch {
   Vec3d stretch_weight;
 
   [[nodiscard]] ContactPoint point() const {
-    SurfacePoint at = surface;
+    shape::SurfacePoint at = surface;
     // As a free variable the normal has any length; the law expects a unit one.
     return contact_point(at, f, kVolume, density, velocity);
   }
@@ -57,8 +57,9 @@ TEST(ContactAdjoint, MatchesDifferencesForEveryKindAndState) {
   const auto vector = [&] { return Vec3d(uniform(random), uniform(random), uniform(random)); };
   int touching = 0;
   int sliding = 0;
-  for (const ContactKind kind : {ContactKind::kSticky, ContactKind::kSlip, ContactKind::kSeparating,
-                                 ContactKind::kFriction}) {
+  for (const shape::ContactKind kind :
+       {shape::ContactKind::kSticky, shape::ContactKind::kSlip, shape::ContactKind::kSeparating,
+        shape::ContactKind::kFriction}) {
     for (int repeat = 0; repeat < 40; ++repeat) {
       Touch t;
       t.law = {kind, repeat % 2 == 0 ? 0.1 : 3.0, 4e6, 0.2};

@@ -9,11 +9,11 @@
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
-#include "material/law_gradient.hpp"
-#include "mpm/collider_adjoint.hpp"
+#include "material/classical/law_gradient.hpp"
 #include "mpm/scene.hpp"
 #include "mpm/schedule.hpp"
 #include "mpm/simulation.hpp"
+#include "shape/collider_adjoint.hpp"
 
 namespace matterfit::mpm {
 
@@ -63,7 +63,7 @@ struct BodyGradient {
 /// By contact (the stiffness is the resolved one where the scene has 0) and place. Updated bodies
 /// that the collider meets node by node do not feel where its surface is, only how it is inclined
 /// and moves.
-using ColliderGradient = ColliderCotangents;
+using ColliderGradient = shape::ColliderCotangents;
 
 /// A loss and its derivatives by everything that the scene says, per unit of each.
 struct Gradient {

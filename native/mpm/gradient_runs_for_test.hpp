@@ -35,7 +35,7 @@ struct GradientCase {
   bool masses = false;
   bool observes_f = false;
   bool neighbour = false;  ///< another updated body of water beside it
-  ContactMethod method = ContactMethod::kParticle;
+  shape::ContactMethod method = shape::ContactMethod::kParticle;
   int length = 6;  ///< particles
   int frames = 6;
   int substeps = 0;  ///< of each frame; 0: the solver chooses
@@ -58,7 +58,7 @@ struct GradientCase {
     scene.end_frame = 3 + frames;
     scene.dx = 2.0 * kH;
     if (substeps > 0) scene.substeps.assign(static_cast<std::size_t>(frames), substeps);
-    scene.gravity = Keyed<Vec3d>(gravity);
+    scene.gravity = shape::Keyed<Vec3d>(gravity);
     Body body;
     body.name = "bar";
     body.density = density;
@@ -97,9 +97,9 @@ struct GradientCase {
       pin.point = corner + axes * Vec3d(0.05, 0.05, 0.0);
       pin.radius = 0.045;
       pin.motion.times = {0.0, 0.03};
-      pin.motion.values = {Pose{},
-                           Pose{Vec3d(0.002, 0.001, -0.003),
-                                Quatd(Eigen::AngleAxisd(0.05, Vec3d(1, 0, 1).normalized()))}};
+      pin.motion.values = {
+          shape::Pose{}, shape::Pose{Vec3d(0.002, 0.001, -0.003),
+                                     Quatd(Eigen::AngleAxisd(0.05, Vec3d(1, 0, 1).normalized()))}};
     }
     if (hold != Hold::kNone) body.pins.push_back(pin);
     if (masses) {
@@ -110,7 +110,7 @@ struct GradientCase {
     if (neighbour) scene.bodies.push_back(water_beside(scene.bodies[0]));
     for (Body& placed : scene.bodies) turn_body(placed, turn);
     if (ground) {
-      Contact contact;
+      shape::Contact contact;
       contact.mu = mu;
       contact.stiffness = stiffness;
       contact.damping = contact_damping;
@@ -118,9 +118,9 @@ struct GradientCase {
       const double angle = rotation.norm();
       const Quatd turn =
           angle > 0.0 ? Quatd(Eigen::AngleAxisd(angle, rotation / angle)) : Quatd::Identity();
-      scene.colliders.push_back(make_plane("ground", contact,
-                                           turn * Vec3d(0, 0, 0.02) + translation,
-                                           turn * Vec3d(0.1, 0.05, 1.0).normalized()));
+      scene.colliders.push_back(shape::make_plane("ground", contact,
+                                                  turn * Vec3d(0, 0, 0.02) + translation,
+                                                  turn * Vec3d(0.1, 0.05, 1.0).normalized()));
     }
     return scene;
   }
@@ -138,7 +138,7 @@ struct GradientCase {
       turned(pin.point);
       turned(pin.pivot);
       pin.normal = by * pin.normal;
-      for (Pose& pose : pin.motion.values) {
+      for (shape::Pose& pose : pin.motion.values) {
         pose = {by * pose.position, by * pose.rotation * by.conjugate()};
       }
     }

@@ -94,7 +94,7 @@ std::vector<Entry> entries(const GradientCase& run, const Gradient& g) {
     vector("velocity", body.velocity, 1.0, &GradientCase::velocity);
     vector("spin", body.spin, 10.0, &GradientCase::spin);
     vector("gravity", g.gravity, 10.0, &GradientCase::gravity);
-    if (run.ground && run.method == ContactMethod::kParticle) {
+    if (run.ground && run.method == shape::ContactMethod::kParticle) {
       vector("translation", g.colliders[0].translation, 0.01, &GradientCase::translation);
       vector("rotation", g.colliders[0].rotation, 0.1, &GradientCase::rotation);
     }
@@ -102,7 +102,7 @@ std::vector<Entry> entries(const GradientCase& run, const Gradient& g) {
   if (run.ground) {
     add("mu", g.colliders[0].mu, run.mu, [](GradientCase& c) -> double& { return c.mu; });
   }
-  if (run.ground && run.method == ContactMethod::kParticle) {
+  if (run.ground && run.method == shape::ContactMethod::kParticle) {
     add("stiffness", g.colliders[0].stiffness, run.stiffness,
         [](GradientCase& c) -> double& { return c.stiffness; });
     add("contact damping", g.colliders[0].damping, run.contact_damping,
@@ -125,7 +125,7 @@ void expect_differences(const std::string& name, const GradientCase& run,
   constexpr double kScale = 1.0;
   const Gradient g = run.gradient<double>();
   if (run.ground) {
-    const double felt = run.method == ContactMethod::kNode
+    const double felt = run.method == shape::ContactMethod::kNode
                             ? g.colliders[0].mu
                             : run.stiffness * g.colliders[0].stiffness;
     EXPECT_GT(std::abs(felt), 1e-3) << name << " does not touch";
@@ -211,9 +211,9 @@ TEST(Gradient, OfUpdatedBodiesMatchesDifferences) {
   run.material.damping_bulk = 2.0;
   expect_differences("updated, sliding", run);
   run.material.damping_shear = run.material.damping_bulk = 0.0;
-  run.method = ContactMethod::kNode;
+  run.method = shape::ContactMethod::kNode;
   expect_differences("updated, met by nodes", run);
-  run.method = ContactMethod::kParticle;
+  run.method = shape::ContactMethod::kParticle;
   run.material.law = Law::kHerschelBulkley;
   run.material.yield_stress = 800.0;
   run.material.viscosity = 30.0;

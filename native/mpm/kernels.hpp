@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "material/law_constants.hpp"
+#include "material/classical/law_constants.hpp"
 #include "mpm/layout.hpp"
 #include "mpm/simulation.hpp"
 

@@ -9,7 +9,7 @@
 
 #include <vector>
 
-#include "material/maxwell_adjoint-inl.hpp"
+#include "material/classical/maxwell_adjoint-inl.hpp"
 #include "mpm/adjoint_kernels.hpp"
 
 HWY_BEFORE_NAMESPACE();

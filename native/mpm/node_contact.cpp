@@ -14,21 +14,21 @@ Vec3d position_of_node(const Vec3d& origin, double dx, std::size_t n) {
          dx * Vec3d(static_cast<double>(x), static_cast<double>(y), static_cast<double>(n % 4));
 }
 
-bool reaches_nodes(const Collider& collider, const Vec3d& origin, double dx, double time) {
+bool reaches_nodes(const shape::Collider& collider, const Vec3d& origin, double dx, double time) {
   const Vec3d middle = origin + Vec3d::Constant(1.5 * dx);
   const double reach = 1.5 * dx * std::sqrt(3.0);
   return collider.closest(middle, time).distance <= reach + kNodeInside * dx;
 }
 
 template <class S>
-void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx, double time,
-                        const S* mass, S* velocity) {
+void apply_node_contact(const shape::Collider& collider, const Vec3d& origin, double dx,
+                        double time, const S* mass, S* velocity) {
   if (!reaches_nodes(collider, origin, dx, time)) return;
-  const Contact& contact = collider.contact();
+  const shape::Contact& contact = collider.contact();
   for (std::size_t n = 0; n < kBlockNodes; ++n) {
     if (!(mass[n] > S(0))) continue;
     const Vec3d node = position_of_node(origin, dx, n);
-    const SurfacePoint surface = collider.closest(node, time);
+    const shape::SurfacePoint surface = collider.closest(node, time);
     if (surface.distance > kNodeInside * dx) continue;
     Vec3d v(static_cast<double>(velocity[n]), static_cast<double>(velocity[kBlockNodes + n]),
             static_cast<double>(velocity[2 * kBlockNodes + n]));
@@ -36,16 +36,16 @@ void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx
     const double normal = surface.normal.dot(v);
     const Vec3d tangential = v - normal * surface.normal;
     switch (contact.kind) {
-      case ContactKind::kSticky:
+      case shape::ContactKind::kSticky:
         v.setZero();
         break;
-      case ContactKind::kSlip:
+      case shape::ContactKind::kSlip:
         v = tangential;
         break;
-      case ContactKind::kSeparating:
+      case shape::ContactKind::kSeparating:
         if (normal < 0.0) v = tangential;
         break;
-      case ContactKind::kFriction:
+      case shape::ContactKind::kFriction:
         if (normal < 0.0) {
           const double speed = tangential.norm();
           const double kept = speed + contact.mu * normal;
@@ -60,9 +60,9 @@ void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx
   }
 }
 
-template void apply_node_contact<float>(const Collider&, const Vec3d&, double, double, const float*,
-                                        float*);
-template void apply_node_contact<double>(const Collider&, const Vec3d&, double, double,
+template void apply_node_contact<float>(const shape::Collider&, const Vec3d&, double, double,
+                                        const float*, float*);
+template void apply_node_contact<double>(const shape::Collider&, const Vec3d&, double, double,
                                          const double*, double*);
 
 }  // namespace matterfit::mpm

@@ -4,7 +4,7 @@
 #include <cstddef>
 
 #include "base/vec.hpp"
-#include "mpm/collider.hpp"
+#include "shape/collider.hpp"
 
 namespace matterfit::mpm {
 
@@ -14,7 +14,7 @@ inline constexpr double kNodeInside = 1e-9;
 /// World position of node n, 0…63, of the block at `origin`.
 [[nodiscard]] Vec3d position_of_node(const Vec3d& origin, double dx, std::size_t n);
 /// False if no node of the block at `origin` can be inside.
-[[nodiscard]] bool reaches_nodes(const Collider& collider, const Vec3d& origin, double dx,
+[[nodiscard]] bool reaches_nodes(const shape::Collider& collider, const Vec3d& origin, double dx,
                                  double time);
 
 /// The usual contact of MPM codes: velocities of the grid nodes inside a collider are projected.
@@ -22,7 +22,7 @@ inline constexpr double kNodeInside = 1e-9;
 /// `mass` (64) and `velocity` ([3][64], m/s) are those of the block of nodes whose node (0, 0, 0)
 /// is at `origin`.
 template <class S>
-void apply_node_contact(const Collider& collider, const Vec3d& origin, double dx, double time,
-                        const S* mass, S* velocity);
+void apply_node_contact(const shape::Collider& collider, const Vec3d& origin, double dx,
+                        double time, const S* mass, S* velocity);
 
 }  // namespace matterfit::mpm

@@ -18,12 +18,12 @@ struct NodeCotangents {
 };
 
 /// One node inside: `u` is its velocity against the surface, `after` the cotangent of its velocity.
-NodeCotangents project_adjoint(const Contact& contact, const Vec3d& n, const Vec3d& u,
+NodeCotangents project_adjoint(const shape::Contact& contact, const Vec3d& n, const Vec3d& u,
                                const Vec3d& after) {
   NodeCotangents bar;
   const double along = n.dot(u);
-  const bool lifts_off = along >= 0.0 && (contact.kind == ContactKind::kSeparating ||
-                                          contact.kind == ContactKind::kFriction);
+  const bool lifts_off = along >= 0.0 && (contact.kind == shape::ContactKind::kSeparating ||
+                                          contact.kind == shape::ContactKind::kFriction);
   if (lifts_off) {
     bar.velocity = after;
     return bar;
@@ -31,9 +31,9 @@ NodeCotangents project_adjoint(const Contact& contact, const Vec3d& n, const Vec
   const Vec3d tangential = u - along * n;
   Vec3d tangential_bar = after;
   double along_bar = 0.0;
-  if (contact.kind == ContactKind::kSticky) {
+  if (contact.kind == shape::ContactKind::kSticky) {
     tangential_bar.setZero();
-  } else if (contact.kind == ContactKind::kFriction) {
+  } else if (contact.kind == shape::ContactKind::kFriction) {
     const double speed = tangential.norm();
     if (speed + contact.mu * along > 0.0) {
       // t (1 + μ u_n/|t|).
@@ -62,9 +62,9 @@ Vec3d at_node(const Number* field, std::size_t n) {
 }  // namespace
 
 template <class S>
-void node_contact_adjoint(const std::vector<ColliderPtr>& colliders, const Vec3d& origin, double dx,
-                          double time, const S* mass, const S* velocity, double* velocity_bar,
-                          ColliderCotangents* bars) {
+void node_contact_adjoint(const std::vector<shape::ColliderPtr>& colliders, const Vec3d& origin,
+                          double dx, double time, const S* mass, const S* velocity,
+                          double* velocity_bar, shape::ColliderCotangents* bars) {
   std::vector<std::array<S, 3 * kBlockNodes>> before(colliders.size() + 1);
   std::copy_n(velocity, 3 * kBlockNodes, before[0].data());
   for (std::size_t c = 0; c < colliders.size(); ++c) {
@@ -72,19 +72,19 @@ void node_contact_adjoint(const std::vector<ColliderPtr>& colliders, const Vec3d
     apply_node_contact(*colliders[c], origin, dx, time, mass, before[c + 1].data());
   }
   for (std::size_t c = colliders.size(); c-- > 0;) {
-    const Collider& collider = *colliders[c];
+    const shape::Collider& collider = *colliders[c];
     if (!reaches_nodes(collider, origin, dx, time)) continue;
     for (std::size_t n = 0; n < kBlockNodes; ++n) {
       if (!(mass[n] > S(0))) continue;
       const Vec3d node = position_of_node(origin, dx, n);
-      const SurfacePoint surface = collider.closest(node, time);
+      const shape::SurfacePoint surface = collider.closest(node, time);
       if (surface.distance > kNodeInside * dx) continue;
       const Vec3d u = at_node(before[c].data(), n) - surface.velocity;
       const NodeCotangents bar =
           project_adjoint(collider.contact(), surface.normal, u, at_node(velocity_bar, n));
       bars[c].mu += bar.mu;
-      (void)back_to_surface(collider, node, time, kColliderProbe * dx, surface, 0.0, bar.normal,
-                            bar.surface_velocity, bars[c]);
+      (void)back_to_surface(collider, node, time, shape::kColliderProbe * dx, surface, 0.0,
+                            bar.normal, bar.surface_velocity, bars[c]);
       for (std::size_t k = 0; k < 3; ++k) {
         velocity_bar[k * kBlockNodes + n] = bar.velocity[static_cast<int>(k)];
       }
@@ -92,11 +92,11 @@ void node_contact_adjoint(const std::vector<ColliderPtr>& colliders, const Vec3d
   }
 }
 
-template void node_contact_adjoint<float>(const std::vector<ColliderPtr>&, const Vec3d&, double,
-                                          double, const float*, const float*, double*,
-                                          ColliderCotangents*);
-template void node_contact_adjoint<double>(const std::vector<ColliderPtr>&, const Vec3d&, double,
-                                           double, const double*, const double*, double*,
-                                           ColliderCotangents*);
+template void node_contact_adjoint<float>(const std::vector<shape::ColliderPtr>&, const Vec3d&,
+                                          double, double, const float*, const float*, double*,
+                                          shape::ColliderCotangents*);
+template void node_contact_adjoint<double>(const std::vector<shape::ColliderPtr>&, const Vec3d&,
+                                           double, double, const double*, const double*, double*,
+                                           shape::ColliderCotangents*);
 
 }  // namespace matterfit::mpm

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "mpm/collider_adjoint.hpp"
+#include "shape/collider_adjoint.hpp"
 
 namespace matterfit::mpm {
 
@@ -12,8 +12,8 @@ namespace matterfit::mpm {
 /// collider, are sums. A node that is inside stays inside: what a collider's place changes about
 /// that is a jump and not a derivative.
 template <class S>
-void node_contact_adjoint(const std::vector<ColliderPtr>& colliders, const Vec3d& origin, double dx,
-                          double time, const S* mass, const S* velocity, double* velocity_bar,
-                          ColliderCotangents* bars);
+void node_contact_adjoint(const std::vector<shape::ColliderPtr>& colliders, const Vec3d& origin,
+                          double dx, double time, const S* mass, const S* velocity,
+                          double* velocity_bar, shape::ColliderCotangents* bars);
 
 }  // namespace matterfit::mpm

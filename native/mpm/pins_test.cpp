@@ -29,7 +29,7 @@ Scene scene_with(Body body, double fps, int frames) {
   scene.dx = kDx;
   scene.fps = fps;
   scene.end_frame = frames + 1;
-  scene.gravity = Keyed<Vec3d>(Vec3d::Zero());
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d::Zero());
   scene.bodies.push_back(std::move(body));
   return scene;
 }
@@ -71,7 +71,7 @@ TEST(Pins, BoxHoldsWhatIsInIt) {
   pin.high = Vec3d(0.02, 1, 1);  // leaves .06 m free
   body.pins.push_back(pin);
   Scene scene = scene_with(body, 20, 40);
-  scene.gravity = Keyed<Vec3d>(Vec3d(5, 0, 0));
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d(5, 0, 0));
   const FrameState state = last_of(scene);
   const Points& rest = scene.bodies[0].rest;
   const auto displacement = [&](double from, double to) {
@@ -97,7 +97,7 @@ TEST(Pins, KeyedMotionIsFollowed) {
     body.material.youngs_modulus = 1e6;
     Pin pin = plane_pin();
     pin.motion.times = {0.0, 0.5};
-    pin.motion.values = {Pose{}, Pose{Vec3d(0.01, 0.02, -0.005), Quatd::Identity()}};
+    pin.motion.values = {shape::Pose{}, shape::Pose{Vec3d(0.01, 0.02, -0.005), Quatd::Identity()}};
     body.pins.push_back(pin);
     Scene scene = scene_with(body, 50, 30);
     scene.grid_shift = Vec3d(offset, 0, 0);
@@ -117,13 +117,13 @@ TEST(Pins, ReleaseIsAHalfKick) {
   pin.release = 0.1;
   body.pins.push_back(pin);
   Scene scene = scene_with(body, 100, 30);
-  scene.gravity = Keyed<Vec3d>(Vec3d(0, 0, -9.81));
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d(0, 0, -9.81));
   const FrameState state = last_of(scene);
   EXPECT_NEAR(mean(state.bodies[0].positions)[2], 0.01 - 0.5 * 9.81 * 0.2 * 0.2, 2e-5);
   body.pins[0] = plane_pin();
   body.pins[0].release = 0.0;
   Scene other = scene_with(body, 100, 20);
-  other.gravity = Keyed<Vec3d>(Vec3d(0, 0, -9.81));
+  other.gravity = shape::Keyed<Vec3d>(Vec3d(0, 0, -9.81));
   EXPECT_NEAR(mean(last_of(other).bodies[0].positions)[2], 0.01 - 0.5 * 9.81 * 0.2 * 0.2, 2e-5);
 }
 
@@ -172,7 +172,7 @@ HungMass hung_mass(Formulation formulation) {
   const double expected = std::sqrt(stiffness / (mass + own / 3)) / (2 * std::numbers::pi);
   Scene scene = scene_with(body, 40 * expected, 120);
   constexpr double kPull = 4.0;
-  scene.gravity = Keyed<Vec3d>(Vec3d(kPull, 0, 0));
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d(kPull, 0, 0));
   std::vector<double> times;
   std::vector<double> tip;
   validation::run(scene, 1, [&](const FrameState& state) {

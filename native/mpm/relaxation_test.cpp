@@ -31,7 +31,7 @@ Scene ringing_cube(const material::Material& material, Formulation formulation) 
   scene.end_frame = 41;
   scene.dx = 2.0 * kH;
   scene.dt = 2e-4;  // of all: APIC's own damping depends on it
-  scene.gravity = Keyed<Vec3d>(Vec3d::Zero());
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d::Zero());
   Body body;
   body.name = "cube";
   body.density = 1000.0;

@@ -9,8 +9,8 @@
 
 #include "base/vec.hpp"
 #include "material/material.hpp"
-#include "mpm/collider.hpp"
-#include "mpm/keyed.hpp"
+#include "shape/collider.hpp"
+#include "shape/keyed.hpp"
 
 namespace matterfit::mpm {
 
@@ -48,7 +48,7 @@ struct Pin {
   double radius = 0.0;
   Points points;
   /// Motion relative to the rest position (identity: held still). The pose's origin is `pivot`.
-  Keyed<Pose> motion = Keyed<Pose>(Pose{});
+  shape::Keyed<shape::Pose> motion = shape::Keyed<shape::Pose>(shape::Pose{});
   Vec3d pivot = Vec3d::Zero();
   /// Seconds after the scene's first frame from which the pin no longer holds.
   double release = std::numeric_limits<double>::infinity();
@@ -80,14 +80,14 @@ struct Body {
 struct BodyContact {
   std::string first;
   std::string second;
-  Contact contact;
+  shape::Contact contact;
 };
 
 /// Closed walls of the domain, seen from inside; a particle beyond them is an error.
 struct Walls {
   Vec3d low = Vec3d::Constant(-std::numeric_limits<double>::infinity());
   Vec3d high = Vec3d::Constant(std::numeric_limits<double>::infinity());
-  Contact contact;
+  shape::Contact contact;
 };
 
 struct Scene {
@@ -95,9 +95,9 @@ struct Scene {
   int first_frame = 0;
   int end_frame = 1;  ///< half-open
   double dx = 0.02;   ///< grid spacing, twice the particle separation [m]
-  Keyed<Vec3d> gravity = Keyed<Vec3d>(Vec3d(0, 0, -9.81));
+  shape::Keyed<Vec3d> gravity = shape::Keyed<Vec3d>(Vec3d(0, 0, -9.81));
   std::vector<Body> bodies;
-  std::vector<ColliderPtr> colliders;
+  std::vector<shape::ColliderPtr> colliders;
   std::vector<BodyContact> contacts;
   std::optional<Walls> walls;
   double cfl = 0.4;        ///< largest motion in one substep, in cells

@@ -12,7 +12,7 @@ namespace matterfit::mpm {
 bool is_total(const Body& body) {
   if (body.formulation == Formulation::kTotal) return true;
   if (body.formulation == Formulation::kUpdated) return false;
-  return body.material.is_elastic();
+  return body.material.traits().elastic();
 }
 
 void check_scene(const Scene& scene) {
@@ -64,7 +64,7 @@ void check_scene(const Scene& scene) {
                   " m. Is the unit right? Scale the body, or set the separation to theirs.");
     }
     material::validate(body.material, where + ".material");
-    if (body.formulation == Formulation::kTotal && body.material.law == material::Law::kNewtonian) {
+    if (body.formulation == Formulation::kTotal && body.material.traits().fluid) {
       throw_input(where +
                   ": a fluid flows; formulation 'total' is for bodies that stay solid. Use "
                   "'auto' or 'updated'.");
@@ -83,7 +83,7 @@ void check_scene(const Scene& scene) {
                   "touch, and nothing else can be set. Remove the entry, or set the formulation of "
                   "one to 'total'.");
     }
-    if (pair.contact.method == ContactMethod::kNode) {
+    if (pair.contact.method == shape::ContactMethod::kNode) {
       throw_input(where + ".method: between bodies contact acts on particles. Remove it.");
     }
   }

@@ -125,9 +125,9 @@ TEST(SimulationLimits, SlidingIntoNewBlocksKeepsTouching) {
     body.material.damping_shear = 2.0;
     body.velocity = Vec3d(speed, 0, 0);
     Scene scene = scene_of(std::move(body), dx, 50, 20);
-    Contact contact;
-    contact.kind = ContactKind::kSeparating;
-    scene.colliders.push_back(make_plane("floor", contact, Vec3d::Zero(), Vec3d::UnitZ()));
+    shape::Contact contact;
+    contact.kind = shape::ContactKind::kSeparating;
+    scene.colliders.push_back(shape::make_plane("floor", contact, Vec3d::Zero(), Vec3d::UnitZ()));
     Simulation simulation(std::move(scene), std::make_shared<Arena>(1));
     const Interrupter interrupter;
     double most = 0.0;

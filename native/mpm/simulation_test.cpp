@@ -86,7 +86,7 @@ TEST_P(BothFormulations, SpinIsConserved) {
   body.material.youngs_modulus = 1e6;
   body.spin = Vec3d(0, 0, 5.0);
   Scene scene = scene_with(body, 0.02);
-  scene.gravity = Keyed<Vec3d>(Vec3d::Zero());
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d::Zero());
   Simulation simulation(scene, std::make_shared<Arena>(2));
   const auto spin = [&] {
     const BodyState s = simulation.state().bodies[0];
@@ -113,8 +113,8 @@ TEST_P(BothFormulations, SameBitsForAnyThreadsAndAfterResume) {
     body.velocity = Vec3d(0.4, 0, -1);
     body.spin = Vec3d(3, 1, 0);
     Scene scene = scene_with(body, 0.02);
-    Contact contact;
-    scene.colliders.push_back(make_plane("ground", contact, Vec3d::Zero(), Vec3d::UnitZ()));
+    shape::Contact contact;
+    scene.colliders.push_back(shape::make_plane("ground", contact, Vec3d::Zero(), Vec3d::UnitZ()));
     return std::make_unique<Simulation>(scene, std::make_shared<Arena>(threads));
   };
   auto one = make(1);
@@ -144,9 +144,9 @@ TEST_P(BothFormulations, DroppedBodyRestsOnTheGround) {
   body.material.youngs_modulus = 5e4;
   body.material.damping_shear = 5.0;
   Scene scene = scene_with(body, 0.02);
-  Contact contact;
+  shape::Contact contact;
   contact.damping = 0.3;
-  scene.colliders.push_back(make_plane("ground", contact, Vec3d::Zero(), Vec3d::UnitZ()));
+  scene.colliders.push_back(shape::make_plane("ground", contact, Vec3d::Zero(), Vec3d::UnitZ()));
   Simulation simulation(scene, std::make_shared<Arena>(2));
   for (int i = 0; i < 50; ++i) simulation.advance(Interrupter());
   const BodyState state = simulation.state().bodies[0];
@@ -174,7 +174,7 @@ TEST_P(Pairs, CollideWithoutPassingThrough) {
   right.density = 2000;
   Scene scene = scene_with(left, 0.02);
   scene.bodies.push_back(right);
-  scene.gravity = Keyed<Vec3d>(Vec3d::Zero());
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d::Zero());
   Simulation simulation(scene, std::make_shared<Arena>(2));
   for (int i = 0; i < 15; ++i) simulation.advance(Interrupter());
   const FrameState state = simulation.state();
@@ -199,17 +199,18 @@ TEST(Simulation, EveryLawFallsOnTheGround) {
     body.material.viscosity = 1.0;
     body.material.bulk_modulus = 5e4;
     Scene scene = scene_with(body, 0.02);
-    scene.colliders.push_back(make_plane("ground", Contact{}, Vec3d::Zero(), Vec3d::UnitZ()));
+    scene.colliders.push_back(
+        shape::make_plane("ground", shape::Contact{}, Vec3d::Zero(), Vec3d::UnitZ()));
     Simulation simulation(scene, std::make_shared<Arena>(2));
     double fastest = 0;
     for (int i = 0; i < 20; ++i) {
       fastest = std::max(fastest, simulation.advance(Interrupter()).max_speed);
     }
     const Vec3d mean = mean_position(simulation.state().bodies[0]);
-    EXPECT_LT(fastest, 4.0) << material::law_name(law);
-    EXPECT_NEAR(mean[0], 0.04, 0.005) << material::law_name(law);
-    EXPECT_GT(mean[2], 0.0) << material::law_name(law);
-    EXPECT_LT(mean[2], 0.05) << material::law_name(law);
+    EXPECT_LT(fastest, 4.0) << material::traits(law).name;
+    EXPECT_NEAR(mean[0], 0.04, 0.005) << material::traits(law).name;
+    EXPECT_GT(mean[2], 0.0) << material::traits(law).name;
+    EXPECT_LT(mean[2], 0.05) << material::traits(law).name;
   }
 }
 
@@ -227,7 +228,8 @@ TEST(Simulation, RefusesWhatCannotBeSimulated) {
 /// A cube half below the ground (Blender's default cube): an error with both names, no explosion.
 TEST(Simulation, BodyInsideAColliderIsRefusedByName) {
   Scene scene = scene_with(block("cube", Vec3d(0, 0, -0.05), Vec3i(10, 10, 10), 0.01), 0.02);
-  scene.colliders.push_back(make_plane("ground", Contact{}, Vec3d::Zero(), Vec3d::UnitZ()));
+  scene.colliders.push_back(
+      shape::make_plane("ground", shape::Contact{}, Vec3d::Zero(), Vec3d::UnitZ()));
   try {
     const Simulation simulation(scene, std::make_shared<Arena>(1));
     FAIL() << "must be refused";

@@ -74,8 +74,8 @@ void Stepper<S>::add_walls() {
       point[axis] = at;
       normal[axis] = -side;
       scene_.colliders.push_back(
-          make_plane(std::string("wall ") + (side < 0 ? "-" : "+") + "xyz"[axis],
-                     scene_.walls->contact, point, normal));
+          shape::make_plane(std::string("wall ") + (side < 0 ? "-" : "+") + "xyz"[axis],
+                            scene_.walls->contact, point, normal));
     }
   }
 }
@@ -88,7 +88,7 @@ void Stepper<S>::check_start() const {
   for (const Body& body : scene_.bodies) {
     if (!body.pins.empty()) continue;
     const std::size_t step = 1 + body.rest.size() / kMostQueries;
-    for (const ColliderPtr& collider : scene_.colliders) {
+    for (const shape::ColliderPtr& collider : scene_.colliders) {
       double deepest = 0.0;
       Vec3d where = Vec3d::Zero();
       for (std::size_t p = 0; p < body.rest.size(); p += step) {

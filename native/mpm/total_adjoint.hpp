@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "material/law_gradient.hpp"
+#include "material/classical/law_gradient.hpp"
 #include "mpm/adjoint_kernels.hpp"
 #include "mpm/total_body.hpp"
 

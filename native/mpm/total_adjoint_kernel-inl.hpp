@@ -19,7 +19,7 @@ namespace matterfit::HWY_NAMESPACE {
 /// Everything of one register of particles between the passes: H, J − 1, and their cotangents.
 inline constexpr std::size_t kAdjointSlot = 20;
 
-template <Law kLaw, class S>
+template <StressFamily kFamily, class S>
 class TotalForcesAdjoint {
   using D = hn::CappedTag<S, kLanes>;
   using T = Lanes<D>;
@@ -122,11 +122,12 @@ class TotalForcesAdjoint {
       strain = T::load(history + 9 * kLanes);
     }
     const Mat3<T> trial = plastic ? compose(h, inverse_plastic) : h;
-    const bool own_volume = plastic && law_.law == Law::kDruckerPrager;
+    const bool own_volume = plastic && law_.own_volume;
     const T elastic_jm1 = own_volume ? determinant_minus_one(trial) : jm1;
     Sym3<T> flow{};
     T strain_after = strain;
-    Sym3<T> tau = kirchhoff_stress<kLaw, T>(law_, trial, elastic_jm1, mean, dt, flow, strain_after);
+    Sym3<T> tau =
+        kirchhoff_stress<kFamily, T>(law_, trial, elastic_jm1, mean, dt, flow, strain_after);
     add_crush_pressure(law_, jm1, tau);
     const std::size_t branches = view_.forward.maxwell != nullptr ? law_.maxwell_count : 0;
     const std::size_t maxwell_at = chunk * (12 * branches * kLanes) + lane;
@@ -182,8 +183,8 @@ class TotalForcesAdjoint {
       plastic_point(chunk, lane, trial, f, inverse_plastic, flow, strain, elastic_jm1, mean, dt,
                     tau_bar, own_volume, bar);
     } else {
-      kirchhoff_stress_adjoint<kLaw, T>(law_, h, jm1, mean, dt, strain, tau_bar, flow, scalar<T>(0),
-                                        bar, constants_bar_);
+      kirchhoff_stress_adjoint<kFamily, T>(law_, h, jm1, mean, dt, strain, tau_bar, flow,
+                                           scalar<T>(0), bar, constants_bar_);
     }
     add(tensor_cross(cof_bar, f), bar.h);
     store_mat3(bar.h, slot + 10 * kLanes);
@@ -205,8 +206,8 @@ class TotalForcesAdjoint {
     const Mat3<T> before = plus_identity(inverse_plastic);
     const Sym3<T> flow_bar = symmetric_part(transpose_multiply(before, after_bar));
     PointBar<T> own{};
-    kirchhoff_stress_adjoint<kLaw, T>(law_, trial, elastic_jm1, mean, dt, strain, tau_bar, flow_bar,
-                                      strain_bar, own, constants_bar_);
+    kirchhoff_stress_adjoint<kFamily, T>(law_, trial, elastic_jm1, mean, dt, strain, tau_bar,
+                                         flow_bar, strain_bar, own, constants_bar_);
     if (own_volume) {
       add_scaled(cofactor(plus_identity(trial)), own.jm1, own.h);
     } else {
@@ -252,16 +253,9 @@ class TotalForcesAdjoint {
 template <class S>
 void total_forces_adjoint(const mpm::TotalAdjointView<S>& view, std::size_t block) {
   static thread_local std::vector<S> slots;
-  switch (view.forward.law.law) {
-    case Law::kFixedCorotated:
-      return TotalForcesAdjoint<Law::kFixedCorotated, S>(view, block).run(slots);
-    case Law::kNeoHookean:
-      return TotalForcesAdjoint<Law::kNeoHookean, S>(view, block).run(slots);
-    case Law::kNewtonian:
-      return TotalForcesAdjoint<Law::kNewtonian, S>(view, block).run(slots);
-    default:
-      return TotalForcesAdjoint<Law::kStvkHencky, S>(view, block).run(slots);
-  }
+  material::dispatch(material::traits(view.forward.law.law).family,
+                     [&]<StressFamily kFamily>()
+                         HWY_ATTR { TotalForcesAdjoint<kFamily, S>(view, block).run(slots); });
 }
 
 }  // namespace matterfit::HWY_NAMESPACE

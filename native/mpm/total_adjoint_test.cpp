@@ -31,7 +31,7 @@ Scene bar_scene(const material::Material& material, Held held) {
   scene.first_frame = 0;
   scene.end_frame = 2;
   scene.dx = 2.0 * kH;
-  scene.gravity = Keyed<Vec3d>(Vec3d(1.0, -2.0, -9.0));
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d(1.0, -2.0, -9.0));
   Body body;
   body.name = "bar";
   body.density = 900.0;
@@ -75,7 +75,8 @@ Scene bar_scene(const material::Material& material, Held held) {
       pin.radius = 0.045;
       if (held == Held::kMoved) {
         pin.motion.times = {0.0, 0.01};
-        pin.motion.values = {Pose{}, Pose{Vec3d(0.002, 0.001, -0.003), Quatd::Identity()}};
+        pin.motion.values = {shape::Pose{},
+                             shape::Pose{Vec3d(0.002, 0.001, -0.003), Quatd::Identity()}};
       }
       body.pins.push_back(pin);
       break;

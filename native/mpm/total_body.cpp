@@ -13,8 +13,6 @@ namespace {
 /// Amplitude of the noise in the probe for the fastest mode, whose own is 1.
 constexpr double kProbeNoise = 0.3;
 
-bool takes_mean_dilatation(material::Law law) { return law != material::Law::kDruckerPrager; }
-
 }  // namespace
 
 template <class S>
@@ -109,7 +107,7 @@ TotalView<S> TotalBody<S>::view(double dt, bool commit) const {
   v.density = static_cast<S>(density_);
   v.dx = static_cast<S>(grid_.dx());
   v.dt = static_cast<S>(dt);
-  v.mean_dilatation = takes_mean_dilatation(law_.law);
+  v.mean_dilatation = material::traits(law_.law).mean_dilatation;
   v.commit = commit;
   return v;
 }

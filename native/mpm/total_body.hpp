@@ -9,7 +9,7 @@
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
-#include "material/law_constants.hpp"
+#include "material/classical/law_constants.hpp"
 #include "mpm/kernels.hpp"
 #include "mpm/scene.hpp"
 #include "mpm/simulation.hpp"

@@ -12,7 +12,7 @@ template <class S>
 TotalContact<S>::TotalContact(const Body& body, const Scene& scene, const TotalBody<S>& total)
     : density_(body.density) {
   const double response = scene.colliders.empty() ? 0.0 : total.grid().contact_response();
-  for (const ColliderPtr& collider : scene.colliders) {
+  for (const shape::ColliderPtr& collider : scene.colliders) {
     animated_ = animated_ || collider->animated();
     colliders_.push_back({collider, resolve_contact(collider->contact(), body, scene.dx)});
     frequency_squared_ = std::max(frequency_squared_, colliders_.back().law.stiffness * response);
@@ -57,7 +57,7 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
       const auto state = block.state(center);
       const double half = 0.5 * std::cbrt(body.volume(p));
       for (std::size_t s = 0; s < colliders_.size(); ++s) {
-        const SurfacePoint surface = colliders_[s].collider->closest(state.position, time);
+        const shape::SurfacePoint surface = colliders_[s].collider->closest(state.position, time);
         const auto id = static_cast<std::int32_t>(s);
         closing = std::max(closing, (state.velocity - surface.velocity).norm());
         // Twice the rest size covers stretches up to two; beyond, F is looked at anyway.
@@ -71,7 +71,8 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
         const Vec3d face = -half * (f.transpose() * surface.normal).normalized();
         const auto at_face = body.place(p, face);
         const auto face_state = block.state(at_face);
-        const SurfacePoint below = colliders_[s].collider->closest(face_state.position, time);
+        const shape::SurfacePoint below =
+            colliders_[s].collider->closest(face_state.position, time);
         ContactPoint point = contact_point(below, f, body.volume(p), density_, face_state.velocity);
         point.radius = 0.0;
         const Vec3d force = contact_force(colliders_[s].law, point, id, dt, memory_[p]);

@@ -44,7 +44,7 @@ class TotalContact {
 
  private:
   struct Surface {
-    ColliderPtr collider;
+    shape::ColliderPtr collider;
     ContactLaw law;
   };
   std::vector<Surface> colliders_;

@@ -14,9 +14,9 @@ TotalContactAdjoint<S>::TotalContactAdjoint(const Body& body, const Scene& scene
                                             TotalBody<S>& total)
     : body_(total),
       density_(body.density),
-      probe_(kColliderProbe * scene.dx),
+      probe_(shape::kColliderProbe * scene.dx),
       colliders_(scene.colliders) {
-  for (const ColliderPtr& collider : colliders_) {
+  for (const shape::ColliderPtr& collider : colliders_) {
     laws_.push_back(resolve_contact(collider->contact(), body, scene.dx));
   }
   bars_.resize(colliders_.size());
@@ -64,7 +64,7 @@ void TotalContactAdjoint<S>::meet(Group& group, const TotalSubstep& substep) con
     particle.f = block.deformation_gradient(particle.center);
     const double half = 0.5 * std::cbrt(body_.volume(p));
     for (std::size_t s = 0; s < colliders_.size(); ++s) {
-      const SurfacePoint surface = colliders_[s]->closest(particle.position, substep.time);
+      const shape::SurfacePoint surface = colliders_[s]->closest(particle.position, substep.time);
       const auto id = static_cast<std::int32_t>(s);
       if (surface.distance > 4.0 * half && memory.surface != id) continue;
       const Vec3d offset = -half * (particle.f.transpose() * surface.normal).normalized();
@@ -217,7 +217,7 @@ typename TotalContactAdjoint<S>::TouchBar TotalContactAdjoint<S>::back(
   const Vec3d direction_bar = -0.5 * std::cbrt(volume) * (grid.axes() * place_bar);
   const Vec3d pulled_bar =
       (direction_bar - direction.dot(direction_bar) * direction) / pulled.norm();
-  SurfacePoint at_center;
+  shape::SurfacePoint at_center;
   at_center.normal = touch.center_normal;
   out.center = to_local * back_to_surface(touch.collider, particle.position, at_center, 0.0,
                                           particle.f * pulled_bar, Vec3d::Zero(), substep.time,
@@ -229,9 +229,9 @@ typename TotalContactAdjoint<S>::TouchBar TotalContactAdjoint<S>::back(
 
 template <class S>
 Vec3d TotalContactAdjoint<S>::back_to_surface(std::size_t collider, const Vec3d& x,
-                                              const SurfacePoint& at, double distance_bar,
+                                              const shape::SurfacePoint& at, double distance_bar,
                                               const Vec3d& normal_bar, const Vec3d& velocity_bar,
-                                              double time, ColliderCotangents& own) const {
+                                              double time, shape::ColliderCotangents& own) const {
   return mpm::back_to_surface(*colliders_[collider], x, time, probe_, at, distance_bar, normal_bar,
                               velocity_bar, own);
 }

@@ -4,11 +4,11 @@
 #include <utility>
 #include <vector>
 
-#include "mpm/collider_adjoint.hpp"
 #include "mpm/contact_law_adjoint.hpp"
 #include "mpm/total_adjoint.hpp"
 #include "mpm/total_block.hpp"
 #include "mpm/total_contact.hpp"
+#include "shape/collider_adjoint.hpp"
 
 namespace matterfit::mpm {
 
@@ -26,7 +26,7 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
   void prepare(Arena& arena, const TotalSubstep& substep) override;
   void back(Arena& arena, const TotalSubstep& substep, const std::vector<double>& force_bar,
             TotalCotangents<S>& bar) override;
-  [[nodiscard]] const std::vector<ColliderCotangents>& colliders() const { return bars_; }
+  [[nodiscard]] const std::vector<shape::ColliderCotangents>& colliders() const { return bars_; }
 
  private:
   using Place = typename TotalBody<S>::Place;
@@ -46,7 +46,7 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
     Vec3d center_normal;   ///< of the collider at the particle's centre
     Place face;
     Vec3d face_position = Vec3d::Zero();
-    SurfacePoint below{};
+    shape::SurfacePoint below{};
     ContactPoint point{};
     Vec3d force = Vec3d::Zero();
   };
@@ -59,7 +59,7 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
     Vec3d center = Vec3d::Zero();
     Mat3d f = Mat3d::Zero();
     double log_density = 0.0;
-    ColliderCotangents collider;
+    shape::ColliderCotangents collider;
   };
   /// The particles of one block.
   struct Group {
@@ -79,16 +79,16 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
   /// The groups' displacement_bar and velocity_bar, and those of faces in other blocks.
   void add_to(Arena& arena, TotalCotangents<S>& bar) const;
   /// The cotangents of normal and velocity of the surface met at `x`: returns that of x.
-  Vec3d back_to_surface(std::size_t collider, const Vec3d& x, const SurfacePoint& at,
+  Vec3d back_to_surface(std::size_t collider, const Vec3d& x, const shape::SurfacePoint& at,
                         double distance_bar, const Vec3d& normal_bar, const Vec3d& velocity_bar,
-                        double time, ColliderCotangents& own) const;
+                        double time, shape::ColliderCotangents& own) const;
 
   TotalBody<S>& body_;
   double density_;
   double probe_;  ///< of the differences [m]
-  std::vector<ColliderPtr> colliders_;
+  std::vector<shape::ColliderPtr> colliders_;
   std::vector<ContactLaw> laws_;
-  std::vector<ColliderCotangents> bars_;
+  std::vector<shape::ColliderCotangents> bars_;
   std::vector<Vec3d> stretch_bar_;  ///< per particle
   std::vector<Group> groups_;       ///< the first group_count_ are of this substep
   std::size_t group_count_ = 0;

@@ -10,7 +10,7 @@
 #include <memory>
 #include <string>
 
-#include "mpm/colliders_for_test.hpp"
+#include "shape/colliders_for_test.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -37,7 +37,7 @@ struct Rollout {
     scene.first_frame = 0;
     scene.end_frame = 2;
     scene.dx = dx;
-    scene.gravity = Keyed<Vec3d>(Vec3d(0, 0, -9.81));
+    scene.gravity = shape::Keyed<Vec3d>(Vec3d(0, 0, -9.81));
     Body body;
     body.name = "bar";
     body.density = density;
@@ -98,7 +98,7 @@ struct Rollout {
     InitialCotangents initial;
     material::MaterialGradient material;
     double log_density = 0.0;
-    ColliderCotangents collider;
+    shape::ColliderCotangents collider;
   };
 
   [[nodiscard]] Gradient gradient(const Record& record) const {
@@ -148,26 +148,26 @@ TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
   struct Case {
     const char* name;
     Shape shape;
-    ContactKind kind;
+    shape::ContactKind kind;
     double mu;
     bool mass;
     bool across_blocks = false;  ///< some faces lie in another block than their particles
   };
   const Case cases[] = {
-      {"sliding on a plane", Shape::kPlane, ContactKind::kFriction, 0.2, false},
-      {"sticking to a plane by friction", Shape::kPlane, ContactKind::kFriction, 5.0, false},
-      {"sticky plane", Shape::kPlane, ContactKind::kSticky, 0.0, false},
-      {"slip plane", Shape::kPlane, ContactKind::kSlip, 0.0, false},
-      {"separating plane", Shape::kPlane, ContactKind::kSeparating, 0.0, false},
-      {"plane, with a mass", Shape::kPlane, ContactKind::kFriction, 0.2, true},
-      {"sphere under two blocks", Shape::kSphere, ContactKind::kFriction, 0.3, false, true},
-      {"sphere", Shape::kSphere, ContactKind::kFriction, 0.3, false},
-      {"edge of a box", Shape::kBox, ContactKind::kFriction, 0.3, false},
-      {"moving plane", Shape::kMovingPlane, ContactKind::kFriction, 0.3, false},
-      {"turning box", Shape::kTurningBox, ContactKind::kSticky, 0.0, false},
-      {"capsule", Shape::kCapsule, ContactKind::kFriction, 0.3, false},
-      {"edge of a mesh", Shape::kMesh, ContactKind::kFriction, 0.3, false},
-      {"moving mesh", Shape::kMovingMesh, ContactKind::kSeparating, 0.0, false},
+      {"sliding on a plane", Shape::kPlane, shape::ContactKind::kFriction, 0.2, false},
+      {"sticking to a plane by friction", Shape::kPlane, shape::ContactKind::kFriction, 5.0, false},
+      {"sticky plane", Shape::kPlane, shape::ContactKind::kSticky, 0.0, false},
+      {"slip plane", Shape::kPlane, shape::ContactKind::kSlip, 0.0, false},
+      {"separating plane", Shape::kPlane, shape::ContactKind::kSeparating, 0.0, false},
+      {"plane, with a mass", Shape::kPlane, shape::ContactKind::kFriction, 0.2, true},
+      {"sphere under two blocks", Shape::kSphere, shape::ContactKind::kFriction, 0.3, false, true},
+      {"sphere", Shape::kSphere, shape::ContactKind::kFriction, 0.3, false},
+      {"edge of a box", Shape::kBox, shape::ContactKind::kFriction, 0.3, false},
+      {"moving plane", Shape::kMovingPlane, shape::ContactKind::kFriction, 0.3, false},
+      {"turning box", Shape::kTurningBox, shape::ContactKind::kSticky, 0.0, false},
+      {"capsule", Shape::kCapsule, shape::ContactKind::kFriction, 0.3, false},
+      {"edge of a mesh", Shape::kMesh, shape::ContactKind::kFriction, 0.3, false},
+      {"moving mesh", Shape::kMovingMesh, shape::ContactKind::kSeparating, 0.0, false},
   };
   for (const Case& item : cases) {
     Rollout rollout;

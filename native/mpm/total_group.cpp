@@ -68,7 +68,7 @@ void TotalGroup<S>::limit_step(Arena& arena, double time, const OtherContact& ot
       const double found = member.body->stable_time_step(
           arena, first ? kFirstIterations : kFrameIterations, interrupter);
       // A body that flows answers softly to the probe, and stiffly as soon as it unloads.
-      const bool flows = !scene_.bodies[member.index].material.is_elastic();
+      const bool flows = !scene_.bodies[member.index].material.traits().elastic();
       member.elastic_dt = flows && !first ? std::min(member.elastic_dt, found) : found;
       member.probed = member.latest;
       member.since_probe = 0;

@@ -64,7 +64,7 @@ void TotalGroupAdjoint<S>::collect(const std::vector<Vec3d>& observed, Gradient&
     out.gravity += member.bar.gravity;
     if (!member.contact) continue;
     for (std::size_t c = 0; c < out.colliders.size(); ++c) {
-      const ColliderCotangents& own = member.contact->colliders()[c];
+      const shape::ColliderCotangents& own = member.contact->colliders()[c];
       out.colliders[c] += own;
       body.offset -= own.translation;  // a collider that comes nearer is a body that does
       body.rotation -= own.rotation - center.cross(own.translation);

@@ -10,7 +10,7 @@
 #include <limits>
 #include <vector>
 
-#include "material/maxwell-inl.hpp"
+#include "material/classical/maxwell-inl.hpp"
 #include "mpm/kernels.hpp"
 #include "mpm/transfer-inl.hpp"
 
@@ -102,7 +102,7 @@ HWY_INLINE Mat3<T> compose(const Mat3<T>& a, const Mat3<T>& b) {
   return c;
 }
 
-template <Law kLaw, bool kDamped, class S>
+template <StressFamily kFamily, bool kDamped, class S>
 void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
   using D = hn::CappedTag<S, kLanes>;
   using T = Lanes<D>;
@@ -189,9 +189,8 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
           const Mat3<T> inverse_plastic = load_mat3<T>(history);
           strain = T::load(history + 9 * kLanes);
           const Mat3<T> trial = compose(h, inverse_plastic);
-          const T elastic_jm1 =
-              view.law.law == Law::kDruckerPrager ? determinant_minus_one(trial) : jm1;
-          tau = kirchhoff_stress<kLaw, T>(view.law, trial, elastic_jm1, mean, dt, flow, strain);
+          const T elastic_jm1 = view.law.own_volume ? determinant_minus_one(trial) : jm1;
+          tau = kirchhoff_stress<kFamily, T>(view.law, trial, elastic_jm1, mean, dt, flow, strain);
           if (view.commit) {
             Mat3<T> updated = multiply(plus_identity(inverse_plastic), flow);
             for (int i = 0; i < 3; ++i)
@@ -200,7 +199,7 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
             strain.store(history + 9 * kLanes);
           }
         } else {
-          tau = kirchhoff_stress<kLaw, T>(view.law, h, jm1, mean, dt, flow, strain);
+          tau = kirchhoff_stress<kFamily, T>(view.law, h, jm1, mean, dt, flow, strain);
         }
         add_crush_pressure(view.law, jm1, tau);
         if (view.maxwell != nullptr) {
@@ -254,20 +253,13 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
 
 template <class S>
 void total_forces(const mpm::TotalView<S>& view, std::size_t block) {
-  const bool damped = view.law.damped;
-  switch (view.law.law) {
-    case Law::kFixedCorotated:
-      return damped ? total_forces_law<Law::kFixedCorotated, true, S>(view, block)
-                    : total_forces_law<Law::kFixedCorotated, false, S>(view, block);
-    case Law::kNeoHookean:
-      return damped ? total_forces_law<Law::kNeoHookean, true, S>(view, block)
-                    : total_forces_law<Law::kNeoHookean, false, S>(view, block);
-    case Law::kNewtonian:
-      return total_forces_law<Law::kNewtonian, true, S>(view, block);
-    default:
-      return damped ? total_forces_law<Law::kStvkHencky, true, S>(view, block)
-                    : total_forces_law<Law::kStvkHencky, false, S>(view, block);
-  }
+  material::dispatch(material::traits(view.law.law).family, [&]<StressFamily kFamily>() HWY_ATTR {
+    if (view.law.damped) {
+      total_forces_law<kFamily, true, S>(view, block);
+    } else {
+      total_forces_law<kFamily, false, S>(view, block);
+    }
+  });
 }
 
 /// A kernel that takes the node field in `velocity` to something and back into the block's halo:

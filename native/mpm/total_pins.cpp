@@ -201,12 +201,12 @@ bool TotalPins::releases_between(double from, double to) const {
 
 Vec3d TotalPins::target(const Pin& pin, const Vec3d& local, double time) const {
   if (!pin.motion.animated()) {
-    const Pose still = pin.motion.at(0.0);
+    const shape::Pose still = pin.motion.at(0.0);
     if (still.position.isZero() && still.rotation.isApprox(Quatd::Identity(), 0.0)) {
       return Vec3d::Zero();
     }
   }
-  const Pose pose = pin.motion.at(time);
+  const shape::Pose pose = pin.motion.at(time);
   const Vec3d world = grid_.to_world(local);
   const Vec3d moved = pin.pivot + pose.rotation * (world - pin.pivot) + pose.position;
   return grid_.axes().transpose() * (moved - world);

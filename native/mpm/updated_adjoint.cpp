@@ -38,8 +38,8 @@ class TopologyIndex {
 };
 
 /// Places of `chosen` among all of the scene's colliders.
-std::vector<std::size_t> places_in(const std::vector<ColliderPtr>& all,
-                                   const std::vector<ColliderPtr>& chosen) {
+std::vector<std::size_t> places_in(const std::vector<shape::ColliderPtr>& all,
+                                   const std::vector<shape::ColliderPtr>& chosen) {
   std::vector<std::size_t> places;
   std::size_t next = 0;
   for (std::size_t c = 0; c < all.size() && next < chosen.size(); ++c) {
@@ -59,8 +59,8 @@ struct UpdatedAdjoint<S>::Impl {
   bool rates;
   double dx;
   std::vector<UpdatedMember<S>> members;
-  std::vector<ColliderPtr> particle_colliders;
-  std::vector<ColliderPtr> node_colliders;
+  std::vector<shape::ColliderPtr> particle_colliders;
+  std::vector<shape::ColliderPtr> node_colliders;
   std::vector<std::size_t> particle_places;  ///< in scene.colliders
   std::vector<std::size_t> node_places;
   UpdatedLoadsAdjoint<S> loads;
@@ -114,7 +114,7 @@ struct UpdatedAdjoint<S>::Impl {
     if (node_colliders.empty()) return record.node_velocity.data();
     velocity = record.node_velocity;
     arena.parallel_for(0, record.before->coordinates.size(), 4, [&](std::size_t b) {
-      for (const ColliderPtr& collider : node_colliders) {
+      for (const shape::ColliderPtr& collider : node_colliders) {
         apply_node_contact(*collider, origin(*record.before, b), dx, record.time,
                            record.node_mass.data() + b * kBlockNodes,
                            velocity.data() + b * kVelocity);
@@ -165,7 +165,7 @@ struct UpdatedAdjoint<S>::Impl {
 
   /// v = momentum/mass + kick g, then node-wise contact. Returns the cotangent of gravity.
   Vec3d nodes_of_block(std::size_t b, const UpdatedRecord<S>& record, S* nodes_bar,
-                       ColliderCotangents* colliders) const {
+                       shape::ColliderCotangents* colliders) const {
     double v_bar[kVelocity] = {};
     for (std::size_t k = 0; k < 8; ++k) {
       const std::size_t other =
@@ -207,7 +207,7 @@ struct UpdatedAdjoint<S>::Impl {
     move_nodes(bar, record.after);
     const S* velocities_after = velocities(arena, record);
     load_velocity_bar.clear();
-    std::vector<ColliderCotangents> touched(particle_colliders.size());
+    std::vector<shape::ColliderCotangents> touched(particle_colliders.size());
     loads.back(arena, record, bar.nodes, velocities_after, bar.bodies, touched.data(),
                load_velocity_bar);
 
@@ -234,7 +234,7 @@ struct UpdatedAdjoint<S>::Impl {
 
     std::vector<S> nodes_bar(blocks * kNodes);
     std::vector<Vec3d> gravity(blocks);
-    std::vector<ColliderCotangents> met(blocks * node_colliders.size());
+    std::vector<shape::ColliderCotangents> met(blocks * node_colliders.size());
     arena.parallel_for(0, blocks, 4, [&](std::size_t b) {
       gravity[b] = nodes_of_block(b, record, nodes_bar.data() + b * kNodes,
                                   met.data() + b * node_colliders.size());

@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "base/parallel.hpp"
-#include "material/law_gradient.hpp"
-#include "mpm/collider_adjoint.hpp"
+#include "material/classical/law_gradient.hpp"
 #include "mpm/updated_adjoint_kernels.hpp"
 #include "mpm/updated_member.hpp"
 #include "mpm/updated_record.hpp"
+#include "shape/collider_adjoint.hpp"
 
 namespace matterfit::mpm {
 
@@ -38,7 +38,7 @@ struct UpdatedCotangents {
   std::vector<S> nodes;
   std::shared_ptr<const UpdatedTopology> topology;  ///< of `nodes`
   Vec3d gravity = Vec3d::Zero();
-  std::vector<ColliderCotangents> colliders;  ///< in the order of Scene::colliders
+  std::vector<shape::ColliderCotangents> colliders;  ///< in the order of Scene::colliders
 };
 
 /// Derivatives with respect to how a body starts.

@@ -61,7 +61,7 @@ HWY_INLINE void transpose(const S* from, std::size_t from_row, S* to, std::size_
   }
 }
 
-template <Law kLaw, class S>
+template <StressFamily kFamily, class S>
 class UpdatedBlockAdjoint {
   using D = hn::CappedTag<S, kLanes>;
   using T = Lanes<D>;
@@ -171,9 +171,9 @@ class UpdatedBlockAdjoint {
       flow_bar = symmetric_part(transpose_multiply(plus_identity(trial), after_bar));
     }
     LawAgain<T> again{};
-    kirchhoff_stress_adjoint<kLaw, T>(law_, trial, jm1, jm1, dt, strain, tau_bar, flow_bar,
-                                      law_.plastic ? strain_bar : zero, point, constants_bar_,
-                                      &again);
+    kirchhoff_stress_adjoint<kFamily, T>(law_, trial, jm1, jm1, dt, strain, tau_bar, flow_bar,
+                                         law_.plastic ? strain_bar : zero, point, constants_bar_,
+                                         &again);
     Sym3<T> tau = again.tau;
     if (law_.damped) {
       add_viscous_stress(law_, affine, jm1, tau);
@@ -188,7 +188,7 @@ class UpdatedBlockAdjoint {
                                          relaxation_bar_[i]),
                    chunk, lane, i);
     }
-    if constexpr (kLaw == Law::kNewtonian) {
+    if constexpr (kFamily == StressFamily::kNewtonian) {
       // F = J^⅓ I.
       const T third = scalar<T>(1.0 / 3.0);
       const T trace = after_bar[0][0] + after_bar[1][1] + after_bar[2][2];
@@ -444,16 +444,9 @@ class UpdatedBlockAdjoint {
 
 template <class S>
 void updated_block_adjoint(mpm::UpdatedAdjointView<S>& view) {
-  switch (view.law.law) {
-    case Law::kFixedCorotated:
-      return UpdatedBlockAdjoint<Law::kFixedCorotated, S>(view).run();
-    case Law::kNeoHookean:
-      return UpdatedBlockAdjoint<Law::kNeoHookean, S>(view).run();
-    case Law::kNewtonian:
-      return UpdatedBlockAdjoint<Law::kNewtonian, S>(view).run();
-    default:
-      return UpdatedBlockAdjoint<Law::kStvkHencky, S>(view).run();
-  }
+  material::dispatch(material::traits(view.law.law).family, [&]<StressFamily kFamily>() HWY_ATTR {
+    UpdatedBlockAdjoint<kFamily, S>(view).run();
+  });
 }
 
 }  // namespace matterfit::HWY_NAMESPACE

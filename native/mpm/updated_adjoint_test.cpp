@@ -25,7 +25,7 @@ Scene free_scene(const Material& material) {
   Scene scene;
   scene.fps = 100.0;
   scene.dx = 0.05;
-  scene.gravity = Keyed<Vec3d>(Vec3d(1.0, -2.0, -9.0));
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d(1.0, -2.0, -9.0));
   scene.bodies.push_back(updated_block_body(material, Vec3d(0.16, -0.03, 0.12), 6, 0.025, 19));
   return scene;
 }
@@ -197,13 +197,14 @@ TEST(UpdatedAdjoint, MatchesDifferencesForBodiesThatShareAGridAndAGround) {
   pin.point = Vec3d(0.2, 0.02, 0.26);
   pin.radius = 0.04;
   scene.bodies[0].pins.push_back(pin);
-  Contact contact;
+  shape::Contact contact;
   contact.stiffness = 4e6;
-  scene.colliders.push_back(make_plane("ground", contact, Vec3d(0, 0, 0.048), Vec3d(0.1, 0, 1)));
-  contact.method = ContactMethod::kNode;
+  scene.colliders.push_back(
+      shape::make_plane("ground", contact, Vec3d(0, 0, 0.048), Vec3d(0.1, 0, 1)));
+  contact.method = shape::ContactMethod::kNode;
   contact.mu = 0.2;
   scene.colliders.push_back(
-      make_plane("wall", contact, Vec3d(0.172, 0.0, 0.0), Vec3d(1, 0.1, 0.05)));
+      shape::make_plane("wall", contact, Vec3d(0.172, 0.0, 0.0), Vec3d(1, 0.1, 0.05)));
   UpdatedRollout rollout(scene);
   std::vector<UpdatedRecord<double>> records;
   (void)rollout.run<double>(&records);
@@ -218,10 +219,10 @@ TEST(UpdatedAdjoint, MatchesDifferencesForBodiesThatShareAGridAndAGround) {
 TEST(UpdatedAdjoint, FloatsAgreeWithDoubleAndThreadsDoNotMatter) {
   for (const Case& item : cases()) {
     UpdatedRollout rollout(free_scene(item.material));
-    Contact contact;
+    shape::Contact contact;
     contact.stiffness = 4e6;
     rollout.scene.colliders.push_back(
-        make_plane("ground", contact, Vec3d(0, 0, 0.14), Vec3d(0.1, 0, 1)));
+        shape::make_plane("ground", contact, Vec3d(0, 0, 0.14), Vec3d(0.1, 0, 1)));
     const auto exact = rollout.gradient<double>();
     const auto one = rollout.gradient<float>(1);
     const auto two = rollout.gradient<float>(2);

@@ -33,10 +33,11 @@ UpdatedTouch<S> touch_of(std::size_t member, std::size_t collider, const Updated
 
 }  // namespace
 
-std::vector<ColliderPtr> colliders_met(const Scene& scene, bool by_nodes) {
-  std::vector<ColliderPtr> met;
-  for (const ColliderPtr& collider : scene.colliders) {
-    if ((collider->contact().method == ContactMethod::kNode) == by_nodes) met.push_back(collider);
+std::vector<shape::ColliderPtr> colliders_met(const Scene& scene, bool by_nodes) {
+  std::vector<shape::ColliderPtr> met;
+  for (const shape::ColliderPtr& collider : scene.colliders) {
+    if ((collider->contact().method == shape::ContactMethod::kNode) == by_nodes)
+      met.push_back(collider);
   }
   return met;
 }
@@ -55,7 +56,7 @@ void UpdatedContact<S>::apply(UpdatedGrid<S>& grid, std::vector<UpdatedMember<S>
   bool animated = false;
   std::vector<std::size_t> near;
   for (std::size_t c = 0; c < colliders_.size(); ++c) {
-    const SurfacePoint surface = colliders_[c]->closest(middle, time);
+    const shape::SurfacePoint surface = colliders_[c]->closest(middle, time);
     animated = animated || colliders_[c]->animated();
     if (surface.distance > reach) {
       found.gap = std::min(found.gap, surface.distance - reach);
@@ -66,14 +67,14 @@ void UpdatedContact<S>::apply(UpdatedGrid<S>& grid, std::vector<UpdatedMember<S>
   }
   for (std::size_t m = 0; m < members.size() && !near.empty(); ++m) {
     UpdatedMember<S>& member = members[m];
-    const bool fluid = member.is_fluid();
+    const bool fluid = member.wets();
     block.bodies[m].for_each([&](std::size_t s, const Chunk& chunk, std::size_t l) {
       const UpdatedPlace<S> place = grid.place(b, s, chunk, l);
       const Vec3d x = grid.position(place);
       const Vec3d v = particle_velocity(chunk, l);
       ContactMemory& memory = member.memory[chunk.id[l]];
       for (const std::size_t c : near) {
-        const SurfacePoint surface = colliders_[c]->closest(x, time);
+        const shape::SurfacePoint surface = colliders_[c]->closest(x, time);
         const auto id = static_cast<std::int32_t>(c);
         found.closing = std::max(found.closing, (v - surface.velocity).norm());
         if (surface.distance > 2.0 * largest_edge_ && memory.surface != id) {

@@ -12,7 +12,7 @@
 namespace matterfit::mpm {
 
 /// The scene's colliders that grid nodes meet, or those that particles do.
-[[nodiscard]] std::vector<ColliderPtr> colliders_met(const Scene& scene, bool by_nodes);
+[[nodiscard]] std::vector<shape::ColliderPtr> colliders_met(const Scene& scene, bool by_nodes);
 
 /// Particle-wise contact of updated Lagrangian bodies with the scene's colliders: impulses that the
 /// grid takes up in the substep that follows. Blocks that cannot reach a surface sleep until they
@@ -20,9 +20,10 @@ namespace matterfit::mpm {
 template <class S>
 class UpdatedContact {
  public:
-  explicit UpdatedContact(std::vector<ColliderPtr> colliders) : colliders_(std::move(colliders)) {}
+  explicit UpdatedContact(std::vector<shape::ColliderPtr> colliders)
+      : colliders_(std::move(colliders)) {}
 
-  [[nodiscard]] const std::vector<ColliderPtr>& colliders() const { return colliders_; }
+  [[nodiscard]] const std::vector<shape::ColliderPtr>& colliders() const { return colliders_; }
   /// A body's particles may touch: `edge` of the largest at rest [m].
   void allow(double edge) { largest_edge_ = std::max(largest_edge_, edge); }
   /// At the start of a frame; `pull`: acceleration of gravity [m/s²].
@@ -37,7 +38,7 @@ class UpdatedContact {
              double time, double dt, double max_speed, std::vector<UpdatedTouch<S>>* touches) const;
 
  private:
-  std::vector<ColliderPtr> colliders_;
+  std::vector<shape::ColliderPtr> colliders_;
   double largest_edge_ = 0.0;
   double frame_seconds_ = 0.0;
   double pull_ = 0.0;

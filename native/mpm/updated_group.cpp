@@ -28,7 +28,7 @@ struct UpdatedGroup<S>::Impl {
   double dx;
   std::vector<UpdatedMember<S>> members;
   UpdatedContact<S> contact;
-  std::vector<ColliderPtr> node_colliders;
+  std::vector<shape::ColliderPtr> node_colliders;
   UpdatedGrid<S> grid;
   UpdatedBlocks<S>& blocks;
   std::shared_ptr<const UpdatedTopology> topology;  ///< of `blocks`, or null: not taken yet
@@ -125,7 +125,7 @@ struct UpdatedGroup<S>::Impl {
         std::copy(block.velocity.begin(), block.velocity.end(),
                   record->node_velocity.data() + b * 3 * kBlockNodes);
       }
-      for (const ColliderPtr& collider : node_colliders) {
+      for (const shape::ColliderPtr& collider : node_colliders) {
         apply_node_contact(*collider, grid.origin(b), dx, time, mass, block.velocity.data());
       }
     });
@@ -269,7 +269,7 @@ std::pair<double, std::string> UpdatedGroup<S>::begin_frame(double time) {
   };
   for (const UpdatedMember<S>& m : s.members) {
     double stiffening = 1.0;
-    if (m.law.law == material::Law::kNewtonian) {
+    if (m.material.traits().fluid) {
       // Tangent of (K/7)(J − J⁻⁶) against K.
       stiffening = (1.0 + 6.0 * std::pow(std::clamp(s.min_j, 0.3, 1.0), -7.0)) / 7.0;
     }
@@ -282,7 +282,7 @@ std::pair<double, std::string> UpdatedGroup<S>::begin_frame(double time) {
     rate = std::sqrt(rate * rate + 0.5 * contact);
     limit(1.0 / rate, (contact > rate * rate ? "contact of " : "elastic wave of ") + m.name);
     double viscosity = 2.0 * m.material.damping_shear + m.material.damping_bulk;
-    if (m.law.law == material::Law::kNewtonian) viscosity += 2.0 * m.material.viscosity;
+    if (m.material.traits().fluid) viscosity += 2.0 * m.material.viscosity;
     if (viscosity > 0.0) {
       limit(0.15 * m.density * s.dx * s.dx / viscosity, "viscosity of " + m.name);
     }

@@ -35,11 +35,13 @@ Scene splash() {
         }
     scene.bodies.push_back(body);
   }
-  Contact contact;
+  shape::Contact contact;
   contact.mu = 0.3;
-  scene.colliders.push_back(make_plane("ground", contact, Vec3d(0, 0, 0.01), Vec3d(0.05, 0, 1)));
-  scene.colliders.push_back(make_sphere(
-      "ball", contact, 0.1, Keyed<Pose>(Pose{Vec3d(0.1, 0.1, -0.04), Quatd::Identity()})));
+  scene.colliders.push_back(
+      shape::make_plane("ground", contact, Vec3d(0, 0, 0.01), Vec3d(0.05, 0, 1)));
+  scene.colliders.push_back(shape::make_sphere(
+      "ball", contact, 0.1,
+      shape::Keyed<shape::Pose>(shape::Pose{Vec3d(0.1, 0.1, -0.04), Quatd::Identity()})));
   return scene;
 }
 

@@ -46,7 +46,7 @@ void relax_particles(mpm::UpdatedView<S>& view,
   }
 }
 
-template <Law kLaw, class S>
+template <StressFamily kFamily, class S>
 void updated_block_law(mpm::UpdatedView<S>& view) {
   using D = hn::CappedTag<S, kLanes>;
   using T = Lanes<D>;
@@ -118,12 +118,12 @@ void updated_block_law(mpm::UpdatedView<S>& view) {
             fma(scalar<T>(0), select(present, jm1, scalar<T>(0)), broken);  // NaN of infinity too
         T strain = T::load(&chunk.a[Chunk::kStrain][lane]);
         Sym3<T> flow{};
-        Sym3<T> tau = kirchhoff_stress<kLaw, T>(view.law, h, jm1, jm1, dt, flow, strain);
-        if constexpr (kLaw == Law::kNewtonian) {
+        Sym3<T> tau = kirchhoff_stress<kFamily, T>(view.law, h, jm1, jm1, dt, flow, strain);
+        if constexpr (kFamily == StressFamily::kNewtonian) {
           const T stretch = expm1_small(scalar<T>(1.0 / 3.0) * log1p(jm1));
           for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j) h[i][j] = i == j ? stretch : scalar<T>(0);
-        } else if constexpr (kLaw == Law::kStvkHencky) {
+        } else if constexpr (kFamily == StressFamily::kHencky) {
           if (view.law.plastic) {
             const Mat3<T> growth = multiply(plus_identity(h), flow);
             for (int i = 0; i < 3; ++i)
@@ -212,16 +212,8 @@ void updated_block_law(mpm::UpdatedView<S>& view) {
 
 template <class S>
 void updated_block(mpm::UpdatedView<S>& view) {
-  switch (view.law.law) {
-    case Law::kFixedCorotated:
-      return updated_block_law<Law::kFixedCorotated, S>(view);
-    case Law::kNeoHookean:
-      return updated_block_law<Law::kNeoHookean, S>(view);
-    case Law::kNewtonian:
-      return updated_block_law<Law::kNewtonian, S>(view);
-    default:
-      return updated_block_law<Law::kStvkHencky, S>(view);
-  }
+  material::dispatch(material::traits(view.law.law).family,
+                     [&]<StressFamily kFamily>() HWY_ATTR { updated_block_law<kFamily, S>(view); });
 }
 
 template <class S>

@@ -157,14 +157,14 @@ FluidImpulse fluid_impulse_adjoint(const UpdatedPlace<S>& place, const ContactPo
 template <class S>
 UpdatedLoadsAdjoint<S>::UpdatedLoadsAdjoint(const Scene& scene,
                                             const std::vector<UpdatedMember<S>>& members,
-                                            std::vector<ColliderPtr> colliders)
+                                            std::vector<shape::ColliderPtr> colliders)
     : dx_(scene.dx), members_(members), colliders_(std::move(colliders)) {}
 
 template <class S>
 void UpdatedLoadsAdjoint<S>::back(Arena& arena, const UpdatedRecord<S>& record,
                                   const std::vector<S>& nodes, const S* velocity,
                                   std::vector<UpdatedBodyCotangents<S>>& bodies,
-                                  ColliderCotangents* colliders,
+                                  shape::ColliderCotangents* colliders,
                                   std::vector<double>& velocity_bar) const {
   const Substep at{&record, &nodes, velocity, dx_};
   for (const UpdatedCarry<S>& c : record.carries) {
@@ -178,7 +178,7 @@ void UpdatedLoadsAdjoint<S>::back(Arena& arena, const UpdatedRecord<S>& record,
   std::vector<std::size_t> first;
   bool fluid = false;
   for (std::size_t t = 0; t < touches.size(); ++t) {
-    fluid = fluid || members_[touches[t].member].is_fluid();
+    fluid = fluid || members_[touches[t].member].wets();
     const bool same = t > 0 && touches[t].member == touches[t - 1].member &&
                       touches[t].particle == touches[t - 1].particle;
     if (first.empty() || (!same && t >= first.back() + kGroup)) first.push_back(t);
@@ -261,7 +261,7 @@ void UpdatedLoadsAdjoint<S>::touch(const Substep& at, const UpdatedTouch<S>& tou
                                    UpdatedBodyCotangents<S>& body, Sums& sums_of_all,
                                    std::vector<double>& velocity_bar) const {
   const UpdatedMember<S>& member = members_[touch.member];
-  const Collider& collider = *colliders_[touch.collider];
+  const shape::Collider& collider = *colliders_[touch.collider];
   const ContactLaw& law = member.contacts[touch.collider];
   const auto id = static_cast<std::int32_t>(touch.collider);
   const double dt = at.record->dt;
@@ -273,10 +273,10 @@ void UpdatedLoadsAdjoint<S>::touch(const Substep& at, const UpdatedTouch<S>& tou
   const Vec3d v(static_cast<double>(touch.velocity[0]), static_cast<double>(touch.velocity[1]),
                 static_cast<double>(touch.velocity[2]));
   const Mat3d f = deformation_gradient_of(touch.h);
-  const SurfacePoint surface = collider.closest(x, time);
+  const shape::SurfacePoint surface = collider.closest(x, time);
   ContactPoint point = contact_point(surface, f, volume, member.density, v);
   const Vec3d& n = point.normal;
-  const bool fluid = member.is_fluid();
+  const bool fluid = member.wets();
   const bool sheared = fluid && (point.distance < point.radius || touch.memory.surface == id);
   const PointStencil s(touch.place.fraction(), dx_);
   Mat3d gradient = Mat3d::Zero();
@@ -307,7 +307,7 @@ void UpdatedLoadsAdjoint<S>::touch(const Substep& at, const UpdatedTouch<S>& tou
   ContactCotangents c =
       contact_force_adjoint(law, point, id, dt, touch.memory, dt * of_impulse.impulse, stretch_bar);
   stretch_bar = c.stretch;
-  ColliderCotangents& own = sums_of_all.colliders[touch.collider];
+  shape::ColliderCotangents& own = sums_of_all.colliders[touch.collider];
   own.mu += c.mu;
   own.stiffness += c.stiffness;
   own.damping += c.damping;
@@ -323,7 +323,7 @@ void UpdatedLoadsAdjoint<S>::touch(const Substep& at, const UpdatedTouch<S>& tou
   }
   const ContactPointCotangents p = contact_point_adjoint(n, f, volume, c);
   sums_of_all.log_density[touch.member] += member.density * p.density;
-  x_bar += back_to_surface(collider, x, time, kColliderProbe * dx_, surface, c.distance,
+  x_bar += back_to_surface(collider, x, time, shape::kColliderProbe * dx_, surface, c.distance,
                            c.normal + p.normal, -c.relative_velocity, own);
   UpdatedParticleBar<S>& bar = body.particles[touch.particle];
   add_to<S>(x_bar, bar.position);

@@ -29,7 +29,7 @@ template <class S>
 class UpdatedLoadsAdjoint {
  public:
   UpdatedLoadsAdjoint(const Scene& scene, const std::vector<UpdatedMember<S>>& members,
-                      std::vector<ColliderPtr> colliders);
+                      std::vector<shape::ColliderPtr> colliders);
 
   /// Adds to the cotangents of particles, rest places, densities, and of the n-th collider to
   /// `colliders`. `nodes`: per block of record.after [4][64], cotangents of momentum and mass.
@@ -37,13 +37,13 @@ class UpdatedLoadsAdjoint {
   /// `velocity_bar` gets their cotangents, if any: else it stays empty.
   void back(Arena& arena, const UpdatedRecord<S>& record, const std::vector<S>& nodes,
             const S* velocity, std::vector<UpdatedBodyCotangents<S>>& bodies,
-            ColliderCotangents* colliders, std::vector<double>& velocity_bar) const;
+            shape::ColliderCotangents* colliders, std::vector<double>& velocity_bar) const;
 
  private:
   struct Substep;
   /// What many touches add to.
   struct Sums {
-    std::vector<ColliderCotangents> colliders;
+    std::vector<shape::ColliderCotangents> colliders;
     std::vector<double> log_density;  ///< per member
   };
   void touch(const Substep& at, const UpdatedTouch<S>& touch, UpdatedBodyCotangents<S>& body,
@@ -54,7 +54,7 @@ class UpdatedLoadsAdjoint {
 
   double dx_;
   const std::vector<UpdatedMember<S>>& members_;
-  std::vector<ColliderPtr> colliders_;
+  std::vector<shape::ColliderPtr> colliders_;
 };
 
 extern template class UpdatedLoadsAdjoint<float>;

@@ -8,8 +8,8 @@
 #include <cmath>
 #include <string>
 
-#include "mpm/colliders_for_test.hpp"
 #include "mpm/updated_rollout_for_test.hpp"
+#include "shape/colliders_for_test.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -38,7 +38,7 @@ Scene scene_of(Law law) {
   Scene scene;
   scene.fps = 100.0;
   scene.dx = 2.0 * kH;
-  scene.gravity = Keyed<Vec3d>(Vec3d(0, 0, -9.81));
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d(0, 0, -9.81));
   scene.bodies.push_back(
       updated_block_body(material_of(law), Vec3d(0.01, 0.005, 0.0225), 4, kH, 5));
   Body& body = scene.bodies[0];
@@ -50,7 +50,7 @@ Scene scene_of(Law law) {
 /// What a scene with one collider takes, beside what every body has.
 void expect_collider(UpdatedRollout& rollout, const UpdatedRollout::Gradient& g, Shape shape,
                      const Place& place, const std::string& name) {
-  const ColliderCotangents& found = g.colliders.back();
+  const shape::ColliderCotangents& found = g.colliders.back();
   const auto check = [&](double gradient, const std::string& what, double step, double factor,
                          const std::function<void(Place&, double)>& change) {
     rollout.expect(
@@ -62,18 +62,18 @@ void expect_collider(UpdatedRollout& rollout, const UpdatedRollout::Gradient& g,
         },
         factor);
   };
-  if (place.method == ContactMethod::kParticle) {
+  if (place.method == shape::ContactMethod::kParticle) {
     check(found.stiffness, "stiffness", 1e-4 * place.stiffness, place.stiffness,
           [](Place& p, double by) { p.stiffness += by; });
   }
-  if (place.kind == ContactKind::kFriction) {
+  if (place.kind == shape::ContactKind::kFriction) {
     check(found.mu, "mu", 1e-4, 1.0, [](Place& p, double by) { p.mu += by; });
   }
   for (int axis = 0; axis < 3; ++axis) {
     check(found.rotation[axis], "rotation", 1e-5, 0.1,
           [axis](Place& p, double by) { p.rotation[axis] += by; });
     // Nodes that come inside do so at once: there is no derivative by the distance.
-    if (place.method == ContactMethod::kNode) continue;
+    if (place.method == shape::ContactMethod::kNode) continue;
     check(found.translation[axis], "translation", 1e-6, 1e-2,
           [axis](Place& p, double by) { p.translation[axis] += by; });
   }
@@ -95,29 +95,31 @@ struct Case {
   const char* name;
   Law law;
   Shape shape;
-  ContactKind kind;
+  shape::ContactKind kind;
   double mu;
 };
 
 TEST(UpdatedLoadsAdjoint, MatchesDifferencesForParticleContact) {
   const Case cases[] = {
-      {"sliding", Law::kNeoHookean, Shape::kPlane, ContactKind::kFriction, 0.2},
-      {"sticking by friction", Law::kNeoHookean, Shape::kPlane, ContactKind::kFriction, 5.0},
-      {"sticky", Law::kFixedCorotated, Shape::kPlane, ContactKind::kSticky, 0.0},
-      {"slip", Law::kStvkHencky, Shape::kPlane, ContactKind::kSlip, 0.0},
-      {"separating", Law::kNeoHookean, Shape::kPlane, ContactKind::kSeparating, 0.0},
-      {"plasticine on a sphere", Law::kVonMises, Shape::kSphere, ContactKind::kFriction, 0.3},
-      {"sand on a plane", Law::kDruckerPrager, Shape::kPlane, ContactKind::kFriction, 0.4},
-      {"water that sticks", Law::kNewtonian, Shape::kPlane, ContactKind::kSticky, 0.0},
-      {"water with friction", Law::kNewtonian, Shape::kSphere, ContactKind::kFriction, 0.3},
-      {"cream with friction", Law::kHerschelBulkley, Shape::kPlane, ContactKind::kFriction, 0.3},
-      {"edge of a box", Law::kNeoHookean, Shape::kBox, ContactKind::kFriction, 0.3},
-      {"moving plane", Law::kNewtonian, Shape::kMovingPlane, ContactKind::kFriction, 0.3},
-      {"turning box", Law::kNeoHookean, Shape::kTurningBox, ContactKind::kSticky, 0.0},
-      {"capsule", Law::kStvkHencky, Shape::kCapsule, ContactKind::kFriction, 0.3},
-      {"edge of a mesh", Law::kNeoHookean, Shape::kMesh, ContactKind::kFriction, 0.3},
-      {"sand on a moving mesh", Law::kDruckerPrager, Shape::kMovingMesh, ContactKind::kFriction,
+      {"sliding", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kFriction, 0.2},
+      {"sticking by friction", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kFriction, 5.0},
+      {"sticky", Law::kFixedCorotated, Shape::kPlane, shape::ContactKind::kSticky, 0.0},
+      {"slip", Law::kStvkHencky, Shape::kPlane, shape::ContactKind::kSlip, 0.0},
+      {"separating", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kSeparating, 0.0},
+      {"plasticine on a sphere", Law::kVonMises, Shape::kSphere, shape::ContactKind::kFriction,
        0.3},
+      {"sand on a plane", Law::kDruckerPrager, Shape::kPlane, shape::ContactKind::kFriction, 0.4},
+      {"water that sticks", Law::kNewtonian, Shape::kPlane, shape::ContactKind::kSticky, 0.0},
+      {"water with friction", Law::kNewtonian, Shape::kSphere, shape::ContactKind::kFriction, 0.3},
+      {"cream with friction", Law::kHerschelBulkley, Shape::kPlane, shape::ContactKind::kFriction,
+       0.3},
+      {"edge of a box", Law::kNeoHookean, Shape::kBox, shape::ContactKind::kFriction, 0.3},
+      {"moving plane", Law::kNewtonian, Shape::kMovingPlane, shape::ContactKind::kFriction, 0.3},
+      {"turning box", Law::kNeoHookean, Shape::kTurningBox, shape::ContactKind::kSticky, 0.0},
+      {"capsule", Law::kStvkHencky, Shape::kCapsule, shape::ContactKind::kFriction, 0.3},
+      {"edge of a mesh", Law::kNeoHookean, Shape::kMesh, shape::ContactKind::kFriction, 0.3},
+      {"sand on a moving mesh", Law::kDruckerPrager, Shape::kMovingMesh,
+       shape::ContactKind::kFriction, 0.3},
   };
   for (const Case& item : cases) {
     Place place;
@@ -142,18 +144,20 @@ TEST(UpdatedLoadsAdjoint, MatchesDifferencesForParticleContact) {
 
 TEST(UpdatedLoadsAdjoint, MatchesDifferencesForNodeContact) {
   const Case cases[] = {
-      {"sticky nodes", Law::kNeoHookean, Shape::kPlane, ContactKind::kSticky, 0.0},
-      {"slip nodes", Law::kNewtonian, Shape::kPlane, ContactKind::kSlip, 0.0},
-      {"separating nodes", Law::kNeoHookean, Shape::kPlane, ContactKind::kSeparating, 0.0},
-      {"sliding nodes", Law::kDruckerPrager, Shape::kSphere, ContactKind::kFriction, 0.1},
-      {"nodes with friction", Law::kVonMises, Shape::kTurningBox, ContactKind::kFriction, 1.0},
-      {"nodes in a moving plane", Law::kNewtonian, Shape::kMovingPlane, ContactKind::kSticky, 0.0},
+      {"sticky nodes", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kSticky, 0.0},
+      {"slip nodes", Law::kNewtonian, Shape::kPlane, shape::ContactKind::kSlip, 0.0},
+      {"separating nodes", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kSeparating, 0.0},
+      {"sliding nodes", Law::kDruckerPrager, Shape::kSphere, shape::ContactKind::kFriction, 0.1},
+      {"nodes with friction", Law::kVonMises, Shape::kTurningBox, shape::ContactKind::kFriction,
+       1.0},
+      {"nodes in a moving plane", Law::kNewtonian, Shape::kMovingPlane, shape::ContactKind::kSticky,
+       0.0},
   };
   for (const Case& item : cases) {
     Place place;
     place.kind = item.kind;
     place.mu = item.mu;
-    place.method = ContactMethod::kNode;
+    place.method = shape::ContactMethod::kNode;
     UpdatedRollout rollout(scene_of(item.law));
     rollout.scene.colliders.push_back(collider(item.shape, place));
     const auto g = rollout.gradient<double>();
@@ -176,9 +180,9 @@ TEST(UpdatedLoadsAdjoint, MatchesDifferencesForPins) {
       pin.pivot = Vec3d(0.02, 0.0, 0.0);
       pin.release = 0.0031;
       pin.motion.times = {0.0, 0.01};
-      pin.motion.values = {Pose{},
-                           Pose{Vec3d(0.002, 0.001, -0.003),
-                                Quatd(Eigen::AngleAxisd(0.2, Vec3d(1, 2, 0).normalized()))}};
+      pin.motion.values = {shape::Pose{},
+                           shape::Pose{Vec3d(0.002, 0.001, -0.003),
+                                       Quatd(Eigen::AngleAxisd(0.2, Vec3d(1, 2, 0).normalized()))}};
     }
     rollout.scene.bodies[0].pins.push_back(pin);
     const auto g = rollout.gradient<double>();

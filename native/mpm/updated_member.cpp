@@ -12,7 +12,7 @@ namespace matterfit::mpm {
 
 template <class S>
 UpdatedMember<S> make_updated_member(const Body& body, std::size_t index,
-                                     const std::vector<ColliderPtr>& colliders, double dx) {
+                                     const std::vector<shape::ColliderPtr>& colliders, double dx) {
   UpdatedMember<S> m;
   m.index = index;
   m.name = body.name;
@@ -22,7 +22,7 @@ UpdatedMember<S> make_updated_member(const Body& body, std::size_t index,
   m.particles = body.rest.size();
   m.memory.resize(colliders.empty() ? 0 : m.particles);
   m.maxwell.assign(m.particles * m.law.maxwell_count * 6, S(0));
-  for (const ColliderPtr& collider : colliders) {
+  for (const shape::ColliderPtr& collider : colliders) {
     m.contacts.push_back(resolve_contact(collider->contact(), body, dx));
   }
   if (!body.pins.empty()) {
@@ -67,9 +67,11 @@ UpdatedStart<S> updated_start(const Body& body, std::size_t particle, double dx,
 template struct UpdatedMember<float>;
 template struct UpdatedMember<double>;
 template UpdatedMember<float> make_updated_member<float>(const Body&, std::size_t,
-                                                         const std::vector<ColliderPtr>&, double);
+                                                         const std::vector<shape::ColliderPtr>&,
+                                                         double);
 template UpdatedMember<double> make_updated_member<double>(const Body&, std::size_t,
-                                                           const std::vector<ColliderPtr>&, double);
+                                                           const std::vector<shape::ColliderPtr>&,
+                                                           double);
 template UpdatedStart<float> updated_start<float>(const Body&, std::size_t, double, const Vec3d&);
 template UpdatedStart<double> updated_start<double>(const Body&, std::size_t, double, const Vec3d&);
 

@@ -52,15 +52,13 @@ struct UpdatedMember {
   CarriedMasses carried;
 
   /// Sticks to surfaces by its particles' faces, not their centres.
-  [[nodiscard]] bool is_fluid() const {
-    return law.law == material::Law::kNewtonian || law.law == material::Law::kHerschelBulkley;
-  }
+  [[nodiscard]] bool wets() const { return material.traits().wets; }
 };
 
 /// Throws Error(kInput) for what this formulation does not have, and for a pin that holds nothing.
 template <class S>
 [[nodiscard]] UpdatedMember<S> make_updated_member(const Body& body, std::size_t index,
-                                                   const std::vector<ColliderPtr>& colliders,
+                                                   const std::vector<shape::ColliderPtr>& colliders,
                                                    double dx);
 
 /// Where a particle starts: its block, and the particle as one that enters there.

@@ -38,7 +38,7 @@ std::vector<std::uint8_t> particles_of_pins(const Body& body) {
 }
 
 Vec3d pin_target(const Pin& pin, const Vec3d& rest, double time) {
-  const Pose pose = pin.motion.at(time);
+  const shape::Pose pose = pin.motion.at(time);
   return pin.pivot + pose.rotation * (rest - pin.pivot) + pose.position;
 }
 

@@ -30,7 +30,7 @@ struct UpdatedRollout {
     std::vector<UpdatedStartCotangents> start;
     std::vector<material::MaterialGradient> material;
     Vec3d gravity = Vec3d::Zero();
-    std::vector<ColliderCotangents> colliders;
+    std::vector<shape::ColliderCotangents> colliders;
   };
 
   Scene scene;

@@ -37,7 +37,7 @@ inline constexpr std::array<DamPoint, 7> kDamLarge{{{.832, 1.217},
 /// Z at each of the given T for water of column width `a` and height 2a between slip walls two
 /// cells apart, by a front of a quarter cell's depth; on a floor of the given kind.
 inline std::vector<double> dam_break(double a, const std::vector<double>& scaled_times,
-                                     ContactKind floor, int cells, int threads = 1) {
+                                     shape::ContactKind floor, int cells, int threads = 1) {
   Scene scene;
   scene.dx = a / cells;
   const double slab = 2 * scene.dx;
@@ -48,14 +48,14 @@ inline std::vector<double> dam_break(double a, const std::vector<double>& scaled
   // Sound ten times faster than the front.
   body.material.bulk_modulus = 1000.0 * 100.0 * 4.0 * kPull * a;
   scene.bodies.push_back(std::move(body));
-  Contact ground;
+  shape::Contact ground;
   ground.kind = floor;
-  scene.colliders.push_back(make_plane("floor", ground, Vec3d::Zero(), Vec3d::UnitZ()));
-  Contact slip;
-  slip.kind = ContactKind::kSeparating;
-  scene.colliders.push_back(make_plane("back", slip, Vec3d::Zero(), Vec3d::UnitX()));
-  scene.colliders.push_back(make_plane("left", slip, Vec3d::Zero(), Vec3d::UnitY()));
-  scene.colliders.push_back(make_plane("right", slip, Vec3d(0, slab, 0), -Vec3d::UnitY()));
+  scene.colliders.push_back(shape::make_plane("floor", ground, Vec3d::Zero(), Vec3d::UnitZ()));
+  shape::Contact slip;
+  slip.kind = shape::ContactKind::kSeparating;
+  scene.colliders.push_back(shape::make_plane("back", slip, Vec3d::Zero(), Vec3d::UnitX()));
+  scene.colliders.push_back(shape::make_plane("left", slip, Vec3d::Zero(), Vec3d::UnitY()));
+  scene.colliders.push_back(shape::make_plane("right", slip, Vec3d(0, slab, 0), -Vec3d::UnitY()));
   const double unit = std::sqrt(a / (2 * kPull));
   constexpr int kFramesAUnit = 40;
   scene.fps = kFramesAUnit / unit;
@@ -117,10 +117,10 @@ inline Column sand_column(double aspect, int cells, double friction_angle = 30.0
   body.material.poisson_ratio = 0.2;
   body.material.friction_angle = friction_angle;
   scene.bodies.push_back(std::move(body));
-  Contact ground;
-  ground.kind = ContactKind::kFriction;
+  shape::Contact ground;
+  ground.kind = shape::ContactKind::kFriction;
   ground.mu = std::tan(friction_angle * std::numbers::pi / 180);
-  scene.colliders.push_back(make_plane("floor", ground, Vec3d::Zero(), Vec3d::UnitZ()));
+  scene.colliders.push_back(shape::make_plane("floor", ground, Vec3d::Zero(), Vec3d::UnitZ()));
   const double fall = std::sqrt(height / kPull);
   scene.fps = 100;
   scene.end_frame = 2 + static_cast<int>(std::ceil(6 * fall * scene.fps));
@@ -162,7 +162,7 @@ struct Shear {
 /// A long column between sticky walls H = 40 mm apart, `cells` cells across, η = 10 Pa s, slip
 /// walls two cells apart across it; measured in its middle third once the flow is terminal. The
 /// first wall lies `offset` cells from a node.
-inline Shear channel_flow(int cells, double offset, ContactMethod method, int threads = 1) {
+inline Shear channel_flow(int cells, double offset, shape::ContactMethod method, int threads = 1) {
   constexpr double kGap = 0.04;
   constexpr double kViscosity = 10.0;
   Scene scene;
@@ -178,16 +178,17 @@ inline Shear channel_flow(int cells, double offset, ContactMethod method, int th
   body.material.law = material::Law::kNewtonian;
   body.material.viscosity = kViscosity;
   body.material.bulk_modulus = 1e5;
-  Contact sticky;
-  sticky.kind = ContactKind::kSticky;
+  shape::Contact sticky;
+  sticky.kind = shape::ContactKind::kSticky;
   sticky.method = method;
-  Contact slip;
-  slip.kind = ContactKind::kSlip;
-  scene.colliders.push_back(make_plane("left", sticky, Vec3d(start + touch, 0, 0), Vec3d::UnitX()));
+  shape::Contact slip;
+  slip.kind = shape::ContactKind::kSlip;
   scene.colliders.push_back(
-      make_plane("right", sticky, Vec3d(start + kGap - touch, 0, 0), -Vec3d::UnitX()));
-  scene.colliders.push_back(make_plane("front", slip, Vec3d::Zero(), Vec3d::UnitY()));
-  scene.colliders.push_back(make_plane("rear", slip, Vec3d(0, slab, 0), -Vec3d::UnitY()));
+      shape::make_plane("left", sticky, Vec3d(start + touch, 0, 0), Vec3d::UnitX()));
+  scene.colliders.push_back(
+      shape::make_plane("right", sticky, Vec3d(start + kGap - touch, 0, 0), -Vec3d::UnitX()));
+  scene.colliders.push_back(shape::make_plane("front", slip, Vec3d::Zero(), Vec3d::UnitY()));
+  scene.colliders.push_back(shape::make_plane("rear", slip, Vec3d(0, slab, 0), -Vec3d::UnitY()));
   const Points rest = body.rest;
   scene.bodies.push_back(std::move(body));
   scene.fps = 200;

@@ -15,7 +15,7 @@ inline constexpr double kGravity = 9.81;
 
 struct DropSetting {
   Formulation formulation = Formulation::kTotal;
-  ContactMethod method = ContactMethod::kParticle;
+  shape::ContactMethod method = shape::ContactMethod::kParticle;
   int cells = 8;         ///< across the ball
   double offset = 0.0;   ///< of the floor against the grid's nodes, in cells
   double damping = -1;   ///< of the contact; negative: the solver's default
@@ -49,12 +49,13 @@ inline Drop drop_ball(const DropSetting& setting) {
   body.material.poisson_ratio = 0.3;
   if (setting.settle) body.material.damping_shear = 20.0;
   scene.bodies.push_back(std::move(body));
-  Contact contact;
-  contact.kind = ContactKind::kSeparating;
+  shape::Contact contact;
+  contact.kind = shape::ContactKind::kSeparating;
   contact.damping = setting.settle ? 0.3 : setting.damping;
   contact.stiffness = setting.stiffness;
   contact.method = setting.method;
-  scene.colliders.push_back(make_plane("floor", contact, Vec3d(0, 0, floor), Vec3d::UnitZ()));
+  scene.colliders.push_back(
+      shape::make_plane("floor", contact, Vec3d(0, 0, floor), Vec3d::UnitZ()));
   scene.end_frame = setting.settle ? 150 : 200;
 
   Drop result;
@@ -100,7 +101,8 @@ struct Slide {
 
 /// `steepness`: tan θ / μ; the floor lies `offset` cells above a node.
 inline Slide slide_block(Formulation formulation, double steepness, double offset, int cells = 4,
-                         int threads = 1, ContactMethod method = ContactMethod::kParticle) {
+                         int threads = 1,
+                         shape::ContactMethod method = shape::ContactMethod::kParticle) {
   constexpr double kMu = 0.5;
   constexpr double kEdge = 0.08;
   Scene scene;
@@ -108,7 +110,7 @@ inline Slide slide_block(Formulation formulation, double steepness, double offse
   scene.fps = 50;
   scene.end_frame = 51;
   const double angle = std::atan(steepness * kMu);
-  scene.gravity = Keyed<Vec3d>(kGravity * Vec3d(std::sin(angle), 0, -std::cos(angle)));
+  scene.gravity = shape::Keyed<Vec3d>(kGravity * Vec3d(std::sin(angle), 0, -std::cos(angle)));
   const bool total = formulation == Formulation::kTotal;
   const double floor = total ? 0.0 : offset * scene.dx;
   if (total) scene.grid_shift = Vec3d(0, 0, offset);
@@ -118,12 +120,13 @@ inline Slide slide_block(Formulation formulation, double steepness, double offse
   body.material.youngs_modulus = 1e5;
   body.material.damping_shear = 10.0;
   scene.bodies.push_back(std::move(body));
-  Contact contact;
-  contact.kind = ContactKind::kFriction;
+  shape::Contact contact;
+  contact.kind = shape::ContactKind::kFriction;
   contact.mu = kMu;
   contact.damping = 0.3;
   contact.method = method;
-  scene.colliders.push_back(make_plane("incline", contact, Vec3d(0, 0, floor), Vec3d::UnitZ()));
+  scene.colliders.push_back(
+      shape::make_plane("incline", contact, Vec3d(0, 0, floor), Vec3d::UnitZ()));
   Slide result;
   result.expected = kGravity * (std::sin(angle) - kMu * std::cos(angle));
   std::vector<double> x;
@@ -164,7 +167,7 @@ inline Frequency bar_frequency(const BarSetting& setting) {
   constexpr double kSpeed = 0.02;
   Scene scene;
   scene.dx = kWidth / setting.cells;
-  scene.gravity = Keyed<Vec3d>(Vec3d::Zero());
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d::Zero());
   Body body = box_body("bar", Vec3d::Zero(), Vec3d(kLength, kWidth, kWidth), 0.5 * scene.dx);
   body.formulation = setting.formulation;
   body.material.youngs_modulus = 1e5;

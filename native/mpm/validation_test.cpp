@@ -41,7 +41,8 @@ TEST_P(Validation, ReboundDoesNotDependOnTheNodes) {
   std::vector<double> rebound;
   std::vector<double> deepest;
   for (const double offset : {0.0, 0.2, 0.5, 0.7}) {
-    const Drop drop = drop_ball({GetParam(), ContactMethod::kParticle, total ? 12 : 8, offset});
+    const Drop drop =
+        drop_ball({GetParam(), shape::ContactMethod::kParticle, total ? 12 : 8, offset});
     rebound.push_back(drop.rebound);
     deepest.push_back(drop.deepest);
   }
@@ -61,18 +62,18 @@ TEST(KnownAnswers, CantileverByBeamTheory) {
 
 /// A free-slip floor lets the front run as fast as measured or faster; a sticky one holds it back.
 TEST(KnownAnswers, DamBreakNeedsAFreeFloor) {
-  const auto speed = [](ContactKind floor) {
+  const auto speed = [](shape::ContactKind floor) {
     const std::vector<double> z = dam_break(0.05715, {1.219, 3.345}, floor, 6);
     return (z[1] - z[0]) / (3.345 - 1.219);
   };
   const double measured = (4.134 - 1.474) / (3.345 - 1.219);
-  EXPECT_NEAR(speed(ContactKind::kSeparating) / measured, 1.0, 0.15);
-  EXPECT_LT(speed(ContactKind::kSticky) / measured, 0.9);
+  EXPECT_NEAR(speed(shape::ContactKind::kSeparating) / measured, 1.0, 0.15);
+  EXPECT_LT(speed(shape::ContactKind::kSticky) / measured, 0.9);
 }
 
 /// Poiseuille's flow under its own weight, the walls anywhere in their cells.
 TEST(KnownAnswers, FluidFallsBetweenStickyWallsAsAParabola) {
-  const Shear flow = channel_flow(8, 0.3, ContactMethod::kParticle);
+  const Shear flow = channel_flow(8, 0.3, shape::ContactMethod::kParticle);
   EXPECT_NEAR(flow.centre / flow.expected, 1.0, 0.06);
   EXPECT_NEAR(flow.wall_slip, 0.0, 0.02);
 }
@@ -102,7 +103,7 @@ TEST(KnownAnswers, HangingBarByEachLawsClosedForm) {
     scene.dx = 0.01;
     scene.fps = 50;
     scene.end_frame = 76;
-    scene.gravity = Keyed<Vec3d>(Vec3d(9.81, 0, 0));
+    scene.gravity = shape::Keyed<Vec3d>(Vec3d(9.81, 0, 0));
     const Points rest = body.rest;
     scene.bodies.push_back(std::move(body));
     double measured = 0;
@@ -125,7 +126,7 @@ TEST(KnownAnswers, HangingBarByEachLawsClosedForm) {
       }
       expected += low * to / kSteps;
     }
-    EXPECT_NEAR((measured - to) / (expected - to), 1.0, 0.01) << material::law_name(law);
+    EXPECT_NEAR((measured - to) / (expected - to), 1.0, 0.01) << material::traits(law).name;
   }
 }
 
@@ -141,7 +142,7 @@ TEST_P(Validation, MomentaAreKept) {
   scene.dx = 0.01;
   scene.fps = 100;
   scene.end_frame = 31;
-  scene.gravity = Keyed<Vec3d>(Vec3d::Zero());
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d::Zero());
   scene.bodies.push_back(std::move(body));
   std::vector<Vec3d> linear;
   std::vector<double> angular;

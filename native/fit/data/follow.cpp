@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "fit/data/follow.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/error.hpp"
+#include "math/catmull_rom.hpp"
+
+namespace matterfit::fit {
+namespace {
+
+const Vec3d kUnknown = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
+
+/// F is the gradient of the whole motion for elastic laws; plastic ones keep the elastic part only.
+capture::BindingGradient gradient_of(const mpm::Body& body) {
+  return body.material.traits().elastic() ? capture::BindingGradient::kParticle
+                                          : capture::BindingGradient::kFitted;
+}
+
+/// Where a time lies among whole frames.
+struct Moment {
+  bool inside = false;  ///< from the first frame to the last
+  std::size_t below = 0;
+  std::size_t above = 0;
+  double s = 0.0;  ///< from `below` to `above`
+  bool cubic = false;
+};
+
+Moment moment(double time, double fps, std::size_t frames) {
+  constexpr double kSameFrame = 1e-6;
+  const double last = double(frames) - 1.0;
+  const double at = time * fps;
+  Moment result;
+  if (at < -kSameFrame || at > last + kSameFrame) return result;
+  const double inside = std::clamp(at, 0.0, last);
+  result.inside = true;
+  result.below = static_cast<std::size_t>(inside + kSameFrame);
+  result.s = inside - double(result.below);
+  if (std::abs(result.s) < kSameFrame) result.s = 0.0;
+  result.above = std::min(result.below + 1, frames - 1);
+  result.cubic = result.below > 0 && result.above + 1 < frames && result.above > result.below;
+  return result;
+}
+
+}  // namespace
+
+PointFollower::PointFollower(const mpm::Body& body, Points rest, double separation, Arena& arena)
+    : rest_(std::move(rest)), separation_(separation) {
+  Points known;
+  for (std::size_t i = 0; i < rest_.size(); ++i) {
+    if (!rest_[i].allFinite()) continue;
+    bound_.push_back(i);
+    known.push_back(rest_[i]);
+  }
+  capture::BindingOptions options;
+  options.gradient = gradient_of(body);
+  if (!known.empty()) binding_.emplace(known, body.rest, separation, options, arena);
+}
+
+Points PointFollower::positions(const mpm::Body& body, const mpm::BodyState& state,
+                                Arena& arena) const {
+  Points all(rest_.size(), kUnknown);
+  if (!binding_) return all;
+  const Points moved = binding_->positions(capture::particle_view(body, state, separation_), arena);
+  for (std::size_t k = 0; k < bound_.size(); ++k) all[bound_[k]] = moved[k];
+  return all;
+}
+
+void PointFollower::spread(const Points& bar, std::span<Vec3d> particle_bar,
+                           std::span<Mat3d> deformation_gradient_bar) const {
+  if (!binding_) return;
+  Points known;
+  known.reserve(bound_.size());
+  for (const std::size_t i : bound_) known.push_back(bar[i]);
+  binding_->spread(known, particle_bar, deformation_gradient_bar);
+}
+
+double PointFollower::farthest() const { return binding_ ? binding_->farthest().distance : 0.0; }
+
+SimulatedCapture at_times(const std::vector<Points>& frames, std::size_t points,
+                          const std::vector<double>& times, double fps) {
+  SimulatedCapture result;
+  result.times = times;
+  result.positions.assign(times.size() * points, kUnknown);
+  for (std::size_t t = 0; t < times.size(); ++t) {
+    const Moment at = moment(times[t], fps, frames.size());
+    if (!at.inside) {
+      ++result.outside;
+      continue;
+    }
+    result.interpolated = result.interpolated || at.s != 0.0;
+    for (std::size_t i = 0; i < points; ++i) {
+      const Vec3d& a = frames[at.below][i];
+      const Vec3d& b = frames[at.above][i];
+      Vec3d& x = result.positions[t * points + i];
+      if (at.s == 0.0) {
+        x = a;
+      } else if (at.cubic) {
+        x = catmull_rom(frames[at.below - 1][i], a, b, frames[at.above + 1][i], at.s);
+      } else {
+        x = a + at.s * (b - a);
+      }
+    }
+  }
+  return result;
+}
+
+std::vector<Points> frames_bar(std::size_t frames, std::size_t points,
+                               const std::vector<double>& times, double fps,
+                               const std::vector<Vec3d>& bar) {
+  std::vector<Points> result(frames, Points(points, Vec3d::Zero()));
+  for (std::size_t t = 0; t < times.size(); ++t) {
+    const Moment at = moment(times[t], fps, frames);
+    if (!at.inside) continue;
+    const auto add = [&](std::size_t frame, double weight) {
+      if (weight == 0.0) return;
+      for (std::size_t i = 0; i < points; ++i) result[frame][i] += weight * bar[t * points + i];
+    };
+    if (!at.cubic) {
+      add(at.below, 1.0 - at.s);
+      add(at.above, at.s);
+      continue;
+    }
+    add(at.below - 1, catmull_rom(1.0, 0.0, 0.0, 0.0, at.s));
+    add(at.below, catmull_rom(0.0, 1.0, 0.0, 0.0, at.s));
+    add(at.above, catmull_rom(0.0, 0.0, 1.0, 0.0, at.s));
+    add(at.above + 1, catmull_rom(0.0, 0.0, 0.0, 1.0, at.s));
+  }
+  return result;
+}
+
+std::size_t body_index(const mpm::Scene& scene, const std::string& name) {
+  for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
+    if (scene.bodies[b].name == name) return b;
+  }
+  throw_input("there is no body '" + name + "' in the scene.");
+}
+
+}  // namespace matterfit::fit

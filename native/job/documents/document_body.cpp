@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.hpp"
+#include "job/documents/document_reading.hpp"
+
+namespace matterfit::job {
+namespace {
+
+std::vector<PinDoc> read_pins(const JsonValue& value, const ReadContext& context) {
+  std::vector<PinDoc> pins;
+  for (const JsonValue& item : value.items()) {
+    JsonObject object(item);
+    PinDoc pin;
+    pin.region = read_region(object.require("region"), context);
+    if (const auto motion = object.find("motion")) pin.motion = read_motion(*motion);
+    pin.pivot = object.vec3("pivot", pin.pivot);
+    if (const auto release = object.find("release")) pin.release = release->number();
+    object.finish();
+    pins.push_back(std::move(pin));
+  }
+  return pins;
+}
+
+std::vector<MassDoc> read_masses(const JsonValue& value) {
+  std::vector<MassDoc> masses;
+  for (const JsonValue& item : value.items()) {
+    JsonObject object(item);
+    MassDoc mass;
+    mass.position = object.require("position").vec3();
+    mass.mass = object.require("mass").number(positive("kg"));
+    if (const auto attach = object.find("attach")) mass.attach = attach->number();
+    object.finish();
+    masses.push_back(mass);
+  }
+  return masses;
+}
+
+void check_name(const JsonValue& value, const std::string& name) {
+  const bool bad = name.empty() || name.size() > 200 || name == "." || name == ".." ||
+                   std::any_of(name.begin(), name.end(), [](char c) {
+                     return c == '/' || c == '\\' || static_cast<unsigned char>(c) < 32;
+                   });
+  if (bad) value.fail("a name of 1 to 200 bytes without / and \\ (files are called after it)");
+}
+
+}  // namespace
+
+Region read_region(const JsonValue& value, const ReadContext& context) {
+  JsonObject object(value);
+  Region region;
+  region.shape = static_cast<Region::Shape>(
+      object.require("shape").choice({"all", "plane", "box", "sphere", "points"}));
+  switch (region.shape) {
+    case Region::Shape::kAll:
+      break;
+    case Region::Shape::kPlane:
+      region.point = object.require("point").vec3();
+      region.normal = object.require("normal").unit_vec3();
+      break;
+    case Region::Shape::kBox:
+      region.low = object.require("low").vec3();
+      region.high = object.require("high").vec3();
+      if (!(region.low.array() <= region.high.array()).all()) {
+        value.refuse("'low' lies above 'high' on some axis.");
+      }
+      break;
+    case Region::Shape::kSphere: {
+      const JsonValue center = object.require("center");
+      region.point = center.vec3();
+      region.radius = object.require("radius").number(positive("m"));
+      break;
+    }
+    case Region::Shape::kPoints:
+      region.file = context.file(object.require("file"));
+      region.radius = object.require("radius").number(positive("m"));
+      break;
+  }
+  object.finish();
+  return region;
+}
+
+Placement read_placement(const JsonValue& value) {
+  JsonObject object(value);
+  Placement placement;
+  placement.position = object.vec3("position", placement.position);
+  if (const auto rotation = object.find("rotation")) placement.rotation = rotation->quaternion();
+  placement.scale = object.number("scale", 1.0, positive());
+  object.finish();
+  return placement;
+}
+
+Source read_source(const JsonValue& value, const ReadContext& context) {
+  using Kind = Source::Kind;
+  JsonObject object(value);
+  Source source;
+  source.kind = static_cast<Kind>(
+      object.one_of({"points", "mesh", "cage", "gaussians", "box", "sphere", "cylinder"}));
+  switch (source.kind) {
+    case Kind::kPoints:
+      source.file = context.file(object.require("points"));
+      break;
+    case Kind::kMesh:
+      source.file = context.file(object.require("mesh"));
+      break;
+    case Kind::kCage:
+      source.file = context.file(object.require("cage"));
+      source.level = object.integer("level", source.level, 0, 6);
+      break;
+    case Kind::kGaussians:
+      source.file = context.file(object.require("gaussians"));
+      source.fill_inside = object.boolean("fill_inside", source.fill_inside);
+      source.opacity_threshold =
+          object.number("opacity_threshold", source.opacity_threshold, {0.0, 1.0, false, {}});
+      break;
+    case Kind::kBox: {
+      const JsonValue given = object.require("box");
+      JsonObject box(given);
+      source.low = box.require("low").vec3();
+      source.high = box.require("high").vec3();
+      box.finish();
+      if (!(source.low.array() < source.high.array()).all()) {
+        given.refuse("'low' must lie below 'high' on every axis.");
+      }
+      break;
+    }
+    case Kind::kSphere: {
+      JsonObject sphere(object.require("sphere"));
+      source.center = sphere.vec3("center", source.center);
+      source.radius = sphere.require("radius").number(positive("m"));
+      sphere.finish();
+      break;
+    }
+    case Kind::kCylinder: {
+      JsonObject cylinder(object.require("cylinder"));
+      source.center = cylinder.vec3("center", source.center);
+      source.radius = cylinder.require("radius").number(positive("m"));
+      source.height = cylinder.require("height").number(positive("m"));
+      if (const auto axis = cylinder.find("axis")) source.axis = axis->unit_vec3();
+      cylinder.finish();
+      break;
+    }
+  }
+  if (const auto sampling = object.find("sampling")) {
+    source.sampling =
+        static_cast<Source::Sampling>(sampling->choice({"auto", "lattice", "jitter"}));
+  }
+  if (const auto anchor = object.find("anchor")) source.anchor = anchor->vec3();
+  if (const auto rotation = object.find("rotation")) source.rotation = rotation->quaternion();
+  object.finish();
+  return source;
+}
+
+material::Material read_material(const JsonValue& value) {
+  JsonObject object(value);
+  const JsonValue law = object.require("law");
+  const std::string name = law.string();
+  if (name == "neural") {
+    law.refuse("neural laws are not available in this version; choose a classical one.");
+  }
+  material::Material material;
+  try {
+    material.law = material::law_from_name(name);
+  } catch (const Error& error) {
+    law.refuse(error.what());
+  }
+  struct Parameter {
+    const char* key;
+    double material::Material::*member;
+    bool optional;
+  };
+  static constexpr Parameter kParameters[] = {
+      {"E", &material::Material::youngs_modulus, false},
+      {"nu", &material::Material::poisson_ratio, false},
+      {"yield_stress", &material::Material::yield_stress, false},
+      {"hardening", &material::Material::hardening, true},
+      {"viscosity", &material::Material::viscosity, true},
+      {"exponent", &material::Material::exponent, true},
+      {"friction_angle", &material::Material::friction_angle, false},
+      {"cohesion", &material::Material::cohesion, true},
+      {"bulk_modulus", &material::Material::bulk_modulus, false},
+  };
+  for (const Parameter& parameter : kParameters) {
+    if (!material::traits(material.law).uses(parameter.key)) {
+      if (object.has(parameter.key)) {
+        std::string message = "the law " + name + " does not use '" + parameter.key + "'; it takes";
+        for (const auto& key : material.traits().parameters) {
+          message += " " + std::string(key);
+        }
+        value.refuse(message + ".");
+      }
+      continue;
+    }
+    if (const auto found = object.find(parameter.key)) {
+      material.*parameter.member = found->number();
+    } else if (!parameter.optional) {
+      value.refuse("'" + std::string(parameter.key) + "' is missing; the law " + name +
+                   " needs it.");
+    }
+  }
+  material.damping_shear = object.number("damping_shear", 0.0, not_negative("Pa s"));
+  material.damping_bulk = object.number("damping_bulk", 0.0, not_negative("Pa s"));
+  if (const auto branches = object.find("maxwell")) {
+    for (const JsonValue& item : branches->items()) {
+      JsonObject branch(item);
+      material::MaxwellBranch read;
+      read.modulus = branch.require("modulus").number(not_negative("Pa"));
+      read.time = branch.require("time").number(positive("s"));
+      branch.finish();
+      material.maxwell.push_back(read);
+    }
+  }
+  object.finish();
+  material::validate(material, value.path());
+  return material;
+}
+
+BodyDoc read_body(const JsonValue& value, const ReadContext& context) {
+  JsonObject object(value);
+  BodyDoc body;
+  const JsonValue name = object.require("name");
+  body.name = name.string();
+  check_name(name, body.name);
+  body.source = read_source(object.require("source"), context);
+  body.density = object.require("density").number(positive("kg/m³"));
+  body.material = read_material(object.require("material"));
+  if (const auto formulation = object.find("formulation")) {
+    body.formulation =
+        static_cast<mpm::Formulation>(formulation->choice({"auto", "total", "updated"}));
+  }
+  body.velocity = object.vec3("velocity", body.velocity);
+  body.spin = object.vec3("spin", body.spin);
+  if (const auto placement = object.find("placement")) {
+    body.placement = read_placement(*placement);
+  }
+  if (const auto pins = object.find("pins")) body.pins = read_pins(*pins, context);
+  if (const auto masses = object.find("masses")) body.masses = read_masses(*masses);
+  if (const auto seed = object.find("seed")) {
+    body.seed = static_cast<std::uint64_t>(seed->integer(0, 2'147'483'647));
+  }
+  object.finish();
+  return body;
+}
+
+}  // namespace matterfit::job

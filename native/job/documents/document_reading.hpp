@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <filesystem>
+
+#include "job/documents/document.hpp"
+
+/// The pieces that read_job() is made of; not for use outside the job room.
+namespace matterfit::job {
+
+/// What every piece needs to know.
+struct ReadContext {
+  std::filesystem::path base_folder;
+  /// The file that a value names: relative to the base folder, lexically normal.
+  [[nodiscard]] std::filesystem::path file(const JsonValue& value) const;
+};
+
+[[nodiscard]] SceneDoc read_scene(const JsonValue& value, const ReadContext& context);
+[[nodiscard]] material::Material read_material(const JsonValue& value);
+[[nodiscard]] Source read_source(const JsonValue& value, const ReadContext& context);
+[[nodiscard]] Region read_region(const JsonValue& value, const ReadContext& context);
+[[nodiscard]] BodyDoc read_body(const JsonValue& value, const ReadContext& context);
+[[nodiscard]] ColliderDoc read_collider(const JsonValue& value, const ReadContext& context,
+                                        std::size_t index);
+[[nodiscard]] shape::Contact read_contact(const JsonValue& value);
+[[nodiscard]] Placement read_placement(const JsonValue& value);
+[[nodiscard]] ByFrame<shape::Pose> read_motion(const JsonValue& value);
+/// `scene_value` is the document's scene, over which the capture's own is laid.
+[[nodiscard]] CaptureDoc read_capture(const JsonValue& value, const ReadContext& context,
+                                      const JsonValue& scene_value, const SceneDoc& scene);
+[[nodiscard]] ProbeDoc read_probe(const JsonValue& value, const ReadContext& context,
+                                  const SceneDoc& scene);
+[[nodiscard]] FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
+                              const std::vector<CaptureDoc>& captures);
+[[nodiscard]] OutputDoc read_output(const JsonValue& value, const ReadContext& context,
+                                    const SceneDoc& scene);
+/// Throws if `name` is no body of the scene; an empty name stands for the only body.
+[[nodiscard]] std::string resolve_body(const std::optional<JsonValue>& value,
+                                       const JsonValue& owner, const SceneDoc& scene);
+
+}  // namespace matterfit::job

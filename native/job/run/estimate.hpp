@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "job/documents/document.hpp"
+#include "job/run/run_options.hpp"
+
+namespace matterfit::job {
+
+/// Particles, bytes and a guess of the time that a job needs, without running it.
+[[nodiscard]] Json estimate_job(const Job& job, const RunOptions& options);
+
+}  // namespace matterfit::job

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <filesystem>
+
+#include "job/documents/json_reader.hpp"
+
+namespace matterfit::job {
+
+/// What a cache folder holds: result hash computed from its files, frames, and every file that is
+/// missing, truncated or changed. Throws Error(kInput) if the folder has no manifest.
+[[nodiscard]] Json inspect_folder(const std::filesystem::path& folder);
+
+/// What a capture is like: the summary of capture/check.hpp as JSON. `options` are the keys of a
+/// job's capture (`unit`, `up`, `fps`, `markers`, …).
+[[nodiscard]] Json capture_summary(const std::filesystem::path& path, const Json& options);
+
+}  // namespace matterfit::job

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "material/law_table.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace matterfit::material {
+namespace {
+
+using Key = std::string_view;
+
+constexpr std::array<Key, 2> kElastic = {"E", "nu"};
+constexpr std::array<Key, 4> kVonMises = {"E", "nu", "yield_stress", "hardening"};
+constexpr std::array<Key, 5> kHerschelBulkley = {"E", "nu", "yield_stress", "viscosity",
+                                                 "exponent"};
+constexpr std::array<Key, 4> kDruckerPrager = {"E", "nu", "friction_angle", "cohesion"};
+constexpr std::array<Key, 2> kNewtonian = {"bulk_modulus", "viscosity"};
+
+constexpr std::array<LawTraits, 7> kLaws = {{
+    {.law = Law::kFixedCorotated,
+     .name = "fixed_corotated",
+     .label = "Fixed Corotated",
+     .family = StressFamily::kFixedCorotated,
+     .parameters = kElastic},
+    {.law = Law::kNeoHookean,
+     .name = "neo_hookean",
+     .label = "Neo-Hookean",
+     .family = StressFamily::kNeoHookean,
+     .parameters = kElastic},
+    {.law = Law::kStvkHencky,
+     .name = "stvk_hencky",
+     .label = "StVK–Hencky",
+     .family = StressFamily::kHencky,
+     .parameters = kElastic},
+    {.law = Law::kVonMises,
+     .name = "von_mises",
+     .label = "von Mises",
+     .family = StressFamily::kHencky,
+     .parameters = kVonMises,
+     .plastic = true},
+    {.law = Law::kHerschelBulkley,
+     .name = "herschel_bulkley",
+     .label = "Herschel–Bulkley",
+     .family = StressFamily::kHencky,
+     .parameters = kHerschelBulkley,
+     .plastic = true,
+     .flows = true,
+     .wets = true},
+    {.law = Law::kDruckerPrager,
+     .name = "drucker_prager",
+     .label = "Drucker–Prager",
+     .family = StressFamily::kHencky,
+     .parameters = kDruckerPrager,
+     .plastic = true,
+     .flows = true,
+     .mean_dilatation = false,
+     .pressure_dependent = true},
+    {.law = Law::kNewtonian,
+     .name = "newtonian",
+     .label = "Newtonian Fluid",
+     .family = StressFamily::kNewtonian,
+     .parameters = kNewtonian,
+     .fluid = true,
+     .flows = true,
+     .wets = true},
+}};
+
+constexpr bool in_order() {
+  for (std::size_t i = 0; i < kLaws.size(); ++i) {
+    if (kLaws[i].law != static_cast<Law>(i)) return false;
+  }
+  return true;
+}
+static_assert(in_order());
+
+}  // namespace
+
+bool LawTraits::uses(std::string_view key) const {
+  return std::find(parameters.begin(), parameters.end(), key) != parameters.end();
+}
+
+std::span<const LawTraits> all_laws() { return kLaws; }
+
+const LawTraits& traits(Law law) { return kLaws.at(static_cast<std::size_t>(law)); }
+
+}  // namespace matterfit::material

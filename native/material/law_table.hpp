@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <span>
+#include <string_view>
+
+namespace matterfit::material {
+
+enum class Law {
+  kFixedCorotated,
+  kNeoHookean,
+  kStvkHencky,
+  kVonMises,
+  kHerschelBulkley,
+  kDruckerPrager,
+  kNewtonian,
+};
+
+/// The elasticity under a law: laws of one family share their stress, and differ by what they keep
+/// of a trial strain.
+enum class StressFamily {
+  kFixedCorotated,
+  kNeoHookean,
+  kHencky,
+  kNewtonian,
+};
+
+/// What the rest of the program asks of a law, in place of its name. A new law is a row of the
+/// table in law_table.cpp, an enumerator, and its stress where it is of a new family.
+struct LawTraits {
+  Law law = Law::kFixedCorotated;
+  std::string_view name;   ///< in documents
+  std::string_view label;  ///< for people
+  StressFamily family = StressFamily::kFixedCorotated;
+  /// Keys of the job document that it uses, elastic ones first, without the damping and Maxwell
+  /// ones that every law takes.
+  std::span<const std::string_view> parameters;
+  bool plastic = false;  ///< the return mapping changes the elastic deformation gradient
+  bool fluid = false;    ///< no shear stiffness; of F only J is history
+  /// Large flow without a shape to return to: particles are filled jittered.
+  bool flows = false;
+  /// Adheres to surfaces by its particles' faces: fluids and pastes.
+  bool wets = false;
+  /// The volume term may be taken of a cell's mean J (variational mean dilatation). Not where the
+  /// return mapping changes the trace of the strain.
+  bool mean_dilatation = true;
+  /// Stress at a point depends on a pressure that noisy tracks cannot show.
+  bool pressure_dependent = false;
+
+  /// Without plastic flow and not a fluid: may be simulated total Lagrangian for ever.
+  [[nodiscard]] constexpr bool elastic() const { return !plastic && !fluid; }
+  [[nodiscard]] bool uses(std::string_view key) const;
+};
+
+/// All laws, in the order of the enumerators.
+[[nodiscard]] std::span<const LawTraits> all_laws();
+[[nodiscard]] const LawTraits& traits(Law law);
+
+/// Calls f.operator()<family>() for the family of a law. Every switch over families is here, so
+/// that a new one is a compiler's error where it is forgotten and not another law's stress.
+template <class F>
+decltype(auto) dispatch(StressFamily family, F&& f) {
+  switch (family) {
+    case StressFamily::kFixedCorotated:
+      return f.template operator()<StressFamily::kFixedCorotated>();
+    case StressFamily::kNeoHookean:
+      return f.template operator()<StressFamily::kNeoHookean>();
+    case StressFamily::kHencky:
+      return f.template operator()<StressFamily::kHencky>();
+    case StressFamily::kNewtonian:
+      break;
+  }
+  return f.template operator()<StressFamily::kNewtonian>();
+}
+
+}  // namespace matterfit::material

@@ -90,7 +90,7 @@ struct GradientOptions {
   /// takes the velocity gradients of materials that do not need them. Else those are given as 0.
   bool of_no_damping = true;
   /// Observers see deformation gradients, as points bound beside particles follow them
-  /// (bake/binding.hpp).
+  /// (capture/binding.hpp).
   bool deformation_gradients = false;
   /// Called from the calling thread with the share that is done, from 0 to 1.
   std::function<void(double)> progress;

@@ -232,7 +232,7 @@ Vec3d TotalContactAdjoint<S>::back_to_surface(std::size_t collider, const Vec3d&
                                               const shape::SurfacePoint& at, double distance_bar,
                                               const Vec3d& normal_bar, const Vec3d& velocity_bar,
                                               double time, shape::ColliderCotangents& own) const {
-  return mpm::back_to_surface(*colliders_[collider], x, time, probe_, at, distance_bar, normal_bar,
+  return shape::back_to_surface(*colliders_[collider], x, time, probe_, at, distance_bar, normal_bar,
                               velocity_bar, own);
 }
 

@@ -15,7 +15,7 @@
 namespace matterfit::mpm {
 namespace {
 
-using namespace test_colliders;
+using namespace shape::test_colliders;
 
 constexpr double kH = 0.025;
 constexpr double kDt = 2e-4;

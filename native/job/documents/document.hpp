@@ -231,7 +231,7 @@ struct OutputDoc {
   double checkpoint_seconds = 30.0;  ///< … or this many seconds, whichever comes first
 };
 
-struct FitDoc;  // job/fit_document.hpp
+struct FitDoc;  // job/documents/fit_document.hpp
 
 struct Job {
   Task task = Task::kSimulate;
@@ -248,7 +248,7 @@ struct Job {
 struct ReadOptions {
   std::filesystem::path base_folder;   ///< relative paths start here
   std::string name = "job";            ///< stands before messages about the text itself
-  std::vector<std::string> overrides;  ///< "path=value", in order (job/override.hpp)
+  std::vector<std::string> overrides;  ///< "path=value", in order (job/documents/override.hpp)
   std::optional<Task> task;            ///< in place of the document's
 };
 

@@ -561,6 +561,57 @@ class PictureTest(AttachCase):
         self.assertEqual(self.seen(items), {"surface"})
 
 
+@unittest.skipUnless(openvdb_module(), "this Blender has no pyopenvdb")
+class SurfaceTest(AttachCase):
+    """What the surface of a body carries beside its shape."""
+
+    def write_files(self, document):
+        cloud = numpy.array([(x, y, 1.0) for x in (-0.2, 0.2) for y in (-0.2, 0.2)])
+        write_pc2(os.path.join(self.folder_of_cache, "points", "Cube.pc2"), [cloud] * len(FRAMES))
+        for k, frame in enumerate(FRAMES):
+            write_vdb(os.path.join(self.folder_of_cache, "volume", f"Cube_{frame:04d}.vdb"), 0.2)
+            write_exr(os.path.join(self.folder_of_cache, "attributes",
+                                   f"Cube_velocity_{frame:04d}.exr"),
+                      numpy.array([(1.0, 2.0, float(k))] * 2 + [(-1.0, 2.0, float(k))] * 2), 2)
+
+    def surface(self, **output):
+        self.body_row.material.preset = "WATER"
+        return self.attach(volume=["surface"], attributes=["velocity"], **output)["surface:Cube"]
+
+    def radius(self, item):
+        points = evaluated_points(item, FRAMES[0])
+        return numpy.linalg.norm(points - (0, 0, 1), axis=1).mean()
+
+    def test_velocity_for_motion_blur(self):
+        """Each vertex moves as the nearest particle does, in metres a second."""
+        item = self.surface()
+        for k, frame in enumerate(FRAMES):
+            self.scene.frame_set(frame)
+            evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+            mesh = evaluated.to_mesh()
+            values = numpy.empty(3 * len(mesh.vertices), dtype=numpy.float32)
+            mesh.attributes["velocity"].data.foreach_get("vector", values)
+            places = numpy.array([vertex.co for vertex in mesh.vertices])
+            evaluated.to_mesh_clear()
+            values = values.reshape(-1, 3)
+            self.assertGreater(len(values), 100)
+            left = places[:, 0] < -0.02
+            numpy.testing.assert_allclose(values[left].mean(axis=0), (1.0, 2.0, k), atol=1e-3)
+            right = places[:, 0] > 0.02
+            numpy.testing.assert_allclose(values[right].mean(axis=0), (-1.0, 2.0, k), atol=1e-3)
+
+    def test_offset_and_smoothing(self):
+        """They change what is shown at once; the offset counts in particle separations."""
+        self.settings.output.surface_smoothing = 0
+        item = self.surface()
+        self.assertAlmostEqual(self.radius(item), 0.2, delta=0.003)
+        separation = self.settings.solver.particle_separation
+        self.settings.output.surface_offset = 0.02 / separation
+        self.assertAlmostEqual(self.radius(item), 0.22, delta=0.003)
+        self.settings.output.surface_smoothing = 40
+        self.assertLess(self.radius(item), 0.218)
+
+
 class FreeTest(AttachCase):
     def write_files(self, document):
         local = numpy.array([vertex.co for vertex in self.item.data.vertices])

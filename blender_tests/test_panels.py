@@ -41,9 +41,11 @@ class CutTest(SceneCase):
             self.check(f", {source}")
 
     def test_a_collider(self):
+        self.body(self.cube("Second"))
+        bpy.ops.matterfit.add_pair()
         self.body(self.cube("Ball"), "COLLIDER")
         for kind in ("STATIC", "RIGID", "DEFORMING"):
-            self.settings.bodies[1].collider_kind = kind
+            self.settings.bodies[2].collider_kind = kind
             self.check(f", {kind}")
 
     def test_the_solver(self):

@@ -183,6 +183,52 @@ class SurfaceTest(AttachCase):
             right = places[:, 0] > 0.02
             numpy.testing.assert_allclose(values[right].mean(axis=0), (-1.0, 2.0, k), atol=1e-3)
 
+    def test_velocity_in_a_scene_of_centimetres(self):
+        """The attribute is in Blender units a second: a hundred times as much."""
+        self.scene.unit_settings.scale_length = 0.01
+        item = self.surface()
+        self.scene.frame_set(FRAMES[0])
+        mesh = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+        self.assertAlmostEqual(mesh.attributes["velocity"].data[0].vector.y, 200.0, places=2)
+
+    def test_blurred_in_a_render(self):
+        """At 12 m/s and 24 frames a second half a frame's shutter draws out .25 m."""
+        item = self.surface()
+        for k in range(len(FRAMES)):
+            write_exr(os.path.join(self.folder_of_cache, "attributes",
+                                   f"Cube_velocity_{FRAMES[k]:04d}.exr"),
+                      numpy.array([(12.0, 0.0, 0.0)] * 4), 2)
+        for image in bpy.data.images:
+            image.reload()
+        self.scene.frame_set(FRAMES[2])
+        camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+        camera.location, camera.rotation_euler = (0.0, -3.0, 1.0), (1.5708, 0.0, 0.0)
+        camera.data.type, camera.data.ortho_scale = "ORTHO", 1.0
+        self.scene.collection.objects.link(camera)
+        self.scene.camera = camera
+        glow = bpy.data.materials.new("Glow")
+        glow.use_nodes = True
+        nodes = glow.node_tree.nodes
+        nodes.clear()
+        glow.node_tree.links.new(nodes.new("ShaderNodeEmission").outputs[0],
+                                 nodes.new("ShaderNodeOutputMaterial").inputs[0])
+        item.active_material = glow
+        render = self.scene.render
+        render.engine, render.resolution_x, render.resolution_y = "CYCLES", 64, 64
+        self.scene.cycles.samples, self.scene.cycles.use_denoising = 32, False
+        render.image_settings.file_format = "OPEN_EXR"
+        render.motion_blur_shutter = 0.5
+        widths = {}
+        for blur in (False, True):
+            render.use_motion_blur = blur
+            render.filepath = os.path.join(self.folder, f"blur_{blur}.exr")
+            bpy.ops.render.render(write_still=True)
+            image = bpy.data.images.load(render.filepath)
+            pixels = numpy.array(image.pixels[:]).reshape(64, 64, 4)[..., 0]
+            widths[blur] = int((pixels[28:36].max(axis=0) > 0.1).sum()) / 64.0
+        self.assertAlmostEqual(widths[False], 0.4, delta=0.05)
+        self.assertAlmostEqual(widths[True] - widths[False], 0.25, delta=0.07)
+
     def test_offset_and_smoothing(self):
         """They change what is shown at once; the offset counts in particle separations."""
         self.settings.output.surface_smoothing = 0

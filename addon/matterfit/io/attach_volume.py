@@ -66,7 +66,8 @@ def blur(work):
         kind, _colon, name = item[TAG].partition(":")
         if kind == "surface" and name in clouds:
             modifier = item.modifiers.get(VELOCITY) or item.modifiers.new(VELOCITY, "NODES")
-            modifier.node_group = nodes.velocity_tree(f"{VELOCITY} {item.name}", clouds[name])
+            modifier.node_group = nodes.velocity_tree(f"{VELOCITY} {item.name}", clouds[name],
+                                                     work.unit)
 
 
 @reactions.surface_restyled.done_by

@@ -66,6 +66,9 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     if solver.use_ground:
         scene_document["colliders"].insert(
             0, job_colliders.ground_document(solver, writer.scale))
+    contacts = job_colliders.pair_documents(settings)
+    if contacts:
+        scene_document["contacts"] = contacts
     if solver.use_walls:
         scene_document["walls"] = job_colliders.walls_document(solver, writer.scale)
     if effects:

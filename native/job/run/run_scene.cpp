@@ -160,6 +160,7 @@ class Run {
     const MemoryRefusal refusal{*this};
     refusal.check();
     mpm::Simulation::Options options;
+    options.hand_over = true;
     options.target = target_;
     options.memory_limit = static_cast<std::size_t>(1e9 * job_.scene.solver.memory_limit_gb);
     report(0.0, "Preparing");
@@ -359,6 +360,7 @@ class Run {
       substeps += line.value("substeps", 0);
       penetration = std::max(penetration, line.value("max_penetration", 0.0));
       simulated += line.value("seconds", 0.0);
+      if (line.contains("note")) notes_.push_back(line.value("note", ""));
     }
     json["dt"] = dt;
     json["dt_limit"] = limit;

@@ -11,6 +11,7 @@
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
 #include "math/simd_target.hpp"
+#include "mpm/observed_frame.hpp"
 #include "mpm/scene.hpp"
 
 namespace matterfit::mpm {
@@ -85,6 +86,8 @@ class Simulation {
   /// Advances by one frame. On cancellation throws; the state is then unusable but for destruction.
   FrameReport advance(const Interrupter& interrupter);
   [[nodiscard]] FrameState state() const;
+  /// The same without rounding, for those who compare small differences.
+  [[nodiscard]] ObservedFrame observe(bool deformation_gradients) const;
 
   /// Runs substeps for about `seconds` of wall clock (one at least, a frame's at most) from
   /// where the first body moves, to see what they take. The state is then good for nothing but

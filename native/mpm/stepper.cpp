@@ -387,6 +387,41 @@ FrameState Stepper<S>::state() const {
 }
 
 template <class S>
+ObservedFrame Stepper<S>::observe(bool deformation_gradients) const {
+  ObservedFrame out;
+  out.frame = frame_;
+  out.time = time_of(frame_);
+  out.bodies.resize(scene_.bodies.size());
+  for (std::size_t m = 0; m < total_->size(); ++m) {
+    const TotalBody<S>& body = total_->body(m);
+    ObservedFrame::Body& seen = out.bodies[total_->index(m)];
+    seen.positions.resize(body.particles());
+    seen.velocities.resize(body.particles());
+    if (deformation_gradients) seen.deformation_gradients.resize(body.particles());
+    arena_->parallel_for(0, body.particles(), 256, [&](std::size_t p) {
+      const auto point = body.point(static_cast<std::uint32_t>(p));
+      const auto state = body.state(point);
+      seen.positions[p] = state.position;
+      seen.velocities[p] = state.velocity;
+      if (deformation_gradients) {
+        seen.deformation_gradients[p] = body.deformation_gradient(point);
+      }
+    });
+  }
+  for (std::size_t m = 0; m < updated_bodies_.size(); ++m) {
+    ObservedFrame::Body& seen = out.bodies[updated_bodies_[m]];
+    for (const UpdatedParticle& particle : updated_->particles(m)) {
+      seen.positions.push_back(particle.position);
+      seen.velocities.push_back(particle.velocity);
+      if (deformation_gradients) {
+        seen.deformation_gradients.push_back(particle.deformation_gradient);
+      }
+    }
+  }
+  return out;
+}
+
+template <class S>
 std::string Stepper<S>::save() const {
   ByteWriter out;
   out.put(kStateVersion);

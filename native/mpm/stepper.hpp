@@ -59,6 +59,8 @@ class Stepper {
   void substep(int frame, const FrameSchedule& plan, int k);
 
   [[nodiscard]] FrameState state() const;
+  /// The same without rounding.
+  [[nodiscard]] ObservedFrame observe(bool deformation_gradients) const;
   [[nodiscard]] std::string save() const;
   void load(const std::string& bytes);
 

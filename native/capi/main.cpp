@@ -17,6 +17,7 @@
 #include "job/documents/document.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/documents/json_reader.hpp"
+#include "job/new_job.hpp"
 #include "job/run/estimate.hpp"
 #include "job/run/inspect.hpp"
 #include "job/run_job.hpp"
@@ -37,6 +38,9 @@ extern "C" void on_signal(int number) {
 }
 
 struct Arguments {
+  job::NewJobOptions fresh;
+  std::string law = "fixed_corotated";
+  std::string up;
   std::string job;
   std::string folder;
   std::vector<std::string> set;
@@ -120,6 +124,38 @@ int inspect(const Arguments& arguments) {
   return sound ? 0 : 2;
 }
 
+CLI::App* add_new_job(CLI::App& app, Arguments& arguments) {
+  CLI::App* verb = app.add_subcommand(
+      "new-job", "write a document for a recording: its body, what is to be fitted, a hold-out");
+  job::NewJobOptions& fresh = arguments.fresh;
+  verb->add_option("CAPTURE", fresh.capture, "tracks: .npz (with `faces` of its mesh), .c3d, …")
+      ->required();
+  verb->add_option("--output", fresh.output, "the document that is written")->required();
+  verb->add_option("--ground", fresh.ground, "height of a floor [m]; without it there is none");
+  verb->add_option("--friction", fresh.friction, "Coulomb coefficient of the floor");
+  verb->add_option("--density", fresh.density, "of the body at rest [kg/m³]");
+  verb->add_option("--noise", fresh.noise, "standard deviation of a coordinate [m]");
+  verb->add_option("--gravity", fresh.gravity, "downward [m/s²]");
+  verb->add_option("--law", arguments.law, "constitutive law that is fitted first");
+  verb->add_option("--unit", fresh.unit, "metres per unit of the file");
+  verb->add_option("--up", arguments.up, "axis that points up: x, y or z");
+  verb->add_option("--particles", fresh.particles, "about as many fill the body");
+  return verb;
+}
+
+int new_job(Arguments& arguments) {
+  arguments.fresh.law = matterfit::material::law_from_name(arguments.law);
+  if (!arguments.up.empty()) {
+    if (arguments.up.size() != 1 || arguments.up.find_first_of("xyz") == std::string::npos) {
+      matterfit::throw_input("--up is '" + arguments.up + "', expected x, y or z.");
+    }
+    arguments.fresh.up = arguments.up.front();
+  }
+  job::write_new_job(arguments.fresh);
+  std::printf("%s\n", arguments.fresh.output.c_str());
+  return 0;
+}
+
 /// CLI11 says no more of an unknown verb than that one is missing.
 void check_verb(const CLI::App& app, int argc, char** argv) {
   if (argc < 2 || argv[1][0] == '-') return;
@@ -150,11 +186,12 @@ int command(int argc, char** argv, Arguments& arguments) {
   add("simulate", "write the states of every frame, and simulated.npz at the captures' points");
   add("fit",
       "identify materials from captures: fitted values with errors, material.json, scene.json");
-  add("diagnose", "find what the simulation gets wrong (not available in this version)");
+  add("diagnose", "fit, then find what the simulation gets wrong, name the cause, measure the gain");
   add("compare", "simulate if need be, and measure the error against the captures");
   add("bake", "simulate and write every cache under `output`");
   add("estimate", "memory and time that a job needs");
   add("validate", "check a document and print it as it was understood");
+  CLI::App* fresh = add_new_job(app, arguments);
   CLI::App* look = app.add_subcommand("inspect", "result hash of a cache folder; checks its files");
   look->add_option("FOLDER", arguments.folder, "a job's output folder")->required();
   look->add_option("--report", arguments.report, "write the result to this file too");
@@ -167,6 +204,7 @@ int command(int argc, char** argv, Arguments& arguments) {
     return status == 0 ? 0 : matterfit::exit_status(ErrorKind::kInput);
   }
   if (look->parsed()) return inspect(arguments);
+  if (fresh->parsed()) return new_job(arguments);
   for (const CLI::App* verb : verbs) {
     if (!verb->parsed()) continue;
     if (verb->get_name() == "validate") {

@@ -71,6 +71,7 @@ bool has_gradient(const FitParameters& parameters, std::size_t scene_index,
                   const mpm::Scene& scene) {
   const auto total = std::count_if(scene.bodies.begin(), scene.bodies.end(), mpm::is_total);
   if (total > 0 && scene.bodies.size() > 1) return false;
+  if (std::any_of(scene.bodies.begin(), scene.bodies.end(), mpm::is_renewed)) return false;
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     if (!parameters.acts_on(i, scene_index)) continue;
     const FitQuantity quantity = parameters.path(i).quantity;

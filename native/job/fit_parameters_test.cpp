@@ -7,6 +7,7 @@
 #include <deque>
 #include <functional>
 
+#include "base/message_for_test.hpp"
 #include "base/parallel.hpp"
 #include "job/documents/capture_scene.hpp"
 #include "job/fit_fixture_for_test.hpp"

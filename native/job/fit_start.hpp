@@ -22,7 +22,7 @@ struct MotionStart {
 };
 
 /// The values with velocity and spin replaced, where they are among the parameters, by those of the
-/// rigid motion through the first frames of a capture of that body (fit/initial_motion.hpp): as
+/// rigid motion through the first frames of a capture of that body (fit/data/initial_motion.hpp): as
 /// many frames as a ballistic flight explains, two where there are no more; of clouds the velocity
 /// alone, by the mean of a frame's points. A later capture of the body counts where an earlier one
 /// shows no flight. Bodies with pins stay. `scenes` one a run; noise settled (settle_noise()).

@@ -9,10 +9,12 @@
 #include <thread>
 
 #include "base/file.hpp"
+#include "base/message_for_test.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/fit_search.hpp"
 #include "job/fit_state.hpp"
+#include "job/run/inspect.hpp"
 
 namespace matterfit::job {
 namespace {

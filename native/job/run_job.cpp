@@ -2,6 +2,7 @@
 #include "job/run_job.hpp"
 
 #include "base/error.hpp"
+#include "job/diagnosis/run_diagnose.hpp"
 #include "job/fit_run.hpp"
 #include "job/run/run_scene.hpp"
 
@@ -9,10 +10,6 @@ namespace matterfit::job {
 namespace {
 
 void check_task(const Job& job) {
-  if (job.task == Task::kDiagnose) {
-    throw_input("task " + std::string(task_name(job.task)) +
-                " is not available in this version; simulate, fit, compare and bake are.");
-  }
   if (job.task == Task::kCompare && job.captures.empty()) {
     throw_input("captures: compare needs at least one capture to compare with.");
   }
@@ -23,6 +20,7 @@ void check_task(const Job& job) {
 Json run_job(const Job& job, const RunOptions& options, Interrupter& interrupter) {
   check_task(job);
   if (job.task == Task::kFit) return run_fit(job, options, interrupter);
+  if (job.task == Task::kDiagnose) return run_diagnose(job, options, interrupter);
   return run_scenes(job, options, interrupter, {});
 }
 

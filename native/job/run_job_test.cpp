@@ -265,12 +265,12 @@ TEST(Run, ARefusedJobLeavesNoFolder) {
   EXPECT_TRUE(fs::exists(folder.path / "refused"));
 }
 
-TEST(Run, WhatIsNotThereYetSaysSo) {
+TEST(Run, RefusesTasksThatLackTheirSection) {
   const Folder folder;
   Json document = falling_cube();
   document["task"] = "diagnose";
   EXPECT_THAT(message_of([&] { (void)run(document, folder.path); }),
-              HasSubstr("task diagnose is not available in this version"));
+              HasSubstr("add a section 'fit'"));
   document["task"] = "compare";
   EXPECT_THAT(message_of([&] { (void)run(document, folder.path); }),
               HasSubstr("compare needs at least one capture"));

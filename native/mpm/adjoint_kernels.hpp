@@ -10,7 +10,7 @@
 namespace matterfit::mpm {
 
 /// Cotangents of a law's constants, and of each Maxwell branch's stiffness and relaxed share
-/// (material/maxwell-inl.hpp), summed over a block.
+/// (material/classical/maxwell-inl.hpp), summed over a block.
 struct LawCotangents {
   material::ConstantsAdjoint<double> constants{};
   std::array<double, material::kMostMaxwellBranches> stiffness{};

@@ -71,7 +71,10 @@ struct Gradient {
   std::vector<BodyGradient> bodies;
   std::vector<ColliderGradient> colliders;  ///< the scene's, then its walls
   Vec3d gravity = Vec3d::Zero();            ///< by something added to it at all times
-  Schedule schedule;                        ///< as the run was stepped
+  /// Of each of the scene's effects, by Effect::values (by something added at all times to what is
+  /// keyed); of neutral ones too.
+  std::vector<std::vector<double>> effects;
+  Schedule schedule;  ///< as the run was stepped
   std::size_t substeps = 0;
   std::size_t recomputed = 0;   ///< substeps that were run a second time
   std::size_t state_bytes = 0;  ///< of what is kept of one substep, about
@@ -90,7 +93,7 @@ struct GradientOptions {
   /// takes the velocity gradients of materials that do not need them. Else those are given as 0.
   bool of_no_damping = true;
   /// Observers see deformation gradients, as points bound beside particles follow them
-  /// (bake/binding.hpp).
+  /// (capture/binding.hpp).
   bool deformation_gradients = false;
   /// Called from the calling thread with the share that is done, from 0 to 1.
   std::function<void(double)> progress;

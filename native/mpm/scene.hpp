@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
+#include "effects/effect.hpp"
 #include "material/material.hpp"
 #include "shape/collider.hpp"
 #include "shape/keyed.hpp"
@@ -18,6 +19,7 @@ enum class Formulation {
   kAuto,     ///< total for elastic laws, updated for the rest
   kTotal,    ///< total Lagrangian: grid of the rest shape, node velocities the state
   kUpdated,  ///< updated Lagrangian MLS-MPM with APIC
+  kRenewed,  ///< node velocities the state as in total, its reference renewed as motion asks
 };
 
 /// Where a body's particles lie: x = origin + axes · (spacing · (i + ½, j + ½, k + ½)) for integer
@@ -100,9 +102,10 @@ struct Scene {
   std::vector<shape::ColliderPtr> colliders;
   std::vector<BodyContact> contacts;
   std::optional<Walls> walls;
-  double cfl = 0.4;        ///< largest motion in one substep, in cells
-  double dt = 0.0;         ///< overrides the solver's substep where > 0 [s]
-  double dt_safety = 0.8;  ///< fraction of the stability limit that is used
+  std::vector<effects::Effect> effects;  ///< what the model is extended by
+  double cfl = 0.4;                      ///< largest motion in one substep, in cells
+  double dt = 0.0;                       ///< overrides the solver's substep where > 0 [s]
+  double dt_safety = 0.8;                ///< fraction of the stability limit that is used
   /// How many substeps each frame takes, in place of the solver's choice, so that runs beside each
   /// other take the same ones; 0, or past the end: the solver chooses. A frame that fails is not
   /// tried again with more.

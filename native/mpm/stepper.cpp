@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/error.hpp"
+#include "mpm/body_terms.hpp"
 #include "mpm/kernels.hpp"
 #include "mpm/scene_check.hpp"
 #include "mpm/unstable_error.hpp"
@@ -38,11 +39,21 @@ Stepper<S>::Stepper(Scene scene, std::shared_ptr<Arena> arena, const Simulation:
   }
   frame_ = scene_.first_frame;
   if (scene_.walls) add_walls();
+  add_inertia(scene_);
   check_start();
   const Kernels<S>& table = kernels<S>(options.target);
   total_ = std::make_unique<TotalGroup<S>>(scene_, table);
+  std::vector<std::size_t> renewed;
   for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
-    if (!is_total(scene_.bodies[i])) updated_bodies_.push_back(i);
+    if (is_renewed(scene_.bodies[i])) {
+      renewed.push_back(i);
+    } else if (!is_total(scene_.bodies[i])) {
+      updated_bodies_.push_back(i);
+    }
+  }
+  if (!renewed.empty()) {
+    renewed_ = std::make_unique<RenewedGroup<S>>(
+        scene_, renewed, renewed_kernels<S>(options.target), options.memory_limit);
   }
   if (!updated_bodies_.empty()) {
     updated_ =
@@ -144,6 +155,10 @@ StepLimit Stepper<S>::choose_step(double time, const Interrupter& interrupter) {
     const auto [dt, reason] = updated_->begin_frame(time);
     if (!(scene_.dt > 0.0)) step.limit_to(scene_.dt_safety * dt, reason);
   }
+  if (renewed_ && !(scene_.dt > 0.0)) {
+    const auto [dt, reason] = renewed_->limit_step(time);
+    step.limit_to(scene_.dt_safety * dt, reason);
+  }
   return step;
 }
 
@@ -161,8 +176,9 @@ int Stepper<S>::fixed_substeps() const {
 }
 
 template <class S>
-void Stepper<S>::begin_frame() {
+void Stepper<S>::begin_frame(int substeps) {
   total_->begin_frame(time_of(frame_));
+  if (renewed_) renewed_->begin_frame(time_of(frame_), substeps);
   if (body_contacts_) body_contacts_->wake();
 }
 
@@ -171,13 +187,20 @@ void Stepper<S>::step(double time, double dt, FrameReport& report) {
   const Vec3d gravity = scene_.gravity.at(time);
   total_->touch(*arena_, time, dt);
   if (body_contacts_ && body_contacts_->any()) {
-    body_contacts_->apply(*arena_, time, dt, gravity.norm(), 1.0 / scene_.fps);
+    double pull = total_->term_acceleration();
+    if (updated_) pull = std::max(pull, updated_->term_acceleration());
+    body_contacts_->apply(*arena_, time, dt, gravity.norm() + pull, 1.0 / scene_.fps);
   }
   total_->step(*arena_, time, dt, gravity, frame_, report);
   if (updated_) {
     const auto extremes = updated_->step(*arena_, time, dt, gravity, record_);
     report.min_volume_ratio = std::min(report.min_volume_ratio, extremes.first);
     report.max_volume_ratio = std::max(report.max_volume_ratio, extremes.second);
+  }
+  if (renewed_) {
+    const auto [least, most] = renewed_->step(*arena_, time, dt, gravity);
+    report.min_volume_ratio = std::min(report.min_volume_ratio, least);
+    report.max_volume_ratio = std::max(report.max_volume_ratio, most);
   }
 }
 
@@ -187,7 +210,7 @@ void Stepper<S>::substep(int frame, const FrameSchedule& plan, int k) {
   if (k == 0) {
     total_->set_elastic_dt(plan.elastic_dt);
     if (updated_) (void)updated_->begin_frame(time_of(frame_));
-    begin_frame();
+    begin_frame(plan.substeps);
   }
   const double dt = 1.0 / (scene_.fps * plan.substeps);
   FrameReport report;
@@ -226,6 +249,7 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
   const bool may_retry = !(scene_.dt > 0.0) && fixed == 0;
   const std::string before = may_retry ? save() : "";  // with the limits just found
   double count = fixed > 0 ? fixed : substeps(step);
+  if (may_retry && renewed_) count = renewed_->whole_substeps(time_of(frame_), count);
   if (!(count < kMostSubsteps)) {
     throw_compute("Frame " + std::to_string(frame_) + " would need " +
                   std::to_string(std::llround(count)) + " substeps (" + step.reason +
@@ -241,7 +265,7 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
     report.dt = 1.0 / (scene_.fps * report.substeps);
     report.dt_limit = step.reason + (attempt > 0 ? ", halved after a failed try" : "");
     try {
-      begin_frame();
+      begin_frame(report.substeps);
       for (int k = 0; k < report.substeps; ++k) {
         interrupter.check();
         if (hooks.before) hooks.before(k, report.substeps);
@@ -262,6 +286,7 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
   report.frame = frame_;
   total_->report(report);
   if (updated_) updated_->report(report);
+  if (renewed_) renewed_->report(report);
   if (scene_.walls) check_walls(state());
   return report;
 }
@@ -269,13 +294,13 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
 template <class S>
 SubstepCost Stepper<S>::measure(double seconds, const Interrupter& interrupter) {
   // While everything is held nothing is computed: the price is that of what follows.
-  const auto held = [&] { return !updated_ && total_->all_held(time_of(frame_)); };
+  const auto held = [&] { return !updated_ && !renewed_ && total_->all_held(time_of(frame_)); };
   while (held() && frame_ + 1 < scene_.end_frame) ++frame_;
   const double count = substeps(choose_step(time_of(frame_), interrupter));
   SubstepCost cost;
   cost.dt = 1.0 / (scene_.fps * count);
   FrameReport report;
-  begin_frame();
+  begin_frame(static_cast<int>(count));
   const auto begin = std::chrono::steady_clock::now();
   int done = 0;
   double spent = 0.0;
@@ -296,6 +321,7 @@ FrameState Stepper<S>::state() const {
   out.bodies.resize(scene_.bodies.size());
   total_->sample(*arena_, out.bodies);
   if (updated_) updated_->sample(out.bodies);
+  if (renewed_) renewed_->sample(*arena_, out.bodies);
   return out;
 }
 
@@ -306,6 +332,7 @@ std::string Stepper<S>::save() const {
   out.put(frame_);
   total_->save(out);
   if (updated_) updated_->save(out);
+  if (renewed_) renewed_->save(out);
   if (body_contacts_) body_contacts_->save(out);
   return out.take();
 }
@@ -320,6 +347,7 @@ void Stepper<S>::load(const std::string& bytes) {
   in.get(frame_);
   total_->load(in);
   if (updated_) updated_->load(in);
+  if (renewed_) renewed_->load(in);
   if (body_contacts_) body_contacts_->load(in);
   in.expect_end();
 }

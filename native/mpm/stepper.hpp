@@ -9,6 +9,7 @@
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "mpm/body_contact.hpp"
+#include "mpm/renewed_group.hpp"
 #include "mpm/schedule.hpp"
 #include "mpm/simulation.hpp"
 #include "mpm/total_group.hpp"
@@ -38,6 +39,7 @@ class Stepper {
   [[nodiscard]] TotalGroup<S>& total() { return *total_; }
   /// Null where no body is of that formulation.
   [[nodiscard]] UpdatedGroup<S>* updated() { return updated_.get(); }
+  [[nodiscard]] RenewedGroup<S>* renewed() { return renewed_.get(); }
   /// Of the updated bodies, into scene().bodies.
   [[nodiscard]] const std::vector<std::size_t>& updated_bodies() const { return updated_bodies_; }
   /// From here on each substep of the updated bodies fills it; null: none.
@@ -68,13 +70,14 @@ class Stepper {
   [[nodiscard]] StepLimit choose_step(double time, const Interrupter& interrupter);
   [[nodiscard]] double substeps(const StepLimit& step) const;
   [[nodiscard]] int fixed_substeps() const;
-  void begin_frame();
+  void begin_frame(int substeps);
   void step(double time, double dt, FrameReport& report);
 
   Scene scene_;
   std::shared_ptr<Arena> arena_;
   std::unique_ptr<TotalGroup<S>> total_;
   std::unique_ptr<UpdatedGroup<S>> updated_;
+  std::unique_ptr<RenewedGroup<S>> renewed_;
   UpdatedRecord<S>* record_ = nullptr;
   std::vector<std::size_t> updated_bodies_;
   std::unique_ptr<BodyContacts> body_contacts_;  ///< null where S is not float

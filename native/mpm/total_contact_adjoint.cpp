@@ -83,7 +83,6 @@ void TotalContactAdjoint<S>::meet(Group& group, const TotalSubstep& substep) con
 
 template <class S>
 void TotalContactAdjoint<S>::prepare(Arena& arena, const TotalSubstep& substep) {
-  for (std::size_t b = 0; b < body_.blocks(); ++b) body_.clear_loads(b);
   arena.parallel_for(0, group_count_, 1, [&](std::size_t g) {
     Group& group = groups_[g];
     meet(group, substep);
@@ -232,7 +231,7 @@ Vec3d TotalContactAdjoint<S>::back_to_surface(std::size_t collider, const Vec3d&
                                               const shape::SurfacePoint& at, double distance_bar,
                                               const Vec3d& normal_bar, const Vec3d& velocity_bar,
                                               double time, shape::ColliderCotangents& own) const {
-  return mpm::back_to_surface(*colliders_[collider], x, time, probe_, at, distance_bar, normal_bar,
+  return shape::back_to_surface(*colliders_[collider], x, time, probe_, at, distance_bar, normal_bar,
                               velocity_bar, own);
 }
 

@@ -14,7 +14,7 @@
 namespace matterfit::mpm {
 namespace {
 
-using namespace test_colliders;
+using namespace shape::test_colliders;
 using material::Law;
 using material::Material;
 

@@ -41,7 +41,7 @@ struct Balance {
 /// the sum over the body's particles (virtual fields method: Pierron and Grédiac 2012; on splines,
 /// for laws that are sought: EUCLID, Flaschel et al. 2021). ⟨ẍ⟩ is an exact second difference; F
 /// between frames is a cubic, so stresses that ring faster than the frames are not resolved.
-/// Histories are integrated along it by the solver's own laws (material/point_law.hpp).
+/// Histories are integrated along it by the solver's own laws (material/classical/point_law.hpp).
 ///
 /// The fields are frozen in the body at the hat's centre: quadratic B-splines N of a grid in space,
 /// a cell 1½ track spacings wide, times a ramp s that is 0 where unknown forces act at a frame of

@@ -21,7 +21,7 @@ struct SimulatedCapture {
   bool interpolated = false;     ///< some times lie between frames: a cubic through four
 };
 
-/// Points that move with one body, bound to it by their rest position (bake/binding.hpp), so that
+/// Points that move with one body, bound to it by their rest position (capture/binding.hpp), so that
 /// markers that stand off the body turn with it. Immutable: safe to use from any thread.
 class PointFollower {
  public:

@@ -227,7 +227,7 @@ BodyDoc read_body(const JsonValue& value, const ReadContext& context) {
   body.material = read_material(object.require("material"));
   if (const auto formulation = object.find("formulation")) {
     body.formulation =
-        static_cast<mpm::Formulation>(formulation->choice({"auto", "total", "updated"}));
+        static_cast<mpm::Formulation>(formulation->choice({"auto", "total", "updated", "renewed"}));
   }
   body.velocity = object.vec3("velocity", body.velocity);
   body.spin = object.vec3("spin", body.spin);

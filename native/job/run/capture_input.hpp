@@ -30,7 +30,7 @@ struct CaptureInput {
   [[nodiscard]] std::string label(std::size_t point) const;
 };
 
-/// Reads, aligns and times a capture of a job whose captures share its scene (job/capture_scene.hpp
+/// Reads, aligns and times a capture of a job whose captures share its scene (job/documents/capture_scene.hpp
 /// takes others apart). `clouds`: capture::TracksOptions::clouds. Throws Error(kInput) beginning
 /// with the capture's path.
 [[nodiscard]] CaptureInput load_capture(const Job& job, std::size_t index, bool clouds = false);

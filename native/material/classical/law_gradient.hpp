@@ -31,7 +31,7 @@ struct MaterialGradient {
                                                  const ConstantsAdjoint<double>& constants);
 
 /// Derivatives with respect to a branch's modulus and time, from those with respect to its
-/// stiffness and relaxed share over a substep `dt` [s] (material/maxwell-inl.hpp).
+/// stiffness and relaxed share over a substep `dt` [s] (material/classical/maxwell-inl.hpp).
 [[nodiscard]] MaxwellBranch maxwell_gradient(const MaxwellBranch& branch, double dt,
                                              double stiffness, double relaxed);
 

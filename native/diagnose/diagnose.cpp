@@ -1,0 +1,375 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "diagnose/diagnose.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "diagnose/extend.hpp"
+#include "diagnose/localise.hpp"
+#include "diagnose/next_recording.hpp"
+
+namespace matterfit::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+/// Above it a cause that leaves the rest unexplained still stands as the finding.
+constexpr double kExplainsEnough = 0.8;
+/// Power .8 of the detection limit: Φ⁻¹(.8).
+constexpr double kPower = 0.84;
+constexpr std::size_t kWorstFrames = 5;
+
+ExtendOptions extend_options(const DiagnoseOptions& o) {
+  ExtendOptions result;
+  result.analysis.placebo.draws = o.draws;
+  result.analysis.placebo.level = o.level;
+  result.analysis.placebo.seed = o.seed;
+  result.refit.iterations = o.iterations;
+  result.refit.differences.central = o.central;
+  result.gain.seed = o.seed + 3;
+  result.refits = o.refits;
+  result.most_causes = o.most_causes;
+  result.progress = o.progress;
+  return result;
+}
+
+/// Fills a report from what the search found.
+class Writer {
+ public:
+  Writer(const Study& study, const Extension& found, const DiagnoseOptions& options)
+      : study_(study), model_(study.model()), found_(found), options_(options) {}
+
+  Report write() {
+    summarise();
+    causes();
+    decide();
+    probabilities();
+    std::ranges::stable_sort(report_.causes, [](const Cause& a, const Cause& b) {
+      return a.accepted != b.accepted ? a.accepted : a.probability > b.probability;
+    });
+    if (report_.causes.size() > std::size_t(options_.listed)) {
+      report_.causes.resize(std::size_t(options_.listed));
+    }
+    next();
+    report_.runs = study_.runs();
+    report_.headline = headline(report_);
+    return std::move(report_);
+  }
+
+ private:
+  [[nodiscard]] const Effect& effect(const Candidate& candidate) const {
+    return model_.effects()[std::size_t(candidate.effect)];
+  }
+
+  void summarise() {
+    const Noise& noise = found_.noise;
+    double variance = 0.0;
+    double correlation = 0.0;
+    double common = 0.0;
+    for (const TrackNoise& track : noise.captures) {
+      const double share = 1.0 / double(noise.captures.size());
+      variance += share * track.sigma * track.sigma;
+      correlation += share * track.correlation;
+      common += share * track.common_sigma * track.common_sigma;
+      report_.noise.kurtosis += share * track.kurtosis;
+    }
+    report_.noise.sigma = std::sqrt(variance);
+    report_.noise.autocorrelation = correlation;
+    report_.noise.common_sigma = std::sqrt(common);
+    const auto& members = found_.spread.members;
+    if (members.cols() > 0) {
+      const VectorXd size =
+          (members.topRows(study_.used().size()).rowwise().squaredNorm() / double(members.cols()))
+              .cwiseSqrt();
+      report_.numerical = root_mean_square(study_.used(), size);
+    }
+    const VectorXd residual = study_.measured() - found_.base.refit.prediction;
+    const Index used = study_.used().size();
+    report_.train = sizes_of(study_.used(), residual.head(used));
+    report_.holdout = sizes_of(study_.held(), residual.tail(study_.held().size()));
+    report_.by_frame = errors_by_frame(study_, residual, noise, members);
+    report_.worst = worst_frames(study_, residual, kWorstFrames);
+    report_.wrong = wrong_places(study_, residual, noise, members);
+    report_.threshold = found_.first->placebo.threshold;
+    report_.smooth_p = found_.first->smooth.p;
+    report_.smooth_p_after = found_.last ? found_.last->smooth.p : found_.first->smooth.p;
+    report_.bias = found_.best ? found_.best->refit.bias : found_.base.refit.bias;
+    const SmoothTest& before = found_.first->smooth;
+    if (found_.last && before.excess() > 0.0) {
+      report_.explained =
+          std::clamp(1.0 - found_.last->smooth.excess() / before.excess(), 0.0, 1.0);
+    }
+  }
+
+  [[nodiscard]] const Trial* trial_of(const Candidate& candidate) const {
+    for (const Trial& trial : found_.singles) {
+      if (trial.causes.front().effect == candidate.effect) return &trial;
+    }
+    return nullptr;
+  }
+
+  /// Of the best extension, where it has several causes; otherwise of the cause's own refit.
+  [[nodiscard]] bool acts(const Candidate& candidate) const {
+    return found_.best && std::ranges::any_of(found_.best->causes, [&](const Candidate& c) {
+             return c.effect == candidate.effect && c.variant == candidate.variant;
+           });
+  }
+
+  void fill_values(const Candidate& candidate, const Refit& refit, Cause& cause) const {
+    Index at = 0;
+    const double wide = std::sqrt(std::max(1.0, refit.chi_square / refit.freedom));
+    for (const Active& active : refit.state.causes) {
+      if (active.effect == candidate.effect) {
+        const Effect& e = effect(candidate);
+        for (std::size_t k = 0; k < e.numbers.size(); ++k) {
+          cause.parameters.push_back({e.numbers[k].name, e.numbers[k].unit, active.values[Index(k)],
+                                      wide * refit.error[at + Index(k)]});
+        }
+      }
+      at += active.values.size();
+    }
+  }
+
+  void fill_gain(const Trial& trial, Cause& cause) const {
+    const Gain& g = trial.gain;
+    cause.holdout_before = g.before;
+    cause.holdout_after = g.after;
+    cause.holdout_floor = g.floor;
+    cause.last_residual = g.last_residual;
+    cause.free_field = g.free_field;
+    cause.gain = g.value;
+    cause.gain_low = g.low;
+    cause.gain_high = g.high;
+    cause.gain_measurable = g.measurable;
+    const double excess = std::max(found_.base.refit.chi_square - found_.base.refit.freedom, 1.0);
+    cause.explained =
+        std::clamp((found_.base.refit.chi_square - trial.refit.chi_square) / excess, 0.0, 1.0);
+  }
+
+  void causes() {
+    const std::vector<Score>& scores = found_.first->scores;
+    double largest = 0.0;
+    for (std::size_t k = 0; k < scores.size(); ++k) {
+      const Score& score = scores[k];
+      const Effect& e = effect(score.candidate);
+      largest = std::max(largest, score.equivalent);
+      // The shape that was refitted, else that of the largest score, stands for the effect.
+      const Trial* trial = trial_of(score.candidate);
+      const bool stands = acts(score.candidate) ||
+                          (trial ? trial->causes.front().variant == score.candidate.variant
+                                 : std::ranges::none_of(scores, [&](const Score& other) {
+                                     return other.candidate.effect == score.candidate.effect &&
+                                            (other.equivalent > score.equivalent ||
+                                             (other.equivalent == score.equivalent &&
+                                              other.candidate.variant < score.candidate.variant));
+                                   }));
+      if (!stands) continue;
+      if (!score.observable) report_.not_observable.push_back(e.name);
+      limits(k);
+      report_.causes.push_back(row(k, trial));
+    }
+    report_.p = found_.first->placebo.p(largest);
+  }
+
+  [[nodiscard]] Cause row(std::size_t k, const Trial* trial) const {
+    const Score& score = found_.first->scores[k];
+    const Effect& e = effect(score.candidate);
+    Cause cause;
+    cause.effect_index = score.candidate.effect;
+    cause.variant = score.candidate.variant;
+    cause.effect = e.name;
+    cause.scope = e.scope;
+    cause.group = e.group;
+    if (!e.variants.empty()) cause.where = e.variants[std::size_t(score.candidate.variant)];
+    cause.score = score.statistic;
+    cause.p = found_.first->placebo.p(score.equivalent);
+    cause.keep = score.keep;
+    cause.observable = score.observable;
+    cause.refitted = trial != nullptr;
+    if (acts(score.candidate)) {
+      fill_values(score.candidate, found_.best->refit, cause);
+      fill_gain(*found_.best, cause);
+    } else if (trial) {
+      fill_values(score.candidate, trial->refit, cause);
+      fill_gain(*trial, cause);
+    } else {
+      for (std::size_t i = 0; i < e.numbers.size(); ++i) {
+        const Number& number = e.numbers[i];
+        cause.parameters.push_back({number.name, number.unit,
+                                    number.neutral + number.scale * score.estimate[Index(i)],
+                                    number.scale * score.error[Index(i)]});
+      }
+    }
+    if (score.observable) {
+      for (std::size_t l = 0; l < found_.first->scores.size(); ++l) {
+        const Score& other = found_.first->scores[l];
+        if (other.candidate.effect == score.candidate.effect) continue;
+        const double cosine = std::sqrt(found_.first->test.imitation(k, score.estimate, l));
+        // Nine tenths of the signature: the rest is what tells them apart.
+        if (cosine > 0.9) {
+          cause.confused_with.push_back(
+              {effect(other.candidate).name, effect(other.candidate).scope, cosine});
+        }
+      }
+      if (cause.p < options_.level) {
+        cause.evidence_by_frame = evidence_by_frame(study_, *found_.first, k, score.estimate);
+      }
+    }
+    cause.evidence = evidence(cause);
+    cause.sentence = fill_sentence(e, cause);
+    return cause;
+  }
+
+  [[nodiscard]] std::string evidence(const Cause& cause) const {
+    if (!cause.observable) {
+      return fmt::format(
+          "Not observable here: {:.1f} % of its effect is left when the fitted "
+          "parameters adapt.",
+          100.0 * cause.keep);
+    }
+    if (cause.p >= options_.level) return "Not above what noise alone gives.";
+    if (!cause.refitted) return "Its signature fits the residual less well than that of others.";
+    if (!cause.gain_measurable) {
+      return fmt::format("Explains {:.0f} % of the excess; nothing held out can test it.",
+                         100.0 * cause.explained);
+    }
+    return fmt::format("Explains {:.0f} % of the excess, and {:.0f} % of it on samples kept back.",
+                       100.0 * cause.explained, 100.0 * cause.gain);
+  }
+
+  void limits(std::size_t k) {
+    const Score& score = found_.first->scores[k];
+    if (!score.observable) return;
+    const Effect& e = effect(score.candidate);
+    for (std::size_t i = 0; i < e.numbers.size(); ++i) {
+      const double error = found_.first->test.error_of(k, Index(i)) * e.numbers[i].scale;
+      report_.detection_limits.push_back(
+          {e.name, e.scope, e.numbers[i].name, e.numbers[i].unit,
+           (std::sqrt(found_.first->placebo.threshold) + kPower) * error});
+    }
+  }
+
+  void decide() {
+    const bool significant = report_.p < options_.level;
+    const bool smooth = report_.smooth_p < options_.smooth_level;
+    if (found_.accepted) {
+      name_causes();
+      const bool left = report_.smooth_p_after < options_.smooth_level;
+      if (left && report_.explained < kExplainsEnough) {
+        report_.verdict = Verdict::kUnknown;
+        report_.classes.clear();
+        for (Cause& cause : report_.causes) cause.accepted = false;
+      }
+    } else if (smooth) {
+      report_.verdict = Verdict::kUnknown;
+    } else if (!significant && found_.exact_solver_significant) {
+      report_.verdict = Verdict::kNumerical;
+    }
+    report_.extended = found_.base.refit.state;
+    if (!report_.classes.empty()) report_.extended = found_.best->refit.state;
+  }
+
+  void name_causes() {
+    const bool several = found_.best->causes.size() > 1;
+    std::vector<const Cause*> members;
+    for (Cause& cause : report_.causes) {
+      const Candidate candidate{cause.effect_index, cause.variant};
+      cause.accepted = acts(candidate);
+      const bool rival = std::ranges::any_of(found_.rivals, [&](std::size_t k) {
+        return found_.first->scores[k].candidate.effect == cause.effect_index;
+      });
+      if (cause.accepted || (!several && rival)) members.push_back(&cause);
+    }
+    std::ranges::stable_sort(members, [](const Cause* a, const Cause* b) {
+      return a->accepted != b->accepted ? a->accepted : a->score > b->score;
+    });
+    bool measurement = true;
+    for (const Cause* cause : members) {
+      measurement = measurement && cause->group == "measurement";
+      if (std::ranges::count(report_.classes, cause->effect) == 0) {
+        report_.classes.push_back(cause->effect);
+      }
+    }
+    report_.verdict = several                      ? Verdict::kSeveral
+                      : measurement                ? Verdict::kMeasurement
+                      : report_.classes.size() > 1 ? Verdict::kClass
+                                                   : Verdict::kCause;
+  }
+
+  void probabilities() {
+    const auto& effects = model_.effects();
+    double priors = 0.0;
+    for (const Cause& cause : report_.causes) {
+      priors += effects[std::size_t(cause.effect_index)].prior;
+    }
+    const double share = 1.0 - options_.prior_nothing - options_.prior_unknown;
+    const double tau = options_.temperature * found_.looseness;
+    const double base = found_.base.evidence;
+    double best = base;
+    if (found_.best) best = std::min(best, found_.best->evidence);
+    const auto weight = [&](double prior, double evidence) {
+      return prior * std::exp(-0.5 * (evidence - best) / tau);
+    };
+    const double nothing = weight(options_.prior_nothing, base);
+    // The smooth residual as a model of so many numbers, each at the price of ln of what they see.
+    const SmoothTest& smooth = found_.first->smooth;
+    const double price = std::log(std::max(3.0, double(study_.used().size())));
+    const double unknown =
+        weight(options_.prior_unknown, base - smooth.statistic + price * double(smooth.freedom));
+    const bool several = found_.best && found_.best->causes.size() > 1;
+    double sum = nothing + unknown;
+    for (Cause& cause : report_.causes) {
+      const double prior =
+          share * effects[std::size_t(cause.effect_index)].prior / std::max(priors, 1e-300);
+      double evidence = base - cause.score + 2.0 * double(cause.parameters.size());
+      if (const Trial* trial = trial_of({cause.effect_index, cause.variant})) {
+        evidence = trial->evidence;
+      }
+      if (!cause.observable) evidence = base + 2.0 * double(cause.parameters.size());
+      cause.probability = weight(prior, evidence);
+      if (!(several && cause.accepted)) sum += cause.probability;
+    }
+    double pair = 0.0;
+    if (several) {
+      // A second cause is one more draw from the catalogue.
+      pair = weight(share * 0.2, found_.best->evidence);
+      sum += pair;
+    }
+    for (Cause& cause : report_.causes) {
+      cause.probability =
+          several && cause.accepted ? pair / sum : std::min(1.0, cause.probability / sum);
+    }
+    report_.probability_nothing = nothing / sum;
+    report_.probability_unknown = unknown / sum;
+  }
+
+  void next() {
+    if (report_.classes.size() < 2 || report_.verdict == Verdict::kSeveral) return;
+    std::vector<Rival> rivals;
+    for (const std::size_t k : found_.rivals) {
+      rivals.push_back({found_.first->scores[k].candidate, found_.first->scores[k].estimate});
+    }
+    report_.next_recording = separating_recording(study_, found_.slopes, found_.noise, rivals);
+  }
+
+  const Study& study_;
+  const Model& model_;
+  const Extension& found_;
+  const DiagnoseOptions& options_;
+  Report report_;
+};
+
+}  // namespace
+
+Report diagnose(const Model& model, const DiagnoseOptions& options) {
+  check(model);
+  const Study study(model, options.limit);
+  const Extension found = extend(study, options.members, extend_options(options));
+  return Writer(study, found, options).write();
+}
+
+}  // namespace matterfit::diagnose

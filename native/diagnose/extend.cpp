@@ -1,0 +1,419 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "diagnose/extend.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace matterfit::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Rivals within a fifth of the best score are refitted too: far from neutral a first estimate is
+/// not that exact.
+constexpr double kNearScore = 0.8;
+/// The smallest deviation that counts as noise: rounding of single precision at a metre.
+constexpr double kNoiseFloor = 1e-7;
+/// χ² is counted in numbers of causes at this price each.
+constexpr double kPrice = 2.0;
+/// χ²/dof from which the best model counts as inadequate: its errors are then not noise.
+constexpr double kInadequate = 1.5;
+/// Standard errors by which blocks must agree: 100 : 1, one-sided.
+constexpr double kAgreement = 2.33;
+/// A cause that is itself an acceleration field predicts what the free field does, to rounding.
+constexpr double kAsGood = 1.02;
+
+MatrixXd both(const MatrixXd& a, const MatrixXd& b) {
+  MatrixXd result(a.rows(), a.cols() + b.cols());
+  result << a, b;
+  return result;
+}
+
+/// The effect's shape with the best score, for each effect; best first, observable ones.
+std::vector<std::size_t> best_shapes(const std::vector<Score>& scores) {
+  std::vector<std::size_t> order;
+  for (std::size_t k = 0; k < scores.size(); ++k) {
+    if (scores[k].observable) order.push_back(k);
+  }
+  std::ranges::stable_sort(order, [&](std::size_t a, std::size_t b) {
+    return scores[a].equivalent > scores[b].equivalent;
+  });
+  std::vector<std::size_t> result;
+  for (const std::size_t k : order) {
+    const bool seen = std::ranges::any_of(result, [&](std::size_t other) {
+      return scores[other].candidate.effect == scores[k].candidate.effect;
+    });
+    if (!seen) result.push_back(k);
+  }
+  return result;
+}
+
+const MatrixXd& columns_of(const Linearised& slopes, const Candidate& candidate) {
+  const auto found = std::ranges::find_if(slopes.columns, [&](const Linearised::Column& column) {
+    return column.candidate.effect == candidate.effect &&
+           column.candidate.variant == candidate.variant;
+  });
+  return found->values;
+}
+
+/// A state with one more cause, by a share of its first estimate (in scales).
+State extended(const Model& model, const State& state, const Candidate& candidate,
+               const VectorXd& estimate, double share) {
+  State result = state;
+  const Effect& effect = model.effects()[std::size_t(candidate.effect)];
+  Active cause{candidate.effect, candidate.variant, VectorXd(estimate.size())};
+  for (Index k = 0; k < estimate.size(); ++k) {
+    const Number& number = effect.numbers[std::size_t(k)];
+    cause.values[k] =
+        std::clamp(number.neutral + share * estimate[k] * number.scale, number.low, number.high);
+  }
+  result.causes.push_back(std::move(cause));
+  return result;
+}
+
+class Search {
+ public:
+  Search(const Study& study, int members, const ExtendOptions& options)
+      : study_(study), members_(members), options_(options) {}
+
+  Extension run() {
+    linearise_base(study_.fitted());
+    estimate_from(study_.measured() - out_.slopes.prediction);
+    fit_base();
+    try_singles();
+    // What no longer counts as discrepancy may have counted as noise, and the other way round.
+    if (!out_.singles.empty()) {
+      const Noise before = out_.noise;
+      estimate_from(study_.measured() - out_.singles.front().refit.prediction);
+      if (changed(before, out_.noise)) {
+        fit_base();
+        try_singles();
+      }
+    }
+    choose();
+    further();
+    accept();
+    return std::move(out_);
+  }
+
+ private:
+  void tell(double fraction, const std::string& what) const {
+    if (options_.progress) options_.progress(fraction, what);
+  }
+
+  void linearise_base(const State& state) {
+    tell(0.0, "Differentiating all causes");
+    base_state_ = state;
+    out_.slopes =
+        linearise(study_, state, candidates_of(study_.model(), state), options_.refit.differences);
+    tell(0.3, "Measuring the solver's own error");
+    out_.spread = numerical_spread(study_, state, members_);
+  }
+
+  void estimate_from(const VectorXd& stacked) {
+    out_.noise =
+        estimate_noise(study_.used(), study_.model().captures(), stacked.head(study_.used().size()),
+                       explained_columns(study_, out_.slopes, out_.spread), kNoiseFloor);
+  }
+
+  static bool changed(const Noise& a, const Noise& b) {
+    for (std::size_t c = 0; c < a.captures.size(); ++c) {
+      const TrackNoise& x = a.captures[c];
+      const TrackNoise& y = b.captures[c];
+      // A tenth in size or in correlation shifts thresholds by as much.
+      if (std::abs(std::log(x.sigma / y.sigma)) > 0.1 ||
+          std::abs(x.correlation - y.correlation) > 0.1 ||
+          std::abs(x.common_sigma - y.common_sigma) > 0.1 * (x.sigma + y.sigma)) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  void fit_base() {
+    tell(0.4, "Refitting");
+    refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
+    out_.base = Trial{};
+    out_.base.refit = refitter_->fit({base_state_}, out_.slopes.theta);
+    const VectorXd first = refitter_->whitening().apply(
+        (study_.measured() - out_.slopes.prediction).head(study_.used().size()));
+    // The fit ended elsewhere under its own weights: derivatives are taken anew where that matters.
+    if (first.squaredNorm() - out_.base.refit.chi_square >
+        5.0 + 0.02 * out_.base.refit.chi_square) {
+      linearise_base(out_.base.refit.state);
+      estimate_from(study_.measured() - out_.base.refit.prediction);
+      refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
+      out_.base.refit = refitter_->fit({base_state_}, out_.slopes.theta);
+    }
+    judge_.emplace(study_, out_.noise, out_.spread, out_.slopes.theta, options_.refit);
+    out_.base.opinion = judge_->judge(out_.base.refit);
+    weigh(out_.base);
+    tell(0.45, "Scoring all causes");
+    out_.first = analyse(study_, base_state_, out_.slopes, out_.spread, out_.noise,
+                         out_.slopes.prediction, 0.0, options_.analysis);
+    if (members_ > 0 && study_.model().has_numerics()) {
+      const Spread none{MatrixXd(study_.size(), 0), {}};
+      const Analysis exact = analyse(study_, base_state_, out_.slopes, none, out_.noise,
+                                     out_.slopes.prediction, 0.0, options_.analysis);
+      double largest = 0.0;
+      for (const Score& score : exact.scores) largest = std::max(largest, score.equivalent);
+      out_.exact_solver_significant = exact.smooth.p < 0.01 || exact.placebo.p(largest) < 0.01;
+    }
+  }
+
+  [[nodiscard]] Trial tried(std::vector<Candidate> causes, const std::vector<State>& starts,
+                            MatrixXd slopes) const {
+    Trial trial;
+    trial.causes = std::move(causes);
+    for (const Candidate& candidate : trial.causes) {
+      trial.numbers += int(study_.model().effects()[std::size_t(candidate.effect)].numbers.size());
+    }
+    trial.refit = refitter_->fit(starts, std::move(slopes));
+    trial.opinion = judge_->judge(trial.refit);
+    weigh(trial);
+    return trial;
+  }
+
+  void weigh(Trial& trial) const {
+    trial.evidence = trial.refit.deviance + trial.opinion.deviance + kPrice * trial.numbers;
+    const VectorXd white = refitter_->whitening().apply(
+        (study_.measured() - trial.refit.prediction).head(study_.used().size()));
+    trial.blocks = sums_by_block(study_.used(), study_.model().captures(), white);
+    trial.blocks.insert(trial.blocks.end(), trial.opinion.blocks.begin(),
+                        trial.opinion.blocks.end());
+  }
+
+  /// Whether `worse` is excluded by `good`: 100 : 1 in likelihood, and where even the good model
+  /// leaves more than noise, so that likelihoods mean little, its blocks must agree as well (Vuong
+  /// 1989).
+  [[nodiscard]] static bool excludes(const Trial& good, const Trial& worse) {
+    const double looseness = looseness_of(good.refit);
+    if (worse.evidence - good.evidence < kExcluded * looseness) return false;
+    if (looseness < kInadequate || good.blocks.size() != worse.blocks.size()) return true;
+    const double count = double(good.blocks.size());
+    double mean = 0.0;
+    for (std::size_t b = 0; b < good.blocks.size(); ++b) {
+      mean += (worse.blocks[b] - good.blocks[b]) / count;
+    }
+    double variance = 0.0;
+    for (std::size_t b = 0; b < good.blocks.size(); ++b) {
+      const double d = worse.blocks[b] - good.blocks[b] - mean;
+      variance += d * d / std::max(1.0, count - 1.0);
+    }
+    return mean > kAgreement * std::sqrt(variance / count);
+  }
+
+  void try_singles() {
+    // Where a refit of the pass before ended is the better start.
+    std::vector<Trial> known = std::move(out_.singles);
+    out_.singles.clear();
+    const std::vector<Score>& scores = out_.first->scores;
+    const std::vector<std::size_t> order = best_shapes(scores);
+    if (order.empty()) return;
+    const Score& top = scores[order.front()];
+    if (out_.first->placebo.p(top.equivalent) >= options_.analysis.placebo.level) return;
+    int done = 0;
+    for (std::size_t i = 0; i < order.size() && done < options_.refits; ++i) {
+      const std::size_t k = order[i];
+      const Score& score = scores[k];
+      if (out_.first->placebo.p(score.equivalent) >= options_.analysis.placebo.level) break;
+      const double imitates = out_.first->test.imitation(order.front(), top.estimate, k);
+      const bool like = top.statistic * (1.0 - imitates) < kExcluded ||
+                        score.statistic > kNearScore * top.statistic;
+      if (i >= 4 && !like) continue;
+      tell(0.5 + 0.03 * double(i),
+           "Refitting with " + study_.model().effects()[std::size_t(score.candidate.effect)].name);
+      std::vector<State> starts{
+          extended(study_.model(), base_state_, score.candidate, score.estimate, 1.0),
+          extended(study_.model(), base_state_, score.candidate, score.estimate, 0.5)};
+      for (const Trial& trial : known) {
+        if (trial.causes.front().effect == score.candidate.effect &&
+            trial.causes.front().variant == score.candidate.variant) {
+          starts = {trial.refit.state};
+        }
+      }
+      out_.singles.push_back(
+          tried({score.candidate}, starts,
+                both(out_.slopes.theta, columns_of(out_.slopes, score.candidate))));
+      ++done;
+    }
+    std::ranges::stable_sort(out_.singles, {}, &Trial::evidence);
+  }
+
+  static double looseness_of(const Refit& refit) {
+    return std::max(1.0, refit.chi_square / refit.freedom);
+  }
+
+  void choose() {
+    if (out_.singles.empty()) return;
+    out_.best = out_.singles.front();
+    out_.looseness = looseness_of(out_.best->refit);
+  }
+
+  [[nodiscard]] Analysis analyse_at(const Trial& trial, Linearised& slopes) const {
+    slopes = linearise(study_, trial.refit.state, candidates_of(study_.model(), trial.refit.state),
+                       options_.refit.differences);
+    return analyse(study_, trial.refit.state, slopes, out_.spread, out_.noise,
+                   trial.refit.prediction, trial.refit.bias, options_.analysis);
+  }
+
+  /// Whether `more` is worth its causes over `fewer`.
+  [[nodiscard]] bool better(const Trial& fewer, const Trial& more) const {
+    if (!excludes(more, fewer)) return false;
+    const double before = root_mean_square(judge_->rows(), fewer.opinion.residual);
+    const double after = root_mean_square(judge_->rows(), more.opinion.residual);
+    // Unseen samples may not get worse by more than a hundredth.
+    return after <= 1.01 * before;
+  }
+
+  void further() {
+    if (!out_.best) return;
+    Linearised slopes;
+    out_.last = analyse_at(*out_.best, slopes);
+    while (int(out_.best->causes.size()) < options_.most_causes) {
+      const std::vector<std::size_t> order = best_shapes(out_.last->scores);
+      if (order.empty()) return;
+      if (out_.last->placebo.p(out_.last->scores[order.front()].equivalent) >=
+          options_.further_level) {
+        return;
+      }
+      tell(0.85, "Looking for a further cause");
+      std::optional<Trial> next;
+      const auto consider = [&](Trial trial) {
+        if (!next || trial.evidence < next->evidence) next = std::move(trial);
+      };
+      for (std::size_t i = 0; i < std::min<std::size_t>(3, order.size()); ++i) {
+        const Score& score = out_.last->scores[order[i]];
+        std::vector<Candidate> causes = out_.best->causes;
+        causes.push_back(score.candidate);
+        MatrixXd start =
+            both(both(slopes.theta, slopes.active), columns_of(slopes, score.candidate));
+        consider(tried(
+            std::move(causes),
+            {extended(study_.model(), out_.best->refit.state, score.candidate, score.estimate, 1.0),
+             extended(study_.model(), out_.best->refit.state, score.candidate, score.estimate,
+                      0.5)},
+            std::move(start)));
+      }
+      if (out_.best->causes.size() == 1) consider_pairs(consider);
+      if (!next || !better(*out_.best, *next)) return;
+      eliminate(*next);
+      if (next->causes.size() <= out_.best->causes.size() &&
+          next->evidence >= out_.best->evidence) {
+        return;
+      }
+      out_.best = std::move(*next);
+      out_.looseness = looseness_of(out_.best->refit);
+      out_.last = analyse_at(*out_.best, slopes);
+    }
+  }
+
+  /// All pairs of the best eight by their joint score; the best two are refitted.
+  template <class Consider>
+  void consider_pairs(const Consider& consider) {
+    std::vector<std::size_t> order = best_shapes(out_.first->scores);
+    if (order.size() > 8) order.resize(8);
+    struct Found {
+      double statistic;
+      std::size_t k;
+      std::size_t l;
+    };
+    std::vector<Found> pairs;
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      for (std::size_t j = i + 1; j < order.size(); ++j) {
+        pairs.push_back(
+            {out_.first->test.pair(out_.first->numerators, order[i], order[j]).statistic, order[i],
+             order[j]});
+      }
+    }
+    std::ranges::stable_sort(
+        pairs, [](const Found& a, const Found& b) { return a.statistic > b.statistic; });
+    if (pairs.size() > 2) pairs.resize(2);
+    for (const Found& found : pairs) {
+      const auto estimate = out_.first->test.pair(out_.first->numerators, found.k, found.l);
+      const Candidate a = out_.first->scores[found.k].candidate;
+      const Candidate b = out_.first->scores[found.l].candidate;
+      const State one = extended(study_.model(), base_state_, a, estimate.first, 1.0);
+      const State half = extended(study_.model(), base_state_, a, estimate.first, 0.5);
+      consider(tried(
+          {a, b},
+          {extended(study_.model(), one, b, estimate.second, 1.0),
+           extended(study_.model(), half, b, estimate.second, 0.5)},
+          both(both(out_.slopes.theta, columns_of(out_.slopes, a)), columns_of(out_.slopes, b))));
+    }
+  }
+
+  /// Takes out causes without which the model is as good.
+  void eliminate(Trial& trial) {
+    for (std::size_t c = 0; c < trial.causes.size() && trial.causes.size() > 1;) {
+      State without = trial.refit.state;
+      without.causes.erase(without.causes.begin() + std::ptrdiff_t(c));
+      std::vector<Candidate> causes = trial.causes;
+      causes.erase(causes.begin() + std::ptrdiff_t(c));
+      Trial fewer = tried(std::move(causes), {without}, {});
+      if (better(fewer, trial)) {
+        ++c;
+      } else {
+        trial = std::move(fewer);
+        c = 0;
+      }
+    }
+  }
+
+  void accept() {
+    for (Trial& trial : out_.singles) {
+      trial.gain = judge_->gain_of(out_.base.opinion, trial.opinion, trial.numbers, options_.gain);
+    }
+    out_.base.gain = judge_->gain_of(out_.base.opinion, out_.base.opinion, 1, options_.gain);
+    if (!out_.best) return;
+    out_.best->gain =
+        judge_->gain_of(out_.base.opinion, out_.best->opinion, out_.best->numbers, options_.gain);
+    const Gain& g = out_.best->gain;
+    const bool predicts =
+        g.measurable ? g.low > 0.0 && g.after < g.last_residual && g.after <= kAsGood * g.free_field
+                     : g.after <= 1.05 * g.before;
+    const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
+    out_.accepted = predicts && likelier && !out_.best->refit.at_bound;
+    for (std::size_t k = 0; k < out_.first->scores.size(); ++k) {
+      if (is_rival(out_.first->scores[k])) out_.rivals.push_back(k);
+    }
+  }
+
+  /// Whether the best single cause does not exclude this candidate.
+  [[nodiscard]] bool is_rival(const Score& score) const {
+    if (!score.observable) return false;
+    const Trial& best = out_.singles.front();
+    const double limit = kExcluded * looseness_of(best.refit);
+    for (const Trial& trial : out_.singles) {
+      if (trial.causes.front().effect != score.candidate.effect) continue;
+      return trial.causes.front().variant == score.candidate.variant && !trial.refit.at_bound &&
+             !excludes(best, trial);
+    }
+    // Not refitted: by what the linear theory promises it at most, on the samples fitted to.
+    const bool best_shape = std::ranges::none_of(out_.first->scores, [&](const Score& other) {
+      return other.candidate.effect == score.candidate.effect &&
+             other.equivalent > score.equivalent;
+    });
+    const double promised = out_.base.refit.deviance - score.statistic + kPrice * score.freedom;
+    return best_shape && promised - best.refit.deviance - kPrice * best.numbers < limit;
+  }
+
+  const Study& study_;
+  int members_;
+  const ExtendOptions& options_;
+  State base_state_;
+  Extension out_;
+  std::optional<Refitter> refitter_;
+  std::optional<Judge> judge_;
+};
+
+}  // namespace
+
+Extension extend(const Study& study, int members, const ExtendOptions& options) {
+  return Search(study, members, options).run();
+}
+
+}  // namespace matterfit::diagnose

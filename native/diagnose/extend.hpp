@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "diagnose/analysis.hpp"
+#include "diagnose/judge.hpp"
+#include "diagnose/refit.hpp"
+
+namespace matterfit::diagnose {
+
+/// 100 : 1 in likelihood: a rival with a χ² that much larger is excluded.
+inline constexpr double kExcluded = 9.2;
+
+struct ExtendOptions {
+  AnalysisOptions analysis;
+  RefitOptions refit;
+  GainOptions gain;
+  int refits = 10;      ///< single causes refitted at most
+  int most_causes = 3;  ///< that are named together
+  /// p below which a further cause is looked into: stricter than for the first, because what the
+  /// first leaves by its own curvature must not be named.
+  double further_level = 0.01;
+  std::function<void(double, const std::string&)> progress;  ///< fraction, what is being done
+};
+
+/// A model that was tried.
+struct Trial {
+  std::vector<Candidate> causes;  ///< empty: nothing added
+  Refit refit;
+  Judge::Opinion opinion;
+  Gain gain;        ///< over nothing added
+  int numbers = 0;  ///< that the causes have
+  /// −2 ln of its evidence: χ² and priors of what was fitted, χ² of what was held out, and 2 for
+  /// each number of its causes (Akaike 1974). Smaller is better.
+  double evidence = 0.0;
+  /// χ² of used and held-out rows by block, for how far blocks agree on which model is better.
+  std::vector<double> blocks;
+};
+
+/// All that was learnt on the way from the fitted model to the best extension.
+struct Extension {
+  Noise noise;
+  Spread spread;
+  Linearised slopes;  ///< at the base
+  Trial base;         ///< nothing added, refitted under the noise
+  std::optional<Analysis> first;
+  std::vector<Trial> singles;       ///< smallest evidence first
+  std::vector<std::size_t> rivals;  ///< scores (indices) of candidates not excluded by the best
+  std::optional<Trial> best;        ///< of all, with as many causes as are needed
+  std::optional<Analysis> last;     ///< at `best`
+  double looseness =
+      1.0;  ///< χ²/dof of the best model, at least 1: what likelihoods are divided by
+  bool accepted = false;  ///< the best passes significance, gain, baselines and bounds
+  bool exact_solver_significant = false;  ///< something is wrong if the solver counts as exact
+};
+
+/// Steps 2 to 8 of a diagnosis: covariance, scores, refits of the best candidates and what is like
+/// them, a second and third cause, and the gain on unseen samples.
+[[nodiscard]] Extension extend(const Study& study, int members, const ExtendOptions& options);
+
+}  // namespace matterfit::diagnose

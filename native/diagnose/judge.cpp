@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "diagnose/judge.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <tuple>
+#include <utility>
+
+namespace matterfit::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Kept back where nothing was held out: the last quarter of a clip's used frames.
+constexpr double kEarlyShare = 0.75;
+
+MatrixXd pick(const MatrixXd& columns, const std::vector<Index>& places) {
+  return columns(places, Eigen::all);
+}
+
+/// (JᵀJ + Λ)^−½ up to a rotation, JᵀJ whitened: columns of J times it are what errors of θ move.
+MatrixXd root_of_covariance(const MatrixXd& white, const VectorXd& precision) {
+  MatrixXd h = white.transpose() * white;
+  h.diagonal() += precision;
+  h.diagonal() *= 1.0 + 1e-9;
+  h.diagonal().array() += 1e-12 * std::max(h.diagonal().maxCoeff(), 1e-300);
+  const MatrixXd lower = h.llt().matrixL();
+  return lower.transpose().triangularView<Eigen::Upper>().solve(
+      MatrixXd::Identity(h.cols(), h.cols()));
+}
+
+}  // namespace
+
+std::vector<Index> places_in(const Rows& from, const Rows& to) {
+  std::map<std::tuple<int, Index, int, Index>, Index> place;
+  for (const Series& s : from.series()) {
+    for (Index i = s.begin; i < s.end; ++i) place[{s.capture, s.track, s.axis, from.frame(i)}] = i;
+  }
+  std::vector<Index> result;
+  result.reserve(std::size_t(to.size()));
+  for (const Series& s : to.series()) {
+    for (Index i = s.begin; i < s.end; ++i) {
+      result.push_back(place.at({s.capture, s.track, s.axis, to.frame(i)}));
+    }
+  }
+  return result;
+}
+
+Judge::Judge(const Study& study, const Noise& noise, const Spread& spread, const MatrixXd& theta,
+             const RefitOptions& options)
+    : study_(&study), differences_(options.differences) {
+  const Model& model = study.model();
+  MatrixXd members = spread.members;
+  theta_ = theta;
+  if (study.held().size() == 0) {
+    // Frames by capture, and the tracks that thinning has left.
+    std::vector<std::set<Index>> frames(model.captures().size());
+    std::set<std::pair<int, Index>> tracks;
+    for (const Series& s : study.used().series()) {
+      tracks.insert({s.capture, s.track});
+      for (Index i = s.begin; i < s.end; ++i) {
+        frames[std::size_t(s.capture)].insert(study.used().frame(i));
+      }
+    }
+    std::vector<Index> cut(frames.size(), 0);
+    for (std::size_t c = 0; c < frames.size(); ++c) {
+      if (frames[c].empty()) continue;
+      const auto early = std::ptrdiff_t(kEarlyShare * double(frames[c].size()));
+      cut[c] = *std::next(frames[c].begin(), std::min(early, std::ptrdiff_t(frames[c].size() - 1)));
+    }
+    const auto part = [&](bool later) {
+      return [&, later](int c, Index frame, Index track) {
+        const Capture& capture = model.captures()[std::size_t(c)];
+        return capture.use[std::size_t(frame * capture.tracks() + track)] == Use::kUsed &&
+               tracks.contains({c, track}) && (frame >= cut[std::size_t(c)]) == later;
+      };
+    };
+    split_ = std::make_unique<Study>(model, Rows(model.captures(), part(false)),
+                                     Rows(model.captures(), part(true)));
+    std::vector<Index> places = places_in(study.used(), split_->used());
+    const std::vector<Index> later = places_in(study.used(), split_->held());
+    places.insert(places.end(), later.begin(), later.end());
+    Spread there;
+    there.members = pick(spread.members, places);
+    if (spread.bias.size() > 0) there.bias = pick(spread.bias, places);
+    members = there.members;
+    theta_ = pick(theta, places);
+    study_ = split_.get();
+    fit_noise_ = for_rows(noise, split_->used());
+    refitter_ = std::make_unique<Refitter>(*split_, fit_noise_, there, options);
+  } else {
+    fit_noise_ = noise;
+    const std::vector<int> own = model.own_capture();
+    std::vector<bool> used(model.captures().size(), false);
+    for (const Series& s : study.used().series()) used[std::size_t(s.capture)] = true;
+    for (std::size_t p = 0; p < own.size(); ++p) {
+      if (own[p] >= 0 && !used[std::size_t(own[p])]) own_.push_back(Index(p));
+    }
+  }
+  const Index fitted = study_->used().size();
+  const Index held = study_->held().size();
+  held_noise_ = for_rows(noise, study_->held());
+  members_ = members.bottomRows(held);
+  const MatrixXd share = members / std::sqrt(std::max(1.0, double(members.cols())));
+  used_whitening_.emplace(study_->used(), fit_noise_, share.topRows(fitted));
+  // Own parameters are fitted to the held-out samples; the others err as the fit says.
+  MatrixXd columns = theta_;
+  for (const Index p : own_) columns.col(p).setZero();
+  const VectorXd precision = theta_prior(model).precision;
+  const MatrixXd moved =
+      columns.bottomRows(held) *
+      root_of_covariance(used_whitening_->apply(columns.topRows(fitted)), precision);
+  MatrixXd spread_columns(held, share.cols() + moved.cols());
+  spread_columns << share.bottomRows(held), moved;
+  if (held > 0) whitening_.emplace(study_->held(), held_noise_, spread_columns);
+}
+
+State Judge::settle(const State& state) const {
+  State here = state;
+  if (own_.empty()) return here;
+  const auto& parameters = study_->model().parameters();
+  const Index held = study_->held().size();
+  constexpr int kIterations = 4;
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    std::vector<State> states{here};
+    for (const Index p : own_) {
+      states.push_back(here);
+      states.back().theta[p] += differences_.step * parameters[std::size_t(p)].scale;
+    }
+    const auto runs = study_->predict(states);
+    if (!runs[0]) return here;
+    MatrixXd slopes = MatrixXd::Zero(held, Index(own_.size()));
+    for (std::size_t k = 0; k < own_.size(); ++k) {
+      if (!runs[k + 1]) continue;
+      slopes.col(Index(k)) = (*runs[k + 1] - *runs[0]).tail(held) / differences_.step;
+    }
+    const MatrixXd white = whitening_->apply(slopes);
+    const VectorXd residual = whitening_->apply((study_->measured() - *runs[0]).tail(held));
+    MatrixXd h = white.transpose() * white;
+    h.diagonal() *= 1.0 + 1e-9;
+    h.diagonal().array() += 1e-300;
+    const VectorXd step = h.ldlt().solve(white.transpose() * residual);
+    for (std::size_t k = 0; k < own_.size(); ++k) {
+      const fit::Parameter& parameter = parameters[std::size_t(own_[k])];
+      here.theta[own_[k]] = std::clamp(here.theta[own_[k]] + step[Index(k)] * parameter.scale,
+                                       fit::to_natural(parameter.coordinate, parameter.low),
+                                       fit::to_natural(parameter.coordinate, parameter.high));
+    }
+    // Far below any error that is reported.
+    if (step.cwiseAbs().maxCoeff() < 1e-6) break;
+  }
+  return here;
+}
+
+Judge::Opinion Judge::judge(const Refit& refit) const {
+  Opinion opinion;
+  VectorXd prediction = refit.prediction;
+  if (refitter_) {
+    prediction = refitter_->fit({refit.state}, {}).prediction;
+  } else if (!own_.empty()) {
+    const auto settled = study_->predict({settle(refit.state)})[0];
+    // The bias of the grid stays as it was.
+    const auto as_was = study_->predict({refit.state})[0];
+    if (settled && as_was) prediction += *settled - *as_was;
+  }
+  opinion.stacked = study_->measured() - prediction;
+  opinion.residual = opinion.stacked.tail(study_->held().size());
+  if (!refitter_ && whitening_) {
+    const VectorXd white = whitening_->apply(opinion.residual);
+    opinion.deviance = white.squaredNorm();
+    opinion.blocks = sums_by_block(study_->held(), study_->model().captures(), white);
+  }
+  return opinion;
+}
+
+Gain Judge::gain_of(const Opinion& before, const Opinion& after, int numbers,
+                    const GainOptions& options) const {
+  HeldOut residuals;
+  residuals.before = before.residual;
+  residuals.after = after.residual;
+  residuals.last_residual = keep_last_residual(*study_, before.stacked);
+  MatrixXd theta = theta_;
+  residuals.free_field = free_field_residual(
+      *study_, before.stacked, theta,
+      [&](const MatrixXd& columns) { return used_whitening_->apply(columns); }, numbers);
+  return gain(study_->held(), study_->model().captures(), residuals,
+              noise_floor(study_->held(), held_noise_, members_), options);
+}
+
+}  // namespace matterfit::diagnose

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <optional>
+
+#include "diagnose/gain.hpp"
+#include "diagnose/refit.hpp"
+
+namespace matterfit::diagnose {
+
+/// Judges refitted models on samples that they did not see: the captures' held-out ones, or, where
+/// nothing was held out, the last quarter of the used frames, with every model refitted to the
+/// rest.
+class Judge {
+ public:
+  /// `study` and `noise` outlive it. `theta`: derivatives at the base, stacked, in scales.
+  Judge(const Study& study, const Noise& noise, const Spread& spread, const Eigen::MatrixXd& theta,
+        const RefitOptions& options);
+
+  /// What a model gets wrong there.
+  struct Opinion {
+    Eigen::VectorXd residual;  ///< held-out rows [m]
+    /// χ² of it, with the errors of θ in the covariance; 0 where the samples were also fitted to
+    /// (nothing was held out), because it is then no new evidence.
+    double deviance = 0.0;
+    std::vector<double> blocks;  ///< that χ² by block (sums_by_block()); empty where it is 0
+    Eigen::VectorXd stacked;     ///< the residual of the rows fitted to, then that
+  };
+  [[nodiscard]] Opinion judge(const Refit& refit) const;
+
+  /// Gain of `after` over `before`; the free field has `numbers` numbers.
+  [[nodiscard]] Gain gain_of(const Opinion& before, const Opinion& after, int numbers,
+                             const GainOptions& options) const;
+  [[nodiscard]] const Rows& rows() const { return study_->held(); }
+
+ private:
+  [[nodiscard]] State settle(const State& state) const;
+  std::unique_ptr<Study> split_;        ///< where nothing was held out
+  std::unique_ptr<Refitter> refitter_;  ///< on its rows
+  const Study* study_;
+  Noise fit_noise_;
+  Noise held_noise_;
+  Eigen::MatrixXd theta_;    ///< stacked
+  Eigen::MatrixXd members_;  ///< at held-out rows
+  std::optional<Whitening> whitening_;
+  std::optional<Whitening> used_whitening_;
+  std::vector<Eigen::Index> own_;  ///< parameters of captures that are held out whole
+  DifferenceOptions differences_;
+};
+
+/// Where the samples of `to` stand among those of `from`, of which they are a part.
+[[nodiscard]] std::vector<Eigen::Index> places_in(const Rows& from, const Rows& to);
+
+}  // namespace matterfit::diagnose

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/vec.hpp"
+#include "fit/numerics/parameter.hpp"
+
+/// What the discrepancy engine asks of a simulator. The engine (diagnose.hpp) knows no physics: it
+/// asks for positions at the captured samples, differentiates them by finite differences, and does
+/// the statistics. Whoever implements Model
+///   1. lists the captures with what was measured, which samples were used by the fit and which
+///      were held out (captures());
+///   2. lists what was fitted, with the fitted values (parameters());
+///   3. lists the candidate causes (effects());
+///   4. simulates: for each Point the positions of all tracks at all frames of all captures, held
+///      out ones included (simulate());
+///   5. optionally lists recordings that could be made and simulates those (experiments(),
+///      simulate_experiment()).
+/// Lists are constant during a diagnosis. simulate() is deterministic and differentiable as far as
+/// the solver is: equal points give equal bits.
+namespace matterfit::diagnose {
+
+/// What happens to a sample.
+enum class Use : std::uint8_t {
+  kUsed,     ///< the fit saw it, scores and refits see it
+  kHeldOut,  ///< nobody sees it but the held-out gain
+  kIgnored,  ///< not measured, hidden, or thrown out: looked at by nobody
+};
+
+/// One recording: F frames of N tracks. Sample (f, i) is number f * N + i; its coordinates are rows
+/// 3 * (f * N + i) + axis of `positions`.
+struct Capture {
+  std::string name;
+  std::vector<double> times;  ///< [s], F ascending ones; simulated positions are at these times
+  std::vector<int> frames;    ///< F frame numbers for reports; empty: 0, 1, …
+  std::vector<Vec3d> rest;    ///< N positions on the body [m], which define its regions
+  Eigen::VectorXd positions;  ///< measured [m], 3 F N; what is ignored may be anything finite
+  std::vector<Use> use;       ///< F N
+  std::array<bool, 3> axes{true, true, true};  ///< coordinates that were measured
+  double noise = 0.0;         ///< stated standard deviation of a coordinate [m]; 0: not known
+  std::vector<bool> at_rest;  ///< F: frames in which nothing moves; empty: none known
+
+  [[nodiscard]] Eigen::Index tracks() const { return Eigen::Index(rest.size()); }
+  [[nodiscard]] Eigen::Index samples() const { return Eigen::Index(times.size() * rest.size()); }
+};
+
+/// Causes of measurement that the engine itself applies to simulated motion, in closed form. The
+/// implementer lists them as effects and is never asked to simulate them. x(t) is the simulated
+/// motion, c the effect's pivot, n its axis (unit), t₀ the capture's first time, α its number(s).
+enum class Observation : std::uint8_t {
+  kNone,            ///< the simulator applies it
+  kTimeOffset,      ///< x(t + α) [s]
+  kFrameRate,       ///< x(t₀ + (1 + α)(t − t₀)) [1]
+  kScale,           ///< c + (1 + α)(x − c) [1]
+  kRoll,            ///< rotation about n through c by α [rad]
+  kDrift,           ///< x + α (t − t₀), three numbers [m/s]
+  kOffset,          ///< x + α, three numbers [m]
+  kLag,             ///< y of α ẏ = x − y, y(t₀) = x(t₀) [s]; one-sided
+  kRollingShutter,  ///< x(t + α n·(x − c)) [s/m]
+  kLens,            ///< c + (1 + α ρ²)(x − c) across n, ρ the distance from the axis [1/m²]
+};
+
+/// One number of an effect.
+struct Number {
+  std::string name;         ///< "drag_area"
+  std::string unit;         ///< SI, or empty
+  double neutral = 0.0;     ///< the value at which the effect is not there
+  double scale = 1.0;       ///< physical, > 0: a size at which one would care for it
+  double first_step = 0.0;  ///< physical, > 0: of the differences at `neutral`; 0: 1e-2 scale
+  double low = -1e300;      ///< physical bounds, low <= neutral <= high
+  double high = 1e300;
+  bool one_sided = false;  ///< only values above neutral exist: differences go upward
+};
+
+/// A candidate cause: one row of the catalogue in one scope. Two scopes of one effect (shared, and
+/// capture 2 only) are two rows.
+struct Effect {
+  std::string name;   ///< the catalogue's: "drag_quadratic"
+  std::string scope;  ///< "shared", "body NAME", "capture NAME", "camera NAME"
+  std::string group;  ///< "outside", "contact", "material", "state", "measurement"
+  Observation observation = Observation::kNone;
+  std::vector<Number> numbers;  ///< one or more that act together (a vector)
+  /// Shapes that vanish at the neutral value (a place, a relaxation time), one description each
+  /// ("at the left end", "time 0.02 s"); the engine scans all and takes the best. Empty: one shape
+  /// without description. Point::Cause::variant says which.
+  std::vector<std::string> variants;
+  /// For people: "{value} of air drag …"; {value} becomes value ± error with unit, or all of them
+  /// with their names where there are several; {variant} the shape's description.
+  std::string sentence;
+  std::vector<std::string> confused_with;  ///< names, of the catalogue, for reports
+  std::vector<int> captures;               ///< those in which an observation acts; empty: all
+  Vec3d pivot = Vec3d::Zero();             ///< observations: a fixed point [m]
+  Vec3d axis = Vec3d::UnitZ();             ///< observations: unit
+  double prior = 1.0;  ///< how often it is met, relative to others; for probabilities
+};
+
+/// The solver's own freedom: what a simulation with another grid would have differed in. The
+/// implementer maps it to what it has; what it does not have it leaves as it is.
+struct Numerics {
+  double spacing = 1.0;          ///< factor of the grid's dx, .8 … 1.3 (particles follow)
+  double step = 1.0;             ///< factor of dt, <= 1
+  Vec3d offset = Vec3d::Zero();  ///< of scene and floor against the grid, in cells, [0, 1)
+  double particles = 1.0;        ///< factor of particles per cell
+  int transfer = 0;              ///< 0: the scene's own; others as the implementer numbers them
+  int seed = 0;                  ///< of particle placement; 0: the scene's own
+};
+
+/// Where to simulate.
+struct Point {
+  /// A simulated effect at work, not an observation.
+  struct Cause {
+    int effect = 0;          ///< index into effects()
+    int variant = 0;         ///< index into its variants, 0 where it has none
+    Eigen::VectorXd values;  ///< physical, one a number
+  };
+  Eigen::VectorXd theta;  ///< natural coordinates, one a parameter
+  std::vector<Cause> causes;
+  Numerics numerics;
+};
+
+/// What a simulation gives: every coordinate of every sample of every capture, one capture after
+/// another, in Capture's order.
+struct Motion {
+  Eigen::VectorXd positions;   ///< [m]
+  Eigen::VectorXd velocities;  ///< [m/s]; empty: the engine differentiates between frames
+};
+
+/// A recording that could be made: its samples, without measured positions (`positions` empty,
+/// every sample kUsed), and how to make it.
+struct Experiment {
+  std::string name;      ///< "drop from twice the height"
+  std::string sentence;  ///< "Drop it from twice the height."
+  Capture layout;
+};
+
+class Model {
+ public:
+  virtual ~Model() = default;
+  [[nodiscard]] virtual const std::vector<Capture>& captures() const = 0;
+  /// Everything refitted. `start` is the fitted value (for a check before a fit: the start).
+  [[nodiscard]] virtual const std::vector<fit::Parameter>& parameters() const = 0;
+  /// For each parameter the only capture that it acts in, as its own throw, or -1. Where no sample
+  /// of that capture is used, such parameters are fitted to its held-out samples before an error is
+  /// measured there, with and without a cause alike.
+  [[nodiscard]] virtual std::vector<int> own_capture() const {
+    return std::vector<int>(parameters().size(), -1);
+  }
+  [[nodiscard]] virtual const std::vector<Effect>& effects() const = 0;
+  /// One motion a point, in order; nothing where the simulation could not be completed. Batches
+  /// are as large as the engine can make them: run them side by side. Throws Error(kCancelled).
+  [[nodiscard]] virtual std::vector<std::optional<Motion>> simulate(
+      const std::vector<Point>& points) const = 0;
+  /// Whether simulate() looks at Point::numerics. Where it does not, the engine has no covariance
+  /// of the solver and never says "numerical": right for exact models only.
+  [[nodiscard]] virtual bool has_numerics() const = 0;
+  [[nodiscard]] virtual std::vector<Experiment> experiments() const { return {}; }
+  /// Motions of the experiment's own samples; parameters that belong to one capture are those of
+  /// the first.
+  [[nodiscard]] virtual std::vector<std::optional<Motion>> simulate_experiment(
+      int /*experiment*/, const std::vector<Point>& points) const {
+    return std::vector<std::optional<Motion>>(points.size());
+  }
+};
+
+/// Throws Error(kInput), saying which list and entry, where sizes, bounds, steps or samples are not
+/// as documented above.
+void check(const Model& model);
+
+}  // namespace matterfit::diagnose

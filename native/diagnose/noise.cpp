@@ -1,0 +1,371 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "diagnose/noise.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <utility>
+
+namespace matterfit::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Huber's limit in robust standard deviations: 1 of 16 000 normal values lies beyond.
+constexpr double kOutlier = 4.0;
+/// Beyond it a stationary part cannot be told from a constant within a clip.
+constexpr double kHighestCorrelation = 0.98;
+/// A shared part is looked for from so many tracks on: with fewer the mean is mostly the own parts.
+constexpr Index kTracksForCommon = 4;
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double frame_interval(const Capture& capture) {
+  std::vector<double> steps;
+  steps.reserve(capture.times.size());
+  for (std::size_t f = 1; f < capture.times.size(); ++f) {
+    steps.push_back(capture.times[f] - capture.times[f - 1]);
+  }
+  return steps.empty() ? 1.0 : median(std::move(steps));
+}
+
+double robust_deviation(const VectorXd& values) {
+  std::vector<double> sizes(std::size_t(values.size()));
+  for (Index i = 0; i < values.size(); ++i) sizes[std::size_t(i)] = std::abs(values[i]);
+  return median(std::move(sizes)) / 0.6745;
+}
+
+/// A matrix whose last column is the data: what its Gram matrix is after AR(1) whitening with any
+/// correlation φ is a quadratic polynomial of φ.
+class Moments {
+ public:
+  /// `chains`: rows of each in time, a frame's interval apart.
+  Moments(const MatrixXd& rows, const std::vector<std::vector<Index>>& chains) {
+    const Index width = rows.cols();
+    Index steps = 0;
+    for (const auto& chain : chains) steps += Index(chain.size()) - 1;
+    MatrixXd first(Index(chains.size()), width);
+    MatrixXd later(steps, width);
+    MatrixXd before(steps, width);
+    Index at = 0;
+    for (std::size_t c = 0; c < chains.size(); ++c) {
+      first.row(Index(c)) = rows.row(chains[c][0]);
+      for (std::size_t j = 1; j < chains[c].size(); ++j, ++at) {
+        later.row(at) = rows.row(chains[c][j]);
+        before.row(at) = rows.row(chains[c][j - 1]);
+      }
+    }
+    first_ = first.transpose() * first;
+    later_ = later.transpose() * later;
+    before_ = before.transpose() * before;
+    const MatrixXd both = later.transpose() * before;
+    cross_ = both + both.transpose();
+    steps_ = double(steps);
+    size_ = double(steps) + double(chains.size());
+  }
+
+  struct Likelihood {
+    double value = 0.0;  ///< ln, restricted, up to a constant
+    double sigma = 0.0;  ///< where it is largest
+    double freedom = 1.0;
+  };
+  [[nodiscard]] Likelihood at(double phi) const {
+    const double variance = 1.0 - phi * phi;
+    MatrixXd gram = first_ + (later_ - phi * cross_ + phi * phi * before_) / variance;
+    const Index width = gram.cols() - 1;
+    Likelihood result;
+    double rest = gram(width, width);
+    double log_determinant = 0.0;
+    double rank = 0.0;
+    if (width > 0) {
+      // Pivots that are nothing but rounding belong to columns that the others already span.
+      const Eigen::LDLT<MatrixXd> factors(gram.topLeftCorner(width, width));
+      const VectorXd pivots = factors.vectorD();
+      VectorXd y = factors.transpositionsP() * gram.col(width).head(width);
+      factors.matrixL().solveInPlace(y);
+      const double least = 1e-9 * pivots.maxCoeff();
+      for (Index i = 0; i < width; ++i) {
+        if (!(pivots[i] > least)) continue;
+        rest -= y[i] * y[i] / pivots[i];
+        log_determinant += std::log(pivots[i]);
+        rank += 1.0;
+      }
+    }
+    result.freedom = std::max(size_ - rank, 1.0);
+    rest = std::max(rest, 1e-300);
+    result.sigma = std::sqrt(rest / result.freedom);
+    result.value =
+        -0.5 * (result.freedom * std::log(rest) + log_determinant + steps_ * std::log(variance));
+    return result;
+  }
+
+ private:
+  MatrixXd first_;
+  MatrixXd later_;
+  MatrixXd before_;
+  MatrixXd cross_;
+  double steps_ = 0.0;
+  double size_ = 0.0;
+};
+
+struct Autoregression {
+  double sigma = 0.0;
+  double correlation = 0.0;
+  double freedom = 1.0;
+  std::vector<double> plausible;
+};
+
+Autoregression fit_autoregression(const Moments& moments) {
+  std::vector<double> grid;
+  for (double phi = -0.4; phi < 0.96; phi += 0.05) grid.push_back(phi);
+  grid.push_back(kHighestCorrelation);
+  std::vector<double> weight(grid.size());
+  double best = -1e300;
+  for (std::size_t i = 0; i < grid.size(); ++i) {
+    weight[i] = moments.at(grid[i]).value;
+    best = std::max(best, weight[i]);
+  }
+  double sum = 0.0;
+  double mean = 0.0;
+  for (std::size_t i = 0; i < grid.size(); ++i) {
+    weight[i] = std::exp(weight[i] - best);
+    sum += weight[i];
+    mean += weight[i] * grid[i];
+  }
+  Autoregression result;
+  result.correlation = mean / sum;
+  const Moments::Likelihood there = moments.at(result.correlation);
+  result.sigma = there.sigma;
+  result.freedom = there.freedom;
+  for (const double share : {0.1, 0.3, 0.5, 0.7, 0.9}) {
+    double passed = 0.0;
+    std::size_t i = 0;
+    while (i + 1 < grid.size() && passed + weight[i] < share * sum) passed += weight[i++];
+    // Between the edges of the grid's cell, so that a narrow posterior is not a jump.
+    const double left = i > 0 ? 0.5 * (grid[i - 1] + grid[i]) : grid[i];
+    const double right = i + 1 < grid.size() ? 0.5 * (grid[i] + grid[i + 1]) : grid[i];
+    const double part = (share * sum - passed) / std::max(weight[i], 1e-300);
+    result.plausible.push_back(left + std::clamp(part, 0.0, 1.0) * (right - left));
+  }
+  return result;
+}
+
+/// Rows of one capture, as chains without gaps.
+std::vector<std::vector<Index>> chains_of(const Rows& rows, int capture, double interval) {
+  std::vector<std::vector<Index>> chains;
+  for (const Series& series : rows.series()) {
+    if (series.capture != capture) continue;
+    for (Index i = series.begin; i < series.end; ++i) {
+      const double step = i > series.begin ? rows.time(i) - rows.time(i - 1) : 0.0;
+      if (step < 0.5 * interval || step > 1.5 * interval) chains.emplace_back();
+      chains.back().push_back(i);
+    }
+  }
+  return chains;
+}
+
+/// Rows of one capture by axis and frame.
+std::map<std::pair<int, Index>, std::vector<Index>> frames_of(const Rows& rows, int capture) {
+  std::map<std::pair<int, Index>, std::vector<Index>> frames;
+  for (const Series& series : rows.series()) {
+    if (series.capture != capture) continue;
+    for (Index i = series.begin; i < series.end; ++i) {
+      frames[{series.axis, rows.frame(i)}].push_back(i);
+    }
+  }
+  return frames;
+}
+
+/// Captures of which no row is used have the mean noise of the others, and at least what is stated.
+void lend_noise(const std::vector<Capture>& captures, const std::vector<std::size_t>& unseen,
+                Noise& noise) {
+  const double seen = double(captures.size() - unseen.size());
+  if (unseen.empty() || !(seen > 0.0)) return;
+  TrackNoise mean;
+  for (std::size_t c = 0; c < captures.size(); ++c) {
+    if (std::ranges::count(unseen, c) > 0) continue;
+    const TrackNoise& track = noise.captures[c];
+    mean.sigma += track.sigma * track.sigma / seen;
+    mean.correlation += track.correlation / seen;
+    mean.common_sigma += track.common_sigma * track.common_sigma / seen;
+    mean.common_correlation += track.common_correlation / seen;
+    mean.freedom = std::max(mean.freedom, track.freedom);
+    mean.plausible = track.plausible;
+  }
+  mean.sigma = std::sqrt(mean.sigma);
+  mean.common_sigma = std::sqrt(mean.common_sigma);
+  for (const std::size_t c : unseen) {
+    const double interval = noise.captures[c].interval;
+    noise.captures[c] = mean;
+    noise.captures[c].interval = interval;
+    noise.captures[c].sigma = std::max(mean.sigma, captures[c].noise);
+  }
+}
+
+/// The residual with outliers pulled in, and with what the columns explain taken out.
+struct Cleaned {
+  VectorXd value;
+  MatrixXd basis;  ///< orthonormal, spans the columns
+};
+
+Cleaned clean(const VectorXd& residual, const MatrixXd& explained) {
+  Cleaned result;
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(explained);
+  qr.setThreshold(1e-7);
+  // Some rows must be left for the noise: the least important columns go.
+  const Index rank = std::min(qr.rank(), residual.size() / 2);
+  result.basis = qr.householderQ() * MatrixXd::Identity(residual.size(), rank);
+  const auto rest = [&](const VectorXd& r) -> VectorXd {
+    return r - result.basis * (result.basis.transpose() * r);
+  };
+  result.value = rest(residual);
+  const double limit = kOutlier * robust_deviation(result.value);
+  result.value = rest(result.value.cwiseMin(limit).cwiseMax(-limit));
+  return result;
+}
+
+}  // namespace
+
+MatrixXd smooth_basis(const Rows& rows, const std::vector<Capture>& captures, int cosines) {
+  std::vector<VectorXd> columns;
+  for (std::size_t c = 0; c < captures.size(); ++c) {
+    const Capture& capture = captures[c];
+    const Index tracks = capture.tracks();
+    Vec3d centre = Vec3d::Zero();
+    for (const Vec3d& x : capture.rest) centre += x / double(tracks);
+    double size = 1e-12;
+    for (const Vec3d& x : capture.rest) size = std::max(size, (x - centre).norm());
+    const int shapes = tracks >= 30 ? 10 : (tracks >= 8 ? 4 : 1);
+    double first = 1e300;
+    double last = -1e300;
+    for (const Series& series : rows.series()) {
+      if (series.capture != int(c)) continue;
+      first = std::min(first, rows.time(series.begin));
+      last = std::max(last, rows.time(series.end - 1));
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!capture.axes[std::size_t(axis)] || !(last > first)) continue;
+      for (int shape = 0; shape < shapes; ++shape) {
+        for (int k = 0; k < cosines; ++k) {
+          VectorXd column = VectorXd::Zero(rows.size());
+          for (const Series& series : rows.series()) {
+            if (series.capture != int(c) || series.axis != axis) continue;
+            const Vec3d x = (capture.rest[std::size_t(series.track)] - centre) / size;
+            const double values[10] = {1.0,         x[0],        x[1],        x[2],
+                                       x[0] * x[0], x[1] * x[1], x[2] * x[2], x[0] * x[1],
+                                       x[1] * x[2], x[2] * x[0]};
+            for (Index i = series.begin; i < series.end; ++i) {
+              const double u = (rows.time(i) - first) / (last - first);
+              column[i] = values[shape] * std::cos(std::numbers::pi * k * u);
+            }
+          }
+          const double norm = column.norm();
+          if (norm > 1e-9 * std::sqrt(double(rows.size()))) columns.push_back(column / norm);
+        }
+      }
+    }
+  }
+  MatrixXd result(rows.size(), Index(columns.size()));
+  for (std::size_t k = 0; k < columns.size(); ++k) result.col(Index(k)) = columns[k];
+  return result;
+}
+
+Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
+                     const VectorXd& residual, const MatrixXd& explained, double floor) {
+  const Cleaned cleaned = clean(residual, explained);
+  MatrixXd all(rows.size(), cleaned.basis.cols() + 1);
+  all << cleaned.basis, cleaned.value;
+
+  Noise noise;
+  noise.captures.resize(captures.size());
+  noise.weights = VectorXd::Ones(rows.size());
+  std::vector<std::size_t> unseen;
+  for (std::size_t c = 0; c < captures.size(); ++c) {
+    TrackNoise& track = noise.captures[c];
+    track.interval = frame_interval(captures[c]);
+    track.sigma = std::max(floor, captures[c].noise);
+    track.plausible.assign(5, 0.0);
+    const auto chains = chains_of(rows, int(c), track.interval);
+    if (chains.empty()) {
+      unseen.push_back(c);
+      continue;
+    }
+    const auto frames = frames_of(rows, int(c));
+    std::size_t widest = 0;
+    for (const auto& [key, members] : frames) widest = std::max(widest, members.size());
+    const bool shared = Index(widest) >= kTracksForCommon;
+
+    MatrixXd own = all;
+    MatrixXd means(Index(frames.size()), all.cols());
+    std::vector<std::vector<Index>> mean_chains;
+    if (shared) {
+      Index at = 0;
+      std::pair<int, Index> before{-1, 0};
+      for (const auto& [key, members] : frames) {
+        Eigen::RowVectorXd mean = Eigen::RowVectorXd::Zero(all.cols());
+        for (const Index i : members) mean += all.row(i) / double(members.size());
+        for (const Index i : members) own.row(i) -= mean;
+        means.row(at) = mean;
+        if (key.first != before.first || key.second != before.second + 1)
+          mean_chains.emplace_back();
+        mean_chains.back().push_back(at++);
+        before = key;
+      }
+    }
+    const Autoregression fit = fit_autoregression(Moments(own, chains));
+    const double tracks = double(widest);
+    // Differences from the mean of n have (1 − 1/n) of the variance, in as many fewer values.
+    const double lost = shared ? std::sqrt(tracks / (tracks - 1.0)) : 1.0;
+    track.sigma = std::max({fit.sigma * lost, floor, 0.2 * captures[c].noise});
+    track.freedom = std::max(fit.freedom / (lost * lost), 1.0);
+    track.correlation = fit.correlation;
+    track.plausible = fit.plausible;
+    if (shared) {
+      const Autoregression mean = fit_autoregression(Moments(means, mean_chains));
+      const double own_part = track.sigma * track.sigma / tracks;
+      const double ratio = mean.sigma * mean.sigma / own_part;
+      // Two standard deviations of a variance that was seen in so many degrees of freedom.
+      if (mean.freedom > 3.0 && ratio > 1.0 + 2.0 * std::sqrt(2.0 / mean.freedom)) {
+        track.common_sigma = std::sqrt(mean.sigma * mean.sigma - own_part);
+        track.common_correlation = std::clamp(mean.correlation, 0.0, kHighestCorrelation);
+      }
+    }
+    // Outliers among the innovations.
+    const double phi = track.correlation;
+    const VectorXd raw = residual - cleaned.basis * (cleaned.basis.transpose() * residual);
+    double fourth = 0.0;
+    double second = 0.0;
+    double count = 0.0;
+    for (const auto& chain : chains) {
+      for (std::size_t j = 1; j < chain.size(); ++j) {
+        const double z = (raw[chain[j]] - phi * raw[chain[j - 1]]) / std::sqrt(1.0 - phi * phi);
+        second += z * z;
+        fourth += z * z * z * z;
+        count += 1.0;
+        const double total = std::hypot(track.sigma, track.common_sigma);
+        if (std::abs(z) > kOutlier * total) {
+          noise.weights[chain[j]] = kOutlier * total / std::abs(z);
+        }
+      }
+    }
+    if (second > 0.0) track.kurtosis = count * fourth / (second * second) - 3.0;
+  }
+  lend_noise(captures, unseen, noise);
+  return noise;
+}
+
+Noise for_rows(const Noise& noise, const Rows& rows) {
+  return Noise{noise.captures, VectorXd::Ones(rows.size())};
+}
+
+}  // namespace matterfit::diagnose

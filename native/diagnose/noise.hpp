@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "diagnose/rows.hpp"
+
+namespace matterfit::diagnose {
+
+/// The tracker's noise in one capture: every coordinate of every track is a stationary AR(1) of its
+/// own, and a second one is shared by all tracks at each time (a camera that shakes).
+struct TrackNoise {
+  double sigma = 0.0;               ///< standard deviation of a coordinate's own part [m]
+  double correlation = 0.0;         ///< of that from one frame to the next
+  double interval = 0.0;            ///< between frames, median [s]
+  double common_sigma = 0.0;        ///< of the shared part [m]
+  double common_correlation = 0.0;  ///< of that
+  double freedom = 1.0;             ///< degrees of freedom in which sigma was seen
+  /// Correlations at the middle of each fifth of its posterior: how sure it is.
+  std::vector<double> plausible;
+  double kurtosis = 0.0;  ///< excess, of innovations; 0: normal
+};
+
+/// Of all captures, and which rows are outliers.
+struct Noise {
+  std::vector<TrackNoise> captures;
+  /// One a row, in (0, 1]: rows whose innovation lies beyond four robust standard deviations are
+  /// made lighter in proportion (Huber), so that heavy tails do not decide.
+  Eigen::VectorXd weights;
+};
+
+/// Columns that a smooth unknown displacement could have: cosines over time (`cosines` of them, the
+/// constant first) × {1, the body's coordinates at rest, and from 30 tracks on their products} ×
+/// axes, capture by capture. Orthonormal within nothing: columns have unit norm.
+[[nodiscard]] Eigen::MatrixXd smooth_basis(const Rows& rows, const std::vector<Capture>& captures,
+                                           int cosines);
+
+/// Estimates the noise from the residual r [m] (measured − simulated, one a row) in the complement
+/// of `explained`: columns of what parameters, causes and smooth unknowns could make, so that a
+/// discrepancy does not count as noise. Restricted maximum likelihood over the correlation
+/// (Patterson and Thompson 1971); values that lie four robust standard deviations out are pulled in
+/// first. The own part is seen in differences from the frame's mean, the shared part in the means,
+/// from four tracks on. `floor` [m] is the smallest standard deviation.
+[[nodiscard]] Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
+                                   const Eigen::VectorXd& residual,
+                                   const Eigen::MatrixXd& explained, double floor);
+
+/// The same noise for other rows of the captures (held out), without outliers.
+[[nodiscard]] Noise for_rows(const Noise& noise, const Rows& rows);
+
+}  // namespace matterfit::diagnose

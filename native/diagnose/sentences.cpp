@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "diagnose/report.hpp"
+
+namespace matterfit::diagnose {
+namespace {
+
+std::string plain(const std::string& effect) {
+  std::string text = effect;
+  std::ranges::replace(text, '_', ' ');
+  return text;
+}
+
+/// "a, b or c"
+std::string list(const std::vector<std::string>& names, const char* last) {
+  std::string text;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (i > 0) text += i + 1 == names.size() ? fmt::format(" {} ", last) : ", ";
+    text += plain(names[i]);
+  }
+  return text;
+}
+
+std::string millimetres(double metres) { return fmt::format("{:.3g} mm", 1e3 * metres); }
+
+const Cause* best(const Report& report) {
+  const auto found = std::ranges::find_if(report.causes, &Cause::accepted);
+  if (found != report.causes.end()) return &*found;
+  return report.causes.empty() ? nullptr : &report.causes.front();
+}
+
+std::string gain_of(const Cause& cause) {
+  if (!cause.gain_measurable) {
+    return "Nothing that was held out is wrong enough to test it by.";
+  }
+  return fmt::format(
+      "On samples kept back the error falls from {} to {} ({:.0f} % of what noise "
+      "does not explain; between {:.0f} and {:.0f} %).",
+      millimetres(cause.holdout_before), millimetres(cause.holdout_after), 100.0 * cause.gain,
+      100.0 * cause.gain_low, 100.0 * cause.gain_high);
+}
+
+/// The next in probability, which a named cause is compared with.
+std::string next_best(const Report& report, const Cause& named) {
+  for (const Cause& other : report.causes) {
+    if (&other == &named || std::ranges::count(report.classes, other.effect) > 0) continue;
+    const double ratio = other.probability / std::max(named.probability, 1e-12);
+    if (ratio < 1e-4) {
+      return fmt::format(
+          "It is the best of {} causes tested; no other is a ten-thousandth as "
+          "likely.",
+          report.causes.size());
+    }
+    return fmt::format("It is the best of {} causes tested; the next, {}, is {:.2g} % as likely.",
+                       report.causes.size(), plain(other.effect), 100.0 * ratio);
+  }
+  return fmt::format("It is the best of {} causes tested.", report.causes.size());
+}
+
+std::string nothing(const Report& report) {
+  return fmt::format(
+      "The simulation agrees with the recording to within noise ({}) and the "
+      "solver's own error ({}). What would have been seen is listed with each cause.",
+      millimetres(report.noise.sigma), millimetres(report.numerical));
+}
+
+std::string cause(const Report& report) {
+  const Cause* named = best(report);
+  if (!named) return "";
+  return fmt::format("{} {} {}", named->sentence, gain_of(*named), next_best(report, *named));
+}
+
+std::string one_of(const Report& report) {
+  std::string text =
+      fmt::format("One of these is missing, and this recording cannot tell which: {}.",
+                  list(report.classes, "or"));
+  if (const Cause* named = best(report)) text += " " + gain_of(*named);
+  if (!report.next_recording.empty()) text += " To tell them apart: " + report.next_recording;
+  return text;
+}
+
+std::string several(const Report& report) {
+  std::string text = fmt::format("{} things are missing together: {}.", report.classes.size(),
+                                 list(report.classes, "and"));
+  for (const Cause& each : report.causes) {
+    if (each.accepted) text += " " + each.sentence;
+  }
+  if (const Cause* named = best(report)) text += " " + gain_of(*named);
+  return text;
+}
+
+std::string unknown(const Report& report) {
+  std::string text =
+      "Something is wrong that none of the known causes explains, alone or in pairs.";
+  if (!report.wrong.empty()) {
+    const auto worst = std::ranges::max_element(report.wrong, {}, &WrongPlace::sigmas);
+    text += fmt::format(" It is strongest in frame {}, {:.0f} times the noise.", worst->frame,
+                        worst->sigmas);
+  }
+  if (report.explained > 0.05 && !report.causes.empty()) {
+    text += fmt::format(" The best known cause, {}, explains {:.0f} % of it.",
+                        plain(report.causes.front().effect), 100.0 * report.explained);
+  }
+  return text;
+}
+
+std::string numerical(const Report& report) {
+  return fmt::format(
+      "The simulation is wrong by what another grid changes ({}), not by physics: "
+      "make it finer before looking for causes.",
+      millimetres(report.numerical));
+}
+
+std::string measurement(const Report& report) {
+  const std::string text = report.classes.size() > 1 ? one_of(report) : cause(report);
+  return "It is the recording, not the material. " + text;
+}
+
+}  // namespace
+
+const char* name(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kCause:
+      return "cause";
+    case Verdict::kClass:
+      return "class";
+    case Verdict::kSeveral:
+      return "several";
+    case Verdict::kUnknown:
+      return "unknown";
+    case Verdict::kNumerical:
+      return "numerical";
+    case Verdict::kMeasurement:
+      return "measurement";
+    case Verdict::kNothing:
+      break;
+  }
+  return "nothing";
+}
+
+std::string headline(const Report& report) {
+  switch (report.verdict) {
+    case Verdict::kCause:
+      return cause(report);
+    case Verdict::kClass:
+      return one_of(report);
+    case Verdict::kSeveral:
+      return several(report);
+    case Verdict::kUnknown:
+      return unknown(report);
+    case Verdict::kNumerical:
+      return numerical(report);
+    case Verdict::kMeasurement:
+      return measurement(report);
+    case Verdict::kNothing:
+      break;
+  }
+  return nothing(report);
+}
+
+std::string with_error(const Value& value) {
+  return fmt::format("{:.3g} ± {:.2g}{}{}", value.value, value.error, value.unit.empty() ? "" : " ",
+                     value.unit);
+}
+
+std::string fill_sentence(const Effect& effect, const Cause& cause) {
+  std::string values;
+  for (const Value& value : cause.parameters) {
+    if (!values.empty()) values += ", ";
+    if (cause.parameters.size() > 1) values += plain(value.name) + " ";
+    values += with_error(value);
+  }
+  std::string text = effect.sentence.empty()
+                         ? fmt::format("{}: {{value}} {{variant}}", plain(effect.name))
+                         : effect.sentence;
+  const auto put = [&](const std::string& mark, const std::string& value) {
+    for (std::size_t at = text.find(mark); at != std::string::npos;
+         at = text.find(mark, at + value.size())) {
+      text.replace(at, mark.size(), value);
+    }
+  };
+  put("{value}", values);
+  put("{variant}", cause.where);
+  while (!text.empty() && text.back() == ' ') text.pop_back();
+  if (!text.empty() && text.back() != '.') text += '.';
+  return text;
+}
+
+}  // namespace matterfit::diagnose

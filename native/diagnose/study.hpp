@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "diagnose/model.hpp"
+#include "diagnose/rows.hpp"
+
+namespace matterfit::diagnose {
+
+/// A cause at work, simulated or observed.
+struct Active {
+  int effect = 0;
+  int variant = 0;
+  Eigen::VectorXd values;  ///< physical, one a number
+};
+
+/// A model that may be extended.
+struct State {
+  Eigen::VectorXd theta;  ///< natural coordinates
+  std::vector<Active> causes;
+};
+
+/// The rows that a diagnosis works on, used ones first, held-out ones after them ("stacked"), and
+/// simulations as such stacked vectors [m].
+class Study {
+ public:
+  /// `limit`: rows of each kind at most, whole tracks being left out (Rows).
+  Study(const Model& model, Eigen::Index limit);
+  /// With a selection of its own instead of the captures' marks.
+  Study(const Model& model, Rows used, Rows held);
+
+  [[nodiscard]] const Model& model() const { return *model_; }
+  [[nodiscard]] const Rows& used() const { return used_; }
+  [[nodiscard]] const Rows& held() const { return held_; }
+  [[nodiscard]] Eigen::Index size() const { return used_.size() + held_.size(); }
+  [[nodiscard]] const Eigen::VectorXd& measured() const { return measured_; }
+  [[nodiscard]] Eigen::VectorXd stack(const Eigen::VectorXd& motion) const;
+  /// The fitted values, nothing added.
+  [[nodiscard]] State fitted() const;
+
+  /// Motions of the states without their observations, all in one batch.
+  [[nodiscard]] std::vector<std::optional<Motion>> motions(const std::vector<State>& states,
+                                                           const Numerics& numerics = {}) const;
+  /// What cameras would have seen of a motion in a state, stacked [m].
+  [[nodiscard]] Eigen::VectorXd seen(const Motion& motion, const State& state) const;
+  /// Both in one.
+  [[nodiscard]] std::vector<std::optional<Eigen::VectorXd>> predict(
+      const std::vector<State>& states, const Numerics& numerics = {}) const;
+  /// Several numerics of one state, in one batch.
+  [[nodiscard]] std::vector<std::optional<Eigen::VectorXd>> predict_variants(
+      const State& state, const std::vector<Numerics>& variants) const;
+  /// Simulations asked for so far.
+  [[nodiscard]] int runs() const { return runs_; }
+
+ private:
+  const Model* model_;
+  Rows used_;
+  Rows held_;
+  Eigen::VectorXd measured_;
+  mutable int runs_ = 0;
+};
+
+/// A candidate: an effect in one shape.
+struct Candidate {
+  int effect = 0;
+  int variant = 0;
+};
+
+/// All effects in all their shapes but those that are active.
+[[nodiscard]] std::vector<Candidate> candidates_of(const Model& model, const State& state);
+
+/// Derivatives at a state, stacked.
+struct Linearised {
+  Eigen::VectorXd prediction;
+  Eigen::MatrixXd theta;   ///< per Parameter::scale
+  Eigen::MatrixXd active;  ///< of the active causes' numbers, one after another, per Number::scale
+  struct Column {
+    Candidate candidate;
+    Eigen::MatrixXd values;  ///< per Number::scale; no columns where it could not be simulated
+  };
+  std::vector<Column> columns;
+};
+
+struct DifferenceOptions {
+  double step = 1e-2;   ///< of parameters, in Parameter::scale
+  bool central = true;  ///< two runs a number where bounds leave room; otherwise one
+};
+
+/// By finite differences, all runs in one batch; observations cost none. A run that fails on one
+/// side is taken from the other; a parameter both of whose sides fail has a column of 0. Throws
+/// Error(kCompute) where the state itself cannot be simulated.
+[[nodiscard]] Linearised linearise(const Study& study, const State& state,
+                                   const std::vector<Candidate>& candidates,
+                                   const DifferenceOptions& options);
+
+/// How the solver's own freedom moves the prediction of a state.
+struct Spread {
+  Eigen::MatrixXd members;  ///< deviations from the prediction, stacked × members [m]
+  Eigen::VectorXd bias;     ///< error at the scene's dx extrapolated from two others; may be empty
+};
+
+/// `members` runs with dx × 0.85 … 1.26, quasi-random offsets in the cell, dt × 1 or ½, other
+/// particles; and two more at 1.26^±1 dx for the bias, taken to be of first order in dx: contact at
+/// 7 to 14 cells across a body is. Nothing where the model has no numerics or `members` is 0.
+[[nodiscard]] Spread numerical_spread(const Study& study, const State& state, int members);
+
+}  // namespace matterfit::diagnose

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "diagnose/model.hpp"
+#include "job/documents/document.hpp"
+#include "mpm/scene.hpp"
+
+namespace matterfit::job {
+
+/// A candidate cause with how it comes into a scene and into a document.
+struct Cause {
+  diagnose::Effect row;
+  /// Puts it into a scene that was built of the document; empty for
+  /// observations, which act on what is seen. `values` are physical, one a
+  /// number of the row.
+  std::function<void(std::span<const double> values, int variant, mpm::Scene& scene)> apply;
+  /// Puts it into the scene of a document, so that the extended model runs with
+  /// it; empty for observations.
+  std::function<void(std::span<const double> values, int variant, Json& scene)> write;
+};
+
+/// What the causes of a scene depend on beside the scene itself.
+struct CauseOptions {
+  std::vector<std::string> fitted;    ///< document paths that a fit moves: no causes of their own
+  std::vector<std::string> captures;  ///< their names
+  double duration = 1.0;              ///< of the longest recording [s]
+};
+
+/// Every cause that makes sense of the first body of a scene: the catalogue's
+/// terms (effects/), the scene's own numbers that are not fitted (gravity,
+/// contact, damping, relaxation, attached masses), and what a camera or a
+/// tracker may do to the recording. `document` and `scene` are of the same job.
+[[nodiscard]] std::vector<Cause> scene_causes(const Job& job, const mpm::Scene& scene,
+                                              const CauseOptions& options);
+
+}  // namespace matterfit::job

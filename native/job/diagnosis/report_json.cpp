@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/diagnosis/report_json.hpp"
+
+#include <cmath>
+
+#include "job/diagnosis/run_diagnose.hpp"
+
+namespace matterfit::job {
+namespace {
+
+/// JSON has no infinity.
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+Json sizes(const diagnose::Sizes& sizes) {
+  return {{"rms", number(sizes.rms)}, {"p95", number(sizes.p95)}};
+}
+
+Json cause_json(const diagnose::Cause& cause) {
+  Json json = {{"effect", cause.effect},
+               {"scope", cause.scope},
+               {"group", cause.group},
+               {"sentence", cause.sentence},
+               {"evidence", cause.evidence},
+               {"probability", number(cause.probability)},
+               {"score", number(cause.score)},
+               {"p", number(cause.p)},
+               {"keep", number(cause.keep)},
+               {"observable", cause.observable},
+               {"refitted", cause.refitted},
+               {"accepted", cause.accepted},
+               {"explained", number(cause.explained)},
+               {"holdout_before", number(cause.holdout_before)},
+               {"holdout_after", number(cause.holdout_after)},
+               {"holdout_floor", number(cause.holdout_floor)},
+               {"last_residual", number(cause.last_residual)},
+               {"free_field", number(cause.free_field)},
+               {"parameters", Json::object()},
+               {"confused_with", Json::array()}};
+  if (!cause.where.empty()) json["where"] = cause.where;
+  json["gain"] = cause.gain_measurable ? number(cause.gain) : Json();
+  json["gain_interval"] =
+      cause.gain_measurable ? Json{number(cause.gain_low), number(cause.gain_high)} : Json();
+  for (const diagnose::Value& value : cause.parameters) {
+    json["parameters"][value.name] = {
+        {"value", number(value.value)}, {"unit", value.unit}, {"stderr", number(value.error)}};
+  }
+  for (const diagnose::Confusion& rival : cause.confused_with) {
+    json["confused_with"].push_back(
+        {{"effect", rival.effect}, {"scope", rival.scope}, {"cosine", number(rival.cosine)}});
+  }
+  return json;
+}
+
+}  // namespace
+
+Json report_json(const diagnose::Report& report, const std::vector<diagnose::Capture>& captures) {
+  const auto name_of = [&](int capture) {
+    return captures[static_cast<std::size_t>(capture)].name;
+  };
+  Json json = {{"schema", kReportSchema},
+               {"verdict", diagnose::name(report.verdict)},
+               {"sentence", report.headline},
+               {"class", report.classes},
+               {"noise",
+                {{"sigma", number(report.noise.sigma)},
+                 {"autocorrelation", number(report.noise.autocorrelation)},
+                 {"common", number(report.noise.common_sigma)},
+                 {"kurtosis", number(report.noise.kurtosis)}}},
+               {"numerical", number(report.numerical)},
+               {"grid_bias", number(report.bias)},
+               {"threshold", number(report.threshold)},
+               {"p", number(report.p)},
+               {"smooth_p", number(report.smooth_p)},
+               {"smooth_p_after", number(report.smooth_p_after)},
+               {"explained", number(report.explained)},
+               {"probability",
+                {{"nothing", number(report.probability_nothing)},
+                 {"unknown", number(report.probability_unknown)}}},
+               {"not_observable", report.not_observable},
+               {"next_recording", report.next_recording},
+               {"runs", report.runs},
+               {"causes", Json::array()},
+               {"detection_limits", Json::object()}};
+  Json residual = {{"train", sizes(report.train)},
+                   {"holdout", sizes(report.holdout)},
+                   {"by_frame", Json::array()},
+                   {"worst", Json::array()},
+                   {"wrong", Json::array()}};
+  for (const diagnose::FrameError& row : report.by_frame) {
+    residual["by_frame"].push_back({{"capture", name_of(row.capture)},
+                                    {"frame", row.frame},
+                                    {"time", row.time},
+                                    {"before", number(row.rms)},
+                                    {"noise", number(row.noise)},
+                                    {"numerical", number(row.numerical)},
+                                    {"held_out", row.held_out}});
+  }
+  for (const diagnose::WorstFrame& worst : report.worst) {
+    residual["worst"].push_back({{"capture", name_of(worst.capture)},
+                                 {"frame", worst.frame},
+                                 {"where", {worst.where.x(), worst.where.y(), worst.where.z()}},
+                                 {"size", number(worst.size)}});
+  }
+  for (const diagnose::WrongPlace& wrong : report.wrong) {
+    residual["wrong"].push_back({{"capture", name_of(wrong.capture)},
+                                 {"frame", wrong.frame},
+                                 {"region", wrong.region},
+                                 {"sigmas", number(wrong.sigmas)}});
+  }
+  json["residual"] = std::move(residual);
+  for (const diagnose::Cause& cause : report.causes) json["causes"].push_back(cause_json(cause));
+  for (const diagnose::DetectionLimit& limit : report.detection_limits) {
+    const std::string key = limit.number.empty() ? limit.effect : limit.effect + "." + limit.number;
+    json["detection_limits"][key] = {{"value", number(limit.value)}, {"unit", limit.unit}};
+  }
+  return json;
+}
+
+}  // namespace matterfit::job

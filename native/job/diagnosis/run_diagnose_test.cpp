@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/diagnosis/run_diagnose.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <string>
+
+#include "base/file.hpp"
+#include "base/message_for_test.hpp"
+#include "job/fit_fixture_for_test.hpp"
+
+/// An effect is hidden in the data; the scene that is diagnosed knows nothing of it.
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+using ::testing::HasSubstr;
+
+constexpr double kNoise = 1e-3;  // of the body's size
+
+using Change = std::function<void(Json& scene)>;
+
+/// The cube's document, begun higher by `lift` [m].
+Json lifted(double lift) {
+  Json document = thrown_cube();
+  document["scene"]["bodies"][0]["source"]["box"] = {{"low", {0.0, 0.0, 0.1 + lift}},
+                                                     {"high", {0.4, 0.4, 0.5 + lift}}};
+  return document;
+}
+
+/// The diagnosis of the cube's recording by the scene without what `hide` did to the truth.
+Json diagnosed(const Folder& folder, const Change& hide, double lift = 0.0,
+               const Json& settings = Json()) {
+  Json truth = lifted(lift);
+  hide(truth["scene"]);
+  Points points = markers();
+  for (Vec3d& x : points) x.z() += lift;
+  record(truth, folder.path, "a", 5, kNoise, points);
+  Json document = lifted(lift);
+  document["task"] = "diagnose";
+  document["captures"] = {
+      {{"tracks", "a.npz"}, {"noise", kNoise * kSize}, {"holdout", {{"frames", {11, 14}}}}}};
+  document["fit"] = {{"parameters", {"velocity", "material.E"}}, {"levels", {1}}};
+  if (settings.is_object()) document["diagnose"] = settings;
+  return run(document, folder.path);
+}
+
+bool names(const Json& report, const std::string& effect) {
+  const Json& list = report.at("class");
+  return std::find(list.begin(), list.end(), effect) != list.end();
+}
+
+const Json& cause_of(const Json& report, const std::string& effect) {
+  for (const Json& cause : report.at("causes")) {
+    if (cause.at("effect") == effect) return cause;
+  }
+  throw_input("no cause " + effect);
+}
+
+TEST(Diagnose, NothingHiddenIsNothingFound) {
+  const Folder folder;
+  const Json report = diagnosed(folder, [](Json&) {}, 0.0, {{"members", 12}});
+  EXPECT_EQ(report.at("verdict"), "nothing") << report.dump(1);
+  EXPECT_FALSE(report.contains("model"));
+  EXPECT_FALSE(report.at("detection_limits").empty());
+  EXPECT_TRUE(fs::exists(folder.path / "out/diagnosis.html"));
+}
+
+TEST(Diagnose, DampingIsFoundAndPaysOnWhatWasHeldOut) {
+  const Folder folder;
+  const Json report = diagnosed(
+      folder, [](Json& scene) { scene["bodies"][0]["material"]["damping_shear"] = 60.0; });
+  EXPECT_TRUE(names(report, "damping_shear")) << report.at("sentence");
+  const Json& cause = cause_of(report, "damping_shear");
+  EXPECT_NEAR(cause.at("parameters").at("added").at("value").get<double>(), 60.0, 20.0);
+  EXPECT_GT(cause.at("gain").get<double>(), 0.5) << report.at("sentence");
+  // The model with it runs as it is.
+  ASSERT_TRUE(report.contains("model")) << report.at("sentence");
+  const auto bytes = read_file(folder.path / "out/extended.json");
+  const char* text = reinterpret_cast<const char*>(bytes.data());
+  Json extended = Json::parse(text, text + bytes.size());
+  extended["output"]["folder"] = "again";
+  extended.erase("captures");
+  EXPECT_EQ(run(extended, folder.path / "out").at("status"), "done");
+}
+
+/// In flight a wrong gravity, length and frame rate look alike.
+TEST(Diagnose, WrongGravityIsOneOfItsTies) {
+  const Folder folder;
+  const Json report = diagnosed(folder,
+                                [](Json& scene) {
+                                  scene["gravity"] = {0.0, 0.0, -9.0};
+                                },
+                                3.0, {{"members", 12}});
+  EXPECT_TRUE(names(report, "gravity_size")) << report.at("sentence");
+  EXPECT_EQ(report.at("verdict"), "class") << report.at("sentence");
+}
+
+TEST(Diagnose, WithoutAFitItSaysWhatIsMissing) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 5, kNoise);
+  Json document = thrown_cube();
+  document["task"] = "diagnose";
+  document["captures"] = {{{"tracks", "a.npz"}}};
+  EXPECT_THAT(message_of([&] { (void)run(document, folder.path); }),
+              HasSubstr("add a section 'fit'"));
+  document["fit"] = {{"parameters", {"velocity"}}};
+  document["diagnose"] = {{"member", 3}};
+  EXPECT_THAT(message_of([&] { (void)run(document, folder.path); }),
+              HasSubstr("diagnose: unknown key 'member'"));
+}
+
+}  // namespace
+}  // namespace matterfit::job

@@ -1,0 +1,369 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/diagnosis/scene_model.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <exception>
+#include <thread>
+
+#include "base/error.hpp"
+#include "fit/data/follow.hpp"
+#include "job/fit_levels.hpp"
+#include "job/run/build_scene.hpp"
+#include "mpm/simulation.hpp"
+#include "mpm/step_limit.hpp"
+
+namespace matterfit::job {
+namespace {
+
+/// Steps in which substeps are made more: a quarter of an octave.
+constexpr double kFiner = 1.189207115002721;
+/// Of the solver's margin (dt_safety), that a point beside the fitted values
+/// may use.
+constexpr double kMargin = 1.1;
+
+std::string key_of(const diagnose::Numerics& n, std::size_t run) {
+  return fmt::format("{} {:a} {:a} {:a} {:a} {:a} {}", run, n.spacing, n.offset.x(), n.offset.y(),
+                     n.offset.z(), n.particles, n.seed);
+}
+
+bool is_own(const diagnose::Numerics& n) {
+  return n.spacing == 1.0 && n.step == 1.0 && n.offset.isZero(0.0) && n.particles == 1.0 &&
+         n.seed == 0;
+}
+
+/// The parameters with the document's values as their starts: those are the
+/// fitted ones.
+std::vector<FitParameterDoc> at_document(std::vector<FitParameterDoc> docs) {
+  for (FitParameterDoc& doc : docs) doc.start.clear();
+  return docs;
+}
+
+/// Which coordinates of a capture were measured: one that never changes was
+/// not.
+std::array<bool, 3> measured_axes(const capture::Tracks& tracks) {
+  std::array<bool, 3> axes{false, false, false};
+  for (int a = 0; a < 3; ++a) {
+    std::optional<double> first;
+    for (const Vec3d& x : tracks.positions) {
+      if (!std::isfinite(x[a])) continue;
+      if (!first) first = x[a];
+      axes[static_cast<std::size_t>(a)] |= x[a] != *first;
+    }
+  }
+  return axes;
+}
+
+}  // namespace
+
+/// A run's scene at some numerics, with what looks at its captures.
+struct SceneModel::Built {
+  mpm::Scene scene;
+  std::vector<std::size_t> bodies;  ///< of each capture
+  std::vector<fit::PointFollower> followers;
+};
+
+SceneModel::SceneModel(const Job& job, const RunOptions& options, const Interrupter& interrupter,
+                       std::vector<std::string>& statements)
+    : job_(job), options_(options), interrupter_(interrupter) {
+  if (options_.threads < 1) {
+    options_.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  }
+  runs_ = load_fit_runs(job, statements);
+  std::vector<FitScene> scenes;
+  std::vector<std::shared_ptr<const Built>> own;
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    own.push_back(built({}, r));
+    settle_noise(runs_[r], own.back()->scene, statements);
+    FitScene scene;
+    scene.job = &runs_[r].job;
+    scene.scene = &own.back()->scene;
+    for (const std::size_t c : runs_[r].group.captures) {
+      if (runs_[r].group.own) scene.captures.push_back(job.captures[c].name);
+    }
+    scene.overrides = runs_[r].overrides;
+    scenes.push_back(std::move(scene));
+  }
+  parameters_ = std::make_unique<FitParameters>(at_document(job.fit->parameters), scenes);
+  list_captures();
+  CauseOptions about;
+  for (const fit::Parameter& parameter : parameters()) about.fitted.push_back(parameter.name);
+  for (const diagnose::Capture& capture : captures_) {
+    about.captures.push_back(capture.name);
+    about.duration = std::max(about.duration, capture.times.back() - capture.times.front());
+  }
+  causes_ = scene_causes(runs_.front().job, own.front()->scene, about);
+  for (const Cause& cause : causes_) rows_.push_back(cause.row);
+  fix_substeps();
+}
+
+SceneModel::~SceneModel() = default;
+
+std::shared_ptr<const SceneModel::Built> SceneModel::built(const diagnose::Numerics& numerics,
+                                                           std::size_t run) const {
+  const std::string key = key_of(numerics, run);
+  {
+    const std::lock_guard lock(mutex_);
+    if (const auto found = built_.find(key); found != built_.end()) return found->second;
+  }
+  Arena arena(1);
+  auto made = std::make_shared<Built>();
+  Job job = runs_[run].job;
+  for (BodyDoc& body : job.scene.bodies) {
+    body.seed += static_cast<std::uint64_t>(numerics.seed);
+  }
+  // Particles per cell by their number: the grid follows the separation.
+  made->scene = scene_at_level(job, numerics.spacing, arena, interrupter_);
+  made->scene.grid_shift += numerics.offset;
+  for (const FitCapture& capture : runs_[run].captures) {
+    const std::size_t body = fit::body_index(made->scene, capture.input.body);
+    made->bodies.push_back(body);
+    made->followers.emplace_back(made->scene.bodies[body], capture.input.rest, 0.5 * made->scene.dx,
+                                 arena);
+  }
+  const std::lock_guard lock(mutex_);
+  return built_.emplace(key, std::move(made)).first->second;
+}
+
+void SceneModel::list_captures() {
+  for (const FitRun& run : runs_) {
+    for (const FitCapture& capture : run.captures) {
+      const capture::Tracks& tracks = capture.input.tracks;
+      diagnose::Capture row;
+      row.name = capture.input.name;
+      row.times = tracks.times;
+      row.rest = capture.input.rest;
+      for (Vec3d& x : row.rest) {
+        if (!x.allFinite()) x.setZero();
+      }
+      const std::size_t samples = tracks.frames() * tracks.points;
+      row.positions = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * samples));
+      row.use.assign(samples, diagnose::Use::kIgnored);
+      row.axes = measured_axes(tracks);
+      double noise = 0.0;
+      for (const double sigma : capture.sigma) noise += sigma / double(capture.sigma.size());
+      row.noise = noise;
+      const mpm::Scene& scene = built({}, static_cast<std::size_t>(&run - runs_.data()))->scene;
+      const double end = (scene.end_frame - 1 - scene.first_frame) / scene.fps;
+      for (std::size_t t = 0; t < tracks.frames(); ++t) {
+        row.frames.push_back(scene.first_frame +
+                             static_cast<int>(std::lround(tracks.times[t] * scene.fps)));
+        row.at_rest.push_back(capture.input.release && tracks.times[t] < *capture.input.release);
+        const bool simulated = tracks.times[t] >= -1e-9 && tracks.times[t] <= end + 1e-9;
+        for (std::size_t i = 0; i < tracks.points; ++i) {
+          const std::size_t s = t * tracks.points + i;
+          if (!simulated || !tracks.is_visible(t, i) || !capture.input.rest[i].allFinite())
+            continue;
+          const bool used = capture.used[s] != 0;
+          if (!used && capture.predicted[s] == 0) continue;
+          row.use[s] = used ? diagnose::Use::kUsed : diagnose::Use::kHeldOut;
+          row.positions.segment<3>(static_cast<Eigen::Index>(3 * s)) = tracks.positions[s];
+        }
+      }
+      captures_.push_back(std::move(row));
+    }
+  }
+}
+
+void SceneModel::fix_substeps() {
+  diagnose::Point fitted;
+  fitted.theta.resize(static_cast<Eigen::Index>(parameters().size()));
+  std::vector<double> values;
+  for (std::size_t k = 0; k < parameters().size(); ++k) {
+    values.push_back(parameters()[k].start);
+    fitted.theta[static_cast<Eigen::Index>(k)] =
+        fit::to_natural(parameters()[k].coordinate, parameters()[k].start);
+  }
+  const auto arena = std::make_shared<Arena>(options_.threads);
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    mpm::Scene scene = built({}, r)->scene;
+    parameters_->apply(values, r, scene);
+    limits_.push_back(mpm::step_limit(scene));
+    mpm::Simulation::Options solver;
+    solver.target = options_.target;
+    const int last = scene.end_frame;
+    mpm::Simulation simulation(std::move(scene), arena, solver);
+    std::vector<int>& substeps = substeps_.emplace_back();
+    while (simulation.frame() + 1 < last) {
+      interrupter_.check();
+      substeps.push_back(simulation.advance(interrupter_).substeps);
+    }
+  }
+}
+
+std::vector<int> SceneModel::own_capture() const {
+  std::vector<int> owners(parameters().size(), -1);
+  for (std::size_t k = 0; k < owners.size(); ++k) {
+    const FitPath& path = parameters_->path(k);
+    const std::string& name = path.quantity == FitQuantity::kStartFrame ? path.owner : path.capture;
+    if (name.empty()) continue;
+    for (std::size_t c = 0; c < captures_.size(); ++c) {
+      if (captures_[c].name == name) owners[k] = static_cast<int>(c);
+    }
+  }
+  return owners;
+}
+
+std::size_t SceneModel::evaluations() const {
+  const std::lock_guard lock(mutex_);
+  return evaluations_;
+}
+
+std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
+    const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const {
+  const std::shared_ptr<const Built> base = built(point.numerics, run);
+  mpm::Scene scene = base->scene;
+  std::vector<double> values;
+  for (std::size_t k = 0; k < parameters().size(); ++k) {
+    values.push_back(
+        fit::value_within_bounds(parameters()[k], point.theta[static_cast<Eigen::Index>(k)]));
+  }
+  parameters_->apply(values, run, scene);
+  for (const diagnose::Point::Cause& cause : point.causes) {
+    const auto& apply = causes_[static_cast<std::size_t>(cause.effect)].apply;
+    if (!apply) continue;
+    apply({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
+          scene);
+  }
+  if (is_own(point.numerics)) {
+    const double ratio = limits_[run] / mpm::step_limit(scene) / kMargin;
+    const double finer =
+        std::pow(kFiner, std::max(0.0, std::ceil(std::log(ratio) / std::log(kFiner))));
+    for (const int count : substeps_[run]) {
+      scene.substeps.push_back(static_cast<int>(std::ceil(finer * count - 1e-9)));
+    }
+  } else {
+    scene.dt_safety *= point.numerics.step;
+  }
+  try {
+    mpm::Simulation::Options solver;
+    solver.target = options_.target;
+    mpm::Simulation simulation(scene, arena, solver);
+    // Points of a body that is placed anew: those that the document gives on it move along, those
+    // that the recording shows stay where they were seen.
+    std::vector<fit::PointFollower> moved;
+    if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                    [&](const mpm::Body& b) { return parameters_->places(run, b.name); })) {
+      for (std::size_t c = 0; c < base->followers.size(); ++c) {
+        const FitCapture& capture = runs_[run].captures[c];
+        Points rest = capture.input.rest;
+        if (capture.places_given) {
+          for (Vec3d& x : rest) x = parameters_->placed(values, run, capture.input.body, x);
+        }
+        moved.emplace_back(scene.bodies[base->bodies[c]], std::move(rest), 0.5 * scene.dx, *arena);
+      }
+    }
+    const std::vector<fit::PointFollower>& followers = moved.empty() ? base->followers : moved;
+    std::vector<std::vector<Points>> seen(followers.size());
+    const auto record = [&] {
+      const mpm::FrameState state = simulation.state();
+      for (std::size_t c = 0; c < seen.size(); ++c) {
+        const std::size_t body = base->bodies[c];
+        seen[c].push_back(followers[c].positions(scene.bodies[body], state.bodies[body], *arena));
+      }
+    };
+    record();
+    while (simulation.frame() + 1 < scene.end_frame) {
+      interrupter_.check();
+      (void)simulation.advance(interrupter_);
+      record();
+    }
+    std::vector<fit::SimulatedCapture> captures;
+    const double end = (scene.end_frame - 1 - scene.first_frame) / scene.fps;
+    for (std::size_t c = 0; c < seen.size(); ++c) {
+      const FitCapture& capture = runs_[run].captures[c];
+      std::vector<double> times = capture.input.tracks.times;
+      const double delay = parameters_->delay(values, run, capture.input.name);
+      for (double& time : times) {
+        const bool inside = time >= 0.0 && time <= end + 1e-9;
+        time += delay;
+        if (inside) time = std::clamp(time, 0.0, end);
+      }
+      captures.push_back(fit::at_times(seen[c], base->followers[c].size(), times, scene.fps));
+    }
+    return captures;
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kCancelled) throw;
+    return std::nullopt;
+  }
+}
+
+std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
+    const std::vector<diagnose::Point>& points) const {
+  const std::size_t tasks = points.size() * runs_.size();
+  std::vector<std::optional<std::vector<fit::SimulatedCapture>>> results(tasks);
+  std::atomic<std::size_t> next{0};
+  std::exception_ptr thrown;
+  const auto workers = std::min(tasks, static_cast<std::size_t>(options_.threads));
+  const int each =
+      tasks == 0
+          ? 1
+          : std::max(1, options_.threads / static_cast<int>(std::max<std::size_t>(workers, 1)));
+  const auto work = [&] {
+    try {
+      const auto arena = std::make_shared<Arena>(each);
+      for (std::size_t i = next++; i < tasks; i = next++) {
+        results[i] = simulate_run(points[i / runs_.size()], i % runs_.size(), arena);
+        std::size_t count = 0;
+        {
+          const std::lock_guard lock(mutex_);
+          count = ++evaluations_;
+        }
+        if (progress) progress(count);
+      }
+    } catch (...) {
+      next = tasks;
+      const std::lock_guard lock(mutex_);
+      if (!thrown) thrown = std::current_exception();
+    }
+  };
+  {
+    std::vector<std::jthread> threads;
+    threads.reserve(workers);
+    for (std::size_t k = 1; k < workers; ++k) threads.emplace_back(work);
+    work();
+  }
+  if (thrown) std::rethrow_exception(thrown);
+  Eigen::Index rows = 0;
+  for (const diagnose::Capture& capture : captures_) rows += 3 * capture.samples();
+  std::vector<std::optional<diagnose::Motion>> motions(points.size());
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    diagnose::Motion motion;
+    motion.positions = Eigen::VectorXd::Zero(rows);
+    Eigen::Index at = 0;
+    bool complete = true;
+    for (std::size_t r = 0; r < runs_.size() && complete; ++r) {
+      const auto& seen = results[p * runs_.size() + r];
+      complete = seen.has_value();
+      if (!complete) break;
+      for (const fit::SimulatedCapture& capture : *seen) {
+        for (const Vec3d& x : capture.positions) {
+          if (x.allFinite()) motion.positions.segment<3>(at) = x;
+          at += 3;
+        }
+      }
+    }
+    if (complete) motions[p] = std::move(motion);
+  }
+  return motions;
+}
+
+void SceneModel::write(const diagnose::Point& point, Json& document) const {
+  std::vector<double> values;
+  for (std::size_t k = 0; k < parameters().size(); ++k) {
+    values.push_back(
+        fit::value_within_bounds(parameters()[k], point.theta[static_cast<Eigen::Index>(k)]));
+  }
+  parameters_->write(values, job_, document);
+  for (const diagnose::Point::Cause& cause : point.causes) {
+    const auto& put = causes_[static_cast<std::size_t>(cause.effect)].write;
+    if (!put) continue;
+    put({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
+        document.at("scene"));
+  }
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/interrupter.hpp"
+#include "diagnose/model.hpp"
+#include "fit/data/follow.hpp"
+#include "job/diagnosis/causes.hpp"
+#include "job/fit_captures.hpp"
+#include "job/fit_parameters.hpp"
+#include "job/run/run_options.hpp"
+
+namespace matterfit::job {
+
+/// A fitted job as the discrepancy engine sees it (diagnose/model.hpp): its
+/// scenes at any resolution, with causes put into them, seen at the captures'
+/// own points and times.
+///
+/// At the scene's own resolution every run takes the substeps that the solver
+/// chose at the fitted values, more by quarters of an octave where a point asks
+/// for it, so that small differences are not drowned by another sequence of
+/// substeps.
+class SceneModel final : public diagnose::Model {
+ public:
+  /// `job` has captures, a section `fit`, and the fitted values in its scene.
+  /// What is odd goes into `statements`. Throws Error(kInput) as a fit does.
+  SceneModel(const Job& job, const RunOptions& options, const Interrupter& interrupter,
+             std::vector<std::string>& statements);
+  ~SceneModel() override;
+  SceneModel(const SceneModel&) = delete;
+  SceneModel& operator=(const SceneModel&) = delete;
+
+  [[nodiscard]] const std::vector<diagnose::Capture>& captures() const override {
+    return captures_;
+  }
+  [[nodiscard]] const std::vector<fit::Parameter>& parameters() const override {
+    return parameters_->parameters();
+  }
+  [[nodiscard]] std::vector<int> own_capture() const override;
+  [[nodiscard]] const std::vector<diagnose::Effect>& effects() const override { return rows_; }
+  [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate(
+      const std::vector<diagnose::Point>& points) const override;
+  [[nodiscard]] bool has_numerics() const override { return true; }
+
+  /// Puts a point's parameters and simulated causes into the job's document.
+  void write(const diagnose::Point& point, Json& document) const;
+  /// Simulations that were run so far.
+  [[nodiscard]] std::size_t evaluations() const;
+
+  /// Told of the number of simulations that were run, from any thread.
+  std::function<void(std::size_t)> progress;
+
+ private:
+  struct Built;
+  [[nodiscard]] std::shared_ptr<const Built> built(const diagnose::Numerics& numerics,
+                                                   std::size_t run) const;
+  [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> simulate_run(
+      const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const;
+  void list_captures();
+  void fix_substeps();
+
+  const Job& job_;
+  RunOptions options_;
+  const Interrupter& interrupter_;
+  std::vector<FitRun> runs_;
+  std::unique_ptr<FitParameters> parameters_;
+  std::vector<Cause> causes_;
+  std::vector<diagnose::Effect> rows_;
+  std::vector<diagnose::Capture> captures_;
+  std::vector<std::vector<int>> substeps_;  ///< of each run and frame, at the fitted values
+  std::vector<double> limits_;              ///< of stability there [s]
+  mutable std::mutex mutex_;
+  mutable std::map<std::string, std::shared_ptr<const Built>> built_;
+  mutable std::size_t evaluations_ = 0;
+};
+
+}  // namespace matterfit::job

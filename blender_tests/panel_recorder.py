@@ -85,6 +85,9 @@ class Layout:
         self._add(text, MARGIN + (ICON if icon != "NONE" else 0.0), square=not text)
         return _Properties()
 
+    def operator_menu_enum(self, name, _property, text=None, icon="NONE"):
+        return self.operator(name, text=text, icon=icon)
+
     def prop(self, item, name, text=None, icon="NONE", expand=False, **options):
         found = item.bl_rna.properties[name]
         text = found.name if text is None else text

@@ -5,7 +5,6 @@ from .. import effects
 from ..props import scene as scene_props
 from .common import MatterfitPanel, form
 
-
 # What the narrow column has no room for; all others go without their unit, which the tooltip has.
 _CAPTIONS = {"drag_coefficient": "Drag Coeff.", "area": "Area"}
 

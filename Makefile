@@ -11,7 +11,7 @@ ROOT := '$(subst ','\'',$(CURDIR))'
 RUN := bash $(ROOT)/scripts/in_tree.sh
 PYTHON := $(RUN) python
 .DEFAULT_GOAL := help
-.PHONY: help demo test build bench five-materials other-simulators finite-elements format lint fuzz run package clean
+.PHONY: help demo test build bench five-materials other-simulators finite-elements ball-drops format lint fuzz run package clean
 
 help: ## Say what each target does (the default)
 	@grep -hE '^[a-z-]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | \
@@ -46,6 +46,11 @@ finite-elements: ## Make clips of elastic bodies by finite elements and fit them
 	@bash $(ROOT)/scripts/dependencies.sh fits 1>&2
 	@$(PYTHON) $(ROOT)/scripts/finite_elements.py $(if $(ONLY),--only $(ONLY))
 	@$(PYTHON) $(ROOT)/scripts/other_simulators.py $(ROOT)/build/finite_elements $(if $(ONLY),--only $(ONLY)) $(if $(THREADS),--threads $(THREADS))
+
+ball-drops: ## Diagnose real balls dropped from a bridge, in FOLDER (../shared/data/balls); ONLY="golf_ball_1", HOLD_OUT="…"
+	@bash $(ROOT)/scripts/dependencies.sh fits 1>&2
+	@$(RUN) bash $(ROOT)/scripts/build.sh
+	@$(PYTHON) $(ROOT)/scripts/ball_drops.py $(FOLDER) $(if $(ONLY),--only $(ONLY)) $(if $(HOLD_OUT),--hold-out $(HOLD_OUT)) $(if $(REPORT),--report $(REPORT))
 
 format: ## Bring C++ and Python into the tree's form
 	@bash $(ROOT)/scripts/dependencies.sh test

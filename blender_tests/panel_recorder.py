@@ -16,10 +16,7 @@ NUMBER = 55.0  # of a value beside its name in one field
 
 
 def text_width(text):
-    if bpy.app.version >= (4, 0, 0):
-        blf.size(0, 11)
-    else:
-        blf.size(0, 11, 72)
+    blf.size(0, 11)
     return blf.dimensions(0, text)[0]
 
 

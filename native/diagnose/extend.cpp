@@ -19,6 +19,10 @@ constexpr double kNearScore = 0.8;
 constexpr double kNoiseFloor = 1e-7;
 /// χ² is counted in numbers of causes at this price each.
 constexpr double kPrice = 2.0;
+/// χ²/dof from which the best model counts as inadequate: its errors are then not noise.
+constexpr double kInadequate = 1.5;
+/// Standard errors by which blocks must agree: 100 : 1, one-sided.
+constexpr double kAgreement = 2.33;
 /// A cause that is itself an acceleration field predicts what the free field does, to rounding.
 constexpr double kAsGood = 1.02;
 
@@ -146,7 +150,7 @@ class Search {
     }
     judge_.emplace(study_, out_.noise, out_.spread, out_.slopes.theta, options_.refit);
     out_.base.opinion = judge_->judge(out_.base.refit);
-    out_.base.evidence = out_.base.refit.deviance + out_.base.opinion.deviance;
+    weigh(out_.base);
     tell(0.45, "Scoring all causes");
     out_.first = analyse(study_, base_state_, out_.slopes, out_.spread, out_.noise,
                          out_.slopes.prediction, 0.0, options_.analysis);
@@ -169,8 +173,37 @@ class Search {
     }
     trial.refit = refitter_->fit(starts, std::move(slopes));
     trial.opinion = judge_->judge(trial.refit);
-    trial.evidence = trial.refit.deviance + trial.opinion.deviance + kPrice * trial.numbers;
+    weigh(trial);
     return trial;
+  }
+
+  void weigh(Trial& trial) const {
+    trial.evidence = trial.refit.deviance + trial.opinion.deviance + kPrice * trial.numbers;
+    const VectorXd white = refitter_->whitening().apply(
+        (study_.measured() - trial.refit.prediction).head(study_.used().size()));
+    trial.blocks = sums_by_block(study_.used(), study_.model().captures(), white);
+    trial.blocks.insert(trial.blocks.end(), trial.opinion.blocks.begin(),
+                        trial.opinion.blocks.end());
+  }
+
+  /// Whether `worse` is excluded by `good`: 100 : 1 in likelihood, and where even the good model
+  /// leaves more than noise, so that likelihoods mean little, its blocks must agree as well (Vuong
+  /// 1989).
+  [[nodiscard]] static bool excludes(const Trial& good, const Trial& worse) {
+    const double looseness = looseness_of(good.refit);
+    if (worse.evidence - good.evidence < kExcluded * looseness) return false;
+    if (looseness < kInadequate || good.blocks.size() != worse.blocks.size()) return true;
+    const double count = double(good.blocks.size());
+    double mean = 0.0;
+    for (std::size_t b = 0; b < good.blocks.size(); ++b) {
+      mean += (worse.blocks[b] - good.blocks[b]) / count;
+    }
+    double variance = 0.0;
+    for (std::size_t b = 0; b < good.blocks.size(); ++b) {
+      const double d = worse.blocks[b] - good.blocks[b] - mean;
+      variance += d * d / std::max(1.0, count - 1.0);
+    }
+    return mean > kAgreement * std::sqrt(variance / count);
   }
 
   void try_singles() {
@@ -229,8 +262,7 @@ class Search {
 
   /// Whether `more` is worth its causes over `fewer`.
   [[nodiscard]] bool better(const Trial& fewer, const Trial& more) const {
-    const double gained = fewer.evidence - more.evidence;
-    if (!(gained > kExcluded * looseness_of(more.refit))) return false;
+    if (!excludes(more, fewer)) return false;
     const double before = root_mean_square(judge_->rows(), fewer.opinion.residual);
     const double after = root_mean_square(judge_->rows(), more.opinion.residual);
     // Unseen samples may not get worse by more than a hundredth.
@@ -340,9 +372,9 @@ class Search {
     out_.best->gain =
         judge_->gain_of(out_.base.opinion, out_.best->opinion, out_.best->numbers, options_.gain);
     const Gain& g = out_.best->gain;
-    const bool predicts = g.measurable
-                              ? g.low > 0.0 && g.after < g.last_residual && g.after <= kAsGood * g.free_field
-                              : g.after <= 1.05 * g.before;
+    const bool predicts =
+        g.measurable ? g.low > 0.0 && g.after < g.last_residual && g.after <= kAsGood * g.free_field
+                     : g.after <= 1.05 * g.before;
     const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
     out_.accepted = predicts && likelier && !out_.best->refit.at_bound;
     for (std::size_t k = 0; k < out_.first->scores.size(); ++k) {
@@ -358,7 +390,7 @@ class Search {
     for (const Trial& trial : out_.singles) {
       if (trial.causes.front().effect != score.candidate.effect) continue;
       return trial.causes.front().variant == score.candidate.variant && !trial.refit.at_bound &&
-             trial.evidence - best.evidence < limit;
+             !excludes(best, trial);
     }
     // Not refitted: by what the linear theory promises it at most, on the samples fitted to.
     const bool best_shape = std::ranges::none_of(out_.first->scores, [&](const Score& other) {

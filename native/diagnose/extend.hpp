@@ -37,6 +37,8 @@ struct Trial {
   /// −2 ln of its evidence: χ² and priors of what was fitted, χ² of what was held out, and 2 for
   /// each number of its causes (Akaike 1974). Smaller is better.
   double evidence = 0.0;
+  /// χ² of used and held-out rows by block, for how far blocks agree on which model is better.
+  std::vector<double> blocks;
 };
 
 /// All that was learnt on the way from the fitted model to the best extension.

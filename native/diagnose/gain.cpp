@@ -151,6 +151,29 @@ Gain gain(const Rows& rows, const std::vector<Capture>& captures, const HeldOut&
   return result;
 }
 
+std::vector<double> sums_by_block(const Rows& rows, const std::vector<Capture>& captures,
+                                  const VectorXd& white) {
+  constexpr int kTimes = 4;
+  const bool whole = captures.size() >= 5;
+  std::map<std::tuple<int, int, int>, double> sums;
+  std::vector<std::vector<int>> regions;
+  regions.reserve(captures.size());
+  for (const Capture& capture : captures) regions.push_back(body_regions(capture));
+  for (const Series& series : rows.series()) {
+    const std::size_t c = std::size_t(series.capture);
+    const Index frames = Index(captures[c].times.size());
+    for (Index i = series.begin; i < series.end; ++i) {
+      const int time = whole ? 0 : int(kTimes * rows.frame(i) / frames);
+      const int region = whole ? 0 : regions[c][std::size_t(series.track)];
+      sums[{series.capture, time, region}] += white[i] * white[i];
+    }
+  }
+  std::vector<double> result;
+  result.reserve(sums.size());
+  for (const auto& [key, sum] : sums) result.push_back(sum);
+  return result;
+}
+
 VectorXd keep_last_residual(const Study& study, const VectorXd& stacked) {
   const Rows& used = study.used();
   const Rows& held = study.held();

@@ -62,6 +62,12 @@ struct HeldOut {
     const Study& study, const Eigen::VectorXd& stacked, const Eigen::MatrixXd& theta,
     const std::function<Eigen::MatrixXd(const Eigen::MatrixXd&)>& white, int numbers);
 
+/// Sums of squares of a whitened residual by block, in a fixed order: whole captures where there
+/// are five or more, else four times and the body's regions of each.
+[[nodiscard]] std::vector<double> sums_by_block(const Rows& rows,
+                                                const std::vector<Capture>& captures,
+                                                const Eigen::VectorXd& white);
+
 /// Region of each track: octants of the body's rest positions about their medians along axes, as
 /// far as the body is wide there and a region keeps four tracks.
 [[nodiscard]] std::vector<int> body_regions(const Capture& capture);

@@ -171,7 +171,9 @@ Judge::Opinion Judge::judge(const Refit& refit) const {
   opinion.stacked = study_->measured() - prediction;
   opinion.residual = opinion.stacked.tail(study_->held().size());
   if (!refitter_ && whitening_) {
-    opinion.deviance = whitening_->apply(opinion.residual).squaredNorm();
+    const VectorXd white = whitening_->apply(opinion.residual);
+    opinion.deviance = white.squaredNorm();
+    opinion.blocks = sums_by_block(study_->held(), study_->model().captures(), white);
   }
   return opinion;
 }

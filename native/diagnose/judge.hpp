@@ -25,7 +25,8 @@ class Judge {
     /// χ² of it, with the errors of θ in the covariance; 0 where the samples were also fitted to
     /// (nothing was held out), because it is then no new evidence.
     double deviance = 0.0;
-    Eigen::VectorXd stacked;  ///< the residual of the rows fitted to, then that
+    std::vector<double> blocks;  ///< that χ² by block (sums_by_block()); empty where it is 0
+    Eigen::VectorXd stacked;     ///< the residual of the rows fitted to, then that
   };
   [[nodiscard]] Opinion judge(const Refit& refit) const;
 

@@ -84,6 +84,28 @@ MatrixXd experiment_gram(const Study& study, int experiment,
   return white.transpose() * white;
 }
 
+MatrixXd join_recordings(const MatrixXd& present, const MatrixXd& fresh, Index p,
+                         const std::vector<int>& own) {
+  const Index width = present.cols();
+  const Index extra = Index(std::ranges::count_if(own, [](int capture) { return capture >= 0; }));
+  std::vector<Index> old_place(std::size_t(width), 0);
+  std::vector<Index> new_place(std::size_t(width), 0);
+  Index at = p;
+  for (Index i = 0; i < width; ++i) {
+    old_place[std::size_t(i)] = i < p ? i : i + extra;
+    const bool is_own = i < p && own[std::size_t(i)] >= 0;
+    new_place[std::size_t(i)] = is_own ? at++ : old_place[std::size_t(i)];
+  }
+  MatrixXd sum = MatrixXd::Zero(width + extra, width + extra);
+  for (Index i = 0; i < width; ++i) {
+    for (Index j = 0; j < width; ++j) {
+      sum(old_place[std::size_t(i)], old_place[std::size_t(j)]) += present(i, j);
+      sum(new_place[std::size_t(i)], new_place[std::size_t(j)]) += fresh(i, j);
+    }
+  }
+  return sum;
+}
+
 std::string separating_recording(const Study& study, const Linearised& slopes, const Noise& noise,
                                  const std::vector<Rival>& rivals) {
   const Model& model = study.model();
@@ -116,27 +138,8 @@ std::string separating_recording(const Study& study, const Linearised& slopes, c
   for (std::size_t e = 0; e < experiments.size(); ++e) {
     const MatrixXd gram = experiment_gram(study, int(e), candidates, noise);
     if (gram.size() == 0) continue;
-    // The new recording's own parameters are further ones, after the present θ.
-    std::vector<Index> fresh;
-    for (Index i = 0; i < p; ++i) {
-      if (own[std::size_t(i)] >= 0) fresh.push_back(i);
-    }
-    const Index extra = Index(fresh.size());
-    std::vector<Index> place(std::size_t(width), 0);
-    Index at = p;
-    for (Index i = 0; i < width; ++i) {
-      const bool is_own = i < p && own[std::size_t(i)] >= 0;
-      place[std::size_t(i)] = is_own ? at++ : (i < p ? i : i + extra);
-    }
-    MatrixXd sum = MatrixXd::Zero(width + extra, width + extra);
-    for (Index i = 0; i < width; ++i) {
-      for (Index j = 0; j < width; ++j) {
-        const Index a = i < p ? i : i + extra;
-        const Index b = j < p ? j : j + extra;
-        sum(a, b) += present(i, j);
-        sum(place[std::size_t(i)], place[std::size_t(j)]) += gram(i, j);
-      }
-    }
+    const MatrixXd sum = join_recordings(present, gram, p, own);
+    const Index extra = sum.cols() - width;
     VectorXd precision = VectorXd::Zero(p + extra);
     precision.head(p) = theta_prior(model).precision;
     const ScoreTest test(sum, precision, tested);

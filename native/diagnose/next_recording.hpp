@@ -23,6 +23,12 @@ struct Rival {
                                               const std::vector<Candidate>& candidates,
                                               const Noise& noise);
 
+/// Gram matrix of present samples and new ones together, [θ | θ of the new recording alone |
+/// candidates]: parameters of one capture (`own` >= 0, of the p first columns) are others there.
+[[nodiscard]] Eigen::MatrixXd join_recordings(const Eigen::MatrixXd& present,
+                                              const Eigen::MatrixXd& fresh, Eigen::Index p,
+                                              const std::vector<int>& own);
+
 /// The sentence of the experiment that separates the rivals best: the largest smallest
 /// λ (1 − C²) over their pairs, from present samples and new ones together. Empty where the model
 /// has no experiments, or none makes it at least 9.2 for every pair that it can be made for.

@@ -186,6 +186,32 @@ std::map<std::pair<int, Index>, std::vector<Index>> frames_of(const Rows& rows, 
   return frames;
 }
 
+/// Captures of which no row is used have the mean noise of the others, and at least what is stated.
+void lend_noise(const std::vector<Capture>& captures, const std::vector<std::size_t>& unseen,
+                Noise& noise) {
+  const double seen = double(captures.size() - unseen.size());
+  if (unseen.empty() || !(seen > 0.0)) return;
+  TrackNoise mean;
+  for (std::size_t c = 0; c < captures.size(); ++c) {
+    if (std::ranges::count(unseen, c) > 0) continue;
+    const TrackNoise& track = noise.captures[c];
+    mean.sigma += track.sigma * track.sigma / seen;
+    mean.correlation += track.correlation / seen;
+    mean.common_sigma += track.common_sigma * track.common_sigma / seen;
+    mean.common_correlation += track.common_correlation / seen;
+    mean.freedom = std::max(mean.freedom, track.freedom);
+    mean.plausible = track.plausible;
+  }
+  mean.sigma = std::sqrt(mean.sigma);
+  mean.common_sigma = std::sqrt(mean.common_sigma);
+  for (const std::size_t c : unseen) {
+    const double interval = noise.captures[c].interval;
+    noise.captures[c] = mean;
+    noise.captures[c].interval = interval;
+    noise.captures[c].sigma = std::max(mean.sigma, captures[c].noise);
+  }
+}
+
 /// The residual with outliers pulled in, and with what the columns explain taken out.
 struct Cleaned {
   VectorXd value;
@@ -263,13 +289,17 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
   Noise noise;
   noise.captures.resize(captures.size());
   noise.weights = VectorXd::Ones(rows.size());
+  std::vector<std::size_t> unseen;
   for (std::size_t c = 0; c < captures.size(); ++c) {
     TrackNoise& track = noise.captures[c];
     track.interval = frame_interval(captures[c]);
     track.sigma = std::max(floor, captures[c].noise);
     track.plausible.assign(5, 0.0);
     const auto chains = chains_of(rows, int(c), track.interval);
-    if (chains.empty()) continue;
+    if (chains.empty()) {
+      unseen.push_back(c);
+      continue;
+    }
     const auto frames = frames_of(rows, int(c));
     std::size_t widest = 0;
     for (const auto& [key, members] : frames) widest = std::max(widest, members.size());
@@ -330,6 +360,7 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
     }
     if (second > 0.0) track.kurtosis = count * fourth / (second * second) - 3.0;
   }
+  lend_noise(captures, unseen, noise);
   return noise;
 }
 

@@ -68,6 +68,9 @@ class Run {
     backward();
     out_.bodies.resize(scene_.bodies.size());
     out_.colliders.resize(scene_.colliders.size());
+    for (const effects::Effect& effect : scene_.effects) {
+      out_.effects.emplace_back(effect.values.size(), 0.0);
+    }
     tape_.collect(turn_, out_);
     out_.substeps = substeps_;
     out_.peak_bytes = std::max(peak_, record_.peak());

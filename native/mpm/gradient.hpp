@@ -71,7 +71,10 @@ struct Gradient {
   std::vector<BodyGradient> bodies;
   std::vector<ColliderGradient> colliders;  ///< the scene's, then its walls
   Vec3d gravity = Vec3d::Zero();            ///< by something added to it at all times
-  Schedule schedule;                        ///< as the run was stepped
+  /// Of each of the scene's effects, by Effect::values (by something added at all times to what is
+  /// keyed); of neutral ones too.
+  std::vector<std::vector<double>> effects;
+  Schedule schedule;  ///< as the run was stepped
   std::size_t substeps = 0;
   std::size_t recomputed = 0;   ///< substeps that were run a second time
   std::size_t state_bytes = 0;  ///< of what is kept of one substep, about

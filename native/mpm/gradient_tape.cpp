@@ -205,6 +205,7 @@ void UpdatedTape<S>::collect(const std::vector<Vec3d>& /*observed*/, Gradient& o
     body.velocity = start.velocity;
     body.spin = start.spin;
     body.particle_velocities = std::move(start.particle_velocities);
+    adjoint_->add_effects(m, bar_, body.density, out.effects);
   }
   out.gravity += bar_.gravity;
   for (std::size_t c = 0; c < out.colliders.size(); ++c) out.colliders[c] += bar_.colliders[c];

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
+#include "effects/effect.hpp"
 #include "material/material.hpp"
 #include "shape/collider.hpp"
 #include "shape/keyed.hpp"
@@ -101,9 +102,10 @@ struct Scene {
   std::vector<shape::ColliderPtr> colliders;
   std::vector<BodyContact> contacts;
   std::optional<Walls> walls;
-  double cfl = 0.4;        ///< largest motion in one substep, in cells
-  double dt = 0.0;         ///< overrides the solver's substep where > 0 [s]
-  double dt_safety = 0.8;  ///< fraction of the stability limit that is used
+  std::vector<effects::Effect> effects;  ///< what the model is extended by
+  double cfl = 0.4;                      ///< largest motion in one substep, in cells
+  double dt = 0.0;                       ///< overrides the solver's substep where > 0 [s]
+  double dt_safety = 0.8;                ///< fraction of the stability limit that is used
   /// How many substeps each frame takes, in place of the solver's choice, so that runs beside each
   /// other take the same ones; 0, or past the end: the solver chooses. A frame that fails is not
   /// tried again with more.

@@ -96,6 +96,15 @@ void check_scene(const Scene& scene) {
       throw_input(where + ".method: between bodies contact acts on particles. Remove it.");
     }
   }
+  for (std::size_t i = 0; i < scene.effects.size(); ++i) {
+    const effects::Effect& effect = scene.effects[i];
+    const std::string where = "scene.effects[" + std::to_string(i) + "]";
+    effects::check_effect(effect, where);
+    const auto is_named = [&](const Body& body) { return body.name == effect.body; };
+    if (!effect.body.empty() && std::none_of(scene.bodies.begin(), scene.bodies.end(), is_named)) {
+      throw_input(where + ".body: there is no body '" + effect.body + "'.");
+    }
+  }
 }
 
 }  // namespace matterfit::mpm

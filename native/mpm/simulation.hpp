@@ -10,13 +10,12 @@
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
+#include "math/simd_target.hpp"
 #include "mpm/scene.hpp"
 
 namespace matterfit::mpm {
 
-/// Instruction set of the kernels. Results are bit-for-bit equal for any number of threads on one
-/// target; between targets they differ by rounding.
-enum class SimdTarget { kAuto, kSse4, kAvx2, kAvx512 };
+using matterfit::SimdTarget;
 
 /// What the particles of one body do at one frame. Order: that of Body::rest. World space.
 struct BodyState {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/error.hpp"
+#include "mpm/body_terms.hpp"
 #include "mpm/kernels.hpp"
 #include "mpm/scene_check.hpp"
 #include "mpm/unstable_error.hpp"
@@ -38,6 +39,7 @@ Stepper<S>::Stepper(Scene scene, std::shared_ptr<Arena> arena, const Simulation:
   }
   frame_ = scene_.first_frame;
   if (scene_.walls) add_walls();
+  add_inertia(scene_);
   check_start();
   const Kernels<S>& table = kernels<S>(options.target);
   total_ = std::make_unique<TotalGroup<S>>(scene_, table);
@@ -185,7 +187,9 @@ void Stepper<S>::step(double time, double dt, FrameReport& report) {
   const Vec3d gravity = scene_.gravity.at(time);
   total_->touch(*arena_, time, dt);
   if (body_contacts_ && body_contacts_->any()) {
-    body_contacts_->apply(*arena_, time, dt, gravity.norm(), 1.0 / scene_.fps);
+    double pull = total_->term_acceleration();
+    if (updated_) pull = std::max(pull, updated_->term_acceleration());
+    body_contacts_->apply(*arena_, time, dt, gravity.norm() + pull, 1.0 / scene_.fps);
   }
   total_->step(*arena_, time, dt, gravity, frame_, report);
   if (updated_) {

@@ -78,13 +78,14 @@ std::vector<Vec3d> TotalAdjoint<S>::deferred_accelerations(Arena& arena,
 template <class S>
 void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
                               const TotalState<S>& before, TotalCotangents<S>& bar,
-                              TotalLoadsAdjoint<S>* loads) {
+                              const std::vector<TotalLoadsAdjoint<S>*>& loads) {
   const TotalGrid& grid = body_.grid_;
   std::vector<double>& u_bar = bar.state.displacement;
   std::vector<double>& v_bar = bar.state.velocity;
   if (substep.smoothing > 0.0) smooth(arena, substep.smoothing, v_bar);
-  if (loads != nullptr || body_.pins_->has_masses()) body_.restore(before);
-  if (loads != nullptr) loads->prepare(arena, substep);
+  if (!loads.empty() || body_.pins_->has_masses()) body_.restore(before);
+  body_.clear_loads();
+  for (TotalLoadsAdjoint<S>* load : loads) load->prepare(arena, substep);
 
   // u' = u + dt v', v' = v + kick a, a = f/m + g.
   const std::vector<double>& inverse = grid.inverse_mass();
@@ -129,7 +130,7 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   gravity_bar = grid.axes() * gravity_bar;
   bar.gravity += gravity_bar;
   bar.gravity_turn += substep.gravity.cross(gravity_bar);
-  if (loads != nullptr) loads->back(arena, substep, force_bar, bar);
+  for (TotalLoadsAdjoint<S>* load : loads) load->back(arena, substep, force_bar, bar);
 
   if (substep.held) return;
   TotalAdjointView<S> view{};

@@ -48,6 +48,16 @@ class BlockField {
     });
   }
 
+  /// Adds it to a halo [3][216].
+  template <class S>
+  void add_to_halo(S* halo) const {
+    for (std::size_t node = 0; node < kHaloNodes; ++node) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        halo[c * kHaloNodes + node] += static_cast<S>(nodes_[node][static_cast<int>(c)]);
+      }
+    }
+  }
+
   /// Σ w_I u_I.
   [[nodiscard]] Vec3d at(const Stencil& s) const {
     const auto& w = s.spline.w;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "mpm/total_block_field.hpp"
 #include "mpm/total_pins.hpp"
 
 namespace matterfit::mpm {
@@ -119,7 +120,11 @@ void TotalBody<S>::compute_forces(Arena& arena, double dt, bool commit) {
   if (commit) sort_loads();
   arena.parallel_for(0, grid_.blocks(), 1, [&](std::size_t b) {
     kernels_->total_forces(v, b);
-    if (commit) apply_loads(b);
+    if (!commit) return;
+    apply_loads(b);
+    if (node_forces_ != nullptr) {
+      node_forces_[b].add_to_halo(force_.data() + b * 3 * kHaloNodes);
+    }
   });
 }
 
@@ -264,6 +269,11 @@ bool TotalBody<S>::held(double time) const {
 }
 
 template <class S>
+bool TotalBody<S>::has_attached_masses() const {
+  return pins_->has_masses();
+}
+
+template <class S>
 bool TotalBody<S>::releases_between(double from, double to) const {
   return pins_->releases_between(from, to);
 }
@@ -339,8 +349,9 @@ double TotalBody<S>::stable_time_step(Arena& arena, int iterations,
 }
 
 template <class S>
-void TotalBody<S>::clear_loads(std::size_t block) {
-  loads_[block].clear();
+void TotalBody<S>::clear_loads() {
+  for (std::vector<Load>& loads : loads_) loads.clear();
+  node_forces_ = nullptr;
 }
 
 template <class S>

@@ -19,6 +19,7 @@
 
 namespace matterfit::mpm {
 
+class BlockField;
 class TotalPins;
 template <class S>
 class TotalAdjoint;
@@ -74,6 +75,7 @@ class TotalBody {
   void correct_lumping(Arena& arena, std::vector<double>& acceleration);
   /// True while every node is prescribed: forces are not needed.
   [[nodiscard]] bool held(double time) const;
+  [[nodiscard]] bool has_attached_masses() const;
   /// True if a pin lets go in (from, to]: the step that follows starts with a half kick.
   [[nodiscard]] bool releases_between(double from, double to) const;
 
@@ -121,9 +123,12 @@ class TotalBody {
   }
 
   /// Forces [N, world axes] at points of particles, set before compute_forces. Those of a block's
-  /// particles are set by one thread only.
-  void clear_loads(std::size_t block);
+  /// particles are added by one thread only.
+  void clear_loads();
   void add_load(std::uint32_t particle, const Place& place, const Vec3d& force);
+  /// Forces [N, body axes] at the nodes of each block, borrowed, which compute_forces() adds where
+  /// it commits, until clear_loads().
+  void set_node_forces(const BlockField* per_block) { node_forces_ = per_block; }
 
   void sample(Arena& arena, BodyState& out) const;
   [[nodiscard]] BlockExtremes<S> extremes() const;
@@ -180,6 +185,7 @@ class TotalBody {
   std::vector<S> maxwell_;                      ///< chunks × branches × [12][16], or empty
   std::vector<std::vector<Load>> loads_;        ///< by the block of the particle
   std::vector<std::vector<Load>> block_loads_;  ///< by the block of the load's cell
+  const BlockField* node_forces_ = nullptr;     ///< per block, or null
   mutable std::vector<S> force_;                ///< blocks × [3][216]
   std::vector<double> acceleration_;            ///< as displacement_ [m/s²], without gravity
   std::vector<double> free_;                    ///< a field with zeros where nodes are not free

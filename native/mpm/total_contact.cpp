@@ -41,12 +41,8 @@ void TotalContact<S>::wake(double frame_seconds, double acceleration) {
 
 template <class S>
 void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, double dt) {
-  if (colliders_.empty()) {
-    for (std::size_t b = 0; b < body.blocks(); ++b) body.clear_loads(b);
-    return;
-  }
+  if (colliders_.empty()) return;
   arena.parallel_for(0, skin_.size(), 1, [&](std::size_t b) {
-    body.clear_loads(b);
     if (skin_[b].empty() || time < wake_time_[b]) return;
     double gap = 1e30;     // least distance of any particle's surface to any collider
     double closing = 0.0;  // fastest approach seen [m/s]

@@ -28,7 +28,7 @@ class TotalContact {
  public:
   TotalContact(const Body& body, const Scene& scene, const TotalBody<S>& total);
 
-  /// Contact forces on the body's surface particles, at `time`, as the body's loads.
+  /// Adds the contact forces on the body's surface particles, at `time`, to the body's loads.
   void apply(Arena& arena, TotalBody<S>& body, double time, double dt);
   /// At the start of a frame: every block looks again.
   void wake(double frame_seconds, double acceleration);

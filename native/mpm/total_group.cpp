@@ -46,6 +46,7 @@ TotalGroup<S>::TotalGroup(const Scene& scene, const Kernels<S>& kernels) : scene
     member.index = i;
     member.body = std::make_unique<TotalBody<S>>(scene.bodies[i], scene, kernels);
     member.contact = std::make_unique<TotalContact<S>>(scene.bodies[i], scene, *member.body);
+    member.terms = std::make_unique<TotalTerms<S>>(scene, scene.bodies[i], *member.body);
     members_.push_back(std::move(member));
   }
   last_.resize(members_.size());
@@ -76,7 +77,9 @@ void TotalGroup<S>::limit_step(Arena& arena, double time, const OtherContact& ot
     if (scene_.dt > 0.0) continue;
     if (member.contact->any() || other.any) {
       // A face must not cross a collider, nor what resists it, within a substep.
-      const double speed = member.body->max_speed() + scene_.gravity.at(time).norm() / scene_.fps;
+      double speed = member.body->max_speed();
+      speed += (scene_.gravity.at(time).norm() + member.terms->terms().acceleration_bound(speed)) /
+               scene_.fps;
       if (speed > 0.0) limit.limit_to(scene_.cfl * scene_.dx / speed, "CFL");
     }
     const double omega = 2.0 / member.elastic_dt;
@@ -117,12 +120,25 @@ void TotalGroup<S>::begin_frame(double time) {
   const double frame_seconds = 1.0 / scene_.fps;
   double pull = scene_.gravity.at(time).norm();
   pull = std::max(pull, scene_.gravity.at(time + frame_seconds).norm());
-  for (Member& member : members_) member.contact->wake(frame_seconds, pull);
+  term_acceleration_ = 0.0;
+  for (Member& member : members_) {
+    double own = 0.0;
+    if (member.terms->terms().act()) {
+      own = member.terms->terms().acceleration_bound(member.body->max_speed());
+    }
+    member.contact->wake(frame_seconds, pull + own);
+    term_acceleration_ = std::max(term_acceleration_, own);
+  }
 }
 
 template <class S>
 void TotalGroup<S>::touch(Arena& arena, double time, double dt) {
-  for (Member& member : members_) member.contact->apply(arena, *member.body, time, dt);
+  for (Member& member : members_) {
+    member.body->clear_loads();
+    member.contact->apply(arena, *member.body, time, dt);
+    if (member.body->held(time)) continue;
+    member.terms->apply(arena, *member.body, {time, scene_.gravity.at(time)});
+  }
 }
 
 template <class S>

@@ -14,6 +14,7 @@
 #include "mpm/state_bytes.hpp"
 #include "mpm/total_body.hpp"
 #include "mpm/total_contact.hpp"
+#include "mpm/total_terms.hpp"
 
 namespace matterfit::mpm {
 
@@ -69,7 +70,9 @@ class TotalGroup {
   void set_elastic_dt(const std::vector<double>& dt);
 
   void begin_frame(double time);
-  /// Contact with colliders: sets the bodies' loads, before others add theirs.
+  /// The largest acceleration [m/s²] that terms give to a body in the frame that began last.
+  [[nodiscard]] double term_acceleration() const { return term_acceleration_; }
+  /// Begins the bodies' loads, to which others may add: contact with colliders, then terms.
   void touch(Arena& arena, double time, double dt);
   /// Forces and motion. Throws UnstableError where a cell turns inside out. `frame` for its text.
   void step(Arena& arena, double time, double dt, const Vec3d& gravity, int frame,
@@ -89,6 +92,7 @@ class TotalGroup {
     std::size_t index;
     std::unique_ptr<TotalBody<S>> body;
     std::unique_ptr<TotalContact<S>> contact;
+    std::unique_ptr<TotalTerms<S>> terms;
     double last_dt = 0.0;  ///< of the substep before; 0: the next one starts with a half kick
     double elastic_dt = 0.0;
     int unsmoothed = 0;   ///< substeps since the velocities were last smoothed
@@ -101,6 +105,7 @@ class TotalGroup {
   [[noreturn]] void fail(const Member& member, double time, int frame) const;
 
   const Scene& scene_;
+  double term_acceleration_ = 0.0;
   std::vector<Member> members_;
   std::vector<TotalSubstep> last_;
 };

@@ -242,13 +242,27 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
     mpm::Simulation::Options solver;
     solver.target = options_.target;
     mpm::Simulation simulation(scene, arena, solver);
-    std::vector<std::vector<Points>> seen(base->followers.size());
+    // Points of a body that is placed anew: those that the document gives on it move along, those
+    // that the recording shows stay where they were seen.
+    std::vector<fit::PointFollower> moved;
+    if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                    [&](const mpm::Body& b) { return parameters_->places(run, b.name); })) {
+      for (std::size_t c = 0; c < base->followers.size(); ++c) {
+        const FitCapture& capture = runs_[run].captures[c];
+        Points rest = capture.input.rest;
+        if (capture.places_given) {
+          for (Vec3d& x : rest) x = parameters_->placed(values, run, capture.input.body, x);
+        }
+        moved.emplace_back(scene.bodies[base->bodies[c]], std::move(rest), 0.5 * scene.dx, *arena);
+      }
+    }
+    const std::vector<fit::PointFollower>& followers = moved.empty() ? base->followers : moved;
+    std::vector<std::vector<Points>> seen(followers.size());
     const auto record = [&] {
       const mpm::FrameState state = simulation.state();
       for (std::size_t c = 0; c < seen.size(); ++c) {
         const std::size_t body = base->bodies[c];
-        seen[c].push_back(
-            base->followers[c].positions(scene.bodies[body], state.bodies[body], *arena));
+        seen[c].push_back(followers[c].positions(scene.bodies[body], state.bodies[body], *arena));
       }
     };
     record();

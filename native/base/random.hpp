@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-namespace matterfit::bench {
+namespace matterfit {
 
 /// SplitMix64 (Steele et al. 2014): the same numbers with every standard library.
 class Random {
@@ -28,4 +28,4 @@ class Random {
   std::uint64_t state_;
 };
 
-}  // namespace matterfit::bench
+}  // namespace matterfit

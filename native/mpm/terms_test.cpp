@@ -21,6 +21,7 @@ using effects::Effect;
 using effects::make_effect;
 
 std::string formulation_name(Formulation formulation) {
+  if (formulation == Formulation::kRenewed) return "renewed";
   return formulation == Formulation::kTotal ? "total" : "updated";
 }
 
@@ -136,7 +137,8 @@ Vec3d mean(const std::vector<Vec3f>& values) {
 class Flight : public ::testing::TestWithParam<Formulation> {};
 
 INSTANTIATE_TEST_SUITE_P(Formulations, Flight,
-                         ::testing::Values(Formulation::kTotal, Formulation::kUpdated),
+                         ::testing::Values(Formulation::kTotal, Formulation::kUpdated,
+                                           Formulation::kRenewed),
                          [](const auto& info) { return formulation_name(info.param); });
 
 TEST_P(Flight, UnderLinearDragDecaysExponentially) {
@@ -210,11 +212,13 @@ TEST_P(Flight, HasTheSameBitsForAnyNumberOfThreads) {
 }
 
 /// An effect that does nothing yet has the derivative that says what it would do.
-TEST_P(Flight, NeutralEffectsHaveDerivatives) {
-  TermCase run(GetParam(), {make_effect("wind"), make_effect("drag_linear")});
-  set(run.with[1], "rate", 0.0);
-  ASSERT_TRUE(is_neutral(run.with[0]) && is_neutral(run.with[1]));
-  expect_gradient(run);
+TEST(NeutralEffects, HaveDerivatives) {
+  for (const Formulation formulation : {Formulation::kTotal, Formulation::kUpdated}) {
+    TermCase run(formulation, {make_effect("wind"), make_effect("drag_linear")});
+    set(run.with[1], "rate", 0.0);
+    ASSERT_TRUE(is_neutral(run.with[0]) && is_neutral(run.with[1]));
+    expect_gradient(run);
+  }
 }
 
 TEST(SceneEffects, AreChecked) {

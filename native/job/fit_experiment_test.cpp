@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_captures.hpp"
+#include "job/fit_experiment.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 
+#include "fit/data/capture_noise.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/run/build_scene.hpp"
 
@@ -42,7 +43,7 @@ void write_flight(const fs::path& folder, std::size_t release,
 }
 
 struct Loaded {
-  FitRun run;
+  fit::Run run;
   std::string statements;
 };
 
@@ -52,14 +53,14 @@ Loaded loaded(const fs::path& folder, const std::function<void(Json&)>& change =
   const Job job = job_of(document, folder);
   std::vector<std::string> statements;
   Loaded result;
-  result.run = load_fit_runs(job, statements).front();
+  result.run = load_experiment(job, statements).experiment.runs.front();
   Arena arena(1);
-  settle_noise(result.run, build_scene(job, arena, Interrupter()).scene, statements);
+  fit::settle_noise(result.run.captures, build_scene(job, arena, Interrupter()).scene, statements);
   result.statements = Json(statements).dump();
   return result;
 }
 
-bool is_used(const FitCapture& capture, std::size_t point) {
+bool is_used(const fit::Capture& capture, std::size_t point) {
   for (std::size_t t = 0; t < kFrames; ++t) {
     if (capture.used[t * kPoints + point] != 0) return true;
   }
@@ -115,7 +116,7 @@ TEST(FitCaptures, WhatSaysNothingIsNeitherUsedNorPredicted) {
     d["captures"][0]["release"] = 4;
     d["captures"][0]["holdout"] = {{"frames", {10, 14}}, {"tracks", {3}}};
   });
-  const FitCapture& capture = found.run.captures[0];
+  const fit::Capture& capture = found.run.captures[0];
   for (std::size_t t = 0; t < kFrames; ++t) {
     EXPECT_EQ(capture.used[t * kPoints], t > 4 && t < 10 ? 1 : 0) << t;
     EXPECT_EQ(capture.predicted[t * kPoints], t >= 10 ? 1 : 0) << t;

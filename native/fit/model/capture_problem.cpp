@@ -1,31 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_problem.hpp"
+#include "fit/model/capture_problem.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
 
 #include "fit/data/losses.hpp"
 #include "mpm/scene_check.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
-constexpr std::size_t kFirstWindow = 6;  // samples in time
-constexpr double kSlack = 1e-9;          // [s]
-/// A window that the next one extends by less than this is left out.
-constexpr double kWorthwhile = 0.75;
-
-/// Times of one run at which some sample is used, ascending.
-std::vector<double> used_times(const FitRun& run) {
-  std::set<double> times;
-  for (const FitCapture& capture : run.captures) {
-    for (const std::size_t t : capture.used_frames()) times.insert(capture.input.tracks.times[t]);
-  }
-  return {times.begin(), times.end()};
-}
+constexpr double kSlack = 1e-9;  // [s]
 
 constexpr std::uint32_t kMostParts = 8;
 constexpr std::size_t kFewestInPart = 8;
@@ -63,42 +50,24 @@ std::vector<std::uint32_t> parts_of(const Points& points) {
 
 }  // namespace
 
-FitWindow fit_window(const std::vector<FitRun>& runs, std::size_t samples) {
-  FitWindow window;
-  bool named = false;
-  for (const FitRun& run : runs) {
-    const std::vector<double> times = used_times(run);
-    if (times.empty()) {
-      window.until.push_back(-1.0);
-      continue;
-    }
-    const double until = times[std::min(samples, times.size()) - 1];
-    window.until.push_back(until);
-    if (named) continue;
-    named = true;
-    const SceneDoc& scene = run.job.scene;
-    window.first_frame = scene.first_frame + int(std::floor(times.front() * scene.fps + 1e-6));
-    window.last_frame = scene.first_frame + int(std::ceil(until * scene.fps - 1e-6));
+Mask used_samples(const std::vector<Run>& runs) {
+  Mask mask(runs.size());
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    for (const Capture& capture : runs[r].captures) mask[r].push_back(&capture.used);
   }
-  return window;
+  return mask;
 }
 
-std::vector<FitWindow> fit_windows(const std::vector<FitRun>& runs, bool grow) {
-  std::size_t longest = 0;
-  for (const FitRun& run : runs) longest = std::max(longest, used_times(run).size());
-  std::vector<FitWindow> windows;
-  if (grow) {
-    for (std::size_t samples = kFirstWindow; double(samples) < kWorthwhile * double(longest);
-         samples *= 2) {
-      windows.push_back(fit_window(runs, samples));
-    }
-  }
-  windows.push_back(fit_window(runs, longest));
-  return windows;
+Scope CaptureProblem::scope() const {
+  Scope scope;
+  scope.until = window_.until;
+  if (!plan_.runs.empty()) scope.plan = &plan_;
+  return scope;
 }
 
-FitProblem::FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
-                       std::vector<fit::Parameter> parameters, FitDoc::Loss loss, FitWindow window)
+CaptureProblem::CaptureProblem(const Model& model, const std::vector<Run>& runs,
+                               std::vector<Parameter> parameters, Loss loss, Window window,
+                               Mask mask)
     : model_(model),
       runs_(runs),
       parameters_(std::move(parameters)),
@@ -107,11 +76,13 @@ FitProblem::FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
   for (std::size_t r = 0; r < runs.size(); ++r) {
     if (window_.until[r] < 0.0) continue;
     for (std::size_t c = 0; c < runs[r].captures.size(); ++c) {
-      const FitCapture& capture = runs[r].captures[c];
+      const Capture& capture = runs[r].captures[c];
+      if (mask[r][c] == nullptr) continue;
       Part part;
       part.run = r;
       part.capture = c;
-      for (const std::size_t t : capture.used_frames()) {
+      part.mask = mask[r][c];
+      for (const std::size_t t : capture.frames_in(*part.mask)) {
         if (capture.input.tracks.times[t] > window_.until[r] + kSlack) break;
         part.frames.push_back(t);
       }
@@ -120,38 +91,38 @@ FitProblem::FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
   }
   Arena arena(model_.threads());
   for (Part& part : parts_) {
-    const FitCapture& capture = capture_of(part);
+    const Capture& capture = capture_of(part);
     for (std::size_t i = 0; i < capture.sigma.size(); ++i) {
       part.deviations.push_back(capture.deviation(i));
     }
-    if (loss_ == FitDoc::Loss::kTracks) continue;
+    if (loss_ == Loss::kTracks) continue;
     const capture::Tracks& tracks = capture.input.tracks;
-    part.scale = capture.cloud_scale();
+    part.scale = capture.cloud_scale(*part.mask);
     for (const std::size_t t : part.frames) {
       Cloud cloud;
-      for (const std::size_t i : capture.compared(t)) {
+      for (const std::size_t i : capture.compared(t, *part.mask)) {
         cloud.points.push_back(tracks.positions[t * tracks.points + i]);
       }
-      cloud.means = fit::cloud_means(cloud.points, part.scale, arena);
+      cloud.means = cloud_means(cloud.points, part.scale, arena);
       part.clouds.push_back(std::move(cloud));
     }
   }
 }
 
-std::vector<double> FitProblem::physical(const Eigen::VectorXd& point) const {
+std::vector<double> CaptureProblem::physical(const Eigen::VectorXd& point) const {
   std::vector<double> values;
   for (std::size_t k = 0; k < parameters_.size(); ++k) {
-    values.push_back(fit::value_within_bounds(parameters_[k], point[Eigen::Index(k)]));
+    values.push_back(value_within_bounds(parameters_[k], point[Eigen::Index(k)]));
   }
   return values;
 }
 
-std::vector<std::optional<Eigen::VectorXd>> FitProblem::evaluate(
+std::vector<std::optional<Eigen::VectorXd>> CaptureProblem::evaluate(
     const std::vector<Eigen::VectorXd>& points) {
   std::vector<std::vector<double>> values;
   values.reserve(points.size());
   for (const Eigen::VectorXd& point : points) values.push_back(physical(point));
-  const auto outcomes = model_.evaluate(values, {window_.until, false}, progress);
+  const auto outcomes = model_.evaluate(values, scope(), progress).outcomes;
   std::vector<std::optional<Eigen::VectorXd>> results(points.size());
   for (std::size_t p = 0; p < points.size(); ++p) {
     if (!outcomes[p]) continue;
@@ -163,7 +134,7 @@ std::vector<std::optional<Eigen::VectorXd>> FitProblem::evaluate(
   return results;
 }
 
-double FitProblem::transposed_cost() const {
+double CaptureProblem::transposed_cost() const {
   // One run with all threads and its way back, beside runs with one thread each; the way back of
   // updated bodies is longer.
   constexpr double kTotal = 4.0;
@@ -177,56 +148,56 @@ double FitProblem::transposed_cost() const {
   return cost;
 }
 
-std::optional<Eigen::VectorXd> FitProblem::transposed(const Eigen::VectorXd& point,
-                                                      const Eigen::VectorXd& weights) {
+std::optional<Eigen::VectorXd> CaptureProblem::transposed(const Eigen::VectorXd& point,
+                                                          const Eigen::VectorXd& weights) {
   if (!model_.has_gradient()) return std::nullopt;
   std::vector<std::vector<Points>> bars(runs_.size());
   for (std::size_t r = 0; r < runs_.size(); ++r) {
-    for (const FitCapture& capture : runs_[r].captures) {
+    for (const Capture& capture : runs_[r].captures) {
       bars[r].emplace_back(capture.input.tracks.positions.size(), Vec3d::Zero());
     }
   }
   Eigen::Index at = 0;
   for (const Part& part : parts_) {
-    const FitCapture& capture = capture_of(part);
+    const Capture& capture = capture_of(part);
     const std::size_t points = capture.input.tracks.points;
     for (const std::size_t t : part.frames) {
       for (std::size_t i = 0; i < points; ++i, at += 3) {
-        if (capture.used[t * points + i] == 0) continue;
+        if ((*part.mask)[t * points + i] == 0) continue;
         bars[part.run][part.capture][t * points + i] =
             weights.segment<3>(at) / capture.deviation(i);
       }
     }
   }
-  const auto sum = model_.pull_back(physical(point), {window_.until, false}, bars, progress);
+  const auto sum = model_.pull_back(physical(point), scope(), bars, progress);
   if (!sum) return std::nullopt;
   Eigen::VectorXd result(point.size());
   for (Eigen::Index k = 0; k < point.size(); ++k) {
     const auto n = std::size_t(k);
-    result[k] = (*sum)[n] * fit::derivative(parameters_[n].coordinate, point[k]);
+    result[k] = (*sum)[n] * derivative(parameters_[n].coordinate, point[k]);
   }
   return result;
 }
 
-Eigen::VectorXd FitProblem::residuals(const FitOutcome& outcome) const {
+Eigen::VectorXd CaptureProblem::residuals(const Outcome& outcome) const {
   std::vector<Eigen::VectorXd> pieces;
   Arena arena(model_.threads());
   for (const Part& part : parts_) {
-    const FitCapture& capture = capture_of(part);
+    const Capture& capture = capture_of(part);
     const capture::Tracks& tracks = capture.input.tracks;
-    const fit::SimulatedCapture& simulated = outcome[part.run].captures[part.capture];
+    const SimulatedCapture& simulated = outcome[part.run].captures[part.capture];
     const std::size_t simulated_points = simulated.positions.size() / tracks.frames();
     for (std::size_t k = 0; k < part.frames.size(); ++k) {
       const std::size_t t = part.frames[k];
       const std::span ours(simulated.positions.data() + t * simulated_points, simulated_points);
-      if (loss_ == FitDoc::Loss::kTracks) {
+      if (loss_ == Loss::kTracks) {
         const std::span theirs(tracks.positions.data() + t * tracks.points, tracks.points);
-        const std::span used(capture.used.data() + t * tracks.points, tracks.points);
-        pieces.push_back(fit::track_residuals(ours, theirs, used, part.deviations, tracks.points));
+        const std::span used(part.mask->data() + t * tracks.points, tracks.points);
+        pieces.push_back(track_residuals(ours, theirs, used, part.deviations, tracks.points));
         continue;
       }
       const Cloud& cloud = part.clouds[k];
-      pieces.push_back(fit::cloud_residuals(ours, cloud.points, cloud.means, part.scale, arena));
+      pieces.push_back(cloud_residuals(ours, cloud.points, cloud.means, part.scale, arena));
     }
   }
   Eigen::Index size = 0;
@@ -240,15 +211,15 @@ Eigen::VectorXd FitProblem::residuals(const FitOutcome& outcome) const {
   return residual;
 }
 
-std::vector<double> FitProblem::distances(const Eigen::VectorXd& residual) const {
+std::vector<double> CaptureProblem::distances(const Eigen::VectorXd& residual) const {
   std::vector<double> result;
   Eigen::Index at = 0;
   for (const Part& part : parts_) {
-    const FitCapture& capture = capture_of(part);
+    const Capture& capture = capture_of(part);
     const auto points = Eigen::Index(capture.input.tracks.points);
     for (const std::size_t t : part.frames) {
-      const std::vector<std::size_t> seen = capture.compared(t);
-      if (loss_ == FitDoc::Loss::kTracks) {
+      const std::vector<std::size_t> seen = capture.compared(t, *part.mask);
+      if (loss_ == Loss::kTracks) {
         for (const std::size_t i : seen) {
           const double size = residual.segment<3>(at + Eigen::Index(3 * i)).norm();
           result.push_back(capture.deviation(i) * size);
@@ -265,22 +236,22 @@ std::vector<double> FitProblem::distances(const Eigen::VectorXd& residual) const
   return result;
 }
 
-double FitProblem::rms(const Eigen::VectorXd& residual) const {
+double CaptureProblem::rms(const Eigen::VectorXd& residual) const {
   double sum = 0.0;
   const std::vector<double> all = distances(residual);
   for (const double distance : all) sum += distance * distance;
   return all.empty() ? 0.0 : std::sqrt(sum / double(all.size()));
 }
 
-double FitProblem::rms_seen(const Eigen::VectorXd& point) const {
+double CaptureProblem::rms_seen(const Eigen::VectorXd& point) const {
   for (const auto& [seen, value] : seen_) {
     if (seen == point) return value;
   }
   return std::numeric_limits<double>::quiet_NaN();
 }
 
-double FitProblem::effective(const Eigen::VectorXd& residual) const {
-  if (loss_ != FitDoc::Loss::kTracks) {
+double CaptureProblem::effective(const Eigen::VectorXd& residual) const {
+  if (loss_ != Loss::kTracks) {
     double alone = 0.0;
     for (const Part& part : parts_) {
       for (const Cloud& cloud : part.clouds) {
@@ -299,7 +270,7 @@ double FitProblem::effective(const Eigen::VectorXd& residual) const {
   double most_frames = 1.0;
   Eigen::Index at = 0;
   for (const Part& part : parts_) {
-    const FitCapture& capture = capture_of(part);
+    const Capture& capture = capture_of(part);
     const std::size_t points = capture.input.tracks.points;
     most_frames = std::max(most_frames, double(part.frames.size()));
     for (std::size_t k = 0; k < part.frames.size(); ++k) {
@@ -307,13 +278,13 @@ double FitProblem::effective(const Eigen::VectorXd& residual) const {
       Vec3d sum = Vec3d::Zero();
       double count = 0.0;
       for (std::size_t i = 0; i < points; ++i) {
-        if (capture.used[t * points + i] == 0) continue;
+        if ((*part.mask)[t * points + i] == 0) continue;
         const Vec3d r = residual.segment<3>(at + Eigen::Index(3 * i));
         squares += r.squaredNorm();
         sum += r;
         count += 1.0;
         const bool next = k + 1 < part.frames.size() && part.frames[k + 1] == t + 1 &&
-                          capture.used[(t + 1) * points + i] != 0;
+                          (*part.mask)[(t + 1) * points + i] != 0;
         if (!next) continue;
         lagged += r.dot(residual.segment<3>(at + Eigen::Index(3 * (points + i))));
         pairs += 1.0;
@@ -333,13 +304,13 @@ double FitProblem::effective(const Eigen::VectorXd& residual) const {
   return std::max(3.0, 3.0 * samples / (in_time * in_frame));
 }
 
-std::vector<std::uint32_t> FitProblem::blocks() const {
+std::vector<std::uint32_t> CaptureProblem::blocks() const {
   constexpr std::size_t kStretches = 8;
   std::vector<std::uint32_t> result;
   std::uint32_t first = 0;
   for (const Part& part : parts_) {
-    const FitCapture& capture = capture_of(part);
-    const bool tracks = loss_ == FitDoc::Loss::kTracks;
+    const Capture& capture = capture_of(part);
+    const bool tracks = loss_ == Loss::kTracks;
     const std::vector<std::uint32_t> octants =
         tracks ? parts_of(capture.input.rest) : std::vector<std::uint32_t>{};
     for (std::size_t k = 0; k < part.frames.size(); ++k) {
@@ -358,4 +329,4 @@ std::vector<std::uint32_t> FitProblem::blocks() const {
   return result;
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -1,54 +1,52 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include "fit/data/cloud_residuals.hpp"
+#include "fit/model/model.hpp"
+#include "fit/model/window.hpp"
 #include "fit/numerics/least_squares.hpp"
-#include "job/fit_model.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 
-/// The first part of all captures: how long each run is simulated and compared.
-struct FitWindow {
-  std::vector<double> until;  ///< [s] of each run; negative: not simulated
-  int first_frame = 0;        ///< of the first fitted run, for names
-  int last_frame = 0;
-};
+/// Which samples count, run by run and capture by capture: (T, N) each, borrowed; null: none.
+using Mask = std::vector<std::vector<const std::vector<std::uint8_t>*>>;
+/// Capture::used of all; the runs are borrowed.
+[[nodiscard]] Mask used_samples(const std::vector<Run>& runs);
 
-/// Windows that double, from a few samples after the motion begins to all that are used; only the
-/// last where `grow` is off.
-[[nodiscard]] std::vector<FitWindow> fit_windows(const std::vector<FitRun>& runs, bool grow);
-/// At most `samples` used times of each run.
-[[nodiscard]] FitWindow fit_window(const std::vector<FitRun>& runs, std::size_t samples);
-
-/// Residuals of simulations against the captures over one window. Those of clouds are
-/// fit::cloud_residuals(), 6 a captured point; the squares of a perfect fit sum up to half their
+/// Residuals of simulations against the samples of a mask over one window. Those of clouds are
+/// cloud_residuals(), 6 a captured point; the squares of a perfect fit sum up to half their
 /// number.
-class FitProblem final : public fit::Problem {
+class CaptureProblem final : public Problem {
  public:
-  FitProblem(const FitModel& model, const std::vector<FitRun>& runs,
-             std::vector<fit::Parameter> parameters, FitDoc::Loss loss, FitWindow window);
+  CaptureProblem(const Model& model, const std::vector<Run>& runs,
+                 std::vector<Parameter> parameters, Loss loss, Window window, Mask mask);
 
   std::vector<std::optional<Eigen::VectorXd>> evaluate(
       const std::vector<Eigen::VectorXd>& points) override;
-  fit::Problem* stand_in() override { return stand_in_; }
+  Problem* stand_in() override { return stand_in_; }
   /// By the model's adjoint.
   std::optional<Eigen::VectorXd> transposed(const Eigen::VectorXd& point,
                                             const Eigen::VectorXd& weights) override;
   [[nodiscard]] double transposed_cost() const override;
   /// Borrowed: the same captures against a coarser model.
-  void set_stand_in(FitProblem* problem) { stand_in_ = problem; }
+  void set_stand_in(CaptureProblem* problem) { stand_in_ = problem; }
+
+  /// How every evaluation is stepped; an empty one: as the solver chooses.
+  [[nodiscard]] const StepPlan& plan() const { return plan_; }
+  void set_plan(StepPlan plan) { plan_ = std::move(plan); }
 
   /// Told the fraction of a batch that is done.
   std::function<void(double)> progress;
 
   [[nodiscard]] std::vector<double> physical(const Eigen::VectorXd& point) const;
-  [[nodiscard]] Eigen::VectorXd residuals(const FitOutcome& outcome) const;
-  /// Distance of every used sample [m], run by run, capture by capture, frame by frame. Of
+  [[nodiscard]] Eigen::VectorXd residuals(const Outcome& outcome) const;
+  /// Distance of every sample of the mask [m], run by run, capture by capture, frame by frame. Of
   /// clouds what the means around each captured point are apart.
   [[nodiscard]] std::vector<double> distances(const Eigen::VectorXd& residual) const;
   /// Root mean square of distances() [m].
@@ -72,23 +70,27 @@ class FitProblem final : public fit::Problem {
   struct Part {
     std::size_t run = 0;
     std::size_t capture = 0;
+    const std::vector<std::uint8_t>* mask = nullptr;
     std::vector<std::size_t> frames;
-    std::vector<double> deviations;  ///< FitCapture::deviation() of its points
-    fit::CloudScale scale;           ///< of clouds
+    std::vector<double> deviations;  ///< Capture::deviation() of its points
+    CloudScale scale;                ///< of clouds
     std::vector<Cloud> clouds;       ///< one a frame
   };
-  [[nodiscard]] const FitCapture& capture_of(const Part& part) const {
+  [[nodiscard]] const Capture& capture_of(const Part& part) const {
     return runs_[part.run].captures[part.capture];
   }
 
-  const FitModel& model_;
-  const std::vector<FitRun>& runs_;
-  std::vector<fit::Parameter> parameters_;
-  FitDoc::Loss loss_;
-  FitWindow window_;
-  FitProblem* stand_in_ = nullptr;
+  [[nodiscard]] Scope scope() const;
+
+  const Model& model_;
+  const std::vector<Run>& runs_;
+  std::vector<Parameter> parameters_;
+  Loss loss_;
+  Window window_;
+  StepPlan plan_;
+  CaptureProblem* stand_in_ = nullptr;
   std::vector<Part> parts_;
   std::vector<std::pair<Eigen::VectorXd, double>> seen_;
 };
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -3,49 +3,14 @@
 
 import json
 import os
-import unittest
 
 import bpy
 import numpy
-from fake_cache import openvdb_module, write_exr, write_pc2, write_vdb
+from attach_case import FRAMES, AttachCase, evaluated_points
+from fake_cache import write_exr, write_pc2
 from matterfit.io import attach, attached, cache, takes
 from matterfit.jobs import JobError
-from support import SceneCase, second_process
-
-FRAMES = range(3, 8)
-
-
-def evaluated_points(item, frame):
-    """(N, 3) world positions of the evaluated mesh."""
-    bpy.context.scene.frame_set(frame)
-    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    mesh = evaluated.to_mesh()
-    points = numpy.empty(len(mesh.vertices) * 3, dtype=numpy.float32)
-    mesh.vertices.foreach_get("co", points)
-    evaluated.to_mesh_clear()
-    matrix = numpy.array(evaluated.matrix_world)
-    return points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-class AttachCase(SceneCase):
-    def setUp(self):
-        super().setUp()
-        self.item = self.cube(location=(0.0, 0.0, 1.0))
-        self.body_row = self.body(self.item)
-        self.scene.frame_start, self.scene.frame_end = FRAMES[0], FRAMES[-1]
-        self.take = takes.ensure_active(self.settings)
-
-    def attach(self, **output):
-        """Attaches the fake cache of the active take."""
-        document, self.folder_of_cache = self.document()
-        document["output"].update(output)
-        self.write_files(document)
-        shown = attach.Attachment(self.scene, self.take, self.folder_of_cache, document)
-        self.frames_done = shown.update()
-        return {item["matterfit"]: item for item in self.take.collection.objects}
-
-    def write_files(self, document):
-        raise NotImplementedError
+from support import second_process
 
 
 class MeshTest(AttachCase):
@@ -427,138 +392,6 @@ class ParticleTest(AttachCase):
         item = next(item for item in self.take.collection.objects)
         self.assertEqual(done, 2)
         self.assertEqual([vertex.co.x for vertex in item.data.vertices], [2.0] * 4)
-
-
-@unittest.skipUnless(openvdb_module(), "OpenVDB's module is not installed for Blender's Python")
-class VolumeTest(AttachCase):
-    """A sphere that grows."""
-
-    def write_files(self, document):
-        for k, frame in enumerate(FRAMES):
-            write_vdb(os.path.join(self.folder_of_cache, "volume", f"Cube_{frame:04d}.vdb"),
-                      0.2 + 0.05 * k)
-
-    def test_sequence_and_surface(self):
-        """Files carry the scene's frames; the level set becomes a mesh of the right size."""
-        items = self.attach(volume=["density", "surface"])
-        volume = items["volume:Cube"].data
-        self.assertEqual((volume.frame_start, volume.frame_offset, volume.frame_duration),
-                         (3, 2, 5))
-        self.assertEqual(volume.velocity_unit, "SECOND")
-        surface = items["surface:Cube"]
-        surface.hide_viewport = False
-        for k, frame in enumerate(FRAMES):
-            points = evaluated_points(surface, frame)
-            radius = numpy.linalg.norm(points - (0, 0, 1), axis=1).mean()
-            self.assertAlmostEqual(radius, 0.2 + 0.05 * k, delta=0.004)
-
-    def test_renders_without_us(self):
-        """`-a` of the saved file in a bare Blender: pictures that differ from frame to frame."""
-        self.attach(volume=["surface"])
-        camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-        camera.location, camera.rotation_euler = (0.0, -3.0, 1.0), (1.5708, 0.0, 0.0)
-        light = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-        for item in (camera, light):
-            self.scene.collection.objects.link(item)
-        self.scene.camera = camera
-        self.scene.render.engine = "CYCLES"
-        self.scene.cycles.samples = 2
-        self.scene.cycles.use_denoising = False
-        self.scene.render.resolution_x = self.scene.render.resolution_y = 32
-        self.scene.render.image_settings.file_format = "OPEN_EXR"
-        self.scene.render.filepath = os.path.join(self.folder, "shot_")
-        self.scene.frame_step = 4
-        self.save("scene.blend")
-        found = second_process(f"""
-bpy.ops.render.render(animation=True)
-sums = {{}}
-for frame in (3, 7):
-    image = bpy.data.images.load({self.folder!r} + "/shot_%04d.exr" % frame)
-    pixels = list(image.pixels)
-    sums[frame] = sum(1 for value in pixels[0::4] if value > 0.02)
-print(json.dumps(sums))
-""", blend=os.path.join(self.folder, "scene.blend"))
-        small, large = found["3"], found["7"]
-        self.assertGreater(small, 5)
-        self.assertGreater(large, 2 * small)
-
-
-@unittest.skipUnless(openvdb_module(), "this Blender has no pyopenvdb")
-class PictureTest(AttachCase):
-    """Each body has one picture, in the viewport and in renders."""
-
-    def write_files(self, document):
-        local = numpy.array([vertex.co for vertex in self.item.data.vertices])
-        for kind in ("mesh", "points"):
-            write_pc2(os.path.join(self.folder_of_cache, kind, "Cube.pc2"), [local] * len(FRAMES))
-        for frame in FRAMES:
-            write_vdb(os.path.join(self.folder_of_cache, "volume", f"Cube_{frame:04d}.vdb"), 0.2)
-
-    def seen(self, items, where="hide_render"):
-        return {tag.split(":")[0] for tag, item in items.items() if not getattr(item, where)}
-
-    def update(self, **arguments):
-        document, folder = self.document()
-        document["output"].update(volume=["density", "surface"])
-        attach.Attachment(self.scene, self.take, folder, document).update(**arguments)
-
-    def test_of_a_solid(self):
-        items = self.attach(volume=["density", "surface"])
-        self.assertEqual(set(items), {"mesh:Cube", "points:Cube", "surface:Cube", "volume:Cube"})
-        self.assertEqual(self.seen(items), {"mesh"})
-        self.assertEqual(self.seen(items, "hide_viewport") - {"volume"}, {"mesh"})
-        self.assertTrue(self.item.hide_render and self.item.hide_viewport)
-
-    def test_of_what_pours(self):
-        """Water and sand are their surface; the mesh is neither asked for nor seen."""
-        for preset in ("WATER", "SAND", "HONEY"):
-            with self.subTest(preset):
-                self.body_row.material.preset = preset
-                document, _folder = self.document()
-                self.assertNotIn("mesh", document["output"])
-                items = self.attach(volume=["density", "surface"])
-                self.assertEqual(self.seen(items), {"surface"})
-                self.assertEqual(self.seen(items, "hide_viewport") - {"volume"}, {"surface"})
-                self.assertTrue(self.item.hide_render)
-
-    def test_the_level_set_does_not_glow(self):
-        """Its volume has to stay in the viewport, and shows nothing there."""
-        volume = self.attach(volume=["surface"])["volume:Cube"]
-        self.assertFalse(volume.hide_viewport)
-        self.assertLess(volume.data.display.density, 1e-4)  # Blender's least
-        self.assertEqual(volume.data.display.wireframe_type, "NONE")
-
-    def test_fog_where_there_is_nothing_better(self):
-        document, folder = self.document()
-        self.folder_of_cache = folder
-        self.write_files(document)
-        document["output"].update(mesh=[], volume=["density"])
-        attach.Attachment(self.scene, self.take, folder, document).update()
-        items = {item["matterfit"]: item for item in self.take.collection.objects}
-        self.assertEqual(self.seen(items), {"volume"})
-        self.assertEqual(items["volume:Cube"].data.display.density, 1.0)
-
-    def test_while_it_bakes(self):
-        """Particles are of the newest frame; nothing of another frame stands beside them."""
-        items = self.attach(volume=["density", "surface"])
-        self.update(live=True)
-        self.assertEqual(self.seen(items), {"points"})
-        self.update(final=True)
-        self.assertEqual(self.seen(items), {"mesh"})
-
-    def test_what_the_artist_has_chosen_stays(self):
-        items = self.attach(volume=["density", "surface"])
-        items["surface:Cube"].hide_render = False
-        self.update(final=True)
-        self.assertEqual(self.seen(items), {"mesh", "surface"})
-
-    def test_another_picture_after_another_bake(self):
-        """Without render meshes the surface takes their place."""
-        items = self.attach(volume=["density", "surface"])
-        document, folder = self.document()
-        document["output"].update(mesh=[], volume=["surface"])
-        attach.Attachment(self.scene, self.take, folder, document).update()
-        self.assertEqual(self.seen(items), {"surface"})
 
 
 class FreeTest(AttachCase):

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panels at the sidebar's default width: no text is cut."""
 
+import unittest
+
 import bpy
-from matterfit import laws, ui
+from matterfit import effects, laws, ui
 from matterfit.io import fit_rows
 from panel_recorder import faults_of, text_width
 from support import SceneCase, select
 
 
+@unittest.skipUnless(text_width("Young's") > 0.0, "this Blender has no fonts in the background")
 class CutTest(SceneCase):
     def setUp(self):
         super().setUp()
@@ -41,9 +44,11 @@ class CutTest(SceneCase):
             self.check(f", {source}")
 
     def test_a_collider(self):
+        self.body(self.cube("Second"))
+        bpy.ops.matterfit.add_pair()
         self.body(self.cube("Ball"), "COLLIDER")
         for kind in ("STATIC", "RIGID", "DEFORMING"):
-            self.settings.bodies[1].collider_kind = kind
+            self.settings.bodies[2].collider_kind = kind
             self.check(f", {kind}")
 
     def test_the_solver(self):
@@ -53,6 +58,11 @@ class CutTest(SceneCase):
         for quality in ("PREVIEW", "STANDARD", "FINE", "CUSTOM"):
             solver.quality = quality
             self.check(f", {quality}")
+
+    def test_every_effect(self):
+        for kind in effects.KINDS:
+            bpy.ops.matterfit.add_effect(kind=kind.identifier)
+            self.check(f", {kind.title}")
 
     def test_captures_and_fits(self):
         select(self.cube("Recorded"))

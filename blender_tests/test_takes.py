@@ -5,7 +5,7 @@ import os
 import shutil
 
 import bpy
-from matterfit.io import takes, visibility
+from matterfit.io import files, takes, visibility
 from matterfit.jobs import JobError
 from matterfit.props import migration
 from matterfit.props.scene import SCHEMA_VERSION
@@ -127,6 +127,23 @@ class FolderTest(SceneCase):
         self.body(self.cube())
         bpy.ops.matterfit.add_throw()
         self.fails(bpy.ops.matterfit.add_throw, ["already thrown"])
+
+
+class CommandLineTest(SceneCase):
+    def test_take_by_its_name(self):
+        """cli.py --take: the document is of that take, whichever is active in the file."""
+        from matterfit import scene_job
+        self.jelly()
+        bpy.ops.matterfit.add_take()
+        bpy.ops.matterfit.add_take()
+        bpy.ops.matterfit.add_throw()
+        self.settings.takes[1].throws[0].velocity = (3.0, 0.0, 0.0)
+        self.settings.take_index = 0
+        scene_job.choose_take("Take 2")
+        path = scene_job.question(self.folder)
+        self.assertEqual(files.read_json(path)["scene"]["bodies"][0]["velocity"], [3, 0, 0])
+        with self.assertRaisesRegex(JobError, "--take Night.*'Take 1', 'Take 2'"):
+            scene_job.choose_take("Night")
 
 
 class MigrationTest(SceneCase):

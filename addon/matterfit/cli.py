@@ -9,7 +9,6 @@ folder, `bake` then attaches and saves the result, `fit` applies what it found a
 """
 
 import argparse
-import contextlib
 import importlib
 import json
 import os
@@ -54,6 +53,8 @@ def parser():
         sub = verbs.add_parser(verb, help=help_text)
         sub.add_argument("job", nargs="?", metavar="JOB", help="job document (docs/formats.md); "
                          "without it, the open scene's active take")
+        sub.add_argument("--take", metavar="NAME", help="without JOB: this take of the scene in "
+                         "place of the active one")
         sub.add_argument("--set", action="append", default=[], metavar="PATH=VALUE",
                          help="change the document, as in scene.gravity=[0,0,-3.7]")
         sub.add_argument("--threads", type=int, default=0, help="0: as many as the machine has")
@@ -101,91 +102,6 @@ def give(result, arguments, files):
         print(text, flush=True)
 
 
-class SceneJob:
-    """The open scene's active take as job.json in its cache folder; a fit has a cache of its own.
-    With `save` the .blend file knows the folder before anything runs."""
-
-    def __init__(self, module, verb, save):
-        import bpy
-        self._module = module
-        self._save = save
-        self._verb = verb
-        job_document, takes = self._io("job_document"), self._io("takes")
-        takes.require_saved()
-        settings = bpy.context.scene.matterfit
-        self._fit = settings.fit if verb == "fit" else None
-        if self._fit is None:
-            take = takes.ensure_active(settings)
-        else:
-            self._io("fit_rows").refresh(settings)
-            take = self._fit.run
-            self._before, self._done_before = takes.Kept(take), self._fit.done
-            takes.for_fit(settings)
-        task = "bake" if self._fit is None else "fit"
-        self.folder = takes.claim(take)
-        prepare = importlib.import_module(f"{module.__name__}.ops.launch").prepare
-        try:
-            self._document, self._replaced = prepare(bpy.context, take, self.folder, task,
-                                                     estimate=False)
-        except Exception:
-            self._take_back()
-            raise
-        self._result_before = self._io("fit_results").stamp(self.folder)
-        try:
-            self.path = job_document.write(self._document, self.folder)
-        except Exception:
-            self._replaced.put_back()
-            self._take_back()
-            raise
-        if save:
-            if self._fit is not None:
-                self._fit.done = False
-            bpy.ops.wm.save_mainfile()
-
-    def _io(self, name):
-        return importlib.import_module(f"{self._module.__name__}.io.{name}")
-
-    def _take_back(self):
-        """The fit's take as it was; of the folder prepare() and Replaced see to that."""
-        if self._fit is not None:
-            self._before.put_back(self._fit.run)
-            self._fit.done = self._done_before
-
-    def end(self, job):
-        """Saves what there is, and says what to go on with where the job is not done."""
-        import bpy
-        if job.status == 0:
-            self._replaced.end()
-            if self._save:
-                (attach_and_save if self._fit is None else apply_and_save)(self._module, self.folder)
-            return
-        untouched = self._replaced.untouched()
-        with contextlib.suppress(self._module.jobs.JobError):
-            self._replaced.put_back()
-        if untouched:
-            self._take_back()
-        elif self._fit is not None:
-            self._fit.done = self._io("fit_results").stamp(self.folder) != self._result_before
-        if self._save:
-            bpy.ops.wm.save_mainfile()
-        files = self._io("files")
-        if (job.status != EXIT_INPUT and os.path.isfile(self.path)
-                and files.read_text(self.path).encode() == files.json_bytes(self._document)):
-            print(f"matterfit: to go on: {self._verb} {self.path}", file=sys.stderr)
-
-
-def scene_question(module, folder):
-    """The open scene's active take as a document in a temporary folder; returns its path."""
-    import bpy
-    job_document = importlib.import_module(module.__name__ + ".io.job_document")
-    scene_props = importlib.import_module(module.__name__ + ".props.scene")
-    importlib.import_module(module.__name__ + ".io.takes").require_saved()
-    scene = bpy.context.scene
-    folder = os.path.realpath(folder)  # the document's paths climb from it by ..
-    take = scene_props.active_take(scene.matterfit)
-    return job_document.write(job_document.build(scene, take, folder, "bake"), folder)
-
-
 def run(module, arguments):
     native = module.native
     files = importlib.import_module(module.__name__ + ".io.files")
@@ -198,10 +114,13 @@ def run(module, arguments):
         return EXIT_INPUT if found.get("faults") else 0
     if arguments.job:
         return run_job(module, arguments, os.path.abspath(arguments.job))
+    scene_job = importlib.import_module(module.__name__ + ".scene_job")
+    if arguments.take:
+        scene_job.choose_take(arguments.take)
     if arguments.verb in QUESTIONS:
         with tempfile.TemporaryDirectory(prefix="matterfit_") as folder:
-            return run_job(module, arguments, scene_question(module, folder))
-    scene = SceneJob(module, arguments.verb, arguments.save)
+            return run_job(module, arguments, scene_job.question(folder))
+    scene = scene_job.SceneJob(arguments.verb, arguments.save)
     return run_job(module, arguments, scene.path, scene)
 
 
@@ -226,30 +145,6 @@ def run_job(module, arguments, path, scene=None):
     if scene is not None:
         scene.end(job)
     return job.status
-
-
-def attach_and_save(module, folder):
-    import bpy
-    attach = importlib.import_module(module.__name__ + ".io.attach")
-    takes = importlib.import_module(module.__name__ + ".io.takes")
-    files = importlib.import_module(module.__name__ + ".io.files")
-    scene, take = takes.find(folder)
-    document = files.read_json(os.path.join(folder, "job.json"))
-    take.first_frame, end = document["scene"]["frames"]
-    take.frame_count = end - take.first_frame
-    take.frames_done = attach.Attachment(scene, take, folder, document).update(final=True)
-    take.baked = True
-    bpy.ops.wm.save_mainfile()
-
-
-def apply_and_save(module, folder):
-    import bpy
-    fit_apply = importlib.import_module(module.__name__ + ".io.fit_apply")
-    scene = bpy.context.scene
-    scene.matterfit.fit.done = True
-    for sentence in fit_apply.apply_run(scene, folder):
-        print(f"matterfit: {sentence}", file=sys.stderr)
-    bpy.ops.wm.save_mainfile()
 
 
 def main():

@@ -18,8 +18,8 @@
 
 #include "base/error.hpp"
 #include "base/file.hpp"
+#include "base/random.hpp"
 #include "bench/material_set.hpp"
-#include "bench/random.hpp"
 #include "bench/reference_mpm.hpp"
 #include "bench/reference_shape.hpp"
 #include "capture/npz.hpp"

@@ -125,7 +125,9 @@ int run(int argc, char** argv) {
   std::fprintf(stderr, "probe: %s, %.1f GFLOP/s on one thread\n", probe_target().c_str(),
                peak_fma_gflops(1));
   const std::map<std::string, mpm::Formulation> formulations{
-      {"updated", mpm::Formulation::kUpdated}, {"total", mpm::Formulation::kTotal}};
+      {"updated", mpm::Formulation::kUpdated},
+      {"total", mpm::Formulation::kTotal},
+      {"renewed", mpm::Formulation::kRenewed}};
   for (const std::size_t size : sizes) {
     const int edge = edge_of(size);
     const std::size_t count = static_cast<std::size_t>(edge) * static_cast<std::size_t>(edge) *

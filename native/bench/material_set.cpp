@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "bench/random.hpp"
+#include "base/random.hpp"
 #include "bench/reference_shape.hpp"
 
 namespace matterfit::bench {

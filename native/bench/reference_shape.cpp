@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "bench/random.hpp"
+#include "base/random.hpp"
 
 namespace matterfit::bench {
 namespace {

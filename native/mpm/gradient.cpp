@@ -23,6 +23,11 @@ constexpr double kForwardShare = 0.3;
 }
 
 void check_adjoints(const Scene& scene) {
+  const auto renewed = std::find_if(scene.bodies.begin(), scene.bodies.end(), is_renewed);
+  if (renewed != scene.bodies.end()) {
+    throw_input("Body '" + renewed->name +
+                "': formulation 'renewed' has no gradient. Fit by differences, or set 'updated'.");
+  }
   if (all_updated(scene) || scene.bodies.size() == 1) return;
   const auto total = std::find_if(scene.bodies.begin(), scene.bodies.end(),
                                   [](const Body& body) { return is_total(body); });
@@ -63,6 +68,9 @@ class Run {
     backward();
     out_.bodies.resize(scene_.bodies.size());
     out_.colliders.resize(scene_.colliders.size());
+    for (const effects::Effect& effect : scene_.effects) {
+      out_.effects.emplace_back(effect.values.size(), 0.0);
+    }
     tape_.collect(turn_, out_);
     out_.substeps = substeps_;
     out_.peak_bytes = std::max(peak_, record_.peak());
@@ -152,11 +160,7 @@ class Run {
 
   /// Asks for the present frame's loss.
   void observe() {
-    ObservedFrame frame;
-    frame.frame = stepper_.frame();
-    frame.time = (frame.frame - scene_.first_frame) / scene_.fps;
-    frame.bodies.resize(scene_.bodies.size());
-    tape_.see(frame, options_.deformation_gradients);
+    const ObservedFrame frame = stepper_.observe(options_.deformation_gradients);
     FrameLoss loss;
     loss.bodies.resize(scene_.bodies.size());
     observer_(frame, loss);

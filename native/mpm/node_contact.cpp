@@ -20,6 +20,32 @@ bool reaches_nodes(const shape::Collider& collider, const Vec3d& origin, double 
   return collider.closest(middle, time).distance <= reach + kNodeInside * dx;
 }
 
+Vec3d node_response(const shape::Contact& contact, const shape::SurfacePoint& surface,
+                    const Vec3d& velocity) {
+  Vec3d v = velocity - surface.velocity;
+  const double normal = surface.normal.dot(v);
+  const Vec3d tangential = v - normal * surface.normal;
+  switch (contact.kind) {
+    case shape::ContactKind::kSticky:
+      v.setZero();
+      break;
+    case shape::ContactKind::kSlip:
+      v = tangential;
+      break;
+    case shape::ContactKind::kSeparating:
+      if (normal < 0.0) v = tangential;
+      break;
+    case shape::ContactKind::kFriction:
+      if (normal < 0.0) {
+        const double speed = tangential.norm();
+        const double kept = speed + contact.mu * normal;
+        v = kept > 0.0 ? Vec3d(tangential * (kept / speed)) : Vec3d::Zero();
+      }
+      break;
+  }
+  return v + surface.velocity;
+}
+
 template <class S>
 void apply_node_contact(const shape::Collider& collider, const Vec3d& origin, double dx,
                         double time, const S* mass, S* velocity) {
@@ -32,28 +58,7 @@ void apply_node_contact(const shape::Collider& collider, const Vec3d& origin, do
     if (surface.distance > kNodeInside * dx) continue;
     Vec3d v(static_cast<double>(velocity[n]), static_cast<double>(velocity[kBlockNodes + n]),
             static_cast<double>(velocity[2 * kBlockNodes + n]));
-    v -= surface.velocity;
-    const double normal = surface.normal.dot(v);
-    const Vec3d tangential = v - normal * surface.normal;
-    switch (contact.kind) {
-      case shape::ContactKind::kSticky:
-        v.setZero();
-        break;
-      case shape::ContactKind::kSlip:
-        v = tangential;
-        break;
-      case shape::ContactKind::kSeparating:
-        if (normal < 0.0) v = tangential;
-        break;
-      case shape::ContactKind::kFriction:
-        if (normal < 0.0) {
-          const double speed = tangential.norm();
-          const double kept = speed + contact.mu * normal;
-          v = kept > 0.0 ? Vec3d(tangential * (kept / speed)) : Vec3d::Zero();
-        }
-        break;
-    }
-    v += surface.velocity;
+    v = node_response(contact, surface, v);
     for (std::size_t c = 0; c < 3; ++c) {
       velocity[c * kBlockNodes + n] = static_cast<S>(v[static_cast<int>(c)]);
     }

@@ -17,6 +17,10 @@ inline constexpr double kNodeInside = 1e-9;
 [[nodiscard]] bool reaches_nodes(const shape::Collider& collider, const Vec3d& origin, double dx,
                                  double time);
 
+/// Velocity of a node inside a collider after the contact; `v` before it [m/s].
+[[nodiscard]] Vec3d node_response(const shape::Contact& contact, const shape::SurfacePoint& surface,
+                                  const Vec3d& v);
+
 /// The usual contact of MPM codes: velocities of the grid nodes inside a collider are projected.
 /// Accurate to a cell only (docs/validation.md); kept for flows and for parity with other codes.
 /// `mass` (64) and `velocity` ([3][64], m/s) are those of the block of nodes whose node (0, 0, 0)

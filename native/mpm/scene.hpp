@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
+#include "effects/effect.hpp"
 #include "material/material.hpp"
 #include "shape/collider.hpp"
 #include "shape/keyed.hpp"
@@ -18,6 +19,7 @@ enum class Formulation {
   kAuto,     ///< total for elastic laws, updated for the rest
   kTotal,    ///< total Lagrangian: grid of the rest shape, node velocities the state
   kUpdated,  ///< updated Lagrangian MLS-MPM with APIC
+  kRenewed,  ///< node velocities the state as in total, its reference renewed as motion asks
 };
 
 /// Where a body's particles lie: x = origin + axes · (spacing · (i + ½, j + ½, k + ½)) for integer
@@ -72,6 +74,10 @@ struct Body {
   Vec3d velocity = Vec3d::Zero();  ///< initial, of the centre of mass [m/s]
   Vec3d spin = Vec3d::Zero();      ///< initial, world axes through the centre of mass [rad/s]
   std::vector<Vec3d> particle_velocities;  ///< optional, added to the rigid motion, one each
+  /// Of a body that is taken over in motion, in the updated formulation: F of each particle, and
+  /// ∇v [1/s] in place of that of `spin`. Empty: at rest, `rest` is where it has no stress.
+  std::vector<Mat3d> deformation_gradients;
+  std::vector<Mat3d> velocity_gradients;
   std::vector<Pin> pins;
   std::vector<AttachedMass> masses;
 };
@@ -100,9 +106,10 @@ struct Scene {
   std::vector<shape::ColliderPtr> colliders;
   std::vector<BodyContact> contacts;
   std::optional<Walls> walls;
-  double cfl = 0.4;        ///< largest motion in one substep, in cells
-  double dt = 0.0;         ///< overrides the solver's substep where > 0 [s]
-  double dt_safety = 0.8;  ///< fraction of the stability limit that is used
+  std::vector<effects::Effect> effects;  ///< what the model is extended by
+  double cfl = 0.4;                      ///< largest motion in one substep, in cells
+  double dt = 0.0;                       ///< overrides the solver's substep where > 0 [s]
+  double dt_safety = 0.8;                ///< fraction of the stability limit that is used
   /// How many substeps each frame takes, in place of the solver's choice, so that runs beside each
   /// other take the same ones; 0, or past the end: the solver chooses. A frame that fails is not
   /// tried again with more.

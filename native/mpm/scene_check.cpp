@@ -11,9 +11,11 @@ namespace matterfit::mpm {
 
 bool is_total(const Body& body) {
   if (body.formulation == Formulation::kTotal) return true;
-  if (body.formulation == Formulation::kUpdated) return false;
+  if (body.formulation != Formulation::kAuto) return false;
   return body.material.traits().elastic();
 }
+
+bool is_renewed(const Body& body) { return body.formulation == Formulation::kRenewed; }
 
 void check_scene(const Scene& scene) {
   const auto positive = [](double value, const char* name) {
@@ -70,6 +72,13 @@ void check_scene(const Scene& scene) {
                   "'auto' or 'updated'.");
     }
   }
+  const auto renewed = std::find_if(scene.bodies.begin(), scene.bodies.end(), is_renewed);
+  const auto other = std::find_if_not(scene.bodies.begin(), scene.bodies.end(), is_renewed);
+  if (renewed != scene.bodies.end() && other != scene.bodies.end()) {
+    throw_input("Bodies '" + renewed->name + "' and '" + other->name +
+                "' may touch each other, and a body of formulation 'renewed' touches only its "
+                "like. Set it for all bodies of the scene, or for none.");
+  }
   for (std::size_t i = 0; i < scene.contacts.size(); ++i) {
     const BodyContact& pair = scene.contacts[i];
     const std::string where = "scene.contacts[" + std::to_string(i) + "]";
@@ -79,12 +88,21 @@ void check_scene(const Scene& scene) {
     };
     if (updated(pair.first) && updated(pair.second)) {
       throw_input(where + ": '" + pair.first + "' and '" + pair.second +
-                  "' both use the updated formulation and share a grid: they stick where they "
+                  "' share a grid: they stick where they "
                   "touch, and nothing else can be set. Remove the entry, or set the formulation of "
                   "one to 'total'.");
     }
     if (pair.contact.method == shape::ContactMethod::kNode) {
       throw_input(where + ".method: between bodies contact acts on particles. Remove it.");
+    }
+  }
+  for (std::size_t i = 0; i < scene.effects.size(); ++i) {
+    const effects::Effect& effect = scene.effects[i];
+    const std::string where = "scene.effects[" + std::to_string(i) + "]";
+    effects::check_effect(effect, where);
+    const auto is_named = [&](const Body& body) { return body.name == effect.body; };
+    if (!effect.body.empty() && std::none_of(scene.bodies.begin(), scene.bodies.end(), is_named)) {
+      throw_input(where + ".body: there is no body '" + effect.body + "'.");
     }
   }
 }

@@ -9,6 +9,7 @@
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "mpm/body_contact.hpp"
+#include "mpm/renewed_group.hpp"
 #include "mpm/schedule.hpp"
 #include "mpm/simulation.hpp"
 #include "mpm/total_group.hpp"
@@ -38,6 +39,7 @@ class Stepper {
   [[nodiscard]] TotalGroup<S>& total() { return *total_; }
   /// Null where no body is of that formulation.
   [[nodiscard]] UpdatedGroup<S>* updated() { return updated_.get(); }
+  [[nodiscard]] RenewedGroup<S>* renewed() { return renewed_.get(); }
   /// Of the updated bodies, into scene().bodies.
   [[nodiscard]] const std::vector<std::size_t>& updated_bodies() const { return updated_bodies_; }
   /// From here on each substep of the updated bodies fills it; null: none.
@@ -57,24 +59,34 @@ class Stepper {
   void substep(int frame, const FrameSchedule& plan, int k);
 
   [[nodiscard]] FrameState state() const;
+  /// The same without rounding; bodies of the formulation `renewed` are rounded still.
+  [[nodiscard]] ObservedFrame observe(bool deformation_gradients) const;
   [[nodiscard]] std::string save() const;
   void load(const std::string& bytes);
 
  private:
+  static constexpr std::uint32_t kNoBody = 0xffffffffU;
+
   void add_walls();
+  void build_groups();
+  /// The state at `before`, with the body in the updated formulation. False if it cannot be.
+  [[nodiscard]] bool hand_over(const std::string& before, std::size_t body);
   void check_start() const;
   void check_walls(const FrameState& state) const;
   [[nodiscard]] double time_of(int at) const { return (at - scene_.first_frame) / scene_.fps; }
   [[nodiscard]] StepLimit choose_step(double time, const Interrupter& interrupter);
   [[nodiscard]] double substeps(const StepLimit& step) const;
   [[nodiscard]] int fixed_substeps() const;
-  void begin_frame();
+  void begin_frame(int substeps);
   void step(double time, double dt, FrameReport& report);
 
   Scene scene_;
   std::shared_ptr<Arena> arena_;
+  Simulation::Options options_;
+  std::uint32_t handed_ = kNoBody;  ///< the body that was handed over
   std::unique_ptr<TotalGroup<S>> total_;
   std::unique_ptr<UpdatedGroup<S>> updated_;
+  std::unique_ptr<RenewedGroup<S>> renewed_;
   UpdatedRecord<S>* record_ = nullptr;
   std::vector<std::size_t> updated_bodies_;
   std::unique_ptr<BodyContacts> body_contacts_;  ///< null where S is not float

@@ -27,7 +27,7 @@ struct InitialCotangents {
   std::vector<Vec3d> particle_velocities;
 };
 
-/// The adjoint of the loads on a body (TotalBody::add_load).
+/// The adjoint of something that loads a body (TotalBody::add_load, set_node_forces).
 template <class S>
 class TotalLoadsAdjoint {
  public:
@@ -35,7 +35,8 @@ class TotalLoadsAdjoint {
   virtual ~TotalLoadsAdjoint() = default;
   TotalLoadsAdjoint(const TotalLoadsAdjoint&) = delete;
   TotalLoadsAdjoint& operator=(const TotalLoadsAdjoint&) = delete;
-  /// The body is at the state before the substep: sets its loads.
+  /// The body is at the state before the substep, its loads are cleared: adds its own, which only
+  /// attached masses (TotalBody::has_attached_masses) ask for.
   virtual void prepare(Arena& arena, const TotalSubstep& substep) = 0;
   /// `force_bar`: cotangent of the node forces, per node block [3][64], body axes. Adds to `bar`.
   virtual void back(Arena& arena, const TotalSubstep& substep, const std::vector<double>& force_bar,
@@ -53,9 +54,10 @@ class TotalAdjoint {
                const AdjointKernels<S>& kernels, bool rates = true);
 
   [[nodiscard]] TotalCotangents<S> zero() const;
-  /// Takes `bar` from after the substep to before it. `before` is the state before.
+  /// Takes `bar` from after the substep to before it. `before` is the state before, `loads` are
+  /// those of the forward pass, in its order.
   void substep(Arena& arena, const TotalSubstep& substep, const TotalState<S>& before,
-               TotalCotangents<S>& bar, TotalLoadsAdjoint<S>* loads = nullptr);
+               TotalCotangents<S>& bar, const std::vector<TotalLoadsAdjoint<S>*>& loads = {});
   /// Adds the cotangents of the particles' present positions, velocities and deformation gradients
   /// (world axes), one each or none.
   void add_particles(Arena& arena, const std::vector<Vec3d>& position_bar,

@@ -27,8 +27,12 @@ class BlockField {
   void clear() { nodes_.fill(Eigen::Vector4d::Zero()); }
   /// What `field`, node blocks × [3][64], has there.
   void gather(const TotalGrid& grid, std::size_t block, const double* field) {
+    gather(grid.block_nodes() + block * 8, field);
+  }
+  /// The same of the node blocks `nodes` [8] at (+a, +b, +c), index 4a+2b+c.
+  void gather(const std::uint32_t* nodes, const double* field) {
     for (std::size_t k = 0; k < 8; ++k) {
-      const double* from = field + grid.block_nodes()[block * 8 + k] * kNodeBlock;
+      const double* from = field + nodes[k] * kNodeBlock;
       for_each_shared_node(k, [&](std::size_t node, std::size_t here) {
         nodes_[here] << from[node], from[node + kBlockNodes], from[node + 2 * kBlockNodes], 0.0;
       });
@@ -42,6 +46,16 @@ class BlockField {
         nodes[node + c * kBlockNodes] += nodes_[here][static_cast<int>(c)];
       }
     });
+  }
+
+  /// Adds it to a halo [3][216].
+  template <class S>
+  void add_to_halo(S* halo) const {
+    for (std::size_t node = 0; node < kHaloNodes; ++node) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        halo[c * kHaloNodes + node] += static_cast<S>(nodes_[node][static_cast<int>(c)]);
+      }
+    }
   }
 
   /// Σ w_I u_I.

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "mpm/total_block_field.hpp"
 #include "mpm/total_pins.hpp"
 
 namespace matterfit::mpm {
@@ -61,6 +62,7 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   acceleration_.assign(displacement_.size(), 0.0);
   free_.assign(displacement_.size(), 0.0);
   share_masses();
+  if (!law_.plastic) ties_ = std::make_unique<SkinTies>(grid_, density_, pins_->deferred());
 
   const Vec3d velocity = grid_.axes().transpose() * body.velocity;
   const Vec3d spin = grid_.axes().transpose() * body.spin;
@@ -119,7 +121,11 @@ void TotalBody<S>::compute_forces(Arena& arena, double dt, bool commit) {
   if (commit) sort_loads();
   arena.parallel_for(0, grid_.blocks(), 1, [&](std::size_t b) {
     kernels_->total_forces(v, b);
-    if (commit) apply_loads(b);
+    if (!commit) return;
+    apply_loads(b);
+    if (node_forces_ != nullptr) {
+      node_forces_[b].add_to_halo(force_.data() + b * 3 * kHaloNodes);
+    }
   });
 }
 
@@ -154,6 +160,14 @@ void TotalBody<S>::sum_forces(std::size_t node_block, double* out) const {
 }
 
 template <class S>
+void TotalBody<S>::sum_internal_forces(std::size_t node_block, double* out) const {
+  sum_forces(node_block, out);
+  if (ties_) {
+    ties_->add_forces(node_block, static_cast<double>(law_.mu), displacement_.data(), out);
+  }
+}
+
+template <class S>
 void TotalBody<S>::step_nodes(Arena& arena, double kick, double dt, const Vec3d& gravity,
                               double time) {
   const Vec3d g = grid_.axes().transpose() * gravity;
@@ -163,7 +177,7 @@ void TotalBody<S>::step_nodes(Arena& arena, double kick, double dt, const Vec3d&
   std::vector<Vec3d> deferred_acceleration(deferred_nodes.size());
   arena.parallel_for(0, grid_.node_blocks(), 4, [&](std::size_t b) {
     double* a = acceleration_.data() + b * kNodeBlock;
-    sum_forces(b, a);
+    sum_internal_forces(b, a);
     const double* inv = inverse.data() + b * kBlockNodes;
     for (std::size_t i = 0; i < kNodeBlock; ++i) a[i] *= inv[i % kBlockNodes];
   });
@@ -264,6 +278,11 @@ bool TotalBody<S>::held(double time) const {
 }
 
 template <class S>
+bool TotalBody<S>::has_attached_masses() const {
+  return pins_->has_masses();
+}
+
+template <class S>
 bool TotalBody<S>::releases_between(double from, double to) const {
   return pins_->releases_between(from, to);
 }
@@ -295,7 +314,7 @@ double TotalBody<S>::stable_time_step(Arena& arena, int iterations,
     compute_forces(arena, 1.0, false);
     std::vector<double> f(size);
     arena.parallel_for(0, grid_.node_blocks(), 4,
-                       [&](std::size_t b) { sum_forces(b, f.data() + b * kNodeBlock); });
+                       [&](std::size_t b) { sum_internal_forces(b, f.data() + b * kNodeBlock); });
     return f;
   };
   const std::vector<double> base = forces();
@@ -339,8 +358,9 @@ double TotalBody<S>::stable_time_step(Arena& arena, int iterations,
 }
 
 template <class S>
-void TotalBody<S>::clear_loads(std::size_t block) {
-  loads_[block].clear();
+void TotalBody<S>::clear_loads() {
+  for (std::vector<Load>& loads : loads_) loads.clear();
+  node_forces_ = nullptr;
 }
 
 template <class S>

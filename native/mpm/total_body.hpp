@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <Eigen/LU>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -15,10 +16,12 @@
 #include "mpm/simulation.hpp"
 #include "mpm/state_bytes.hpp"
 #include "mpm/total_grid.hpp"
+#include "mpm/total_skin.hpp"
 #include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
 
+class BlockField;
 class TotalPins;
 template <class S>
 class TotalAdjoint;
@@ -74,6 +77,7 @@ class TotalBody {
   void correct_lumping(Arena& arena, std::vector<double>& acceleration);
   /// True while every node is prescribed: forces are not needed.
   [[nodiscard]] bool held(double time) const;
+  [[nodiscard]] bool has_attached_masses() const;
   /// True if a pin lets go in (from, to]: the step that follows starts with a half kick.
   [[nodiscard]] bool releases_between(double from, double to) const;
 
@@ -111,6 +115,12 @@ class TotalBody {
   [[nodiscard]] Mat3d deformation_gradient(const Point& point) const {
     return deformation_gradient(field_gradient(point.field, displacement_.data()));
   }
+  /// ∇v [1/s], world axes.
+  [[nodiscard]] Mat3d velocity_gradient(const Point& point) const {
+    const Mat3d rate =
+        grid_.axes() * field_gradient(point.field, velocity_.data()) * grid_.axes().transpose();
+    return rate * deformation_gradient(point).inverse();
+  }
   /// From displacement and velocity there, and from Σ u ⊗ ∇w, all in body axes.
   [[nodiscard]] PointState state(const Place& place, const Vec3d& displacement,
                                  const Vec3d& velocity) const {
@@ -121,14 +131,22 @@ class TotalBody {
   }
 
   /// Forces [N, world axes] at points of particles, set before compute_forces. Those of a block's
-  /// particles are set by one thread only.
-  void clear_loads(std::size_t block);
+  /// particles are added by one thread only.
+  void clear_loads();
   void add_load(std::uint32_t particle, const Place& place, const Vec3d& force);
+  /// Forces [N, body axes] at the nodes of each block, borrowed, which compute_forces() adds where
+  /// it commits, until clear_loads().
+  void set_node_forces(const BlockField* per_block) { node_forces_ = per_block; }
 
   void sample(Arena& arena, BodyState& out) const;
   [[nodiscard]] BlockExtremes<S> extremes() const;
   [[nodiscard]] double max_speed() const;
   [[nodiscard]] double kinetic_energy() const;
+  /// Of the shape half a substep before the displacements', where the velocities are [J]: of the
+  /// law and the skin's ties; branches left out.
+  [[nodiscard]] double elastic_energy(Arena& arena, double dt) const;
+  /// m x of the same time, world axes [kg m].
+  [[nodiscard]] Vec3d mass_moment(double dt) const;
 
   void save(ByteWriter& out) const;
   void load(ByteReader& in);
@@ -164,6 +182,8 @@ class TotalBody {
   void apply_loads(std::size_t block);
   [[nodiscard]] TotalView<S> view(double dt, bool commit) const;
   void sum_forces(std::size_t node_block, double* out) const;
+  /// The same with the pull of the skin's ties: the forces on a block's nodes.
+  void sum_internal_forces(std::size_t node_block, double* out) const;
 
   std::string name_;
   double density_;
@@ -180,6 +200,7 @@ class TotalBody {
   std::vector<S> maxwell_;                      ///< chunks × branches × [12][16], or empty
   std::vector<std::vector<Load>> loads_;        ///< by the block of the particle
   std::vector<std::vector<Load>> block_loads_;  ///< by the block of the load's cell
+  const BlockField* node_forces_ = nullptr;     ///< per block, or null
   mutable std::vector<S> force_;                ///< blocks × [3][216]
   std::vector<double> acceleration_;            ///< as displacement_ [m/s²], without gravity
   std::vector<double> free_;                    ///< a field with zeros where nodes are not free
@@ -187,6 +208,7 @@ class TotalBody {
   mutable std::vector<BlockExtremes<S>> extremes_;
   std::vector<double> mode_;  ///< last vector of the power iteration
   std::unique_ptr<TotalPins> pins_;
+  std::unique_ptr<SkinTies> ties_;  ///< null: what flows for good must not spring back
 };
 
 extern template class TotalBody<float>;

@@ -83,7 +83,6 @@ void TotalContactAdjoint<S>::meet(Group& group, const TotalSubstep& substep) con
 
 template <class S>
 void TotalContactAdjoint<S>::prepare(Arena& arena, const TotalSubstep& substep) {
-  for (std::size_t b = 0; b < body_.blocks(); ++b) body_.clear_loads(b);
   arena.parallel_for(0, group_count_, 1, [&](std::size_t g) {
     Group& group = groups_[g];
     meet(group, substep);

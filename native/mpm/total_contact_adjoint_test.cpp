@@ -83,6 +83,7 @@ struct Rollout {
         record->memories.push_back(contact.record().memory);
         record->touching += record->memories.back().size();
       }
+      body.clear_loads();
       contact.apply(arena, body, n * kDt, kDt);
       body.compute_forces(arena, kDt, true);
       body.step_nodes(arena, kick(n), kDt, s.gravity.at(0.0), n * kDt);
@@ -115,7 +116,7 @@ struct Rollout {
       contact.set_memory(record.memories[static_cast<std::size_t>(n)],
                          record.memories[static_cast<std::size_t>(n) + 1]);
       adjoint.substep(arena, {n * kDt, kDt, kick(n), 0.0, s.gravity.at(0.0)},
-                      record.states[static_cast<std::size_t>(n)], bar, &contact);
+                      record.states[static_cast<std::size_t>(n)], bar, {&contact});
     }
     return {adjoint.initial(bar), adjoint.material_gradient(bar), bar.log_density,
             contact.colliders()[0]};

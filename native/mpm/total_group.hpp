@@ -14,6 +14,7 @@
 #include "mpm/state_bytes.hpp"
 #include "mpm/total_body.hpp"
 #include "mpm/total_contact.hpp"
+#include "mpm/total_terms.hpp"
 
 namespace matterfit::mpm {
 
@@ -69,13 +70,20 @@ class TotalGroup {
   void set_elastic_dt(const std::vector<double>& dt);
 
   void begin_frame(double time);
-  /// Contact with colliders: sets the bodies' loads, before others add theirs.
+  /// The largest acceleration [m/s²] that terms give to a body in the frame that began last.
+  [[nodiscard]] double term_acceleration() const { return term_acceleration_; }
+  /// Begins the bodies' loads, to which others may add: contact with colliders, then terms.
   void touch(Arena& arena, double time, double dt);
   /// Forces and motion. Throws UnstableError where a cell turns inside out. `frame` for its text.
   void step(Arena& arena, double time, double dt, const Vec3d& gravity, int frame,
             FrameReport& report);
   /// The last one of each body.
   [[nodiscard]] const std::vector<TotalSubstep>& last_substeps() const { return last_; }
+
+  /// At the end of a frame that began at `time`: throws UnstableError for a body that has more
+  /// energy than it had and was given. Of elastic bodies that nothing holds and no term acts on, in
+  /// steady gravity, off moving surfaces; `alone`: no other body can touch them.
+  void watch_energy(Arena& arena, double time, bool alone, int frame);
 
   void sample(Arena& arena, std::vector<BodyState>& bodies) const;
   void report(FrameReport& report) const;
@@ -89,18 +97,23 @@ class TotalGroup {
     std::size_t index;
     std::unique_ptr<TotalBody<S>> body;
     std::unique_ptr<TotalContact<S>> contact;
+    std::unique_ptr<TotalTerms<S>> terms;
     double last_dt = 0.0;  ///< of the substep before; 0: the next one starts with a half kick
     double elastic_dt = 0.0;
     int unsmoothed = 0;   ///< substeps since the velocities were last smoothed
     int since_probe = 0;  ///< substeps since the probe for the fastest mode that gave elastic_dt
     BlockExtremes<S> probed{S(1), S(1)};  ///< then
     BlockExtremes<S> latest{S(1), S(1)};  ///< in the last substep
+    Vec3d start = Vec3d::Zero();          ///< mass moment at rest: where height counts from
+    double budget = 0.0;                  ///< energy that it may have [J]
+    bool budget_known = false;
 
     [[nodiscard]] bool needs_probe() const;
   };
   [[noreturn]] void fail(const Member& member, double time, int frame) const;
 
   const Scene& scene_;
+  double term_acceleration_ = 0.0;
   std::vector<Member> members_;
   std::vector<TotalSubstep> last_;
 };

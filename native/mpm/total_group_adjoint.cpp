@@ -14,10 +14,15 @@ TotalGroupAdjoint<S>::TotalGroupAdjoint(const Scene& scene, TotalGroup<S>& group
     if (!scene.colliders.empty()) {
       contact = std::make_unique<TotalContactAdjoint<S>>(body, scene, group.body(m));
     }
+    auto terms = std::make_unique<TotalTermsAdjoint<S>>(scene, body, group.body(m));
+    if (terms->terms().empty()) terms.reset();
+    std::vector<TotalLoadsAdjoint<S>*> loads;
+    if (contact) loads.push_back(contact.get());
+    if (terms) loads.push_back(terms.get());
     TotalAdjoint<S> adjoint(group.body(m), body.material, adjoint_kernels<S>(target), rates);
     TotalCotangents<S> bar = adjoint.zero();
-    members_.push_back({group.index(m), std::move(adjoint), std::move(contact), std::move(bar),
-                        Vec3d::Zero(), &body});
+    members_.push_back({group.index(m), std::move(adjoint), std::move(contact), std::move(terms),
+                        std::move(loads), std::move(bar), Vec3d::Zero(), &body});
   }
 }
 
@@ -38,7 +43,7 @@ void TotalGroupAdjoint<S>::substep(Arena& arena, const std::vector<TotalSubstep>
   for (std::size_t m = 0; m < members_.size(); ++m) {
     Member& member = members_[m];
     if (member.contact) member.contact->set_memory(before[m].contact.memory, after[m]);
-    member.adjoint.substep(arena, taken[m], before[m].body, member.bar, member.contact.get());
+    member.adjoint.substep(arena, taken[m], before[m].body, member.bar, member.loads);
   }
 }
 
@@ -62,6 +67,12 @@ void TotalGroupAdjoint<S>::collect(const std::vector<Vec3d>& observed, Gradient&
     }
     body.particle_velocities = std::move(initial.particle_velocities);
     out.gravity += member.bar.gravity;
+    if (member.terms) {
+      const TermCotangents& sums = member.terms->sums();
+      body.offset += sums.position;
+      body.rotation += sums.turn - center.cross(sums.position);
+      member.terms->terms().add_to(sums, body.density, out.effects);
+    }
     if (!member.contact) continue;
     for (std::size_t c = 0; c < out.colliders.size(); ++c) {
       const shape::ColliderCotangents& own = member.contact->colliders()[c];

@@ -8,6 +8,7 @@
 #include "mpm/total_adjoint.hpp"
 #include "mpm/total_contact_adjoint.hpp"
 #include "mpm/total_group.hpp"
+#include "mpm/total_terms_adjoint.hpp"
 
 namespace matterfit::mpm {
 
@@ -36,6 +37,8 @@ class TotalGroupAdjoint {
     std::size_t index;  ///< into scene.bodies
     TotalAdjoint<S> adjoint;
     std::unique_ptr<TotalContactAdjoint<S>> contact;  ///< null where there is no collider
+    std::unique_ptr<TotalTermsAdjoint<S>> terms;      ///< null where no effect names the body
+    std::vector<TotalLoadsAdjoint<S>*> loads;  ///< those two, as TotalGroup::touch() has them
     TotalCotangents<S> bar;
     Vec3d observed = Vec3d::Zero();  ///< sum of the positions' cotangents
     const Body* body = nullptr;

@@ -49,14 +49,14 @@ void expand_nodes(const double* nodes, const std::uint32_t* block_nodes, const d
 /// Where in a node field's component 0 the middle node of the block's first occupied cell is: what
 /// values are taken relative to. It carries mass; a massless one may be anywhere, because it falls
 /// for as long as the body is held.
-template <class S>
-std::size_t reference_node(const mpm::TotalView<S>& view, std::size_t block) {
+template <class View>
+std::size_t reference_node(const View& view, std::size_t block) {
   const std::uint32_t* slabs = view.slab_chunks + block * kSlabs;
   std::size_t x = 0;
   while (x + 1 < kSlabs && slabs[x + 1] == slabs[x]) ++x;
-  const S* volume = view.geometry + (slabs[x] * std::size_t{4} + 3) * kLanes;
+  const auto* volume = view.geometry + (slabs[x] * std::size_t{4} + 3) * kLanes;
   std::size_t lane = 0;
-  while (lane + 1 < kLanes && !(volume[lane] > S(0))) ++lane;
+  while (lane + 1 < kLanes && !(volume[lane] > 0)) ++lane;
   const std::size_t a = x + 1;
   const std::size_t b = lane / 4 + 1;
   const std::size_t c = lane % 4 + 1;

@@ -11,6 +11,7 @@
 #include "mpm/node_contact_adjoint.hpp"
 #include "mpm/updated_contact.hpp"
 #include "mpm/updated_loads_adjoint.hpp"
+#include "mpm/updated_terms.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -64,6 +65,7 @@ struct UpdatedAdjoint<S>::Impl {
   std::vector<std::size_t> particle_places;  ///< in scene.colliders
   std::vector<std::size_t> node_places;
   UpdatedLoadsAdjoint<S> loads;
+  UpdatedTerms<S> terms;
   // Kept between substeps for their memory alone.
   std::vector<S> velocity;            ///< per block [3][64], after node-wise contact
   std::vector<S> halos;               ///< per block [3][216]
@@ -81,7 +83,8 @@ struct UpdatedAdjoint<S>::Impl {
         node_colliders(colliders_met(s, true)),
         particle_places(places_in(s.colliders, particle_colliders)),
         node_places(places_in(s.colliders, node_colliders)),
-        loads(s, members, particle_colliders) {
+        loads(s, members, particle_colliders),
+        terms(s, bodies) {
     for (const std::size_t index : bodies) {
       members.push_back(make_updated_member<S>(s.bodies[index], index, particle_colliders, dx));
     }
@@ -246,8 +249,22 @@ struct UpdatedAdjoint<S>::Impl {
     for (std::size_t i = 0; i < met.size(); ++i) {
       bar.colliders[node_places[i % node_colliders.size()]] += met[i];
     }
+    if (terms.any()) terms_of_particles(arena, record, nodes_bar, bar);
     bar.nodes = std::move(nodes_bar);
     bar.topology = record.before;
+  }
+
+  void terms_of_particles(Arena& arena, const UpdatedRecord<S>& record,
+                          const std::vector<S>& nodes_bar, UpdatedCotangents<S>& bar) const {
+    std::vector<UpdatedParticleBar<S>*> particles;
+    particles.reserve(members.size());
+    for (UpdatedBodyCotangents<S>& body : bar.bodies) particles.push_back(body.particles.data());
+    const std::vector<TermCotangents> sums = terms.back(arena, record, nodes_bar, dx, particles);
+    for (std::size_t m = 0; m < members.size(); ++m) {
+      bar.bodies[m].terms += sums[m];
+      bar.bodies[m].log_density += sums[m].log_density;
+      bar.gravity += sums[m].gravity;
+    }
   }
 };
 
@@ -263,6 +280,7 @@ UpdatedCotangents<S> UpdatedAdjoint<S>::zero() const {
   UpdatedCotangents<S> bar;
   for (const UpdatedMember<S>& member : impl_->members) {
     UpdatedBodyCotangents<S> body;
+    body.terms = impl_->terms.of(bar.bodies.size()).zero();
     body.particles.resize(member.particles);
     body.maxwell.assign(member.maxwell.size(), S(0));
     body.stretch.assign(member.memory.size(), Vec3d::Zero());
@@ -375,6 +393,13 @@ material::MaterialGradient UpdatedAdjoint<S>::material_gradient(
       material::material_gradient(impl_->members[body].material, bar.bodies[body].law.constants);
   out.maxwell = bar.bodies[body].branches;
   return out;
+}
+
+template <class S>
+void UpdatedAdjoint<S>::add_effects(std::size_t body, const UpdatedCotangents<S>& bar,
+                                    double density_bar,
+                                    std::vector<std::vector<double>>& effects) const {
+  impl_->terms.of(body).add_to(bar.bodies[body].terms, density_bar, effects);
 }
 
 template class UpdatedAdjoint<float>;

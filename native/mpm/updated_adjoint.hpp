@@ -6,6 +6,7 @@
 
 #include "base/parallel.hpp"
 #include "material/classical/law_gradient.hpp"
+#include "mpm/body_terms.hpp"
 #include "mpm/updated_adjoint_kernels.hpp"
 #include "mpm/updated_member.hpp"
 #include "mpm/updated_record.hpp"
@@ -27,6 +28,7 @@ struct UpdatedBodyCotangents {
   LawCotangents law;                              ///< sums over substeps
   std::vector<material::MaxwellBranch> branches;  ///< by modulus and time, sums
   double log_density = 0.0;                       ///< ∂/∂ln ρ, sum
+  TermCotangents terms;                           ///< sums
 };
 
 /// … of all bodies of a group, of its grid and of what acts on them.
@@ -77,6 +79,9 @@ class UpdatedAdjoint {
                                              const UpdatedCotangents<S>& bar) const;
   [[nodiscard]] material::MaterialGradient material_gradient(std::size_t body,
                                                              const UpdatedCotangents<S>& bar) const;
+  /// Adds those by the effects' numbers (BodyTerms::add_to), `density_bar` that by the density.
+  void add_effects(std::size_t body, const UpdatedCotangents<S>& bar, double density_bar,
+                   std::vector<std::vector<double>>& effects) const;
 
  private:
   struct Impl;

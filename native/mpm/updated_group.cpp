@@ -16,6 +16,7 @@
 #include "mpm/updated_masses.hpp"
 #include "mpm/updated_pins.hpp"
 #include "mpm/updated_record.hpp"
+#include "mpm/updated_terms.hpp"
 
 namespace matterfit::mpm {
 
@@ -29,6 +30,7 @@ struct UpdatedGroup<S>::Impl {
   std::vector<UpdatedMember<S>> members;
   UpdatedContact<S> contact;
   std::vector<shape::ColliderPtr> node_colliders;
+  UpdatedTerms<S> terms;
   UpdatedGrid<S> grid;
   UpdatedBlocks<S>& blocks;
   std::shared_ptr<const UpdatedTopology> topology;  ///< of `blocks`, or null: not taken yet
@@ -36,6 +38,7 @@ struct UpdatedGroup<S>::Impl {
   double max_speed = 0.0;
   double min_j = 1.0;
   double frame_seconds = 0.0;
+  double term_acceleration = 0.0;
 
   /// What acts on a block's particles after a substep.
   struct Loads {
@@ -52,6 +55,7 @@ struct UpdatedGroup<S>::Impl {
         dx(s.dx),
         contact(colliders_met(s, false)),
         node_colliders(colliders_met(s, true)),
+        terms(s, bodies),
         grid(s.dx, bodies.size()),
         blocks(grid.blocks) {
     frame_seconds = 1.0 / s.fps;
@@ -252,8 +256,10 @@ std::pair<double, std::string> UpdatedGroup<S>::begin_frame(double time) {
   Impl& s = *impl_;
   s.blocks.tidy();
   s.topology.reset();
+  s.term_acceleration = s.terms.acceleration_bound(s.max_speed);
   const double pull = std::max(s.scene->gravity.at(time).norm(),
-                               s.scene->gravity.at(time + s.frame_seconds).norm());
+                               s.scene->gravity.at(time + s.frame_seconds).norm()) +
+                      s.term_acceleration;
   s.contact.wake(s.frame_seconds, pull);
   for (std::size_t b = 0; b < s.blocks.size(); ++b) {
     s.blocks[b].wake_time = -1e30;
@@ -277,7 +283,10 @@ std::pair<double, std::string> UpdatedGroup<S>::begin_frame(double time) {
     double rate = c / (0.5 * s.dx);
     double contact = 0.0;
     for (const ContactLaw& law : m.contacts) {
-      contact = std::max(contact, law.stiffness / (m.density * 0.5 * s.dx));
+      const double pressure =
+          meeting_pressure(s.scene->bodies[m.index], s.max_speed + pull * s.frame_seconds, pull);
+      contact =
+          std::max(contact, law.stiffness * firmness(law, pressure) / (m.density * 0.5 * s.dx));
     }
     rate = std::sqrt(rate * rate + 0.5 * contact);
     limit(1.0 / rate, (contact > rate * rate ? "contact of " : "elastic wave of ") + m.name);
@@ -306,8 +315,9 @@ std::pair<double, double> UpdatedGroup<S>::step(Arena& arena, double time, doubl
     record->before = s.present_topology();
     record->node_mass.resize(count * kBlockNodes);
     record->node_velocity.resize(count * 3 * kBlockNodes);
-    keep_particles(arena, s.blocks, s.members, *record);
+    keep_particles(arena, s.blocks, s.members, s.terms.any(), *record);
   }
+  s.terms.apply(arena, s.grid, {time, gravity}, kick);
   s.update_grid(arena, time, kick, gravity, record);
   arena.parallel_for(0, count, 1, [&](std::size_t b) { s.move_block(b, dt); });
   double least = 1.0;
@@ -389,6 +399,11 @@ void UpdatedGroup<S>::collect(const Vec3d& low, const Vec3d& high,
 template <class S>
 void UpdatedGroup<S>::add_impulse(const UpdatedPoint<S>& point, const Vec3d& impulse) {
   impl_->grid.add_momentum(point.place, impulse.cast<S>(), S(0));
+}
+
+template <class S>
+double UpdatedGroup<S>::term_acceleration() const {
+  return impl_->term_acceleration;
 }
 
 template <class S>

@@ -60,6 +60,8 @@ class UpdatedGroup {
   void collect(const Vec3d& low, const Vec3d& high, std::vector<UpdatedPoint<S>>& out) const;
   /// Adds an impulse [N s] to what the grid takes up in the next step.
   void add_impulse(const UpdatedPoint<S>& point, const Vec3d& impulse);
+  /// The largest acceleration [m/s²] that terms give to a body in the frame that began last.
+  [[nodiscard]] double term_acceleration() const;
   /// Of any particle in the last substep [m/s].
   [[nodiscard]] double max_speed() const;
 

@@ -10,8 +10,9 @@ namespace matterfit::mpm {
 template <class S>
 std::size_t UpdatedRecord<S>::bytes() const {
   std::size_t sum = bytes_of(node_mass) + bytes_of(node_velocity) + bytes_of(slab_chunks) +
-                    chunks.size() * sizeof(KeptChunk<S>) + bytes_of(touches) + bytes_of(holds) +
-                    bytes_of(carries);
+                    chunks.size() * sizeof(KeptChunk<S>) +
+                    velocities.size() * sizeof(KeptVelocity<S>) + bytes_of(touches) +
+                    bytes_of(holds) + bytes_of(carries);
   for (const std::vector<S>& of_body : maxwell) sum += bytes_of(of_body);
   return sum;
 }
@@ -28,7 +29,8 @@ std::shared_ptr<const UpdatedTopology> take_topology(const UpdatedBlocks<S>& blo
 
 template <class S>
 void keep_particles(Arena& arena, const UpdatedBlocks<S>& blocks,
-                    const std::vector<UpdatedMember<S>>& members, UpdatedRecord<S>& record) {
+                    const std::vector<UpdatedMember<S>>& members, bool velocities,
+                    UpdatedRecord<S>& record) {
   record.slab_chunks.clear();
   std::size_t chunks = 0;
   for (std::size_t b = 0; b < blocks.size(); ++b) {
@@ -41,15 +43,21 @@ void keep_particles(Arena& arena, const UpdatedBlocks<S>& blocks,
   }
   record.slab_chunks.push_back(static_cast<std::uint32_t>(chunks));
   record.chunks.resize(chunks);
+  record.velocities.resize(velocities ? chunks : 0);
   const std::size_t slabs = members.size() * kSlabs;
   arena.parallel_for(0, blocks.size(), 4, [&](std::size_t b) {
     KeptChunk<S>* to = record.chunks.data() + record.slab_chunks[b * slabs];
+    KeptVelocity<S>* velocity =
+        velocities ? record.velocities.data() + record.slab_chunks[b * slabs] : nullptr;
     for (const BodyBlock<S>& body : blocks[b].bodies) {
       for (const auto& slab : body.slab) {
         for (const UpdatedChunk<S>& from : slab) {
           std::memcpy(to->a, from.a, sizeof(to->a));
           std::memcpy(to->id, from.id, sizeof(to->id));
           ++to;
+          if (!velocities) continue;
+          std::memcpy(velocity->v, from.a[UpdatedChunk<S>::kVelocity], sizeof(velocity->v));
+          ++velocity;
         }
       }
     }
@@ -63,10 +71,10 @@ template struct UpdatedRecord<double>;
 template std::shared_ptr<const UpdatedTopology> take_topology<float>(const UpdatedBlocks<float>&);
 template std::shared_ptr<const UpdatedTopology> take_topology<double>(const UpdatedBlocks<double>&);
 template void keep_particles<float>(Arena&, const UpdatedBlocks<float>&,
-                                    const std::vector<UpdatedMember<float>>&,
+                                    const std::vector<UpdatedMember<float>>&, bool,
                                     UpdatedRecord<float>&);
 template void keep_particles<double>(Arena&, const UpdatedBlocks<double>&,
-                                     const std::vector<UpdatedMember<double>>&,
+                                     const std::vector<UpdatedMember<double>>&, bool,
                                      UpdatedRecord<double>&);
 
 }  // namespace matterfit::mpm

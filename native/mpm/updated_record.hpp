@@ -62,6 +62,12 @@ struct KeptChunk {
   std::uint32_t id[kLanes];
 };
 
+/// The velocities of a chunk's particles, for terms [m/s].
+template <class S>
+struct KeptVelocity {
+  S v[3][kLanes];
+};
+
 /// Values that are not set when they are made: each thread touches its own first.
 template <class Value>
 class RawArray {
@@ -98,7 +104,8 @@ struct UpdatedRecord {
   /// First of `chunks` of each block, body and slab, in this order, and the end.
   std::vector<std::uint32_t> slab_chunks;
   RawArray<KeptChunk<S>> chunks;
-  std::vector<std::vector<S>> maxwell;  ///< per body, as UpdatedView::maxwell
+  RawArray<KeptVelocity<S>> velocities;  ///< as `chunks`; empty where no effect acts
+  std::vector<std::vector<S>> maxwell;   ///< per body, as UpdatedView::maxwell
   std::vector<UpdatedTouch<S>> touches;
   std::vector<UpdatedHold<S>> holds;
   std::vector<UpdatedCarry<S>> carries;
@@ -109,10 +116,11 @@ struct UpdatedRecord {
 
 template <class S>
 [[nodiscard]] std::shared_ptr<const UpdatedTopology> take_topology(const UpdatedBlocks<S>& blocks);
-/// The particles before a substep.
+/// The particles before a substep; `velocities`: theirs as well.
 template <class S>
 void keep_particles(Arena& arena, const UpdatedBlocks<S>& blocks,
-                    const std::vector<UpdatedMember<S>>& members, UpdatedRecord<S>& record);
+                    const std::vector<UpdatedMember<S>>& members, bool velocities,
+                    UpdatedRecord<S>& record);
 
 extern template struct UpdatedRecord<float>;
 extern template struct UpdatedRecord<double>;

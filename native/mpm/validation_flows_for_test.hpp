@@ -96,12 +96,14 @@ inline std::vector<double> dam_break(double a, const std::vector<double>& scaled
 
 struct Column {
   double runout = 0.0;    ///< (r∞ − r₀)/r₀ of the heap's edge
+  double outer = 0.0;     ///< the same of the radius within which 99 % of the sand lies
   double height = 0.0;    ///< h∞/r₀
   double expected = 0.0;  ///< Lube et al. 2004
 };
 
 /// Dry sand of friction angle 30° released from a cylinder of radius r₀ and height a·r₀.
-inline Column sand_column(double aspect, int cells, double friction_angle = 30.0, int threads = 1) {
+inline Column sand_column(double aspect, int cells, double friction_angle = 30.0, int threads = 1,
+                          Formulation formulation = Formulation::kUpdated) {
   constexpr double kRadius = 0.05;
   Scene scene;
   scene.dx = kRadius / cells;
@@ -110,7 +112,7 @@ inline Column sand_column(double aspect, int cells, double friction_angle = 30.0
   Body body =
       lattice_body("sand", Vec3d(-kRadius, -kRadius, 0), Vec3d(kRadius, kRadius, height), spacing,
                    [](const Vec3d& x) { return std::hypot(x[0], x[1]) < kRadius; });
-  body.formulation = Formulation::kUpdated;
+  body.formulation = formulation;
   body.density = 1600;
   body.material.law = material::Law::kDruckerPrager;
   body.material.youngs_modulus = 5e5;
@@ -131,8 +133,11 @@ inline Column sand_column(double aspect, int cells, double friction_angle = 30.0
     // The edge of the heap: where a ring of half a cell is still covered to a quarter cell's depth.
     std::vector<double> rings(static_cast<std::size_t>(30 * cells), 0.0);
     double top = 0.0;
+    std::vector<double> radii;
+    radii.reserve(state.bodies[0].positions.size());
     for (const Vec3f& x : state.bodies[0].positions) {
       const double r = std::hypot(static_cast<double>(x[0]), static_cast<double>(x[1]));
+      radii.push_back(r);
       const auto ring = static_cast<std::size_t>(r / spacing);
       if (ring < rings.size()) rings[ring] += std::pow(spacing, 3);
       if (r < scene.dx) top = std::max(top, static_cast<double>(x[2]));
@@ -144,6 +149,8 @@ inline Column sand_column(double aspect, int cells, double friction_angle = 30.0
     };
     while (edge < rings.size() && depth(edge) > 0.25 * scene.dx) ++edge;
     result.runout = static_cast<double>(edge) * spacing / kRadius - 1;
+    std::sort(radii.begin(), radii.end());
+    result.outer = radii[radii.size() * 99 / 100] / kRadius - 1;
     result.height = (top + 0.5 * spacing) / kRadius;
     return true;
   });

@@ -67,6 +67,7 @@ class Attachment:
         if final:
             attached.remove([item for item in self.items if item[attached.TAG] not in self.kept])
             self.items = attached.objects_of(self.scene, self.take)
+        attach_volume.blur(self)
         self._evaluate_once()
         self._visibility(live)
         return done

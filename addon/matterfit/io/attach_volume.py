@@ -3,7 +3,13 @@
 
 import bpy
 
+from ..props import reactions
 from . import nodes
+from .attached import TAG
+
+SEPARATION_TAG = "matterfit_separation"  # [m], of the particles that a surface is around
+SMOOTH = "Matterfit Smooth"
+VELOCITY = "Matterfit Velocity"
 
 
 def volume(work, name, sequence, grids):
@@ -43,7 +49,40 @@ def _surface(work, name, volume_object):
         modifier = item.modifiers.new("Matterfit Surface", "VOLUME_TO_MESH")
     modifier.object = volume_object
     modifier.grid_name = "surface"
-    modifier.threshold = 0.0
     modifier.resolution_mode = "GRID"
     modifier.use_smooth_shade = True
     item.active_material = item.active_material or work.material(name)
+    item[SEPARATION_TAG] = work.separation
+    _style(item, work.scene.matterfit.output)
+
+
+def blur(work):
+    """Gives each surface the velocity of the particles, where those have one."""
+    if "velocity" not in work.document.get("output", {}).get("attributes", []):
+        return
+    clouds = {item[TAG].partition(":")[2]: item for item in work.items
+              if item[TAG].startswith("points:")}
+    for item in work.items:
+        kind, _colon, name = item[TAG].partition(":")
+        if kind == "surface" and name in clouds:
+            modifier = item.modifiers.get(VELOCITY) or item.modifiers.new(VELOCITY, "NODES")
+            modifier.node_group = nodes.velocity_tree(f"{VELOCITY} {item.name}", clouds[name],
+                                                     work.unit)
+
+
+@reactions.surface_restyled.done_by
+def restyle(settings):
+    """Every surface of the scene as Output has it now."""
+    for item in settings.id_data.objects:
+        if item.get(TAG, "").startswith("surface:"):
+            _style(item, settings.output)
+
+
+def _style(item, output):
+    separation = item.get(SEPARATION_TAG, 0.0)
+    item.modifiers["Matterfit Surface"].threshold = output.surface_offset * separation
+    modifier = item.modifiers.get(SMOOTH)
+    if modifier is None:
+        modifier = item.modifiers.new(SMOOTH, "SMOOTH")
+    modifier.iterations = output.surface_smoothing
+    modifier.show_viewport = modifier.show_render = output.surface_smoothing > 0

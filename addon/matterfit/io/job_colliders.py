@@ -21,6 +21,25 @@ def contact_document(contact):
     return document
 
 
+def pair_documents(settings):
+    """Contacts between bodies that the artist has set, of those that take part."""
+    known = {body.name: body.enabled for body in settings.bodies if body.role == "BODY"}
+    found, seen = [], set()
+    for pair in settings.pairs:
+        names = (pair.first, pair.second)
+        for name in names:
+            if name not in known:
+                raise JobError(f"Contact between Bodies: '{name}' is not among the Bodies. Choose "
+                               "another one, or remove the pair.")
+        if names[0] == names[1] or frozenset(names) in seen:
+            raise JobError(f"Contact between Bodies: the pair of '{names[0]}' and '{names[1]}' is no "
+                           "pair, or listed twice. Remove it.")
+        seen.add(frozenset(names))
+        if all(known[name] for name in names):
+            found.append({"bodies": list(names), **contact_document(pair.contact)})
+    return found
+
+
 def ground_document(solver, scale):
     return {"name": "ground", "shape": "ground", "height": number(solver.ground_height * scale),
             "contact": contact_document(solver.ground)}

@@ -8,11 +8,13 @@ import shutil
 
 from ..jobs import EXIT_COMPUTE, JobError
 from . import (
+    animation,
     files,
     fit_results,
     job_bodies,
     job_captures,
     job_colliders,
+    job_effects,
     job_fit,
     job_writer,
     transforms,
@@ -45,6 +47,7 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     captures = [job_captures.CapturePart(writer, capture)
                 for capture in settings.captures if capture.enabled]
     gravity = _gravity(writer)
+    effects = job_effects.parts(writer)
     writer.walk()
 
     solver = settings.solver
@@ -63,8 +66,13 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     if solver.use_ground:
         scene_document["colliders"].insert(
             0, job_colliders.ground_document(solver, writer.scale))
+    contacts = job_colliders.pair_documents(settings)
+    if contacts:
+        scene_document["contacts"] = contacts
     if solver.use_walls:
         scene_document["walls"] = job_colliders.walls_document(solver, writer.scale)
+    if effects:
+        scene_document["effects"] = [part.document() for part in effects]
     document["scene"] = scene_document
     if captures:
         document["captures"] = [part.document() for part in captures]
@@ -239,26 +247,12 @@ def _gravity(writer):
     take, scene = writer.take, writer.scene
     if take is not None and take.use_gravity:
         return lambda: numbers(take.gravity)
-    if not _animated(scene, "matterfit.solver.gravity"):
+    if not animation.animated(scene, "matterfit.solver.gravity"):
         return lambda: numbers(writer.settings.solver.gravity)
     values = []
     writer.at_every(lambda _frame, _depsgraph: values.append(
         numbers(scene.matterfit.solver.gravity)))
     return lambda: transforms.keyed(writer.frames, values)
-
-
-def _animated(scene, data_path):
-    animation = scene.animation_data
-    if animation is None:
-        return False
-    if any(driver.data_path == data_path for driver in animation.drivers):
-        return True
-    # Actions have layers from 4.4 on, and lose `fcurves` with 5.0: animated, then, is any action.
-    action = animation.action
-    if action is None:
-        return False
-    curves = getattr(action, "fcurves", None)
-    return True if curves is None else any(curve.data_path == data_path for curve in curves)
 
 
 def _output(writer, bodies, outputs):

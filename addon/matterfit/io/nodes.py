@@ -69,6 +69,43 @@ def particles_tree(name, radius, material, attributes):
     return tree
 
 
+def velocity_tree(name, points, unit):
+    """A mesh with the attribute `velocity` of the nearest of an object's points: what Cycles blurs by,
+    since the mesh of a level set has other vertices at every frame. The points have it in metres a
+    second, the mesh in Blender units, of which a metre has `unit`."""
+    tree = bpy.data.node_groups.get(name)
+    if tree is None or tree.type != "GEOMETRY":
+        tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
+        compat.add_group_socket(tree, "Geometry", "INPUT", "NodeSocketGeometry")
+        compat.add_group_socket(tree, "Geometry", "OUTPUT", "NodeSocketGeometry")
+    tree.nodes.clear()
+    builder = _Builder(tree)
+    entry = builder.add("NodeGroupInput")
+    info = builder.add("GeometryNodeObjectInfo", transform_space="RELATIVE")
+    compat.socket(info.inputs, "Object").default_value = points
+    cloud = compat.socket(info.outputs, "Geometry")
+    nearest = builder.add("GeometryNodeSampleNearest")
+    builder.link(cloud, nearest.inputs[0])
+    known = builder.add("GeometryNodeInputNamedAttribute", data_type="FLOAT_VECTOR")
+    compat.socket(known.inputs, "Name").default_value = "velocity"
+    sample = builder.add("GeometryNodeSampleIndex", data_type="FLOAT_VECTOR")
+    builder.link(cloud, sample.inputs[0])
+    builder.link(compat.socket(known.outputs, "Attribute", "VECTOR"),
+                 compat.socket(sample.inputs, "Value", "VECTOR"))
+    builder.link(nearest.outputs[0], compat.socket(sample.inputs, "Index"))
+    scaled = builder.add("ShaderNodeVectorMath", operation="SCALE")
+    scaled.inputs["Scale"].default_value = unit
+    builder.link(compat.socket(sample.outputs, "Value", "VECTOR"), scaled.inputs[0])
+    store = builder.add("GeometryNodeStoreNamedAttribute", data_type="FLOAT_VECTOR")
+    store.domain = "POINT"
+    compat.socket(store.inputs, "Name").default_value = "velocity"
+    builder.link(scaled.outputs[0], compat.socket(store.inputs, "Value", "VECTOR"))
+    builder.link(entry.outputs[0], store.inputs[0])
+    leave = builder.add("NodeGroupOutput")
+    builder.link(store.outputs[0], leave.inputs[0])
+    return tree
+
+
 def _stored_attribute(builder, geometry, name, image, size, first, last):
     """`geometry` with the attribute read from the frame's texture, points packed row-major.
 

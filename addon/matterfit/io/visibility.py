@@ -26,6 +26,7 @@ def decide(item, seen):
         # without anything that could be seen.
         item.data.display.density = 1.0 if seen else 0.0
         item.data.display.wireframe_type = "BOXES" if seen else "NONE"
+        item.hide_select = not seen
     else:
         item.hide_viewport = not seen
     item[CHOSEN_TAG] = _state(item)

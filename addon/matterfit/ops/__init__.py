@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Operators, one file a part of the panel."""
 
-from . import bodies, caches, capture, compare, fit, materials, output, simulate, takes
+from . import bodies, caches, capture, compare, effects, fit, materials, output, simulate, takes
 
-CLASSES = (*capture.CLASSES, *bodies.CLASSES, *simulate.CLASSES, *caches.CLASSES, *fit.CLASSES, *materials.CLASSES,
+CLASSES = (*capture.CLASSES, *bodies.CLASSES, *effects.CLASSES, *simulate.CLASSES,
+           *caches.CLASSES, *fit.CLASSES, *materials.CLASSES,
            *compare.CLASSES, *takes.CLASSES, *output.CLASSES)

@@ -162,6 +162,45 @@ class MATTERFIT_OT_remove_mass(_ActiveBody, PlainOperator, bpy.types.Operator):
         remove_active(scene_props.active_body(context.scene.matterfit), "masses", "mass_index")
 
 
+def unpaired(settings):
+    """The first two bodies whose contact is not in the list, or None."""
+    names = [body.name for body in settings.bodies if body.role == "BODY"]
+    listed = {frozenset((pair.first, pair.second)) for pair in settings.pairs}
+    return next(((first, second) for place, first in enumerate(names)
+                 for second in names[place + 1:] if frozenset((first, second)) not in listed), None)
+
+
+class MATTERFIT_OT_add_pair(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.add_pair"
+    bl_label = "Add Contact"
+    bl_description = "Set how two bodies touch each other"
+
+    @classmethod
+    def poll(cls, context):
+        return greyed(cls, unpaired(context.scene.matterfit) is None,
+                      "There are no two bodies whose contact is not set yet")
+
+    def act(self, context):
+        settings = context.scene.matterfit
+        first, second = unpaired(settings)
+        pair = settings.pairs.add()
+        pair.first, pair.second = first, second
+        settings.pair_index = len(settings.pairs) - 1
+
+
+class MATTERFIT_OT_remove_pair(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.remove_pair"
+    bl_label = "Remove Contact"
+    bl_description = "The two bodies touch as the solver has it by itself again"
+
+    @classmethod
+    def poll(cls, context):
+        return greyed(cls, not context.scene.matterfit.pairs, "There is no contact in the list")
+
+    def act(self, context):
+        remove_active(context.scene.matterfit, "pairs", "pair_index")
+
+
 class MATTERFIT_OT_reset_material(_ActiveBody, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.reset_material"
     bl_label = "Reset to Preset"
@@ -190,4 +229,4 @@ class MATTERFIT_OT_set_resolution(PlainOperator, bpy.types.Operator):
 CLASSES = (MATTERFIT_OT_add_body, MATTERFIT_OT_add_body_file, MATTERFIT_OT_remove_body,
            MATTERFIT_OT_move_body, MATTERFIT_OT_add_pin, MATTERFIT_OT_remove_pin,
            MATTERFIT_OT_add_mass, MATTERFIT_OT_remove_mass, MATTERFIT_OT_reset_material,
-           MATTERFIT_OT_set_resolution)
+           MATTERFIT_OT_add_pair, MATTERFIT_OT_remove_pair, MATTERFIT_OT_set_resolution)

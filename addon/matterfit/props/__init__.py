@@ -3,9 +3,9 @@
 
 import bpy
 
-from . import body, capture, compare, fit, material, scene, solver, take
+from . import body, capture, compare, effects, fit, material, scene, solver, take
 
-CLASSES = (*material.CLASSES, *body.CLASSES, *capture.CLASSES, *take.CLASSES, *solver.CLASSES,
+CLASSES = (*material.CLASSES, *body.CLASSES, *capture.CLASSES, *take.CLASSES, *solver.CLASSES, *effects.CLASSES,
            *compare.CLASSES, *fit.CLASSES, *scene.CLASSES)
 
 

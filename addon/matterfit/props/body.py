@@ -40,6 +40,14 @@ class MatterfitContact(bpy.types.PropertyGroup):
     damping: number("contact.damping")
 
 
+class MatterfitPair(bpy.types.PropertyGroup):
+    """How two bodies touch each other."""
+
+    first: StringProperty(name="Body", description="One of the two bodies")
+    second: StringProperty(name="Other Body", description="The body that it touches")
+    contact: PointerProperty(type=MatterfitContact)
+
+
 class MatterfitPin(bpy.types.PropertyGroup):
     """A region of a body that is held or moved."""
 
@@ -164,4 +172,4 @@ class MatterfitBody(bpy.types.PropertyGroup):
     contact: PointerProperty(type=MatterfitContact)
 
 
-CLASSES = (MatterfitContact, MatterfitPin, MatterfitMass, MatterfitBody)
+CLASSES = (MatterfitContact, MatterfitPair, MatterfitPin, MatterfitMass, MatterfitBody)

@@ -29,5 +29,6 @@ preset_items = Reaction()  # (): items of the enumeration of material presets
 preset_chosen = Reaction()  # (material)
 quality_chosen = Reaction()  # (solver, scene)
 separation_typed = Reaction()  # (solver)
+surface_restyled = Reaction()  # (settings): smoothing or offset of surfaces
 take_switched = Reaction()  # (settings): another take is the active one
 capture_switched = Reaction()  # (settings): another capture is the active one

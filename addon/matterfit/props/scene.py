@@ -12,9 +12,10 @@ from bpy.props import (
 )
 
 from . import compare, reactions
-from .body import MatterfitBody
+from .body import MatterfitBody, MatterfitPair
 from .capture import MatterfitCapture
 from .compare import MatterfitCompare
+from .effects import MatterfitEffect
 from .fit import MatterfitFit
 from .solver import MatterfitOutput, MatterfitSolver
 from .take import MatterfitTake
@@ -45,6 +46,12 @@ class MatterfitScene(bpy.types.PropertyGroup):
     bodies: CollectionProperty(type=MatterfitBody)
     body_index: IntProperty(name="Active Body", default=0, min=0, max=100000, soft_max=100,
                             description="The body shown below the list")
+    effects: CollectionProperty(type=MatterfitEffect)
+    effect_index: IntProperty(name="Active Effect", default=0, min=0, max=100000, soft_max=100,
+                              description="The effect shown below the list")
+    pairs: CollectionProperty(type=MatterfitPair)
+    pair_index: IntProperty(name="Active Pair", default=0, min=0, max=100000, soft_max=100,
+                            description="The pair of bodies shown below the list")
     solver: PointerProperty(type=MatterfitSolver)
     output: PointerProperty(type=MatterfitOutput)
     compare: PointerProperty(type=MatterfitCompare)

@@ -79,6 +79,10 @@ class MatterfitSolver(bpy.types.PropertyGroup):
         description="Processor threads; 0 uses all. The result does not depend on it")
 
 
+def _restyled(self, _context):
+    reactions.surface_restyled(self.id_data.matterfit)
+
+
 class MatterfitOutput(bpy.types.PropertyGroup):
     """Which caches a bake writes."""
 
@@ -90,6 +94,14 @@ class MatterfitOutput(bpy.types.PropertyGroup):
     surface: BoolProperty(
         name="Surface", default=True,
         description="OpenVDB level set 'surface', shown through Volume to Mesh")
+    surface_smoothing: IntProperty(
+        name="Smoothing", default=4, min=0, soft_min=0, max=200, soft_max=20, update=_restyled,
+        description="How often the mesh of a surface is smoothed; each time takes bumps of a voxel "
+                    "and a little of what is thin")
+    surface_offset: FloatProperty(
+        name="Offset", default=0.0, min=0.0, soft_min=0.0, max=2.0, soft_max=1.0, precision=2,
+        update=_restyled,
+        description="Moves surfaces outward by this many particle separations: drops grow together")
     use_voxel_size: BoolProperty(
         name="Voxel Size", default=False,
         description="Use the voxel size below instead of the particle separation")

@@ -23,6 +23,9 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
         column.use_property_decorate = False
         for name in ("density", "velocity", "surface"):
             column.prop(output, name)
+        if output.surface:
+            column.prop(output, "surface_smoothing")
+            column.prop(output, "surface_offset")
         switched(column, output, "use_voxel_size", "voxel_size")
         column = layout.column(heading="Caches")
         column.use_property_split = True

@@ -3,6 +3,7 @@ import bpy
 
 from ..compat import translate, translate_label
 from ..io import resolution
+from ..props import scene as scene_props
 from .common import MatterfitPanel, contact, form, lines
 
 
@@ -15,7 +16,7 @@ class MATTERFIT_PT_solver(MatterfitPanel, bpy.types.Panel):
         solver = context.scene.matterfit.solver
         column = form(layout)
         column.prop(solver, "quality")
-        layout.prop(solver, "particle_separation")
+        column.prop(solver, "particle_separation", text="Separation")
         cells = _cells(context)
         if cells is not None:
             lines(layout, translate("{n} cells across the thinnest part").format(
@@ -74,6 +75,32 @@ class MATTERFIT_PT_container(MatterfitPanel, bpy.types.Panel):
             contact(layout, solver.walls)
 
 
+class MATTERFIT_UL_pairs(bpy.types.UIList):
+    def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
+        layout.label(text=f"{item.first} · {item.second}", translate=False)
+
+
+class MATTERFIT_PT_pairs(MatterfitPanel, bpy.types.Panel):
+    bl_label = "Contact between Bodies"
+    bl_parent_id = "MATTERFIT_PT_solver"
+
+    def draw(self, context):
+        layout = self.layout
+        settings = context.scene.matterfit
+        row = layout.row()
+        row.template_list("MATTERFIT_UL_pairs", "", settings, "pairs", settings, "pair_index", rows=2)
+        column = row.column(align=True)
+        column.operator("matterfit.add_pair", text="", icon="ADD")
+        column.operator("matterfit.remove_pair", text="", icon="REMOVE")
+        pair = scene_props.active_item(settings.pairs, settings.pair_index)
+        if pair is None:
+            return
+        column = form(layout)
+        column.prop_search(pair, "first", settings, "bodies")
+        column.prop_search(pair, "second", settings, "bodies", text="Other")
+        contact(layout, pair.contact)
+
+
 class MATTERFIT_PT_solver_advanced(MatterfitPanel, bpy.types.Panel):
     bl_label = "Advanced"
     bl_parent_id = "MATTERFIT_PT_solver"
@@ -86,4 +113,5 @@ class MATTERFIT_PT_solver_advanced(MatterfitPanel, bpy.types.Panel):
         column.prop(solver, "threads")
 
 
-CLASSES = (MATTERFIT_PT_solver, MATTERFIT_PT_container, MATTERFIT_PT_solver_advanced)
+CLASSES = (MATTERFIT_UL_pairs, MATTERFIT_PT_solver, MATTERFIT_PT_container, MATTERFIT_PT_pairs,
+           MATTERFIT_PT_solver_advanced)

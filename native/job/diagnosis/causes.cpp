@@ -8,6 +8,8 @@
 #include <array>
 #include <cmath>
 
+#include "effects/catalogue.hpp"
+#include "effects/effect_type.hpp"
 #include "job/documents/fit_path.hpp"
 #include "mpm/default_stiffness.hpp"
 #include "shape/collider.hpp"
@@ -66,6 +68,7 @@ class Causes {
 
   std::vector<Cause> all() {
     gravity();
+    terms();
     contact();
     material();
     masses();
@@ -119,6 +122,72 @@ class Causes {
     turn.write = [g, across, along, put](std::span<const double> v, int, Json& scene) {
       put(g + v[0] * across + v[1] * along, scene);
     };
+  }
+
+  /// Rows of the catalogue that are terms of the simulation: their strengths (what has a neutral
+  /// value) are the numbers, the rest stands at the usual values. Those that need a place have
+  /// none.
+  void terms() {
+    for (const effects::EffectType* type : effects::catalogue()) {
+      if (type->way != effects::Way::kTerm || type->find("center")) continue;
+      if (scene_effect(type->name)) continue;
+      term(*type);
+    }
+  }
+
+  [[nodiscard]] bool scene_effect(const std::string& name) const {
+    return std::any_of(scene_.effects.begin(), scene_.effects.end(),
+                       [&](const effects::Effect& effect) { return effect.type->name == name; });
+  }
+
+  void term(const effects::EffectType& type) {
+    static constexpr std::array<const char*, 5> kGroups = {"outside", "contact", "material",
+                                                           "state", "measurement"};
+    Cause cause;
+    Effect& row = cause.row;
+    row.name = type.name;
+    row.scope = "shared";
+    row.group = kGroups.at(static_cast<std::size_t>(type.group));
+    row.sentence = type.sentence + " ({value})";
+    row.confused_with = type.confused_with;
+    effects::Effect neutral = effects::make_effect(type.name);
+    std::vector<std::size_t> places;
+    for (std::size_t p = 0; p < type.parameters.size(); ++p) {
+      const effects::EffectParameter& parameter = type.parameters[p];
+      if (!parameter.neutral) continue;
+      for (std::size_t c = 0; c < parameter.size; ++c) {
+        Number n;
+        n.name = parameter.key + (parameter.size > 1 ? "[" + std::to_string(c) + "]" : "");
+        n.unit = parameter.unit;
+        n.neutral = *parameter.neutral;
+        n.scale = parameter.scale;
+        n.low = parameter.low;
+        n.high = parameter.high;
+        n.one_sided = parameter.low >= n.neutral;
+        places.push_back(type.offset(p) + c);
+        neutral.values[places.back()] = n.neutral;
+        row.numbers.push_back(std::move(n));
+      }
+    }
+    if (row.numbers.empty()) return;
+    cause.apply = [neutral, places](std::span<const double> v, int, mpm::Scene& scene) {
+      effects::Effect effect = neutral;
+      for (std::size_t k = 0; k < places.size(); ++k) effect.values[places[k]] = v[k];
+      scene.effects.push_back(std::move(effect));
+    };
+    cause.write = [neutral, places](std::span<const double> v, int, Json& scene) {
+      effects::Effect effect = neutral;
+      for (std::size_t k = 0; k < places.size(); ++k) effect.values[places[k]] = v[k];
+      Json entry = {{"effect", effect.type->name}};
+      for (std::size_t p = 0; p < effect.type->parameters.size(); ++p) {
+        const effects::EffectParameter& parameter = effect.type->parameters[p];
+        const auto begin = effect.values.begin() + Eigen::Index(effect.type->offset(p));
+        const std::vector<double> values(begin, begin + Eigen::Index(parameter.size));
+        entry[parameter.key] = parameter.size == 1 ? Json(values.front()) : Json(values);
+      }
+      scene["effects"].push_back(std::move(entry));
+    };
+    causes_.push_back(std::move(cause));
   }
 
   void contact() {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
+#include "effects/effect_type.hpp"
 #include "job/documents/json_reader.hpp"
 #include "material/material.hpp"
 #include "mpm/scene.hpp"
@@ -141,6 +142,14 @@ struct SolverDoc {
   Vec3d grid_shift = Vec3d::Zero();
 };
 
+/// An effect of the catalogue (effects/catalogue.hpp).
+struct EffectDoc {
+  const effects::EffectType* type = nullptr;
+  std::string name;
+  std::string body;                                  ///< empty: all
+  std::vector<ByFrame<std::vector<double>>> values;  ///< one a parameter, of its size
+};
+
 struct SceneDoc {
   double fps = 24.0;
   std::array<int, 2> fps_ratio{24, 1};  ///< {0, 0} where fps was given as a number with a fraction
@@ -153,6 +162,7 @@ struct SceneDoc {
   std::vector<ColliderDoc> colliders;
   std::vector<mpm::BodyContact> contacts;
   std::optional<mpm::Walls> walls;
+  std::vector<EffectDoc> effects;
   SolverDoc solver;
 
   [[nodiscard]] double seconds(double frame) const { return (frame - first_frame) / fps; }

@@ -22,6 +22,7 @@ struct ReadContext {
 [[nodiscard]] BodyDoc read_body(const JsonValue& value, const ReadContext& context);
 [[nodiscard]] ColliderDoc read_collider(const JsonValue& value, const ReadContext& context,
                                         std::size_t index);
+[[nodiscard]] EffectDoc read_effect(const JsonValue& value, const SceneDoc& scene);
 [[nodiscard]] shape::Contact read_contact(const JsonValue& value);
 [[nodiscard]] Placement read_placement(const JsonValue& value);
 [[nodiscard]] ByFrame<shape::Pose> read_motion(const JsonValue& value);

@@ -4,41 +4,13 @@
 
 #include "base/error.hpp"
 #include "job/documents/document_reading.hpp"
+#include "job/documents/read_keyed.hpp"
 
 namespace matterfit::job {
 namespace {
 
 constexpr int kFirstFrame = 0;
 constexpr int kLastFrame = 9'999'999;
-
-/// A value, or {frames, values, interpolation}; `read` reads one value.
-template <class Value, class Read>
-ByFrame<Value> read_keyed(const JsonValue& value, const Read& read) {
-  if (!value.json().is_object() || !value.json().contains("frames")) {
-    return ByFrame<Value>(read(value));
-  }
-  JsonObject object(value);
-  ByFrame<Value> keyed;
-  const JsonValue frames = object.require("frames");
-  for (const JsonValue& frame : frames.items()) keyed.frames.push_back(frame.number());
-  for (const JsonValue& item : object.require("values").items()) keyed.values.push_back(read(item));
-  if (const auto how = object.find("interpolation")) {
-    keyed.step = how->choice({"linear", "step"}) == 1;
-  }
-  object.finish();
-  if (keyed.frames.empty()) frames.fail("at least one frame");
-  if (keyed.frames.size() != keyed.values.size()) {
-    value.refuse(std::to_string(keyed.frames.size()) + " frames but " +
-                 std::to_string(keyed.values.size()) + " values; give one value a frame.");
-  }
-  for (std::size_t i = 1; i < keyed.frames.size(); ++i) {
-    if (keyed.frames[i] <= keyed.frames[i - 1]) {
-      frames.refuse("frame " + std::to_string(keyed.frames[i]) + " does not come after " +
-                    std::to_string(keyed.frames[i - 1]) + "; sort the keys.");
-    }
-  }
-  return keyed;
-}
 
 void read_fps(const JsonValue& value, SceneDoc& scene) {
   if (value.json().is_array()) {
@@ -262,8 +234,13 @@ SceneDoc read_scene(const JsonValue& value, const ReadContext& context) {
     scene.walls = read;
   }
   if (const auto effects = object.find("effects")) {
-    if (!effects->items().empty()) {
-      effects->refuse("effects are not available in this version; leave the list empty.");
+    for (const JsonValue& item : effects->items()) {
+      scene.effects.push_back(read_effect(item, scene));
+      for (std::size_t i = 0; i + 1 < scene.effects.size(); ++i) {
+        if (scene.effects[i].name != scene.effects.back().name) continue;
+        item.refuse("another effect is called '" + scene.effects[i].name +
+                    "' too; give each a name of its own.");
+      }
     }
   }
   if (const auto solver = object.find("solver")) scene.solver = read_solver(*solver);

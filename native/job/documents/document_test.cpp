@@ -103,10 +103,11 @@ TEST(JobDocument, ErrorsNameThePathTheValueAndWhatIsExpected) {
                 d["scene"]["frames"] = {0.5, 5};
               }),
               HasSubstr("scene.frames[0] is 0.5, expected a whole number"));
-  EXPECT_THAT(refusal([](Json& d) {
-                d["scene"]["effects"] = {{{"name", "wind"}}};
-              }),
-              HasSubstr("scene.effects: effects are not available"));
+  EXPECT_THAT(
+      refusal([](Json& d) {
+        d["scene"]["effects"] = {{{"effect", "wnid"}}};
+      }),
+      HasSubstr("scene.effects[0].effect: there is no effect 'wnid'. Did you mean 'wind'?"));
   EXPECT_THAT(refusal([](Json& d) { d["schema"] = "matterfit.job/9"; }),
               HasSubstr("schema is \"matterfit.job/9\"; this version reads \"matterfit.job/1\""));
   EXPECT_THAT(refusal([](Json& d) { d["task"] = "bakke"; }),

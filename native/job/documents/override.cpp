@@ -16,9 +16,10 @@ namespace {
 
 /// Writes out what the short forms leave out.
 void expand(std::vector<PathStep>& steps, const Json& document, const std::string& path) {
-  static constexpr std::array<std::string_view, 12> kSceneKeys = {
-      "bodies", "colliders", "gravity", "fps",      "frames",  "particle_separation",
-      "solver", "contacts",  "walls",   "material", "density", "velocity"};
+  static constexpr std::array<std::string_view, 13> kSceneKeys = {
+      "bodies",  "colliders", "gravity", "fps",     "frames",   "particle_separation",
+      "solver",  "contacts",  "walls",   "effects", "material", "density",
+      "velocity"};
   static constexpr std::array<std::string_view, 9> kDocumentKeys = {
       "schema", "task", "note", "scene", "captures", "probes", "output", "fit", "diagnose"};
   const std::string first = steps.front().key;

@@ -4,26 +4,19 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <map>
 #include <span>
 #include <string>
 #include <string_view>
-#include <vector>
+
+#include "base/tensors.hpp"
 
 namespace matterfit::job {
 
 /// A safetensors file (huggingface/safetensors, format of 2022): 8 bytes little-endian length of a
 /// JSON header, the header, the tensors' bytes in C order. Ours are float32 ("F32"), sorted by
 /// name, each starting at a multiple of 8 bytes, so equal content gives equal bytes.
-struct Tensor {
-  std::vector<std::size_t> shape;
-  std::vector<float> values;
-};
-
-struct Tensors {
-  std::map<std::string, Tensor> tensors;
-  std::map<std::string, std::string> metadata;
-};
+using matterfit::Tensor;
+using matterfit::Tensors;
 
 /// Throws Error(kInput) if a tensor's size is not the product of its shape.
 [[nodiscard]] std::string format_safetensors(const Tensors& tensors);

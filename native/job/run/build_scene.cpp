@@ -29,6 +29,26 @@ shape::PolygonArrays arrays(const capture::Mesh& mesh) {
   return {mesh.vertices, mesh.face_sizes, mesh.face_vertices};
 }
 
+effects::Effect build_effect(const EffectDoc& doc, const SceneDoc& scene) {
+  effects::Effect effect{doc.type, doc.name, doc.body, {}, {}};
+  std::vector<shape::Keyed<double>> keys;
+  bool any_keyed = false;
+  for (const ByFrame<std::vector<double>>& parameter : doc.values) {
+    const auto keyed = parameter.in_seconds(scene.first_frame, scene.fps);
+    any_keyed = any_keyed || keyed.animated();
+    for (std::size_t c = 0; c < keyed.values.front().size(); ++c) {
+      effect.values.push_back(keyed.values.front()[c]);
+      keys.emplace_back();
+      if (!keyed.animated()) continue;
+      keys.back().times = keyed.times;
+      keys.back().step = keyed.step;
+      for (const std::vector<double>& value : keyed.values) keys.back().values.push_back(value[c]);
+    }
+  }
+  if (any_keyed) effect.keys = std::move(keys);
+  return effect;
+}
+
 shape::ColliderPtr build_collider(const ColliderDoc& doc, const SceneDoc& scene) {
   using Shape = ColliderDoc::Shape;
   const auto pose = doc.transform.in_seconds(scene.first_frame, scene.fps);
@@ -202,6 +222,7 @@ BuiltScene build_scene(const Job& job, Arena& arena, const Interrupter& interrup
   }
   scene.contacts = doc.contacts;
   scene.walls = doc.walls;
+  for (const EffectDoc& effect : doc.effects) scene.effects.push_back(build_effect(effect, doc));
   scene.cfl = doc.solver.cfl;
   scene.dt = doc.solver.dt;
   scene.dt_safety = doc.solver.dt_safety;

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The kinds of effects that the panel offers: what a scene's model is extended by.
+
+Their numbers are those of `scene.effects[]` in docs/formats.md, by the same words; a test compares
+this table with what the library reads.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind. `numbers` are the keys of its numbers in the panel's order; those that say where it
+    is, `center` and `axis`, come from an object where one is chosen."""
+
+    name: str
+    title: str
+    about: str
+    numbers: tuple
+    icon: str
+
+    @property
+    def identifier(self):
+        return self.name.upper()
+
+    @property
+    def has_place(self):
+        return "center" in self.numbers
+
+
+_AIR = ("drag_coefficient", "area", "air_density")
+
+KINDS = (
+    Kind("drag_linear", "Linear Drag",
+         "Takes speed from the bodies in proportion to it: a thick medium", ("rate",),
+         "FORCE_DRAG"),
+    Kind("drag_quadratic", "Air Drag",
+         "The air brakes the bodies: twice the speed, four times the force", _AIR, "FORCE_DRAG"),
+    Kind("wind", "Wind",
+         "What moving air adds to still air; Air Drag beside it brakes", ("velocity", *_AIR),
+         "FORCE_WIND"),
+    Kind("buoyancy", "Buoyancy",
+         "Air or water carries a part of the weight, and has to be moved aside",
+         ("medium_density", "added_mass"), "MOD_FLUIDSIM"),
+    Kind("force_field", "Force Field", "An acceleration around a place",
+         ("center", "radius", "acceleration"), "FORCE_FORCE"),
+    Kind("vortex", "Vortex", "An acceleration around an axis",
+         ("center", "axis", "radius", "strength"), "FORCE_VORTEX"),
+    Kind("frame_acceleration", "Shaking",
+         "What the bodies are seen from is accelerated, or shaken",
+         ("acceleration", "frequency", "phase"), "FORCE_TURBULENCE"),
+)
+
+# Lengths, which a scene has in its own unit.
+LENGTHS = frozenset({"center", "radius"})
+# Areas likewise, by the unit squared.
+AREAS = frozenset({"area"})
+# Those that a document may have as a value of every frame.
+KEYED = frozenset({"rate", "drag_coefficient", "air_density", "velocity", "center", "radius",
+                   "acceleration", "axis", "strength"})
+
+
+def find(identifier):
+    """The kind that a property's identifier or a document's word names."""
+    name = identifier.lower()
+    return next(kind for kind in KINDS if kind.name == name)

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The particle separation that a quality asks for."""
+
+import bpy
+from matterfit.io import resolution
+from support import SceneCase
+
+
+class ResolutionTest(SceneCase):
+    def test_faces_that_are_not_planar(self):
+        """A ray from the centre of a warped face does not take the face itself for the far side."""
+        for side in (-1.0, 1.0):
+            item = self.cube(size=1.0)
+            for vertex in item.data.vertices:
+                if vertex.co.x > 0.0 and side * vertex.co.y > 0.0:
+                    vertex.co.z *= 1.2
+            self.body(item)
+            found = resolution.sizes(self.scene)[-1]
+            self.assertAlmostEqual(found.thickness, 1.0, delta=0.15)
+            self.assertAlmostEqual(found.volume, 1.0, delta=0.15)
+
+    def test_standard_is_six_cells(self):
+        """A slab of 6 cm: cells of 1 cm, particles .5 cm apart; typing makes it Custom."""
+        item = self.cube(size=1.0)
+        item.scale = (0.5, 0.25, 0.06)
+        bpy.context.view_layer.update()
+        self.body(item)
+        solver = self.settings.solver
+        self.assertAlmostEqual(solver.particle_separation, 0.005, places=5)
+        self.assertEqual(solver.quality, "STANDARD")
+        solver.quality = "PREVIEW"
+        self.assertAlmostEqual(solver.particle_separation, 0.01, places=5)
+        solver.most_particles = 1000000
+        solver.quality = "FINE"
+        self.assertAlmostEqual(resolution.cells_across(self.scene), 9.0, places=2)
+        solver.particle_separation = 0.02
+        self.assertEqual(solver.quality, "CUSTOM")
+        document, _folder = self.document()
+        self.assertEqual(document["scene"]["quality"], "custom")
+
+    def test_the_shape_that_is_simulated(self):
+        """A plane that Solidify makes 5 cm thick, also while it is hidden."""
+        bpy.ops.mesh.primitive_plane_add(size=0.2)
+        item = bpy.context.active_object
+        item.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.05
+        bpy.context.view_layer.update()
+        self.body(item)
+        self.assertAlmostEqual(self.settings.solver.particle_separation, 0.05 / 12, places=5)
+        item.hide_viewport = True
+        self.settings.solver.quality = "PREVIEW"
+        self.assertAlmostEqual(self.settings.solver.particle_separation, 0.05 / 6, places=5)
+        self.assertAlmostEqual(resolution.thinnest(self.scene), 0.05, places=5)
+        self.assertTrue(item.hide_viewport)
+
+    def test_no_more_particles_than_the_limit(self):
+        """A slab of a metre, 2 cm thick: 6 cells would be 4.3 million particles."""
+        item = self.cube(size=1.0)
+        item.scale = (1.0, 1.0, 0.02)
+        bpy.context.view_layer.update()
+        self.body(item)
+        solver = self.settings.solver
+        self.assertEqual(solver.quality, "STANDARD")
+        count = 0.02 / solver.particle_separation**3
+        self.assertTrue(95000 < count <= 100000, count)
+        self.assertEqual(resolution.limited_to(self.scene), (100000, 6))
+        solver.most_particles = 10000000
+        self.assertAlmostEqual(solver.particle_separation, 0.02 / 12, places=5)
+        self.assertIsNone(resolution.limited_to(self.scene))

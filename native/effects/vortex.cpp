@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A vortex around an axis n through c: f = m a s (n × d/r) (1 − q²)³ with d the way from the axis
+// and q = |d|/r < 1. s = √7 (7/6)³ makes a the largest acceleration, which is at r/√7.
+#include <algorithm>
+#include <cmath>
+
+#include "effects/rows.hpp"
+
+namespace matterfit::effects {
+namespace {
+
+enum Value : std::size_t { kCenter = 0, kAxis = 3, kRadius = 6, kStrength = 7 };
+
+class Vortex final : public Term {
+ public:
+  explicit Vortex(const Effect& effect) : effect_(effect) {}
+
+  [[nodiscard]] Vec3d force(const MaterialPoint& point, const Moment& moment) const override {
+    const Place at = place(point, moment.time);
+    return point.mass * effect_.at(kStrength, moment.time) * at.share * at.around;
+  }
+  void force_adjoint(const MaterialPoint& point, const Moment& moment, const Vec3d& force_bar,
+                     MaterialPointBar& bar, double* values) const override {
+    const Place at = place(point, moment.time);
+    const double a = effect_.at(kStrength, moment.time);
+    const double along = force_bar.dot(at.around);
+    bar.mass += a * at.share * along;
+    values[kStrength] += point.mass * at.share * along;
+    // f = m a share (n × way), way = d/r, share = s (1 − q²)³.
+    const double radius = effect_.at(kRadius, moment.time);
+    const double square_bar = -3.0 * kPeak * at.left * at.left * point.mass * a * along;
+    const Vec3d around_bar = point.mass * a * at.share * force_bar;
+    Vec3d normal_bar = at.away.cross(around_bar) / radius;
+    // q² = |d|²/r², and d = e − n (n·e), e the way from the centre: n × d = n × e.
+    Vec3d away_bar = 2.0 / (radius * radius) * square_bar * at.away;
+    values[kRadius] -= 2.0 * at.away.squaredNorm() / (radius * radius * radius) * square_bar +
+                       around_bar.dot(at.around) / radius;
+    away_bar += around_bar.cross(at.normal) / radius;
+    const Vec3d whole_bar = away_bar - at.normal.dot(away_bar) * at.normal;
+    normal_bar -= at.normal.dot(away_bar) * at.whole + at.normal.dot(at.whole) * away_bar;
+    const Vec3d axis_bar = (normal_bar - at.normal.dot(normal_bar) * at.normal) / at.length;
+    bar.position += whole_bar;
+    for (std::size_t c = 0; c < 3; ++c) {
+      values[kCenter + c] -= whole_bar[static_cast<int>(c)];
+      values[kAxis + c] += axis_bar[static_cast<int>(c)];
+    }
+  }
+  [[nodiscard]] double acceleration_bound(double /*speed*/) const override {
+    return effect_.largest(kStrength);
+  }
+
+ private:
+  static constexpr double kPeak = 4.201355;  ///< √7 (7/6)³
+  struct Place {
+    Vec3d normal;   ///< along the axis, a unit vector
+    double length;  ///< of the axis as it is given
+    Vec3d whole;    ///< from the centre [m]
+    Vec3d away;     ///< from the axis [m]
+    Vec3d around;   ///< n × d/r
+    double left;    ///< 1 − q², 0 outside
+    double share;   ///< s (1 − q²)³
+  };
+  [[nodiscard]] Place place(const MaterialPoint& point, double time) const {
+    Place at;
+    const Vec3d axis = effect_.vector_at(kAxis, time);
+    const double radius = effect_.at(kRadius, time);
+    at.length = axis.norm();
+    at.normal = at.length > 0.0 ? Vec3d(axis / at.length) : Vec3d::UnitZ();
+    at.length = std::max(at.length, 1e-12);
+    at.whole = point.position - effect_.vector_at(kCenter, time);
+    at.away = at.whole - at.normal.dot(at.whole) * at.normal;
+    at.around = at.normal.cross(at.away) / radius;
+    at.left = std::max(0.0, 1.0 - at.away.squaredNorm() / (radius * radius));
+    at.share = kPeak * at.left * at.left * at.left;
+    return at;
+  }
+
+  const Effect& effect_;
+};
+
+}  // namespace
+
+const EffectType& vortex() {
+  static const EffectType row = {
+      .name = "vortex",
+      .group = Group::kOutside,
+      .scope = Scope::kShared,
+      .parameters = {{.key = "center",
+                      .unit = "m",
+                      .size = 3,
+                      .standard = {0.0, 0.0, 0.0},
+                      .neutral = std::nullopt,
+                      .low = -1e6,
+                      .high = 1e6,
+                      .scale = 0.1,
+                      .may_be_keyed = true,
+                      .label = "Centre",
+                      .sentence = "A point of its axis"},
+                     {.key = "axis",
+                      .unit = "",
+                      .size = 3,
+                      .standard = {0.0, 0.0, 1.0},
+                      .neutral = std::nullopt,
+                      .low = -1e6,
+                      .high = 1e6,
+                      .scale = 0.1,
+                      .may_be_keyed = true,
+                      .label = "Axis",
+                      .sentence = "The direction that it turns about, right-handed"},
+                     {.key = "radius",
+                      .unit = "m",
+                      .standard = {1.0},
+                      .neutral = std::nullopt,
+                      .low = 1e-4,
+                      .high = 1e6,
+                      .scale = 0.5,
+                      .coordinate = Coordinate::kLog,
+                      .may_be_keyed = true,
+                      .label = "Radius",
+                      .sentence = "Where it has faded away, from the axis"},
+                     {.key = "strength",
+                      .unit = "m/s²",
+                      .standard = {0.0},
+                      .neutral = 0.0,
+                      .low = -1e5,
+                      .high = 1e5,
+                      .scale = 1.0,
+                      .may_be_keyed = true,
+                      .label = "Strength",
+                      .sentence = "The largest acceleration, at .38 of the radius"}},
+      .quantities = {},
+      .signature = "The measured body is turned about an axis of the world that it passes.",
+      .confused_with = {"force_field", "wind", "spin"},
+      .sentence = "Something stirs around an axis and carries along what comes near.",
+      .make = [](const Effect& effect, const BodyFacts& /*body*/) -> std::unique_ptr<Term> {
+        return std::make_unique<Vortex>(effect);
+      }};
+  return row;
+}
+
+}  // namespace matterfit::effects

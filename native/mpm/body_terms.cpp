@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/body_terms.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+#include "effects/effect_type.hpp"
+
+namespace matterfit::mpm {
+
+TermCotangents& TermCotangents::operator+=(const TermCotangents& other) {
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] += other.values[i];
+  log_density += other.log_density;
+  position += other.position;
+  gravity += other.gravity;
+  added_density += other.added_density;
+  turn += other.turn;
+  return *this;
+}
+
+namespace {
+
+bool acts_on(const effects::Effect& effect, const Body& body) {
+  return effect.body.empty() || effect.body == body.name;
+}
+
+double added_density(const Scene& scene, const Body& body) {
+  double sum = 0.0;
+  for (const effects::Effect& effect : scene.effects) {
+    if (effect.type->added_density == nullptr || !acts_on(effect, body)) continue;
+    sum += effect.type->added_density(effect);
+  }
+  return sum;
+}
+
+}  // namespace
+
+void add_inertia(Scene& scene) {
+  for (Body& body : scene.bodies) {
+    const double added = added_density(scene, body);
+    if (added != 0.0) body.density += added;
+  }
+}
+
+BodyTerms::BodyTerms(const Scene& scene, const Body& body)
+    : scene_(scene), body_(body), added_density_(added_density(scene, body)) {
+  effects::BodyFacts facts;
+  facts.volume = std::accumulate(body.volumes.begin(), body.volumes.end(), 0.0);
+  facts.density = body.density;
+  for (const Vec3d& gravity : scene.gravity.values) {
+    facts.gravity = std::max(facts.gravity, gravity.norm());
+  }
+  for (std::size_t e = 0; e < scene.effects.size(); ++e) {
+    const effects::Effect& effect = scene.effects[e];
+    if (!acts_on(effect, body)) continue;
+    terms_.push_back({e, values_, is_neutral(effect), effect.type->make(effect, facts)});
+    values_ += effect.values.size();
+    act_ = act_ || !terms_.back().neutral;
+  }
+}
+
+effects::MaterialPoint BodyTerms::point(std::uint32_t particle, double volume) const {
+  effects::MaterialPoint point;
+  point.particle = particle;
+  point.rest = body_.rest[particle];
+  point.volume = volume;
+  point.mass = (body_.density - added_density_) * volume;
+  return point;
+}
+
+Vec3d BodyTerms::force(const effects::MaterialPoint& point, const effects::Moment& moment) const {
+  Vec3d sum = Vec3d::Zero();
+  for (const Entry& entry : terms_) {
+    if (!entry.neutral) sum += entry.term->force(point, moment);
+  }
+  return sum;
+}
+
+void BodyTerms::force_adjoint(const effects::MaterialPoint& point, const effects::Moment& moment,
+                              const Vec3d& force_bar, effects::MaterialPointBar& bar,
+                              TermCotangents& sums) const {
+  effects::MaterialPointBar own;
+  for (const Entry& entry : terms_) {
+    entry.term->force_adjoint(point, moment, force_bar, own, sums.values.data() + entry.first);
+  }
+  sums.log_density += body_.density * point.volume * own.mass;
+  sums.added_density -= point.volume * own.mass;
+  sums.position += own.position;
+  sums.gravity += own.gravity;
+  sums.turn += point.position.cross(own.position) + point.velocity.cross(own.velocity) -
+               force(point, moment).cross(force_bar);
+  bar.position += own.position;
+  bar.velocity += own.velocity;
+  bar.mass += own.mass;
+  bar.gravity += own.gravity;
+}
+
+TermCotangents BodyTerms::zero() const {
+  TermCotangents sums;
+  sums.values.assign(values_, 0.0);
+  return sums;
+}
+
+void BodyTerms::add_to(const TermCotangents& sums, double density_bar,
+                       std::vector<std::vector<double>>& effects) const {
+  for (const Entry& entry : terms_) {
+    std::vector<double>& of_effect = effects[entry.effect];
+    for (std::size_t k = 0; k < of_effect.size(); ++k) {
+      of_effect[k] += sums.values[entry.first + k];
+    }
+    const effects::Effect& effect = scene_.effects[entry.effect];
+    if (effect.type->added_density_adjoint != nullptr) {
+      effect.type->added_density_adjoint(effect, density_bar + sums.added_density,
+                                         of_effect.data());
+    }
+  }
+}
+
+double BodyTerms::acceleration_bound(double speed) const {
+  double sum = 0.0;
+  for (const Entry& entry : terms_) {
+    if (!entry.neutral) sum += entry.term->acceleration_bound(speed);
+  }
+  return sum;
+}
+
+}  // namespace matterfit::mpm

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mpm/updated_terms.hpp"
+
+#include <algorithm>
+
+#include "mpm/updated_loads_adjoint.hpp"
+
+namespace matterfit::mpm {
+
+template <class S>
+UpdatedTerms<S>::UpdatedTerms(const Scene& scene, const std::vector<std::size_t>& bodies) {
+  terms_.reserve(bodies.size());
+  for (const std::size_t index : bodies) {
+    terms_.push_back(std::make_unique<BodyTerms>(scene, scene.bodies[index]));
+    any_ = any_ || !terms_.back()->empty();
+    act_ = act_ || terms_.back()->act();
+  }
+}
+
+template <class S>
+void UpdatedTerms<S>::apply(Arena& arena, UpdatedGrid<S>& grid, const effects::Moment& moment,
+                            double kick) const {
+  using Chunk = UpdatedChunk<S>;
+  if (!act_) return;
+  arena.parallel_for(0, grid.blocks.size(), 1, [&](std::size_t b) {
+    if (!grid.blocks[b].occupied) return;
+    for (std::size_t m = 0; m < terms_.size(); ++m) {
+      const BodyTerms& terms = *terms_[m];
+      if (!terms.act()) continue;
+      grid.blocks[b].bodies[m].for_each([&](std::size_t s, const Chunk& chunk, std::size_t l) {
+        const UpdatedPlace<S> place = grid.place(b, s, chunk, l);
+        effects::MaterialPoint at =
+            terms.point(chunk.id[l], static_cast<double>(chunk.a[Chunk::kVolume][l]));
+        at.position = grid.position(place);
+        at.velocity = particle_velocity(chunk, l);
+        const Vec3d impulse = kick * terms.force(at, moment);
+        grid.add_momentum(place, impulse.template cast<S>(), S(0));
+      });
+    }
+  });
+}
+
+template <class S>
+std::vector<TermCotangents> UpdatedTerms<S>::back(
+    Arena& arena, const UpdatedRecord<S>& record, const std::vector<S>& nodes, double dx,
+    const std::vector<UpdatedParticleBar<S>*>& particles) const {
+  using Chunk = UpdatedChunk<S>;
+  const std::size_t blocks = record.before->coordinates.size();
+  const std::size_t members = terms_.size();
+  std::vector<TermCotangents> of_block(blocks * members);
+  const effects::Moment moment{record.time, record.gravity};
+  arena.parallel_for(0, of_block.size(), 1, [&](std::size_t at) {
+    const std::size_t b = at / members;
+    const std::size_t m = at % members;
+    const BodyTerms& terms = *terms_[m];
+    TermCotangents& sums = of_block[at];
+    sums = terms.zero();
+    if (terms.empty()) return;
+    const Vec3d origin = record.before->coordinates[b].template cast<double>() * (4.0 * dx);
+    const std::uint32_t* first = record.slab_chunks.data() + at * kSlabs;
+    for (std::size_t s = 0; s < kSlabs; ++s) {
+      for (std::uint32_t c = first[s]; c < first[s + 1]; ++c) {
+        const KeptChunk<S>& chunk = record.chunks[c];
+        for (std::size_t l = 0; l < kLanes; ++l) {
+          if (!(chunk.a[Chunk::kVolume][l] > S(0))) continue;
+          const UpdatedPlace<S> place{
+              static_cast<std::uint32_t>(b),
+              static_cast<std::uint32_t>(s * kLanes + l),
+              {chunk.a[Chunk::kF][l], chunk.a[Chunk::kF + 1][l], chunk.a[Chunk::kF + 2][l]}};
+          effects::MaterialPoint seen =
+              terms.point(chunk.id[l], static_cast<double>(chunk.a[Chunk::kVolume][l]));
+          seen.position = place.position(origin, dx);
+          const KeptVelocity<S>& kept = record.velocities[c];
+          for (int axis = 0; axis < 3; ++axis) {
+            seen.velocity[axis] = static_cast<double>(kept.v[axis][l]);
+          }
+          // Momentum Σ w_I kick f.
+          Vec3d momentum_bar = Vec3d::Zero();
+          Mat3d momentum_by = Mat3d::Zero();
+          const PointStencil stencil(place.fraction(), dx);
+          for_each_cotangent(*record.before, nodes, place,
+                             [&](const Vec3d& momentum, double /*mass*/, std::size_t i,
+                                 std::size_t j, std::size_t k) {
+                               momentum_bar += stencil.weight(i, j, k) * momentum;
+                               momentum_by += momentum * stencil.gradient(i, j, k).transpose();
+                             });
+          effects::MaterialPointBar bar;
+          bar.position = record.kick * (momentum_by.transpose() * terms.force(seen, moment));
+          terms.force_adjoint(seen, moment, record.kick * momentum_bar, bar, sums);
+          UpdatedParticleBar<S>& own = particles[m][chunk.id[l]];
+          for (std::size_t axis = 0; axis < 3; ++axis) {
+            own.position[axis] += static_cast<S>(bar.position[static_cast<int>(axis)]);
+            own.velocity[axis] += static_cast<S>(bar.velocity[static_cast<int>(axis)]);
+          }
+        }
+      }
+    }
+  });
+  std::vector<TermCotangents> sums;
+  sums.reserve(members);
+  for (std::size_t m = 0; m < members; ++m) {
+    sums.push_back(terms_[m]->zero());
+    for (std::size_t b = 0; b < blocks; ++b) sums[m] += of_block[b * members + m];
+  }
+  return sums;
+}
+
+template <class S>
+double UpdatedTerms<S>::acceleration_bound(double speed) const {
+  double most = 0.0;
+  for (const auto& terms : terms_) most = std::max(most, terms->acceleration_bound(speed));
+  return most;
+}
+
+template class UpdatedTerms<float>;
+template class UpdatedTerms<double>;
+
+}  // namespace matterfit::mpm

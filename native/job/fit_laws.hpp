@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "job/documents/fit_document.hpp"
+#include "job/documents/json_reader.hpp"
 
 /// Candidate laws of a fit: what carries over from the document's law, and what is new.
 namespace matterfit::job {

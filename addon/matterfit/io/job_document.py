@@ -25,13 +25,14 @@ SCHEMA = "matterfit.job/1"
 JOB_FILE = "job.json"
 MANIFEST_FILE = "manifest.json"
 MAX_FRAME = 9_999_999
+FITTING = ("fit", "diagnose")  # tasks that have the section `fit`, and a fit's cache
 
 
 def build(scene, take, folder, task, quality=None, separation=None, outputs=True):
     """Samples the scene, writes <folder>/input/, returns the document.
 
     `separation` [m] overrides the solver's (Preview); without `outputs` nothing but the particles
-    is baked; a fit bakes nothing. Raises JobError with what to change.
+    is baked; a fit and a diagnosis bake nothing. Raises JobError with what to change.
     """
     settings = scene.matterfit
     writer = job_writer.JobWriter(scene, take, folder)
@@ -76,7 +77,7 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     document["scene"] = scene_document
     if captures:
         document["captures"] = [part.document() for part in captures]
-    if task == "fit":
+    if task in FITTING:
         document["fit"] = job_fit.document(settings, scene_document,
                                            document.get("captures", []))
         document["output"] = {"folder": "."}
@@ -103,7 +104,7 @@ class Replaced:
         self._folder = folder
         self._path = os.path.join(folder, JOB_FILE)
         names = [MANIFEST_FILE]
-        if task == "fit":
+        if task in FITTING:
             names += [fit_results.RESULT_FILE, fit_results.CHECKPOINT_FILE]
         self._results = [os.path.join(folder, name) for name in names]
         self._stamps = self._stamp()

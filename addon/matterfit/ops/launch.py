@@ -86,7 +86,7 @@ def start_job(context, label, prepared, folder, restart, **options):
             replaced.end()
             return
         job.untouched = replaced.untouched()
-        if document["task"] == "fit":
+        if document["task"] in job_document.FITTING:
             ours = not job.untouched or replaced.is_of(document)
             job.resumable = ours and fit_results.is_unfinished(folder)
         # What is reported is why the job ended.

@@ -147,7 +147,8 @@ class PanelTest(DiagnoseCase):
     def test_rows(self):
         self.diagnosed([self.DRAG, self.OTHER])
         texts = self.texts()
-        for text in ("0.470 ± 0.012", "90 %", "82 %", "0.0040 ± 0.0010 s", "< 1 %", "–"):
+        for text in ("0.470 ± 0.012", "90 % likely", "Gain 82 %", "0.0040 ± 0.0010 s", "< 1 % likely",
+                     "Gain –"):
             self.assertIn(text, texts)
         rows = self.buttons("matterfit.diagnosis_cause")
         self.assertEqual([text for text, _properties in rows], ["1  Air Drag", "2  Time Offset"])
@@ -177,6 +178,11 @@ class PanelTest(DiagnoseCase):
         for cls in ui.CLASSES:
             if issubclass(cls, panel.MATTERFIT_PT_diagnose):
                 self.assertEqual(faults_of(cls, bpy.context), [])
+        # What is not translated is not measured there: the rows of the table, in a box.
+        for texts, room in ((("x: (2.943 ± 0.012)e7 Pa s", "acceleration[0]: -0.470 ± 0.012"), 183.0),
+                            (("> 99 % likely", "Gain -100 %"), 91.0)):
+            for text in texts:
+                self.assertLess(text_width(text), room, text)
 
     def test_worst_frames_jump(self):
         self.diagnosed([self.DRAG])

@@ -47,9 +47,6 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
         if not report.causes:
             return
         box = layout.box()
-        row = box.row()
-        for title in ("Value", "Probable", "Gain"):
-            row.label(text=title)
         count = len(report.causes) if shown.show_all else PROBABLE
         for index, cause in enumerate(report.causes[:count]):
             column = box.column(align=True)
@@ -66,15 +63,14 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
             self._evidence(layout, cause)
 
     def _numbers(self, column, cause):
-        """Value ± error, probability, gain; further numbers of the same cause below."""
-        texts = [number.text if len(cause.numbers) == 1 else f"{number.name} {number.text}"
-                 for number in cause.numbers] or ["–"]
-        row = column.row()
-        row.label(text=texts[0], translate=False)
-        row.label(text=percent(cause.probability), translate=False)
-        row.label(text=gain_text(cause), translate=False)
-        for text in texts[1:]:
+        """A line each for value ± error; probability and gain below."""
+        for number in cause.numbers:
+            text = number.text if len(cause.numbers) == 1 else f"{number.name}: {number.text}"
             column.label(text=text, translate=False)
+        row = column.row()
+        row.label(text=translate("{share} likely").format(share=percent(cause.probability)),
+                  translate=False)
+        row.label(text=translate("Gain {share}").format(share=gain_text(cause)), translate=False)
 
     def _evidence(self, layout, cause):
         box = layout.box()

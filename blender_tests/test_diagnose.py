@@ -94,6 +94,20 @@ class JobTest(DiagnoseCase):
         self.assertEqual(files.read_json(os.path.join(self.run_folder, "job.json")), before)
         self.assertTrue(self.settings.fit.done)
 
+    def test_free_takes_it_with_the_fit(self):
+        self.diagnosed([self.DRAG])
+        folder = self.run_folder
+        self.assertEqual(bpy.ops.matterfit.free_fit(), {"FINISHED"})
+        self.assertFalse(os.path.exists(folder))
+        self.assertEqual(self.settings.fit.run.folder, "")
+        self.assertEqual(self.drawn()[1:], [])
+
+    def test_the_fit_stays_shown_when_its_job_is_written_again(self):
+        self.diagnosed([self.DRAG])
+        self.assertEqual(bpy.ops.matterfit.write_fit_job(), {"FINISHED"})
+        self.assertTrue(self.settings.fit.done)
+        self.assertEqual(files.read_json(os.path.join(self.run_folder, "job.json"))["task"], "fit")
+
     def test_clouds_are_refused(self):
         self.fit.loss = "CHAMFER"
         self.fails(bpy.ops.matterfit.diagnose, ["the same points", "Loss"])

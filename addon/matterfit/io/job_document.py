@@ -9,6 +9,7 @@ import shutil
 from ..jobs import EXIT_COMPUTE, JobError
 from . import (
     animation,
+    cache,
     files,
     fit_results,
     job_bodies,
@@ -25,7 +26,6 @@ SCHEMA = "matterfit.job/1"
 JOB_FILE = "job.json"
 MANIFEST_FILE = "manifest.json"
 MAX_FRAME = 9_999_999
-FITTING = ("fit", "diagnose")  # tasks that have the section `fit`, and a fit's cache
 
 
 def build(scene, take, folder, task, quality=None, separation=None, outputs=True):
@@ -77,7 +77,7 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     document["scene"] = scene_document
     if captures:
         document["captures"] = [part.document() for part in captures]
-    if task in FITTING:
+    if task in cache.FIT_TASKS:
         document["fit"] = job_fit.document(settings, scene_document,
                                            document.get("captures", []))
         document["output"] = {"folder": "."}
@@ -104,7 +104,7 @@ class Replaced:
         self._folder = folder
         self._path = os.path.join(folder, JOB_FILE)
         names = [MANIFEST_FILE]
-        if task in FITTING:
+        if task in cache.FIT_TASKS:
             names += [fit_results.RESULT_FILE, fit_results.CHECKPOINT_FILE]
         self._results = [os.path.join(folder, name) for name in names]
         self._stamps = self._stamp()
@@ -121,8 +121,9 @@ class Replaced:
         return self._stamp() == self._stamps
 
     def is_of(self, document):
-        """Whether what was there is of this very document."""
-        return self._content == files.json_bytes(document)
+        """Whether what was there is of this very document; a fit's result is a diagnosis's too."""
+        tasks = cache.FIT_TASKS if document["task"] in cache.FIT_TASKS else (document["task"],)
+        return any(self._content == files.json_bytes({**document, "task": task}) for task in tasks)
 
     def put_back(self):
         """Writes the old document and inputs again unless the run has written results."""

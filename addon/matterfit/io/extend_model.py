@@ -148,16 +148,16 @@ class _Extension:
         row.mass = given["mass"]
 
     def _effect(self, kind):
-        """A scene that has an effect of the kind is not examined for another one, so that the row
-        of the kind is this one."""
+        """A scene in which an effect of the kind acts is not examined for another one, so that a
+        row that is switched on is this one; what is switched off stays as it is."""
         given = next(item for item in reversed(self.model["effects"])
                      if item["effect"] == kind.name)
         rows = self.settings.effects
-        row = next((row for row in rows if row.kind == kind.identifier), None)
+        row = next((row for row in rows if row.enabled and row.kind == kind.identifier), None)
         if row is None:
             row = rows.add()
             row.name, row.kind = translate_label(kind.title), kind.identifier
-        row.enabled = True
+        row.body, row.place = given.get("body", ""), None
         self.settings.effect_index = next(index for index, other in enumerate(rows) if other == row)
         for key in kind.numbers:
             if key in given:

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "bench/random.hpp"
+#include "base/random.hpp"
 #include "bench/serial_splat.hpp"
 #include "splat/rasteriser.hpp"
 

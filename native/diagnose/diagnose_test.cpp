@@ -168,7 +168,7 @@ TEST(Diagnose, ProposesTheThrowThatSeparatesAClass) {
   ThrownModel model({Vec3d(3.0, 0.0, 1.0)});
   for (Use& use : model.captures_[0].use) use = Use::kUsed;
   model.experiments_ = {{"fast", "Throw it fast and sideways.", model.captures_[0]}};
-  model.record({cause_of(model, {"drag_quadratic", {0.002}})}, {});
+  model.record({cause_of(model, {"drag_quadratic", {0.0012}})}, {});
   const Report report = diagnose(model);
   EXPECT_EQ(report.verdict, Verdict::kClass) << told(report);
   EXPECT_EQ(report.next_recording, "Throw it fast and sideways.") << told(report);

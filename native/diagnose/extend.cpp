@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "fit/numerics/student.hpp"
+
 namespace matterfit::diagnose {
 namespace {
 
@@ -213,7 +215,9 @@ class Search {
     for (const double ratio : ratios) {
       variance += (ratio - mean) * (ratio - mean) / std::max(1.0, count - 1.0);
     }
-    return mean > kAgreement * std::sqrt(variance / count);
+    // Few blocks know their own spread badly: Student's quantile in proportion.
+    const double wider = fit::student_quantile(std::max(1.0, count - 1.0)) / fit::kNormalQuantile;
+    return mean > kAgreement * wider * std::sqrt(variance / count);
   }
 
   void try_singles() {

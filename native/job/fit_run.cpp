@@ -11,6 +11,7 @@
 #include "base/file.hpp"
 #include "fit/data/metrics.hpp"
 #include "job/documents/fit_document.hpp"
+#include "job/documents/fit_path.hpp"
 #include "job/fit_experiment.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_laws.hpp"

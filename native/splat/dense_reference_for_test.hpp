@@ -20,7 +20,7 @@ namespace matterfit::splat {
 /// coefficients; and (ω, τ) of the camera.
 inline constexpr int kShapeParameters = 20;
 inline constexpr int kPoseParameters = 6;
-/// Mean 2, Σ₂ (xx, xy, yy), opacity, colour 3, depth.
+/// Mean 2, Σ₂ (xx, xy, yy), opacity, colour 3 before it is cut off at 0, depth.
 inline constexpr int kPlaneParameters = 10;
 using PlaneVector = Eigen::Matrix<double, kPlaneParameters, 1>;
 
@@ -79,6 +79,7 @@ inline Mat3d cross_matrix(const Vec3d& v) {
   return m;
 }
 
+/// The colour comes uncut: a difference across the kink at 0 would mean neither side's derivative.
 inline PlaneVector reference_projection(const Eigen::VectorXd& p, int sh_degree,
                                         const Eigen::Matrix<double, 6, 1>& pose,
                                         const Camera& camera, const RenderOptions& options) {
@@ -121,7 +122,6 @@ inline PlaneVector reference_projection(const Eigen::VectorXd& p, int sh_degree,
       out[6 + c] += p[kShapeParameters + static_cast<Eigen::Index>(3 * band) + c] * y[band];
     }
   }
-  for (int c = 0; c < 3; ++c) out[6 + c] = std::max(out[6 + c], 0.0);
   return out;
 }
 
@@ -160,7 +160,7 @@ class DenseReference {
         const PlaneVector& s = plane_[taken.index];
         const double weight = taken.transmittance * taken.alpha;
         for (std::size_t c = 0; c < 3; ++c) {
-          image.colour[c * pixels + pixel] += weight * s[6 + static_cast<int>(c)];
+          image.colour[c * pixels + pixel] += weight * std::max(s[6 + static_cast<int>(c)], 0.0);
         }
         image.mask[pixel] += weight;
         image.depth[pixel] += weight * s[9];
@@ -242,7 +242,9 @@ class DenseReference {
           static_cast<double>(loss.mask[pixel]) + static_cast<double>(loss.depth[pixel]) * s[9];
       for (std::size_t c = 0; c < 3; ++c) {
         const auto slope = static_cast<double>(loss.colour[c * pixels + pixel]);
-        own += slope * s[6 + static_cast<int>(c)];
+        const double uncut = s[6 + static_cast<int>(c)];
+        if (uncut < 0.0) continue;
+        own += slope * uncut;
         bar[6 + static_cast<int>(c)] += weight * slope;
       }
       bar[9] += weight * static_cast<double>(loss.depth[pixel]);

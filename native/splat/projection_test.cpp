@@ -36,7 +36,7 @@ GaussianShape<double> shape_of(const Vector& p) {
 struct Case {
   Vector parameters;  ///< dense_reference_for_test.hpp, harmonics of degree 3
   Camera camera;
-  Vector bar;  ///< derivatives of the loss: mean 2, Σ₂ 3, opacity, colour 3, depth
+  Vector bar;  ///< derivatives of the loss: mean 2, Σ₂ 3, opacity, uncut colour 3, depth
 };
 
 std::vector<Case> cases() {
@@ -116,11 +116,8 @@ TEST(Projection, AdjointIsThatOfFourthOrderDifferences) {
     Vector gradient = Vector::Zero(20 + 48 + 6);
     for (int band = 0; band < 16; ++band) {
       for (int c = 0; c < 3; ++c) {
-        double colour = 0.5;
-        for (int k = 0; k < 16; ++k) colour += item.parameters[20 + 3 * k + c] * y[k];
-        const double colour_bar = colour < 0.0 ? 0.0 : item.bar[6 + c];
-        gradient[20 + 3 * band + c] = colour_bar * y[band];
-        y_bar[band] += colour_bar * item.parameters[20 + 3 * band + c];
+        gradient[20 + 3 * band + c] = item.bar[6 + c] * y[band];
+        y_bar[band] += item.bar[6 + c] * item.parameters[20 + 3 * band + c];
       }
     }
     double d_bar[3];

@@ -227,12 +227,37 @@ TEST(Rasteriser, APixelIsSampledAtItsCentre) {
   EXPECT_NEAR(image.depth[centre], 1.6, 1e-6);
   EXPECT_NEAR(image.colour[centre], 0.8 * (0.5 + 0.28209479177387814), 1e-6);
   EXPECT_NEAR(image.colour[image.pixels() + centre], 0.4, 1e-6);
-  // One pixel aside: Σ₂ = (50/2 · 0.02)² + 0.3 across; the clamp and the perspective do not act.
-  const double variance = 0.25 + 0.3;
-  for (const int dy : {-1, 1}) {
-    EXPECT_NEAR(image.mask[at(10, 7 + dy)], 0.8 * std::exp(-0.5 / variance), 3e-4);
+  // One pixel aside: Σ₂ = (50/2 · 0.02)² (I + r rᵀ) + 0.3 I, since J = 50/2 (I, −r) with the mean's
+  // direction r = (t_x/t_z, t_y/t_z).
+  const Eigen::Vector2d r((10.5 - 20.0) / 50.0, (7.5 - 15.0) / 50.0);
+  const Eigen::Matrix2d identity = Eigen::Matrix2d::Identity();
+  const Eigen::Matrix2d conic = (0.25 * (identity + r * r.transpose()) + 0.3 * identity).inverse();
+  for (const int step : {-1, 1}) {
+    EXPECT_NEAR(image.mask[at(10 + step, 7)], 0.8 * std::exp(-0.5 * conic(0, 0)), 1e-6);
+    EXPECT_NEAR(image.mask[at(10, 7 + step)], 0.8 * std::exp(-0.5 * conic(1, 1)), 1e-6);
+    EXPECT_NEAR(image.mask[at(10 + step, 7 + step)], 0.8 * std::exp(-0.5 * conic.sum()), 1e-6);
   }
-  EXPECT_NEAR(image.mask[at(11, 7)], image.mask[at(9, 7)], 1e-5);
+}
+
+TEST(Rasteriser, AColourCutOffAtZeroHasNoGradient) {
+  const Camera camera = plain_camera();
+  Rasteriser rasteriser(std::make_shared<Arena>(1));
+  Gaussians g = one_at(camera, 10.5, 7.5, 0.02, 0.8F);
+  constexpr double kY0 = 0.28209479177387814;
+  const auto coefficient = [](double colour) { return static_cast<float>((colour - 0.5) / kY0); };
+  g.sh = {coefficient(1e-4), coefficient(-1e-4), coefficient(-0.3)};
+  const std::size_t centre = 7 * 40 + 10;
+  Image loss(camera.width, camera.height);
+  for (std::size_t c = 0; c < 3; ++c) loss.colour[c * loss.pixels() + centre] = 1.0F;
+  const Image& image = rasteriser.render(g, camera);
+  EXPECT_NEAR(image.colour[centre], 0.8e-4, 1e-6);
+  EXPECT_EQ(image.colour[image.pixels() + centre], 0.0F);
+  EXPECT_EQ(image.colour[2 * image.pixels() + centre], 0.0F);
+  GaussianGradients gradients;
+  rasteriser.backward(g, loss, gradients);
+  EXPECT_NEAR(gradients.sh[0], 0.8 * kY0, 1e-6);
+  EXPECT_EQ(gradients.sh[1], 0.0F);
+  EXPECT_EQ(gradients.sh[2], 0.0F);
 }
 
 TEST(Rasteriser, NearerOnesHideThoseBehindAndTiesGoByIndex) {

@@ -6,6 +6,7 @@
 #include "base/error.hpp"
 #include "job/documents/document_reading.hpp"
 #include "job/documents/fit_document.hpp"
+#include "job/documents/fit_path.hpp"
 
 namespace matterfit::job {
 namespace {

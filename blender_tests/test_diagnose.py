@@ -8,12 +8,14 @@ from unittest import mock
 import bpy
 import fake_diagnosis
 import fake_fit
+import numpy
 from fake_diagnosis import cause, number
 from matterfit import jobs, ui
-from matterfit.io import diagnosis, files
+from matterfit.io import diagnosis, files, fit_results, fit_rows, takes
 from matterfit.jobs import JobError
 from matterfit.ui import diagnose as panel
 from panel_recorder import Layout, _stand_in, faults_of, text_width
+from support import SceneCase, needs_library
 from test_fit import FakeFitCase
 from test_operators import Backend
 
@@ -350,3 +352,43 @@ class ExtendTest(DiagnoseCase):
     def test_a_model_without_it(self):
         self.diagnosed([self.DRAG], lambda scene: None)
         self.fails(bpy.ops.matterfit.extend_model, ["diagnosis.json", "holds nothing of Air Drag"])
+
+
+@needs_library
+class NativeTest(SceneCase):
+    """A cube is thrown in a stronger gravity than the scene has."""
+
+    def test_wrong_gravity(self):
+        body = self.jelly(separation=0.05, location=(0.0, 0.0, 3.0))
+        body.velocity = (1.0, 0.0, 1.0)
+        self.scene.frame_end = 12
+        corners = numpy.array([[x, y, z] for x in (-0.08, 0.08) for y in (-0.08, 0.08)
+                               for z in (2.92, 3.08)])
+        times = numpy.arange(12) / 24.0
+        fall = numpy.outer(times, (1.0, 0.0, 1.0)) + numpy.outer(times**2, (0.0, 0.0, -5.5))
+        noise = numpy.random.default_rng(3).normal(0.0, 5e-4, (12, 8, 3))
+        files.write_npz(os.path.join(self.folder, "clip.npz"),
+                        {"positions": corners + fall[:, None] + noise, "times": times})
+        capture = self.settings.captures.add()
+        capture.name, capture.filepath = "clip", "//clip.npz"
+        capture.use_noise, capture.noise = True, 5e-4
+        capture.holdout, capture.holdout_start = "FRAMES", 11
+        fit_rows.refresh(self.settings)
+        fit = self.settings.fit
+        for row in fit.parameters:
+            row.enabled = row.key == "velocity"
+        fit.windows, fit.levels = False, 1
+        self.assertEqual(bpy.ops.matterfit.diagnose(), {"FINISHED"}, self.error())
+        folder = takes.locate(self.settings.fit.run).folder
+        report = diagnosis.load(folder)
+        self.assertTrue(diagnosis.is_of_fit(report, fit_results.load(folder)))
+        self.assertIn("gravity_size", files.read_json(
+            os.path.join(folder, diagnosis.REPORT_FILE))["class"], report.sentence)
+        self.assertTrue(os.path.isfile(os.path.join(folder, diagnosis.PAGE_FILE)))
+        self.assertTrue(all(1 <= worst.frame <= 12 for worst in report.worst))
+        place = next((index for index, found in enumerate(report.causes)
+                      if found.effect == "gravity_size" and found.accepted), None)
+        if place is not None:
+            self.settings.diagnosis.cause_index = place
+            self.assertEqual(bpy.ops.matterfit.extend_model(), {"FINISHED"}, self.error())
+            self.assertAlmostEqual(self.settings.solver.gravity[2], -11.0, delta=0.5)

@@ -13,9 +13,11 @@ from ..jobs import EXIT_COMPUTE, JobError
 from . import files, job_writer
 
 LOCK_FILE = ".lock"
-# What a fit leaves whether or not it came to its end.
+FIT_TASKS = ("fit", "diagnose")  # of a job in a fit's cache
+# What a fit, and the diagnosis of it, leave whether or not they came to their end.
 FIT_FILES = ("fit/checkpoint.json", "fit/fitted.json", "fit/history.jsonl", "material.json",
-             "scene.json", "result.json", "report.json")
+             "scene.json", "result.json", "report.json", "diagnosis.json", "diagnosis.html",
+             "extended.json")
 PC2_HEADER = struct.Struct("<12siiffi")
 FRAME_FILE = re.compile(r"^(?P<name>.+)_(?P<frame>\d{4,})\.(?P<kind>vdb|ply|exr)$")
 
@@ -210,7 +212,7 @@ def _unfinished(folder, listed):
     path = os.path.join(folder, "job.json")
     if os.path.isfile(path):
         document = files.read_json(path)
-        if document.get("task") == "fit":
+        if document.get("task") in FIT_TASKS:
             found.update(FIT_FILES)
             found.update(name + ".tmp" for name in FIT_FILES)
             found.update(f"material_{body['name']}.json"

@@ -34,7 +34,7 @@ def apply(scene, result, folder, fitted_take, take):
     `take` the take that gets fitted throws."""
     found = files.read_json(os.path.join(folder, fit_results.SCENE_FILE))
     document = {**found.get("scene", {}), "captures": found.get("captures", [])}
-    work = _Application(scene, document, fitted_take, take)
+    work = Application(scene, document, fitted_take, take)
     for estimate in result.estimates:
         work.note(estimate)
     if not work.wanted and not work.starts:
@@ -59,7 +59,9 @@ def _is_surface(key):
     return key == "height" or key.startswith("contact.")
 
 
-class _Application:
+class Application:
+    """What of `document`, a scene, is put where: `wanted` says it by owners and keys."""
+
     def __init__(self, scene, document, fitted_take, take):
         self.settings = scene.matterfit
         self.document = document

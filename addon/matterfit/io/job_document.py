@@ -9,6 +9,7 @@ import shutil
 from ..jobs import EXIT_COMPUTE, JobError
 from . import (
     animation,
+    cache,
     files,
     fit_results,
     job_bodies,
@@ -31,7 +32,7 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     """Samples the scene, writes <folder>/input/, returns the document.
 
     `separation` [m] overrides the solver's (Preview); without `outputs` nothing but the particles
-    is baked; a fit bakes nothing. Raises JobError with what to change.
+    is baked; a fit and a diagnosis bake nothing. Raises JobError with what to change.
     """
     settings = scene.matterfit
     writer = job_writer.JobWriter(scene, take, folder)
@@ -76,7 +77,7 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     document["scene"] = scene_document
     if captures:
         document["captures"] = [part.document() for part in captures]
-    if task == "fit":
+    if task in cache.FIT_TASKS:
         document["fit"] = job_fit.document(settings, scene_document,
                                            document.get("captures", []))
         document["output"] = {"folder": "."}
@@ -103,7 +104,7 @@ class Replaced:
         self._folder = folder
         self._path = os.path.join(folder, JOB_FILE)
         names = [MANIFEST_FILE]
-        if task == "fit":
+        if task in cache.FIT_TASKS:
             names += [fit_results.RESULT_FILE, fit_results.CHECKPOINT_FILE]
         self._results = [os.path.join(folder, name) for name in names]
         self._stamps = self._stamp()
@@ -120,8 +121,9 @@ class Replaced:
         return self._stamp() == self._stamps
 
     def is_of(self, document):
-        """Whether what was there is of this very document."""
-        return self._content == files.json_bytes(document)
+        """Whether what was there is of this very document; a fit's result is a diagnosis's too."""
+        tasks = cache.FIT_TASKS if document["task"] in cache.FIT_TASKS else (document["task"],)
+        return any(self._content == files.json_bytes({**document, "task": task}) for task in tasks)
 
     def put_back(self):
         """Writes the old document and inputs again unless the run has written results."""

@@ -15,18 +15,44 @@ from .launch import AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job
 
 
 class FitJob(JobOperator):
-    """What Fit and Resume share. The fit has a cache of its own, apart from the takes'."""
+    """What Fit, Resume and Diagnose share. The fit has a cache of its own, apart from the takes'."""
 
     restart_advice = "Press Fit to begin afresh."
+    task = "fit"
+    resume_operator = "matterfit.resume_fit"
     _before = None  # takes.Kept of what the fit was until now
     _result_before = None
 
+    def begin_at_scene(self, context, label):
+        """The job of what the scene is now; an unfinished fit of the very same inputs goes on, since
+        hours of it are not thrown away."""
+        takes.require_saved()
+        native.require()
+        settings = context.scene.matterfit
+        fit_rows.refresh(settings)
+        run = settings.fit.run
+        self._before = takes.Kept(run)
+        try:
+            takes.for_fit(settings)
+            folder = takes.claim(run)
+            job = self.start(context, label, run, folder, AFRESH_WHERE_CHANGED)
+        except JobError:
+            self._before.put_back(run)
+            raise
+        job.stale = fit_results.history_stamp(folder)
+        session(context).last_report = ""
+        if not self._before.is_in(run) or bpy.data.is_dirty:
+            session(context).last_report = translate(
+                "Save the .blend file now: without that, a fit that is killed with Blender cannot "
+                "be resumed")
+        return job
+
     def start(self, context, label, run, folder, restart):
         """The job; JobError where it is refused before it starts."""
-        prepared = prepare(context, run, folder, "fit")
+        prepared = prepare(context, run, folder, self.task)
         self._result_before = fit_results.stamp(folder)
         return start_job(context, label.format(name=run.name), prepared, folder, restart,
-                         resumable=True, resume="matterfit.resume_fit")
+                         resumable=True, resume=self.resume_operator)
 
     def progress_mark(self, context, job):
         return fit_results.history_stamp(job.folder)
@@ -35,7 +61,7 @@ class FitJob(JobOperator):
         _redraw_view(context)  # the curve lies in the scene
 
     def stopped(self, context, job):
-        fit = self._fit(job)
+        fit = self.settings_of(job)
         if job.untouched:
             # What lies in the folder is what an earlier fit has left.
             session(context).last_report = ""
@@ -47,26 +73,26 @@ class FitJob(JobOperator):
             return
         # Cancelled: the best so far. Why it ended is reported, not what could not be read.
         with contextlib.suppress(JobError):
-            self._show(context, job)
+            self.show_result(context, job)
 
     def taken_away(self, context, job):
         self.stopped(context, job)
 
     def ended(self, context, job):
-        result = self._show(context, job)
+        result = self.show_result(context, job)
         warning = [result.warning] if result is not None and result.warning else []
         session(context).last_report = words.in_panel(
             "\n".join([summary(result, job), *warning, *job.result.get("notes", [])]),
             context.scene.matterfit)
 
-    def _fit(self, job):
+    def settings_of(self, job):
         """The settings of the fit that the job is of; None where they are gone."""
         scene, run = takes.find(job.folder)
         return scene.matterfit.fit if scene is not None and run == scene.matterfit.fit.run else None
 
-    def _show(self, context, job):
+    def show_result(self, context, job):
         """The result; None where there is none but that of an earlier fit."""
-        fit = self._fit(job)
+        fit = self.settings_of(job)
         if fit is not None:
             fit.done = False
         _redraw_view(context)
@@ -115,27 +141,7 @@ class MATTERFIT_OT_fit(FitJob, bpy.types.Operator):
                       "their uncertainty; Cancel keeps the best so far. The scene is not changed")
 
     def begin(self, context):
-        takes.require_saved()
-        native.require()
-        settings = context.scene.matterfit
-        fit_rows.refresh(settings)
-        run = settings.fit.run
-        self._before = takes.Kept(run)
-        try:
-            takes.for_fit(settings)
-            folder = takes.claim(run)
-            # An unfinished fit of the very same inputs goes on; hours of it are not thrown away.
-            job = self.start(context, translate("Fit {name}"), run, folder, AFRESH_WHERE_CHANGED)
-        except JobError:
-            self._before.put_back(run)
-            raise
-        job.stale = fit_results.history_stamp(folder)
-        session(context).last_report = ""
-        if not self._before.is_in(run) or bpy.data.is_dirty:
-            session(context).last_report = translate(
-                "Save the .blend file now: without that, a fit that is killed with Blender cannot "
-                "be resumed")
-        return job
+        return self.begin_at_scene(context, translate("Fit {name}"))
 
 
 class _HasFit(NoJobRunning):

@@ -6,7 +6,7 @@ import os
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import files, fit_results, job_document
+from ..io import cache, files, fit_results, job_document
 from ..jobs import JobError, State
 from .base import session
 
@@ -86,7 +86,7 @@ def start_job(context, label, prepared, folder, restart, **options):
             replaced.end()
             return
         job.untouched = replaced.untouched()
-        if document["task"] == "fit":
+        if document["task"] in cache.FIT_TASKS:
             ours = not job.untouched or replaced.is_of(document)
             job.resumable = ours and fit_results.is_unfinished(folder)
         # What is reported is why the job ended.

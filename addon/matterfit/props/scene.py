@@ -15,6 +15,7 @@ from . import compare, reactions
 from .body import MatterfitBody, MatterfitPair
 from .capture import MatterfitCapture
 from .compare import MatterfitCompare
+from .diagnosis import MatterfitDiagnosis
 from .effects import MatterfitEffect
 from .fit import MatterfitFit
 from .solver import MatterfitOutput, MatterfitSolver
@@ -55,6 +56,7 @@ class MatterfitScene(bpy.types.PropertyGroup):
     solver: PointerProperty(type=MatterfitSolver)
     output: PointerProperty(type=MatterfitOutput)
     compare: PointerProperty(type=MatterfitCompare)
+    diagnosis: PointerProperty(type=MatterfitDiagnosis)
     fit: PointerProperty(type=MatterfitFit)
     preview: PointerProperty(type=MatterfitTake)
     takes: CollectionProperty(type=MatterfitTake)

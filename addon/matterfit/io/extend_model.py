@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Puts a cause that a diagnosis has accepted into the scene: its own properties where it has one for
+it, else the list of effects. The values are those of the report's extended model, so that doing it
+twice changes nothing more."""
+
+import os
+
+import bpy
+from mathutils import Vector
+
+from .. import effects
+from ..compat import translate, translate_label
+from ..jobs import JobError
+from . import diagnosis, files, fit_results, fit_values, job_fit, transforms
+from .fit_apply import Application
+
+# What a cause changes that is applied like the same quantity of a fit: of the scene, of the body.
+_OF_SCENE = {"gravity_size": "gravity", "gravity_direction": "gravity"}
+_OF_BODY = {"velocity": "velocity", "spin": "spin"}
+_CONTACT = {"friction": "mu", "restitution": "damping"}
+_MATERIAL = ("damping_shear", "damping_bulk")
+_MASS = "Attached Mass"  # the row's name, by which it is found again
+
+
+def has_place(cause):
+    """Whether the panel has a setting for the cause."""
+    return (cause.effect in {*_OF_SCENE, *_OF_BODY, *_CONTACT, *_MATERIAL, "relaxation",
+                             "attached_mass"}
+            or any(kind.name == cause.effect for kind in effects.KINDS))
+
+
+def extend(scene, folder, report, cause):
+    """Sets what `cause` of the Report in `folder` changes; JobError where nothing is set."""
+    label = translate_label(cause.label)
+    if not cause.accepted or report.model is None:
+        raise JobError(translate("{name} was not accepted as a cause: {evidence}").format(
+            name=label, evidence=cause.evidence or cause.sentence))
+    if not has_place(cause):
+        raise JobError(translate(
+            "{name} has no setting in the panel. The model that was extended by what was accepted "
+            "is the job {path}, which the matterfit tool runs.").format(
+                name=label, path=os.path.join(folder, diagnosis.EXTENDED_FILE)))
+    _Extension(scene, folder, report, cause).run()
+
+
+class _Extension:
+    def __init__(self, scene, folder, report, cause):
+        self.scene = scene
+        self.settings = scene.matterfit
+        self.folder = folder
+        self.report = report
+        self.model = report.model
+        self.cause = cause
+        self.scale = transforms.metres(scene)
+
+    def run(self):
+        effect = self.cause.effect
+        try:
+            if effect in _OF_SCENE:
+                self._as_fitted("", _OF_SCENE[effect])
+            elif effect in _OF_BODY:
+                self._as_fitted(self._body_document()["name"], _OF_BODY[effect])
+            elif effect in _CONTACT:
+                self._contact(_CONTACT[effect])
+            elif effect in _MATERIAL:
+                setattr(self._body().material, effect, self._body_document()["material"][effect])
+            elif effect == "relaxation":
+                self._relaxation()
+            elif effect == "attached_mass":
+                self._mass()
+            else:
+                self._effect(effects.find(effect))
+        except (KeyError, IndexError, TypeError) as error:
+            raise JobError(translate(
+                "{path}: its model holds nothing of {name} ({error}). Diagnose again.").format(
+                    path=os.path.join(self.folder, diagnosis.REPORT_FILE), name=self.cause.label,
+                    error=f"{type(error).__name__}: {error}")) from error
+
+    def _body_document(self):
+        """Causes of a body are those of the first one."""
+        return self.model["bodies"][0]
+
+    def _body(self):
+        name = self._body_document()["name"]
+        body = fit_values.find_body(self.settings, name)
+        if body is None or body.role != "BODY":
+            raise JobError(translate(
+                "The diagnosis is of '{name}', which is not among the Bodies any more. Name it so "
+                "again, or diagnose again.").format(name=name))
+        return body
+
+    def _as_fitted(self, owner, key):
+        if owner:
+            self._body()
+        run = self.settings.fit.run
+        take = next((take for take in self.settings.takes if take.name == run.name), None)
+        work = Application(self.scene, self.model, run, take)
+        work.wanted[owner] = [key]
+        work.motions()
+        work.surroundings()
+
+    def _contact(self, key):
+        """Which surface it is of: the one whose number the extended model has otherwise than the
+        fitted scene has, though the fit did not look for it."""
+        path = os.path.join(self.folder, fit_results.SCENE_FILE)
+        before = {item["name"]: item for item in
+                  files.read_json(path)["scene"].get("colliders", [])}
+        fitted = {job_fit.split_path(path, self.model)[:2] for path in self.report.fitted}
+        found = 0
+        for item in self.model.get("colliders", []):
+            name, now = item["name"], item.get("contact", {}).get(key)
+            if now is None or now == before.get(name, {}).get("contact", {}).get(key):
+                continue
+            if (name, f"contact.{key}") in fitted:
+                continue
+            contact = fit_values.contact_of(self.settings, name)
+            if contact is None:
+                raise JobError(translate(
+                    "The diagnosis is of the collider '{name}', which is not in the scene any "
+                    "more. Name it so again, or diagnose again.").format(name=name))
+            setattr(contact, key, now)
+            if key == "damping":
+                contact.use_damping = True
+            found += 1
+        if not found:
+            raise KeyError(key)
+
+    def _relaxation(self):
+        """The last branch of the extended model is the one that was found."""
+        branches = self._body().material.maxwell
+        given = self._body_document()["material"]["maxwell"]
+        while len(branches) < len(given):
+            branches.add().name = translate("Found")
+        branch = branches[len(given) - 1]
+        branch.modulus, branch.time = given[-1]["modulus"], given[-1]["time"]
+
+    def _mass(self):
+        body, given = self._body(), self._body_document()["masses"][-1]
+        row = next((row for row in body.masses if row.name == _MASS), None)
+        if row is None:
+            row = body.masses.add()
+            row.name = _MASS
+            body.mass_index = len(body.masses) - 1
+        if row.object is None:
+            row.object = bpy.data.objects.new(f"{body.name} {_MASS}", None)
+            self.scene.collection.objects.link(row.object)
+        row.object.location = Vector(given["position"]) / self.scale
+        row.mass = given["mass"]
+
+    def _effect(self, kind):
+        """A scene in which an effect of the kind acts is not examined for another one, so that a
+        row that is switched on is this one; what is switched off stays as it is."""
+        given = next(item for item in reversed(self.model["effects"])
+                     if item["effect"] == kind.name)
+        rows = self.settings.effects
+        row = next((row for row in rows if row.enabled and row.kind == kind.identifier), None)
+        if row is None:
+            row = rows.add()
+            row.name, row.kind = translate_label(kind.title), kind.identifier
+        row.body, row.place = given.get("body", ""), None
+        self.settings.effect_index = next(index for index, other in enumerate(rows) if other == row)
+        for key in kind.numbers:
+            if key in given:
+                setattr(row, key, self._in_scene(key, given[key]))
+
+    def _in_scene(self, key, value):
+        """A number of the document in the scene's unit."""
+        scale = self.scale if key in effects.LENGTHS else 1.0
+        if key in effects.AREAS:
+            scale = self.scale * self.scale
+        return [part / scale for part in value] if isinstance(value, list) else value / scale

@@ -70,14 +70,14 @@ TEST(EffectDocuments, EveryTermCanBeWritten) {
         effect[parameter.key] = std::vector<double>(parameter.size, value);
       }
     }
-    EXPECT_EQ(read({effect}).scene.effects[0].type, row) << row->name;
+    EXPECT_EQ(read(Json::array({effect})).scene.effects[0].type, row) << row->name;
   }
 }
 
 TEST(EffectDocuments, AreKeyedAndOverridden) {
   const Json gust = {{"effect", "wind"},
                      {"velocity", {{"frames", {10, 20}}, {"values", {{0, 0, 0}, {4, 0, 0}}}}}};
-  const Job job = read({gust});
+  const Job job = read(Json::array({gust}));
   EXPECT_THAT(job.scene.effects[0].values[0].frames, ElementsAre(10.0, 20.0));
   EXPECT_THAT(job.scene.effects[0].values[0].values[1], ElementsAre(4.0, 0.0, 0.0));
   EXPECT_THAT(read({{{"effect", "drag_linear"}, {"rate", 1}}}, {"scene.effects[0].rate=3"})
@@ -98,7 +98,7 @@ TEST(EffectDocuments, ErrorsNameThePathAndTheRemedy) {
                         "'drag_quadratic'?"));
   EXPECT_THAT(refusal({{{"name", "wind"}}}), HasSubstr("scene.effects[0]"));
   EXPECT_THAT(refusal({{{"effect", "drag_linear"}, {"rat", 1}}}),
-              HasSubstr("scene.effects[0].rat"));
+              HasSubstr("scene.effects[0]: unknown key 'rat'. Did you mean 'rate'?"));
   EXPECT_THAT(refusal({{{"effect", "drag_linear"}, {"rate", -1}}}),
               HasSubstr("scene.effects[0].rate is -1, expected a number from 0 to 1000 [1/s]"));
   EXPECT_THAT(refusal({{{"effect", "wind"}, {"velocity", 3}}}),

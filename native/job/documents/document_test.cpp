@@ -105,9 +105,9 @@ TEST(JobDocument, ErrorsNameThePathTheValueAndWhatIsExpected) {
               HasSubstr("scene.frames[0] is 0.5, expected a whole number"));
   EXPECT_THAT(
       refusal([](Json& d) {
-        d["scene"]["effects"] = {{{"effect", "wnid"}}};
+        d["scene"]["effects"] = {{{"effect", "winds"}}};
       }),
-      HasSubstr("scene.effects[0].effect: there is no effect 'wnid'. Did you mean 'wind'?"));
+      HasSubstr("scene.effects[0].effect: there is no effect 'winds'. Did you mean 'wind'?"));
   EXPECT_THAT(refusal([](Json& d) { d["schema"] = "matterfit.job/9"; }),
               HasSubstr("schema is \"matterfit.job/9\"; this version reads \"matterfit.job/1\""));
   EXPECT_THAT(refusal([](Json& d) { d["task"] = "bakke"; }),

@@ -154,7 +154,7 @@ class Causes {
     std::vector<std::size_t> places;
     for (std::size_t p = 0; p < type.parameters.size(); ++p) {
       const effects::EffectParameter& parameter = type.parameters[p];
-      if (!parameter.neutral) continue;
+      if (!parameter.neutral || !places.empty()) continue;
       for (std::size_t c = 0; c < parameter.size; ++c) {
         Number n;
         n.name = parameter.key + (parameter.size > 1 ? "[" + std::to_string(c) + "]" : "");

@@ -48,7 +48,7 @@ Json diagnosed(const Folder& folder, const Change& hide) {
   document["captures"] = {
       {{"tracks", "a.npz"}, {"noise", kNoise * kSize}, {"holdout", {{"frames", {11, 14}}}}}};
   document["fit"] = {{"parameters", {"velocity"}}, {"levels", {1}}};
-  document["diagnose"] = {{"members", 12}};
+  document["diagnose"] = {{"members", 12}, {"refits", 3}, {"most_causes", 1}, {"central", false}};
   return run(document, folder.path);
 }
 

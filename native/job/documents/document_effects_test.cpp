@@ -85,11 +85,12 @@ TEST(EffectDocuments, AreKeyedAndOverridden) {
                   .values[0]
                   .values[0],
               ElementsAre(3.0));
-  EXPECT_THAT(read({{{"effect", "drag_linear"}, {"rate", 1}}}, {"effects.drag_linear.rate=3"})
-                  .scene.effects[0]
-                  .values[0]
-                  .values[0],
-              ElementsAre(3.0));
+  EXPECT_THAT(
+      read({{{"effect", "drag_linear"}, {"name", "air"}, {"rate", 1}}}, {"effects.air.rate=3"})
+          .scene.effects[0]
+          .values[0]
+          .values[0],
+      ElementsAre(3.0));
 }
 
 TEST(EffectDocuments, ErrorsNameThePathAndTheRemedy) {

@@ -11,7 +11,7 @@ ROOT := '$(subst ','\'',$(CURDIR))'
 RUN := bash $(ROOT)/scripts/in_tree.sh
 PYTHON := $(RUN) python
 .DEFAULT_GOAL := help
-.PHONY: help demo test build bench five-materials other-simulators finite-elements ball-drops format lint fuzz run package clean
+.PHONY: help demo test build bench random-solids five-materials other-simulators finite-elements ball-drops format lint fuzz run package clean
 
 help: ## Say what each target does (the default)
 	@grep -hE '^[a-z-]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | \
@@ -33,6 +33,11 @@ build: ## build/bin/matterfit and build/lib/libmatterfit.so, optimised
 bench: ## Speed of the solver, one JSON object a line (OTHERS=1: Taichi and Genesis beside it, by pip)
 	@bash $(ROOT)/scripts/dependencies.sh build 1>&2
 	@$(PYTHON) $(ROOT)/scripts/bench.py $(if $(OTHERS),--others)
+
+random-solids: ## Throw 200 random elastic bodies at random and say which ran (COUNT, SEED, MESH=file.ply for one mesh)
+	@bash $(ROOT)/scripts/dependencies.sh build 1>&2
+	@$(RUN) bash $(ROOT)/scripts/build.sh random_solids_bench 1>&2
+	@$(RUN) $(ROOT)/build/release/bin/random_solids_bench --seed $(or $(SEED),1) --count $(or $(COUNT),200) $(if $(MESH),--mesh $(MESH))
 
 five-materials: ## Fit 45 clips of another simulator and score the fits, hours (ONLY="sand elastic_box" fits some)
 	@bash $(ROOT)/scripts/dependencies.sh fits 1>&2

@@ -12,12 +12,18 @@ import bpy
 SIDEBAR = 195.0
 ICON = 20.0
 MARGIN = 10.0
-NUMBER = 55.0  # of a value beside its name in one field
+FIELD = 45.0  # what a field with name and value takes beside both
 
 
 def text_width(text):
     blf.size(0, 11)
     return blf.dimensions(0, text)[0]
+
+
+def _number(value, found):
+    """A value as a field shows it."""
+    words = f"{value:.{found.precision + 1}f}" if found.type == "FLOAT" else str(value)
+    return words + (" m" if found.unit == "LENGTH" else "")
 
 
 class _Properties:
@@ -79,6 +85,9 @@ class Layout:
         self._add(text, MARGIN + (ICON if icon != "NONE" else 0.0), square=not text)
         return _Properties()
 
+    def operator_menu_enum(self, name, _property, text=None, icon="NONE"):
+        return self.operator(name, text=text, icon=icon)
+
     def prop(self, item, name, text=None, icon="NONE", expand=False, **options):
         found = item.bl_rna.properties[name]
         text = found.name if text is None else text
@@ -95,7 +104,9 @@ class Layout:
             self._children.append((None, lambda width: self._check(
                 text, part * width - (1.3 * ICON if flag else 0.0) - MARGIN)))
         else:
-            value = ICON if flag else NUMBER if found.type in ("FLOAT", "INT") else 0.0
+            value = ICON if flag else 0.0
+            if found.type in ("FLOAT", "INT") and text:
+                value = FIELD + text_width(_number(getattr(item, name), found))
             self._add(text, value + MARGIN, square=not text and (flag or icon != "NONE"))
 
     def prop_search(self, item, name, _owner, _list, **options):

@@ -9,9 +9,8 @@ from unittest import mock
 
 import bpy
 import fake_fit
-import matterfit
 import numpy
-from matterfit import cli, jobs, native, ops
+from matterfit import jobs, native, ops, scene_job
 from matterfit.io import files, fit_results, job_document, presets, takes
 from matterfit.jobs import JobError
 from matterfit.ui import fit as fit_panel
@@ -234,7 +233,7 @@ class RunTest(FakeFitCase):
         """Without a window the job.json is named, and the saved scene shows no earlier result."""
         self.fitted()
         self.settings.bodies[0].material.E = 2e5
-        scene = cli.SceneJob(matterfit, "fit", True)
+        scene = scene_job.SceneJob("fit", True)
         fake_fit.write_checkpoint(self.run_folder)
         with contextlib.redirect_stderr(io.StringIO()) as words:
             scene.end(mock.Mock(status=3))

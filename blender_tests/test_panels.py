@@ -4,7 +4,7 @@
 import unittest
 
 import bpy
-from matterfit import laws, ui
+from matterfit import effects, laws, ui
 from matterfit.io import fit_rows
 from panel_recorder import faults_of, text_width
 from support import SceneCase, select
@@ -58,6 +58,11 @@ class CutTest(SceneCase):
         for quality in ("PREVIEW", "STANDARD", "FINE", "CUSTOM"):
             solver.quality = quality
             self.check(f", {quality}")
+
+    def test_every_effect(self):
+        for kind in effects.KINDS:
+            bpy.ops.matterfit.add_effect(kind=kind.identifier)
+            self.check(f", {kind.title}")
 
     def test_captures_and_fits(self):
         select(self.cube("Recorded"))

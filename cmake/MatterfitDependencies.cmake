@@ -6,6 +6,7 @@ find_package(nlohmann_json REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(fmt REQUIRED)
 find_package(OpenEXR REQUIRED)
+find_package(ZLIB REQUIRED)
 # The same holds for libzip.
 # … and OpenSubdiv (it names a static library).
 pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)

@@ -236,11 +236,13 @@ function(matterfit_binaries)
   if(MATTERFIT_BENCH)
     file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/native/bench/*_bench.cpp)
     add_library(matterfit_bench STATIC ${CMAKE_SOURCE_DIR}/native/bench/probe.cpp
-      ${CMAKE_SOURCE_DIR}/native/bench/serial_mpm.cpp)
-    # The yardstick gets what a compiler alone can do with plain code on this very machine.
-    set_source_files_properties(${CMAKE_SOURCE_DIR}/native/bench/serial_mpm.cpp PROPERTIES
+      ${CMAKE_SOURCE_DIR}/native/bench/serial_mpm.cpp
+      ${CMAKE_SOURCE_DIR}/native/bench/serial_splat.cpp)
+    # The yardsticks get what a compiler alone can do with plain code on this very machine.
+    set_source_files_properties(${CMAKE_SOURCE_DIR}/native/bench/serial_mpm.cpp
+      ${CMAKE_SOURCE_DIR}/native/bench/serial_splat.cpp PROPERTIES
       COMPILE_OPTIONS "-O3;-march=native")
-    matterfit_link(matterfit_bench PUBLIC math)
+    matterfit_link(matterfit_bench PUBLIC splat)
     # The stranger of the five-material set.
     set(reference reference_law reference_mpm reference_shape material_set)
     list(TRANSFORM reference PREPEND ${CMAKE_SOURCE_DIR}/native/bench/)
@@ -254,11 +256,20 @@ function(matterfit_binaries)
       nlohmann_json::nlohmann_json)
     matterfit_test(reference ${CMAKE_SOURCE_DIR}/native/bench/reference_law_test.cpp
       ${CMAKE_SOURCE_DIR}/native/bench/reference_mpm_test.cpp)
-    matterfit_test(bench ${CMAKE_SOURCE_DIR}/native/bench/serial_mpm_test.cpp)
+    # Elastic bodies of any shape.
+    add_library(matterfit_solids STATIC ${CMAKE_SOURCE_DIR}/native/bench/random_solids.cpp)
+    matterfit_link(matterfit_solids PUBLIC capture)
+    matterfit_test(bench ${CMAKE_SOURCE_DIR}/native/bench/serial_mpm_test.cpp
+      ${CMAKE_SOURCE_DIR}/native/bench/serial_splat_test.cpp)
+    matterfit_test(solids ${CMAKE_SOURCE_DIR}/native/bench/random_solids_test.cpp)
     foreach(file IN LISTS sources)
       get_filename_component(bench ${file} NAME_WE)
       add_executable(${bench} ${file})
-      matterfit_link(${bench} PRIVATE bench mpm CLI11::CLI11)
+      matterfit_link(${bench} PRIVATE bench CLI11::CLI11)
+      if(NOT bench STREQUAL splat_bench)
+        matterfit_link(${bench} PRIVATE mpm)
+      endif()
     endforeach()
+    matterfit_link(random_solids_bench PRIVATE solids)
   endif()
 endfunction()

@@ -110,7 +110,8 @@ def main():
     out = BUILD / "ball_drops"
     out.mkdir(parents=True, exist_ok=True)
     job = out / "job.json"
-    job.write_text(json.dumps(document(options.folder, out, options.only, options.hold_out), indent=2), encoding="utf-8")
+    text = json.dumps(document(options.folder, out, options.only, options.hold_out), indent=2)
+    job.write_text(text, encoding="utf-8")
     command = [BUILD / "bin" / "matterfit", "diagnose", job, "--restart"]
     if options.report:
         command += ["--report", options.report]

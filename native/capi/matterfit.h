@@ -101,6 +101,9 @@ MF_API mf_status mf_validate(const char* json, const char* base_folder,
 MF_API mf_status mf_capture_summary(const char* path, const char* options_json, char** text);
 /* What a cache folder holds, its result hash, and each file that is missing or damaged. */
 MF_API mf_status mf_inspect(const char* folder, char** text);
+/* The numbers of a scene that can be fitted or shown, with unit, bounds, label and a sentence each,
+ * and the constitutive laws with their parameters (job/documents/quantities_json.hpp). */
+MF_API mf_status mf_quantities(char** text);
 MF_API void mf_text_free(char* text);
 
 #ifdef __cplusplus

@@ -11,6 +11,7 @@
 #include "capi/matterfit.h"
 #include "job/documents/document.hpp"
 #include "job/documents/inputs.hpp"
+#include "job/documents/quantities_json.hpp"
 #include "job/run/estimate.hpp"
 #include "job/run/inspect.hpp"
 #include "job/run_job.hpp"
@@ -215,6 +216,11 @@ mf_status mf_capture_summary(const char* path, const char* options_json, char** 
 mf_status mf_inspect(const char* folder, char** text) {
   if (folder == nullptr || text == nullptr) return fail(MF_ERROR_USAGE, kNull);
   return guarded([&] { return give(dump(job::inspect_folder(folder)), text); });
+}
+
+mf_status mf_quantities(char** text) {
+  if (text == nullptr) return fail(MF_ERROR_USAGE, kNull);
+  return guarded([&] { return give(dump(job::quantities_json()), text); });
 }
 
 void mf_text_free(char* text) { std::free(text); }

@@ -87,7 +87,13 @@ int main(int argc, char** argv) {
   expect(strstr(text, "\"sound\"") != NULL, "every file is as it was written");
   mf_text_free(text);
 
-  /* 6. Cancelling: the job ends soon, with its status. */
+  /* 6. What a fit can look for, with units, bounds and labels. */
+  check(mf_quantities(&text), "mf_quantities");
+  expect(strstr(text, "\"material.E\"") != NULL, "the stiffness is among the quantities");
+  expect(mf_quantities(NULL) == MF_ERROR_USAGE, "a missing pointer is told");
+  mf_text_free(text);
+
+  /* 7. Cancelling: the job ends soon, with its status. */
   options.overrides = NULL;
   options.override_count = 0;
   options.restart = 1;
@@ -96,7 +102,7 @@ int main(int argc, char** argv) {
   expect(mf_job_wait(job, -1.0) == MF_CANCELLED, "a cancelled job says so");
   mf_job_free(job);
 
-  /* 7. Wrong use is answered, not crashed on. */
+  /* 8. Wrong use is answered, not crashed on. */
   expect(mf_job_start(NULL, folder, NULL, &job) == MF_ERROR_USAGE, "NULL is refused");
   options.size = 0;
   expect(mf_job_start(kJob, folder, &options, &job) == MF_ERROR_USAGE, "no size is refused");

@@ -150,36 +150,50 @@ MeshBinding::Stencil MeshBinding::stencil(std::size_t point) const {
   return result;
 }
 
-void MeshBinding::check_state(const ParticleView& state) const {
-  if (state.size() != rest_.size()) {
-    throw_input("body '" + state.name + "' has " + std::to_string(state.size()) +
+void MeshBinding::check_size(std::size_t particles, const std::string& name) const {
+  if (particles != rest_.size()) {
+    throw_input("body '" + name + "' has " + std::to_string(particles) +
                 " particles, the mesh was bound to " + std::to_string(rest_.size()) + ".");
   }
 }
 
 std::vector<Vec3d> MeshBinding::positions(const ParticleView& state, Arena& arena) const {
-  check_state(state);
+  check_size(state.size(), state.name);
+  return moved(state.positions, state.deformation_gradients, arena);
+}
+
+std::vector<Vec3d> MeshBinding::positions(std::span<const Vec3d> particles,
+                                          std::span<const Mat3d> deformation_gradients,
+                                          Arena& arena) const {
+  check_size(particles.size(), "");
+  return moved(particles, deformation_gradients, arena);
+}
+
+template <class Vector, class Matrix>
+std::vector<Vec3d> MeshBinding::moved(std::span<const Vector> positions,
+                                      std::span<const Matrix> deformation_gradients,
+                                      Arena& arena) const {
   std::vector<Vec3d> result(points());
   arena.parallel_for(0, points(), 256, [&](std::size_t i) {
     const Stencil s = stencil(i);
     // Sums relative to one particle: weights rounded to float then cost nothing far from the
     // origin.
-    const Vec3d origin = state.positions[s.particles[0]].cast<double>();
+    const Vec3d origin = positions[s.particles[0]].template cast<double>();
     Vec3d sum = Vec3d::Zero();
     if (gradient_ == BindingGradient::kFitted && !s.fitted.empty()) {
       for (std::size_t k = 0; k < s.particles.size(); ++k) {
         sum += static_cast<double>(s.fitted[k]) *
-               (state.positions[s.particles[k]].cast<double>() - origin);
+               (positions[s.particles[k]].template cast<double>() - origin);
       }
     } else {
       for (std::size_t k = 0; k < s.particles.size(); ++k) {
         const std::uint32_t p = s.particles[k];
         Vec3d offset = points_[i] - rest_[p];
-        if (!state.deformation_gradients.empty()) {
-          offset = state.deformation_gradients[p].cast<double>() * offset;
+        if (!deformation_gradients.empty()) {
+          offset = deformation_gradients[p].template cast<double>() * offset;
         }
         sum += static_cast<double>(s.weights[k]) *
-               (state.positions[p].cast<double>() - origin + offset);
+               (positions[p].template cast<double>() - origin + offset);
       }
     }
     result[i] = origin + sum;
@@ -217,15 +231,25 @@ void MeshBinding::spread(std::span<const Vec3d> position_bar, std::span<Vec3d> p
 }
 
 std::vector<Vec3d> MeshBinding::velocities(const ParticleView& state, Arena& arena) const {
-  check_state(state);
+  check_size(state.size(), state.name);
+  if (state.velocities.empty()) return std::vector<Vec3d>(points(), Vec3d::Zero());
+  return speeds(state.velocities, arena);
+}
+
+std::vector<Vec3d> MeshBinding::velocities(std::span<const Vec3d> particles, Arena& arena) const {
+  check_size(particles.size(), "");
+  return speeds(particles, arena);
+}
+
+template <class Vector>
+std::vector<Vec3d> MeshBinding::speeds(std::span<const Vector> velocities, Arena& arena) const {
   std::vector<Vec3d> result(points(), Vec3d::Zero());
-  if (state.velocities.empty()) return result;
   arena.parallel_for(0, points(), 256, [&](std::size_t i) {
     const Stencil s = stencil(i);
     const std::span<const float> weights = s.fitted.empty() ? s.weights : s.fitted;
     for (std::size_t k = 0; k < s.particles.size(); ++k) {
       result[i] +=
-          static_cast<double>(weights[k]) * state.velocities[s.particles[k]].cast<double>();
+          static_cast<double>(weights[k]) * velocities[s.particles[k]].template cast<double>();
     }
   });
   return result;
@@ -248,7 +272,7 @@ Mat3d MeshBinding::fitted_gradient(std::size_t point, const ParticleView& state)
 
 std::vector<Mat3d> MeshBinding::deformation_gradients(const ParticleView& state,
                                                       Arena& arena) const {
-  check_state(state);
+  check_size(state.size(), state.name);
   std::vector<Mat3d> result(points(), Mat3d::Identity());
   arena.parallel_for(0, points(), 256, [&](std::size_t i) {
     const Stencil s = stencil(i);

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "base/parallel.hpp"
@@ -56,8 +57,13 @@ class MeshBinding {
 
   // Each throws Error(kInput) if `state` is not of as many particles.
   [[nodiscard]] std::vector<Vec3d> positions(const ParticleView& state, Arena& arena) const;
+  /// The same of particles that were not rounded; `deformation_gradients` empty: undeformed.
+  [[nodiscard]] std::vector<Vec3d> positions(std::span<const Vec3d> particles,
+                                             std::span<const Mat3d> deformation_gradients,
+                                             Arena& arena) const;
   /// [m/s]; exact for affine velocity fields except at the points that fall back (then Σ w_p v_p).
   [[nodiscard]] std::vector<Vec3d> velocities(const ParticleView& state, Arena& arena) const;
+  [[nodiscard]] std::vector<Vec3d> velocities(std::span<const Vec3d> particles, Arena& arena) const;
   /// F at the points: Σ w_p F_p, or the fitted gradient.
   [[nodiscard]] std::vector<Mat3d> deformation_gradients(const ParticleView& state,
                                                          Arena& arena) const;
@@ -79,7 +85,13 @@ class MeshBinding {
 
  private:
   [[nodiscard]] Mat3d fitted_gradient(std::size_t point, const ParticleView& state) const;
-  void check_state(const ParticleView& state) const;
+  void check_size(std::size_t particles, const std::string& name) const;
+  template <class Vector, class Matrix>
+  [[nodiscard]] std::vector<Vec3d> moved(std::span<const Vector> positions,
+                                         std::span<const Matrix> deformation_gradients,
+                                         Arena& arena) const;
+  template <class Vector>
+  [[nodiscard]] std::vector<Vec3d> speeds(std::span<const Vector> velocities, Arena& arena) const;
 
   BindingGradient gradient_;
   std::vector<Vec3d> points_;

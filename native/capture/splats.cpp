@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Conventions of the PLY files of 3D Gaussian Splatting (Kerbl et al. 2023).
+// Conventions of the PLY files of 3D Gaussian Splatting (Kerbl et al. 2023), and the choice of a
+// format by a file's name.
 #include "capture/splats.hpp"
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
+#include "capture/dot_splat.hpp"
 #include "capture/ply.hpp"
+#include "capture/spz.hpp"
 
 namespace matterfit::capture {
 namespace {
@@ -114,6 +118,13 @@ void read_harmonics(const SplatColumns& columns, Splats& splats, const std::stri
   }
 }
 
+/// What follows the last dot, in lower case.
+std::string ending_of(const std::filesystem::path& path) {
+  std::string ending = path.extension().string();
+  for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return ending;
+}
+
 }  // namespace
 
 Splats parse_splats(std::span<const std::byte> bytes, const std::string& name) {
@@ -131,10 +142,24 @@ Splats parse_splats(std::span<const std::byte> bytes, const std::string& name) {
 }
 
 Splats read_splats(const std::filesystem::path& path) {
-  return parse_splats(read_file(path), path.filename().string());
+  const std::string name = path.filename().string();
+  const std::string ending = ending_of(path);
+  if (ending == ".splat") return parse_dot_splat(read_file(path), name);
+  if (ending == ".spz") return parse_spz(read_file(path), name);
+  if (ending == ".ksplat" || ending == ".sog") {
+    throw_input(name + ": " + ending +
+                " files are not read. Convert it to PLY, for instance with PlayCanvas' "
+                "splat-transform: splat-transform " +
+                name + " " + path.stem().string() + ".ply");
+  }
+  return parse_splats(read_file(path), name);
 }
 
 void write_splats(const std::filesystem::path& path, const Splats& splats) {
+  if (ending_of(path) == ".splat") {
+    write_dot_splat(path, splats);
+    return;
+  }
   const std::size_t count = splats.size();
   const std::size_t bands = splats.sh_bands();
   std::vector<std::string> names = {"x", "y", "z"};
@@ -172,6 +197,22 @@ void write_splats(const std::filesystem::path& path, const Splats& splats) {
   std::vector<PlyColumn> columns;
   for (std::size_t i = 0; i < names.size(); ++i) columns.push_back({names[i], values[i]});
   write_ply_points(path, columns);
+}
+
+splat::Gaussians gaussians_of(const Splats& splats) {
+  splat::Gaussians g;
+  g.sh_degree = splats.sh_degree;
+  g.means = splats.means;
+  g.opacities = splats.opacities;
+  g.sh = splats.sh;
+  g.log_scales.reserve(splats.size());
+  g.rotations.reserve(splats.size());
+  for (std::size_t i = 0; i < splats.size(); ++i) {
+    g.log_scales.emplace_back(splats.scales[i].array().log());
+    const Eigen::Quaternionf& q = splats.rotations[i];
+    g.rotations.emplace_back(q.w(), q.x(), q.y(), q.z());
+  }
+  return g;
 }
 
 }  // namespace matterfit::capture

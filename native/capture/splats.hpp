@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
+#include "splat/gaussians.hpp"
 
 namespace matterfit::capture {
 
@@ -16,6 +17,7 @@ namespace matterfit::capture {
 struct Splats {
   int sh_degree = 0;                          ///< 0 to 3
   bool isotropic = false;                     ///< the file had scale_0 only
+  bool antialiased = false;                   ///< trained so (splat::RenderOptions); SPZ says it
   std::vector<Vec3f> means;                   ///< (N) [m]
   std::vector<Eigen::Quaternionf> rotations;  ///< (N) normalised
   std::vector<Vec3f> scales;                  ///< (N) standard deviations [m] (exp applied)
@@ -35,9 +37,16 @@ struct Splats {
 /// of them), opacity (logit), scale_0..2 or scale_0 (natural log), rot_0..3 (w x y z; absent in
 /// isotropic files). Throws Error(kInput) naming property or row and reason.
 [[nodiscard]] Splats parse_splats(std::span<const std::byte> bytes, const std::string& name);
+
+/// Any file of splats, by the end of its name: `.splat` (dot_splat.hpp), `.spz` (spz.hpp), else a
+/// PLY. Throws Error(kInput) for `.ksplat` and `.sog`, with the name of a converter.
 [[nodiscard]] Splats read_splats(const std::filesystem::path& path);
 
-/// Writes the same conventions back (log, logit, channel-major), binary little endian.
+/// `.splat` where the name ends so, else PLY with the same conventions as read (log, logit,
+/// channel-major), binary little endian. Neither has a place for `antialiased`.
 void write_splats(const std::filesystem::path& path, const Splats& splats);
+
+/// The same Gaussians as the rasteriser takes them, F left out.
+[[nodiscard]] splat::Gaussians gaussians_of(const Splats& splats);
 
 }  // namespace matterfit::capture

@@ -115,5 +115,39 @@ TEST_F(SplatsTest, WhatIsNoSplatFileIsRefusedInWords) {
   refuse(values, "'x' is not finite");
 }
 
+TEST_F(SplatsTest, TheNameSaysTheFormat) {
+  const fs::path folder = fs::temp_directory_path();
+  const auto words = [&](const char* name) {
+    return message_of([&] { (void)read_splats(folder / name); });
+  };
+  EXPECT_THAT(words("scene.ksplat"), HasSubstr("splat-transform scene.ksplat scene.ply"));
+  EXPECT_THAT(words("scene.SOG"), HasSubstr(".sog files are not read"));
+  const Splats first = read(row(9));
+  const fs::path other = fs::path(path_).replace_extension(".SPLAT");
+  write_splats(other, first);
+  EXPECT_EQ(fs::file_size(other), 32U);
+  const Splats second = read_splats(other);
+  fs::remove(other);
+  EXPECT_EQ(second.sh_degree, 0);
+  EXPECT_EQ(second.means, first.means);
+  EXPECT_EQ(second.scales, first.scales);
+  EXPECT_NEAR(second.sh[1], first.sh[1], 0.5F / 255.0F / 0.28F);
+  EXPECT_NEAR(second.opacities[0], first.opacities[0], 0.5F / 255.0F);
+  EXPECT_LT(second.rotations[0].angularDistance(first.rotations[0]), 0.01F);
+}
+
+TEST_F(SplatsTest, TheRasterisersGaussiansAreTheSame) {
+  const Splats splats = read(row(24));
+  const splat::Gaussians g = gaussians_of(splats);
+  ASSERT_EQ(g.size(), 1U);
+  EXPECT_EQ(g.sh_degree, 2);
+  EXPECT_EQ(g.means, splats.means);
+  EXPECT_EQ(g.sh, splats.sh);
+  EXPECT_NEAR(g.log_scales[0].z(), -5.0F, 1e-5F);
+  EXPECT_FLOAT_EQ(g.rotations[0][0], std::sqrt(0.5F));
+  EXPECT_FLOAT_EQ(g.rotations[0][3], std::sqrt(0.5F));
+  EXPECT_EQ(g.opacities, splats.opacities);
+}
+
 }  // namespace
 }  // namespace matterfit::capture

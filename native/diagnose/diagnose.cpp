@@ -264,6 +264,8 @@ class Writer {
         report_.classes.clear();
         for (Cause& cause : report_.causes) cause.accepted = false;
       }
+    } else if (found_.within_solver) {
+      report_.verdict = Verdict::kNumerical;
     } else if (smooth) {
       report_.verdict = Verdict::kUnknown;
     } else if (!significant && found_.exact_solver_significant) {

@@ -166,6 +166,7 @@ TEST(Diagnose, TheSameModelGivesTheSameReport) {
 TEST(Diagnose, ProposesTheThrowThatSeparatesAClass) {
   // Slow throws cannot tell the laws of drag apart.
   ThrownModel model({Vec3d(3.0, 0.0, 1.0)});
+  for (Use& use : model.captures_[0].use) use = Use::kUsed;
   model.experiments_ = {{"fast", "Throw it fast and sideways.", model.captures_[0]}};
   model.record({cause_of(model, {"drag_quadratic", {0.002}})}, {});
   const Report report = diagnose(model);

@@ -19,6 +19,9 @@ constexpr double kNearScore = 0.8;
 constexpr double kNoiseFloor = 1e-7;
 /// χ² is counted in numbers of causes at this price each.
 constexpr double kPrice = 2.0;
+/// The solver's error is extrapolated to first order: a tenth of the χ² it stands for, a third of
+/// its size, may be the next order's.
+constexpr double kExtrapolated = 0.1;
 /// χ²/dof from which the best model counts as inadequate: its errors are then not noise.
 constexpr double kInadequate = 1.5;
 /// Standard errors by which blocks must agree: 100 : 1, one-sided.
@@ -160,6 +163,9 @@ class Search {
                                      out_.slopes.prediction, 0.0, options_.analysis);
       double largest = 0.0;
       for (const Score& score : exact.scores) largest = std::max(largest, score.equivalent);
+      const Refitter without(study_, out_.noise, none, options_.refit);
+      out_.solver_took = std::max(
+          0.0, without.fit({base_state_}, out_.slopes.theta).deviance - out_.base.refit.deviance);
       out_.exact_solver_significant = exact.smooth.p < 0.01 || exact.placebo.p(largest) < 0.01;
     }
   }
@@ -181,27 +187,31 @@ class Search {
     trial.evidence = trial.refit.deviance + trial.opinion.deviance + kPrice * trial.numbers;
     const VectorXd white = refitter_->whitening().apply(
         (study_.measured() - trial.refit.prediction).head(study_.used().size()));
-    trial.blocks = sums_by_block(study_.used(), study_.model().captures(), white);
-    trial.blocks.insert(trial.blocks.end(), trial.opinion.blocks.begin(),
-                        trial.opinion.blocks.end());
+    trial.blocks = trial.opinion.blocks;
+    add_by_block(study_.used(), study_.model().captures(), white, trial.blocks);
   }
 
   /// Whether `worse` is excluded by `good`: 100 : 1 in likelihood, and where even the good model
-  /// leaves more than noise, so that likelihoods mean little, its blocks must agree as well (Vuong
-  /// 1989).
+  /// leaves more than noise, so that likelihoods under that noise mean little, blocks must agree as
+  /// well: the mean of ln(χ²_worse/χ²_good) over blocks, each with an error of its own size,
+  /// against its spread (after Vuong 1989).
   [[nodiscard]] static bool excludes(const Trial& good, const Trial& worse) {
     const double looseness = looseness_of(good.refit);
     if (worse.evidence - good.evidence < kExcluded * looseness) return false;
-    if (looseness < kInadequate || good.blocks.size() != worse.blocks.size()) return true;
+    if (looseness < kInadequate) return true;
     const double count = double(good.blocks.size());
+    std::vector<double> ratios;
+    ratios.reserve(good.blocks.size());
     double mean = 0.0;
-    for (std::size_t b = 0; b < good.blocks.size(); ++b) {
-      mean += (worse.blocks[b] - good.blocks[b]) / count;
+    for (const auto& [key, sum] : good.blocks) {
+      const auto other = worse.blocks.find(key);
+      if (other == worse.blocks.end()) continue;
+      ratios.push_back(std::log((other->second + 1.0) / (sum + 1.0)));
+      mean += ratios.back() / count;
     }
     double variance = 0.0;
-    for (std::size_t b = 0; b < good.blocks.size(); ++b) {
-      const double d = worse.blocks[b] - good.blocks[b] - mean;
-      variance += d * d / std::max(1.0, count - 1.0);
+    for (const double ratio : ratios) {
+      variance += (ratio - mean) * (ratio - mean) / std::max(1.0, count - 1.0);
     }
     return mean > kAgreement * std::sqrt(variance / count);
   }
@@ -376,7 +386,9 @@ class Search {
         g.measurable ? g.low > 0.0 && g.after < g.last_residual && g.after <= kAsGood * g.free_field
                      : g.after <= 1.05 * g.before;
     const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
-    out_.accepted = predicts && likelier && !out_.best->refit.at_bound;
+    out_.within_solver = out_.exact_solver_significant && out_.base.evidence - out_.best->evidence <
+                                                              kExtrapolated * out_.solver_took;
+    out_.accepted = predicts && likelier && !out_.best->refit.at_bound && !out_.within_solver;
     for (std::size_t k = 0; k < out_.first->scores.size(); ++k) {
       if (is_rival(out_.first->scores[k])) out_.rivals.push_back(k);
     }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -38,7 +39,7 @@ struct Trial {
   /// each number of its causes (Akaike 1974). Smaller is better.
   double evidence = 0.0;
   /// χ² of used and held-out rows by block, for how far blocks agree on which model is better.
-  std::vector<double> blocks;
+  std::map<BlockKey, double> blocks;
 };
 
 /// All that was learnt on the way from the fitted model to the best extension.
@@ -55,6 +56,11 @@ struct Extension {
   double looseness =
       1.0;  ///< χ²/dof of the best model, at least 1: what likelihoods are divided by
   bool accepted = false;  ///< the best passes significance, gain, baselines and bounds
+  /// χ² that the solver's own error takes away from the fitted model: what the covariance and the
+  /// extrapolated bias stand for.
+  double solver_took = 0.0;
+  /// What the best extension takes away is no more than what that extrapolation may be wrong by.
+  bool within_solver = false;
   bool exact_solver_significant = false;  ///< something is wrong if the solver counts as exact
 };
 

@@ -151,11 +151,10 @@ Gain gain(const Rows& rows, const std::vector<Capture>& captures, const HeldOut&
   return result;
 }
 
-std::vector<double> sums_by_block(const Rows& rows, const std::vector<Capture>& captures,
-                                  const VectorXd& white) {
+void add_by_block(const Rows& rows, const std::vector<Capture>& captures, const VectorXd& white,
+                  std::map<BlockKey, double>& sums) {
   constexpr int kTimes = 4;
   const bool whole = captures.size() >= 5;
-  std::map<std::tuple<int, int, int>, double> sums;
   std::vector<std::vector<int>> regions;
   regions.reserve(captures.size());
   for (const Capture& capture : captures) regions.push_back(body_regions(capture));
@@ -168,10 +167,6 @@ std::vector<double> sums_by_block(const Rows& rows, const std::vector<Capture>& 
       sums[{series.capture, time, region}] += white[i] * white[i];
     }
   }
-  std::vector<double> result;
-  result.reserve(sums.size());
-  for (const auto& [key, sum] : sums) result.push_back(sum);
-  return result;
 }
 
 VectorXd keep_last_residual(const Study& study, const VectorXd& stacked) {

@@ -4,6 +4,8 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <functional>
+#include <map>
+#include <tuple>
 #include <vector>
 
 #include "diagnose/noise.hpp"
@@ -62,11 +64,13 @@ struct HeldOut {
     const Study& study, const Eigen::VectorXd& stacked, const Eigen::MatrixXd& theta,
     const std::function<Eigen::MatrixXd(const Eigen::MatrixXd&)>& white, int numbers);
 
-/// Sums of squares of a whitened residual by block, in a fixed order: whole captures where there
-/// are five or more, else four times and the body's regions of each.
-[[nodiscard]] std::vector<double> sums_by_block(const Rows& rows,
-                                                const std::vector<Capture>& captures,
-                                                const Eigen::VectorXd& white);
+/// Capture, time and region of a block.
+using BlockKey = std::tuple<int, int, int>;
+
+/// Adds the sums of squares of a whitened residual to those of its blocks: whole captures where
+/// there are five or more, else four times and the body's regions of each.
+void add_by_block(const Rows& rows, const std::vector<Capture>& captures,
+                  const Eigen::VectorXd& white, std::map<BlockKey, double>& sums);
 
 /// Region of each track: octants of the body's rest positions about their medians along axes, as
 /// far as the body is wide there and a region keeps four tracks.

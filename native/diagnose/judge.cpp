@@ -173,7 +173,7 @@ Judge::Opinion Judge::judge(const Refit& refit) const {
   if (!refitter_ && whitening_) {
     const VectorXd white = whitening_->apply(opinion.residual);
     opinion.deviance = white.squaredNorm();
-    opinion.blocks = sums_by_block(study_->held(), study_->model().captures(), white);
+    add_by_block(study_->held(), study_->model().captures(), white, opinion.blocks);
   }
   return opinion;
 }

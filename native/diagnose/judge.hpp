@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <memory>
 #include <optional>
 
@@ -25,8 +26,8 @@ class Judge {
     /// χ² of it, with the errors of θ in the covariance; 0 where the samples were also fitted to
     /// (nothing was held out), because it is then no new evidence.
     double deviance = 0.0;
-    std::vector<double> blocks;  ///< that χ² by block (sums_by_block()); empty where it is 0
-    Eigen::VectorXd stacked;     ///< the residual of the rows fitted to, then that
+    std::map<BlockKey, double> blocks;  ///< that χ² by block; empty where it is 0
+    Eigen::VectorXd stacked;            ///< the residual of the rows fitted to, then that
   };
   [[nodiscard]] Opinion judge(const Refit& refit) const;
 

@@ -44,7 +44,9 @@ TEST(Catalogue, ParametersHaveAScaleWithinTheirBounds) {
       EXPECT_TRUE(parameter.size == 1 || parameter.size == 3) << name;
       EXPECT_TRUE(parameter.standard.empty() || parameter.standard.size() == parameter.size)
           << name;
-      if (parameter.coordinate == Coordinate::kLog) EXPECT_GT(parameter.low, 0.0) << name;
+      if (parameter.coordinate == Coordinate::kLog) {
+        EXPECT_GT(parameter.low, 0.0) << name;
+      }
       EXPECT_EQ(row->find(parameter.key), std::size_t(&parameter - row->parameters.data()));
     }
     EXPECT_TRUE(may_vanish) << row->name;

@@ -30,7 +30,7 @@ constexpr double kToldAngle = 10.0;
 constexpr int kIterations = 15;
 
 /// Frames in a row, from where the body begins to move, that the fit may see.
-fit::InteriorTracks tracks_of(const FitCapture& capture, double volume) {
+fit::InteriorTracks tracks_of(const fit::Capture& capture, double volume) {
   const capture::Tracks& all = capture.input.tracks;
   std::vector<std::size_t> points;
   for (std::size_t i = 0; i < all.points; ++i) {
@@ -89,7 +89,8 @@ fit::Clearance clearance_in(const mpm::Scene& scene, const mpm::Body& body, cons
 }
 
 /// Keeps the scene.
-fit::Balance balance_of(const FitCapture& capture, const std::shared_ptr<const mpm::Scene>& held) {
+fit::Balance balance_of(const fit::Capture& capture,
+                        const std::shared_ptr<const mpm::Scene>& held) {
   const mpm::Scene& scene = *held;
   const mpm::Body& body = scene.bodies.front();
   fit::Balance balance;
@@ -117,7 +118,7 @@ fit::Balance balance_of(const FitCapture& capture, const std::shared_ptr<const m
 /// The balances of all captures of one body, by the parameters of its material.
 class BalanceProblem final : public fit::Problem {
  public:
-  BalanceProblem(const FitParameters& parameters, std::vector<std::size_t> numbers,
+  BalanceProblem(const fit::Parameters& parameters, std::vector<std::size_t> numbers,
                  std::vector<double> values, Arena& arena, const Interrupter& interrupter)
       : parameters_(parameters),
         numbers_(std::move(numbers)),
@@ -125,7 +126,7 @@ class BalanceProblem final : public fit::Problem {
         arena_(arena),
         interrupter_(interrupter) {}
 
-  void add(std::size_t run, const mpm::Scene& scene, const FitCapture& capture) {
+  void add(std::size_t run, const mpm::Scene& scene, const fit::Capture& capture) {
     // Density, gravity, heights of colliders and what else is fitted as the fit begins.
     const auto start = std::make_shared<mpm::Scene>(scene);
     parameters_.apply(values_, run, *start);
@@ -181,7 +182,7 @@ class BalanceProblem final : public fit::Problem {
     std::size_t run;
     mpm::Scene scene;
   };
-  const FitParameters& parameters_;
+  const fit::Parameters& parameters_;
   std::vector<std::size_t> numbers_;
   std::vector<double> values_;
   Arena& arena_;
@@ -197,7 +198,7 @@ struct Found {
   bool told = false;
 };
 
-std::vector<Found> search(BalanceProblem& problem, const FitParameters& parameters,
+std::vector<Found> search(BalanceProblem& problem, const fit::Parameters& parameters,
                           const std::vector<std::size_t>& numbers, std::span<const double> values) {
   std::vector<fit::Parameter> sought;
   for (const std::size_t number : numbers) {
@@ -232,7 +233,7 @@ std::vector<Found> search(BalanceProblem& problem, const FitParameters& paramete
 }
 
 /// Why a run's scene cannot be looked at; empty: it can.
-std::string obstacle(const mpm::Scene& scene, const FitParameters& parameters, std::size_t run) {
+std::string obstacle(const mpm::Scene& scene, const fit::Parameters& parameters, std::size_t run) {
   if (scene.bodies.size() != 1) {
     return "there are other bodies, whose contact forces are not known.";
   }
@@ -246,13 +247,14 @@ std::string obstacle(const mpm::Scene& scene, const FitParameters& parameters, s
 
 }  // namespace
 
-EquationStart equation_start(const std::vector<FitRun>& runs, const std::vector<mpm::Scene>& scenes,
-                             const FitParameters& parameters, std::span<const double> values,
+EquationStart equation_start(const std::vector<fit::Run>& runs,
+                             const std::vector<mpm::Scene>& scenes,
+                             const fit::Parameters& parameters, std::span<const double> values,
                              int threads, const Interrupter& interrupter) {
   EquationStart result;
   std::vector<std::size_t> numbers;
   for (std::size_t i = 0; i < parameters.size(); ++i) {
-    if (parameters.path(i).is_material()) numbers.push_back(i);
+    if (parameters.path(i).quantity->is_material()) numbers.push_back(i);
   }
   if (numbers.empty()) return result;
   Arena arena(threads);
@@ -261,7 +263,7 @@ EquationStart equation_start(const std::vector<FitRun>& runs, const std::vector<
   std::string why = "no capture can be used.";
   for (std::size_t r = 0; r < runs.size(); ++r) {
     const std::string in_the_way = obstacle(scenes[r], parameters, r);
-    for (const FitCapture& capture : runs[r].captures) {
+    for (const fit::Capture& capture : runs[r].captures) {
       if (capture.used_count == 0) continue;
       try {
         if (!in_the_way.empty()) throw_input(in_the_way);

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "base/interrupter.hpp"
-#include "job/fit_captures.hpp"
-#include "job/fit_parameters.hpp"
+#include "fit/model/experiment.hpp"
+#include "fit/model/parameters.hpp"
 
 namespace matterfit::job {
 
@@ -20,14 +20,14 @@ struct EquationStart {
 };
 
 /// The parameters of the body's material at which the momentum balance along its interior tracks
-/// (fit/data/equation_error.hpp) is missed least, by Levenberg–Marquardt from `values`. What the balance
-/// does not tell to a factor of three, or where it runs into a bound, stays as it is. It applies to
-/// captures of the only body of a scene, without attached masses, that is not placed anew, with
-/// tracks all through it at even times. `scenes` one a run; same result for any number of threads.
-/// Throws Error(kCancelled).
-[[nodiscard]] EquationStart equation_start(const std::vector<FitRun>& runs,
+/// (fit/data/equation_error.hpp) is missed least, by Levenberg–Marquardt from `values`. What the
+/// balance does not tell to a factor of three, or where it runs into a bound, stays as it is. It
+/// applies to captures of the only body of a scene, without attached masses, that is not placed
+/// anew, with tracks all through it at even times. `scenes` one a run; same result for any number
+/// of threads. Throws Error(kCancelled).
+[[nodiscard]] EquationStart equation_start(const std::vector<fit::Run>& runs,
                                            const std::vector<mpm::Scene>& scenes,
-                                           const FitParameters& parameters,
+                                           const fit::Parameters& parameters,
                                            std::span<const double> values, int threads,
                                            const Interrupter& interrupter);
 

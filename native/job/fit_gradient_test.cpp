@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_gradient.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -10,9 +8,12 @@
 #include <vector>
 
 #include "fit/data/follow.hpp"
+#include "fit/model/capture_problem.hpp"
+#include "fit/model/gradient_chain.hpp"
+#include "fit/model/predictor.hpp"
+#include "job/documents/fit_document.hpp"
+#include "job/fit_experiment.hpp"
 #include "job/fit_fixture_for_test.hpp"
-#include "job/fit_problem.hpp"
-#include "job/run/build_scene.hpp"
 #include "mpm/default_stiffness.hpp"
 
 namespace matterfit::job {
@@ -24,29 +25,26 @@ using namespace fit_test;
 class Fixture {
  public:
   explicit Fixture(const Json& document, const fs::path& folder, int threads = 2)
-      : job_(job_of(document, folder)), runs_(load_fit_runs(job_, statements_)) {
-    Arena arena(1);
-    std::vector<mpm::Scene> scenes{build_scene(job_, arena, interrupter_).scene};
-    settle_noise(runs_.front(), scenes.front(), statements_);
-    const FitScene scene{&job_, &scenes.front(), {}, nullptr};
-    parameters_ = std::make_unique<FitParameters>(job_.fit->parameters, std::vector{scene});
-    FitModel::Options options;
-    options.threads = threads;
-    model_ = std::make_unique<FitModel>(runs_, scenes, *parameters_, options, interrupter_);
-    const FitWindow window = fit_windows(runs_, false).front();
-    const auto outcome = model_->evaluate({parameters_->starts()}, {window.until, true}).front();
-    model_->set_steps(model_->steps_of(parameters_->starts(), *outcome));
-    problem_ = std::make_unique<FitProblem>(*model_, runs_, parameters_->parameters(),
-                                            FitDoc::Loss::kTracks, window);
+      : job_(job_of(document, folder)),
+        loaded_(prepare_experiment(job_, 1, interrupter_, statements_)),
+        predictor_(loaded_.experiment, job_.fit->parameters, {.threads = threads}, interrupter_) {
+    const std::vector<fit::Run>& runs = predictor_.runs();
+    const fit::Window window = fit::growing_windows(runs, false).front();
+    const std::vector<std::vector<double>> start{parameters().starts()};
+    const fit::Evaluation found = predictor_.model().evaluate(start, {window.until});
+    problem_ =
+        std::make_unique<fit::CaptureProblem>(predictor_.model(), runs, parameters().parameters(),
+                                              fit::Loss::kTracks, window, fit::used_samples(runs));
+    problem_->set_plan(predictor_.model().plan_of(start.front(), *found.outcomes.front()));
   }
 
-  [[nodiscard]] FitProblem& problem() { return *problem_; }
-  [[nodiscard]] const mpm::Scene& scene() const { return model_->scene(0); }
-  [[nodiscard]] const FitParameters& parameters() const { return *parameters_; }
+  [[nodiscard]] fit::CaptureProblem& problem() { return *problem_; }
+  [[nodiscard]] const mpm::Scene& scene() const { return predictor_.scenes().front(); }
+  [[nodiscard]] const fit::Parameters& parameters() const { return predictor_.parameters(); }
   [[nodiscard]] Eigen::VectorXd start() const {
-    Eigen::VectorXd point(Eigen::Index(parameters_->size()));
-    for (std::size_t k = 0; k < parameters_->size(); ++k) {
-      const fit::Parameter& parameter = parameters_->parameters()[k];
+    Eigen::VectorXd point(Eigen::Index(parameters().size()));
+    for (std::size_t k = 0; k < parameters().size(); ++k) {
+      const fit::Parameter& parameter = parameters().parameters()[k];
       point[Eigen::Index(k)] = fit::to_natural(parameter.coordinate, parameter.start);
     }
     return point;
@@ -56,10 +54,9 @@ class Fixture {
   Interrupter interrupter_;
   std::vector<std::string> statements_;
   Job job_;
-  std::vector<FitRun> runs_;
-  std::unique_ptr<FitParameters> parameters_;
-  std::unique_ptr<FitModel> model_;
-  std::unique_ptr<FitProblem> problem_;
+  LoadedExperiment loaded_;
+  fit::Predictor predictor_;
+  std::unique_ptr<fit::CaptureProblem> problem_;
 };
 
 /// What the residuals are weighed by: smooth over the points, so that no rounding of one counts.
@@ -77,7 +74,7 @@ Eigen::VectorXd some_weights(Eigen::Index size) {
 constexpr double kNoise = 0.02;
 void expect_transposed(const Json& document, const fs::path& folder, double step) {
   Fixture fixture(document, folder);
-  FitProblem& problem = fixture.problem();
+  fit::CaptureProblem& problem = fixture.problem();
   ASSERT_GT(problem.transposed_cost(), 0.0);
   const Eigen::VectorXd start = fixture.start();
   const auto n = std::size_t(start.size());

@@ -10,8 +10,11 @@
 
 #include "base/parallel.hpp"
 #include "capture/ply.hpp"
+#include "fit/model/parameters.hpp"
+#include "job/documents/fit_document.hpp"
+#include "job/fit_experiment.hpp"
 #include "job/fit_fixture_for_test.hpp"
-#include "job/fit_parameters.hpp"
+#include "job/fit_values.hpp"
 #include "job/run/build_scene.hpp"
 
 namespace matterfit::job {
@@ -251,7 +254,8 @@ TEST(FitParameters, InTheSceneAsInTheDocument) {
   const Job job = job_of(document, folder.path);
   Arena arena(1);
   const mpm::Scene scene = build_scene(job, arena, Interrupter()).scene;
-  const FitParameters parameters(job.fit->parameters, {{&job, &scene, {}, nullptr}});
+  const LoadedExperiment loaded = unread_experiment(job);
+  const fit::Parameters parameters(job.fit->parameters, loaded.experiment.runs, {scene});
   std::vector<double> values = parameters.starts();
   EXPECT_EQ(values[0], 6e4);
   EXPECT_GT(values[3], 0.0);  // 0 in the document: a logarithm begins elsewhere
@@ -261,9 +265,9 @@ TEST(FitParameters, InTheSceneAsInTheDocument) {
   mpm::Scene ours = scene;
   parameters.apply(values, 0, ours);
   Json written = job.document;
-  parameters.write(values, job, written);
+  write_values(parameters, values, loaded.sources, job, written);
   EXPECT_EQ(written["captures"][0]["start_frame"], values.back());
-  EXPECT_NEAR(parameters.delay(values, 0, "a"), values.back() / job.scene.fps, 1e-15);
+  EXPECT_EQ(parameters.viewing(values, 0, 0).start_frame, values.back());
   const mpm::Scene theirs = build_scene(job_of(written, folder.path), arena, Interrupter()).scene;
   const mpm::Body& a = ours.bodies[0];
   const mpm::Body& b = theirs.bodies[0];

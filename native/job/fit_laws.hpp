@@ -15,8 +15,9 @@ namespace matterfit::job {
 
 /// The parameters that are fitted with this law: those of the list that it uses, and those of its
 /// own that the document's law does not have. `own` is the document's.
-[[nodiscard]] std::vector<FitParameterDoc> parameters_of_law(const FitDoc& fit, material::Law own,
-                                                             material::Law law);
+[[nodiscard]] std::vector<fit::ParameterSpec> parameters_of_law(const FitDoc& doc,
+                                                                material::Law own,
+                                                                material::Law law);
 
 /// A job document's `material`: the law's parameters, damping and branches where there are any.
 [[nodiscard]] Json material_json(const material::Material& material);

@@ -8,8 +8,8 @@
 #include <limits>
 
 #include "fit/data/metrics.hpp"
+#include "fit/model/capture_problem.hpp"
 #include "job/fit_laws.hpp"
-#include "job/fit_problem.hpp"
 #include "job/run/compare.hpp"
 
 namespace matterfit::job {
@@ -33,7 +33,7 @@ bool usable(const LawState& law) {
 
 }  // namespace
 
-void ErrorPool::add(const FitCapture& capture, const std::vector<double>& error_mm,
+void ErrorPool::add(const fit::Capture& capture, const std::vector<double>& error_mm,
                     double body_size) {
   const std::size_t points = capture.input.tracks.points;
   for (std::size_t t = 0; t < capture.input.tracks.frames(); ++t) {
@@ -84,33 +84,31 @@ std::optional<double> ErrorPool::mean(bool held_out) const {
 
 namespace {
 
-double size_of(const mpm::Scene& scene, const FitCapture& capture) {
+double size_of(const mpm::Scene& scene, const fit::Capture& capture) {
   const mpm::Body& body = scene.bodies[fit::body_index(scene, capture.input.body)];
   return fit::body_size(body.rest) + 0.5 * scene.dx;
 }
 
 /// Of clouds: each capture alone, first what is used of it, then what is held out.
-ErrorPool cloud_errors(std::vector<FitRun> runs, const FitModel& model, FitDoc::Loss loss,
-                       const FitOutcome& outcome) {
+ErrorPool cloud_errors(const std::vector<fit::Run>& runs, const fit::Model& model, fit::Loss loss,
+                       const fit::Outcome& outcome) {
   ErrorPool pool;
-  FitWindow whole;
-  std::vector<std::vector<FitCapture>> captures;
-  for (FitRun& run : runs) {
-    whole.until.push_back(run.captures.empty() ? -1.0 : std::numeric_limits<double>::infinity());
-    captures.push_back(run.captures);
-    for (FitCapture& capture : run.captures) capture.used.assign(capture.used.size(), 0);
+  fit::Window whole;
+  fit::Mask none(runs.size());
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    whole.until.push_back(runs[r].captures.empty() ? -1.0
+                                                   : std::numeric_limits<double>::infinity());
+    none[r].resize(runs[r].captures.size(), nullptr);
   }
   for (std::size_t r = 0; r < runs.size(); ++r) {
-    for (std::size_t c = 0; c < captures[r].size(); ++c) {
-      const FitCapture& capture = captures[r][c];
-      std::vector<std::uint8_t>& used = runs[r].captures[c].used;
+    for (std::size_t c = 0; c < runs[r].captures.size(); ++c) {
+      const fit::Capture& capture = runs[r].captures[c];
       for (const bool held_out : {false, true}) {
-        const std::vector<std::uint8_t> none = used;
-        used = held_out ? capture.predicted : capture.used;
-        const FitProblem problem(model, runs, {}, loss, whole);
+        fit::Mask mask = none;
+        mask[r][c] = held_out ? &capture.predicted : &capture.used;
+        const fit::CaptureProblem problem(model, runs, {}, loss, whole, mask);
         pool.add(problem.distances(problem.residuals(outcome)), size_of(model.scene(r), capture),
-                 runs[r].captures[c].used_frames().size(), held_out);
-        used = none;
+                 capture.frames_in(*mask[r][c]).size(), held_out);
       }
     }
   }
@@ -119,13 +117,13 @@ ErrorPool cloud_errors(std::vector<FitRun> runs, const FitModel& model, FitDoc::
 
 }  // namespace
 
-ErrorPool errors_of(const std::vector<FitRun>& runs, const FitModel& model, FitDoc::Loss loss,
-                    const FitOutcome& outcome) {
+ErrorPool errors_of(const std::vector<fit::Run>& runs, const fit::Model& model, FitDoc::Loss loss,
+                    const fit::Outcome& outcome) {
   if (loss != FitDoc::Loss::kTracks) return cloud_errors(runs, model, loss, outcome);
   ErrorPool pool;
   for (std::size_t r = 0; r < runs.size(); ++r) {
     for (std::size_t c = 0; c < outcome[r].captures.size(); ++c) {
-      const FitCapture& capture = runs[r].captures[c];
+      const fit::Capture& capture = runs[r].captures[c];
       pool.add(capture, capture_error_mm(capture.input, outcome[r].captures[c]),
                size_of(model.scene(r), capture));
     }

@@ -5,8 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "fit/model/model.hpp"
 #include "fit/numerics/uncertainty.hpp"
-#include "job/fit_model.hpp"
+#include "job/documents/fit_document.hpp"
 #include "job/fit_state.hpp"
 #include "job/run/capture_input.hpp"
 
@@ -17,7 +18,7 @@ namespace matterfit::job {
 class ErrorPool {
  public:
   /// Of the samples that a fit uses or predicts. `error_mm` (T, N); not finite: left out.
-  void add(const FitCapture& capture, const std::vector<double>& error_mm, double body_size);
+  void add(const fit::Capture& capture, const std::vector<double>& error_mm, double body_size);
   /// Of samples of so many frames whose error is known without their place [m].
   void add(const std::vector<double>& distances, double body_size, std::size_t frames,
            bool held_out);
@@ -37,8 +38,8 @@ class ErrorPool {
 
 /// Of an outcome of the whole clip, point by point; of clouds what the means around each
 /// captured point are apart.
-[[nodiscard]] ErrorPool errors_of(const std::vector<FitRun>& runs, const FitModel& model,
-                                  FitDoc::Loss loss, const FitOutcome& outcome);
+[[nodiscard]] ErrorPool errors_of(const std::vector<fit::Run>& runs, const fit::Model& model,
+                                  FitDoc::Loss loss, const fit::Outcome& outcome);
 
 /// One entry a number of `fit.parameters`. Without an uncertainty (a fit that was cancelled) errors
 /// and intervals are null.

@@ -11,12 +11,14 @@
 #include "base/file.hpp"
 #include "fit/data/metrics.hpp"
 #include "job/documents/fit_document.hpp"
+#include "job/fit_experiment.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_laws.hpp"
 #include "job/fit_race.hpp"
 #include "job/fit_report.hpp"
 #include "job/fit_search.hpp"
 #include "job/fit_state.hpp"
+#include "job/fit_values.hpp"
 #include "job/run/folder_lock.hpp"
 #include "job/run/run_scene.hpp"
 
@@ -42,7 +44,7 @@ class FitJob {
 
   Json run() {
     say("Reading", 0.0);
-    runs_ = load_fit_runs(job_, statements_);
+    loaded_ = load_experiment(job_, statements_);
     inputs_ = fit_inputs(job_, target_);
     hash_ = hash_inputs(inputs_);
     lock_.emplace(folder_);
@@ -124,19 +126,21 @@ class FitJob {
     if (made) return *made;
     FitSetup setup;
     setup.fit = &doc_;
-    setup.runs = &runs_;
+    setup.experiment = &loaded_.experiment;
     setup.law = law;
     setup.target = target_;
     setup.threads = options_.threads;
     setup.parameters = doc_.laws.empty() ? doc_.parameters : parameters_of_law(doc_, own_law_, law);
-    for (const FitRun& run : runs_) {
-      setup.jobs.push_back(run.job);
-      for (BodyDoc& body : setup.jobs.back().scene.bodies) {
+    for (const RunSource& source : loaded_.sources) {
+      Job of_law = source.job;
+      for (BodyDoc& body : of_law.scene.bodies) {
         if (!doc_.laws.empty() && body.name == doc_.body) {
           body.material = with_law(body.material, law);
         }
       }
+      setup.builders.push_back(scene_builder(std::move(of_law)));
     }
+    setup.memory_limit_gb = loaded_.sources.front().job.scene.solver.memory_limit_gb;
     made = std::make_unique<LawFit>(std::move(setup), interrupter, law_statements_);
     made->report = [this](const FitReport& report) { show(report); };
     return *made;
@@ -150,11 +154,7 @@ class FitJob {
     say("Filling bodies", 0.0);
     const LawFit& own = law_fit(own_law_);
     Arena arena(options_.threads);
-    for (std::size_t r = 0; r < runs_.size(); ++r) {
-      settle_noise(runs_[r], own.scene(r), statements_);
-      describe_clouds(runs_[r], statements_);
-      check_places(runs_[r], own.scene(r), arena, statements_);
-    }
+    settle_captures(loaded_.experiment, own.scenes(), arena, statements_);
     if (!resumed_) {
       for (const material::Law law : laws_) {
         LawState state;
@@ -301,7 +301,7 @@ class FitJob {
       (*find_named(document.at("scene"), "bodies", doc_.body))["material"] =
           material_json(with_law(own, material::law_from_name(law.law)));
     }
-    of.parameters().write(law.values, job_, document);
+    write_values(of.parameters(), law.values, loaded_.sources, job_, document);
     return document;
   }
 
@@ -401,8 +401,8 @@ class FitJob {
       if (std::find(bodies.begin(), bodies.end(), name) == bodies.end()) bodies.push_back(name);
     };
     if (!doc_.laws.empty()) add(doc_.body);
-    for (const FitParameterDoc& parameter : doc_.parameters) {
-      if (parameter.path.is_material()) add(parameter.path.owner);
+    for (const fit::ParameterSpec& parameter : doc_.parameters) {
+      if (parameter.path.quantity->is_material()) add(parameter.path.owner);
     }
     if (bodies.empty()) add(job_.captures.front().body);
     return bodies;
@@ -420,10 +420,10 @@ class FitJob {
     extras.begin = kFitShare;
     extras.kept = kept;
     extras.clouds = doc_.loss != FitDoc::Loss::kTracks;
-    extras.compared = [&](const CaptureInput& compared, const std::vector<double>& error_mm,
+    extras.compared = [&](const fit::CaptureInput& compared, const std::vector<double>& error_mm,
                           double size) {
-      for (const FitRun& run : runs_) {
-        for (const FitCapture& capture : run.captures) {
+      for (const fit::Run& run : loaded_.experiment.runs) {
+        for (const fit::Capture& capture : run.captures) {
           if (capture.input.name == compared.name) after.add(capture, error_mm, size);
         }
       }
@@ -466,9 +466,10 @@ class FitJob {
     ErrorPool after;
     try {
       double size = 0.0;
-      for (std::size_t r = 0; r < runs_.size(); ++r) {
-        for (const FitCapture& capture : runs_[r].captures) {
-          const mpm::Scene& scene = of.scene(r);
+      const std::vector<fit::Run>& runs = loaded_.experiment.runs;
+      for (std::size_t r = 0; r < runs.size(); ++r) {
+        for (const fit::Capture& capture : runs[r].captures) {
+          const mpm::Scene& scene = of.scenes()[r];
           const mpm::Body& body = scene.bodies[fit::body_index(scene, capture.input.body)];
           if (capture.used_count > 0) size = std::max(size, fit::body_size(body.rest));
         }
@@ -515,7 +516,7 @@ class FitJob {
   fs::path folder_;
   std::vector<std::string> statements_;
   std::vector<std::string> law_statements_;
-  std::vector<FitRun> runs_;
+  LoadedExperiment loaded_;
   Inputs inputs_;
   std::string hash_;
   std::optional<FolderLock> lock_;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <utility>
 
 #include "base/error.hpp"
@@ -14,7 +15,6 @@
 #include "job/fit_levels.hpp"
 #include "job/fit_race.hpp"
 #include "job/fit_start.hpp"
-#include "job/run/build_scene.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -64,11 +64,12 @@ double mean_of(const std::vector<double>& values) {
 }
 
 /// Of a capture of which the fit sees nothing.
-bool is_unseen(const FitPath& path, const std::vector<FitRun>& runs) {
-  const std::string& name = path.quantity == FitQuantity::kStartFrame ? path.owner : path.capture;
+bool is_unseen(const fit::Address& path, const std::vector<fit::Run>& runs) {
+  const bool own = path.quantity->owner == fit::Owner::kCapture;
+  const std::string& name = own ? path.owner : path.capture;
   if (name.empty()) return false;
-  for (const FitRun& run : runs) {
-    for (const FitCapture& capture : run.captures) {
+  for (const fit::Run& run : runs) {
+    for (const fit::Capture& capture : run.captures) {
       if (capture.input.name == name) return capture.used_count == 0;
     }
   }
@@ -78,7 +79,7 @@ bool is_unseen(const FitPath& path, const std::vector<FitRun>& runs) {
 /// Has a problem tell its progress for as long as this stands.
 class Told {
  public:
-  Told(FitProblem& problem, std::function<void(double)> tell) : problem_(problem) {
+  Told(fit::CaptureProblem& problem, std::function<void(double)> tell) : problem_(problem) {
     tell(0.0);
     problem_.progress = std::move(tell);
   }
@@ -87,7 +88,7 @@ class Told {
   Told& operator=(const Told&) = delete;
 
  private:
-  FitProblem& problem_;
+  fit::CaptureProblem& problem_;
 };
 
 }  // namespace
@@ -113,34 +114,21 @@ std::string fit_label(const FitReport& report, const std::string& law) {
 struct LawFit::Context {
   std::size_t stage;
   int repeats;
-  FitProblem problem;
+  fit::CaptureProblem problem;
   fit::LeastSquares search;
-  std::optional<FitProblem> stand_in;
+  std::optional<fit::CaptureProblem> stand_in;
 };
 
 LawFit::LawFit(FitSetup setup, const Interrupter& interrupter, std::vector<std::string>& statements)
-    : setup_(std::move(setup)), interrupter_(interrupter), statements_(statements) {
-  const auto& runs = *setup_.runs;
-  Arena arena(setup_.threads);
-  for (const Job& job : setup_.jobs) {
-    scenes_.push_back(build_scene(job, arena, interrupter_).scene);
-  }
-  std::vector<FitScene> scenes;
-  for (std::size_t r = 0; r < runs.size(); ++r) {
-    FitScene scene{&setup_.jobs[r], &scenes_[r], {}, nullptr};
-    if (runs[r].group.own) {
-      for (const FitCapture& capture : runs[r].captures) {
-        scene.captures.push_back(capture.input.name);
-      }
-      scene.overrides = runs[r].overrides;
-    }
-    scenes.push_back(std::move(scene));
-  }
-  parameters_ = std::make_unique<FitParameters>(setup_.parameters, scenes);
-
+    : setup_(std::move(setup)),
+      interrupter_(interrupter),
+      statements_(statements),
+      predictor_(*setup_.experiment, setup_.parameters,
+                 {setup_.fit->loss, setup_.target, setup_.threads, setup_.memory_limit_gb},
+                 interrupter, setup_.builders) {
   std::vector<double> levels = setup_.fit->levels;
-  if (levels.empty()) levels = usual_levels(scenes_);
-  const std::vector<FitWindow> windows = fit_windows(runs, setup_.fit->windows);
+  if (levels.empty()) levels = usual_levels(scenes());
+  const std::vector<fit::Window> windows = fit::growing_windows(runs(), setup_.fit->windows);
   for (std::size_t l = 0; l < levels.size(); ++l) {
     for (std::size_t w = l == 0 ? 0 : windows.size() - 1; w < windows.size(); ++w) {
       Stage stage;
@@ -159,33 +147,16 @@ LawFit::LawFit(FitSetup setup, const Interrupter& interrupter, std::vector<std::
 
 LawFit::~LawFit() = default;
 
-const mpm::Scene& LawFit::scene(std::size_t run) const { return scenes_[run]; }
-
 LawState LawFit::start() const {
   LawState state;
   state.law = material::traits(setup_.law).name;
-  state.values = parameters_->starts();
+  state.values = parameters().starts();
   return state;
 }
 
-FitModel& LawFit::model(double level) {
-  std::unique_ptr<FitModel>& model = models_[level];
-  if (model) return *model;
-  std::vector<mpm::Scene> scenes = scenes_;
-  if (level != 1.0) {
-    Arena arena(setup_.threads);
-    for (std::size_t r = 0; r < scenes.size(); ++r) {
-      scenes[r] = scene_at_level(setup_.jobs[r], level, arena, interrupter_);
-    }
-  }
-  FitModel::Options options;
-  options.loss = setup_.fit->loss;
-  options.target = setup_.target;
-  options.threads = setup_.threads;
-  options.memory_limit_gb = setup_.jobs.front().scene.solver.memory_limit_gb;
-  model = std::make_unique<FitModel>(*setup_.runs, std::move(scenes), *parameters_, options,
-                                     interrupter_);
-  return *model;
+fit::CaptureProblem LawFit::problem(double level, const fit::Window& window,
+                                    const std::vector<fit::Parameter>& parameters) {
+  return {model(level), runs(), parameters, setup_.fit->loss, window, fit::used_samples(runs())};
 }
 
 void LawFit::tell(const LawState& state, const std::string& stage, double part, double rms) const {
@@ -217,15 +188,14 @@ void LawFit::tell(const LawState& state, const std::string& stage, double part, 
 
 std::vector<double> LawFit::mean_distances(LawState& state,
                                            const std::vector<std::vector<double>>& points,
-                                           const FitWindow& window, double level) {
-  FitModel& at_level = model(level);
-  const FitProblem problem(at_level, *setup_.runs, parameters_->parameters(), setup_.fit->loss,
-                           window);
+                                           const fit::Window& window, double level) {
+  const fit::CaptureProblem at_level = problem(level, window);
   const auto progress = [&](double part) { tell(state, "looking for a start", part, told_); };
   progress(0.0);
   std::vector<double> means;
-  for (const auto& outcome : at_level.evaluate(points, {window.until, true}, progress)) {
-    const double mean = outcome ? mean_of(problem.distances(problem.residuals(*outcome)))
+  const fit::Evaluation found = model(level).evaluate(points, {window.until}, progress);
+  for (const auto& outcome : found.outcomes) {
+    const double mean = outcome ? mean_of(at_level.distances(at_level.residuals(*outcome)))
                                 : std::numeric_limits<double>::infinity();
     means.push_back(std::isfinite(mean) ? mean : std::numeric_limits<double>::infinity());
   }
@@ -236,13 +206,13 @@ std::vector<double> LawFit::mean_distances(LawState& state,
 
 std::vector<double> LawFit::mean_distances(LawState& state,
                                            const std::vector<std::vector<double>>& points,
-                                           const FitWindow& window) {
+                                           const fit::Window& window) {
   return mean_distances(state, points, window, stages_[state.first_stage].level);
 }
 
 std::vector<double> LawFit::start_distances(LawState& state, const StartLimit& limit,
                                             const std::vector<std::vector<double>>& points,
-                                            const FitWindow& window) {
+                                            const fit::Window& window) {
   std::vector<double> all(points.size(), std::numeric_limits<double>::infinity());
   std::vector<std::vector<double>> tried;
   std::vector<std::size_t> places;
@@ -276,8 +246,8 @@ void LawFit::choose_material(LawState& state) {
 
 double LawFit::alike() const {
   double sigma = 0.0;
-  for (const FitRun& run : *setup_.runs) {
-    for (const FitCapture& capture : run.captures) {
+  for (const fit::Run& run : runs()) {
+    for (const fit::Capture& capture : run.captures) {
       if (capture.used_count > 0) sigma = std::max(sigma, capture.cloud_scale().sigma);
     }
   }
@@ -291,18 +261,18 @@ double LawFit::far() const {
 
 double LawFit::poor() const {
   if (setup_.fit->loss != FitDoc::Loss::kTracks) return kPoorCloud * alike();
-  const auto& runs = *setup_.runs;
+  const auto& runs = this->runs();
   double sigma = 0.0;
   double size = 0.0;
   for (std::size_t r = 0; r < runs.size(); ++r) {
-    for (const FitCapture& capture : runs[r].captures) {
+    for (const fit::Capture& capture : runs[r].captures) {
       if (capture.used_count == 0) continue;
       double mean = 0.0;
       for (std::size_t i = 0; i < capture.sigma.size(); ++i) {
         mean += capture.deviation(i) / double(capture.sigma.size());
       }
       sigma = std::max(sigma, mean);
-      const mpm::Scene& scene = scenes_[r];
+      const mpm::Scene& scene = scenes()[r];
       size = std::max(
           size, fit::body_size(scene.bodies[fit::body_index(scene, capture.input.body)].rest));
     }
@@ -311,8 +281,8 @@ double LawFit::poor() const {
 }
 
 void LawFit::begin(LawState& state) {
-  const auto& runs = *setup_.runs;
-  const MotionStart motion = with_initial_motion(runs, scenes_, *parameters_, state.values);
+  const auto& runs = this->runs();
+  const MotionStart motion = with_initial_motion(runs, scenes(), parameters(), state.values);
   Start best;
   best.values = state.values;
   if (motion.flights != state.values) {
@@ -322,14 +292,14 @@ void LawFit::begin(LawState& state) {
   }
   state.torn = !motion.contradicted.empty();
   // What a motion that is not quite right leads to later is no judge of a material.
-  const FitWindow window = fit_window(runs, state.torn ? kFirstSamples : kScanSamples);
+  const fit::Window window = fit::first_window(runs, state.torn ? kFirstSamples : kScanSamples);
   best.mean = mean_distances(state, {best.values}, window).front();
   if (best.mean > poor()) {
-    const StartLimit limit(runs, scenes_, *parameters_);
+    const StartLimit limit(runs, scenes(), parameters());
     EquationStart balance;
     if (setup_.fit->loss == FitDoc::Loss::kTracks) {
       balance =
-          equation_start(runs, scenes_, *parameters_, best.values, setup_.threads, interrupter_);
+          equation_start(runs, scenes(), parameters(), best.values, setup_.threads, interrupter_);
       bool softer = false;
       for (std::vector<double>& values : balance.candidates) {
         std::vector<double> softened = limit.softened(values);
@@ -338,7 +308,7 @@ void LawFit::begin(LawState& state) {
       }
       if (softer) balance.statement += "; made softer, so that a run takes minutes at most";
       state.candidates = balance.candidates;
-      state.candidates.push_back(parameters_->starts());
+      state.candidates.push_back(parameters().starts());
     }
     find_material(state, window, limit, balance, best);
     if (state.torn) {
@@ -368,7 +338,7 @@ void LawFit::begin(LawState& state) {
   }
 }
 
-void LawFit::find_material(LawState& state, const FitWindow& window, const StartLimit& limit,
+void LawFit::find_material(LawState& state, const fit::Window& window, const StartLimit& limit,
                            const EquationStart& balance, Start& start) {
   start.statement = balance.statement;
   if (!balance.candidates.empty()) {
@@ -399,7 +369,7 @@ void LawFit::find_material(LawState& state, const FitWindow& window, const Start
   };
   constexpr int kFar = 8;
   const bool finely = setup_.fit->loss != FitDoc::Loss::kTracks;
-  Scanned found = scanned(*parameters_, start.values, start.mean, costs, kFar, finely);
+  Scanned found = scanned(parameters(), start.values, start.mean, costs, kFar, finely);
   start.values = std::move(found.values);
   start.mean = found.cost;
   start.scanned = true;
@@ -408,7 +378,7 @@ void LawFit::find_material(LawState& state, const FitWindow& window, const Start
 std::vector<double> LawFit::with_law_of(std::vector<double> values,
                                         const std::vector<double>& material) const {
   for (std::size_t k = 0; k < values.size(); ++k) {
-    if (!parameters_->path(k).law_parameter().empty()) values[k] = material[k];
+    if (!parameters().path(k).quantity->law_parameter().empty()) values[k] = material[k];
   }
   return values;
 }
@@ -419,25 +389,22 @@ bool LawFit::skip_level(LawState& state) {
                                  [&](const Stage& stage) { return stage.level < level; });
   const bool free = setup_.fit->levels.empty() && setup_.fit->loss == FitDoc::Loss::kTracks;
   if (next == stages_.end() || !free) return false;
-  const FitWindow window = fit_window(*setup_.runs, kScanSamples);
+  const fit::Window window = fit::first_window(runs(), kScanSamples);
   const auto residuals = [&](double at) -> std::optional<Eigen::VectorXd> {
-    FitModel& of = model(at);
-    of.forget_steps();
     ++state.evaluations;
-    const auto outcome = of.evaluate({state.values}, {window.until, true}).front();
+    const std::vector<std::vector<double>> here{state.values};
+    const auto outcome = model(at).evaluate(here, {window.until}).outcomes.front();
     if (!outcome) return std::nullopt;
-    return FitProblem(of, *setup_.runs, parameters_->parameters(), setup_.fit->loss, window)
-        .residuals(*outcome);
+    return problem(at, window).residuals(*outcome);
   };
   context_.reset();
   const auto coarse = residuals(level);
   if (!coarse) return false;
-  const FitProblem problem(model(level), *setup_.runs, parameters_->parameters(), setup_.fit->loss,
-                           window);
-  const double missed = mean_of(problem.distances(*coarse));
+  const fit::CaptureProblem at_level = problem(level, window);
+  const double missed = mean_of(at_level.distances(*coarse));
   if (missed <= far()) return false;
   const auto fine = residuals(next->level);
-  if (!fine || mean_of(problem.distances(*fine - *coarse)) <= kLevelGap * missed) return false;
+  if (!fine || mean_of(at_level.distances(*fine - *coarse)) <= kLevelGap * missed) return false;
   state.first_stage = static_cast<std::size_t>(next - stages_.begin());
   state.stage = state.first_stage;
   return true;
@@ -499,14 +466,13 @@ bool LawFit::back_to_first_start(LawState& state) const {
 
 bool LawFit::rescan(LawState& state) {
   context_.reset();
-  const FitWindow window = fit_window(*setup_.runs, kScanSamples);
-  model(stages_[state.first_stage].level).forget_steps();
+  const fit::Window window = fit::first_window(runs(), kScanSamples);
   const double mean = mean_distances(state, {state.values}, window).front();
-  const StartLimit limit(*setup_.runs, scenes_, *parameters_);
+  const StartLimit limit(runs(), scenes(), parameters());
   const auto costs = [&](const auto& points) {
     return start_distances(state, limit, points, window);
   };
-  std::vector<double> found = scanned(*parameters_, state.values, mean, costs, kNear,
+  std::vector<double> found = scanned(parameters(), state.values, mean, costs, kNear,
                                       setup_.fit->loss != FitDoc::Loss::kTracks)
                                   .values;
   if (found == state.values) return false;
@@ -516,7 +482,7 @@ bool LawFit::rescan(LawState& state) {
 }
 
 std::vector<fit::Parameter> LawFit::stage_parameters(const LawState& state) const {
-  std::vector<fit::Parameter> parameters = parameters_->parameters();
+  std::vector<fit::Parameter> parameters = this->parameters().parameters();
   const bool last = stages_[state.stage].last;
   for (std::size_t k = 0; k < parameters.size(); ++k) {
     fit::Parameter& parameter = parameters[k];
@@ -533,13 +499,7 @@ LawFit::Context& LawFit::context(const LawState& state) {
   if (context_ && context_->stage == state.stage && context_->repeats == state.repeats) {
     return *context_;
   }
-  const auto settled = [&](double level, const std::vector<FitSteps>& steps) -> FitModel& {
-    FitModel& at_level = model(level);
-    at_level.set_steps(steps);
-    return at_level;
-  };
-  FitModel& at_level = settled(stage.level, state.steps);
-  const std::vector<fit::Parameter> parameters = stage_parameters(state);
+  const std::vector<fit::Parameter> of_stage = stage_parameters(state);
   fit::LeastSquaresOptions options;
   options.iterations = setup_.fit->iterations;
   options.huber = setup_.fit->huber;
@@ -549,25 +509,30 @@ LawFit::Context& LawFit::context(const LawState& state) {
     options.cost_tolerance = kCoarseCost;
     options.thorough = false;
   }
-  const auto problem = [&](const FitModel& of) {
-    return FitProblem(of, *setup_.runs, parameters, setup_.fit->loss, stage.window);
+  const auto stepped = [&](double level, const std::vector<fit::RunSteps>& steps) {
+    fit::CaptureProblem at_level = problem(level, stage.window, of_stage);
+    at_level.set_plan(fit::StepPlan(steps));
+    return at_level;
   };
-  context_ =
-      std::make_unique<Context>(Context{state.stage, state.repeats, problem(at_level),
-                                        fit::LeastSquares(parameters, options), std::nullopt});
+  context_ = std::make_unique<Context>(Context{state.stage, state.repeats,
+                                               stepped(stage.level, state.steps),
+                                               fit::LeastSquares(of_stage, options), std::nullopt});
   if (stage.stand_in && !state.stand_in_steps.empty()) {
-    context_->stand_in.emplace(problem(settled(*stage.stand_in, state.stand_in_steps)));
+    context_->stand_in.emplace(stepped(*stage.stand_in, state.stand_in_steps));
     context_->problem.set_stand_in(&*context_->stand_in);
   }
   return *context_;
 }
 
-std::optional<std::vector<FitSteps>> LawFit::fix(FitModel& model, LawState& state,
-                                                 const FitWindow& window) {
-  const auto outcome = model.evaluate({state.values}, {window.until, true}).front();
+std::optional<std::vector<fit::RunSteps>> LawFit::fix(double level, LawState& state,
+                                                      const fit::Window& window,
+                                                      fit::Failure& failure) {
+  const std::vector<std::vector<double>> here{state.values};
+  fit::Evaluation found = model(level).evaluate(here, {window.until});
   ++state.evaluations;
-  if (!outcome) return std::nullopt;
-  return model.steps_of(state.values, *outcome);
+  failure = std::move(found.failure);
+  if (!found.outcomes.front()) return std::nullopt;
+  return model(level).plan_of(state.values, *found.outcomes.front()).runs;
 }
 
 void LawFit::set_stage(LawState& state) {
@@ -575,12 +540,12 @@ void LawFit::set_stage(LawState& state) {
   context_.reset();
   tell(state, stage.name, 0.0, std::numeric_limits<double>::quiet_NaN());
   choose_material(state);
-  const auto steps = fix(model(stage.level), state, stage.window);
+  fit::Failure failure;
+  const auto steps = fix(stage.level, state, stage.window, failure);
   if (!steps) {
-    const std::string why =
-        "The simulation could not be completed: " + model(stage.level).failure();
+    const std::string why = "The simulation could not be completed: " + failure.message;
     if (state.iterations == 0) {
-      if (model(stage.level).failed_by_input()) throw_input(model(stage.level).failure());
+      if (failure.by_input) throw_input(failure.message);
       throw_compute("the fit cannot begin at these values. " + why);
     }
     if (back_to_first_start(state)) return;
@@ -592,7 +557,7 @@ void LawFit::set_stage(LawState& state) {
   state.steps = *steps;
   state.stand_in_steps.clear();
   if (stage.stand_in && stages_[state.first_stage].level > stage.level) {
-    if (auto coarse = fix(model(*stage.stand_in), state, stage.window)) {
+    if (auto coarse = fix(*stage.stand_in, state, stage.window, failure)) {
       state.stand_in_steps = std::move(*coarse);
     }
   }
@@ -617,7 +582,7 @@ void LawFit::end_stage(LawState& state) {
   // Substeps are to be those that the solver takes at the end.
   const bool other_steps =
       std::any_of(state.refinements.begin(), state.refinements.end(),
-                  [](int power) { return power != 0 && power != FitModel::kUnsettled; });
+                  [](int power) { return power != 0 && power != fit::StepPlan::kUnsettled; });
   if (other_steps && state.repeats < kMostRepeats) {
     ++state.repeats;
     state.search.reset();
@@ -633,7 +598,7 @@ void LawFit::take_standing(LawState& state, int iterations_before) {
   const bool due = search.finished || search.iteration / kIterationsToStanding >
                                           iterations_before / kIterationsToStanding;
   if (!due || search.residual.size() == 0) return;
-  const FitProblem& problem = context(state).problem;
+  const fit::CaptureProblem& problem = context(state).problem;
   const bool far = is_far(state);
   const Stage& stage = stages_[state.stage];
   const bool early = far && may_rescan(state);
@@ -644,7 +609,7 @@ void LawFit::take_standing(LawState& state, int iterations_before) {
 
 void LawFit::advance(LawState& state, std::vector<Json>& history) {
   if (state.finished) return;
-  if (parameters_->size() == 0) {
+  if (parameters().size() == 0) {
     state.finished = true;
     state.converged = true;
     state.reason = "No parameter is of this law: it is taken as the document has it.";
@@ -721,7 +686,7 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
     Json values;
     if (step.accepted && moved) {
       for (std::size_t p = 0; p < next.values.size(); ++p) {
-        values[parameters_->parameters()[p].name] = next.values[p];
+        values[parameters().parameters()[p].name] = next.values[p];
       }
     }
     history.push_back({{"stage", name},
@@ -740,13 +705,19 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
 
 void LawFit::settle(LawState& state) {
   const Stage& stage = stages_[state.stage];
-  const std::vector<double> values = context(state).problem.physical(state.search->point);
-  FitModel& at_level = model(stage.level);
-  at_level.settle(values, state.refinements);
-  if (context(state).stand_in) model(*stage.stand_in).settle(values, {});
-  if (state.refinements == at_level.refinements()) return;
+  Context& at = context(state);
+  const std::vector<double> values = at.problem.physical(state.search->point);
+  const auto settled = [&](double level, fit::CaptureProblem& of, std::span<const int> before) {
+    fit::StepPlan plan = of.plan();
+    model(level).settle(plan, values, before);
+    of.set_plan(std::move(plan));
+  };
+  settled(stage.level, at.problem, state.refinements);
+  if (at.stand_in) settled(*stage.stand_in, *at.stand_in, {});
+  const std::vector<int>& refinements = at.problem.plan().refinements;
+  if (state.refinements == refinements) return;
   // With other substeps the residuals are not quite the same.
-  state.refinements = at_level.refinements();
+  state.refinements = refinements;
   state.search->residual.resize(0);
   state.search->forget_slopes();
 }
@@ -761,7 +732,7 @@ fit::Uncertainty LawFit::uncertainty(const LawState& state) {
       fit::uncertainty(at.search.parameters(), search, at.problem.effective(search.residual),
                        setup_.fit->huber, at.problem.blocks(), is_far(at_end));
   for (std::size_t k = 0; k < known.estimates.size(); ++k) {
-    if (known.estimates[k].observable || !is_unseen(parameters_->path(k), *setup_.runs)) continue;
+    if (known.estimates[k].observable || !is_unseen(parameters().path(k), runs())) continue;
     known.estimates[k].statement = at.search.parameters()[k].name +
                                    " is not observed: the fit sees nothing of its capture, which "
                                    "is held out or outside of the scene's frames. It keeps its "
@@ -777,13 +748,11 @@ fit::Uncertainty LawFit::uncertainty(const LawState& state) {
 std::optional<Eigen::VectorXd> LawFit::coarser(const LawState& state) {
   const Stage& stage = stages_[state.stage];
   try {
-    FitModel& of = model(kCoarser * stage.level);
-    of.forget_steps();
-    const auto outcome = of.evaluate({state.values}, {stage.window.until, true}).front();
-    if (!outcome) throw_compute(of.failure());
-    const FitProblem problem(of, *setup_.runs, parameters_->parameters(), setup_.fit->loss,
-                             stage.window);
-    return problem.residuals(*outcome) - state.search->residual;
+    const double level = kCoarser * stage.level;
+    const std::vector<std::vector<double>> here{state.values};
+    const fit::Evaluation found = model(level).evaluate(here, {stage.window.until});
+    if (!found.outcomes.front()) throw_compute(found.failure.message);
+    return problem(level, stage.window).residuals(*found.outcomes.front()) - state.search->residual;
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kInput && error.kind() != ErrorKind::kCompute) throw;
     statements_.push_back(
@@ -800,25 +769,20 @@ std::vector<double> LawFit::distances(const LawState& state) {
 }
 
 std::optional<ErrorPool> LawFit::errors(const LawState& state, bool fitted, std::string& failure) {
-  FitModel& fine = model(1.0);
   context_.reset();
-  FitModel::Scope scope;
-  scope.solver_steps = true;
-  for (const FitRun& run : *setup_.runs) {
-    const SceneDoc& scene = run.job.scene;
-    scope.until.push_back(run.captures.empty() ? -1.0 : (scene.frames() - 1) / scene.fps);
-  }
   const auto progress = [&](double part) {
     tell(state, fitted ? "predicting" : "the start", part,
          std::numeric_limits<double>::quiet_NaN());
   };
-  const auto outcome = fine.evaluate({state.values}, scope, progress).front();
-  if (!outcome) {
-    failure = fine.failure();
-    if (!fitted && fine.failed_by_input()) throw_input(failure);
+  fit::Ask ask;
+  ask.query.values = state.values;
+  fit::Evaluation found = predictor_.predict({ask}, false, progress);
+  if (!found.outcomes.front()) {
+    failure = found.failure.message;
+    if (!fitted && found.failure.by_input) throw_input(failure);
     return std::nullopt;
   }
-  return errors_of(*setup_.runs, fine, setup_.fit->loss, *outcome);
+  return errors_of(runs(), model(1.0), setup_.fit->loss, *found.outcomes.front());
 }
 
 }  // namespace matterfit::job

@@ -3,15 +3,16 @@
 
 #include <functional>
 #include <limits>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "fit/model/capture_problem.hpp"
+#include "fit/model/predictor.hpp"
 #include "fit/numerics/uncertainty.hpp"
+#include "job/documents/fit_document.hpp"
 #include "job/fit_equation_start.hpp"
-#include "job/fit_problem.hpp"
 #include "job/fit_report.hpp"
 #include "job/fit_start_limit.hpp"
 #include "job/fit_state.hpp"
@@ -21,13 +22,14 @@ namespace matterfit::job {
 /// What the fit of one law needs to know.
 struct FitSetup {
   const FitDoc* fit = nullptr;
-  const std::vector<FitRun>* runs = nullptr;
-  /// One a run: its job with this law's material.
-  std::vector<Job> jobs;
+  const fit::Experiment* experiment = nullptr;
+  /// One a run: its scene with this law's material.
+  std::vector<fit::SceneBuilder> builders;
   material::Law law = material::Law::kFixedCorotated;
-  std::vector<FitParameterDoc> parameters;
+  std::vector<fit::ParameterSpec> parameters;
   mpm::SimdTarget target = mpm::SimdTarget::kAuto;
   int threads = 0;
+  double memory_limit_gb = 8.0;
 };
 
 /// Where a search stands, for progress.
@@ -56,9 +58,9 @@ class LawFit {
   LawFit(const LawFit&) = delete;
   LawFit& operator=(const LawFit&) = delete;
 
-  [[nodiscard]] const FitParameters& parameters() const { return *parameters_; }
-  /// The scene of a run at the document's resolution.
-  [[nodiscard]] const mpm::Scene& scene(std::size_t run) const;
+  [[nodiscard]] const fit::Parameters& parameters() const { return predictor_.parameters(); }
+  /// The scenes of the runs at the document's resolution.
+  [[nodiscard]] const std::vector<mpm::Scene>& scenes() const { return predictor_.scenes(); }
   [[nodiscard]] LawState start() const;
 
   /// One step: the start, or one iteration. Adds lines to `history`. Throws Error(kCompute) if the
@@ -88,7 +90,7 @@ class LawFit {
     std::string name;
     double level = 1.0;
     std::optional<double> stand_in;  ///< the level that Jacobians come from at first
-    FitWindow window;
+    fit::Window window;
     bool whole = false;  ///< its window is the whole clip
     bool last = false;
   };
@@ -105,7 +107,7 @@ class LawFit {
   void begin(LawState& state);
   /// Replaces the material of a start by one that misses less: of the momentum balance or, if that
   /// is poor, of a scan.
-  void find_material(LawState& state, const FitWindow& window, const StartLimit& limit,
+  void find_material(LawState& state, const fit::Window& window, const StartLimit& limit,
                      const EquationStart& balance, Start& start);
   /// `values` with the law's parameters of `material`.
   [[nodiscard]] std::vector<double> with_law_of(std::vector<double> values,
@@ -130,14 +132,14 @@ class LawFit {
   /// Of simulations at a level (that of the first stage) [m].
   [[nodiscard]] std::vector<double> mean_distances(LawState& state,
                                                    const std::vector<std::vector<double>>& points,
-                                                   const FitWindow& window, double level);
+                                                   const fit::Window& window, double level);
   [[nodiscard]] std::vector<double> mean_distances(LawState& state,
                                                    const std::vector<std::vector<double>>& points,
-                                                   const FitWindow& window);
+                                                   const fit::Window& window);
   /// mean_distances() of a scan; infinite, without a simulation, beyond the limit.
   [[nodiscard]] std::vector<double> start_distances(LawState& state, const StartLimit& limit,
                                                     const std::vector<std::vector<double>>& points,
-                                                    const FitWindow& window);
+                                                    const fit::Window& window);
   /// Where a finer level begins: with the material of the coarser one, or with one of those that
   /// were tried as a start, whichever is nearest there. A coarse grid is viscous by itself, and a
   /// fit there makes up for it.
@@ -152,10 +154,18 @@ class LawFit {
   /// Notes every few iterations how far the capture is missed.
   void take_standing(LawState& state, int iterations_before);
   void settle(LawState& state);
-  FitModel& model(double level);
-  /// Fixes the substeps of a level at the start of a stage; nothing if it cannot be run.
-  [[nodiscard]] std::optional<std::vector<FitSteps>> fix(FitModel& model, LawState& state,
-                                                         const FitWindow& window);
+  [[nodiscard]] const fit::Model& model(double level) { return predictor_.model(level); }
+  [[nodiscard]] const std::vector<fit::Run>& runs() const { return predictor_.runs(); }
+  /// The residuals of all used samples at a level.
+  [[nodiscard]] fit::CaptureProblem problem(double level, const fit::Window& window,
+                                            const std::vector<fit::Parameter>& parameters);
+  [[nodiscard]] fit::CaptureProblem problem(double level, const fit::Window& window) {
+    return problem(level, window, parameters().parameters());
+  }
+  /// The substeps of a level at the start of a stage; nothing if it cannot be run.
+  [[nodiscard]] std::optional<std::vector<fit::RunSteps>> fix(double level, LawState& state,
+                                                              const fit::Window& window,
+                                                              fit::Failure& failure);
   Context& context(const LawState& state);
   [[nodiscard]] std::vector<fit::Parameter> stage_parameters(const LawState& state) const;
   /// What a coarser grid adds to the residuals of the last stage at its end; nothing where it
@@ -166,10 +176,8 @@ class LawFit {
   FitSetup setup_;
   const Interrupter& interrupter_;
   std::vector<std::string>& statements_;
-  std::vector<mpm::Scene> scenes_;
-  std::unique_ptr<FitParameters> parameters_;
+  fit::Predictor predictor_;
   std::vector<Stage> stages_;
-  std::map<double, std::unique_ptr<FitModel>> models_;  ///< by level
   std::unique_ptr<Context> context_;
   /// The best of the points that mean_distances() tried last [m], for progress.
   double told_ = std::numeric_limits<double>::quiet_NaN();

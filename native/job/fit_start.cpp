@@ -33,7 +33,7 @@ constexpr int kFineParts = 4;
 const std::vector<int> kFineSteps{-3, -2, -1, 1, 2, 3};
 
 /// Of the points of one frame that the fit may see; NaN without any.
-Vec3d mean_seen(const FitCapture& capture, std::size_t frame) {
+Vec3d mean_seen(const fit::Capture& capture, std::size_t frame) {
   Vec3d sum = Vec3d::Zero();
   double count = 0.0;
   for (std::size_t i = 0; i < capture.input.tracks.points; ++i) {
@@ -51,14 +51,14 @@ struct FirstFrames {
 
 /// What noise alone leaves over of a flight [m]: root mean square distance over `frames` frames, of
 /// which the first says where the points are at rest unless that is given.
-double left_by_noise(const FitCapture& capture, std::size_t frames) {
+double left_by_noise(const fit::Capture& capture, std::size_t frames) {
   double sigma = 0.0;
   for (const double s : capture.sigma) sigma += s / double(capture.sigma.size());
   const double first = capture.places_given ? 1.0 : 2.0 * (1.0 - 1.0 / double(frames));
   return sigma * std::sqrt(3.0 * first);
 }
 
-std::optional<FirstFrames> motion_of(const FitCapture& capture, const mpm::Body& body,
+std::optional<FirstFrames> motion_of(const fit::Capture& capture, const mpm::Body& body,
                                      const Vec3d& gravity) {
   const Vec3d centre = mpm::center_of_volume(body);
   const capture::Tracks& tracks = capture.input.tracks;
@@ -106,13 +106,6 @@ std::optional<FirstFrames> motion_of(const FitCapture& capture, const mpm::Body&
   return best;
 }
 
-/// Steps of a scan, or nothing for what is not scanned.
-bool is_scanned(FitQuantity quantity) {
-  return quantity == FitQuantity::kYoungsModulus || quantity == FitQuantity::kBulkModulus ||
-         quantity == FitQuantity::kYieldStress || quantity == FitQuantity::kFrictionAngle ||
-         quantity == FitQuantity::kViscosity;
-}
-
 /// One way to go from a set of values: a parameter alone or, with `poisson` (that parameter's
 /// number; `number` is E's), the bulk modulus at a fixed shear modulus.
 struct Direction {
@@ -126,7 +119,7 @@ bool inside(const fit::Parameter& parameter, double value) {
 }
 
 /// The values `step` steps along; nothing where that is out of bounds.
-std::optional<std::vector<double>> stepped(const FitParameters& parameters,
+std::optional<std::vector<double>> stepped(const fit::Parameters& parameters,
                                            const Direction& direction, std::vector<double> values,
                                            int step) {
   const auto& all = parameters.parameters();
@@ -150,7 +143,7 @@ std::optional<std::vector<double>> stepped(const FitParameters& parameters,
 }
 
 /// Along one direction; true if other values than the present ones are the best.
-bool scan(const FitParameters& parameters, const Direction& direction,
+bool scan(const fit::Parameters& parameters, const Direction& direction,
           const std::vector<int>& first, const FitCost& costs, int farthest,
           std::vector<double>& values, double& cost) {
   std::map<int, double> known{{0, cost}};
@@ -198,12 +191,12 @@ bool scan(const FitParameters& parameters, const Direction& direction,
 }
 
 /// Poisson's ratio of the same body, if it too is fitted.
-std::optional<std::size_t> poisson_beside(const FitParameters& parameters, std::size_t number) {
-  const FitPath& own = parameters.path(number);
+std::optional<std::size_t> poisson_beside(const fit::Parameters& parameters, std::size_t number) {
+  const fit::Address& own = parameters.path(number);
+  const fit::Quantity& poisson = fit::row_named(fit::Owner::kBody, "material.nu");
   for (std::size_t i = 0; i < parameters.size(); ++i) {
-    const FitPath& path = parameters.path(i);
-    if (path.quantity == FitQuantity::kPoissonRatio && path.owner == own.owner &&
-        path.capture == own.capture) {
+    const fit::Address& path = parameters.path(i);
+    if (path.quantity == &poisson && path.owner == own.owner && path.capture == own.capture) {
       return i;
     }
   }
@@ -212,9 +205,11 @@ std::optional<std::size_t> poisson_beside(const FitParameters& parameters, std::
 
 }  // namespace
 
-MotionStart with_initial_motion(const std::vector<FitRun>& runs,
+MotionStart with_initial_motion(const std::vector<fit::Run>& runs,
                                 const std::vector<mpm::Scene>& scenes,
-                                const FitParameters& parameters, std::span<const double> values) {
+                                const fit::Parameters& parameters, std::span<const double> values) {
+  const fit::Quantity& velocity = fit::row_named(fit::Owner::kBody, "velocity");
+  const fit::Quantity& spin_row = fit::row_named(fit::Owner::kBody, "spin");
   MotionStart start;
   start.flights.assign(values.begin(), values.end());
   std::vector<std::uint8_t> done(values.size(), 0);
@@ -224,14 +219,13 @@ MotionStart with_initial_motion(const std::vector<FitRun>& runs,
   };
   std::vector<Guess> guesses;
   for (std::size_t r = 0; r < runs.size(); ++r) {
-    for (const FitCapture& capture : runs[r].captures) {
+    for (const fit::Capture& capture : runs[r].captures) {
       const mpm::Body& body = scenes[r].bodies[fit::body_index(scenes[r], capture.input.body)];
       if (capture.used_count == 0 || !body.pins.empty()) continue;
       std::vector<std::size_t> wanted;
       for (std::size_t i = 0; i < values.size(); ++i) {
-        const FitPath& path = parameters.path(i);
-        const bool motion =
-            path.quantity == FitQuantity::kVelocity || path.quantity == FitQuantity::kSpin;
+        const fit::Address& path = parameters.path(i);
+        const bool motion = path.quantity == &velocity || path.quantity == &spin_row;
         if (motion && path.owner == body.name && done[i] == 0 && parameters.acts_on(i, r)) {
           wanted.push_back(i);
         }
@@ -241,8 +235,8 @@ MotionStart with_initial_motion(const std::vector<FitRun>& runs,
       if (!first) continue;
       Guess found{capture.input.name, {}};
       for (const std::size_t i : wanted) {
-        const FitPath& path = parameters.path(i);
-        const bool spin = path.quantity == FitQuantity::kSpin;
+        const fit::Address& path = parameters.path(i);
+        const bool spin = path.quantity == &spin_row;
         if (spin && !first->motion.spin_observable) continue;
         const fit::Parameter& parameter = parameters.parameters()[i];
         found.values.emplace_back(
@@ -273,19 +267,21 @@ MotionStart with_initial_motion(const std::vector<FitRun>& runs,
   return start;
 }
 
-Scanned scanned(const FitParameters& parameters, std::vector<double> values, double cost,
+Scanned scanned(const fit::Parameters& parameters, std::vector<double> values, double cost,
                 const FitCost& costs, int farthest, bool finely) {
   std::vector<Direction> directions;
+  const fit::Quantity& youngs = fit::row_named(fit::Owner::kBody, "material.E");
   for (std::size_t i = 0; i < parameters.size(); ++i) {
-    const FitQuantity quantity = parameters.path(i).quantity;
-    if (!is_scanned(quantity)) continue;
+    const fit::Quantity* quantity = parameters.path(i).quantity;
+    if (!quantity->scanned) continue;
     directions.push_back({i, std::nullopt});
-    if (quantity != FitQuantity::kYoungsModulus) continue;
+    if (quantity != &youngs) continue;
     if (const auto poisson = poisson_beside(parameters, i)) directions.push_back({i, poisson});
   }
   std::stable_sort(directions.begin(), directions.end(),
                    [&](const Direction& a, const Direction& b) {
-                     return parameters.path(a.number).quantity < parameters.path(b.number).quantity;
+                     return parameters.path(a.number).quantity->row() <
+                            parameters.path(b.number).quantity->row();
                    });
   bool moved = false;
   for (const Direction& direction : directions) {

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "job/fit_captures.hpp"
-#include "job/fit_parameters.hpp"
+#include "fit/model/experiment.hpp"
+#include "fit/model/parameters.hpp"
 
 /// Where a fit begins.
 namespace matterfit::job {
@@ -22,13 +22,14 @@ struct MotionStart {
 };
 
 /// The values with velocity and spin replaced, where they are among the parameters, by those of the
-/// rigid motion through the first frames of a capture of that body (fit/data/initial_motion.hpp): as
-/// many frames as a ballistic flight explains, two where there are no more; of clouds the velocity
-/// alone, by the mean of a frame's points. A later capture of the body counts where an earlier one
-/// shows no flight. Bodies with pins stay. `scenes` one a run; noise settled (settle_noise()).
-[[nodiscard]] MotionStart with_initial_motion(const std::vector<FitRun>& runs,
+/// rigid motion through the first frames of a capture of that body (fit/data/initial_motion.hpp):
+/// as many frames as a ballistic flight explains, two where there are no more; of clouds the
+/// velocity alone, by the mean of a frame's points. A later capture of the body counts where an
+/// earlier one shows no flight. Bodies with pins stay. `scenes` one a run; noise settled
+/// (settle_noise()).
+[[nodiscard]] MotionStart with_initial_motion(const std::vector<fit::Run>& runs,
                                               const std::vector<mpm::Scene>& scenes,
-                                              const FitParameters& parameters,
+                                              const fit::Parameters& parameters,
                                               std::span<const double> values);
 
 /// Cost of each of the points; infinite where a simulation could not be completed.
@@ -44,7 +45,7 @@ struct Scanned {
 /// makes it wrong by decades), yield stress, friction angle, viscosity. Twice where there are
 /// several. `cost` is that of `values`; it goes `farthest` steps either way at most, both ways as
 /// long as no simulation could be completed. `finely`: at the end by quarters of these steps.
-[[nodiscard]] Scanned scanned(const FitParameters& parameters, std::vector<double> values,
+[[nodiscard]] Scanned scanned(const fit::Parameters& parameters, std::vector<double> values,
                               double cost, const FitCost& costs, int farthest = 8,
                               bool finely = false);
 

@@ -12,15 +12,10 @@ namespace {
 constexpr double kMost = 300.0;
 constexpr double kMoreThanStart = 10.0;
 
-bool is_stiffness(FitQuantity quantity) {
-  return quantity == FitQuantity::kYoungsModulus || quantity == FitQuantity::kBulkModulus ||
-         quantity == FitQuantity::kMaxwellModulus;
-}
-
 }  // namespace
 
-StartLimit::StartLimit(const std::vector<FitRun>& runs, const std::vector<mpm::Scene>& scenes,
-                       const FitParameters& parameters)
+StartLimit::StartLimit(const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
+                       const fit::Parameters& parameters)
     : parameters_(parameters), scenes_(scenes) {
   const std::vector<double> starts = parameters.starts();
   for (std::size_t r = 0; r < scenes_.size(); ++r) {
@@ -52,7 +47,7 @@ bool StartLimit::allows(std::span<const double> values) const {
 std::vector<double> StartLimit::softened(std::vector<double> values) const {
   const std::vector<double> given = values;
   for (std::size_t i = 0; i < values.size(); ++i) {
-    if (!is_stiffness(parameters_.path(i).quantity)) continue;
+    if (!parameters_.path(i).quantity->stiffness) continue;
     double ratio = 1.0;
     for (const Entry& entry : entries_) {
       if (entry.body != parameters_.path(i).owner || !parameters_.acts_on(i, entry.run)) continue;

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "job/fit_captures.hpp"
-#include "job/fit_parameters.hpp"
+#include "fit/model/experiment.hpp"
+#include "fit/model/parameters.hpp"
 
 namespace matterfit::job {
 
@@ -18,8 +18,8 @@ namespace matterfit::job {
 class StartLimit {
  public:
   /// `scenes` one a run; only runs that are fitted count.
-  StartLimit(const std::vector<FitRun>& runs, const std::vector<mpm::Scene>& scenes,
-             const FitParameters& parameters);
+  StartLimit(const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
+             const fit::Parameters& parameters);
 
   /// Whether a scan may try these values.
   [[nodiscard]] bool allows(std::span<const double> values) const;
@@ -35,7 +35,7 @@ class StartLimit {
   };
   [[nodiscard]] double substeps(std::span<const double> values, const Entry& entry) const;
 
-  const FitParameters& parameters_;
+  const fit::Parameters& parameters_;
   std::vector<mpm::Scene> scenes_;  ///< without particles
   std::vector<Entry> entries_;      ///< bodies whose material is moved
 };

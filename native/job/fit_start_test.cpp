@@ -9,6 +9,9 @@
 #include <random>
 #include <vector>
 
+#include "fit/data/capture_noise.hpp"
+#include "job/documents/fit_document.hpp"
+#include "job/fit_experiment.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/fit_start_limit.hpp"
 #include "job/run/build_scene.hpp"
@@ -37,15 +40,17 @@ Json fit_with(const std::vector<std::string>& parameters, double youngs_modulus 
 struct BuiltFit {
   BuiltFit(const Json& document, const fs::path& folder)
       : job(job_of(document, folder)),
+        loaded(unread_experiment(job)),
         scenes{scene_of(job)},
-        parameters(job.fit->parameters, {{&job, &scenes.front(), {}, nullptr}}) {}
+        parameters(job.fit->parameters, loaded.experiment.runs, scenes) {}
   static mpm::Scene scene_of(const Job& job) {
     Arena arena(1);
     return build_scene(job, arena, Interrupter()).scene;
   }
   const Job job;
+  const LoadedExperiment loaded;
   const std::vector<mpm::Scene> scenes;
-  const FitParameters parameters;
+  const fit::Parameters parameters;
 };
 
 /// Where a scan of E and ν ends that looks for `truth` (E, ν).
@@ -55,7 +60,7 @@ std::vector<double> scanned_from(double youngs_modulus, double poisson_ratio,
   document["scene"]["bodies"][0]["material"]["nu"] = poisson_ratio;
   const Folder folder;
   const BuiltFit built(document, folder.path);
-  const FitParameters& parameters = built.parameters;
+  const fit::Parameters& parameters = built.parameters;
   const Eigen::Vector2d goal = logarithms(truth[0], truth[1]);
   const auto cost = [&](const std::vector<double>& values) {
     EXPECT_GE(values[0], parameters.parameters()[0].low);
@@ -170,8 +175,8 @@ MotionStart motion_from(const Folder& folder, const std::vector<std::string>& na
   }
   const BuiltFit built(document, folder.path);
   std::vector<std::string> statements;
-  std::vector<FitRun> runs = load_fit_runs(built.job, statements);
-  settle_noise(runs.front(), built.scenes.front(), statements);
+  std::vector<fit::Run> runs = load_experiment(built.job, statements).experiment.runs;
+  fit::settle_noise(runs.front().captures, built.scenes.front(), statements);
   return with_initial_motion(runs, built.scenes, built.parameters, built.parameters.starts());
 }
 
@@ -212,7 +217,8 @@ TEST(FitStart, TheStiffestIsWhatCanBeSimulated) {
     record(thrown_cube(), folder.path, "a", 1);
     const BuiltFit built(fit_with({"material.E", "material.nu", "velocity"}, start), folder.path);
     std::vector<std::string> statements;
-    const StartLimit limit(load_fit_runs(built.job, statements), built.scenes, built.parameters);
+    const std::vector<fit::Run> runs = load_experiment(built.job, statements).experiment.runs;
+    const StartLimit limit(runs, built.scenes, built.parameters);
     std::vector<double> values = built.parameters.starts();
     EXPECT_TRUE(limit.allows(values));
     EXPECT_EQ(limit.softened(values), values);

@@ -76,14 +76,14 @@ fit::LeastSquaresState to_search(const Json& json) {
   return state;
 }
 
-Json to_json(const std::vector<FitSteps>& all) {
+Json to_json(const std::vector<fit::RunSteps>& all) {
   Json steps = Json::array();
-  for (const FitSteps& step : all) steps.push_back({step.substeps, step.limit});
+  for (const fit::RunSteps& step : all) steps.push_back({step.substeps, step.limit});
   return steps;
 }
 
-std::vector<FitSteps> to_steps(const Json& json) {
-  std::vector<FitSteps> steps;
+std::vector<fit::RunSteps> to_steps(const Json& json) {
+  std::vector<fit::RunSteps> steps;
   for (const Json& step : json) {
     steps.push_back({step.at(0).get<std::vector<int>>(), step.at(1).get<double>()});
   }

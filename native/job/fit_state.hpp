@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "fit/model/model.hpp"
 #include "fit/numerics/least_squares.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/documents/json_reader.hpp"
-#include "job/fit_model.hpp"
 
 namespace matterfit::job {
 
@@ -38,12 +38,12 @@ struct LawState {
   bool scan_due = false;    ///< the first stage ended far off; what it found is kept
   bool rescanned = false;   ///< the scan that follows has been made
   std::size_t stage = 0;
-  std::size_t first_stage = 0;           ///< later where a level does not show the motion
-  int repeats = 0;                       ///< of the last stage, with substeps chosen anew
-  std::vector<double> stage_start;       ///< the values where the stage began
-  std::vector<FitSteps> steps;           ///< of the present stage
-  std::vector<FitSteps> stand_in_steps;  ///< of the coarser level that leads it; empty: none
-  std::vector<int> refinements;          ///< of `steps`, that the residuals were computed with
+  std::size_t first_stage = 0;                ///< later where a level does not show the motion
+  int repeats = 0;                            ///< of the last stage, with substeps chosen anew
+  std::vector<double> stage_start;            ///< the values where the stage began
+  std::vector<fit::RunSteps> steps;           ///< of the present stage
+  std::vector<fit::RunSteps> stand_in_steps;  ///< of the coarser level that leads it; empty: none
+  std::vector<int> refinements;               ///< of `steps`, that the residuals were computed with
   std::vector<std::vector<Standing>> standings;  ///< by stage; candidates are compared by them
   std::optional<fit::LeastSquaresState> search;
   bool finished = false;

@@ -114,6 +114,7 @@ BodyContacts::BodyContacts(const Scene& scene, const std::vector<Member>& total,
     pair.law = resolve_contact(contact, looking, scene.dx);
     pair.law.stiffness =
         share * std::min(pair.law.stiffness, resolve_contact(contact, seen, scene.dx).stiffness);
+    pair.law.firm_at = 0.0;  // both sides give way anyhow
     pair.memory.resize(looking.rest.size());
     // Both sides give way; a pair of skins has half the stiffness in each of its two directions.
     const double other =

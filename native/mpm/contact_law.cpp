@@ -6,6 +6,25 @@
 #include <numbers>
 
 namespace matterfit::mpm {
+namespace {
+
+/// Of the body's size: where a default spring is twice as stiff. What it holds: docs/validation.md.
+constexpr double kFirmAt = 0.04;
+
+/// By which default contacts go [Pa].
+double contact_modulus(const Body& body) {
+  const double modulus = body.material.p_wave_modulus();
+  if (body.material.law == material::Law::kNewtonian) return modulus;
+  return std::min(modulus, 4.0 * body.material.mu());
+}
+
+double size_of(const Body& body) {
+  double volume = 0.0;
+  for (const double v : body.volumes) volume += v;
+  return std::cbrt(6.0 * volume / std::numbers::pi);  // of the ball of equal volume
+}
+
+}  // namespace
 
 ContactPoint contact_point(const shape::SurfacePoint& surface, const Mat3d& f, double volume,
                            double density, const Vec3d& velocity) {
@@ -46,7 +65,8 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32
   const double spring = law.stiffness * std::max(point.area, 0.0);
   const double dashpot = 2.0 * law.damping * std::sqrt(spring * point.mass);
   const double approach = -point.normal.dot(point.relative_velocity);
-  double normal_force = spring * depth + dashpot * approach;
+  const double firm = law.firm_at > 0.0 && depth > 0.0 ? depth / law.firm_at : 0.0;
+  double normal_force = spring * depth * (1.0 + firm * firm) + dashpot * approach;
   if (separates) normal_force = std::max(normal_force, 0.0);
   Vec3d force = normal_force * point.normal;
   if (law.kind == shape::ContactKind::kSlip || law.kind == shape::ContactKind::kSeparating)
@@ -69,6 +89,19 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32
   return force + tangential;
 }
 
+double firmness(const ContactLaw& law, double pressure) {
+  if (!(law.firm_at > 0.0)) return 1.0;
+  // δ + δ³ = q in units of δ₁, from above.
+  const double q = pressure / (law.stiffness * law.firm_at);
+  const double depth = std::min(q, std::cbrt(q));
+  return 1.0 + 3.0 * depth * depth;
+}
+
+double meeting_pressure(const Body& body, double speed, double pull) {
+  return std::sqrt(body.density * contact_modulus(body)) * speed +
+         2.0 * body.density * pull * size_of(body);
+}
+
 ContactLaw resolve_contact(const shape::Contact& contact, const Body& body, double dx) {
   ContactLaw law;
   law.kind = contact.kind;
@@ -76,13 +109,10 @@ ContactLaw resolve_contact(const shape::Contact& contact, const Body& body, doub
   law.damping = contact.damping >= 0.0 ? contact.damping : kContactDamping;
   law.stiffness = contact.stiffness;
   if (!(law.stiffness > 0.0)) {
-    double modulus = body.material.p_wave_modulus();
-    const double mu = body.material.mu();
-    if (!body.material.traits().fluid) modulus = std::min(modulus, 4.0 * mu);
-    double volume = 0.0;
-    for (const double v : body.volumes) volume += v;
-    const double size = std::cbrt(6.0 * volume / std::numbers::pi);  // of the ball of equal volume
+    const double modulus = contact_modulus(body);
+    const double size = size_of(body);
     law.stiffness = std::min(8.0 * modulus / size, modulus / dx);
+    if (body.material.traits().elastic()) law.firm_at = kFirmAt * size;
   }
   return law;
 }

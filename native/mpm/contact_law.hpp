@@ -11,16 +11,19 @@
 namespace matterfit::mpm {
 
 /// Contact of particles with surfaces, accurate below the cell: a penalty on the exact distance,
-///   f_n = k A ⟨r − d⟩ − damping,  A = J V/(2r₀),  r = r₀ √(nᵀ F Fᵀ n),
+///   f_n = k A δ (1 + (δ/δ₁)²) − damping,  δ = ⟨r − d⟩,  A = J V/(2r₀),  r = r₀ √(nᵀ F Fᵀ n),
 /// d the distance of the particle's centre; where the body has a field of displacements (total
 /// Lagrangian) gap and force are those of the face itself, r = 0.
-/// k [Pa/m] a property of the contact (a skin's compliance), so that results converge with dx.
+/// k [Pa/m] a property of the contact (a skin's compliance), so that results converge with dx; it
+/// is linear where it is given (δ₁ infinite), and where it is the default it grows with depth, so
+/// that neither weight nor impact lets a body sink by a tenth of its size (resolve_contact()).
 /// Friction is a tangential spring with memory, capped at μ f_n: it sticks without creeping.
 struct ContactLaw {
   shape::ContactKind kind = shape::ContactKind::kFriction;
   double mu = 0.0;
   double stiffness = 0.0;  ///< [Pa/m]
   double damping = 0.0;    ///< fraction of critical, of the particle on its spring
+  double firm_at = 0.0;    ///< δ₁ [m], where the spring is twice as stiff; 0: nowhere
 };
 
 /// What a particle remembers of the surface it touches. No padding: it is saved as bytes.
@@ -54,7 +57,17 @@ struct ContactPoint {
 [[nodiscard]] Vec3d contact_force(const ContactLaw& law, const ContactPoint& point,
                                   std::int32_t surface, double dt, ContactMemory& memory);
 
-/// Fills in the defaults: stiffness 8 M/size, at most M/dx, with M = λ+2μ, of a solid at most 4μ.
+/// By how much the tangent of the normal spring exceeds `stiffness` where it carries `pressure`
+/// [Pa], at least nearly; 1 of a linear one.
+[[nodiscard]] double firmness(const ContactLaw& law, double pressure);
+
+/// The pressure [Pa] with which a body at `speed` [m/s] meets a wall, ρ c v with c the wave speed
+/// by which defaults go (of resolve_contact()'s M), and that of its own weight under `pull` [m/s²].
+[[nodiscard]] double meeting_pressure(const Body& body, double speed, double pull);
+
+/// Fills in the defaults: stiffness 8 M/size, at most M/dx, with M = λ+2μ, of a solid at most 4μ;
+/// of an elastic body it doubles at a depth of a 25th of the size. The size is the diameter of
+/// the ball of equal volume.
 [[nodiscard]] ContactLaw resolve_contact(const shape::Contact& contact, const Body& body,
                                          double dx);
 

@@ -62,7 +62,7 @@ TEST(ContactAdjoint, MatchesDifferencesForEveryKindAndState) {
         shape::ContactKind::kFriction}) {
     for (int repeat = 0; repeat < 40; ++repeat) {
       Touch t;
-      t.law = {kind, repeat % 2 == 0 ? 0.1 : 3.0, 4e6, 0.2};
+      t.law = {kind, repeat % 2 == 0 ? 0.1 : 3.0, 4e6, 0.2, repeat % 4 < 2 ? 0.0 : 2e-2};
       t.surface.normal = vector().normalized();
       t.surface.distance = 0.01 + 0.008 * uniform(random);
       t.surface.velocity = 0.2 * vector();

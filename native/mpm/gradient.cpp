@@ -160,11 +160,7 @@ class Run {
 
   /// Asks for the present frame's loss.
   void observe() {
-    ObservedFrame frame;
-    frame.frame = stepper_.frame();
-    frame.time = (frame.frame - scene_.first_frame) / scene_.fps;
-    frame.bodies.resize(scene_.bodies.size());
-    tape_.see(frame, options_.deformation_gradients);
+    const ObservedFrame frame = stepper_.observe(options_.deformation_gradients);
     FrameLoss loss;
     loss.bodies.resize(scene_.bodies.size());
     observer_(frame, loss);

@@ -10,26 +10,13 @@
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
 #include "material/classical/law_gradient.hpp"
+#include "mpm/observed_frame.hpp"
 #include "mpm/scene.hpp"
 #include "mpm/schedule.hpp"
 #include "mpm/simulation.hpp"
 #include "shape/collider_adjoint.hpp"
 
 namespace matterfit::mpm {
-
-/// What an observer sees of one frame: FrameState's positions and velocities without rounding.
-struct ObservedFrame {
-  struct Body {
-    std::vector<Vec3d> positions;   ///< [m]
-    std::vector<Vec3d> velocities;  ///< [m/s]
-    /// FrameState's, of the elastic part where a law flows; only with
-    /// GradientOptions::deformation_gradients.
-    std::vector<Mat3d> deformation_gradients;
-  };
-  int frame = 0;
-  double time = 0.0;  ///< seconds after the scene's first frame
-  std::vector<Body> bodies;
-};
 
 /// What it says of it: its share of the loss, and the derivatives of that with respect to the
 /// particles' positions, velocities and deformation gradients, per body one each or none at all.

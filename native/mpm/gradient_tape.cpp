@@ -9,27 +9,6 @@
 namespace matterfit::mpm {
 
 template <class S>
-void TotalTape<S>::see(ObservedFrame& frame, bool deformation_gradients) const {
-  TotalGroup<S>& total = stepper_.total();
-  for (std::size_t m = 0; m < total.size(); ++m) {
-    const TotalBody<S>& body = total.body(m);
-    ObservedFrame::Body& seen = frame.bodies[total.index(m)];
-    seen.positions.resize(body.particles());
-    seen.velocities.resize(body.particles());
-    if (deformation_gradients) seen.deformation_gradients.resize(body.particles());
-    stepper_.arena().parallel_for(0, body.particles(), 256, [&](std::size_t p) {
-      const auto point = body.point(static_cast<std::uint32_t>(p));
-      const auto state = body.state(point);
-      seen.positions[p] = state.position;
-      seen.velocities[p] = state.velocity;
-      if (deformation_gradients) {
-        seen.deformation_gradients[p] = body.deformation_gradient(point);
-      }
-    });
-  }
-}
-
-template <class S>
 std::size_t TotalTape<S>::bytes(const State& state) {
   std::size_t bytes = 0;
   for (const TotalMemberState<S>& member : state) bytes += member.bytes();
@@ -65,21 +44,6 @@ void TotalTape<S>::back(std::size_t begin, std::size_t end, State first, const S
     after_ = memories(states.back());
     states.pop_back();
     passed(end);
-  }
-}
-
-template <class S>
-void UpdatedTape<S>::see(ObservedFrame& frame, bool deformation_gradients) const {
-  const std::vector<std::size_t>& bodies = stepper_.updated_bodies();
-  for (std::size_t m = 0; m < bodies.size(); ++m) {
-    ObservedFrame::Body& seen = frame.bodies[bodies[m]];
-    for (const UpdatedParticle& particle : stepper_.updated()->particles(m)) {
-      seen.positions.push_back(particle.position);
-      seen.velocities.push_back(particle.velocity);
-      if (deformation_gradients) {
-        seen.deformation_gradients.push_back(particle.deformation_gradient);
-      }
-    }
   }
 }
 

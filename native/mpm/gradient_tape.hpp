@@ -32,7 +32,6 @@ class TotalTape {
   TotalTape(Stepper<S>& stepper, SimdTarget target, bool rates)
       : stepper_(stepper), target_(target), rates_(rates) {}
 
-  void see(ObservedFrame& frame, bool deformation_gradients) const;
   [[nodiscard]] State state() const { return stepper_.total().record(); }
   /// Of what is kept of a substep [bytes].
   [[nodiscard]] static std::size_t bytes(const State& state);
@@ -83,7 +82,6 @@ class UpdatedTape {
   UpdatedTape(Stepper<S>& stepper, SimdTarget target, bool rates)
       : stepper_(stepper), target_(target), rates_(rates) {}
 
-  void see(ObservedFrame& frame, bool deformation_gradients) const;
   [[nodiscard]] State state() const;
   [[nodiscard]] std::size_t bytes(const State& state) const;
   void before_substep();

@@ -12,6 +12,7 @@
 #include "mpm/renewed_body.hpp"
 #include "mpm/renewed_contact.hpp"
 #include "mpm/renewed_grid.hpp"
+#include "mpm/renewed_terms.hpp"
 #include "mpm/total_block_field.hpp"
 #include "mpm/total_stencil.hpp"
 #include "mpm/unstable_error.hpp"
@@ -41,6 +42,7 @@ struct RenewedGroup<S>::Impl {
   std::vector<RenewedBody<S>> bodies;
   std::vector<RenewedContact<S>> contacts;
   RenewedNodeContact node_contact;
+  RenewedTerms<S> terms;
   RenewedGrid grid;
   std::vector<double> displacement;  ///< node blocks × [3][64] [m]
   std::vector<double> velocity;      ///< [m/s]
@@ -63,7 +65,8 @@ struct RenewedGroup<S>::Impl {
         kernels(&k),
         memory_limit(limit),
         dx(s.dx),
-        node_contact(colliders_met(s, true)) {
+        node_contact(colliders_met(s, true)),
+        terms(s, indices) {
     const Vec3d common = s.bodies[indices.front()].velocity;
     bodies.reserve(indices.size());
     contacts.reserve(indices.size());
@@ -126,7 +129,8 @@ struct RenewedGroup<S>::Impl {
 
   [[nodiscard]] double pull(double time) const {
     return std::max(scene->gravity.at(time).norm(),
-                    scene->gravity.at(time + 1.0 / scene->fps).norm());
+                    scene->gravity.at(time + 1.0 / scene->fps).norm()) +
+           terms.acceleration_bound(fastest());
   }
 
   [[nodiscard]] int looks_of_frame(double time) const {
@@ -380,6 +384,8 @@ std::pair<double, double> RenewedGroup<S>::step(Arena& arena, double time, doubl
                         s.displacement, s.velocity, s.dx, time, dt, s.loads[i]);
     s.kernels->forces(all[m], b);
     s.add_loads(i, m, b);
+    s.terms.add(s.bodies[m], m, b, s.grid.nodes_of(m).data() + std::size_t{8} * b, s.displacement,
+                s.velocity, s.dx, {time, gravity});
   });
   double least = 1.0;
   double most = 1.0;

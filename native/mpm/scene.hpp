@@ -74,6 +74,10 @@ struct Body {
   Vec3d velocity = Vec3d::Zero();  ///< initial, of the centre of mass [m/s]
   Vec3d spin = Vec3d::Zero();      ///< initial, world axes through the centre of mass [rad/s]
   std::vector<Vec3d> particle_velocities;  ///< optional, added to the rigid motion, one each
+  /// Of a body that is taken over in motion, in the updated formulation: F of each particle, and
+  /// ∇v [1/s] in place of that of `spin`. Empty: at rest, `rest` is where it has no stress.
+  std::vector<Mat3d> deformation_gradients;
+  std::vector<Mat3d> velocity_gradients;
   std::vector<Pin> pins;
   std::vector<AttachedMass> masses;
 };

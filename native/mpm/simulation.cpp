@@ -38,6 +38,9 @@ SubstepCost Simulation::measure(double seconds, const Interrupter& interrupter) 
 }
 
 FrameState Simulation::state() const { return impl_->stepper.state(); }
+ObservedFrame Simulation::observe(bool deformation_gradients) const {
+  return impl_->stepper.observe(deformation_gradients);
+}
 std::string Simulation::save() const { return impl_->stepper.save(); }
 void Simulation::load(const std::string& bytes) { impl_->stepper.load(bytes); }
 

@@ -11,6 +11,7 @@
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
 #include "math/simd_target.hpp"
+#include "mpm/observed_frame.hpp"
 #include "mpm/scene.hpp"
 
 namespace matterfit::mpm {
@@ -42,6 +43,7 @@ struct FrameReport {
   double max_volume_ratio = 1.0;
   double max_penetration = 0.0;  ///< deepest a particle's surface is inside a collider [m]
   double kinetic_energy = 0.0;   ///< [J]
+  std::string note;              ///< what the solver did to go on, a sentence; mostly empty
   double seconds = 0.0;          ///< wall clock
 };
 
@@ -58,13 +60,18 @@ struct SubstepCost {
 
 /// The forward solver: both formulations, all bodies, one clock.
 /// Throws Error(kInput) for a scene that cannot be simulated and Error(kCompute) for a run that
-/// fails (NaN, inverted element, particle outside the walls), naming body, particle, frame, cause
-/// and what to change.
+/// fails (NaN, inverted element, energy from nowhere, particle outside the walls), naming body,
+/// particle, frame, cause and what to change.
 class Simulation {
  public:
   struct Options {
     SimdTarget target = SimdTarget::kAuto;
     std::size_t memory_limit = std::size_t{8} << 30U;  ///< of grids and particles [bytes]
+    /// A body of formulation `auto` that the total Lagrangian one cannot follow goes on in the
+    /// updated one, and the frame's note says so; else it is an error. Not in a fit, where every
+    /// run must be of the same kind. For one body without pins, masses and branches, in a scene
+    /// without updated bodies.
+    bool hand_over = false;
   };
 
   Simulation(Scene scene, std::shared_ptr<Arena> arena, Options options);
@@ -79,6 +86,8 @@ class Simulation {
   /// Advances by one frame. On cancellation throws; the state is then unusable but for destruction.
   FrameReport advance(const Interrupter& interrupter);
   [[nodiscard]] FrameState state() const;
+  /// The same without rounding, for those who compare small differences.
+  [[nodiscard]] ObservedFrame observe(bool deformation_gradients) const;
 
   /// Runs substeps for about `seconds` of wall clock (one at least, a frame's at most) from
   /// where the first body moves, to see what they take. The state is then good for nothing but

@@ -18,7 +18,7 @@ namespace matterfit::mpm {
 namespace {
 
 /// Of saved states.
-constexpr std::uint32_t kStateVersion = 3;
+constexpr std::uint32_t kStateVersion = 4;
 
 constexpr int kMostRetries = 3;
 constexpr double kMostSubsteps = 5e6;
@@ -27,7 +27,7 @@ constexpr double kMostSubsteps = 5e6;
 
 template <class S>
 Stepper<S>::Stepper(Scene scene, std::shared_ptr<Arena> arena, const Simulation::Options& options)
-    : scene_(std::move(scene)), arena_(std::move(arena)) {
+    : scene_(std::move(scene)), arena_(std::move(arena)), options_(options) {
   check_scene(scene_);
   const MemoryEstimate needed = Simulation::estimate(scene_);
   if (needed.bytes > options.memory_limit) {
@@ -41,7 +41,16 @@ Stepper<S>::Stepper(Scene scene, std::shared_ptr<Arena> arena, const Simulation:
   if (scene_.walls) add_walls();
   add_inertia(scene_);
   check_start();
-  const Kernels<S>& table = kernels<S>(options.target);
+  build_groups();
+}
+
+template <class S>
+void Stepper<S>::build_groups() {
+  const Kernels<S>& table = kernels<S>(options_.target);
+  updated_bodies_.clear();
+  body_contacts_.reset();
+  updated_.reset();
+  renewed_.reset();
   total_ = std::make_unique<TotalGroup<S>>(scene_, table);
   std::vector<std::size_t> renewed;
   for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
@@ -53,11 +62,11 @@ Stepper<S>::Stepper(Scene scene, std::shared_ptr<Arena> arena, const Simulation:
   }
   if (!renewed.empty()) {
     renewed_ = std::make_unique<RenewedGroup<S>>(
-        scene_, renewed, renewed_kernels<S>(options.target), options.memory_limit);
+        scene_, renewed, renewed_kernels<S>(options_.target), options_.memory_limit);
   }
   if (!updated_bodies_.empty()) {
     updated_ =
-        std::make_unique<UpdatedGroup<S>>(scene_, updated_bodies_, table, options.memory_limit);
+        std::make_unique<UpdatedGroup<S>>(scene_, updated_bodies_, table, options_.memory_limit);
   }
   if constexpr (std::is_same_v<S, float>) {
     std::vector<BodyContacts::Member> members;
@@ -71,6 +80,40 @@ Stepper<S>::Stepper(Scene scene, std::shared_ptr<Arena> arena, const Simulation:
         "In double precision a scene has one body of formulation 'total', or bodies that are all "
         "'updated'.");
   }
+}
+
+template <class S>
+bool Stepper<S>::hand_over(const std::string& before, std::size_t body) {
+  const Body& whole = scene_.bodies[body];
+  if (!options_.hand_over || updated_ || renewed_ || whole.formulation != Formulation::kAuto ||
+      !whole.pins.empty() || !whole.masses.empty() || !whole.material.maxwell.empty()) {
+    return false;
+  }
+  load(before);
+  std::size_t member = 0;
+  while (total_->index(member) != body) ++member;
+  std::vector<TotalMemberState<S>> others = total_->record();
+  others.erase(others.begin() + static_cast<std::ptrdiff_t>(member));
+  const TotalBody<S>& moving = total_->body(member);
+  Body taken = whole;
+  taken.formulation = Formulation::kUpdated;
+  taken.velocity = taken.spin = Vec3d::Zero();
+  taken.particle_velocities.resize(taken.rest.size());
+  taken.deformation_gradients.resize(taken.rest.size());
+  taken.velocity_gradients.resize(taken.rest.size());
+  arena_->parallel_for(0, taken.rest.size(), 256, [&](std::size_t p) {
+    const auto at = moving.point(static_cast<std::uint32_t>(p));
+    const auto now = moving.state(at);
+    taken.rest[p] = now.position;
+    taken.particle_velocities[p] = now.velocity;
+    taken.deformation_gradients[p] = moving.deformation_gradient(at);
+    taken.velocity_gradients[p] = moving.velocity_gradient(at);
+  });
+  scene_.bodies[body] = std::move(taken);
+  handed_ = static_cast<std::uint32_t>(body);
+  build_groups();
+  total_->restore(others);
+  return true;
 }
 
 /// Closed walls touch like any other collider.
@@ -247,7 +290,7 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
     if (fixed > 0) step = {1.0 / (scene_.fps * fixed), "scene.substeps"};
   }
   const bool may_retry = !(scene_.dt > 0.0) && fixed == 0;
-  const std::string before = may_retry ? save() : "";  // with the limits just found
+  std::string before = may_retry ? save() : "";  // with the limits just found
   double count = fixed > 0 ? fixed : substeps(step);
   if (may_retry && renewed_) count = renewed_->whole_substeps(time_of(frame_), count);
   if (!(count < kMostSubsteps)) {
@@ -258,7 +301,9 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
   }
   FrameReport report;
   // A frame that fails is tried again with half the substep before the run gives up: a hard
-  // impact can stiffen the body within a frame.
+  // impact can stiffen the body within a frame. What no step of this formulation can follow goes on
+  // in the other one.
+  std::string note;
   for (int attempt = 0;; ++attempt) {
     report = FrameReport{};
     report.substeps = static_cast<int>(count);
@@ -272,15 +317,31 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
         this->step(time_of(frame_) + k * report.dt, report.dt, report);
         if (hooks.after) hooks.after();
       }
-      break;
-    } catch (const UnstableError&) {
-      if (attempt == kMostRetries || !may_retry || 2.0 * count > kMostSubsteps) {
-        throw;
+      if (!scheduled) {
+        const bool alone = !body_contacts_ || !body_contacts_->any();
+        total_->watch_energy(*arena_, time_of(frame_), alone, frame_);
       }
-      load(before);
-      count *= 2.0;
+      break;
+    } catch (const UnstableError& error) {
+      if (!may_retry) throw;
+      if (attempt < kMostRetries && 2.0 * count <= kMostSubsteps) {
+        load(before);
+        count *= 2.0;
+        continue;
+      }
+      if (!error.body() || !hand_over(before, *error.body())) throw;
+      note = "Body '" + scene_.bodies[*error.body()].name + "' deformed in frame " +
+             std::to_string(frame_) +
+             " more than the total Lagrangian formulation can follow, and goes on in the updated "
+             "one from there, which damps motion. A smaller particle separation or a stiffer "
+             "material would hold it; formulation 'updated' does the same from the start.";
+      step = choose_step(time_of(frame_), interrupter);
+      count = substeps(step);
+      before = save();
+      attempt = -1;
     }
   }
+  report.note = note;
   taken_ = {report.substeps, total_->elastic_dt()};
   ++frame_;
   report.frame = frame_;
@@ -326,10 +387,60 @@ FrameState Stepper<S>::state() const {
 }
 
 template <class S>
+ObservedFrame Stepper<S>::observe(bool deformation_gradients) const {
+  ObservedFrame out;
+  out.frame = frame_;
+  out.time = time_of(frame_);
+  out.bodies.resize(scene_.bodies.size());
+  for (std::size_t m = 0; m < total_->size(); ++m) {
+    const TotalBody<S>& body = total_->body(m);
+    ObservedFrame::Body& seen = out.bodies[total_->index(m)];
+    seen.positions.resize(body.particles());
+    seen.velocities.resize(body.particles());
+    if (deformation_gradients) seen.deformation_gradients.resize(body.particles());
+    arena_->parallel_for(0, body.particles(), 256, [&](std::size_t p) {
+      const auto point = body.point(static_cast<std::uint32_t>(p));
+      const auto state = body.state(point);
+      seen.positions[p] = state.position;
+      seen.velocities[p] = state.velocity;
+      if (deformation_gradients) {
+        seen.deformation_gradients[p] = body.deformation_gradient(point);
+      }
+    });
+  }
+  for (std::size_t m = 0; m < updated_bodies_.size(); ++m) {
+    ObservedFrame::Body& seen = out.bodies[updated_bodies_[m]];
+    for (const UpdatedParticle& particle : updated_->particles(m)) {
+      seen.positions.push_back(particle.position);
+      seen.velocities.push_back(particle.velocity);
+      if (deformation_gradients) {
+        seen.deformation_gradients.push_back(particle.deformation_gradient);
+      }
+    }
+  }
+  if (renewed_) {
+    // These give their state rounded only.
+    std::vector<BodyState> rounded(scene_.bodies.size());
+    renewed_->sample(*arena_, rounded);
+    for (std::size_t i = 0; i < rounded.size(); ++i) {
+      ObservedFrame::Body& seen = out.bodies[i];
+      for (const Vec3f& x : rounded[i].positions) seen.positions.push_back(x.cast<double>());
+      for (const Vec3f& v : rounded[i].velocities) seen.velocities.push_back(v.cast<double>());
+      if (!deformation_gradients) continue;
+      for (const Mat3f& f : rounded[i].deformation_gradients) {
+        seen.deformation_gradients.push_back(f.cast<double>());
+      }
+    }
+  }
+  return out;
+}
+
+template <class S>
 std::string Stepper<S>::save() const {
   ByteWriter out;
   out.put(kStateVersion);
   out.put(frame_);
+  out.put(handed_);
   total_->save(out);
   if (updated_) updated_->save(out);
   if (renewed_) renewed_->save(out);
@@ -345,6 +456,17 @@ void Stepper<S>::load(const std::string& bytes) {
   if (version != kStateVersion)
     throw_input("The checkpoint is of another version. Simulate again.");
   in.get(frame_);
+  std::uint32_t handed = kNoBody;
+  in.get(handed);
+  if (handed != handed_) {
+    // The rest shape does not matter: an updated body's state is all in the bytes.
+    if (handed >= scene_.bodies.size() || handed_ != kNoBody) {
+      throw_input("The checkpoint is of another scene. Simulate again.");
+    }
+    scene_.bodies[handed].formulation = Formulation::kUpdated;
+    handed_ = handed;
+    build_groups();
+  }
   total_->load(in);
   if (updated_) updated_->load(in);
   if (renewed_) renewed_->load(in);

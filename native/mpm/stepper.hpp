@@ -59,11 +59,18 @@ class Stepper {
   void substep(int frame, const FrameSchedule& plan, int k);
 
   [[nodiscard]] FrameState state() const;
+  /// The same without rounding; bodies of the formulation `renewed` are rounded still.
+  [[nodiscard]] ObservedFrame observe(bool deformation_gradients) const;
   [[nodiscard]] std::string save() const;
   void load(const std::string& bytes);
 
  private:
+  static constexpr std::uint32_t kNoBody = 0xffffffffU;
+
   void add_walls();
+  void build_groups();
+  /// The state at `before`, with the body in the updated formulation. False if it cannot be.
+  [[nodiscard]] bool hand_over(const std::string& before, std::size_t body);
   void check_start() const;
   void check_walls(const FrameState& state) const;
   [[nodiscard]] double time_of(int at) const { return (at - scene_.first_frame) / scene_.fps; }
@@ -75,6 +82,8 @@ class Stepper {
 
   Scene scene_;
   std::shared_ptr<Arena> arena_;
+  Simulation::Options options_;
+  std::uint32_t handed_ = kNoBody;  ///< the body that was handed over
   std::unique_ptr<TotalGroup<S>> total_;
   std::unique_ptr<UpdatedGroup<S>> updated_;
   std::unique_ptr<RenewedGroup<S>> renewed_;

@@ -64,7 +64,7 @@ std::vector<Vec3d> TotalAdjoint<S>::deferred_accelerations(Arena& arena,
   for (const std::uint32_t node : body_.pins_->deferred_nodes()) {
     if (node / kBlockNodes != summed) {
       summed = node / kBlockNodes;
-      body_.sum_forces(summed, force);
+      body_.sum_internal_forces(summed, force);
     }
     Vec3d f;
     for (std::size_t c = 0; c < 3; ++c) {
@@ -149,16 +149,31 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   view.law_bar = block_law_.data();
   arena.parallel_for(0, grid.blocks(), 1, [&](std::size_t b) { kernels_.total_forces(view, b); });
   const bool damped = view.forward.law.damped;
+  const double modulus = static_cast<double>(body_.law_.mu);
+  std::vector<double> block_work(body_.ties_ ? grid.node_blocks() : 0, 0.0);
   arena.parallel_for(0, grid.node_blocks(), 4, [&](std::size_t b) {
     double sum[kNodeBlock];
     sum_halos(grid, displacement_halo_.data(), b, sum);
     for (std::size_t i = 0; i < kNodeBlock; ++i) u_bar[b * kNodeBlock + i] += sum[i];
+    if (body_.ties_) {
+      // Linear and symmetric.
+      body_.ties_->add_forces(b, modulus, force_bar.data(), u_bar.data() + b * kNodeBlock);
+      double pull[kNodeBlock] = {};
+      body_.ties_->add_forces(b, modulus, before.displacement.data(), pull);
+      for (std::size_t i = 0; i < kNodeBlock; ++i) {
+        block_work[b] += force_bar[b * kNodeBlock + i] * pull[i];
+      }
+    }
     if (!damped) return;
     sum_halos(grid, velocity_halo_.data(), b, sum);
     for (std::size_t i = 0; i < kNodeBlock; ++i) v_bar[b * kNodeBlock + i] += sum[i];
   });
   LawCotangents all;
   for (const LawCotangents& block : block_law_) all += block;
+  double work = 0.0;
+  for (const double of_block : block_work) work += of_block;
+  all.work += work;
+  all.constants.mu += work / modulus;
   bar.law += all;
   bar.log_density -= all.work;
   for (std::size_t i = 0; i < bar.maxwell.size(); ++i) {

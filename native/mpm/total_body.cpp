@@ -62,6 +62,7 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   acceleration_.assign(displacement_.size(), 0.0);
   free_.assign(displacement_.size(), 0.0);
   share_masses();
+  if (!law_.plastic) ties_ = std::make_unique<SkinTies>(grid_, density_, pins_->deferred());
 
   const Vec3d velocity = grid_.axes().transpose() * body.velocity;
   const Vec3d spin = grid_.axes().transpose() * body.spin;
@@ -159,6 +160,14 @@ void TotalBody<S>::sum_forces(std::size_t node_block, double* out) const {
 }
 
 template <class S>
+void TotalBody<S>::sum_internal_forces(std::size_t node_block, double* out) const {
+  sum_forces(node_block, out);
+  if (ties_) {
+    ties_->add_forces(node_block, static_cast<double>(law_.mu), displacement_.data(), out);
+  }
+}
+
+template <class S>
 void TotalBody<S>::step_nodes(Arena& arena, double kick, double dt, const Vec3d& gravity,
                               double time) {
   const Vec3d g = grid_.axes().transpose() * gravity;
@@ -168,7 +177,7 @@ void TotalBody<S>::step_nodes(Arena& arena, double kick, double dt, const Vec3d&
   std::vector<Vec3d> deferred_acceleration(deferred_nodes.size());
   arena.parallel_for(0, grid_.node_blocks(), 4, [&](std::size_t b) {
     double* a = acceleration_.data() + b * kNodeBlock;
-    sum_forces(b, a);
+    sum_internal_forces(b, a);
     const double* inv = inverse.data() + b * kBlockNodes;
     for (std::size_t i = 0; i < kNodeBlock; ++i) a[i] *= inv[i % kBlockNodes];
   });
@@ -305,7 +314,7 @@ double TotalBody<S>::stable_time_step(Arena& arena, int iterations,
     compute_forces(arena, 1.0, false);
     std::vector<double> f(size);
     arena.parallel_for(0, grid_.node_blocks(), 4,
-                       [&](std::size_t b) { sum_forces(b, f.data() + b * kNodeBlock); });
+                       [&](std::size_t b) { sum_internal_forces(b, f.data() + b * kNodeBlock); });
     return f;
   };
   const std::vector<double> base = forces();

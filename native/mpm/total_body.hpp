@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <Eigen/LU>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -15,6 +16,7 @@
 #include "mpm/simulation.hpp"
 #include "mpm/state_bytes.hpp"
 #include "mpm/total_grid.hpp"
+#include "mpm/total_skin.hpp"
 #include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
@@ -113,6 +115,12 @@ class TotalBody {
   [[nodiscard]] Mat3d deformation_gradient(const Point& point) const {
     return deformation_gradient(field_gradient(point.field, displacement_.data()));
   }
+  /// ∇v [1/s], world axes.
+  [[nodiscard]] Mat3d velocity_gradient(const Point& point) const {
+    const Mat3d rate =
+        grid_.axes() * field_gradient(point.field, velocity_.data()) * grid_.axes().transpose();
+    return rate * deformation_gradient(point).inverse();
+  }
   /// From displacement and velocity there, and from Σ u ⊗ ∇w, all in body axes.
   [[nodiscard]] PointState state(const Place& place, const Vec3d& displacement,
                                  const Vec3d& velocity) const {
@@ -134,6 +142,11 @@ class TotalBody {
   [[nodiscard]] BlockExtremes<S> extremes() const;
   [[nodiscard]] double max_speed() const;
   [[nodiscard]] double kinetic_energy() const;
+  /// Of the shape half a substep before the displacements', where the velocities are [J]: of the
+  /// law and the skin's ties; branches left out.
+  [[nodiscard]] double elastic_energy(Arena& arena, double dt) const;
+  /// m x of the same time, world axes [kg m].
+  [[nodiscard]] Vec3d mass_moment(double dt) const;
 
   void save(ByteWriter& out) const;
   void load(ByteReader& in);
@@ -169,6 +182,8 @@ class TotalBody {
   void apply_loads(std::size_t block);
   [[nodiscard]] TotalView<S> view(double dt, bool commit) const;
   void sum_forces(std::size_t node_block, double* out) const;
+  /// The same with the pull of the skin's ties: the forces on a block's nodes.
+  void sum_internal_forces(std::size_t node_block, double* out) const;
 
   std::string name_;
   double density_;
@@ -193,6 +208,7 @@ class TotalBody {
   mutable std::vector<BlockExtremes<S>> extremes_;
   std::vector<double> mode_;  ///< last vector of the power iteration
   std::unique_ptr<TotalPins> pins_;
+  std::unique_ptr<SkinTies> ties_;  ///< null: what flows for good must not spring back
 };
 
 extern template class TotalBody<float>;

@@ -11,14 +11,14 @@ namespace matterfit::mpm {
 template <class S>
 TotalContact<S>::TotalContact(const Body& body, const Scene& scene, const TotalBody<S>& total)
     : density_(body.density) {
-  const double response = scene.colliders.empty() ? 0.0 : total.grid().contact_response();
+  response_ = scene.colliders.empty() ? 0.0 : total.grid().contact_response();
   for (const shape::ColliderPtr& collider : scene.colliders) {
     animated_ = animated_ || collider->animated();
     colliders_.push_back({collider, resolve_contact(collider->contact(), body, scene.dx)});
-    frequency_squared_ = std::max(frequency_squared_, colliders_.back().law.stiffness * response);
   }
   wake_time_.assign(total.blocks(), 0.0);
   penetration_.assign(total.blocks(), 0.0);
+  work_.assign(total.blocks(), 0.0);
   if (colliders_.empty()) return;
   memory_.resize(total.particles());
   skin_.resize(total.blocks());
@@ -37,6 +37,7 @@ void TotalContact<S>::wake(double frame_seconds, double acceleration) {
   acceleration_ = acceleration;
   std::fill(wake_time_.begin(), wake_time_.end(), -1e30);
   std::fill(penetration_.begin(), penetration_.end(), 0.0);
+  std::fill(work_.begin(), work_.end(), 0.0);
 }
 
 template <class S>
@@ -74,6 +75,7 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
         const Vec3d force = contact_force(colliders_[s].law, point, id, dt, memory_[p]);
         if (!force.isZero(0.0)) {
           body.add_load(p, at_face, force);
+          work_[b] += dt * force.dot(face_state.velocity);
           touching = true;
           penetration_[b] = std::max(penetration_[b], point.radius - point.distance);
         }
@@ -87,10 +89,27 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
 }
 
 template <class S>
+double TotalContact<S>::frequency_squared(double pressure) const {
+  double highest = 0.0;
+  for (const Surface& surface : colliders_) {
+    highest =
+        std::max(highest, surface.law.stiffness * firmness(surface.law, pressure) * response_);
+  }
+  return highest;
+}
+
+template <class S>
 double TotalContact<S>::max_penetration() const {
   double deepest = 0.0;
   for (const double p : penetration_) deepest = std::max(deepest, p);
   return deepest;
+}
+
+template <class S>
+double TotalContact<S>::work() const {
+  double sum = 0.0;
+  for (const double w : work_) sum += w;
+  return sum;
 }
 
 template <class S>

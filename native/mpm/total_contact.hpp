@@ -33,9 +33,13 @@ class TotalContact {
   /// At the start of a frame: every block looks again.
   void wake(double frame_seconds, double acceleration);
   [[nodiscard]] bool any() const { return !colliders_.empty(); }
-  /// Highest ω² of the body's skin on its contact springs [1/s²].
-  [[nodiscard]] double frequency_squared() const { return frequency_squared_; }
+  /// Highest ω² of the body's skin on its contact springs under this pressure [Pa], [1/s²].
+  [[nodiscard]] double frequency_squared(double pressure) const;
   [[nodiscard]] double max_penetration() const;
+  /// What the forces have given the body since wake() [J].
+  [[nodiscard]] double work() const;
+  /// Its surfaces move: they may give any work.
+  [[nodiscard]] bool animated() const { return animated_; }
   [[nodiscard]] ContactState record() const;
   void restore(const ContactState& state);
 
@@ -49,12 +53,13 @@ class TotalContact {
   };
   std::vector<Surface> colliders_;
   double density_;
-  double frequency_squared_ = 0.0;
+  double response_ = 0.0;  ///< TotalGrid::contact_response()
   double frame_seconds_ = 0.0;
   double acceleration_ = 0.0;
   bool animated_ = false;                         ///< any collider
   std::vector<double> wake_time_;                 ///< per block
   std::vector<double> penetration_;               ///< per block, deepest of the frame [m]
+  std::vector<double> work_;                      ///< per block, of the frame [J]
   std::vector<ContactMemory> memory_;             ///< per particle
   std::vector<std::vector<std::uint32_t>> skin_;  ///< surface particles of each block
   std::vector<std::uint32_t> all_skin_;           ///< ascending

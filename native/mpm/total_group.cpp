@@ -18,6 +18,11 @@ constexpr int kFrameIterations = 16;
 /// away, applied every few substeps (docs/why.md: what it costs a beam).
 constexpr double kSmoothing = 0.02;
 constexpr int kSmoothingInterval = 8;
+/// Of a frame's energies: what they may seem to grow by. A substep's work is that of its force at
+/// the velocity before, which is short by the square of the velocity's change in it, and the
+/// fastest modes, at velocities half a substep off their shape, show up to dt_safety² of their
+/// energy twice (docs/why.md). An instability doubles its own within a few substeps.
+constexpr double kEnergySlack = 0.1;
 
 }  // namespace
 
@@ -47,6 +52,9 @@ TotalGroup<S>::TotalGroup(const Scene& scene, const Kernels<S>& kernels) : scene
     member.body = std::make_unique<TotalBody<S>>(scene.bodies[i], scene, kernels);
     member.contact = std::make_unique<TotalContact<S>>(scene.bodies[i], scene, *member.body);
     member.terms = std::make_unique<TotalTerms<S>>(scene, scene.bodies[i], *member.body);
+    member.start = member.body->mass_moment(0.0);
+    member.budget = member.body->kinetic_energy();
+    member.budget_known = true;
     members_.push_back(std::move(member));
   }
   last_.resize(members_.size());
@@ -75,15 +83,16 @@ void TotalGroup<S>::limit_step(Arena& arena, double time, const OtherContact& ot
       member.since_probe = 0;
     }
     if (scene_.dt > 0.0) continue;
+    const double pull = scene_.gravity.at(time).norm();
+    double speed = member.body->max_speed();
+    speed += (pull + member.terms->terms().acceleration_bound(speed)) / scene_.fps;
     if (member.contact->any() || other.any) {
       // A face must not cross a collider, nor what resists it, within a substep.
-      double speed = member.body->max_speed();
-      speed += (scene_.gravity.at(time).norm() + member.terms->terms().acceleration_bound(speed)) /
-               scene_.fps;
       if (speed > 0.0) limit.limit_to(scene_.cfl * scene_.dx / speed, "CFL");
     }
     const double omega = 2.0 / member.elastic_dt;
-    const double contact = member.contact->frequency_squared() + other.frequency_squared;
+    const double pressure = meeting_pressure(scene_.bodies[member.index], speed, pull);
+    const double contact = member.contact->frequency_squared(pressure) + other.frequency_squared;
     const double fastest = std::sqrt(omega * omega + contact);
     // Explicit damping lowers the limit 2/ω to (2/ω)(√(1 + ξ²) − ξ), ξ its share of critical
     // (Belytschko, Liu and Moran, Nonlinear Finite Elements, §6.6.6); the rate of a damping is
@@ -176,6 +185,40 @@ void TotalGroup<S>::step(Arena& arena, double time, double dt, const Vec3d& grav
 }
 
 template <class S>
+void TotalGroup<S>::watch_energy(Arena& arena, double time, bool alone, int frame) {
+  const Vec3d gravity = scene_.gravity.at(time);
+  const double frame_seconds = 1.0 / scene_.fps;
+  const bool steady = (scene_.gravity.at(time + frame_seconds) - gravity).isZero(0.0);
+  for (Member& member : members_) {
+    const Body& body = scene_.bodies[member.index];
+    const TotalBody<S>& total = *member.body;
+    if (!alone || !steady || member.contact->animated() || !body.pins.empty() ||
+        !body.masses.empty() || member.terms->terms().act() || !body.material.traits().elastic()) {
+      member.budget_known = false;
+      continue;
+    }
+    const double kinetic = total.kinetic_energy();
+    const double elastic = total.elastic_energy(arena, member.last_dt);
+    const double height = -gravity.dot(total.mass_moment(member.last_dt) - member.start);
+    const double work = member.contact->work();
+    const double energy = kinetic + elastic + height;
+    const double floor = total.grid().total_mass() * (gravity.norm() * scene_.dx + 1e-12);
+    const double slack = kEnergySlack * (kinetic + elastic + std::abs(work) + floor);
+    if (member.budget_known && !(energy <= member.budget + work + slack)) {
+      std::ostringstream text;
+      text << "Body '" << total.name() << "', frame " << frame << " (" << time << " s): it has "
+           << energy - member.budget - work << " J more than it had and was given (" << kinetic
+           << " J of motion, " << elastic
+           << " J of shape): the step is too long for it. Use a smaller scene.solver.dt_safety, a "
+              "smaller particle separation, or formulation 'updated'.";
+      throw UnstableError(text.str(), member.index);
+    }
+    member.budget = member.budget_known ? std::min(member.budget + work, energy) : energy;
+    member.budget_known = true;
+  }
+}
+
+template <class S>
 void TotalGroup<S>::fail(const Member& member, double time, int frame) const {
   const TotalBody<S>& body = *member.body;
   std::uint32_t worst = 0;
@@ -204,7 +247,7 @@ void TotalGroup<S>::fail(const Member& member, double time, int frame) const {
   text << " The deformation is larger than this grid can follow: use a smaller particle "
           "separation, a smaller scene.solver.dt_safety, gentler motion, or formulation "
           "'updated' if the body flows or tears.";
-  throw UnstableError(text.str());
+  throw UnstableError(text.str(), member.index);
 }
 
 template <class S>
@@ -230,6 +273,8 @@ void TotalGroup<S>::save(ByteWriter& out) const {
     out.put(member.since_probe);
     out.put(member.probed);
     out.put(member.latest);
+    out.put(member.budget);
+    out.put(member.budget_known);
     member.body->save(out);
     member.contact->save(out);
   }
@@ -244,6 +289,8 @@ void TotalGroup<S>::load(ByteReader& in) {
     in.get(member.since_probe);
     in.get(member.probed);
     in.get(member.latest);
+    in.get(member.budget);
+    in.get(member.budget_known);
     member.body->load(in);
     member.contact->load(in);
   }

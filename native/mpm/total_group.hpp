@@ -80,6 +80,11 @@ class TotalGroup {
   /// The last one of each body.
   [[nodiscard]] const std::vector<TotalSubstep>& last_substeps() const { return last_; }
 
+  /// At the end of a frame that began at `time`: throws UnstableError for a body that has more
+  /// energy than it had and was given. Of elastic bodies that nothing holds and no term acts on, in
+  /// steady gravity, off moving surfaces; `alone`: no other body can touch them.
+  void watch_energy(Arena& arena, double time, bool alone, int frame);
+
   void sample(Arena& arena, std::vector<BodyState>& bodies) const;
   void report(FrameReport& report) const;
   void save(ByteWriter& out) const;
@@ -99,6 +104,9 @@ class TotalGroup {
     int since_probe = 0;  ///< substeps since the probe for the fastest mode that gave elastic_dt
     BlockExtremes<S> probed{S(1), S(1)};  ///< then
     BlockExtremes<S> latest{S(1), S(1)};  ///< in the last substep
+    Vec3d start = Vec3d::Zero();          ///< mass moment at rest: where height counts from
+    double budget = 0.0;                  ///< energy that it may have [J]
+    bool budget_known = false;
 
     [[nodiscard]] bool needs_probe() const;
   };

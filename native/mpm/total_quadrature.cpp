@@ -11,12 +11,6 @@ namespace {
 /// Thinner slices than this share of a box are rounding.
 constexpr double kSliver = 1e-6;
 
-/// Cells filled less than this have a host: half cells, which a lattice that is aligned with the
-/// grid leaves, among them. Measured as the spread of a rebound over shifts of the grid (8, 12, 16
-/// cells across): .35 gives 4.3, 1.6 %; .45 3.2, 1.2, .57 %; .55 2.9, .87, .30 %; .7 turns inside
-/// out.
-constexpr double kLeastFilled = 0.55;
-
 struct Slice {
   int cell;
   double middle;
@@ -112,83 +106,35 @@ void add_gauss_points(Pieces begin, Pieces end, const std::vector<Vec3d>& coordi
   }
 }
 
-struct FilledCell {
-  Vec3i cell;
-  Pieces begin, end;
-  double filled;
-};
-
-std::vector<FilledCell> filled_cells(const std::vector<Piece>& pieces) {
-  std::vector<FilledCell> cells;
-  for (Pieces piece = pieces.begin(); piece != pieces.end(); ++piece) {
-    if (cells.empty() || cells.back().cell != piece->point.cell) {
-      cells.push_back({piece->point.cell, piece, piece, 0.0});
-    }
-    cells.back().end = piece + 1;
-    cells.back().filled += piece->covered;
-  }
-  return cells;
-}
-
-/// Of the 26 neighbours that are filled enough: one across a face before one across an edge or a
-/// corner, then the fullest. The cell itself if there is none.
-Vec3i find_host(const std::vector<FilledCell>& cells, const Vec3i& cell) {
-  Vec3i host = cell;
-  double best = 0.0;
-  for (int i = 0; i < 27; ++i) {
-    const Vec3i step(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
-    const auto place = first_of(cells, cell + step);
-    if (i == 13 || place == cells.end() || place->cell != cell + step) continue;
-    if (place->filled < kLeastFilled) continue;
-    const double score = place->filled - 2.0 * step.cwiseAbs().sum() + 10.0;
-    if (score > best + 1e-9) {
-      best = score;
-      host = place->cell;
-    }
-  }
-  return host;
-}
-
 }  // namespace
 
 Vec3i Quadrature::cell_at(const Vec3i& cell, const Vec3i& otherwise) const {
-  const auto home = homes.find({cell[0], cell[1], cell[2]});
-  return home == homes.end() ? otherwise : home->second;
+  return filled.count({cell[0], cell[1], cell[2]}) > 0 ? cell : otherwise;
 }
 
 Quadrature cell_quadrature(const std::vector<Vec3d>& coordinates,
                            const std::vector<double>& volumes, double edge) {
   Quadrature result;
   const std::vector<Piece> pieces = cut(coordinates, volumes, edge);
-  const std::vector<FilledCell> cells = filled_cells(pieces);
-  for (const FilledCell& c : cells) {
-    const bool is_hosted = edge > 0.0 && c.filled < kLeastFilled;
-    const Vec3i host = is_hosted ? find_host(cells, c.cell) : c.cell;
-    result.homes[{c.cell[0], c.cell[1], c.cell[2]}] = host;
-    if (is_hosted) {
-      for (Pieces piece = c.begin; piece != c.end; ++piece) {
-        QuadraturePoint q = piece->point;
-        q.f += (c.cell - host).cast<double>();
-        q.cell = host;
-        if (host != c.cell) q.kind = PointKind::kHosted;
-        result.points.push_back(q);
-      }
-    } else if (is_full(c.begin, c.end, volumes)) {
-      add_gauss_points(c.begin, c.end, coordinates, result.points);
+  result.points.reserve(pieces.size());
+  for (auto begin = pieces.begin(); begin != pieces.end();) {
+    const Vec3i& cell = begin->point.cell;
+    const auto end = std::find_if(begin, pieces.end(),
+                                  [&](const Piece& piece) { return piece.point.cell != cell; });
+    result.filled.insert({cell[0], cell[1], cell[2]});
+    if (is_full(begin, end, volumes)) {
+      add_gauss_points(begin, end, coordinates, result.points);
     } else {
-      for (Pieces piece = c.begin; piece != c.end; ++piece) result.points.push_back(piece->point);
+      for (auto piece = begin; piece != end; ++piece) result.points.push_back(piece->point);
     }
+    begin = end;
   }
-  std::stable_sort(
-      result.points.begin(), result.points.end(),
-      [](const QuadraturePoint& a, const QuadraturePoint& b) { return before(a.cell, b.cell); });
   result.nearest.assign(coordinates.size(), 0);
   for (std::uint32_t p = 0; p < coordinates.size(); ++p) {
     Vec3i cell;
     for (int axis = 0; axis < 3; ++axis) {
       cell[axis] = static_cast<int>(std::floor(coordinates[p][axis] - 0.5));
     }
-    cell = result.cell_at(cell, cell);
     result.cells.push_back(cell);
     auto q = first_of(result.points, cell);
     double least = 1e30;

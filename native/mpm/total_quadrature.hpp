@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <tuple>
-#include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "base/vec.hpp"
@@ -19,9 +19,8 @@ namespace matterfit::mpm {
 
 /// What a quadrature point stands for.
 enum class PointKind : std::uint8_t {
-  kGauss,   ///< an eighth of a full cell
-  kPiece,   ///< a particle's share of the cell it lies in
-  kHosted,  ///< the same of another cell: f is outside of ½ … 3/2
+  kGauss,  ///< an eighth of a full cell
+  kPiece,  ///< a particle's share of the cell it lies in
 };
 
 /// Where the stress of a total Lagrangian body is evaluated.
@@ -34,14 +33,12 @@ struct QuadraturePoint {
 };
 
 struct Quadrature {
-  std::vector<QuadraturePoint> points;  ///< sorted by cell
-  /// Of each cell that holds a part of the body, the cell whose polynomial is used there: itself,
-  /// or where the body fills too little of it its host.
-  std::unordered_map<std::array<int, 3>, Vec3i, CellHash> homes;
-  std::vector<Vec3i> cells;            ///< per particle: the cell whose polynomial moves it
+  std::vector<QuadraturePoint> points;                      ///< sorted by cell
+  std::unordered_set<std::array<int, 3>, CellHash> filled;  ///< cells that hold a part of the body
+  std::vector<Vec3i> cells;                                 ///< per particle: the cell it lies in
   std::vector<std::uint32_t> nearest;  ///< per particle: the point nearest to it in its cell
 
-  /// The home of a cell, or `otherwise` off the body.
+  /// The cell, or `otherwise` if it holds nothing of the body.
   [[nodiscard]] Vec3i cell_at(const Vec3i& cell, const Vec3i& otherwise) const;
 };
 
@@ -52,10 +49,6 @@ struct Quadrature {
 ///   kink at it: ∫ ∇w is then exact for any place of the lattice in the grid, and a constant stress
 ///   balances its surface tractions.
 /// - Cells that are full take their eight Gauss points, exact for cubics.
-/// - Cells that are not more than half full have a host: their outer nodes would carry next to no
-/// mass,
-///   and a skin of such nodes flaps after an impact and takes its energy (an extended B-spline
-///   basis: Höllig, Finite Element Methods with B-Splines, SIAM 2003, ch. 4).
 [[nodiscard]] Quadrature cell_quadrature(const std::vector<Vec3d>& coordinates,
                                          const std::vector<double>& volumes, double edge);
 

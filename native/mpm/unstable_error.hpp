@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <cstddef>
+#include <optional>
+#include <string>
+
 #include "base/error.hpp"
 
 namespace matterfit::mpm {
@@ -10,6 +14,14 @@ namespace matterfit::mpm {
 class UnstableError : public Error {
  public:
   explicit UnstableError(const std::string& message) : Error(ErrorKind::kCompute, message) {}
+  /// Of the total Lagrangian body `body`, into Scene::bodies.
+  UnstableError(const std::string& message, std::size_t body)
+      : Error(ErrorKind::kCompute, message), body_(body) {}
+
+  [[nodiscard]] std::optional<std::size_t> body() const { return body_; }
+
+ private:
+  std::optional<std::size_t> body_;
 };
 
 }  // namespace matterfit::mpm

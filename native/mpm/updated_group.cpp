@@ -283,7 +283,10 @@ std::pair<double, std::string> UpdatedGroup<S>::begin_frame(double time) {
     double rate = c / (0.5 * s.dx);
     double contact = 0.0;
     for (const ContactLaw& law : m.contacts) {
-      contact = std::max(contact, law.stiffness / (m.density * 0.5 * s.dx));
+      const double pressure =
+          meeting_pressure(s.scene->bodies[m.index], s.max_speed + pull * s.frame_seconds, pull);
+      contact =
+          std::max(contact, law.stiffness * firmness(law, pressure) / (m.density * 0.5 * s.dx));
     }
     rate = std::sqrt(rate * rate + 0.5 * contact);
     limit(1.0 / rate, (contact > rate * rate ? "contact of " : "elastic wave of ") + m.name);

@@ -54,10 +54,18 @@ UpdatedStart<S> updated_start(const Body& body, std::size_t particle, double dx,
     p.f[axis] = static_cast<S>(x - base);
   }
   const Vec3d v = start_velocity(body, particle, center);
-  const Mat3d spin = spin_matrix(body.spin);
+  const bool moving = !body.velocity_gradients.empty();
+  const Mat3d rate = moving ? body.velocity_gradients[particle] : spin_matrix(body.spin);
+  Mat3d h = Mat3d::Zero();
+  if (!body.deformation_gradients.empty()) {
+    h = body.deformation_gradients[particle] - Mat3d::Identity();
+  }
   for (int i = 0; i < 3; ++i) {
     p.velocity[i] = static_cast<S>(v[i]);
-    for (int j = 0; j < 3; ++j) p.affine[3 * i + j] = static_cast<S>(spin(i, j));
+    for (int j = 0; j < 3; ++j) {
+      p.affine[3 * i + j] = static_cast<S>(rate(i, j));
+      p.h[3 * i + j] = static_cast<S>(h(i, j));
+    }
   }
   p.volume = static_cast<S>(body.volumes[particle]);
   p.cell = static_cast<std::uint8_t>(cell);

@@ -91,9 +91,11 @@ inline void project_gaussians(splat::Frame& frame, std::size_t begin, std::size_
     sh_basis(g.sh_degree, direction, y);
     DoubleLanes colour[3];
     colour_of(g, index, y, colour);
-    const DoubleLanes log2_opacity =
-        log(collect([&](std::size_t n) { return g.opacities[index[n]]; })) *
-        DoubleLanes(2.0 * splat::kHalfLog2E);
+    DoubleLanes log2_opacity = log(collect([&](std::size_t n) { return g.opacities[index[n]]; })) *
+                               DoubleLanes(2.0 * splat::kHalfLog2E);
+    if (view.antialiased) {
+      log2_opacity += log(at.sharp / at.determinant) * DoubleLanes(splat::kHalfLog2E);
+    }
     // Σ₂⁻¹ log₂(e)/2 = L Lᵀ with the zero above: w of dy alone, from the Schur complement 1/yy.
     const DoubleLanes half(splat::kHalfLog2E);
     const DoubleLanes xx = at.covariance[0];
@@ -194,6 +196,9 @@ inline void gather_gradients(splat::Frame& frame, std::size_t chunk) {
     bar.covariance[0] = second_order * l11 * l11 * suu;
     bar.covariance[1] = DoubleLanes(2.0) * second_order * l11 * across;
     bar.covariance[2] = second_order * (l21 * across + l22 * (l21 * suw + l22 * sww));
+    if (view.antialiased) {
+      sharpness_adjoint(view, at, DoubleLanes::load(sums[0]), bar);
+    }
     ShapeAdjoint<DoubleLanes> adjoint;
     project_adjoint(shape, deformed, view, at, bar, adjoint);
 

@@ -29,6 +29,7 @@ struct Projection {
   T depth;
   T covariance[3];  ///< Σ₂: xx, xy, yy
   T determinant;    ///< of Σ₂
+  T sharp;          ///< determinant of Σ₂ − blur I
   // What the adjoint needs again.
   T t[3];  ///< mean in camera axes
   T inverse_depth;
@@ -117,7 +118,8 @@ HWY_INLINE void project(const GaussianShape<T>& g, bool deformed, const splat::V
     for (int j = 0; j < 3; ++j) {
       out.r[i][j] = i == j ? fma(s, out.r[i][j], scalar<T>(1.0)) : s * out.r[i][j];
     }
-    out.scale[i] = exp(g.log_scale[i]);
+    // Squares of what is beyond have no place in a double either.
+    out.scale[i] = exp(min(max(g.log_scale[i], scalar<T>(-700.0)), scalar<T>(700.0)));
   }
   for (int k = 0; k < 2; ++k) {
     for (int j = 0; j < 3; ++j) {
@@ -145,7 +147,8 @@ HWY_INLINE void project(const GaussianShape<T>& g, bool deformed, const splat::V
   out.covariance[0] = xx + blur;
   out.covariance[1] = xy;
   out.covariance[2] = yy + blur;
-  out.determinant = m0 * m0 + m1 * m1 + m2 * m2 + blur * (xx + yy + blur);
+  out.sharp = m0 * m0 + m1 * m1 + m2 * m2;
+  out.determinant = out.sharp + blur * (xx + yy + blur);
 }
 
 /// Derivatives of a loss in a footprint.
@@ -155,6 +158,20 @@ struct ProjectionAdjoint {
   T depth;
   T covariance[3];  ///< ∂/∂xx, ∂/∂xy (of both off-diagonal elements together), ∂/∂yy
 };
+
+/// Adds to Σ₂'s derivatives those of ln √(det (Σ₂ − blur I) / det Σ₂) times `bar`.
+template <class T>
+HWY_INLINE void sharpness_adjoint(const splat::View& view, const Projection<T>& at, const T& bar,
+                                  ProjectionAdjoint<T>& out) {
+  const T blur = scalar<T>(view.blur);
+  const T half = scalar<T>(0.5) * bar;
+  out.covariance[0] +=
+      half * ((at.covariance[2] - blur) / at.sharp - at.covariance[2] / at.determinant);
+  out.covariance[1] -=
+      bar * at.covariance[1] * (scalar<T>(1.0) / at.sharp - scalar<T>(1.0) / at.determinant);
+  out.covariance[2] +=
+      half * ((at.covariance[0] - blur) / at.sharp - at.covariance[0] / at.determinant);
+}
 
 /// Derivatives in the Gaussian, and in the pose: (ω, τ) of GaussianGradients::pose.
 template <class T>

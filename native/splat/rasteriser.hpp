@@ -22,10 +22,14 @@ namespace matterfit::splat {
 /// - A pixel takes Gaussians as long as T ≥ 1e-4 before them.
 /// - In J the directions t_x/t_z and t_y/t_z are clamped to the image and 15 % of its size around
 ///   it (the linearisation fails far outside).
-/// - A Gaussian whose Σ₂ overflows, or is singular (without blur), is not drawn.
+/// - A Gaussian whose Σ₂ overflows, or is singular (without blur), is not drawn; nor is one whose
+///   Σ₂ − blur I is singular, where `antialiased`.
 /// Colours are those of the data, sRGB for trained scenes, and are blended as they are.
 struct RenderOptions {
-  double blur = 0.3;         ///< variance added to Σ₂ [pixels²]; 0: none
+  double blur = 0.3;  ///< variance added to Σ₂ [pixels²]; 0: none
+  /// Opacities are of the Gaussians before the blur, which then keeps their weight in the image:
+  /// σ √(det (Σ₂ − blur I) / det Σ₂) for σ (Mip-Splatting, Yu et al. 2024). For scenes trained so.
+  bool antialiased = false;
   double near_plane = 0.01;  ///< Gaussians with t_z ≤ this are not drawn [m]
 };
 

@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <type_traits>
 
 #include "splat/frame.hpp"
 
@@ -189,6 +190,10 @@ inline std::uint64_t start_tile(const splat::Frame& frame, std::size_t tile, flo
   const TileMap& map = tile_map();
   const int width = frame.view.width - static_cast<int>(tile) % frame.tiles_x * splat::kTile;
   const int height = frame.view.height - static_cast<int>(tile) / frame.tiles_x * splat::kTile;
+  if (width >= splat::kTile && height >= splat::kTile) {
+    std::fill_n(transmittance, splat::kTilePixels, 1.0F);
+    return ~std::uint64_t{0} >> (64 - kPatches);
+  }
   std::uint64_t alive = 0;
   for (std::size_t i = 0; i < splat::kTilePixels; ++i) {
     const bool inside = map.column[i] < width && map.row[i] < height;
@@ -198,18 +203,27 @@ inline std::uint64_t start_tile(const splat::Frame& frame, std::size_t tile, flo
   return alive;
 }
 
-/// Calls at(place in the tile's memory, place in the image) for the pixels in both.
-template <class Body>
-HWY_INLINE void for_pixels(const splat::Frame& frame, std::size_t tile, const Body& body) {
-  const TileMap& map = tile_map();
-  const int x0 = static_cast<int>(tile) % frame.tiles_x * splat::kTile;
-  const int y0 = static_cast<int>(tile) / frame.tiles_x * splat::kTile;
-  for (std::size_t i = 0; i < splat::kTilePixels; ++i) {
-    const int x = x0 + map.column[i];
-    const int y = y0 + map.row[i];
-    if (x < frame.view.width && y < frame.view.height) {
-      body(i, static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.view.width) +
-                  static_cast<std::size_t>(x));
+/// Calls run(place in the tile's memory, place in the image, count) for runs of pixels that lie
+/// side by side in both; nearly all are as long as a patch is wide, which is then known to the
+/// compiler.
+template <class Run>
+HWY_INLINE void for_runs(const splat::Frame& frame, std::size_t tile, const Run& run) {
+  const auto width = static_cast<std::size_t>(frame.view.width);
+  const std::size_t x0 = tile % static_cast<std::size_t>(frame.tiles_x) * splat::kTile;
+  const std::size_t y0 = tile / static_cast<std::size_t>(frame.tiles_x) * splat::kTile;
+  const std::size_t rows =
+      std::min<std::size_t>(splat::kTile, static_cast<std::size_t>(frame.view.height) - y0);
+  for (std::size_t row = 0; row < rows; ++row) {
+    for (std::size_t column = 0; column < kPatchColumns; ++column) {
+      const std::size_t x = x0 + column * kPatchWidth;
+      if (x >= width) break;
+      const std::size_t place = (row / 2 * kPatchColumns + column) * kPatch + row % 2 * kPatchWidth;
+      const std::size_t pixel = (y0 + row) * width + x;
+      if (x + kPatchWidth <= width) {
+        run(place, pixel, std::integral_constant<std::size_t, kPatchWidth>());
+      } else {
+        run(place, pixel, width - x);
+      }
     }
   }
 }
@@ -247,7 +261,7 @@ inline void render_tile(splat::Frame& frame, std::size_t tile) {
       const FloatVector alpha =
           hn::IfThenElseZero(active, hn::Min(exp2_small(hn::Max(e, smallest)), largest));
       const FloatVector weight = hn::Mul(alpha, t);
-      const FloatVector after = hn::Sub(t, weight);
+      const FloatVector after = hn::NegMulAdd(alpha, t, t);
       hn::Store(after, d, transmittance + i);
       for (std::size_t c = 0; c < 3; ++c) {
         hn::Store(hn::MulAdd(weight, hn::Set(d, shade.colour[c]), hn::Load(d, channels[c] + i)), d,
@@ -259,14 +273,20 @@ inline void render_tile(splat::Frame& frame, std::size_t tile) {
     }
   }
   const std::size_t pixels = frame.image.pixels();
-  for_pixels(frame, tile, [&](std::size_t i, std::size_t pixel) {
-    for (std::size_t c = 0; c < 3; ++c) frame.image.colour[c * pixels + pixel] = channels[c][i];
-    frame.image.mask[pixel] = 1.0F - transmittance[i];
-    frame.image.depth[pixel] = channels[3][i];
+  float* const colour = frame.image.colour.data();
+  float* const mask = frame.image.mask.data();
+  float* const depth = frame.image.depth.data();
+  for_runs(frame, tile, [&](std::size_t i, std::size_t pixel, auto count) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      for (std::size_t k = 0; k < count; ++k) colour[c * pixels + pixel + k] = channels[c][i + k];
+    }
+    for (std::size_t k = 0; k < count; ++k) mask[pixel + k] = 1.0F - transmittance[i + k];
+    for (std::size_t k = 0; k < count; ++k) depth[pixel + k] = channels[3][i + k];
   });
 }
 
 inline void differentiate_tile(splat::Frame& frame, std::size_t tile) {
+  if (frame.tile_begin[tile] == frame.tile_begin[tile + 1]) return;
   const FloatTag d;
   const TileMap& map = tile_map();
   alignas(64) float transmittance[splat::kTilePixels];
@@ -275,14 +295,19 @@ inline void differentiate_tile(splat::Frame& frame, std::size_t tile) {
   alignas(64) float behind[splat::kTilePixels] = {};
   std::uint64_t alive = start_tile(frame, tile, transmittance);
   const std::size_t pixels = frame.image.pixels();
-  for_pixels(frame, tile, [&](std::size_t i, std::size_t pixel) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      loss[c][i] = frame.loss->colour[c * pixels + pixel];
-      behind[i] += loss[c][i] * frame.image.colour[c * pixels + pixel];
+  const float* const loss_from[5] = {frame.loss->colour.data(), frame.loss->colour.data() + pixels,
+                                     frame.loss->colour.data() + 2 * pixels,
+                                     frame.loss->depth.data(), frame.loss->mask.data()};
+  const float* const image_from[5] = {frame.image.colour.data(), frame.image.colour.data() + pixels,
+                                      frame.image.colour.data() + 2 * pixels,
+                                      frame.image.depth.data(), frame.image.mask.data()};
+  for_runs(frame, tile, [&](std::size_t i, std::size_t pixel, auto count) {
+    for (std::size_t c = 0; c < 5; ++c) {
+      for (std::size_t k = 0; k < count; ++k) {
+        loss[c][i + k] = loss_from[c][pixel + k];
+        behind[i + k] += loss[c][i + k] * image_from[c][pixel + k];
+      }
     }
-    loss[3][i] = frame.loss->depth[pixel];
-    loss[4][i] = frame.loss->mask[pixel];
-    behind[i] += loss[3][i] * frame.image.depth[pixel] + loss[4][i] * frame.image.mask[pixel];
   });
   const FloatVector smallest = hn::Set(d, static_cast<float>(splat::kSmallestLog2));
   const FloatVector largest = hn::Set(d, static_cast<float>(splat::kLargestAlpha));
@@ -323,7 +348,7 @@ inline void differentiate_tile(splat::Frame& frame, std::size_t tile) {
       const FloatVector exact = exp2_small(hn::Max(e, smallest));
       const FloatVector alpha = hn::IfThenElseZero(active, hn::Min(exact, largest));
       const FloatVector weight = hn::Mul(alpha, t);
-      const FloatVector after = hn::Sub(t, weight);
+      const FloatVector after = hn::NegMulAdd(alpha, t, t);
       hn::Store(after, d, transmittance + i);
 
       const FloatVector l_red = hn::Load(d, loss[0] + i);

@@ -17,6 +17,7 @@ struct View {
   double high[2];
   double blur;
   double near_plane;
+  bool antialiased;
   int width;
   int height;
 
@@ -29,6 +30,7 @@ inline View::View(const Camera& camera, const RenderOptions& options)
       principal{camera.cx, camera.cy},
       blur(options.blur),
       near_plane(options.near_plane),
+      antialiased(options.antialiased),
       width(camera.width),
       height(camera.height) {
   const Vec3d eye = camera.centre();

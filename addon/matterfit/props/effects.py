@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Effects: what the model of a scene is extended by, one property a number. All may be animated."""
+"""Effects: what the model of a scene is extended by, one property a number; those that a
+document may have keyed can be animated."""
 
 import bpy
 from bpy.props import (
@@ -40,6 +41,7 @@ class MatterfitEffect(bpy.types.PropertyGroup):
     area: FloatProperty(
         name="Reference Area", default=0.0, min=0.0, max=1e6, soft_max=1.0, precision=4, step=1,
         unit="AREA",
+        options=set(),
         description="What the drag coefficient refers to; 0: the cross-section of a ball of the "
                     "body's volume")
     air_density: FloatProperty(
@@ -51,10 +53,12 @@ class MatterfitEffect(bpy.types.PropertyGroup):
         description="Where the air goes, in metres per second whatever the scene's scale")
     medium_density: FloatProperty(
         name="Density [kg/m³]", default=1.204, min=0.0, max=2e4, soft_max=1e3, precision=3, step=10,
+        options=set(),
         description="Density of what the body displaces, in kilograms per cubic metre: air 1.204, "
                     "water 998")
     added_mass: FloatProperty(
         name="Added Mass", default=0.5, min=0.0, max=10.0, soft_max=1.0, precision=2, step=5,
+        options=set(),
         description="Share of the displaced medium that moves along, without unit: a ball has .5")
     center: FloatVectorProperty(
         name="Centre", size=3, default=(0.0, 0.0, 0.0), min=-1e6, max=1e6, soft_min=-10.0,
@@ -78,10 +82,12 @@ class MatterfitEffect(bpy.types.PropertyGroup):
         description="The largest acceleration, in metres per second squared, at .38 of the radius")
     frequency: FloatProperty(
         name="Frequency [Hz]", default=0.0, min=0.0, max=1e5, soft_max=50.0, precision=2, step=10,
+        options=set(),
         description="How often it shakes in a second; 0: a steady acceleration")
     phase: FloatProperty(
         name="Phase [°]", default=0.0, min=-360.0, max=360.0, soft_min=-180.0, soft_max=180.0,
         precision=1, step=100,
+        options=set(),
         description="Where in a period the first frame lies, in degrees; -90 starts from none")
 
 

@@ -5,6 +5,13 @@ from .. import effects
 from ..props import scene as scene_props
 from .common import MatterfitPanel, form
 
+# What the narrow column has no room for; all others go without their unit, which the tooltip has.
+_CAPTIONS = {"drag_coefficient": "Drag Coeff.", "area": "Area"}
+
+
+def _caption(effect, key):
+    return _CAPTIONS.get(key, effect.bl_rna.properties[key].name.split(" [")[0])
+
 
 class MATTERFIT_UL_effects(bpy.types.UIList):
     def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
@@ -39,7 +46,7 @@ class MATTERFIT_PT_effects(MatterfitPanel, bpy.types.Panel):
             column.prop(effect, "place")
         for key in kind.numbers:
             if key not in ("center", "axis") or effect.place is None:
-                column.prop(effect, key)
+                column.prop(effect, key, text=_caption(effect, key))
 
 
 CLASSES = (MATTERFIT_UL_effects, MATTERFIT_PT_effects)

@@ -16,7 +16,7 @@ class MATTERFIT_PT_solver(MatterfitPanel, bpy.types.Panel):
         solver = context.scene.matterfit.solver
         column = form(layout)
         column.prop(solver, "quality")
-        layout.prop(solver, "particle_separation")
+        column.prop(solver, "particle_separation", text="Separation")
         cells = _cells(context)
         if cells is not None:
             lines(layout, translate("{n} cells across the thinnest part").format(

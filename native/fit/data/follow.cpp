@@ -44,6 +44,18 @@ Moment moment(double time, double fps, std::size_t frames) {
   return result;
 }
 
+void check_finite(const std::string& name, const mpm::ObservedFrame::Body& state) {
+  for (std::size_t p = 0; p < state.positions.size(); ++p) {
+    const bool finite =
+        state.positions[p].allFinite() && state.velocities[p].allFinite() &&
+        (state.deformation_gradients.empty() || state.deformation_gradients[p].allFinite());
+    if (finite) continue;
+    throw_compute("body '" + name + "', particle " + std::to_string(p) +
+                  ": its state is not finite numbers, so nothing can be compared with this frame. "
+                  "Simulate again with a smaller time step (solver.dt_safety).");
+  }
+}
+
 }  // namespace
 
 PointFollower::PointFollower(const mpm::Body& body, Points rest, double separation, Arena& arena)
@@ -61,10 +73,25 @@ PointFollower::PointFollower(const mpm::Body& body, Points rest, double separati
 
 Points PointFollower::positions(const mpm::Body& body, const mpm::BodyState& state,
                                 Arena& arena) const {
+  if (!binding_) return among_all({});
+  return among_all(binding_->positions(capture::particle_view(body, state, separation_), arena));
+}
+
+Points PointFollower::positions(const mpm::Body& body, const mpm::ObservedFrame::Body& state,
+                                Arena& arena) const {
+  if (!binding_) return among_all({});
+  check_finite(body.name, state);
+  return among_all(binding_->positions(state.positions, state.deformation_gradients, arena));
+}
+
+Points PointFollower::velocities(const mpm::ObservedFrame::Body& state, Arena& arena) const {
+  if (!binding_) return among_all({});
+  return among_all(binding_->velocities(state.velocities, arena));
+}
+
+Points PointFollower::among_all(const Points& followed) const {
   Points all(rest_.size(), kUnknown);
-  if (!binding_) return all;
-  const Points moved = binding_->positions(capture::particle_view(body, state, separation_), arena);
-  for (std::size_t k = 0; k < bound_.size(); ++k) all[bound_[k]] = moved[k];
+  for (std::size_t k = 0; k < followed.size(); ++k) all[bound_[k]] = followed[k];
   return all;
 }
 

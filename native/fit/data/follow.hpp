@@ -15,14 +15,15 @@ namespace matterfit::fit {
 
 /// The simulation seen at a capture's own points and times.
 struct SimulatedCapture {
-  std::vector<double> times;     ///< (T) seconds after the scene's first frame
-  std::vector<Vec3d> positions;  ///< (T, N) frame-major; NaN outside the simulated time
-  std::size_t outside = 0;       ///< times before the first frame or after the last
-  bool interpolated = false;     ///< some times lie between frames: a cubic through four
+  std::vector<double> times;      ///< (T) seconds after the scene's first frame
+  std::vector<Vec3d> positions;   ///< (T, N) frame-major; NaN outside the simulated time
+  std::vector<Vec3d> velocities;  ///< the same [m/s]; empty where they were not asked for
+  std::size_t outside = 0;        ///< times before the first frame or after the last
+  bool interpolated = false;      ///< some times lie between frames: a cubic through four
 };
 
-/// Points that move with one body, bound to it by their rest position (capture/binding.hpp), so that
-/// markers that stand off the body turn with it. Immutable: safe to use from any thread.
+/// Points that move with one body, bound to it by their rest position (capture/binding.hpp), so
+/// that markers that stand off the body turn with it. Immutable: safe to use from any thread.
 class PointFollower {
  public:
   /// `rest` (N) where the points are on the body at rest, world; a point that is not finite is not
@@ -33,6 +34,12 @@ class PointFollower {
   /// (N) at a state of the body; NaN where a point is not followed.
   [[nodiscard]] Points positions(const mpm::Body& body, const mpm::BodyState& state,
                                  Arena& arena) const;
+  /// The same of a state that was not rounded, which has deformation gradients. Throws
+  /// Error(kCompute) naming the particle that is at no place.
+  [[nodiscard]] Points positions(const mpm::Body& body, const mpm::ObservedFrame::Body& state,
+                                 Arena& arena) const;
+  /// (N) [m/s]; NaN where a point is not followed.
+  [[nodiscard]] Points velocities(const mpm::ObservedFrame::Body& state, Arena& arena) const;
   /// The transpose: adds the cotangents of positions() (N) to those of the particles' positions and
   /// deformation gradients, one each. Those of points that are not followed are ignored.
   void spread(const Points& bar, std::span<Vec3d> particle_bar,
@@ -41,6 +48,9 @@ class PointFollower {
   [[nodiscard]] double farthest() const;
 
  private:
+  /// The values of followed points at their places among all, NaN elsewhere.
+  [[nodiscard]] Points among_all(const Points& followed) const;
+
   Points rest_;
   double separation_;
   std::vector<std::size_t> bound_;  ///< points that are followed

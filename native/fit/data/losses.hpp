@@ -11,6 +11,13 @@
 
 namespace matterfit::fit {
 
+/// By what a simulation is compared with a recording.
+enum class Loss {
+  kTracks,   ///< point by point
+  kChamfer,  ///< clouds of the body's particles
+  kSurface,  ///< clouds of points on the body's surface at rest
+};
+
 /// Residuals (simulated − captured)/σ of tracks: three a sample, 0 where it is not visible or held
 /// out. `sigma` [m] of each point. Throws Error(kInput) for a σ that is not above 0 or lengths that
 /// differ.

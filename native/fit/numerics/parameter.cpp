@@ -18,7 +18,7 @@ constexpr double kRounding = 1e-9;
 }  // namespace
 
 void check(const Parameter& parameter) {
-  const auto& [name, unit, coordinate, start, low, high, scale, prior] = parameter;
+  const auto& [name, unit, coordinate, start, low, high, scale, prior, words, record] = parameter;
   if (!std::isfinite(low) || !std::isfinite(high) || !(low < high)) {
     throw_input(fmt::format(
         "{}: its bounds are [{:g}, {:g}]; expected two finite numbers, the lower first.", name, low,

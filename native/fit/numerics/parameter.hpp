@@ -30,6 +30,9 @@ struct Parameter {
   double high = 0.0;
   double scale = 1.0;  ///< natural coordinate: a step that matters, for finite differences
   std::optional<Prior> prior;
+  std::string words = "it";  ///< in a sentence: "the stiffness"
+  /// Completes "To see it, record …".
+  std::string record = "a motion that changes with it";
 };
 
 /// Throws Error(kInput), with the parameter's name, where start or bounds are outside what the

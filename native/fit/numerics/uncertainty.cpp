@@ -10,7 +10,6 @@
 #include <map>
 
 #include "base/error.hpp"
-#include "fit/numerics/advice.hpp"
 #include "fit/numerics/student.hpp"
 
 namespace matterfit::fit {
@@ -236,13 +235,12 @@ std::string range(const Parameter& parameter, const Estimate& estimate) {
 
 std::string statement_of(const Parameter& parameter, const Estimate& estimate, bool sensitive,
                          bool unknown, bool far) {
-  const Advice about = advice(parameter.name);
   const std::string see =
       far ? " That holds where the search ended, which is far from the capture: if it is a wrong "
             "place, begin from other values. Else record " +
-                about.record + "."
-          : " To see it, record " + about.record + ".";
-  const std::string subject = capital(about.quantity) + " (" + parameter.name + ")";
+                parameter.record + "."
+          : " To see it, record " + parameter.record + ".";
+  const std::string subject = capital(parameter.words) + " (" + parameter.name + ")";
   if (unknown) {
     return subject +
            " could not be examined: the simulation could not be completed for values beside it.";
@@ -262,7 +260,7 @@ std::string statement_of(const Parameter& parameter, const Estimate& estimate, b
       return subject +
              " is not observable by itself: only a combination with other parameters is. "
              "Fix one of them, give it a prior, or record " +
-             about.record + ".";
+             parameter.record + ".";
     }
     return subject + " is not observable well: it lies " + range(parameter, estimate) +
            ", and within that the simulation changes by no more than the noise." + see;

@@ -118,6 +118,8 @@ TEST(Uncertainty, WhatNothingObservesIsSaidAndSpoilsNothing) {
   others << jacobian.col(0), jacobian.col(2);
   auto three = parameters(3);
   three[1].name = "bodies.dough.material.E";
+  three[1].words = "the stiffness";
+  three[1].record = "the body as it is squeezed";
   const auto expected = uncertainty(parameters(2), state_of(others));
   const auto result = uncertainty(three, state_of(jacobian, 1.0, 2));
   EXPECT_NEAR(result.estimates[0].standard_error, expected.estimates[0].standard_error, 1e-12);
@@ -292,6 +294,7 @@ TEST(Uncertainty, GoesThroughTheNaturalCoordinateAndStaysInBounds) {
 TEST(Uncertainty, AnEndAtABoundIsSaid) {
   auto one = linear_parameters({2.0}, 0.0, 2.0);
   one[0].name = "colliders.floor.contact.mu";
+  one[0].words = "the friction";
   LeastSquaresState state = state_of(random_matrix(50, 1, 12));
   state.point[0] = 2.0;
   const Estimate at = uncertainty(one, state).estimates[0];

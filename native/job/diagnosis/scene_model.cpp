@@ -10,8 +10,11 @@
 #include <thread>
 
 #include "base/error.hpp"
+#include "fit/data/capture_noise.hpp"
 #include "fit/data/follow.hpp"
+#include "job/documents/fit_document.hpp"
 #include "job/fit_levels.hpp"
+#include "job/fit_values.hpp"
 #include "job/run/build_scene.hpp"
 #include "mpm/simulation.hpp"
 #include "mpm/step_limit.hpp"
@@ -37,9 +40,9 @@ bool is_own(const diagnose::Numerics& n) {
 
 /// The parameters with the document's values as their starts: those are the
 /// fitted ones.
-std::vector<FitParameterDoc> at_document(std::vector<FitParameterDoc> docs) {
-  for (FitParameterDoc& doc : docs) doc.start.clear();
-  return docs;
+std::vector<fit::ParameterSpec> at_document(std::vector<fit::ParameterSpec> specs) {
+  for (fit::ParameterSpec& spec : specs) spec.start.clear();
+  return specs;
 }
 
 /// Which coordinates of a capture were measured: one that never changes was
@@ -72,22 +75,13 @@ SceneModel::SceneModel(const Job& job, const RunOptions& options, const Interrup
   if (options_.threads < 1) {
     options_.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   }
-  runs_ = load_fit_runs(job, statements);
-  std::vector<FitScene> scenes;
-  std::vector<std::shared_ptr<const Built>> own;
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    own.push_back(built({}, r));
-    settle_noise(runs_[r], own.back()->scene, statements);
-    FitScene scene;
-    scene.job = &runs_[r].job;
-    scene.scene = &own.back()->scene;
-    for (const std::size_t c : runs_[r].group.captures) {
-      if (runs_[r].group.own) scene.captures.push_back(job.captures[c].name);
-    }
-    scene.overrides = runs_[r].overrides;
-    scenes.push_back(std::move(scene));
+  loaded_ = load_experiment(job, statements);
+  std::vector<mpm::Scene> scenes;
+  for (std::size_t r = 0; r < runs().size(); ++r) {
+    scenes.push_back(built({}, r)->scene);
+    fit::settle_noise(loaded_.experiment.runs[r].captures, scenes.back(), statements);
   }
-  parameters_ = std::make_unique<FitParameters>(at_document(job.fit->parameters), scenes);
+  parameters_ = std::make_unique<fit::Parameters>(at_document(job.fit->parameters), runs(), scenes);
   list_captures();
   CauseOptions about;
   for (const fit::Parameter& parameter : parameters()) about.fitted.push_back(parameter.name);
@@ -95,7 +89,7 @@ SceneModel::SceneModel(const Job& job, const RunOptions& options, const Interrup
     about.captures.push_back(capture.name);
     about.duration = std::max(about.duration, capture.times.back() - capture.times.front());
   }
-  causes_ = scene_causes(runs_.front().job, own.front()->scene, about);
+  causes_ = scene_causes(loaded_.sources.front().job, scenes.front(), about);
   for (const Cause& cause : causes_) rows_.push_back(cause.row);
   fix_substeps();
 }
@@ -111,14 +105,14 @@ std::shared_ptr<const SceneModel::Built> SceneModel::built(const diagnose::Numer
   }
   Arena arena(1);
   auto made = std::make_shared<Built>();
-  Job job = runs_[run].job;
+  Job job = loaded_.sources[run].job;
   for (BodyDoc& body : job.scene.bodies) {
     body.seed += static_cast<std::uint64_t>(numerics.seed);
   }
   // Particles per cell by their number: the grid follows the separation.
   made->scene = scene_at_level(job, numerics.spacing, arena, interrupter_);
   made->scene.grid_shift += numerics.offset;
-  for (const FitCapture& capture : runs_[run].captures) {
+  for (const fit::Capture& capture : runs()[run].captures) {
     const std::size_t body = fit::body_index(made->scene, capture.input.body);
     made->bodies.push_back(body);
     made->followers.emplace_back(made->scene.bodies[body], capture.input.rest, 0.5 * made->scene.dx,
@@ -129,8 +123,8 @@ std::shared_ptr<const SceneModel::Built> SceneModel::built(const diagnose::Numer
 }
 
 void SceneModel::list_captures() {
-  for (const FitRun& run : runs_) {
-    for (const FitCapture& capture : run.captures) {
+  for (const fit::Run& run : runs()) {
+    for (const fit::Capture& capture : run.captures) {
       const capture::Tracks& tracks = capture.input.tracks;
       diagnose::Capture row;
       row.name = capture.input.name;
@@ -146,7 +140,7 @@ void SceneModel::list_captures() {
       double noise = 0.0;
       for (const double sigma : capture.sigma) noise += sigma / double(capture.sigma.size());
       row.noise = noise;
-      const mpm::Scene& scene = built({}, static_cast<std::size_t>(&run - runs_.data()))->scene;
+      const mpm::Scene& scene = built({}, static_cast<std::size_t>(&run - runs().data()))->scene;
       const double end = (scene.end_frame - 1 - scene.first_frame) / scene.fps;
       for (std::size_t t = 0; t < tracks.frames(); ++t) {
         row.frames.push_back(scene.first_frame +
@@ -178,7 +172,7 @@ void SceneModel::fix_substeps() {
         fit::to_natural(parameters()[k].coordinate, parameters()[k].start);
   }
   const auto arena = std::make_shared<Arena>(options_.threads);
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
+  for (std::size_t r = 0; r < runs().size(); ++r) {
     mpm::Scene scene = built({}, r)->scene;
     parameters_->apply(values, r, scene);
     limits_.push_back(mpm::step_limit(scene));
@@ -197,8 +191,9 @@ void SceneModel::fix_substeps() {
 std::vector<int> SceneModel::own_capture() const {
   std::vector<int> owners(parameters().size(), -1);
   for (std::size_t k = 0; k < owners.size(); ++k) {
-    const FitPath& path = parameters_->path(k);
-    const std::string& name = path.quantity == FitQuantity::kStartFrame ? path.owner : path.capture;
+    const fit::Address& path = parameters_->path(k);
+    const bool of_capture = path.quantity->owner == fit::Owner::kCapture;
+    const std::string& name = of_capture ? path.owner : path.capture;
     if (name.empty()) continue;
     for (std::size_t c = 0; c < captures_.size(); ++c) {
       if (captures_[c].name == name) owners[k] = static_cast<int>(c);
@@ -248,10 +243,13 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
     if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
                     [&](const mpm::Body& b) { return parameters_->places(run, b.name); })) {
       for (std::size_t c = 0; c < base->followers.size(); ++c) {
-        const FitCapture& capture = runs_[run].captures[c];
+        const fit::Capture& capture = runs()[run].captures[c];
         Points rest = capture.input.rest;
         if (capture.places_given) {
-          for (Vec3d& x : rest) x = parameters_->placed(values, run, capture.input.body, x);
+          mpm::Body points;
+          points.name = capture.input.body;
+          points.rest = std::move(rest);
+          rest = parameters_->placed(values, run, std::move(points)).rest;
         }
         moved.emplace_back(scene.bodies[base->bodies[c]], std::move(rest), 0.5 * scene.dx, *arena);
       }
@@ -259,10 +257,10 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
     const std::vector<fit::PointFollower>& followers = moved.empty() ? base->followers : moved;
     std::vector<std::vector<Points>> seen(followers.size());
     const auto record = [&] {
-      const mpm::FrameState state = simulation.state();
+      const mpm::ObservedFrame frame = simulation.observe(true);
       for (std::size_t c = 0; c < seen.size(); ++c) {
         const std::size_t body = base->bodies[c];
-        seen[c].push_back(followers[c].positions(scene.bodies[body], state.bodies[body], *arena));
+        seen[c].push_back(followers[c].positions(scene.bodies[body], frame.bodies[body], *arena));
       }
     };
     record();
@@ -274,9 +272,10 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
     std::vector<fit::SimulatedCapture> captures;
     const double end = (scene.end_frame - 1 - scene.first_frame) / scene.fps;
     for (std::size_t c = 0; c < seen.size(); ++c) {
-      const FitCapture& capture = runs_[run].captures[c];
+      const fit::Capture& capture = runs()[run].captures[c];
       std::vector<double> times = capture.input.tracks.times;
-      const double delay = parameters_->delay(values, run, capture.input.name);
+      const fit::Viewing viewing = parameters_->viewing(values, run, c);
+      const double delay = (viewing.start_frame - capture.viewing.start_frame) / scene.fps;
       for (double& time : times) {
         const bool inside = time >= 0.0 && time <= end + 1e-9;
         time += delay;
@@ -293,7 +292,7 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
 
 std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
     const std::vector<diagnose::Point>& points) const {
-  const std::size_t tasks = points.size() * runs_.size();
+  const std::size_t tasks = points.size() * runs().size();
   std::vector<std::optional<std::vector<fit::SimulatedCapture>>> results(tasks);
   std::atomic<std::size_t> next{0};
   std::exception_ptr thrown;
@@ -306,7 +305,7 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
     try {
       const auto arena = std::make_shared<Arena>(each);
       for (std::size_t i = next++; i < tasks; i = next++) {
-        results[i] = simulate_run(points[i / runs_.size()], i % runs_.size(), arena);
+        results[i] = simulate_run(points[i / runs().size()], i % runs().size(), arena);
         std::size_t count = 0;
         {
           const std::lock_guard lock(mutex_);
@@ -335,8 +334,8 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
     motion.positions = Eigen::VectorXd::Zero(rows);
     Eigen::Index at = 0;
     bool complete = true;
-    for (std::size_t r = 0; r < runs_.size() && complete; ++r) {
-      const auto& seen = results[p * runs_.size() + r];
+    for (std::size_t r = 0; r < runs().size() && complete; ++r) {
+      const auto& seen = results[p * runs().size() + r];
       complete = seen.has_value();
       if (!complete) break;
       for (const fit::SimulatedCapture& capture : *seen) {
@@ -357,7 +356,7 @@ void SceneModel::write(const diagnose::Point& point, Json& document) const {
     values.push_back(
         fit::value_within_bounds(parameters()[k], point.theta[static_cast<Eigen::Index>(k)]));
   }
-  parameters_->write(values, job_, document);
+  write_values(*parameters_, values, loaded_.sources, job_, document);
   for (const diagnose::Point::Cause& cause : point.causes) {
     const auto& put = causes_[static_cast<std::size_t>(cause.effect)].write;
     if (!put) continue;

@@ -12,9 +12,9 @@
 #include "base/interrupter.hpp"
 #include "diagnose/model.hpp"
 #include "fit/data/follow.hpp"
+#include "fit/model/parameters.hpp"
 #include "job/diagnosis/causes.hpp"
-#include "job/fit_captures.hpp"
-#include "job/fit_parameters.hpp"
+#include "job/fit_experiment.hpp"
 #include "job/run/run_options.hpp"
 
 namespace matterfit::job {
@@ -59,6 +59,7 @@ class SceneModel final : public diagnose::Model {
 
  private:
   struct Built;
+  [[nodiscard]] const std::vector<fit::Run>& runs() const { return loaded_.experiment.runs; }
   [[nodiscard]] std::shared_ptr<const Built> built(const diagnose::Numerics& numerics,
                                                    std::size_t run) const;
   [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> simulate_run(
@@ -69,8 +70,8 @@ class SceneModel final : public diagnose::Model {
   const Job& job_;
   RunOptions options_;
   const Interrupter& interrupter_;
-  std::vector<FitRun> runs_;
-  std::unique_ptr<FitParameters> parameters_;
+  LoadedExperiment loaded_;
+  std::unique_ptr<fit::Parameters> parameters_;
   std::vector<Cause> causes_;
   std::vector<diagnose::Effect> rows_;
   std::vector<diagnose::Capture> captures_;

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "fit/model/quantity.hpp"
 #include "job/documents/document_reading.hpp"
 
 namespace matterfit::job {
@@ -165,38 +166,24 @@ material::Material read_material(const JsonValue& value) {
   } catch (const Error& error) {
     law.refuse(error.what());
   }
-  struct Parameter {
-    const char* key;
-    double material::Material::*member;
-    bool optional;
-  };
-  static constexpr Parameter kParameters[] = {
-      {"E", &material::Material::youngs_modulus, false},
-      {"nu", &material::Material::poisson_ratio, false},
-      {"yield_stress", &material::Material::yield_stress, false},
-      {"hardening", &material::Material::hardening, true},
-      {"viscosity", &material::Material::viscosity, true},
-      {"exponent", &material::Material::exponent, true},
-      {"friction_angle", &material::Material::friction_angle, false},
-      {"cohesion", &material::Material::cohesion, true},
-      {"bulk_modulus", &material::Material::bulk_modulus, false},
-  };
-  for (const Parameter& parameter : kParameters) {
-    if (!material::traits(material.law).uses(parameter.key)) {
-      if (object.has(parameter.key)) {
-        std::string message = "the law " + name + " does not use '" + parameter.key + "'; it takes";
-        for (const auto& key : material.traits().parameters) {
-          message += " " + std::string(key);
-        }
+  for (const fit::Quantity& row : fit::quantities()) {
+    if (!row.of_law) continue;
+    const std::string key(row.key());
+    if (!material.traits().uses(key)) {
+      if (object.has(key.c_str())) {
+        std::string message = "the law ";
+        message.append(name).append(" does not use '").append(key).append("'; it takes");
+        for (const auto& used : material.traits().parameters) message.append(" ").append(used);
         value.refuse(message + ".");
       }
       continue;
     }
-    if (const auto found = object.find(parameter.key)) {
-      material.*parameter.member = found->number();
-    } else if (!parameter.optional) {
-      value.refuse("'" + std::string(parameter.key) + "' is missing; the law " + name +
-                   " needs it.");
+    if (const auto found = object.find(key.c_str())) {
+      material.*row.member = found->number();
+    } else if (row.required) {
+      std::string message = "'";
+      message.append(key).append("' is missing; the law ").append(name).append(" needs it.");
+      value.refuse(message);
     }
   }
   material.damping_shear = object.number("damping_shear", 0.0, not_negative("Pa s"));

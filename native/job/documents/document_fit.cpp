@@ -20,16 +20,16 @@ std::vector<material::Law> all_laws() {
 }
 
 /// One number, or three for a whole vector.
-std::vector<double> read_components(const JsonValue& value, const FitPath& path) {
-  if (!path.is_vector() || path.component) return {value.number()};
+std::vector<double> read_components(const JsonValue& value, const fit::Address& path) {
+  if (!path.quantity->is_vector() || path.component) return {value.number()};
   if (value.json().is_number()) return std::vector<double>(3, value.number());
   const Vec3d vector = value.vec3();
   return {vector.x(), vector.y(), vector.z()};
 }
 
-FitParameterDoc read_parameter(const JsonValue& value, const SceneDoc& scene,
-                               const std::vector<CaptureDoc>& captures) {
-  FitParameterDoc parameter;
+fit::ParameterSpec read_parameter(const JsonValue& value, const SceneDoc& scene,
+                                  const std::vector<CaptureDoc>& captures) {
+  fit::ParameterSpec parameter;
   parameter.where = value.path();
   if (value.json().is_string()) {
     parameter.path = read_fit_path(value.string(), value.path(), scene, captures);
@@ -58,7 +58,7 @@ FitParameterDoc read_parameter(const JsonValue& value, const SceneDoc& scene,
   }
   if (const auto prior = object.find("prior")) {
     JsonObject known(*prior);
-    FitParameterDoc::Prior read;
+    fit::ParameterSpec::Prior read;
     read.mean = read_components(known.require("mean"), parameter.path);
     read.sigma = known.require("sigma").number(positive());
     known.finish();
@@ -68,11 +68,11 @@ FitParameterDoc read_parameter(const JsonValue& value, const SceneDoc& scene,
   return parameter;
 }
 
-void check_twice(const JsonValue& item, const FitPath& path,
-                 const std::vector<FitParameterDoc>& before) {
-  for (const FitParameterDoc& other : before) {
-    FitPath a = path;
-    FitPath b = other.path;
+void check_twice(const JsonValue& item, const fit::Address& path,
+                 const std::vector<fit::ParameterSpec>& before) {
+  for (const fit::ParameterSpec& other : before) {
+    fit::Address a = path;
+    fit::Address b = other.path;
     const bool both = a.component && b.component && a.component != b.component;
     a.component.reset();
     b.component.reset();
@@ -82,8 +82,8 @@ void check_twice(const JsonValue& item, const FitPath& path,
 }
 
 /// A parameter of a law is one of the scene's own law, or of a candidate.
-void check_law(const FitParameterDoc& parameter, const FitDoc& fit, const SceneDoc& scene) {
-  const std::string_view key = parameter.path.law_parameter();
+void check_law(const fit::ParameterSpec& parameter, const FitDoc& fit, const SceneDoc& scene) {
+  const std::string_view key = parameter.path.quantity->law_parameter();
   if (key.empty()) return;
   const material::Law own = body_named(scene, parameter.path.owner).material.law;
   const bool sought = !fit.laws.empty() && parameter.path.owner == fit.body;
@@ -106,8 +106,8 @@ void check_law(const FitParameterDoc& parameter, const FitDoc& fit, const SceneD
 std::string sought_body(const JsonValue& laws, const FitDoc& fit, const SceneDoc& scene) {
   if (scene.bodies.size() == 1) return scene.bodies.front().name;
   std::set<std::string> names;
-  for (const FitParameterDoc& parameter : fit.parameters) {
-    if (parameter.path.is_material()) names.insert(parameter.path.owner);
+  for (const fit::ParameterSpec& parameter : fit.parameters) {
+    if (parameter.path.quantity->is_material()) names.insert(parameter.path.owner);
   }
   if (names.size() == 1) return *names.begin();
   laws.refuse(
@@ -144,7 +144,7 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
   FitDoc fit;
   const JsonValue parameters = object.require("parameters");
   for (const JsonValue& item : parameters.items()) {
-    FitParameterDoc parameter = read_parameter(item, scene, captures);
+    fit::ParameterSpec parameter = read_parameter(item, scene, captures);
     check_twice(item, parameter.path, fit.parameters);
     fit.parameters.push_back(std::move(parameter));
   }
@@ -153,7 +153,7 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
     fit.laws = read_laws(*laws);
     fit.body = sought_body(*laws, fit, scene);
   }
-  for (const FitParameterDoc& parameter : fit.parameters) {
+  for (const fit::ParameterSpec& parameter : fit.parameters) {
     if (parameter.path.capture.empty()) {
       check_law(parameter, fit, scene);
       continue;

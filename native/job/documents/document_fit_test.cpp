@@ -39,7 +39,7 @@ std::vector<std::string> paths(const Json& parameters) {
   json["fit"]["parameters"] = parameters;
   std::vector<std::string> result;
   const Job job = read(json);
-  for (const FitParameterDoc& parameter : job.fit->parameters) {
+  for (const fit::ParameterSpec& parameter : job.fit->parameters) {
     result.push_back(parameter.path.text());
   }
   return result;

@@ -2,7 +2,9 @@
 #include "job/documents/fit_path.hpp"
 
 #include <algorithm>
-#include <array>
+#include <optional>
+#include <string_view>
+#include <utility>
 
 #include "base/error.hpp"
 #include "job/documents/override.hpp"
@@ -10,60 +12,85 @@
 namespace matterfit::job {
 namespace {
 
-enum class Owner { kBody, kCollider, kScene, kCapture };
+using fit::Address;
+using fit::Owner;
+using fit::Quantity;
 
-struct Entry {
-  FitQuantity quantity;
-  Owner owner;
-  /// Keys below the owner; of a Maxwell branch `maxwell` and the key in it.
-  std::string_view group;
-  std::string_view key;
-  bool vector = false;
+/// A step of Quantity::path: a key, and whether an index in brackets follows it.
+struct Key {
+  std::string key;
+  bool indexed = false;
 };
 
-constexpr std::array<Entry, 23> kEntries = {{
-    {FitQuantity::kYoungsModulus, Owner::kBody, "material", "E"},
-    {FitQuantity::kPoissonRatio, Owner::kBody, "material", "nu"},
-    {FitQuantity::kYieldStress, Owner::kBody, "material", "yield_stress"},
-    {FitQuantity::kHardening, Owner::kBody, "material", "hardening"},
-    {FitQuantity::kViscosity, Owner::kBody, "material", "viscosity"},
-    {FitQuantity::kExponent, Owner::kBody, "material", "exponent"},
-    {FitQuantity::kFrictionAngle, Owner::kBody, "material", "friction_angle"},
-    {FitQuantity::kCohesion, Owner::kBody, "material", "cohesion"},
-    {FitQuantity::kBulkModulus, Owner::kBody, "material", "bulk_modulus"},
-    {FitQuantity::kDampingShear, Owner::kBody, "material", "damping_shear"},
-    {FitQuantity::kDampingBulk, Owner::kBody, "material", "damping_bulk"},
-    {FitQuantity::kMaxwellModulus, Owner::kBody, "maxwell", "modulus"},
-    {FitQuantity::kMaxwellTime, Owner::kBody, "maxwell", "time"},
-    {FitQuantity::kDensity, Owner::kBody, "", "density"},
-    {FitQuantity::kVelocity, Owner::kBody, "", "velocity", true},
-    {FitQuantity::kSpin, Owner::kBody, "", "spin", true},
-    {FitQuantity::kPosition, Owner::kBody, "placement", "position", true},
-    {FitQuantity::kRotation, Owner::kBody, "placement", "rotation", true},
-    {FitQuantity::kGravity, Owner::kScene, "", "gravity", true},
-    {FitQuantity::kFriction, Owner::kCollider, "contact", "mu"},
-    {FitQuantity::kContactStiffness, Owner::kCollider, "contact", "stiffness"},
-    {FitQuantity::kHeight, Owner::kCollider, "", "height"},
-    {FitQuantity::kStartFrame, Owner::kCapture, "", "start_frame"},
-}};
-
-const Entry& entry_of(FitQuantity quantity) {
-  return *std::find_if(kEntries.begin(), kEntries.end(),
-                       [&](const Entry& entry) { return entry.quantity == quantity; });
-}
-
-/// As a step of a path: in quotes where it would be read as something else.
-std::string quoted(const std::string& name) {
-  if (!name.empty() && name.find_first_of(".[]\"'") == std::string::npos) return name;
-  const char* quote = name.find('"') == std::string::npos ? "\"" : "'";
-  return quote + name + quote;
-}
-
-std::string below(const Entry& entry, std::size_t branch) {
-  if (entry.group == "maxwell") {
-    return "material.maxwell[" + std::to_string(branch) + "]." + std::string(entry.key);
+std::vector<Key> keys_of(const Quantity& quantity) {
+  constexpr std::string_view kIndex = "[#]";
+  std::vector<Key> keys;
+  std::string_view rest = quantity.path;
+  while (!rest.empty()) {
+    const std::size_t dot = std::min(rest.find('.'), rest.size());
+    std::string_view step = rest.substr(0, dot);
+    Key key;
+    key.indexed = step.ends_with(kIndex);
+    if (key.indexed) step.remove_suffix(kIndex.size());
+    key.key = step;
+    keys.push_back(std::move(key));
+    rest.remove_prefix(std::min(dot + 1, rest.size()));
   }
-  return (entry.group.empty() ? "" : std::string(entry.group) + ".") + std::string(entry.key);
+  return keys;
+}
+
+/// With 0 as the index.
+std::string example(const Quantity& quantity) {
+  std::string text;
+  for (const Key& key : keys_of(quantity)) {
+    text += (text.empty() ? "" : ".") + key.key + (key.indexed ? "[0]" : "");
+  }
+  return text;
+}
+
+/// "bodies.NAME.material.…, .density, .velocity; gravity; colliders.NAME.contact.mu, .height".
+std::string all_paths() {
+  std::string text;
+  for (const Owner owner :
+       {Owner::kBody, Owner::kScene, Owner::kCollider, Owner::kEffect, Owner::kCapture}) {
+    const std::string_view list = fit::list_of(owner);
+    std::vector<std::string> paths;
+    for (const Quantity& row : fit::quantities()) {
+      if (row.owner != owner) continue;
+      std::string path = row.is_material() ? "material.…" : row.path;
+      if (std::find(paths.begin(), paths.end(), path) == paths.end()) {
+        paths.push_back(std::move(path));
+      }
+    }
+    for (std::size_t i = 0; i < paths.size(); ++i) {
+      if (i == 0) text += (text.empty() ? "" : "; ") + std::string(list);
+      if (!list.empty()) text += i == 0 ? ".NAME." : ", .";
+      if (list.empty() && i > 0) text += ", ";
+      text += paths[i];
+    }
+  }
+  return text;
+}
+
+/// How many steps from `at` on are a quantity's, and the index among them; nothing where they are
+/// not.
+struct Match {
+  std::size_t steps = 0;
+  std::size_t index = 0;
+};
+std::optional<Match> match(const Quantity& quantity, const std::vector<PathStep>& steps,
+                           std::size_t at) {
+  Match found;
+  std::size_t i = at;
+  for (const Key& key : keys_of(quantity)) {
+    if (i == steps.size() || steps[i].is_index || steps[i].key != key.key) return std::nullopt;
+    ++i;
+    if (!key.indexed) continue;
+    if (i == steps.size() || !steps[i].is_index) return std::nullopt;
+    found.index = steps[i++].index;
+  }
+  found.steps = i - at;
+  return found;
 }
 
 class Reader {
@@ -76,28 +103,33 @@ class Reader {
         captures_(captures),
         steps_(parse_path(text, where_)) {}
 
-  FitPath read() {
-    FitPath path;
-    if (is("captures") && read_capture(path)) return path;
+  Address read() {
+    Address address;
+    if (is("captures") && read_capture(address)) return address;
     if (is("scene")) ++at_;
     if (at_ == steps_.size()) unknown();
-    if (is("gravity")) {
-      path.quantity = FitQuantity::kGravity;
-      ++at_;
+    if (begins(Owner::kScene)) {
+      find(address, Owner::kScene);
       if (scene_->gravity.values.size() != 1) {
         refuse("gravity is keyed in this scene; only a constant one can be fitted.");
       }
-    } else if (is("colliders")) {
+    } else if (is(fit::list_of(Owner::kCollider))) {
       ++at_;
-      path.owner = name_in(scene_->colliders, "collider");
-      find(path, Owner::kCollider);
-      check(collider_obstacle(*scene_, path));
+      address.owner = name_in(scene_->colliders, "collider");
+      find(address, Owner::kCollider);
+      check(collider_obstacle(address));
     } else {
-      path.owner = body();
-      find(path, Owner::kBody);
+      address.owner = body();
+      find(address, Owner::kBody);
+      // What a law does not use is told with the fit's candidate laws at hand (document_fit.cpp).
+      if (!address.quantity->of_law) {
+        fit::Bearer bearer;
+        bearer.material = &body_named(*scene_, address.owner).material;
+        check(fit::obstacle(address, bearer));
+      }
     }
-    read_component(path);
-    return path;
+    read_component(address);
+    return address;
   }
 
  private:
@@ -107,8 +139,8 @@ class Reader {
 
   [[noreturn]] void unknown() const {
     std::vector<std::string> known;
-    known.reserve(kEntries.size());
-    for (const Entry& entry : kEntries) known.push_back(below(entry, 0));
+    known.reserve(fit::quantities().size());
+    for (const Quantity& row : fit::quantities()) known.push_back(example(row));
     std::string rest;
     for (std::size_t i = at_; i < steps_.size(); ++i) {
       const PathStep& step = steps_[i];
@@ -121,32 +153,39 @@ class Reader {
     const auto near = nearest(rest, known);
     refuse((near ? "there is no such parameter. Did you mean '" + *near + "'?"
                  : std::string("no parameter that can be fitted.")) +
-           " Those are bodies.NAME.material.…, .density, .velocity, .spin, .placement.position, "
-           ".placement.rotation; gravity; colliders.NAME.contact.mu, .contact.stiffness, .height; "
-           "captures.NAME.start_frame.");
+           " Those are " + all_paths() + ".");
   }
 
   [[nodiscard]] bool is(std::string_view key) const {
     return at_ < steps_.size() && !steps_[at_].is_index && steps_[at_].key == key;
   }
 
+  /// Whether a quantity of such an owner begins with the next step.
+  [[nodiscard]] bool begins(Owner owner) const {
+    const auto& rows = fit::quantities();
+    return std::any_of(rows.begin(), rows.end(), [&](const Quantity& row) {
+      return row.owner == owner && is(keys_of(row).front().key);
+    });
+  }
+
   /// True where the path is about the capture itself.
-  bool read_capture(FitPath& path) {
+  bool read_capture(Address& address) {
     ++at_;
     if (at_ == steps_.size()) refuse("the name of a capture is missing.");
     const PathStep& step = steps_[at_++];
     for (std::size_t i = 0; i < captures_.size(); ++i) {
       if (step.is_index ? step.index != i : captures_[i].name != step.key) continue;
-      if (is("start_frame") && at_ + 1 == steps_.size()) {
-        path.quantity = FitQuantity::kStartFrame;
-        path.owner = captures_[i].name;
+      if (begins(Owner::kCapture)) {
+        address.owner = captures_[i].name;
+        find(address, Owner::kCapture);
+        if (at_ != steps_.size()) unknown();
         return true;
       }
       if (!captures_[i].scene) {
         refuse("the capture has no scene of its own; write the path without 'captures." + step.key +
                ".'.");
       }
-      path.capture = captures_[i].name;
+      address.capture = captures_[i].name;
       scene_ = captures_[i].scene.get();
       return false;
     }
@@ -171,14 +210,8 @@ class Reader {
 
   std::string body() {
     const auto& list = scene_->bodies;
-    if (!is("bodies")) {
-      const std::string& first = steps_[at_].key;
-      const bool known = std::any_of(kEntries.begin(), kEntries.end(), [&](const Entry& entry) {
-        return entry.owner == Owner::kBody &&
-               (first == (entry.group.empty() ? entry.key : entry.group) ||
-                (first == "material" && entry.group == "maxwell"));
-      });
-      if (!known) unknown();
+    if (!is(fit::list_of(Owner::kBody))) {
+      if (!begins(Owner::kBody)) unknown();
       if (list.size() == 1) return list.front().name;
       refuse("with several bodies write bodies.NAME." + text_ + ".");
     }
@@ -186,40 +219,45 @@ class Reader {
     return name_in(list, "body");
   }
 
-  void find(FitPath& path, Owner owner) {
-    const std::size_t left = steps_.size() - at_;
-    for (const Entry& entry : kEntries) {
-      if (entry.owner != owner) continue;
-      if (entry.group == "maxwell") {
-        if (left < 4 || !is("material") || steps_[at_ + 1].key != "maxwell" ||
-            !steps_[at_ + 2].is_index || steps_[at_ + 3].key != entry.key) {
-          continue;
-        }
-        path.quantity = entry.quantity;
-        path.branch = steps_[at_ + 2].index;
-        at_ += 4;
-        check(branch_obstacle(*scene_, path));
-        return;
-      }
-      const std::size_t length = entry.group.empty() ? 1 : 2;
-      if (left < length || (length == 2 && steps_[at_].key != entry.group)) continue;
-      if (steps_[at_ + length - 1].key != entry.key) continue;
-      path.quantity = entry.quantity;
-      at_ += length;
+  void find(Address& address, Owner owner) {
+    for (const Quantity& row : fit::quantities()) {
+      if (row.owner != owner) continue;
+      const auto found = match(row, steps_, at_);
+      if (!found) continue;
+      address.quantity = &row;
+      address.index = found->index;
+      at_ += found->steps;
       return;
     }
     unknown();
+  }
+
+  [[nodiscard]] std::string collider_obstacle(const Address& address) const {
+    const auto has_name = [&](const ColliderDoc& collider) {
+      return collider.name == address.owner;
+    };
+    const auto& all = scene_->colliders;
+    if (std::count_if(all.begin(), all.end(), has_name) > 1) {
+      return "several colliders are called '" + address.owner + "'; give them different names.";
+    }
+    const ColliderDoc& collider = *std::find_if(all.begin(), all.end(), has_name);
+    fit::Bearer bearer;
+    bearer.contact = &collider.contact;
+    bearer.has_height = collider.shape == ColliderDoc::Shape::kGround;
+    return fit::obstacle(address, bearer);
   }
 
   void check(const std::string& obstacle) const {
     if (!obstacle.empty()) refuse(obstacle);
   }
 
-  void read_component(FitPath& path) {
+  void read_component(Address& address) {
     if (at_ == steps_.size()) return;
-    if (!path.is_vector() || !steps_[at_].is_index || at_ + 1 != steps_.size()) unknown();
+    if (!address.quantity->is_vector() || !steps_[at_].is_index || at_ + 1 != steps_.size()) {
+      unknown();
+    }
     if (steps_[at_].index > 2) refuse("a vector has the components [0], [1] and [2].");
-    path.component = static_cast<int>(steps_[at_].index);
+    address.component = static_cast<int>(steps_[at_].index);
   }
 
   const std::string& text_;
@@ -231,86 +269,43 @@ class Reader {
 };
 
 /// The object that holds the quantity, and its key there; null where `create` is off and it does
-/// not stand there.
-std::pair<Json*, std::string> holder(Json& scene, const FitPath& path, bool create) {
-  const Entry& entry = entry_of(path.quantity);
-  const std::string key(entry.key);
-  if (entry.owner == Owner::kCapture) return {nullptr, key};
+/// not stand there, and where a list is too short. A quantity of a capture stands in no scene.
+std::pair<Json*, std::string> holder(Json& scene, const Address& address, bool create) {
+  const std::vector<Key> keys = keys_of(*address.quantity);
+  const std::string& last = keys.back().key;
   Json* at = &scene;
-  if (entry.owner != Owner::kScene) {
-    at = find_named(scene, entry.owner == Owner::kBody ? "bodies" : "colliders", path.owner);
-    if (at == nullptr) return {nullptr, key};
+  if (address.quantity->owner == Owner::kCapture) return {nullptr, last};
+  const std::string_view list = fit::list_of(address.quantity->owner);
+  if (!list.empty()) at = find_named(scene, list, address.owner);
+  if (at == nullptr) return {nullptr, last};
+  for (std::size_t k = 0; k + 1 < keys.size(); ++k) {
+    const std::string& key = keys[k].key;
+    if (keys[k].indexed) {
+      const auto found = at->find(key);
+      if (found == at->end() || !found->is_array() || found->size() <= address.index) {
+        return {nullptr, last};
+      }
+      at = &(*found)[address.index];
+      continue;
+    }
+    if (!create && !(at->contains(key) && (*at)[key].is_object())) return {nullptr, last};
+    at = &(*at)[key];
+    if (!at->is_object()) *at = Json::object();
   }
-  if (entry.group.empty()) return {at, key};
-  const std::string group(entry.group == "maxwell" ? "material" : entry.group);
-  const bool there = at->contains(group) && (*at)[group].is_object();
-  if (!there && !create) return {nullptr, key};
-  at = &(*at)[group];
-  if (!at->is_object()) *at = Json::object();
-  if (entry.group != "maxwell") return {at, key};
-  const auto list = at->find("maxwell");
-  if (list == at->end() || !list->is_array() || list->size() <= path.branch) return {nullptr, key};
-  return {&(*list)[path.branch], key};
+  return {at, last};
 }
 
 }  // namespace
 
-std::string FitPath::text() const {
-  const Entry& entry = entry_of(quantity);
-  std::string result = capture.empty() ? "" : "captures." + quoted(capture) + ".";
-  if (entry.owner == Owner::kBody) result += "bodies." + quoted(owner) + ".";
-  if (entry.owner == Owner::kCollider) result += "colliders." + quoted(owner) + ".";
-  if (entry.owner == Owner::kCapture) result += "captures." + quoted(owner) + ".";
-  result += below(entry, branch);
-  if (component) result += "[" + std::to_string(*component) + "]";
-  return result;
-}
+bool is_quaternion(const Quantity& quantity) { return quantity.path == "placement.rotation"; }
 
-bool FitPath::is_vector() const { return entry_of(quantity).vector; }
-
-bool FitPath::is_material() const {
-  const std::string_view group = entry_of(quantity).group;
-  return group == "material" || group == "maxwell";
-}
-
-std::string_view FitPath::law_parameter() const {
-  const Entry& entry = entry_of(quantity);
-  const bool any_law =
-      quantity == FitQuantity::kDampingShear || quantity == FitQuantity::kDampingBulk;
-  return entry.group == "material" && !any_law ? entry.key : std::string_view();
-}
-
-std::string collider_obstacle(const SceneDoc& scene, const FitPath& path) {
-  const auto has_name = [&](const ColliderDoc& collider) { return collider.name == path.owner; };
-  const auto& all = scene.colliders;
-  if (std::count_if(all.begin(), all.end(), has_name) > 1) {
-    return "several colliders are called '" + path.owner + "'; give them different names.";
-  }
-  const ColliderDoc& collider = *std::find_if(all.begin(), all.end(), has_name);
-  if (path.quantity == FitQuantity::kHeight && collider.shape != ColliderDoc::Shape::kGround) {
-    return "only the shape 'ground' has a height.";
-  }
-  if (path.quantity == FitQuantity::kFriction &&
-      collider.contact.kind != shape::ContactKind::kFriction) {
-    return "the collider's contact is not of the kind 'friction', so mu has no effect.";
-  }
-  return {};
-}
-
-std::string branch_obstacle(const SceneDoc& scene, const FitPath& path) {
-  const std::size_t branches = body_named(scene, path.owner).material.maxwell.size();
-  if (path.branch < branches) return {};
-  return "the material has " + std::to_string(branches) +
-         " Maxwell branches; add one to 'maxwell' for the fit to start from.";
-}
-
-FitPath read_fit_path(const std::string& text, const std::string& where, const SceneDoc& scene,
-                      const std::vector<CaptureDoc>& captures) {
+fit::Address read_fit_path(const std::string& text, const std::string& where, const SceneDoc& scene,
+                           const std::vector<CaptureDoc>& captures) {
   return Reader(text, where, scene, captures).read();
 }
 
-Json* find_named(Json& scene, const char* list, const std::string& name) {
-  const auto found = scene.find(list);
+Json* find_named(Json& scene, std::string_view list, const std::string& name) {
+  const auto found = scene.find(std::string(list));
   if (found == scene.end() || !found->is_array()) return nullptr;
   for (std::size_t i = 0; i < found->size(); ++i) {
     Json& entry = (*found)[i];
@@ -324,46 +319,57 @@ Json* find_named(Json& scene, const char* list, const std::string& name) {
   return nullptr;
 }
 
-const Json* find_quantity(const Json& scene, const FitPath& path) {
+const Json* find_quantity(const Json& scene, const Address& address) {
   // Only looked at: holder() changes nothing unless it is told to create.
-  const auto [at, key] = holder(const_cast<Json&>(scene), path, false);
+  const auto [at, key] = holder(const_cast<Json&>(scene), address, false);
   if (at == nullptr || !at->is_object()) return nullptr;
   const auto found = at->find(key);
   return found == at->end() || found->is_null() ? nullptr : &*found;
 }
 
-void set_quantity(Json& scene, const FitPath& path, const Json& value) {
-  const auto [at, key] = holder(scene, path, true);
-  if (at == nullptr) throw_input("'" + path.text() + "' does not stand in the scene.");
-  if (!path.is_vector() || path.quantity == FitQuantity::kRotation || !path.component) {
+void set_quantity(Json& scene, const Address& address, const Json& value) {
+  const auto [at, key] = holder(scene, address, true);
+  if (at == nullptr) throw_input("'" + address.text() + "' does not stand in the scene.");
+  const Quantity& quantity = *address.quantity;
+  if (!quantity.is_vector() || is_quaternion(quantity) || !address.component) {
     (*at)[key] = value;
     return;
   }
   Json& vector = (*at)[key];
   if (!vector.is_array()) {
-    const bool gravity = path.quantity == FitQuantity::kGravity;
+    const bool gravity = quantity.owner == Owner::kScene;
     vector = gravity ? Json{0.0, 0.0, -9.81} : Json{0.0, 0.0, 0.0};
   }
-  vector[static_cast<std::size_t>(*path.component)] = value;
+  vector[static_cast<std::size_t>(*address.component)] = value;
 }
 
-void copy_quantity(const Json& scene, const FitPath& path, Json& overrides) {
-  const Entry& entry = entry_of(path.quantity);
+void copy_quantity(const Json& scene, const Address& address, Json& overrides) {
+  const Quantity& quantity = *address.quantity;
+  const std::string_view list = fit::list_of(quantity.owner);
   Json* into = &overrides;
-  if (entry.owner != Owner::kScene) {
-    const char* list = entry.owner == Owner::kBody ? "bodies" : "colliders";
-    into = find_named(overrides, list, path.owner);
+  Json copy = scene;
+  const Json* from = &copy;
+  if (!list.empty()) {
+    into = find_named(overrides, list, address.owner);
     if (into == nullptr) {
-      overrides[list].push_back({{"name", path.owner}});
-      into = &overrides[list].back();
+      Json& entries = overrides[std::string(list)];
+      entries.push_back({{"name", address.owner}});
+      into = &entries.back();
     }
+    from = find_named(copy, list, address.owner);
   }
-  if (entry.group == "maxwell") {
-    Json copy = scene;
-    (*into)["material"]["maxwell"] =
-        find_named(copy, "bodies", path.owner)->at("material").at("maxwell");
-  } else if (const Json* vector = path.is_vector() ? find_quantity(scene, path) : nullptr) {
-    (*holder(overrides, path, true).first)[std::string(entry.key)] = *vector;
+  for (const Key& key : keys_of(quantity)) {
+    const bool whole = key.indexed || (quantity.is_vector() && key.key == quantity.key());
+    if (from == nullptr || !from->is_object() || !from->contains(key.key)) return;
+    from = &from->at(key.key);
+    if (whole) {
+      (*into)[key.key] = *from;
+      return;
+    }
+    if (!from->is_object()) return;  // the number itself
+    Json& next = (*into)[key.key];
+    if (!next.is_object()) next = Json::object();
+    into = &next;
   }
 }
 

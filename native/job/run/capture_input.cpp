@@ -24,7 +24,7 @@ std::array<std::size_t, 2> samples_between(const std::vector<double>& times, dou
 
 /// The mean over the quiet frames in which the point is seen, else where it is seen first. What is
 /// held out does not count among the quiet frames where others are left.
-void take_rest(CaptureInput& input, double slack) {
+void take_rest(fit::CaptureInput& input, double slack) {
   const capture::Tracks& tracks = input.tracks;
   input.rest.assign(tracks.points, Vec3d::Constant(std::numeric_limits<double>::quiet_NaN()));
   for (std::size_t i = 0; i < tracks.points; ++i) {
@@ -45,7 +45,7 @@ void take_rest(CaptureInput& input, double slack) {
   }
 }
 
-std::vector<std::uint8_t> held_out_points(const CaptureDoc& doc, const CaptureInput& input,
+std::vector<std::uint8_t> held_out_points(const CaptureDoc& doc, const fit::CaptureInput& input,
                                           const std::string& path) {
   std::vector<std::uint8_t> held(input.tracks.points, doc.holdout.capture ? 1 : 0);
   for (const std::string& wanted : doc.holdout.tracks) {
@@ -67,10 +67,6 @@ std::vector<std::uint8_t> held_out_points(const CaptureDoc& doc, const CaptureIn
 
 }  // namespace
 
-std::string CaptureInput::label(std::size_t point) const {
-  return point < tracks.labels.size() ? tracks.labels[point] : std::to_string(point);
-}
-
 std::optional<double> body_release(const BodyDoc& body, const SceneDoc& scene) {
   std::optional<double> last;
   for (const PinDoc& pin : body.pins) {
@@ -80,12 +76,12 @@ std::optional<double> body_release(const BodyDoc& body, const SceneDoc& scene) {
   return last;
 }
 
-CaptureInput load_capture(const Job& job, std::size_t index, bool clouds) {
+fit::CaptureInput load_capture(const Job& job, std::size_t index, bool clouds) {
   const CaptureDoc& doc = job.captures[index];
   const SceneDoc& scene = job.scene;
   const std::string& path = doc.path;
   try {
-    CaptureInput input;
+    fit::CaptureInput input;
     input.name = doc.name;
     input.body = doc.body;
     input.start = scene.seconds(doc.start_frame.value_or(scene.first_frame));

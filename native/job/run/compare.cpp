@@ -26,7 +26,7 @@ std::vector<std::size_t> spaced(std::size_t frames, std::size_t most) {
 
 }  // namespace
 
-std::vector<double> capture_error_mm(const CaptureInput& capture,
+std::vector<double> capture_error_mm(const fit::CaptureInput& capture,
                                      const fit::SimulatedCapture& simulated) {
   const std::size_t points = capture.tracks.points;
   const std::size_t frames = capture.tracks.frames();
@@ -62,9 +62,9 @@ Json error_statistics(const std::vector<double>& values) {
   return json;
 }
 
-CaptureError compare_capture(const CaptureInput& capture, const fit::SimulatedCapture& simulated,
-                             double body_size, double fps, int first_frame, Arena& arena,
-                             const Interrupter& interrupter) {
+CaptureError compare_capture(const fit::CaptureInput& capture,
+                             const fit::SimulatedCapture& simulated, double body_size, double fps,
+                             int first_frame, Arena& arena, const Interrupter& interrupter) {
   const std::size_t points = capture.tracks.points;
   const std::size_t frames = capture.tracks.frames();
   CaptureError result;
@@ -169,7 +169,7 @@ CaptureError compare_capture(const CaptureInput& capture, const fit::SimulatedCa
   return result;
 }
 
-std::string write_compare(const std::filesystem::path& folder, const CaptureInput& capture,
+std::string write_compare(const std::filesystem::path& folder, const fit::CaptureInput& capture,
                           const CaptureError& error, bool only_one) {
   const std::size_t frames = capture.tracks.frames();
   const std::size_t points = capture.tracks.points;

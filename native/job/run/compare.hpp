@@ -20,7 +20,7 @@ struct CaptureError {
 
 /// Distance of each simulated point from the captured one [mm], (T, N); NaN where not seen or not
 /// simulated.
-[[nodiscard]] std::vector<double> capture_error_mm(const CaptureInput& capture,
+[[nodiscard]] std::vector<double> capture_error_mm(const fit::CaptureInput& capture,
                                                    const fit::SimulatedCapture& simulated);
 
 /// `samples`, and of those that are there `mean_mm`, `rms_mm`, `p95_mm`, `max_mm`.
@@ -30,7 +30,7 @@ struct CaptureError {
 /// percent of `body_size` [m]; by point, by frame, on held-out points and frames apart; the Chamfer
 /// distance of each frame, and the earth mover's distance of each frame (of eight evenly spaced
 /// ones where there are more than 128 points).
-[[nodiscard]] CaptureError compare_capture(const CaptureInput& capture,
+[[nodiscard]] CaptureError compare_capture(const fit::CaptureInput& capture,
                                            const fit::SimulatedCapture& simulated, double body_size,
                                            double fps, int first_frame, Arena& arena,
                                            const Interrupter& interrupter);
@@ -38,7 +38,7 @@ struct CaptureError {
 /// Writes `compare.npz` (of several captures `compare_NAME.npz`): error_mm (T,N), times (T,),
 /// captured (T,N,3) in the world [m], NaN where not seen, labels; returns its name.
 [[nodiscard]] std::string write_compare(const std::filesystem::path& folder,
-                                        const CaptureInput& capture, const CaptureError& error,
+                                        const fit::CaptureInput& capture, const CaptureError& error,
                                         bool only_one);
 
 }  // namespace matterfit::job

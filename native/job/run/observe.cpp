@@ -57,7 +57,7 @@ struct Observations::Follower {
 Observations::~Observations() = default;
 
 Observations::Observations(const Job& job, const mpm::Scene& scene,
-                           const std::vector<CaptureInput>& captures, Arena& arena)
+                           const std::vector<fit::CaptureInput>& captures, Arena& arena)
     : job_(job), scene_(scene), captures_(captures), arena_(arena) {
   const double separation = 0.5 * scene.dx;
   const auto follow = [&](std::size_t body, Points rest) {
@@ -66,7 +66,7 @@ Observations::Observations(const Job& job, const mpm::Scene& scene,
     follower->points.emplace(scene.bodies[body], std::move(rest), separation, arena);
     followers_.push_back(std::move(follower));
   };
-  for (const CaptureInput& capture : captures) {
+  for (const fit::CaptureInput& capture : captures) {
     follow(fit::body_index(scene, capture.body), capture.rest);
     followers_.back()->keeps_positions = true;
   }
@@ -146,7 +146,7 @@ std::vector<std::string> Observations::write(const std::filesystem::path& folder
   std::vector<std::string> paths;
   for (std::size_t c = 0; c < captures_.size(); ++c) {
     const fit::SimulatedCapture simulated = at_capture(c);
-    const CaptureInput& capture = captures_[c];
+    const fit::CaptureInput& capture = captures_[c];
     capture::Arrays arrays;
     // The file's own clock: times as the capture has them.
     std::vector<double> times = simulated.times;
@@ -205,7 +205,7 @@ Points probe_points(const ProbeDoc& probe, const std::string& path, const mpm::B
   return touching;
 }
 
-std::optional<fit::Ringdown> measured_ringdown(const CaptureInput& capture) {
+std::optional<fit::Ringdown> measured_ringdown(const fit::CaptureInput& capture) {
   if (!capture.release) return std::nullopt;
   Points means;
   for (std::size_t t = 0; t < capture.tracks.frames(); ++t) {

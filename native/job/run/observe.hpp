@@ -19,8 +19,8 @@ namespace matterfit::job {
 /// Follows the captures' points and the probes of a job through a run.
 class Observations {
  public:
-  Observations(const Job& job, const mpm::Scene& scene, const std::vector<CaptureInput>& captures,
-               Arena& arena);
+  Observations(const Job& job, const mpm::Scene& scene,
+               const std::vector<fit::CaptureInput>& captures, Arena& arena);
   ~Observations();
   Observations(const Observations&) = delete;
   Observations& operator=(const Observations&) = delete;
@@ -48,7 +48,7 @@ class Observations {
 
   const Job& job_;
   const mpm::Scene& scene_;
-  const std::vector<CaptureInput>& captures_;
+  const std::vector<fit::CaptureInput>& captures_;
   Arena& arena_;
   std::vector<double> times_;
   std::vector<std::unique_ptr<Follower>> followers_;  ///< captures, then probes, then the body
@@ -60,6 +60,6 @@ class Observations {
                                   const mpm::Body& body, double separation);
 
 /// The quiet mean, drop and so on of the capture itself.
-[[nodiscard]] std::optional<fit::Ringdown> measured_ringdown(const CaptureInput& capture);
+[[nodiscard]] std::optional<fit::Ringdown> measured_ringdown(const fit::CaptureInput& capture);
 
 }  // namespace matterfit::job

@@ -104,7 +104,7 @@ class Run {
     interrupter_.check();
   }
 
-  void note_summary(const CaptureInput& input) {
+  void note_summary(const fit::CaptureInput& input) {
     const capture::CaptureSummary summary = capture::summarise(input.tracks);
     const std::string where = "captures." + input.name + ": ";
     if (!summary.unit_warning.empty()) notes_.push_back(where + summary.unit_warning);
@@ -160,6 +160,7 @@ class Run {
     const MemoryRefusal refusal{*this};
     refusal.check();
     mpm::Simulation::Options options;
+    options.hand_over = true;
     options.target = target_;
     options.memory_limit = static_cast<std::size_t>(1e9 * job_.scene.solver.memory_limit_gb);
     report(0.0, "Preparing");
@@ -359,6 +360,7 @@ class Run {
       substeps += line.value("substeps", 0);
       penetration = std::max(penetration, line.value("max_penetration", 0.0));
       simulated += line.value("seconds", 0.0);
+      if (line.contains("note")) notes_.push_back(line.value("note", ""));
     }
     json["dt"] = dt;
     json["dt_limit"] = limit;
@@ -378,7 +380,7 @@ class Run {
   /// Markers may stand off the body, but not by its own size: they move along with it all the same,
   /// so that the comparison would look right.
   void note_distance(std::size_t capture) {
-    const CaptureInput& input = captures_[capture];
+    const fit::CaptureInput& input = captures_[capture];
     const auto body = std::find_if(scene().bodies.begin(), scene().bodies.end(),
                                    [&](const mpm::Body& b) { return b.name == input.body; });
     const double distance = observations_->farthest(capture);
@@ -404,7 +406,7 @@ class Run {
     }
     Json captures = Json::array();
     for (std::size_t i = 0; i < captures_.size(); ++i) {
-      const CaptureInput& input = captures_[i];
+      const fit::CaptureInput& input = captures_[i];
       Json capture = {{"name", input.name},
                       {"body", input.body},
                       {"points", input.tracks.points},
@@ -446,7 +448,7 @@ class Run {
   Interrupter& interrupter_;
   std::shared_ptr<Arena> arena_;
   Clock::time_point start_ = Clock::now();
-  std::vector<CaptureInput> captures_;
+  std::vector<fit::CaptureInput> captures_;
   std::optional<Cache> cache_;
   std::optional<StatsLog> stats_;
   BuiltScene built_;

@@ -19,7 +19,8 @@ struct RunExtras {
   /// Files that stay in the folder although an earlier manifest lists them.
   std::vector<std::string> kept;
   /// Of every capture of a comparison; `body_size` [m].
-  std::function<void(const CaptureInput&, const std::vector<double>& error_mm, double body_size)>
+  std::function<void(const fit::CaptureInput&, const std::vector<double>& error_mm,
+                     double body_size)>
       compared;
   /// Called with the result before it is written; returns files in the folder that are then listed
   /// in the manifest.

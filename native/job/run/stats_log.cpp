@@ -36,16 +36,17 @@ void StatsLog::keep_before(int frame) {
 }
 
 void StatsLog::add(const mpm::FrameReport& report) {
-  const Json json = {{"frame", report.frame},
-                     {"substeps", report.substeps},
-                     {"dt", report.dt},
-                     {"dt_limit", report.dt_limit},
-                     {"max_speed", report.max_speed},
-                     {"min_volume_ratio", report.min_volume_ratio},
-                     {"max_volume_ratio", report.max_volume_ratio},
-                     {"max_penetration", report.max_penetration},
-                     {"kinetic_energy", report.kinetic_energy},
-                     {"seconds", report.seconds}};
+  Json json = {{"frame", report.frame},
+               {"substeps", report.substeps},
+               {"dt", report.dt},
+               {"dt_limit", report.dt_limit},
+               {"max_speed", report.max_speed},
+               {"min_volume_ratio", report.min_volume_ratio},
+               {"max_volume_ratio", report.max_volume_ratio},
+               {"max_penetration", report.max_penetration},
+               {"kinetic_energy", report.kinetic_energy},
+               {"seconds", report.seconds}};
+  if (!report.note.empty()) json["note"] = report.note;
   lines_.push_back(json);
   const std::string line = json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
   const int descriptor = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);

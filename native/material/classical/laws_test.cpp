@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
+#include "material/classical/elastic_energy.hpp"
 #include "material/classical/law_at-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -183,38 +184,11 @@ TEST(Laws, NothingAtRest) {
 // -------------------------------------------------------------------------------------
 
 double shape_energy(const Material& m, const Mat3d& f) {
-  const double mu = m.mu();
-  const double j = f.determinant();
-  switch (m.law) {
-    case Law::kFixedCorotated:
-      return mu * (f - rotation_of(f)).squaredNorm();
-    case Law::kNeoHookean:
-      if (m.poisson_ratio < material::kSplitPoissonRatio) {
-        return 0.5 * mu * (f.squaredNorm() - 3) - mu * std::log(j);
-      }
-      return 0.5 * mu * (std::pow(j, -2.0 / 3.0) * f.squaredNorm() - 3);
-    case Law::kStvkHencky:
-      return mu * dev(hencky(f)).squaredNorm();
-    default:
-      return 0.0;
-  }
+  return material::shape_energy(material::law_constants<double>(m), f);
 }
 
 double volume_energy(const Material& m, double j) {
-  const double kappa = m.lambda() + 2 * m.mu() / 3;
-  switch (m.law) {
-    case Law::kFixedCorotated:
-      return 0.5 * m.lambda() * (j - 1) * (j - 1);
-    case Law::kNeoHookean:
-      if (m.poisson_ratio < material::kSplitPoissonRatio) {
-        return 0.5 * m.lambda() * std::log(j) * std::log(j);
-      }
-      return 0.5 * kappa * (j - 1) * (j - 1);
-    case Law::kStvkHencky:
-      return 0.5 * kappa * std::log(j) * std::log(j);
-    default:
-      return m.bulk_modulus / 7 * (j + std::pow(j, -6.0) / 6);
-  }
+  return material::volume_energy(material::law_constants<double>(m), j);
 }
 
 /// (dΨ/dF) Fᵀ by central differences of fourth order.

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "fit/model/quantity.hpp"
+
+/// Where each kind of quantity lies (Access), for the rows of quantity_table.cpp.
+namespace matterfit::fit {
+
+[[nodiscard]] Access material_access(double material::Material::*member,
+                                     double material::MaterialGradient::*slope);
+[[nodiscard]] Access maxwell_access(double material::MaxwellBranch::*member);
+[[nodiscard]] Access density_access();
+/// A vector of a body's initial motion.
+[[nodiscard]] Access motion_access(Vec3d mpm::Body::*member, Vec3d mpm::BodyGradient::*slope);
+[[nodiscard]] Access position_access();
+[[nodiscard]] Access rotation_access();
+[[nodiscard]] Access gravity_access();
+[[nodiscard]] Access friction_access();
+/// The stiffness that the solver takes, where the scene has none.
+[[nodiscard]] Access contact_stiffness_access();
+[[nodiscard]] Access height_access();
+[[nodiscard]] Access start_frame_access();
+
+}  // namespace matterfit::fit

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/documents/quantities_json.hpp"
+
+#include <string>
+#include <string_view>
+
+#include "fit/model/quantity.hpp"
+#include "material/law_table.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using fit::Coordinate;
+using fit::Owner;
+
+std::string_view owner_name(Owner owner) {
+  switch (owner) {
+    case Owner::kBody:
+      return "body";
+    case Owner::kCollider:
+      return "collider";
+    case Owner::kScene:
+      return "scene";
+    case Owner::kCapture:
+      return "capture";
+    case Owner::kEffect:
+      return "effect";
+  }
+  return {};
+}
+
+std::string_view coordinate_name(Coordinate coordinate) {
+  switch (coordinate) {
+    case Coordinate::kLinear:
+      return "linear";
+    case Coordinate::kLog:
+      return "log";
+    case Coordinate::kLogit:
+      return "logit";
+  }
+  return {};
+}
+
+Json row_json(const fit::Quantity& row) {
+  const bool bounded = row.low != 0.0 || row.high != 0.0;
+  return {{"path", row.path},
+          {"owner", owner_name(row.owner)},
+          {"list", fit::list_of(row.owner)},
+          {"size", row.size},
+          {"unit", row.unit},
+          {"coordinate", coordinate_name(row.coordinate)},
+          {"scale", row.scale_is_separation ? Json() : Json(row.scale)},
+          {"bounds", bounded ? Json{row.low, row.high} : Json()},
+          {"around", row.around},
+          {"prior_sigma", row.prior_sigma},
+          {"stiffness", row.stiffness},
+          {"of_law", row.of_law},
+          {"gradient", static_cast<bool>(row.access.slope)},
+          {"label", row.label},
+          {"sentence", row.sentence}};
+}
+
+}  // namespace
+
+Json quantities_json() {
+  Json rows = Json::array();
+  for (const fit::Quantity& row : fit::quantities()) rows.push_back(row_json(row));
+  Json laws = Json::array();
+  for (const material::LawTraits& law : material::all_laws()) {
+    Json parameters = Json::array();
+    for (const std::string_view key : law.parameters) parameters.push_back(key);
+    laws.push_back({{"name", law.name}, {"label", law.label}, {"parameters", parameters}});
+  }
+  return {{"quantities", rows}, {"laws", laws}, {"usual_factor", fit::kUsualFactor}};
+}
+
+}  // namespace matterfit::job

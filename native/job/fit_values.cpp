@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_values.hpp"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "job/documents/capture_scene.hpp"
+#include "job/documents/fit_path.hpp"
+
+namespace matterfit::job {
+namespace {
+
+/// Writes the numbers of one fit.
+class Writer {
+ public:
+  Writer(const fit::Parameters& parameters, std::span<const double> values,
+         const std::vector<RunSource>& sources)
+      : parameters_(parameters), values_(values), sources_(sources) {}
+
+  /// Into a scene, or overrides of one.
+  void put(Json& scene, std::size_t number) const {
+    const fit::Address& path = parameters_.path(number);
+    if (!is_quaternion(*path.quantity)) {
+      set_quantity(scene, path, values_[number]);
+      return;
+    }
+    const std::size_t run = first_run(number);
+    mpm::Body body;
+    body.name = path.owner;
+    body.lattice.axes = body_named(sources_[run].job.scene, path.owner).placement.rotation;
+    const Quatd turned = parameters_.placed(values_, run, std::move(body)).lattice.axes;
+    set_quantity(scene, path, {turned.w(), turned.x(), turned.y(), turned.z()});
+  }
+
+  /// The first run that the number acts on.
+  [[nodiscard]] std::size_t first_run(std::size_t number) const {
+    std::size_t run = 0;
+    while (!parameters_.acts_on(number, run)) ++run;
+    return run;
+  }
+
+ private:
+  const fit::Parameters& parameters_;
+  std::span<const double> values_;
+  const std::vector<RunSource>& sources_;
+};
+
+}  // namespace
+
+void write_values(const fit::Parameters& parameters, std::span<const double> values,
+                  const std::vector<RunSource>& sources, const Job& job, Json& document) {
+  const Writer writer(parameters, values, sources);
+  // Those of all scenes first: what a capture's own scene takes over from the document is then
+  // fitted already.
+  std::vector<std::size_t> order;
+  for (const bool own : {false, true}) {
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+      if (parameters.path(i).capture.empty() != own) order.push_back(i);
+    }
+  }
+  for (const std::size_t i : order) {
+    const fit::Address& path = parameters.path(i);
+    if (path.quantity->owner == fit::Owner::kCapture) {
+      for (std::size_t c = 0; c < job.captures.size(); ++c) {
+        if (job.captures[c].name != path.owner) continue;
+        document.at("captures").at(c)[std::string(path.quantity->key())] = values[i];
+      }
+      continue;
+    }
+    if (path.capture.empty()) {
+      writer.put(document.at("scene"), i);
+      continue;
+    }
+    // Captures of one scene of their own keep one.
+    for (const std::size_t c : sources[writer.first_run(i)].group.captures) {
+      Json& capture = document.at("captures").at(c);
+      const Json merged = merged_scene(document.at("scene"), capture.at("scene"), "scene");
+      Json& overrides = capture.at("scene");
+      if (find_quantity(overrides, path) == nullptr) copy_quantity(merged, path, overrides);
+      writer.put(overrides, i);
+    }
+  }
+}
+
+}  // namespace matterfit::job

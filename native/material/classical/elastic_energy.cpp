@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "material/classical/elastic_energy.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+
+namespace matterfit::material {
+namespace {
+
+/// Singular values of F.
+Vec3d stretches(const Mat3d& f) {
+  const Eigen::SelfAdjointEigenSolver<Mat3d> solver(f.transpose() * f, Eigen::EigenvaluesOnly);
+  return solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+}
+
+}  // namespace
+
+double shape_energy(const LawConstants<double>& law, const Mat3d& f) {
+  const double mu = law.mu;
+  switch (law.law) {
+    case Law::kFixedCorotated:
+      return mu * (stretches(f) - Vec3d::Ones()).squaredNorm();
+    case Law::kNeoHookean: {
+      const double j = f.determinant();
+      if (!law.split) {
+        return 0.5 * mu * (f.squaredNorm() - 3.0) - mu * std::log(j);
+      }
+      return 0.5 * mu * (std::pow(j, -2.0 / 3.0) * f.squaredNorm() - 3.0);
+    }
+    case Law::kNewtonian:
+      return 0.0;
+    default: {
+      const Vec3d strain = stretches(f).array().log();
+      return mu * (strain - Vec3d::Constant(strain.mean())).squaredNorm();
+    }
+  }
+}
+
+double volume_energy(const LawConstants<double>& law, double j) {
+  switch (law.law) {
+    case Law::kFixedCorotated:
+      return 0.5 * law.lambda * (j - 1.0) * (j - 1.0);
+    case Law::kNeoHookean:
+      if (!law.split) {
+        return 0.5 * law.lambda * std::log(j) * std::log(j);
+      }
+      return 0.5 * law.kappa * (j - 1.0) * (j - 1.0);
+    case Law::kNewtonian:
+      return law.kappa / 7.0 * (j + std::pow(j, -6.0) / 6.0 - 7.0 / 6.0);
+    default:
+      return 0.5 * law.kappa * std::log(j) * std::log(j);
+  }
+}
+
+double crush_energy(const LawConstants<double>& law, double j) {
+  constexpr double kCrushRatio = 0.5;  // as laws-inl.hpp
+  if (j >= kCrushRatio) return 0.0;
+  // τ = −M ((½/J)² − 1), dΨ/dJ = τ/J.
+  const double modulus = law.lambda + 2.0 * law.mu;
+  const double ratio = kCrushRatio / j;
+  return modulus * (0.5 * (ratio * ratio - 1.0) - std::log(ratio));
+}
+
+}  // namespace matterfit::material

@@ -80,9 +80,22 @@ void add_lesson(const LatentNetwork& network, const Lesson& lesson, double share
   if (!full) return;
   const LatentJacobian j =
       latent_jacobian(network, lesson.latent[kLatentVolume], lesson.latent[kLatentCurve]);
-  const Eigen::MatrixXd half = inner * j;
-  sum.matrix.noalias() += j.transpose() * half;
   sum.slope.noalias() += j.transpose() * slope;
+  // Jᵀ inner J below its diagonal: J's columns of an output's own weights have that output's row
+  // alone, and the same entries for each output.
+  constexpr auto kFirst = static_cast<Eigen::Index>(3 * kLatentHidden);
+  constexpr auto kRow = static_cast<Eigen::Index>(kLatentHidden + 3);
+  const Eigen::Matrix<double, kOutputs, kFirst> hidden = j.leftCols<kFirst>();
+  const Eigen::Matrix<double, kOutputs, kFirst> half = inner * hidden;
+  sum.matrix.topLeftCorner<kFirst, kFirst>().noalias() += hidden.transpose() * half;
+  const Eigen::Matrix<double, kRow, 1> activations = j.row(0).segment<kRow>(kFirst).transpose();
+  const Eigen::Matrix<double, kRow, kRow> square = activations * activations.transpose();
+  for (Eigen::Index k = 0; k < kOutputs; ++k) {
+    sum.matrix.block<kRow, kFirst>(kFirst + k * kRow, 0) += activations * half.row(k);
+    for (Eigen::Index l = 0; l <= k; ++l) {
+      sum.matrix.block<kRow, kRow>(kFirst + k * kRow, kFirst + l * kRow) += inner(k, l) * square;
+    }
+  }
 }
 
 Normal equations(const LatentNetwork& network, const std::vector<Lesson>& all, bool full) {

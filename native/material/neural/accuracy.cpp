@@ -5,7 +5,6 @@
 
 #include "material/neural/isotropic_principal.hpp"
 #include "material/neural/pretrain.hpp"
-#include "material/neural/published_law.hpp"
 
 namespace matterfit::material {
 namespace {
@@ -53,37 +52,7 @@ LawAccuracy compare(const PrincipalLaw& law, const Material& material, std::uint
   return out;
 }
 
-/// Diagonals of what the published law gives for diagonal deformations.
-std::vector<Vec3d> published(const PublishedWeights& weights,
-                             const std::vector<PrincipalSample>& samples, bool stress,
-                             Arena& arena) {
-  std::vector<double> trial(9 * samples.size(), 0.0);
-  for (std::size_t p = 0; p < samples.size(); ++p)
-    for (std::size_t i = 0; i < 3; ++i) {
-      trial[9 * p + 4 * i] = std::exp(samples[p].trial[static_cast<Eigen::Index>(i)]);
-    }
-  std::vector<double> elastic(trial.size());
-  std::vector<double> tau(trial.size());
-  PublishedWeights used = weights;
-  if (stress) used.plastic.assign(kNetWeights, 0.0F);
-  published_forward<double>(used, GeluMode::kExact, trial, elastic, tau, arena);
-  std::vector<Vec3d> out(samples.size());
-  for (std::size_t p = 0; p < samples.size(); ++p)
-    for (std::size_t i = 0; i < 3; ++i) {
-      out[p][static_cast<Eigen::Index>(i)] =
-          stress ? tau[9 * p + 4 * i] : std::log(elastic[9 * p + 4 * i]);
-    }
-  return out;
-}
-
 }  // namespace
-
-LawAccuracy accuracy(const PublishedWeights& weights, const Material& material, std::uint64_t seed,
-                     Arena& arena) {
-  return compare({[&](const auto& samples) { return published(weights, samples, true, arena); },
-                  [&](const auto& samples) { return published(weights, samples, false, arena); }},
-                 material, seed);
-}
 
 LawAccuracy accuracy(const IsotropicWeights& weights, const Material& material, std::uint64_t seed,
                      Arena& arena) {

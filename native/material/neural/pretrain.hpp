@@ -7,27 +7,16 @@
 
 #include "base/parallel.hpp"
 #include "material/neural/isotropic_weights.hpp"
-#include "material/neural/published_weights.hpp"
 #include "material/neural/start_laws.hpp"
 
 namespace matterfit::material {
 
-/// Regression of neural laws to classical ones on sampled states, without a simulator
-/// (the stress of an isotropic law turns with F, so states are a stretch and its axes alone).
-/// Deterministic in the seed, the same bits for any number of threads.
+/// Regression of the isotropic neural law to classical ones on sampled principal strains, without
+/// a simulator. Deterministic in the seed.
 struct Pretraining {
   std::uint64_t seed = 1;
-  std::size_t samples = std::size_t{1} << 18U;  ///< of each net of the published form
-  std::size_t passes = 16;
-  std::size_t batch = 1024;
-  std::size_t fit_samples = 1500;  ///< of our form
+  std::size_t fit_samples = 1500;
 };
-
-/// Both nets. The target of the elastic one is X = Rᵀ τ R S⁻¹ with F = R S, of the plastic one
-/// (S_kept − S_trial)/α; errors are weighted by the target's size. A material without flow leaves
-/// the plastic net's last layer at zero.
-[[nodiscard]] PublishedWeights pretrain_published(const Material& material,
-                                                  const Pretraining& options, Arena& arena);
 
 /// The energy's weights by Levenberg–Marquardt on the principal stresses, relative to their size;
 /// the flow's weights are the classical constants themselves, in units of strain.
@@ -52,8 +41,6 @@ struct LawAccuracy {
   double flow_step = 0.0;
 };
 
-[[nodiscard]] LawAccuracy accuracy(const PublishedWeights& weights, const Material& material,
-                                   std::uint64_t seed, Arena& arena);
 [[nodiscard]] LawAccuracy accuracy(const IsotropicWeights& weights, const Material& material,
                                    std::uint64_t seed, Arena& arena);
 

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+
+#include "base/vec.hpp"
+#include "material/neural/isotropic_weights.hpp"
+
+namespace matterfit::material {
+
+/// The isotropic law in principal axes.
+struct PrincipalResponse {
+  Vec3d tau;  ///< Kirchhoff stresses [Pa]
+  /// Of the stresses by the weights of the energy.
+  Eigen::Matrix<double, 3, static_cast<int>(kIsotropicElastic)> by_weights;
+};
+
+/// Stresses of principal Hencky strains by the energy alone, without flow.
+[[nodiscard]] PrincipalResponse principal_response(const IsotropicWeights& weights,
+                                                   const Vec3d& strain);
+
+/// Strains that the flow keeps of a trial in a step of `dt` [s]; `plastic` is the equivalent
+/// plastic strain and grows.
+[[nodiscard]] Vec3d principal_flow(const IsotropicWeights& weights, const Vec3d& trial, double dt,
+                                   double& plastic);
+
+}  // namespace matterfit::material

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "material/neural/isotropic_weights.hpp"
+
+#include <cmath>
+
+#include "base/error.hpp"
+
+namespace matterfit::material {
+namespace {
+
+constexpr std::size_t kGains = 2;
+constexpr std::size_t kOwn = kGains + kShapeUnits;
+constexpr std::size_t kTraces = kOwn + kShapeUnits;
+constexpr std::size_t kOffsets = kTraces + kShapeUnits;
+constexpr std::size_t kVolumeGains = kOffsets + kShapeUnits;
+constexpr std::size_t kVolumeTraces = kVolumeGains + kVolumeUnits;
+constexpr std::size_t kVolumeOffsets = kVolumeTraces + kVolumeUnits;
+static_assert(kVolumeOffsets + kVolumeUnits == kIsotropicElastic);
+
+enum class Meaning { kScale, kOfScale, kPlain, kTanh, kPositive };
+
+constexpr Meaning meaning(std::size_t i) {
+  if (i == 0) return Meaning::kScale;
+  if (i < kOwn) return Meaning::kOfScale;
+  if (i < kOffsets) return Meaning::kPlain;
+  if (i < kVolumeGains) return Meaning::kTanh;
+  if (i < kVolumeTraces) return Meaning::kOfScale;
+  if (i < kVolumeOffsets) return Meaning::kPlain;
+  if (i < kIsotropicElastic) return Meaning::kTanh;
+  return Meaning::kPositive;
+}
+
+double constant(const IsotropicWeights& weights, std::size_t i) {
+  switch (meaning(i)) {
+    case Meaning::kPlain:
+      return weights[i];
+    case Meaning::kTanh:
+      return std::tanh(weights[i]);
+    case Meaning::kOfScale:
+      return std::exp(weights[0] + weights[i]);
+    case Meaning::kScale:
+    case Meaning::kPositive:
+      break;
+  }
+  return std::exp(weights[i]);
+}
+
+}  // namespace
+
+template <class S>
+IsotropicConstants<S> isotropic_constants(const IsotropicWeights& weights) {
+  IsotropicConstants<S> out;
+  std::size_t i = 0;
+  out.for_each([&](S& entry) { entry = static_cast<S>(constant(weights, i++)); });
+  return out;
+}
+template IsotropicConstants<float> isotropic_constants(const IsotropicWeights&);
+template IsotropicConstants<double> isotropic_constants(const IsotropicWeights&);
+
+void add_isotropic_weights_adjoint(const IsotropicWeights& weights,
+                                   IsotropicConstants<double> constants_bar,
+                                   std::span<double, kIsotropicWeights> weights_bar) {
+  std::size_t i = 0;
+  constants_bar.for_each([&](double& bar) {
+    const double value = constant(weights, i);
+    switch (meaning(i)) {
+      case Meaning::kPlain:
+        weights_bar[i] += bar;
+        break;
+      case Meaning::kTanh:
+        weights_bar[i] += bar * (1.0 - value * value);
+        break;
+      case Meaning::kOfScale:
+        weights_bar[i] += bar * value;
+        weights_bar[0] += bar * value;
+        break;
+      case Meaning::kScale:
+      case Meaning::kPositive:
+        weights_bar[i] += bar * value;
+        break;
+    }
+    ++i;
+  });
+}
+
+double longest_wave_modulus(const IsotropicWeights& weights) {
+  const auto c = isotropic_constants<double>(weights);
+  double modulus = c.kappa + c.mu * 4.0 / 3.0;
+  for (std::size_t k = 0; k < kShapeUnits; ++k) {
+    const double own = c.shape_own[k] + c.shape_trace[k];
+    modulus += c.shape_gain[k] * (own * own + 2.0 * c.shape_trace[k] * c.shape_trace[k]);
+  }
+  for (std::size_t k = 0; k < kVolumeUnits; ++k) {
+    modulus += c.volume_gain[k] * c.volume_trace[k] * c.volume_trace[k];
+  }
+  return modulus;
+}
+
+double rest_shear_modulus(const IsotropicWeights& weights) {
+  const auto c = isotropic_constants<double>(weights);
+  double modulus = c.mu;
+  for (std::size_t k = 0; k < kShapeUnits; ++k) {
+    const double slope = 1.0 - c.shape_offset[k] * c.shape_offset[k];
+    modulus += 0.5 * c.shape_gain[k] * slope * c.shape_own[k] * c.shape_own[k];
+  }
+  return modulus;
+}
+
+double rest_bulk_modulus(const IsotropicWeights& weights) {
+  const auto c = isotropic_constants<double>(weights);
+  double modulus = c.kappa;
+  for (std::size_t k = 0; k < kShapeUnits; ++k) {
+    const double slope = 1.0 - c.shape_offset[k] * c.shape_offset[k];
+    const double along = c.shape_own[k] / 3.0 + c.shape_trace[k];
+    modulus += 3.0 * c.shape_gain[k] * slope * along * along;
+  }
+  for (std::size_t k = 0; k < kVolumeUnits; ++k) {
+    const double slope = 1.0 - c.volume_offset[k] * c.volume_offset[k];
+    modulus += c.volume_gain[k] * slope * c.volume_trace[k] * c.volume_trace[k];
+  }
+  return modulus;
+}
+
+IsotropicWeights plain_isotropic(double shear_modulus, double bulk_modulus) {
+  if (!(shear_modulus > 0.0) || !(bulk_modulus > 0.0)) {
+    throw_input("plain_isotropic: moduli must be > 0 Pa.");
+  }
+  IsotropicWeights w{};
+  w[0] = std::log(shear_modulus);
+  w[1] = std::log(bulk_modulus / shear_modulus);
+  // Units at both sides of rest, on a stretch alone and on a stretch less its share of the volume.
+  for (std::size_t k = 0; k < kShapeUnits; ++k) {
+    w[kGains + k] = -6.0;
+    w[kOwn + k] = k % 2 == 0 ? 2.0 : 3.0;
+    w[kTraces + k] = k < kShapeUnits / 2 ? 0.0 : -0.5;
+    w[kOffsets + k] = k % 2 == 0 ? -1.0 : 1.0;
+  }
+  for (std::size_t k = 0; k < kVolumeUnits; ++k) {
+    const double side = 2.0 * static_cast<double>(k) / (kVolumeUnits - 1) - 1.0;
+    w[kVolumeGains + k] = -6.0;
+    w[kVolumeTraces + k] = 2.0;
+    w[kVolumeOffsets + k] = 1.2 * side;
+  }
+  w[kYieldWeight] = std::log(1e3);
+  w[kFrictionWeight] = std::log(1e-6);
+  w[kHardeningWeight] = std::log(1e-6);
+  w[kTensionWeight] = std::log(1e3);
+  w[kRateWeight] = std::log(1e9);
+  w[kThinningWeight] = std::log(1e-6);
+  return w;
+}
+
+Tensors isotropic_tensors(const IsotropicWeights& weights) {
+  Tensors out;
+  Tensor& tensor = out.tensors["isotropic"];
+  tensor.shape = {kIsotropicWeights};
+  tensor.values.reserve(kIsotropicWeights);
+  for (const double weight : weights) tensor.values.push_back(static_cast<float>(weight));
+  return out;
+}
+
+IsotropicWeights isotropic_weights(const Tensors& tensors, const std::string& name) {
+  const auto found = tensors.tensors.find("isotropic");
+  if (found == tensors.tensors.end() || found->second.values.size() != kIsotropicWeights) {
+    throw_input(name + ": tensor 'isotropic' is missing or has not " +
+                std::to_string(kIsotropicWeights) +
+                " numbers. Is it a file of the isotropic neural law?");
+  }
+  IsotropicWeights out;
+  for (std::size_t i = 0; i < kIsotropicWeights; ++i) {
+    out[i] = found->second.values[i];
+    if (!std::isfinite(out[i]))
+      throw_input(name + ": weight " + std::to_string(i) + " is no number.");
+  }
+  return out;
+}
+
+}  // namespace matterfit::material

@@ -186,7 +186,8 @@ int command(int argc, char** argv, Arguments& arguments) {
   add("simulate", "write the states of every frame, and simulated.npz at the captures' points");
   add("fit",
       "identify materials from captures: fitted values with errors, material.json, scene.json");
-  add("diagnose", "fit, then find what the simulation gets wrong, name the cause, measure the gain");
+  add("diagnose",
+      "fit, then find what the simulation gets wrong, name the cause, measure the gain");
   add("compare", "simulate if need be, and measure the error against the captures");
   add("bake", "simulate and write every cache under `output`");
   add("estimate", "memory and time that a job needs");

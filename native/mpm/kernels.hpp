@@ -83,8 +83,9 @@ struct UpdatedView {
   S density;
   S dx;
   S dt;
-  S* halo;     ///< in and out: [4][216] momentum (3) and mass, added to
-  S* maxwell;  ///< per particle and branch [6]: F̄ G F̄ᵀ − I (material/classical/maxwell-inl.hpp); or null
+  S* halo;  ///< in and out: [4][216] momentum (3) and mass, added to
+  S* maxwell;  ///< per particle and branch [6]: F̄ G F̄ᵀ − I (material/classical/maxwell-inl.hpp); or
+               ///< null
   std::vector<Crosser<S>>* crossers;
   BlockExtremes<S> extremes;  ///< out
   S fastest;                  ///< out: largest displacement along an axis, in cells

@@ -231,8 +231,8 @@ Vec3d TotalContactAdjoint<S>::back_to_surface(std::size_t collider, const Vec3d&
                                               const shape::SurfacePoint& at, double distance_bar,
                                               const Vec3d& normal_bar, const Vec3d& velocity_bar,
                                               double time, shape::ColliderCotangents& own) const {
-  return shape::back_to_surface(*colliders_[collider], x, time, probe_, at, distance_bar, normal_bar,
-                              velocity_bar, own);
+  return shape::back_to_surface(*colliders_[collider], x, time, probe_, at, distance_bar,
+                                normal_bar, velocity_bar, own);
 }
 
 template class TotalContactAdjoint<float>;

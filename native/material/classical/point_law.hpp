@@ -14,7 +14,8 @@ namespace matterfit::material {
 struct PointState {
   Mat3d elastic = Mat3d::Identity();  ///< elastic deformation gradient
   double strain = 0.0;                ///< equivalent plastic
-  /// Of each Maxwell branch F̄ G F̄ᵀ − I as xx, yy, zz, yz, xz, xy (material/classical/maxwell-inl.hpp).
+  /// Of each Maxwell branch F̄ G F̄ᵀ − I as xx, yy, zz, yz, xz, xy
+  /// (material/classical/maxwell-inl.hpp).
   std::array<Eigen::Matrix<double, 6, 1>, kMostMaxwellBranches> branches;
 
   PointState() { branches.fill(Eigen::Matrix<double, 6, 1>::Zero()); }

@@ -158,17 +158,39 @@ MatrixXd Refitter::residual_slopes(const MatrixXd& slopes) const {
   return result;
 }
 
+namespace {
+
+/// Takes the causes of a state to `share` of what they are beyond their neutral values.
+void shrink(const Model& model, double share, State& state) {
+  if (share == 1.0) return;
+  for (Active& cause : state.causes) {
+    const std::vector<Number>& numbers = model.effects()[std::size_t(cause.effect)].numbers;
+    for (Index k = 0; k < cause.values.size(); ++k) {
+      const double neutral = numbers[std::size_t(k)].neutral;
+      cause.values[k] = neutral + share * (cause.values[k] - neutral);
+    }
+  }
+}
+
+}  // namespace
+
 Refit Refitter::fit(const std::vector<State>& starts, MatrixXd slopes) const {
   const Model& model = study_->model();
   const double bias_start = bias_.size() > 0 ? kBiasMean : 0.0;
   std::optional<Place> here;
-  const auto seen = study_->predict(starts);
-  for (std::size_t i = 0; i < starts.size(); ++i) {
-    if (!seen[i]) continue;
-    Place there = place(starts[i], bias_start, *seen[i]);
-    if (!here || there.residual.squaredNorm() < here->residual.squaredNorm()) {
-      here = std::move(there);
+  // A first estimate is linear: where what it says cannot be simulated, less of it may be.
+  for (const double share : {1.0, 0.1, 0.01, 0.0}) {
+    std::vector<State> closer = starts;
+    for (State& state : closer) shrink(model, share, state);
+    const auto seen = study_->predict(closer);
+    for (std::size_t i = 0; i < closer.size(); ++i) {
+      if (!seen[i]) continue;
+      Place there = place(closer[i], bias_start, *seen[i]);
+      if (!here || there.residual.squaredNorm() < here->residual.squaredNorm()) {
+        here = std::move(there);
+      }
     }
+    if (here) break;
   }
   if (!here) throw_compute("No start of a refit could be simulated.");
 

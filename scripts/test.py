@@ -6,6 +6,7 @@
 """
 
 import argparse
+import concurrent.futures
 import datetime
 import json
 import os
@@ -164,16 +165,20 @@ def part_package():
 
 
 def part_bpy():
-    """the Blender tests on the bpy wheels"""
+    """the Blender tests on the bpy wheels, side by side"""
     tally = Tally()
+    programs = {}
     for version in VERSIONS:
         python, reason = bpy_python(version)
-        if not python:
-            tally.skipped.append((f"bpy {version}", reason))
-            if version == "4.5" and os.environ.get("CI"):
-                tally.failed.append(("bpy 4.5", f"must run where CI is set, but: {reason}"))
+        if python:
+            programs[f"bpy-{version}"] = [python, RUNNER]
             continue
-        tally.add(run_blender_tests(f"bpy-{version}", [python, RUNNER]))
+        tally.skipped.append((f"bpy {version}", reason))
+        if version == "4.5" and os.environ.get("CI"):
+            tally.failed.append(("bpy 4.5", f"must run where CI is set, but: {reason}"))
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        for part in pool.map(lambda name: run_blender_tests(name, programs[name]), programs):
+            tally.add(part)
     return tally
 
 

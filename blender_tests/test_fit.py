@@ -201,7 +201,9 @@ class RunTest(FakeFitCase):
         """The best so far is there when the file is opened again."""
         operator = next(cls for cls in ops.CLASSES if cls.bl_idname == "matterfit.fit")
         stub = mock.Mock(spec=operator)
-        for name in ("settings_of", "show_result", "start", "stopped", "taken_away"):
+        stub.task, stub.resume_operator = operator.task, operator.resume_operator
+        for name in ("begin_at_scene", "settings_of", "show_result", "start", "stopped",
+                     "taken_away"):
             function = getattr(operator, name)
             setattr(stub, name, lambda *arguments, call=function: call(stub, *arguments))
         self.backend = Backend(frames=[0] * 1000)

@@ -11,6 +11,7 @@ from support import SceneCase, select
 
 
 @unittest.skipUnless(text_width("Young's") > 0.0, "this Blender has no fonts in the background")
+@unittest.skipIf(bpy.app.version >= (4, 0), "the room of labels was read off Blender 3.4")
 class CutTest(SceneCase):
     def setUp(self):
         super().setUp()

@@ -166,7 +166,7 @@ class MATTERFIT_PT_body_pins(_BodyDetail, bpy.types.Panel):
         column.prop(pin, "kind")
         if pin.kind == "VERTEX_GROUP":
             if body.object is not None:
-                column.prop_search(pin, "vertex_group", body.object, "vertex_groups")
+                column.prop_search(pin, "vertex_group", body.object, "vertex_groups", text="Group")
             column.prop(pin, "radius")
         elif pin.kind != "ALL":
             column.prop(pin, "object")

@@ -109,7 +109,7 @@ class MATTERFIT_PT_solver_advanced(MatterfitPanel, bpy.types.Panel):
         column = form(self.layout)
         solver = context.scene.matterfit.solver
         column.prop(solver, "cfl")
-        column.prop(solver, "memory_limit", text="Memory [GB]")
+        column.prop(solver, "memory_limit", text="RAM [GB]")
         column.prop(solver, "threads")
 
 

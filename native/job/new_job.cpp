@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/new_job.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -152,8 +154,7 @@ double separation_of(const Extent& extent, std::size_t particles) {
   double h = thickness / (2.0 * kCellsAcross);
   h = std::max(h, std::cbrt(extent.volume / static_cast<double>(particles)));
   h = std::min(h, std::cbrt(extent.volume / kFewestParticles));
-  const double unit = std::pow(10.0, std::floor(std::log10(h)) - 1.0);
-  return std::round(h / unit) * unit;
+  return std::stod(fmt::format("{:.2g}", h));
 }
 
 Json material_of(material::Law law) {

@@ -105,7 +105,7 @@ class TotalGroup {
     BlockExtremes<S> probed{S(1), S(1)};  ///< then
     BlockExtremes<S> latest{S(1), S(1)};  ///< in the last substep
     Vec3d start = Vec3d::Zero();          ///< mass moment at rest: where height counts from
-    double budget = 0.0;                  ///< energy that it may have [J]
+    double budget = 0.0;                  ///< energy at the end of the frame before [J]
     bool budget_known = false;
 
     [[nodiscard]] bool needs_probe() const;

@@ -10,7 +10,6 @@
 
 #include "effects/catalogue.hpp"
 #include "effects/effect_type.hpp"
-#include "job/documents/fit_path.hpp"
 #include "mpm/default_stiffness.hpp"
 #include "shape/collider.hpp"
 
@@ -37,7 +36,7 @@ Number number(const char* name, const char* unit, double scale, bool one_sided =
   return result;
 }
 
-/// `start + value` of a number that a row measures from the scene's own value.
+/// A body at rest.
 struct Extent {
   Vec3d low = Vec3d::Zero();
   Vec3d high = Vec3d::Zero();

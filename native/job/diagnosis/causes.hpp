@@ -26,9 +26,8 @@ struct Cause {
 
 /// What the causes of a scene depend on beside the scene itself.
 struct CauseOptions {
-  std::vector<std::string> fitted;    ///< document paths that a fit moves: no causes of their own
-  std::vector<std::string> captures;  ///< their names
-  double duration = 1.0;              ///< of the longest recording [s]
+  std::vector<std::string> fitted;  ///< document paths that a fit moves: no causes of their own
+  double duration = 1.0;            ///< of the longest recording [s]
 };
 
 /// Every cause that makes sense of the first body of a scene: the catalogue's

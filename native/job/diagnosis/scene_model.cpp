@@ -86,7 +86,6 @@ SceneModel::SceneModel(const Job& job, const RunOptions& options, const Interrup
   CauseOptions about;
   for (const fit::Parameter& parameter : parameters()) about.fitted.push_back(parameter.name);
   for (const diagnose::Capture& capture : captures_) {
-    about.captures.push_back(capture.name);
     about.duration = std::max(about.duration, capture.times.back() - capture.times.front());
   }
   causes_ = scene_causes(loaded_.sources.front().job, scenes.front(), about);
@@ -163,14 +162,7 @@ void SceneModel::list_captures() {
 }
 
 void SceneModel::fix_substeps() {
-  diagnose::Point fitted;
-  fitted.theta.resize(static_cast<Eigen::Index>(parameters().size()));
-  std::vector<double> values;
-  for (std::size_t k = 0; k < parameters().size(); ++k) {
-    values.push_back(parameters()[k].start);
-    fitted.theta[static_cast<Eigen::Index>(k)] =
-        fit::to_natural(parameters()[k].coordinate, parameters()[k].start);
-  }
+  const std::vector<double> values = parameters_->starts();
   const auto arena = std::make_shared<Arena>(options_.threads);
   for (std::size_t r = 0; r < runs().size(); ++r) {
     mpm::Scene scene = built({}, r)->scene;
@@ -200,11 +192,6 @@ std::vector<int> SceneModel::own_capture() const {
     }
   }
   return owners;
-}
-
-std::size_t SceneModel::evaluations() const {
-  const std::lock_guard lock(mutex_);
-  return evaluations_;
 }
 
 std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
@@ -306,12 +293,6 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
       const auto arena = std::make_shared<Arena>(each);
       for (std::size_t i = next++; i < tasks; i = next++) {
         results[i] = simulate_run(points[i / runs().size()], i % runs().size(), arena);
-        std::size_t count = 0;
-        {
-          const std::lock_guard lock(mutex_);
-          count = ++evaluations_;
-        }
-        if (progress) progress(count);
       }
     } catch (...) {
       next = tasks;

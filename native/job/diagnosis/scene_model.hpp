@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -51,11 +50,6 @@ class SceneModel final : public diagnose::Model {
 
   /// Puts a point's parameters and simulated causes into the job's document.
   void write(const diagnose::Point& point, Json& document) const;
-  /// Simulations that were run so far.
-  [[nodiscard]] std::size_t evaluations() const;
-
-  /// Told of the number of simulations that were run, from any thread.
-  std::function<void(std::size_t)> progress;
 
  private:
   struct Built;
@@ -79,7 +73,6 @@ class SceneModel final : public diagnose::Model {
   std::vector<double> limits_;              ///< of stability there [s]
   mutable std::mutex mutex_;
   mutable std::map<std::string, std::shared_ptr<const Built>> built_;
-  mutable std::size_t evaluations_ = 0;
 };
 
 }  // namespace matterfit::job

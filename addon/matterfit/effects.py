@@ -55,7 +55,7 @@ KINDS = (
 LENGTHS = frozenset({"center", "radius"})
 # Areas likewise, by the unit squared.
 AREAS = frozenset({"area"})
-# Those that a document may have as a value of every frame.
+# Numbers that a document may give a value of at every frame.
 KEYED = frozenset({"rate", "drag_coefficient", "air_density", "velocity", "center", "radius",
                    "acceleration", "axis", "strength"})
 

@@ -14,7 +14,7 @@ from . import files, job_writer
 
 LOCK_FILE = ".lock"
 FIT_TASKS = ("fit", "diagnose")  # of a job in a fit's cache
-# What a fit, and the diagnosis of it, leave whether or not they came to their end.
+# Files that a fit, and the diagnosis of it, leave whether or not they came to their end.
 FIT_FILES = ("fit/checkpoint.json", "fit/fitted.json", "fit/history.jsonl", "material.json",
              "scene.json", "result.json", "report.json", "diagnosis.json", "diagnosis.html",
              "extended.json")

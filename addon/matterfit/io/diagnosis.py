@@ -15,7 +15,7 @@ PAGE_FILE = "diagnosis.html"
 EXTENDED_FILE = "extended.json"
 SCHEMA = "matterfit.report/1"
 
-# Of the causes that are no kind of effect; an effect's label is that of its kind.
+# Labels of causes that are no kind of effect; an effect's label is that of its kind.
 _LABELS = {
     "gravity_size": "Gravity", "gravity_direction": "Gravity's Direction", "friction": "Friction",
     "restitution": "Contact Damping", "ground_tilt": "Sloping Ground",

@@ -14,7 +14,7 @@ from ..jobs import JobError
 from . import diagnosis, files, fit_results, fit_values, job_fit, transforms
 from .fit_apply import Application
 
-# What a cause changes that is applied like the same quantity of a fit: of the scene, of the body.
+# Quantities of the scene and of the body that a cause changes, applied as those of a fit are.
 _OF_SCENE = {"gravity_size": "gravity", "gravity_direction": "gravity"}
 _OF_BODY = {"velocity": "velocity", "spin": "spin"}
 _CONTACT = {"friction": "mu", "restitution": "damping"}

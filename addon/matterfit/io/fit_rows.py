@@ -43,7 +43,7 @@ def candidates(settings):
     for body in settings.bodies:
         if body.role == "COLLIDER":
             found += [(body.name, quantity) for quantity in _of_contact(body.contact)]
-    # Those that are switched off too: their settings stay until they are on again.
+    # Rows that are switched off are kept too: their settings stay until they are on again.
     found += [(capture.name, quantities.START_FRAME) for capture in settings.captures]
     seen = set()
     return [(owner, quantity) for owner, quantity in found

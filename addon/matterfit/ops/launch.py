@@ -4,7 +4,7 @@
 import contextlib
 import os
 
-from .. import jobs, native
+from .. import jobs, machine, native
 from ..compat import translate
 from ..io import cache, files, fit_results, job_document
 from ..jobs import JobError, State
@@ -21,7 +21,7 @@ def check_estimate(context, document, folder):
     state.estimate = estimate_text(estimate)
     needed = estimate.get("bytes", 0)
     limit = document["scene"]["solver"]["memory_limit_gb"] * 1e9
-    free = native.free_memory()
+    free = machine.free_memory()
     state.estimate_fits = needed <= limit and (not free or needed <= free)
     if needed > limit:
         raise JobError(translate(

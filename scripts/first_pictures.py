@@ -16,10 +16,6 @@ import bpy
 from mathutils import Vector
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-sys.path.insert(0, os.path.join(ROOT, "addon"))
-
-import matterfit
-
 FOLDER = os.environ.get("MATTERFIT_PICTURES", os.path.join(ROOT, "build", "pictures"))
 MOST_ACTIONS = 10
 SIZE = 640, 400
@@ -68,6 +64,7 @@ def shaded(name, color, roughness=0.3, transmission=0.0):
 
 
 def only(*objects):
+    bpy.context.view_layer.update()
     for item in bpy.context.view_layer.objects:
         item.select_set(item in objects)
     bpy.context.view_layer.objects.active = objects[0]
@@ -75,61 +72,91 @@ def only(*objects):
 
 # -- the three scenes ----------------------------------------------------------------------------
 
+def pudding(name):
+    """A fluted pudding, turned: rings of points from the middle of its foot to that of its top."""
+    profile = [(share * 0.24, -0.14) for share in (0.3, 0.6, 0.85)]
+    profile += [(0.24 - 0.075 * share, -0.14 + 0.26 * share)
+                for share in (0.04, 0.2, 0.4, 0.6, 0.8, 0.94)]
+    profile += [(share * 0.15, 0.14) for share in (0.95, 0.6, 0.3)]
+    count = 72
+    vertices = [(0.0, 0.0, -0.14)]
+    for radius, z in profile:
+        for i in range(count):
+            angle = 2.0 * math.pi * i / count
+            wide = radius * (1.0 + 0.05 * math.cos(12.0 * angle) * min(radius / 0.15, 1.0) ** 4)
+            vertices.append((wide * math.cos(angle), wide * math.sin(angle), z))
+    vertices.append((0.0, 0.0, 0.14))
+    faces = []
+    for i in range(count):
+        after = (i + 1) % count
+        faces.append((0, 1 + after, 1 + i))
+        for ring in range(len(profile) - 1):
+            low, high = 1 + ring * count, 1 + (ring + 1) * count
+            faces.append((low + i, low + after, high + after, high + i))
+        last = 1 + (len(profile) - 1) * count
+        faces.append((last + i, last + after, len(vertices) - 1))
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices, [], faces)
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(item)
+    only(item)
+    return item
+
+
 def jelly():
-    begin("jelly", 10)
-    bpy.ops.mesh.primitive_monkey_add(size=0.5, location=(-0.35, 0.0, 0.62),
-                                      rotation=(0.3, 0.0, 0.4))
-    head = bpy.context.active_object
-    head.name = "Jelly"
-    head.modifiers.new("Subdivision", "SUBSURF").levels = 2
-    shaded("Jelly", (0.85, 0.05, 0.08), 0.12, 0.35)
-    only(head)
+    begin("jelly", 9)
+    item = pudding("Jelly")
+    item.location, item.rotation_euler = (-0.42, 0.0, 0.62), (0.25, 0.5, 0.0)
+    item.modifiers.new("Subdivision", "SUBSURF").levels = 1
+    shaded("Jelly", (0.9, 0.03, 0.06), 0.08, 0.3)
     press("add_body", role="BODY")
     body = bpy.context.scene.matterfit.bodies[0]
-    choose(body, "velocity", (1.6, 0.0, -0.8))
-    choose(body, "spin", (0.0, 5.0, 2.0))
+    choose(body, "velocity", (2.2, 0.0, -0.6))
+    choose(body, "spin", (0.0, 6.0, 0.0))
     press("bake")
-    return (0.12, 0.0, 0.22), 1.9
+    return (0.05, 0.0, 0.2), 1.75
 
 
 def water():
-    begin("water", 10)
-    bpy.ops.mesh.primitive_cylinder_add(radius=0.11, depth=0.42, location=(0.03, 0.0, 0.68))
+    begin("water", 9)
+    bpy.ops.mesh.primitive_cylinder_add(radius=0.1, depth=0.44, location=(0.05, -0.02, 0.68))
     jet = bpy.context.active_object
     jet.name = "Water"
-    shaded("Water", (0.75, 0.9, 1.0), 0.02, 0.95)
+    shaded("Water", (0.7, 0.88, 1.0), 0.03, 0.95)
     bpy.ops.mesh.primitive_uv_sphere_add(radius=0.2, location=(0.0, 0.0, 0.22), segments=64,
                                          ring_count=32)
     ball = bpy.context.active_object
     ball.name = "Sphere"
-    shaded("Sphere", (0.8, 0.32, 0.1), 0.35)
+    shaded("Sphere", (0.85, 0.3, 0.08), 0.35)
     only(jet)
     press("add_body", role="BODY")
     choose(bpy.context.scene.matterfit.bodies[0].material, "preset", "WATER")
+    choose(bpy.context.scene.matterfit.solver, "particle_separation", 0.008)
     only(ball)
     press("add_body", role="COLLIDER")
     press("bake")
-    return (0.0, 0.0, 0.28), 1.9
+    return (0.0, 0.0, 0.3), 1.9
 
 
 def sand():
-    begin("sand", 12)
-    bpy.ops.mesh.primitive_cylinder_add(radius=0.14, depth=0.4, location=(0.0, 0.0, 0.75))
+    begin("sand", 11)
+    bpy.ops.mesh.primitive_cylinder_add(radius=0.15, depth=0.36, location=(0.0, 0.0, 0.74))
     column = bpy.context.active_object
     column.name = "Sand"
-    shaded("Sand", (0.62, 0.45, 0.24), 0.9)
-    bpy.ops.mesh.primitive_torus_add(location=(0.0, 0.0, 0.45), major_radius=0.19,
+    shaded("Sand", (0.66, 0.47, 0.24), 0.95)
+    bpy.ops.mesh.primitive_torus_add(location=(0.0, 0.0, 0.45), major_radius=0.18,
                                      minor_radius=0.06, major_segments=64, minor_segments=24)
     ring = bpy.context.active_object
     ring.name = "Ring"
-    shaded("Ring", (0.1, 0.25, 0.5), 0.25)
+    shaded("Ring", (0.08, 0.22, 0.5), 0.25)
     only(column)
     press("add_body", role="BODY")
     choose(bpy.context.scene.matterfit.bodies[0].material, "preset", "SAND")
+    choose(bpy.context.scene.matterfit.solver, "particle_separation", 0.009)
     only(ring)
     press("add_body", role="COLLIDER")
     press("bake")
-    return (0.0, 0.0, 0.42), 2.3
+    return (0.0, 0.0, 0.42), 2.2
 
 
 SCENES = {"jelly": jelly, "water": water, "sand": sand}
@@ -179,6 +206,8 @@ def render(name, frame):
 
 def main():
     names = sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else list(SCENES)
+    sys.path.insert(0, os.path.join(ROOT, "addon"))
+    import matterfit
     matterfit.register()
     for name in names:
         target, distance = SCENES[name]()

@@ -50,7 +50,7 @@ def assignments(settings, scene_document):
     """One "path=value,value" an axis, as --set of the tool; JobError with what to change."""
     axes = settings.batch.axes
     if not axes:
-        raise JobError(translate("Batch: nothing is varied. Press Add, and type values."))
+        raise JobError(translate("Batch: nothing is varied. Press Vary, and type values."))
     known = {(owner, key) for owner, key, _label in candidates(settings)}
     found = []
     for axis in axes:

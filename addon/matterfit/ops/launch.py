@@ -16,7 +16,13 @@ GO_ON, AFRESH, AFRESH_WHERE_CHANGED = 0, 1, 2
 
 def check_estimate(context, document, folder):
     """The estimate of a run; JobError with the numbers where it will not fit."""
-    estimate = native.estimate(document, folder)
+    # Without the outputs it is soon known: what they take is Estimate's to tell.
+    estimate = native.estimate({**document, "task": "simulate"}, folder)
+    return judge_estimate(context, document, estimate)
+
+
+def judge_estimate(context, document, estimate):
+    """Shows an estimate; JobError with the numbers where the run will not fit."""
     state = session(context)
     state.estimate = estimate_text(estimate)
     needed = estimate.get("bytes", 0)

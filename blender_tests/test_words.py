@@ -29,6 +29,16 @@ class WordsTest(SceneCase):
                 ("scene.solver.cfl", "CFL"), ("scene.gravity[1]", "Gravity Y")):
             self.assertEqual(self.said(path), wanted)
 
+    def test_sentences_of_the_library(self):
+        for text, wanted in (
+                ("'Soft' sank 26 cm into 'ground'. Raise scene.colliders.ground.contact.stiffness "
+                 "(now 4e+06 Pa/m) if it should not.",
+                 "'Soft' sank 26 cm into Ground. Raise Ground, Stiffness (now 4e+06 Pa/m) if it "
+                 "should not."),
+                ("Starting guess estimated from the recording: bodies.Soft.material.E 9.1e+04 Pa",
+                 "Starting guess estimated from the recording: 'Soft', Young's Modulus 9.1e+04 Pa")):
+            self.assertEqual(self.said(text), wanted)
+
     def test_a_body_that_is_off_does_not_count(self):
         self.settings.bodies[0].enabled = False
         self.assertEqual(self.said("bodies[0].density"), "'Soft', Density")

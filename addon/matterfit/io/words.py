@@ -37,6 +37,7 @@ def in_panel(text, settings):
     """`text` without paths of the document; `settings` are those of the scene that it is about."""
     text = _OWNED.sub(lambda match: _owned(match, settings), text)
     text = _SCENE.sub(lambda match: _field(match.group("key"), match.group(0)), text)
+    text = text.replace("'ground'", translate_label("Ground"))
     # A message that begins with a path may name the owner once more.
     text = re.sub(r"('[^'\n]+') \1", r"\1", text)
     return _changed(text)

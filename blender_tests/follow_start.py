@@ -143,7 +143,7 @@ def bake():
 def floor():
     yield from show(14)
     names = [item.name for item in settings().takes[0].collection.all_objects
-             if item.visible_get()]
+             if not item.hide_render]
     require(len(names) == 1, f"{names} are seen: one is expected")
 
 

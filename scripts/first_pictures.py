@@ -104,17 +104,17 @@ def pudding(name):
 
 
 def jelly():
-    begin("jelly", 9)
+    begin("jelly", 6)
     item = pudding("Jelly")
-    item.location, item.rotation_euler = (-0.42, 0.0, 0.62), (0.25, 0.5, 0.0)
+    item.location, item.rotation_euler = (-0.42, 0.0, 0.6), (0.25, 0.5, 0.0)
     item.modifiers.new("Subdivision", "SUBSURF").levels = 1
-    shaded("Jelly", (0.9, 0.03, 0.06), 0.08, 0.3)
+    shaded("Jelly", (0.7, 0.01, 0.03), 0.12, 0.12)
     press("add_body", role="BODY")
     body = bpy.context.scene.matterfit.bodies[0]
-    choose(body, "velocity", (2.2, 0.0, -0.6))
+    choose(body, "velocity", (2.5, 0.0, -3.5))
     choose(body, "spin", (0.0, 6.0, 0.0))
     press("bake")
-    return (0.05, 0.0, 0.2), 1.75
+    return (-0.02, 0.0, 0.17), 1.35
 
 
 def water():
@@ -168,9 +168,9 @@ def stage(target, distance):
     """A floor, a sun, a soft sky, a camera that looks at `target`."""
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=60.0)
-    shaded("Floor", (0.42, 0.43, 0.45), 0.7)
+    shaded("Floor", (0.2, 0.205, 0.215), 0.6)
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-    sun.data.energy, sun.data.angle = 3.2, 0.08
+    sun.data.energy, sun.data.angle = 2.6, 0.08
     sun.rotation_euler = (math.radians(42), math.radians(12), math.radians(25))
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     place = Vector(target) + distance * Vector((0.28, -0.92, 0.3))
@@ -183,7 +183,7 @@ def stage(target, distance):
     scene.world.use_nodes = True
     background = scene.world.node_tree.nodes["Background"].inputs
     background["Color"].default_value = (0.62, 0.72, 0.88, 1.0)
-    background["Strength"].default_value = 0.55
+    background["Strength"].default_value = 0.4
 
 
 def render(name, frame):
@@ -194,7 +194,7 @@ def render(name, frame):
     scene.cycles.use_denoising = False
     scene.cycles.max_bounces = 8
     scene.render.use_motion_blur = True
-    scene.render.motion_blur_shutter = 0.5
+    scene.render.motion_blur_shutter = 0.3
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.render.image_settings.file_format = "JPEG"
     scene.render.image_settings.quality = 88

@@ -62,9 +62,9 @@ TEST(RunWedge, OneThatFailsDoesNotStopTheOthers) {
   const Folder folder;
   Interrupter interrupter;
   const Outcome outcome =
-      run_wedge(wedge(folder, {"particle_separation=0.9,0.05"}), {}, 1, interrupter);
+      run_wedge(wedge(folder, {"solver.memory_limit_gb=0.00001,4"}), {}, 1, interrupter);
   EXPECT_EQ(outcome.exit_status, 2);
-  EXPECT_THAT(outcome.error, HasSubstr("particle_separation = 0.9: "));
+  EXPECT_THAT(outcome.error, HasSubstr("solver.memory_limit_gb = 0.00001: "));
   const job::Json result = job::Json::parse(outcome.result);
   EXPECT_EQ(result["members"][0]["status"], "failed");
   EXPECT_EQ(result["members"][1]["status"], "done");

@@ -96,6 +96,7 @@ def set_capture(ours):
     for name, place in MARKERS.items():
         add_empty(name, place, (0.0, 0.0, 0.0), places)
     capture.align = places
+    bpy.ops.matterfit.check_capture()
 
 
 def set_fit(ours):

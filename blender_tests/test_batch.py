@@ -9,8 +9,8 @@ import unittest
 import bpy
 import slurm_machine
 from matterfit import machine, native
-from matterfit.io import batch, cache, takes
-from support import SceneCase, read
+from matterfit.io import batch, cache, job_document, takes
+from support import SceneCase, printed_json, read, run_cli
 
 
 class BatchCase(SceneCase):
@@ -139,6 +139,22 @@ class SlurmTest(BatchCase):
         # What Slurm made is what the panel would: nothing is left to do.
         bpy.ops.matterfit.run_batch()
         self.assertEqual(len(self.settings.takes), 9)
+
+
+@unittest.skipUnless(native.load(), native.load_error())
+class CommandTest(BatchCase):
+    def test_wedge(self):
+        """cli.py runs a written document as the tool does."""
+        document, folder = self.document()
+        path = job_document.write(document, folder)
+        found = printed_json(run_cli("wedge", path, "--set", "velocity[2]=-1,-2", "--output",
+                                     os.path.join(self.folder, "wedge"), "--json"))
+        self.assertEqual([member["status"] for member in found["members"]], ["done", "done"])
+        done = run_cli("wedge", path, "--set", "velocity[2]=-1,x", "--output",
+                       os.path.join(self.folder, "other"))
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("velocity[2] = x", done.stderr)
+        self.assertFalse(os.path.exists(os.path.join(self.folder, "other")))
 
 
 class FarmFileTest(BatchCase):

@@ -39,6 +39,13 @@ class WordsTest(SceneCase):
                  "Starting guess estimated from the recording: 'Soft', Young's Modulus 9.1e+04 Pa")):
             self.assertEqual(self.said(text), wanted)
 
+    def test_a_fill_in_short(self):
+        text = ("8000 particles 0.02 m apart (20 × 20 × 20 cells); the surface cuts {} cells; volume "
+                "0.064 m³, particles hold {} % of it.")
+        self.assertEqual(words.fill(text.format(0, "100.00")), "8000 particles; volume matched.")
+        self.assertEqual(words.fill(text.format(12, "97.31") + " The surface crosses itself."),
+                         "8000 particles; they hold 97.3 % of the volume. The surface crosses itself.")
+
     def test_a_body_that_is_off_does_not_count(self):
         self.settings.bodies[0].enabled = False
         self.assertEqual(self.said("bodies[0].density"), "'Soft', Density")

@@ -22,6 +22,9 @@ TEXTS = {
     "Not observable: {names}": "Nicht beobachtbar: {names}",
     "Next recording: {text}": "Nächste Aufnahme: {text}",
     "Looks like: {names}": "Sieht aus wie: {names}",
+    "{n} particles; volume matched.": "{n} Teilchen; Volumen getroffen.",
+    "{n} particles; they hold {share} % of the volume.":
+        "{n} Teilchen; sie halten {share} % des Volumens.",
     "Batch": "Stapel",
     "Vary": "Variieren",
     "At Once": "Zugleich",

@@ -25,7 +25,7 @@ def report_text(job):
     first, end = result.get("frames", (0, 0))
     parts = [translate("{name}: {n} frames in {time}").format(
         name=job.label, n=end - first, time=jobs.duration_text(job.elapsed))]
-    parts += [f"{body['name']}: {body['fill']}" for body in result.get("bodies", [])
+    parts += [f"{body['name']}: {words.fill(body['fill'])}" for body in result.get("bodies", [])
               if body.get("fill")]
     parts += result.get("notes", [])
     return "\n".join(parts)

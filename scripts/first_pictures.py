@@ -19,7 +19,7 @@ from mathutils import Vector
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 FOLDER = os.environ.get("MATTERFIT_PICTURES", os.path.join(ROOT, "build", "pictures"))
 MOST_ACTIONS = 10
-SIZE = 640, 400
+SIZE = 512, 320
 SAMPLES = int(os.environ.get("MATTERFIT_SAMPLES", "48"))
 _actions = []
 

@@ -2,6 +2,7 @@
 """Messages of the library in the panel's words."""
 
 from matterfit.io import words
+from matterfit.ui import drawing
 from support import SceneCase
 
 
@@ -49,6 +50,10 @@ class WordsTest(SceneCase):
     def test_a_body_that_is_off_does_not_count(self):
         self.settings.bodies[0].enabled = False
         self.assertEqual(self.said("bodies[0].density"), "'Soft', Density")
+
+    def test_no_minus_zero(self):
+        self.assertEqual([drawing.frame_text(frame) for frame in (-1e-9, 0.0, 499.0000001, -3.0)],
+                         ["0", "0", "499", "-3"])
 
     def test_files_and_sentences_stay(self):
         for text in ("/home/me/scene.bodies/cache: could not be read", "All bodies. None of it moves",

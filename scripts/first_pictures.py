@@ -118,11 +118,11 @@ def jelly():
 
 
 def water():
-    begin("water", 9)
+    begin("water", 7)
     bpy.ops.mesh.primitive_cylinder_add(radius=0.1, depth=0.44, location=(0.05, -0.02, 0.68))
     jet = bpy.context.active_object
     jet.name = "Water"
-    shaded("Water", (0.01, 0.12, 0.24), 0.04)
+    shaded("Water", (0.01, 0.12, 0.24), 0.12)
     bpy.ops.mesh.primitive_uv_sphere_add(radius=0.2, location=(0.0, 0.0, 0.22), segments=64,
                                          ring_count=32)
     ball = bpy.context.active_object
@@ -139,7 +139,7 @@ def water():
 
 def sand():
     begin("sand", 11)
-    bpy.ops.mesh.primitive_cylinder_add(radius=0.15, depth=0.36, location=(0.0, 0.0, 0.74))
+    bpy.ops.mesh.primitive_cylinder_add(radius=0.105, depth=0.4, location=(0.03, 0.0, 0.76))
     column = bpy.context.active_object
     column.name = "Sand"
     shaded("Sand", (0.66, 0.47, 0.24), 0.95)

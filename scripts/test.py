@@ -117,7 +117,7 @@ def part_blender():
 
 
 def part_window():
-    """the panel in a real window under Xvfb, with a screenshot"""
+    """the panel in a real window under Xvfb, with a screenshot; docs/start.md followed there"""
     tally = Tally()
     script = ROOT / "blender_tests" / "window.py"
     picture = BUILD / "screenshots" / "panel.png"
@@ -134,6 +134,11 @@ def part_window():
     tally.check("window: panel", ok, f"{done.reason()}\n{done.tail(40)}")
     if ok:
         say(f"  screenshot: {picture.relative_to(ROOT)}")
+    script = ROOT / "blender_tests" / "follow_start.py"
+    env = {**env, **user_folder("start")}
+    blender = [*blender[:-3], script, "--", picture.parent]
+    done = run("start", [*screen, *blender], limit=1600, env=env)
+    tally.check("window: docs/start.md", done.status == 0, f"{done.reason()}\n{done.tail(40)}")
     return tally
 
 

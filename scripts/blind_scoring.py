@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How the blind benchmark scores verdicts against labels: numbers alone, no files (tested by test_blind.py).
 
-A label is what blind_hide.py sealed, a found what blind_find.py wrote of one case. Names that one recording
+`ties` of a label are further names that its recording cannot tell from the truth. A label is what blind_hide.py sealed, a found what blind_find.py wrote of one case. Names that one recording
 cannot tell apart count as one class (TIES); what the label calls `also` true is neither right nor false.
 """
 
@@ -52,8 +52,9 @@ def judged(label, found):
     verdict = report.get("verdict", "failed")
     names = list(report.get("class", [])) if verdict in NAMES_SOMETHING else []
     truth, also = label["effects"] if label["kind"] not in ("nothing", "outside") else [], set(label.get("also", []))
-    allowed = also.union(*(class_of(t) for t in truth)) if truth else also
     tied = [class_of(t) for t in truth]
+    first = [group.union(label.get("ties", [])) for group in tied]
+    allowed = also.union(*first)
     hit = [any(name in group for name in names) for group in tied]
     accepted = [c for c in report.get("causes", []) if c.get("accepted")]
     top = max(report.get("causes", []), key=lambda c: c.get("probability") or 0.0, default=None)
@@ -63,7 +64,7 @@ def judged(label, found):
         "verdict": verdict, "named": names, "seconds": found.get("seconds"), "failed": found.get("failed", ""),
         # A cause was named where there is none to be named.
         "false_alarm": bool(names) and not truth and not also.intersection(names),
-        "first": bool(truth) and bool(names) and any(names[0] in group for group in tied),
+        "first": bool(truth) and bool(names) and any(names[0] in group for group in first),
         "all": bool(truth) and all(hit),
         "single": len(names) == 1 and verdict in ("cause", "measurement"),
         "false_names": [name for name in names if name not in allowed],
@@ -71,7 +72,7 @@ def judged(label, found):
         "gain": accepted[0].get("gain") if accepted else None,
         "beats_field": None,
         "probability": top.get("probability") if top else None,
-        "top_right": bool(top) and bool(truth) and any(top["effect"] in group for group in tied),
+        "top_right": bool(top) and bool(truth) and any(top["effect"] in group for group in first),
         "top": top["effect"] if top else None,
         "unknown": verdict == "unknown",
         "rms_mm": None, "noise_mm": None,
@@ -128,7 +129,7 @@ def confusion(rows):
 def power(rows):
     """Share of single effects whose class comes first, by strength [σ]."""
     edges = [0.0, 1.0, 2.0, 4.0, 8.0, 16.0, math.inf]
-    single = [r for r in rows if r["kind"] == "single"]
+    single = [r for r in rows if r["kind"] == "single" and r["strength"] is not None]
     curve = []
     for low, high in zip(edges, edges[1:], strict=False):
         inside = [r for r in single if low <= r["strength"] < high]
@@ -150,7 +151,7 @@ def figures(rows):
     """The figures of one tier, or of all: shares with intervals, medians."""
     of = {kind: [r for r in rows if r["kind"] == kind] for kind in
           ("nothing", "single", "pair", "outside", "unobservable")}
-    strong = [r for r in of["single"] if r["strength"] >= STRONG or r["tier"] == "T4"]
+    strong = [r for r in of["single"] if r["strength"] is None or r["strength"] >= STRONG]
     named = [r for r in rows if r["named"]]
     return {
         "cases": len(rows),

@@ -4,7 +4,8 @@
 Linear tetrahedra in the total Lagrangian form, lumped masses, symplectic Euler; the ground and what else
 stands in the way are stiff penalties at the nodes with Coulomb friction. Nothing is shared with the
 solver that is diagnosed: no grid, no particles, no transfer, no contact by volume.
-Arrays lie as (3, runs, nodes), so that a step is some hundred operations of numpy whatever the mesh; single precision, whose rounding is a thousandth of a recording's noise.
+Arrays lie as (3, runs, nodes), so that a step is some hundred operations of numpy whatever the mesh; single
+precision, whose rounding is a thousandth of a recording's noise.
 """
 
 import dataclasses

@@ -37,7 +37,7 @@ SHAPES = {"block": (7, 5, 4), "pebble": (7, 6, 5), "bar": (10, 3, 3), "cube": (5
 STEPS = {"velocity": 0.03, "spin": 0.1, "young": 0.05, "poisson": 0.02}
 UNSEEN = 0.02  # of an effect's signature that the fit leaves: below it nothing can be named
 
-LIMIT = 300  # of one simulation of our own [s]
+LIMIT = 150  # of one simulation of our own [s]
 TRIES = 4  # bodies that are drawn before a case is given up: a corner may be crushed flat
 
 # tier, effects (none: nothing), scene where the effect leaves it open, noise, strength in standard deviations.

@@ -80,7 +80,7 @@ class Thrower:
         body = document["scene"]["bodies"][0]
         for source in ("mesh", "points"):
             if source in body["source"]:
-                body["source"][source] = str((self.folder / "found" / case / pathlib.Path(body["source"][source]).name))
+                body["source"][source] = str(self.folder / "found" / case / pathlib.Path(body["source"][source]).name)
         body["velocity"], body["spin"] = again["velocity"], again["spin"]
         rest = np.load(self.folder / "cases" / case / "capture.npz")["positions"][0]
         tracks = np.load(self.folder / "sealed" / f"{case}_again.npz")

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How the blind benchmark scores verdicts against labels: numbers alone, no files (tested by test_blind.py).
 
-`ties` of a label are further names that its recording cannot tell from the truth. A label is what blind_hide.py sealed, a found what blind_find.py wrote of one case. Names that one recording
-cannot tell apart count as one class (TIES); what the label calls `also` true is neither right nor false.
+A label is what blind_hide.py sealed, a found what blind_find.py wrote of one case. Names that one recording
+cannot tell apart count as one class: TIES, and what the label calls `ties`. What it calls `also` true is
+neither right nor false.
 """
 
 import math

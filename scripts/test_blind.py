@@ -11,8 +11,8 @@ import pathlib
 import tempfile
 import unittest
 
-import blind_elements
 import blind_effects
+import blind_elements
 import blind_hide
 import blind_open
 import blind_scoring as scoring

@@ -57,6 +57,8 @@ class Hidden:
     scene: str = "any"  # `floor`, `air`, `any`
     signs: bool = True  # may be negative
     also: tuple = ()  # names that are true as well
+    number: str = ""  # the report's name of its size; empty: not compared
+    factor: Callable = None  # of `a` to what the report says, from the scene; none: 1
     draw: Callable = None
     act: Callable = None
     own: Callable = None
@@ -267,26 +269,29 @@ def _own_field(document, a, where, _):
 
 EFFECTS = {h.name: h for h in [
     Hidden("drag_linear", 0.5, 4.0, "1/s", "air", False, (), None,
-           _set("drag_rate", lambda a, *_: a), _effect(lambda a, *_: {"effect": "drag_linear", "rate": a})),
+           _set("drag_rate", lambda a, *_: a), _effect(lambda a, *_: {"effect": "drag_linear", "rate": a}),
+           number="rate"),
     Hidden("drag_quadratic", 1.0, 4.0, "", "air", False, (), None,
            _set("drag_per_mass", lambda a, _, scene: _drag_per_mass(a, scene)),
-           _effect(lambda a, *_: {"effect": "drag_quadratic", "drag_coefficient": a})),
+           _effect(lambda a, *_: {"effect": "drag_quadratic", "drag_coefficient": a}), number="drag_coefficient"),
     # Air that moves is air: what names its drag as well says nothing false.
     Hidden("wind", 4.0, 15.0, "m/s", "air", False, ("drag_quadratic",), _horizontal, _wind, _own_wind),
-    Hidden("gravity_size", 0.5, 4.0, "m/s²", act=_set("gravity", _gravity), own=_own_gravity),
+    Hidden("gravity_size", 0.5, 4.0, "m/s²", act=_set("gravity", _gravity), own=_own_gravity, number="added"),
     Hidden("gravity_direction", 0.4, 3.0, "m/s²", signs=False, draw=_horizontal, act=_set("gravity", _gravity),
            own=_own_gravity),
-    Hidden("friction", 0.15, 0.5, "", "floor", act=_friction, own=_own_friction),
-    Hidden("restitution", 0.2, 0.9, "", "floor", False, act=_set("bounce_damping", lambda a, *_: a), own=_own_bounce),
+    Hidden("friction", 0.15, 0.5, "", "floor", act=_friction, own=_own_friction, number="added"),
+    Hidden("restitution", 0.2, 0.9, "", "floor", False, act=_set("bounce_damping", lambda a, *_: a), own=_own_bounce,
+           number="damping"),
     Hidden("ground_tilt", 0.06, 0.3, "", "floor", False, draw=_horizontal, act=_tilt, own=_own_tilt),
-    Hidden("damping_shear", 5e-4, 4e-3, "s", "floor", False, (), None, _set("viscosity", _damping), _own_damping),
+    Hidden("damping_shear", 5e-4, 4e-3, "s", "floor", False, (), None, _set("viscosity", _damping), _own_damping,
+           number="added", factor=lambda scene: scene.young),
     Hidden("stiffness_inclusion", 2.0, 6.0, "", "floor", False, draw=_draw_inclusion,
            act=_set("stiffness", _inclusion)),
     Hidden("hidden_collider", 1.0, 1.0, "", "any", False, draw=_draw_wall, act=_wall, own=_own_wall),
     Hidden("attached_mass", 0.2, 0.8, "of the body's", "any", False, draw=_draw_mass,
-           act=_set("extra_mass", _extra_mass), own=_own_mass),
-    Hidden("frame_rate", 0.03, 0.3, "", see=_clock),
-    Hidden("scale", 0.03, 0.3, "", see=_lens(lambda x, t, a, w: x * (1.0 + a))),
+           act=_set("extra_mass", _extra_mass), own=_own_mass, number="mass", factor=lambda scene: scene.mass),
+    Hidden("frame_rate", 0.03, 0.3, "", see=_clock, number="factor"),
+    Hidden("scale", 0.03, 0.3, "", see=_lens(lambda x, t, a, w: x * (1.0 + a)), number="factor"),
     Hidden("camera_drift", 0.05, 0.5, "m/s", "floor", False, draw=_horizontal,
            see=_lens(lambda x, t, a, w: x + a * t[:, None, None] * np.asarray(w["direction"]))),
     Hidden("camera_roll", 0.04, 0.3, "rad", "any", False, draw=_horizontal, see=_lens(_rolled)),

@@ -16,6 +16,7 @@ import json
 import os
 import pathlib
 import resource
+import signal
 import subprocess
 import sys
 import time
@@ -36,19 +37,21 @@ class Finder:
         self.folder = BUILD / "blind" / options.set
         self.version = hashlib.sha256(options.tool.read_bytes()).hexdigest()
 
-    def run_tool(self, log, *arguments, limit=None):
-        """Exit status (124: out of time) and the last words of what it said."""
+    def run_tool(self, log, *arguments):
+        """Exit status (negative: the signal), seconds of CPU, and the last words of what it said."""
+        limit = self.options.limit
+
+        def limited():
+            if limit:
+                resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 10))
+
         with open(log, "ab") as file:
             process = subprocess.Popen([str(a) for a in (self.options.tool, *arguments)], stdout=file, stderr=file,
-                                       stdin=subprocess.DEVNULL)
-            try:
-                # The time of a child alone, whatever else the machine does.
-                status = process.wait(timeout=limit)
-            except subprocess.TimeoutExpired:
-                process.terminate()
-                process.wait()
-                status = 124
-        return status, log.read_text(encoding="utf-8", errors="replace").strip()[-600:]
+                                       stdin=subprocess.DEVNULL, preexec_fn=limited)
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+        words = log.read_text(encoding="utf-8", errors="replace").strip()[-600:]
+        return process.returncode, usage.ru_utime + usage.ru_stime, words
 
     def find(self, case):
         """What found.json says of a case; done before: that."""
@@ -64,32 +67,29 @@ class Finder:
         log.write_text("", encoding="utf-8")
         job, report = case / "job.json", work / "report.json"
         report.unlink(missing_ok=True)
-        started, status, words = time.monotonic(), 0, ""
-        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+        started, status, cpu, words = time.monotonic(), 0, 0.0, ""
         if not job.exists():
             job = work / "job.json"
             facts = json.loads((case / "facts.json").read_text(encoding="utf-8"))
             given = [part for key, value in sorted(facts.items()) for part in (f"--{key}", value)]
-            status, words = self.run_tool(log, "new-job", case / "capture.npz", "--output", job, *given)
+            status, cpu, words = self.run_tool(log, "new-job", case / "capture.npz", "--output", job, *given)
         if status == 0:
             output = ["--set", f"output.folder={json.dumps(str(work / 'out'))}", "--report", report]
             arguments = ["diagnose", job, "--threads", self.options.threads, *output]
             fresh = self.options.again or not self.same_tool(work)
-            status, words = self.run_tool(log, *arguments, *(["--restart"] if fresh else []),
-                                          limit=self.options.limit)
+            status, cpu, words = self.run_tool(log, *arguments, *(["--restart"] if fresh else []))
         found = {
             "case": case.name,
             "tool": self.version,
             "status": status,
             "seconds": time.monotonic() - started,
-            # Of this process's children, so right with --jobs 1 alone.
-            "cpu_seconds": resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before,
+            "cpu_seconds": cpu,
             "threads": self.options.threads,
         }
         if status == 0:
             found["report"] = json.loads(report.read_text(encoding="utf-8"))
         else:
-            found["failed"] = "out of time" if status == 124 else words
+            found["failed"] = "out of time" if status == -signal.SIGXCPU else words
         write_whole(done, found)
         return found
 
@@ -114,7 +114,7 @@ def line_of(found):
     if "failed" in found:
         return f"{found['case']}: FAILED after {found['seconds']:.0f} s: {found['failed'].splitlines()[-1:]}"
     report = found["report"]
-    return f"{found['case']}: {report['verdict']} {', '.join(report['class'])} ({found['seconds']:.0f} s)"
+    return f"{found['case']}: {report['verdict']} {', '.join(report['class'])} (CPU {found['cpu_seconds']:.0f} s)"
 
 
 def main():
@@ -124,7 +124,7 @@ def main():
     parser.add_argument("--only", nargs="*", default=[], help="numbers of cases")
     parser.add_argument("--jobs", type=int, default=1, help="cases at a time")
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--limit", type=float, help="seconds a case may take")
+    parser.add_argument("--limit", type=int, help="seconds of CPU that a case may take")
     parser.add_argument("--again", action="store_true", help="diagnose again what is done")
     parser.add_argument("--tool", type=pathlib.Path, default=BUILD / "bin" / "matterfit")
     Finder(parser.parse_args()).run()

@@ -62,7 +62,7 @@ def judged(label, found):
     row = {
         "case": found.get("case"), "tier": label["tier"], "kind": label["kind"], "hidden": label["effects"],
         "strength": label.get("strength", 0.0), "lambda": label.get("lambda", 0.0), "keep": label.get("keep", 1.0),
-        "verdict": verdict, "named": names, "seconds": found.get("seconds"), "failed": found.get("failed", ""),
+        "verdict": verdict, "named": names, "cpu": found.get("cpu_seconds"), "failed": found.get("failed", ""),
         # A cause was named where there is none to be named.
         "false_alarm": bool(names) and not truth and not also.intersection(names),
         "first": bool(truth) and bool(names) and any(names[0] in group for group in first),
@@ -78,6 +78,8 @@ def judged(label, found):
         "unknown": verdict == "unknown",
         "rms_mm": None, "noise_mm": None,
     }
+    row["parameter"] = parameter_error(label, accepted)
+    row["bias"] = bias_left(label, report)
     row["single_right"] = row["single"] and row["named"][0] in truth
     row["single_class_right"] = row["single"] and (row["named"][0] in allowed)
     if accepted and accepted[0].get("free_field") is not None and accepted[0].get("holdout_after") is not None:
@@ -87,6 +89,36 @@ def judged(label, found):
         row["noise_mm"] = 1e3 * report["noise"]["sigma"]
         row["nothing_probability"] = report.get("probability", {}).get("nothing")
     return row
+
+
+def parameter_error(label, accepted):
+    """Relative error of the size of a single effect that was named, and whether its 90 % interval holds the
+    truth; None where there is none."""
+    for cause in accepted:
+        size = label.get("sizes", {}).get(cause["effect"], {})
+        number = cause.get("parameters", {}).get(size.get("number"))
+        if label["kind"] == "single" and number and number["value"] is not None and number["stderr"] is not None:
+            off = abs(number["value"] - size["expected"])
+            return {"relative": off / abs(size["expected"]), "covered": off <= 1.645 * number["stderr"]}
+    return None
+
+
+def bias_left(label, report):
+    """Of the error of the fitted start velocity, where that was beyond three of its standard errors, the
+    share that the extended model has; None where it cannot be said."""
+    if "model" not in report or "truth" not in label:
+        return None
+    truth, before, noise = label["truth"]["velocity"], [], []
+    for axis in range(3):
+        found = [p for p in report["fit"]["parameters"] if p["path"].endswith(f"velocity[{axis}]")]
+        if not found or found[0]["standard_error"] is None:
+            return None
+        before.append(found[0]["value"] - truth[axis])
+        noise.append(found[0]["standard_error"])
+    if math.hypot(*before) < 3.0 * math.hypot(*noise):
+        return None
+    after = [v - t for v, t in zip(report["model"]["bodies"][0]["velocity"], truth, strict=True)]
+    return math.hypot(*after) / math.hypot(*before)
 
 
 def calibration(rows):
@@ -169,9 +201,12 @@ def figures(rows):
         "not_observable": share(of["unobservable"], lambda r: not r["named"]),
         "false_names": share([n for r in named for n in [(x in r["false_names"]) for x in r["named"]]], bool),
         "beats_field": share((r for r in rows if r["beats_field"] is not None), lambda r: r["beats_field"]),
+        "parameter_error": median(r["parameter"]["relative"] for r in strong if r["parameter"]),
+        "covered": share((r for r in strong if r["parameter"]), lambda r: r["parameter"]["covered"]),
+        "bias": median(r["bias"] for r in rows),
         "gain": median(r["gain"] for r in of["single"] if r["first"]),
         "again": median(r.get("again_gain") for r in of["single"] if r["first"]),
-        "minutes": median(r["seconds"] / 60.0 for r in rows if r["seconds"] and not r["failed"]),
+        "minutes": median(r["cpu"] / 60.0 for r in rows if r["cpu"] and not r["failed"]),
         "excess_mm": median(math.sqrt(max(0.0, r["rms_mm"] ** 2 - r["noise_mm"] ** 2))
                             for r in of["nothing"] if r["rms_mm"] is not None),
     }

@@ -100,6 +100,24 @@ class Scoring(unittest.TestCase):
             {"effect": "wind", "probability": 0.1}]))])
         self.assertAlmostEqual(quiet["expected_error"], 0.2)
 
+    def test_the_size_of_what_was_named(self):
+        hidden = label("single", "drag_linear", sizes={"drag_linear": {"number": "rate", "expected": 2.0}})
+        cause = {"effect": "drag_linear", "accepted": True, "parameters": {"rate": {"value": 2.2, "stderr": 0.1}}}
+        found = row(hidden, verdict("cause", ["drag_linear"], causes=[cause]))["parameter"]
+        self.assertAlmostEqual(found["relative"], 0.1)
+        self.assertFalse(found["covered"])
+
+    def test_the_error_of_the_throw_that_an_extension_leaves(self):
+        def fitted(value, error):
+            return {"parameters": [{"path": f"bodies.body.velocity[{k}]", "value": value * (k == 0),
+                                    "standard_error": error} for k in range(3)]}
+
+        hidden = label("single", "wind", truth={"velocity": [1.0, 0.0, 0.0]})
+        model = {"bodies": [{"velocity": [1.02, 0.0, 0.0]}]}
+        said = verdict("cause", ["wind"], fit=fitted(1.2, 0.01), model=model)
+        self.assertAlmostEqual(row(hidden, said)["bias"], 0.1)
+        self.assertIsNone(row(hidden, verdict("cause", ["wind"], fit=fitted(1.2, 0.1), model=model))["bias"])
+
     def test_interval_of_a_share(self):
         low, high = scoring.wilson(8, 10)  # Wilson 1927; as in statistics packages
         self.assertAlmostEqual(low, 0.4902, 3)

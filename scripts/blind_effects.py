@@ -57,12 +57,12 @@ class Hidden:
     scene: str = "any"  # `floor`, `air`, `any`
     signs: bool = True  # may be negative
     also: tuple = ()  # names that are true as well
-    number: str = ""  # the report's name of its size; empty: not compared
-    factor: Callable = None  # of `a` to what the report says, from the scene; none: 1
     draw: Callable = None
     act: Callable = None
     own: Callable = None
     see: Callable = None
+    number: str = ""  # the report's name of its size; empty: not compared
+    factor: Callable = None  # of `a` to what the report says, from the scene; none: 1
 
 
 def _horizontal(_, random):

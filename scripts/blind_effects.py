@@ -62,6 +62,7 @@ class Hidden:
     own: Callable = None
     see: Callable = None
     number: str = ""  # the report's name of its size; empty: not compared
+    observable: bool = True  # at all, in a recording of a body that is free from its first frame
     factor: Callable = None  # of `a` to what the report says, from the scene; none: 1
 
 
@@ -295,8 +296,8 @@ EFFECTS = {h.name: h for h in [
     Hidden("camera_drift", 0.05, 0.5, "m/s", "floor", False, draw=_horizontal,
            see=_lens(lambda x, t, a, w: x + a * t[:, None, None] * np.asarray(w["direction"]))),
     Hidden("camera_roll", 0.04, 0.3, "rad", "any", False, draw=_horizontal, see=_lens(_rolled)),
-    # The body is free from the first frame, where a late clock is another throw: not observable.
-    Hidden("time_offset", 1.0, 1.0, "frames", see=_late),
+    # A late clock is another throw.
+    Hidden("time_offset", 1.0, 1.0, "frames", see=_late, observable=False),
 ]}
 # Outside the catalogue; the right answer is `unknown`, or a name of `also` where the catalogue has grown.
 OUTSIDE = {h.name: h for h in [

@@ -292,25 +292,32 @@ class Hider:
 
     @staticmethod
     def record(scene, poisson, effects, strength, sigma):
-        """Node positions of finite elements with the effects at the strength that is wanted, that strength,
-        the share of it that a fit leaves, and the effects with their sizes."""
-        runs = [*nuisances(scene, poisson), run_of(scene, poisson, effects)]
-        base, *rest = blind_elements.simulate(scene.mesh, runs, FPS, FRAMES)
+        """Node positions of finite elements with the effects, each at the strength that is wanted; the strength
+        of all, the share of it that a fit leaves, and the effects with their sizes."""
         if not effects:
-            return base, 0.0, 0.0, effects
+            return blind_elements.simulate(scene.mesh, [run_of(scene, poisson)], FPS, FRAMES)[0], 0.0, 0.0, effects
+        alone = [run_of(scene, poisson, [effect]) for effect in effects]
+        nuisance = nuisances(scene, poisson)
+        base, *rest = blind_elements.simulate(scene.mesh, nuisance + alone, FPS, FRAMES)
         shown, times = scene.mesh.surface, np.arange(FRAMES) / FPS
         used = np.ones((USED, len(shown), 3), bool)
-        jacobian = np.stack([(x - base)[:USED, shown][used] for x in rest[:-1]], axis=1).astype(float)
-        measure = (base[:, shown], times, jacobian, used, sigma)
-        changed = rest[-1]
-        s, keep = strength_of(effects, measure[0], changed[:, shown], *measure[1:])
-        if s > 0.0 and strength > 0.0:
+        jacobian = np.stack([(x - base)[:USED, shown][used] for x in rest[: len(nuisance) - 1]], axis=1).astype(float)
+
+        def measure(some, changed):
+            return strength_of(some, base[:, shown], changed[:, shown], times, jacobian, used, sigma)
+
+        sized = []
+        for effect, changed in zip(effects, rest[len(nuisance) - 1 :], strict=True):
+            hidden, a, where = effect
+            s, _ = measure([effect], changed)
             # Once; of what is far from linear the strength is what it is.
-            factor = strength / s
-            effects = [(h, float(np.sign(a) * min(h.most, abs(a) * factor)), where) for h, a, where in effects]
-            changed = blind_elements.simulate(scene.mesh, [run_of(scene, poisson, effects)], FPS, FRAMES)[0]
-            s, keep = strength_of(effects, measure[0], changed[:, shown], *measure[1:])
-        return changed, s, keep, effects
+            if s > 0.0 and strength > 0.0 and hidden.observable:
+                a = float(np.sign(a) * min(hidden.most, abs(a) * strength / s))
+            sized.append((hidden, a, where))
+        changed = blind_elements.simulate(scene.mesh, [run_of(scene, poisson, sized)], FPS, FRAMES)[0]
+        if not any(hidden.observable for hidden, *_ in sized):
+            return changed, 0.0, 0.0, sized
+        return changed, *measure(sized, changed), sized
 
     @staticmethod
     def again(random, scene, poisson, effects):

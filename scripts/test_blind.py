@@ -10,6 +10,7 @@ import json
 import pathlib
 import tempfile
 import unittest
+import unittest.mock
 
 import blind_effects
 import blind_elements
@@ -136,6 +137,10 @@ def block(shape, size):
     return blind_elements.tetrahedra(cells, lambda p: p * size + [0.0, 0.0, 1.0])
 
 
+# Few elements: what is tested does not depend on how many.
+coarse = unittest.mock.patch.dict(blind_hide.SHAPES, {"cube": (2, 2, 2)}, clear=True)
+
+
 class Elements(unittest.TestCase):
     def test_the_mesh_is_closed_and_its_volume_right(self):
         mesh = block((3, 2, 2), 0.1)
@@ -171,6 +176,7 @@ class Elements(unittest.TestCase):
         path = blind_elements.simulate(mesh, [run], 60, 30)[0].mean(axis=1)[:, 0]
         self.assertAlmostEqual(path[-1] - path[0], 1.0 / (2.0 * 0.5 * 9.81), delta=0.02)
 
+    @coarse
     def test_every_effect_moves_the_body(self):
         random = np.random.default_rng(3)
         for name, hidden in blind_effects.ALL.items():
@@ -198,6 +204,17 @@ class Hiding(unittest.TestCase):
         s, keep = blind_hide.strength_of([], base, base + 0.1 * fall, times, jacobian, used, 1e-3)
         self.assertAlmostEqual(keep, 0.25, 2)  # of t², what is left beside t: √(1/5 − (1/4)²·3) / √(1/5)
         self.assertGreater(s, 1.0)
+
+    @coarse
+    def test_effects_get_the_strength_that_is_wanted(self):
+        scene = blind_hide.draw_scene(np.random.default_rng(2), False, False)
+        effects = [(blind_effects.EFFECTS[n], blind_effects.EFFECTS[n].start, {}) for n in ("gravity_size",)]
+        _, s, keep, sized = blind_hide.Hider.record(scene, 0.3, effects, 5.0, 1e-3)
+        self.assertAlmostEqual(s, 5.0, delta=0.3)
+        # A fall of ½ a t², less what a throw from the same place imitates: √(1/5 − 3/16) of it.
+        end = (blind_hide.USED - 1) / blind_effects.FPS
+        self.assertAlmostEqual(sized[0][1] * 0.5 * end**2 / np.sqrt(80.0) / np.sqrt(3.0), 5e-3, delta=4e-4)
+        self.assertGreater(keep, 0.1)
 
     def test_correlated_noise_has_its_size(self):
         noise = blind_hide.add_noise(np.random.default_rng(1), np.zeros((400, 200, 3)), 2.0, "correlated")

@@ -63,6 +63,23 @@ Effect strong(const std::string& type) {
     set(effect, "frequency", 20.0);
     set(effect, "phase", 30.0);
   }
+  if (type == "stiffness_inclusion") {
+    set(effect, "center", Vec3d(0.03, 0.02, 0.26));
+    set(effect, "radius", 0.12);
+    set(effect, "modulus", 3e5);
+  }
+  if (type == "stiffness_gradient") {
+    set(effect, "center", Vec3d(0.03, 0.02, 0.26));
+    set(effect, "slope", Vec3d(1e5, 3e5, -5e5));
+  }
+  if (type == "fibres") {
+    set(effect, "direction", Vec3d(1.0, 0.5, 2.0));
+    set(effect, "modulus", 1e5);
+  }
+  if (type == "strain_stiffening") {
+    set(effect, "modulus", 3e5);
+    set(effect, "exponent", 1.2);
+  }
   return effect;
 }
 

@@ -82,7 +82,13 @@ void TotalGroup<S>::limit_step(Arena& arena, double time, const OtherContact& ot
                scene_.fps;
       if (speed > 0.0) limit.limit_to(scene_.cfl * scene_.dx / speed, "CFL");
     }
-    const double omega = 2.0 / member.elastic_dt;
+    double omega = 2.0 / member.elastic_dt;
+    if (const double more = member.terms->terms().modulus_bound(); more > 0.0) {
+      const material::Material& own = scene_.bodies[member.index].material;
+      const double density = scene_.bodies[member.index].density;
+      const double speed = own.wave_speed(density);
+      omega *= std::sqrt(1.0 + more / (density * speed * speed));
+    }
     const double contact = member.contact->frequency_squared() + other.frequency_squared;
     const double fastest = std::sqrt(omega * omega + contact);
     // Explicit damping lowers the limit 2/ω to (2/ω)(√(1 + ξ²) − ξ), ξ its share of critical

@@ -279,7 +279,9 @@ std::pair<double, std::string> UpdatedGroup<S>::begin_frame(double time) {
       // Tangent of (K/7)(J − J⁻⁶) against K.
       stiffening = (1.0 + 6.0 * std::pow(std::clamp(s.min_j, 0.3, 1.0), -7.0)) / 7.0;
     }
-    const double c = m.material.wave_speed(m.density) * std::sqrt(stiffening);
+    double c = m.material.wave_speed(m.density) * std::sqrt(stiffening);
+    const double more = s.terms.of(static_cast<std::size_t>(&m - s.members.data())).modulus_bound();
+    if (more > 0.0) c = std::sqrt(c * c + more / m.density);
     double rate = c / (0.5 * s.dx);
     double contact = 0.0;
     for (const ContactLaw& law : m.contacts) {

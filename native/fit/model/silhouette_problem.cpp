@@ -110,7 +110,7 @@ void settle_sizes(const SilhouetteModel& model, const std::vector<double>& value
   std::vector<SilhouetteView> views;
   std::vector<std::size_t> of;
   for (std::size_t s = 0; s < sightings.size(); ++s) {
-    if (!(sum_of(sightings[s].matte.values) > 1.0)) continue;
+    if (sightings[s].held_out || !(sum_of(sightings[s].matte.values) > 1.0)) continue;
     if (!first.emplace(sightings[s].camera, s).second) continue;
     for (const double size : kSizes) {
       views.push_back(sightings[s].view);
@@ -147,9 +147,11 @@ void settle_sizes(const SilhouetteModel& model, const std::vector<double>& value
     const double share = std::clamp((wanted - area[k - 1]) / (area[k] - area[k - 1]), 0.0, 1.0);
     sizes[sighting.camera] = kSizes[k - 1] + share * (kSizes[k] - kSizes[k - 1]);
   }
+  double mean = 0.0;
+  for (const auto& [camera, size] : sizes) mean += size / double(sizes.size());
   for (Sighting& sighting : sightings) {
     const auto size = sizes.find(sighting.camera);
-    if (size != sizes.end()) sighting.view.size = size->second;
+    sighting.view.size = size != sizes.end() ? size->second : mean;
   }
 }
 

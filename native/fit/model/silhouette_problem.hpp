@@ -20,6 +20,7 @@ struct Sighting {
   Coverage matte;
   double noise = 1.0;      ///< of an outline's place [pixels of the matte]
   std::size_t camera = 0;  ///< those of one number share a size of the particles
+  bool held_out = false;   ///< nothing is taken from it
 };
 
 /// Residuals (simulated − captured coverage) / σ of all sightings, pixel by pixel, both blurred by
@@ -56,12 +57,12 @@ class SilhouetteProblem final : public Problem {
   int count_ = 0;
 };
 
-/// The size of the particles with which each camera's first sighting, at these values, covers as
-/// much of its image as the matte does: what a Gaussian's soft edge adds to a body, and what
-/// matting takes from it, is then in no residual but as a constant. Sets it in all sightings of
-/// that camera. Throws Error(kInput) naming the camera that sees nothing of the body where its
-/// matte does, or whose matte no size explains, Error(kCompute) where the values cannot be
-/// simulated.
+/// The size of the particles with which each camera's first sighting that is not held out, at these
+/// values, covers as much of its image as the matte does: what a Gaussian's soft edge adds to a
+/// body, and what matting takes from it, is then in no residual but as a constant. Sets it in all
+/// sightings of that camera; a camera without one takes the mean of the others. Throws
+/// Error(kInput) naming the camera that sees nothing of the body where its matte does, or whose
+/// matte no size explains, Error(kCompute) where the values cannot be simulated.
 void settle_sizes(const SilhouetteModel& model, const std::vector<double>& values,
                   std::vector<Sighting>& sightings);
 

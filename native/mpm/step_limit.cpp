@@ -22,7 +22,7 @@ double step_limit(const Scene& scene, const Body& body) {
   const material::Material& m = body.material;
   const double per_modulus = kCell / (body.density * scene.dx * scene.dx);
   const double omega =
-      std::sqrt(per_modulus * m.p_wave_modulus() + 2.0 * contact / (body.density * scene.dx));
+      std::sqrt(per_modulus * m.stiffest_modulus() + 2.0 * contact / (body.density * scene.dx));
   double viscous = 2.0 * m.damping_shear + m.damping_bulk;
   if (m.traits().fluid) viscous += 2.0 * m.viscosity;
   const double xi = 0.5 * per_modulus * viscous / omega;

@@ -137,7 +137,7 @@ _MATERIAL = (
              absent=1e9, positive=True, low=1e-3, high=1e11),
     Quantity("material.flow_thinning", "Flow Thinning", "1/s",
              "Growth of the flow rate per strain beyond the yield strain",
-             most=1e12, soft=(0.0, 1e9), precision=1, step=1000, low=1e-3, high=1e11),
+             short="Thinning", most=1e12, soft=(0.0, 1e9), precision=1, step=1000, low=1e-3, high=1e11),
     Quantity("material.damping_shear", "Shear Damping", "Pa s",
              "Kelvin-Voigt viscosity against change of shape, in pascal seconds",
              short="Shear Damp.", most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),

@@ -22,6 +22,7 @@
 #include "job/documents/json_reader.hpp"
 #include "job/documents/wedge.hpp"
 #include "job/new_job.hpp"
+#include "job/pretrain_files.hpp"
 #include "job/run/estimate.hpp"
 #include "job/run/inspect.hpp"
 #include "job/run/validate.hpp"
@@ -44,6 +45,7 @@ extern "C" void on_signal(int number) {
 
 struct Arguments {
   job::NewJobOptions fresh;
+  job::PretrainOptions pretrain;
   std::string law = "fixed_corotated";
   std::string up;
   std::string job;
@@ -212,6 +214,16 @@ CLI::App* add_new_job(CLI::App& app, Arguments& arguments) {
   return verb;
 }
 
+CLI::App* add_pretrain(CLI::App& app, Arguments& arguments) {
+  CLI::App* verb = app.add_subcommand(
+      "pretrain", "make the neural law's start weights from a seed: LAW.safetensors each");
+  job::PretrainOptions& pretrain = arguments.pretrain;
+  verb->add_option("--output", pretrain.folder, "the folder they are written into")->required();
+  verb->add_option("--law", pretrain.laws, "jelly, plasticine, sand, water; without it all");
+  verb->add_option("--seed", pretrain.seed, "of the samples");
+  return verb;
+}
+
 int new_job(Arguments& arguments) {
   arguments.fresh.law = matterfit::material::law_from_name(arguments.law);
   if (!arguments.up.empty()) {
@@ -264,6 +276,7 @@ int command(int argc, char** argv, Arguments& arguments) {
   add("validate", "check a document and print it as it was understood");
   CLI::App* fresh = add_new_job(app, arguments);
   CLI::App* many = add_wedge(app, arguments);
+  CLI::App* train = add_pretrain(app, arguments);
   CLI::App* look = app.add_subcommand("inspect", "result hash of a cache folder; checks its files");
   look->add_option("FOLDER", arguments.folder, "a job's output folder")->required();
   look->add_option("--report", arguments.report, "write the result to this file too");
@@ -278,6 +291,10 @@ int command(int argc, char** argv, Arguments& arguments) {
   if (look->parsed()) return inspect(arguments);
   if (fresh->parsed()) return new_job(arguments);
   if (many->parsed()) return wedge(arguments);
+  if (train->parsed()) {
+    std::printf("%s\n", job::write_start_laws(arguments.pretrain).dump(2).c_str());
+    return 0;
+  }
   for (const CLI::App* verb : verbs) {
     if (!verb->parsed()) continue;
     if (verb->get_name() == "validate") {

@@ -213,8 +213,8 @@ void write_new_job(const NewJobOptions& options) {
   const auto held = static_cast<std::size_t>(std::ceil(kHeldOut * static_cast<double>(frames)));
   const material::LawTraits& traits = material::traits(options.law);
   Json parameters = {"velocity", "spin"};
-  for (const char* key :
-       {"E", "nu", "yield_stress", "viscosity", "friction_angle", "bulk_modulus"}) {
+  for (const char* key : {"E", "nu", "form_1", "form_2", "yield_stress", "viscosity",
+                          "friction_angle", "bulk_modulus"}) {
     if (traits.uses(key)) parameters.push_back(std::string("material.") + key);
   }
   Json capture = {{"name", options.capture.stem().string()},

@@ -22,7 +22,7 @@ double step_limit(const Scene& scene, const Body& body) {
   constexpr double kCell = 13.3;
   const material::Material& m = body.material;
   const double per_modulus = kCell / (body.density * scene.dx * scene.dx);
-  double modulus = m.p_wave_modulus();
+  double modulus = m.stiffest_modulus();
   if (!scene.effects.empty()) modulus += BodyTerms(scene, body).modulus_bound();
   const double omega = std::sqrt(per_modulus * modulus + 2.0 * contact / (body.density * scene.dx));
   double viscous = 2.0 * m.damping_shear + m.damping_bulk;

@@ -21,6 +21,7 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
     : name_(body.name),
       density_(body.density),
       law_(material::law_constants<S>(body.material)),
+      energy_law_(material::law_constants<double>(body.material)),
       kernels_(&kernels),
       grid_(body, scene),
       pins_(std::make_unique<TotalPins>(body, grid_)) {
@@ -109,7 +110,7 @@ TotalView<S> TotalBody<S>::view(double dt, bool commit) const {
   v.density = static_cast<S>(density_);
   v.dx = static_cast<S>(grid_.dx());
   v.dt = static_cast<S>(dt);
-  v.mean_dilatation = material::traits(law_.law).mean_dilatation;
+  v.mean_dilatation = !law_.own_volume;
   v.commit = commit;
   return v;
 }

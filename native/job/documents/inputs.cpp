@@ -10,6 +10,7 @@
 #include "base/file.hpp"
 #include "base/hash.hpp"
 #include "capture/tracks.hpp"
+#include "job/documents/neural_starts.hpp"
 #include "job/fit_sources.hpp"
 #include "job/solver_sources.hpp"
 
@@ -42,7 +43,9 @@ struct Flattening {
   fs::path base;
 
   void add(const Json& json, const std::string& path, const std::string& key) {
-    if (names_a_file(key) && json.is_string()) {
+    const bool weights =
+        key == "weights" && json.is_string() && is_weights_file(json.get_ref<const std::string&>());
+    if (weights || (names_a_file(key) && json.is_string())) {
       inputs[path] = file_hash((base / json.get<std::string>()).lexically_normal());
     } else if (json.is_object()) {
       if (json.empty()) inputs[path] = "{}";

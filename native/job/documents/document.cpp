@@ -15,7 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kTaskNames[] = {"simulate", "fit", "diagnose", "compare", "bake"};
+constexpr std::string_view kTaskNames[] = {"simulate", "fit",  "diagnose",
+                                           "compare",  "bake", "check"};
 
 bool is_path_key(const std::string& key) {
   static const std::set<std::string> keys = {"points", "mesh",   "cage",    "gaussians", "file",

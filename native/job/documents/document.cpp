@@ -17,8 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kTaskNames[] = {"simulate", "fit",  "diagnose",
-                                           "compare",  "bake", "render"};
+constexpr std::string_view kTaskNames[] = {"simulate", "fit",    "diagnose", "compare",
+                                           "bake",     "render", "check"};
 
 bool is_path_key(const std::string& key) {
   static const std::set<std::string> keys = {"points", "mesh",   "cage",    "gaussians", "file",

@@ -17,6 +17,7 @@ from . import (
     job_colliders,
     job_effects,
     job_fit,
+    job_images,
     job_writer,
     transforms,
 )
@@ -45,7 +46,7 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
             bodies.append(job_bodies.BodyPart(writer, body, _throw(take, body.name)))
         elif _collider_on(take, body.name):
             colliders.append(job_colliders.ColliderPart(writer, body))
-    captures = [job_captures.CapturePart(writer, capture)
+    captures = [_capture_part(writer, capture)
                 for capture in settings.captures if capture.enabled]
     gravity = _gravity(writer)
     effects = job_effects.parts(writer)
@@ -85,6 +86,11 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
         document["output"] = _output(writer, bodies, outputs)
     writer.finish_inputs()
     return document
+
+
+def _capture_part(writer, capture):
+    kind = job_images.ImagePart if capture.source == "IMAGES" else job_captures.CapturePart
+    return kind(writer, capture)
 
 
 def write(document, folder):

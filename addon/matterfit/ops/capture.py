@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from .. import native
 from ..compat import translate
-from ..io import fit_rows, job_captures
+from ..io import fit_rows, job_captures, job_images
 from ..jobs import JobError
 from ..props import choices
 from ..props import scene as scene_props
@@ -32,19 +32,22 @@ def add_capture(settings, name):
     return capture
 
 
-def summarize(scene, capture):
-    """Reads the file, fills in the summary; JobError where it cannot be read."""
+def read_summary(scene, capture):
+    """Reads the file, fills in the summary and returns it; JobError where it cannot be read."""
     path = os.path.normpath(bpy.path.abspath(capture.filepath))
     if not os.path.isfile(path):
         raise JobError(translate("capture '{name}': the file {path} does not exist. Was it moved?")
                        .format(name=capture.name, path=path))
     if job_captures.is_numbered(path):
         path = job_captures.numbered_pattern(path)
-    options = job_captures.reading_options(capture)
+    images = capture.source == "IMAGES"
+    options = (job_images if images else job_captures).reading_options(capture)
     # Files without times play at the scene's rate.
-    options.setdefault("fps", scene.render.fps / scene.render.fps_base)
+    if not images:
+        options.setdefault("fps", scene.render.fps / scene.render.fps_base)
     found = native.capture_summary(path, options)
     capture.summary = "\n".join(found.get("text", []))
+    return found
 
 
 class MATTERFIT_OT_import_capture(PlainOperator, bpy.types.Operator, ImportHelper):
@@ -76,7 +79,7 @@ class MATTERFIT_OT_import_capture(PlainOperator, bpy.types.Operator, ImportHelpe
         capture.filepath = path
         capture.unit = self.unit
         try:
-            summarize(context.scene, capture)
+            read_summary(context.scene, capture)
         except JobError:
             settings.captures.remove(len(settings.captures) - 1)
             settings.capture_index = index
@@ -128,11 +131,11 @@ class MATTERFIT_OT_check_capture(PlainOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         capture = scene_props.active_capture(context.scene.matterfit)
-        return greyed(cls, capture is None or capture.source != "FILE",
+        return greyed(cls, capture is None or capture.source == "OBJECT",
                       "The capture is not read from a file")
 
     def act(self, context):
-        summarize(context.scene, scene_props.active_capture(context.scene.matterfit))
+        read_summary(context.scene, scene_props.active_capture(context.scene.matterfit))
         redraw(context)
 
 

@@ -40,11 +40,14 @@ class MatterfitCapture(bpy.types.PropertyGroup):
     source: EnumProperty(
         name="Source", default="FILE", update=outdated,
         items=(("FILE", "File", "Tracks from .npz, .npy, .c3d, .pc2, or numbered .ply files"),
+               ("IMAGES", "Images", "Mattes from the cameras of a transforms.json or "
+                                    "all_data.json"),
                ("OBJECT", "Animated Object", "The evaluated mesh of an object, at every frame")),
         description="Where the recorded points come from")
     filepath: StringProperty(
         name="File", subtype="FILE_PATH", options=PATH_OPTIONS, update=_reread,
-        description="A .npz, .npy, .c3d or .pc2 file, or the first of numbered .ply files")
+        description="A .npz, .npy, .c3d or .pc2 file, the first of numbered .ply files, or the "
+                    "cameras of images")
     object: PointerProperty(
         name="Object", type=bpy.types.Object, update=outdated,
         description="An animated object; its evaluated mesh is sampled at every frame")
@@ -101,19 +104,28 @@ class MatterfitCapture(bpy.types.PropertyGroup):
     noise: FloatProperty(
         name="Noise", default=5e-4, min=0.0, soft_min=0.0, max=1e3, soft_max=0.01, precision=5,
         unit="LENGTH", description="Standard deviation of a recorded coordinate")
+    noise_pixels: FloatProperty(
+        name="Noise [pixels]", default=1.0, min=1e-3, soft_min=0.1, max=1e3, soft_max=10.0,
+        precision=2, description="Standard deviation of where the outline of a matte lies")
+    use_key: BoolProperty(
+        name="Key", default=False, update=_reread,
+        description="Make mattes by the body's colour below, in place of the images' own")
+    key: FloatVectorProperty(
+        name="Key", subtype="COLOR_GAMMA", size=3, default=(0.0, 0.4, 0.6), min=0.0, max=1.0,
+        update=_reread, description="The body's colour, as the images show it")
     holdout: EnumProperty(
         name="Hold-out", default="NONE",
         items=(("NONE", "Nothing", "Everything is used"),
                ("FRAMES", "Last Frames", "The frames at the end are kept for testing"),
                ("CAPTURE", "Whole Capture", "This capture is only used for testing"),
-               ("TRACKS", "Points", "The points below are kept for testing")),
+               ("TRACKS", "Points", "The points, or cameras, below are kept for testing")),
         description="What is kept back to test a fit with")
     holdout_start: IntProperty(
         name="From Frame", default=30, min=0, soft_min=0, max=1048574, soft_max=10000,
         description="First scene frame that is held out")
     holdout_tracks: StringProperty(
-        name="Points", description="Names or numbers of the points that are held out, separated by "
-                                   "commas")
+        name="Points", description="Names or numbers of the points that are held out, or numbers of "
+                                   "cameras, separated by commas")
 
     summary: StringProperty(
         name="Summary", description="What the file contains, one finding a line")

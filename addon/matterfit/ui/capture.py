@@ -5,11 +5,14 @@ from ..props import scene as scene_props
 from .common import MatterfitPanel, form, holdout, lines, switched
 
 
+ICONS = {"FILE": "FILE", "IMAGES": "IMAGE_DATA", "OBJECT": "OBJECT_DATA"}
+
+
 class MATTERFIT_UL_captures(bpy.types.UIList):
     def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
         row = layout.row(align=True)
         row.prop(item, "name", text="", emboss=False,
-                 icon="FILE" if item.source == "FILE" else "OBJECT_DATA")
+                 icon=ICONS[item.source])
         row.prop(item, "enabled", text="")
 
 
@@ -26,6 +29,7 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
                           "capture_index", rows=2)
         column = row.column(align=True)
         column.operator("matterfit.import_capture", text="", icon="FILE_FOLDER")
+        column.operator("matterfit.import_images", text="", icon="IMAGE_DATA")
         column.operator("matterfit.add_capture_object", text="", icon="OBJECT_DATA")
         column.operator("matterfit.remove_capture", text="", icon="REMOVE")
         if not settings.captures:
@@ -33,7 +37,10 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
         capture = scene_props.active_capture(settings)
         if capture is not None:
             self._source(layout, settings, capture)
-            self._place(layout, capture)
+            if capture.source == "IMAGES":
+                self._place_images(layout, capture)
+            else:
+                self._place(layout, capture)
             self._use(layout, capture)
             if capture.summary:
                 box = layout.box()
@@ -47,18 +54,21 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
     def _source(self, layout, settings, capture):
         column = form(layout)
         column.prop(capture, "source")
-        if capture.source == "FILE":
-            column.prop(capture, "filepath")
-        else:
+        if capture.source == "OBJECT":
             column.prop(capture, "object")
+        else:
+            column.prop(capture, "filepath")
         column.prop_search(capture, "body", settings, "bodies")
-        if capture.source == "FILE":
+        if capture.source != "OBJECT":
             column.prop(capture, "unit")
             if capture.unit == "CUSTOM":
                 column.prop(capture, "scale")
             column.prop(capture, "up")
             switched(column, capture, "use_fps", "fps")
-            column.prop(capture, "markers")
+            if capture.source == "IMAGES":
+                switched(column, capture, "use_key", "key")
+            else:
+                column.prop(capture, "markers")
             layout.operator("matterfit.check_capture", icon="VIEWZOOM")
 
     def _place(self, layout, capture):
@@ -70,9 +80,16 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
             column.prop(capture, "rotation")
         switched(column, capture, "use_release", "release")
 
+    def _place_images(self, layout, capture):
+        column = form(layout)
+        switched(column, capture, "use_start_frame", "start_frame")
+        column.prop(capture, "location")
+        column.prop(capture, "rotation")
+
     def _use(self, layout, capture):
         column = form(layout)
-        switched(column, capture, "use_noise", "noise")
+        images = capture.source == "IMAGES"
+        switched(column, capture, "use_noise", "noise_pixels" if images else "noise")
         holdout(column, capture)
 
 

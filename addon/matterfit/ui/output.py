@@ -41,6 +41,7 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
         take = scene_props.active_take(settings)
         if take is not None and take.folder:
             self._cache(layout, context, take)
+        layout.operator("matterfit.render_splats", icon="RENDER_STILL")
         row = layout.row(align=True)
         row.operator("matterfit.export_alembic", text="Alembic", icon="EXPORT")
         row.operator("matterfit.export_usd", text="USD", icon="EXPORT")

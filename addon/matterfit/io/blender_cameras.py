@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's cameras and those of files: lens and pose both ways."""
+
+import bpy
+from mathutils import Matrix
+
+from ..compat import translate
+from ..jobs import JobError
+from .files import number, numbers
+
+SENSOR = 36.0
+
+
+def image_size(scene):
+    render = scene.render
+    share = render.resolution_percentage / 100.0
+    return max(1, int(render.resolution_x * share)), max(1, int(render.resolution_y * share))
+
+
+def shot(scene, camera, name, world=None, scale=1.0):
+    """One image of a `transforms.json` as Blender's camera takes it at the scene's size; `world`
+    maps the scene to the world of what is drawn, `scale` is its metres in a unit."""
+    if camera is None or camera.type != "CAMERA":
+        raise JobError(translate("The scene has no camera. Add one, and look through it."))
+    if camera.data.type != "PERSP":
+        raise JobError(translate("Camera '{name}' is not a perspective one. Set its Type to "
+                                 "Perspective.").format(name=camera.name))
+    width, height = image_size(scene)
+    corners = camera.data.view_frame(scene=scene)
+    left, right = min(c.x for c in corners), max(c.x for c in corners)
+    low, high = min(c.y for c in corners), max(c.y for c in corners)
+    depth = -corners[0].z
+    focal_x, focal_y = width * depth / (right - left), height * depth / (high - low)
+    matrix = camera.matrix_world.copy()
+    matrix.translation *= scale
+    rotation = matrix.to_quaternion().to_matrix().to_4x4()
+    matrix = (world or Matrix()) @ Matrix.Translation(matrix.translation) @ rotation
+    return {"file_path": name, "transform_matrix": [numbers(row) for row in matrix],
+            "w": width, "h": height, "fl_x": number(focal_x), "fl_y": number(focal_y),
+            "cx": number(-left * width / (right - left)), "cy": number(high * height / (high - low))}
+
+
+def add_cameras(scene, name, places):
+    """Camera objects at the places of a summary, in a collection of their own."""
+    collection = bpy.data.collections.new(name)
+    scene.collection.children.link(collection)
+    units = 1.0 / scene.unit_settings.scale_length
+    for k, place in enumerate(places):
+        data = bpy.data.cameras.new(f"{name} {k}")
+        width, height = place["width"], place["height"]
+        longer = max(width, height)
+        data.sensor_fit = "HORIZONTAL" if width >= height else "VERTICAL"
+        data.sensor_width = data.sensor_height = SENSOR
+        data.lens = SENSOR * (place["fx"] if width >= height else place["fy"]) / longer
+        data.shift_x = (0.5 * width - place["cx"]) / longer
+        data.shift_y = (place["cy"] - 0.5 * height) / longer
+        item = bpy.data.objects.new(data.name, data)
+        matrix = Matrix(place["matrix"])
+        matrix.translation *= units
+        item.matrix_world = matrix
+        collection.objects.link(item)
+    return collection
+
+
+def set_background(camera, image):
+    """Shows the image behind what the camera sees, in place of one that we set before."""
+    data = camera.data
+    data.show_background_images = True
+    ours = [shown for shown in data.background_images if shown.image == image]
+    shown = ours[0] if ours else data.background_images.new()
+    shown.image = image
+    shown.alpha = 1.0
+    shown.display_depth = "BACK"

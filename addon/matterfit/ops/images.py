@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Importing images with their cameras; drawing splats through Blender's camera."""
+
+import contextlib
+import math
+import os
+import tempfile
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+from mathutils import Matrix
+
+from .. import jobs, native
+from ..compat import translate
+from ..io import blender_cameras, files, fit_rows, job_images
+from ..jobs import JobError
+from ..props import choices
+from .base import JobOperator, PlainOperator
+from .capture import add_capture, read_summary
+
+SPLAT_KINDS = (".ply", ".splat", ".spz")
+# Maps a file's world to Blender's, by what points up in it.
+UP_AXES = (
+    ("Z", "Z", "As Blender has it"),
+    ("Y", "Y", "Y points up"),
+    ("-Y", "−Y (COLMAP)", "Y points down, as in most trained scenes"),
+)
+TURNS = {"Z": 0.0, "Y": math.pi / 2, "-Y": -math.pi / 2}
+
+
+class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper):
+    bl_idname = "matterfit.import_images"
+    bl_label = "Import Images"
+    bl_description = ("Add a recording by images: a transforms.json (Nerfstudio, Blender-NeRF) or "
+                      "all_data.json (PAC-NeRF) with its images and mattes beside it")
+
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    up: EnumProperty(name="Up Axis", default="AUTO", items=choices.UP_AXES,
+                     description="Which axis of the cameras' world points up")
+    cameras: BoolProperty(name="Add Cameras", default=True,
+                          description="Add a camera object for each camera of the file")
+
+    def act(self, context):
+        settings = context.scene.matterfit
+        index = settings.capture_index
+        name = os.path.basename(os.path.dirname(os.path.abspath(self.filepath))) or "images"
+        capture = add_capture(settings, name)
+        capture.source = "IMAGES"
+        path = self.filepath
+        if bpy.data.filepath:
+            with contextlib.suppress(ValueError):
+                path = bpy.path.relpath(path)
+        capture.filepath = path
+        capture.up = self.up
+        try:
+            found = read_summary(context.scene, capture)
+        except JobError:
+            settings.captures.remove(len(settings.captures) - 1)
+            settings.capture_index = index
+            fit_rows.refresh(settings)
+            raise
+        if self.cameras:
+            blender_cameras.add_cameras(context.scene, capture.name, found["places"])
+
+
+class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
+    bl_idname = "matterfit.render_splats"
+    bl_label = "Render Splats"
+    bl_description = ("Draw a file of Gaussian splats through the scene's camera into an image, "
+                      "blended as they were trained, and show it behind the camera's view")
+
+    filter_glob: StringProperty(default=";".join("*" + kind for kind in SPLAT_KINDS),
+                                options={"HIDDEN"})
+    up: EnumProperty(name="Up Axis", items=UP_AXES, default="-Y",
+                     description="What points up in the file")
+    background: BoolProperty(name="Behind the Camera", default=True,
+                             description="Show the image in the camera's view")
+
+    def invoke(self, context, event):
+        if self.filepath and os.path.isfile(self.filepath):
+            return JobOperator.invoke(self, context, event)
+        return ImportHelper.invoke(self, context, event)
+
+    def begin(self, context):
+        native.require()
+        path = os.path.normpath(bpy.path.abspath(self.filepath))
+        if os.path.splitext(path)[1].lower() not in SPLAT_KINDS or not os.path.isfile(path):
+            raise JobError(translate("{path}: splats are {kinds} files. Choose one of them.").format(
+                path=path, kinds=", ".join(SPLAT_KINDS)))
+        scene = context.scene
+        world = Matrix.Rotation(TURNS[self.up], 4, "X").inverted()
+        folder = tempfile.mkdtemp(prefix="matterfit_splats_", dir=bpy.app.tempdir or None)
+        shot = blender_cameras.shot(scene, scene.camera, "view", world,
+                                    scene.unit_settings.scale_length)
+        files.write_json(os.path.join(folder, "transforms.json"), {"frames": [shot]})
+        document = {"schema": "matterfit.job/1", "task": "render",
+                    "render": {"cameras": "transforms.json", "gaussians": path},
+                    "output": {"folder": "out"}}
+        job_path = files.write_json(os.path.join(folder, "job.json"), document)
+        threads = scene.matterfit.solver.threads
+
+        def start():
+            return native.start(job_path, task="render", threads=threads, restart=1)
+
+        return jobs.Job(translate("Render Splats"), start, folder=folder)
+
+    def ended(self, context, job):
+        image = bpy.data.images.load(os.path.join(job.folder, "out", "render", "camera_0.png"))
+        image.name = os.path.splitext(os.path.basename(self.filepath))[0]
+        image.pack()
+        for note in job.result["render"]["notes"]:
+            self.report({"WARNING"}, note)
+        if self.background:
+            blender_cameras.set_background(context.scene.camera, image)
+
+
+CLASSES = (MATTERFIT_OT_import_images, MATTERFIT_OT_render_splats)

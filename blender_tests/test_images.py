@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Captures by images in the panel and in documents; splats drawn through Blender's camera."""
+
+import json
+import math
+import os
+import struct
+
+import bpy
+import numpy
+from matterfit.io import blender_cameras
+from matterfit.jobs import JobError
+from mathutils import Matrix, Vector
+from support import SceneCase, needs_library
+
+WIDTH, HEIGHT = 32, 24
+
+
+def write_image(path, low, high):
+    """White, opaque in the columns from `low` to `high`."""
+    image = bpy.data.images.new("matte", WIDTH, HEIGHT, alpha=True)
+    pixels = numpy.zeros((HEIGHT, WIDTH, 4), dtype=numpy.float32)
+    pixels[:, low:high] = 1.0
+    image.pixels.foreach_set(pixels.ravel())
+    image.filepath_raw = path
+    image.file_format = "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+
+
+class ImagesCase(SceneCase):
+    def camera(self, location=(0.0, -2.0, 0.5), rotation=(math.pi / 2, 0.0, 0.0)):
+        bpy.ops.object.camera_add(location=location, rotation=rotation)
+        self.scene.camera = bpy.context.active_object
+        self.scene.render.resolution_x, self.scene.render.resolution_y = WIDTH, HEIGHT
+        self.scene.render.resolution_percentage = 100
+        return self.scene.camera
+
+    def clip(self, count=3):
+        """The file of a camera with `count` images."""
+        camera = self.camera()
+        bpy.context.view_layer.update()
+        folder = os.path.join(self.folder, "clip")
+        os.makedirs(folder, exist_ok=True)
+        shots = []
+        for k in range(count):
+            name = f"c0_{k}.png"
+            write_image(os.path.join(folder, name), 8 + k, 20 + k)
+            shots.append(blender_cameras.shot(self.scene, camera, name))
+        path = os.path.join(folder, "transforms.json")
+        with open(path, "w", encoding="utf-8") as file:
+            json.dump({"frames": shots}, file)
+        return path
+
+
+class CameraTest(ImagesCase):
+    def test_a_shot_sees_what_the_camera_sees(self):
+        """A point projected by the file's numbers lies where Blender says that it lies."""
+        camera = self.camera(location=(1.0, -3.0, 1.2), rotation=(1.3, 0.1, 0.4))
+        camera.data.shift_x, camera.data.shift_y, camera.data.lens = 0.1, -0.05, 40.0
+        bpy.context.view_layer.update()
+        shot = blender_cameras.shot(self.scene, camera, "a")
+        from bpy_extras.object_utils import world_to_camera_view
+        for point in ((0.0, 0.0, 0.3), (0.4, 0.2, 0.9)):
+            x, y, z = Matrix(shot["transform_matrix"]).inverted() @ Vector(point)
+            u = shot["cx"] + shot["fl_x"] * x / -z
+            v = shot["cy"] - shot["fl_y"] * y / -z
+            expected = world_to_camera_view(self.scene, camera, Vector(point))
+            self.assertAlmostEqual(u / WIDTH, expected.x, places=5)
+            self.assertAlmostEqual(1.0 - v / HEIGHT, expected.y, places=5)
+
+    def test_no_camera_is_said(self):
+        with self.assertRaises(JobError) as caught:
+            blender_cameras.shot(self.scene, None, "a")
+        self.assertIn("no camera", str(caught.exception))
+
+
+class ImportTest(ImagesCase):
+    @needs_library
+    def test_summary_and_cameras(self):
+        path = self.clip()
+        bpy.ops.matterfit.import_images(filepath=path)
+        capture = self.settings.captures[0]
+        self.assertEqual((capture.name, capture.source), ("clip", "IMAGES"))
+        self.assertIn("1 cameras, 3 images of 3 times", capture.summary)
+        self.assertIn("32 × 24", capture.summary)
+        added = bpy.data.collections["clip"].objects[0]
+        seen = blender_cameras.shot(self.scene, added, "a")
+        given = blender_cameras.shot(self.scene, self.scene.camera, "a")
+        for key in ("fl_x", "fl_y", "cx", "cy"):
+            self.assertAlmostEqual(seen[key], given[key], places=4)
+        numpy.testing.assert_allclose(seen["transform_matrix"], given["transform_matrix"], atol=1e-6)
+
+    @needs_library
+    def test_what_is_broken_leaves_no_row(self):
+        path = self.clip()
+        os.remove(os.path.join(self.folder, "clip", "c0_1.png"))
+        self.fails(bpy.ops.matterfit.import_images, ["c0_1.png"], filepath=path)
+        self.assertEqual(len(self.settings.captures), 0)
+
+    @needs_library
+    def test_document(self):
+        path = self.clip()
+        self.jelly()
+        bpy.ops.matterfit.import_images(filepath=path, cameras=False)
+        capture = self.settings.captures[0]
+        capture.use_noise, capture.noise_pixels = True, 0.5
+        capture.holdout, capture.holdout_start = "FRAMES", 4
+        document, _folder = self.document(task="fit")
+        found = document["captures"][0]
+        self.assertEqual(found["noise"], 0.5)
+        self.assertEqual(found["holdout"], {"frames": [4, 7]})
+        self.assertTrue(found["cameras"].endswith("clip/transforms.json"))
+        self.assertNotIn("tracks", found)
+        capture.holdout, capture.holdout_tracks = "TRACKS", "0, 2"
+        document, _folder = self.document(task="fit")
+        self.assertEqual(document["captures"][0]["holdout"], {"cameras": [0, 2]})
+        capture.holdout_tracks = "left"
+        with self.assertRaises(JobError) as caught:
+            self.document(task="fit")
+        self.assertIn("no camera is named", str(caught.exception))
+
+
+class RenderTest(ImagesCase):
+    def splat(self):
+        """One red, opaque ball of 5 cm in front of the camera, in a world whose y points down."""
+        path = os.path.join(self.folder, "ball.splat")
+        with open(path, "wb") as file:
+            file.write(struct.pack("<6f8B", 0.0, -0.5, 0.0, 0.05, 0.05, 0.05,
+                                   255, 0, 0, 255, 255, 128, 128, 128))
+        return path
+
+    @needs_library
+    def test_splats_behind_the_camera(self):
+        camera = self.camera()
+        bpy.ops.matterfit.render_splats(filepath=self.splat(), up="-Y")
+        image = bpy.data.images["ball"]
+        self.assertEqual(tuple(image.size), (WIDTH, HEIGHT))
+        pixels = numpy.array(image.pixels[:]).reshape(HEIGHT, WIDTH, 4)
+        rows, columns = numpy.nonzero(pixels[:, :, 3] > 0.5)
+        self.assertGreater(len(rows), 0)
+        self.assertAlmostEqual(rows.mean(), HEIGHT / 2 - 0.5, delta=0.6)
+        self.assertAlmostEqual(columns.mean(), WIDTH / 2 - 0.5, delta=0.6)
+        self.assertGreater(pixels[HEIGHT // 2, WIDTH // 2, 0], 0.9)
+        self.assertEqual(camera.data.background_images[0].image, image)
+
+    @needs_library
+    def test_a_scene_without_a_camera_is_said(self):
+        self.fails(bpy.ops.matterfit.render_splats, ["no camera"], filepath=self.splat())

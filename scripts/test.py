@@ -72,6 +72,16 @@ def part_sanitize():
     return tally
 
 
+def part_blind():
+    """the blind benchmark's scorer, seal and finite elements"""
+    tally = Tally()
+    done = run("blind", [sys.executable, "-B", ROOT / "scripts" / "test_blind.py", "-v"], limit=900)
+    lines = done.log.read_text(encoding="utf-8", errors="replace").splitlines()
+    tally.passed += [f"blind: {line.split(' ')[0]}" for line in lines if line.endswith(" ... ok")]
+    tally.check("blind: all", done.status == 0, f"{done.reason()}\n{done.tail(40)}")
+    return tally
+
+
 def part_fuzz():
     """each parser five seconds of libFuzzer from its saved seeds"""
     return fuzz.fuzz(5)
@@ -192,6 +202,7 @@ PARTS = {
     "lint": part_lint,
     "native": part_native,
     "sanitize": part_sanitize,
+    "blind": part_blind,
     "fuzz": part_fuzz,
     "blender": part_blender,
     "window": part_window,

@@ -259,6 +259,7 @@ int command(int argc, char** argv, Arguments& arguments) {
       "fit, then find what the simulation gets wrong, name the cause, measure the gain");
   add("compare", "simulate if need be, and measure the error against the captures");
   add("bake", "simulate and write every cache under `output`");
+  add("render", "draw the scene, or a file of splats, through the cameras of `render` into PNG");
   add("estimate", "memory and time that a job needs");
   add("validate", "check a document and print it as it was understood");
   CLI::App* fresh = add_new_job(app, arguments);

@@ -36,6 +36,21 @@ std::string error_text(const Json& errors) {
   return fitted + (fitted.empty() || held.empty() ? "" : ", ") + held;
 }
 
+std::string outline_text(const Json& silhouettes) {
+  std::string text;
+  for (const char* key : {"fitted", "held_out"}) {
+    const Json& part = silhouettes.at(key);
+    if (!part.is_object()) continue;
+    text += text.empty() ? "" : "; ";
+    text += std::string(key) == "held_out" ? "held out" : "fitted";
+    text += fmt::format(" IoU {:.4f}", part.at("iou").get<double>());
+    if (part.at("contour_px").is_number()) {
+      text += fmt::format(", {:.2f} pixels apart", part.at("contour_px").get<double>());
+    }
+  }
+  return text.empty() ? "not computed" : text;
+}
+
 /// What a fit found, a line a parameter.
 std::string fit_text(const Json& fit) {
   std::string text = fmt::format("fit: law {}, {}\n", fit.at("law").get<std::string>(),
@@ -56,8 +71,14 @@ std::string fit_text(const Json& fit) {
     if (parameter.at("observable") == false) text += ", not observable";
     text += "\n";
   }
-  text += "  mean error before: " + error_text(fit.at("before")) + "\n";
-  text += "  mean error after: " + error_text(fit.at("after")) + "\n";
+  if (fit.contains("silhouettes")) {
+    const Json& silhouettes = fit.at("silhouettes");
+    text += "  outlines before: " + outline_text(silhouettes.at("before")) + "\n";
+    text += "  outlines after: " + outline_text(silhouettes.at("after")) + "\n";
+  } else {
+    text += "  mean error before: " + error_text(fit.at("before")) + "\n";
+    text += "  mean error after: " + error_text(fit.at("after")) + "\n";
+  }
   if (fit.contains("models")) {
     for (const Json& model : fit.at("models")) {
       const auto law = model.at("law").get<std::string>();
@@ -170,6 +191,12 @@ std::string summary(const Json& result) {
     }
   }
   if (result.contains("fit")) text += fit_text(result["fit"]);
+  if (result.contains("render")) {
+    const Json& render = result["render"];
+    line(fmt::format("{} pictures through {} cameras in render/", render.at("pictures").dump(),
+                     render.at("cameras").dump()));
+    for (const Json& note : render.at("notes")) line("note: " + note.get<std::string>());
+  }
   if (result.contains("notes")) {
     for (const Json& note : result["notes"]) line("note: " + note.get<std::string>());
   }

@@ -9,6 +9,7 @@
 
 #include "fit/data/metrics.hpp"
 #include "fit/model/capture_problem.hpp"
+#include "job/documents/images_document.hpp"
 #include "job/fit_laws.hpp"
 #include "job/run/compare.hpp"
 
@@ -252,6 +253,13 @@ Json material_preset(const Job& fitted, const std::string& body, const Json& fit
                         {"body", capture.body},
                         {"held_out", !seen}});
     if (seen) names += (names.empty() ? "" : ", ") + capture.name;
+  }
+  for (const ImagesDoc& images : images_of(fitted)) {
+    captures.push_back({{"name", images.name},
+                        {"file", images.cameras.filename().string()},
+                        {"body", images.body},
+                        {"held_out", false}});
+    names += (names.empty() ? "" : ", ") + images.name;
   }
   Json parameters = Json::array();
   for (const Json& parameter : fit.at("parameters")) {

@@ -3,8 +3,11 @@
 
 #include "base/error.hpp"
 #include "job/diagnosis/run_diagnose.hpp"
+#include "job/documents/images_document.hpp"
 #include "job/fit_run.hpp"
+#include "job/run/render.hpp"
 #include "job/run/run_scene.hpp"
+#include "job/silhouette_fit.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -13,12 +16,19 @@ void check_task(const Job& job) {
   if (job.task == Task::kCompare && job.captures.empty()) {
     throw_input("captures: compare needs at least one capture to compare with.");
   }
+  if (job.task == Task::kDiagnose && !images_of(job).empty()) {
+    throw_input("captures: a diagnosis looks at tracks, and these are images.");
+  }
 }
 
 }  // namespace
 
 Json run_job(const Job& job, const RunOptions& options, Interrupter& interrupter) {
   check_task(job);
+  if (job.task == Task::kRender) return run_render(job, options, interrupter);
+  if (job.task == Task::kFit && !images_of(job).empty()) {
+    return run_silhouette_fit(job, options, interrupter);
+  }
   if (job.task == Task::kFit) return run_fit(job, options, interrupter);
   if (job.task == Task::kDiagnose) return run_diagnose(job, options, interrupter);
   return run_scenes(job, options, interrupter, {});

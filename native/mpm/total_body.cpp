@@ -80,8 +80,8 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
     }
   }
   for (std::uint32_t n = 0; n < grid_.mass().size(); ++n) {
-    const Vec3d v = velocity + spin.cross(grid_.node_position(n) - grid_.center_of_mass()) +
-                    extra[n] * grid_.inverse_mass()[n];
+    Vec3d v = velocity + spin.cross(grid_.node_position(n) - grid_.center_of_mass());
+    if (grid_.lumped_mass()[n] > 0.0) v += extra[n] / grid_.lumped_mass()[n];
     set_field_value(velocity_, n, v);
   }
 }
@@ -214,12 +214,13 @@ void TotalBody<S>::smooth_velocities(Arena& arena, double share) {
     double momentum[kNodeBlock];
     sum_forces(b, momentum);
     const double* inverse = grid_.inverse_mass().data() + b * kBlockNodes;
+    const double* lumped = grid_.lumped_mass().data() + b * kBlockNodes;
     const std::uint8_t* skip = pins_->deferred().data() + b * kBlockNodes;
     for (std::size_t c = 0; c < 3; ++c) {
       for (std::size_t n = 0; n < kBlockNodes; ++n) {
         if (!(inverse[n] > 0.0) || skip[n] != 0) continue;
         double& velocity = velocity_[b * kNodeBlock + c * kBlockNodes + n];
-        velocity += share * (momentum[c * kBlockNodes + n] * inverse[n] - velocity);
+        velocity += share * inverse[n] * (momentum[c * kBlockNodes + n] - lumped[n] * velocity);
       }
     }
   });

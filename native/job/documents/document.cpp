@@ -8,6 +8,7 @@
 #include "base/file.hpp"
 #include "job/documents/document_reading.hpp"
 #include "job/documents/fit_document.hpp"
+#include "job/documents/images_document.hpp"
 #include "job/documents/override.hpp"
 
 namespace matterfit::job {
@@ -15,11 +16,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kTaskNames[] = {"simulate", "fit", "diagnose", "compare", "bake"};
+constexpr std::string_view kTaskNames[] = {"simulate", "fit",  "diagnose",
+                                           "compare",  "bake", "render"};
 
 bool is_path_key(const std::string& key) {
   static const std::set<std::string> keys = {"points", "mesh",   "cage",    "gaussians", "file",
-                                             "meshes", "tracks", "pattern", "folder"};
+                                             "meshes", "tracks", "pattern", "folder",    "cameras"};
   return keys.count(key) > 0;
 }
 
@@ -101,15 +103,24 @@ Job read_job(std::string_view text, const ReadOptions& options) {
   JsonObject object(JsonValue(job.document, ""));
   (void)object.require("schema");
   if (const auto task = object.find("task")) {
-    job.task = static_cast<Task>(
-        task->choice({kTaskNames[0], kTaskNames[1], kTaskNames[2], kTaskNames[3], kTaskNames[4]}));
+    job.task = static_cast<Task>(task->choice({kTaskNames[0], kTaskNames[1], kTaskNames[2],
+                                               kTaskNames[3], kTaskNames[4], kTaskNames[5]}));
   }
   (void)object.string("note", "");
+  const auto render = object.find("render");
+  const bool still =
+      render && job.task == Task::kRender && !read_render(*render, context).gaussians.empty();
   const auto scene = object.find("scene");
-  if (!scene) throw_input("'scene' is missing from the document.");
-  job.scene = read_scene(*scene, context);
-  if (const auto captures = object.find("captures")) {
+  if (!scene && !still) throw_input("'scene' is missing from the document.");
+  if (scene) job.scene = read_scene(*scene, context);
+  bool images = false;
+  if (const auto captures = object.find("captures"); captures && scene) {
     for (const JsonValue& item : captures->items()) {
+      if (is_by_images(item)) {
+        (void)read_images(item, context, job.scene);
+        images = true;
+        continue;
+      }
       job.captures.push_back(read_capture(item, context, *scene, job.scene));
       for (std::size_t i = 0; i + 1 < job.captures.size(); ++i) {
         if (job.captures[i].name == job.captures.back().name) {
@@ -119,7 +130,12 @@ Job read_job(std::string_view text, const ReadOptions& options) {
       }
     }
   }
-  if (const auto probes = object.find("probes")) {
+  if (images && !job.captures.empty()) {
+    throw_input(
+        "captures: some are tracks and some are images. Fit one kind at a time: keep one in the "
+        "document.");
+  }
+  if (const auto probes = object.find("probes"); probes && scene) {
     for (const JsonValue& item : probes->items()) {
       job.probes.push_back(read_probe(item, context, job.scene));
       for (std::size_t i = 0; i + 1 < job.probes.size(); ++i) {
@@ -129,7 +145,7 @@ Job read_job(std::string_view text, const ReadOptions& options) {
       }
     }
   }
-  if (const auto fit = object.find("fit")) {
+  if (const auto fit = object.find("fit"); fit && scene) {
     job.fit = std::make_shared<const FitDoc>(read_fit(*fit, job.scene, job.captures));
   }
   if (const auto diagnose = object.find("diagnose")) job.diagnose = diagnose->json();

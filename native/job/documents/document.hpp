@@ -21,12 +21,12 @@
 
 /// The job document: one JSON text that describes a task completely (docs/formats.md). Frames are
 /// scene frames, ranges half-open; paths are absolute after reading. Nothing below this room knows
-/// JSON.
+/// it.
 namespace matterfit::job {
 
 inline constexpr std::string_view kSchema = "matterfit.job/1";
 
-enum class Task { kSimulate, kFit, kDiagnose, kCompare, kBake };
+enum class Task { kSimulate, kFit, kDiagnose, kCompare, kBake, kRender };
 [[nodiscard]] std::string_view task_name(Task task);
 /// Throws Error(kInput) that lists the names.
 [[nodiscard]] Task task_from_name(std::string_view name);

@@ -7,6 +7,46 @@
 namespace matterfit::job {
 namespace {
 
+/// Names of markers, or their indices, as texts.
+std::vector<std::string> read_markers(const JsonValue& value) {
+  std::vector<std::string> markers;
+  for (const JsonValue& item : value.items()) {
+    markers.push_back(item.json().is_number() ? std::to_string(item.integer(0, 1'000'000'000))
+                                              : item.string());
+  }
+  return markers;
+}
+
+HoldoutDoc read_holdout(const JsonValue& value) {
+  JsonObject object(value);
+  HoldoutDoc holdout;
+  if (const auto frames = object.find("frames")) holdout.frames = read_range(*frames);
+  if (const auto tracks = object.find("tracks")) holdout.tracks = read_markers(*tracks);
+  holdout.capture = object.boolean("capture", false);
+  object.finish();
+  return holdout;
+}
+
+AlignDoc read_align(const JsonValue& value) {
+  JsonObject object(value);
+  AlignDoc align;
+  align.markers = read_markers(object.require("markers"));
+  align.positions = object.require("positions").points();
+  const auto range = read_range(object.require("frames"));
+  align.begin = range[0];
+  align.end = range[1];
+  object.finish();
+  if (align.markers.size() != align.positions.size()) {
+    value.refuse(std::to_string(align.markers.size()) + " markers but " +
+                 std::to_string(align.positions.size()) +
+                 " positions; give one position a marker.");
+  }
+  if (align.markers.size() < 3) value.refuse("at least three markers are needed.");
+  return align;
+}
+
+}  // namespace
+
 double read_unit(const JsonValue& value) {
   if (value.json().is_number()) return value.number(positive("metres per unit"));
   constexpr double kUnits[] = {1.0, 1e-2, 1e-3};
@@ -40,16 +80,6 @@ std::array<double, 16> read_matrix(const JsonValue& value) {
   return matrix;
 }
 
-/// Names of markers, or their indices, as texts.
-std::vector<std::string> read_markers(const JsonValue& value) {
-  std::vector<std::string> markers;
-  for (const JsonValue& item : value.items()) {
-    markers.push_back(item.json().is_number() ? std::to_string(item.integer(0, 1'000'000'000))
-                                              : item.string());
-  }
-  return markers;
-}
-
 std::array<int, 2> read_range(const JsonValue& value) {
   const auto items = value.items();
   if (items.size() != 2) value.fail("[first, end), two frame numbers");
@@ -58,36 +88,6 @@ std::array<int, 2> read_range(const JsonValue& value) {
   if (range[1] <= range[0]) value.fail("a range [first, end) with end after first");
   return range;
 }
-
-HoldoutDoc read_holdout(const JsonValue& value) {
-  JsonObject object(value);
-  HoldoutDoc holdout;
-  if (const auto frames = object.find("frames")) holdout.frames = read_range(*frames);
-  if (const auto tracks = object.find("tracks")) holdout.tracks = read_markers(*tracks);
-  holdout.capture = object.boolean("capture", false);
-  object.finish();
-  return holdout;
-}
-
-AlignDoc read_align(const JsonValue& value) {
-  JsonObject object(value);
-  AlignDoc align;
-  align.markers = read_markers(object.require("markers"));
-  align.positions = object.require("positions").points();
-  const auto range = read_range(object.require("frames"));
-  align.begin = range[0];
-  align.end = range[1];
-  object.finish();
-  if (align.markers.size() != align.positions.size()) {
-    value.refuse(std::to_string(align.markers.size()) + " markers but " +
-                 std::to_string(align.positions.size()) +
-                 " positions; give one position a marker.");
-  }
-  if (align.markers.size() < 3) value.refuse("at least three markers are needed.");
-  return align;
-}
-
-}  // namespace
 
 CaptureDoc read_capture(const JsonValue& value, const ReadContext& context,
                         const JsonValue& scene_value, const SceneDoc& scene) {

@@ -8,6 +8,9 @@
 /// The pieces that read_job() is made of; not for use outside the job room.
 namespace matterfit::job {
 
+struct ImagesDoc;  // job/documents/images_document.hpp
+struct RenderDoc;
+
 /// What every piece needs to know.
 struct ReadContext {
   std::filesystem::path base_folder;
@@ -29,6 +32,17 @@ struct ReadContext {
 /// `scene_value` is the document's scene, over which the capture's own is laid.
 [[nodiscard]] CaptureDoc read_capture(const JsonValue& value, const ReadContext& context,
                                       const JsonValue& scene_value, const SceneDoc& scene);
+/// Whether a capture is one by images.
+[[nodiscard]] bool is_by_images(const JsonValue& value);
+[[nodiscard]] ImagesDoc read_images(const JsonValue& value, const ReadContext& context,
+                                    const SceneDoc& scene);
+[[nodiscard]] RenderDoc read_render(const JsonValue& value, const ReadContext& context);
+/// Metres per unit: a number, or "m", "cm", "mm".
+[[nodiscard]] double read_unit(const JsonValue& value);
+/// Row by row: four rows, or {position, rotation, scale}.
+[[nodiscard]] std::array<double, 16> read_matrix(const JsonValue& value);
+/// [first, end).
+[[nodiscard]] std::array<int, 2> read_range(const JsonValue& value);
 [[nodiscard]] ProbeDoc read_probe(const JsonValue& value, const ReadContext& context,
                                   const SceneDoc& scene);
 [[nodiscard]] FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,

@@ -20,8 +20,9 @@ void expand(std::vector<PathStep>& steps, const Json& document, const std::strin
       "bodies",  "colliders", "gravity", "fps",     "frames",   "particle_separation",
       "solver",  "contacts",  "walls",   "effects", "material", "density",
       "velocity"};
-  static constexpr std::array<std::string_view, 9> kDocumentKeys = {
-      "schema", "task", "note", "scene", "captures", "probes", "output", "fit", "diagnose"};
+  static constexpr std::array<std::string_view, 10> kDocumentKeys = {
+      "schema", "task",   "note", "scene",    "captures",
+      "probes", "output", "fit",  "diagnose", "render"};
   const std::string first = steps.front().key;
   if (std::find(kSceneKeys.begin(), kSceneKeys.end(), first) == kSceneKeys.end()) {
     if (std::find(kDocumentKeys.begin(), kDocumentKeys.end(), first) != kDocumentKeys.end()) return;

@@ -6,6 +6,7 @@
 #include "capture/tracks.hpp"
 #include "job/documents/document_reading.hpp"
 #include "job/documents/manifest.hpp"
+#include "job/run/image_summary.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -56,6 +57,7 @@ Json inspect_folder(const std::filesystem::path& folder) {
 }
 
 Json capture_summary(const std::filesystem::path& path, const Json& options) {
+  if (path.extension() == ".json") return image_summary(path, options);
   // The keys of a capture; the file is named apart, and no scene is needed.
   Json document = options;
   if (!document.is_object()) throw_input("options: expected an object { … }.");

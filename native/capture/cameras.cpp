@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "capture/cameras.hpp"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "base/error.hpp"
+#include "base/file.hpp"
+#include "capture/png.hpp"
+
+namespace matterfit::capture {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr double kOrthonormal = 1e-3;  // matrices are often written with few digits
+constexpr double kSameCamera = 1e-9;
+constexpr std::size_t kMostImages = 1'000'000;
+constexpr int kMostDigits = 9;
+
+/// One frame's keys before those that hold for all.
+class Entry {
+ public:
+  Entry(const Json& frame, const Json* all, std::string where)
+      : frame_(frame), all_(all), where_(std::move(where)) {
+    if (!frame.is_object()) fail("is not an object { … }.");
+  }
+
+  [[noreturn]] void fail(const std::string& reason) const { throw_input(where_ + " " + reason); }
+  [[nodiscard]] const Json* find(const char* key) const {
+    if (const auto own = frame_.find(key); own != frame_.end() && !own->is_null()) return &*own;
+    if (all_ == nullptr) return nullptr;
+    const auto shared = all_->find(key);
+    return shared == all_->end() || shared->is_null() ? nullptr : &*shared;
+  }
+  [[nodiscard]] std::optional<double> number(const char* key) const {
+    const Json* value = find(key);
+    if (value == nullptr) return std::nullopt;
+    if (!value->is_number() || !std::isfinite(value->get<double>())) {
+      fail(std::string("has a '") + key + "' that is no number.");
+    }
+    return value->get<double>();
+  }
+  [[nodiscard]] std::string text(const char* key) const {
+    const Json* value = find(key);
+    if (value == nullptr) return {};
+    if (!value->is_string()) fail(std::string("has a '") + key + "' that is no text.");
+    return value->get<std::string>();
+  }
+  template <int Rows, int Columns>
+  [[nodiscard]] Eigen::Matrix<double, Rows, Columns> matrix(const char* key) const {
+    Eigen::Matrix<double, Rows, Columns> result;
+    const Json* rows = find(key);
+    if (rows == nullptr) fail(std::string("has no '") + key + "'.");
+    const std::string expected = std::string("has a '") + key + "' that is not " +
+                                 std::to_string(Rows) + " rows of " + std::to_string(Columns) +
+                                 " numbers.";
+    if (!rows->is_array() || rows->size() < Rows) fail(expected);
+    for (int i = 0; i < Rows; ++i) {
+      const Json& row = (*rows)[static_cast<std::size_t>(i)];
+      if (!row.is_array() || row.size() != Columns) fail(expected);
+      for (int j = 0; j < Columns; ++j) {
+        const Json& value = row[static_cast<std::size_t>(j)];
+        if (!value.is_number() || !std::isfinite(value.get<double>())) fail(expected);
+        result(i, j) = value.get<double>();
+      }
+    }
+    return result;
+  }
+
+ private:
+  const Json& frame_;
+  const Json* all_;
+  std::string where_;
+};
+
+/// World to camera of OpenCV's axes from camera to world of OpenGL's.
+void set_pose(const Eigen::Matrix<double, 3, 4>& to_world, const Entry& entry,
+              splat::Camera& camera) {
+  const Mat3d axes = to_world.leftCols<3>();
+  if (!((axes.transpose() * axes - Mat3d::Identity()).norm() < kOrthonormal) ||
+      !(axes.determinant() > 0.0)) {
+    entry.fail("has a camera whose matrix is no rotation and shift; divide out its scale.");
+  }
+  const Mat3d turn = Quatd(axes).normalized().toRotationMatrix();
+  const Vec3d flip(1.0, -1.0, -1.0);
+  camera.rotation = flip.asDiagonal() * turn.transpose();
+  camera.translation = -(camera.rotation * to_world.col(3));
+}
+
+void check_lens(const splat::Camera& camera, const Entry& entry) {
+  for (const double focal : {camera.fx, camera.fy}) {
+    if (!(focal > 0.0) || !std::isfinite(focal)) {
+      entry.fail("has a focal length of " + std::to_string(focal) + " pixels.");
+    }
+  }
+}
+
+/// Half the angle of view to a focal length.
+double focal_of(double angle, int pixels) { return 0.5 * pixels / std::tan(0.5 * angle); }
+
+splat::Camera nerfstudio_camera(const Entry& entry, const std::string& image,
+                                const ImageSize& size) {
+  for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"}) {
+    const auto distortion = entry.number(key);
+    if (distortion && *distortion != 0.0) {
+      entry.fail(std::string("has lens distortion (") + key + " = " + std::to_string(*distortion) +
+                 "). Undistort the images first, as `colmap image_undistorter` does.");
+    }
+  }
+  splat::Camera camera;
+  const auto width = entry.number("w");
+  const auto height = entry.number("h");
+  if (width && height) {
+    for (const double edge : {*width, *height}) {
+      if (!(edge >= 1.0) || edge > kMostImageEdge || edge != std::floor(edge)) {
+        entry.fail("has an image size of " + std::to_string(edge) + " pixels.");
+      }
+    }
+    camera.width = static_cast<int>(*width);
+    camera.height = static_cast<int>(*height);
+  } else {
+    const auto pixels = size(image);
+    camera.width = pixels[0];
+    camera.height = pixels[1];
+  }
+  const auto fx = entry.number("fl_x");
+  const auto fy = entry.number("fl_y");
+  const auto angle_x = entry.number("camera_angle_x");
+  const auto angle_y = entry.number("camera_angle_y");
+  if (fx) {
+    camera.fx = *fx;
+  } else if (angle_x) {
+    camera.fx = focal_of(*angle_x, camera.width);
+  } else {
+    entry.fail("has no focal length: neither 'fl_x' nor 'camera_angle_x'.");
+  }
+  camera.fy = fy ? *fy : !fx && angle_y ? focal_of(*angle_y, camera.height) : camera.fx;
+  camera.cx = entry.number("cx").value_or(0.5 * camera.width);
+  camera.cy = entry.number("cy").value_or(0.5 * camera.height);
+  set_pose(entry.matrix<3, 4>("transform_matrix"), entry, camera);
+  return camera;
+}
+
+splat::Camera pacnerf_camera(const Entry& entry, const std::string& image, const ImageSize& size) {
+  splat::Camera camera;
+  const auto pixels = size(image);
+  camera.width = pixels[0];
+  camera.height = pixels[1];
+  const Mat3d lens = entry.matrix<3, 3>("intrinsic");
+  camera.fx = lens(0, 0);
+  camera.fy = lens(1, 1);
+  camera.cx = lens(0, 2);
+  camera.cy = lens(1, 2);
+  set_pose(entry.matrix<3, 4>("c2w"), entry, camera);
+  return camera;
+}
+
+/// Of the name before its ending; nothing where there are none.
+std::optional<int> last_digits(const std::string& image) {
+  const std::string stem = fs::path(image).stem().string();
+  std::size_t end = stem.size();
+  while (end > 0 && std::isdigit(static_cast<unsigned char>(stem[end - 1])) == 0) --end;
+  std::size_t begin = end;
+  while (begin > 0 && std::isdigit(static_cast<unsigned char>(stem[begin - 1])) != 0) --begin;
+  if (begin == end || end - begin > kMostDigits) return std::nullopt;
+  return std::stoi(stem.substr(begin, end - begin));
+}
+
+bool same(const splat::Camera& a, const splat::Camera& b) {
+  const auto near = [](double x, double y) { return std::abs(x - y) <= kSameCamera; };
+  return near(a.fx, b.fx) && near(a.fy, b.fy) && near(a.cx, b.cx) && near(a.cy, b.cy) &&
+         (a.rotation - b.rotation).norm() <= kSameCamera &&
+         (a.translation - b.translation).norm() <= kSameCamera;
+}
+
+void add(CameraSet& set, const Entry& entry, Shot shot, const splat::Camera& camera) {
+  check_lens(camera, entry);
+  std::size_t k = 0;
+  while (k < set.cameras.size() && !same(set.cameras[k], camera)) ++k;
+  if (k == set.cameras.size()) {
+    set.cameras.push_back(camera);
+  } else if (set.cameras[k].width != camera.width || set.cameras[k].height != camera.height) {
+    entry.fail("is " + std::to_string(camera.width) + " × " + std::to_string(camera.height) +
+               " pixels, but an earlier image of the same camera is " +
+               std::to_string(set.cameras[k].width) + " × " +
+               std::to_string(set.cameras[k].height) + ". Scale them alike.");
+  }
+  shot.camera = k;
+  set.shots.push_back(std::move(shot));
+}
+
+std::string with_ending(std::string image) {
+  if (fs::path(image).extension().empty()) image += ".png";
+  return image;
+}
+
+}  // namespace
+
+CameraSet parse_cameras(std::string_view text, const std::string& name, const ImageSize& size) {
+  const Json json = Json::parse(text, nullptr, false);
+  if (json.is_discarded()) throw_input(name + ": is no JSON text.");
+  const bool pacnerf = json.is_array();
+  if (!pacnerf && !(json.is_object() && json.contains("frames") && json["frames"].is_array())) {
+    throw_input(name +
+                ": is neither a transforms.json (an object with a list 'frames') nor an "
+                "all_data.json (a list of images).");
+  }
+  const Json& frames = pacnerf ? json : json["frames"];
+  if (frames.empty()) throw_input(name + ": its cameras have no images.");
+  if (frames.size() > kMostImages) throw_input(name + ": has more than a million images.");
+  CameraSet set;
+  set.source = name;
+  set.shots.reserve(frames.size());
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const Entry entry(frames[i], pacnerf ? nullptr : &json, name + ": image " + std::to_string(i));
+    Shot shot;
+    shot.image = entry.text("file_path");
+    if (shot.image.empty()) entry.fail("has no 'file_path'.");
+    shot.image = with_ending(shot.image);
+    if (!pacnerf) shot.mask = entry.text("mask_path");
+    shot.time = entry.number("time");
+    shot.number = last_digits(shot.image);
+    const splat::Camera camera = pacnerf ? pacnerf_camera(entry, shot.image, size)
+                                         : nerfstudio_camera(entry, shot.image, size);
+    add(set, entry, std::move(shot), camera);
+  }
+  return set;
+}
+
+CameraSet read_cameras(const fs::path& path) {
+  const auto bytes = read_file(path, std::uint64_t{1} << 28U);
+  const auto size = [&](const std::string& image) { return png_size(path.parent_path() / image); };
+  return parse_cameras({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, path.string(),
+                       size);
+}
+
+std::string format_cameras(const CameraSet& set) {
+  Json frames = Json::array();
+  for (const Shot& shot : set.shots) {
+    const splat::Camera& camera = set.cameras[shot.camera];
+    const Vec3d flip(1.0, -1.0, -1.0);
+    const Mat3d axes = camera.rotation.transpose() * flip.asDiagonal();
+    const Vec3d centre = camera.centre();
+    Json rows = Json::array();
+    for (int i = 0; i < 3; ++i) {
+      rows.push_back(Json::array({axes(i, 0), axes(i, 1), axes(i, 2), centre[i]}));
+    }
+    rows.push_back(Json::array({0.0, 0.0, 0.0, 1.0}));
+    Json frame = {{"file_path", shot.image}, {"transform_matrix", rows}, {"fl_x", camera.fx},
+                  {"fl_y", camera.fy},       {"cx", camera.cx},          {"cy", camera.cy},
+                  {"w", camera.width},       {"h", camera.height}};
+    if (!shot.mask.empty()) frame["mask_path"] = shot.mask;
+    if (shot.time) frame["time"] = *shot.time;
+    frames.push_back(std::move(frame));
+  }
+  return Json({{"frames", frames}}).dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+splat::Camera moved(const splat::Camera& camera, const Eigen::Matrix4d& matrix) {
+  const Mat3d linear = matrix.topLeftCorner<3, 3>();
+  const double determinant = linear.determinant();
+  const double scale = determinant > 0.0 ? std::cbrt(determinant) : 0.0;
+  const Mat3d turn = linear / scale;
+  if (!(scale > 0.0) || !((turn.transpose() * turn - Mat3d::Identity()).norm() < kOrthonormal)) {
+    throw_input(
+        "a camera can be turned, shifted and scaled, but not sheared or mirrored: give a "
+        "transform of these.");
+  }
+  splat::Camera result = camera;
+  result.rotation = camera.rotation * turn.transpose();
+  const Vec3d centre = linear * camera.centre() + matrix.topRightCorner<3, 1>();
+  result.translation = -(result.rotation * centre);
+  return result;
+}
+
+}  // namespace matterfit::capture

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "capture/image_clip.hpp"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "base/error.hpp"
+#include "capture/png.hpp"
+#include "capture/tracks.hpp"
+
+namespace matterfit::capture {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kSameTime = 1e-6;  // [s]
+
+/// The time of each shot, in the file's order.
+std::vector<double> times_of(const CameraSet& set, const ImageClipOptions& options) {
+  std::vector<double> times;
+  times.reserve(set.shots.size());
+  bool timed = true;
+  for (const Shot& shot : set.shots) timed = timed && shot.time.has_value();
+  for (const Shot& shot : set.shots) {
+    if (!timed && !shot.number) {
+      throw_input(set.source + ": image '" + shot.image +
+                  "' has neither a 'time' nor a number at the end of its name.");
+    }
+    times.push_back(timed ? *shot.time : *shot.number);
+  }
+  if (timed && options.fps == 0.0) return times;
+  const double fps = options.fps > 0.0 ? options.fps : options.default_fps;
+  if (!timed) {
+    const double first = *std::min_element(times.begin(), times.end());
+    for (double& time : times) time = (time - first) / fps;
+    return times;
+  }
+  std::set<double> distinct(times.begin(), times.end());
+  for (double& time : times) {
+    time = static_cast<double>(std::distance(distinct.begin(), distinct.find(time))) / fps;
+  }
+  return times;
+}
+
+std::vector<double> distinct_times(std::vector<double> times) {
+  std::sort(times.begin(), times.end());
+  std::vector<double> kept;
+  for (const double time : times) {
+    if (kept.empty() || time > kept.back() + kSameTime) kept.push_back(time);
+  }
+  return kept;
+}
+
+void check_size(const Bitmap& bitmap, const splat::Camera& camera, const fs::path& file) {
+  if (bitmap.width == camera.width && bitmap.height == camera.height) return;
+  throw_input(file.string() + ": is " + std::to_string(bitmap.width) + " × " +
+              std::to_string(bitmap.height) + " pixels, its camera's images are " +
+              std::to_string(camera.width) + " × " + std::to_string(camera.height) +
+              ". Scale the image, or the camera's lens with its size.");
+}
+
+/// Alpha where there is some, else brightness: mattes are white on black.
+std::vector<std::uint8_t> coverage(const Bitmap& bitmap) {
+  std::vector<std::uint8_t> matte(bitmap.pixels());
+  for (std::size_t i = 0; i < matte.size(); ++i) {
+    const std::uint8_t* rgba = bitmap.rgba.data() + 4 * i;
+    matte[i] =
+        bitmap.has_alpha ? rgba[3] : static_cast<std::uint8_t>((rgba[0] + rgba[1] + rgba[2]) / 3);
+  }
+  return matte;
+}
+
+std::vector<std::uint8_t> read_matte(const fs::path& folder, const Shot& shot,
+                                     const splat::Camera& camera, const ImageClipOptions& options) {
+  const bool own = !options.key && !shot.mask.empty();
+  const fs::path file = folder / (own ? shot.mask : shot.image);
+  const Bitmap bitmap = read_png(file);
+  check_size(bitmap, camera, file);
+  if (options.key) return keyed_matte(bitmap, *options.key);
+  if (!own && !bitmap.has_alpha) {
+    throw_input(file.string() +
+                ": has no matte: neither an alpha channel nor a 'mask_path' in the cameras' file. "
+                "Add one, or give the body's colour as the capture's 'key'.");
+  }
+  return coverage(bitmap);
+}
+
+/// Refuses what cannot be a matte; true where it is empty.
+bool is_empty(const std::vector<std::uint8_t>& matte, const std::string& image) {
+  const auto [low, high] = std::minmax_element(matte.begin(), matte.end());
+  if (*low >= 128) {
+    throw_input(image +
+                ": its matte covers the whole image, so it shows no outline. Is the alpha channel "
+                "filled, or the matte inverted?");
+  }
+  return *high < 128;
+}
+
+void state_missing(const ImageClip& clip, std::vector<std::string>& statements) {
+  std::vector<std::size_t> count(clip.cameras.size(), 0);
+  for (const Sight& sight : clip.sights) ++count[sight.camera];
+  for (std::size_t k = 0; k < count.size(); ++k) {
+    if (count[k] == clip.times.size()) continue;
+    statements.push_back(clip.source + ": camera " + std::to_string(k) + " has " +
+                         std::to_string(count[k]) + " images of " +
+                         std::to_string(clip.times.size()) + " times; the others are left out.");
+  }
+}
+
+}  // namespace
+
+ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& options,
+                          std::vector<std::string>& statements) {
+  const CameraSet set = read_cameras(cameras);
+  const std::vector<double> times = times_of(set, options);
+  ImageClip clip;
+  clip.source = cameras.string();
+  clip.times = distinct_times(times);
+  const Eigen::Matrix4d matrix = tracks_matrix(options.unit, options.up, options.transform);
+  clip.cameras.reserve(set.cameras.size());
+  for (const splat::Camera& camera : set.cameras) clip.cameras.push_back(moved(camera, matrix));
+  std::map<std::pair<std::size_t, std::size_t>, std::size_t> shots;  // frame, camera
+  for (std::size_t i = 0; i < set.shots.size(); ++i) {
+    const auto after = std::upper_bound(clip.times.begin(), clip.times.end(), times[i]);
+    const auto frame = static_cast<std::size_t>(after - clip.times.begin()) - 1;
+    const auto [at, added] = shots.emplace(std::pair(frame, set.shots[i].camera), i);
+    if (!added) {
+      throw_input(clip.source + ": '" + set.shots[at->second].image + "' and '" +
+                  set.shots[i].image + "' are of one camera and one time.");
+    }
+  }
+  std::size_t empty = 0;
+  clip.sights.reserve(shots.size());
+  for (const auto& [place, i] : shots) {
+    const Shot& shot = set.shots[i];
+    Sight sight;
+    sight.frame = place.first;
+    sight.camera = place.second;
+    sight.image = shot.image;
+    sight.matte = read_matte(cameras.parent_path(), shot, clip.cameras[sight.camera], options);
+    if (is_empty(sight.matte, shot.image)) {
+      ++empty;
+      statements.push_back(shot.image + ": its matte is empty; the body is taken to be out of it.");
+    }
+    clip.sights.push_back(std::move(sight));
+  }
+  if (empty == clip.sights.size()) {
+    throw_input(clip.source + ": all mattes are empty: no image shows the body.");
+  }
+  state_missing(clip, statements);
+  return clip;
+}
+
+std::vector<fs::path> image_clip_files(const fs::path& cameras) {
+  const CameraSet set = read_cameras(cameras);
+  std::vector<fs::path> files;
+  files.reserve(2 * set.shots.size() + 1);
+  files.push_back(cameras);
+  for (const Shot& shot : set.shots) {
+    files.push_back(cameras.parent_path() / shot.image);
+    if (!shot.mask.empty()) files.push_back(cameras.parent_path() / shot.mask);
+  }
+  return files;
+}
+
+}  // namespace matterfit::capture

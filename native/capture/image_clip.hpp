@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/cameras.hpp"
+#include "capture/colour_key.hpp"
+#include "splat/camera.hpp"
+
+namespace matterfit::capture {
+
+/// What one camera saw at one time.
+struct Sight {
+  std::size_t camera = 0;           ///< in ImageClip::cameras
+  std::size_t frame = 0;            ///< in ImageClip::times
+  std::vector<std::uint8_t> matte;  ///< coverage by the body, 0 to 255, row-major
+  std::string image;                ///< the file's name, for messages
+};
+
+/// A recording by images: cameras in metres, Z up, and mattes. Pixels are those of the files.
+struct ImageClip {
+  std::vector<splat::Camera> cameras;
+  std::vector<double> times;  ///< [s], strictly ascending
+  std::vector<Sight> sights;  ///< by frame, then by camera; at most one for each of both
+  std::string source;
+};
+
+struct ImageClipOptions {
+  double unit = 1.0;  ///< metres per unit of the cameras
+  char up = 'z';      ///< axis of the cameras' world that points up: 'x', 'y' or 'z'
+  Eigen::Matrix4d transform = Eigen::Matrix4d::Identity();  ///< after unit and up; a similarity
+  /// Frames per second; 0: the times that the file says. Else images of one camera follow each
+  /// other by their time or, where the file says none, by the number in their name.
+  double fps = 0.0;
+  double default_fps = 24.0;     ///< of files without times, where `fps` is 0
+  std::optional<ColourKey> key;  ///< none: the matte that the file names, else the image's alpha
+};
+
+/// Cameras as read_cameras() reads them, with the mattes of all images. `statements` gets what is
+/// odd and no error: images that one camera lacks, empty mattes. Throws Error(kInput) that names
+/// file and reason: an image without a matte, or of another size than its camera's, images of one
+/// camera that have one time, a matte that covers its whole image, mattes that are all empty.
+[[nodiscard]] ImageClip read_image_clip(const std::filesystem::path& cameras,
+                                        const ImageClipOptions& options,
+                                        std::vector<std::string>& statements);
+
+/// Files that read_image_clip() opens, the cameras' own first.
+[[nodiscard]] std::vector<std::filesystem::path> image_clip_files(
+    const std::filesystem::path& cameras);
+
+}  // namespace matterfit::capture

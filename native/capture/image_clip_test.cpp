@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "capture/image_clip.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <string>
+
+#include "base/error.hpp"
+#include "base/file.hpp"
+#include "base/folder_for_test.hpp"
+#include "capture/png.hpp"
+
+namespace matterfit::capture {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+/// An image whose alpha covers the pixels x < `covered`.
+void write_image(const fs::path& path, int covered, int width = 8, int height = 6,
+                 bool alpha = true) {
+  Bitmap bitmap(width, height);
+  bitmap.has_alpha = alpha;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      bitmap.rgba[4 * std::size_t(y * width + x) + 3] = x < covered ? 255 : 0;
+    }
+  }
+  write_png(path, bitmap);
+}
+
+/// Two cameras a metre apart, `frames` images of each.
+CameraSet two_cameras(int frames) {
+  CameraSet set;
+  for (int k = 0; k < 2; ++k) {
+    splat::Camera camera;
+    camera.width = 8;
+    camera.height = 6;
+    camera.fx = camera.fy = 10.0;
+    camera.cx = 4.0;
+    camera.cy = 3.0;
+    camera.translation = Vec3d(k, 0, 4);
+    set.cameras.push_back(camera);
+    for (int t = 0; t < frames; ++t) {
+      Shot shot;
+      shot.image = "c" + std::to_string(k) + "_" + std::to_string(t) + ".png";
+      shot.camera = std::size_t(k);
+      set.shots.push_back(shot);
+    }
+  }
+  return set;
+}
+
+class ImageClipTest : public ::testing::Test {
+ protected:
+  /// The clip of a set whose images cover a half, after `change` has spoilt it.
+  ImageClip read(CameraSet set, const std::function<void()>& change = {}) {
+    for (const Shot& shot : set.shots) write_image(folder_ / shot.image, 4);
+    if (change) change();
+    write_file(folder_ / "transforms.json", format_cameras(set));
+    statements_.clear();
+    return read_image_clip(folder_ / "transforms.json", options_, statements_);
+  }
+  std::string message_of(const CameraSet& set, const std::function<void()>& change = {}) {
+    try {
+      (void)read(set, change);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInput);
+      return error.what();
+    }
+    ADD_FAILURE() << "nothing was thrown";
+    return "";
+  }
+
+  const Folder scratch_;
+  const fs::path folder_ = scratch_.path;
+  ImageClipOptions options_;
+  std::vector<std::string> statements_;
+};
+
+TEST_F(ImageClipTest, MattesStandByTimeAndCamera) {
+  options_.fps = 10.0;
+  options_.unit = 0.01;
+  const ImageClip clip = read(two_cameras(3));
+  EXPECT_THAT(clip.times, ElementsAre(0.0, 0.1, 0.2));
+  ASSERT_EQ(clip.sights.size(), 6U);
+  EXPECT_EQ(clip.sights[1].camera, 1U);
+  EXPECT_EQ(clip.sights[2].frame, 1U);
+  EXPECT_EQ(clip.sights[0].matte[3], 255);
+  EXPECT_EQ(clip.sights[0].matte[4], 0);
+  EXPECT_NEAR(clip.cameras[1].centre().norm(), 0.01 * std::sqrt(17.0), 1e-12);
+  EXPECT_THAT(statements_, IsEmpty());
+}
+
+TEST_F(ImageClipTest, TimesOfTheFileAreTaken) {
+  CameraSet set = two_cameras(2);
+  for (std::size_t i = 0; i < 4; ++i) set.shots[i].time = i % 2 == 0 ? 0.25 : 0.5;
+  EXPECT_THAT(read(set).times, ElementsAre(0.25, 0.5));
+}
+
+TEST_F(ImageClipTest, AMatteOfItsOwnFileIsTakenByItsBrightness) {
+  CameraSet set = two_cameras(1);
+  set.shots[0].mask = "mask.png";
+  const auto change = [&] {
+    Bitmap mask(8, 6);
+    for (std::size_t i = 0; i < mask.rgba.size(); ++i) mask.rgba[i] = i % 32 < 8 ? 255 : 0;
+    write_png(folder_ / "mask.png", mask);
+  };
+  const ImageClip clip = read(set, change);
+  EXPECT_EQ(clip.sights[0].matte[1], 255);
+  EXPECT_EQ(clip.sights[0].matte[2], 0);
+}
+
+TEST_F(ImageClipTest, WhatIsMissingOrEmptyIsStated) {
+  CameraSet set = two_cameras(3);
+  set.shots.pop_back();
+  (void)read(set, [&] { write_image(folder_ / "c0_1.png", 0); });
+  EXPECT_THAT(statements_, ElementsAre(HasSubstr("c0_1.png: its matte is empty"),
+                                       HasSubstr("camera 1 has 2 images of 3 times")));
+}
+
+TEST_F(ImageClipTest, WhatIsBrokenIsNamed) {
+  const CameraSet set = two_cameras(2);
+  EXPECT_THAT(message_of(set, [&] { fs::remove(folder_ / "c1_0.png"); }), HasSubstr("c1_0.png"));
+  EXPECT_THAT(message_of(set, [&] { write_image(folder_ / "c1_1.png", 4, 9, 6); }),
+              HasSubstr("is 9 × 6 pixels, its camera's images are 8 × 6"));
+  EXPECT_THAT(message_of(set, [&] { write_image(folder_ / "c0_0.png", 4, 8, 6, false); }),
+              HasSubstr("c0_0.png: has no matte"));
+  EXPECT_THAT(message_of(set, [&] { write_image(folder_ / "c0_1.png", 8); }),
+              HasSubstr("its matte covers the whole image"));
+  EXPECT_THAT(message_of(set,
+                         [&] {
+                           for (const Shot& shot : set.shots) write_image(folder_ / shot.image, 0);
+                         }),
+              HasSubstr("all mattes are empty"));
+  CameraSet twice = set;
+  twice.shots[1].image = "again_0.png";
+  EXPECT_THAT(message_of(twice), HasSubstr("are of one camera and one time"));
+  CameraSet unnumbered = set;
+  unnumbered.shots[2].image = "still.png";
+  EXPECT_THAT(message_of(unnumbered), HasSubstr("neither a 'time' nor a number"));
+}
+
+}  // namespace
+}  // namespace matterfit::capture

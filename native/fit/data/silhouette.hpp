@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "splat/camera.hpp"
+
+/// Outlines in images: what of a mask a fit compares, and how well two of them agree.
+namespace matterfit::fit {
+
+/// Coverage by the body, 0 to 1, row-major.
+struct Coverage {
+  int width = 0;
+  int height = 0;
+  std::vector<float> values;
+};
+
+/// A matte (0 to 255) in pixels `factor` times as large, each the mean of its own; what is left
+/// over at the right and below is cut off. `factor` is at least 1 and at most the shorter edge.
+[[nodiscard]] Coverage reduced(std::span<const std::uint8_t> matte, int width, int height,
+                               int factor);
+/// The camera that takes such an image.
+[[nodiscard]] splat::Camera reduced(const splat::Camera& camera, int factor);
+
+/// Convolves with a Gaussian of that standard deviation [pixels]; black lies around the image.
+void blur(Coverage& image, double deviation);
+
+/// How much a coverage changes by the noise of an outline: an edge that is blurred by `blur` pixels
+/// and known to `noise` pixels (standard deviation), independently from pixel to pixel along it,
+/// gives squares of this size: over the pixels across it they sum up to (displacement / noise)².
+///   ∫ (∂M/∂n)² dn = 1 / (2 √π blur),  so σ = noise / √(2 √π blur).
+[[nodiscard]] double coverage_deviation(double noise, double blur);
+
+/// Length of the outlines in an image [pixels]: Σ |∇M|.
+[[nodiscard]] double outline_length(const Coverage& image);
+
+/// How a simulated mask agrees with a matte, both cut at ½.
+struct Agreement {
+  double iou = 0.0;  ///< area of both over that of either; 1 where both are empty
+  double contour_px =
+      0.0;  ///< mean distance between the outlines, both ways [pixels]; NaN: one has none
+  std::size_t outside = 0;  ///< pixels of the simulation alone
+  std::size_t missing = 0;  ///< pixels of the matte alone
+};
+/// Throws Error(kInput) where the sizes differ.
+[[nodiscard]] Agreement agreement(std::span<const float> mask, std::span<const std::uint8_t> matte,
+                                  int width, int height);
+
+}  // namespace matterfit::fit

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "base/file.hpp"
+#include "capture/cameras.hpp"
+#include "capture/png.hpp"
+#include "job/fit_fixture_for_test.hpp"
+#include "job/run/build_scene.hpp"
+#include "job/run/state_file.hpp"
+
+/// Mattes of simulated bodies, painted by other means than a fit draws them: each particle as a
+/// square on the screen, slightly larger than the particle separation.
+namespace matterfit::job::fit_test {
+
+inline constexpr int kClipWidth = 120;
+inline constexpr int kClipHeight = 90;
+
+/// Stands at `place` and looks at `at`, z up.
+inline splat::Camera looking(const Vec3d& place, const Vec3d& at) {
+  splat::Camera camera;
+  camera.width = kClipWidth;
+  camera.height = kClipHeight;
+  camera.fx = camera.fy = 1.2 * kClipWidth;
+  camera.cx = 0.5 * kClipWidth;
+  camera.cy = 0.5 * kClipHeight;
+  const Vec3d forward = (at - place).normalized();
+  const Vec3d right = forward.cross(Vec3d::UnitZ()).normalized();
+  camera.rotation.row(0) = right;
+  camera.rotation.row(1) = forward.cross(right);
+  camera.rotation.row(2) = forward;
+  camera.translation = -(camera.rotation * place);
+  return camera;
+}
+
+/// Coverage of four samples along each edge of a pixel.
+inline capture::Bitmap paint(const mpm::Scene& scene, const mpm::FrameState& state,
+                             const splat::Camera& camera) {
+  constexpr int kSamples = 4;
+  const int width = kSamples * camera.width;
+  const int height = kSamples * camera.height;
+  std::vector<std::uint8_t> fine(std::size_t(width * height), 0);
+  const double separation = 0.5 * scene.dx;
+  for (const mpm::BodyState& body : state.bodies) {
+    for (const Vec3f& x : body.positions) {
+      const Vec3d t = camera.rotation * x.cast<double>() + camera.translation;
+      const Eigen::Vector2d middle =
+          kSamples * Eigen::Vector2d(camera.fx * t.x() / t.z() + camera.cx,
+                                     camera.fy * t.y() / t.z() + camera.cy);
+      const double side = kSamples * camera.fx * separation / t.z();
+      const auto low = [&](int axis) {
+        return std::max(0, int(std::ceil(middle[axis] - 0.55 * side - 0.5)));
+      };
+      const auto high = [&](int axis, int size) {
+        return std::min(size - 1, int(std::floor(middle[axis] + 0.55 * side - 0.5)));
+      };
+      for (int j = low(1); j <= high(1, height); ++j) {
+        for (int i = low(0); i <= high(0, width); ++i) fine[std::size_t(j * width + i)] = 1;
+      }
+    }
+  }
+  capture::Bitmap bitmap(camera.width, camera.height);
+  bitmap.has_alpha = true;
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      int sum = 0;
+      for (int j = 0; j < kSamples; ++j) {
+        for (int i = 0; i < kSamples; ++i) {
+          sum += fine[std::size_t((kSamples * y + j) * width + kSamples * x + i)];
+        }
+      }
+      bitmap.rgba[4 * std::size_t(y * camera.width + x) + 3] =
+          static_cast<std::uint8_t>(255 * sum / (kSamples * kSamples));
+    }
+  }
+  return bitmap;
+}
+
+/// Simulates `truth` and writes `folder`/clip: transforms.json and the images of each camera and
+/// frame.
+inline void film(const Json& truth, const fs::path& folder,
+                 const std::vector<splat::Camera>& cameras) {
+  const fs::path work = folder / "film";
+  fs::create_directories(work);
+  Json document = truth;
+  document["task"] = "simulate";
+  (void)run(document, work);
+  const Job job = job_of(document, work);
+  Arena arena(2);
+  const Interrupter interrupter;
+  const mpm::Scene scene = build_scene(job, arena, interrupter).scene;
+  capture::CameraSet set;
+  set.cameras = cameras;
+  for (int frame = scene.first_frame; frame < scene.end_frame; ++frame) {
+    const mpm::FrameState state = read_state(work / "out" / state_path(frame), scene);
+    for (std::size_t k = 0; k < cameras.size(); ++k) {
+      capture::Shot shot;
+      shot.image = "c" + std::to_string(k) + "_" + std::to_string(frame) + ".png";
+      shot.camera = k;
+      capture::write_png(folder / "clip" / shot.image, paint(scene, state, cameras[k]));
+      set.shots.push_back(std::move(shot));
+    }
+  }
+  write_file(folder / "clip/transforms.json", capture::format_cameras(set));
+}
+
+}  // namespace matterfit::job::fit_test

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "base/error.hpp"
+#include "job/documents/document_reading.hpp"
+#include "job/documents/images_document.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr int kMostCameras = 1'000'000;
+
+Vec3d read_colour(const JsonValue& value) {
+  const Vec3d colour = value.vec3();
+  if (!((colour.array() >= 0.0).all() && (colour.array() <= 1.0).all())) {
+    value.fail("a colour, three numbers from 0 to 1");
+  }
+  return colour;
+}
+
+std::vector<int> read_numbers(const JsonValue& value) {
+  std::vector<int> numbers;
+  for (const JsonValue& item : value.items()) numbers.push_back(item.integer(0, kMostCameras));
+  return numbers;
+}
+
+/// Keys that say how a cameras' file becomes cameras of the scene.
+void read_world(JsonObject& object, capture::ImageClipOptions& options) {
+  if (const auto unit = object.find("unit")) options.unit = read_unit(*unit);
+  if (const auto up = object.find("up")) options.up = "xyz"[up->choice({"x", "y", "z"})];
+  if (const auto transform = object.find("transform")) {
+    const std::array<double, 16> rows = read_matrix(*transform);
+    for (int i = 0; i < 4; ++i) {
+      for (int j = 0; j < 4; ++j) options.transform(i, j) = rows[std::size_t(4 * i + j)];
+    }
+  }
+}
+
+capture::ColourKey read_key(const JsonValue& value) {
+  JsonObject object(value);
+  capture::ColourKey key;
+  key.colour = read_colour(object.require("colour"));
+  if (const auto range = object.find("range")) {
+    const auto items = range->items();
+    if (items.size() != 2) range->fail("[low, high], two numbers");
+    key.range = {items[0].number(), items[1].number()};
+    if (!(key.range[0] < key.range[1])) range->fail("[low, high] with low below high");
+  }
+  object.finish();
+  return key;
+}
+
+}  // namespace
+
+bool is_by_images(const JsonValue& value) {
+  return value.json().is_object() && value.json().contains("cameras");
+}
+
+ImagesDoc read_images(const JsonValue& value, const ReadContext& context, const SceneDoc& scene) {
+  JsonObject object(value);
+  ImagesDoc images;
+  images.path = value.path();
+  images.cameras = context.file(object.require("cameras"));
+  images.name = object.string("name", images.cameras.parent_path().filename().string());
+  if (images.name.empty() || images.name.find('/') != std::string::npos) {
+    value.refuse("'name' must not be empty or have a / in it.");
+  }
+  if (const auto body = object.find("body")) images.body = resolve_body(body, value, scene);
+  read_world(object, images.options);
+  images.options.fps = object.number("fps", 0.0, positive("frames per second"));
+  images.options.default_fps = scene.fps;
+  if (const auto key = object.find("key")) images.options.key = read_key(*key);
+  if (const auto start = object.find("start_frame")) images.start_frame = start->number();
+  images.noise = object.number("noise", images.noise, positive("pixels"));
+  if (const auto holdout = object.find("holdout")) {
+    JsonObject held(*holdout);
+    if (const auto frames = held.find("frames")) images.holdout.frames = read_range(*frames);
+    if (const auto cameras = held.find("cameras")) images.holdout.cameras = read_numbers(*cameras);
+    held.finish();
+  }
+  object.finish();
+  return images;
+}
+
+RenderDoc read_render(const JsonValue& value, const ReadContext& context) {
+  JsonObject object(value);
+  RenderDoc render;
+  render.cameras = context.file(object.require("cameras"));
+  read_world(object, render.options);
+  if (const auto chosen = object.find("camera")) {
+    if (chosen->json().is_number()) {
+      render.chosen = {chosen->integer(0, kMostCameras)};
+    } else {
+      render.chosen = read_numbers(*chosen);
+    }
+  }
+  if (const auto gaussians = object.find("gaussians")) render.gaussians = context.file(*gaussians);
+  if (const auto background = object.find("background")) {
+    render.background = read_colour(*background);
+  }
+  object.finish();
+  return render;
+}
+
+std::vector<ImagesDoc> images_of(const Job& job) {
+  std::vector<ImagesDoc> result;
+  if (!job.document.contains("captures")) return result;
+  for (const JsonValue& item : JsonValue(job.document.at("captures"), "captures").items()) {
+    if (is_by_images(item)) {
+      result.push_back(read_images(item, ReadContext{job.base_folder}, job.scene));
+    }
+  }
+  return result;
+}
+
+std::optional<RenderDoc> render_of(const Job& job) {
+  if (!job.document.contains("render")) return std::nullopt;
+  return read_render(JsonValue(job.document.at("render"), "render"), ReadContext{job.base_folder});
+}
+
+}  // namespace matterfit::job

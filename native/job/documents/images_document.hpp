@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/vec.hpp"
+#include "capture/image_clip.hpp"
+#include "job/documents/document.hpp"
+
+namespace matterfit::job {
+
+/// A capture by images: cameras with mattes (docs/formats.md, "images").
+struct ImagesDoc {
+  std::string path;               ///< in the document: "captures[0]"
+  std::string name;               ///< by default that of the folder of the cameras' file
+  std::filesystem::path cameras;  ///< transforms.json or all_data.json
+  std::string body;               ///< whose outline the mattes are; empty: of all bodies
+  capture::ImageClipOptions options;
+  std::optional<double> start_frame;  ///< scene frame of the recording's time 0
+  double noise = 1.0;                 ///< standard deviation of an outline's place [pixels]
+  struct Holdout {
+    std::optional<std::array<int, 2>> frames;  ///< scene frames [a, b)
+    std::vector<int> cameras;                  ///< by number
+  } holdout;
+};
+
+/// The section `render`: what is drawn through which cameras.
+struct RenderDoc {
+  std::filesystem::path cameras;
+  capture::ImageClipOptions options;  ///< of the cameras' world
+  std::vector<int> chosen;            ///< cameras by number; empty: all
+  std::filesystem::path gaussians;    ///< a file of splats that stands still; empty: the scene
+  std::optional<Vec3d> background;    ///< sRGB, 0 to 1; none: transparent
+};
+
+/// The captures by images of a job, which Job::captures leaves out; a document has captures of one
+/// kind. read_job() has checked them.
+[[nodiscard]] std::vector<ImagesDoc> images_of(const Job& job);
+/// The section `render`; nothing without one.
+[[nodiscard]] std::optional<RenderDoc> render_of(const Job& job);
+
+}  // namespace matterfit::job

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/run/image_summary.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/error.hpp"
+#include "capture/image_clip.hpp"
+#include "job/documents/document_reading.hpp"
+#include "job/documents/images_document.hpp"
+
+namespace matterfit::job {
+namespace {
+
+/// Share of the pixels that the body covers.
+double coverage(const capture::Sight& sight) {
+  double sum = 0.0;
+  for (const std::uint8_t value : sight.matte) sum += value;
+  return sum / (255.0 * double(sight.matte.size()));
+}
+
+/// Camera to world of Blender's axes, by rows, with the lens.
+Json place_of(const splat::Camera& camera) {
+  const Vec3d centre = camera.centre();
+  Json rows = Json::array();
+  for (int i = 0; i < 3; ++i) {
+    rows.push_back(Json::array(
+        {camera.rotation(0, i), -camera.rotation(1, i), -camera.rotation(2, i), centre[i]}));
+  }
+  rows.push_back(Json::array({0.0, 0.0, 0.0, 1.0}));
+  return {{"matrix", rows},  {"width", camera.width}, {"height", camera.height}, {"fx", camera.fx},
+          {"fy", camera.fy}, {"cx", camera.cx},       {"cy", camera.cy}};
+}
+
+}  // namespace
+
+Json image_summary(const std::filesystem::path& cameras, const Json& options) {
+  Json document = options;
+  if (!document.is_object()) throw_input("options: expected an object { … }.");
+  document["cameras"] = cameras.string();
+  document.erase("body");
+  SceneDoc scene;
+  scene.bodies.emplace_back();
+  const ImagesDoc doc =
+      read_images(JsonValue(document, "options"), ReadContext{std::filesystem::path()}, scene);
+  std::vector<std::string> statements;
+  const capture::ImageClip clip = capture::read_image_clip(doc.cameras, doc.options, statements);
+  std::set<std::pair<int, int>> sizes;
+  Json places = Json::array();
+  for (const splat::Camera& camera : clip.cameras) {
+    sizes.emplace(camera.width, camera.height);
+    places.push_back(place_of(camera));
+  }
+  double low = 1.0;
+  double high = 0.0;
+  for (const capture::Sight& sight : clip.sights) {
+    const double share = coverage(sight);
+    low = std::min(low, share);
+    high = std::max(high, share);
+  }
+  std::vector<std::string> text;
+  const double duration = clip.times.back() - clip.times.front();
+  text.push_back(fmt::format("{} cameras, {} images of {} times, {:.3g} s", clip.cameras.size(),
+                             clip.sights.size(), clip.times.size(), duration));
+  std::string list;
+  for (const auto& [width, height] : sizes) {
+    list += fmt::format("{}{} × {}", list.empty() ? "" : ", ", width, height);
+  }
+  text.push_back("Size " + list + " pixels");
+  text.push_back(
+      fmt::format("The body covers {:.1f} to {:.1f} % of an image", 100.0 * low, 100.0 * high));
+  text.insert(text.end(), statements.begin(), statements.end());
+  return {{"cameras", clip.cameras.size()},
+          {"images", clip.sights.size()},
+          {"times", clip.times.size()},
+          {"duration", duration},
+          {"coverage", {low, high}},
+          {"places", places},
+          {"text", text}};
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "job/clip_for_test.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+using ::testing::HasSubstr;
+
+const Vec3d kMiddle(0.5, 0.3, 0.25);
+
+std::vector<splat::Camera> two_cameras() {
+  return {looking(Vec3d(0.6, -2.0, 0.9), kMiddle), looking(Vec3d(2.5, 0.6, 0.7), kMiddle)};
+}
+
+/// The truth at particles that lie elsewhere than the fit's.
+Json filmed_cube() {
+  Json truth = thrown_cube();
+  truth["scene"]["particle_separation"] = 0.04;
+  return truth;
+}
+
+Json fit_to_clip(const std::vector<std::string>& parameters) {
+  Json document = thrown_cube();
+  document["task"] = "fit";
+  Json& body = document["scene"]["bodies"][0];
+  body["material"]["E"] = 9e4;
+  body["velocity"] = {0.6, 0.4, -1.3};
+  document["captures"] = Json::array({{{"cameras", "clip/transforms.json"}, {"noise", 0.3}}});
+  document["fit"] = {{"parameters", parameters}};
+  return document;
+}
+
+TEST(SilhouetteFit, StiffnessAndThrowFromMattesAlone) {
+  const Folder folder;
+  film(filmed_cube(), folder.path, two_cameras());
+  Json document = fit_to_clip({"velocity", "material.E"});
+  document["captures"][0]["holdout"] = {{"frames", {11, 14}}};
+  const Json result = run(document, folder.path);
+  const Json& fit = result.at("fit");
+  EXPECT_NEAR(value_of(result, "bodies.cube.material.E"), 3e4, 0.3 * 3e4) << fit.dump(1);
+  EXPECT_NEAR(value_of(result, "bodies.cube.velocity[0]"), 0.8, 0.05);
+  EXPECT_NEAR(value_of(result, "bodies.cube.velocity[1]"), 0.3, 0.05);
+  EXPECT_NEAR(value_of(result, "bodies.cube.velocity[2]"), -1.5, 0.05);
+  const Json& after = fit.at("silhouettes").at("after");
+  const Json& before = fit.at("silhouettes").at("before");
+  EXPECT_EQ(after.at("held_out").at("images"), 6);
+  EXPECT_GT(after.at("held_out").at("iou").get<double>(), 0.92);
+  EXPECT_LT(after.at("held_out").at("contour_px").get<double>(), 1.0);
+  EXPECT_GT(before.at("held_out").at("contour_px").get<double>(), 2.0);
+  EXPECT_TRUE(fs::exists(folder.path / "out/material.json"));
+}
+
+TEST(SilhouetteFit, OneCameraThatIsHeldOutIsPredicted) {
+  const Folder folder;
+  film(filmed_cube(), folder.path, two_cameras());
+  Json document = fit_to_clip({"velocity"});
+  document["scene"]["bodies"][0]["material"]["E"] = 3e4;
+  document["captures"][0]["holdout"] = {{"cameras", {1}}};
+  document["fit"]["iterations"] = 8;
+  const Json fit = run(document, folder.path).at("fit");
+  const Json& after = fit.at("silhouettes").at("after");
+  EXPECT_EQ(after.at("held_out").at("images"), 14);
+  EXPECT_GT(after.at("held_out").at("iou").get<double>(), 0.9);
+}
+
+TEST(SilhouetteFit, WhatCannotBeFittedIsNamed) {
+  const Folder folder;
+  std::vector<splat::Camera> cameras = two_cameras();
+  Json short_film = filmed_cube();
+  short_film["scene"]["frames"] = {0, 3};
+  film(short_film, folder.path, cameras);
+  const auto message_of = [&](const Json& document) -> std::string {
+    try {
+      (void)run(document, folder.path);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInput);
+      return error.what();
+    }
+    ADD_FAILURE() << "nothing was thrown";
+    return "";
+  };
+  Json document = fit_to_clip({"velocity"});
+  document["captures"][0]["transform"] = {{"position", {0, 8, 0}}};
+  EXPECT_THAT(message_of(document), HasSubstr("looks away"));
+  document = fit_to_clip({"velocity"});
+  document["captures"][0]["unit"] = 0.5;
+  EXPECT_THAT(message_of(document), HasSubstr("of what the simulated body does"));
+  document = fit_to_clip({"velocity"});
+  document["captures"][0]["holdout"] = {{"cameras", {2}}};
+  EXPECT_THAT(message_of(document), HasSubstr("captures[0]: there is no camera 2 to hold out"));
+  document["captures"][0]["holdout"] = {{"cameras", {0, 1}}};
+  EXPECT_THAT(message_of(document), HasSubstr("every image is held out"));
+  document = fit_to_clip({"velocity"});
+  document["captures"].push_back({{"tracks", "a.npz"}});
+  EXPECT_THAT(message_of(document), HasSubstr("some are tracks and some are images"));
+}
+
+}  // namespace
+}  // namespace matterfit::job

@@ -382,7 +382,8 @@ class Hider:
                 except (Unsimulated, blind_real.Missing) as error:
                     self.labels[name] = {"tier": row[0], "kind": "not made", "effects": row[1], "why": str(error)}
                     say(f"{name} could not be made: {error}")
-        path.write_text(json.dumps(self.labels, indent=1, sort_keys=True), encoding="utf-8")
+                # So that what is broken off can go on with --only; sealed is it at the end.
+                path.write_text(json.dumps(self.labels, indent=1, sort_keys=True), encoding="utf-8")
         sealed = [path, *sorted(path.parent.glob("*_again.npz")), *sorted((self.folder / "cases").glob("*/*"))]
         seal = {str(f.relative_to(self.folder)): hashlib.sha256(f.read_bytes()).hexdigest() for f in sealed}
         (self.folder / "seal.json").write_text(json.dumps(seal, indent=1), encoding="utf-8")

@@ -212,6 +212,8 @@ PARTS = {
 # What a part runs with must be built in this run, not be what an earlier one left.
 NEEDS_BUILD = {"native", "blender", "window", "package", "bpy", "lint"}
 NEEDS_SANITIZE = {"fuzz"}
+# Compiled and run beside the other parts, most of which keep one core busy.
+SANITIZED_LANE = {"sanitize", "fuzz"}
 
 
 def chosen_parts(names):
@@ -223,6 +225,18 @@ def chosen_parts(names):
     if NEEDS_SANITIZE & set(parts) and "sanitize" not in parts:
         parts.insert(parts.index("fuzz"), "sanitize")
     return parts
+
+
+def run_part(name):
+    """Runs one part and says what came of it."""
+    say(f"[{name}] {PARTS[name].__doc__}")
+    begun = time.monotonic()
+    tally = PARTS[name]()
+    lines = [f"  FAILED {test}\n    " + detail.strip().replace("\n", "\n    ") for test, detail in tally.failed]
+    lines += [f"  skipped {test}: {reason}" for test, reason in tally.skipped]
+    took = datetime.timedelta(seconds=round(time.monotonic() - begun))
+    say("\n".join([*lines, f"  {name}: {tally} in {took}"]))
+    return tally
 
 
 def main():
@@ -241,20 +255,17 @@ def main():
     total = Tally()
     parts = chosen_parts(options.parts)
     say(f"Testing {ROOT} in {len(parts)} parts; logs in {LOGS.relative_to(ROOT)}/")
-    for number, name in enumerate(parts, 1):
-        say(f"[{number}/{len(parts)}] {name}: {PARTS[name].__doc__}")
-        begun = time.monotonic()
-        tally = PARTS[name]()
-        total.add(tally)
-        for test, detail in tally.failed:
-            say(f"  FAILED {test}\n    " + detail.strip().replace("\n", "\n    "))
-        for test, reason in tally.skipped:
-            say(f"  skipped {test}: {reason}")
-        took = datetime.timedelta(seconds=round(time.monotonic() - begun))
-        say(f"  {name}: {tally} in {took}")
-        if name == "build" and tally.failed:
-            say("Nothing else can run without the build.")
-            break
+    if "build" in parts:
+        parts.remove("build")
+        total.add(run_part("build"))
+    if total.failed:
+        say("Nothing else can run without the build.")
+    else:
+        lanes = [[name for name in parts if (name in SANITIZED_LANE) == sanitized] for sanitized in (True, False)]
+        with concurrent.futures.ThreadPoolExecutor(len(lanes)) as pool:
+            for tallies in pool.map(lambda lane: [run_part(name) for name in lane], lanes):
+                for tally in tallies:
+                    total.add(tally)
     took = datetime.timedelta(seconds=round(time.monotonic() - started))
     say(f"Took {took}.")
     if total.failed:

@@ -20,7 +20,13 @@ constexpr Forms kFormMembers = {&Material::form_1, &Material::form_2, &Material:
 
 /// The energy's weights with a shear modulus of 1, moved along the directions.
 IsotropicWeights moved_weights(const Material& m) {
-  if (!m.start) return plain_isotropic(1.0, 1.0);
+  if (!m.start) {  // Hencky's energy alone
+    IsotropicWeights weights = plain_isotropic(1.0, 1.0);
+    constexpr double kSilent = -50.0;
+    for (std::size_t k = 0; k < kShapeUnits; ++k) weights[2 + k] = kSilent;
+    for (std::size_t k = 0; k < kVolumeUnits; ++k) weights[2 + 4 * kShapeUnits + k] = kSilent;
+    return weights;
+  }
   IsotropicWeights weights = m.start->weights;
   for (std::size_t k = 0; k < kForms; ++k) {
     for (std::size_t i = 0; i < kIsotropicElastic; ++i) {

@@ -228,6 +228,18 @@ TEST(IsotropicMaterial, StressIsTheDerivativeOfTheEnergy) {
   }
 }
 
+TEST(IsotropicMaterial, WithoutAStartIsHencky) {
+  Material neural;
+  neural.law = Law::kNeuralIsotropic;
+  Material hencky = neural;
+  hencky.law = Law::kStvkHencky;
+  const Mat3d f{{1.2, 0.1, 0.0}, {-0.2, 0.9, 0.1}, {0.0, 0.3, 1.1}};
+  PointState one;
+  PointState other;
+  const Mat3d tau = PointLaw(hencky, 1e-4).advance(f, one);
+  EXPECT_LT((PointLaw(neural, 1e-4).advance(f, other) - tau).norm(), 1e-12 * tau.norm());
+}
+
 TEST(IsotropicMaterial, ClassesFollowFromItsNumbers) {
   Material m = isotropic_material(loud_start());
   EXPECT_TRUE(m.traits().elastic());

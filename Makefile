@@ -11,7 +11,8 @@ ROOT := '$(subst ','\'',$(CURDIR))'
 RUN := bash $(ROOT)/scripts/in_tree.sh
 PYTHON := $(RUN) python
 .DEFAULT_GOAL := help
-.PHONY: help demo test build bench random-solids five-materials other-simulators finite-elements ball-drops format lint fuzz run package clean
+SET := small
+.PHONY: help demo test build bench random-solids five-materials other-simulators finite-elements ball-drops blind blind-small blind-set format lint fuzz run package clean
 
 help: ## Say what each target does (the default)
 	@grep -hE '^[a-z-]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | \
@@ -56,6 +57,19 @@ ball-drops: ## Diagnose real balls dropped from a bridge, in FOLDER (../shared/d
 	@bash $(ROOT)/scripts/dependencies.sh fits 1>&2
 	@$(RUN) bash $(ROOT)/scripts/build.sh
 	@$(PYTHON) $(ROOT)/scripts/ball_drops.py $(FOLDER) $(if $(ONLY),--only $(ONLY)) $(if $(HOLD_OUT),--hold-out $(HOLD_OUT)) $(if $(REPORT),--report $(REPORT))
+
+blind: ## Hide effects in 400 recordings, diagnose them without the labels, score: a day or two (CASES, SEED, JOBS)
+	@$(MAKE) --no-print-directory -C $(ROOT) blind-set SET=full
+
+blind-small: ## The same with a fixed two dozen small cases, half an hour on two quiet cores
+	@$(MAKE) --no-print-directory -C $(ROOT) blind-set SET=small
+
+blind-set:
+	@bash $(ROOT)/scripts/dependencies.sh fits 1>&2
+	@$(RUN) bash $(ROOT)/scripts/build.sh
+	@$(PYTHON) $(ROOT)/scripts/blind_hide.py $(SET) $(if $(SEED),--seed $(SEED)) $(if $(CASES),--cases $(CASES)) $(if $(ONLY),--only $(ONLY))
+	@$(PYTHON) $(ROOT)/scripts/blind_find.py $(SET) $(if $(JOBS),--jobs $(JOBS) --threads 1) $(if $(ONLY),--only $(ONLY))
+	@$(PYTHON) $(ROOT)/scripts/blind_open.py $(SET) --throws
 
 format: ## Bring C++ and Python into the tree's form
 	@bash $(ROOT)/scripts/dependencies.sh test

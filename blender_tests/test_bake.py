@@ -365,6 +365,12 @@ class CompareTest(SceneCase):
         self.scene.frame_set(1)
         compare.worst_index = 1
         self.assertEqual(self.scene.frame_current, compare.worst[1].frame)
+        # Other values: what was only compared is done anew, what was baked is kept.
+        self.settings.bodies[0].material.E *= 2.0
+        self.assertEqual(bpy.ops.matterfit.compare(), {"FINISHED"})
+        bpy.ops.matterfit.bake()
+        self.settings.bodies[0].material.E *= 2.0
+        self.fails(bpy.ops.matterfit.compare, ["The scene changed since this bake"])
 
     def test_without_a_capture(self):
         self.jelly()

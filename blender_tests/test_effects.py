@@ -46,7 +46,7 @@ class EffectsTest(SceneCase):
         document, folder = self.document()
         native.validate(json.dumps(document), folder)
         for row, kind in zip(document["scene"]["effects"], effects.KINDS, strict=True):
-            for key in set(kind.numbers) & effects.KEYED:
+            for key in kind.keyed:
                 row[key] = {"frames": [1, 3], "values": [row[key]] * 2}
         native.validate(json.dumps(document), folder)
 
@@ -89,6 +89,27 @@ class EffectsTest(SceneCase):
         self.assertEqual(vortex["center"]["values"][5], [1, 2, 4])
         self.assertAlmostEqual(vortex["axis"][1], -1.0, places=6)
         self.assertEqual(vortex["strength"], 3)
+
+    def test_what_is_a_part_of_a_body_is_told_where_it_starts(self):
+        place = bpy.data.objects.new("Core", None)
+        self.scene.collection.objects.link(place)
+        place.location = (1.0, 2.0, 3.0)
+        place.keyframe_insert("location", frame=1)
+        place.location = (1.0, 2.0, 4.0)
+        place.keyframe_insert("location", frame=6)
+        place.rotation_euler = (1.5707963, 0.0, 0.0)
+        self.add("STIFFNESS_INCLUSION", place=place, modulus=2e4, radius=0.05)
+        self.add("FIBRES", place=place, modulus=1e5)
+        core, fibres = self.written()
+        self.assertEqual(core["center"], [1, 2, 3])
+        self.assertEqual((core["radius"], core["modulus"]), (0.05, 20000))
+        self.assertAlmostEqual(fibres["direction"][1], -1.0, places=6)
+        # Keys of such a number would say nothing.
+        effect = self.scene.matterfit.effects[0]
+        effect.keyframe_insert("radius", frame=1)
+        effect.radius = 0.1
+        effect.keyframe_insert("radius", frame=6)
+        self.assertIsInstance(self.written()[0]["radius"], float)
 
     def test_a_body_that_is_gone_is_named(self):
         self.add("WIND", body="Cube")

@@ -12,7 +12,7 @@ from matterfit.props import reactions
 
 PACKAGE = os.path.dirname(matterfit.__file__)
 # From below to above; a room imports from itself and from those before it.
-ROOMS = ("jobs", "compat", "i18n", "native", "effects", "laws", "quantities", "props", "io", "ops", "ui",
+ROOMS = ("jobs", "compat", "i18n", "machine", "native", "effects", "laws", "quantities", "props", "io", "ops", "ui",
          "scene_job", "handlers", "__init__", "cli")
 MOST_LINES = 300
 

@@ -191,7 +191,7 @@ class EstimateTest(JobCase):
         """No folder is claimed, no file stays, neither beside the .blend nor in the temporary folder."""
         seen = []
 
-        def estimate(_document, folder):
+        def estimate(_document, folder, *_threads):
             seen.append((folder, sorted(tree(folder))))
             return {"bytes": 1000, "particles": 8}
 
@@ -213,7 +213,7 @@ class EstimateTest(JobCase):
         body.source, body.filepath = "POINTS", "//points.npz"
         found = []
 
-        def estimate(document, folder):
+        def estimate(document, folder, *_threads):
             source = document["scene"]["bodies"][0]["source"]["points"]
             found.append(os.path.isfile(os.path.join(folder, source)))
             return {"bytes": 1}

@@ -85,6 +85,14 @@ class CutTest(SceneCase):
         fit.law, fit.use_huber = "FIND", True
         self.check(", find")
 
+    def test_batch(self):
+        for owner, key in (("Cube", "material.damping_shear"), ("", "particle_separation")):
+            bpy.ops.matterfit.add_axis(quantity=f"{owner}\t{key}")
+            self.settings.batch.axes[0].values = "1,2,3"
+            for farm in ("NONE", "SLURM", "FLAMENCO"):
+                self.settings.batch.farm = farm
+                self.check(f", {key}, {farm}")
+
     def test_takes_and_compare(self):
         bpy.ops.matterfit.add_take()
         bpy.ops.matterfit.add_throw()

@@ -2,6 +2,7 @@
 """Messages of the library in the panel's words."""
 
 from matterfit.io import words
+from matterfit.ui import drawing
 from support import SceneCase
 
 
@@ -29,9 +30,30 @@ class WordsTest(SceneCase):
                 ("scene.solver.cfl", "CFL"), ("scene.gravity[1]", "Gravity Y")):
             self.assertEqual(self.said(path), wanted)
 
+    def test_sentences_of_the_library(self):
+        for text, wanted in (
+                ("'Soft' sank 26 cm into 'ground'. Raise scene.colliders.ground.contact.stiffness "
+                 "(now 4e+06 Pa/m) if it should not.",
+                 "'Soft' sank 26 cm into Ground. Raise Ground, Stiffness (now 4e+06 Pa/m) if it "
+                 "should not."),
+                ("Starting guess estimated from the recording: bodies.Soft.material.E 9.1e+04 Pa",
+                 "Starting guess estimated from the recording: 'Soft', Young's Modulus 9.1e+04 Pa")):
+            self.assertEqual(self.said(text), wanted)
+
+    def test_a_fill_in_short(self):
+        text = ("8000 particles 0.02 m apart (20 × 20 × 20 cells); the surface cuts {} cells; volume "
+                "0.064 m³, particles hold {} % of it.")
+        self.assertEqual(words.fill(text.format(0, "100.00")), "8000 particles; volume matched.")
+        self.assertEqual(words.fill(text.format(12, "97.31") + " The surface crosses itself."),
+                         "8000 particles; they hold 97.3 % of the volume. The surface crosses itself.")
+
     def test_a_body_that_is_off_does_not_count(self):
         self.settings.bodies[0].enabled = False
         self.assertEqual(self.said("bodies[0].density"), "'Soft', Density")
+
+    def test_no_minus_zero(self):
+        self.assertEqual([drawing.frame_text(frame) for frame in (-1e-9, 0.0, 499.0000001, -3.0)],
+                         ["0", "0", "499", "-3"])
 
     def test_files_and_sentences_stay(self):
         for text in ("/home/me/scene.bodies/cache: could not be read", "All bodies. None of it moves",

@@ -153,6 +153,10 @@ def build_scene(folder):
     bpy.ops.matterfit.add_take()
     bpy.ops.matterfit.add_throw()
     bpy.ops.matterfit.list_colliders()
+    for owner, key, values in (("Dough", "velocity[2]", "-1, -2, -3"),
+                               ("Dough", "material.E", "5e4, 1e5")):
+        bpy.ops.matterfit.add_axis(quantity=f"{owner}\t{key}")
+        settings.batch.axes[len(settings.batch.axes) - 1].values = values
     return positions, times
 
 
@@ -302,7 +306,7 @@ def modal(operator, undo=False):
         return getattr(bpy.ops.matterfit, operator)("INVOKE_DEFAULT", undo)
 
 
-PARTS = ("status", "capture", "bodies", "solver", "simulate", "rerun", "output")
+PARTS = ("status", "capture", "bodies", "solver", "simulate", "rerun", "output", "batch")
 
 
 def script(folder):

@@ -19,22 +19,10 @@ from mathutils import Vector
 
 ROOT = os.environ["MATTERFIT_ROOT"]
 FOLDER = os.path.join(ROOT, "build", "demo")
+EXAMPLE = os.path.join(ROOT, "docs", "examples", "beam.blend")
 SAMPLE = os.path.join(ROOT, "docs", "examples", "beam_gravity_V2_a.npz")
 STARTED = time.monotonic()
 
-# The beam of the sample: clamped at x = -0.1 m, let go at frame 71; where its markers are on it.
-BEAM_LOW, BEAM_HIGH = (-0.1, 0.0, 0.0), (0.0, 0.03, 0.03)
-MARKERS = {
-    "Tip-1": (0.0, 0.015, 0.036),
-    "Tip-2": (0.0, -0.006, 0.024),
-    "Tip-3": (0.0, 0.036, 0.006),
-    "Base-1": (-0.094, -0.010, -0.001),
-    "Base-3": (-0.094, 0.040, 0.0),
-}
-RELEASE = 71
-BEAM_LAST_FRAME = 170
-# The fit sees the frames before: the first two swings.
-HELD_OUT = 111
 MATERIAL = os.path.join(FOLDER, "silicone.json")
 RENDER_SAMPLES = 24
 
@@ -73,14 +61,6 @@ def select(*objects):
     for item in bpy.context.view_layer.objects:
         item.select_set(item in objects)
     bpy.context.view_layer.objects.active = objects[0]
-
-
-def add_empty(name, location, rotation=(0.0, 0.0, 0.0), collection=None):
-    item = bpy.data.objects.new(name, None)
-    item.empty_display_size = 0.01
-    item.location, item.rotation_euler = location, rotation
-    (collection or bpy.context.scene.collection).objects.link(item)
-    return item
 
 
 def add_mesh(name, vertices, faces):
@@ -191,48 +171,15 @@ def report_files(take):
 # -- 1: the recording ----------------------------------------------------------------------------
 
 
-def set_up_beam():
-    scene = new_scene("beam", 100, BEAM_LAST_FRAME)
-    beam = add_box("beam", BEAM_LOW, BEAM_HIGH, cuts=(20, 6, 6))
-    beam.data.materials.append(material("Silicone", (0.83, 0.42, 0.25)))
-    select(beam)
-    call(bpy.ops.matterfit.add_body)
-    ours = settings()
-    body = ours.bodies[0]
-    body.density = 1070.0
-    body.material.law = "NEO_HOOKEAN"
-    # Rough: of this order, and nearly incompressible. What relaxes faster than the beam swings
-    # tells its viscosity only, modulus times time, so the time stays.
-    body.material.E, body.material.nu = 1e5, 0.49
-    body.material.damping_shear = body.material.damping_bulk = 0.0
-    call(bpy.ops.matterfit.add_branch)
-    branch = body.material.maxwell[0]
-    branch.modulus, branch.time = 1e4, 1e-3
-    call(bpy.ops.matterfit.add_pin)
-    clamp = body.pins[0]
-    clamp.kind = "PLANE"
-    clamp.object = add_empty("Clamp", BEAM_LOW, (0.0, math.radians(90), 0.0))
-    call(bpy.ops.matterfit.add_pin)
-    hold = body.pins[1]
-    hold.kind, hold.use_release, hold.release = "ALL", True, RELEASE
-    ours.solver.use_ground = False
-    ours.solver.gravity = (0.0, 0.0, -9.80709)
-    ours.solver.quality = "PREVIEW"
-    return scene
-
-
-def import_recording():
-    call(bpy.ops.matterfit.import_capture, filepath=SAMPLE)
+def open_beam():
+    """The example scene of docs/start.md (make_beam_scene.py), saved here: caches go beside it."""
+    bpy.ops.wm.open_mainfile(filepath=EXAMPLE)
+    folder = os.path.join(FOLDER, "beam")
+    os.makedirs(folder)
+    bpy.ops.wm.save_as_mainfile(filepath=os.path.join(folder, "beam.blend"))
     capture = settings().captures[0]
-    capture.markers = "Tip-1, Tip-2, Tip-3"
-    capture.use_noise, capture.noise = True, 1e-5
-    capture.use_release, capture.release = True, RELEASE
-    capture.holdout, capture.holdout_start = "FRAMES", HELD_OUT
-    places = bpy.data.collections.new("Markers at rest")
-    bpy.context.scene.collection.children.link(places)
-    for name, place in MARKERS.items():
-        add_empty(name, place, collection=places)
-    capture.align = places
+    capture.filepath = SAMPLE
+    call(bpy.ops.matterfit.check_capture)
     for line in capture.summary.splitlines():
         say(f"  {line}")
 
@@ -261,12 +208,8 @@ def fit_beam():
     from matterfit import quantities
     from matterfit.io import fit_results
 
-    fit = settings().fit
-    wanted = {"material.E", "material.maxwell[0].modulus", "start_frame"}
-    for row in fit.parameters:
-        row.enabled = row.key in wanted
-    fit.levels = 1
-    say(f"fitting to the frames {RELEASE + 1} to {HELD_OUT - 1}, particles "
+    fit, capture = settings().fit, settings().captures[0]
+    say(f"fitting to the frames {capture.release + 1} to {capture.holdout_start - 1}, particles "
         f"{1e3 * settings().solver.particle_separation:.2g} mm apart …")
     call(bpy.ops.matterfit.fit)
     for line in bpy.context.window_manager.matterfit.last_report.splitlines()[:1]:
@@ -285,10 +228,10 @@ def fit_beam():
 
 def demonstrate_beam():
     say("1. A silicone beam, clamped at one end, held straight and let go: recorded, fitted, compared.")
-    set_up_beam()
-    import_recording()
+    open_beam()
+    last = bpy.context.scene.frame_end
     fit_beam()
-    say(f"comparing frames 0 to {BEAM_LAST_FRAME} at 100 per second with the recording …")
+    say(f"comparing frames 0 to {last} at 100 per second with the recording …")
     call(bpy.ops.matterfit.compare)
     found = settings().compare
     say(f"  mean error {found.mean_mm:.2f} mm, 95 % below {found.p95_mm:.2f} mm")
@@ -296,7 +239,7 @@ def demonstrate_beam():
     output = settings().output
     output.surface = output.velocity_attribute = False
     call(bpy.ops.matterfit.bake)
-    worst = found.worst[0].frame if found.worst else BEAM_LAST_FRAME
+    worst = found.worst[0].frame if found.worst else last
     floor = stage((-0.05, 0.015, 0.01), 0.28, math.radians(-62), 0.45)
     floor.location.z = -0.06
     show_errors(take_folder(settings().takes[0]), worst)

@@ -72,6 +72,16 @@ def part_sanitize():
     return tally
 
 
+def part_blind():
+    """the blind benchmark's scorer, seal and finite elements"""
+    tally = Tally()
+    done = run("blind", [sys.executable, "-B", ROOT / "scripts" / "test_blind.py", "-v"], limit=900)
+    lines = done.log.read_text(encoding="utf-8", errors="replace").splitlines()
+    tally.passed += [f"blind: {line.split(' ')[0]}" for line in lines if line.endswith(" ... ok")]
+    tally.check("blind: all", done.status == 0, f"{done.reason()}\n{done.tail(40)}")
+    return tally
+
+
 def part_fuzz():
     """each parser five seconds of libFuzzer from its saved seeds"""
     return fuzz.fuzz(5)
@@ -117,7 +127,7 @@ def part_blender():
 
 
 def part_window():
-    """the panel in a real window under Xvfb, with a screenshot"""
+    """the panel in a real window under Xvfb, with a screenshot; docs/start.md followed there"""
     tally = Tally()
     script = ROOT / "blender_tests" / "window.py"
     picture = BUILD / "screenshots" / "panel.png"
@@ -134,6 +144,11 @@ def part_window():
     tally.check("window: panel", ok, f"{done.reason()}\n{done.tail(40)}")
     if ok:
         say(f"  screenshot: {picture.relative_to(ROOT)}")
+    script = ROOT / "blender_tests" / "follow_start.py"
+    env = {**env, **user_folder("start")}
+    blender = [*blender[:-3], script, "--", picture.parent]
+    done = run("start", [*screen, *blender], limit=1600, env=env)
+    tally.check("window: docs/start.md", done.status == 0, f"{done.reason()}\n{done.tail(40)}")
     return tally
 
 
@@ -187,6 +202,7 @@ PARTS = {
     "lint": part_lint,
     "native": part_native,
     "sanitize": part_sanitize,
+    "blind": part_blind,
     "fuzz": part_fuzz,
     "blender": part_blender,
     "window": part_window,
@@ -196,6 +212,8 @@ PARTS = {
 # What a part runs with must be built in this run, not be what an earlier one left.
 NEEDS_BUILD = {"native", "blender", "window", "package", "bpy", "lint"}
 NEEDS_SANITIZE = {"fuzz"}
+# Compiled and run beside the other parts, most of which keep one core busy.
+SANITIZED_LANE = {"sanitize", "fuzz"}
 
 
 def chosen_parts(names):
@@ -207,6 +225,18 @@ def chosen_parts(names):
     if NEEDS_SANITIZE & set(parts) and "sanitize" not in parts:
         parts.insert(parts.index("fuzz"), "sanitize")
     return parts
+
+
+def run_part(name):
+    """Runs one part and says what came of it."""
+    say(f"[{name}] {PARTS[name].__doc__}")
+    begun = time.monotonic()
+    tally = PARTS[name]()
+    lines = [f"  FAILED {test}\n    " + detail.strip().replace("\n", "\n    ") for test, detail in tally.failed]
+    lines += [f"  skipped {test}: {reason}" for test, reason in tally.skipped]
+    took = datetime.timedelta(seconds=round(time.monotonic() - begun))
+    say("\n".join([*lines, f"  {name}: {tally} in {took}"]))
+    return tally
 
 
 def main():
@@ -225,20 +255,17 @@ def main():
     total = Tally()
     parts = chosen_parts(options.parts)
     say(f"Testing {ROOT} in {len(parts)} parts; logs in {LOGS.relative_to(ROOT)}/")
-    for number, name in enumerate(parts, 1):
-        say(f"[{number}/{len(parts)}] {name}: {PARTS[name].__doc__}")
-        begun = time.monotonic()
-        tally = PARTS[name]()
-        total.add(tally)
-        for test, detail in tally.failed:
-            say(f"  FAILED {test}\n    " + detail.strip().replace("\n", "\n    "))
-        for test, reason in tally.skipped:
-            say(f"  skipped {test}: {reason}")
-        took = datetime.timedelta(seconds=round(time.monotonic() - begun))
-        say(f"  {name}: {tally} in {took}")
-        if name == "build" and tally.failed:
-            say("Nothing else can run without the build.")
-            break
+    if "build" in parts:
+        parts.remove("build")
+        total.add(run_part("build"))
+    if total.failed:
+        say("Nothing else can run without the build.")
+    else:
+        lanes = [[name for name in parts if (name in SANITIZED_LANE) == sanitized] for sanitized in (True, False)]
+        with concurrent.futures.ThreadPoolExecutor(len(lanes)) as pool:
+            for tallies in pool.map(lambda lane: [run_part(name) for name in lane], lanes):
+                for tally in tallies:
+                    total.add(tally)
     took = datetime.timedelta(seconds=round(time.monotonic() - started))
     say(f"Took {took}.")
     if total.failed:

@@ -68,6 +68,19 @@ def parser():
         sub.add_argument("--save", action="store_true",
                          help="without JOB: attach the result (fit: apply it) and save the "
                          ".blend file; its cache folder is saved before the run")
+    many = verbs.add_parser("wedge", help="run a document once for each combination of the values "
+                            "given with --set")
+    many.add_argument("job", metavar="JOB", help="job document (docs/formats.md)")
+    many.add_argument("--set", action="append", default=[], metavar="PATH=VALUE,VALUE,…",
+                      help="the values of one axis, as in velocity[2]=-1,-2,-3")
+    many.add_argument("--output", required=True, help="folder of the members, one each")
+    many.add_argument("--jobs", type=int, default=1, help="members that run side by side")
+    many.add_argument("--write", default="", choices=("slurm", "flamenco"),
+                      help="run nothing, write the file of a farm beside the members")
+    many.add_argument("--threads", type=int, default=0, help="0: as many as the machine has")
+    many.add_argument("--report", help="write the result to this file too")
+    many.add_argument("--json", action="store_true", help="print the result as JSON")
+    many.add_argument("--quiet", action="store_true", help="no progress on standard error")
     look = verbs.add_parser("inspect", help="result hash of a cache folder; checks its files")
     look.add_argument("folder", metavar="FOLDER", help="a job's output folder")
     look.add_argument("--report", help="write the result to this file too")
@@ -112,6 +125,8 @@ def run(module, arguments):
         for fault in found.get("faults", []):
             print(f"matterfit: {fault['path']} {fault['what']}", file=sys.stderr)
         return EXIT_INPUT if found.get("faults") else 0
+    if arguments.verb == "wedge":
+        return run_wedge(module, arguments, files)
     if arguments.job:
         return run_job(module, arguments, os.path.abspath(arguments.job))
     scene_job = importlib.import_module(module.__name__ + ".scene_job")
@@ -122,6 +137,28 @@ def run(module, arguments):
             return run_job(module, arguments, scene_job.question(folder))
     scene = scene_job.SceneJob(arguments.verb, arguments.save)
     return run_job(module, arguments, scene.path, scene)
+
+
+def run_wedge(module, arguments, files):
+    native, jobs = module.native, module.jobs
+    path, folder = os.path.abspath(arguments.job), os.path.abspath(arguments.output)
+    if arguments.write:
+        machine = importlib.import_module(module.__name__ + ".machine")
+        found = native.wedge_write(path, arguments.set, folder, arguments.write, machine.tool())
+        give(found, arguments, files)
+        print("\n".join(found["files"]), file=sys.stderr)
+        return 0
+    job = jobs.Job("wedge", lambda: native.wedge_start(path, arguments.set, folder, arguments.jobs,
+                                                       arguments.threads))
+    jobs.registry.add(job)
+    job.run(on_tick=Progress(arguments.quiet))
+    if job.error:
+        print(f"matterfit: {job.error}", file=sys.stderr)
+    for member in job.result.get("members", []):
+        print(f"{member['status']:9}  {member['label']}", file=sys.stderr)
+    give(job.result or {"status": "error", "error": job.error, "exit_status": job.status},
+         arguments, files)
+    return job.status
 
 
 def run_job(module, arguments, path, scene=None):

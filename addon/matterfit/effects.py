@@ -10,14 +10,21 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind. `numbers` are the keys of its numbers in the panel's order; those that say where it
-    is, `center` and `axis`, come from an object where one is chosen."""
+    """One kind. `numbers` are the keys of its numbers in the panel's order; those of PLACED come
+    from an object where one is chosen. `at_rest`: it is a part of the body, told where the body
+    starts, so that none of its numbers may be keyed."""
 
     name: str
     title: str
     about: str
     numbers: tuple
     icon: str
+    at_rest: bool = False
+
+    @property
+    def keyed(self):
+        """The numbers that a document may give a value of at every frame."""
+        return frozenset() if self.at_rest else KEYED.intersection(self.numbers)
 
     @property
     def identifier(self):
@@ -25,7 +32,7 @@ class Kind:
 
     @property
     def has_place(self):
-        return "center" in self.numbers
+        return not PLACED.isdisjoint(self.numbers)
 
 
 _AIR = ("drag_coefficient", "area", "air_density")
@@ -49,13 +56,27 @@ KINDS = (
     Kind("frame_acceleration", "Shaking",
          "What the bodies are seen from is accelerated, or shaken",
          ("acceleration", "frequency", "phase"), "FORCE_TURBULENCE"),
+    Kind("stiffness_inclusion", "Inclusion",
+         "A stiffer or softer place inside a body, told where the body starts",
+         ("center", "radius", "modulus", "nu"), "META_BALL", at_rest=True),
+    Kind("stiffness_gradient", "Stiffness Gradient",
+         "One end of a body is stiffer than the other", ("center", "slope", "nu"), "IPO_LINEAR",
+         at_rest=True),
+    Kind("fibres", "Fibres", "The material is stiffer along one direction: a grain, print lines",
+         ("direction", "modulus"), "STRANDS", at_rest=True),
+    Kind("strain_stiffening", "Strain Stiffening",
+         "The material becomes stiffer the farther it is stretched, as rubber does",
+         ("modulus", "exponent"), "IPO_EXPO", at_rest=True),
 )
+
+# What an object says: its origin, and its local Z.
+PLACED = frozenset({"center", "axis", "direction"})
 
 # Lengths, which a scene has in its own unit.
 LENGTHS = frozenset({"center", "radius"})
 # Areas likewise, by the unit squared.
 AREAS = frozenset({"area"})
-# Numbers that a document may give a value of at every frame.
+# Numbers that a document may give a value of at every frame, of kinds that are not at rest.
 KEYED = frozenset({"rate", "drag_coefficient", "air_density", "velocity", "center", "radius",
                    "acceleration", "axis", "strength"})
 

@@ -10,6 +10,9 @@ LAWS = (
     ("HERSCHEL_BULKLEY", "Herschel-Bulkley", "Yields, then flows: cream, toothpaste, mud"),
     ("DRUCKER_PRAGER", "Drucker-Prager", "Grains: sand, soil, snow with cohesion"),
     ("NEWTONIAN", "Newtonian Fluid", "Weakly compressible liquid: water, honey, oil"),
+    ("NEURAL_ISOTROPIC", "Neural (isotropic)",
+     "A small network, pre-trained: elastic, plastic, grains or liquid by its numbers; its form can "
+     "be fitted"),
 )
 
 # Parameters of each law in the job document's words, in the panel's order; quantities.py says what
@@ -22,7 +25,28 @@ PARAMETERS = {
     "HERSCHEL_BULKLEY": ("E", "nu", "yield_stress", "viscosity", "exponent"),
     "DRUCKER_PRAGER": ("E", "nu", "friction_angle", "cohesion"),
     "NEWTONIAN": ("bulk_modulus", "viscosity"),
+    "NEURAL_ISOTROPIC": ("E", "nu", "form_1", "form_2", "form_3", "form_4", "yield_strain",
+                         "internal_friction", "strain_hardening", "tear_strain", "flow_rate",
+                         "flow_thinning"),
 }
+# The neural law's start weights that the library carries, and the numbers that each stands for; other
+# numbers have their defaults.
+STARTS = (
+    ("JELLY", "Jelly", "Elastic: fixed corotated, E 1e5 Pa"),
+    ("PLASTICINE", "Plasticine", "Yields in shear at 2 % of strain, E 3e5 Pa"),
+    ("SAND", "Sand", "Grains of friction angle 25°, E 1e6 Pa"),
+    ("WATER", "Water", "Liquid, bulk modulus 8.3e4 Pa"),
+    ("FILE", "File", "Weights of a file that matterfit pretrain wrote"),
+)
+START_NUMBERS = {
+    "JELLY": {"E": 1e5, "nu": 0.2},
+    "PLASTICINE": {"E": 3e5, "nu": 0.25, "yield_strain": 0.0208},
+    "SAND": {"E": 1e6, "nu": 0.2, "yield_strain": 0.0, "internal_friction": 0.5355,
+             "tear_strain": 0.0},
+    "WATER": {"E": 250.0, "nu": 0.4995, "yield_strain": 0.0},
+}
+NEVER = 100.0  # a yield or tear strain from here up is never met
+_LIQUID_YIELD = 1e-3
 # Laws of what pours: a mesh bound to such a body is torn to shreds, its surface is the picture.
 FLOWING = frozenset({"HERSCHEL_BULKLEY", "DRUCKER_PRAGER", "NEWTONIAN"})
 DAMPING = ("damping_shear", "damping_bulk")
@@ -37,3 +61,10 @@ def name_of(law):
 def flows(law):
     """Whether a body of this law (either case) pours, so that it has no mesh of its own."""
     return law.upper() in FLOWING
+
+
+def material_flows(material):
+    """The same of a material, whose numbers may decide it."""
+    if material.law != "NEURAL_ISOTROPIC":
+        return flows(material.law)
+    return material.tear_strain < NEVER or material.yield_strain < _LIQUID_YIELD

@@ -125,6 +125,8 @@ def _declare(library):
         "mf_job_wait": (ctypes.c_int, [pointer, ctypes.c_double]),
         "mf_job_result": (text, [pointer]),
         "mf_job_free": (None, [pointer]),
+        "mf_wedge_start": (ctypes.c_int, [text, text, options, text, ctypes.c_int32, out]),
+        "mf_wedge_write": (ctypes.c_int, [text, text, options, text, text, text, out]),
         "mf_estimate": (ctypes.c_int, [text, text, options, out]),
         "mf_validate": (ctypes.c_int, [text, text, options, out]),
         "mf_capture_summary": (ctypes.c_int, [text, text, out]),
@@ -225,6 +227,31 @@ def start(path, task=None, threads=0, restart=0, target=None, overrides=()):
     return NativeRun(handle)
 
 
+def wedge_start(path, axes, folder, at_once, threads=0):
+    """Starts the document in the file `path` once for each combination of values of `axes`
+    ("path=value,value"), in folders of their own below `folder`, `at_once` side by side. Raises
+    JobError where one of them is wrong."""
+    require()
+    options, _values = _options(threads, overrides=axes)
+    handle = ctypes.c_void_p()
+    status = _library.mf_wedge_start(_read(path), os.path.dirname(os.path.abspath(path)).encode(),
+                                     ctypes.byref(options), folder.encode(), at_once,
+                                     ctypes.byref(handle))
+    if status != 0:
+        raise _error(status)
+    return NativeRun(handle)
+
+
+def wedge_write(path, axes, folder, farm="", program="matterfit"):
+    """Writes the same documents without running them: {"members": […], "files": […]}. `farm`:
+    "slurm" or "flamenco" writes that farm's files too; `program` is the matterfit tool there."""
+    require()
+    options, _values = _options(overrides=axes)
+    return _json_call(_library.mf_wedge_write, _read(path),
+                      os.path.dirname(os.path.abspath(path)).encode(), ctypes.byref(options),
+                      folder.encode(), farm.encode(), program.encode())
+
+
 def _read(path):
     try:
         with open(path, "rb") as stream:
@@ -264,15 +291,3 @@ def inspect(folder):
     """What a cache folder holds, its result hash, and every file that is missing or damaged."""
     require()
     return _json_call(_library.mf_inspect, folder.encode())
-
-
-def free_memory():
-    """Bytes that programs may still take, 0 where the system does not say."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as stream:
-            for line in stream:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    return 0

@@ -71,6 +71,15 @@ class Quantity:
         return self.key.rsplit(".", 1)[-1]
 
 
+def _form(number):
+    """A direction in the weights of the neural law."""
+    return Quantity(f"material.form_{number}", f"Form {number}", "",
+                    "How far the form of the stress is from that of the start weights, along one "
+                    "direction of them; 1 changes it by its own size",
+                    least=-5.0, most=5.0, soft=(-1.0, 1.0), precision=3, step=1, scale=LINEAR,
+                    low=-2.0, high=2.0, sigma=0.3)
+
+
 _MATERIAL = (
     Quantity("material.E", "Young's Modulus", "Pa",
              "Stiffness in tension, in pascals: jelly 1e4, rubber 1e6, wood 1e10",
@@ -105,6 +114,30 @@ _MATERIAL = (
              "step stays practical",
              default=1e5, least=1.0, soft=(1e3, 1e8), precision=0, step=10000, absent=None,
              positive=True),
+    *(_form(number) for number in (1, 2, 3, 4)),
+    Quantity("material.yield_strain", "Yield Strain", "",
+             "Change of shape from which the material keeps its new shape, without unit; from 100 on "
+             "never",
+             default=1e3, most=1e6, soft=(0.0, 1.0), precision=4, step=1, absent=1e3, low=1e-5,
+             high=10.0),
+    Quantity("material.internal_friction", "Internal Friction", "",
+             "Growth of the yield strain per loss of volume, as of grains under pressure",
+             short="Int. Friction", most=100.0, soft=(0.0, 2.0), precision=3, step=1, low=1e-4,
+             high=10.0),
+    Quantity("material.strain_hardening", "Strain Hardening", "",
+             "Growth of the yield strain per plastic strain, without unit",
+             short="Hardening", most=1e3, soft=(0.0, 1.0), precision=3, step=1, low=1e-4, high=100.0),
+    Quantity("material.tear_strain", "Tear Strain", "",
+             "Growth of volume that it bears before it comes apart, without unit; from 100 on any",
+             default=1e3, most=1e6, soft=(0.0, 1.0), precision=4, step=1, absent=1e3, low=1e-5,
+             high=10.0),
+    Quantity("material.flow_rate", "Flow Rate", "1/s",
+             "How fast strain beyond the yield strain is lost; its inverse is the time of relaxation",
+             default=1e9, least=1e-9, most=1e12, soft=(1e-2, 1e9), precision=1, step=1000,
+             absent=1e9, positive=True, low=1e-3, high=1e11),
+    Quantity("material.flow_thinning", "Flow Thinning", "1/s",
+             "Growth of the flow rate per strain beyond the yield strain",
+             short="Thinning", most=1e12, soft=(0.0, 1e9), precision=1, step=1000, low=1e-3, high=1e11),
     Quantity("material.damping_shear", "Shear Damping", "Pa s",
              "Kelvin-Voigt viscosity against change of shape, in pascal seconds",
              short="Shear Damp.", most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),

@@ -22,21 +22,11 @@ Outcome failure(ErrorKind kind, const std::string& message) {
   return outcome;
 }
 
-}  // namespace
-
-Outcome run_to_end(const job::Job& job, const job::RunOptions& options,
-                   Interrupter& interrupter) noexcept {
+template <class Work>
+Outcome guarded(const Work& work) noexcept {
   try {
     try {
-      Outcome outcome;
-      const job::Json result = job::run_job(job, options, interrupter);
-      outcome.result = result.dump(2, ' ', false, job::Json::error_handler_t::replace);
-      // A fit that was cancelled has a result all the same: the best so far.
-      if (result.value("status", "") == "cancelled") {
-        outcome.exit_status = exit_status(ErrorKind::kCancelled);
-        outcome.error = result.value("error", "");
-      }
-      return outcome;
+      return work();
     } catch (const Error& error) {
       return failure(error.kind(), error.what());
     } catch (const std::bad_alloc&) {
@@ -53,10 +43,31 @@ Outcome run_to_end(const job::Job& job, const job::RunOptions& options,
   }
 }
 
+}  // namespace
+
+Outcome run_to_end(const job::Job& job, const job::RunOptions& options,
+                   Interrupter& interrupter) noexcept {
+  return guarded([&] {
+    Outcome outcome;
+    const job::Json result = job::run_job(job, options, interrupter);
+    outcome.result = result.dump(2, ' ', false, job::Json::error_handler_t::replace);
+    // A fit that was cancelled has a result all the same: the best so far.
+    if (result.value("status", "") == "cancelled") {
+      outcome.exit_status = exit_status(ErrorKind::kCancelled);
+      outcome.error = result.value("error", "");
+    }
+    return outcome;
+  });
+}
+
 JobThread::JobThread(job::Job job, job::RunOptions options)
-    : job_(std::move(job)), options_(options) {
+    : JobThread([job = std::move(job), options](Interrupter& interrupter) {
+        return run_to_end(job, options, interrupter);
+      }) {}
+
+JobThread::JobThread(std::function<Outcome(Interrupter&)> work) : work_(std::move(work)) {
   thread_ = std::thread([this] {
-    Outcome outcome = run_to_end(job_, options_, interrupter_);
+    Outcome outcome = guarded([this] { return work_(interrupter_); });
     const std::lock_guard lock(mutex_);
     outcome_ = std::move(outcome);
     end_ = Clock::now();

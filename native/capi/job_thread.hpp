@@ -5,6 +5,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <thread>
@@ -30,6 +31,8 @@ struct Outcome {
 class JobThread {
  public:
   JobThread(job::Job job, job::RunOptions options);
+  /// Any other work that looks at the interrupter; what it throws becomes the outcome.
+  explicit JobThread(std::function<Outcome(Interrupter&)> work);
   ~JobThread();
   JobThread(const JobThread&) = delete;
   JobThread& operator=(const JobThread&) = delete;
@@ -47,8 +50,7 @@ class JobThread {
 
  private:
   using Clock = std::chrono::steady_clock;
-  job::Job job_;
-  job::RunOptions options_;
+  std::function<Outcome(Interrupter&)> work_;
   Interrupter interrupter_;
   Clock::time_point start_ = Clock::now();
   Clock::time_point end_;

@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -14,12 +15,17 @@
 #include "base/file.hpp"
 #include "capi/job_thread.hpp"
 #include "capi/terminal.hpp"
+#include "capi/wedge_run.hpp"
 #include "job/documents/document.hpp"
+#include "job/documents/farm_files.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/documents/json_reader.hpp"
+#include "job/documents/wedge.hpp"
 #include "job/new_job.hpp"
+#include "job/pretrain_files.hpp"
 #include "job/run/estimate.hpp"
 #include "job/run/inspect.hpp"
+#include "job/run/validate.hpp"
 #include "job/run_job.hpp"
 
 namespace {
@@ -39,6 +45,7 @@ extern "C" void on_signal(int number) {
 
 struct Arguments {
   job::NewJobOptions fresh;
+  job::PretrainOptions pretrain;
   std::string law = "fixed_corotated";
   std::string up;
   std::string job;
@@ -47,6 +54,9 @@ struct Arguments {
   int threads = 0;
   std::string target = "auto";
   std::string report;
+  std::string task;  // of a wedge
+  std::string write;
+  int at_once = 1;
   bool json = false;
   bool restart = false;
   bool quiet = false;
@@ -85,18 +95,32 @@ job::Job read(const Arguments& arguments, const std::string& verb) {
   return job::read_job_file(arguments.job, options);
 }
 
-int run(const Arguments& arguments, const std::string& verb) {
+job::RunOptions run_options(const Arguments& arguments) {
+  if (arguments.threads < 0) {
+    matterfit::throw_input("--threads " + std::to_string(arguments.threads) +
+                           ": expected a number of threads, or 0 for as many as the machine has.");
+  }
   job::RunOptions options;
   options.threads = arguments.threads;
   options.target = job::target_from_name(arguments.target);
   options.restart = arguments.restart ? job::Restart::kAlways : job::Restart::kNever;
-  capi::JobThread thread(read(arguments, verb), options);
+  return options;
+}
+
+/// Shows the progress until the work has ended; a signal cancels it.
+void watch(const Arguments& arguments, capi::JobThread& thread) {
   capi::ProgressLine progress(!arguments.quiet);
   while (!thread.wait(0.1)) {
     if (caught_signal.load(std::memory_order_relaxed) != 0) thread.cancel();
     progress.show(thread.progress(), thread.seconds_left());
   }
   progress.finish();
+}
+
+int run(const Arguments& arguments, const std::string& verb) {
+  const job::RunOptions options = run_options(arguments);
+  capi::JobThread thread(read(arguments, verb), options);
+  watch(arguments, thread);
   const capi::Outcome& outcome = thread.outcome();
   if (!outcome.error.empty()) std::fprintf(stderr, "matterfit: %s\n", outcome.error.c_str());
   if (!arguments.report.empty()) matterfit::write_file(arguments.report, outcome.result + "\n");
@@ -105,6 +129,53 @@ int run(const Arguments& arguments, const std::string& verb) {
   } else if (const job::Json result = job::Json::parse(outcome.result, nullptr, false);
              outcome.exit_status == 0 || result.contains("fit")) {
     std::fputs(capi::summary(result).c_str(), stdout);
+  }
+  return outcome.exit_status;
+}
+
+CLI::App* add_wedge(CLI::App& app, Arguments& arguments) {
+  CLI::App* verb = app.add_subcommand(
+      "wedge", "run a document once for each combination of the values given with --set");
+  add_common(*verb, arguments);
+  verb->add_option("--output", arguments.folder, "folder of the members, one each")->required();
+  verb->add_option("--task", arguments.task, "what each member does; without it the document's");
+  verb->add_option("--jobs", arguments.at_once, "members that run side by side")
+      ->check(CLI::Range(1, 1024));
+  verb->add_option("--write", arguments.write,
+                   "run nothing, write the file of a farm beside the members: slurm, flamenco");
+  return verb;
+}
+
+int wedge(const Arguments& arguments) {
+  const job::RunOptions options = run_options(arguments);
+  job::ReadOptions reading;
+  reading.base_folder = std::filesystem::absolute(arguments.job).parent_path();
+  reading.name = std::filesystem::path(arguments.job).filename().string();
+  if (!arguments.task.empty()) reading.task = job::task_from_name(arguments.task);
+  const auto bytes = matterfit::read_file(arguments.job, std::uint64_t{64} << 20U);
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const job::Farm farm =
+      arguments.write.empty() ? job::Farm::kSlurm : job::farm_from_name(arguments.write);
+  const job::WedgeFolder made = job::write_wedge(text, reading, arguments.set, arguments.folder);
+  if (!arguments.write.empty()) {
+    const std::string tool = std::filesystem::read_symlink("/proc/self/exe").string();
+    for (const auto& path : job::write_farm_files(made, farm, tool)) {
+      std::printf("%s\n", path.c_str());
+    }
+    return 0;
+  }
+  capi::JobThread thread([&](matterfit::Interrupter& interrupter) {
+    return capi::run_wedge(made, options, arguments.at_once, interrupter);
+  });
+  watch(arguments, thread);
+  const capi::Outcome& outcome = thread.outcome();
+  if (!outcome.error.empty()) std::fprintf(stderr, "matterfit: %s\n", outcome.error.c_str());
+  if (!arguments.report.empty()) matterfit::write_file(arguments.report, outcome.result + "\n");
+  const job::Json result = job::Json::parse(outcome.result, nullptr, false);
+  if (arguments.json) {
+    std::printf("%s\n", outcome.result.c_str());
+  } else if (result.is_object() && result.contains("members")) {
+    std::fputs(capi::wedge_table(result).c_str(), stdout);
   }
   return outcome.exit_status;
 }
@@ -140,6 +211,16 @@ CLI::App* add_new_job(CLI::App& app, Arguments& arguments) {
   verb->add_option("--unit", fresh.unit, "metres per unit of the file");
   verb->add_option("--up", arguments.up, "axis that points up: x, y or z");
   verb->add_option("--particles", fresh.particles, "about as many fill the body");
+  return verb;
+}
+
+CLI::App* add_pretrain(CLI::App& app, Arguments& arguments) {
+  CLI::App* verb = app.add_subcommand(
+      "pretrain", "make the neural law's start weights from a seed: LAW.safetensors each");
+  job::PretrainOptions& pretrain = arguments.pretrain;
+  verb->add_option("--output", pretrain.folder, "the folder they are written into")->required();
+  verb->add_option("--law", pretrain.laws, "jelly, plasticine, sand, water; without it all");
+  verb->add_option("--seed", pretrain.seed, "of the samples");
   return verb;
 }
 
@@ -186,6 +267,8 @@ int command(int argc, char** argv, Arguments& arguments) {
   add("simulate", "write the states of every frame, and simulated.npz at the captures' points");
   add("fit",
       "identify materials from captures: fitted values with errors, material.json, scene.json");
+  add("check",
+      "before a fit: what it will tell and how well, what is tied, what to record instead");
   add("diagnose",
       "fit, then find what the simulation gets wrong, name the cause, measure the gain");
   add("compare", "simulate if need be, and measure the error against the captures");
@@ -194,6 +277,8 @@ int command(int argc, char** argv, Arguments& arguments) {
   add("estimate", "memory and time that a job needs");
   add("validate", "check a document and print it as it was understood");
   CLI::App* fresh = add_new_job(app, arguments);
+  CLI::App* many = add_wedge(app, arguments);
+  CLI::App* train = add_pretrain(app, arguments);
   CLI::App* look = app.add_subcommand("inspect", "result hash of a cache folder; checks its files");
   look->add_option("FOLDER", arguments.folder, "a job's output folder")->required();
   look->add_option("--report", arguments.report, "write the result to this file too");
@@ -207,17 +292,22 @@ int command(int argc, char** argv, Arguments& arguments) {
   }
   if (look->parsed()) return inspect(arguments);
   if (fresh->parsed()) return new_job(arguments);
+  if (many->parsed()) return wedge(arguments);
+  if (train->parsed()) {
+    std::printf("%s\n", job::write_start_laws(arguments.pretrain).dump(2).c_str());
+    return 0;
+  }
   for (const CLI::App* verb : verbs) {
     if (!verb->parsed()) continue;
     if (verb->get_name() == "validate") {
+      const job::RunOptions options = run_options(arguments);
       const job::Job job = read(arguments, "validate");
+      job::validate_job(job, options, matterfit::Interrupter{});
       std::fputs(job::write_job(job, job.base_folder).c_str(), stdout);
       return 0;
     }
     if (verb->get_name() == "estimate") {
-      job::RunOptions options;
-      options.target = job::target_from_name(arguments.target);
-      const job::Json json = job::estimate_job(read(arguments, "estimate"), options);
+      const job::Json json = job::estimate_job(read(arguments, "estimate"), run_options(arguments));
       std::fputs((json.dump(2) + "\n").c_str(), stdout);
       return 0;
     }

@@ -88,12 +88,25 @@ MF_API const char* mf_job_result(mf_job* job);
 /* Cancels, waits and frees. NULL is allowed. */
 MF_API void mf_job_free(mf_job* job);
 
+/* Writes a document once for each combination of values below `folder`, and gives in `*text` what
+ * was written: {"members": [{"folder", "label", "set"}], "files": […]}. Each of `options`'
+ * overrides is "path=value,value,…"; nothing is written unless all members are sound. `farm`: NULL
+ * or "", "slurm", "flamenco" also write that farm's files; `tool` is the matterfit program there. */
+MF_API mf_status mf_wedge_write(const char* json, const char* base_folder,
+                                const mf_job_options* options, const char* folder,
+                                const char* farm, const char* tool, char** text);
+/* The same, and runs them, `at_once` side by side, as one job: members that are finished are
+ * skipped, and its result lists them all. */
+MF_API mf_status mf_wedge_start(const char* json, const char* base_folder,
+                                const mf_job_options* options, const char* folder, int32_t at_once,
+                                mf_job** job);
+
 /* The functions below give a JSON text in `*text`, to be freed with mf_text_free. */
 
 /* {"particles", "bytes", "seconds", "fits", …} of a job, without running it. Fills its bodies. */
 MF_API mf_status mf_estimate(const char* json, const char* base_folder,
                              const mf_job_options* options, char** text);
-/* Checks a document; the text is the document as it was understood. */
+/* Checks a document and the scene that it makes; the text is the document as it was understood. */
 MF_API mf_status mf_validate(const char* json, const char* base_folder,
                              const mf_job_options* options, char** text);
 /* What a capture is like: frames, points, spacing, noise, jumps, labels, …

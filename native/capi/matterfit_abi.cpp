@@ -9,11 +9,15 @@
 #include "base/error.hpp"
 #include "capi/job_thread.hpp"
 #include "capi/matterfit.h"
+#include "capi/wedge_run.hpp"
 #include "job/documents/document.hpp"
+#include "job/documents/farm_files.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/documents/quantities_json.hpp"
+#include "job/documents/wedge.hpp"
 #include "job/run/estimate.hpp"
 #include "job/run/inspect.hpp"
+#include "job/run/validate.hpp"
 #include "job/run_job.hpp"
 
 using matterfit::Error;
@@ -81,6 +85,10 @@ job::Job read(const char* json, const char* base_folder, const mf_job_options& o
 }
 
 job::RunOptions run_options(const mf_job_options& options) {
+  if (options.threads < 0) {
+    matterfit::throw_input("mf_job_options.threads: " + std::to_string(options.threads) +
+                           ", expected a number of threads, or 0.");
+  }
   job::RunOptions run;
   run.threads = options.threads;
   run.target = job::target_from_name(options.target == nullptr ? "" : options.target);
@@ -92,6 +100,22 @@ job::RunOptions run_options(const mf_job_options& options) {
                 : options.restart == 1 ? job::Restart::kAlways
                                        : job::Restart::kWhereChanged;
   return run;
+}
+
+/// The members of a wedge, written; the overrides are its axes.
+job::WedgeFolder wedge(const char* json, const char* base_folder, const mf_job_options& options,
+                       const char* folder) {
+  job::ReadOptions read;
+  read.base_folder = base_folder == nullptr ? "" : base_folder;
+  if (options.task != nullptr && options.task[0] != '\0') {
+    read.task = job::task_from_name(options.task);
+  }
+  std::vector<std::string> axes;
+  axes.reserve(options.override_count);
+  for (std::uint32_t i = 0; i < options.override_count; ++i) {
+    if (options.overrides[i] != nullptr) axes.emplace_back(options.overrides[i]);
+  }
+  return job::write_wedge(json, read, axes, folder);
 }
 
 mf_status give(const std::string& text, char** out) {
@@ -182,6 +206,47 @@ const char* mf_job_result(mf_job* handle) {
 
 void mf_job_free(mf_job* handle) { delete handle; }
 
+mf_status mf_wedge_write(const char* json, const char* base_folder, const mf_job_options* options,
+                         const char* folder, const char* farm, const char* tool, char** text) {
+  if (json == nullptr || folder == nullptr || text == nullptr) return fail(MF_ERROR_USAGE, kNull);
+  mf_job_options given;
+  if (!copy_options(options, given)) return fail(MF_ERROR_USAGE, kSize);
+  return guarded([&] {
+    const job::WedgeFolder made = wedge(json, base_folder, given, folder);
+    job::Json members = job::Json::array();
+    for (const job::WedgeMember& member : made.wedge.members) {
+      members.push_back(
+          {{"folder", member.name}, {"label", member.label}, {"set", member.overrides}});
+    }
+    job::Json files = job::Json::array();
+    if (farm != nullptr && farm[0] != '\0') {
+      const std::string program = tool == nullptr || tool[0] == '\0' ? "matterfit" : tool;
+      for (const auto& path : job::write_farm_files(made, job::farm_from_name(farm), program)) {
+        files.push_back(path.string());
+      }
+    }
+    return give(dump({{"members", members}, {"files", files}}), text);
+  });
+}
+
+mf_status mf_wedge_start(const char* json, const char* base_folder, const mf_job_options* options,
+                         const char* folder, int32_t at_once, mf_job** out) {
+  if (json == nullptr || folder == nullptr || out == nullptr) return fail(MF_ERROR_USAGE, kNull);
+  *out = nullptr;
+  mf_job_options given;
+  if (!copy_options(options, given)) return fail(MF_ERROR_USAGE, kSize);
+  return guarded([&] {
+    auto handle = std::make_unique<mf_job>();
+    handle->thread = std::make_unique<matterfit::capi::JobThread>(
+        [made = wedge(json, base_folder, given, folder), run = run_options(given),
+         at_once](matterfit::Interrupter& interrupter) {
+          return matterfit::capi::run_wedge(made, run, at_once, interrupter);
+        });
+    *out = handle.release();
+    return MF_OK;
+  });
+}
+
 mf_status mf_estimate(const char* json, const char* base_folder, const mf_job_options* options,
                       char** text) {
   if (json == nullptr || text == nullptr) return fail(MF_ERROR_USAGE, kNull);
@@ -199,6 +264,7 @@ mf_status mf_validate(const char* json, const char* base_folder, const mf_job_op
   if (!copy_options(options, given)) return fail(MF_ERROR_USAGE, kSize);
   return guarded([&] {
     const job::Job read_job = read(json, base_folder, given);
+    job::validate_job(read_job, run_options(given), matterfit::Interrupter{});
     return give(job::write_job(read_job, base_folder == nullptr ? "" : base_folder), text);
   });
 }

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 
 namespace matterfit::capi {
@@ -99,6 +100,41 @@ std::string fit_text(const Json& fit) {
   return text;
 }
 
+/// The verdict of a diagnosis with its likeliest causes, or what a check says of each parameter.
+std::string findings_text(const Json& result) {
+  std::string text;
+  if (result.contains("sentence")) text += result["sentence"].get<std::string>() + "\n";
+  if (result.value("task", "") == "check") {
+    for (const Json& p : result.at("parameters")) {
+      text += fmt::format("  {} = {:.6g}, will be known to {} {}{}\n",
+                          p.at("path").get<std::string>(), p.at("start").get<double>(),
+                          p.at("error").is_number()
+                              ? fmt::format("± {:.3g}", p.at("error").get<double>())
+                              : std::string("nothing"),
+                          p.at("unit").get<std::string>(),
+                          p.at("known").get<bool>() ? "" : " (not told by this recording)");
+    }
+    for (const Json& enough : result.at("enough")) {
+      if (enough.at("enough").get<bool>()) {
+        text += enough.at("sentence").get<std::string>() + "\n";
+      }
+    }
+  }
+  if (result.value("task", "") == "diagnose" && result.contains("causes")) {
+    constexpr std::size_t kMostCauses = 4;
+    const Json& causes = result.at("causes");
+    for (std::size_t i = 0; i < std::min(kMostCauses, causes.size()); ++i) {
+      text += fmt::format("  {:3.0f} %  {}\n", 100.0 * causes[i].at("probability").get<double>(),
+                          causes[i].at("sentence").get<std::string>());
+    }
+  }
+  if (!result.contains("statements")) return text;
+  for (const Json& statement : result.at("statements")) {
+    text += statement.get<std::string>() + "\n";
+  }
+  return text;
+}
+
 }  // namespace
 
 ProgressLine::ProgressLine(bool wanted)
@@ -190,6 +226,7 @@ std::string summary(const Json& result) {
       }
     }
   }
+  text += findings_text(result);
   if (result.contains("fit")) text += fit_text(result["fit"]);
   if (result.contains("render")) {
     const Json& render = result["render"];

@@ -13,6 +13,7 @@
 static const char* const kJob =
     "{ \"schema\": \"matterfit.job/1\", \"task\": \"simulate\","
     "  \"scene\": { \"fps\": 24, \"frames\": [1, 4], \"particle_separation\": 0.05,"
+    "    \"gravity\": [0, 0, -9.81],"
     "    \"bodies\": [ { \"name\": \"cube\", \"density\": 1000,"
     "      \"source\": { \"box\": { \"low\": [0, 0, 1], \"high\": [0.4, 0.4, 1.4] } },"
     "      \"material\": { \"law\": \"fixed_corotated\", \"E\": 1e4, \"nu\": 0.3 } } ] },"
@@ -39,6 +40,7 @@ int main(int argc, char** argv) {
   mf_job* second = NULL;
   char* text = NULL;
   const char* overrides[] = {"scene.gravity=[0,0,-3.7]", "output.folder=on_mars"};
+  const char* axes[] = {"scene.gravity[2]=-9.81,-3.7"};
   char path[4096];
 
   /* 1. The header and the library must be of one interface. */
@@ -102,7 +104,22 @@ int main(int argc, char** argv) {
   expect(mf_job_wait(job, -1.0) == MF_CANCELLED, "a cancelled job says so");
   mf_job_free(job);
 
-  /* 8. Wrong use is answered, not crashed on. */
+  /* 8. One document with several values: written for a farm, then run here side by side. */
+  options.overrides = axes;
+  options.override_count = 1;
+  options.restart = 0;
+  snprintf(path, sizeof path, "%s/gravities", folder);
+  check(mf_wedge_write(kJob, folder, &options, path, "slurm", "matterfit", &text),
+        "mf_wedge_write");
+  expect(strstr(text, "slurm.sh") != NULL, "the farm's file is named");
+  mf_text_free(text);
+  check(mf_wedge_start(kJob, folder, &options, path, 2, &job), "mf_wedge_start");
+  check(mf_job_wait(job, -1.0), "the wedge");
+  expect(strstr(mf_job_result(job), "\"gravity[2] = -3.7\"") != NULL, "its members are listed");
+  mf_job_free(job);
+
+  /* 9. Wrong use is answered, not crashed on. */
+  expect(mf_wedge_start(kJob, folder, NULL, NULL, 1, &job) == MF_ERROR_USAGE, "NULL is refused");
   expect(mf_job_start(NULL, folder, NULL, &job) == MF_ERROR_USAGE, "NULL is refused");
   options.size = 0;
   expect(mf_job_start(kJob, folder, &options, &job) == MF_ERROR_USAGE, "no size is refused");

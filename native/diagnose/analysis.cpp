@@ -114,9 +114,9 @@ Analysis analyse(const Study& study, const State& state, const Linearised& slope
   }
 
   const Index members = spread.members.cols();
-  MatrixXd share(used, members);
-  if (members > 0) share = spread.members.topRows(used) / std::sqrt(double(members));
-  const Whitening whitening(study.used(), noise, share);
+  const MatrixXd own = spread.members.topRows(used);
+  const SolverColumns solver = solver_columns(study.used(), model.captures(), own);
+  const Whitening whitening(study.used(), noise, solver.values);
   const MatrixXd raw = side_by_side(nuisances, candidate_columns(slopes, used));
   const MatrixXd white = whitening.apply(raw);
   const VectorXd residual = whitening.apply((study.measured() - prediction).head(used));
@@ -130,8 +130,8 @@ Analysis analyse(const Study& study, const State& state, const Linearised& slope
   draw_noise(result.test, covariances(whitening, white), freedom, options.placebo, result.placebo);
   if (members > 0) {
     const Whitening measurement(study.used(), noise, MatrixXd(used, 0));
-    const MatrixXd all = measurement.apply(side_by_side(raw, spread.members.topRows(used)));
-    draw_members(all.transpose() * all, members, precision, tested, options.placebo,
+    const MatrixXd all = measurement.apply(side_by_side(raw, side_by_side(solver.values, own)));
+    draw_members(all.transpose() * all, solver.member, precision, tested, options.placebo,
                  result.placebo);
   }
   set_threshold(options.placebo, result.placebo);
@@ -163,8 +163,8 @@ Analysis analyse(const Study& study, const State& state, const Linearised& slope
     const Whitening measurement(study.used(), noise, MatrixXd(used, 0));
     MatrixXd all =
         side_by_side(nuisances, smooth_basis(study.used(), model.captures(), options.cosines));
-    all = measurement.apply(side_by_side(all, spread.members.topRows(used)));
-    draw_members(all.transpose() * all, members, precision, group, again, smooth_placebo);
+    all = measurement.apply(side_by_side(all, side_by_side(solver.values, own)));
+    draw_members(all.transpose() * all, solver.member, precision, group, again, smooth_placebo);
   }
   result.smooth = {score.statistic, score.freedom, smooth_placebo.p(score.equivalent)};
   return result;

@@ -56,6 +56,10 @@ class Writer {
     }
     next();
     report_.runs = study_.runs();
+    report_.by_stage.reserve(study_.stages().size());
+    for (const Ledger::Stage& stage : study_.stages()) {
+      report_.by_stage.emplace_back(stage.name, stage.runs);
+    }
     report_.headline = headline(report_);
     return std::move(report_);
   }
@@ -70,16 +74,19 @@ class Writer {
     double variance = 0.0;
     double correlation = 0.0;
     double common = 0.0;
+    double place = 0.0;
     for (const TrackNoise& track : noise.captures) {
       const double share = 1.0 / double(noise.captures.size());
       variance += share * track.sigma * track.sigma;
       correlation += share * track.correlation;
       common += share * track.common_sigma * track.common_sigma;
+      place += share * track.place_sigma * track.place_sigma;
       report_.noise.kurtosis += share * track.kurtosis;
     }
     report_.noise.sigma = std::sqrt(variance);
     report_.noise.autocorrelation = correlation;
     report_.noise.common_sigma = std::sqrt(common);
+    report_.noise.place_sigma = std::sqrt(place);
     const auto& members = found_.spread.members;
     if (members.cols() > 0) {
       const VectorXd size =

@@ -23,7 +23,7 @@ struct DiagnoseOptions {
   int refits = 10;      ///< single causes refitted at most
   int most_causes = 3;  ///< named together
   int iterations = 15;  ///< of a refit
-  int limit = 12000;    ///< rows (coordinates of samples) used, and held out; tracks are left out
+  int limit = 6000;     ///< rows (coordinates of samples) used, and held out; tracks are left out
   int listed = 12;      ///< causes in the table
   /// What log-likelihood ratios are divided by before they become probabilities: they are of a
   /// covariance and a catalogue that are themselves uncertain. 2 until a benchmark's training seeds

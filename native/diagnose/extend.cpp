@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "diagnose/extend.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -17,6 +19,10 @@ using Eigen::VectorXd;
 /// Rivals within a fifth of the best score are refitted too: far from neutral a first estimate is
 /// not that exact.
 constexpr double kNearScore = 0.8;
+/// Refitted whatever their scores say of them, for the same reason.
+constexpr std::size_t kAlways = 3;
+/// Of the further causes that are tried beside those that are there.
+constexpr std::size_t kFurther = 3;
 /// The smallest deviation that counts as noise: rounding of single precision at a metre.
 constexpr double kNoiseFloor = 1e-7;
 /// χ² is counted in numbers of causes at this price each.
@@ -111,17 +117,21 @@ class Search {
 
   void linearise_base(const State& state) {
     tell(0.0, "Differentiating all causes");
+    study_.begin("derivatives");
     base_state_ = state;
     out_.slopes =
         linearise(study_, state, candidates_of(study_.model(), state), options_.refit.differences);
-    tell(0.3, "Measuring the solver's own error");
+    tell(0.2, "Measuring the solver's own error");
+    study_.begin("solver");
     out_.spread = numerical_spread(study_, state, members_);
   }
 
   void estimate_from(const VectorXd& stacked) {
     out_.noise =
         estimate_noise(study_.used(), study_.model().captures(), stacked.head(study_.used().size()),
-                       explained_columns(study_, out_.slopes, out_.spread), kNoiseFloor);
+                       explained_columns(study_, out_.slopes, out_.spread), kNoiseFloor,
+                       body_turns(study_.used(), study_.model().captures(),
+                                  out_.slopes.prediction.head(study_.used().size())));
   }
 
   static bool changed(const Noise& a, const Noise& b) {
@@ -131,7 +141,8 @@ class Search {
       // A tenth in size or in correlation shifts thresholds by as much.
       if (std::abs(std::log(x.sigma / y.sigma)) > 0.1 ||
           std::abs(x.correlation - y.correlation) > 0.1 ||
-          std::abs(x.common_sigma - y.common_sigma) > 0.1 * (x.sigma + y.sigma)) {
+          std::abs(x.common_sigma - y.common_sigma) > 0.1 * (x.sigma + y.sigma) ||
+          std::abs(x.place_sigma - y.place_sigma) > 0.1 * (x.sigma + y.sigma)) {
         return true;
       }
     }
@@ -140,9 +151,10 @@ class Search {
 
   void fit_base() {
     tell(0.4, "Refitting");
+    study_.begin("refits");
     refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
     out_.base = Trial{};
-    out_.base.refit = refitter_->fit({base_state_}, out_.slopes.theta);
+    out_.base.refit = refitter_->fit({{base_state_}, out_.slopes.theta});
     const VectorXd first = refitter_->whitening().apply(
         (study_.measured() - out_.slopes.prediction).head(study_.used().size()));
     // The fit ended elsewhere under its own weights: derivatives are taken anew where that matters.
@@ -150,11 +162,14 @@ class Search {
         5.0 + 0.02 * out_.base.refit.chi_square) {
       linearise_base(out_.base.refit.state);
       estimate_from(study_.measured() - out_.base.refit.prediction);
+      study_.begin("refits");
       refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
-      out_.base.refit = refitter_->fit({base_state_}, out_.slopes.theta);
+      out_.base.refit = refitter_->fit({{base_state_}, out_.slopes.theta});
     }
     judge_.emplace(study_, out_.noise, out_.spread, out_.slopes.theta, options_.refit);
-    out_.base.opinion = judge_->judge(out_.base.refit);
+    study_.begin("held-out");
+    const Refit* const base = &out_.base.refit;
+    out_.base.opinion = std::move(judge_->judge({&base, 1}).front());
     weigh(out_.base);
     tell(0.45, "Scoring all causes");
     out_.first = analyse(study_, base_state_, out_.slopes, out_.spread, out_.noise,
@@ -166,23 +181,48 @@ class Search {
       double largest = 0.0;
       for (const Score& score : exact.scores) largest = std::max(largest, score.equivalent);
       const Refitter without(study_, out_.noise, none, options_.refit);
-      out_.solver_took = std::max(
-          0.0, without.fit({base_state_}, out_.slopes.theta).deviance - out_.base.refit.deviance);
+      study_.begin("refits");
+      const Refit exact_fit = without.fit({{out_.base.refit.state}, out_.base.refit.slopes});
+      out_.solver_took = std::max(0.0, exact_fit.deviance - out_.base.refit.deviance);
       out_.exact_solver_significant = exact.smooth.p < 0.01 || exact.placebo.p(largest) < 0.01;
     }
   }
 
-  [[nodiscard]] Trial tried(std::vector<Candidate> causes, const std::vector<State>& starts,
-                            MatrixXd slopes) const {
-    Trial trial;
-    trial.causes = std::move(causes);
-    for (const Candidate& candidate : trial.causes) {
-      trial.numbers += int(study_.model().effects()[std::size_t(candidate.effect)].numbers.size());
+  struct Attempt {
+    std::vector<Candidate> causes;
+    RefitStart start;
+  };
+
+  /// Those that can be simulated, in order, refitted side by side.
+  [[nodiscard]] std::vector<Trial> tried(std::vector<Attempt> attempts,
+                                         const std::string& stage) const {
+    study_.begin(stage);
+    std::vector<RefitStart> starts;
+    starts.reserve(attempts.size());
+    for (Attempt& attempt : attempts) starts.push_back(std::move(attempt.start));
+    std::vector<std::optional<Refit>> refits = refitter_->fit_all(std::move(starts));
+    std::vector<Trial> trials;
+    trials.reserve(attempts.size());
+    for (std::size_t i = 0; i < attempts.size(); ++i) {
+      if (!refits[i]) continue;
+      Trial& trial = trials.emplace_back();
+      trial.causes = std::move(attempts[i].causes);
+      trial.refit = std::move(*refits[i]);
+      for (const Candidate& candidate : trial.causes) {
+        trial.numbers +=
+            int(study_.model().effects()[std::size_t(candidate.effect)].numbers.size());
+      }
     }
-    trial.refit = refitter_->fit(starts, std::move(slopes));
-    trial.opinion = judge_->judge(trial.refit);
-    weigh(trial);
-    return trial;
+    std::vector<const Refit*> models;
+    models.reserve(trials.size());
+    for (const Trial& trial : trials) models.push_back(&trial.refit);
+    study_.begin("held-out");
+    std::vector<Judge::Opinion> opinions = judge_->judge(models);
+    for (std::size_t i = 0; i < trials.size(); ++i) {
+      trials[i].opinion = std::move(opinions[i]);
+      weigh(trials[i]);
+    }
+    return trials;
   }
 
   void weigh(Trial& trial) const {
@@ -228,33 +268,33 @@ class Search {
     const std::vector<std::size_t> order = best_shapes(scores);
     if (order.empty()) return;
     const Score& top = scores[order.front()];
-    if (out_.first->placebo.p(top.equivalent) >= options_.analysis.placebo.level) return;
-    int done = 0;
-    for (std::size_t i = 0; i < order.size() && done < options_.refits; ++i) {
-      const std::size_t k = order[i];
+    std::vector<Attempt> attempts;
+    for (const std::size_t k : order) {
+      if (int(attempts.size()) >= options_.refits) break;
       const Score& score = scores[k];
       if (out_.first->placebo.p(score.equivalent) >= options_.analysis.placebo.level) break;
       const double imitates = out_.first->test.imitation(order.front(), top.estimate, k);
       const bool like = top.statistic * (1.0 - imitates) < kExcluded ||
                         score.statistic > kNearScore * top.statistic;
-      if (i >= 4 && !like) continue;
-      tell(0.5 + 0.03 * double(i),
-           "Refitting with " + study_.model().effects()[std::size_t(score.candidate.effect)].name);
-      std::vector<State> starts{
-          extended(study_.model(), base_state_, score.candidate, score.estimate, 1.0),
-          extended(study_.model(), base_state_, score.candidate, score.estimate, 0.5)};
-      for (const Trial& trial : known) {
-        if (trial.causes.front().effect == score.candidate.effect &&
-            trial.causes.front().variant == score.candidate.variant) {
-          starts = {trial.refit.state};
-        }
-      }
-      out_.singles.push_back(
-          tried({score.candidate}, starts,
-                both(out_.slopes.theta, columns_of(out_.slopes, score.candidate))));
-      ++done;
+      if (!like && attempts.size() >= kAlways) continue;
+      attempts.push_back({{score.candidate}, single_start(score, known)});
     }
+    if (attempts.empty()) return;
+    tell(0.5, fmt::format("Refitting with {} causes", attempts.size()));
+    out_.singles = tried(std::move(attempts), "refits");
     std::ranges::stable_sort(out_.singles, {}, &Trial::evidence);
+  }
+
+  [[nodiscard]] RefitStart single_start(const Score& score, std::vector<Trial>& known) const {
+    for (Trial& trial : known) {
+      if (trial.causes.front().effect == score.candidate.effect &&
+          trial.causes.front().variant == score.candidate.variant) {
+        return {{trial.refit.state}, std::move(trial.refit.slopes)};
+      }
+    }
+    return {{extended(study_.model(), base_state_, score.candidate, score.estimate, 1.0),
+             extended(study_.model(), base_state_, score.candidate, score.estimate, 0.5)},
+            both(out_.slopes.theta, columns_of(out_.slopes, score.candidate))};
   }
 
   static double looseness_of(const Refit& refit) {
@@ -267,11 +307,36 @@ class Search {
     out_.looseness = looseness_of(out_.best->refit);
   }
 
+  /// What is left beside `trial`: first with the derivatives that are there, which cost nothing;
+  /// where those see something, with new ones. `slopes` are those that were used.
   [[nodiscard]] Analysis analyse_at(const Trial& trial, Linearised& slopes) const {
+    const auto analysed = [&] {
+      return analyse(study_, trial.refit.state, slopes, out_.spread, out_.noise,
+                     trial.refit.prediction, trial.refit.bias, options_.analysis);
+    };
+    const Index p = trial.refit.state.theta.size();
+    slopes.prediction = trial.refit.prediction;
+    slopes.theta = trial.refit.slopes.leftCols(p);
+    slopes.active = trial.refit.slopes.rightCols(trial.refit.slopes.cols() - p);
+    slopes.columns.clear();
+    for (const Linearised::Column& column : out_.slopes.columns) {
+      const bool active = std::ranges::any_of(trial.causes, [&](const Candidate& cause) {
+        return cause.effect == column.candidate.effect;
+      });
+      if (!active) slopes.columns.push_back(column);
+    }
+    Analysis found = analysed();
+    if (!further_seen(found)) return found;
+    study_.begin("further derivatives");
     slopes = linearise(study_, trial.refit.state, candidates_of(study_.model(), trial.refit.state),
                        options_.refit.differences);
-    return analyse(study_, trial.refit.state, slopes, out_.spread, out_.noise,
-                   trial.refit.prediction, trial.refit.bias, options_.analysis);
+    return analysed();
+  }
+
+  [[nodiscard]] bool further_seen(const Analysis& analysis) const {
+    const std::vector<std::size_t> order = best_shapes(analysis.scores);
+    return !order.empty() &&
+           analysis.placebo.p(analysis.scores[order.front()].equivalent) < options_.further_level;
   }
 
   /// Whether `more` is worth its causes over `fewer`.
@@ -288,31 +353,26 @@ class Search {
     Linearised slopes;
     out_.last = analyse_at(*out_.best, slopes);
     while (int(out_.best->causes.size()) < options_.most_causes) {
-      const std::vector<std::size_t> order = best_shapes(out_.last->scores);
-      if (order.empty()) return;
-      if (out_.last->placebo.p(out_.last->scores[order.front()].equivalent) >=
-          options_.further_level) {
-        return;
-      }
+      if (!further_seen(*out_.last)) return;
       tell(0.85, "Looking for a further cause");
-      std::optional<Trial> next;
-      const auto consider = [&](Trial trial) {
-        if (!next || trial.evidence < next->evidence) next = std::move(trial);
-      };
-      for (std::size_t i = 0; i < std::min<std::size_t>(3, order.size()); ++i) {
+      const std::vector<std::size_t> order = best_shapes(out_.last->scores);
+      std::vector<Attempt> attempts;
+      for (std::size_t i = 0; i < std::min(kFurther, order.size()); ++i) {
         const Score& score = out_.last->scores[order[i]];
         std::vector<Candidate> causes = out_.best->causes;
         causes.push_back(score.candidate);
-        MatrixXd start =
-            both(both(slopes.theta, slopes.active), columns_of(slopes, score.candidate));
-        consider(tried(
-            std::move(causes),
-            {extended(study_.model(), out_.best->refit.state, score.candidate, score.estimate, 1.0),
-             extended(study_.model(), out_.best->refit.state, score.candidate, score.estimate,
-                      0.5)},
-            std::move(start)));
+        const State& state = out_.best->refit.state;
+        attempts.push_back(
+            {std::move(causes),
+             {{extended(study_.model(), state, score.candidate, score.estimate, 1.0),
+               extended(study_.model(), state, score.candidate, score.estimate, 0.5)},
+              both(both(slopes.theta, slopes.active), columns_of(slopes, score.candidate))}});
       }
-      if (out_.best->causes.size() == 1) consider_pairs(consider);
+      if (out_.best->causes.size() == 1) add_pairs(attempts);
+      std::optional<Trial> next;
+      for (Trial& trial : tried(std::move(attempts), "further refits")) {
+        if (!next || trial.evidence < next->evidence) next = std::move(trial);
+      }
       if (!next || !better(*out_.best, *next)) return;
       eliminate(*next);
       if (next->causes.size() <= out_.best->causes.size() &&
@@ -326,8 +386,7 @@ class Search {
   }
 
   /// All pairs of the best eight by their joint score; the best two are refitted.
-  template <class Consider>
-  void consider_pairs(const Consider& consider) {
+  void add_pairs(std::vector<Attempt>& attempts) const {
     std::vector<std::size_t> order = best_shapes(out_.first->scores);
     if (order.size() > 8) order.resize(8);
     struct Found {
@@ -352,29 +411,43 @@ class Search {
       const Candidate b = out_.first->scores[found.l].candidate;
       const State one = extended(study_.model(), base_state_, a, estimate.first, 1.0);
       const State half = extended(study_.model(), base_state_, a, estimate.first, 0.5);
-      consider(tried(
-          {a, b},
-          {extended(study_.model(), one, b, estimate.second, 1.0),
-           extended(study_.model(), half, b, estimate.second, 0.5)},
-          both(both(out_.slopes.theta, columns_of(out_.slopes, a)), columns_of(out_.slopes, b))));
+      attempts.push_back({{a, b},
+                          {{extended(study_.model(), one, b, estimate.second, 1.0),
+                            extended(study_.model(), half, b, estimate.second, 0.5)},
+                           both(both(out_.slopes.theta, columns_of(out_.slopes, a)),
+                                columns_of(out_.slopes, b))}});
     }
   }
 
   /// Takes out causes without which the model is as good.
   void eliminate(Trial& trial) {
     for (std::size_t c = 0; c < trial.causes.size() && trial.causes.size() > 1;) {
-      State without = trial.refit.state;
-      without.causes.erase(without.causes.begin() + std::ptrdiff_t(c));
-      std::vector<Candidate> causes = trial.causes;
-      causes.erase(causes.begin() + std::ptrdiff_t(c));
-      Trial fewer = tried(std::move(causes), {without}, {});
-      if (better(fewer, trial)) {
+      std::optional<Trial> fewer = without(trial, c);
+      if (!fewer || better(*fewer, trial)) {
         ++c;
       } else {
-        trial = std::move(fewer);
+        trial = std::move(*fewer);
         c = 0;
       }
     }
+  }
+
+  [[nodiscard]] std::optional<Trial> without(const Trial& trial, std::size_t c) const {
+    Attempt attempt{trial.causes, {{trial.refit.state}, {}}};
+    State& state = attempt.start.states.front();
+    Index first = state.theta.size();
+    for (std::size_t before = 0; before < c; ++before) first += state.causes[before].values.size();
+    const Index count = state.causes[c].values.size();
+    const MatrixXd& slopes = trial.refit.slopes;
+    attempt.start.slopes =
+        both(slopes.leftCols(first), slopes.rightCols(slopes.cols() - first - count));
+    state.causes.erase(state.causes.begin() + std::ptrdiff_t(c));
+    attempt.causes.erase(attempt.causes.begin() + std::ptrdiff_t(c));
+    std::vector<Attempt> attempts;
+    attempts.push_back(std::move(attempt));
+    std::vector<Trial> trials = tried(std::move(attempts), "further refits");
+    if (trials.empty()) return std::nullopt;
+    return std::move(trials.front());
   }
 
   void accept() {

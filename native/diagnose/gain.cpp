@@ -80,7 +80,8 @@ double noise_floor(const Rows& rows, const Noise& noise, const MatrixXd& spread)
   VectorXd size(rows.size());
   for (const Series& series : rows.series()) {
     const TrackNoise& track = noise.captures[std::size_t(series.capture)];
-    const double own = track.sigma * track.sigma + track.common_sigma * track.common_sigma;
+    const double own = track.sigma * track.sigma + track.common_sigma * track.common_sigma +
+                       track.place_sigma * track.place_sigma;
     for (Index i = series.begin; i < series.end; ++i) {
       const double solver =
           spread.cols() > 0 ? spread.row(i).squaredNorm() / double(spread.cols()) : 0.0;

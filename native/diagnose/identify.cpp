@@ -27,6 +27,11 @@ constexpr double kTie = 0.1;
 constexpr double kMember = 0.3;
 /// Shifts below an error are not worth a sentence.
 constexpr double kNoticed = 1.0;
+/// Half of the frames cost √2 in errors where frames are many: more than twice that, and what
+/// happens between frames is what tells.
+constexpr double kSparse = 2.8;
+/// The second half of a recording is worth √2 of its own; from this on it is most of what tells.
+constexpr double kShort = 4.0;
 /// A new recording is proposed if it makes the worst error this much smaller.
 constexpr double kHelps = 0.5;
 
@@ -62,16 +67,18 @@ Inverse invert(const MatrixXd& h, const VectorXd& whole) {
 class Check {
  public:
   Check(const Model& model, const IdentifyOptions& options)
-      : model_(model), study_(model, options.limit) {
+      : model_(model), study_(model, options.limit), progress_(options.progress) {
     differences_.central = options.central;
   }
 
   BeforeFit run() {
+    tell(0.0, "Differentiating");
     const State state = study_.fitted();
     slopes_ = linearise(study_, state, candidates_of(model_, state), differences_);
     measure_noise();
     const Index used = study_.used().size();
     MatrixXd members(used, 0);
+    tell(0.8, "Measuring the solver's own error");
     const Spread spread = numerical_spread(study_, state, 2);
     if (spread.members.cols() > 0) members = spread.members.topRows(used);
     if (spread.bias.size() > 0) {
@@ -87,6 +94,7 @@ class Check {
     inverse_ = invert(h, whole_);
     parameters();
     ties();
+    sufficiency();
     assumptions(whitening);
     propose();
     speak();
@@ -94,11 +102,17 @@ class Check {
   }
 
  private:
+  void tell(double fraction, const std::string& what) const {
+    if (progress_) progress_(fraction, what);
+  }
+
   void measure_noise() {
     const Spread none{MatrixXd(study_.size(), 0), {}};
     noise_ = estimate_noise(study_.used(), model_.captures(),
                             (study_.measured() - slopes_.prediction).head(study_.used().size()),
-                            explained_columns(study_, slopes_, none), 1e-7);
+                            explained_columns(study_, slopes_, none), 1e-7,
+                            body_turns(study_.used(), model_.captures(),
+                                       slopes_.prediction.head(study_.used().size())));
     for (std::size_t c = 0; c < noise_.captures.size(); ++c) {
       const double stated = model_.captures()[c].noise;
       if (stated > 0.0) noise_.captures[c].sigma = stated;
@@ -139,6 +153,71 @@ class Check {
       }
       if (tie.names.size() > 1) result_.ties.push_back(std::move(tie));
     }
+  }
+
+  /// Whether half of it would do, by the rows that would be left.
+  void sufficiency() {
+    double first = 1e300;
+    double last = -1e300;
+    for (Index i = 0; i < white_.rows(); ++i) {
+      first = std::min(first, study_.used().time(i));
+      last = std::max(last, study_.used().time(i));
+    }
+    Enough rate = without("frame rate", [&](Index i) { return study_.used().frame(i) % 2 == 0; });
+    rate.enough = rate.ratio < kSparse;
+    rate.sentence = rate.enough
+                        ? "The frame rate suffices."
+                        : fmt::format(
+                              "The frame rate hardly suffices: at half of it {} would be {:.1f} "
+                              "times as uncertain. Record more frames a second.",
+                              rate.parameter, rate.ratio);
+    Enough span =
+        without("duration", [&](Index i) { return study_.used().time(i) <= 0.5 * (first + last); });
+    span.enough = span.ratio < kShort;
+    span.sentence =
+        span.enough
+            ? "The recording is long enough."
+            : fmt::format(
+                  "Most of what tells {} is in the second half of the recording: without "
+                  "it, it would be {:.1f} times as uncertain. A longer one would tell more.",
+                  span.parameter, span.ratio);
+    result_.enough.push_back(std::move(rate));
+    result_.enough.push_back(std::move(span));
+    Enough noise{"noise", 1.0, "", true, "The noise is small enough."};
+    for (std::size_t p = 0; p < result_.parameters.size(); ++p) {
+      const double error = scaled_error(Index(p));
+      if (!std::isfinite(error) || error <= noise.ratio) continue;
+      noise.ratio = error;
+      noise.parameter = result_.parameters[p].name;
+      noise.enough = false;
+    }
+    if (!noise.enough) {
+      noise.sentence = fmt::format(
+          "With {:.2g} m of noise {} is not told; it would take {:.2g} m, or so many more points.",
+          result_.sigma, noise.parameter, result_.sigma / noise.ratio);
+    }
+    result_.enough.push_back(std::move(noise));
+  }
+
+  template <class Keep>
+  [[nodiscard]] Enough without(const char* what, const Keep& keep) const {
+    MatrixXd h = MatrixXd::Zero(white_.cols(), white_.cols());
+    for (Index i = 0; i < white_.rows(); ++i) {
+      if (keep(i)) h += white_.row(i).transpose() * white_.row(i);
+    }
+    const VectorXd whole = h.diagonal();
+    h.diagonal() += theta_prior(model_).precision;
+    const Inverse inverse = invert(h, whole);
+    Enough result{what, 1.0, "", true, ""};
+    for (Index i = 0; i < h.cols(); ++i) {
+      const double before = scaled_error(i);
+      const double after = std::sqrt(inverse.covariance(i, i));
+      // What is not told at all is said elsewhere.
+      if (!(before < 1.0) || !(after > result.ratio * before)) continue;
+      result.ratio = after / before;
+      result.parameter = model_.parameters()[std::size_t(i)].name;
+    }
+    return result;
   }
 
   /// θ shifts by H⁻¹ Jᵀ j when an effect of one scale is there and is left out.
@@ -215,6 +294,9 @@ class Check {
       result_.statements.push_back(fmt::format(
           "{} are tied: the recording tells a combination of them. Give one of them.", names));
     }
+    for (const Enough& enough : result_.enough) {
+      if (!enough.enough) result_.statements.push_back(enough.sentence);
+    }
     for (std::size_t i = 0; i < std::min<std::size_t>(3, result_.assumptions.size()); ++i) {
       const Assumption& a = result_.assumptions[i];
       std::string effect = a.effect;
@@ -236,6 +318,7 @@ class Check {
   VectorXd whole_;
   Inverse inverse_;
   BeforeFit result_;
+  std::function<void(double, const std::string&)> progress_;
 };
 
 }  // namespace

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -33,12 +34,24 @@ struct Assumption {
   double errors = 0.0;    ///< that, over the parameter's error
 };
 
+/// How much of what a recording has is needed.
+struct Enough {
+  std::string what;  ///< "frame rate", "duration", "noise"
+  /// Error of the parameter that suffers most with half of the frames, the first half of the time,
+  /// or twice the noise, over its error with all.
+  double ratio = 1.0;
+  std::string parameter;  ///< which that is
+  bool enough = true;
+  std::string sentence;
+};
+
 struct BeforeFit {
   double sigma = 0.0;  ///< noise of a coordinate [m]: stated, else estimated
   double autocorrelation = 0.0;
   std::vector<Identifiable> parameters;
   std::vector<Tie> ties;
   std::vector<Assumption> assumptions;  ///< worst first
+  std::vector<Enough> enough;
   std::vector<std::string> statements;  ///< all of it for people, the most important first
   std::string record_instead;           ///< empty: nothing needed, or nothing known that helps
 };
@@ -46,13 +59,14 @@ struct BeforeFit {
 struct IdentifyOptions {
   int limit = 12000;  ///< rows
   bool central = true;
+  std::function<void(double, const std::string&)> progress;  ///< fraction, what is being done
 };
 
 /// Before anything is fitted: the information matrix at the start values from a handful of runs,
 /// noise as stated or as the recording shows it beside smooth motion, the solver's error from two
-/// resolutions. Says which parameters the recording will tell and how well, which are tied, what an
-/// error in what is taken as given would do, and which of Model::experiments() would help. Throws
-/// like diagnose().
+/// resolutions. Says which parameters the recording will tell and how well, which are tied, whether
+/// frame rate, duration and noise suffice, what an error in what is taken as given would do, and
+/// which of Model::experiments() would help. Throws like diagnose().
 [[nodiscard]] BeforeFit identify(const Model& model, const IdentifyOptions& options = {});
 
 }  // namespace matterfit::diagnose

@@ -80,16 +80,16 @@ Judge::Judge(const Study& study, const Noise& noise, const Spread& spread, const
                tracks.contains({c, track}) && (frame >= cut[std::size_t(c)]) == later;
       };
     };
-    split_ = std::make_unique<Study>(model, Rows(model.captures(), part(false)),
+    split_ = std::make_unique<Study>(study, Rows(model.captures(), part(false)),
                                      Rows(model.captures(), part(true)));
-    std::vector<Index> places = places_in(study.used(), split_->used());
+    places_ = places_in(study.used(), split_->used());
     const std::vector<Index> later = places_in(study.used(), split_->held());
-    places.insert(places.end(), later.begin(), later.end());
+    places_.insert(places_.end(), later.begin(), later.end());
     Spread there;
-    there.members = pick(spread.members, places);
-    if (spread.bias.size() > 0) there.bias = pick(spread.bias, places);
+    there.members = pick(spread.members, places_);
+    if (spread.bias.size() > 0) there.bias = pick(spread.bias, places_);
     members = there.members;
-    theta_ = pick(theta, places);
+    theta_ = pick(theta, places_);
     study_ = split_.get();
     fit_noise_ = for_rows(noise, split_->used());
     refitter_ = std::make_unique<Refitter>(*split_, fit_noise_, there, options);
@@ -106,8 +106,10 @@ Judge::Judge(const Study& study, const Noise& noise, const Spread& spread, const
   const Index held = study_->held().size();
   held_noise_ = for_rows(noise, study_->held());
   members_ = members.bottomRows(held);
-  const MatrixXd share = members / std::sqrt(std::max(1.0, double(members.cols())));
-  used_whitening_.emplace(study_->used(), fit_noise_, share.topRows(fitted));
+  const std::vector<Capture>& captures = model.captures();
+  used_whitening_.emplace(study_->used(), fit_noise_,
+                          solver_columns(study_->used(), captures, members.topRows(fitted)).values);
+  const MatrixXd solver = solver_columns(study_->held(), captures, members_).values;
   // Own parameters are fitted to the held-out samples; the others err as the fit says.
   MatrixXd columns = theta_;
   for (const Index p : own_) columns.col(p).setZero();
@@ -115,9 +117,9 @@ Judge::Judge(const Study& study, const Noise& noise, const Spread& spread, const
   const MatrixXd moved =
       columns.bottomRows(held) *
       root_of_covariance(used_whitening_->apply(columns.topRows(fitted)), precision);
-  MatrixXd spread_columns(held, share.cols() + moved.cols());
-  spread_columns << share.bottomRows(held), moved;
-  if (held > 0) whitening_.emplace(study_->held(), held_noise_, spread_columns);
+  MatrixXd columns_of_errors(held, solver.cols() + moved.cols());
+  columns_of_errors << solver, moved;
+  if (held > 0) whitening_.emplace(study_->held(), held_noise_, columns_of_errors);
 }
 
 State Judge::settle(const State& state) const {
@@ -157,25 +159,45 @@ State Judge::settle(const State& state) const {
   return here;
 }
 
-Judge::Opinion Judge::judge(const Refit& refit) const {
-  Opinion opinion;
-  VectorXd prediction = refit.prediction;
+std::vector<VectorXd> Judge::predictions(std::span<const Refit* const> refits) const {
+  std::vector<VectorXd> result;
+  result.reserve(refits.size());
+  for (const Refit* refit : refits) result.push_back(refit->prediction);
   if (refitter_) {
-    prediction = refitter_->fit({refit.state}, {}).prediction;
+    std::vector<RefitStart> starts;
+    starts.reserve(refits.size());
+    for (const Refit* refit : refits) {
+      starts.push_back({{refit->state}, pick(refit->slopes, places_)});
+    }
+    const auto again = refitter_->fit_all(std::move(starts));
+    for (std::size_t i = 0; i < refits.size(); ++i) {
+      result[i] = again[i] ? again[i]->prediction : VectorXd(result[i](places_));
+    }
   } else if (!own_.empty()) {
-    const auto settled = study_->predict({settle(refit.state)})[0];
-    // The bias of the grid stays as it was.
-    const auto as_was = study_->predict({refit.state})[0];
-    if (settled && as_was) prediction += *settled - *as_was;
+    for (std::size_t i = 0; i < refits.size(); ++i) {
+      // The bias of the grid stays as it was.
+      const State& state = refits[i]->state;
+      const auto runs = study_->predict({settle(state), state});
+      if (runs[0] && runs[1]) result[i] += *runs[0] - *runs[1];
+    }
   }
-  opinion.stacked = study_->measured() - prediction;
-  opinion.residual = opinion.stacked.tail(study_->held().size());
-  if (!refitter_ && whitening_) {
-    const VectorXd white = whitening_->apply(opinion.residual);
-    opinion.deviance = white.squaredNorm();
-    add_by_block(study_->held(), study_->model().captures(), white, opinion.blocks);
+  return result;
+}
+
+std::vector<Judge::Opinion> Judge::judge(std::span<const Refit* const> refits) const {
+  std::vector<Opinion> opinions;
+  opinions.reserve(refits.size());
+  for (const VectorXd& prediction : predictions(refits)) {
+    Opinion& opinion = opinions.emplace_back();
+    opinion.stacked = study_->measured() - prediction;
+    opinion.residual = opinion.stacked.tail(study_->held().size());
+    if (!refitter_ && whitening_) {
+      const VectorXd white = whitening_->apply(opinion.residual);
+      opinion.deviance = white.squaredNorm();
+      add_by_block(study_->held(), study_->model().captures(), white, opinion.blocks);
+    }
   }
-  return opinion;
+  return opinions;
 }
 
 Gain Judge::gain_of(const Opinion& before, const Opinion& after, int numbers,

@@ -5,6 +5,8 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "diagnose/gain.hpp"
 #include "diagnose/refit.hpp"
@@ -29,7 +31,8 @@ class Judge {
     std::map<BlockKey, double> blocks;  ///< that χ² by block; empty where it is 0
     Eigen::VectorXd stacked;            ///< the residual of the rows fitted to, then that
   };
-  [[nodiscard]] Opinion judge(const Refit& refit) const;
+  /// Of each model, in order.
+  [[nodiscard]] std::vector<Opinion> judge(std::span<const Refit* const> refits) const;
 
   /// Gain of `after` over `before`; the free field has `numbers` numbers.
   [[nodiscard]] Gain gain_of(const Opinion& before, const Opinion& after, int numbers,
@@ -38,9 +41,13 @@ class Judge {
 
  private:
   [[nodiscard]] State settle(const State& state) const;
+  /// Of the rows fitted to, then of those kept back.
+  [[nodiscard]] std::vector<Eigen::VectorXd> predictions(
+      std::span<const Refit* const> refits) const;
   std::unique_ptr<Study> split_;        ///< where nothing was held out
   std::unique_ptr<Refitter> refitter_;  ///< on its rows
   const Study* study_;
+  std::vector<Eigen::Index> places_;  ///< of its rows among those of the study that was given
   Noise fit_noise_;
   Noise held_noise_;
   Eigen::MatrixXd theta_;    ///< stacked

@@ -96,7 +96,7 @@ std::vector<FrameError> errors_by_frame(const Study& study, const VectorXd& resi
     error.frame = frame_number(capture, key.second);
     error.time = sum.time;
     error.rms = std::sqrt(sum.square / sum.samples);
-    error.noise = std::sqrt(axes) * std::hypot(track.sigma, track.common_sigma);
+    error.noise = std::sqrt(axes) * std::hypot(track.sigma, track.common_sigma, track.place_sigma);
     error.numerical = std::sqrt(sum.solver / sum.samples);
     error.held_out = sum.held;
     result.push_back(error);
@@ -179,7 +179,8 @@ std::vector<WrongPlace> wrong_places(const Study& study, const VectorXd& residua
     for (std::size_t a = 0; a < 3; ++a) {
       if (!(cell.count[a] > 0.0)) continue;
       const double n = cell.count[a];
-      double variance = track.sigma * track.sigma / n + track.common_sigma * track.common_sigma;
+      double variance = (track.sigma * track.sigma + track.place_sigma * track.place_sigma) / n +
+                        track.common_sigma * track.common_sigma;
       if (members.cols() > 0) {
         variance += cell.solver[a].squaredNorm() / (n * n * double(members.cols()));
       }

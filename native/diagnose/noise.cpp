@@ -49,8 +49,9 @@ double robust_deviation(const VectorXd& values) {
 /// correlation φ is a quadratic polynomial of φ.
 class Moments {
  public:
-  /// `chains`: rows of each in time, a frame's interval apart.
-  Moments(const MatrixXd& rows, const std::vector<std::vector<Index>>& chains) {
+  /// `chains`: rows of each in time, a frame's interval apart; `lost`: degrees of freedom that the
+  /// rows no longer have.
+  Moments(const MatrixXd& rows, const std::vector<std::vector<Index>>& chains, double lost = 0.0) {
     const Index width = rows.cols();
     Index steps = 0;
     for (const auto& chain : chains) steps += Index(chain.size()) - 1;
@@ -71,7 +72,7 @@ class Moments {
     const MatrixXd both = later.transpose() * before;
     cross_ = both + both.transpose();
     steps_ = double(steps);
-    size_ = double(steps) + double(chains.size());
+    size_ = double(steps) + double(chains.size()) - lost;
   }
 
   struct Likelihood {
@@ -199,11 +200,13 @@ void lend_noise(const std::vector<Capture>& captures, const std::vector<std::siz
     mean.correlation += track.correlation / seen;
     mean.common_sigma += track.common_sigma * track.common_sigma / seen;
     mean.common_correlation += track.common_correlation / seen;
+    mean.place_sigma += track.place_sigma * track.place_sigma / seen;
     mean.freedom = std::max(mean.freedom, track.freedom);
     mean.plausible = track.plausible;
   }
   mean.sigma = std::sqrt(mean.sigma);
   mean.common_sigma = std::sqrt(mean.common_sigma);
+  mean.place_sigma = std::sqrt(mean.place_sigma);
   for (const std::size_t c : unseen) {
     const double interval = noise.captures[c].interval;
     noise.captures[c] = mean;
@@ -234,6 +237,73 @@ Cleaned clean(const VectorXd& residual, const MatrixXd& explained) {
   return result;
 }
 
+/// Of smooth displacements: as many as the tracks can tell from their own errors.
+int smooth_shapes(const Capture& capture) {
+  const Index tracks = capture.tracks();
+  return tracks >= 30 ? 10 : (tracks >= 8 ? 4 : 1);
+}
+
+/// What places' errors make of the tracks of one capture.
+struct Places {
+  double lost = 0.0;      ///< degrees of freedom that taking them out costs
+  double square = 0.0;    ///< mean square of a coordinate of a place, with the noise of its mean
+  double of_noise = 0.0;  ///< that, for white noise of deviation 1
+  double count = 0.0;     ///< of tracks
+};
+
+/// Takes out of every track what a wrong place would make of it: from so many rows on, so that
+/// something is left. The last column is the data.
+Places take_out_places(const std::vector<TrackRows>& tracks, int capture, MatrixXd& rows) {
+  constexpr Index kFewestRows = 18;  // six frames
+  Places places;
+  for (const TrackRows& track : tracks) {
+    if (track.capture != capture || track.shift.rows() < kFewestRows) continue;
+    MatrixXd values = track.gather(rows);
+    const Eigen::Matrix3d information = track.shift.transpose() * track.shift;
+    const Eigen::Matrix3d covariance = information.inverse();
+    if (!covariance.allFinite()) continue;
+    const MatrixXd shifts = covariance * (track.shift.transpose() * values);
+    values -= track.shift * shifts;
+    track.scatter(values, rows);
+    places.square += shifts.rightCols(1).squaredNorm() / 3.0;
+    places.of_noise += covariance.trace() / 3.0;
+    places.lost += 3.0;
+    places.count += 1.0;
+  }
+  if (places.count > 0.0) {
+    places.square /= places.count;
+    places.of_noise /= places.count;
+  }
+  return places;
+}
+
+/// Mean square of a place's coordinate that a track's own noise makes.
+double square_of_noise(const Places& places, double sigma, double correlation) {
+  const double phi = std::max(correlation, 0.0);
+  return places.of_noise * sigma * sigma * std::min(50.0, (1.0 + phi) / (1.0 - phi));
+}
+
+/// Whether tracks' places are farther off than noise that is correlated in time would make them.
+/// Of them `smooth` combinations were taken out before.
+bool places_are_wrong(const Places& places, const Autoregression& fit, double smooth) {
+  const double free = 3.0 * (places.count - smooth);
+  if (!(free > 3.0)) return false;
+  // Three standard deviations of a mean square.
+  const double limit = 1.0 + 3.0 * std::sqrt(2.0 / free);
+  return places.square * places.count >
+         limit * (places.count - smooth) * square_of_noise(places, fit.sigma, fit.correlation);
+}
+
+/// An AR(1) from which a constant of each series was taken out comes out too small (Kendall 1954);
+/// `frames` of a series.
+void correct_for_constants(double frames, Autoregression& fit) {
+  const auto corrected = [&](double phi) {
+    return std::min(kHighestCorrelation, phi + (1.0 + 3.0 * phi) / frames);
+  };
+  fit.correlation = corrected(fit.correlation);
+  for (double& phi : fit.plausible) phi = corrected(phi);
+}
+
 }  // namespace
 
 MatrixXd smooth_basis(const Rows& rows, const std::vector<Capture>& captures, int cosines) {
@@ -245,7 +315,7 @@ MatrixXd smooth_basis(const Rows& rows, const std::vector<Capture>& captures, in
     for (const Vec3d& x : capture.rest) centre += x / double(tracks);
     double size = 1e-12;
     for (const Vec3d& x : capture.rest) size = std::max(size, (x - centre).norm());
-    const int shapes = tracks >= 30 ? 10 : (tracks >= 8 ? 4 : 1);
+    const int shapes = smooth_shapes(capture);
     double first = 1e300;
     double last = -1e300;
     for (const Series& series : rows.series()) {
@@ -281,7 +351,8 @@ MatrixXd smooth_basis(const Rows& rows, const std::vector<Capture>& captures, in
 }
 
 Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
-                     const VectorXd& residual, const MatrixXd& explained, double floor) {
+                     const VectorXd& residual, const MatrixXd& explained, double floor,
+                     const Turns& turns) {
   const Cleaned cleaned = clean(residual, explained);
   MatrixXd all(rows.size(), cleaned.basis.cols() + 1);
   all << cleaned.basis, cleaned.value;
@@ -289,6 +360,9 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
   Noise noise;
   noise.captures.resize(captures.size());
   noise.weights = VectorXd::Ones(rows.size());
+  noise.turns = turns;
+  const std::vector<TrackRows> tracks_of =
+      turns.empty() ? std::vector<TrackRows>{} : track_rows(rows, turns);
   std::vector<std::size_t> unseen;
   for (std::size_t c = 0; c < captures.size(); ++c) {
     TrackNoise& track = noise.captures[c];
@@ -322,7 +396,14 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
         before = key;
       }
     }
-    const Autoregression fit = fit_autoregression(Moments(own, chains));
+    Autoregression fit = fit_autoregression(Moments(own, chains));
+    const double smooth = smooth_shapes(captures[c]);
+    const Places places = take_out_places(tracks_of, int(c), own);
+    const bool misplaced = places_are_wrong(places, fit, smooth);
+    if (misplaced) {
+      fit = fit_autoregression(Moments(own, chains, places.lost));
+      correct_for_constants(1.0 / std::max(places.of_noise, 1e-3), fit);
+    }
     const double tracks = double(widest);
     // Differences from the mean of n have (1 − 1/n) of the variance, in as many fewer values.
     const double lost = shared ? std::sqrt(tracks / (tracks - 1.0)) : 1.0;
@@ -330,6 +411,11 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
     track.freedom = std::max(fit.freedom / (lost * lost), 1.0);
     track.correlation = fit.correlation;
     track.plausible = fit.plausible;
+    if (misplaced) {
+      const double square = places.square * places.count / (places.count - smooth) -
+                            square_of_noise(places, fit.sigma, fit.correlation);
+      track.place_sigma = lost * std::sqrt(std::max(square, 0.0));
+    }
     if (shared) {
       const Autoregression mean = fit_autoregression(Moments(means, mean_chains));
       const double own_part = track.sigma * track.sigma / tracks;
@@ -352,7 +438,7 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
         second += z * z;
         fourth += z * z * z * z;
         count += 1.0;
-        const double total = std::hypot(track.sigma, track.common_sigma);
+        const double total = std::hypot(track.sigma, track.common_sigma, track.place_sigma);
         if (std::abs(z) > kOutlier * total) {
           noise.weights[chain[j]] = kOutlier * total / std::abs(z);
         }
@@ -365,7 +451,7 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
 }
 
 Noise for_rows(const Noise& noise, const Rows& rows) {
-  return Noise{noise.captures, VectorXd::Ones(rows.size())};
+  return Noise{noise.captures, VectorXd::Ones(rows.size()), noise.turns};
 }
 
 }  // namespace matterfit::diagnose

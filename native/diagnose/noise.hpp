@@ -4,18 +4,21 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "diagnose/places.hpp"
 #include "diagnose/rows.hpp"
 
 namespace matterfit::diagnose {
 
 /// The tracker's noise in one capture: every coordinate of every track is a stationary AR(1) of its
-/// own, and a second one is shared by all tracks at each time (a camera that shakes).
+/// own, and a second one is shared by all tracks at each time (a camera that shakes). Where a track
+/// is on the body has an error that stays, as where a noisy frame said it, and turns with the body.
 struct TrackNoise {
   double sigma = 0.0;               ///< standard deviation of a coordinate's own part [m]
   double correlation = 0.0;         ///< of that from one frame to the next
   double interval = 0.0;            ///< between frames, median [s]
   double common_sigma = 0.0;        ///< of the shared part [m]
   double common_correlation = 0.0;  ///< of that
+  double place_sigma = 0.0;         ///< of a coordinate of a track's place on the body [m]
   double freedom = 1.0;             ///< degrees of freedom in which sigma was seen
   /// Correlations at the middle of each fifth of its posterior: how sure it is.
   std::vector<double> plausible;
@@ -28,6 +31,7 @@ struct Noise {
   /// One a row, in (0, 1]: rows whose innovation lies beyond four robust standard deviations are
   /// made lighter in proportion (Huber), so that heavy tails do not decide.
   Eigen::VectorXd weights;
+  Turns turns;  ///< of the bodies; empty: places count as exact
 };
 
 /// Columns that a smooth unknown displacement could have: cosines over time (`cosines` of them, the
@@ -41,10 +45,12 @@ struct Noise {
 /// discrepancy does not count as noise. Restricted maximum likelihood over the correlation
 /// (Patterson and Thompson 1971); values that lie four robust standard deviations out are pulled in
 /// first. The own part is seen in differences from the frame's mean, the shared part in the means,
-/// from four tracks on. `floor` [m] is the smallest standard deviation.
+/// from four tracks on; errors of places in what of a track's residual turns with the body.
+/// `floor` [m] is the smallest standard deviation.
 [[nodiscard]] Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
                                    const Eigen::VectorXd& residual,
-                                   const Eigen::MatrixXd& explained, double floor);
+                                   const Eigen::MatrixXd& explained, double floor,
+                                   const Turns& turns = {});
 
 /// The same noise for other rows of the captures (held out), without outliers.
 [[nodiscard]] Noise for_rows(const Noise& noise, const Rows& rows);

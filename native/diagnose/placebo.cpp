@@ -63,31 +63,33 @@ void draw_noise(const ScoreTest& test, const std::vector<MatrixXd>& covariances,
   std::ranges::sort(placebo.noise);
 }
 
-void draw_members(const MatrixXd& gram, Index members, const VectorXd& precision,
+void draw_members(const MatrixXd& gram, const std::vector<int>& member, const VectorXd& precision,
                   const std::vector<Tested>& tested, const PlaceboOptions& options,
                   Placebo& placebo) {
+  if (member.empty()) return;
+  const Index members = 1 + *std::ranges::max_element(member);
   if (members < 4) return;
-  const Index width = gram.cols() - members;
+  const Index columns = Index(member.size());
+  const Index width = gram.cols() - columns - members;
   const VectorXd prior = precision.cwiseSqrt();
   placebo.solver.reserve(std::size_t(members) * std::size_t(options.member_draws));
   for (Index m = 0; m < members; ++m) {
-    // Woodbury with the others, each 1/√(members − 1) of its deviation.
+    // Woodbury with what the others make, so many fewer that each counts for more.
     std::vector<Index> others;
-    others.reserve(std::size_t(members));
-    for (Index k = 0; k < members; ++k) {
-      if (k != m) others.push_back(width + k);
+    others.reserve(std::size_t(columns));
+    for (Index k = 0; k < columns; ++k) {
+      if (member[std::size_t(k)] != int(m)) others.push_back(width + k);
     }
-    const double share = 1.0 / std::sqrt(double(members - 1));
+    const double share = std::sqrt(double(members) / double(members - 1));
+    const Index signal_at = width + columns + m;
     const MatrixXd p = gram.topLeftCorner(width, width);
     const MatrixXd q = share * gram(Eigen::seqN(0, width), others);
     const MatrixXd r = share * share * gram(others, others);
-    const MatrixXd s = (r + MatrixXd::Identity(members - 1, members - 1))
-                           .llt()
-                           .solve(MatrixXd::Identity(members - 1, members - 1));
-    const MatrixXd qs = q * s;
+    const MatrixXd qs =
+        (r + MatrixXd::Identity(r.rows(), r.cols())).llt().solve(q.transpose()).transpose();
     const ScoreTest test(p - qs * q.transpose(), precision, tested);
-    const VectorXd signal = gram.col(width + m).head(width) -
-                            qs * (share * gram(others, std::vector<Index>{width + m}));
+    const VectorXd signal = gram.col(signal_at).head(width) -
+                            qs * (share * gram(others, std::vector<Index>{signal_at}));
     const MatrixXd factor = root(p - 2.0 * qs * q.transpose() + qs * r * qs.transpose());
     for (int i = 0; i < options.member_draws; ++i) {
       Random random(options.seed + 1, std::uint64_t(m) * 1000003 + std::uint64_t(i));

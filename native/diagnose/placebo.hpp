@@ -32,9 +32,10 @@ void draw_noise(const ScoreTest& test, const std::vector<Eigen::MatrixXd>& covar
                 double freedom, const PlaceboOptions& options, Placebo& placebo);
 
 /// Draws where the data come from a member of the solver's ensemble that the covariance does not
-/// know. `gram`: of [nuisances | candidates | members] whitened by the measurement's noise alone,
-/// members as deviations in full size.
-void draw_members(const Eigen::MatrixXd& gram, Eigen::Index members,
+/// know. `gram`: of [nuisances | candidates | U | members] whitened by the measurement's noise
+/// alone, U Uᵀ the solver's covariance with the member that each column was made of, members as
+/// deviations in full size. Fewer than four members say nothing.
+void draw_members(const Eigen::MatrixXd& gram, const std::vector<int>& member,
                   const Eigen::VectorXd& precision, const std::vector<Tested>& tested,
                   const PlaceboOptions& options, Placebo& placebo);
 

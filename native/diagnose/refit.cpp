@@ -3,8 +3,10 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "base/error.hpp"
@@ -77,12 +79,6 @@ VectorXd bias_columns(const Study& study, const Spread& spread) {
   return spread.bias.size() == study.size() ? VectorXd(-spread.bias) : VectorXd();
 }
 
-MatrixXd spread_columns(const Study& study, const Spread& spread) {
-  const Index members = spread.members.cols();
-  if (members == 0) return MatrixXd(study.used().size(), 0);
-  return spread.members.topRows(study.used().size()) / std::sqrt(double(members));
-}
-
 }  // namespace
 
 ThetaPrior theta_prior(const Model& model) {
@@ -111,7 +107,10 @@ Refitter::Refitter(const Study& study, const Noise& noise, const Spread& spread,
                    RefitOptions options)
     : study_(&study),
       options_(options),
-      whitening_(study.used(), noise, spread_columns(study, spread)),
+      whitening_(study.used(), noise,
+                 solver_columns(study.used(), study.model().captures(),
+                                spread.members.topRows(study.used().size()))
+                     .values),
       bias_(bias_columns(study, spread)) {}
 
 Refitter::Place Refitter::place(const State& state, double bias, const VectorXd& seen) const {
@@ -174,103 +173,179 @@ void shrink(const Model& model, double share, State& state) {
 
 }  // namespace
 
-Refit Refitter::fit(const std::vector<State>& starts, MatrixXd slopes) const {
-  const Model& model = study_->model();
-  const double bias_start = bias_.size() > 0 ? kBiasMean : 0.0;
-  std::optional<Place> here;
-  // A first estimate is linear: where what it says cannot be simulated, less of it may be.
-  for (const double share : {1.0, 0.1, 0.01, 0.0}) {
-    std::vector<State> closer = starts;
-    for (State& state : closer) shrink(model, share, state);
-    const auto seen = study_->predict(closer);
-    for (std::size_t i = 0; i < closer.size(); ++i) {
+/// One search, which says what it wants simulated next.
+class Refitter::Search {
+ public:
+  Search(const Refitter& refitter, RefitStart start)
+      : refitter_(refitter), start_(std::move(start)), slopes_(std::move(start_.slopes)) {}
+
+  /// Nothing more: the search has ended.
+  [[nodiscard]] std::vector<State> wanted() {
+    std::vector<State> states;
+    if (!here_) {
+      if (share_ < kShares.size()) states = closer();
+    } else if (!ended_ && accepted_ < refitter_.options_.iterations) {
+      states = next_step();
+    }
+    ended_ = states.empty();
+    return states;
+  }
+
+  void take(std::span<const std::optional<VectorXd>> seen) {
+    if (here_) {
+      take_step(seen.front());
+    } else {
+      take_start(seen);
+    }
+  }
+
+  [[nodiscard]] std::optional<Refit> result() const;
+
+ private:
+  /// A first estimate is linear: where what it says cannot be simulated, less of it may be.
+  static constexpr std::array<double, 4> kShares = {1.0, 0.1, 0.01, 0.0};
+
+  [[nodiscard]] const Model& model() const { return refitter_.study_->model(); }
+  [[nodiscard]] bool biased() const { return refitter_.bias_.size() > 0; }
+
+  [[nodiscard]] std::vector<State> closer() {
+    trying_ = start_.states;
+    for (State& state : trying_) shrink(model(), kShares[share_], state);
+    return trying_;
+  }
+
+  void take_start(std::span<const std::optional<VectorXd>> seen) {
+    ++share_;
+    for (std::size_t i = 0; i < trying_.size(); ++i) {
       if (!seen[i]) continue;
-      Place there = place(closer[i], bias_start, *seen[i]);
-      if (!here || there.residual.squaredNorm() < here->residual.squaredNorm()) {
-        here = std::move(there);
+      Place there = refitter_.place(trying_[i], biased() ? kBiasMean : 0.0, *seen[i]);
+      if (!here_ || there.residual.squaredNorm() < here_->residual.squaredNorm()) {
+        here_ = std::move(there);
       }
     }
-    if (here) break;
+    if (!here_) return;
+    scales_ = scales_of(model(), here_->state);
+    bounds_ = box_of(model(), here_->state);
+    if (slopes_.cols() != scales_.size()) {
+      slopes_ = refitter_.slopes_at(here_->state);
+    }
+    jacobian_ = refitter_.residual_slopes(slopes_);
   }
-  if (!here) throw_compute("No start of a refit could be simulated.");
 
-  const VectorXd scales = scales_of(model, here->state);
-  const fit::Box bounds = box_of(model, here->state);
-  const Index numbers = scales.size();
-  MatrixXd jacobian =
-      residual_slopes(slopes.size() == 0 ? slopes_at(here->state) : std::move(slopes));
-  bool fresh = true;
-  bool trusted = false;
-  Refit result;
-  double damping = kFirstDamping;
-  for (int accepted = 0; accepted < options_.iterations;) {
-    const VectorXd values = values_of(here->state);
-    fit::Box box{VectorXd::Constant(jacobian.cols(), -1e6),
-                 VectorXd::Constant(jacobian.cols(), 1e6)};
+  /// Whether there was a renewal left.
+  bool renew() {
+    if (fresh_ || renewed_ >= refitter_.options_.renewals) return false;
+    ++renewed_;
+    slopes_ = refitter_.slopes_at(here_->state);
+    jacobian_ = refitter_.residual_slopes(slopes_);
+    fresh_ = true;
+    return true;
+  }
+
+  void solve_step() {
+    const VectorXd values = values_of(here_->state);
+    const Index numbers = scales_.size();
+    fit::Box box{VectorXd::Constant(jacobian_.cols(), -1e6),
+                 VectorXd::Constant(jacobian_.cols(), 1e6)};
     box.low.head(numbers) =
-        (bounds.low - values).cwiseQuotient(scales).cwiseMin(0.0).cwiseMax(-1e6);
+        (bounds_.low - values).cwiseQuotient(scales_).cwiseMin(0.0).cwiseMax(-1e6);
     box.high.head(numbers) =
-        (bounds.high - values).cwiseQuotient(scales).cwiseMax(0.0).cwiseMin(1e6);
-    const MatrixXd hessian = jacobian.transpose() * jacobian;
+        (bounds_.high - values).cwiseQuotient(scales_).cwiseMax(0.0).cwiseMin(1e6);
+    const MatrixXd hessian = jacobian_.transpose() * jacobian_;
     MatrixXd damped = hessian;
     damped.diagonal() +=
-        damping * hessian.diagonal() +
+        damping_ * hessian.diagonal() +
         VectorXd::Constant(hessian.cols(), 1e-12 * hessian.diagonal().maxCoeff() + 1e-300);
-    const VectorXd gradient = jacobian.transpose() * here->residual;
-    const VectorXd step = fit::bounded_step(damped, gradient, box);
-    const double promised = -(2.0 * gradient.dot(step) + step.dot(hessian * step));
-    if (!(promised > options_.tolerance)) {
-      // Slopes that were never tried since they were made, or kept their last promise, are
-      // believed.
-      if (fresh || trusted) {
-        result.converged = damping <= 1.0;
-        break;
-      }
-      jacobian = residual_slopes(slopes_at(here->state));
-      fresh = true;
-      damping = kFirstDamping;
-      continue;
-    }
-    const State next = with_values(here->state, (values + scales.cwiseProduct(step.head(numbers)))
-                                                    .cwiseMax(bounds.low)
-                                                    .cwiseMin(bounds.high));
-    const double next_bias = here->bias + (bias_.size() > 0 ? step[numbers] : 0.0);
-    const auto run = study_->predict({next})[0];
-    std::optional<Place> there;
-    if (run) there = place(next, next_bias, *run);
-    const double gained =
-        there ? here->residual.squaredNorm() - there->residual.squaredNorm() : -1.0;
-    if (!(gained > 0.0)) {
-      if (!fresh) {
-        jacobian = residual_slopes(slopes_at(here->state));
-        fresh = true;
-      } else {
-        damping = std::max(10.0 * damping, 1e-2);
-        if (damping > kMostDamping) break;
-      }
-      continue;
-    }
-    const double length = step.squaredNorm();
-    const VectorXd surprise = there->residual - here->residual - jacobian * step;
-    jacobian += surprise * step.transpose() / length;
-    fresh = false;
-    trusted = gained > 0.5 * promised && gained < 1.5 * promised;
-    here = std::move(there);
-    ++accepted;
-    damping = gained > 0.5 * promised ? std::max(0.1 * damping, 1e-8) : damping * 3.0;
-    if (gained < 0.25 * promised) {
-      jacobian = residual_slopes(slopes_at(here->state));
-      fresh = true;
-    }
+    const VectorXd gradient = jacobian_.transpose() * here_->residual;
+    step_ = fit::bounded_step(damped, gradient, box);
+    promised_ = -(2.0 * gradient.dot(step_) + step_.dot(hessian * step_));
+    next_ = with_values(here_->state, (values + scales_.cwiseProduct(step_.head(numbers)))
+                                          .cwiseMax(bounds_.low)
+                                          .cwiseMin(bounds_.high));
   }
 
-  result.state = here->state;
-  result.bias = here->bias;
-  result.chi_square = here->chi_square;
-  result.deviance = here->residual.squaredNorm();
-  result.freedom = std::max(1.0, double(study_->used().size() - numbers));
-  result.prediction = here->prediction;
-  MatrixXd hessian = jacobian.transpose() * jacobian;
+  [[nodiscard]] std::vector<State> next_step() {
+    const double enough = std::max(refitter_.options_.tolerance,
+                                   refitter_.options_.share * here_->residual.squaredNorm());
+    solve_step();
+    if (!(promised_ > enough)) {
+      // Slopes that were never tried since they were made, or kept their last promise, are
+      // believed.
+      if (!fresh_ && !trusted_ && renew()) {
+        damping_ = kFirstDamping;
+        return next_step();
+      }
+      converged_ = damping_ <= 1.0;
+      return {};
+    }
+    return damping_ > kMostDamping ? std::vector<State>{} : std::vector<State>{next_};
+  }
+
+  void take_step(const std::optional<VectorXd>& seen) {
+    const double next_bias = here_->bias + (biased() ? step_[scales_.size()] : 0.0);
+    std::optional<Place> there;
+    if (seen) there = refitter_.place(next_, next_bias, *seen);
+    const double gained =
+        there ? here_->residual.squaredNorm() - there->residual.squaredNorm() : -1.0;
+    if (there) learn(*there);
+    if (!(gained > 0.0)) {
+      if (!renew()) damping_ = std::max(10.0 * damping_, 1e-2);
+      return;
+    }
+    trusted_ = gained > 0.5 * promised_ && gained < 1.5 * promised_;
+    here_ = std::move(there);
+    ++accepted_;
+    damping_ = gained > 0.5 * promised_ ? std::max(0.1 * damping_, 1e-8) : damping_ * 3.0;
+    if (gained < 0.25 * promised_) (void)renew();
+  }
+
+  /// Broyden's rule, row by row, so that it holds for whitened rows and others alike.
+  void learn(const Place& there) {
+    const Index numbers = scales_.size();
+    const VectorXd moved = step_.head(numbers);
+    const double length = moved.squaredNorm();
+    if (!(length > 0.0)) return;
+    VectorXd surprise = there.prediction - here_->prediction - slopes_ * moved;
+    if (biased()) surprise -= (there.bias - here_->bias) * refitter_.bias_;
+    slopes_ += surprise * moved.transpose() / length;
+    jacobian_ = refitter_.residual_slopes(slopes_);
+    fresh_ = false;
+  }
+
+  const Refitter& refitter_;
+  RefitStart start_;
+  std::vector<State> trying_;
+  std::size_t share_ = 0;
+  std::optional<Place> here_;
+  MatrixXd slopes_;
+  MatrixXd jacobian_;
+  VectorXd scales_;
+  fit::Box bounds_;
+  VectorXd step_;
+  State next_;
+  double promised_ = 0.0;
+  double damping_ = kFirstDamping;
+  bool fresh_ = true;
+  bool trusted_ = false;
+  bool converged_ = false;
+  bool ended_ = false;
+  int accepted_ = 0;
+  int renewed_ = 0;
+};
+
+std::optional<Refit> Refitter::Search::result() const {
+  if (!here_) return std::nullopt;
+  const Index numbers = scales_.size();
+  Refit result;
+  result.converged = converged_;
+  result.state = here_->state;
+  result.bias = here_->bias;
+  result.chi_square = here_->chi_square;
+  result.deviance = here_->residual.squaredNorm();
+  result.freedom = std::max(1.0, double(refitter_.study_->used().size() - numbers));
+  result.prediction = here_->prediction;
+  result.slopes = slopes_;
+  MatrixXd hessian = jacobian_.transpose() * jacobian_;
   hessian.diagonal() *= 1.0 + 1e-12;
   const MatrixXd covariance =
       hessian.ldlt().solve(MatrixXd::Identity(hessian.cols(), hessian.cols()));
@@ -279,11 +354,10 @@ Refit Refitter::fit(const std::vector<State>& starts, MatrixXd slopes) const {
                      .segment(p, numbers - p)
                      .cwiseMax(0.0)
                      .cwiseSqrt()
-                     .cwiseProduct(scales.tail(numbers - p));
-  Index at = 0;
+                     .cwiseProduct(scales_.tail(numbers - p));
   for (const Active& cause : result.state.causes) {
-    const Effect& effect = model.effects()[std::size_t(cause.effect)];
-    for (std::size_t k = 0; k < effect.numbers.size(); ++k, ++at) {
+    const Effect& effect = model().effects()[std::size_t(cause.effect)];
+    for (std::size_t k = 0; k < effect.numbers.size(); ++k) {
       const double value = cause.values[Index(k)];
       const double margin = 1e-6 * effect.numbers[k].scale;
       if (value >= effect.numbers[k].high - margin || value <= effect.numbers[k].low + margin) {
@@ -293,6 +367,40 @@ Refit Refitter::fit(const std::vector<State>& starts, MatrixXd slopes) const {
     }
   }
   return result;
+}
+
+std::vector<std::optional<Refit>> Refitter::fit_all(std::vector<RefitStart> starts) const {
+  std::vector<Search> searches;
+  searches.reserve(starts.size());
+  for (RefitStart& start : starts) searches.emplace_back(*this, std::move(start));
+  while (true) {
+    std::vector<State> states;
+    std::vector<std::size_t> first(searches.size() + 1, 0);
+    for (std::size_t i = 0; i < searches.size(); ++i) {
+      const std::vector<State> wanted = searches[i].wanted();
+      states.insert(states.end(), wanted.begin(), wanted.end());
+      first[i + 1] = states.size();
+    }
+    if (states.empty()) break;
+    const auto seen = study_->predict(states);
+    for (std::size_t i = 0; i < searches.size(); ++i) {
+      if (first[i + 1] > first[i]) {
+        searches[i].take(std::span(seen).subspan(first[i], first[i + 1] - first[i]));
+      }
+    }
+  }
+  std::vector<std::optional<Refit>> results;
+  results.reserve(searches.size());
+  for (const Search& search : searches) results.push_back(search.result());
+  return results;
+}
+
+Refit Refitter::fit(RefitStart start) const {
+  std::vector<RefitStart> starts;
+  starts.push_back(std::move(start));
+  std::vector<std::optional<Refit>> results = fit_all(std::move(starts));
+  if (!results.front()) throw_compute("No start of a refit could be simulated.");
+  return std::move(results.front().value());
 }
 
 }  // namespace matterfit::diagnose

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "diagnose/noise.hpp"
@@ -19,14 +20,26 @@ struct Refit {
   double freedom = 1.0;        ///< rows less numbers
   Eigen::VectorXd prediction;  ///< stacked, with the bias [m]
   Eigen::VectorXd error;       ///< of the active causes' numbers, physical, linearised
+  Eigen::MatrixXd slopes;      ///< [θ | α] derivatives about there, in scales, stacked
   bool at_bound = false;       ///< a number of a cause lies at its bound
   bool converged = false;
 };
 
 struct RefitOptions {
-  int iterations = 15;      ///< accepted steps at most
-  double tolerance = 0.02;  ///< decrease of χ² promised by the next step that ends a refit
+  int iterations = 15;  ///< accepted steps at most
+  int renewals = 1;     ///< of the slopes by new differences, at most
+  /// Decrease of χ² promised by the next step that ends a refit, and the same as a share of χ²:
+  /// far below what excludes a rival.
+  double tolerance = 0.1;
+  double share = 1e-4;
   DifferenceOptions differences;
+};
+
+/// Where a refit may begin: states with the same causes in the same shapes, and [θ | α] derivatives
+/// in scales, stacked, that hold about there; without columns they are made.
+struct RefitStart {
+  std::vector<State> states;
+  Eigen::MatrixXd slopes;
 };
 
 /// Refits everything, θ, α and the bias's amplitude, under one covariance.
@@ -35,11 +48,13 @@ class Refitter {
   /// `study` outlives it.
   Refitter(const Study& study, const Noise& noise, const Spread& spread, RefitOptions options);
 
-  /// Levenberg–Marquardt within bounds from the best of `starts` (same causes in the same shapes).
-  /// `slopes`: [θ | α] derivatives in scales, stacked, valid about there; empty: made. Slopes are
-  /// brought up to date by Broyden's rule and made anew where steps no longer gain what they
-  /// promise. Throws Error(kCompute) where no start can be simulated.
-  [[nodiscard]] Refit fit(const std::vector<State>& starts, Eigen::MatrixXd slopes) const;
+  /// Levenberg–Marquardt within bounds from the best state of each start, all of them in step, so
+  /// that their simulations run side by side. Slopes are brought up to date by Broyden's rule and
+  /// made anew, RefitOptions::renewals times, where steps no longer gain what they promise. Nothing
+  /// where no state of a start could be simulated.
+  [[nodiscard]] std::vector<std::optional<Refit>> fit_all(std::vector<RefitStart> starts) const;
+  /// One of them. Throws Error(kCompute) where it cannot be simulated.
+  [[nodiscard]] Refit fit(RefitStart start) const;
 
   [[nodiscard]] const Whitening& whitening() const { return whitening_; }
   /// Derivative of the prediction by the bias's amplitude, stacked; no rows where there is none.
@@ -48,6 +63,7 @@ class Refitter {
 
  private:
   struct Place;
+  class Search;
   [[nodiscard]] Place place(const State& state, double bias, const Eigen::VectorXd& seen) const;
   [[nodiscard]] Eigen::MatrixXd slopes_at(const State& state) const;
   [[nodiscard]] Eigen::MatrixXd residual_slopes(const Eigen::MatrixXd& slopes) const;

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/vec.hpp"
@@ -110,6 +111,7 @@ struct NoiseSummary {
   double sigma = 0.0;            ///< of a coordinate, all captures [m]
   double autocorrelation = 0.0;  ///< from frame to frame
   double common_sigma = 0.0;     ///< shared by all tracks [m]
+  double place_sigma = 0.0;      ///< of where on the body a track is [m]
   double kurtosis = 0.0;
 };
 
@@ -137,7 +139,8 @@ struct Report {
   double probability_nothing = 0.0;
   double probability_unknown = 0.0;
   State extended;  ///< the model to go on with: fitted values, and the causes that act
-  int runs = 0;
+  int runs = 0;    ///< simulations
+  std::vector<std::pair<std::string, int>> by_stage;  ///< the same by what they were for
 };
 
 /// Sentences for people, one function a verdict, all from the report's numbers.

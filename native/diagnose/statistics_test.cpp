@@ -3,12 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <cmath>
 
 #include "base/error.hpp"
 #include "diagnose/analysis.hpp"
 #include "diagnose/chi_square.hpp"
 #include "diagnose/models_for_test.hpp"
+#include "diagnose/random.hpp"
 #include "diagnose/refit.hpp"
 
 /// The parts of the engine against what is known of them.
@@ -53,6 +55,37 @@ TEST(Noise, IsFoundBesideADiscrepancy) {
   EXPECT_NEAR(found.captures[0].kurtosis, 0.0, 1.0);
 }
 
+/// A noisy frame says where on the body the tracks are: what that gets wrong stays with a track and
+/// turns with the body, and is neither a correlation in time nor a discrepancy.
+TEST(Noise, TellsWrongPlacesFromNoise) {
+  ThrownModel model({Vec3d(2.0, 0.5, 1.0)}, 40);
+  TestNoise noise;
+  noise.sigma = 1e-3;
+  model.record({}, noise);
+  const Study study(model, 0);
+  const Linearised slopes =
+      linearise(study, study.fitted(), candidates_of(model, study.fitted()), {});
+  VectorXd residual = (study.measured() - slopes.prediction).head(study.used().size());
+  Turns turns(1);
+  for (std::size_t f = 0; f < model.captures()[0].times.size(); ++f) {
+    turns[0].push_back(Eigen::AngleAxisd(0.08 * double(f), Vec3d::UnitY()).toRotationMatrix());
+  }
+  Random random(5, 0);
+  for (const TrackRows& track : track_rows(study.used(), turns)) {
+    const VectorXd wrong =
+        2e-3 * track.shift * Vec3d(random.normal(), random.normal(), random.normal());
+    MatrixXd moved = residual;
+    track.scatter(track.gather(moved) + wrong, moved);
+    residual = moved;
+  }
+  const Spread none{MatrixXd(study.size(), 0), {}};
+  const Noise found = estimate_noise(study.used(), model.captures(), residual,
+                                     explained_columns(study, slopes, none), 1e-9, turns);
+  EXPECT_NEAR(found.captures[0].sigma, 1e-3, 1e-4);
+  EXPECT_NEAR(found.captures[0].correlation, 0.0, 0.1);
+  EXPECT_NEAR(found.captures[0].place_sigma, 2e-3, 6e-4);
+}
+
 /// Of one capture with given noise, all rows.
 Noise noise_of(const Rows& rows, double sigma, double correlation, double common) {
   Noise noise;
@@ -76,14 +109,25 @@ TEST(Whitening, MakesTheCovarianceTheIdentity) {
     return result;
   }();
   const Rows rows(captures, [](int, Index, Index) { return true; });
-  const Noise noise = noise_of(rows, 2.0, 0.7, 1.5);
+  Noise noise = noise_of(rows, 2.0, 0.7, 1.5);
+  noise.captures[0].place_sigma = 0.8;
+  noise.turns.resize(1);
+  for (std::size_t f = 0; f < captures[0].times.size(); ++f) {
+    noise.turns[0].push_back(
+        Eigen::AngleAxisd(0.3 * double(f), Vec3d(1.0, 2.0, -1.0).normalized()).toRotationMatrix());
+  }
   const MatrixXd spread = MatrixXd::Random(rows.size(), 3);
   MatrixXd covariance = spread * spread.transpose();
   for (const Series& a : rows.series()) {
     for (const Series& b : rows.series()) {
-      if (a.axis != b.axis) continue;
       for (Index i = a.begin; i < a.end; ++i) {
         for (Index j = b.begin; j < b.end; ++j) {
+          if (a.track == b.track) {
+            covariance(i, j) += 0.8 * 0.8 *
+                                noise.turns[0][std::size_t(rows.frame(i))].row(a.axis).dot(
+                                    noise.turns[0][std::size_t(rows.frame(j))].row(b.axis));
+          }
+          if (a.axis != b.axis) continue;
           const double steps = std::abs(double(rows.frame(i) - rows.frame(j)));
           covariance(i, j) += 1.5 * 1.5 * std::pow(0.5, steps);
           if (a.track == b.track) covariance(i, j) += 2.0 * 2.0 * std::pow(0.7, steps);

@@ -2,7 +2,9 @@
 #include "diagnose/study.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "base/error.hpp"
@@ -102,13 +104,31 @@ Difference cause_difference(const Model& model, const State& state, std::size_t 
 
 Study::Study(const Model& model, Index limit)
     : Study(model, Rows(model.captures(), Use::kUsed, limit),
-            Rows(model.captures(), Use::kHeldOut, limit)) {}
+            Rows(model.captures(), Use::kHeldOut, limit), std::make_shared<Ledger>()) {}
 
-Study::Study(const Model& model, Rows used, Rows held)
-    : model_(&model), used_(std::move(used)), held_(std::move(held)) {
+Study::Study(const Study& other, Rows used, Rows held)
+    : Study(*other.model_, std::move(used), std::move(held), other.ledger_) {}
+
+Study::Study(const Model& model, Rows used, Rows held, std::shared_ptr<Ledger> ledger)
+    : model_(&model), used_(std::move(used)), held_(std::move(held)), ledger_(std::move(ledger)) {
   if (used_.size() == 0)
     throw_input("No sample of the captures is used: all are held out or lost.");
   measured_ = stack(diagnose::measured(model.captures()));
+}
+
+void Study::begin(const std::string& stage) const {
+  std::vector<Ledger::Stage>& stages = ledger_->stages;
+  if (stages.size() == 1 && stages.front().runs == 0) stages.front().name = stage;
+  const auto found =
+      std::ranges::find_if(stages, [&](const Ledger::Stage& s) { return s.name == stage; });
+  ledger_->current = std::size_t(found - stages.begin());
+  if (found == stages.end()) stages.push_back({stage, 0});
+}
+
+int Study::runs() const {
+  int sum = 0;
+  for (const Ledger::Stage& stage : ledger_->stages) sum += stage.runs;
+  return sum;
 }
 
 VectorXd Study::stack(const VectorXd& motion) const {
@@ -132,7 +152,7 @@ std::vector<std::optional<Motion>> Study::motions(const std::vector<State>& stat
   std::vector<Point> points;
   points.reserve(states.size());
   for (const State& state : states) points.push_back(point_of(*model_, state, numerics));
-  runs_ += int(points.size());
+  ledger_->stages[ledger_->current].runs += int(points.size());
   return model_->simulate(points);
 }
 
@@ -160,7 +180,7 @@ std::vector<std::optional<VectorXd>> Study::predict_variants(
   std::vector<Point> points;
   points.reserve(variants.size());
   for (const Numerics& numerics : variants) points.push_back(point_of(*model_, state, numerics));
-  runs_ += int(points.size());
+  ledger_->stages[ledger_->current].runs += int(points.size());
   const auto runs = model_->simulate(points);
   std::vector<std::optional<VectorXd>> result(variants.size());
   for (std::size_t i = 0; i < variants.size(); ++i) {
@@ -279,7 +299,7 @@ Spread numerical_spread(const Study& study, const State& state, int members) {
     Numerics numerics;
     numerics.spacing = 0.85 * std::pow(kRatio / 0.85, part(1));
     numerics.offset = Vec3d(part(2), part(3), part(4));
-    numerics.step = m % 2 == 0 ? 1.0 : 0.5;
+    numerics.step = m % 4 == 0 ? 0.5 : 1.0;  // half of dt costs twice the time
     numerics.seed = m;
     variants.push_back(numerics);
   }
@@ -295,6 +315,58 @@ Spread numerical_spread(const Study& study, const State& state, int members) {
     spread.members.col(Index(k)) = *runs[done[k]] - *runs[0];
   }
   return spread;
+}
+
+SolverColumns solver_columns(const Rows& rows, const std::vector<Capture>& captures,
+                             const MatrixXd& members) {
+  constexpr double kOwnPattern = 0.5;
+  // Weights of 1, cos πu, … with u the time in the clip; the mean square of a cosine is a half.
+  constexpr std::array<double, 4> kTimes = {0.4, 0.6, 0.4, 0.2};
+  // Of 1 and of each coordinate over the body's size, whose mean square is about a fifth.
+  constexpr std::array<double, 4> kPlaces = {0.5, 0.8, 0.8, 0.8};
+  SolverColumns result;
+  const Index count = members.cols();
+  if (count == 0) {
+    result.values.resize(rows.size(), 0);
+    return result;
+  }
+  const Index modes = Index(kTimes.size() * kPlaces.size());
+  MatrixXd patterns(rows.size(), modes);
+  for (const Series& series : rows.series()) {
+    const Capture& capture = captures[std::size_t(series.capture)];
+    Vec3d centre = Vec3d::Zero();
+    for (const Vec3d& x : capture.rest) centre += x / double(capture.tracks());
+    double size = 1e-12;
+    for (const Vec3d& x : capture.rest) size = std::max(size, (x - centre).norm());
+    const Vec3d x = (capture.rest[std::size_t(series.track)] - centre) / size;
+    const double span = std::max(capture.times.back() - capture.times.front(), 1e-12);
+    for (Index i = series.begin; i < series.end; ++i) {
+      const double u = (rows.time(i) - capture.times.front()) / span;
+      for (std::size_t t = 0; t < kTimes.size(); ++t) {
+        const double time = std::sqrt(kTimes[t]) * std::cos(std::numbers::pi * double(t) * u);
+        for (std::size_t p = 0; p < kPlaces.size(); ++p) {
+          const double place = std::sqrt(kPlaces[p]) * (p == 0 ? 1.0 : x[Index(p) - 1]);
+          patterns(i, Index(t * kPlaces.size() + p)) = time * place;
+        }
+      }
+    }
+  }
+  const double share = 1.0 / std::sqrt(double(count));
+  const double first = std::sqrt(1.0 - kOwnPattern + kOwnPattern * kTimes[0] * kPlaces[0]);
+  result.values.resize(rows.size(), count * modes);
+  result.member.reserve(std::size_t(count * modes));
+  for (Index m = 0; m < count; ++m) {
+    for (Index k = 0; k < modes; ++k) {
+      auto column = result.values.col(m * modes + k);
+      if (k == 0) {
+        column = share * first * members.col(m);
+      } else {
+        column = share * std::sqrt(kOwnPattern) * members.col(m).cwiseProduct(patterns.col(k));
+      }
+      result.member.push_back(int(m));
+    }
+  }
+  return result;
 }
 
 }  // namespace matterfit::diagnose

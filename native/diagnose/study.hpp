@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -24,14 +26,25 @@ struct State {
   std::vector<Active> causes;
 };
 
+/// Simulations by what they are for.
+struct Ledger {
+  struct Stage {
+    std::string name;
+    int runs = 0;
+  };
+  std::vector<Stage> stages{{"all", 0}};
+  std::size_t current = 0;
+};
+
 /// The rows that a diagnosis works on, used ones first, held-out ones after them ("stacked"), and
 /// simulations as such stacked vectors [m].
 class Study {
  public:
   /// `limit`: rows of each kind at most, whole tracks being left out (Rows).
   Study(const Model& model, Eigen::Index limit);
-  /// With a selection of its own instead of the captures' marks.
-  Study(const Model& model, Rows used, Rows held);
+  /// With a selection of its own instead of the captures' marks; its simulations count as the
+  /// other's.
+  Study(const Study& other, Rows used, Rows held);
 
   [[nodiscard]] const Model& model() const { return *model_; }
   [[nodiscard]] const Rows& used() const { return used_; }
@@ -53,15 +66,19 @@ class Study {
   /// Several numerics of one state, in one batch.
   [[nodiscard]] std::vector<std::optional<Eigen::VectorXd>> predict_variants(
       const State& state, const std::vector<Numerics>& variants) const;
-  /// Simulations asked for so far.
-  [[nodiscard]] int runs() const { return runs_; }
+  /// Simulations asked for so far, and the same by what they were for, in order.
+  [[nodiscard]] int runs() const;
+  [[nodiscard]] const std::vector<Ledger::Stage>& stages() const { return ledger_->stages; }
+  /// What simulations from now on are for.
+  void begin(const std::string& stage) const;
 
  private:
+  Study(const Model& model, Rows used, Rows held, std::shared_ptr<Ledger> ledger);
   const Model* model_;
   Rows used_;
   Rows held_;
   Eigen::VectorXd measured_;
-  mutable int runs_ = 0;
+  std::shared_ptr<Ledger> ledger_;
 };
 
 /// A candidate: an effect in one shape.
@@ -107,5 +124,20 @@ struct Spread {
 /// particles; and two more at 1.26^±1 dx for the bias, taken to be of first order in dx: contact at
 /// 7 to 14 cells across a body is. Nothing where the model has no numerics or `members` is 0.
 [[nodiscard]] Spread numerical_spread(const Study& study, const State& state, int members);
+
+/// The solver's own error as a covariance U Uᵀ.
+struct SolverColumns {
+  Eigen::MatrixXd values;   ///< U, rows × columns [m]
+  std::vector<int> member;  ///< of the ensemble, that each column was made of
+};
+
+/// Half of it is what the members themselves span; the other half lets their error be of their size
+/// at each time and place of a capture, but of a pattern of its own that changes as slowly as a few
+/// cosines over time and straight lines through the body: a few members do not span all that a
+/// solver may do wrong, and after a contact, where they differ most, nothing else is to be trusted
+/// (a tapered sample covariance by modulated members: Bishop and Hodyss 2009). `members` at the
+/// rows, rows × members [m].
+[[nodiscard]] SolverColumns solver_columns(const Rows& rows, const std::vector<Capture>& captures,
+                                           const Eigen::MatrixXd& members);
 
 }  // namespace matterfit::diagnose

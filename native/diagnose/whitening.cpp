@@ -69,6 +69,7 @@ MatrixXd common_columns(const Rows& rows, const Noise& noise) {
 
 Whitening::Whitening(const Rows& rows, const Noise& noise, const MatrixXd& spread)
     : rows_(rows), noise_(noise) {
+  find_places();
   const MatrixXd common = common_columns(rows, noise);
   factor_.resize(rows.size(), common.cols() + spread.cols());
   if (common.cols() > 0) factor_.leftCols(common.cols()) = common;
@@ -92,6 +93,39 @@ Whitening::Whitening(const Rows& rows, const Noise& noise, const MatrixXd& sprea
   }
 }
 
+void Whitening::find_places() {
+  if (noise_.turns.empty()) return;
+  for (TrackRows& track : track_rows(rows_, noise_.turns)) {
+    const double sigma = noise_.captures[std::size_t(track.capture)].place_sigma;
+    if (!(sigma > 0.0)) continue;
+    track.shift *= sigma;
+    Place place{std::move(track), {}, Eigen::Vector3d::Zero()};
+    MatrixXd whole = MatrixXd::Zero(rows_.size(), 3);
+    place.track.scatter(place.track.shift, whole);
+    for (const auto& [begin, end] : place.track.segments) {
+      recursion(place.track.capture, begin, end, whole);
+    }
+    const MatrixXd e = place.track.gather(whole);
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(e.transpose() * e);
+    place.vectors = MatrixXd::Zero(e.rows(), 3);
+    for (Index k = 0; k < 3; ++k) {
+      const double square = solver.eigenvalues()[k];
+      if (!(square > 1e-6)) continue;
+      place.vectors.col(k) = e * solver.eigenvectors().col(k) / std::sqrt(square);
+      place.shrink[k] = 1.0 - 1.0 / std::sqrt(1.0 + square);
+    }
+    places_.push_back(std::move(place));
+  }
+}
+
+void Whitening::take_places(MatrixXd& x) const {
+  for (const Place& place : places_) {
+    MatrixXd values = place.track.gather(x);
+    values -= place.vectors * (place.shrink.asDiagonal() * (place.vectors.transpose() * values));
+    place.track.scatter(values, x);
+  }
+}
+
 double Whitening::step_correlation(double correlation, const TrackNoise& noise, Index row) const {
   const double steps = (rows_.time(row) - rows_.time(row - 1)) / noise.interval;
   // A negative correlation has no meaning between frames: it holds for one frame's step only.
@@ -99,20 +133,26 @@ double Whitening::step_correlation(double correlation, const TrackNoise& noise, 
   return std::pow(correlation, steps);
 }
 
+void Whitening::recursion(int capture, Index begin, Index end, MatrixXd& x) const {
+  const TrackNoise& noise = noise_.captures[std::size_t(capture)];
+  for (Index i = end - 1; i > begin; --i) {
+    const double phi = step_correlation(noise.correlation, noise, i);
+    const double scale = noise_.weights[i] / (noise.sigma * std::sqrt(1.0 - phi * phi));
+    x.row(i) = scale * (x.row(i) - phi * x.row(i - 1));
+  }
+  x.row(begin) *= noise_.weights[begin] / noise.sigma;
+}
+
 MatrixXd Whitening::own(MatrixXd x) const {
   for (const Series& series : rows_.series()) {
-    const TrackNoise& noise = noise_.captures[std::size_t(series.capture)];
-    for (Index i = series.end - 1; i > series.begin; --i) {
-      const double phi = step_correlation(noise.correlation, noise, i);
-      const double scale = noise_.weights[i] / (noise.sigma * std::sqrt(1.0 - phi * phi));
-      x.row(i) = scale * (x.row(i) - phi * x.row(i - 1));
-    }
-    x.row(series.begin) *= noise_.weights[series.begin] / noise.sigma;
+    recursion(series.capture, series.begin, series.end, x);
   }
+  take_places(x);
   return x;
 }
 
 MatrixXd Whitening::own_transposed(MatrixXd x) const {
+  take_places(x);
   for (const Series& series : rows_.series()) {
     const TrackNoise& noise = noise_.captures[std::size_t(series.capture)];
     x.row(series.begin) *= noise_.weights[series.begin] / noise.sigma;
@@ -135,6 +175,11 @@ MatrixXd Whitening::apply(const MatrixXd& columns) const { return low_rank(own(c
 MatrixXd Whitening::covariance_if(const MatrixXd& white, std::size_t n) const {
   MatrixXd x = own_transposed(low_rank(white));
   const MatrixXd low = factor_.transpose() * x;
+  MatrixXd sum = low.transpose() * low;
+  for (const Place& place : places_) {
+    const MatrixXd moved = place.track.shift.transpose() * place.track.gather(x);
+    sum += moved.transpose() * moved;
+  }
   // Lᵀ x of the other AR(1), L its Cholesky factor, from the last row backwards.
   for (const Series& series : rows_.series()) {
     const TrackNoise& noise = noise_.captures[std::size_t(series.capture)];
@@ -145,7 +190,7 @@ MatrixXd Whitening::covariance_if(const MatrixXd& white, std::size_t n) const {
     }
     x.row(series.begin) *= noise.sigma;
   }
-  return x.transpose() * x + low.transpose() * low;
+  return x.transpose() * x + sum;
 }
 
 }  // namespace matterfit::diagnose

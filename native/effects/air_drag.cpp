@@ -38,6 +38,11 @@ double AirDrag::acceleration_bound(double speed) const {
          std::hypot(speed, kCalm) * speed / body_mass;
 }
 
+double AirDrag::rate_bound(double speed) const {
+  return 0.5 * effect->largest(first + kDensity) * effect->largest(first + kCoefficient) * area() *
+         2.0 * std::hypot(speed, kCalm) / body_mass;
+}
+
 Vec3d air_drag_force(double factor, const Vec3d& u) {
   return -(factor * std::sqrt(u.squaredNorm() + kCalm * kCalm)) * u;
 }

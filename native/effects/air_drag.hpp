@@ -38,6 +38,8 @@ struct AirDrag {
                       double* values) const;
   /// Of the body at a speed [m/s] in the medium [m/s²].
   [[nodiscard]] double acceleration_bound(double speed) const;
+  /// |∂a/∂u| there [1/s].
+  [[nodiscard]] double rate_bound(double speed) const;
 };
 
 /// −factor √(u² + kCalm²) u.

@@ -9,8 +9,17 @@ namespace matterfit::effects {
 const std::vector<const EffectType*>& catalogue() {
   static const std::vector<const EffectType*> rows = [] {
     std::vector<const EffectType*> all = {
-        &drag_linear(), &drag_quadratic(),     &wind(), &buoyancy(), &force_field(),
-        &vortex(),      &frame_acceleration(),
+        &drag_linear(),
+        &drag_quadratic(),
+        &wind(),
+        &buoyancy(),
+        &force_field(),
+        &vortex(),
+        &frame_acceleration(),
+        &stiffness_inclusion(),
+        &stiffness_gradient(),
+        &fibres(),
+        &strain_stiffening(),
     };
     all.reserve(all.size() + scene_rows().size());
     for (const EffectType& row : scene_rows()) all.push_back(&row);

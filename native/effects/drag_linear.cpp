@@ -25,6 +25,9 @@ class LinearDrag final : public Term {
   [[nodiscard]] double acceleration_bound(double speed) const override {
     return effect_.largest(kRate) * speed;
   }
+  [[nodiscard]] double rate_bound(double /*speed*/) const override {
+    return effect_.largest(kRate);
+  }
 
  private:
   const Effect& effect_;

@@ -22,6 +22,7 @@ class QuadraticDrag final : public Term {
   [[nodiscard]] double acceleration_bound(double speed) const override {
     return drag_.acceleration_bound(speed);
   }
+  [[nodiscard]] double rate_bound(double speed) const override { return drag_.rate_bound(speed); }
 
  private:
   AirDrag drag_;

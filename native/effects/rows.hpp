@@ -13,5 +13,9 @@ namespace matterfit::effects {
 [[nodiscard]] const EffectType& force_field();
 [[nodiscard]] const EffectType& vortex();
 [[nodiscard]] const EffectType& frame_acceleration();
+[[nodiscard]] const EffectType& stiffness_inclusion();
+[[nodiscard]] const EffectType& stiffness_gradient();
+[[nodiscard]] const EffectType& fibres();
+[[nodiscard]] const EffectType& strain_stiffening();
 
 }  // namespace matterfit::effects

@@ -17,6 +17,9 @@ struct MaterialPoint {
   Vec3d velocity = Vec3d::Zero();  ///< [m/s]
   double volume = 0.0;             ///< at rest [m³]
   double mass = 0.0;               ///< [kg]
+  /// World axes; the elastic part where the updated Lagrangian formulation flows. Only where a term
+  /// has a stress.
+  Mat3d deformation_gradient = Mat3d::Identity();
 };
 
 /// When a term acts, and what acts on everything then.
@@ -29,21 +32,26 @@ struct Moment {
 struct MaterialPointBar {
   Vec3d position = Vec3d::Zero();
   Vec3d velocity = Vec3d::Zero();
+  Vec3d rest = Vec3d::Zero();
   double mass = 0.0;
+  Mat3d deformation_gradient = Mat3d::Zero();
   Vec3d gravity = Vec3d::Zero();
 };
 
 /// What a term may know of the body that it acts on, at rest.
 struct BodyFacts {
-  double volume = 0.0;   ///< [m³]
-  double density = 0.0;  ///< [kg/m³]
-  double gravity = 0.0;  ///< the largest [m/s²]
+  double volume = 0.0;           ///< [m³]
+  double density = 0.0;          ///< [kg/m³]
+  double gravity = 0.0;          ///< the largest [m/s²]
+  Vec3d center = Vec3d::Zero();  ///< [m]
+  double radius = 0.0;           ///< of the farthest particle from it [m]
 };
 
-/// An effect on one body, as the solver calls it: plain views in, forces out, so that every
-/// formulation can call it. Immutable, and called by several threads at once.
-/// The integrator applies a force like gravity: evaluated at the positions before a substep and the
-/// velocities half a substep earlier, times half of both substeps' lengths.
+/// An effect on one body, as the solver calls it: plain views in, forces and stresses out, so that
+/// every formulation can call it. Immutable, and called by several threads at once. A term
+/// overrides the pair of functions of each place where it acts. The integrator applies both like
+/// gravity: evaluated at the positions before a substep and the velocities half a substep earlier,
+/// times half of both substeps' lengths.
 class Term {
  public:
   Term() = default;
@@ -52,15 +60,37 @@ class Term {
   Term& operator=(const Term&) = delete;
 
   /// The force on the point's material [N].
-  [[nodiscard]] virtual Vec3d force(const MaterialPoint& point, const Moment& moment) const = 0;
+  [[nodiscard]] virtual Vec3d force(const MaterialPoint& /*point*/,
+                                    const Moment& /*moment*/) const {
+    return Vec3d::Zero();
+  }
   /// The adjoint of force(): adds to `bar` and to `values`, one number for each of the effect's
   /// (Effect::values; of a keyed one the derivative by something added at all times).
-  virtual void force_adjoint(const MaterialPoint& point, const Moment& moment,
-                             const Vec3d& force_bar, MaterialPointBar& bar,
-                             double* values) const = 0;
+  virtual void force_adjoint(const MaterialPoint& /*point*/, const Moment& /*moment*/,
+                             const Vec3d& /*force_bar*/, MaterialPointBar& /*bar*/,
+                             double* /*values*/) const {}
   /// The largest acceleration [m/s²] that the term gives to material at `speed` [m/s] or less, at
   /// any time: contact and the CFL limit look that far ahead.
-  [[nodiscard]] virtual double acceleration_bound(double speed) const = 0;
+  [[nodiscard]] virtual double acceleration_bound(double /*speed*/) const { return 0.0; }
+
+  /// At most how fast it takes speed from material at `speed` [m/s] or less [1/s], |∂a/∂v|: an
+  /// explicit substep that is longer than 1 over this turns the motion around.
+  [[nodiscard]] virtual double rate_bound(double /*speed*/) const { return 0.0; }
+
+  /// Whether it has a stress.
+  [[nodiscard]] virtual bool has_stress() const { return false; }
+  /// Kirchhoff stress [Pa], beside that of the body's law.
+  [[nodiscard]] virtual Mat3d stress(const MaterialPoint& /*point*/,
+                                     const Moment& /*moment*/) const {
+    return Mat3d::Zero();
+  }
+  /// The adjoint of stress(), as force_adjoint().
+  virtual void stress_adjoint(const MaterialPoint& /*point*/, const Moment& /*moment*/,
+                              const Mat3d& /*stress_bar*/, MaterialPointBar& /*bar*/,
+                              double* /*values*/) const {}
+  /// How much it adds to the body's modulus λ + 2μ at most [Pa], 0 where it only takes away: the
+  /// substep shrinks by that.
+  [[nodiscard]] virtual double modulus_bound() const { return 0.0; }
 };
 
 }  // namespace matterfit::effects

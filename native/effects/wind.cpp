@@ -36,6 +36,9 @@ class Wind final : public Term {
     return drag_.acceleration_bound(speed + effect_.largest_vector(kVelocity)) +
            drag_.acceleration_bound(speed);
   }
+  [[nodiscard]] double rate_bound(double speed) const override {
+    return drag_.rate_bound(speed + effect_.largest_vector(kVelocity));
+  }
 
  private:
   const Effect& effect_;

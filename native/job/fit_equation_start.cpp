@@ -138,11 +138,6 @@ class BalanceProblem final : public fit::Problem {
     parts_.push_back(std::move(part));
   }
   [[nodiscard]] bool empty() const { return errors_.empty(); }
-  [[nodiscard]] std::size_t tests() const {
-    std::size_t count = 0;
-    for (const fit::EquationError& error : errors_) count += error.tests();
-    return count;
-  }
 
   [[nodiscard]] std::vector<double> physical(const Eigen::VectorXd& point) const {
     std::vector<double> values = values_;
@@ -274,7 +269,7 @@ EquationStart equation_start(const std::vector<fit::Run>& runs,
       }
     }
   }
-  const std::string title = "Start by the momentum balance of the tracks";
+  const std::string title = "Starting guess estimated from the recording";
   if (problem.empty()) {
     result.statement = title + ": not possible here, " + why;
     return result;
@@ -303,9 +298,9 @@ EquationStart equation_start(const std::vector<fit::Run>& runs,
                                 found[k].value, parameter.unit);
     while (values_found.back() == ' ') values_found.pop_back();
   }
-  result.statement = fmt::format("{} ({} test functions): {}", title, problem.tests(),
-                                 moved.empty() ? "nothing is told" : values_found);
-  if (!rest.empty()) result.statement += "; not told to a factor of three: " + rest;
+  result.statement =
+      fmt::format("{}: {}", title, moved.empty() ? "the recording tells none" : values_found);
+  if (!rest.empty()) result.statement += "; not known to a factor of three: " + rest;
   if (moved.empty()) {
     result.statement += ".";
     return result;

@@ -2,7 +2,15 @@
 #include "job/fit_laws.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <string>
+#include <utility>
+
+#include "job/documents/neural_starts.hpp"
+#include "material/neural/isotropic_material.hpp"
+#include "material/neural/pretrain.hpp"
+#include "material/neural/start_laws.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -14,9 +22,53 @@ const fit::Quantity& of_material(std::string_view key) {
   return fit::row_named(fit::Owner::kBody, std::string("material.").append(key));
 }
 
+/// The start law of the same class.
+material::StartLaw start_of(const Material& material) {
+  if (material.traits().fluid) return material::StartLaw::kWater;
+  if (material.law == Law::kDruckerPrager) return material::StartLaw::kSand;
+  return material.traits().plastic ? material::StartLaw::kPlasticine : material::StartLaw::kJelly;
+}
+
+/// The neural law with the moduli and the flow of a classical one, damped as it is.
+Material as_neural(const Material& material) {
+  const material::RestModuli moduli = material::rest_moduli(material);
+  const auto start = neural_start(std::string(material::start_law_name(start_of(material))));
+  material::IsotropicStart with_flow = *start;
+  material::set_classical_flow(material, moduli.shear, with_flow.weights);
+  Material result = isotropic_material(std::make_shared<material::IsotropicStart>(with_flow));
+  result.start = start;
+  result.youngs_modulus = 9.0 * moduli.bulk * moduli.shear / (3.0 * moduli.bulk + moduli.shear);
+  result.poisson_ratio = std::clamp(
+      (3.0 * moduli.bulk - 2.0 * moduli.shear) / (2.0 * (3.0 * moduli.bulk + moduli.shear)), -0.85,
+      0.4998);
+  result.damping_shear = material.damping_shear;
+  result.damping_bulk = material.damping_bulk;
+  result.maxwell = material.maxwell;
+  return result;
+}
+
+/// Numbers of the neural law that are fitted where it is a candidate, and the parameter of the
+/// document's law that each stands for: the form always.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 5> kNeuralCandidates = {
+    {{"form_1", ""},
+     {"form_2", ""},
+     {"yield_strain", "yield_stress"},
+     {"internal_friction", "friction_angle"},
+     {"flow_rate", "viscosity"}}};
+
+bool tells_laws_apart(const fit::Quantity& row, Law own, Law law) {
+  if (row.scanned) return true;
+  if (law != Law::kNeuralIsotropic) return false;
+  return std::any_of(kNeuralCandidates.begin(), kNeuralCandidates.end(), [&](const auto& pair) {
+    return pair.first == row.key() &&
+           (pair.second.empty() || material::traits(own).uses(pair.second));
+  });
+}
+
 }  // namespace
 
 Material with_law(const Material& material, Law law) {
+  if (law == Law::kNeuralIsotropic && material.law != law) return as_neural(material);
   Material result = material;
   result.law = law;
   const auto is_new = [&](std::string_view key) {
@@ -54,7 +106,9 @@ std::vector<fit::ParameterSpec> parameters_of_law(const FitDoc& doc, Law own, La
     parameter.where = "fit.laws";
     parameter.path.quantity = &of_material(key);
     parameter.path.owner = doc.body;
-    if (!parameter.path.quantity->scanned || material::traits(own).uses(key)) continue;
+    if (material::traits(own).uses(key) || !tells_laws_apart(*parameter.path.quantity, own, law)) {
+      continue;
+    }
     const bool listed = std::any_of(result.begin(), result.end(), [&](const auto& other) {
       return other.path.text() == parameter.path.text();
     });
@@ -65,6 +119,7 @@ std::vector<fit::ParameterSpec> parameters_of_law(const FitDoc& doc, Law own, La
 
 Json material_json(const Material& material) {
   Json json = {{"law", material::traits(material.law).name}};
+  if (material.start) json["weights"] = material.start->name;
   for (const fit::Quantity& row : fit::quantities()) {
     if (row.member == nullptr) continue;
     const double value = material.*row.member;

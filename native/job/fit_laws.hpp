@@ -11,7 +11,8 @@ namespace matterfit::job {
 
 /// The material with another law. Values that both laws use stay; those that are new begin at
 /// round figures that follow the stiffness: bulk modulus E/(3(1−2ν)) and back with ν = .3, a yield
-/// stress of 2 % of E, a friction angle of 30°, a viscosity of 10 Pa s.
+/// stress of 2 % of E, a friction angle of 30°, a viscosity of 10 Pa s. The isotropic neural law
+/// begins as the document's law: its moduli and flow, the form that its class was pre-trained to.
 [[nodiscard]] material::Material with_law(const material::Material& material, material::Law law);
 
 /// The parameters that are fitted with this law: those of the list that it uses, and those of its

@@ -26,8 +26,10 @@ namespace fs = std::filesystem;
 constexpr std::size_t kFewest = 4;    // frames, and points
 constexpr double kCellsAcross = 6.0;  // the preset Standard, of the thinnest part
 constexpr double kFewestParticles = 1e3;
-constexpr double kHeldOut = 0.25;       // share of the frames
-constexpr double kYoungsModulus = 1e5;  // where a search begins [Pa]
+constexpr double kHeldOut = 0.25;  // share of the frames
+// Where a search begins: E/ρ [m²/s²] of soft rubber, for a flight does not tell E, and a foam that
+// is as stiff as rubber has waves that take many times the substeps.
+constexpr double kStiffnessPerDensity = 100.0;
 constexpr double kPoissonRatio = 0.3;
 
 /// The first frame with every point in it.
@@ -157,18 +159,19 @@ double separation_of(const Extent& extent, std::size_t particles) {
   return std::stod(fmt::format("{:.2g}", h));
 }
 
-Json material_of(material::Law law) {
+Json material_of(material::Law law, double density) {
   const material::LawTraits& traits = material::traits(law);
+  const double stiffness = kStiffnessPerDensity * density;
   Json json = {{"law", traits.name}};
   const auto put = [&](const char* key, double value) {
     if (traits.uses(key)) json[key] = value;
   };
-  put("E", kYoungsModulus);
+  put("E", stiffness);
   put("nu", kPoissonRatio);
-  put("yield_stress", 0.02 * kYoungsModulus);
+  put("yield_stress", 0.02 * stiffness);
   put("viscosity", 10.0);
   put("friction_angle", 30.0);
-  put("bulk_modulus", kYoungsModulus);
+  put("bulk_modulus", stiffness);
   return json;
 }
 
@@ -213,8 +216,8 @@ void write_new_job(const NewJobOptions& options) {
   const auto held = static_cast<std::size_t>(std::ceil(kHeldOut * static_cast<double>(frames)));
   const material::LawTraits& traits = material::traits(options.law);
   Json parameters = {"velocity", "spin"};
-  for (const char* key :
-       {"E", "nu", "yield_stress", "viscosity", "friction_angle", "bulk_modulus"}) {
+  for (const char* key : {"E", "nu", "form_1", "form_2", "yield_stress", "viscosity",
+                          "friction_angle", "bulk_modulus"}) {
     if (traits.uses(key)) parameters.push_back(std::string("material.") + key);
   }
   Json capture = {{"name", options.capture.stem().string()},
@@ -239,7 +242,7 @@ void write_new_job(const NewJobOptions& options) {
                  {{{"name", "body"},
                    {"source", source},
                    {"density", options.density},
-                   {"material", material_of(options.law)}}}}};
+                   {"material", material_of(options.law, options.density)}}}}};
   if (options.ground) {
     scene["colliders"] = {{{"name", "ground"},
                            {"shape", "ground"},

@@ -76,8 +76,8 @@ TEST(NewJob, MeshOfTheFileBecomesTheBody) {
   ASSERT_EQ(job.scene.colliders.size(), 1U);
   EXPECT_EQ(job.scene.colliders.front().height, 0.1);
   EXPECT_EQ(job.scene.colliders.front().contact.mu, 0.5);
-  // Of 0.008 m³ and 12 000 particles at most.
-  EXPECT_GT(job.scene.particle_separation, 0.0085);
+  // Of 0.008 m³ and 4000 particles at most.
+  EXPECT_GT(job.scene.particle_separation, 0.0124);
   EXPECT_LT(job.scene.particle_separation, 0.02);
   ASSERT_TRUE(job.fit);
   EXPECT_EQ(job.fit->parameters.size(), 5U);  // velocity, spin, E, nu, yield stress

@@ -2,6 +2,7 @@
 #include "job/run_job.hpp"
 
 #include "base/error.hpp"
+#include "job/diagnosis/run_check.hpp"
 #include "job/diagnosis/run_diagnose.hpp"
 #include "job/documents/images_document.hpp"
 #include "job/fit_run.hpp"
@@ -31,6 +32,7 @@ Json run_job(const Job& job, const RunOptions& options, Interrupter& interrupter
   }
   if (job.task == Task::kFit) return run_fit(job, options, interrupter);
   if (job.task == Task::kDiagnose) return run_diagnose(job, options, interrupter);
+  if (job.task == Task::kCheck) return run_check(job, options, interrupter);
   return run_scenes(job, options, interrupter, {});
 }
 

@@ -16,7 +16,37 @@ constexpr std::array<Key, 5> kHerschelBulkley = {"E", "nu", "yield_stress", "vis
 constexpr std::array<Key, 4> kDruckerPrager = {"E", "nu", "friction_angle", "cohesion"};
 constexpr std::array<Key, 2> kNewtonian = {"bulk_modulus", "viscosity"};
 
-constexpr std::array<LawTraits, 7> kLaws = {{
+constexpr std::array<Key, 12> kNeural = {"E",
+                                         "nu",
+                                         "form_1",
+                                         "form_2",
+                                         "form_3",
+                                         "form_4",
+                                         "yield_strain",
+                                         "internal_friction",
+                                         "strain_hardening",
+                                         "tear_strain",
+                                         "flow_rate",
+                                         "flow_thinning"};
+
+constexpr LawTraits neural(FlowClass flow) {
+  return {.law = Law::kNeuralIsotropic,
+          .name = "neural_isotropic",
+          .label = "Neural (isotropic)",
+          .family = StressFamily::kHencky,
+          .parameters = kNeural,
+          .plastic = flow != FlowClass::kElastic,
+          .flows = flow == FlowClass::kGranular || flow == FlowClass::kLiquid,
+          .wets = flow == FlowClass::kLiquid,
+          .mean_dilatation = flow != FlowClass::kGranular,
+          .pressure_dependent = flow == FlowClass::kGranular};
+}
+
+constexpr std::array<LawTraits, 4> kNeuralLaws = {
+    neural(FlowClass::kElastic), neural(FlowClass::kPlastic), neural(FlowClass::kGranular),
+    neural(FlowClass::kLiquid)};
+
+constexpr std::array<LawTraits, 8> kLaws = {{
     {.law = Law::kFixedCorotated,
      .name = "fixed_corotated",
      .label = "Fixed Corotated",
@@ -63,6 +93,7 @@ constexpr std::array<LawTraits, 7> kLaws = {{
      .fluid = true,
      .flows = true,
      .wets = true},
+    neural(FlowClass::kPlastic),
 }};
 
 constexpr bool in_order() {
@@ -82,5 +113,9 @@ bool LawTraits::uses(std::string_view key) const {
 std::span<const LawTraits> all_laws() { return kLaws; }
 
 const LawTraits& traits(Law law) { return kLaws.at(static_cast<std::size_t>(law)); }
+
+const LawTraits& neural_traits(FlowClass flow) {
+  return kNeuralLaws.at(static_cast<std::size_t>(flow));
+}
 
 }  // namespace matterfit::material

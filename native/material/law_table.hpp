@@ -14,10 +14,12 @@ enum class Law {
   kHerschelBulkley,
   kDruckerPrager,
   kNewtonian,
+  kNeuralIsotropic,
 };
 
 /// The elasticity under a law: laws of one family share their stress, and differ by what they keep
-/// of a trial strain.
+/// of a trial strain. kHencky: energies of Hencky strains, a quadratic one or our net's, which the
+/// kernels tell apart at run time.
 enum class StressFamily {
   kFixedCorotated,
   kNeoHookean,
@@ -55,6 +57,11 @@ struct LawTraits {
 /// All laws, in the order of the enumerators.
 [[nodiscard]] std::span<const LawTraits> all_laws();
 [[nodiscard]] const LawTraits& traits(Law law);
+
+/// What the flow of a law that spans the classes makes of it.
+enum class FlowClass { kElastic, kPlastic, kGranular, kLiquid };
+/// Those of the isotropic neural law whose flow is of that class; traits() has those of kPlastic.
+[[nodiscard]] const LawTraits& neural_traits(FlowClass flow);
 
 /// Calls f.operator()<family>() for the family of a law. Every switch over families is here, so
 /// that a new one is a compiler's error where it is forgotten and not another law's stress.

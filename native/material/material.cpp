@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "base/error.hpp"
+#include "material/neural/isotropic_material.hpp"
 
 namespace matterfit::material {
 namespace {
@@ -32,7 +33,18 @@ double Material::lambda() const {
 
 double Material::p_wave_modulus() const { return lambda() + 2.0 * mu(); }
 
-double Material::wave_speed(double rho) const { return std::sqrt(p_wave_modulus() / rho); }
+double Material::stiffest_modulus() const {
+  if (law != Law::kNeuralIsotropic) return p_wave_modulus();
+  double relaxing = 0.0;
+  for (const MaxwellBranch& branch : maxwell) relaxing += 2.0 * branch.modulus;
+  return usual_wave_modulus(isotropic_constants(*this)) + relaxing;
+}
+
+double Material::wave_speed(double rho) const { return std::sqrt(stiffest_modulus() / rho); }
+
+const LawTraits& Material::traits() const {
+  return law == Law::kNeuralIsotropic ? neural_traits(flow_class(*this)) : material::traits(law);
+}
 
 Law law_from_name(std::string_view name) {
   std::string known;
@@ -67,6 +79,27 @@ void validate(const Material& m, const std::string& where) {
     require(m.friction_angle >= 0 && m.friction_angle < 80, where, "friction_angle",
             m.friction_angle, "[0, 80) degrees");
     require(m.cohesion >= 0 && m.cohesion < 1e12, where, "cohesion", m.cohesion, "[0, 1e12) Pa");
+  }
+  if (law.uses("yield_strain")) {
+    const auto check_form = [&](const char* name, double value) {
+      require(value >= -5 && value <= 5, where, name, value, "[-5, 5]");
+    };
+    check_form("form_1", m.form_1);
+    check_form("form_2", m.form_2);
+    check_form("form_3", m.form_3);
+    check_form("form_4", m.form_4);
+    require(m.yield_strain >= 0 && m.yield_strain < 1e9, where, "yield_strain", m.yield_strain,
+            "[0, 1e9)");
+    require(m.internal_friction >= 0 && m.internal_friction <= 100, where, "internal_friction",
+            m.internal_friction, "[0, 100]");
+    require(m.strain_hardening >= 0 && m.strain_hardening <= 1e3, where, "strain_hardening",
+            m.strain_hardening, "[0, 1000]");
+    require(m.tear_strain >= 0 && m.tear_strain < 1e9, where, "tear_strain", m.tear_strain,
+            "[0, 1e9)");
+    require(m.flow_rate > 0 && m.flow_rate <= 1e12, where, "flow_rate", m.flow_rate,
+            "(0, 1e12] 1/s");
+    require(m.flow_thinning >= 0 && m.flow_thinning <= 1e12, where, "flow_thinning",
+            m.flow_thinning, "[0, 1e12] 1/s");
   }
   require(m.damping_shear >= 0 && m.damping_shear < 1e9, where, "damping_shear", m.damping_shear,
           "[0, 1e9) Pa s");

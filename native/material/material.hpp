@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,6 +21,11 @@ struct MaxwellBranch {
 /// A body takes this many at most.
 inline constexpr std::size_t kMostMaxwellBranches = 6;
 
+struct IsotropicStart;
+
+/// From this strain on a limit of the isotropic neural law's flow counts as never met.
+inline constexpr double kNeverStrain = 100.0;
+
 /// A material as a job document gives it: physical values in SI units (physics of each law and the
 /// conversions from the papers' codes: docs/why.md). Values that a law does not use are ignored.
 struct Material {
@@ -37,14 +43,31 @@ struct Material {
   double damping_bulk = 0.0;     ///< Kelvin–Voigt, [Pa s]
   std::vector<MaxwellBranch> maxwell;
 
+  /// Isotropic neural law (neural/isotropic_material.hpp). E and ν are its moduli at rest, `start`
+  /// and the form the shape of its energy, the others its flow; no start: Hencky's energy.
+  std::shared_ptr<const IsotropicStart> start;
+  double form_1 = 0.0;  ///< along the start's directions, each of unit effect on the stress
+  double form_2 = 0.0;
+  double form_3 = 0.0;
+  double form_4 = 0.0;
+  double yield_strain = 1e3;       ///< |dev ε| from which it flows
+  double internal_friction = 0.0;  ///< yield strain per volume strain lost
+  double strain_hardening = 0.0;   ///< yield strain per equivalent plastic strain
+  double tear_strain = 1e3;        ///< ln J from which it comes apart
+  double flow_rate = 1e9;          ///< [1/s] at which strain beyond the yield strain is lost
+  double flow_thinning = 0.0;      ///< [1/s] per strain beyond it
+
   /// Lamé's first parameter and the shear modulus of the instantaneous response [Pa].
   [[nodiscard]] double lambda() const;
   [[nodiscard]] double mu() const;
-  /// Fastest elastic wave √((λ+2μ)/ρ) or √(K/ρ) [m/s] at density `rho` [kg/m³].
+  /// Fastest elastic wave √(stiffest_modulus()/ρ) [m/s] at density `rho` [kg/m³].
   [[nodiscard]] double wave_speed(double rho) const;
-  /// λ + 2μ of the instantaneous response, K for a fluid [Pa].
+  /// λ + 2μ of the instantaneous response at rest, K for a fluid [Pa].
   [[nodiscard]] double p_wave_modulus() const;
-  [[nodiscard]] const LawTraits& traits() const { return material::traits(law); }
+  /// What it may become under load, as far as a law has a bound; else the same [Pa].
+  [[nodiscard]] double stiffest_modulus() const;
+  /// Those of its law, and of what its numbers make of one that spans the classes.
+  [[nodiscard]] const LawTraits& traits() const;
 };
 
 /// The law of that document name. Throws Error(kInput) that lists the known names.

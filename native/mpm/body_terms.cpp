@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <numeric>
+#include <sstream>
 
+#include "base/error.hpp"
 #include "effects/effect_type.hpp"
+#include "mpm/initial_velocity.hpp"
 
 namespace matterfit::mpm {
 
@@ -12,6 +15,8 @@ TermCotangents& TermCotangents::operator+=(const TermCotangents& other) {
   for (std::size_t i = 0; i < values.size(); ++i) values[i] += other.values[i];
   log_density += other.log_density;
   position += other.position;
+  rest += other.rest;
+  rest_turn += other.rest_turn;
   gravity += other.gravity;
   added_density += other.added_density;
   turn += other.turn;
@@ -33,6 +38,9 @@ double added_density(const Scene& scene, const Body& body) {
   return sum;
 }
 
+/// The a for which M : [ω]× = ω · a.
+Vec3d axial(const Mat3d& m) { return {m(2, 1) - m(1, 2), m(0, 2) - m(2, 0), m(1, 0) - m(0, 1)}; }
+
 }  // namespace
 
 void add_inertia(Scene& scene) {
@@ -47,6 +55,10 @@ BodyTerms::BodyTerms(const Scene& scene, const Body& body)
   effects::BodyFacts facts;
   facts.volume = std::accumulate(body.volumes.begin(), body.volumes.end(), 0.0);
   facts.density = body.density;
+  facts.center = center_of_volume(body);
+  for (const Vec3d& x : body.rest) {
+    facts.radius = std::max(facts.radius, (x - facts.center).norm());
+  }
   for (const Vec3d& gravity : scene.gravity.values) {
     facts.gravity = std::max(facts.gravity, gravity.norm());
   }
@@ -56,6 +68,7 @@ BodyTerms::BodyTerms(const Scene& scene, const Body& body)
     terms_.push_back({e, values_, is_neutral(effect), effect.type->make(effect, facts)});
     values_ += effect.values.size();
     act_ = act_ || !terms_.back().neutral;
+    stress_ = stress_ || terms_.back().term->has_stress();
   }
 }
 
@@ -76,22 +89,45 @@ Vec3d BodyTerms::force(const effects::MaterialPoint& point, const effects::Momen
   return sum;
 }
 
-void BodyTerms::force_adjoint(const effects::MaterialPoint& point, const effects::Moment& moment,
-                              const Vec3d& force_bar, effects::MaterialPointBar& bar,
-                              TermCotangents& sums) const {
+Mat3d BodyTerms::stress(const effects::MaterialPoint& point, const effects::Moment& moment) const {
+  Mat3d sum = Mat3d::Zero();
+  for (const Entry& entry : terms_) {
+    if (!entry.neutral && entry.term->has_stress()) sum += entry.term->stress(point, moment);
+  }
+  return sum;
+}
+
+void BodyTerms::adjoint(const effects::MaterialPoint& point, const effects::Moment& moment,
+                        const Vec3d& force_bar, const Mat3d& stress_bar,
+                        effects::MaterialPointBar& bar, TermCotangents& sums) const {
   effects::MaterialPointBar own;
   for (const Entry& entry : terms_) {
-    entry.term->force_adjoint(point, moment, force_bar, own, sums.values.data() + entry.first);
+    double* values = sums.values.data() + entry.first;
+    entry.term->force_adjoint(point, moment, force_bar, own, values);
+    if (entry.term->has_stress()) {
+      entry.term->stress_adjoint(point, moment, stress_bar, own, values);
+    }
   }
   sums.log_density += body_.density * point.volume * own.mass;
   sums.added_density -= point.volume * own.mass;
   sums.position += own.position;
+  sums.rest += own.rest;
+  sums.rest_turn += point.rest.cross(own.rest);
   sums.gravity += own.gravity;
   sums.turn += point.position.cross(own.position) + point.velocity.cross(own.velocity) -
                force(point, moment).cross(force_bar);
+  if (stress_) {
+    const Mat3d& f = point.deformation_gradient;
+    const Mat3d& f_bar = own.deformation_gradient;
+    const Mat3d tau = stress(point, moment);
+    sums.turn += axial(f_bar * f.transpose() - f.transpose() * f_bar -
+                       stress_bar * tau.transpose() + tau.transpose() * stress_bar);
+  }
   bar.position += own.position;
   bar.velocity += own.velocity;
+  bar.rest += own.rest;
   bar.mass += own.mass;
+  bar.deformation_gradient += own.deformation_gradient;
   bar.gravity += own.gravity;
 }
 
@@ -114,6 +150,33 @@ void BodyTerms::add_to(const TermCotangents& sums, double density_bar,
                                          of_effect.data());
     }
   }
+}
+
+double BodyTerms::modulus_bound() const {
+  double sum = 0.0;
+  for (const Entry& entry : terms_) {
+    if (!entry.neutral) sum += entry.term->modulus_bound();
+  }
+  return sum;
+}
+
+double BodyTerms::rate_bound(double speed) const {
+  double sum = 0.0;
+  for (const Entry& entry : terms_) {
+    if (!entry.neutral) sum += entry.term->rate_bound(speed);
+  }
+  return sum;
+}
+
+void BodyTerms::check_step(double speed) const {
+  const double rate = rate_bound(speed);
+  if (!(scene_.dt * rate > 1.0)) return;
+  std::ostringstream text;
+  text << "scene.solver.dt = " << scene_.dt << " s: the drag on body '" << body_.name
+       << "' takes its speed within " << 1.0 / rate
+       << " s, and a longer substep would turn it around. Remove dt, so that the solver chooses, "
+          "or give less than that.";
+  throw_input(text.str());
 }
 
 double BodyTerms::acceleration_bound(double speed) const {

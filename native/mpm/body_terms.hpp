@@ -12,9 +12,11 @@ namespace matterfit::mpm {
 
 /// What terms give back, summed over material points and substeps.
 struct TermCotangents {
-  std::vector<double> values;      ///< BodyTerms::values()
-  double log_density = 0.0;        ///< ∂/∂ln ρ, through the points' masses
-  Vec3d position = Vec3d::Zero();  ///< of the points' present positions, all together
+  std::vector<double> values;       ///< BodyTerms::values()
+  double log_density = 0.0;         ///< ∂/∂ln ρ, through the points' masses
+  Vec3d position = Vec3d::Zero();   ///< of the points' present positions, all together
+  Vec3d rest = Vec3d::Zero();       ///< of their places at rest, all together
+  Vec3d rest_turn = Vec3d::Zero();  ///< Σ X × X̄
   Vec3d turn = Vec3d::Zero();  ///< Σ x × x̄ + v × v̄ − f × f̄, world axes about the origin
   Vec3d gravity = Vec3d::Zero();
   double added_density = 0.0;  ///< by the inertia that effects add, through the points' masses
@@ -43,13 +45,18 @@ class BodyTerms {
   /// A material point of the body: a share `volume` [m³] of it.
   [[nodiscard]] effects::MaterialPoint point(std::uint32_t particle, double volume) const;
 
+  /// Some effect has a stress: points need their deformation gradients.
+  [[nodiscard]] bool stress() const { return stress_; }
   /// Σ of the forces [N].
   [[nodiscard]] Vec3d force(const effects::MaterialPoint& point,
                             const effects::Moment& moment) const;
-  /// The adjoint of force(), of neutral effects too. Adds to `bar`, and to the sums.
-  void force_adjoint(const effects::MaterialPoint& point, const effects::Moment& moment,
-                     const Vec3d& force_bar, effects::MaterialPointBar& bar,
-                     TermCotangents& sums) const;
+  /// Σ of the Kirchhoff stresses [Pa].
+  [[nodiscard]] Mat3d stress(const effects::MaterialPoint& point,
+                             const effects::Moment& moment) const;
+  /// Their adjoints, of neutral effects too. Adds to `bar`, and to the sums.
+  void adjoint(const effects::MaterialPoint& point, const effects::Moment& moment,
+               const Vec3d& force_bar, const Mat3d& stress_bar, effects::MaterialPointBar& bar,
+               TermCotangents& sums) const;
   [[nodiscard]] TermCotangents zero() const;
   /// Adds to the derivatives by the scene's effects: per effect, Effect::values. `density_bar`: of
   /// the run by the body's density, with the inertia that effects add.
@@ -58,6 +65,12 @@ class BodyTerms {
 
   /// The largest acceleration [m/s²] that they give to what moves at `speed` [m/s].
   [[nodiscard]] double acceleration_bound(double speed) const;
+  /// At most how fast they take speed from what moves at `speed` [m/s] [1/s].
+  [[nodiscard]] double rate_bound(double speed) const;
+  /// Throws Error(kInput) where a substep that the scene gives is longer than 1 over rate_bound().
+  void check_step(double speed) const;
+  /// What they add to the body's modulus λ + 2μ at most [Pa].
+  [[nodiscard]] double modulus_bound() const;
 
  private:
   struct Entry {
@@ -72,6 +85,7 @@ class BodyTerms {
   std::vector<Entry> terms_;
   std::size_t values_ = 0;
   bool act_ = false;
+  bool stress_ = false;
 };
 
 }  // namespace matterfit::mpm

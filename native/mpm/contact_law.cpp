@@ -9,7 +9,7 @@ namespace matterfit::mpm {
 namespace {
 
 /// Of the body's size: where a default spring is twice as stiff. What it holds: docs/validation.md.
-constexpr double kFirmAt = 0.04;
+constexpr double kFirmAt = 0.05;
 
 /// By which default contacts go [Pa].
 double contact_modulus(const Body& body) {
@@ -65,8 +65,7 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32
   const double spring = law.stiffness * std::max(point.area, 0.0);
   const double dashpot = 2.0 * law.damping * std::sqrt(spring * point.mass);
   const double approach = -point.normal.dot(point.relative_velocity);
-  const double firm = law.firm_at > 0.0 && depth > 0.0 ? depth / law.firm_at : 0.0;
-  double normal_force = spring * depth * (1.0 + firm * firm) + dashpot * approach;
+  double normal_force = spring * depth * firmness_at(law, depth).secant + dashpot * approach;
   if (separates) normal_force = std::max(normal_force, 0.0);
   Vec3d force = normal_force * point.normal;
   if (law.kind == shape::ContactKind::kSlip || law.kind == shape::ContactKind::kSeparating)
@@ -89,12 +88,18 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32
   return force + tangential;
 }
 
+Firmness firmness_at(const ContactLaw& law, double depth) {
+  if (!(law.firm_at > 0.0) || depth <= 0.0) return {};
+  const double ratio = depth / law.firm_at;
+  const double growth = ratio * ratio * ratio * ratio;
+  return {1.0 + growth, 1.0 + 5.0 * growth};
+}
+
 double firmness(const ContactLaw& law, double pressure) {
   if (!(law.firm_at > 0.0)) return 1.0;
-  // δ + δ³ = q in units of δ₁, from above.
+  // δ + δ⁵ = q in units of δ₁, from above.
   const double q = pressure / (law.stiffness * law.firm_at);
-  const double depth = std::min(q, std::cbrt(q));
-  return 1.0 + 3.0 * depth * depth;
+  return firmness_at(law, law.firm_at * std::min(q, std::pow(q, 0.2))).tangent;
 }
 
 double meeting_pressure(const Body& body, double speed, double pull) {

@@ -11,7 +11,7 @@
 namespace matterfit::mpm {
 
 /// Contact of particles with surfaces, accurate below the cell: a penalty on the exact distance,
-///   f_n = k A δ (1 + (δ/δ₁)²) − damping,  δ = ⟨r − d⟩,  A = J V/(2r₀),  r = r₀ √(nᵀ F Fᵀ n),
+///   f_n = k A δ (1 + (δ/δ₁)⁴) − damping,  δ = ⟨r − d⟩,  A = J V/(2r₀),  r = r₀ √(nᵀ F Fᵀ n),
 /// d the distance of the particle's centre; where the body has a field of displacements (total
 /// Lagrangian) gap and force are those of the face itself, r = 0.
 /// k [Pa/m] a property of the contact (a skin's compliance), so that results converge with dx; it
@@ -57,6 +57,15 @@ struct ContactPoint {
 [[nodiscard]] Vec3d contact_force(const ContactLaw& law, const ContactPoint& point,
                                   std::int32_t surface, double dt, ContactMemory& memory);
 
+/// The normal spring of the law as multiples of `stiffness`.
+struct Firmness {
+  double secant = 1.0;   ///< force over depth, 1 + (δ/δ₁)⁴
+  double tangent = 1.0;  ///< slope of the force, 1 + 5 (δ/δ₁)⁴
+};
+
+/// At `depth` δ [m].
+[[nodiscard]] Firmness firmness_at(const ContactLaw& law, double depth);
+
 /// By how much the tangent of the normal spring exceeds `stiffness` where it carries `pressure`
 /// [Pa], at least nearly; 1 of a linear one.
 [[nodiscard]] double firmness(const ContactLaw& law, double pressure);
@@ -66,7 +75,7 @@ struct ContactPoint {
 [[nodiscard]] double meeting_pressure(const Body& body, double speed, double pull);
 
 /// Fills in the defaults: stiffness 8 M/size, at most M/dx, with M = λ+2μ, of a solid at most 4μ;
-/// of an elastic body it doubles at a depth of a 25th of the size. The size is the diameter of
+/// of an elastic body it doubles at a depth of a 20th of the size. The size is the diameter of
 /// the ball of equal volume.
 [[nodiscard]] ContactLaw resolve_contact(const shape::Contact& contact, const Body& body,
                                          double dx);

@@ -25,8 +25,8 @@ ContactCotangents contact_force_adjoint(const ContactLaw& law, const ContactPoin
   const double spring = law.stiffness * std::max(point.area, 0.0);
   const double dashpot = 2.0 * law.damping * std::sqrt(spring * point.mass);
   const double approach = -n.dot(v);
-  const double firm = law.firm_at > 0.0 && depth > 0.0 ? depth / law.firm_at : 0.0;
-  double normal_force = spring * depth * (1.0 + firm * firm) + dashpot * approach;
+  const Firmness firm = firmness_at(law, depth);
+  double normal_force = spring * depth * firm.secant + dashpot * approach;
   const bool pulls = separates && normal_force < 0.0;
   if (pulls) normal_force = 0.0;
 
@@ -72,8 +72,8 @@ ContactCotangents contact_force_adjoint(const ContactLaw& law, const ContactPoin
     bar.stretch = stretch_bar;
   }
   if (pulls) normal_bar = 0.0;
-  spring_bar += depth * (1.0 + firm * firm) * normal_bar;
-  const double depth_bar = spring * (1.0 + 3.0 * firm * firm) * normal_bar;
+  spring_bar += depth * firm.secant * normal_bar;
+  const double depth_bar = spring * firm.tangent * normal_bar;
   dashpot_bar += approach * normal_bar;
   approach_bar += dashpot * normal_bar;
   bar.normal -= approach_bar * v;

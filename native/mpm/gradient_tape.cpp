@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "mpm/initial_velocity.hpp"
 #include "mpm/state_bytes.hpp"
 
 namespace matterfit::mpm {
@@ -170,6 +171,10 @@ void UpdatedTape<S>::collect(const std::vector<Vec3d>& /*observed*/, Gradient& o
     body.spin = start.spin;
     body.particle_velocities = std::move(start.particle_velocities);
     adjoint_->add_effects(m, bar_, body.density, out.effects);
+    const TermCotangents& terms = bar_.bodies[m].terms;
+    body.offset += terms.rest;
+    body.rotation +=
+        terms.rest_turn - center_of_volume(stepper_.scene().bodies[bodies[m]]).cross(terms.rest);
   }
   out.gravity += bar_.gravity;
   for (std::size_t c = 0; c < out.colliders.size(); ++c) out.colliders[c] += bar_.colliders[c];

@@ -336,7 +336,10 @@ std::pair<double, std::string> RenewedGroup<S>::limit_step(double time) const {
     // Tangent of (K/7)(J − J⁻⁶) against K.
     const double stiffening =
         newtonian ? (1.0 + 6.0 * std::pow(std::clamp(s.min_j, 0.3, 1.0), -7.0)) / 7.0 : 1.0;
-    const double c = material.wave_speed(body.density()) * std::sqrt(stiffening);
+    double c = material.wave_speed(body.density()) * std::sqrt(stiffening);
+    if (const double more = s.terms.of(m).modulus_bound(); more > 0.0) {
+      c = std::sqrt(c * c + more / body.density());
+    }
     const double elastic = c / (0.5 * s.dx);
     double contact = 0.0;
     for (const ContactLaw& law : s.contacts[m].laws()) {
@@ -351,6 +354,10 @@ std::pair<double, std::string> RenewedGroup<S>::limit_step(double time) const {
     }
   }
   const double speed = s.fastest() + s.pull(time) / s.scene->fps;
+  for (std::size_t m = 0; m < s.bodies.size(); ++m) {
+    const double drag = s.terms.of(m).rate_bound(speed);
+    if (drag > 0.0) limit(1.0 / drag, "drag of " + s.bodies[m].name());
+  }
   if (speed > 0.0) limit(s.scene->cfl * s.dx / speed, "CFL");
   return {best, reason};
 }
@@ -367,6 +374,8 @@ void RenewedGroup<S>::begin_frame(double time, int substeps) {
   s.looks = s.looks_of_frame(time);
   s.substeps = substeps;
   s.substep = 0;
+  const double speed = s.fastest() + s.pull(time) / s.scene->fps;
+  for (std::size_t m = 0; m < s.bodies.size(); ++m) s.terms.of(m).check_step(speed);
   for (RenewedContact<S>& contact : s.contacts) {
     contact.begin_frame(1.0 / s.scene->fps, s.pull(time));
   }

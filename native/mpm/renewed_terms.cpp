@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mpm/renewed_terms.hpp"
 
+#include <Eigen/LU>
 #include <algorithm>
 
 #include "mpm/total_block_field.hpp"
@@ -36,7 +37,16 @@ void RenewedTerms<S>::add(RenewedBody<S>& body, std::size_t member, std::size_t 
     effects::MaterialPoint point = terms.point(body.store().id[slot], body.volume(slot));
     point.position = place.position(origin, dx) + displacements.at(stencil);
     point.velocity = velocities.at(stencil);
-    forces.add(stencil, terms.force(point, moment));
+    const Vec3d force = terms.force(point, moment);
+    if (!terms.stress()) {
+      forces.add(stencil, force);
+      return;
+    }
+    // −V τ G⁻ᵀ ∇w, G from the reference to now.
+    const Mat3d since = Mat3d::Identity() + displacements.gradient(stencil);
+    point.deformation_gradient = since * body.elastic(slot);
+    const Mat3d nominal = terms.stress(point, moment) * since.inverse().transpose();
+    forces.add(stencil, force, -point.volume * nominal);
   });
   forces.add_to_halo(body.halo(b));
 }

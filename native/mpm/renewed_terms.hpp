@@ -9,8 +9,8 @@
 
 namespace matterfit::mpm {
 
-/// The terms on the bodies of the renewed formulation: their forces at the particles, on the nodes
-/// by the weights that the masses have too.
+/// The terms on the bodies of the renewed formulation: their forces and stresses at the particles,
+/// on the nodes by the weights that the masses have too, and by their slopes.
 template <class S>
 class RenewedTerms {
  public:
@@ -22,6 +22,7 @@ class RenewedTerms {
   void add(RenewedBody<S>& body, std::size_t member, std::size_t b, const std::uint32_t* nodes,
            const std::vector<double>& displacement, const std::vector<double>& velocity, double dx,
            const effects::Moment& moment) const;
+  [[nodiscard]] const BodyTerms& of(std::size_t member) const { return *terms_[member]; }
   /// The largest acceleration [m/s²] that they give to what moves at `speed` [m/s].
   [[nodiscard]] double acceleration_bound(double speed) const;
 

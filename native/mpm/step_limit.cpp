@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "mpm/body_terms.hpp"
 #include "mpm/contact_law.hpp"
 #include "mpm/default_stiffness.hpp"
 
@@ -21,8 +22,9 @@ double step_limit(const Scene& scene, const Body& body) {
   constexpr double kCell = 13.3;
   const material::Material& m = body.material;
   const double per_modulus = kCell / (body.density * scene.dx * scene.dx);
-  const double omega =
-      std::sqrt(per_modulus * m.p_wave_modulus() + 2.0 * contact / (body.density * scene.dx));
+  double modulus = m.stiffest_modulus();
+  if (!scene.effects.empty()) modulus += BodyTerms(scene, body).modulus_bound();
+  const double omega = std::sqrt(per_modulus * modulus + 2.0 * contact / (body.density * scene.dx));
   double viscous = 2.0 * m.damping_shear + m.damping_bulk;
   if (m.traits().fluid) viscous += 2.0 * m.viscosity;
   const double xi = 0.5 * per_modulus * viscous / omega;

@@ -14,8 +14,56 @@
 
 #include "effects/effect_type.hpp"
 #include "mpm/gradient_runs_for_test.hpp"
+#include "mpm/simulation.hpp"
 
 namespace matterfit::mpm {
+
+inline void set(effects::Effect& effect, const std::string& key, const Vec3d& value) {
+  const auto i = effect.type->find(key);
+  ASSERT_TRUE(i.has_value()) << key;
+  for (std::size_t c = 0; c < effect.type->parameters[*i].size; ++c) {
+    effect.values[effect.type->offset(*i) + c] = value[static_cast<int>(c)];
+  }
+}
+inline void set(effects::Effect& effect, const std::string& key, double value) {
+  set(effect, key, Vec3d::Constant(value));
+}
+
+/// A ball of 0.1 m that is thrown, without gravity or anything that it could touch.
+inline Scene ball(Formulation formulation, const Vec3d& velocity) {
+  Scene scene;
+  scene.fps = 50.0;
+  scene.end_frame = 26;
+  scene.dx = 0.05;
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d::Zero());
+  Body body;
+  body.name = "ball";
+  body.density = 50.0;
+  body.formulation = formulation;
+  body.material.law = material::Law::kNeoHookean;
+  body.material.youngs_modulus = 1e5;
+  body.material.poisson_ratio = 0.3;
+  body.velocity = velocity;
+  body.lattice.regular = true;
+  body.lattice.spacing = 0.5 * scene.dx;
+  const double h = body.lattice.spacing;
+  for (int i = -4; i < 4; ++i)
+    for (int j = -4; j < 4; ++j)
+      for (int k = -4; k < 4; ++k) {
+        const Vec3d x = h * Vec3d(i + 0.5, j + 0.5, k + 0.5);
+        if (x.norm() > 0.1) continue;
+        body.rest.push_back(x);
+        body.volumes.push_back(h * h * h);
+      }
+  scene.bodies.push_back(std::move(body));
+  return scene;
+}
+
+inline FrameState last_state(const Scene& scene, int threads = 1) {
+  Simulation simulation(scene, std::make_shared<Arena>(threads), {});
+  while (simulation.frame() + 1 < scene.end_frame) (void)simulation.advance(Interrupter());
+  return simulation.state();
+}
 
 struct TermCase : GradientCase {
   std::vector<effects::Effect> with;
@@ -72,13 +120,15 @@ inline void expect_gradient(const TermCase& run) {
                [](TermCase& c, double by) { c.density += by; });
   expect_slope(run, g.schedule, "E", g.bodies[0].material.youngs_modulus, 200.0,
                [](TermCase& c, double by) { c.material.youngs_modulus += by; });
+  // Small steps: where a particle goes from one cell to the next within them, the slope of a
+  // quadratic spline has a kink, and so has the force of a stress.
   for (int axis = 0; axis < 3; ++axis) {
     const std::string name(1, "xyz"[axis]);
-    expect_slope(run, g.schedule, "offset " + name, g.bodies[0].offset[axis], 1e-4,
+    expect_slope(run, g.schedule, "offset " + name, g.bodies[0].offset[axis], 1e-5,
                  [axis](TermCase& c, double by) { c.offset[axis] += by; });
-    expect_slope(run, g.schedule, "turn " + name, g.bodies[0].rotation[axis], 1e-4,
+    expect_slope(run, g.schedule, "turn " + name, g.bodies[0].rotation[axis], 1e-5,
                  [axis](TermCase& c, double by) { c.turn[axis] += by; });
-    expect_slope(run, g.schedule, "velocity " + name, g.bodies[0].velocity[axis], 1e-3,
+    expect_slope(run, g.schedule, "velocity " + name, g.bodies[0].velocity[axis], 1e-4,
                  [axis](TermCase& c, double by) { c.velocity[axis] += by; });
     expect_slope(run, g.schedule, "spin " + name, g.bodies[0].spin[axis], 1e-2,
                  [axis](TermCase& c, double by) { c.spin[axis] += by; });

@@ -26,19 +26,20 @@ TotalCotangents<S> TotalAdjoint<S>::zero() const {
   return bar;
 }
 
-// v' = v + share (M⁻¹ B v − v) at the nodes that are smoothed; B is symmetric.
+// v' = v + share M⁻¹ (B − L) v at the nodes that are smoothed, L the lumped masses; B is symmetric.
 template <class S>
 void TotalAdjoint<S>::smooth(Arena& arena, double share, std::vector<double>& velocity_bar) {
   const std::vector<double>& inverse = body_.grid_.inverse_mass();
+  const std::vector<double>& lumped = body_.grid_.lumped_mass();
   const std::vector<std::uint8_t>& skip = body_.pins_->deferred();
   node_field_.resize(velocity_bar.size());
   arena.parallel_for(0, body_.grid_.node_blocks(), 4, [&](std::size_t b) {
     for (std::size_t i = b * kNodeBlock; i < (b + 1) * kNodeBlock; ++i) {
       const std::size_t n = node_of(i);
       const bool moves = inverse[n] > 0.0 && skip[n] == 0;
-      const double taken = moves ? share * velocity_bar[i] : 0.0;
-      node_field_[i] = inverse[n] * taken;
-      velocity_bar[i] -= taken;
+      const double taken = moves ? share * inverse[n] * velocity_bar[i] : 0.0;
+      node_field_[i] = taken;
+      velocity_bar[i] -= lumped[n] * taken;
     }
   });
   TotalView<S> view = body_.view(0.0, false);
@@ -238,7 +239,7 @@ InitialCotangents TotalAdjoint<S>::initial(const TotalCotangents<S>& bar) const 
     const PointStencil s(q.f, grid.dx());
     Vec3d sum = Vec3d::Zero();
     for (std::size_t i = 0; i < 27; ++i) {
-      sum += s.weight(i / 9, i / 3 % 3, i % 3) * grid.inverse_mass()[nodes[i]] * at(nodes[i]);
+      sum += s.weight(i / 9, i / 3 % 3, i % 3) / grid.lumped_mass()[nodes[i]] * at(nodes[i]);
     }
     out.particle_velocities[q.particle] += body_.density_ * q.volume * (grid.axes() * sum);
   }

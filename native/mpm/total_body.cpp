@@ -21,6 +21,7 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
     : name_(body.name),
       density_(body.density),
       law_(material::law_constants<S>(body.material)),
+      energy_law_(material::law_constants<double>(body.material)),
       kernels_(&kernels),
       grid_(body, scene),
       pins_(std::make_unique<TotalPins>(body, grid_)) {
@@ -80,8 +81,8 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
     }
   }
   for (std::uint32_t n = 0; n < grid_.mass().size(); ++n) {
-    const Vec3d v = velocity + spin.cross(grid_.node_position(n) - grid_.center_of_mass()) +
-                    extra[n] * grid_.inverse_mass()[n];
+    Vec3d v = velocity + spin.cross(grid_.node_position(n) - grid_.center_of_mass());
+    if (grid_.lumped_mass()[n] > 0.0) v += extra[n] / grid_.lumped_mass()[n];
     set_field_value(velocity_, n, v);
   }
 }
@@ -109,7 +110,7 @@ TotalView<S> TotalBody<S>::view(double dt, bool commit) const {
   v.density = static_cast<S>(density_);
   v.dx = static_cast<S>(grid_.dx());
   v.dt = static_cast<S>(dt);
-  v.mean_dilatation = material::traits(law_.law).mean_dilatation;
+  v.mean_dilatation = !law_.own_volume;
   v.commit = commit;
   return v;
 }
@@ -214,12 +215,13 @@ void TotalBody<S>::smooth_velocities(Arena& arena, double share) {
     double momentum[kNodeBlock];
     sum_forces(b, momentum);
     const double* inverse = grid_.inverse_mass().data() + b * kBlockNodes;
+    const double* lumped = grid_.lumped_mass().data() + b * kBlockNodes;
     const std::uint8_t* skip = pins_->deferred().data() + b * kBlockNodes;
     for (std::size_t c = 0; c < 3; ++c) {
       for (std::size_t n = 0; n < kBlockNodes; ++n) {
         if (!(inverse[n] > 0.0) || skip[n] != 0) continue;
         double& velocity = velocity_[b * kNodeBlock + c * kBlockNodes + n];
-        velocity += share * (momentum[c * kBlockNodes + n] * inverse[n] - velocity);
+        velocity += share * inverse[n] * (momentum[c * kBlockNodes + n] - lumped[n] * velocity);
       }
     }
   });

@@ -188,6 +188,7 @@ class TotalBody {
   std::string name_;
   double density_;
   material::LawConstants<S> law_;
+  material::LawConstants<double> energy_law_;
   const Kernels<S>* kernels_;
   TotalGrid grid_;
   std::vector<double> displacement_;  ///< node blocks × [3][64]

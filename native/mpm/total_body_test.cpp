@@ -74,6 +74,30 @@ TEST(CorrectedLumping, KeepsUniformFieldsAndMomentum) {
   EXPECT_LT(change, own);
 }
 
+/// Nodes that the skin of a ball hardly reaches are raised, and neither the mass nor its centre
+/// moves by that.
+TEST(TotalGrid, RaisesLightNodesWithinTheBody) {
+  const Scene scene = scene_of(ball_body("ball", Vec3d(0.1, 0.2, 0.3), 0.07, 0.5 * kDx));
+  const TotalGrid grid(scene.bodies[0], scene);
+  const double least = 0.99e-3 * 1000.0 * kDx * kDx * kDx;
+  int light = 0;
+  double mass = 0.0;
+  Vec3d moment = Vec3d::Zero();
+  for (std::uint32_t n = 0; n < grid.mass().size(); ++n) {
+    const double lumped = grid.lumped_mass()[n];
+    EXPECT_EQ(grid.mass()[n] > 0.0, lumped > 0.0);
+    if (!(lumped > 0.0)) continue;
+    light += lumped < least ? 1 : 0;
+    EXPECT_GE(grid.mass()[n], least);
+    EXPECT_GE(grid.mass()[n], 0.7 * lumped);
+    mass += grid.mass()[n];
+    moment += (grid.mass()[n] - lumped) * grid.node_position(n);
+  }
+  EXPECT_GT(light, 0);
+  EXPECT_NEAR(mass, grid.total_mass(), 1e-12 * grid.total_mass());
+  EXPECT_LT(moment.norm(), 1e-12 * grid.total_mass() * kDx);
+}
+
 /// B/M for a wave of k radians a cell along an axis, by two Gauss points a cell:
 /// the mean of |Σ w_j(f) exp(ikj)|².
 double mass_of_wave(double k) {

@@ -23,12 +23,7 @@ double TotalBody<S>::elastic_energy(Arena& arena, double dt) const {
     if (q == 0 || points[q].cell != points[q - 1].cell) cells.push_back(q);
   }
   cells.push_back(points.size());
-  material::LawConstants<double> law;
-  law.law = law_.law;
-  law.split = law_.split;
-  law.lambda = static_cast<double>(law_.lambda);
-  law.mu = static_cast<double>(law_.mu);
-  law.kappa = static_cast<double>(law_.kappa);
+  const material::LawConstants<double>& law = energy_law_;
   std::vector<double> energies(cells.size() - 1);
   arena.parallel_for(0, energies.size(), 64, [&](std::size_t c) {
     NodesOfCell nodes_of(grid_);

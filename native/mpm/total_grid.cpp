@@ -205,7 +205,7 @@ void TotalGrid::find_surface(const Lattice& lattice) {
 }
 
 void TotalGrid::lump_mass(double density) {
-  mass_.assign(node_blocks() * kBlockNodes, 0.0);
+  lumped_mass_.assign(node_blocks() * kBlockNodes, 0.0);
   NodesOfCell nodes_of(*this);
   for (const QuadraturePoint& q : quadrature_.points) {
     const std::array<std::uint32_t, 27>& nodes = nodes_of(q.cell);
@@ -213,7 +213,7 @@ void TotalGrid::lump_mass(double density) {
     for (int axis = 0; axis < 3; ++axis) quadratic_weights(q.f[axis], w[axis]);
     const double m = density * q.volume;
     for (std::size_t i = 0; i < 27; ++i) {
-      mass_[nodes[i]] += m * w[0][i / 9] * w[1][i / 3 % 3] * w[2][i % 3];
+      lumped_mass_[nodes[i]] += m * w[0][i / 9] * w[1][i / 3 % 3] * w[2][i % 3];
     }
   }
   center_.setZero();
@@ -223,6 +223,7 @@ void TotalGrid::lump_mass(double density) {
     center_ += m * rest_[p];
   }
   center_ /= total_mass_;
+  raise_light_nodes(density);
   inverse_mass_.resize(mass_.size());
   for (std::size_t n = 0; n < mass_.size(); ++n) {
     inverse_mass_[n] = mass_[n] > 0.0 ? 1.0 / mass_[n] : 0.0;

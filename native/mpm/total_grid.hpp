@@ -80,9 +80,10 @@ class TotalGrid {
   [[nodiscard]] const std::array<std::uint32_t, 8>& node_sources(std::size_t node_block) const {
     return node_sources_[node_block];
   }
-  [[nodiscard]] const std::vector<double>& mass() const {
-    return mass_;
-  }  ///< [kg], node blocks × 64
+  /// Σ m w over the quadrature points [kg], node blocks × 64.
+  [[nodiscard]] const std::vector<double>& lumped_mass() const { return lumped_mass_; }
+  /// Of the nodes [kg]: lumped, and raised where the body hardly reaches.
+  [[nodiscard]] const std::vector<double>& mass() const { return mass_; }
   [[nodiscard]] const std::vector<double>& inverse_mass() const { return inverse_mass_; }
   [[nodiscard]] double total_mass() const { return total_mass_; }
   [[nodiscard]] const Vec3d& center_of_mass() const { return center_; }  ///< local, at rest
@@ -119,6 +120,7 @@ class TotalGrid {
   void link_blocks();
   void find_surface(const Lattice& lattice);
   void lump_mass(double density);
+  void raise_light_nodes(double density);
 
   double dx_;
   Mat3d axes_;
@@ -136,6 +138,7 @@ class TotalGrid {
   std::vector<std::vector<std::uint32_t>> block_particles_;
   std::vector<std::array<std::uint32_t, 8>> block_nodes_;
   std::vector<std::array<std::uint32_t, 8>> node_sources_;
+  std::vector<double> lumped_mass_;
   std::vector<double> mass_;
   std::vector<double> inverse_mass_;
   double total_mass_ = 0.0;

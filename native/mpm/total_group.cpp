@@ -83,15 +83,23 @@ void TotalGroup<S>::limit_step(Arena& arena, double time, const OtherContact& ot
       member.probed = member.latest;
       member.since_probe = 0;
     }
-    if (scene_.dt > 0.0) continue;
     const double pull = scene_.gravity.at(time).norm();
+    const BodyTerms& terms = member.terms->terms();
     double speed = member.body->max_speed();
-    speed += (pull + member.terms->terms().acceleration_bound(speed)) / scene_.fps;
+    speed += (pull + terms.acceleration_bound(speed)) / scene_.fps;
+    terms.check_step(speed);
+    if (scene_.dt > 0.0) continue;
     if (member.contact->any() || other.any) {
       // A face must not cross a collider, nor what resists it, within a substep.
       if (speed > 0.0) limit.limit_to(scene_.cfl * scene_.dx / speed, "CFL");
     }
-    const double omega = 2.0 / member.elastic_dt;
+    double omega = 2.0 / member.elastic_dt;
+    if (const double more = terms.modulus_bound(); more > 0.0) {
+      const material::Material& own = scene_.bodies[member.index].material;
+      const double density = scene_.bodies[member.index].density;
+      const double wave = own.wave_speed(density);
+      omega *= std::sqrt(1.0 + more / (density * wave * wave));
+    }
     const double pressure = meeting_pressure(scene_.bodies[member.index], speed, pull);
     const double contact = member.contact->frequency_squared(pressure) + other.frequency_squared;
     const double fastest = std::sqrt(omega * omega + contact);
@@ -100,8 +108,9 @@ void TotalGroup<S>::limit_step(Arena& arena, double time, const OtherContact& ot
     // 27 η/(2 ρ dx²) at most, as that of the same modulus in place of it.
     const material::Material& m = scene_.bodies[member.index].material;
     const double viscous = 2.0 * m.damping_shear + m.damping_bulk;
+    const double drag = terms.rate_bound(speed);
     const double rate =
-        13.3 * viscous / (scene_.bodies[member.index].density * scene_.dx * scene_.dx);
+        13.3 * viscous / (scene_.bodies[member.index].density * scene_.dx * scene_.dx) + drag;
     const double xi = 0.5 * rate / fastest;
     const bool by_damping = xi > 1.0;
     const bool by_contact = contact > omega * omega;
@@ -110,6 +119,7 @@ void TotalGroup<S>::limit_step(Arena& arena, double time, const OtherContact& ot
                                       : "elastic wave of ";
     limit.limit_to(scene_.dt_safety * 2.0 / fastest * (std::sqrt(1.0 + xi * xi) - xi),
                    reason + member.body->name());
+    if (drag > 0.0) limit.limit_to(1.0 / drag, "drag of " + member.body->name());
   }
 }
 

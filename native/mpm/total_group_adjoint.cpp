@@ -69,8 +69,8 @@ void TotalGroupAdjoint<S>::collect(const std::vector<Vec3d>& observed, Gradient&
     out.gravity += member.bar.gravity;
     if (member.terms) {
       const TermCotangents& sums = member.terms->sums();
-      body.offset += sums.position;
-      body.rotation += sums.turn - center.cross(sums.position);
+      body.offset += sums.position + sums.rest;
+      body.rotation += sums.turn + sums.rest_turn - center.cross(sums.position + sums.rest);
       member.terms->terms().add_to(sums, body.density, out.effects);
     }
     if (!member.contact) continue;

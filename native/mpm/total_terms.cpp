@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mpm/total_terms.hpp"
 
+#include <Eigen/LU>
 #include <algorithm>
 
 namespace matterfit::mpm {
@@ -38,6 +39,9 @@ effects::MaterialPoint TotalTerms<S>::seen(const TotalBody<S>& body, const Point
   seen.rest = body.grid().to_world(point.place.rest);
   seen.position = state.position;
   seen.velocity = state.velocity;
+  if (terms_.stress()) {
+    seen.deformation_gradient = body.deformation_gradient(displacement.gradient(stencil));
+  }
   return seen;
 }
 
@@ -54,7 +58,15 @@ void TotalTerms<S>::apply(Arena& arena, TotalBody<S>& body, const effects::Momen
     for (const Point& point : points_[b]) {
       const BlockField::Stencil stencil(point.place.cell, body.grid().dx());
       const effects::MaterialPoint at = seen(body, point, stencil, displacement, velocity);
-      forces_[b].add(stencil, to_local * terms_.force(at, moment));
+      const Vec3d force = to_local * terms_.force(at, moment);
+      if (!terms_.stress()) {
+        forces_[b].add(stencil, force);
+        continue;
+      }
+      // −V P ∇₀w, P = τ F⁻ᵀ.
+      const Mat3d nominal =
+          terms_.stress(at, moment) * at.deformation_gradient.inverse().transpose();
+      forces_[b].add(stencil, force, -point.volume * (to_local * nominal * to_local.transpose()));
     }
   });
   body.set_node_forces(forces_.data());

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mpm/total_terms_adjoint.hpp"
 
+#include <Eigen/LU>
+
 namespace matterfit::mpm {
 
 template <class S>
@@ -33,11 +35,24 @@ void TotalTermsAdjoint<S>::back(std::size_t block, const effects::Moment& moment
   for (const auto& point : terms_.points(block)) {
     const BlockField::Stencil stencil(point.place.cell, grid.dx());
     const effects::MaterialPoint at = terms_.seen(body_, point, stencil, displacement, velocity);
-    const Vec3d bar_of_force = axes * forces.at(stencil);
+    const Vec3d force_at = axes * forces.at(stencil);
     effects::MaterialPointBar own;
-    terms.force_adjoint(at, moment, bar_of_force, own, bar.sums);
-    bar.log_density -= bar_of_force.dot(terms.force(at, moment));
-    bar.displacement.add(stencil, axes.transpose() * own.position);
+    bar.log_density -= force_at.dot(terms.force(at, moment));
+    Mat3d stress_bar = Mat3d::Zero();
+    if (terms.stress()) {
+      // −V P ∇₀w, P = τ A, A = F⁻ᵀ.
+      const Mat3d nominal_bar =
+          -point.volume * (axes * forces.gradient(stencil) * axes.transpose());
+      const Mat3d inverse = at.deformation_gradient.inverse();
+      const Mat3d tau = terms.stress(at, moment);
+      stress_bar = nominal_bar * inverse;
+      bar.log_density -= (stress_bar.array() * tau.array()).sum();
+      own.deformation_gradient =
+          -inverse.transpose() * nominal_bar.transpose() * tau * inverse.transpose();
+    }
+    terms.adjoint(at, moment, force_at, stress_bar, own, bar.sums);
+    bar.displacement.add(stencil, axes.transpose() * own.position,
+                         axes.transpose() * own.deformation_gradient * axes);
     bar.velocity.add(stencil, axes.transpose() * own.velocity);
   }
 }

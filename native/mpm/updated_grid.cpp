@@ -43,6 +43,20 @@ void UpdatedGrid<S>::add_affine_momentum(const UpdatedPlace<S>& place, double ma
 }
 
 template <class S>
+void UpdatedGrid<S>::add_gradient_momentum(const UpdatedPlace<S>& place, const Mat3d& m) {
+  const PointStencil s(place.fraction(), dx);
+  S* halo = blocks[place.block].halo.data();
+  place.for_each_node([&](std::size_t x, std::size_t y, std::size_t z, std::size_t i, std::size_t j,
+                          std::size_t k) {
+    const std::size_t node = halo_index(x, y, z);
+    const Vec3d momentum = m * s.gradient(i, j, k);
+    for (std::size_t c = 0; c < 3; ++c) {
+      halo[c * kHaloNodes + node] += static_cast<S>(momentum[static_cast<int>(c)]);
+    }
+  });
+}
+
+template <class S>
 Mat3d UpdatedGrid<S>::velocity_gradient(const UpdatedPlace<S>& place) const {
   const PointStencil s(place.fraction(), dx);
   Mat3d gradient = Mat3d::Zero();

@@ -28,6 +28,8 @@ struct UpdatedGrid {
   /// Adds momentum and mass at the nodes of a particle, `offset` [m] from it.
   void add_momentum(const UpdatedPlace<S>& place, const Eigen::Matrix<S, 3, 1>& momentum, S mass,
                     const Vec3d& offset = Vec3d::Zero());
+  /// Adds the momentum M ∇w_I, `m` M [kg m²/s], at the nodes of a particle.
+  void add_gradient_momentum(const UpdatedPlace<S>& place, const Mat3d& m);
   /// Adds the momentum m (v + G (x_I − x)) and the mass m [kg] at the nodes of a particle.
   void add_affine_momentum(const UpdatedPlace<S>& place, double mass, const Vec3d& velocity,
                            const Mat3d& gradient);

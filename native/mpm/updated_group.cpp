@@ -279,7 +279,11 @@ std::pair<double, std::string> UpdatedGroup<S>::begin_frame(double time) {
       // Tangent of (K/7)(J − J⁻⁶) against K.
       stiffening = (1.0 + 6.0 * std::pow(std::clamp(s.min_j, 0.3, 1.0), -7.0)) / 7.0;
     }
-    const double c = m.material.wave_speed(m.density) * std::sqrt(stiffening);
+    double c = m.material.wave_speed(m.density) * std::sqrt(stiffening);
+    const BodyTerms& terms = s.terms.of(static_cast<std::size_t>(&m - s.members.data()));
+    if (const double more = terms.modulus_bound(); more > 0.0) {
+      c = std::sqrt(c * c + more / m.density);
+    }
     double rate = c / (0.5 * s.dx);
     double contact = 0.0;
     for (const ContactLaw& law : m.contacts) {
@@ -297,6 +301,11 @@ std::pair<double, std::string> UpdatedGroup<S>::begin_frame(double time) {
     }
   }
   const double speed = s.max_speed + pull * s.frame_seconds;
+  for (std::size_t m = 0; m < s.members.size(); ++m) {
+    s.terms.of(m).check_step(speed);
+    const double drag = s.terms.of(m).rate_bound(speed);
+    if (drag > 0.0) limit(1.0 / drag, "drag of " + s.members[m].name);
+  }
   if (speed > 0.0) limit(s.scene->cfl * s.dx / speed, "CFL");
   return {best, reason};
 }

@@ -35,6 +35,10 @@ void UpdatedTerms<S>::apply(Arena& arena, UpdatedGrid<S>& grid, const effects::M
         at.velocity = particle_velocity(chunk, l);
         const Vec3d impulse = kick * terms.force(at, moment);
         grid.add_momentum(place, impulse.template cast<S>(), S(0));
+        if (!terms.stress()) return;
+        // −V τ ∇w.
+        at.deformation_gradient = deformation_gradient(chunk, l);
+        grid.add_gradient_momentum(place, -kick * at.volume * terms.stress(at, moment));
       });
     }
   });
@@ -86,11 +90,31 @@ std::vector<TermCotangents> UpdatedTerms<S>::back(
                              });
           effects::MaterialPointBar bar;
           bar.position = record.kick * (momentum_by.transpose() * terms.force(seen, moment));
-          terms.force_adjoint(seen, moment, record.kick * momentum_bar, bar, sums);
+          Mat3d stress_bar = Mat3d::Zero();
+          if (terms.stress()) {
+            for (int i = 0; i < 9; ++i) {
+              seen.deformation_gradient(i / 3, i % 3) +=
+                  static_cast<double>(chunk.a[Chunk::kH + static_cast<std::size_t>(i)][l]);
+            }
+            // −kick V τ ∇w, and ∇w moves with the place.
+            stress_bar = -record.kick * seen.volume * momentum_by;
+            const Mat3d tau = -record.kick * seen.volume * terms.stress(seen, moment);
+            for_each_cotangent(*record.before, nodes, place,
+                               [&](const Vec3d& momentum, double /*mass*/, std::size_t i,
+                                   std::size_t j, std::size_t k) {
+                                 bar.position +=
+                                     stencil.curvature(i, j, k, dx) * (tau.transpose() * momentum);
+                               });
+          }
+          terms.adjoint(seen, moment, record.kick * momentum_bar, stress_bar, bar, sums);
           UpdatedParticleBar<S>& own = particles[m][chunk.id[l]];
           for (std::size_t axis = 0; axis < 3; ++axis) {
             own.position[axis] += static_cast<S>(bar.position[static_cast<int>(axis)]);
             own.velocity[axis] += static_cast<S>(bar.velocity[static_cast<int>(axis)]);
+          }
+          for (std::size_t i = 0; i < 9; ++i) {
+            own.h[i] += static_cast<S>(
+                bar.deformation_gradient(static_cast<int>(i / 3), static_cast<int>(i % 3)));
           }
         }
       }

@@ -38,6 +38,7 @@ class MeshCollider final : public Collider {
     grids_ = std::make_unique<Grid[]>(mesh_.frames().size() * mesh_.shell_count());
     // The first grids now, so that a mesh too large for its voxel is refused before the run.
     for (std::size_t shell = 0; shell < mesh_.shell_count(); ++shell) (void)grid(0, shell);
+    options_.interrupter = nullptr;
     const double all = static_cast<double>(bytes_.load()) * static_cast<double>(times_.size());
     if (all > options_.memory_limit) {
       throw_input(what_ + ": distance grids of " + std::to_string(times_.size()) +
@@ -148,6 +149,7 @@ class MeshCollider final : public Collider {
       options.band =
           options_.band + std::min(0.5 * motion, kMostMotionVoxels * options_.voxel_size);
       options.what = what_;
+      options.interrupter = options_.interrupter;
       entry.grid = std::make_unique<DistanceGrid>(mesh_, shell, frame, options);
       bytes_ += entry.grid->bytes();
     });

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "base/interrupter.hpp"
 #include "base/vec.hpp"
 #include "shape/collider.hpp"
 #include "shape/keyed.hpp"
@@ -28,6 +29,8 @@ struct MeshColliderOptions {
   double band = 0.0;
   /// Distance grids of a deforming collider may take this much in all [bytes].
   double memory_limit = 4e9;
+  /// Asked while the collider is made (Error(kCancelled)); not kept. Null: nobody.
+  const Interrupter* interrupter = nullptr;
 };
 
 /// A closed or open mesh, moved rigidly by `pose`.

@@ -62,6 +62,21 @@ TEST(MeshCollider, BoxIsTheAnalyticBox) {
   }
 }
 
+TEST(MeshCollider, IsCancelledWhileItIsMade) {
+  const PolygonArrays mesh = box(Vec3f(-0.3F, -0.2F, -0.4F), Vec3f(0.3F, 0.2F, 0.4F));
+  Interrupter interrupter;
+  MeshColliderOptions options;
+  options.interrupter = &interrupter;
+  EXPECT_NE(make_mesh_collider("box", Contact{}, mesh, Keyed<Pose>(Pose{}), options), nullptr);
+  interrupter.cancel();
+  try {
+    (void)make_mesh_collider("box", Contact{}, mesh, Keyed<Pose>(Pose{}), options);
+    FAIL() << "it was made in spite of Cancel";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kCancelled);
+  }
+}
+
 TEST(MeshCollider, SphereBelowTheVoxel) {
   // 200 rings: the facets lie at most r(1 − cos(π/400)) ≈ 1.2e-5 below the sphere.
   const float radius = 0.4F;

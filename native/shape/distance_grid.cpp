@@ -60,6 +60,20 @@ struct ShellMesh {
   }
 };
 
+/// What OpenVDB asks whether it should go on.
+struct Watch {
+  const Interrupter* interrupter;
+  // OpenVDB's names.
+  void start(const char* /*name*/ = nullptr) const {}
+  void end() const {}
+  [[nodiscard]] bool wasInterrupted(int /*percent*/ = -1) const {
+    return interrupter != nullptr && interrupter->cancelled();
+  }
+  void check() const {
+    if (interrupter != nullptr) interrupter->check();
+  }
+};
+
 }  // namespace
 
 struct DistanceGrid::Impl {
@@ -95,12 +109,14 @@ DistanceGrid::DistanceGrid(const MeshDistance& mesh, std::size_t shell, std::siz
   alone.execute([&] {
     const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3s, openvdb::Vec3I> adapter(
         surface.points, surface.triangles);
-    openvdb::util::NullInterrupter none;
+    const Watch watch{options.interrupter};
     impl_->grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
-        none, adapter, *transform, static_cast<float>(band_voxels), static_cast<float>(band_voxels),
-        openvdb::tools::UNSIGNED_DISTANCE_FIELD);
+        watch, adapter, *transform, static_cast<float>(band_voxels),
+        static_cast<float>(band_voxels), openvdb::tools::UNSIGNED_DISTANCE_FIELD);
     const auto background = static_cast<float>(impl_->background);
+    watch.check();
     for (auto leaf = impl_->grid->tree().beginLeaf(); leaf; ++leaf) {
+      watch.check();
       for (auto value = leaf->beginValueAll(); value; ++value) {
         if (!value.isValueOn()) {
           value.setValue(background);

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "base/interrupter.hpp"
 #include "base/vec.hpp"
 #include "shape/mesh_distance.hpp"
 
@@ -19,9 +20,10 @@ namespace matterfit::shape {
 class DistanceGrid {
  public:
   struct Options {
-    double voxel_size = 0.0;  ///< [m]
-    double band = 0.0;        ///< values are exact this far from the surface [m]
-    std::string what;         ///< begins error messages
+    double voxel_size = 0.0;                   ///< [m]
+    double band = 0.0;                         ///< values are exact this far from the surface [m]
+    std::string what;                          ///< begins error messages
+    const Interrupter* interrupter = nullptr;  ///< Error(kCancelled) where it is cancelled
   };
   DistanceGrid(const MeshDistance& mesh, std::size_t shell, std::size_t frame,
                const Options& options);

@@ -19,19 +19,29 @@ FIT_FILES = ("fit/checkpoint.json", "fit/fitted.json", "fit/history.jsonl", "mat
              "scene.json", "result.json", "report.json", "diagnosis.json", "diagnosis.html",
              "extended.json")
 PC2_HEADER = struct.Struct("<12siiffi")
+# What a batch writes into its folder beside its members' caches.
+BATCH_FILES = re.compile(r"^(wedge\.json|slurm\.sh|slurm_\d+\.log|flamenco\.json"
+                         r"|matterfit_wedge\.js)$")
 FRAME_FILE = re.compile(r"^(?P<name>.+)_(?P<frame>\d{4,})\.(?P<kind>vdb|ply|exr)$")
 
 
 def name_of(take):
-    """The name of the take's cache folder, "" where it has none."""
-    return os.path.basename(take.folder.rstrip("/\\"))
+    """The name of the take's cache folder, "" where it has none; a batch's members lie in the
+    batch's: "cache_matterfit_…/velocity.2=-1"."""
+    return take.folder.strip("/\\").replace("\\", "/")
+
+
+def in_batch(take):
+    """Whether the take shows a member of a batch."""
+    return "/" in name_of(take)
 
 
 def every_take():
     """(scene, take) of every take, preview and fit in this file: all that have a cache."""
     for scene in bpy.data.scenes:
         settings = scene.matterfit
-        for take in (*settings.takes, settings.preview, settings.fit.run):
+        for take in (*settings.takes, settings.preview, settings.fit.run,
+                     settings.batch.run):
             yield scene, take
 
 
@@ -203,6 +213,8 @@ def listed_files(folder):
     names.update(_unfinished(folder, names))
     names.update(name for name in ("job.json", "manifest.json", LOCK_FILE)
                  if os.path.isfile(os.path.join(folder, name)))
+    if os.path.isfile(os.path.join(folder, "wedge.json")):
+        names.update(name for name in os.listdir(folder) if BATCH_FILES.match(name))
     return sorted(name for name in names if _inside(folder, name))
 
 

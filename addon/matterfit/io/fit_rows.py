@@ -9,6 +9,8 @@ from . import fit_values
 
 _KEPT = ("enabled", "axes", "use_start", "start", "start_vector", "use_bounds", "low", "high",
          "reach", "use_prior", "mean", "mean_vector", "sigma")
+# Of the neural law's numbers; the others are added on purpose.
+_NEURAL_FITTED = frozenset({"material.E", "material.nu", "material.form_1", "material.form_2"})
 _restoring = []  # not empty while rows are filled in: nothing follows from their switches then
 
 
@@ -216,6 +218,9 @@ def _on(settings, row):
         return False
     if row.key in ("velocity", "spin"):
         return not body.pins
+    if row.key in law_keys() and body.material.law == "NEURAL_ISOTROPIC":
+        yields = body.material.yield_strain < laws.NEVER
+        return row.key in _NEURAL_FITTED or yields and row.key == "material.yield_strain"
     # What is 0 in the scene, as hardening and cohesion often are, is added on purpose only.
     return row.key in law_keys() and row.key != "material.exponent" and not row.use_start
 

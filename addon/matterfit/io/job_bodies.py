@@ -6,7 +6,7 @@ from mathutils import Matrix, Quaternion, Vector
 
 from .. import laws
 from ..jobs import JobError
-from . import files, meshes, shapes, transforms
+from . import files, meshes, presets, shapes, transforms
 from .files import number, numbers
 
 
@@ -14,6 +14,8 @@ def material_document(material):
     """{law, parameters}, only those the law takes; damping and branches only where there are
     some."""
     document = {"law": material.law.lower()}
+    if material.law == "NEURAL_ISOTROPIC":
+        document["weights"] = presets.weights_of(material)
     for name in laws.PARAMETERS[material.law]:
         document[name] = number(getattr(material, name))
     for name in laws.DAMPING:
@@ -221,7 +223,7 @@ class BodyPart:
 
     def _has_render_mesh(self):
         """What pours has left its mesh behind: its surface is the picture."""
-        return self.writer.settings.output.mesh and not laws.flows(self.body.material.law)
+        return self.writer.settings.output.mesh and not laws.material_flows(self.body.material)
 
     def mesh_output(self):
         """The entry of output.mesh, or None. PC2 is in Blender units, without the pose."""

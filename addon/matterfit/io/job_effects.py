@@ -18,16 +18,20 @@ class EffectPart:
         self.kind = effects.find(self.effect.kind)
         self._sampled = {}
         self._matrices = None
+        self._start = None
         if self.effect.body and not any(
                 body.enabled and body.role == "BODY" and body.name == self.effect.body
                 for body in writer.settings.bodies):
             raise JobError(f"effect '{self.effect.name}': there is no body '{self.effect.body}'. "
                            "Choose another in Effects, or leave the field empty for all bodies.")
         if self.kind.has_place and self.effect.place is not None:
-            self._matrices = writer.keyed_matrix(self.effect.place)
+            if self.kind.at_rest:
+                self._start = writer.place(self.effect.place)
+            else:
+                self._matrices = writer.keyed_matrix(self.effect.place)
         path = f"matterfit.effects[{index}]."
         for key in self.kind.numbers:
-            if key in effects.KEYED and animation.animated(writer.scene, path + key):
+            if key in self.kind.keyed and animation.animated(writer.scene, path + key):
                 self._sample(key, index)
 
     def _sample(self, key, index):
@@ -47,14 +51,17 @@ class EffectPart:
             return numbers([part * factor for part in value])
         return number(value * factor)
 
-    def _from_object(self, key):
-        """`center` and `axis` of the object at every frame."""
+    def _of_matrix(self, key, matrix):
         if key == "center":
-            values = [numbers(matrix.translation * self.writer.scale) for matrix in self._matrices]
-        else:
-            values = [numbers((matrix.to_3x3() @ Vector((0.0, 0.0, 1.0))).normalized())
-                      for matrix in self._matrices]
-        return transforms.keyed(self.writer.frames, values)
+            return numbers(matrix.translation * self.writer.scale)
+        return numbers((matrix.to_3x3() @ Vector((0.0, 0.0, 1.0))).normalized())
+
+    def _from_object(self, key):
+        """What the object says of a number of effects.PLACED."""
+        if self._start is not None:
+            return self._of_matrix(key, self._start.matrix)
+        return transforms.keyed(self.writer.frames,
+                                [self._of_matrix(key, matrix) for matrix in self._matrices])
 
     def document(self):
         """Call after the walk."""
@@ -62,7 +69,7 @@ class EffectPart:
         if self.effect.body:
             document["body"] = self.effect.body
         for key in self.kind.numbers:
-            if key in ("center", "axis") and self._matrices is not None:
+            if key in effects.PLACED and self.effect.place is not None:
                 document[key] = self._from_object(key)
             elif key in self._sampled:
                 document[key] = transforms.keyed(self.writer.frames, self._sampled[key])

@@ -145,23 +145,25 @@ def check(document, name):
             name=name, schema=repr(schema), expected=SCHEMA))
     _check_needed(name, document, ("material", "name", "source", "density"))
     for key in ("name", "source"):
-        if not isinstance(document[key], str):
-            raise JobError(translate("{name}: {key} is {value}, expected a text.").format(
-                name=name, key=key, value=repr(document[key])))
+        _check_text(name, key, document[key])
     material = document["material"] if isinstance(document["material"], dict) else {}
     law = str(material.get("law", "")).upper()
     if law not in laws.PARAMETERS:
         raise JobError(translate("{name}: law is {law}, which is not known.").format(
             name=name, law=repr(material.get("law"))))
     parameters = laws.PARAMETERS[law]
-    known = {"law", "maxwell", *parameters, *laws.DAMPING}
+    numbers = {*parameters, *laws.DAMPING}
+    known = {"law", "maxwell", *numbers}
+    if law == "NEURAL_ISOTROPIC":
+        known.add("weights")
+        _check_text(name, "weights", material.get("weights", ""))
     for key in material:
         if key not in known:
             raise JobError(translate("{name}: '{key}' is not a parameter of {law}.").format(
                 name=name, key=key, law=material["law"]))
     _check_needed(name, material,
                   [key for key in parameters if quantities.material(key).absent is None])
-    for key in sorted(known - {"law", "maxwell"}):
+    for key in sorted(numbers):
         row = quantities.material(key)
         _check_number(name, row, key, material.get(key, row.absent))
     _check_number(name, quantities.DENSITY, "density", document["density"])
@@ -180,6 +182,12 @@ def _check_needed(name, document, keys):
     for key in keys:
         if key not in document:
             raise JobError(translate("{name}: '{key}' is missing.").format(name=name, key=key))
+
+
+def _check_text(name, key, value):
+    if not isinstance(value, str):
+        raise JobError(translate("{name}: {key} is {value}, expected a text.").format(
+            name=name, key=key, value=repr(value)))
 
 
 def _check_number(name, quantity, key, value):
@@ -236,6 +244,8 @@ def apply(material):
 def fill(material, values):
     """Sets law and parameters from the `material` of a document."""
     law = values["law"].upper()
+    if law == "NEURAL_ISOTROPIC":  # before the numbers, which they fill in
+        _fill_weights(material, values.get("weights", laws.STARTS[0][0].lower()))
     for name in laws.PARAMETERS[law]:
         setattr(material, name, values.get(name, quantities.material(name).absent))
     for name in laws.DAMPING:
@@ -245,6 +255,18 @@ def fill(material, values):
         added = material.maxwell.add()
         added.modulus, added.time = branch["modulus"], branch["time"]
     material.law = law  # last: the list of a fit's parameters begins with the values
+
+
+def _fill_weights(material, weights):
+    is_start = weights.upper() in laws.START_NUMBERS
+    material.weights = weights.upper() if is_start else "FILE"
+    material.weights_file = "" if is_start else weights
+
+
+def weights_of(material):
+    """The neural law's weights in the job document's words: a start's name, or a file."""
+    weights = material.weights
+    return bpy.path.abspath(material.weights_file) if weights == "FILE" else weights.lower()
 
 
 def owner_of(material):
@@ -261,7 +283,7 @@ def differs(material):
     if material.preset not in materials():  # Custom, or one that this machine does not have
         return False
     values = materials()[material.preset]["material"]
-    if values["law"].upper() != material.law:
+    if values["law"].upper() != material.law or values.get("weights", weights_of(material)) != weights_of(material):
         return True
     for name in (*laws.PARAMETERS[material.law], *laws.DAMPING):
         if not _equal(getattr(material, name), values.get(name, quantities.material(name).absent)):

@@ -43,22 +43,26 @@ def locate(take):
     copied scene share theirs until one of them bakes or frees."""
     if not take.folder:
         return Location("", False)
-    shared = cache.is_shared(take)
+    # A batch's own documents say what its members are: a bake of the scene goes elsewhere.
+    return _located(take, cache.is_shared(take), cache.in_batch(take))
+
+
+def _located(take, shared, linked):
     name = cache.name_of(take)
     here = os.path.abspath(bpy.data.filepath) if bpy.data.filepath else ""
     beside = os.path.join(os.path.dirname(here), name) if here else ""
     owner = take.owner
     if not owner or owner == here:
-        return Location(beside, False, shared)
+        return Location(beside, linked, shared)
     at_owner = os.path.join(os.path.dirname(owner), name)
     if os.path.dirname(owner) != os.path.dirname(here) and os.path.isdir(beside):
         # The whole folder was copied or moved: this file has a cache to itself.
-        return Location(beside, False, shared)
+        return Location(beside, linked, shared)
     if os.path.isfile(owner):
         # The other file is still there: this one was saved under another name.
         return Location(at_owner if os.path.isdir(at_owner) else beside, True, shared)
     # The other file is gone: it was renamed or moved together with its cache.
-    return Location(beside, False, shared)
+    return Location(beside, linked, shared)
 
 
 def claim(take):
@@ -123,7 +127,7 @@ def ensure_active(settings):
 def is_finished(take):
     """Whether the take has a whole bake of its own, which another one would replace."""
     location = locate(take)
-    if not take.baked or location.linked or not location.exists:
+    if not take.baked or not location.exists or (location.linked and not cache.in_batch(take)):
         return False
     with contextlib.suppress(JobError):
         return bool(cache.manifest(location.folder).get("complete"))
@@ -213,8 +217,8 @@ def _contents(row):
 def find(folder):
     """(scene, take) whose cache is `folder`, looked up anew at every tick of a job: the artist may
     have switched scenes, undone, or removed the take. (None, None) where it is gone."""
-    name = os.path.basename(os.path.normpath(folder))
+    folder = os.path.normpath(folder)
     for scene, take in cache.every_take():
-        if take.folder and cache.name_of(take) == name:
+        if take.folder and folder.endswith(os.sep + os.path.normpath(cache.name_of(take))):
             return scene, take
     return None, None

@@ -33,10 +33,29 @@ _FIELDS = {
 }
 
 
+_FILL = re.compile(r"(?P<count>\d+) particles [^;]*?; the surface cuts \d+ cells; volume [^,]*, "
+                   r"particles hold (?P<share>[\d.]+) % of it\.")
+_MATCHED = 0.5  # per cent by which particles may miss the volume
+
+
+def fill(text):
+    """What the library says of a fill, in short; what is unusual stays."""
+    return _FILL.sub(_short_fill, text)
+
+
+def _short_fill(match):
+    count, share = match.group("count"), float(match.group("share"))
+    if abs(share - 100.0) <= _MATCHED:
+        return translate("{n} particles; volume matched.").format(n=count)
+    return translate("{n} particles; they hold {share} % of the volume.").format(
+        n=count, share=f"{share:.1f}")
+
+
 def in_panel(text, settings):
     """`text` without paths of the document; `settings` are those of the scene that it is about."""
     text = _OWNED.sub(lambda match: _owned(match, settings), text)
     text = _SCENE.sub(lambda match: _field(match.group("key"), match.group(0)), text)
+    text = text.replace("'ground'", translate_label("Ground"))
     # A message that begins with a path may name the owner once more.
     text = re.sub(r"('[^'\n]+') \1", r"\1", text)
     return _changed(text)

@@ -9,10 +9,9 @@ import bpy
 from .. import jobs, native
 from ..compat import translate
 from ..io import attached, cache, job_document, takes
-from ..jobs import JobError
 from ..props import scene as scene_props
-from .base import NoJobRunning, PlainOperator, greyed, redraw, report_error, session
-from .launch import check_estimate, prepare
+from .base import JobOperator, NoJobRunning, PlainOperator, greyed, redraw, session
+from .launch import judge_estimate, prepare
 
 
 class HasCache(NoJobRunning):
@@ -94,27 +93,36 @@ class MATTERFIT_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class MATTERFIT_OT_estimate(NoJobRunning, bpy.types.Operator):
+class MATTERFIT_OT_estimate(JobOperator, bpy.types.Operator):
     bl_idname = "matterfit.estimate"
     bl_label = "Estimate"
-    bl_description = "Count the particles, and say what memory and time a bake will need"
+    bl_description = ("Count the particles, and say what memory and time a bake will need; one "
+                      "frame is baked to see")
     bl_options = set()
+    _document = None
 
-    def execute(self, context):
-        scene = context.scene
+    def begin(self, context):
+        takes.require_saved()
+        native.require()
+        # The take's folder keeps the inputs of what was baked there.
+        holder = tempfile.TemporaryDirectory(prefix="matterfit_")
         try:
-            takes.require_saved()
-            native.require()
-            # The take's folder keeps the inputs of what was baked there.
-            with tempfile.TemporaryDirectory(prefix="matterfit_") as folder:
-                folder = os.path.realpath(folder)  # the document's paths climb from it by ..
-                take = scene_props.active_take(scene.matterfit)
-                document = job_document.build(scene, take, folder, "bake")
-                check_estimate(context, document, folder)
-        except JobError as error:
-            return report_error(self, context, str(error))
-        redraw(context)
-        return {"FINISHED"}
+            folder = os.path.realpath(holder.name)  # the document's paths climb from it by ..
+            take = scene_props.active_take(context.scene.matterfit)
+            self._document = job_document.build(context.scene, take, folder, "bake")
+        except Exception:
+            holder.cleanup()
+            raise
+        document, threads = self._document, context.scene.matterfit.solver.threads
+
+        def ask():
+            with holder:
+                return native.estimate(document, folder, threads)
+
+        return jobs.Job(translate("Estimate"), lambda: jobs.ThreadRun(ask, "Counting particles"))
+
+    def ended(self, context, job):
+        judge_estimate(context, self._document, job.result)
 
 
 class MATTERFIT_OT_write_job(NoJobRunning, PlainOperator, bpy.types.Operator):

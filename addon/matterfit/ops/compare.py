@@ -10,7 +10,7 @@ from ..jobs import JobError
 from ..props import scene as scene_props
 from ..props.compare import store
 from .base import JobOperator, session
-from .launch import GO_ON, prepare, start_job
+from .launch import AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job
 
 
 class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
@@ -29,8 +29,11 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         take = takes.ensure_active(settings)
         folder = takes.claim(take)
         prepared = prepare(context, take, folder, "compare")
+        # What an earlier comparison simulated is nobody's result: after Apply to Body it is done
+        # anew. Baked frames are kept, and the difference is told.
+        restart = GO_ON if take.frames_done else AFRESH_WHERE_CHANGED
         return start_job(context, translate("Compare {name}").format(name=take.name), prepared,
-                         folder, GO_ON)
+                         folder, restart)
 
     def ended(self, context, job):
         scene, take = takes.find(job.folder)

@@ -4,7 +4,7 @@
 import contextlib
 import os
 
-from .. import jobs, native
+from .. import jobs, machine, native
 from ..compat import translate
 from ..io import cache, files, fit_results, job_document
 from ..jobs import JobError, State
@@ -16,12 +16,18 @@ GO_ON, AFRESH, AFRESH_WHERE_CHANGED = 0, 1, 2
 
 def check_estimate(context, document, folder):
     """The estimate of a run; JobError with the numbers where it will not fit."""
-    estimate = native.estimate(document, folder)
+    # Without the outputs it is soon known: what they take is Estimate's to tell.
+    estimate = native.estimate({**document, "task": "simulate"}, folder)
+    return judge_estimate(context, document, estimate)
+
+
+def judge_estimate(context, document, estimate):
+    """Shows an estimate; JobError with the numbers where the run will not fit."""
     state = session(context)
     state.estimate = estimate_text(estimate)
     needed = estimate.get("bytes", 0)
     limit = document["scene"]["solver"]["memory_limit_gb"] * 1e9
-    free = native.free_memory()
+    free = machine.free_memory()
     state.estimate_fits = needed <= limit and (not free or needed <= free)
     if needed > limit:
         raise JobError(translate(

@@ -8,7 +8,7 @@ from bpy.props import EnumProperty
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import attach, takes, visibility, words
+from ..io import attach, cache, takes, visibility, words
 from ..jobs import EXIT_INPUT, JobError
 from ..props import scene as scene_props
 from .base import JobOperator, session
@@ -25,7 +25,7 @@ def report_text(job):
     first, end = result.get("frames", (0, 0))
     parts = [translate("{name}: {n} frames in {time}").format(
         name=job.label, n=end - first, time=jobs.duration_text(job.elapsed))]
-    parts += [f"{body['name']}: {body['fill']}" for body in result.get("bodies", [])
+    parts += [f"{body['name']}: {words.fill(body['fill'])}" for body in result.get("bodies", [])
               if body.get("fill")]
     parts += result.get("notes", [])
     return "\n".join(parts)
@@ -162,6 +162,8 @@ class MATTERFIT_OT_resume(HasCache, BakeJob, bpy.types.Operator):
         if take is None or not take.folder:
             raise JobError(translate("This take was not baked yet. Press Bake."))
         location = takes.locate(take)
+        if cache.in_batch(take):
+            raise JobError(translate("This take is one of a batch. Press Run Batch to go on."))
         if location.linked:
             raise JobError(translate("This take belongs to another .blend file and is linked, "
                                      "read-only. Press Bake to make one of its own."))

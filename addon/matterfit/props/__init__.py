@@ -3,10 +3,10 @@
 
 import bpy
 
-from . import body, capture, compare, diagnosis, effects, fit, material, scene, solver, take
+from . import batch, body, capture, compare, diagnosis, effects, fit, material, scene, solver, take
 
-CLASSES = (*material.CLASSES, *body.CLASSES, *capture.CLASSES, *take.CLASSES, *solver.CLASSES, *effects.CLASSES,
-           *compare.CLASSES, *diagnosis.CLASSES, *fit.CLASSES, *scene.CLASSES)
+CLASSES = (*material.CLASSES, *body.CLASSES, *capture.CLASSES, *take.CLASSES, *batch.CLASSES,
+           *solver.CLASSES, *effects.CLASSES, *compare.CLASSES, *diagnosis.CLASSES, *fit.CLASSES, *scene.CLASSES)
 
 
 def attach():

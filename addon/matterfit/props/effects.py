@@ -89,6 +89,27 @@ class MatterfitEffect(bpy.types.PropertyGroup):
         precision=1, step=100,
         options=set(),
         description="Where in a period the first frame lies, in degrees; -90 starts from none")
+    modulus: FloatProperty(
+        name="Added Stiffness [Pa]", default=0.0, min=-1e12, max=1e12, soft_min=-1e6, soft_max=1e6,
+        precision=0, step=100000, options=set(),
+        description="What is added to Young's modulus, in pascals: at the centre of an inclusion, "
+                    "along fibres, or of a stiffening to the shear modulus where the first "
+                    "invariant is 4 in place of 3. Below 0 it is softer")
+    nu: FloatProperty(
+        name="Poisson's Ratio", default=0.3, min=0.0, max=0.49, precision=3, step=1, options=set(),
+        description="Of the added stiffness, without unit")
+    slope: FloatVectorProperty(
+        name="Slope [Pa/m]", size=3, default=(0.0, 0.0, 0.0), min=-1e13, max=1e13, soft_min=-1e7,
+        soft_max=1e7, precision=0, step=100000, options=set(),
+        description="How Young's modulus grows along each axis of the world, in pascals per metre "
+                    "whatever the scene's scale")
+    direction: FloatVectorProperty(
+        name="Direction", size=3, default=(0.0, 0.0, 1.0), min=-1e6, max=1e6, soft_min=-1.0,
+        soft_max=1.0, precision=2, subtype="XYZ", options=set(),
+        description="Along the fibres where the body starts, in the world")
+    exponent: FloatProperty(
+        name="Exponent", default=1.0, min=0.5, max=6.0, precision=2, step=10, options=set(),
+        description="How suddenly it sets in, without unit")
 
 
 CLASSES = (MatterfitEffect,)

@@ -9,7 +9,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from .. import laws
+from .. import laws, quantities
 from . import reactions
 from .numbers import number
 
@@ -24,6 +24,15 @@ def _preset_changed(self, _context):
 
 def _law_changed(self, _context):
     reactions.fit_list_outdated(self.id_data.matterfit)
+
+
+def _weights_changed(self, _context):
+    """Other weights stand for other numbers."""
+    numbers = laws.START_NUMBERS.get(self.weights)
+    if numbers is None:
+        return
+    for name in laws.PARAMETERS["NEURAL_ISOTROPIC"]:
+        setattr(self, name, numbers.get(name, quantities.material(name).default))
 
 
 class MatterfitMaxwell(bpy.types.PropertyGroup):
@@ -55,6 +64,22 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
     friction_angle: number("material.friction_angle")
     cohesion: number("material.cohesion")
     bulk_modulus: number("material.bulk_modulus")
+    weights: EnumProperty(
+        name="Weights", items=laws.STARTS, default="JELLY", update=_weights_changed,
+        description="The weights that the neural law begins with; they fill in its numbers")
+    weights_file: StringProperty(
+        name="Weights File", subtype="FILE_PATH",
+        description="A file *.safetensors with weights of the isotropic neural law")
+    form_1: number("material.form_1")
+    form_2: number("material.form_2")
+    form_3: number("material.form_3")
+    form_4: number("material.form_4")
+    yield_strain: number("material.yield_strain")
+    internal_friction: number("material.internal_friction")
+    strain_hardening: number("material.strain_hardening")
+    tear_strain: number("material.tear_strain")
+    flow_rate: number("material.flow_rate")
+    flow_thinning: number("material.flow_thinning")
     damping_shear: number("material.damping_shear")
     damping_bulk: number("material.damping_bulk")
     maxwell: CollectionProperty(type=MatterfitMaxwell)

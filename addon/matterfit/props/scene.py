@@ -12,6 +12,7 @@ from bpy.props import (
 )
 
 from . import compare, reactions
+from .batch import MatterfitBatch
 from .body import MatterfitBody, MatterfitPair
 from .capture import MatterfitCapture
 from .compare import MatterfitCompare
@@ -58,6 +59,7 @@ class MatterfitScene(bpy.types.PropertyGroup):
     compare: PointerProperty(type=MatterfitCompare)
     diagnosis: PointerProperty(type=MatterfitDiagnosis)
     fit: PointerProperty(type=MatterfitFit)
+    batch: PointerProperty(type=MatterfitBatch)
     preview: PointerProperty(type=MatterfitTake)
     takes: CollectionProperty(type=MatterfitTake)
     show_throws: BoolProperty(

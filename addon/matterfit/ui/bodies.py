@@ -92,6 +92,10 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         for fault in presets.faults():
             lines(column, fault, icon="ERROR")
         column.prop(material, "law")
+        if material.law == "NEURAL_ISOTROPIC":
+            column.prop(material, "weights")
+            if material.weights == "FILE":
+                column.prop(material, "weights_file", text="File")
         for name in laws.PARAMETERS[material.law]:
             quantity(column, material, "material." + name)
         quantity(column, body, "density")

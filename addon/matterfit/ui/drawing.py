@@ -112,6 +112,11 @@ class Graph:
             text(words, left, top - place * line - 10 * self.scale, self.scale, color)
 
 
+def frame_text(frame):
+    """A frame's number; a capture's first may be a hair below 0, which is no -0."""
+    return str(round(float(frame)))
+
+
 def error_over_time(rectangle, scale, found, frame, title, held_out=None):
     """Mean and largest error of an io.comparison.Comparison, the present frame as an upright;
     `held_out` [a, b) is shaded."""
@@ -123,4 +128,4 @@ def error_over_time(rectangle, scale, found, frame, title, held_out=None):
     graph.curve(frames, found.largest, RED)
     graph.curve(frames, found.means, WHITE)
     graph.upright(frame, BLUE)
-    graph.labels(title, f"{largest:.3g} mm", f"{frames[0]:.0f}", f"{frames[-1]:.0f}")
+    graph.labels(title, f"{largest:.3g} mm", frame_text(frames[0]), frame_text(frames[-1]))

@@ -38,14 +38,14 @@ class MATTERFIT_PT_effects(MatterfitPanel, bpy.types.Panel):
             return
         kind = effects.find(effect.kind)
         column = form(layout)
-        column.use_property_decorate = True  # its numbers may be keyed
+        column.use_property_decorate = bool(kind.keyed)
         column.active = effect.enabled
         column.prop(effect, "kind")
         column.prop_search(effect, "body", settings, "bodies")
         if kind.has_place:
             column.prop(effect, "place")
         for key in kind.numbers:
-            if key not in ("center", "axis") or effect.place is None:
+            if key not in effects.PLACED or effect.place is None:
                 column.prop(effect, key, text=_caption(effect, key))
 
 

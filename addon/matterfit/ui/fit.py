@@ -3,7 +3,7 @@ import bpy
 
 from .. import jobs, laws, quantities
 from ..compat import translate, translate_label
-from ..io import fit_results, fit_rows, fit_values, job_fit, takes
+from ..io import fit_results, fit_rows, fit_values, job_fit, takes, words
 from ..ops.fit import error_text
 from ..props import scene as scene_props
 from . import fit_overlay
@@ -186,7 +186,7 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
         shown = {estimate.statement for estimate in result.estimates}
         for statement in result.statements:
             if statement not in shown:
-                lines(layout, statement, icon="INFO")
+                lines(layout, words.in_panel(statement, settings), icon="INFO")
         if result.models:
             self._models(layout, result)
         form(layout).prop(settings.fit, "show_error")
@@ -249,7 +249,7 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
         if estimate.at_bound:
             column.label(text="At its bound")
         if estimate.statement:
-            lines(column, estimate.statement)
+            lines(column, words.in_panel(estimate.statement, bpy.context.scene.matterfit))
 
     def _models(self, layout, result):
         box = layout.box()

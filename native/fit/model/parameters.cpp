@@ -147,7 +147,9 @@ void Parameters::add(const ParameterSpec& spec, std::size_t component,
   parameter.scale = row.scale_is_separation ? 0.5 * scenes[*first].dx : row.scale;
   parameter.start =
       given ? spec.start[component] : value_in(runs_[*first], scenes[*first], number.path);
-  if (!given && row.coordinate != Coordinate::kLinear && !(parameter.start > 0.0)) {
+  const bool unset = row.coordinate != Coordinate::kLinear && !(parameter.start > 0.0);
+  const bool never = row.never > 0.0 && parameter.start >= row.never;
+  if (!given && (unset || never)) {
     const auto owner = bearer(scenes[*first], number.path);
     const bool of_material = owner && owner->material != nullptr;
     parameter.start = usual_start(row, of_material ? *owner->material : material::Material{});
@@ -181,6 +183,10 @@ void Parameters::add(const ParameterSpec& spec, std::size_t component,
       prior.sigma *= mean / derivative(row.coordinate, prior.mean);
     }
     parameter.prior = prior;
+  }
+  if (!parameter.prior && row.always_prior) {
+    const double about = row.member != nullptr ? material::Material{}.*row.member : 0.0;
+    parameter.prior = Prior{to_natural(row.coordinate, about), row.prior_sigma};
   }
   try {
     check(parameter);

@@ -86,8 +86,11 @@ struct Quantity {
   bool around = false;   ///< the usual bounds are about the start
   double largest = 0.0;  ///< that usual bounds may reach, as documents hold no more; 0: any
   UsualStart usual = {};
+  double never = 0.0;  ///< values from here up mean that it does not happen, where a search that
+                       ///< begins there would see nothing: it takes the usual start; 0: none do
   double prior_sigma = 0.2;      ///< of a prior to begin with: physical; of logarithms and logits a
                                  ///< share of the value
+  bool always_prior = false;     ///< fitted with a prior about its default even where none is given
   bool scanned = false;          ///< starts are looked for along it
   bool stiffness = false;        ///< what raises it makes substeps shorter
   bool slope_of_updated = true;  ///< updated Lagrangian bodies feel it, if there is a slope at all

@@ -144,6 +144,114 @@ std::vector<Quantity> law_rows() {
   };
 }
 
+/// A direction in the weights of the isotropic neural law.
+Quantity form_row(const char* path, std::string_view label, double Material::*member,
+                  double MaterialGradient::*slope) {
+  return {.path = path,
+          .coordinate = Coordinate::kLinear,
+          .scale = 0.1,
+          .low = -2.0,
+          .high = 2.0,
+          .prior_sigma = 0.3,
+          .always_prior = true,
+          .label = label,
+          .sentence =
+              "How far the form of the stress is from the start law's, along one direction "
+              "of its weights; 1 changes it by its own size",
+          .words = "the form of the stress",
+          .record =
+              "the body as it is stretched, squeezed and sheared by a third of its size or "
+              "more",
+          .member = member,
+          .of_law = true,
+          .access = material_access(member, slope)};
+}
+
+/// The isotropic neural law beside E and ν.
+std::vector<Quantity> neural_rows() {
+  using M = Material;
+  using G = MaterialGradient;
+  constexpr std::string_view kDent =
+      "an impact or a load that leaves a dent, and the body at rest after it";
+  return {
+      form_row("material.form_1", "Form 1", &M::form_1, &G::form_1),
+      form_row("material.form_2", "Form 2", &M::form_2, &G::form_2),
+      form_row("material.form_3", "Form 3", &M::form_3, &G::form_3),
+      form_row("material.form_4", "Form 4", &M::form_4, &G::form_4),
+      {.path = "material.yield_strain",
+       .low = 1e-5,
+       .high = 10.0,
+       .usual = {0.0, 0.1},
+       .never = material::kNeverStrain,
+       .label = "Yield Strain",
+       .sentence = "Change of shape from which the material keeps its new shape; from 100 on never",
+       .words = "the strain at which it yields",
+       .record = kDent,
+       .member = &M::yield_strain,
+       .of_law = true,
+       .access = material_access(&M::yield_strain, &G::yield_strain)},
+      {.path = "material.internal_friction",
+       .low = 1e-4,
+       .high = 10.0,
+       .usual = {0.0, 0.3},
+       .label = "Internal Friction",
+       .sentence = "Growth of the yield strain per loss of volume, as of grains under pressure",
+       .words = "the internal friction",
+       .record = "a column or a heap that collapses, until it lies still",
+       .member = &M::internal_friction,
+       .of_law = true,
+       .access = material_access(&M::internal_friction, &G::internal_friction)},
+      {.path = "material.strain_hardening",
+       .low = 1e-4,
+       .high = 100.0,
+       .usual = {0.0, 0.1},
+       .label = "Strain Hardening",
+       .sentence = "Growth of the yield strain per plastic strain",
+       .words = "the hardening",
+       .record = "loads of several strengths, each of which leaves a larger dent than the last",
+       .member = &M::strain_hardening,
+       .of_law = true,
+       .access = material_access(&M::strain_hardening, &G::strain_hardening)},
+      {.path = "material.tear_strain",
+       .low = 1e-5,
+       .high = 10.0,
+       .usual = {0.0, 0.01},
+       .never = material::kNeverStrain,
+       .label = "Tear Strain",
+       .sentence = "Growth of volume that it bears before it comes apart; from 100 on any",
+       .words = "the strain at which it comes apart",
+       .record = "a piece that breaks off",
+       .member = &M::tear_strain,
+       .of_law = true,
+       .access = material_access(&M::tear_strain, &G::tear_strain)},
+      {.path = "material.flow_rate",
+       .unit = "1/s",
+       .low = 1e-3,
+       .high = 1e11,
+       .usual = {0.0, 1e3},
+       .label = "Flow Rate",
+       .sentence = "How fast strain beyond the yield strain is lost; its inverse is the time of "
+                   "relaxation",
+       .words = "the rate of the flow",
+       .record = "the body as it flows: spreading, pouring or slowly sagging",
+       .member = &M::flow_rate,
+       .of_law = true,
+       .access = material_access(&M::flow_rate, &G::flow_rate)},
+      {.path = "material.flow_thinning",
+       .unit = "1/s",
+       .low = 1e-3,
+       .high = 1e11,
+       .usual = {0.0, 1e3},
+       .label = "Flow Thinning",
+       .sentence = "Growth of the flow rate per strain beyond the yield strain",
+       .words = "how the flow thins",
+       .record = "flow at speeds that differ by a factor ten or more",
+       .member = &M::flow_thinning,
+       .of_law = true,
+       .access = material_access(&M::flow_thinning, &G::flow_thinning)},
+  };
+}
+
 /// Damping and relaxation, which every law takes.
 std::vector<Quantity> viscous_rows() {
   return {
@@ -331,7 +439,8 @@ std::vector<Quantity> capture_rows() {
 
 std::vector<Quantity> all_rows() {
   std::vector<Quantity> rows;
-  for (auto* of : {law_rows, viscous_rows, body_rows, scene_rows, collider_rows, capture_rows}) {
+  for (auto* of :
+       {law_rows, neural_rows, viscous_rows, body_rows, scene_rows, collider_rows, capture_rows}) {
     for (Quantity& row : of()) rows.push_back(std::move(row));
   }
   return rows;

@@ -9,6 +9,7 @@
 #include <memory>
 #include <set>
 
+#include "material/neural/isotropic_material.hpp"
 #include "mpm/scene_check.hpp"
 
 namespace matterfit::fit {
@@ -19,6 +20,14 @@ using mpm::Formulation;
 
 constexpr double kH = 0.025;  // particle separation [m]
 const Origins kOrigins{{"cube", Vec3d(0.05, 0.02, 0.0)}};
+
+/// Weights of the neural law whose units all speak.
+std::shared_ptr<const material::IsotropicStart> loud_start() {
+  material::IsotropicWeights w = material::plain_isotropic(7e4, 2e5);
+  for (std::size_t k = 0; k < material::kShapeUnits; ++k) w[2 + k] = -1.0;
+  for (std::size_t k = 0; k < material::kVolumeUnits; ++k) w[18 + k] = -1.5;
+  return material::with_directions("loud", w, 1);
+}
 
 /// A cube just above a level ground, thrown at it, of a material with a value for every quantity.
 mpm::Scene scene_of(material::Law law, Formulation formulation) {
@@ -42,6 +51,16 @@ mpm::Scene scene_of(material::Law law, Formulation formulation) {
   body.material.exponent = 0.8;
   body.material.cohesion = 2e3;
   body.material.bulk_modulus = 2e5;
+  if (law == material::Law::kNeuralIsotropic) {
+    static const auto kStart = loud_start();
+    body.material.start = kStart;
+    body.material.yield_strain = 2e-3;
+    body.material.internal_friction = 0.1;
+    body.material.strain_hardening = 0.05;
+    body.material.tear_strain = 2e-3;
+    body.material.flow_rate = 500.0;
+    body.material.flow_thinning = 2e3;
+  }
   body.material.damping_shear = 5.0;
   body.material.damping_bulk = 2.0;
   body.material.maxwell = {{2e4, 5e-3}};

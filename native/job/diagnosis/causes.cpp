@@ -129,6 +129,8 @@ class Causes {
   void terms() {
     for (const effects::EffectType* type : effects::catalogue()) {
       if (type->way != effects::Way::kTerm || type->find("center")) continue;
+      // What is inside a body is measured by its own stiffness, which a row does not know.
+      if (type->group == effects::Group::kMaterial) continue;
       if (scene_effect(type->name)) continue;
       term(*type);
     }

@@ -65,6 +65,7 @@ Json report_json(const diagnose::Report& report, const std::vector<diagnose::Cap
                 {{"sigma", number(report.noise.sigma)},
                  {"autocorrelation", number(report.noise.autocorrelation)},
                  {"common", number(report.noise.common_sigma)},
+                 {"place", number(report.noise.place_sigma)},
                  {"kurtosis", number(report.noise.kurtosis)}}},
                {"numerical", number(report.numerical)},
                {"grid_bias", number(report.bias)},
@@ -81,6 +82,7 @@ Json report_json(const diagnose::Report& report, const std::vector<diagnose::Cap
                {"runs", report.runs},
                {"causes", Json::array()},
                {"detection_limits", Json::object()}};
+  for (const auto& [stage, runs] : report.by_stage) json["runs_by_stage"][stage] = runs;
   Json residual = {{"train", sizes(report.train)},
                    {"holdout", sizes(report.holdout)},
                    {"by_frame", Json::array()},

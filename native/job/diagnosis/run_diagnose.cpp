@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
@@ -12,8 +13,10 @@
 #include "job/diagnosis/report_json.hpp"
 #include "job/diagnosis/scene_model.hpp"
 #include "job/documents/fit_document.hpp"
+#include "job/documents/inputs.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_run.hpp"
+#include "job/run/build_scene.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -21,10 +24,18 @@ namespace {
 /// Share of the whole that the fit takes.
 constexpr double kFitShare = 0.3;
 
-/// The section `diagnose` of a document.
-diagnose::DiagnoseOptions read_options(const Json& given) {
-  diagnose::DiagnoseOptions options;
-  if (given.is_null()) return options;
+/// What the section `diagnose` of a document asks for.
+struct Settings {
+  diagnose::DiagnoseOptions engine;
+  int particles = 4000;  ///< of all bodies together, with which causes are sought; about
+};
+
+Settings read_settings(const Json& given) {
+  Settings settings;
+  diagnose::DiagnoseOptions& options = settings.engine;
+  // Derivatives to one side are as good as the ranking needs, at half the runs.
+  options.central = false;
+  if (given.is_null()) return settings;
   if (!given.is_object()) throw_input("diagnose: expected an object.");
   const auto whole = [](const std::string& key, const Json& value, int least, int most) {
     if (!value.is_number_integer() || value.get<long long>() < least ||
@@ -43,15 +54,17 @@ diagnose::DiagnoseOptions read_options(const Json& given) {
       options.most_causes = whole(key, value, 1, 6);
     } else if (key == "seed") {
       options.seed = static_cast<std::uint64_t>(whole(key, value, 0, 1 << 30));
+    } else if (key == "particles") {
+      settings.particles = whole(key, value, 100, 10'000'000);
     } else if (key == "central") {
       if (!value.is_boolean()) throw_input("diagnose.central: expected true or false.");
       options.central = value.get<bool>();
     } else {
       throw_input("diagnose: unknown key '" + key +
-                  "'. Known: members, refits, most_causes, seed, central.");
+                  "'. Known: members, refits, most_causes, seed, central, particles.");
     }
   }
-  return options;
+  return settings;
 }
 
 /// The entry of the document's list that has this parameter's prior; null:
@@ -82,43 +95,97 @@ Json fitted_document(const Job& job, const Fitted& fitted) {
   return document;
 }
 
+/// Gives a document's scene, and those that captures have of their own, `factor` times the particle
+/// separation of `given`.
+void set_separation(const Json& given, double factor, Json& document) {
+  const auto widen = [&](const Json& from, Json& scene) {
+    if (!from.contains("particle_separation")) return;
+    const double separation = from.at("particle_separation").get<double>();
+    scene["particle_separation"] = factor == 1.0 ? separation : factor * separation;
+  };
+  widen(given.at("scene"), document.at("scene"));
+  for (std::size_t c = 0; c < given.at("captures").size(); ++c) {
+    const Json& capture = given.at("captures").at(c);
+    if (capture.contains("scene")) {
+      widen(capture.at("scene"), document.at("captures").at(c).at("scene"));
+    }
+  }
+}
+
+/// How much farther apart particles may be for about so many; 1: it has no more.
+double coarsening_of(const Job& job, int particles, const Interrupter& interrupter) {
+  Arena arena(1);
+  const mpm::Scene scene = build_scene(job, arena, interrupter).scene;
+  double count = 0.0;
+  for (const mpm::Body& body : scene.bodies) count += double(body.rest.size());
+  const double factor = std::cbrt(count / double(particles));
+  // A third more is not worth another scene.
+  return factor > 1.1 ? factor : 1.0;
+}
+
+Job read_again(const Job& job, const Json& document) {
+  ReadOptions reading;
+  reading.base_folder = job.base_folder;
+  return read_job(document.dump(), reading);
+}
+
+/// The job with fewer particles, in which causes are sought.
+Job coarse_job(const Job& job, double factor) {
+  Json document = job.document;
+  set_separation(job.document, factor, document);
+  return read_again(job, document);
+}
+
 }  // namespace
 
 Json run_diagnose(const Job& job, const RunOptions& options, Interrupter& interrupter) {
   if (!job.fit) {
     throw_input(
-        "fit: a diagnosis says what a fitted model gets wrong; add a "
-        "section 'fit' with the "
+        "fit: a diagnosis says what a fitted model gets wrong; add a section 'fit' with the "
         "parameters that are to be found first.");
   }
   if (job.fit->loss != FitDoc::Loss::kTracks) {
-    throw_input(
-        "fit.loss: a diagnosis needs tracks; clouds without "
-        "correspondence have none.");
+    throw_input("fit.loss: a diagnosis needs tracks; clouds without correspondence have none.");
   }
-  diagnose::DiagnoseOptions settings = read_options(job.diagnose);
-  Job fitting = job;
-  fitting.task = Task::kFit;
-  const Json fit = run_fit(fitting, options, interrupter);
-  if (fit.value("status", "") == "cancelled") return fit;
+  Settings settings = read_settings(job.diagnose);
   const std::filesystem::path folder = job.output.folder;
-  const auto fitted = read_fitted(folder);
-  if (!fitted) throw_compute(folder.string() + ": the fit left no fit/fitted.json there.");
-
-  ReadOptions reading;
-  reading.base_folder = job.base_folder;
-  const Json document = fitted_document(job, *fitted);
-  const Job base = read_job(document.dump(), reading);
+  const double factor = coarsening_of(job, settings.particles, interrupter);
+  // A fit that was done at the job's own resolution is not done again.
+  std::optional<Fitted> fitted = read_fitted(folder);
+  const bool known =
+      fitted && options.restart != Restart::kAlways &&
+      fitted->input_hash == hash_inputs(fit_inputs(job, resolve_target(options.target)));
   std::vector<std::string> statements;
-  SceneModel model(base, options, interrupter, statements);
-  settings.progress = [&](double part, const std::string& what) {
+  if (!known) {
+    Job fitting = factor > 1.0 ? coarse_job(job, factor) : job;
+    fitting.task = Task::kFit;
+    const Json fit = run_fit(fitting, options, interrupter);
+    if (fit.value("status", "") == "cancelled") return fit;
+    fitted = read_fitted(folder);
+    if (!fitted) throw_compute(folder.string() + ": the fit left no fit/fitted.json there.");
+    set_separation(job.document, 1.0, fitted->document);
+  }
+
+  Json document = fitted_document(job, *fitted);
+  Json sought = document;
+  if (factor > 1.0) {
+    set_separation(job.document, factor, sought);
+    statements.push_back(fmt::format(
+        "Causes were sought with particles {:.3g} times as far apart as the scene's.", factor));
+  }
+  const Job base = read_again(job, sought);
+  SceneModel model(base, SceneModel::From::kDocument, options, interrupter, statements);
+  const MotionStore store(folder / "diagnosis",
+                          hash_inputs(fit_inputs(base, resolve_target(options.target))));
+  model.keep_in(&store);
+  settings.engine.progress = [&](double part, const std::string& what) {
     Progress progress;
     progress.label = "Diagnosing: " + what;
     progress.fraction = kFitShare + (1.0 - kFitShare) * part;
     interrupter.report(progress);
     interrupter.check();
   };
-  const diagnose::Report report = diagnose::diagnose(model, settings);
+  const diagnose::Report report = diagnose::diagnose(model, settings.engine);
 
   Json json = report_json(report, model.captures());
   json["status"] = "done";
@@ -126,7 +193,6 @@ Json run_diagnose(const Job& job, const RunOptions& options, Interrupter& interr
   json["version"] = MATTERFIT_VERSION;
   json["folder"] = folder.generic_string();
   json["fit"] = fitted->fit;
-  json["statements"] = statements;
   if (!report.extended.causes.empty()) {
     diagnose::Point point;
     point.theta = report.extended.theta;
@@ -136,12 +202,15 @@ Json run_diagnose(const Job& job, const RunOptions& options, Interrupter& interr
     Json extended = document;
     extended.erase("fit");
     extended["task"] = "simulate";
-    model.write(point, extended);
+    model.write(point, extended, statements);
     json["model"] = extended.at("scene");
+    json["model_captures"] = extended.at("captures");
     write_file(folder / "extended.json", extended.dump(2) + "\n");
   }
+  json["statements"] = statements;
   write_file(folder / "diagnosis.json", json.dump(2) + "\n");
   write_file(folder / "diagnosis.html", report_page(json));
+  store.clear();
   return json;
 }
 

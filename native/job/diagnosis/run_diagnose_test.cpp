@@ -114,5 +114,27 @@ TEST(Diagnose, WithoutAFitItSaysWhatIsMissing) {
               HasSubstr("diagnose: unknown key 'member'"));
 }
 
+/// A body that flies without turning tells its throw and nothing of its stiffness.
+TEST(Check, SaysBeforeAFitWhatAFlightTells) {
+  const Folder folder;
+  Points points = markers();
+  for (Vec3d& x : points) x.z() += kLift;
+  record(flying_cube(), folder.path, "a", 5, kNoise, points);
+  Json document = flying_cube();
+  document["task"] = "check";
+  document["scene"]["bodies"][0].erase("velocity");
+  document["captures"] = {{{"tracks", "a.npz"}, {"noise", kNoise * kSize}}};
+  document["fit"] = {{"parameters", {"velocity", "material.E"}}};
+  const Json result = run(document, folder.path);
+  ASSERT_EQ(result.at("parameters").size(), 4U);
+  const Json& along = result.at("parameters").at(0);
+  EXPECT_TRUE(along.at("known").get<bool>()) << result.dump(1);
+  EXPECT_NEAR(along.at("start").get<double>(), 5.0, 0.1);
+  EXPECT_LT(along.at("error").get<double>(), 0.01);
+  EXPECT_FALSE(result.at("parameters").at(3).at("known").get<bool>()) << result.dump(1);
+  EXPECT_TRUE(fs::exists(folder.path / "out/check.json"));
+  EXPECT_FALSE(fs::exists(folder.path / "out/fit"));
+}
+
 }  // namespace
 }  // namespace matterfit::job

@@ -12,8 +12,10 @@
 #include "base/error.hpp"
 #include "fit/data/capture_noise.hpp"
 #include "fit/data/follow.hpp"
+#include "job/diagnosis/observation_document.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/fit_levels.hpp"
+#include "job/fit_start.hpp"
 #include "job/fit_values.hpp"
 #include "job/run/build_scene.hpp"
 #include "mpm/simulation.hpp"
@@ -69,8 +71,8 @@ struct SceneModel::Built {
   std::vector<fit::PointFollower> followers;
 };
 
-SceneModel::SceneModel(const Job& job, const RunOptions& options, const Interrupter& interrupter,
-                       std::vector<std::string>& statements)
+SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
+                       const Interrupter& interrupter, std::vector<std::string>& statements)
     : job_(job), options_(options), interrupter_(interrupter) {
   if (options_.threads < 1) {
     options_.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -81,7 +83,17 @@ SceneModel::SceneModel(const Job& job, const RunOptions& options, const Interrup
     scenes.push_back(built({}, r)->scene);
     fit::settle_noise(loaded_.experiment.runs[r].captures, scenes.back(), statements);
   }
-  parameters_ = std::make_unique<fit::Parameters>(at_document(job.fit->parameters), runs(), scenes);
+  const bool fitted = from == From::kDocument;
+  parameters_ = std::make_unique<fit::Parameters>(
+      fitted ? at_document(job.fit->parameters) : job.fit->parameters, runs(), scenes);
+  listed_ = parameters_->parameters();
+  if (!fitted) {
+    const std::vector<double> starts =
+        with_initial_motion(runs(), scenes, *parameters_, parameters_->starts()).guesses;
+    for (std::size_t k = 0; k < listed_.size(); ++k) {
+      listed_[k].start = std::clamp(starts[k], listed_[k].low, listed_[k].high);
+    }
+  }
   list_captures();
   CauseOptions about;
   for (const fit::Parameter& parameter : parameters()) about.fitted.push_back(parameter.name);
@@ -126,6 +138,7 @@ void SceneModel::list_captures() {
     for (const fit::Capture& capture : run.captures) {
       const capture::Tracks& tracks = capture.input.tracks;
       diagnose::Capture row;
+      inputs_.push_back(&capture.input);
       row.name = capture.input.name;
       row.times = tracks.times;
       row.rest = capture.input.rest;
@@ -162,7 +175,9 @@ void SceneModel::list_captures() {
 }
 
 void SceneModel::fix_substeps() {
-  const std::vector<double> values = parameters_->starts();
+  std::vector<double> values;
+  values.reserve(listed_.size());
+  for (const fit::Parameter& parameter : listed_) values.push_back(parameter.start);
   const auto arena = std::make_shared<Arena>(options_.threads);
   for (std::size_t r = 0; r < runs().size(); ++r) {
     mpm::Scene scene = built({}, r)->scene;
@@ -279,6 +294,33 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
 
 std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
     const std::vector<diagnose::Point>& points) const {
+  if (!store_) return simulate_afresh(points);
+  std::vector<std::optional<diagnose::Motion>> motions(points.size());
+  std::vector<diagnose::Point> missing;
+  std::vector<std::size_t> places;
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    motions[p] = store_->find(points[p]);
+    if (motions[p]) continue;
+    missing.push_back(points[p]);
+    places.push_back(p);
+  }
+  // As many at a time as run side by side: what is done is kept before the next begin.
+  const auto batch = static_cast<std::size_t>(options_.threads);
+  for (std::size_t first = 0; first < missing.size(); first += batch) {
+    const std::size_t last = std::min(first + batch, missing.size());
+    const std::vector<diagnose::Point> some(missing.begin() + static_cast<std::ptrdiff_t>(first),
+                                            missing.begin() + static_cast<std::ptrdiff_t>(last));
+    auto fresh = simulate_afresh(some);
+    for (std::size_t k = 0; k < fresh.size(); ++k) {
+      if (fresh[k]) store_->keep(some[k], *fresh[k]);
+      motions[places[first + k]] = std::move(fresh[k]);
+    }
+  }
+  return motions;
+}
+
+std::vector<std::optional<diagnose::Motion>> SceneModel::simulate_afresh(
+    const std::vector<diagnose::Point>& points) const {
   const std::size_t tasks = points.size() * runs().size();
   std::vector<std::optional<std::vector<fit::SimulatedCapture>>> results(tasks);
   std::atomic<std::size_t> next{0};
@@ -331,8 +373,10 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
   return motions;
 }
 
-void SceneModel::write(const diagnose::Point& point, Json& document) const {
+void SceneModel::write(const diagnose::Point& point, Json& document,
+                       std::vector<std::string>& statements) const {
   std::vector<double> values;
+  values.reserve(parameters().size());
   for (std::size_t k = 0; k < parameters().size(); ++k) {
     values.push_back(
         fit::value_within_bounds(parameters()[k], point.theta[static_cast<Eigen::Index>(k)]));
@@ -340,9 +384,34 @@ void SceneModel::write(const diagnose::Point& point, Json& document) const {
   write_values(*parameters_, values, loaded_.sources, job_, document);
   for (const diagnose::Point::Cause& cause : point.causes) {
     const auto& put = causes_[static_cast<std::size_t>(cause.effect)].write;
-    if (!put) continue;
-    put({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
-        document.at("scene"));
+    if (put) {
+      put({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
+          document.at("scene"));
+    } else {
+      write_observed(cause, document, statements);
+    }
+  }
+}
+
+void SceneModel::write_observed(const diagnose::Point::Cause& cause, Json& document,
+                                std::vector<std::string>& statements) const {
+  const diagnose::Effect& effect = rows_[static_cast<std::size_t>(cause.effect)];
+  for (std::size_t i = 0; i < job_.captures.size(); ++i) {
+    const CaptureDoc& doc = job_.captures[i];
+    for (std::size_t c = 0; c < captures_.size(); ++c) {
+      const bool acts =
+          effect.captures.empty() || std::ranges::count(effect.captures, static_cast<int>(c)) > 0;
+      if (captures_[c].name != doc.name || !acts) continue;
+      const SceneDoc& scene = doc.scene ? *doc.scene : job_.scene;
+      const ObservedCapture about{scene.fps, scene.first_frame, inputs_[c]->rest, doc};
+      if (!write_observation(effect,
+                             {cause.values.data(), static_cast<std::size_t>(cause.values.size())},
+                             about, document.at("captures").at(i))) {
+        statements.push_back(fmt::format(
+            "The {} of '{}' has no place in a document: the extended model leaves it out.",
+            effect.name, doc.name));
+      }
+    }
   }
 }
 

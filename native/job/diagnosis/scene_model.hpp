@@ -13,6 +13,7 @@
 #include "fit/data/follow.hpp"
 #include "fit/model/parameters.hpp"
 #include "job/diagnosis/causes.hpp"
+#include "job/diagnosis/motion_store.hpp"
 #include "job/fit_experiment.hpp"
 #include "job/run/run_options.hpp"
 
@@ -28,9 +29,14 @@ namespace matterfit::job {
 /// substeps.
 class SceneModel final : public diagnose::Model {
  public:
-  /// `job` has captures, a section `fit`, and the fitted values in its scene.
-  /// What is odd goes into `statements`. Throws Error(kInput) as a fit does.
-  SceneModel(const Job& job, const RunOptions& options, const Interrupter& interrupter,
+  /// Which values the parameters have.
+  enum class From : std::uint8_t {
+    kDocument,     ///< the scene's, where a fit has ended
+    kFirstFrames,  ///< those that a fit would begin with, before it has run
+  };
+  /// `job` has captures and a section `fit`. What is odd goes into `statements`. Throws
+  /// Error(kInput) as a fit does.
+  SceneModel(const Job& job, From from, const RunOptions& options, const Interrupter& interrupter,
              std::vector<std::string>& statements);
   ~SceneModel() override;
   SceneModel(const SceneModel&) = delete;
@@ -39,25 +45,33 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] const std::vector<diagnose::Capture>& captures() const override {
     return captures_;
   }
-  [[nodiscard]] const std::vector<fit::Parameter>& parameters() const override {
-    return parameters_->parameters();
-  }
+  [[nodiscard]] const std::vector<fit::Parameter>& parameters() const override { return listed_; }
   [[nodiscard]] std::vector<int> own_capture() const override;
   [[nodiscard]] const std::vector<diagnose::Effect>& effects() const override { return rows_; }
   [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate(
       const std::vector<diagnose::Point>& points) const override;
   [[nodiscard]] bool has_numerics() const override { return true; }
 
-  /// Puts a point's parameters and simulated causes into the job's document.
-  void write(const diagnose::Point& point, Json& document) const;
+  /// Keeps what is simulated from now on, and takes what was kept (for parameters that were fitted
+  /// alike, of the same inputs). It outlives the model.
+  void keep_in(const MotionStore* store) { store_ = store; }
+
+  /// Puts a point's parameters and causes into the job's document, what a camera did into its
+  /// captures. What no key of a document says goes into `statements`.
+  void write(const diagnose::Point& point, Json& document,
+             std::vector<std::string>& statements) const;
 
  private:
   struct Built;
   [[nodiscard]] const std::vector<fit::Run>& runs() const { return loaded_.experiment.runs; }
   [[nodiscard]] std::shared_ptr<const Built> built(const diagnose::Numerics& numerics,
                                                    std::size_t run) const;
+  [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate_afresh(
+      const std::vector<diagnose::Point>& points) const;
   [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> simulate_run(
       const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const;
+  void write_observed(const diagnose::Point::Cause& cause, Json& document,
+                      std::vector<std::string>& statements) const;
   void list_captures();
   void fix_substeps();
 
@@ -66,11 +80,14 @@ class SceneModel final : public diagnose::Model {
   const Interrupter& interrupter_;
   LoadedExperiment loaded_;
   std::unique_ptr<fit::Parameters> parameters_;
+  std::vector<fit::Parameter> listed_;  ///< they, with the values of From
   std::vector<Cause> causes_;
   std::vector<diagnose::Effect> rows_;
   std::vector<diagnose::Capture> captures_;
-  std::vector<std::vector<int>> substeps_;  ///< of each run and frame, at the fitted values
-  std::vector<double> limits_;              ///< of stability there [s]
+  std::vector<const fit::CaptureInput*> inputs_;  ///< of each of them
+  std::vector<std::vector<int>> substeps_;        ///< of each run and frame, at the fitted values
+  std::vector<double> limits_;                    ///< of stability there [s]
+  const MotionStore* store_ = nullptr;
   mutable std::mutex mutex_;
   mutable std::map<std::string, std::shared_ptr<const Built>> built_;
 };

@@ -9,6 +9,7 @@
 #include "job/documents/document_reading.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/images_document.hpp"
+#include "job/documents/neural_starts.hpp"
 #include "job/documents/override.hpp"
 
 namespace matterfit::job {
@@ -16,8 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kTaskNames[] = {"simulate", "fit",  "diagnose",
-                                           "compare",  "bake", "render"};
+constexpr std::string_view kTaskNames[] = {"simulate", "fit",    "diagnose", "compare",
+                                           "bake",     "render", "check"};
 
 bool is_path_key(const std::string& key) {
   static const std::set<std::string> keys = {"points", "mesh",   "cage",    "gaussians", "file",
@@ -40,7 +41,9 @@ void rewrite_paths(Json& json, const fs::path& base, const fs::path& folder) {
   if (!json.is_object()) return;
   for (auto& [key, value] : json.items()) {
     if (key == "holdout" || key == "fit" || key == "diagnose") continue;
-    if (is_path_key(key) && value.is_string()) {
+    const bool weights = key == "weights" && value.is_string() &&
+                         is_weights_file(value.get_ref<const std::string&>());
+    if (weights || (is_path_key(key) && value.is_string())) {
       value = rewritten(value.get<std::string>(), base, folder);
     } else if (is_path_key(key) && value.is_array() && !value.empty() && value[0].is_string()) {
       for (Json& item : value) item = rewritten(item.get<std::string>(), base, folder);

@@ -26,7 +26,7 @@ namespace matterfit::job {
 
 inline constexpr std::string_view kSchema = "matterfit.job/1";
 
-enum class Task { kSimulate, kFit, kDiagnose, kCompare, kBake, kRender };
+enum class Task { kSimulate, kFit, kDiagnose, kCompare, kBake, kRender, kCheck };
 [[nodiscard]] std::string_view task_name(Task task);
 /// Throws Error(kInput) that lists the names.
 [[nodiscard]] Task task_from_name(std::string_view name);

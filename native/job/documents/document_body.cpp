@@ -5,6 +5,7 @@
 #include "base/error.hpp"
 #include "fit/model/quantity.hpp"
 #include "job/documents/document_reading.hpp"
+#include "job/documents/neural_starts.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -153,18 +154,42 @@ Source read_source(const JsonValue& value, const ReadContext& context) {
   return source;
 }
 
-material::Material read_material(const JsonValue& value) {
+namespace {
+
+/// The name of a start law, or a file.
+std::shared_ptr<const material::IsotropicStart> read_weights(const JsonValue& value,
+                                                             const ReadContext& context) {
+  const std::string text = value.string();
+  try {
+    return is_weights_file(text) ? read_weights_file(context.file(value)) : neural_start(text);
+  } catch (const Error& error) {
+    value.refuse(error.what());
+  }
+}
+
+}  // namespace
+
+material::Material read_material(const JsonValue& value, const ReadContext& context) {
   JsonObject object(value);
   const JsonValue law = object.require("law");
   const std::string name = law.string();
   if (name == "neural") {
-    law.refuse("neural laws are not available in this version; choose a classical one.");
+    law.refuse(
+        "the published neural law cannot be simulated in this version; use "
+        "neural_isotropic.");
   }
   material::Material material;
   try {
     material.law = material::law_from_name(name);
   } catch (const Error& error) {
     law.refuse(error.what());
+  }
+  if (material.law == material::Law::kNeuralIsotropic) {
+    const auto weights = object.find("weights");
+    material = material::isotropic_material(weights ? read_weights(*weights, context)
+                                                    : neural_start(kDefaultNeuralStart));
+  } else if (object.has("weights")) {
+    value.refuse("the law " + name + " has no weights; leave 'weights' out.");
   }
   for (const fit::Quantity& row : fit::quantities()) {
     if (!row.of_law) continue;
@@ -180,7 +205,7 @@ material::Material read_material(const JsonValue& value) {
     }
     if (const auto found = object.find(key.c_str())) {
       material.*row.member = found->number();
-    } else if (row.required) {
+    } else if (row.required && !material.start) {
       std::string message = "'";
       message.append(key).append("' is missing; the law ").append(name).append(" needs it.");
       value.refuse(message);
@@ -211,7 +236,7 @@ BodyDoc read_body(const JsonValue& value, const ReadContext& context) {
   check_name(name, body.name);
   body.source = read_source(object.require("source"), context);
   body.density = object.require("density").number(positive("kg/m³"));
-  body.material = read_material(object.require("material"));
+  body.material = read_material(object.require("material"), context);
   if (const auto formulation = object.find("formulation")) {
     body.formulation =
         static_cast<mpm::Formulation>(formulation->choice({"auto", "total", "updated", "renewed"}));

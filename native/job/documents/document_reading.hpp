@@ -19,7 +19,7 @@ struct ReadContext {
 };
 
 [[nodiscard]] SceneDoc read_scene(const JsonValue& value, const ReadContext& context);
-[[nodiscard]] material::Material read_material(const JsonValue& value);
+[[nodiscard]] material::Material read_material(const JsonValue& value, const ReadContext& context);
 [[nodiscard]] Source read_source(const JsonValue& value, const ReadContext& context);
 [[nodiscard]] Region read_region(const JsonValue& value, const ReadContext& context);
 [[nodiscard]] BodyDoc read_body(const JsonValue& value, const ReadContext& context);

@@ -10,6 +10,7 @@
 #include "base/file.hpp"
 #include "base/hash.hpp"
 #include "capture/tracks.hpp"
+#include "job/documents/neural_starts.hpp"
 #include "job/fit_sources.hpp"
 #include "job/solver_sources.hpp"
 
@@ -42,7 +43,9 @@ struct Flattening {
   fs::path base;
 
   void add(const Json& json, const std::string& path, const std::string& key) {
-    if (names_a_file(key) && json.is_string()) {
+    const bool weights =
+        key == "weights" && json.is_string() && is_weights_file(json.get_ref<const std::string&>());
+    if (weights || (names_a_file(key) && json.is_string())) {
       inputs[path] = file_hash((base / json.get<std::string>()).lexically_normal());
     } else if (json.is_object()) {
       if (json.empty()) inputs[path] = "{}";
@@ -66,6 +69,25 @@ struct Flattening {
     }
   }
 };
+
+void require_named(const Json& json, const std::string& path, const std::string& key,
+                   const fs::path& base) {
+  if (json.is_object()) {
+    for (const auto& [name, value] : json.items()) {
+      require_named(value, path.empty() ? name : path + "." + name, name, base);
+    }
+  } else if (json.is_array()) {
+    for (std::size_t i = 0; i < json.size(); ++i) {
+      require_named(json[i], path + "[" + std::to_string(i) + "]", key, base);
+    }
+  } else if (names_a_file(key) && json.is_string()) {
+    const fs::path file = (base / json.get<std::string>()).lexically_normal();
+    if (!fs::is_regular_file(file)) {
+      throw_input(path + ": the file " + file.string() +
+                  " does not exist. Put it back, or name another one.");
+    }
+  }
+}
 
 }  // namespace
 
@@ -116,6 +138,11 @@ Inputs output_inputs(const Job& job) {
     flattening.inputs["version"] = MATTERFIT_VERSION;
   }
   return flattening.inputs;
+}
+
+void require_files(const Job& job) {
+  require_named(job.document, "", "", job.base_folder);
+  for (const CaptureDoc& capture : job.captures) (void)capture::find_sequence(capture.file);
 }
 
 std::string hash_inputs(const Inputs& inputs) {

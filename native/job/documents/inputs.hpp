@@ -27,6 +27,9 @@ using Inputs = std::map<std::string, std::string>;
 /// Everything that the baked files depend on beyond the states.
 [[nodiscard]] Inputs output_inputs(const Job& job);
 
+/// Throws Error(kInput) naming the first file of the document that is not there.
+void require_files(const Job& job);
+
 [[nodiscard]] std::string hash_inputs(const Inputs& inputs);
 
 /// Lines such as "scene.gravity[2]: -9.81, was -3.7", at most `limit`, then "… and 12 more".

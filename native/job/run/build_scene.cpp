@@ -49,7 +49,8 @@ effects::Effect build_effect(const EffectDoc& doc, const SceneDoc& scene) {
   return effect;
 }
 
-shape::ColliderPtr build_collider(const ColliderDoc& doc, const SceneDoc& scene) {
+shape::ColliderPtr build_collider(const ColliderDoc& doc, const SceneDoc& scene,
+                                  const Interrupter& interrupter) {
   using Shape = ColliderDoc::Shape;
   const auto pose = doc.transform.in_seconds(scene.first_frame, scene.fps);
   shape::MeshColliderOptions mesh;
@@ -57,6 +58,7 @@ shape::ColliderPtr build_collider(const ColliderDoc& doc, const SceneDoc& scene)
   // A block of particles is passed over beyond √3·4 + 2 separations (updated_group.cpp).
   mesh.band = 10.0 * scene.particle_separation;
   mesh.memory_limit = 0.5e9 * scene.solver.memory_limit_gb;
+  mesh.interrupter = &interrupter;
   switch (doc.shape) {
     case Shape::kGround:
       return shape::make_plane(doc.name, doc.contact, Vec3d(0, 0, doc.height), Vec3d::UnitZ());
@@ -210,8 +212,9 @@ BuiltScene build_scene(const Job& job, Arena& arena, const Interrupter& interrup
   }
   for (std::size_t i = 0; i < doc.colliders.size(); ++i) {
     interrupter.check();
-    scene.colliders.push_back(at_path("scene.colliders[" + std::to_string(i) + "]",
-                                      [&] { return build_collider(doc.colliders[i], doc); }));
+    scene.colliders.push_back(at_path("scene.colliders[" + std::to_string(i) + "]", [&] {
+      return build_collider(doc.colliders[i], doc, interrupter);
+    }));
     if (!is_thin(doc.colliders[i], *scene.colliders.back(), doc)) continue;
     char text[200];
     std::snprintf(text, sizeof text,

@@ -2,14 +2,20 @@
 #include "job/run/estimate.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 
 #include "base/error.hpp"
+#include "job/run/bake_outputs.hpp"
 #include "job/run/build_scene.hpp"
 #include "mpm/scene_check.hpp"
 
 namespace matterfit::job {
 namespace {
+
+namespace fs = std::filesystem;
 
 /// Up to this many particles the solver itself is asked, for this long; beyond, building it takes
 /// too long for a question, and the figures below answer.
@@ -36,12 +42,67 @@ mpm::SubstepCost guess(const mpm::Scene& scene, std::size_t particles, int threa
 
 std::uint64_t state_bytes(std::size_t particles) { return particles * (12 + 12 + 36); }
 
+/// A folder that is gone afterwards.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string name = (fs::temp_directory_path() / "matterfit_estimate_XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) {
+      throw_output(name + ": cannot create the folder. Is the disk full, or TMPDIR wrong?");
+    }
+    path_ = name;
+  }
+  ~TemporaryFolder() {
+    std::error_code code;
+    fs::remove_all(path_, code);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  [[nodiscard]] const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+struct BakeCost {
+  double begin = 0.0;    ///< [s], once
+  double seconds = 0.0;  ///< a frame
+  std::uint64_t bytes = 0;
+};
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// Bakes the first frame for nobody: what that takes is what each frame takes.
+BakeCost measure_bake(const Job& job, const mpm::Scene& scene, const mpm::FrameState& state,
+                      Arena& arena, const Interrupter& interrupter) {
+  const TemporaryFolder folder;
+  Job copy = job;
+  copy.output.folder = folder.path();
+  BakeCost cost;
+  const auto begin = std::chrono::steady_clock::now();
+  BakeOutputs outputs(copy, scene, arena, interrupter);
+  outputs.start(0);
+  cost.begin = seconds_since(begin);
+  const auto frame = std::chrono::steady_clock::now();
+  outputs.bake(state, 0, true);
+  outputs.finish();
+  cost.seconds = seconds_since(frame);
+  for (const auto& file : fs::recursive_directory_iterator(folder.path())) {
+    if (file.is_regular_file()) cost.bytes += file.file_size();
+  }
+  return cost;
+}
+
 }  // namespace
 
 Json estimate_job(const Job& job, const RunOptions& options) {
   const auto arena = std::make_shared<Arena>(options.threads);
   const Interrupter interrupter;
+  const auto start = std::chrono::steady_clock::now();
   BuiltScene built = build_scene(job, *arena, interrupter);
+  const double building = seconds_since(start);
   const mpm::MemoryEstimate memory = mpm::Simulation::estimate(built.scene);
   const double limit = 1e9 * job.scene.solver.memory_limit_gb;
   const bool fits = double(memory.bytes) <= limit;
@@ -54,9 +115,13 @@ Json estimate_job(const Job& job, const RunOptions& options) {
   mpm::SubstepCost cost = guess(built.scene, memory.particles, arena->threads());
   const double dx = built.scene.dx;
   const double fps = built.scene.fps;
+  BakeCost bake;
   if (fits && memory.particles <= kMostMeasured) {
-    cost = mpm::Simulation(std::move(built.scene), arena, {options.target})
-               .measure(kMeasureSeconds, interrupter);
+    mpm::Simulation simulation(built.scene, arena, {options.target});
+    if (job.task == Task::kBake) {
+      bake = measure_bake(job, built.scene, simulation.state(), *arena, interrupter);
+    }
+    cost = simulation.measure(kMeasureSeconds, interrupter);
   }
   const double frames = double(job.scene.frames()) - 1.0;
   const double substeps = std::max(0.0, frames) * std::ceil(1.0 / (fps * cost.dt) - 1e-9);
@@ -67,8 +132,11 @@ Json estimate_job(const Job& job, const RunOptions& options) {
           {"dx", dx},
           {"dt", cost.dt},
           {"substeps", substeps},
-          {"seconds", substeps * cost.seconds},
-          {"disk_bytes", state_bytes(memory.particles) * std::uint64_t(job.scene.frames())},
+          {"seconds", building + substeps * cost.seconds + bake.begin +
+                          bake.seconds * double(job.scene.frames())},
+          {"bake_seconds", bake.begin + bake.seconds * double(job.scene.frames())},
+          {"disk_bytes",
+           (state_bytes(memory.particles) + bake.bytes) * std::uint64_t(job.scene.frames())},
           {"frames", job.scene.frames()},
           {"bodies", bodies}};
 }

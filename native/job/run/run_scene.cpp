@@ -17,6 +17,7 @@
 #include "job/run/checkpoint.hpp"
 #include "job/run/compare.hpp"
 #include "job/run/observe.hpp"
+#include "job/run/penetration.hpp"
 #include "job/run/state_file.hpp"
 #include "job/run/stats_log.hpp"
 
@@ -220,8 +221,14 @@ class Run {
     if (have_state) {
       state = read_state(cache_->folder() / path, scene());
     } else {
-      if (k > 0) stats_->add(simulation_->advance(interrupter_));
-      state = simulation_->state();
+      if (k > 0) {
+        const mpm::FrameReport report = simulation_->advance(interrupter_);
+        stats_->add(report);
+        state = simulation_->state();
+        note_penetration(report, state);
+      } else {
+        state = simulation_->state();
+      }
       write_file(cache_->folder() / path, format_state(scene(), state));
       cache_->record(path);
     }
@@ -367,14 +374,16 @@ class Run {
     json["substeps"] = substeps;
     json["max_penetration_m"] = penetration;
     json["simulation_seconds"] = simulated;
-    if (penetration > 0.5 * scene().dx) {
-      char text[200];
-      std::snprintf(text, sizeof text,
-                    "a body went %.2g mm into a collider, more than a particle separation: raise "
-                    "the collider's contact.stiffness if it should not.",
-                    1e3 * penetration);
-      notes_.emplace_back(text);
-    }
+    if (deepest_.depth > 0.0) notes_.push_back(penetration_note(deepest_));
+  }
+
+  /// Remembers who sank deepest into what, where that is more than a particle separation.
+  void note_penetration(const mpm::FrameReport& report, const mpm::FrameState& state) {
+    if (report.max_penetration <= std::max(0.5 * scene().dx, deepest_.depth)) return;
+    Penetration found = deepest(scene(), state);
+    if (found.depth <= 0.0) return;  // it was out again by the end of the frame
+    found.depth = report.max_penetration;
+    deepest_ = std::move(found);
   }
 
   /// Markers may stand off the body, but not by its own size: they move along with it all the same,
@@ -464,6 +473,7 @@ class Run {
   Clock::time_point last_checkpoint_;
   Json compare_;
   std::vector<std::string> notes_;
+  Penetration deepest_;
 };
 
 }  // namespace

@@ -4,6 +4,8 @@
 #include <array>
 #include <cstddef>
 
+#include "material/neural/isotropic_weights.hpp"
+
 namespace matterfit::material {
 
 /// Cotangents of LawConstants, entry by entry; T is a number or a register of them. Begin with {}.
@@ -11,21 +13,28 @@ template <class T>
 struct ConstantsAdjoint {
   T lambda, mu, kappa, yield, hardening, eta, exponent, alpha, tip, alpha_tip, damping_shear,
       damping_bulk;
+  IsotropicConstants<T> neural;
 
   /// Calls visit(entry) in a fixed order.
   template <class Visit>
   void for_each(const Visit& visit) {
     for (T* entry : entries()) visit(*entry);
+    neural.for_each(visit);
   }
   ConstantsAdjoint& operator+=(ConstantsAdjoint other) {
-    const auto from = other.entries();
+    std::array<const T*, kEntries> from;
     std::size_t i = 0;
-    for (T* entry : entries()) *entry += *from[i++];
+    other.for_each([&](const T& entry) { from[i++] = &entry; });
+    i = 0;
+    for_each([&](T& entry) { entry += *from[i++]; });
     return *this;
   }
 
  private:
-  [[nodiscard]] std::array<T*, 12> entries() {
+  static constexpr std::size_t kOwn = 12;
+  static constexpr std::size_t kEntries = kOwn + kIsotropicWeights;
+
+  [[nodiscard]] std::array<T*, kOwn> entries() {
     return {&lambda,   &mu,    &kappa, &yield,     &hardening,     &eta,
             &exponent, &alpha, &tip,   &alpha_tip, &damping_shear, &damping_bulk};
   }

@@ -13,6 +13,15 @@ Vec3d stretches(const Mat3d& f) {
   return solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
 }
 
+/// ln cosh(z + c) − ln cosh c − z tanh c with `offset` = tanh c.
+double unit_energy(double z, double offset) {
+  const double c = std::atanh(offset);
+  const auto log_cosh = [](double x) {
+    return std::abs(x) + std::log1p(std::exp(-2.0 * std::abs(x))) - std::log(2.0);
+  };
+  return log_cosh(z + c) - log_cosh(c) - z * offset;
+}
+
 }  // namespace
 
 double shape_energy(const LawConstants<double>& law, const Mat3d& f) {
@@ -29,6 +38,20 @@ double shape_energy(const LawConstants<double>& law, const Mat3d& f) {
     }
     case Law::kNewtonian:
       return 0.0;
+    case Law::kNeuralIsotropic: {
+      const IsotropicConstants<double>& c = law.neural;
+      const Vec3d strain = stretches(f).array().log();
+      const double theta = strain.sum();
+      const Vec3d dev = strain.array() - strain.mean();
+      double energy = c.mu * dev.squaredNorm();
+      for (std::size_t k = 0; k < kShapeUnits; ++k) {
+        for (const double part : strain) {
+          const double z = c.shape_own[k] * part + c.shape_trace[k] * theta;
+          energy += c.shape_gain[k] * unit_energy(z, c.shape_offset[k]);
+        }
+      }
+      return energy;
+    }
     default: {
       const Vec3d strain = stretches(f).array().log();
       return mu * (strain - Vec3d::Constant(strain.mean())).squaredNorm();
@@ -47,6 +70,15 @@ double volume_energy(const LawConstants<double>& law, double j) {
       return 0.5 * law.kappa * (j - 1.0) * (j - 1.0);
     case Law::kNewtonian:
       return law.kappa / 7.0 * (j + std::pow(j, -6.0) / 6.0 - 7.0 / 6.0);
+    case Law::kNeuralIsotropic: {
+      const IsotropicConstants<double>& c = law.neural;
+      const double theta = std::log(j);
+      double energy = 0.5 * c.kappa * theta * theta;
+      for (std::size_t k = 0; k < kVolumeUnits; ++k) {
+        energy += c.volume_gain[k] * unit_energy(c.volume_trace[k] * theta, c.volume_offset[k]);
+      }
+      return energy;
+    }
     default:
       return 0.5 * law.kappa * std::log(j) * std::log(j);
   }

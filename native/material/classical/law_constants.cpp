@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "material/neural/isotropic_material.hpp"
+
 namespace matterfit::material {
 
 template <class S>
@@ -30,6 +32,14 @@ LawConstants<S> law_constants(const Material& m) {
     // A strain of one is far beyond any cohesive solid: the tip of a cylinder (φ → 0) is not met.
     const double tip = phi > 0.0 ? m.cohesion / (std::tan(phi) * bulk3) : 1.0;
     c.tip = static_cast<S>(m.cohesion > 0.0 ? std::min(tip, 1.0) : 0.0);
+  }
+  if (m.law == Law::kNeuralIsotropic) {
+    IsotropicConstants<double> from = isotropic_constants(m);
+    std::array<double, kIsotropicWeights> entries{};
+    std::size_t i = 0;
+    from.for_each([&](double entry) { entries[i++] = entry; });
+    i = 0;
+    c.neural.for_each([&](S& entry) { entry = static_cast<S>(entries[i++]); });
   }
   c.damping_shear = static_cast<S>(m.damping_shear);
   c.damping_bulk = static_cast<S>(m.damping_bulk);

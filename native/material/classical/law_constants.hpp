@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "material/material.hpp"
+#include "material/neural/isotropic_weights.hpp"
 
 namespace matterfit::material {
 
@@ -35,9 +36,10 @@ struct LawConstants {
   std::array<MaxwellConstants<S>, kMostMaxwellBranches> maxwell{};
   std::size_t maxwell_count = 0;
   bool damped = false;
-  bool plastic = false;     ///< return mapping changes the elastic deformation gradient
-  bool fluid = false;       ///< `eta` acts on the whole velocity gradient
-  bool own_volume = false;  ///< no mean dilatation: the return mapping changes the trace
+  bool plastic = false;            ///< return mapping changes the elastic deformation gradient
+  bool fluid = false;              ///< `eta` acts on the whole velocity gradient
+  bool own_volume = false;         ///< no mean dilatation: the return mapping changes the trace
+  IsotropicConstants<S> neural{};  ///< of the isotropic neural law
 };
 
 template <class S>

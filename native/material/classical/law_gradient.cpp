@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "material/neural/isotropic_material.hpp"
+
 namespace matterfit::material {
 
 MaterialGradient material_gradient(const Material& m, const ConstantsAdjoint<double>& c) {
@@ -19,6 +21,11 @@ MaterialGradient material_gradient(const Material& m, const ConstantsAdjoint<dou
   }
   double of_lambda = c.lambda + c.kappa;
   double of_mu = c.mu + 2.0 / 3.0 * c.kappa;
+  if (m.law == Law::kNeuralIsotropic) {
+    const ModuliGradient of_moduli = add_isotropic_gradient(m, c.neural, out);
+    of_lambda += of_moduli.bulk;
+    of_mu += of_moduli.shear + 2.0 / 3.0 * of_moduli.bulk;
+  }
   const double e = m.youngs_modulus;
   const double nu = m.poisson_ratio;
   const double lambda = m.lambda();

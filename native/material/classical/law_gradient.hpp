@@ -22,6 +22,16 @@ struct MaterialGradient {
   double bulk_modulus = 0.0;
   double damping_shear = 0.0;
   double damping_bulk = 0.0;
+  double form_1 = 0.0;
+  double form_2 = 0.0;
+  double form_3 = 0.0;
+  double form_4 = 0.0;
+  double yield_strain = 0.0;
+  double internal_friction = 0.0;
+  double strain_hardening = 0.0;
+  double tear_strain = 0.0;
+  double flow_rate = 0.0;
+  double flow_thinning = 0.0;
   std::vector<MaxwellBranch> maxwell;  ///< by modulus and by time
 };
 

@@ -14,6 +14,7 @@
 #endif
 
 #include "material/classical/law_constants.hpp"
+#include "material/neural/isotropic-inl.hpp"
 #include "math/mat3-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -152,16 +153,32 @@ HWY_INLINE void hencky_return(const Constants<T>& c, T norm, T trace, T stretch,
     case Law::kNeoHookean:
     case Law::kStvkHencky:
     case Law::kNewtonian:
+    case Law::kNeuralIsotropic:
       break;
   }
 }
 
-/// The laws on Hencky strains εᵢ = ½ ln(1 + eᵢ), eᵢ the eigenvalues of FᵀF − I: stvk_hencky and the
-/// plastic laws on it. `plastic` gets V diag(σ_new/σ − 1) Vᵀ, so that F_new = F (I + plastic), and
-/// `strain` grows by the equivalent plastic strain. Without plastic flow both stay untouched.
+/// The isotropic neural law. Once a target and type, not once a kernel: it is long, and which law
+/// of Hencky strains a body has is the same for all its particles.
+template <class T>
+HWY_NOINLINE void stress_neural(const Constants<T>& c, const Mat3<T>& h, const T& jm1,
+                                const T& mean, const T& dt, Sym3<T>& tau, Sym3<T>& plastic,
+                                T& strain) {
+  tau = isotropic_stress<T>(c.neural, h, jm1, c.own_volume ? jm1 : mean, dt, plastic, strain);
+}
+
+/// The laws on Hencky strains εᵢ = ½ ln(1 + eᵢ), eᵢ the eigenvalues of FᵀF − I: stvk_hencky, the
+/// plastic laws on it, and the isotropic neural law. `plastic` gets V diag(σ_new/σ − 1) Vᵀ, so that
+/// F_new = F (I + plastic), and `strain` grows by the equivalent plastic strain. Without plastic
+/// flow both stay untouched.
 template <class T>
 HWY_INLINE Sym3<T> stress_hencky(const Constants<T>& c, const Mat3<T>& h, T jm1, T mean, T dt,
                                  Sym3<T>& plastic, T& strain) {
+  if (c.law == Law::kNeuralIsotropic) {
+    Sym3<T> tau;
+    stress_neural<T>(c, h, jm1, mean, dt, tau, plastic, strain);
+    return tau;
+  }
   T e[3];
   Mat3<T> v;
   eigen_symmetric(right_cauchy_green_minus_identity(h), e, v);

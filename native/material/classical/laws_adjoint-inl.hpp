@@ -239,6 +239,28 @@ HWY_INLINE void drucker_prager_adjoint(const Constants<T>& c, const HenckyReturn
   c_bar.alpha_tip -= scalar<T>(3) * gamma_bar * ratio;
 }
 
+/// Adjoint of stress_neural.
+template <class T>
+HWY_NOINLINE void stress_neural_adjoint(const Constants<T>& c, const Mat3<T>& h, const T& jm1,
+                                        const T& mean, const T& dt, const T& strain,
+                                        const Sym3<T>& tau_bar, const Sym3<T>& plastic_bar,
+                                        const T& strain_bar, PointBar<T>& bar,
+                                        ConstantsBar<T>& c_bar, LawAgain<T>* again) {
+  IsotropicBar<T> own{};
+  isotropic_stress_adjoint<T>(c.neural, h, jm1, c.own_volume ? jm1 : mean, dt, strain, tau_bar,
+                              plastic_bar, strain_bar, own, c_bar.neural,
+                              again == nullptr ? nullptr : &again->tau,
+                              again == nullptr ? nullptr : &again->plastic);
+  add(own.h, bar.h);
+  bar.strain += own.strain;
+  if (c.own_volume) {
+    bar.jm1 += own.jm1 + own.mean;
+  } else {
+    bar.jm1 += own.jm1;
+    bar.mean += own.mean;
+  }
+}
+
 /// Adjoint of stress_hencky; `strain` is the one before the substep, `plastic_bar` and `strain_bar`
 /// are the cotangents of what it gives besides τ.
 template <class T>
@@ -246,6 +268,11 @@ HWY_INLINE void stress_hencky_adjoint(const Constants<T>& c, const Mat3<T>& h, T
                                       T strain, const Sym3<T>& tau_bar, const Sym3<T>& plastic_bar,
                                       T strain_bar, PointBar<T>& bar, ConstantsBar<T>& c_bar,
                                       LawAgain<T>* again = nullptr) {
+  if (c.law == Law::kNeuralIsotropic) {
+    stress_neural_adjoint<T>(c, h, jm1, mean, dt, strain, tau_bar, plastic_bar, strain_bar, bar,
+                             c_bar, again);
+    return;
+  }
   const T zero = scalar<T>(0);
   const T one = scalar<T>(1);
   const T third = scalar<T>(1.0 / 3.0);
@@ -360,6 +387,7 @@ HWY_INLINE void stress_hencky_adjoint(const Constants<T>& c, const Mat3<T>& h, T
     case Law::kNeoHookean:
     case Law::kStvkHencky:
     case Law::kNewtonian:
+    case Law::kNeuralIsotropic:
       flow_bar.trace += flow_bar.new_trace;
       break;
   }

@@ -106,22 +106,29 @@ HWY_INLINE HenckyFrame<T> hencky_frame(const Mat3<T>& h) {
   return s;
 }
 
-/// Principal stresses of strains k dev ε + θ/3, without the ratio of volumes; `rise` gets what the
-/// units give.
+/// What the units give: kept for the adjoint.
 template <class T>
 struct UnitRises {
   T shape[kShapeUnits][3];
   T volume[kVolumeUnits];
 };
 
+/// Of κ and the volume units, the same in all directions.
 template <class T>
-HWY_INLINE void principal_stresses(const Isotropic<T>& c, const T dev[3], T theta, T tau[3],
-                                   UnitRises<T>& rise) {
+HWY_INLINE T volume_stress(const Isotropic<T>& c, T theta, UnitRises<T>& rise) {
   T pressure = T(c.kappa) * theta;
   for (std::size_t k = 0; k < kVolumeUnits; ++k) {
     rise.volume[k] = unit_rise(T(c.volume_trace[k]) * theta, T(c.volume_offset[k]));
     pressure = fma(T(c.volume_gain[k] * c.volume_trace[k]), rise.volume[k], pressure);
   }
+  return pressure;
+}
+
+/// Principal stresses of strains dev ε + θ/3 by μ and the shape units.
+template <class T>
+HWY_INLINE void shape_stresses(const Isotropic<T>& c, const T dev[3], T theta, T tau[3],
+                               UnitRises<T>& rise) {
+  T pressure = scalar<T>(0);
   T own[3];
   const T two_mu = T(c.mu + c.mu);
   for (int i = 0; i < 3; ++i) own[i] = two_mu * dev[i];
@@ -140,15 +147,16 @@ HWY_INLINE void principal_stresses(const Isotropic<T>& c, const T dev[3], T thet
 }
 
 /// Kirchhoff stress [Pa] after the flow of the trial deformation I + `h`, jm1 = det − 1; `mean` =
-/// J̄ − 1 of the cell where the dilatation is averaged, jm1 itself elsewhere. `plastic` gets
-/// V diag(σ_new/σ − 1) Vᵀ, `strain` grows by the equivalent plastic strain.
+/// J̄ − 1 of the cell where the dilatation is averaged, jm1 itself elsewhere: κ and the volume units
+/// see J̄, as a classical law's volume term does, so that forces stay the derivative of an energy.
+/// `plastic` gets V diag(σ_new/σ − 1) Vᵀ, `strain` grows by the equivalent plastic strain.
 template <class T>
 HWY_INLINE Sym3<T> isotropic_stress(const Isotropic<T>& c, const Mat3<T>& h, T jm1, T mean, T dt,
                                     Sym3<T>& plastic, T& strain) {
   const T one = scalar<T>(1);
   const T third = scalar<T>(1.0 / 3);
   const HenckyFrame<T> at = hencky_frame(h);
-  const T theta = log1p(mean);
+  const T theta = log1p(jm1);
   const IsotropicFlowState<T> flow = isotropic_flow<T>(c, at.norm, theta, strain, dt);
   T dev[3];
   T growth[3];
@@ -161,10 +169,10 @@ HWY_INLINE Sym3<T> isotropic_stress(const Isotropic<T>& c, const Mat3<T>& h, T j
   strain += scalar<T>(0.816496580927726) * (one - flow.keep) * at.norm;
   T tau[3];
   UnitRises<T> rise;
-  principal_stresses<T>(c, dev, flow.keep_volume * theta, tau, rise);
-  // The dilatation's share acts through J̄, whose cotangent is spread as J/J̄.
-  const T excess = third * (tau[0] + tau[1] + tau[2]) * ((jm1 - mean) / (one + mean));
-  for (int i = 0; i < 3; ++i) tau[i] = (tau[i] + excess) * at.inverse[i];
+  shape_stresses<T>(c, dev, flow.keep_volume * theta, tau, rise);
+  const T volume =
+      volume_stress<T>(c, flow.keep_volume * log1p(mean), rise) * ((one + jm1) / (one + mean));
+  for (int i = 0; i < 3; ++i) tau[i] = (tau[i] + volume) * at.inverse[i];
   return push_forward(plus_identity(h), from_eigen(at.v, tau));
 }
 
@@ -177,13 +185,43 @@ struct IsotropicBar {
   T strain;
 };
 
-/// Adjoint of principal_stresses: adds to those of dev, theta and the constants.
+/// Of a unit's rise: by z, and by tanh(c).
 template <class T>
-HWY_INLINE void principal_stresses_adjoint(const Isotropic<T>& c, const T dev[3], T theta,
-                                           const UnitRises<T>& rise, const T tau_bar[3],
-                                           T dev_bar[3], T& theta_bar,
-                                           material::IsotropicConstants<T>& c_bar) {
-  const T one = scalar<T>(1);
+HWY_INLINE T rise_slope(T rise, T offset) {
+  const T level = rise + offset;
+  return fnma(level, level, scalar<T>(1));
+}
+template <class T>
+HWY_INLINE T rise_by_offset(T rise, T offset) {
+  return -rise * (rise + offset + offset) / fnma(offset, offset, scalar<T>(1));
+}
+
+/// Adjoint of volume_stress: the cotangent of θ; adds to those of the constants.
+template <class T>
+HWY_INLINE T volume_stress_adjoint(const Isotropic<T>& c, T theta, const UnitRises<T>& rise,
+                                   T pressure_bar, material::IsotropicConstants<T>& c_bar) {
+  c_bar.kappa = fma(theta, pressure_bar, c_bar.kappa);
+  T theta_bar = T(c.kappa) * pressure_bar;
+  for (std::size_t k = 0; k < kVolumeUnits; ++k) {
+    const T gain(c.volume_gain[k]);
+    const T trace(c.volume_trace[k]);
+    const T offset(c.volume_offset[k]);
+    const T r = rise.volume[k];
+    const T r_bar = gain * trace * pressure_bar;
+    const T z_bar = r_bar * rise_slope(r, offset);
+    theta_bar = fma(z_bar, trace, theta_bar);
+    c_bar.volume_gain[k] += trace * r * pressure_bar;
+    c_bar.volume_trace[k] += fma(gain * r, pressure_bar, z_bar * theta);
+    c_bar.volume_offset[k] += r_bar * rise_by_offset(r, offset);
+  }
+  return theta_bar;
+}
+
+/// Adjoint of shape_stresses: adds to the cotangents of dev, theta and the constants.
+template <class T>
+HWY_INLINE void shape_stresses_adjoint(const Isotropic<T>& c, const T dev[3], T theta,
+                                       const UnitRises<T>& rise, const T tau_bar[3], T dev_bar[3],
+                                       T& theta_bar, material::IsotropicConstants<T>& c_bar) {
   const T third = scalar<T>(1.0 / 3);
   const T all = tau_bar[0] + tau_bar[1] + tau_bar[2];
   T of_mu = scalar<T>(0);
@@ -192,28 +230,6 @@ HWY_INLINE void principal_stresses_adjoint(const Isotropic<T>& c, const T dev[3]
     dev_bar[i] = fma(T(c.mu + c.mu), tau_bar[i], dev_bar[i]);
   }
   c_bar.mu += of_mu + of_mu;
-  c_bar.kappa = fma(theta, all, c_bar.kappa);
-  theta_bar = fma(T(c.kappa), all, theta_bar);
-  // Of a unit's rise: by z, and by tanh(c).
-  const auto slope = [&](T r, T offset) {
-    const T level = r + offset;
-    return fnma(level, level, one);
-  };
-  const auto by_offset = [&](T r, T offset) {
-    return -r * (r + offset + offset) / fnma(offset, offset, one);
-  };
-  for (std::size_t k = 0; k < kVolumeUnits; ++k) {
-    const T gain(c.volume_gain[k]);
-    const T trace(c.volume_trace[k]);
-    const T offset(c.volume_offset[k]);
-    const T r = rise.volume[k];
-    const T r_bar = gain * trace * all;
-    const T z_bar = r_bar * slope(r, offset);
-    theta_bar = fma(z_bar, trace, theta_bar);
-    c_bar.volume_gain[k] += trace * r * all;
-    c_bar.volume_trace[k] += fma(gain * r, all, z_bar * theta);
-    c_bar.volume_offset[k] += r_bar * by_offset(r, offset);
-  }
   for (std::size_t k = 0; k < kShapeUnits; ++k) {
     const T gain(c.shape_gain[k]);
     const T own(c.shape_own[k]);
@@ -229,11 +245,11 @@ HWY_INLINE void principal_stresses_adjoint(const Isotropic<T>& c, const T dev[3]
       sum += r;
       weighted = fma(r, tau_bar[i], weighted);
       const T r_bar = gain * fma(own, tau_bar[i], trace * all);
-      const T z_bar = r_bar * slope(r, offset);
+      const T z_bar = r_bar * rise_slope(r, offset);
       dev_bar[i] = fma(own, z_bar, dev_bar[i]);
       z_sum += z_bar;
       of_own = fma(z_bar, fma(third, theta, dev[i]), of_own);
-      of_offset = fma(r_bar, by_offset(r, offset), of_offset);
+      of_offset = fma(r_bar, rise_by_offset(r, offset), of_offset);
     }
     theta_bar = fma(z_sum, fma(third, own, trace), theta_bar);
     c_bar.shape_gain[k] += fma(own, weighted, trace * sum * all);
@@ -278,18 +294,21 @@ HWY_INLINE void isotropic_flow_adjoint(const Isotropic<T>& c, const IsotropicFlo
 
 /// Adds to `bar` and `c_bar` from the cotangents of τ, of `plastic` and of the plastic strain
 /// after; `strain` is the one before. Where the flow has a kink the side of the forward pass
-/// counts.
+/// counts. Sets `tau_again` and `plastic_again`, if not null, to what isotropic_stress gives.
 template <class T>
 HWY_INLINE void isotropic_stress_adjoint(const Isotropic<T>& c, const Mat3<T>& h, T jm1, T mean,
                                          T dt, T strain, const Sym3<T>& tau_bar,
                                          const Sym3<T>& plastic_bar, T strain_bar,
                                          IsotropicBar<T>& bar,
-                                         material::IsotropicConstants<T>& c_bar) {
+                                         material::IsotropicConstants<T>& c_bar,
+                                         Sym3<T>* tau_again = nullptr,
+                                         Sym3<T>* plastic_again = nullptr) {
   const T one = scalar<T>(1);
   const T zero = scalar<T>(0);
   const T third = scalar<T>(1.0 / 3);
   const HenckyFrame<T> at = hencky_frame(h);
-  const T theta = log1p(mean);
+  const T theta = log1p(jm1);
+  const T mean_theta = log1p(mean);
   const IsotropicFlowState<T> flow = isotropic_flow<T>(c, at.norm, theta, strain, dt);
   const T less = flow.keep - one;
   const T volume_step = third * (flow.keep_volume - one) * theta;
@@ -302,17 +321,21 @@ HWY_INLINE void isotropic_stress_adjoint(const Isotropic<T>& c, const Mat3<T>& h
   const T new_theta = flow.keep_volume * theta;
   T tau[3];
   UnitRises<T> rise;
-  principal_stresses<T>(c, dev, new_theta, tau, rise);
-  const T pressure = third * (tau[0] + tau[1] + tau[2]);
+  shape_stresses<T>(c, dev, new_theta, tau, rise);
+  const T new_mean_theta = flow.keep_volume * mean_theta;
+  const T pressure = volume_stress<T>(c, new_mean_theta, rise);
   const T inverse_mean = one / (one + mean);
-  const T ratio = (jm1 - mean) * inverse_mean;
+  const T ratio = (one + jm1) * inverse_mean;
   T phi[3];
   for (int i = 0; i < 3; ++i) phi[i] = fma(pressure, ratio, tau[i]) * at.inverse[i];
 
   // τ = F S Fᵀ
   const Mat3<T> f = plus_identity(h);
   const Mat3<T> tf = multiply(tau_bar, f);
-  add_twice(multiply(tf, from_eigen(at.v, phi)), bar.h);
+  const Sym3<T> pulled_back = from_eigen(at.v, phi);
+  if (tau_again != nullptr) *tau_again = push_forward(f, pulled_back);
+  if (plastic_again != nullptr) *plastic_again = from_eigen(at.v, growth);
+  add_twice(multiply(tf, pulled_back), bar.h);
   const Mat3<T> s_bar = rotate_back(at.v, transpose_multiply(f, tf));
   const Mat3<T> g_bar = rotate_back(at.v, to_matrix(plastic_bar));
 
@@ -348,16 +371,15 @@ HWY_INLINE void isotropic_stress_adjoint(const Isotropic<T>& c, const Mat3<T>& h
   }
   const T ratio_bar = pressure * all;
   bar.jm1 = fma(ratio_bar, inverse_mean, bar.jm1);
-  bar.mean -= ratio_bar * (one + ratio) * inverse_mean;
-  const T spread = third * ratio * all;
-  for (int i = 0; i < 3; ++i) stress_bar[i] += spread;
+  bar.mean -= ratio_bar * ratio * inverse_mean;
   T new_dev_bar[3] = {zero, zero, zero};
   T new_theta_bar = zero;
-  principal_stresses_adjoint<T>(c, dev, new_theta, rise, stress_bar, new_dev_bar, new_theta_bar,
-                                c_bar);
+  shape_stresses_adjoint<T>(c, dev, new_theta, rise, stress_bar, new_dev_bar, new_theta_bar, c_bar);
+  const T new_mean_bar = volume_stress_adjoint<T>(c, new_mean_theta, rise, ratio * all, c_bar);
   T keep_bar = zero;
-  T keep_volume_bar = new_theta_bar * theta;
+  T keep_volume_bar = fma(new_theta_bar, theta, new_mean_bar * mean_theta);
   T theta_bar = new_theta_bar * flow.keep_volume;
+  bar.mean = fma(new_mean_bar * flow.keep_volume, inverse_mean, bar.mean);
   T dev_bar[3];
   for (int i = 0; i < 3; ++i) {
     const T step_bar = g_bar[i][i] * (one + growth[i]);
@@ -372,7 +394,7 @@ HWY_INLINE void isotropic_stress_adjoint(const Isotropic<T>& c, const Mat3<T>& h
   bar.strain += strain_bar;
   isotropic_flow_adjoint<T>(c, flow, at.norm, theta, strain, dt, keep_bar, keep_volume_bar,
                             norm_bar, theta_bar, bar.strain, c_bar);
-  bar.mean = fma(theta_bar, inverse_mean, bar.mean);
+  bar.jm1 += theta_bar / (one + jm1);
   const T along = norm_bar / max(at.norm, scalar<T>(1e-15));
   T sum = zero;
   for (int i = 0; i < 3; ++i) {

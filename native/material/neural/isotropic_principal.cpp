@@ -11,14 +11,16 @@ PrincipalResponse principal_response(const IsotropicWeights& weights, const Vec3
   const Vec3d dev = strain.array() - theta / 3.0;
   PrincipalResponse out;
   HWY_NAMESPACE::UnitRises<double> rise;
-  HWY_NAMESPACE::principal_stresses<double>(c, dev.data(), theta, out.tau.data(), rise);
+  HWY_NAMESPACE::shape_stresses<double>(c, dev.data(), theta, out.tau.data(), rise);
+  out.tau.array() += HWY_NAMESPACE::volume_stress<double>(c, theta, rise);
   for (int i = 0; i < 3; ++i) {
     const Vec3d tau_bar = Vec3d::Unit(i);
     double dev_bar[3] = {};
     double theta_bar = 0.0;
     IsotropicConstants<double> c_bar{};
-    HWY_NAMESPACE::principal_stresses_adjoint<double>(c, dev.data(), theta, rise, tau_bar.data(),
-                                                      dev_bar, theta_bar, c_bar);
+    HWY_NAMESPACE::shape_stresses_adjoint<double>(c, dev.data(), theta, rise, tau_bar.data(),
+                                                  dev_bar, theta_bar, c_bar);
+    (void)HWY_NAMESPACE::volume_stress_adjoint<double>(c, theta, rise, 1.0, c_bar);
     IsotropicWeights bar{};
     add_isotropic_weights_adjoint(weights, c_bar, bar);
     for (std::size_t k = 0; k < kIsotropicElastic; ++k) {

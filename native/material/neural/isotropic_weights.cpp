@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "material/neural/isotropic_weights.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/error.hpp"
@@ -83,8 +84,7 @@ void add_isotropic_weights_adjoint(const IsotropicWeights& weights,
   });
 }
 
-double longest_wave_modulus(const IsotropicWeights& weights) {
-  const auto c = isotropic_constants<double>(weights);
+double longest_wave_modulus(const IsotropicConstants<double>& c) {
   double modulus = c.kappa + c.mu * 4.0 / 3.0;
   for (std::size_t k = 0; k < kShapeUnits; ++k) {
     const double own = c.shape_own[k] + c.shape_trace[k];
@@ -96,29 +96,90 @@ double longest_wave_modulus(const IsotropicWeights& weights) {
   return modulus;
 }
 
-double rest_shear_modulus(const IsotropicWeights& weights) {
-  const auto c = isotropic_constants<double>(weights);
-  double modulus = c.mu;
-  for (std::size_t k = 0; k < kShapeUnits; ++k) {
-    const double slope = 1.0 - c.shape_offset[k] * c.shape_offset[k];
-    modulus += 0.5 * c.shape_gain[k] * slope * c.shape_own[k] * c.shape_own[k];
+double usual_wave_modulus(const IsotropicConstants<double>& c) {
+  constexpr int kSteps = 2;  // either side of rest
+  // sech²(z + c) by tanh c.
+  const auto bump = [](double z, double offset) {
+    const double t = std::tanh(z);
+    const double level = (t + offset) / (1.0 + t * offset);
+    return 1.0 - level * level;
+  };
+  double largest = 0.0;
+  for (int a = -kSteps; a <= kSteps; ++a) {
+    for (int b = -kSteps; b <= kSteps; ++b) {
+      for (int d = b; d <= kSteps; ++d) {
+        const double strain[3] = {kWaveStrain * a / kSteps, kWaveStrain * b / kSteps,
+                                  kWaveStrain * d / kSteps};
+        const double theta = strain[0] + strain[1] + strain[2];
+        double modulus = c.kappa + c.mu * 4.0 / 3.0;
+        for (std::size_t k = 0; k < kShapeUnits; ++k) {
+          const double trace = c.shape_trace[k];
+          const double own = c.shape_own[k] + trace;
+          for (int i = 0; i < 3; ++i) {
+            const double slope = i == 0 ? own : trace;
+            modulus += c.shape_gain[k] * slope * slope *
+                       bump(c.shape_own[k] * strain[i] + trace * theta, c.shape_offset[k]);
+          }
+        }
+        for (std::size_t k = 0; k < kVolumeUnits; ++k) {
+          const double trace = c.volume_trace[k];
+          modulus += c.volume_gain[k] * trace * trace * bump(trace * theta, c.volume_offset[k]);
+        }
+        largest = std::max(largest, modulus);
+      }
+    }
   }
-  return modulus;
+  return largest;
+}
+
+RestStiffness rest_stiffness(const IsotropicConstants<double>& c) {
+  RestStiffness out{c.mu, 0.0, c.kappa};
+  for (std::size_t k = 0; k < kShapeUnits; ++k) {
+    const double bend = c.shape_gain[k] * (1.0 - c.shape_offset[k] * c.shape_offset[k]);
+    const double along = c.shape_own[k] / 3.0 + c.shape_trace[k];
+    out.shear += 0.5 * bend * c.shape_own[k] * c.shape_own[k];
+    out.bulk_by_shape += 3.0 * bend * along * along;
+  }
+  for (std::size_t k = 0; k < kVolumeUnits; ++k) {
+    const double bend = c.volume_gain[k] * (1.0 - c.volume_offset[k] * c.volume_offset[k]);
+    out.bulk_by_volume += bend * c.volume_trace[k] * c.volume_trace[k];
+  }
+  return out;
+}
+
+void add_rest_stiffness_adjoint(const IsotropicConstants<double>& c, const RestStiffness& bar,
+                                IsotropicConstants<double>& c_bar) {
+  c_bar.mu += bar.shear;
+  c_bar.kappa += bar.bulk_by_volume;
+  for (std::size_t k = 0; k < kShapeUnits; ++k) {
+    const double gain = c.shape_gain[k];
+    const double slope = 1.0 - c.shape_offset[k] * c.shape_offset[k];
+    const double own = c.shape_own[k];
+    const double along = own / 3.0 + c.shape_trace[k];
+    const double bend_bar = 0.5 * bar.shear * own * own + 3.0 * bar.bulk_by_shape * along * along;
+    const double along_bar = 6.0 * bar.bulk_by_shape * gain * slope * along;
+    c_bar.shape_gain[k] += bend_bar * slope;
+    c_bar.shape_offset[k] -= 2.0 * bend_bar * gain * c.shape_offset[k];
+    c_bar.shape_own[k] += bar.shear * gain * slope * own + along_bar / 3.0;
+    c_bar.shape_trace[k] += along_bar;
+  }
+  for (std::size_t k = 0; k < kVolumeUnits; ++k) {
+    const double gain = c.volume_gain[k];
+    const double slope = 1.0 - c.volume_offset[k] * c.volume_offset[k];
+    const double trace = c.volume_trace[k];
+    c_bar.volume_gain[k] += bar.bulk_by_volume * slope * trace * trace;
+    c_bar.volume_offset[k] -= 2.0 * bar.bulk_by_volume * gain * c.volume_offset[k] * trace * trace;
+    c_bar.volume_trace[k] += 2.0 * bar.bulk_by_volume * gain * slope * trace;
+  }
+}
+
+double rest_shear_modulus(const IsotropicWeights& weights) {
+  return rest_stiffness(isotropic_constants<double>(weights)).shear;
 }
 
 double rest_bulk_modulus(const IsotropicWeights& weights) {
-  const auto c = isotropic_constants<double>(weights);
-  double modulus = c.kappa;
-  for (std::size_t k = 0; k < kShapeUnits; ++k) {
-    const double slope = 1.0 - c.shape_offset[k] * c.shape_offset[k];
-    const double along = c.shape_own[k] / 3.0 + c.shape_trace[k];
-    modulus += 3.0 * c.shape_gain[k] * slope * along * along;
-  }
-  for (std::size_t k = 0; k < kVolumeUnits; ++k) {
-    const double slope = 1.0 - c.volume_offset[k] * c.volume_offset[k];
-    modulus += c.volume_gain[k] * slope * c.volume_trace[k] * c.volume_trace[k];
-  }
-  return modulus;
+  const RestStiffness rest = rest_stiffness(isotropic_constants<double>(weights));
+  return rest.bulk_by_shape + rest.bulk_by_volume;
 }
 
 IsotropicWeights plain_isotropic(double shear_modulus, double bulk_modulus) {

@@ -93,9 +93,24 @@ void add_isotropic_weights_adjoint(const IsotropicWeights& weights,
                                    std::span<double, kIsotropicWeights> weights_bar);
 
 /// Upper bound over all strains of ∂τ/∂ε along any one stretch [Pa]: what λ + 2μ is to a linear
-/// law, for the step limit.
-[[nodiscard]] double longest_wave_modulus(const IsotropicWeights& weights);
-/// Moduli at rest [Pa].
+/// law.
+[[nodiscard]] double longest_wave_modulus(const IsotropicConstants<double>& c);
+/// The largest over strains up to kWaveStrain along each axis, where units do not all peak at once;
+/// for the step limit, which asks no more of a classical law.
+[[nodiscard]] double usual_wave_modulus(const IsotropicConstants<double>& c);
+inline constexpr double kWaveStrain = 0.1;
+
+/// Moduli at rest [Pa]: G = `shear`, K = `bulk_by_shape` + `bulk_by_volume`, the second of κ and
+/// the volume units, the first of the shape units.
+struct RestStiffness {
+  double shear = 0.0;
+  double bulk_by_shape = 0.0;
+  double bulk_by_volume = 0.0;
+};
+[[nodiscard]] RestStiffness rest_stiffness(const IsotropicConstants<double>& c);
+/// Adds to `c_bar` from the cotangents of its entries.
+void add_rest_stiffness_adjoint(const IsotropicConstants<double>& c, const RestStiffness& bar,
+                                IsotropicConstants<double>& c_bar);
 [[nodiscard]] double rest_shear_modulus(const IsotropicWeights& weights);
 [[nodiscard]] double rest_bulk_modulus(const IsotropicWeights& weights);
 

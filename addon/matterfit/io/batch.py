@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A batch: what can be varied, the assignments that the library takes, and its results as takes.
+
+Its cache folder holds job.json, which is what is varied, wedge.json, and a cache for each member.
+"""
+
+import contextlib
+import os
+import re
+
+import bpy
+
+from .. import quantities
+from ..compat import translate, translate_label
+from ..jobs import JobError
+from . import attach, attached, cache, files, fit_rows, job_document, job_fit, takes, visibility, words
+
+WEDGE_FILE = "wedge.json"
+AXES = "XYZ"
+# Not in the document by themselves, or there in another form.
+_NOT_VARIED = {"start_frame", "height", "placement.position", "placement.rotation"}
+_COMPONENT = re.compile(r"^(?P<key>.+)\[(?P<axis>[012])\]$")
+SEPARATION = "particle_separation"
+
+
+def candidates(settings):
+    """[(owner, key, label)] of what can be varied: numbers, and each component of vectors."""
+    found = []
+    for owner, quantity in fit_rows.candidates(settings):
+        if quantity.key in _NOT_VARIED:
+            continue
+        label = translate_label(quantity.title)
+        if quantity.size == 3:
+            found += [(owner, f"{quantity.key}[{i}]", f"{label} {AXES[i]}") for i in range(3)]
+        else:
+            found.append((owner, quantity.key, label))
+    if found:
+        found.append(("", SEPARATION, translate_label("Particle Separation")))
+    return found
+
+
+def unit(key):
+    """The unit of a quantity, "" without one."""
+    match = _COMPONENT.match(key)
+    row = quantities.find(match.group("key") if match else key)
+    return "m" if key == SEPARATION else row.unit if row is not None else ""
+
+
+def assignments(settings, scene_document):
+    """One "path=value,value" an axis, as --set of the tool; JobError with what to change."""
+    axes = settings.batch.axes
+    if not axes:
+        raise JobError(translate("Batch: nothing is varied. Press Vary, and type values."))
+    known = {(owner, key) for owner, key, _label in candidates(settings)}
+    found = []
+    for axis in axes:
+        if (axis.owner, axis.key) not in known:
+            raise JobError(translate("Batch: '{name}' is not in the scene any more. Remove it.")
+                           .format(name=axis.name))
+        if job_fit.owner_document(scene_document, axis) is None:
+            raise JobError(translate("Batch: '{name}' takes no part in this take.").format(
+                name=axis.owner))
+        if not axis.owner and axis.key.startswith("gravity") and isinstance(
+                scene_document["gravity"], dict):
+            raise JobError(translate("Batch: gravity is animated. Remove its keys, or vary "
+                                     "something else."))
+        found.append(f"{job_fit.path(scene_document, axis)}={','.join(_values(axis))}")
+    return found
+
+
+def _values(axis):
+    texts = [text.strip() for text in axis.values.split(",")]
+    for text in texts:
+        try:
+            float(text)
+        except ValueError:
+            raise JobError(translate(
+                "Batch: {name} has '{text}' among its values; numbers separated by commas are "
+                "expected, such as 1, 2, 3.").format(name=axis.name, text=text)) from None
+    return texts
+
+
+def written(settings):
+    """(folder, wedge.json's document) of the batch, or JobError."""
+    location = takes.locate(settings.batch.run)
+    path = os.path.join(location.folder, WEDGE_FILE)
+    if not location.folder or not os.path.isfile(path):
+        raise JobError(translate("This batch was not run or written yet."))
+    return location.folder, files.read_json(path)
+
+
+def take_name(settings, label):
+    """What a member's take is called: the values in the panel's words."""
+    name = words.in_panel(label, settings)
+    bodies = [body for body in settings.bodies if body.enabled and body.role == "BODY"]
+    if len(bodies) == 1:
+        name = name.replace(f"'{bodies[0].name}', ", "")
+    return name
+
+
+def show(scene):
+    """Every member that is baked becomes a take. Returns (how many, of how many)."""
+    settings = scene.matterfit
+    folder, wedge = written(settings)
+    run_name = cache.name_of(settings.batch.run)
+    shown = 0
+    for member in wedge["members"]:
+        home = os.path.join(folder, member["folder"])
+        manifest = {}
+        with contextlib.suppress(JobError):
+            manifest = cache.manifest(home)
+        if not manifest.get("complete") or not manifest.get("frames_baked"):
+            continue
+        shown += 1
+        name = f"{run_name}/{member['folder']}"
+        if any(cache.name_of(take) == name and take.baked for take in settings.takes):
+            continue
+        _attach(scene, name, home, take_name(settings, member["label"]))
+    visibility.show_take(settings)
+    return shown, len(wedge["members"])
+
+
+def _attach(scene, name, home, label):
+    settings = scene.matterfit
+    index = next((i for i, take in enumerate(settings.takes) if cache.name_of(take) == name), None)
+    if index is None:
+        takes.add(settings, label)
+        index = len(settings.takes) - 1
+    take = settings.takes[index]
+    take.folder, take.owner = f"//{name}/", os.path.abspath(bpy.data.filepath)
+    document = files.read_json(os.path.join(home, job_document.JOB_FILE))
+    take.first_frame, end = document["scene"]["frames"]
+    take.frame_count = end - take.first_frame
+    take.frames_done = attach.Attachment(scene, take, home, document).update(final=True)
+    take.baked = True
+
+
+def free(scene):
+    """Removes the batch's takes and deletes its caches. Returns the files that are not ours."""
+    settings = scene.matterfit
+    run = settings.batch.run
+    location = takes.locate(run)
+    run_name = cache.name_of(run)
+    for index in reversed(range(len(settings.takes))):
+        take = settings.takes[index]
+        if run_name and cache.name_of(take).startswith(run_name + "/"):
+            attached.detach(scene, take)
+            settings.takes.remove(index)
+    settings.take_index = max(0, min(settings.take_index, len(settings.takes) - 1))
+    left = []
+    if location.exists and not location.linked:
+        with contextlib.suppress(JobError):
+            for member in written(settings)[1]["members"]:
+                cache.free(os.path.join(location.folder, member["folder"]))
+        left = cache.free(location.folder)
+    if not left:
+        run.folder = ""
+    visibility.show_take(settings)
+    return left

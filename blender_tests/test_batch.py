@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Batch: what can be varied, documents and farm files, results as takes, Free."""
+
+import json
+import os
+import subprocess
+import unittest
+
+import bpy
+import slurm_machine
+from matterfit import machine, native
+from matterfit.io import batch, cache, job_document, takes
+from support import SceneCase, printed_json, read, run_cli
+
+
+class BatchCase(SceneCase):
+    def setUp(self):
+        super().setUp()
+        self.jelly(separation=0.05)
+        self.scene.frame_end = 3
+        self.batch = self.settings.batch
+
+    def vary(self, owner, key, values):
+        bpy.ops.matterfit.add_axis(quantity=f"{owner}\t{key}")
+        self.batch.axes[len(self.batch.axes) - 1].values = values
+
+
+class AxisTest(BatchCase):
+    def test_candidates(self):
+        keys = {(owner, key) for owner, key, _label in batch.candidates(self.settings)}
+        self.assertLessEqual({("Cube", "material.E"), ("Cube", "velocity[2]"), ("", "gravity[0]"),
+                              ("ground", "contact.mu"), ("", "particle_separation")}, keys)
+        self.assertFalse({key for _owner, key in keys if "start_frame" in key or "height" in key})
+
+    def test_assignments(self):
+        self.vary("Cube", "velocity[2]", " -1, -2")
+        self.vary("Cube", "material.E", "1e4")
+        document, _folder = self.document()
+        self.assertEqual(batch.assignments(self.settings, document["scene"]),
+                         ["bodies.Cube.velocity[2]=-1,-2", "bodies.Cube.material.E=1e4"])
+
+    def test_refused(self):
+        document, _folder = self.document()
+        with self.assertRaisesRegex(batch.JobError, "nothing is varied"):
+            batch.assignments(self.settings, document["scene"])
+        self.vary("Cube", "velocity[2]", "-1, two")
+        with self.assertRaisesRegex(batch.JobError, "'two' among its values"):
+            batch.assignments(self.settings, document["scene"])
+        self.fails(bpy.ops.matterfit.add_axis, ["varied already"], quantity="Cube\tvelocity[2]")
+        self.batch.axes[0].owner = "Gone"
+        with self.assertRaisesRegex(batch.JobError, "not in the scene any more"):
+            batch.assignments(self.settings, document["scene"])
+
+
+@unittest.skipUnless(native.load(), native.load_error())
+class RunTest(BatchCase):
+    def test_results_are_takes(self):
+        self.vary("Cube", "velocity[2]", "-1,-2")
+        bpy.ops.matterfit.run_batch()
+        names = [take.name for take in self.settings.takes]
+        self.assertEqual(names[1:], ["Velocity Z = -1", "Velocity Z = -2"])
+        take = self.settings.takes[2]
+        self.assertTrue(take.baked and take.collection.all_objects)
+        folder = takes.locate(take).folder
+        self.assertEqual(json.loads(read(folder, "job.json"))["scene"]["bodies"][0]["velocity"][2],
+                         -2)
+        self.assertEqual(takes.find(folder)[1], take)
+        stamp = os.stat(os.path.join(folder, "manifest.json")).st_mtime_ns
+        # Pressed again, with one value more: what is finished is kept.
+        self.batch.axes[0].values = "-1,-2,-3"
+        bpy.ops.matterfit.run_batch()
+        self.assertEqual(len(self.settings.takes), 4)
+        self.assertEqual(os.stat(os.path.join(folder, "manifest.json")).st_mtime_ns, stamp)
+
+    def test_a_bake_leaves_a_member_alone(self):
+        self.vary("Cube", "velocity[2]", "-1")
+        bpy.ops.matterfit.run_batch()
+        self.settings.take_index = 1
+        self.fails(bpy.ops.matterfit.resume, ["one of a batch"])
+        folder = takes.locate(self.settings.takes[1]).folder
+        bpy.ops.matterfit.bake()
+        self.assertEqual(len(self.settings.takes), 3, "a bake makes a take of its own")
+        self.assertEqual(takes.locate(self.settings.takes[1]).folder, folder)
+
+    def test_write_jobs(self):
+        self.vary("Cube", "material.E", "1e4,2e4")
+        for farm, names in (("SLURM", ["slurm.sh"]),
+                            ("FLAMENCO", ["flamenco.json", "matterfit_wedge.js"])):
+            self.batch.farm = farm
+            bpy.ops.matterfit.write_batch()
+            folder = takes.locate(self.batch.run).folder
+            for name in names:
+                self.assertTrue(os.path.isfile(os.path.join(folder, name)), name)
+        self.assertEqual(len(self.settings.takes), 1)
+        bpy.ops.matterfit.show_batch()
+        self.assertEqual(len(self.settings.takes), 1, "nothing is finished yet")
+        bpy.ops.matterfit.free_batch()
+        self.assertFalse(os.path.exists(folder))
+
+    def test_all_are_checked_before_any_runs(self):
+        self.vary("Cube", "material.nu", "0.3,0.7")
+        self.fails(bpy.ops.matterfit.run_batch, ["Poisson's Ratio = 0.7"])
+        self.assertEqual(len(self.settings.takes), 1)
+
+    def test_free(self):
+        self.vary("Cube", "velocity[2]", "-1,-2")
+        bpy.ops.matterfit.run_batch()
+        folder = takes.locate(self.batch.run).folder
+        bpy.ops.matterfit.free_batch()
+        self.assertEqual([take.name for take in self.settings.takes], ["Take 1"])
+        self.assertFalse(os.path.exists(folder))
+        self.assertEqual(cache.name_of(self.batch.run), "")
+
+
+@unittest.skipUnless(native.load(), native.load_error())
+class SlurmTest(BatchCase):
+    def test_eight_throws(self):
+        """An array job on this machine; its results stand beside each other as takes."""
+        if not os.path.isfile(machine.tool()):
+            self.skipTest("the matterfit program was not built")
+        self.vary("Cube", "velocity[2]", "-1,-2,-3,-4")
+        self.vary("Cube", "material.E", "1e4,2e4")
+        self.batch.farm = "SLURM"
+        bpy.ops.matterfit.write_batch()
+        folder = takes.locate(self.batch.run).folder
+        home = os.path.join(self.folder, "slurm")
+        os.makedirs(home)
+        try:
+            with slurm_machine.Machine(home) as slurm:
+                done = slurm.run("sbatch", "--wait", os.path.join(folder, "slurm.sh"))
+        except slurm_machine.CannotRun as reason:
+            self.skipTest(f"Slurm cannot run here: {reason}")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        bpy.ops.matterfit.show_batch()
+        members = list(self.settings.takes)[1:]
+        self.assertEqual(len(members), 8)
+        self.assertEqual(members[1].name, "Velocity Z = -1, Young's Modulus = 2e4")
+        self.assertEqual(len({take.collection for take in members}), 8)
+        # What Slurm made is what the panel would: nothing is left to do.
+        bpy.ops.matterfit.run_batch()
+        self.assertEqual(len(self.settings.takes), 9)
+
+
+@unittest.skipUnless(native.load(), native.load_error())
+class CommandTest(BatchCase):
+    def test_wedge(self):
+        """cli.py runs a written document as the tool does."""
+        document, folder = self.document()
+        path = job_document.write(document, folder)
+        found = printed_json(run_cli("wedge", path, "--set", "velocity[2]=-1,-2", "--output",
+                                     os.path.join(self.folder, "wedge"), "--json"))
+        self.assertEqual([member["status"] for member in found["members"]], ["done", "done"])
+        done = run_cli("wedge", path, "--set", "velocity[2]=-1,x", "--output",
+                       os.path.join(self.folder, "other"))
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("velocity[2] = x", done.stderr)
+        self.assertFalse(os.path.exists(os.path.join(self.folder, "other")))
+
+
+class FarmFileTest(BatchCase):
+    @unittest.skipUnless(native.load(), native.load_error())
+    def test_flamenco(self):
+        self.vary("Cube", "velocity[2]", "-1,-2")
+        self.batch.farm = "FLAMENCO"
+        bpy.ops.matterfit.write_batch()
+        folder = takes.locate(self.batch.run).folder
+        job = json.loads(read(folder, "flamenco.json"))
+        self.assertEqual(job["type"], "matterfit-wedge")
+        self.assertEqual(job["settings"]["folder"], folder)
+        members = json.loads(job["settings"]["members"])
+        for member in members:
+            self.assertTrue(os.path.isfile(os.path.join(folder, member, "job.json")))
+        self.assertEqual(len(members), 2)
+
+    @unittest.skipUnless(native.load(), native.load_error())
+    def test_slurm_script_alone(self):
+        """Without Slurm a member runs by its number; MATTERFIT names another program."""
+        self.vary("Cube", "velocity[2]", "-1,-2")
+        self.batch.farm = "SLURM"
+        bpy.ops.matterfit.write_batch()
+        folder = takes.locate(self.batch.run).folder
+        done = subprocess.run(["bash", os.path.join(folder, "slurm.sh"), "1"], capture_output=True,
+                              text=True, check=True, env={**os.environ, "MATTERFIT": "/bin/echo"})
+        self.assertEqual(done.stdout.split()[:2],
+                         ["bake", os.path.join(folder, "bodies.Cube.velocity.2=-2", "job.json")])

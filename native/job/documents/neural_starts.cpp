@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/documents/neural_starts.hpp"
+
+#include <map>
+#include <span>
+
+#include "base/error.hpp"
+#include "base/file.hpp"
+#include "job/documents/safetensors.hpp"
+#include "job/neural_start_files.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr std::string_view kSuffix = ".safetensors";
+constexpr std::uint64_t kLargestFile = std::uint64_t{1} << 20U;
+
+using Starts = std::map<std::string, std::shared_ptr<const material::IsotropicStart>>;
+
+Starts shipped() {
+  Starts starts;
+  for (const NeuralStartFile& file : kNeuralStartFiles) {
+    const std::string name(file.name);
+    starts[name] = material::isotropic_start(
+        parse_safetensors(std::as_bytes(std::span(file.bytes, file.size)), name), name);
+  }
+  return starts;
+}
+
+const Starts& starts() {
+  static const Starts all = shipped();
+  return all;
+}
+
+}  // namespace
+
+std::vector<std::string> neural_start_names() {
+  std::vector<std::string> names;
+  names.reserve(starts().size());
+  for (const auto& [name, start] : starts()) names.push_back(name);
+  return names;
+}
+
+std::shared_ptr<const material::IsotropicStart> neural_start(const std::string& name) {
+  const auto found = starts().find(name);
+  if (found != starts().end()) return found->second;
+  std::string known;
+  for (const auto& [other, start] : starts()) known += (known.empty() ? "" : ", ") + other;
+  throw_input("there are no weights '" + name + "'. Use " + known + ", or a file *" +
+              std::string(kSuffix) + ".");
+}
+
+bool is_weights_file(std::string_view text) { return text.ends_with(kSuffix); }
+
+std::shared_ptr<const material::IsotropicStart> read_weights_file(
+    const std::filesystem::path& path) {
+  const auto bytes = read_file(path, kLargestFile);
+  const Tensors tensors = parse_safetensors(bytes, path.filename().string());
+  // The name is what a fitted document writes.
+  return material::isotropic_start(tensors, path.generic_string());
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "material/neural/isotropic_material.hpp"
+
+/// Weights of the isotropic neural law: the shipped start laws, which the library carries
+/// (presets/neural/*.safetensors, compiled in), and files.
+namespace matterfit::job {
+
+/// Where a document names none.
+inline constexpr const char* kDefaultNeuralStart = "jelly";
+
+/// The names of the shipped ones.
+[[nodiscard]] std::vector<std::string> neural_start_names();
+/// Throws Error(kInput) that lists the names. Each is read once a process.
+[[nodiscard]] std::shared_ptr<const material::IsotropicStart> neural_start(const std::string& name);
+
+/// Whether `weights` of a document are a file rather than a name.
+[[nodiscard]] bool is_weights_file(std::string_view text);
+/// Throws Error(kInput) that names the file and what is wrong with it.
+[[nodiscard]] std::shared_ptr<const material::IsotropicStart> read_weights_file(
+    const std::filesystem::path& path);
+
+}  // namespace matterfit::job

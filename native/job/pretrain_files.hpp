@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "job/documents/json_reader.hpp"
+
+namespace matterfit::job {
+
+struct PretrainOptions {
+  std::filesystem::path folder;
+  std::vector<std::string> laws;  ///< start laws; empty: all
+  std::uint64_t seed = 1;
+};
+
+/// Regresses the isotropic neural law to each start law (material/neural/pretrain.hpp), writes
+/// LAW.safetensors with its provenance (law, seed, accuracy, version) into the folder, and gives
+/// the accuracy of each. Deterministic in the seed. Throws Error(kInput) for an unknown law.
+[[nodiscard]] Json write_start_laws(const PretrainOptions& options);
+
+}  // namespace matterfit::job

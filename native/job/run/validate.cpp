@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/run/validate.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <unordered_map>
+#include <vector>
+
+#include "base/error.hpp"
+#include "base/parallel.hpp"
+#include "job/documents/inputs.hpp"
+#include "job/run/build_scene.hpp"
+#include "mpm/simulation.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr double kNear = 0.5;            // of a separation
+constexpr double kSmallestShare = 0.01;  // of the smaller body
+constexpr std::size_t kFewest = 4;       // particles
+
+/// Particles of one body by cells of `size`, to be asked what lies near.
+class Cells {
+ public:
+  Cells(const Points& points, double size) : points_(points), size_(size) {
+    cells_.reserve(points.size());
+    for (std::size_t i = 0; i < points.size(); ++i) cells_[key(cell(points[i]))].push_back(i);
+  }
+  [[nodiscard]] bool any_within(const Vec3d& x, double distance) const {
+    const Eigen::Array3i centre = cell(x);
+    for (int n = 0; n < 27; ++n) {
+      const Eigen::Array3i near = centre + Eigen::Array3i(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1);
+      const auto found = cells_.find(key(near));
+      if (found == cells_.end()) continue;
+      for (const std::size_t i : found->second) {
+        if ((points_[i] - x).squaredNorm() < distance * distance) return true;
+      }
+    }
+    return false;
+  }
+
+ private:
+  [[nodiscard]] Eigen::Array3i cell(const Vec3d& x) const {
+    return (x.array() / size_).floor().cast<int>();
+  }
+  [[nodiscard]] static std::uint64_t key(const Eigen::Array3i& cell) {
+    constexpr std::uint64_t kMask = (std::uint64_t{1} << 21U) - 1;
+    std::uint64_t found = 0;
+    for (int a = 0; a < 3; ++a) {
+      found = found << 21U | (static_cast<std::uint64_t>(cell[a]) & kMask);
+    }
+    return found;
+  }
+
+  const Points& points_;
+  double size_;
+  std::unordered_map<std::uint64_t, std::vector<std::size_t>> cells_;
+};
+
+}  // namespace
+
+std::vector<Overlap> find_overlaps(const mpm::Scene& scene) {
+  std::vector<Overlap> found;
+  const double distance = kNear * 0.5 * scene.dx;
+  for (std::size_t a = 0; a < scene.bodies.size(); ++a) {
+    const Points& first = scene.bodies[a].rest;
+    const Cells cells(first, distance);
+    for (std::size_t b = a + 1; b < scene.bodies.size(); ++b) {
+      const Points& second = scene.bodies[b].rest;
+      Overlap overlap{a, b, 0, Vec3d::Zero()};
+      for (const Vec3d& x : second) {
+        if (!cells.any_within(x, distance)) continue;
+        ++overlap.particles;
+        overlap.place += x;
+      }
+      const double few =
+          std::max(double(kFewest), kSmallestShare * double(std::min(first.size(), second.size())));
+      if (double(overlap.particles) <= few) continue;
+      overlap.place /= double(overlap.particles);
+      found.push_back(overlap);
+    }
+  }
+  return found;
+}
+
+void validate_job(const Job& job, const RunOptions& options, const Interrupter& interrupter) {
+  require_files(job);
+  const auto arena = std::make_shared<Arena>(options.threads);
+  BuiltScene built = build_scene(job, *arena, interrupter);
+  for (const Overlap& overlap : find_overlaps(built.scene)) {
+    throw_input(fmt::format(
+        "Bodies '{}' and '{}' lie in each other, about ({:.3g}, {:.3g}, {:.3g}) m. Move one so "
+        "that they touch at most.",
+        built.scene.bodies[overlap.first].name, built.scene.bodies[overlap.second].name,
+        overlap.place.x(), overlap.place.y(), overlap.place.z()));
+  }
+  // What lies in a collider, a pin that holds nothing, … is found where the solver takes it over.
+  (void)mpm::Simulation(std::move(built.scene), arena, {options.target});
+}
+
+}  // namespace matterfit::job

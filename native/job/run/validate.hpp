@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "base/interrupter.hpp"
+#include "job/documents/document.hpp"
+#include "job/run/run_options.hpp"
+#include "mpm/scene.hpp"
+
+namespace matterfit::job {
+
+/// All that can be said against a job before it runs: files that are missing or cannot be read,
+/// bodies without volume, bodies that lie in each other or in a collider. Fills the bodies. Throws
+/// Error(kInput) with the JSON path or the names, Error(kCancelled).
+void validate_job(const Job& job, const RunOptions& options, const Interrupter& interrupter);
+
+/// Two bodies that lie in each other.
+struct Overlap {
+  std::size_t first = 0;  ///< indices of the bodies
+  std::size_t second = 0;
+  std::size_t particles = 0;    ///< of the second that lie in the first
+  Vec3d place = Vec3d::Zero();  ///< the mean of them [m]
+};
+
+/// Pairs of which more than a hundredth of the smaller body's particles lie within half a particle
+/// separation of the other's; bodies that touch have none.
+[[nodiscard]] std::vector<Overlap> find_overlaps(const mpm::Scene& scene);
+
+}  // namespace matterfit::job

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/run/validate.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using testing::HasSubstr;
+
+std::string two_cubes(double x) {
+  return R"({ "schema": "matterfit.job/1", "scene": { "frames": [0, 2],
+    "particle_separation": 0.05, "bodies": [
+      { "name": "left", "density": 1000, "source": { "box": { "low": [0,0,0.1],
+        "high": [0.4,0.4,0.5] } }, "material": { "law": "fixed_corotated", "E": 1e4, "nu": 0.3 } },
+      { "name": "right", "density": 1000, "source": { "box": { "low": [)" +
+         std::to_string(x) + R"(,0.01,0.1], "high": [)" + std::to_string(x + 0.4) +
+         R"(,0.41,0.5] } }, "material": { "law": "fixed_corotated", "E": 1e4, "nu": 0.3 } } ],
+    "colliders": [ { "name": "ground", "shape": "ground" } ] } })";
+}
+
+std::string said(const std::string& text, std::vector<std::string> overrides = {}) {
+  try {
+    validate_job(read_job(text, {{}, "job", std::move(overrides), {}}), {}, Interrupter{});
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Validate, BodiesThatTouchAreSound) {
+  EXPECT_EQ(said(two_cubes(0.4)), "");
+  EXPECT_EQ(said(two_cubes(0.7)), "");
+}
+
+TEST(Validate, RefusesWhatLiesInEachOther) {
+  EXPECT_THAT(said(two_cubes(0.3)), HasSubstr("Bodies 'left' and 'right' lie in each other"));
+  EXPECT_THAT(said(two_cubes(0.0)), HasSubstr("lie in each other"));
+  EXPECT_THAT(said(two_cubes(0.7), {"bodies[0].source.box.low[2]=-0.2"}),
+              HasSubstr("inside 'ground'"));
+}
+
+TEST(Validate, RefusesWhatIsMissing) {
+  EXPECT_THAT(said(two_cubes(0.7), {R"(bodies[1].source={"mesh":"gone.ply"})"}),
+              testing::AllOf(HasSubstr("scene.bodies[1].source.mesh"), HasSubstr("gone.ply"),
+                             HasSubstr("does not exist")));
+}
+
+}  // namespace
+}  // namespace matterfit::job

@@ -58,10 +58,10 @@ ball-drops: ## Diagnose real balls dropped from a bridge, in FOLDER (../shared/d
 	@$(RUN) bash $(ROOT)/scripts/build.sh
 	@$(PYTHON) $(ROOT)/scripts/ball_drops.py $(FOLDER) $(if $(ONLY),--only $(ONLY)) $(if $(HOLD_OUT),--hold-out $(HOLD_OUT)) $(if $(REPORT),--report $(REPORT))
 
-blind: ## Hide effects in 400 recordings, diagnose them without the labels, score: a day or two (CASES, SEED, JOBS)
+blind: ## Hide effects in 400 recordings, diagnose them without the labels, score: some ten hours by estimate (CASES, SEED, JOBS)
 	@$(MAKE) --no-print-directory -C $(ROOT) blind-set SET=full
 
-blind-small: ## The same with a fixed two dozen small cases, half an hour on two quiet cores
+blind-small: ## The same with a fixed two dozen small cases: by estimate half an hour on two quiet cores
 	@$(MAKE) --no-print-directory -C $(ROOT) blind-set SET=small
 
 blind-set:

@@ -8,9 +8,9 @@ import struct
 
 import bpy
 import numpy
+from mathutils import Matrix, Vector
 from matterfit.io import blender_cameras
 from matterfit.jobs import JobError
-from mathutils import Matrix, Vector
 from support import SceneCase, needs_library
 
 WIDTH, HEIGHT = 32, 24

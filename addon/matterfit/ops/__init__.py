@@ -1,8 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Operators, one file a part of the panel."""
 
-from . import (batch, bodies, caches, capture, compare, diagnose, effects, fit, images, materials,
-               output, simulate, takes)
+from . import (
+               batch,
+               bodies,
+               caches,
+               capture,
+               compare,
+               diagnose,
+               effects,
+               fit,
+               images,
+               materials,
+               output,
+               simulate,
+               takes,
+)
 
 CLASSES = (*capture.CLASSES, *images.CLASSES, *bodies.CLASSES, *effects.CLASSES, *simulate.CLASSES,
            *caches.CLASSES, *fit.CLASSES, *materials.CLASSES,

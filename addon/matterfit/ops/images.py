@@ -13,7 +13,7 @@ from mathutils import Matrix
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import blender_cameras, files, fit_rows, job_images
+from ..io import blender_cameras, files, fit_rows
 from ..jobs import JobError
 from ..props import choices
 from .base import JobOperator, PlainOperator

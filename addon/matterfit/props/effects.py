@@ -90,7 +90,7 @@ class MatterfitEffect(bpy.types.PropertyGroup):
         options=set(),
         description="Where in a period the first frame lies, in degrees; -90 starts from none")
     modulus: FloatProperty(
-        name="Added Stiffness [Pa]", default=0.0, min=-1e12, max=1e12, soft_min=-1e6, soft_max=1e6,
+        name="Added Stiffness [Pa]", default=0.0, min=-1e9, max=1e12, soft_min=-1e6, soft_max=1e6,
         precision=0, step=100000, options=set(),
         description="What is added to Young's modulus, in pascals: at the centre of an inclusion, "
                     "along fibres, or of a stiffening to the shear modulus where the first "
@@ -99,7 +99,7 @@ class MatterfitEffect(bpy.types.PropertyGroup):
         name="Poisson's Ratio", default=0.3, min=0.0, max=0.49, precision=3, step=1, options=set(),
         description="Of the added stiffness, without unit")
     slope: FloatVectorProperty(
-        name="Slope [Pa/m]", size=3, default=(0.0, 0.0, 0.0), min=-1e13, max=1e13, soft_min=-1e7,
+        name="Slope [Pa/m]", size=3, default=(0.0, 0.0, 0.0), min=-1e9, max=1e9, soft_min=-1e7,
         soft_max=1e7, precision=0, step=100000, options=set(),
         description="How Young's modulus grows along each axis of the world, in pascals per metre "
                     "whatever the scene's scale")

@@ -4,7 +4,6 @@ import bpy
 from ..props import scene as scene_props
 from .common import MatterfitPanel, form, holdout, lines, switched
 
-
 ICONS = {"FILE": "FILE", "IMAGES": "IMAGE_DATA", "OBJECT": "OBJECT_DATA"}
 
 

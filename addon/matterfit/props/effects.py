@@ -90,7 +90,7 @@ class MatterfitEffect(bpy.types.PropertyGroup):
         options=set(),
         description="Where in a period the first frame lies, in degrees; -90 starts from none")
     modulus: FloatProperty(
-        name="Added Stiffness [Pa]", default=0.0, min=-1e9, max=1e12, soft_min=-1e6, soft_max=1e6,
+        name="Added E [Pa]", default=0.0, min=-1e9, max=1e12, soft_min=-1e6, soft_max=1e6,
         precision=0, step=100000, options=set(),
         description="What is added to Young's modulus, in pascals: at the centre of an inclusion, "
                     "along fibres, or of a stiffening to the shear modulus where the first "

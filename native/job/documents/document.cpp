@@ -106,8 +106,9 @@ Job read_job(std::string_view text, const ReadOptions& options) {
   JsonObject object(JsonValue(job.document, ""));
   (void)object.require("schema");
   if (const auto task = object.find("task")) {
-    job.task = static_cast<Task>(task->choice({kTaskNames[0], kTaskNames[1], kTaskNames[2],
-                                               kTaskNames[3], kTaskNames[4], kTaskNames[5]}));
+    job.task =
+        static_cast<Task>(task->choice({kTaskNames[0], kTaskNames[1], kTaskNames[2], kTaskNames[3],
+                                        kTaskNames[4], kTaskNames[5], kTaskNames[6]}));
   }
   (void)object.string("note", "");
   const auto render = object.find("render");

@@ -104,6 +104,8 @@ def draw_points():
 
 def _draw(kind, points, color):
     """What lies behind or inside something shows through it faintly."""
+    if len(points) == 0:  # a frame in which nothing was seen
+        return
     import gpu
     from gpu_extras.batch import batch_for_shader
     shader = compat.flat_shader()

@@ -91,10 +91,11 @@ MF_API void mf_job_free(mf_job* job);
 /* Writes a document once for each combination of values below `folder`, and gives in `*text` what
  * was written: {"members": [{"folder", "label", "set"}], "files": […]}. Each of `options`'
  * overrides is "path=value,value,…"; nothing is written unless all members are sound. `farm`: NULL
- * or "", "slurm", "flamenco" also write that farm's files; `tool` is the matterfit program there. */
+ * or "", "slurm", "flamenco" also write that farm's files; `tool` is the matterfit program there.
+ */
 MF_API mf_status mf_wedge_write(const char* json, const char* base_folder,
-                                const mf_job_options* options, const char* folder,
-                                const char* farm, const char* tool, char** text);
+                                const mf_job_options* options, const char* folder, const char* farm,
+                                const char* tool, char** text);
 /* The same, and runs them, `at_once` side by side, as one job: members that are finished are
  * skipped, and its result lists them all. */
 MF_API mf_status mf_wedge_start(const char* json, const char* base_folder,

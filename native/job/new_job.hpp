@@ -18,8 +18,8 @@ struct NewJobOptions {
   std::optional<double> noise;    ///< standard deviation of a coordinate [m]; else the file's
   std::optional<double> gravity;  ///< downward [m/s²]; none: 9.81
   material::Law law = material::Law::kFixedCorotated;
-  double unit = 0.0;               ///< metres per unit of the file; 0: what it says
-  char up = 0;                     ///< 'x', 'y' or 'z'; 0: what the file says
+  double unit = 0.0;              ///< metres per unit of the file; 0: what it says
+  char up = 0;                    ///< 'x', 'y' or 'z'; 0: what the file says
   std::size_t particles = 4'000;  ///< about as many fill the body: seconds a run, minutes a fit
 };
 

@@ -64,6 +64,16 @@ class TemporaryFolder {
   fs::path path_;
 };
 
+/// Folder by folder: std::filesystem's recursive iterator frees what is not its own where the
+/// process (bpy 4.5 and 5.0) brings another libstdc++'s.
+std::uint64_t bytes_below(const fs::path& folder) {
+  std::uint64_t bytes = 0;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    bytes += entry.is_directory() ? bytes_below(entry.path()) : entry.file_size();
+  }
+  return bytes;
+}
+
 struct BakeCost {
   double begin = 0.0;    ///< [s], once
   double seconds = 0.0;  ///< a frame
@@ -89,9 +99,7 @@ BakeCost measure_bake(const Job& job, const mpm::Scene& scene, const mpm::FrameS
   outputs.bake(state, 0, true);
   outputs.finish();
   cost.seconds = seconds_since(frame);
-  for (const auto& file : fs::recursive_directory_iterator(folder.path())) {
-    if (file.is_regular_file()) cost.bytes += file.file_size();
-  }
+  cost.bytes = bytes_below(folder.path());
   return cost;
 }
 

@@ -20,9 +20,10 @@ import bpy
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(HERE)
-sys.path.insert(0, os.path.join(ROOT, "addon"))
+sys.path[:0] = [os.path.join(ROOT, "addon"), HERE]
 
 import matterfit
+import window_support
 from matterfit import jobs, native, ui
 from matterfit.io import takes
 
@@ -57,9 +58,7 @@ def settings():
 
 
 def view(kind="WINDOW"):
-    window = bpy.context.window_manager.windows[0]
-    area = max((area for area in window.screen.areas if area.type == "VIEW_3D"),
-               key=lambda area: area.width)
+    window, area = window_support.view()
     region = next(region for region in area.regions if region.type == kind)
     return {"window": window, "area": area, "region": region}
 
@@ -263,17 +262,8 @@ def require(condition, fault):
 
 
 def open_tab():
-    """Only our tab, so that it is the active one (3.4 has no call that switches tabs)."""
     view()["area"].spaces.active.show_region_ui = True
-    for cls in list(bpy.types.Panel.__subclasses__()):
-        if (getattr(cls, "bl_space_type", "") == "VIEW_3D"
-                and getattr(cls, "bl_region_type", "") == "UI"
-                and getattr(cls, "bl_category", "") != "Matterfit"
-                and hasattr(bpy.types, cls.__name__)):
-            try:
-                bpy.utils.unregister_class(cls)
-            except RuntimeError:
-                pass
+    window_support.only_ours()
 
 
 def script():

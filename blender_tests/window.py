@@ -32,6 +32,7 @@ from matterfit.jobs import State
 from matterfit.ops import base
 from matterfit.props import compare as compare_properties
 from matterfit.ui import fit_overlay, overlay
+from window_support import only_ours, view
 
 PICTURE = os.path.abspath(sys.argv[sys.argv.index("--") + 1])
 LIMIT = 450.0  # seconds for everything
@@ -69,19 +70,6 @@ def watch_handler(name):
     setattr(overlay, name, draw)
 
 
-def only_ours():
-    """Without the other tabs ours is the active one (3.4 has no call that switches tabs)."""
-    for cls in list(bpy.types.Panel.__subclasses__()):
-        if (getattr(cls, "bl_space_type", "") == "VIEW_3D"
-                and getattr(cls, "bl_region_type", "") == "UI"
-                and getattr(cls, "bl_category", "") != "Matterfit"
-                and hasattr(bpy.types, cls.__name__)):
-            try:
-                bpy.utils.unregister_class(cls)
-            except RuntimeError:
-                pass
-
-
 shown = set()  # names of panels; empty: all
 
 
@@ -110,14 +98,6 @@ def prepare():
     preferences = bpy.context.preferences
     preferences.view.show_splash = False
     preferences.view.show_developer_ui = False
-
-
-def view():
-    """(window, area) of the 3D view."""
-    window = bpy.context.window_manager.windows[0]
-    area = max((area for area in window.screen.areas if area.type == "VIEW_3D"),
-               key=lambda area: area.width)
-    return window, area
 
 
 def build_scene(folder):

@@ -69,7 +69,7 @@ KINDS = (
          ("modulus", "exponent"), "IPO_EXPO", at_rest=True),
 )
 
-# What an object says: its origin, and its local Z.
+# Parameters that an object in the scene gives: by its origin, or by its local Z.
 PLACED = frozenset({"center", "axis", "direction"})
 
 # Lengths, which a scene has in its own unit.

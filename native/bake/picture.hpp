@@ -12,7 +12,7 @@
 
 namespace matterfit::bake {
 
-/// What the rasteriser drew as an image of 8 bits. Colours are blended as they are, in sRGB.
+/// The rasteriser's image with 8 bits a channel. Colours are blended as they are, in sRGB.
 /// Without a background (sRGB, 0 to 1) the mask becomes alpha and is divided out of the colours.
 [[nodiscard]] capture::Bitmap picture(const splat::Image& image,
                                       const std::optional<Vec3d>& background);

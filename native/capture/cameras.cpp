@@ -159,7 +159,7 @@ splat::Camera pacnerf_camera(const Entry& entry, const std::string& image, const
   return camera;
 }
 
-/// Of the name before its ending; nothing where there are none.
+/// The number at the end of a file's name, before its ending; nothing where there is none.
 std::optional<int> last_digits(const std::string& image) {
   const std::string stem = fs::path(image).stem().string();
   std::size_t end = stem.size();

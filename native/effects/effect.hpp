@@ -35,6 +35,11 @@ struct Effect {
   [[nodiscard]] double largest_vector(std::size_t k) const;
 };
 
+/// Adds a vector to three numbers one after another, as an effect's values are.
+inline void add_vector(const Vec3d& vector, double* values) {
+  for (std::size_t c = 0; c < 3; ++c) values[c] += vector[static_cast<int>(c)];
+}
+
 /// An effect of this type with the parameters' standard values, called like the type. Throws
 /// Error(kInput) for an unknown type, with the nearest name.
 [[nodiscard]] Effect make_effect(const std::string& type);

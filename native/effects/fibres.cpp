@@ -35,10 +35,7 @@ class Fibres final : public Term {
         half * (2.0 * work * a + stretch * ((stress_bar + stress_bar.transpose()) * a));
     bar.deformation_gradient += a_bar * along_.transpose();
     const Vec3d along_bar = point.deformation_gradient.transpose() * a_bar;
-    const Vec3d direction_bar = (along_bar - along_.dot(along_bar) * along_) / length_;
-    for (std::size_t c = 0; c < 3; ++c) {
-      values[kDirection + c] += direction_bar[static_cast<int>(c)];
-    }
+    add_vector((along_bar - along_.dot(along_bar) * along_) / length_, values + kDirection);
   }
   [[nodiscard]] double modulus_bound() const override {
     return std::max(0.0, effect_.values[kModulus]);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // A force field around a place of the world: an acceleration a (1 − q²)³, q = |x − c|/r < 1.
-#include <algorithm>
-
+#include "effects/fade.hpp"
 #include "effects/rows.hpp"
 
 namespace matterfit::effects {
@@ -14,41 +13,27 @@ class ForceField final : public Term {
   explicit ForceField(const Effect& effect) : effect_(effect) {}
 
   [[nodiscard]] Vec3d force(const MaterialPoint& point, const Moment& moment) const override {
-    const Place at = place(point, moment.time);
-    const double share = at.left * at.left * at.left;
-    return point.mass * share * effect_.vector_at(kAcceleration, moment.time);
+    return point.mass * fade_at(point, moment.time).share() *
+           effect_.vector_at(kAcceleration, moment.time);
   }
   void force_adjoint(const MaterialPoint& point, const Moment& moment, const Vec3d& force_bar,
                      MaterialPointBar& bar, double* values) const override {
-    const Place at = place(point, moment.time);
-    const double share = at.left * at.left * at.left;
+    const Fade fade = fade_at(point, moment.time);
     const double along = force_bar.dot(effect_.vector_at(kAcceleration, moment.time));
-    bar.mass += share * along;
-    // ∂share/∂(q²) = −3 (1 − q²)².
-    const double square_bar = -3.0 * at.left * at.left * point.mass * along;
-    const double radius = effect_.at(kRadius, moment.time);
-    const Vec3d away_bar = 2.0 / (radius * radius) * square_bar * at.away;
-    bar.position += away_bar;
-    values[kRadius] -= square_bar * 2.0 * at.away.squaredNorm() / (radius * radius * radius);
-    for (std::size_t c = 0; c < 3; ++c) {
-      const int axis = static_cast<int>(c);
-      values[kCenter + c] -= away_bar[axis];
-      values[kAcceleration + c] += point.mass * share * force_bar[axis];
-    }
+    bar.mass += fade.share() * along;
+    const Fade::Bar place = fade.adjoint(point.mass * along);
+    bar.position += place.away;
+    values[kRadius] += place.radius;
+    add_vector(-place.away, values + kCenter);
+    add_vector(point.mass * fade.share() * force_bar, values + kAcceleration);
   }
   [[nodiscard]] double acceleration_bound(double /*speed*/) const override {
     return effect_.largest_vector(kAcceleration);
   }
 
  private:
-  struct Place {
-    Vec3d away;   ///< from the centre [m]
-    double left;  ///< 1 − q², 0 outside
-  };
-  [[nodiscard]] Place place(const MaterialPoint& point, double time) const {
-    const Vec3d away = point.position - effect_.vector_at(kCenter, time);
-    const double radius = effect_.at(kRadius, time);
-    return {away, std::max(0.0, 1.0 - away.squaredNorm() / (radius * radius))};
+  [[nodiscard]] Fade fade_at(const MaterialPoint& point, double time) const {
+    return {point.position - effect_.vector_at(kCenter, time), effect_.at(kRadius, time)};
   }
 
   const Effect& effect_;

@@ -24,9 +24,7 @@ class FrameAcceleration final : public Term {
     const double cosine = std::cos(angle(moment.time));
     const double along = force_bar.dot(effect_.vector_at(kAcceleration, moment.time));
     bar.mass -= cosine * along;
-    for (std::size_t c = 0; c < 3; ++c) {
-      values[kAcceleration + c] -= point.mass * cosine * force_bar[static_cast<int>(c)];
-    }
+    add_vector(-(point.mass * cosine) * force_bar, values + kAcceleration);
     const double angle_bar = point.mass * std::sin(angle(moment.time)) * along;
     values[kFrequency] += 2.0 * std::numbers::pi * moment.time * angle_bar;
     values[kPhase] += kRadians * angle_bar;

@@ -24,13 +24,10 @@ class StiffnessGradient final : public Term {
                                                     point.deformation_gradient, stress_bar);
     bar.deformation_gradient += own.f;
     values[kNu] += own.nu;
-    const Vec3d slope_bar = own.modulus * away(point);
     const Vec3d away_bar = own.modulus * slope();
     bar.rest += away_bar;
-    for (std::size_t c = 0; c < 3; ++c) {
-      values[kSlope + c] += slope_bar[static_cast<int>(c)];
-      values[kCenter + c] -= away_bar[static_cast<int>(c)];
-    }
+    add_vector(own.modulus * away(point), values + kSlope);
+    add_vector(-away_bar, values + kCenter);
   }
   [[nodiscard]] double modulus_bound() const override {
     const double at_center = slope().dot(body_.center - effect_.vector_at(kCenter, 0.0));

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "effects/extra_stiffness.hpp"
+#include "effects/fade.hpp"
 #include "effects/rows.hpp"
 
 namespace matterfit::effects {
@@ -17,39 +18,33 @@ class StiffnessInclusion final : public Term {
 
   [[nodiscard]] bool has_stress() const override { return true; }
   [[nodiscard]] Mat3d stress(const MaterialPoint& point, const Moment& /*moment*/) const override {
-    const double left = left_at(point);
-    if (!(left > 0.0)) return Mat3d::Zero();
-    return extra_stress(left * left * left * effect_.values[kModulus], effect_.values[kNu],
+    const Fade fade = fade_at(point);
+    if (!(fade.left > 0.0)) return Mat3d::Zero();
+    return extra_stress(fade.share() * effect_.values[kModulus], effect_.values[kNu],
                         point.deformation_gradient);
   }
   void stress_adjoint(const MaterialPoint& point, const Moment& /*moment*/, const Mat3d& stress_bar,
                       MaterialPointBar& bar, double* values) const override {
-    const double left = left_at(point);
-    if (!(left > 0.0)) return;
+    const Fade fade = fade_at(point);
+    if (!(fade.left > 0.0)) return;
     const double modulus = effect_.values[kModulus];
-    const ExtraStressBar own = extra_stress_adjoint(
-        left * left * left * modulus, effect_.values[kNu], point.deformation_gradient, stress_bar);
+    const ExtraStressBar own = extra_stress_adjoint(fade.share() * modulus, effect_.values[kNu],
+                                                    point.deformation_gradient, stress_bar);
     bar.deformation_gradient += own.f;
     values[kNu] += own.nu;
-    values[kModulus] += left * left * left * own.modulus;
-    const double square_bar = -3.0 * left * left * modulus * own.modulus;
-    const double radius = effect_.values[kRadius];
-    const Vec3d away = point.rest - effect_.vector_at(kCenter, 0.0);
-    const Vec3d away_bar = 2.0 / (radius * radius) * square_bar * away;
-    values[kRadius] -= 2.0 * away.squaredNorm() / (radius * radius * radius) * square_bar;
-    bar.rest += away_bar;
-    for (std::size_t c = 0; c < 3; ++c) values[kCenter + c] -= away_bar[static_cast<int>(c)];
+    values[kModulus] += fade.share() * own.modulus;
+    const Fade::Bar place = fade.adjoint(modulus * own.modulus);
+    values[kRadius] += place.radius;
+    bar.rest += place.away;
+    add_vector(-place.away, values + kCenter);
   }
   [[nodiscard]] double modulus_bound() const override {
     return std::max(0.0, effect_.values[kModulus]) * wave_modulus_ratio(effect_.values[kNu]);
   }
 
  private:
-  /// 1 − q², 0 outside.
-  [[nodiscard]] double left_at(const MaterialPoint& point) const {
-    const double radius = effect_.values[kRadius];
-    const Vec3d away = point.rest - effect_.vector_at(kCenter, 0.0);
-    return std::max(0.0, 1.0 - away.squaredNorm() / (radius * radius));
+  [[nodiscard]] Fade fade_at(const MaterialPoint& point) const {
+    return {point.rest - effect_.vector_at(kCenter, 0.0), effect_.values[kRadius]};
   }
 
   const Effect& effect_;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "effects/fade.hpp"
 #include "effects/rows.hpp"
 
 namespace matterfit::effects {
@@ -27,23 +28,19 @@ class Vortex final : public Term {
     bar.mass += a * at.share * along;
     values[kStrength] += point.mass * at.share * along;
     // f = m a share (n × way), way = d/r, share = s (1 − q²)³.
-    const double radius = effect_.at(kRadius, moment.time);
-    const double square_bar = -3.0 * kPeak * at.left * at.left * point.mass * a * along;
+    const double radius = at.fade.radius;
+    const Fade::Bar faded = at.fade.adjoint(kPeak * point.mass * a * along);
     const Vec3d around_bar = point.mass * a * at.share * force_bar;
-    Vec3d normal_bar = at.away.cross(around_bar) / radius;
-    // q² = |d|²/r², and d = e − n (n·e), e the way from the centre: n × d = n × e.
-    Vec3d away_bar = 2.0 / (radius * radius) * square_bar * at.away;
-    values[kRadius] -= 2.0 * at.away.squaredNorm() / (radius * radius * radius) * square_bar +
-                       around_bar.dot(at.around) / radius;
-    away_bar += around_bar.cross(at.normal) / radius;
+    Vec3d normal_bar = at.fade.away.cross(around_bar) / radius;
+    values[kRadius] += faded.radius - around_bar.dot(at.around) / radius;
+    // d = e − n (n·e), e the way from the centre: n × d = n × e.
+    const Vec3d away_bar = faded.away + around_bar.cross(at.normal) / radius;
     const Vec3d whole_bar = away_bar - at.normal.dot(away_bar) * at.normal;
     normal_bar -= at.normal.dot(away_bar) * at.whole + at.normal.dot(at.whole) * away_bar;
     const Vec3d axis_bar = (normal_bar - at.normal.dot(normal_bar) * at.normal) / at.length;
     bar.position += whole_bar;
-    for (std::size_t c = 0; c < 3; ++c) {
-      values[kCenter + c] -= whole_bar[static_cast<int>(c)];
-      values[kAxis + c] += axis_bar[static_cast<int>(c)];
-    }
+    add_vector(-whole_bar, values + kCenter);
+    add_vector(axis_bar, values + kAxis);
   }
   [[nodiscard]] double acceleration_bound(double /*speed*/) const override {
     return effect_.largest(kStrength);
@@ -55,24 +52,22 @@ class Vortex final : public Term {
     Vec3d normal;   ///< along the axis, a unit vector
     double length;  ///< of the axis as it is given
     Vec3d whole;    ///< from the centre [m]
-    Vec3d away;     ///< from the axis [m]
     Vec3d around;   ///< n × d/r
-    double left;    ///< 1 − q², 0 outside
+    Fade fade;      ///< with the way from the axis
     double share;   ///< s (1 − q²)³
   };
   [[nodiscard]] Place place(const MaterialPoint& point, double time) const {
-    Place at;
     const Vec3d axis = effect_.vector_at(kAxis, time);
-    const double radius = effect_.at(kRadius, time);
-    at.length = axis.norm();
-    at.normal = at.length > 0.0 ? Vec3d(axis / at.length) : Vec3d::UnitZ();
-    at.length = std::max(at.length, 1e-12);
-    at.whole = point.position - effect_.vector_at(kCenter, time);
-    at.away = at.whole - at.normal.dot(at.whole) * at.normal;
-    at.around = at.normal.cross(at.away) / radius;
-    at.left = std::max(0.0, 1.0 - at.away.squaredNorm() / (radius * radius));
-    at.share = kPeak * at.left * at.left * at.left;
-    return at;
+    const double length = axis.norm();
+    const Vec3d normal = length > 0.0 ? Vec3d(axis / length) : Vec3d::UnitZ();
+    const Vec3d whole = point.position - effect_.vector_at(kCenter, time);
+    const Fade fade(whole - normal.dot(whole) * normal, effect_.at(kRadius, time));
+    return {.normal = normal,
+            .length = std::max(length, 1e-12),
+            .whole = whole,
+            .around = normal.cross(fade.away) / fade.radius,
+            .fade = fade,
+            .share = kPeak * fade.left * fade.left * fade.left};
   }
 
   const Effect& effect_;

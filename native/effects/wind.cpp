@@ -29,7 +29,7 @@ class Wind final : public Term {
     const double factor_bar = air_drag_adjoint(factor, u, force_bar, u_bar) +
                               air_drag_adjoint(factor, point.velocity, -force_bar, bar.velocity);
     bar.velocity += u_bar;
-    for (std::size_t c = 0; c < 3; ++c) values[kVelocity + c] -= u_bar[static_cast<int>(c)];
+    add_vector(-u_bar, values + kVelocity);
     drag_.factor_adjoint(point, moment.time, factor_bar, values);
   }
   [[nodiscard]] double acceleration_bound(double speed) const override {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "base/error.hpp"
 #include "base/file.hpp"
 #include "job/fit_report.hpp"
 
@@ -45,6 +46,36 @@ void remove_others(const fs::path& folder, const std::vector<std::string>& files
 }
 
 }  // namespace
+
+const FitDoc& fit_of(const Job& job) {
+  if (!job.fit) {
+    throw_input(
+        "'fit' is missing: a fit needs \"fit\": { \"parameters\": [ … ] }, as in "
+        "[\"velocity\", \"material.E\"].");
+  }
+  return *job.fit;
+}
+
+Json document_to_simulate(const Job& job, const fs::path& folder) {
+  Json document = job.document;
+  document["task"] = "simulate";
+  document["output"]["folder"] = folder.generic_string();
+  document.erase("fit");
+  return document;
+}
+
+std::vector<std::string> fitted_bodies(const FitDoc& fit, const std::string& otherwise) {
+  std::vector<std::string> bodies;
+  const auto add = [&](const std::string& name) {
+    if (std::find(bodies.begin(), bodies.end(), name) == bodies.end()) bodies.push_back(name);
+  };
+  if (!fit.laws.empty()) add(fit.body);
+  for (const fit::ParameterSpec& parameter : fit.parameters) {
+    if (parameter.path.quantity->is_material()) add(parameter.path.owner);
+  }
+  if (bodies.empty()) add(otherwise);
+  return bodies;
+}
 
 void write_fitted(const fs::path& folder, const Fitted& fitted) {
   write_file(folder / kFittedPath, text_of({{"schema", kFittedSchema},

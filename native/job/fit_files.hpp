@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "job/documents/document.hpp"
+#include "job/documents/fit_document.hpp"
 #include "job/documents/inputs.hpp"
 
 /// The files that a fit leaves in its output folder (docs/formats.md).
@@ -22,6 +23,16 @@ struct Fitted {
   Json document;  ///< the fitted scene as a job
   Json fit;       ///< the result's object `fit`, but for the errors after it
 };
+
+/// The job's section 'fit'. Throws Error(kInput) where it has none.
+[[nodiscard]] const FitDoc& fit_of(const Job& job);
+
+/// The job's document without its fit, as one that `simulate` takes, with results in `folder`.
+[[nodiscard]] Json document_to_simulate(const Job& job, const std::filesystem::path& folder);
+
+/// Whose material a fit writes: those that it moves, `otherwise` where there is none.
+[[nodiscard]] std::vector<std::string> fitted_bodies(const FitDoc& fit,
+                                                     const std::string& otherwise);
 
 void write_fitted(const std::filesystem::path& folder, const Fitted& fitted);
 /// Nothing if it is missing or damaged.

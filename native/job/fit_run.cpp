@@ -22,6 +22,7 @@
 #include "job/fit_values.hpp"
 #include "job/run/folder_lock.hpp"
 #include "job/run/run_scene.hpp"
+#include "job/run/stage.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -37,7 +38,7 @@ class FitJob {
  public:
   FitJob(const Job& job, const RunOptions& options, Interrupter& interrupter)
       : job_(job),
-        doc_(*job.fit),
+        doc_(fit_of(job)),
         options_(options),
         target_(resolve_target(options.target)),
         interrupter_(interrupter),
@@ -72,11 +73,7 @@ class FitJob {
 
  private:
   void say(const std::string& label, double fraction) {
-    Progress progress;
-    progress.label = label;
-    progress.fraction = fraction;
-    interrupter_.report(progress);
-    interrupter_.check();
+    enter_stage(interrupter_, label, fraction);
   }
 
   /// What the folder holds of this fit, or that it holds something else.
@@ -293,10 +290,7 @@ class FitJob {
 
   /// The document with the fitted values, as a job that `simulate` takes.
   [[nodiscard]] Json fitted_document(const LawState& law, LawFit& of) {
-    Json document = job_.document;
-    document["task"] = "simulate";
-    document["output"]["folder"] = folder_.generic_string();
-    document.erase("fit");
+    Json document = document_to_simulate(job_, folder_);
     if (!doc_.laws.empty()) {
       const material::Material& own = body_named(job_.scene, doc_.body).material;
       (*find_named(document.at("scene"), "bodies", doc_.body))["material"] =
@@ -395,18 +389,9 @@ class FitJob {
     return read_job(document.dump(), options);
   }
 
-  /// Whose material is written: those that are fitted, else that of the first capture.
-  [[nodiscard]] std::vector<std::string> fitted_bodies() const {
-    std::vector<std::string> bodies;
-    const auto add = [&](const std::string& name) {
-      if (std::find(bodies.begin(), bodies.end(), name) == bodies.end()) bodies.push_back(name);
-    };
-    if (!doc_.laws.empty()) add(doc_.body);
-    for (const fit::ParameterSpec& parameter : doc_.parameters) {
-      if (parameter.path.quantity->is_material()) add(parameter.path.owner);
-    }
-    if (bodies.empty()) add(job_.captures.front().body);
-    return bodies;
+  /// Whose material is written.
+  [[nodiscard]] std::vector<std::string> bodies() const {
+    return fitted_bodies(doc_, job_.captures.front().body);
   }
 
   /// The fitted scene's run, with the fit in its result.
@@ -437,7 +422,7 @@ class FitJob {
         fit["warning"] = warning.empty() ? held_out : warning + " " + held_out;
       }
       result["fit"] = fit;
-      std::vector<std::string> files = write_materials(folder_, scene, fitted_bodies(), fit);
+      std::vector<std::string> files = write_materials(folder_, scene, bodies(), fit);
       files.insert(files.end(), kept.begin(), kept.end());
       return files;
     };
@@ -494,7 +479,7 @@ class FitJob {
 
   /// A result without the fitted scene's run.
   Json write_unfinished(const Job& scene, Json fit, const char* status, const Error& why) const {
-    (void)write_materials(folder_, scene, fitted_bodies(), fit);
+    (void)write_materials(folder_, scene, bodies(), fit);
     Json result = {{"status", status},
                    {"task", "fit"},
                    {"error", why.what()},
@@ -536,11 +521,6 @@ class FitJob {
 }  // namespace
 
 Json run_fit(const Job& job, const RunOptions& options, Interrupter& interrupter) {
-  if (!job.fit) {
-    throw_input(
-        "'fit' is missing: a fit needs \"fit\": { \"parameters\": [ … ] }, as in "
-        "[\"velocity\", \"material.E\"].");
-  }
   return FitJob(job, options, interrupter).run();
 }
 

@@ -21,6 +21,7 @@
 #include "job/image_sightings.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/run_scene.hpp"
+#include "job/run/stage.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -35,7 +36,7 @@ constexpr double kScan[] = {1.0 / 64, 1.0 / 16, 0.25, 4.0, 16.0, 64.0};
 class SilhouetteFit {
  public:
   SilhouetteFit(const Job& job, const RunOptions& options, Interrupter& interrupter)
-      : job_(job), doc_(*job.fit), options_(options), interrupter_(interrupter) {}
+      : job_(job), doc_(fit_of(job)), options_(options), interrupter_(interrupter) {}
 
   Json run() {
     const auto begin = std::chrono::steady_clock::now();
@@ -57,10 +58,7 @@ class SilhouetteFit {
     say("Fitting: errors of the values", 0.95 * kFitShare);
     const fit::Uncertainty known = uncertainty();
     const Json after = agreement();
-    Json document = job_.document;
-    document["task"] = "simulate";
-    document.erase("fit");
-    document["output"]["folder"] = job_.output.folder.generic_string();
+    Json document = document_to_simulate(job_, job_.output.folder);
     write_values(*parameters_, values_, loaded_.sources, job_, document);
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
     return simulate(document, fit_json(known, before, after, seconds.count()));
@@ -68,11 +66,7 @@ class SilhouetteFit {
 
  private:
   void say(const std::string& label, double fraction) {
-    Progress progress;
-    progress.label = label;
-    progress.fraction = fraction;
-    interrupter_.report(progress);
-    interrupter_.check();
+    enter_stage(interrupter_, label, fraction);
   }
 
   void build() {
@@ -272,21 +266,13 @@ class SilhouetteFit {
     ReadOptions read;
     read.base_folder = job_.base_folder;
     const Job scene = read_job(document.dump(), read);
-    std::vector<std::string> bodies;
-    for (const fit::ParameterSpec& spec : doc_.parameters) {
-      const std::string& owner = spec.path.owner;
-      if (spec.path.quantity->is_material() &&
-          std::find(bodies.begin(), bodies.end(), owner) == bodies.end()) {
-        bodies.push_back(owner);
-      }
-    }
-    if (bodies.empty()) bodies.push_back(scene.scene.bodies.front().name);
     RunExtras extras;
     extras.task = task_name(Task::kFit);
     extras.begin = kFitShare;
     extras.finish = [&](Json& result) {
       result["fit"] = fit;
-      return write_materials(job_.output.folder, scene, bodies, fit);
+      return write_materials(job_.output.folder, scene,
+                             fitted_bodies(doc_, scene.scene.bodies.front().name), fit);
     };
     RunOptions options = options_;
     if (options.restart == Restart::kNever) options.restart = Restart::kWhereChanged;
@@ -314,11 +300,6 @@ class SilhouetteFit {
 }  // namespace
 
 Json run_silhouette_fit(const Job& job, const RunOptions& options, Interrupter& interrupter) {
-  if (!job.fit) {
-    throw_input(
-        "'fit' is missing: a fit needs \"fit\": { \"parameters\": [ … ] }, as in "
-        "[\"velocity\", \"material.E\"].");
-  }
   return SilhouetteFit(job, options, interrupter).run();
 }
 

@@ -19,7 +19,7 @@ FIT_FILES = ("fit/checkpoint.json", "fit/fitted.json", "fit/history.jsonl", "mat
              "scene.json", "result.json", "report.json", "diagnosis.json", "diagnosis.html",
              "extended.json")
 PC2_HEADER = struct.Struct("<12siiffi")
-# What a batch writes into its folder beside its members' caches.
+# Files of a batch's folder that lie beside its members' caches.
 BATCH_FILES = re.compile(r"^(wedge\.json|slurm\.sh|slurm_\d+\.log|flamenco\.json"
                          r"|matterfit_wedge\.js)$")
 FRAME_FILE = re.compile(r"^(?P<name>.+)_(?P<frame>\d{4,})\.(?P<kind>vdb|ply|exr)$")

@@ -9,7 +9,7 @@ from . import fit_values
 
 _KEPT = ("enabled", "axes", "use_start", "start", "start_vector", "use_bounds", "low", "high",
          "reach", "use_prior", "mean", "mean_vector", "sigma")
-# Of the neural law's numbers; the others are added on purpose.
+# A fit's rows that the neural law begins with; its other numbers are added by hand.
 _NEURAL_FITTED = frozenset({"material.E", "material.nu", "material.form_1", "material.form_2"})
 _restoring = []  # not empty while rows are filled in: nothing follows from their switches then
 

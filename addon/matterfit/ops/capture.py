@@ -50,6 +50,27 @@ def read_summary(scene, capture):
     return found
 
 
+def import_file(context, name, filepath, **properties):
+    """Adds a capture of a file and returns the file's summary; nothing is added where it cannot be
+    read."""
+    settings = context.scene.matterfit
+    index = settings.capture_index
+    capture = add_capture(settings, name)
+    for key, value in properties.items():
+        setattr(capture, key, value)
+    if bpy.data.filepath:
+        with contextlib.suppress(ValueError):
+            filepath = bpy.path.relpath(filepath)
+    capture.filepath = filepath
+    try:
+        return read_summary(context.scene, capture)
+    except JobError:
+        settings.captures.remove(len(settings.captures) - 1)
+        settings.capture_index = index
+        fit_rows.refresh(settings)
+        raise
+
+
 class MATTERFIT_OT_import_capture(PlainOperator, bpy.types.Operator, ImportHelper):
     bl_idname = "matterfit.import_capture"
     bl_label = "Import Capture"
@@ -68,23 +89,8 @@ class MATTERFIT_OT_import_capture(PlainOperator, bpy.types.Operator, ImportHelpe
         if extension not in EXTENSIONS:
             raise JobError(translate("{path}: captures are {kinds} files. Choose one of them.")
                            .format(path=self.filepath, kinds=", ".join(EXTENSIONS)))
-        settings = context.scene.matterfit
-        name = os.path.splitext(os.path.basename(self.filepath))[0]
-        index = settings.capture_index
-        capture = add_capture(settings, name)
-        path = self.filepath
-        if bpy.data.filepath:
-            with contextlib.suppress(ValueError):
-                path = bpy.path.relpath(path)
-        capture.filepath = path
-        capture.unit = self.unit
-        try:
-            read_summary(context.scene, capture)
-        except JobError:
-            settings.captures.remove(len(settings.captures) - 1)
-            settings.capture_index = index
-            fit_rows.refresh(settings)
-            raise
+        import_file(context, os.path.splitext(os.path.basename(self.filepath))[0], self.filepath,
+                    unit=self.unit)
 
 
 class MATTERFIT_OT_add_capture_object(PlainOperator, bpy.types.Operator):

@@ -29,8 +29,8 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         take = takes.ensure_active(settings)
         folder = takes.claim(take)
         prepared = prepare(context, take, folder, "compare")
-        # What an earlier comparison simulated is nobody's result: after Apply to Body it is done
-        # anew. Baked frames are kept, and the difference is told.
+        # Frames that only a comparison simulated are nobody's result: after Apply to Body they are
+        # simulated anew. Baked frames are kept, and the difference is told.
         restart = GO_ON if take.frames_done else AFRESH_WHERE_CHANGED
         return start_job(context, translate("Compare {name}").format(name=take.name), prepared,
                          folder, restart)

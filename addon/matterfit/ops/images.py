@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Importing images with their cameras; drawing splats through Blender's camera."""
 
-import contextlib
 import math
 import os
 import tempfile
@@ -13,11 +12,11 @@ from mathutils import Matrix
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import blender_cameras, files, fit_rows
+from ..io import blender_cameras, files
 from ..jobs import JobError
 from ..props import choices
 from .base import JobOperator, PlainOperator
-from .capture import add_capture, read_summary
+from .capture import import_file
 
 SPLAT_KINDS = (".ply", ".splat", ".spz")
 # Maps a file's world to Blender's, by what points up in it.
@@ -42,26 +41,13 @@ class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper
                           description="Add a camera object for each camera of the file")
 
     def act(self, context):
-        settings = context.scene.matterfit
-        index = settings.capture_index
         name = os.path.basename(os.path.dirname(os.path.abspath(self.filepath))) or "images"
-        capture = add_capture(settings, name)
-        capture.source = "IMAGES"
-        path = self.filepath
-        if bpy.data.filepath:
-            with contextlib.suppress(ValueError):
-                path = bpy.path.relpath(path)
-        capture.filepath = path
-        capture.up = self.up
-        try:
-            found = read_summary(context.scene, capture)
-        except JobError:
-            settings.captures.remove(len(settings.captures) - 1)
-            settings.capture_index = index
-            fit_rows.refresh(settings)
-            raise
+        found = import_file(context, name, self.filepath, source="IMAGES", up=self.up)
         if self.cameras:
-            blender_cameras.add_cameras(context.scene, capture.name, found["places"])
+            settings = context.scene.matterfit
+            blender_cameras.add_cameras(context.scene,
+                                        settings.captures[settings.capture_index].name,
+                                        found["places"])
 
 
 class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):

@@ -4,13 +4,11 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <exception>
-#include <mutex>
 #include <new>
-#include <system_error>
 #include <thread>
 
 #include "base/error.hpp"
+#include "base/side_by_side.hpp"
 #include "fit/model/gradient_chain.hpp"
 #include "fit/model/watcher.hpp"
 #include "mpm/default_stiffness.hpp"
@@ -354,46 +352,18 @@ Evaluation Model::evaluate(const std::vector<Query>& queries, const Scope& scope
   double frames = 0.0;
   for (const std::size_t r : runs) frames += scope.until[r] * models_[r]->scene.fps;
   const double all = std::max(1.0, frames * double(queries.size()));
-  std::atomic<std::size_t> next{0};
   std::atomic<std::size_t> done{0};
-  std::atomic<bool> stop{false};
-  std::exception_ptr thrown;
-  std::mutex mutex;
   const auto tick = [&] {
     const std::size_t count = ++done;
     if (progress) progress(std::min(1.0, double(count) / all));
   };
   // One thread a simulation; those that are left over help where there are few.
   const double room = 1e9 * options_.memory_limit_gb / double(std::max<std::size_t>(1, bytes_));
-  const auto workers = std::min({tasks, static_cast<std::size_t>(options_.threads),
-                                 static_cast<std::size_t>(std::clamp(room, 1.0, 1e6))});
-  const int each = tasks == 0 ? 1 : std::max(1, options_.threads / static_cast<int>(workers));
-  const auto work = [&] {
-    try {
-      const auto arena = std::make_shared<Arena>(each);
-      for (std::size_t i = next++; i < tasks && !stop; i = next++) {
-        results[i] = simulate(runs[i % runs.size()], queries[i / runs.size()], scope, arena, tick,
-                              failures[i]);
-      }
-    } catch (...) {
-      stop = true;
-      const std::lock_guard lock(mutex);
-      if (!thrown) thrown = std::current_exception();
-    }
-  };
-  if (workers <= 1) {
-    work();
-  } else {
-    std::vector<std::jthread> threads;
-    threads.reserve(workers);
-    try {
-      for (std::size_t k = 0; k < workers; ++k) threads.emplace_back(work);
-    } catch (const std::system_error&) {
-      // Those that could be started do the work of the others.
-      if (threads.empty()) work();
-    }
-  }
-  if (thrown) std::rethrow_exception(thrown);
+  side_by_side(tasks, static_cast<std::size_t>(std::clamp(room, 1.0, 1e6)), options_.threads,
+               [&](std::size_t i, const std::shared_ptr<Arena>& arena) {
+                 results[i] = simulate(runs[i % runs.size()], queries[i / runs.size()], scope,
+                                       arena, tick, failures[i]);
+               });
   interrupter_.check();
 
   Evaluation evaluation;

@@ -2,14 +2,12 @@
 #include "fit/model/silhouette_model.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <exception>
-#include <mutex>
 #include <thread>
 #include <utility>
 
 #include "base/error.hpp"
+#include "base/side_by_side.hpp"
 #include "capture/particle_gaussians.hpp"
 #include "fit/data/follow.hpp"
 #include "mpm/step_limit.hpp"
@@ -160,38 +158,15 @@ std::vector<std::string> SilhouetteModel::draw(const std::vector<std::vector<dou
                                                const std::vector<SilhouetteView>& views,
                                                const std::vector<Sink>& sinks) const {
   std::vector<std::string> failures(points.size());
-  std::atomic<std::size_t> next{0};
-  std::atomic<bool> stop{false};
-  std::exception_ptr thrown;
-  std::mutex mutex;
-  const auto threads = static_cast<std::size_t>(options_.threads);
-  const std::size_t workers = std::max<std::size_t>(1, std::min(points.size(), threads));
-  const int each = std::max(1, options_.threads / static_cast<int>(workers));
-  const auto work = [&] {
-    try {
-      const auto arena = std::make_shared<Arena>(each);
-      for (std::size_t p = next++; p < points.size() && !stop; p = next++) {
-        try {
-          draw_one(points[p], views, sinks[p], arena);
-        } catch (const Error& error) {
-          if (error.kind() == ErrorKind::kCancelled) throw;
-          failures[p] = error.what();
-        }
-      }
-    } catch (...) {
-      stop = true;
-      const std::lock_guard lock(mutex);
-      if (!thrown) thrown = std::current_exception();
-    }
-  };
-  if (workers == 1) {
-    work();
-  } else {
-    std::vector<std::jthread> team;
-    team.reserve(workers);
-    for (std::size_t k = 0; k < workers; ++k) team.emplace_back(work);
-  }
-  if (thrown) std::rethrow_exception(thrown);
+  side_by_side(points.size(), points.size(), options_.threads,
+               [&](std::size_t p, const std::shared_ptr<Arena>& arena) {
+                 try {
+                   draw_one(points[p], views, sinks[p], arena);
+                 } catch (const Error& error) {
+                   if (error.kind() == ErrorKind::kCancelled) throw;
+                   failures[p] = error.what();
+                 }
+               });
   interrupter_.check();
   return failures;
 }

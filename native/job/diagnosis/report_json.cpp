@@ -8,11 +8,8 @@
 namespace matterfit::job {
 namespace {
 
-/// JSON has no infinity.
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
-
 Json sizes(const diagnose::Sizes& sizes) {
-  return {{"rms", number(sizes.rms)}, {"p95", number(sizes.p95)}};
+  return {{"rms", number_json(sizes.rms)}, {"p95", number_json(sizes.p95)}};
 }
 
 Json cause_json(const diagnose::Cause& cause) {
@@ -21,37 +18,41 @@ Json cause_json(const diagnose::Cause& cause) {
                {"group", cause.group},
                {"sentence", cause.sentence},
                {"evidence", cause.evidence},
-               {"probability", number(cause.probability)},
-               {"score", number(cause.score)},
-               {"p", number(cause.p)},
-               {"keep", number(cause.keep)},
+               {"probability", number_json(cause.probability)},
+               {"score", number_json(cause.score)},
+               {"p", number_json(cause.p)},
+               {"keep", number_json(cause.keep)},
                {"observable", cause.observable},
                {"refitted", cause.refitted},
                {"accepted", cause.accepted},
-               {"explained", number(cause.explained)},
-               {"holdout_before", number(cause.holdout_before)},
-               {"holdout_after", number(cause.holdout_after)},
-               {"holdout_floor", number(cause.holdout_floor)},
-               {"last_residual", number(cause.last_residual)},
-               {"free_field", number(cause.free_field)},
+               {"explained", number_json(cause.explained)},
+               {"holdout_before", number_json(cause.holdout_before)},
+               {"holdout_after", number_json(cause.holdout_after)},
+               {"holdout_floor", number_json(cause.holdout_floor)},
+               {"last_residual", number_json(cause.last_residual)},
+               {"free_field", number_json(cause.free_field)},
                {"parameters", Json::object()},
                {"confused_with", Json::array()}};
   if (!cause.where.empty()) json["where"] = cause.where;
-  json["gain"] = cause.gain_measurable ? number(cause.gain) : Json();
-  json["gain_interval"] =
-      cause.gain_measurable ? Json{number(cause.gain_low), number(cause.gain_high)} : Json();
+  json["gain"] = cause.gain_measurable ? number_json(cause.gain) : Json();
+  json["gain_interval"] = cause.gain_measurable
+                              ? Json{number_json(cause.gain_low), number_json(cause.gain_high)}
+                              : Json();
   for (const diagnose::Value& value : cause.parameters) {
-    json["parameters"][value.name] = {
-        {"value", number(value.value)}, {"unit", value.unit}, {"stderr", number(value.error)}};
+    json["parameters"][value.name] = {{"value", number_json(value.value)},
+                                      {"unit", value.unit},
+                                      {"stderr", number_json(value.error)}};
   }
   for (const diagnose::Confusion& rival : cause.confused_with) {
     json["confused_with"].push_back(
-        {{"effect", rival.effect}, {"scope", rival.scope}, {"cosine", number(rival.cosine)}});
+        {{"effect", rival.effect}, {"scope", rival.scope}, {"cosine", number_json(rival.cosine)}});
   }
   return json;
 }
 
 }  // namespace
+
+Json number_json(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
 Json report_json(const diagnose::Report& report, const std::vector<diagnose::Capture>& captures) {
   const auto name_of = [&](int capture) {
@@ -62,21 +63,21 @@ Json report_json(const diagnose::Report& report, const std::vector<diagnose::Cap
                {"sentence", report.headline},
                {"class", report.classes},
                {"noise",
-                {{"sigma", number(report.noise.sigma)},
-                 {"autocorrelation", number(report.noise.autocorrelation)},
-                 {"common", number(report.noise.common_sigma)},
-                 {"place", number(report.noise.place_sigma)},
-                 {"kurtosis", number(report.noise.kurtosis)}}},
-               {"numerical", number(report.numerical)},
-               {"grid_bias", number(report.bias)},
-               {"threshold", number(report.threshold)},
-               {"p", number(report.p)},
-               {"smooth_p", number(report.smooth_p)},
-               {"smooth_p_after", number(report.smooth_p_after)},
-               {"explained", number(report.explained)},
+                {{"sigma", number_json(report.noise.sigma)},
+                 {"autocorrelation", number_json(report.noise.autocorrelation)},
+                 {"common", number_json(report.noise.common_sigma)},
+                 {"place", number_json(report.noise.place_sigma)},
+                 {"kurtosis", number_json(report.noise.kurtosis)}}},
+               {"numerical", number_json(report.numerical)},
+               {"grid_bias", number_json(report.bias)},
+               {"threshold", number_json(report.threshold)},
+               {"p", number_json(report.p)},
+               {"smooth_p", number_json(report.smooth_p)},
+               {"smooth_p_after", number_json(report.smooth_p_after)},
+               {"explained", number_json(report.explained)},
                {"probability",
-                {{"nothing", number(report.probability_nothing)},
-                 {"unknown", number(report.probability_unknown)}}},
+                {{"nothing", number_json(report.probability_nothing)},
+                 {"unknown", number_json(report.probability_unknown)}}},
                {"not_observable", report.not_observable},
                {"next_recording", report.next_recording},
                {"runs", report.runs},
@@ -92,28 +93,28 @@ Json report_json(const diagnose::Report& report, const std::vector<diagnose::Cap
     residual["by_frame"].push_back({{"capture", name_of(row.capture)},
                                     {"frame", row.frame},
                                     {"time", row.time},
-                                    {"before", number(row.rms)},
-                                    {"noise", number(row.noise)},
-                                    {"numerical", number(row.numerical)},
+                                    {"before", number_json(row.rms)},
+                                    {"noise", number_json(row.noise)},
+                                    {"numerical", number_json(row.numerical)},
                                     {"held_out", row.held_out}});
   }
   for (const diagnose::WorstFrame& worst : report.worst) {
     residual["worst"].push_back({{"capture", name_of(worst.capture)},
                                  {"frame", worst.frame},
                                  {"where", {worst.where.x(), worst.where.y(), worst.where.z()}},
-                                 {"size", number(worst.size)}});
+                                 {"size", number_json(worst.size)}});
   }
   for (const diagnose::WrongPlace& wrong : report.wrong) {
     residual["wrong"].push_back({{"capture", name_of(wrong.capture)},
                                  {"frame", wrong.frame},
                                  {"region", wrong.region},
-                                 {"sigmas", number(wrong.sigmas)}});
+                                 {"sigmas", number_json(wrong.sigmas)}});
   }
   json["residual"] = std::move(residual);
   for (const diagnose::Cause& cause : report.causes) json["causes"].push_back(cause_json(cause));
   for (const diagnose::DetectionLimit& limit : report.detection_limits) {
     const std::string key = limit.number.empty() ? limit.effect : limit.effect + "." + limit.number;
-    json["detection_limits"][key] = {{"value", number(limit.value)}, {"unit", limit.unit}};
+    json["detection_limits"][key] = {{"value", number_json(limit.value)}, {"unit", limit.unit}};
   }
   return json;
 }

@@ -9,6 +9,9 @@
 
 namespace matterfit::job {
 
+/// JSON has no infinity: null stands for what is not finite.
+[[nodiscard]] Json number_json(double value);
+
 /// A report as `matterfit.report/1` (docs/formats.md). Lengths in metres,
 /// shares from 0 to 1.
 [[nodiscard]] Json report_json(const diagnose::Report& report,

@@ -9,40 +9,39 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "diagnose/identify.hpp"
+#include "job/diagnosis/report_json.hpp"
 #include "job/diagnosis/scene_model.hpp"
 #include "job/documents/fit_document.hpp"
+#include "job/run/stage.hpp"
 
 namespace matterfit::job {
 namespace {
 
-/// JSON has no infinity.
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
-
 Json check_json(const diagnose::BeforeFit& before) {
-  Json json = {
-      {"schema", kCheckSchema},
-      {"noise",
-       {{"sigma", number(before.sigma)}, {"autocorrelation", number(before.autocorrelation)}}},
-      {"parameters", Json::array()},
-      {"ties", Json::array()},
-      {"enough", Json::array()},
-      {"assumptions", Json::array()},
-      {"record_instead", before.record_instead}};
+  Json json = {{"schema", kCheckSchema},
+               {"noise",
+                {{"sigma", number_json(before.sigma)},
+                 {"autocorrelation", number_json(before.autocorrelation)}}},
+               {"parameters", Json::array()},
+               {"ties", Json::array()},
+               {"enough", Json::array()},
+               {"assumptions", Json::array()},
+               {"record_instead", before.record_instead}};
   for (const diagnose::Identifiable& p : before.parameters) {
     json["parameters"].push_back({{"path", p.name},
                                   {"unit", p.unit},
-                                  {"start", number(p.value)},
-                                  {"error", number(p.error)},
-                                  {"keep", number(p.keep)},
+                                  {"start", number_json(p.value)},
+                                  {"error", number_json(p.error)},
+                                  {"keep", number_json(p.keep)},
                                   {"known", p.known}});
   }
   for (const diagnose::Tie& tie : before.ties) {
-    json["ties"].push_back({{"parameters", tie.names}, {"keep", number(tie.keep)}});
+    json["ties"].push_back({{"parameters", tie.names}, {"keep", number_json(tie.keep)}});
   }
   for (const diagnose::Enough& enough : before.enough) {
     json["enough"].push_back({{"what", enough.what},
                               {"enough", enough.enough},
-                              {"ratio", number(enough.ratio)},
+                              {"ratio", number_json(enough.ratio)},
                               {"parameter", enough.parameter},
                               {"sentence", enough.sentence}});
   }
@@ -50,8 +49,8 @@ Json check_json(const diagnose::BeforeFit& before) {
     json["assumptions"].push_back({{"effect", a.effect},
                                    {"size", a.size},
                                    {"parameter", a.parameter},
-                                   {"shift", number(a.shift)},
-                                   {"errors", number(a.errors)}});
+                                   {"shift", number_json(a.shift)},
+                                   {"errors", number_json(a.errors)}});
   }
   return json;
 }
@@ -72,11 +71,7 @@ Json run_check(const Job& job, const RunOptions& options, Interrupter& interrupt
   diagnose::IdentifyOptions asked;
   asked.central = false;
   asked.progress = [&](double part, const std::string& what) {
-    Progress progress;
-    progress.label = "Checking: " + what;
-    progress.fraction = part;
-    interrupter.report(progress);
-    interrupter.check();
+    enter_stage(interrupter, "Checking: " + what, part);
   };
   const diagnose::BeforeFit before = diagnose::identify(model, asked);
   Json json = check_json(before);

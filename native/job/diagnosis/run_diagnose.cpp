@@ -17,6 +17,7 @@
 #include "job/fit_files.hpp"
 #include "job/fit_run.hpp"
 #include "job/run/build_scene.hpp"
+#include "job/run/stage.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -179,11 +180,7 @@ Json run_diagnose(const Job& job, const RunOptions& options, Interrupter& interr
                           hash_inputs(fit_inputs(base, resolve_target(options.target))));
   model.keep_in(&store);
   settings.engine.progress = [&](double part, const std::string& what) {
-    Progress progress;
-    progress.label = "Diagnosing: " + what;
-    progress.fraction = kFitShare + (1.0 - kFitShare) * part;
-    interrupter.report(progress);
-    interrupter.check();
+    enter_stage(interrupter, "Diagnosing: " + what, kFitShare + (1.0 - kFitShare) * part);
   };
   const diagnose::Report report = diagnose::diagnose(model, settings.engine);
 

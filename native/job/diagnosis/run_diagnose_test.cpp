@@ -8,8 +8,8 @@
 #include <functional>
 #include <string>
 
-#include "base/file.hpp"
 #include "base/message_for_test.hpp"
+#include "job/diagnosis/report_for_test.hpp"
 #include "job/fit_fixture_for_test.hpp"
 
 /// An effect is hidden in the data; the scene that is diagnosed knows nothing of it.
@@ -52,18 +52,6 @@ Json diagnosed(const Folder& folder, const Change& hide) {
   return run(document, folder.path);
 }
 
-bool names(const Json& report, const std::string& effect) {
-  const Json& list = report.at("class");
-  return std::find(list.begin(), list.end(), effect) != list.end();
-}
-
-const Json& cause_of(const Json& report, const std::string& effect) {
-  for (const Json& cause : report.at("causes")) {
-    if (cause.at("effect") == effect) return cause;
-  }
-  throw_input("no cause " + effect);
-}
-
 TEST(Diagnose, NothingHiddenIsNothingFound) {
   const Folder folder;
   const Json report = diagnosed(folder, [](Json&) {});
@@ -85,9 +73,7 @@ TEST(Diagnose, AirDragIsFoundAndPaysOnWhatWasHeldOut) {
   EXPECT_GT(cause.at("gain").get<double>(), 0.5) << report.at("sentence");
   // The model with what was accepted runs as it is.
   ASSERT_TRUE(report.contains("model")) << report.at("sentence");
-  const auto bytes = read_file(folder.path / "out/extended.json");
-  const char* text = reinterpret_cast<const char*>(bytes.data());
-  Json extended = Json::parse(text, text + bytes.size());
+  Json extended = read_json(folder.path / "out/extended.json");
   extended["output"]["folder"] = "again";
   extended.erase("captures");
   EXPECT_EQ(run(extended, folder.path / "out").at("status"), "done");

@@ -4,12 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <exception>
 #include <thread>
 
 #include "base/error.hpp"
+#include "base/side_by_side.hpp"
 #include "fit/data/capture_noise.hpp"
 #include "fit/data/follow.hpp"
 #include "job/diagnosis/observation_document.hpp"
@@ -323,32 +322,10 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate_afresh(
     const std::vector<diagnose::Point>& points) const {
   const std::size_t tasks = points.size() * runs().size();
   std::vector<std::optional<std::vector<fit::SimulatedCapture>>> results(tasks);
-  std::atomic<std::size_t> next{0};
-  std::exception_ptr thrown;
-  const auto workers = std::min(tasks, static_cast<std::size_t>(options_.threads));
-  const int each =
-      tasks == 0
-          ? 1
-          : std::max(1, options_.threads / static_cast<int>(std::max<std::size_t>(workers, 1)));
-  const auto work = [&] {
-    try {
-      const auto arena = std::make_shared<Arena>(each);
-      for (std::size_t i = next++; i < tasks; i = next++) {
-        results[i] = simulate_run(points[i / runs().size()], i % runs().size(), arena);
-      }
-    } catch (...) {
-      next = tasks;
-      const std::lock_guard lock(mutex_);
-      if (!thrown) thrown = std::current_exception();
-    }
-  };
-  {
-    std::vector<std::jthread> threads;
-    threads.reserve(workers);
-    for (std::size_t k = 1; k < workers; ++k) threads.emplace_back(work);
-    work();
-  }
-  if (thrown) std::rethrow_exception(thrown);
+  side_by_side(tasks, tasks, options_.threads,
+               [&](std::size_t i, const std::shared_ptr<Arena>& arena) {
+                 results[i] = simulate_run(points[i / runs().size()], i % runs().size(), arena);
+               });
   Eigen::Index rows = 0;
   for (const diagnose::Capture& capture : captures_) rows += 3 * capture.samples();
   std::vector<std::optional<diagnose::Motion>> motions(points.size());

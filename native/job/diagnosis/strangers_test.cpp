@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "base/file.hpp"
+#include "job/diagnosis/report_for_test.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/new_job.hpp"
 
@@ -161,25 +161,11 @@ Json diagnosed(const Folder& folder, const Hidden& hidden, unsigned seed) {
   fresh.density = 20.0;
   fresh.noise = kSigma;
   write_new_job(fresh);
-  const auto bytes = read_file(fresh.output);
-  const char* text = reinterpret_cast<const char*>(bytes.data());
-  Json document = Json::parse(text, text + bytes.size());
+  Json document = read_json(fresh.output);
   document["task"] = "diagnose";
   document["scene"]["particle_separation"] = 0.1;  // no grid is too coarse for a flight
   document["diagnose"] = {{"members", 12}};
   return run(document, folder.path);
-}
-
-bool names(const Json& report, const std::string& effect) {
-  const Json& list = report.at("class");
-  return std::find(list.begin(), list.end(), effect) != list.end();
-}
-
-const Json& cause_of(const Json& report, const std::string& effect) {
-  for (const Json& cause : report.at("causes")) {
-    if (cause.at("effect") == effect) return cause;
-  }
-  throw_input("no cause " + effect);
 }
 
 TEST(Strangers, NothingHiddenIsNothingFound) {
@@ -207,9 +193,7 @@ TEST(Strangers, ALateClockIsFoundAndWrittenIntoTheCapture) {
   hidden.delay = 0.3;
   const Json report = diagnosed(folder, hidden, 3);
   EXPECT_TRUE(names(report, "time_offset")) << report.at("sentence");
-  const auto bytes = read_file(folder.path / "job_out/extended.json");
-  const char* text = reinterpret_cast<const char*>(bytes.data());
-  const Json extended = Json::parse(text, text + bytes.size());
+  const Json extended = read_json(folder.path / "job_out/extended.json");
   EXPECT_NEAR(extended.at("captures").at(0).at("start_frame").get<double>(), hidden.delay, 0.05);
 }
 

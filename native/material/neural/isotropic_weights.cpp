@@ -9,24 +9,15 @@
 namespace matterfit::material {
 namespace {
 
-constexpr std::size_t kGains = 2;
-constexpr std::size_t kOwn = kGains + kShapeUnits;
-constexpr std::size_t kTraces = kOwn + kShapeUnits;
-constexpr std::size_t kOffsets = kTraces + kShapeUnits;
-constexpr std::size_t kVolumeGains = kOffsets + kShapeUnits;
-constexpr std::size_t kVolumeTraces = kVolumeGains + kVolumeUnits;
-constexpr std::size_t kVolumeOffsets = kVolumeTraces + kVolumeUnits;
-static_assert(kVolumeOffsets + kVolumeUnits == kIsotropicElastic);
-
 enum class Meaning { kScale, kOfScale, kPlain, kTanh, kPositive };
 
 constexpr Meaning meaning(std::size_t i) {
   if (i == 0) return Meaning::kScale;
-  if (i < kOwn) return Meaning::kOfScale;
-  if (i < kOffsets) return Meaning::kPlain;
-  if (i < kVolumeGains) return Meaning::kTanh;
-  if (i < kVolumeTraces) return Meaning::kOfScale;
-  if (i < kVolumeOffsets) return Meaning::kPlain;
+  if (i < kShapeOwnWeight) return Meaning::kOfScale;
+  if (i < kShapeOffsetWeight) return Meaning::kPlain;
+  if (i < kVolumeGainWeight) return Meaning::kTanh;
+  if (i < kVolumeTraceWeight) return Meaning::kOfScale;
+  if (i < kVolumeOffsetWeight) return Meaning::kPlain;
   if (i < kIsotropicElastic) return Meaning::kTanh;
   return Meaning::kPositive;
 }
@@ -191,16 +182,16 @@ IsotropicWeights plain_isotropic(double shear_modulus, double bulk_modulus) {
   w[1] = std::log(bulk_modulus / shear_modulus);
   // Units at both sides of rest, on a stretch alone and on a stretch less its share of the volume.
   for (std::size_t k = 0; k < kShapeUnits; ++k) {
-    w[kGains + k] = -6.0;
-    w[kOwn + k] = k % 2 == 0 ? 2.0 : 3.0;
-    w[kTraces + k] = k < kShapeUnits / 2 ? 0.0 : -0.5;
-    w[kOffsets + k] = k % 2 == 0 ? -1.0 : 1.0;
+    w[kShapeGainWeight + k] = -6.0;
+    w[kShapeOwnWeight + k] = k % 2 == 0 ? 2.0 : 3.0;
+    w[kShapeTraceWeight + k] = k < kShapeUnits / 2 ? 0.0 : -0.5;
+    w[kShapeOffsetWeight + k] = k % 2 == 0 ? -1.0 : 1.0;
   }
   for (std::size_t k = 0; k < kVolumeUnits; ++k) {
     const double side = 2.0 * static_cast<double>(k) / (kVolumeUnits - 1) - 1.0;
-    w[kVolumeGains + k] = -6.0;
-    w[kVolumeTraces + k] = 2.0;
-    w[kVolumeOffsets + k] = 1.2 * side;
+    w[kVolumeGainWeight + k] = -6.0;
+    w[kVolumeTraceWeight + k] = 2.0;
+    w[kVolumeOffsetWeight + k] = 1.2 * side;
   }
   w[kYieldWeight] = std::log(1e3);
   w[kFrictionWeight] = std::log(1e-6);

@@ -76,6 +76,16 @@ inline constexpr std::size_t kIsotropicFlow = 6;
 inline constexpr std::size_t kIsotropicWeights = kIsotropicElastic + kIsotropicFlow;
 using IsotropicWeights = std::array<double, kIsotropicWeights>;
 
+/// The first weight of each unit's entry, one a unit.
+inline constexpr std::size_t kShapeGainWeight = 2;
+inline constexpr std::size_t kShapeOwnWeight = kShapeGainWeight + kShapeUnits;
+inline constexpr std::size_t kShapeTraceWeight = kShapeOwnWeight + kShapeUnits;
+inline constexpr std::size_t kShapeOffsetWeight = kShapeTraceWeight + kShapeUnits;
+inline constexpr std::size_t kVolumeGainWeight = kShapeOffsetWeight + kShapeUnits;
+inline constexpr std::size_t kVolumeTraceWeight = kVolumeGainWeight + kVolumeUnits;
+inline constexpr std::size_t kVolumeOffsetWeight = kVolumeTraceWeight + kVolumeUnits;
+static_assert(kVolumeOffsetWeight + kVolumeUnits == kIsotropicElastic);
+
 /// Of the flow's weights.
 inline constexpr std::size_t kYieldWeight = kIsotropicElastic;
 inline constexpr std::size_t kFrictionWeight = kIsotropicElastic + 1;

@@ -21,36 +21,30 @@ constexpr double kPriorWidth = 30.0;
 /// Of the gains' logarithms: they are to stay heard.
 constexpr double kGainPriorWidth = 10.0;
 
-constexpr std::size_t kShapeGain = 2;
-constexpr std::size_t kShapeOwn = kShapeGain + kShapeUnits;
-constexpr std::size_t kShapeTrace = kShapeOwn + kShapeUnits;
-constexpr std::size_t kShapeOffset = kShapeTrace + kShapeUnits;
-constexpr std::size_t kVolumeGain = kShapeOffset + kShapeUnits;
-constexpr std::size_t kVolumeTrace = kVolumeGain + kVolumeUnits;
-constexpr std::size_t kVolumeOffset = kVolumeTrace + kVolumeUnits;
-
 /// A law whose units share the stiffness with μ and κ, each in its own range of strains: the bumps
 /// sech² of their tangents overlap to a plateau. What a fit makes of their gains is then stiffening
 /// or softening at those strains.
 IsotropicWeights shared_stiffness(double shear, double bulk) {
   IsotropicWeights w = plain_isotropic(0.5 * shear, 0.5 * bulk);
   for (std::size_t k = 0; k < kShapeUnits; ++k) {
-    w[kShapeGain + k] = std::log(0.15);
-    w[kShapeOwn + k] = 4.0;
-    w[kShapeTrace + k] = -0.8;
-    w[kShapeOffset + k] = 1.2 * (2.0 * static_cast<double>(k) / (kShapeUnits - 1) - 1.0) * 1.5;
+    w[kShapeGainWeight + k] = std::log(0.15);
+    w[kShapeOwnWeight + k] = 4.0;
+    w[kShapeTraceWeight + k] = -0.8;
+    w[kShapeOffsetWeight + k] =
+        1.2 * (2.0 * static_cast<double>(k) / (kShapeUnits - 1) - 1.0) * 1.5;
   }
   for (std::size_t k = 0; k < kVolumeUnits; ++k) {
-    w[kVolumeGain + k] = std::log(0.06 * bulk / shear);
-    w[kVolumeTrace + k] = 4.0;
-    w[kVolumeOffset + k] = 1.2 * (2.0 * static_cast<double>(k) / (kVolumeUnits - 1) - 1.0) * 1.5;
+    w[kVolumeGainWeight + k] = std::log(0.06 * bulk / shear);
+    w[kVolumeTraceWeight + k] = 4.0;
+    w[kVolumeOffsetWeight + k] =
+        1.2 * (2.0 * static_cast<double>(k) / (kVolumeUnits - 1) - 1.0) * 1.5;
   }
   return w;
 }
 
 bool is_gain(std::size_t weight) {
-  return (weight >= kShapeGain && weight < kShapeOwn) ||
-         (weight >= kVolumeGain && weight < kVolumeTrace);
+  return (weight >= kShapeGainWeight && weight < kShapeOwnWeight) ||
+         (weight >= kVolumeGainWeight && weight < kVolumeTraceWeight);
 }
 
 struct Regression {

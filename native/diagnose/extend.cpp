@@ -121,6 +121,8 @@ class Search {
     base_state_ = state;
     out_.slopes =
         linearise(study_, state, candidates_of(study_.model(), state), options_.refit.differences);
+    // The solver's own error is not another one a little beside.
+    if (out_.spread.members.rows() > 0) return;
     tell(0.2, "Measuring the solver's own error");
     study_.begin("solver");
     out_.spread = numerical_spread(study_, state, members_);
@@ -348,12 +350,19 @@ class Search {
     return after <= 1.01 * before;
   }
 
+  /// Whether what was kept back is predicted as well as noise and solver let it be: a further cause
+  /// could show itself nowhere.
+  [[nodiscard]] bool predicts_to_the_floor(const Trial& trial) const {
+    const Gain g = judge_->gain_of(trial.opinion, trial.opinion, trial.numbers, options_.gain);
+    return judge_->rows().size() > 0 && !g.measurable;
+  }
+
   void further() {
     if (!out_.best) return;
     Linearised slopes;
     out_.last = analyse_at(*out_.best, slopes);
     while (int(out_.best->causes.size()) < options_.most_causes) {
-      if (!further_seen(*out_.last)) return;
+      if (!further_seen(*out_.last) || predicts_to_the_floor(*out_.best)) return;
       tell(0.85, "Looking for a further cause");
       const std::vector<std::size_t> order = best_shapes(out_.last->scores);
       std::vector<Attempt> attempts;
@@ -459,9 +468,12 @@ class Search {
     out_.best->gain =
         judge_->gain_of(out_.base.opinion, out_.best->opinion, out_.best->numbers, options_.gain);
     const Gain& g = out_.best->gain;
+    // Below the floor distances say nothing, but likelihoods of what was kept back do.
+    const double kept_back = out_.base.opinion.deviance;
     const bool predicts =
         g.measurable ? g.low > 0.0 && g.after < g.last_residual && g.after <= kAsGood * g.free_field
-                     : g.after <= 1.05 * g.before;
+        : kept_back > 0.0 ? kept_back - out_.best->opinion.deviance > kPrice * out_.best->numbers
+                          : g.after <= 1.05 * g.before;
     const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
     out_.within_solver = out_.exact_solver_significant && out_.base.evidence - out_.best->evidence <
                                                               kExtrapolated * out_.solver_took;

@@ -109,6 +109,13 @@ struct Numerics {
   double particles = 1.0;        ///< factor of particles per cell
   int transfer = 0;              ///< 0: the scene's own; others as the implementer numbers them
   int seed = 0;                  ///< of particle placement; 0: the scene's own
+  /// What each part of a body weighs in sums over it, mass and stiffness alike, is multiplied by
+  /// 1 + c·x + Σ b_k q_k(x) and then scaled to the same total: x the place over the body's half
+  /// sizes, q = (3x²−1)/2, (3y²−1)/2, (3z²−1)/2, xy, yz, zx. Another solver lumps masses and
+  /// integrates stresses in its own way: linear elements with n to a side have an inertia that is
+  /// 2/n² too large.
+  Vec3d lumping_slope = Vec3d::Zero();      ///< c
+  std::array<double, 6> lumping_bend = {};  ///< b
 };
 
 /// Where to simulate.

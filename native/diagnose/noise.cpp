@@ -126,9 +126,15 @@ struct Autoregression {
   std::vector<double> plausible;
 };
 
-Autoregression fit_autoregression(const Moments& moments) {
+/// A tracker's own errors last; those that seem to alternate are a fit that took their slow part.
+constexpr double kLowestOwn = 0.0;
+/// Of the shared part, which is seen in few values: their scatter reaches below 0.
+constexpr double kLowestShared = -0.4;
+
+Autoregression fit_autoregression(const Moments& moments, double lowest) {
+  constexpr double kStep = 0.05;
   std::vector<double> grid;
-  for (double phi = -0.4; phi < 0.96; phi += 0.05) grid.push_back(phi);
+  for (int i = 0; lowest + kStep * i < 0.96; ++i) grid.push_back(lowest + kStep * i);
   grid.push_back(kHighestCorrelation);
   std::vector<double> weight(grid.size());
   double best = -1e300;
@@ -396,12 +402,12 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
         before = key;
       }
     }
-    Autoregression fit = fit_autoregression(Moments(own, chains));
+    Autoregression fit = fit_autoregression(Moments(own, chains), kLowestOwn);
     const double smooth = smooth_shapes(captures[c]);
     const Places places = take_out_places(tracks_of, int(c), own);
     const bool misplaced = places_are_wrong(places, fit, smooth);
     if (misplaced) {
-      fit = fit_autoregression(Moments(own, chains, places.lost));
+      fit = fit_autoregression(Moments(own, chains, places.lost), kLowestOwn);
       correct_for_constants(1.0 / std::max(places.of_noise, 1e-3), fit);
     }
     const double tracks = double(widest);
@@ -417,7 +423,7 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
       track.place_sigma = lost * std::sqrt(std::max(square, 0.0));
     }
     if (shared) {
-      const Autoregression mean = fit_autoregression(Moments(means, mean_chains));
+      const Autoregression mean = fit_autoregression(Moments(means, mean_chains), kLowestShared);
       const double own_part = track.sigma * track.sigma / tracks;
       const double ratio = mean.sigma * mean.sigma / own_part;
       // Two standard deviations of a variance that was seen in so many degrees of freedom.

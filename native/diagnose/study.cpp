@@ -9,6 +9,7 @@
 
 #include "base/error.hpp"
 #include "diagnose/observe.hpp"
+#include "diagnose/random.hpp"
 
 namespace matterfit::diagnose {
 namespace {
@@ -38,6 +39,12 @@ VectorXd neutral_values(const Effect& effect) {
   }
   return values;
 }
+
+/// Standard deviations of Numerics::lumping_slope and lumping_bend: those of five to seven linear
+/// elements across a body, whose pattern is nearly, but not quite, symmetric.
+constexpr double kLumpingSlope = 0.02;
+constexpr double kLumpingBend = 0.08;
+constexpr std::uint64_t kLumpingSeed = 7;
 
 /// One derivative: states on either side of the present one, and how far they are.
 struct Difference {
@@ -78,7 +85,8 @@ Difference cause_difference(const Model& model, const State& state, std::size_t 
                             bool central) {
   const Active& cause = state.causes[c];
   const Number& number = model.effects()[std::size_t(cause.effect)].numbers[std::size_t(k)];
-  const double step = number.first_step > 0.0 ? number.first_step : 1e-2 * number.scale;
+  const bool first = cause.values[k] == number.neutral && number.first_step > 0.0;
+  const double step = first ? number.first_step : 1e-2 * number.scale;
   const double low = number.one_sided ? number.neutral : number.low;
   Difference result;
   result.observed = is_observation(model, cause.effect);
@@ -219,7 +227,7 @@ Linearised linearise(const Study& study, const State& state,
     extended.causes.push_back({candidate.effect, candidate.variant, neutral_values(effect)});
     for (std::size_t k = 0; k < effect.numbers.size(); ++k) {
       differences.push_back(
-          cause_difference(model, extended, extended.causes.size() - 1, Index(k), options.central));
+          cause_difference(model, extended, extended.causes.size() - 1, Index(k), false));
     }
   }
 
@@ -301,6 +309,9 @@ Spread numerical_spread(const Study& study, const State& state, int members) {
     numerics.offset = Vec3d(part(2), part(3), part(4));
     numerics.step = m % 4 == 0 ? 0.5 : 1.0;  // half of dt costs twice the time
     numerics.seed = m;
+    Random random(kLumpingSeed, std::uint64_t(m));
+    for (Index a = 0; a < 3; ++a) numerics.lumping_slope[a] = kLumpingSlope * random.normal();
+    for (double& bend : numerics.lumping_bend) bend = kLumpingBend * random.normal();
     variants.push_back(numerics);
   }
   const auto runs = study.predict_variants(state, variants);

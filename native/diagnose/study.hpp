@@ -103,8 +103,10 @@ struct Linearised {
 };
 
 struct DifferenceOptions {
-  double step = 1e-2;   ///< of parameters, in Parameter::scale
-  bool central = true;  ///< two runs a number where bounds leave room; otherwise one
+  double step = 1e-2;  ///< of parameters, in Parameter::scale
+  /// Two runs a number where bounds leave room; otherwise one. Candidates, whose derivatives are
+  /// first estimates, take one.
+  bool central = true;
 };
 
 /// By finite differences, all runs in one batch; observations cost none. A run that fails on one

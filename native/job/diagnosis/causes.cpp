@@ -7,9 +7,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 
 #include "effects/catalogue.hpp"
 #include "effects/effect_type.hpp"
+#include "job/diagnosis/effect_entry.hpp"
+#include "job/diagnosis/extent.hpp"
+#include "job/diagnosis/hidden_collider.hpp"
+#include "job/diagnosis/stiffness_causes.hpp"
 #include "mpm/default_stiffness.hpp"
 #include "shape/collider.hpp"
 
@@ -36,30 +41,6 @@ Number number(const char* name, const char* unit, double scale, bool one_sided =
   return result;
 }
 
-/// A body at rest.
-struct Extent {
-  Vec3d low = Vec3d::Zero();
-  Vec3d high = Vec3d::Zero();
-  Vec3d center = Vec3d::Zero();
-  double size = 0.0;    ///< longest side [m]
-  double volume = 0.0;  ///< [m³]
-};
-
-Extent extent_of(const mpm::Body& body) {
-  Eigen::AlignedBox3d box;
-  Extent extent;
-  for (std::size_t i = 0; i < body.rest.size(); ++i) {
-    box.extend(body.rest[i]);
-    extent.center += body.volumes[i] * body.rest[i];
-    extent.volume += body.volumes[i];
-  }
-  extent.low = box.min();
-  extent.high = box.max();
-  extent.center /= extent.volume;
-  extent.size = box.sizes().maxCoeff();
-  return extent;
-}
-
 class Causes {
  public:
   Causes(const Job& job, const mpm::Scene& scene, const CauseOptions& options)
@@ -69,7 +50,11 @@ class Causes {
     gravity();
     terms();
     contact();
+    if (auto cause = hidden_collider(options_.encounters, scene_)) {
+      causes_.push_back(std::move(*cause));
+    }
     material();
+    std::ranges::move(stiffness_causes(scene_), std::back_inserter(causes_));
     masses();
     motion();
     measurement();
@@ -129,7 +114,7 @@ class Causes {
   void terms() {
     for (const effects::EffectType* type : effects::catalogue()) {
       if (type->way != effects::Way::kTerm || type->find("center")) continue;
-      // What is inside a body is measured by its own stiffness, which a row does not know.
+      // What is inside a body is measured by its own stiffness: stiffness_causes().
       if (type->group == effects::Group::kMaterial) continue;
       if (scene_effect(type->name)) continue;
       term(*type);
@@ -179,14 +164,7 @@ class Causes {
     cause.write = [neutral, places](std::span<const double> v, int, Json& scene) {
       effects::Effect effect = neutral;
       for (std::size_t k = 0; k < places.size(); ++k) effect.values[places[k]] = v[k];
-      Json entry = {{"effect", effect.type->name}};
-      for (std::size_t p = 0; p < effect.type->parameters.size(); ++p) {
-        const effects::EffectParameter& parameter = effect.type->parameters[p];
-        const auto begin = effect.values.begin() + Eigen::Index(effect.type->offset(p));
-        const std::vector<double> values(begin, begin + Eigen::Index(parameter.size));
-        entry[parameter.key] = parameter.size == 1 ? Json(values.front()) : Json(values);
-      }
-      scene["effects"].push_back(std::move(entry));
+      scene["effects"].push_back(effect_entry(effect));
     };
     causes_.push_back(std::move(cause));
   }

@@ -24,15 +24,24 @@ struct Cause {
   std::function<void(std::span<const double> values, int variant, Json& scene)> write;
 };
 
+/// Where a recording shows that a body ran into something that the simulation passes through.
+struct Encounter {
+  Vec3d point = Vec3d::Zero();    ///< of the body that went farthest then [m]
+  Vec3d normal = Vec3d::UnitZ();  ///< unit, in which the body was pushed
+  double reach = 0.0;             ///< how far the simulated body goes beyond `point` [m]
+  double time = 0.0;              ///< after the scene's first frame [s]
+};
+
 /// What the causes of a scene depend on beside the scene itself.
 struct CauseOptions {
-  std::vector<std::string> fitted;  ///< document paths that a fit moves: no causes of their own
-  double duration = 1.0;            ///< of the longest recording [s]
+  std::vector<std::string> fitted;    ///< document paths that a fit moves: no causes of their own
+  double duration = 1.0;              ///< of the longest recording [s]
+  std::vector<Encounter> encounters;  ///< places of a collider that nobody listed
 };
 
 /// Every cause that makes sense of the first body of a scene: the catalogue's
 /// terms (effects/), the scene's own numbers that are not fitted (gravity,
-/// contact, damping, relaxation, attached masses), and what a camera or a
+/// contact, damping, relaxation, attached masses), a collider that it lacks, and what a camera or a
 /// tracker may do to the recording. `document` and `scene` are of the same job.
 [[nodiscard]] std::vector<Cause> scene_causes(const Job& job, const mpm::Scene& scene,
                                               const CauseOptions& options);

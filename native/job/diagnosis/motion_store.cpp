@@ -45,6 +45,8 @@ fs::path MotionStore::path_of(const diagnose::Point& point) const {
        {n.spacing, n.step, n.offset.x(), n.offset.y(), n.offset.z(), n.particles}) {
     add(value, hasher);
   }
+  for (const double slope : n.lumping_slope) add(slope, hasher);
+  for (const double bend : n.lumping_bend) add(bend, hasher);
   add(n.transfer, hasher);
   add(n.seed, hasher);
   return folder_ / (hasher.hex() + ".motion");

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <thread>
@@ -11,6 +12,7 @@
 #include "base/side_by_side.hpp"
 #include "fit/data/capture_noise.hpp"
 #include "fit/data/follow.hpp"
+#include "job/diagnosis/hidden_collider.hpp"
 #include "job/diagnosis/observation_document.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/fit_levels.hpp"
@@ -30,13 +32,38 @@ constexpr double kFiner = 1.189207115002721;
 constexpr double kMargin = 1.1;
 
 std::string key_of(const diagnose::Numerics& n, std::size_t run) {
-  return fmt::format("{} {:a} {:a} {:a} {:a} {:a} {}", run, n.spacing, n.offset.x(), n.offset.y(),
-                     n.offset.z(), n.particles, n.seed);
+  std::string key = fmt::format("{} {:a} {:a} {:a} {:a} {:a} {}", run, n.spacing, n.offset.x(),
+                                n.offset.y(), n.offset.z(), n.particles, n.seed);
+  for (const double slope : n.lumping_slope) key += fmt::format(" {:a}", slope);
+  for (const double bend : n.lumping_bend) key += fmt::format(" {:a}", bend);
+  return key;
+}
+
+/// Numerics::lumping_slope and lumping_bend.
+void lump(const diagnose::Numerics& n, mpm::Body& body) {
+  if (n.lumping_slope.isZero(0.0) && n.lumping_bend == decltype(n.lumping_bend){}) return;
+  Eigen::AlignedBox3d box;
+  for (const Vec3d& x : body.rest) box.extend(x);
+  const Vec3d half = (0.5 * box.sizes()).cwiseMax(1e-12);
+  double before = 0.0;
+  double after = 0.0;
+  for (std::size_t i = 0; i < body.rest.size(); ++i) {
+    const Vec3d x = (body.rest[i] - box.center()).cwiseQuotient(half);
+    const Vec3d bend = (1.5 * x.cwiseProduct(x)).array() - 0.5;
+    const Vec3d twist(x.x() * x.y(), x.y() * x.z(), x.z() * x.x());
+    const double factor = 1.0 + n.lumping_slope.dot(x) +
+                          Eigen::Map<const Vec3d>(n.lumping_bend.data()).dot(bend) +
+                          Eigen::Map<const Vec3d>(n.lumping_bend.data() + 3).dot(twist);
+    before += body.volumes[i];
+    body.volumes[i] *= std::clamp(factor, 0.5, 2.0);
+    after += body.volumes[i];
+  }
+  for (auto& volume : body.volumes) volume *= before / after;
 }
 
 bool is_own(const diagnose::Numerics& n) {
   return n.spacing == 1.0 && n.step == 1.0 && n.offset.isZero(0.0) && n.particles == 1.0 &&
-         n.seed == 0;
+         n.seed == 0 && n.lumping_slope.isZero(0.0) && n.lumping_bend == decltype(n.lumping_bend){};
 }
 
 /// The parameters with the document's values as their starts: those are the
@@ -94,14 +121,15 @@ SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
     }
   }
   list_captures();
+  fix_substeps();
   CauseOptions about;
   for (const fit::Parameter& parameter : parameters()) about.fitted.push_back(parameter.name);
   for (const diagnose::Capture& capture : captures_) {
     about.duration = std::max(about.duration, capture.times.back() - capture.times.front());
   }
+  if (fitted) about.encounters = encounters_with(scenes.front().gravity);
   causes_ = scene_causes(loaded_.sources.front().job, scenes.front(), about);
   for (const Cause& cause : causes_) rows_.push_back(cause.row);
-  fix_substeps();
 }
 
 SceneModel::~SceneModel() = default;
@@ -122,6 +150,7 @@ std::shared_ptr<const SceneModel::Built> SceneModel::built(const diagnose::Numer
   // Particles per cell by their number: the grid follows the separation.
   made->scene = scene_at_level(job, numerics.spacing, arena, interrupter_);
   made->scene.grid_shift += numerics.offset;
+  for (mpm::Body& body : made->scene.bodies) lump(numerics, body);
   for (const fit::Capture& capture : runs()[run].captures) {
     const std::size_t body = fit::body_index(made->scene, capture.input.body);
     made->bodies.push_back(body);
@@ -130,6 +159,19 @@ std::shared_ptr<const SceneModel::Built> SceneModel::built(const diagnose::Numer
   }
   const std::lock_guard lock(mutex_);
   return built_.emplace(key, std::move(made)).first->second;
+}
+
+/// What the recordings show at the fitted values, in the scene as it is.
+std::vector<Encounter> SceneModel::encounters_with(const shape::Keyed<Vec3d>& gravity) const {
+  diagnose::Point point;
+  point.theta.resize(static_cast<Eigen::Index>(listed_.size()));
+  for (std::size_t k = 0; k < listed_.size(); ++k) {
+    point.theta[static_cast<Eigen::Index>(k)] =
+        fit::to_natural(listed_[k].coordinate, listed_[k].start);
+  }
+  const auto motions = simulate_afresh({point});
+  if (!motions.front()) return {};
+  return encounters(captures_, motions.front()->positions, gravity.at(0.0));
 }
 
 void SceneModel::list_captures() {

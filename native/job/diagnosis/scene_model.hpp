@@ -72,6 +72,7 @@ class SceneModel final : public diagnose::Model {
       const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const;
   void write_observed(const diagnose::Point::Cause& cause, Json& document,
                       std::vector<std::string>& statements) const;
+  [[nodiscard]] std::vector<Encounter> encounters_with(const shape::Keyed<Vec3d>& gravity) const;
   void list_captures();
   void fix_substeps();
 

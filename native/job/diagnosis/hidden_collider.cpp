@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/diagnosis/hidden_collider.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+
+#include "job/diagnosis/extent.hpp"
+#include "shape/collider.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using Eigen::Index;
+
+/// How far above the median of all frames an encounter's missing acceleration is.
+constexpr double kFarAbove = 6.0;
+constexpr std::size_t kMost = 2;
+/// Frames beside an encounter that belong to it.
+constexpr int kNeighbours = 2;
+constexpr std::size_t kFewestFrames = 5;
+/// Radii of spheres that are tried, in longest sides of the body.
+constexpr std::array<double, 2> kRadii = {0.5, 1.5};
+constexpr double kFriction = 0.3;
+constexpr const char* kName = "hidden collider";
+
+struct Samples {
+  const diagnose::Capture& capture;
+  const Eigen::VectorXd& simulated;
+  Index first;  ///< of the capture's rows
+
+  [[nodiscard]] bool used(Index f, Index i) const {
+    return capture.use[static_cast<std::size_t>(f * capture.tracks() + i)] == diagnose::Use::kUsed;
+  }
+  [[nodiscard]] Vec3d measured_at(Index f, Index i) const {
+    return capture.positions.segment<3>(3 * (f * capture.tracks() + i));
+  }
+  [[nodiscard]] Vec3d simulated_at(Index f, Index i) const {
+    return simulated.segment<3>(first + 3 * (f * capture.tracks() + i));
+  }
+};
+
+/// At a frame.
+struct Missing {
+  Index frame = 0;
+  Vec3d acceleration = Vec3d::Zero();  ///< measured − simulated, mean of the tracks [m/s²]
+  double own = 0.0;                    ///< size of the simulated one beyond gravity
+};
+
+std::vector<Missing> missing_accelerations(const Samples& samples, const Vec3d& gravity) {
+  const std::vector<double>& times = samples.capture.times;
+  std::vector<Missing> result;
+  for (Index f = 1; f + 1 < static_cast<Index>(times.size()); ++f) {
+    const auto at = static_cast<std::size_t>(f);
+    const double before = times[at] - times[at - 1];
+    const double after = times[at + 1] - times[at];
+    const auto second = [&](const Vec3d& a, const Vec3d& b, const Vec3d& c) -> Vec3d {
+      return 2.0 / (before + after) * ((c - b) / after - (b - a) / before);
+    };
+    Missing missing;
+    missing.frame = f;
+    Vec3d own = Vec3d::Zero();
+    double count = 0.0;
+    for (Index i = 0; i < samples.capture.tracks(); ++i) {
+      if (!samples.used(f - 1, i) || !samples.used(f, i) || !samples.used(f + 1, i)) continue;
+      const Vec3d simulated = second(samples.simulated_at(f - 1, i), samples.simulated_at(f, i),
+                                     samples.simulated_at(f + 1, i));
+      missing.acceleration += second(samples.measured_at(f - 1, i), samples.measured_at(f, i),
+                                     samples.measured_at(f + 1, i)) -
+                              simulated;
+      own += simulated - gravity;
+      count += 1.0;
+    }
+    if (!(count > 0.0)) continue;
+    missing.acceleration /= count;
+    missing.own = own.norm() / count;
+    result.push_back(missing);
+  }
+  return result;
+}
+
+std::optional<Encounter> encounter_at(const Samples& samples, const Missing& missing) {
+  Encounter found;
+  found.normal = missing.acceleration.normalized();
+  found.time = samples.capture.times[static_cast<std::size_t>(missing.frame)];
+  double nearest = 1e300;
+  double passed = 1e300;
+  for (Index f = 0; f < static_cast<Index>(samples.capture.times.size()); ++f) {
+    for (Index i = 0; i < samples.capture.tracks(); ++i) {
+      if (!samples.used(f, i)) continue;
+      passed = std::min(passed, samples.simulated_at(f, i).dot(found.normal));
+      if (std::abs(f - missing.frame) > 1) continue;
+      const double along = samples.measured_at(f, i).dot(found.normal);
+      if (along < nearest) {
+        nearest = along;
+        found.point = samples.measured_at(f, i);
+      }
+    }
+  }
+  found.reach = nearest - passed;
+  // A simulation that does not go there was not in its way.
+  return found.reach > 0.0 ? std::optional(found) : std::nullopt;
+}
+
+}  // namespace
+
+std::vector<Encounter> encounters(const std::vector<diagnose::Capture>& captures,
+                                  const Eigen::VectorXd& simulated, const Vec3d& gravity) {
+  std::vector<std::pair<double, Encounter>> found;
+  Index first = 0;
+  for (const diagnose::Capture& capture : captures) {
+    const Samples samples{capture, simulated, first};
+    first += 3 * capture.samples();
+    std::vector<Missing> missing = missing_accelerations(samples, gravity);
+    if (missing.size() < kFewestFrames) continue;
+    std::ranges::stable_sort(missing, std::greater<>(),
+                             [](const Missing& m) { return m.acceleration.norm(); });
+    const double median = missing[missing.size() / 2].acceleration.norm();
+    std::vector<Index> taken;
+    for (const Missing& m : missing) {
+      const double size = m.acceleration.norm();
+      if (size < kFarAbove * median || taken.size() >= kMost) break;
+      if (size < m.own) continue;
+      if (std::ranges::any_of(taken, [&](Index f) { return std::abs(f - m.frame) <= kNeighbours; }))
+        continue;
+      taken.push_back(m.frame);
+      if (const auto encounter = encounter_at(samples, m)) {
+        found.emplace_back(size / std::max(median, 1e-12), *encounter);
+      }
+    }
+  }
+  std::ranges::stable_sort(found, std::greater<>(), [](const auto& f) { return f.first; });
+  if (found.size() > kMost) found.resize(kMost);
+  std::vector<Encounter> result;
+  result.reserve(found.size());
+  for (const auto& [clear, encounter] : found) result.push_back(encounter);
+  return result;
+}
+
+std::optional<Cause> hidden_collider(const std::vector<Encounter>& encounters,
+                                     const mpm::Scene& scene) {
+  if (encounters.empty()) return std::nullopt;
+  const double size = extent_of(scene.bodies.front()).size;
+  Cause cause;
+  cause.row.name = "hidden_collider";
+  cause.row.scope = "shared";
+  cause.row.group = "contact";
+  cause.row.sentence =
+      "Something that the scene does not have is in the way, {value} into where the body would "
+      "pass: {variant}.";
+  cause.row.confused_with = {"force_field", "moving_collider"};
+  struct Shape {
+    Encounter encounter;
+    double radius;  ///< 0: a plane
+  };
+  std::vector<Shape> shapes;
+  diagnose::Number reach;
+  reach.name = "reach";
+  reach.unit = "m";
+  reach.scale = 0.05 * size;
+  reach.low = 0.0;
+  reach.one_sided = true;
+  reach.high = 0.0;
+  for (const Encounter& encounter : encounters) {
+    reach.high = std::max(reach.high, encounter.reach + size);
+    reach.first_step = std::max(reach.first_step, encounter.reach);
+    const auto add = [&](double radius, const std::string& what) {
+      shapes.push_back({encounter, radius});
+      cause.row.variants.push_back(
+          fmt::format("{} met after {:.3g} s at ({:.3g}, {:.3g}, {:.3g}) m", what, encounter.time,
+                      encounter.point.x(), encounter.point.y(), encounter.point.z()));
+    };
+    add(0.0, "a wall");
+    for (const double radius : kRadii) {
+      add(radius * size, fmt::format("a ball of {:.2g} m radius", radius * size));
+    }
+  }
+  cause.row.numbers = {reach};
+  // Where its surface lies along the normal: at `first_step` where the body was seen to turn.
+  const auto point_of = [seen = reach.first_step](const Shape& shape, double v) -> Vec3d {
+    return shape.encounter.point + (v - seen) * shape.encounter.normal;
+  };
+  cause.apply = [shapes, point_of](std::span<const double> v, int variant, mpm::Scene& scene) {
+    if (!(v[0] > 0.0)) return;
+    const Shape& shape = shapes[static_cast<std::size_t>(variant)];
+    shape::Contact contact;
+    contact.mu = kFriction;
+    const Vec3d point = point_of(shape, v[0]);
+    const Vec3d& normal = shape.encounter.normal;
+    if (shape.radius > 0.0) {
+      shape::Pose pose;
+      pose.position = point - shape.radius * normal;
+      scene.colliders.push_back(
+          shape::make_sphere(kName, contact, shape.radius, shape::Keyed<shape::Pose>(pose)));
+    } else {
+      scene.colliders.push_back(shape::make_plane(kName, contact, point, normal));
+    }
+  };
+  cause.write = [shapes, point_of](std::span<const double> v, int variant, Json& scene) {
+    const Shape& shape = shapes[static_cast<std::size_t>(variant)];
+    const Vec3d point = point_of(shape, v[0]);
+    const Vec3d& normal = shape.encounter.normal;
+    Json collider = {{"name", kName}, {"contact", {{"kind", "friction"}, {"mu", kFriction}}}};
+    if (shape.radius > 0.0) {
+      const Vec3d center = point - shape.radius * normal;
+      collider["shape"] = "sphere";
+      collider["radius"] = shape.radius;
+      collider["transform"] = {{"position", {center.x(), center.y(), center.z()}}};
+    } else {
+      collider["shape"] = "plane";
+      collider["point"] = {point.x(), point.y(), point.z()};
+      collider["normal"] = {normal.x(), normal.y(), normal.z()};
+    }
+    scene["colliders"].push_back(std::move(collider));
+  };
+  return cause;
+}
+
+}  // namespace matterfit::job

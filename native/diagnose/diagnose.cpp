@@ -19,6 +19,8 @@ using Eigen::VectorXd;
 
 /// Above it a cause that leaves the rest unexplained still stands as the finding.
 constexpr double kExplainsEnough = 0.8;
+/// The same on what was kept back, which is farther from what was fitted to.
+constexpr double kPredictsEnough = 0.6;
 /// Power .8 of the detection limit: Φ⁻¹(.8).
 constexpr double kPower = 0.84;
 constexpr std::size_t kWorstFrames = 5;
@@ -175,7 +177,7 @@ class Writer {
                                               other.candidate.variant < score.candidate.variant));
                                    }));
       if (!stands) continue;
-      if (!score.observable) report_.not_observable.push_back(e.name);
+      if (!score.observable && !trial) report_.not_observable.push_back(e.name);
       limits(k);
       report_.causes.push_back(row(k, trial));
     }
@@ -195,8 +197,11 @@ class Writer {
     cause.score = score.statistic;
     cause.p = found_.first->placebo.p(score.equivalent);
     cause.keep = score.keep;
-    cause.observable = score.observable;
+    cause.observable = score.observable || trial;
     cause.refitted = trial != nullptr;
+    if (trial && !e.onsets.empty()) {
+      cause.p = found_.first->placebo.p(found_.base.evidence - trial->evidence);
+    }
     if (acts(score.candidate)) {
       fill_values(score.candidate, found_.best->refit, cause);
       fill_gain(*found_.best, cause);
@@ -266,7 +271,9 @@ class Writer {
     if (found_.accepted) {
       name_causes();
       const bool left = report_.smooth_p_after < options_.smooth_level;
-      if (left && report_.explained < kExplainsEnough) {
+      const Gain& g = found_.best->gain;
+      const bool predicts = !g.measurable || g.value >= kPredictsEnough;
+      if (left && (report_.explained < kExplainsEnough || !predicts)) {
         report_.verdict = Verdict::kUnknown;
         report_.classes.clear();
         for (Cause& cause : report_.causes) cause.accepted = false;

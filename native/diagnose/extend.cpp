@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
+#include "diagnose/onset.hpp"
 #include "fit/numerics/student.hpp"
 
 namespace matterfit::diagnose {
@@ -271,9 +273,11 @@ class Search {
     if (order.empty()) return;
     const Score& top = scores[order.front()];
     std::vector<Attempt> attempts;
+    add_onsets(scores, known, attempts);
     for (const std::size_t k : order) {
       if (int(attempts.size()) >= options_.refits) break;
       const Score& score = scores[k];
+      if (!effect_of(score).onsets.empty()) continue;
       if (out_.first->placebo.p(score.equivalent) >= options_.analysis.placebo.level) break;
       const double imitates = out_.first->test.imitation(order.front(), top.estimate, k);
       const bool like = top.statistic * (1.0 - imitates) < kExcluded ||
@@ -285,6 +289,38 @@ class Search {
     tell(0.5, fmt::format("Refitting with {} causes", attempts.size()));
     out_.singles = tried(std::move(attempts), "refits");
     std::ranges::stable_sort(out_.singles, {}, &Trial::evidence);
+  }
+
+  [[nodiscard]] const Effect& effect_of(const Score& score) const {
+    return study_.model().effects()[std::size_t(score.candidate.effect)];
+  }
+
+  /// What sets in at some time, in every shape: the base, which averages over before and after, may
+  /// not even come near it.
+  void add_onsets(const std::vector<Score>& scores, std::vector<Trial>& known,
+                  std::vector<Attempt>& attempts) {
+    for (const Score& score : scores) {
+      const std::vector<double>& onsets = effect_of(score).onsets;
+      if (onsets.empty()) continue;
+      RefitStart start = single_start(score, known);
+      const double onset = onsets[std::size_t(score.candidate.variant)];
+      const auto [at, fresh] = before_onset_.try_emplace(onset);
+      if (fresh) {
+        study_.begin("refits");
+        at->second = fitted_before(study_, out_.noise, out_.spread, base_state_, out_.slopes.theta,
+                                   onset, options_.refit);
+      }
+      if (at->second) {
+        const std::vector<Number>& numbers = effect_of(score).numbers;
+        VectorXd whole(Index(numbers.size()));
+        for (std::size_t k = 0; k < numbers.size(); ++k) {
+          whole[Index(k)] = numbers[k].first_step / numbers[k].scale;
+        }
+        // Slopes that are there are of another motion, and after an impact no line holds for long.
+        start = {{extended(study_.model(), *at->second, score.candidate, whole, 1.0)}, {}, 3};
+      }
+      attempts.push_back({{score.candidate}, std::move(start)});
+    }
   }
 
   [[nodiscard]] RefitStart single_start(const Score& score, std::vector<Trial>& known) const {
@@ -506,6 +542,7 @@ class Search {
   int members_;
   const ExtendOptions& options_;
   State base_state_;
+  std::map<double, std::optional<State>> before_onset_;  ///< by the time
   Extension out_;
   std::optional<Refitter> refitter_;
   std::optional<Judge> judge_;

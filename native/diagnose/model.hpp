@@ -90,6 +90,10 @@ struct Effect {
   /// ("at the left end", "time 0.02 s"); the engine scans all and takes the best. Empty: one shape
   /// without description. Point::Cause::variant says which.
   std::vector<std::string> variants;
+  /// When each variant sets in [s], as something that is run into; empty: it acts from the start.
+  /// Its derivative at the neutral value is that of one finite step (Number::first_step), so its
+  /// score is a first impression: it is refitted whatever that says.
+  std::vector<double> onsets;
   /// For people: "{value} of air drag …"; {value} becomes value ± error with unit, or all of them
   /// with their names where there are several; {variant} the shape's description.
   std::string sentence;

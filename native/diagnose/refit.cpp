@@ -234,7 +234,7 @@ class Refitter::Search {
 
   /// Whether there was a renewal left.
   bool renew() {
-    if (fresh_ || renewed_ >= refitter_.options_.renewals) return false;
+    if (fresh_ || renewed_ >= refitter_.options_.renewals + start_.renewals) return false;
     ++renewed_;
     slopes_ = refitter_.slopes_at(here_->state);
     jacobian_ = refitter_.residual_slopes(slopes_);

@@ -40,6 +40,7 @@ struct RefitOptions {
 struct RefitStart {
   std::vector<State> states;
   Eigen::MatrixXd slopes;
+  int renewals = 0;  ///< beyond RefitOptions::renewals
 };
 
 /// Refits everything, θ, α and the bias's amplitude, under one covariance.

@@ -24,6 +24,7 @@ constexpr int kNeighbours = 2;
 constexpr std::size_t kFewestFrames = 5;
 /// Radii of spheres that are tried, in longest sides of the body.
 constexpr std::array<double, 2> kRadii = {0.5, 1.5};
+constexpr double kLeastReach = 0.25;
 constexpr double kFriction = 0.3;
 constexpr const char* kName = "hidden collider";
 
@@ -85,7 +86,8 @@ std::vector<Missing> missing_accelerations(const Samples& samples, const Vec3d& 
 std::optional<Encounter> encounter_at(const Samples& samples, const Missing& missing) {
   Encounter found;
   found.normal = missing.acceleration.normalized();
-  found.time = samples.capture.times[static_cast<std::size_t>(missing.frame)];
+  // The frame before may have seen the beginning.
+  found.time = samples.capture.times[static_cast<std::size_t>(missing.frame - 1)];
   double nearest = 1e300;
   double passed = 1e300;
   for (Index f = 0; f < static_cast<Index>(samples.capture.times.size()); ++f) {
@@ -165,15 +167,18 @@ std::optional<Cause> hidden_collider(const std::vector<Encounter>& encounters,
   reach.one_sided = true;
   reach.high = 0.0;
   for (const Encounter& encounter : encounters) {
-    reach.high = std::max(reach.high, encounter.reach + size);
-    reach.first_step = std::max(reach.first_step, encounter.reach);
+    // The fitted path is one of before and after together: it may only just reach there.
+    reach.first_step = std::max({reach.first_step, encounter.reach, kLeastReach * size});
+    reach.high = reach.first_step + size;
     const auto add = [&](double radius, const std::string& what) {
       shapes.push_back({encounter, radius});
+      cause.row.onsets.push_back(encounter.time);
       cause.row.variants.push_back(
           fmt::format("{} met after {:.3g} s at ({:.3g}, {:.3g}, {:.3g}) m", what, encounter.time,
                       encounter.point.x(), encounter.point.y(), encounter.point.z()));
     };
     add(0.0, "a wall");
+    if (&encounter != &encounters.front()) continue;
     for (const double radius : kRadii) {
       add(radius * size, fmt::format("a ball of {:.2g} m radius", radius * size));
     }

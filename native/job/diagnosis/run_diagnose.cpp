@@ -14,6 +14,7 @@
 #include "job/diagnosis/scene_model.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/inputs.hpp"
+#include "job/documents/override.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_run.hpp"
 #include "job/run/build_scene.hpp"
@@ -96,6 +97,39 @@ Json fitted_document(const Job& job, const Fitted& fitted) {
   return document;
 }
 
+/// About a start: a factor of thirty where the bounds span decades, else three quarters of the way.
+Json narrowed(double start, const Json& bounds) {
+  constexpr double kFactor = 30.0;
+  constexpr double kShare = 0.75;
+  const double low = bounds.at(0).get<double>();
+  const double high = bounds.at(1).get<double>();
+  if (low > 0.0 && high > kFactor * kFactor * low) {
+    return Json::array({std::max(low, start / kFactor), std::min(high, start * kFactor)});
+  }
+  return Json::array({start - kShare * (start - low), start + kShare * (high - start)});
+}
+
+/// What the recording does not tell of a material goes back to where the fit began: there the
+/// search has followed what it could not explain, to an end at which nothing moves or no step is
+/// small enough.
+void forget_the_untold(const Fitted& fitted, Json& document, std::vector<std::string>& statements) {
+  for (const Json& parameter : fitted.fit.at("parameters")) {
+    const std::string path = parameter.at("path").get<std::string>();
+    if (path.find(".material.") == std::string::npos || parameter.value("observable", true)) {
+      continue;
+    }
+    const double start = parameter.at("start").get<double>();
+    apply_override(document, "scene." + path + "=" + parameter.at("start").dump());
+    for (Json& entry : document.at("fit").at("parameters")) {
+      if (entry.at("path") == path) entry["bounds"] = narrowed(start, entry.at("bounds"));
+    }
+    statements.push_back(fmt::format(
+        "The recording does not tell {}: causes are sought with its start, {:.3g}, and it is "
+        "fitted again with each of them.",
+        path, start));
+  }
+}
+
 /// Gives a document's scene, and those that captures have of their own, `factor` times the particle
 /// separation of `given`.
 void set_separation(const Json& given, double factor, Json& document) {
@@ -168,6 +202,7 @@ Json run_diagnose(const Job& job, const RunOptions& options, Interrupter& interr
   }
 
   Json document = fitted_document(job, *fitted);
+  forget_the_untold(*fitted, document, statements);
   Json sought = document;
   if (factor > 1.0) {
     set_separation(job.document, factor, sought);

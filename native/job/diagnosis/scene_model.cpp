@@ -27,6 +27,10 @@ namespace {
 
 /// Steps in which substeps are made more: a quarter of an octave.
 constexpr double kFiner = 1.189207115002721;
+/// Beyond so many times the substeps of the fitted values a point counts as one that cannot be
+/// simulated: a hundred times the stiffness. A search that goes there follows what it cannot
+/// explain.
+constexpr double kMostFiner = 10.0;
 /// Of the solver's margin (dt_safety), that a point beside the fitted values
 /// may use.
 constexpr double kMargin = 1.1;
@@ -268,6 +272,7 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
   }
   if (is_own(point.numerics)) {
     const double ratio = limits_[run] / mpm::step_limit(scene) / kMargin;
+    if (ratio > kMostFiner) return std::nullopt;
     const double finer =
         std::pow(kFiner, std::max(0.0, std::ceil(std::log(ratio) / std::log(kFiner))));
     for (const int count : substeps_[run]) {

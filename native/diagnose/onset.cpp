@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "diagnose/onset.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "diagnose/judge.hpp"
+
+namespace matterfit::diagnose {
+
+using Eigen::Index;
+
+std::optional<State> fitted_before(const Study& study, const Noise& noise, const Spread& spread,
+                                   const State& state, const Eigen::MatrixXd& slopes, double onset,
+                                   const RefitOptions& options) {
+  // Three frames tell a velocity from an acceleration.
+  constexpr std::size_t kFewestFrames = 3;
+  // Standard errors.
+  constexpr double kMoved = 2.0;
+  const std::vector<Capture>& captures = study.model().captures();
+  std::set<std::pair<int, Index>> tracks;
+  std::set<std::pair<int, Index>> frames;
+  for (const Series& s : study.used().series()) {
+    tracks.insert({s.capture, s.track});
+    for (Index i = s.begin; i < s.end; ++i) {
+      if (study.used().time(i) < onset) frames.insert({s.capture, study.used().frame(i)});
+    }
+  }
+  if (frames.size() < kFewestFrames) return std::nullopt;
+  Rows early(captures, [&](int c, Index frame, Index track) {
+    const Capture& capture = captures[std::size_t(c)];
+    return capture.use[std::size_t(frame * capture.tracks() + track)] == Use::kUsed &&
+           tracks.contains({c, track}) && frames.contains({c, frame});
+  });
+  Rows nothing(captures, [](int, Index, Index) { return false; });
+  const std::vector<Index> places = places_in(study.used(), early);
+  const Study before(study, std::move(early), std::move(nothing));
+  Spread there;
+  there.members = spread.members(places, Eigen::all);
+  if (spread.bias.size() > 0) there.bias = spread.bias(places);
+  const Refitter refitter(before, for_rows(noise, before.used()), there, options);
+  const Eigen::MatrixXd early_slopes = slopes(places, Eigen::all);
+  std::vector<RefitStart> starts;
+  starts.push_back({{state}, early_slopes});
+  const auto refit = std::move(refitter.fit_all(std::move(starts)).front());
+  if (!refit) return std::nullopt;
+  // What so little does not tell stays as it was: a stiffness, say, before anything was touched.
+  // By the slopes at `state`: those of the search took steps apart by what they surprised with.
+  State result = refit->state;
+  const Eigen::MatrixXd white = refitter.whitening().apply(early_slopes);
+  Eigen::MatrixXd h = white.transpose() * white;
+  h.diagonal() *= 1.0 + 1e-9;
+  h.diagonal().array() += 1e-12 * std::max(h.diagonal().maxCoeff(), 1e-300);
+  const Eigen::VectorXd variance =
+      h.ldlt().solve(Eigen::MatrixXd::Identity(h.cols(), h.cols())).diagonal().cwiseMax(0.0);
+  for (Index p = 0; p < result.theta.size(); ++p) {
+    const double scale = study.model().parameters()[std::size_t(p)].scale;
+    const double moved = (result.theta[p] - state.theta[p]) / scale;
+    if (moved * moved < kMoved * kMoved * variance[p]) result.theta[p] = state.theta[p];
+  }
+  return result;
+}
+
+}  // namespace matterfit::diagnose

@@ -35,6 +35,9 @@ constexpr double kFlows = 0.05;
 constexpr double kAsNear = 0.01;
 constexpr double kAsNearStress = 1e-4;
 constexpr int kIterations = 40;
+constexpr int kRounds = 6;
+/// Relative differences below it count by their square.
+constexpr double kSmooth = 1e-3;
 constexpr double kDifference = 1e-4;
 
 /// A prescribed motion without rotation: the steps' stretches along the axes.
@@ -220,8 +223,10 @@ class Comparison {
   double yields_at_ = 0.0;
 };
 
-/// Levenberg–Marquardt by differences; the material at the end.
-Material nearest(const Comparison& comparison, Material material, const std::vector<Sought>& list) {
+/// The material of least Σ (w |τ − τ*|)² by Levenberg–Marquardt with differences, `weights` w one a
+/// state.
+Material nearest(const Comparison& comparison, const Material& material,
+                 const std::vector<Sought>& list, const Eigen::VectorXd& weights) {
   const auto count = static_cast<Eigen::Index>(list.size());
   Eigen::VectorXd point(count);
   for (Eigen::Index i = 0; i < count; ++i) {
@@ -236,7 +241,12 @@ Material nearest(const Comparison& comparison, Material material, const std::vec
     }
     return m;
   };
-  Eigen::VectorXd residual = comparison.residual(at(point));
+  const auto residual_at = [&](const Eigen::VectorXd& where) {
+    Eigen::VectorXd all = comparison.residual(at(where));
+    for (Eigen::Index k = 0; k < weights.size(); ++k) all.segment<3>(3 * k) *= weights[k];
+    return all;
+  };
+  Eigen::VectorXd residual = residual_at(point);
   double damping = 1e-3;
   for (int step = 0; step < kIterations && damping < 1e8; ++step) {
     Eigen::MatrixXd jacobian(residual.size(), count);
@@ -247,7 +257,7 @@ Material nearest(const Comparison& comparison, Material material, const std::vec
       const double by = point[i] + reach > end ? -reach : reach;
       Eigen::VectorXd moved = point;
       moved[i] += by;
-      jacobian.col(i) = (comparison.residual(at(moved)) - residual) / by;
+      jacobian.col(i) = (residual_at(moved) - residual) / by;
     }
     Eigen::MatrixXd normal = jacobian.transpose() * jacobian;
     const double before = residual.squaredNorm();
@@ -262,7 +272,7 @@ Material nearest(const Comparison& comparison, Material material, const std::vec
         const double most = one.linear ? 0.2 * (one.high - one.low) : 2.0;
         trial[i] = natural(one, physical(one, point[i] - std::clamp(move[i], -most, most)));
       }
-      const Eigen::VectorXd there = comparison.residual(at(trial));
+      const Eigen::VectorXd there = residual_at(trial);
       if (!there.allFinite() || there.squaredNorm() >= before) continue;
       settled = there.squaredNorm() > before * (1.0 - 1e-8);
       point = trial;
@@ -273,6 +283,23 @@ Material nearest(const Comparison& comparison, Material material, const std::vec
     if (settled) break;
   }
   return at(point);
+}
+
+/// The material of least Σ |τ − τ*|, by weights made anew (Lawson): what a few states have of
+/// their own, as where a flow is turned around, does not bend the numbers.
+Material nearest(const Comparison& comparison, Material material, const std::vector<Sought>& list) {
+  Eigen::VectorXd weights;
+  for (int round = 0; round < kRounds; ++round) {
+    const Eigen::VectorXd residual = comparison.residual(material);
+    if (round == 0) weights = Eigen::VectorXd::Ones(residual.size() / 3);
+    if (round > 0) {
+      for (Eigen::Index k = 0; k < weights.size(); ++k) {
+        weights[k] = 1.0 / std::sqrt(residual.segment<3>(3 * k).norm() + kSmooth);
+      }
+    }
+    material = nearest(comparison, material, list, weights);
+  }
+  return material;
 }
 
 constexpr std::array kClassical = {Law::kFixedCorotated, Law::kNeoHookean,      Law::kStvkHencky,

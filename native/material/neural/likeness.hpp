@@ -34,8 +34,8 @@ struct Likeness {
 /// All classical laws fitted to the neural one, the nearest by `stress` first; of those that are as
 /// near to a hundredth of that, the one with fewer numbers. Both follow the same ways, by the laws
 /// of the solver's kernels (material/classical/point_law.hpp): a change of volume, and then of
-/// shape in random directions at rates within the excitation, and some way back. Parameters by
-/// Levenberg–Marquardt in their natural coordinates from the neural law's moduli and flow.
+/// shape in random directions at rates within the excitation, and some way back. Parameters are
+/// those of least mean difference, by Levenberg–Marquardt from the neural law's moduli and flow.
 /// Deterministic in the seed. Throws Error(kInput) where the material is not of the neural law, or
 /// the excitation is empty.
 [[nodiscard]] std::vector<Likeness> likenesses(const Material& neural, const Excitation& over,

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fits clips of other simulators without saying the class: the neural law beside classical ones.
+"""Fits clips of other simulators without saying the class: the neural law beside the true classical one.
 
     neural_clips.py [FOLDER] [--only NAME …] [--separation M] [--weights N] [--threads N] [--again]
 
 FOLDER (../shared/data/other_simulators) as in other_simulators.py. Of each clip 400 tracks with .5 mm
 of noise, the first seven tenths of the frames to fit; the throw is fitted too. The neural law begins
-as jelly, with its moduli, two form numbers and its flow; the classical laws are ranked by
-`fit.laws`, and begin as a neo-Hookean of E 1e5, nu .3. Both at the same particle separation.
+as jelly, with its moduli, two form numbers and its flow; beside it the law that the clip was made
+with, from the poor guesses of other_simulators.py. Both at the same particle separation.
 Fits that are done for the same document are kept in build/neural_clips.
 Progress on standard error; the table as Markdown on standard output and in table.md.
 """
@@ -18,12 +18,11 @@ import time
 
 import clip_fit
 import numpy as np
-from other_simulators import contact_of
+from other_simulators import STARTS, contact_of
 from parts import BUILD, ROOT, require_in_tree
 
 DONE = BUILD / "neural_clips"
 FLOW = ("yield_strain", "internal_friction", "tear_strain", "flow_rate")
-CLASSICAL = ("neo_hookean", "von_mises", "herschel_bulkley", "drucker_prager", "newtonian")
 ITERATIONS = 12
 EVERY = 5  # tracks
 
@@ -31,13 +30,11 @@ EVERY = 5  # tracks
 def job_document(clip, frames, kind, options):
     neural = kind == "neural"
     material = ({"law": "neural_isotropic", "weights": "jelly"} if neural
-                else {"law": "neo_hookean", "E": 1e5, "nu": 0.3})
-    numbers = ["E", "nu", *(("form_1", "form_2", *FLOW) if neural else ())]
+                else {"law": clip["law"], **STARTS[clip["law"]]})
+    numbers = ["E", "nu", "form_1", "form_2", *FLOW] if neural else STARTS[clip["law"]]
     fit = {"parameters": [*(f"material.{number}" for number in numbers), "velocity", "spin"],
            "iterations": ITERATIONS}
-    if not neural:
-        fit["laws"] = list(CLASSICAL)
-    elif options.weights:
+    if neural and options.weights:
         fit["weights"] = options.weights
     return {
         "schema": "matterfit.job/1",
@@ -119,8 +116,8 @@ def main():
                    if not options.only or any(path.stem.startswith(only) for only in options.only))
     if not paths:
         sys.exit(f"neural_clips.py: there is no such NAME.json in {options.folder}")
-    lines = ["| clip, particles | held-out, mm: start | neural | best classical | what it is like; distance of the stress "
-             "| runs, s; s of the classical |", "|---|---|---|---|---|---|"]
+    lines = ["| clip, particles | held-out, mm: start | neural | the true law | what it is like; distance of the stress "
+             "| runs, s; of the true law |", "|---|---|---|---|---|---|"]
     for path in paths:
         lines.append(line_of(*(fit_one(path, kind, options) for kind in ("neural", "classical"))))
         print(lines[-1], file=sys.stderr, flush=True)

@@ -42,6 +42,14 @@ double mean(const Json& result, const char* when, const char* what) {
   return result["fit"][when][what]["mean_mm"].get<double>();
 }
 
+/// The test's figures, of --gtest_output.
+void record_property(const Json& result) {
+  testing::Test::RecordProperty(
+      "summary", std::to_string(mean(result, "before", "held_out")) + " mm held out, then " +
+                     std::to_string(mean(result, "after", "held_out")) + "; " +
+                     result["fit"]["like"]["cube"]["sentence"].get<std::string>());
+}
+
 const std::vector<std::string> kFlow = {"material.E",
                                         "material.nu",
                                         "material.yield_strain",
@@ -52,6 +60,7 @@ const std::vector<std::string> kFlow = {"material.E",
 TEST(FitNeural, FindsPlasticineWithoutBeingToldThatItYields) {
   Clip clip({{"law", "von_mises"}, {"E", 1e5}, {"nu", 0.3}, {"yield_stress", 2e3}}, 2.5, kFlow);
   const Json result = clip.run();
+  record_property(result);
   EXPECT_LT(mean(result, "after", "held_out"), 0.1 * mean(result, "before", "held_out"));
   const Json& like = result["fit"]["like"]["cube"];
   EXPECT_NEAR(like["parameters"].value("yield_stress", 0.0), 2e3, 0.1 * 2e3) << like;
@@ -62,6 +71,7 @@ TEST(FitNeural, FindsPlasticineWithoutBeingToldThatItYields) {
 TEST(FitNeural, FindsAFluidWithoutBeingToldThatItFlows) {
   Clip clip({{"law", "newtonian"}, {"bulk_modulus", 1e5}, {"viscosity", 50}}, 2.5, kFlow);
   const Json result = clip.run();
+  record_property(result);
   EXPECT_LT(mean(result, "after", "held_out"), 0.2 * mean(result, "before", "held_out"));
   const Json& like = result["fit"]["like"]["cube"];
   EXPECT_NEAR(like["parameters"].value("viscosity", 0.0), 50.0, 0.2 * 50.0) << like;
@@ -72,6 +82,7 @@ TEST(FitNeural, AllWeightsAreTakenOnlyWhereTheyPredictBetter) {
             {"material.E", "material.nu", "material.form_1", "material.form_2"});
   clip.document["fit"]["weights"] = 8;
   const Json result = clip.run();
+  record_property(result);
   const Json& weights = result["fit"]["weights"];
   const double without = weights["held_out_mm"]["without"].get<double>();
   EXPECT_LE(weights["held_out_mm"]["with"].get<double>(), without);

@@ -594,8 +594,9 @@ void LawFit::set_stage(LawState& state) {
 }
 
 void LawFit::end_stage(LawState& state) {
-  // Where the first motion was not known the whole clip is what tells a wrong valley.
-  const bool judged = !state.torn || (stages_[state.stage].whole && at_first_level(state));
+  // Where the first motion or the class was not known the whole clip is what tells a wrong valley.
+  const bool one = !state.torn && state.other.empty() && state.ended.empty();
+  const bool judged = one || (stages_[state.stage].whole && at_first_level(state));
   if (judged && try_other_start(state)) return;
   if (judged && may_rescan(state) && is_far(state)) {
     state.scan_due = true;

@@ -116,7 +116,8 @@ def main():
                    if not options.only or any(path.stem.startswith(only) for only in options.only))
     if not paths:
         sys.exit(f"neural_clips.py: there is no such NAME.json in {options.folder}")
-    lines = ["| clip, particles | held-out, mm: start | neural | the true law | what it is like; distance of the stress "
+    lines = ["| clip, particles | held-out, mm: start | neural | the true law "
+             "| what it is like; distance of the stress "
              "| runs, s; of the true law |", "|---|---|---|---|---|---|"]
     for path in paths:
         lines.append(line_of(*(fit_one(path, kind, options) for kind in ("neural", "classical"))))

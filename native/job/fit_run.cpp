@@ -25,7 +25,6 @@
 #include "job/run/folder_lock.hpp"
 #include "job/run/run_scene.hpp"
 #include "job/run/stage.hpp"
-#include "material/neural/isotropic_weights.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -303,13 +302,7 @@ class FitJob {
       (*find_named(document.at("scene"), "bodies", doc_.body))["material"] =
           material_json(with_law(own, material::law_from_name(law.law)));
     }
-    for (std::size_t k = 0; k < of.parameters().size(); ++k) {
-      const fit::Address& path = of.parameters().path(k);
-      if (path.quantity->path != "material.weight_moves[#]") continue;
-      Json& material = (*find_named(document.at("scene"), "bodies", path.owner))["material"];
-      if (material.contains("weight_moves")) continue;
-      material["weight_moves"] = std::vector<double>(material::kIsotropicElastic, 0.0);
-    }
+    add_weight_lists(of.parameters(), document);
     write_values(of.parameters(), law.values, loaded_.sources, job_, document);
     return document;
   }

@@ -18,6 +18,7 @@ namespace {
 
 /// So many steps that predict worse end the search.
 constexpr int kMostWorse = 4;
+constexpr const char* kRow = "material.weight_moves[#]";
 
 /// The builder's scenes with weights that can be moved.
 fit::SceneBuilder with_weights(fit::SceneBuilder build, std::string body) {
@@ -53,7 +54,7 @@ WeightsFit fit_weights(FitSetup setup, const LawState& before, const std::string
   for (fit::SceneBuilder& builder : setup.builders) {
     builder = with_weights(std::move(builder), body);
   }
-  const fit::Quantity& row = fit::row_named(fit::Owner::kBody, "material.weight_moves[#]");
+  const fit::Quantity& row = fit::row_named(fit::Owner::kBody, kRow);
   for (std::size_t i = 1; i < material::kIsotropicElastic; ++i) {
     fit::ParameterSpec weight;
     weight.where = "fit.weights";
@@ -112,6 +113,16 @@ WeightsFit fit_weights(FitSetup setup, const LawState& before, const std::string
                         "they stay.",
                         body));
   return result;
+}
+
+void add_weight_lists(const fit::Parameters& parameters, Json& document) {
+  for (std::size_t k = 0; k < parameters.size(); ++k) {
+    const fit::Address& path = parameters.path(k);
+    if (path.quantity->path != kRow) continue;
+    Json& material = (*find_named(document.at("scene"), "bodies", path.owner))["material"];
+    if (material.contains("weight_moves")) continue;
+    material["weight_moves"] = std::vector<double>(material::kIsotropicElastic, 0.0);
+  }
 }
 
 std::string weights_file_name(const std::string& body) {

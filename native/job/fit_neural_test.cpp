@@ -11,6 +11,7 @@
 #include "base/message_for_test.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/fit_like.hpp"
+#include "job/pretrain_files.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -98,6 +99,27 @@ TEST(FitNeural, AllWeightsAreTakenOnlyWhereTheyPredictBetter) {
   EXPECT_TRUE(fs::exists(clip.folder.path / "out/weights_cube.safetensors"));
   const Json likes = likes_of_file(clip.folder.path / "out/material.json", {});
   EXPECT_THAT(likes["material"]["sentence"].get<std::string>(), HasSubstr("Most like"));
+}
+
+TEST(FitNeural, MadeLikeAMaterialOfAFileItIsLikeIt) {
+  const Folder folder;
+  const Json material = {{"law", "neo_hookean"}, {"E", 4e4}, {"nu", 0.4}};
+  write_file(folder.path / "rubber.json", Json{{"material", material}}.dump());
+  PretrainOptions options;
+  options.folder = folder.path;
+  options.materials = {folder.path / "rubber.json"};
+  const Json report = write_start_laws(options);
+  EXPECT_EQ(report.size(), 1U);
+  EXPECT_LT(report["rubber"]["stress_rms"].get<double>(), 0.01);
+  const Json made = {{"law", "neural_isotropic"}, {"weights", "rubber.safetensors"}};
+  write_file(folder.path / "made.json", Json{{"material", made}}.dump());
+  const Json like = likes_of_file(folder.path / "made.json", {})["made"];
+  EXPECT_EQ(like["law"], "neo_hookean");
+  EXPECT_NEAR(like["parameters"]["E"].get<double>(), 4e4, 0.02 * 4e4);
+  EXPECT_NEAR(like["parameters"]["nu"].get<double>(), 0.4, 0.02 * 0.4);
+  options.materials = {folder.path / "made.json"};
+  EXPECT_THAT(message_of([&] { (void)write_start_laws(options); }),
+              HasSubstr("is of the neural law already"));
 }
 
 TEST(FitNeural, WeightMovesOfAnotherLawOrTooFewAreRefused) {

@@ -37,7 +37,7 @@ def tool_of(options):
     return options.tool or BUILD / "release" / "bin" / "matterfit"
 
 
-def _run_tool(options, verb, document, log, restart=True):
+def run_tool(options, verb, document, log, restart=True):
     """The tool's result, or None and its last words."""
     command = [tool_of(options), verb, document, "--json", "--quiet", "--threads", str(options.threads)]
     if restart:
@@ -63,7 +63,7 @@ def score(folder, truth, own, times, fitted_frames, options):
         body["source"] = given["source"]
     path = folder / "score.json"
     path.write_text(json.dumps(document, indent=1), encoding="utf-8")
-    result, error = _run_tool(options, "compare", path, folder / "score.log")
+    result, error = run_tool(options, "compare", path, folder / "score.log")
     if result is None:
         return {"failed": error}
     simulated = np.load(folder / "score" / "simulated.npz")["positions"]
@@ -131,9 +131,9 @@ def fit_clip(name, clip, arrays, folder, document, write_inputs, truth_and_own, 
     started = time.monotonic()
     cpu = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     log = folder / "fit.log"
-    result, error = _run_tool(options, "fit", job, log, restart=options.again or not broken_off)
+    result, error = run_tool(options, "fit", job, log, restart=options.again or not broken_off)
     if result is None and broken_off and "--restart" in error:  # it was broken off by another version
-        result, error = _run_tool(options, "fit", job, log)
+        result, error = run_tool(options, "fit", job, log)
     row = {
         "name": name,
         "seconds": max(time.monotonic() - started, result["fit"]["seconds"] if result else 0.0),

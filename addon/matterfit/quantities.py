@@ -119,7 +119,7 @@ _MATERIAL = (
              "Change of shape from which the material keeps its new shape, without unit; from 100 on "
              "never",
              default=1e3, most=1e6, soft=(0.0, 1.0), precision=4, step=1, absent=1e3, low=1e-5,
-             high=10.0),
+             high=1e3),
     Quantity("material.internal_friction", "Internal Friction", "",
              "Growth of the yield strain per loss of volume, as of grains under pressure",
              short="Int. Friction", most=100.0, soft=(0.0, 2.0), precision=3, step=1, low=1e-4,
@@ -130,7 +130,7 @@ _MATERIAL = (
     Quantity("material.tear_strain", "Tear Strain", "",
              "Growth of volume that it bears before it comes apart, without unit; from 100 on any",
              default=1e3, most=1e6, soft=(0.0, 1.0), precision=4, step=1, absent=1e3, low=1e-5,
-             high=10.0),
+             high=1e3),
     Quantity("material.flow_rate", "Flow Rate", "1/s",
              "How fast strain beyond the yield strain is lost; its inverse is the time of relaxation",
              default=1e9, least=1e-9, most=1e12, soft=(1e-2, 1e9), precision=1, step=1000,

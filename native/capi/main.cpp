@@ -21,6 +21,7 @@
 #include "job/documents/inputs.hpp"
 #include "job/documents/json_reader.hpp"
 #include "job/documents/wedge.hpp"
+#include "job/fit_like.hpp"
 #include "job/new_job.hpp"
 #include "job/pretrain_files.hpp"
 #include "job/run/estimate.hpp"
@@ -46,6 +47,7 @@ extern "C" void on_signal(int number) {
 struct Arguments {
   job::NewJobOptions fresh;
   job::PretrainOptions pretrain;
+  matterfit::material::Excitation over;
   std::string law = "fixed_corotated";
   std::string up;
   std::string job;
@@ -220,8 +222,36 @@ CLI::App* add_pretrain(CLI::App& app, Arguments& arguments) {
   job::PretrainOptions& pretrain = arguments.pretrain;
   verb->add_option("--output", pretrain.folder, "the folder they are written into")->required();
   verb->add_option("--law", pretrain.laws, "jelly, plasticine, sand, water; without it all");
+  verb->add_option("--material", pretrain.materials,
+                   "job documents or material files of classical laws, which it is made like");
   verb->add_option("--seed", pretrain.seed, "of the samples");
   return verb;
+}
+
+CLI::App* add_like(CLI::App& app, Arguments& arguments) {
+  CLI::App* verb = app.add_subcommand(
+      "like", "say which classical law a neural one is nearest to, with its numbers");
+  verb->add_option("FILE", arguments.job, "scene.json or material.json of a fit, or a job")
+      ->required();
+  verb->add_option("--strain", arguments.over.strain, "largest change of shape");
+  verb->add_option("--compression", arguments.over.compression, "largest loss of volume, ln J");
+  verb->add_option("--expansion", arguments.over.expansion, "largest gain of volume, ln J");
+  verb->add_option("--slowest", arguments.over.slowest, "rate of shape [1/s]");
+  verb->add_option("--fastest", arguments.over.fastest, "rate of shape [1/s]");
+  verb->add_flag("--json", arguments.json, "print the result as JSON");
+  return verb;
+}
+
+int like(const Arguments& arguments) {
+  const job::Json likes = job::likes_of_file(arguments.job, arguments.over);
+  if (arguments.json) {
+    std::printf("%s\n", likes.dump(2, ' ', false, job::Json::error_handler_t::replace).c_str());
+    return 0;
+  }
+  for (const auto& [name, one] : likes.items()) {
+    std::printf("%s: %s\n", name.c_str(), one.at("sentence").get<std::string>().c_str());
+  }
+  return 0;
 }
 
 int new_job(Arguments& arguments) {
@@ -279,6 +309,7 @@ int command(int argc, char** argv, Arguments& arguments) {
   CLI::App* fresh = add_new_job(app, arguments);
   CLI::App* many = add_wedge(app, arguments);
   CLI::App* train = add_pretrain(app, arguments);
+  CLI::App* alike = add_like(app, arguments);
   CLI::App* look = app.add_subcommand("inspect", "result hash of a cache folder; checks its files");
   look->add_option("FOLDER", arguments.folder, "a job's output folder")->required();
   look->add_option("--report", arguments.report, "write the result to this file too");
@@ -293,6 +324,7 @@ int command(int argc, char** argv, Arguments& arguments) {
   if (look->parsed()) return inspect(arguments);
   if (fresh->parsed()) return new_job(arguments);
   if (many->parsed()) return wedge(arguments);
+  if (alike->parsed()) return like(arguments);
   if (train->parsed()) {
     std::printf("%s\n", job::write_start_laws(arguments.pretrain).dump(2).c_str());
     return 0;

@@ -29,38 +29,6 @@ constexpr double kTold = 1.1;
 constexpr double kToldAngle = 10.0;
 constexpr int kIterations = 15;
 
-/// Frames in a row, from where the body begins to move, that the fit may see.
-fit::InteriorTracks tracks_of(const fit::Capture& capture, double volume) {
-  const capture::Tracks& all = capture.input.tracks;
-  std::vector<std::size_t> points;
-  for (std::size_t i = 0; i < all.points; ++i) {
-    if (capture.input.held_out_points[i] == 0 && capture.input.rest[i].allFinite()) {
-      points.push_back(i);
-    }
-  }
-  fit::InteriorTracks tracks;
-  for (const std::size_t i : points) {
-    tracks.rest.push_back(capture.input.rest[i]);
-    tracks.sigma += capture.sigma[i] / double(points.size());
-  }
-  tracks.spacing = std::cbrt(volume / std::max(1.0, double(points.size())));
-  const Vec3d unseen = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
-  for (std::size_t t = 0; t < all.frames() && tracks.times.size() < kMostFrames; ++t) {
-    if (all.times[t] < capture.begin - 1e-9) continue;
-    if (all.times[t] > capture.end + 1e-9 || capture.input.held_out_frames[t] != 0) break;
-    const std::size_t known = tracks.times.size();
-    if (known > 1) {
-      const double step = tracks.times[1] - tracks.times[0];
-      if (std::abs(all.times[t] - tracks.times.back() - step) > kUneven * step) break;
-    }
-    tracks.times.push_back(all.times[t]);
-    for (const std::size_t i : points) {
-      tracks.positions.push_back(all.is_visible(t, i) ? all.position(t, i) : unseen);
-    }
-  }
-  return tracks;
-}
-
 void keep_nearer(fit::Clearance& least, double distance, const Vec3d& normal, bool at_rest) {
   if (distance < least.distance) least = {distance, normal, at_rest};
 }
@@ -102,7 +70,7 @@ fit::Balance balance_of(const fit::Capture& capture,
   if (double(balance.places.size()) > 1.5 * kMostPlaces) {
     capture::thin(balance.places, balance.volumes, separation);
   }
-  balance.tracks = tracks_of(capture, volume);
+  balance.tracks = interior_tracks(capture, volume);
   balance.density = body.density;
   for (const double time : balance.tracks.times) {
     balance.gravity.push_back(scene.gravity.at(time));
@@ -241,6 +209,37 @@ std::string obstacle(const mpm::Scene& scene, const fit::Parameters& parameters,
 }
 
 }  // namespace
+
+fit::InteriorTracks interior_tracks(const fit::Capture& capture, double volume) {
+  const capture::Tracks& all = capture.input.tracks;
+  std::vector<std::size_t> points;
+  for (std::size_t i = 0; i < all.points; ++i) {
+    if (capture.input.held_out_points[i] == 0 && capture.input.rest[i].allFinite()) {
+      points.push_back(i);
+    }
+  }
+  fit::InteriorTracks tracks;
+  for (const std::size_t i : points) {
+    tracks.rest.push_back(capture.input.rest[i]);
+    tracks.sigma += capture.sigma[i] / double(points.size());
+  }
+  tracks.spacing = std::cbrt(volume / std::max(1.0, double(points.size())));
+  const Vec3d unseen = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t t = 0; t < all.frames() && tracks.times.size() < kMostFrames; ++t) {
+    if (all.times[t] < capture.begin - 1e-9) continue;
+    if (all.times[t] > capture.end + 1e-9 || capture.input.held_out_frames[t] != 0) break;
+    const std::size_t known = tracks.times.size();
+    if (known > 1) {
+      const double step = tracks.times[1] - tracks.times[0];
+      if (std::abs(all.times[t] - tracks.times.back() - step) > kUneven * step) break;
+    }
+    tracks.times.push_back(all.times[t]);
+    for (const std::size_t i : points) {
+      tracks.positions.push_back(all.is_visible(t, i) ? all.position(t, i) : unseen);
+    }
+  }
+  return tracks;
+}
 
 EquationStart equation_start(const std::vector<fit::Run>& runs,
                              const std::vector<mpm::Scene>& scenes,

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/interrupter.hpp"
+#include "fit/data/track_motion.hpp"
 #include "fit/model/experiment.hpp"
 #include "fit/model/parameters.hpp"
 
@@ -18,6 +19,10 @@ struct EquationStart {
   /// A sentence: what was found, or why it is not possible.
   std::string statement;
 };
+
+/// Frames in a row and evenly spaced, from where the body begins to move, that the fit may see of a
+/// capture with tracks of a body of that volume [m³].
+[[nodiscard]] fit::InteriorTracks interior_tracks(const fit::Capture& capture, double volume);
 
 /// The parameters of the body's material at which the momentum balance along its interior tracks
 /// (fit/data/equation_error.hpp) is missed least, by Levenberg–Marquardt from `values`. What the

@@ -127,6 +127,7 @@ Json material_json(const Material& material) {
       json[std::string(row.key())] = value;
     }
   }
+  if (!material.weight_moves.empty()) json["weight_moves"] = material.weight_moves;
   for (const material::MaxwellBranch& branch : material.maxwell) {
     json["maxwell"].push_back({{"modulus", branch.modulus}, {"time", branch.time}});
   }

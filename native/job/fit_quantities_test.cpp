@@ -12,6 +12,7 @@
 #include "job/documents/quantities_json.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/run/build_scene.hpp"
+#include "material/neural/isotropic_weights.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -25,7 +26,9 @@ using fit::Quantity;
 Json document_with(const Quantity& row) {
   Json document = thrown_cube();
   Json& material = document["scene"]["bodies"][0]["material"];
+  const bool weight = row.path == "material.weight_moves[#]";
   for (const material::LawTraits& law : material::all_laws()) {
+    if (weight && law.law != material::Law::kNeuralIsotropic) continue;
     if (row.of_law && !law.uses(row.key())) continue;
     material = {{"law", law.name}};
     for (const Quantity& other : fit::quantities()) {
@@ -35,6 +38,7 @@ Json document_with(const Quantity& row) {
     }
     break;
   }
+  if (weight) material["weight_moves"] = std::vector<double>(material::kIsotropicElastic, 0.0);
   material["maxwell"] = {{{"modulus", 1e3}, {"time", 0.1}}, {{"modulus", 2e3}, {"time", 0.5}}};
   document["captures"] = {{{"tracks", "a.npz"}}};
   return document;

@@ -15,11 +15,13 @@
 #include "job/fit_experiment.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_laws.hpp"
+#include "job/fit_like.hpp"
 #include "job/fit_race.hpp"
 #include "job/fit_report.hpp"
 #include "job/fit_search.hpp"
 #include "job/fit_state.hpp"
 #include "job/fit_values.hpp"
+#include "job/fit_weights.hpp"
 #include "job/run/folder_lock.hpp"
 #include "job/run/run_scene.hpp"
 #include "job/run/stage.hpp"
@@ -122,6 +124,12 @@ class FitJob {
   LawFit& law_fit(material::Law law, const Interrupter& interrupter) {
     std::unique_ptr<LawFit>& made = fits_[law];
     if (made) return *made;
+    made = std::make_unique<LawFit>(setup_of(law), interrupter, law_statements_);
+    made->report = [this](const FitReport& report) { show(report); };
+    return *made;
+  }
+
+  [[nodiscard]] FitSetup setup_of(material::Law law) const {
     FitSetup setup;
     setup.fit = &doc_;
     setup.experiment = &loaded_.experiment;
@@ -139,9 +147,7 @@ class FitJob {
       setup.builders.push_back(scene_builder(std::move(of_law)));
     }
     setup.memory_limit_gb = loaded_.sources.front().job.scene.solver.memory_limit_gb;
-    made = std::make_unique<LawFit>(std::move(setup), interrupter, law_statements_);
-    made->report = [this](const FitReport& report) { show(report); };
-    return *made;
+    return setup;
   }
 
   void build_laws() {
@@ -296,8 +302,25 @@ class FitJob {
       (*find_named(document.at("scene"), "bodies", doc_.body))["material"] =
           material_json(with_law(own, material::law_from_name(law.law)));
     }
+    add_weight_lists(of.parameters(), document);
     write_values(of.parameters(), law.values, loaded_.sources, job_, document);
     return document;
+  }
+
+  /// The search goes on with all weights of the first fitted body of the neural law.
+  [[nodiscard]] std::optional<WeightsFit> move_weights(const LawState& law) {
+    if (doc_.weights == 0) return std::nullopt;
+    const material::Law of = material::law_from_name(law.law);
+    for (const std::string& name : bodies()) {
+      const bool sought = !doc_.laws.empty() && name == doc_.body;
+      const material::Law own = body_named(job_.scene, name).material.law;
+      if ((sought ? of : own) != material::Law::kNeuralIsotropic) continue;
+      return fit_weights(setup_of(of), law, name, doc_.weights, interrupter_, law_statements_,
+                         state_.history, [this](const FitReport& report) { show(report); });
+    }
+    statements_.push_back(
+        "fit.weights: no fitted body is of the law neural_isotropic, so no weights were moved.");
+    return std::nullopt;
   }
 
   [[nodiscard]] Json fit_json(const LawState& law, const LawFit& of,
@@ -349,11 +372,15 @@ class FitJob {
   /// The end of the search: errors of the values, and all of it on disk in place of the checkpoint.
   Json finish(Json& document) {
     const std::size_t best = winner();
-    const LawState& law = state_.laws[best];
-    if (!law.failed.empty()) {
-      throw_compute("fit.laws: none of the laws could be fitted. " + law.law + ": " + law.failed);
+    const LawState& found = state_.laws[best];
+    if (!found.failed.empty()) {
+      throw_compute("fit.laws: none of the laws could be fitted. " + found.law + ": " +
+                    found.failed);
     }
-    LawFit& of = law_fit(laws_[best]);
+    const std::optional<WeightsFit> weights = move_weights(found);
+    const bool moved = weights && weights->taken;
+    const LawState& law = moved ? weights->state : found;
+    LawFit& of = moved ? *weights->fit : law_fit(laws_[best]);
     std::optional<fit::Uncertainty> uncertainty;
     if (law.search) {
       say("Fitting: errors of the values", kFitShare);
@@ -366,6 +393,11 @@ class FitJob {
       }
     }
     document = fitted_document(law, of);
+    if (moved) {
+      const std::string name = weights->report.at("body").get<std::string>();
+      const material::Material material = body_named(job_from(document).scene, name).material;
+      write_weights(material, name, folder_, document);
+    }
     Json after;
     if (doc_.loss != FitDoc::Loss::kTracks) {
       // The run that follows compares point by point, which means nothing for clouds.
@@ -374,8 +406,11 @@ class FitJob {
     }
     save();
     Json fit = fit_json(law, of, uncertainty);
+    if (weights) fit["weights"] = weights->report;
     fit["warning"] = fit_warning(fit, of.is_far(law));
     if (after.is_object()) fit["after"] = after;
+    add_likes(job_from(document), bodies(), loaded_.experiment.runs, of.scenes(), options_.threads,
+              fit);
     write_fitted(folder_, {hash_, inputs_, document, fit});
     // Only now: until then the search would go on from it.
     std::error_code code;
@@ -399,7 +434,10 @@ class FitJob {
     const Job scene = job_from(document);
     Job fitted = scene;
     fitted.task = Task::kCompare;
-    const std::vector<std::string> kept = {kFittedPath, kFitHistoryPath};
+    std::vector<std::string> kept = {kFittedPath, kFitHistoryPath};
+    if (fit.contains("weights") && fit.at("weights").at("taken") == true) {
+      kept.push_back(weights_file_name(fit.at("weights").at("body").get<std::string>()));
+    }
     ErrorPool after;
     RunExtras extras;
     extras.task = task_name(Task::kFit);

@@ -154,6 +154,14 @@ LawState LawFit::start() const {
   return state;
 }
 
+LawState LawFit::at_last_stage(std::vector<double> values) const {
+  LawState state = start();
+  state.values = std::move(values);
+  state.begun = state.rescanned = true;
+  state.stage = state.first_stage = stages_.size() - 1;
+  return state;
+}
+
 fit::CaptureProblem LawFit::problem(double level, const fit::Window& window,
                                     const std::vector<fit::Parameter>& parameters) {
   return {model(level), runs(), parameters, setup_.fit->loss, window, fit::used_samples(runs())};
@@ -369,10 +377,28 @@ void LawFit::find_material(LawState& state, const fit::Window& window, const Sta
   };
   constexpr int kFar = 8;
   const bool finely = setup_.fit->loss != FitDoc::Loss::kTracks;
+  if (const auto flows = flow_starts(parameters(), scenes(), start.values); !flows.empty()) {
+    take_flow(state, search_flows(parameters(), flows, costs, finely), start);
+    return;
+  }
   Scanned found = scanned(parameters(), start.values, start.mean, costs, kFar, finely);
   start.values = std::move(found.values);
   start.mean = found.cost;
   start.scanned = true;
+}
+
+void LawFit::take_flow(LawState& state, std::vector<FlowFound> found, Start& start) const {
+  start.statement += (start.statement.empty() ? "" : " ") + flow_statement(found);
+  if (found.front().at.cost < start.mean) {
+    start.values = std::move(found.front().at.values);
+    start.mean = found.front().at.cost;
+  }
+  start.scanned = true;
+  // A class that is nearly as near may be the right one.
+  constexpr double kNearlyAsNear = 1.5;
+  if (found.size() > 1 && !state.torn && found[1].at.cost < kNearlyAsNear * start.mean) {
+    state.other = std::move(found[1].at.values);
+  }
 }
 
 std::vector<double> LawFit::with_law_of(std::vector<double> values,
@@ -449,8 +475,9 @@ bool LawFit::try_other_start(LawState& state) {
   const bool nearer = mean <= state.ended_mean;
   state.statements.push_back(
       fmt::format("That search ended {:.3g} mm off on the mean, and one that began with the other "
-                  "motion {:.3g} mm: the {} is taken.",
-                  1e3 * state.ended_mean, 1e3 * mean, nearer ? "second" : "first"));
+                  "{} {:.3g} mm: the {} is taken.",
+                  1e3 * state.ended_mean, state.torn ? "motion" : "class", 1e3 * mean,
+                  nearer ? "second" : "first"));
   if (!nearer) return back_to_first_start(state);
   state.ended.clear();
   return false;
@@ -567,8 +594,9 @@ void LawFit::set_stage(LawState& state) {
 }
 
 void LawFit::end_stage(LawState& state) {
-  // Where the first motion was not known the whole clip is what tells a wrong valley.
-  const bool judged = !state.torn || (stages_[state.stage].whole && at_first_level(state));
+  // Where the first motion or the class was not known the whole clip is what tells a wrong valley.
+  const bool one = !state.torn && state.other.empty() && state.ended.empty();
+  const bool judged = one || (stages_[state.stage].whole && at_first_level(state));
   if (judged && try_other_start(state)) return;
   if (judged && may_rescan(state) && is_far(state)) {
     state.scan_due = true;

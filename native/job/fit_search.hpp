@@ -13,6 +13,7 @@
 #include "fit/numerics/uncertainty.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/fit_equation_start.hpp"
+#include "job/fit_flow_start.hpp"
 #include "job/fit_report.hpp"
 #include "job/fit_start_limit.hpp"
 #include "job/fit_state.hpp"
@@ -62,6 +63,8 @@ class LawFit {
   /// The scenes of the runs at the document's resolution.
   [[nodiscard]] const std::vector<mpm::Scene>& scenes() const { return predictor_.scenes(); }
   [[nodiscard]] LawState start() const;
+  /// In the last stage, with nothing looked for before it.
+  [[nodiscard]] LawState at_last_stage(std::vector<double> values) const;
 
   /// One step: the start, or one iteration. Adds lines to `history`. Throws Error(kCompute) if the
   /// simulation at the start cannot be completed, Error(kInput) if the document is why,
@@ -109,6 +112,8 @@ class LawFit {
   /// is poor, of a scan.
   void find_material(LawState& state, const fit::Window& window, const StartLimit& limit,
                      const EquationStart& balance, Start& start);
+  /// A start in the nearest class of flow; the second one is for a search that ends far off.
+  void take_flow(LawState& state, std::vector<FlowFound> found, Start& start) const;
   /// `values` with the law's parameters of `material`.
   [[nodiscard]] std::vector<double> with_law_of(std::vector<double> values,
                                                 const std::vector<double>& material) const;

@@ -268,12 +268,13 @@ MotionStart with_initial_motion(const std::vector<fit::Run>& runs,
 }
 
 Scanned scanned(const fit::Parameters& parameters, std::vector<double> values, double cost,
-                const FitCost& costs, int farthest, bool finely) {
+                const FitCost& costs, int farthest, bool finely,
+                std::span<const std::size_t> also) {
   std::vector<Direction> directions;
   const fit::Quantity& youngs = fit::row_named(fit::Owner::kBody, "material.E");
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     const fit::Quantity* quantity = parameters.path(i).quantity;
-    if (!quantity->scanned) continue;
+    if (!quantity->scanned && std::find(also.begin(), also.end(), i) == also.end()) continue;
     directions.push_back({i, std::nullopt});
     if (quantity != &youngs) continue;
     if (const auto poisson = poisson_beside(parameters, i)) directions.push_back({i, poisson});

@@ -45,8 +45,9 @@ struct Scanned {
 /// makes it wrong by decades), yield stress, friction angle, viscosity. Twice where there are
 /// several. `cost` is that of `values`; it goes `farthest` steps either way at most, both ways as
 /// long as no simulation could be completed. `finely`: at the end by quarters of these steps.
+/// `also`: numbers of further parameters that are looked along.
 [[nodiscard]] Scanned scanned(const fit::Parameters& parameters, std::vector<double> values,
                               double cost, const FitCost& costs, int farthest = 8,
-                              bool finely = false);
+                              bool finely = false, std::span<const std::size_t> also = {});
 
 }  // namespace matterfit::job

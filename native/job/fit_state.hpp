@@ -29,8 +29,8 @@ struct LawState {
   std::vector<double> values;                   ///< physical, the best so far
   bool begun = false;                           ///< the start has been looked for
   std::vector<std::vector<double>> candidates;  ///< for a start, the one that was taken last
-  /// With `torn`: the start that seemed worse, tried if the other's level ends far off; and where
-  /// that ended, until the second has.
+  /// With `torn`, or of another class of flow: the start that seemed worse, tried if the other's
+  /// level ends far off; and where that ended, until the second has.
   std::vector<double> other;
   std::vector<double> ended;
   double ended_mean = 0.0;  ///< [m]

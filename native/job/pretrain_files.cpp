@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/pretrain_files.hpp"
 
+#include <utility>
+
+#include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/parallel.hpp"
 #include "job/documents/safetensors.hpp"
 #include "job/fit_laws.hpp"
+#include "job/material_file.hpp"
 #include "material/neural/isotropic_material.hpp"
 #include "material/neural/pretrain.hpp"
 
@@ -28,17 +32,26 @@ Json accuracy_json(const material::LawAccuracy& found) {
 }  // namespace
 
 Json write_start_laws(const PretrainOptions& options) {
-  std::vector<material::StartLaw> laws;
-  laws.reserve(material::kStartLaws.size());
-  for (const std::string& name : options.laws) {
-    laws.push_back(material::start_law_from_name(name));
+  std::vector<NamedMaterial> wanted;
+  const auto add = [&](material::StartLaw law) {
+    wanted.push_back({std::string(material::start_law_name(law)), material::start_material(law)});
+  };
+  for (const std::string& name : options.laws) add(material::start_law_from_name(name));
+  for (const std::filesystem::path& file : options.materials) {
+    for (NamedMaterial& one : materials_of_file(file)) {
+      if (one.material.law == material::Law::kNeuralIsotropic) {
+        throw_input(file.generic_string() + ": '" + one.name +
+                    "' is of the neural law already; its weights are a start as they are.");
+      }
+      wanted.push_back(std::move(one));
+    }
   }
-  if (laws.empty()) laws.assign(material::kStartLaws.begin(), material::kStartLaws.end());
+  if (wanted.empty()) {
+    for (const material::StartLaw law : material::kStartLaws) add(law);
+  }
   Arena arena(1);
   Json report = Json::object();
-  for (const material::StartLaw law : laws) {
-    const std::string name(material::start_law_name(law));
-    const material::Material classical = material::start_material(law);
+  for (const auto& [name, classical] : wanted) {
     material::Pretraining training;
     training.seed = options.seed;
     const material::IsotropicWeights weights = pretrain_isotropic(classical, training);

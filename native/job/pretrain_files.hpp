@@ -12,13 +12,16 @@ namespace matterfit::job {
 
 struct PretrainOptions {
   std::filesystem::path folder;
-  std::vector<std::string> laws;  ///< start laws; empty: all
+  std::vector<std::string> laws;  ///< start laws; empty: all, where there are no materials
+  /// Files of classical materials (job/material_file.hpp) that the law is regressed to too.
+  std::vector<std::filesystem::path> materials;
   std::uint64_t seed = 1;
 };
 
-/// Regresses the isotropic neural law to each start law (material/neural/pretrain.hpp), writes
-/// LAW.safetensors with its provenance (law, seed, accuracy, version) into the folder, and gives
-/// the accuracy of each. Deterministic in the seed. Throws Error(kInput) for an unknown law.
+/// Regresses the isotropic neural law to each start law, and to each material
+/// (material/neural/pretrain.hpp), writes LAW.safetensors, or one of the material's name, with its
+/// provenance (law, seed, accuracy, version) into the folder, and gives the accuracy of each.
+/// Deterministic in the seed. Throws Error(kInput) for an unknown law.
 [[nodiscard]] Json write_start_laws(const PretrainOptions& options);
 
 }  // namespace matterfit::job

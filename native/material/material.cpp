@@ -98,6 +98,14 @@ void validate(const Material& m, const std::string& where) {
             "[0, 1e9)");
     require(m.flow_rate > 0 && m.flow_rate <= 1e12, where, "flow_rate", m.flow_rate,
             "(0, 1e12] 1/s");
+    if (!m.weight_moves.empty() && m.weight_moves.size() != kIsotropicElastic) {
+      throw_input(where + ".weight_moves has " + std::to_string(m.weight_moves.size()) +
+                  " numbers; the energy has " + std::to_string(kIsotropicElastic) +
+                  " weights. Give one each, 0 for those that stay.");
+    }
+    for (const double move : m.weight_moves) {
+      require(move >= -20 && move <= 20, where, "weight_moves", move, "[-20, 20]");
+    }
     require(m.flow_thinning >= 0 && m.flow_thinning <= 1e12, where, "flow_thinning",
             m.flow_thinning, "[0, 1e12] 1/s");
   }

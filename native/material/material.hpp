@@ -56,6 +56,9 @@ struct Material {
   double tear_strain = 1e3;        ///< ln J from which it comes apart
   double flow_rate = 1e9;          ///< [1/s] at which strain beyond the yield strain is lost
   double flow_thinning = 0.0;      ///< [1/s] per strain beyond it
+  /// Added to the energy's weights, one each (kIsotropicElastic), or none at all. The first, a
+  /// scale, does nothing: E and ν stay the moduli at rest.
+  std::vector<double> weight_moves;
 
   /// Lamé's first parameter and the shear modulus of the instantaneous response [Pa].
   [[nodiscard]] double lambda() const;

@@ -5,6 +5,7 @@
 
 #include "base/error.hpp"
 #include "fit/data/follow.hpp"
+#include "material/neural/isotropic_weights.hpp"
 #include "mpm/scene_check.hpp"
 
 namespace matterfit::fit {
@@ -113,6 +114,15 @@ std::string obstacle(const Address& address, const Bearer& bearer) {
            " Maxwell branches; add one to 'maxwell' for the fit to start from.";
   }
   const material::LawTraits& law = bearer.material->traits();
+  if (row.path.starts_with("material.weight_moves")) {
+    if (law.law != material::Law::kNeuralIsotropic) {
+      return "the law " + std::string(law.name) + " has no weights.";
+    }
+    const std::size_t moves = bearer.material->weight_moves.size();
+    if (address.index < moves) return {};
+    return "the material has " + std::to_string(moves) + " 'weight_moves'; give it " +
+           std::to_string(material::kIsotropicElastic) + " zeros for the fit to start from.";
+  }
   if (!row.of_law || law.uses(row.key())) return {};
   return "the law " + std::string(law.name) + " does not use it.";
 }

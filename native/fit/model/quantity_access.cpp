@@ -3,6 +3,7 @@
 
 #include "base/error.hpp"
 #include "fit/data/follow.hpp"
+#include "material/neural/isotropic_weights.hpp"
 #include "mpm/contact_law.hpp"
 #include "mpm/default_stiffness.hpp"
 
@@ -84,6 +85,26 @@ Access maxwell_access(double MaxwellBranch::*member) {
   access.slope = [member](const mpm::Gradient& gradient, const mpm::Scene& scene,
                           const Address& at) {
     return body_of(gradient, scene, at).material.maxwell[at.index].*member;
+  };
+  return access;
+}
+
+Access weight_move_access() {
+  const auto entry = [](const std::vector<double>& moves, std::size_t index) {
+    return index < moves.size() ? moves[index] : 0.0;
+  };
+  Access access;
+  access.read = [entry](const mpm::Scene& scene, const Address& at) {
+    return Components{entry(body_of(scene, at).material.weight_moves, at.index)};
+  };
+  access.write = [](const Components& values, const Address& at, mpm::Scene& scene) {
+    std::vector<double>& moves = body_of(scene, at).material.weight_moves;
+    if (moves.empty()) moves.resize(material::kIsotropicElastic, 0.0);
+    moves.at(at.index) = values[0];
+  };
+  access.slope = [entry](const mpm::Gradient& gradient, const mpm::Scene& scene,
+                         const Address& at) {
+    return entry(body_of(gradient, scene, at).material.weight_moves, at.index);
   };
   return access;
 }

@@ -9,6 +9,8 @@ namespace matterfit::fit {
 [[nodiscard]] Access material_access(double material::Material::*member,
                                      double material::MaterialGradient::*slope);
 [[nodiscard]] Access maxwell_access(double material::MaxwellBranch::*member);
+/// Of the isotropic neural law; 0 where the material has none.
+[[nodiscard]] Access weight_move_access();
 [[nodiscard]] Access density_access();
 /// A vector of a body's initial motion.
 [[nodiscard]] Access motion_access(Vec3d mpm::Body::*member, Vec3d mpm::BodyGradient::*slope);

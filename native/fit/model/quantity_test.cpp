@@ -60,6 +60,7 @@ mpm::Scene scene_of(material::Law law, Formulation formulation) {
     body.material.tear_strain = 2e-3;
     body.material.flow_rate = 500.0;
     body.material.flow_thinning = 2e3;
+    body.material.weight_moves.assign(material::kIsotropicElastic, 0.02);
   }
   body.material.damping_shear = 5.0;
   body.material.damping_bulk = 2.0;
@@ -84,9 +85,13 @@ mpm::Scene scene_of(material::Law law, Formulation formulation) {
   return scene;
 }
 
+/// Of the neural law alone, of whose weights the first does nothing.
+bool is_weight(const Quantity& row) { return row.path == "material.weight_moves[#]"; }
+
 /// The last component of vectors.
 Address address_of(const Quantity& row) {
   Address address;
+  if (is_weight(row)) address.index = 3;
   address.quantity = &row;
   if (row.owner == Owner::kBody) address.owner = "cube";
   if (row.owner == Owner::kCollider) address.owner = "ground";
@@ -98,6 +103,7 @@ Address address_of(const Quantity& row) {
 std::optional<material::Law> law_with(const Quantity& row, Formulation formulation) {
   for (const LawTraits& law : material::all_laws()) {
     if (law.fluid && formulation == Formulation::kTotal) continue;
+    if (is_weight(row) && law.law != material::Law::kNeuralIsotropic) continue;
     if (!row.of_law || law.uses(row.key())) return law.law;
   }
   return std::nullopt;
@@ -259,6 +265,7 @@ TEST(Quantities, AreRefusedWhereTheyDoNothing) {
   EXPECT_EQ(why(Owner::kBody, "material.E"), "");
   EXPECT_EQ(why(Owner::kBody, "material.maxwell[#].time"), "");
   EXPECT_EQ(why(Owner::kCollider, "height"), "");
+  EXPECT_THAT(why(Owner::kBody, "material.weight_moves[#]"), testing::HasSubstr("no weights"));
   EXPECT_THAT(why(Owner::kBody, "material.yield_stress"), testing::HasSubstr("neo_hookean"));
   EXPECT_THAT(why(Owner::kBody, "material.maxwell[#].time", 1), testing::HasSubstr("has 1 "));
   shape::Contact sticky;

@@ -211,6 +211,12 @@ material::Material read_material(const JsonValue& value, const ReadContext& cont
       value.refuse(message);
     }
   }
+  if (const auto moves = object.find("weight_moves")) {
+    if (material.law != material::Law::kNeuralIsotropic) {
+      moves->refuse("the law " + name + " has no weights; leave it out.");
+    }
+    for (const JsonValue& move : moves->items()) material.weight_moves.push_back(move.number());
+  }
   material.damping_shear = object.number("damping_shear", 0.0, not_negative("Pa s"));
   material.damping_bulk = object.number("damping_bulk", 0.0, not_negative("Pa s"));
   if (const auto branches = object.find("maxwell")) {

@@ -171,6 +171,7 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
   fit.huber = object.number("huber", 0.0, not_negative("standard deviations"));
   fit.iterations = object.integer("iterations", fit.iterations, 1, 100'000);
   fit.windows = object.boolean("windows", fit.windows);
+  fit.weights = object.integer("weights", fit.weights, 0, 1000);
   if (const auto levels = object.find("levels")) {
     for (const JsonValue& item : levels->items()) {
       fit.levels.push_back(item.number({1.0, kCoarsest, false, "particle separations"}));

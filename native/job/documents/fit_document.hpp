@@ -25,6 +25,9 @@ struct FitDoc {
   bool windows = true;
   /// Particle separations as multiples of the scene's, coarse first; empty: as many as pay.
   std::vector<double> levels;
+  /// At the end, accepted steps with all weights of a neural law's energy at most (job/
+  /// fit_weights.hpp); 0: none.
+  int weights = 0;
 };
 
 /// As in a document.

@@ -295,6 +295,14 @@ std::pair<Json*, std::string> holder(Json& scene, const Address& address, bool c
   return {at, last};
 }
 
+/// The quantity is an entry of a list of numbers.
+bool ends_in_list(const Quantity& quantity) { return keys_of(quantity).back().indexed; }
+
+/// Null where the list is too short, or none.
+Json* entry_of(Json& list, std::size_t index) {
+  return list.is_array() && index < list.size() ? &list[index] : nullptr;
+}
+
 }  // namespace
 
 bool is_quaternion(const Quantity& quantity) { return quantity.path == "placement.rotation"; }
@@ -324,13 +332,20 @@ const Json* find_quantity(const Json& scene, const Address& address) {
   const auto [at, key] = holder(const_cast<Json&>(scene), address, false);
   if (at == nullptr || !at->is_object()) return nullptr;
   const auto found = at->find(key);
-  return found == at->end() || found->is_null() ? nullptr : &*found;
+  if (found == at->end() || found->is_null()) return nullptr;
+  return ends_in_list(*address.quantity) ? entry_of(*found, address.index) : &*found;
 }
 
 void set_quantity(Json& scene, const Address& address, const Json& value) {
   const auto [at, key] = holder(scene, address, true);
   if (at == nullptr) throw_input("'" + address.text() + "' does not stand in the scene.");
   const Quantity& quantity = *address.quantity;
+  if (ends_in_list(quantity)) {
+    Json* entry = entry_of((*at)[key], address.index);
+    if (entry == nullptr) throw_input("'" + address.text() + "' does not stand in the scene.");
+    *entry = value;
+    return;
+  }
   if (!quantity.is_vector() || is_quaternion(quantity) || !address.component) {
     (*at)[key] = value;
     return;

@@ -32,6 +32,7 @@ struct MaterialGradient {
   double tear_strain = 0.0;
   double flow_rate = 0.0;
   double flow_thinning = 0.0;
+  std::vector<double> weight_moves;    ///< as many as the material has
   std::vector<MaxwellBranch> maxwell;  ///< by modulus and by time
 };
 

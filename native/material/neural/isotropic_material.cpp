@@ -19,7 +19,7 @@ constexpr Forms kFormMembers = {&Material::form_1, &Material::form_2, &Material:
                                 &Material::form_4};
 
 /// The energy's weights with a shear modulus of 1, moved along the directions.
-IsotropicWeights moved_weights(const Material& m) {
+IsotropicWeights formed_weights(const Material& m) {
   if (!m.start) {  // Hencky's energy alone
     IsotropicWeights weights = plain_isotropic(1.0, 1.0);
     constexpr double kSilent = -50.0;
@@ -32,6 +32,15 @@ IsotropicWeights moved_weights(const Material& m) {
     for (std::size_t i = 0; i < kIsotropicElastic; ++i) {
       weights[i] += m.*kFormMembers[k] * m.start->directions[k][i];
     }
+  }
+  return weights;
+}
+
+/// Those, each moved by its own number.
+IsotropicWeights moved_weights(const Material& m) {
+  IsotropicWeights weights = formed_weights(m);
+  for (std::size_t i = 0; i < std::min(kIsotropicElastic, m.weight_moves.size()); ++i) {
+    weights[i] += m.weight_moves[i];
   }
   weights[0] = 0.0;
   return weights;
@@ -110,9 +119,13 @@ ModuliGradient add_isotropic_gradient(const Material& m, const IsotropicConstant
   rest_bar.bulk_by_volume = -volume_bar * s.volume / s.rest.bulk_by_volume;
   const double ratio_bar = left_bar * s.rest.shear;
   add_rest_stiffness_adjoint(relative, rest_bar, own);
+  IsotropicWeights of_weights{};
+  add_isotropic_weights_adjoint(weights, own, of_weights);
+  gradient.weight_moves.assign(m.weight_moves.size(), 0.0);
+  for (std::size_t i = 1; i < std::min(kIsotropicElastic, m.weight_moves.size()); ++i) {
+    gradient.weight_moves[i] = of_weights[i];
+  }
   if (m.start) {
-    IsotropicWeights of_weights{};
-    add_isotropic_weights_adjoint(weights, own, of_weights);
     constexpr std::array<double MaterialGradient::*, kForms> kSlopes = {
         &MaterialGradient::form_1, &MaterialGradient::form_2, &MaterialGradient::form_3,
         &MaterialGradient::form_4};
@@ -161,6 +174,17 @@ Tensors start_tensors(const IsotropicStart& start) {
     for (const double entry : direction) directions.values.push_back(static_cast<float>(entry));
   }
   return out;
+}
+
+std::shared_ptr<const IsotropicStart> moved_start(const Material& m, std::string name) {
+  auto moved = std::make_shared<IsotropicStart>();
+  if (m.start) *moved = *m.start;
+  if (!m.start) moved->weights = formed_weights(m);
+  moved->name = std::move(name);
+  for (std::size_t i = 1; i < std::min(kIsotropicElastic, m.weight_moves.size()); ++i) {
+    moved->weights[i] += m.weight_moves[i];
+  }
+  return moved;
 }
 
 std::shared_ptr<const IsotropicStart> isotropic_start(const Tensors& tensors,

@@ -56,6 +56,11 @@ struct ModuliGradient {
 /// a thousandth of strain without friction.
 [[nodiscard]] FlowClass flow_class(const Material& material);
 
+/// The material's start law with its weight_moves in the weights, which are then none: the same
+/// law as long as the form stays on top of it.
+[[nodiscard]] std::shared_ptr<const IsotropicStart> moved_start(const Material& material,
+                                                                std::string name);
+
 /// A weights file: tensors "isotropic" [36] and "directions" [4, 36]. The second throws
 /// Error(kInput) that names what is missing, of another size, or no number.
 [[nodiscard]] Tensors start_tensors(const IsotropicStart& start);

@@ -33,8 +33,12 @@ Vec3d random_strain(Random& random) {
   }
 }
 
+/// Elasticity alone. A sample is one step from rest, so that what resists a rate has no place in
+/// it.
 Material without_flow(Material material) {
   if (material.traits().plastic) material.law = Law::kStvkHencky;
+  material.viscosity = material.damping_shear = material.damping_bulk = 0.0;
+  material.maxwell.clear();
   return material;
 }
 

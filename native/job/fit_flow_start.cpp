@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_flow_start.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <numbers>
+#include <numeric>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "fit/data/follow.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr double kYieldStrain = 0.02;
+constexpr double kViscosity = 10.0;  // [Pa s]
+/// Steps of the scan of the two nearest classes, either way.
+constexpr int kFarthest = 4;
+constexpr double kFrictionAngle = std::numbers::pi / 6;  // [rad]
+
+/// The flow's numbers of one body, where they are among the parameters.
+class FlowNumbers {
+ public:
+  FlowNumbers(const fit::Parameters& parameters, const std::string& body)
+      : parameters_(parameters), body_(body) {}
+
+  [[nodiscard]] std::optional<std::size_t> number(std::string_view key) const {
+    for (std::size_t i = 0; i < parameters_.size(); ++i) {
+      const fit::Address& path = parameters_.path(i);
+      if (path.owner == body_ && path.capture.empty() && path.quantity->law_parameter() == key) {
+        return i;
+      }
+    }
+    return std::nullopt;
+  }
+  [[nodiscard]] bool has(std::string_view key) const { return number(key).has_value(); }
+
+  /// Within the bounds; nothing where it is no parameter.
+  void set(std::string_view key, double value, FlowStart& start) const {
+    const auto at = number(key);
+    if (!at) return;
+    const fit::Parameter& parameter = parameters_.parameters()[*at];
+    start.values[*at] = std::clamp(value, parameter.low, parameter.high);
+  }
+
+ private:
+  const fit::Parameters& parameters_;
+  const std::string& body_;
+};
+
+/// A body's material at the values.
+material::Material material_at(const fit::Parameters& parameters, const mpm::Body& body,
+                               std::span<const double> values) {
+  material::Material material = body.material;
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    const fit::Address& path = parameters.path(i);
+    if (path.owner != body.name || path.quantity->member == nullptr) continue;
+    material.*path.quantity->member = values[i];
+  }
+  return material;
+}
+
+/// Growth of the yield strain per volume strain of Drucker–Prager's cone: K/G times √(2/3)
+/// 3·2 sin φ/(2 (3 − sin φ)), as |dev τ| = 2G |dev ε| and tr τ = 3K tr ε.
+double cone(const material::Material& m) {
+  const double sine = std::sin(kFrictionAngle);
+  const double alpha = std::sqrt(2.0 / 3.0) * 2.0 * sine / (3.0 - sine);
+  return alpha * (1.0 + m.poisson_ratio) / (1.0 - 2.0 * m.poisson_ratio);
+}
+
+}  // namespace
+
+std::vector<FlowStart> flow_starts(const fit::Parameters& parameters,
+                                   const std::vector<mpm::Scene>& scenes,
+                                   std::span<const double> values) {
+  const mpm::Body* body = nullptr;
+  for (const mpm::Scene& scene : scenes) {
+    for (const mpm::Body& one : scene.bodies) {
+      const bool neural = one.material.law == material::Law::kNeuralIsotropic;
+      if (neural && body == nullptr && FlowNumbers(parameters, one.name).has("yield_strain")) {
+        body = &one;
+      }
+    }
+  }
+  if (body == nullptr) return {};
+  const FlowNumbers numbers(parameters, body->name);
+  const material::Material material = material_at(parameters, *body, values);
+  // Of the deviatoric strain at a rate: η = G/ρ of a Maxwell fluid.
+  const double rate = material.youngs_modulus / (2.0 * (1.0 + material.poisson_ratio)) / kViscosity;
+  constexpr double kNever = 1e3;
+  constexpr double kAtOnce = 1e9;
+  const auto start = [&](std::string_view name) {
+    FlowStart made{name, {values.begin(), values.end()}, {}};
+    numbers.set("yield_strain", kNever, made);
+    numbers.set("internal_friction", 0.0, made);
+    numbers.set("tear_strain", kNever, made);
+    numbers.set("flow_rate", kAtOnce, made);
+    return made;
+  };
+  std::vector<FlowStart> starts{start("elastic")};
+  FlowStart plastic = start("plastic");
+  numbers.set("yield_strain", kYieldStrain, plastic);
+  plastic.scanned = {*numbers.number("yield_strain")};
+  starts.push_back(plastic);
+  if (const auto friction = numbers.number("internal_friction")) {
+    FlowStart granular = start("granular");
+    numbers.set("yield_strain", 0.0, granular);
+    numbers.set("tear_strain", 0.0, granular);
+    numbers.set("internal_friction", cone(material), granular);
+    granular.scanned = {*friction};
+    starts.push_back(std::move(granular));
+  }
+  if (const auto flowing = numbers.number("flow_rate")) {
+    FlowStart paste = plastic;
+    paste.name = "paste";
+    numbers.set("flow_rate", rate, paste);
+    paste.scanned.push_back(*flowing);
+    starts.push_back(std::move(paste));
+    FlowStart liquid = start("liquid");
+    numbers.set("yield_strain", 0.0, liquid);
+    numbers.set("flow_rate", rate, liquid);
+    liquid.scanned = {*flowing};
+    starts.push_back(std::move(liquid));
+  }
+  return starts;
+}
+
+std::vector<FlowFound> search_flows(const fit::Parameters& parameters,
+                                    const std::vector<FlowStart>& starts, const FitCost& costs,
+                                    bool finely) {
+  const fit::Quantity& youngs = fit::row_named(fit::Owner::kBody, "material.E");
+  const auto moved = [&](std::vector<double> values, std::size_t number, double factor) {
+    const fit::Parameter& parameter = parameters.parameters()[number];
+    values[number] = std::clamp(factor * values[number], parameter.low, parameter.high);
+    return values;
+  };
+  std::vector<std::vector<double>> points;
+  std::vector<std::size_t> of;
+  for (std::size_t s = 0; s < starts.size(); ++s) {
+    std::vector<std::vector<double>> some{starts[s].values};
+    const auto multiply = [&](std::size_t number, std::initializer_list<double> factors) {
+      const std::vector<std::vector<double>> from = some;
+      for (const double factor : factors) {
+        for (const std::vector<double>& point : from) some.push_back(moved(point, number, factor));
+      }
+    };
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+      if (parameters.path(i).quantity == &youngs) multiply(i, {0.1, 10.0});
+    }
+    if (!starts[s].scanned.empty()) multiply(starts[s].scanned.front(), {0.1, 0.3, 3.0, 10.0});
+    of.insert(of.end(), some.size(), s);
+    points.insert(points.end(), some.begin(), some.end());
+  }
+  const std::vector<double> found = costs(points);
+  std::vector<FlowFound> best;
+  std::vector<std::size_t> start_of;
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    if (best.empty() || start_of.back() != of[k]) {
+      best.push_back({starts[of[k]].name, {points[k], found[k]}});
+      start_of.push_back(of[k]);
+    } else if (found[k] < best.back().at.cost) {
+      best.back().at = {points[k], found[k]};
+    }
+  }
+  std::vector<std::size_t> order(best.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto nearer = [&](std::size_t a, std::size_t b) {
+    return best[a].at.cost < best[b].at.cost;
+  };
+  std::stable_sort(order.begin(), order.end(), nearer);
+  for (std::size_t k = 0; k < std::min<std::size_t>(2, order.size()); ++k) {
+    Scanned& at = best[order[k]].at;
+    at = scanned(parameters, at.values, at.cost, costs, kFarthest, finely,
+                 starts[start_of[order[k]]].scanned);
+  }
+  std::stable_sort(order.begin(), order.end(), nearer);
+  std::vector<FlowFound> sorted;
+  sorted.reserve(order.size());
+  for (const std::size_t k : order) sorted.push_back(std::move(best[k]));
+  return sorted;
+}
+
+std::string flow_statement(const std::vector<FlowFound>& found) {
+  std::string list;
+  for (const FlowFound& flow : found) {
+    if (!std::isfinite(flow.at.cost)) continue;
+    list +=
+        fmt::format("{}{} by {:.3g} mm", list.empty() ? "" : ", ", flow.name, 1e3 * flow.at.cost);
+  }
+  return "Looked for as each class of flow, it misses the capture: " + list + ".";
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "fit/model/parameters.hpp"
+#include "job/fit_start.hpp"
+#include "mpm/scene.hpp"
+
+/// Where the search for a law that spans the classes begins: once as each class.
+namespace matterfit::job {
+
+/// The isotropic neural law as a material of one class: its flow's numbers say which, the rest of
+/// the values is left.
+struct FlowStart {
+  std::string_view name;  ///< elastic, plastic, paste, granular or liquid
+  std::vector<double> values;
+  std::vector<std::size_t> scanned;  ///< numbers that this class is looked for along
+};
+
+/// The classes that the flow's numbers among the parameters can reach, for the first body of that
+/// law that has its `yield_strain` among them; none: there is no such body, or the elastic class
+/// alone is left. A number that is not among the parameters stays, and with it the classes that it
+/// would tell: internal_friction granular, flow_rate paste and liquid. Numbers that a class has no
+/// use for go to the bound where they do nothing: yield_strain and tear_strain to the upper,
+/// internal_friction to the lower one. Plastic: from a strain of .02; paste: the same, flowing with
+/// 10 Pa s; granular: a friction angle of 30° at Poisson's ratio, without cohesion; liquid: 10 Pa
+/// s.
+[[nodiscard]] std::vector<FlowStart> flow_starts(const fit::Parameters& parameters,
+                                                 const std::vector<mpm::Scene>& scenes,
+                                                 std::span<const double> values);
+
+/// A class with its numbers looked for.
+struct FlowFound {
+  std::string_view name;
+  Scanned at;  ///< cost infinite: nothing of it could be simulated
+};
+
+/// The best of each class, nearest first: of three stiffnesses a decade apart times five of the
+/// class's numbers half a decade apart; the two nearest classes by scanned() along their own
+/// numbers too.
+[[nodiscard]] std::vector<FlowFound> search_flows(const fit::Parameters& parameters,
+                                                  const std::vector<FlowStart>& starts,
+                                                  const FitCost& costs, bool finely);
+
+/// A sentence: how near each class comes.
+[[nodiscard]] std::string flow_statement(const std::vector<FlowFound>& found);
+
+}  // namespace matterfit::job

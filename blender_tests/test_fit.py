@@ -210,6 +210,8 @@ class RunTest(FakeFitCase):
         self.backend.wait = lambda: (self.backend.frames.clear(),
                                      fake_fit.write_cancelled(self.run_folder))
         stub._job = operator.begin(stub, bpy.context).start()
+        while not stub._job.begun:
+            stub._job.tick()
         operator.cancel(stub, bpy.context)
         self.assertTrue(self.fit.done)
 

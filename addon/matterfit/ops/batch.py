@@ -67,7 +67,7 @@ def written_base(context):
     run.name = translate("Batch")
     takes.copy_settings(source, run)
     folder = takes.claim(run)
-    document, replaced = prepare(context, run, folder, "bake", estimate=False)
+    document, replaced = prepare(context, run, folder, "bake")
     try:
         axes = batch.assignments(settings, document["scene"])
     except JobError:

@@ -6,6 +6,7 @@ import re
 
 from .. import quantities
 from ..compat import translate, translate_label
+from . import job_fit
 
 # bodies[0].material.E, scene.colliders.ground.contact.mu, captures."my clip", scene.gravity[2]
 _STEP = r"""(?:\.[A-Za-z_]\w*|\[\d+\])"""
@@ -49,6 +50,20 @@ def _short_fill(match):
         return translate("{n} particles; volume matched.").format(n=count)
     return translate("{n} particles; they hold {share} % of the volume.").format(
         n=count, share=f"{share:.1f}")
+
+
+def short_label(label):
+    """A label without its unit, in the user's language."""
+    return translate_label(label).split(" [")[0]
+
+
+def owner_and_label(settings, path):
+    """(owner, label without the unit) of a path in a result of a fit: ('Cube', 'Velocity Z')."""
+    document = {"bodies": [{"name": body.name} for body in settings.bodies
+                           if body.role == "BODY"]}
+    owner, key, axis = job_fit.split_path(path, document)
+    text = short_label(quantities.label_of(key))
+    return owner, text if axis is None else f"{text} {'XYZ'[axis]}"
 
 
 def in_panel(text, settings):

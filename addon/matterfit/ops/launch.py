@@ -66,11 +66,27 @@ def prepare(context, take, folder, task, **options):
     return document, replaced
 
 
-def start_job(context, label, prepared, folder, restart, begun=None, **options):
-    """A job that counts the particles, which may take seconds, and then runs <folder>/job.json,
-    which is written in between: the file is what is run.
+def counted(document, folder, threads, run):
+    """A backend that counts the particles, in a thread as that may take seconds, and goes on with
+    the one that `run()` returns; it ends with the numbers where that would not fit into memory."""
 
-    It ends with the numbers where it would not fit into memory; `begun()` is called where it does.
+    def count():
+        # Without the outputs it is soon known: what they take is Estimate's to tell.
+        return native.estimate({**document, "task": "simulate"}, folder, threads)
+
+    def go_on(found):
+        if found.status != EXIT_DONE:
+            return None
+        judge_estimate(bpy.context, document, found.result)
+        return run()
+
+    return jobs.ThenRun(jobs.ThreadRun(count, "Filling"), go_on)
+
+
+def start_job(context, label, prepared, folder, restart, begun=None, **options):
+    """A job that counts the particles (counted()) and then runs <folder>/job.json, which is written
+    in between: the file is what is run. `begun()` is called where it comes to that.
+
     GO_ON continues what the folder holds, which the library refuses where the inputs have changed.
     What was prepared (prepare()) is taken back where the run leaves the old results. `options` are
     a Job's.
@@ -78,14 +94,7 @@ def start_job(context, label, prepared, folder, restart, begun=None, **options):
     threads = context.scene.matterfit.solver.threads
     document, replaced = prepared
 
-    def count():
-        # Without the outputs it is soon known: what they take is Estimate's to tell.
-        return native.estimate({**document, "task": "simulate"}, folder, threads)
-
-    def run(counted):
-        if counted.status != EXIT_DONE:
-            return None
-        judge_estimate(bpy.context, document, counted.result)
+    def run():
         path = job_document.write(document, folder)
         backend = native.start(path, task=document["task"], threads=threads, restart=restart)
         job.begun = True
@@ -107,8 +116,8 @@ def start_job(context, label, prepared, folder, restart, begun=None, **options):
         with contextlib.suppress(JobError):
             replaced.put_back()
 
-    job = jobs.Job(label, lambda: jobs.ThenRun(jobs.ThreadRun(count, "Filling"), run),
-                   folder=folder, on_end=ended, **options)
+    job = jobs.Job(label, lambda: counted(document, folder, threads, run), folder=folder,
+                   on_end=ended, **options)
     return job
 
 

@@ -7,6 +7,7 @@ import unittest
 
 import bpy
 import numpy
+from fake_check import enough, parameter, result
 from matterfit import ui
 from matterfit.io import check, files, fit_rows
 from matterfit.ui import check as panel
@@ -15,35 +16,6 @@ from support import SceneCase, needs_library, tree
 from test_diagnose import Recorder
 from test_fit import FakeFitCase
 from test_operators import Backend
-
-
-def parameter(path, start, error, unit="", known=True):
-    return {"path": path, "unit": unit, "start": start, "error": error, "keep": 0.5, "known": known}
-
-
-def enough(what, enough=True, ratio=1.0, parameter=""):
-    return {"what": what, "enough": enough, "ratio": ratio, "parameter": parameter,
-            "sentence": f"in the library's words: {parameter}"}
-
-
-def result(**other):
-    """What the library says of a recording that tells most of it."""
-    found = {
-        "schema": check.SCHEMA, "status": "done", "task": "check",
-        "noise": {"sigma": 5e-4, "autocorrelation": 0.1},
-        "parameters": [parameter("bodies.Cube.material.E", 1e5, 442.5, "Pa"),
-                       parameter("bodies.Cube.material.nu", 0.2, None, known=False),
-                       *[parameter(f"bodies.Cube.velocity[{i}]", 1.0, e, "m/s")
-                         for i, e in enumerate((3e-4, 5e-4, 4e-4))],
-                       parameter("bodies.Cube.spin[0]", 1.0, 2e-3, "rad/s"),
-                       parameter("bodies.Cube.spin[1]", 1.0, 12.0, "rad/s", known=False),
-                       parameter("bodies.Cube.spin[2]", 1.0, 2e-3, "rad/s")],
-        "ties": [{"parameters": ["bodies.Cube.material.E", "bodies.Cube.material.nu"], "keep": 0.0}],
-        "enough": [enough("frame rate", False, 3.29, "bodies.Cube.material.nu"),
-                   enough("duration", False, 89072.7, "bodies.Cube.material.E"),
-                   enough("noise", False, 4.0, "bodies.Cube.spin[1]")],
-        "assumptions": [], "record_instead": "Throw it fast and sideways.", "notes": []}
-    return {**found, **other}
 
 
 class CheckCase(FakeFitCase):

@@ -23,16 +23,18 @@ import bpy
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[:0] = [os.path.join(os.path.dirname(HERE), "addon"), HERE]
 
+import fake_check
 import fake_fit
 import matterfit
 import numpy
 from matterfit import jobs, native, ui
-from matterfit.io import files, job_document, takes
+from matterfit.io import check, files, job_document, takes
 from matterfit.jobs import State
 from matterfit.ops import base
 from matterfit.props import compare as compare_properties
 from matterfit.ui import fit_overlay, overlay
-from window_support import only_ours, view
+from window_background import modal_check, modal_filling
+from window_support import modal, only_ours, undo, view, wait_for
 
 PICTURE = os.path.abspath(sys.argv[sys.argv.index("--") + 1])
 LIMIT = 450.0  # seconds for everything
@@ -138,6 +140,16 @@ def build_scene(folder):
         bpy.ops.matterfit.add_axis(quantity=f"{owner}\t{key}")
         settings.batch.axes[len(settings.batch.axes) - 1].values = values
     return positions, times
+
+
+def fake_results():
+    """A check and a batch's results, as they are shown."""
+    settings = bpy.context.scene.matterfit
+    settings.fit.check = check.stored(fake_check.result(body="Dough"), check.asked(bpy.context.scene))
+    settings.batch.task, settings.batch.varied = "COMPARE", "Velocity Z, Young's Modulus"
+    for name, error in (("-2, 1e5", 0.84), ("-2, 5e4", 3.217), ("-1, 1e5", 41.6), ("-3, 5e4", -1.0)):
+        row = settings.batch.results.add()
+        row.name, row.error = name, error
 
 
 def fake_comparison(positions, times):
@@ -278,20 +290,13 @@ def show(*names):
     area.tag_redraw()
 
 
-def modal(operator, undo=False):
-    """Presses the button; `undo`: one that ends at once makes its step only where it is told."""
-    window, area = view()
-    region = next(region for region in area.regions if region.type == "WINDOW")
-    with bpy.context.temp_override(window=window, area=area, region=region):
-        return getattr(bpy.ops.matterfit, operator)("INVOKE_DEFAULT", undo)
-
-
 PARTS = ("status", "capture", "bodies", "solver", "simulate", "rerun", "output", "batch")
 
 
 def script(folder):
     """A generator: everything between two yields happens before the window is drawn again."""
     positions, times = build_scene(folder)
+    fake_results()
     open_view()
     yield
     yield
@@ -311,6 +316,11 @@ def script(folder):
     yield
     yield
     picture("fit", sidebar=True)
+    scroll_to_end()
+    yield
+    yield
+    picture("fit_check", sidebar=True)
+    bpy.ops.matterfit.clear_check()
     fake_result(positions, times)
     yield
     yield
@@ -335,17 +345,12 @@ def script(folder):
     if not native.load():
         print(f"window: the modal bake is left out: {native.load_error()}")
         return
+    let_go()
+    show("MATTERFIT_PT_status", "MATTERFIT_PT_simulate")
+    yield from modal_filling(picture, faults)
     yield from modal_bake()
     yield from switched_off()
     yield from modal_fit()
-
-
-def wait_for(condition, seconds, what):
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            raise AssertionError(f"{what} did not happen within {seconds} s")
-        yield
 
 
 def let_go():
@@ -473,10 +478,16 @@ def modal_fit():
     settings.solver.particle_separation = 0.0167
     bpy.context.scene.frame_end = 10
     record_fall()
-    settings.bodies[0].material.E = 1.5e5
-    settings.bodies[0].velocity = (0.1, 0.0, -1.5)
     for row in settings.fit.parameters:
         row.enabled = row.key in ("material.E", "velocity")
+    yield from modal_check()
+    scroll_to_end()
+    yield
+    yield
+    picture("checked", sidebar=True)
+    bpy.ops.matterfit.clear_check()
+    settings.bodies[0].material.E = 1.5e5
+    settings.bodies[0].velocity = (0.1, 0.0, -1.5)
     if modal("fit") != {"RUNNING_MODAL"}:
         raise AssertionError("Fit does not run modally")
     job = jobs.registry.running
@@ -515,12 +526,6 @@ def modal_fit():
     yield
     yield
     picture("fitted")
-
-
-def undo():
-    window, area = view()
-    with bpy.context.temp_override(window=window, area=area):
-        bpy.ops.ed.undo()
 
 
 def main():

@@ -15,6 +15,8 @@ _OWNED = re.compile(
     r"""(?:\[(?P<index>\d+)\]|\.(?P<name>[\w-]+)|\.(?P<quote>["'])(?P<quoted>.+?)(?P=quote))"""
     rf"""(?P<key>{_STEP}*)""")
 _SCENE = re.compile(rf"""(?<![\w/."'])scene(?P<key>{_STEP}+)""")
+# Of a batch's member: gravity[2] = -3, particle_separation = 0.02: …
+_VARIED = re.compile(r"(?:(?<=, )|^)(?P<key>[a-z]\w*(?:\[[012]\])?)(?= = )", re.MULTILINE)
 _CHANGE = re.compile(r"^(?P<what>.+): (?P<now>[^:]+), was (?P<before>.+)$")
 _CHANGES = re.compile(
     r"^.* holds (?P<what>the results|a fit|an unfinished fit) of other inputs\. What changed:\n",
@@ -70,6 +72,7 @@ def in_panel(text, settings):
     """`text` without paths of the document; `settings` are those of the scene that it is about."""
     text = _OWNED.sub(lambda match: _owned(match, settings), text)
     text = _SCENE.sub(lambda match: _field(match.group("key"), match.group(0)), text)
+    text = _VARIED.sub(lambda match: _field(match.group("key"), match.group(0)), text)
     text = text.replace("'ground'", translate_label("Ground"))
     # A message that begins with a path may name the owner once more.
     text = re.sub(r"('[^'\n]+') \1", r"\1", text)

@@ -6,7 +6,7 @@ from ..props import scene as scene_props
 from .common import MatterfitPanel, form
 
 # What the narrow column has no room for; all others go without their unit, which the tooltip has.
-_CAPTIONS = {"drag_coefficient": "Drag Coeff.", "area": "Area"}
+_CAPTIONS = {"drag_coefficient": "Drag Coeff.", "area": "Area", "nu": "Poisson's"}
 
 
 def _caption(effect, key):

@@ -68,6 +68,19 @@ def owner_and_label(settings, path):
     return owner, text if axis is None else f"{text} {'XYZ'[axis]}"
 
 
+# What the library calls its steps, where an artist would not.
+_STEPS = {"Differentiating": "Trying each value",
+          "Measuring the solver's own error": "Trying other grids"}
+_COUNT = re.compile(r"Wedge, (?P<n>\d+) of (?P<total>\d+) done")
+
+
+def stage(text):
+    """What a running job does now, in the panel's words."""
+    parts = [translate(_STEPS.get(part, part)) for part in text.split(": ")]
+    return ": ".join(_COUNT.sub(lambda match: translate("{n} of {total} done").format(
+        **match.groupdict()), part) for part in parts)
+
+
 def in_panel(text, settings):
     """`text` without paths of the document; `settings` are those of the scene that it is about."""
     text = _OWNED.sub(lambda match: _owned(match, settings), text)

@@ -38,6 +38,7 @@ def judge_estimate(context, document, estimate):
 
 
 def estimate_text(estimate):
+    """A line for each number that is known."""
     parts = []
     particles = estimate.get("particles")
     if particles:
@@ -51,7 +52,7 @@ def estimate_text(estimate):
     seconds = estimate.get("seconds")
     if seconds:
         parts.append(translate("about {time}").format(time=jobs.duration_text(seconds)))
-    return ", ".join(parts)
+    return "\n".join(parts)
 
 
 def prepare(context, take, folder, task, **options):

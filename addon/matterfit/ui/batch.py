@@ -49,7 +49,7 @@ class MATTERFIT_PT_batch(MatterfitPanel, bpy.types.Panel):
         row.operator("matterfit.run_batch", icon="RENDER_ANIMATION")
         row.operator("matterfit.free_batch", text="", icon="TRASH")
         self._results(layout, rows)
-        form(layout).prop(rows, "farm")
+        form(layout).prop(rows, "farm", text="Jobs For")
         row = layout.column(align=True)
         row.operator("matterfit.write_batch", icon="FILE_TICK")
         row.operator("matterfit.show_batch", icon="IMPORT")

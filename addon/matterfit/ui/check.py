@@ -9,6 +9,7 @@ from .common import MatterfitPanel, lines
 class MATTERFIT_PT_fit_check(MatterfitPanel, bpy.types.Panel):
     bl_label = "Before the Fit"
     bl_parent_id = "MATTERFIT_PT_fit"
+    bl_order = 0
     bl_options = set()
 
     @classmethod

@@ -147,6 +147,7 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
 class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
     bl_label = "Advanced"
     bl_parent_id = "MATTERFIT_PT_fit"
+    bl_order = 2
 
     def draw(self, context):
         fit = context.scene.matterfit.fit

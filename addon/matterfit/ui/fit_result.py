@@ -12,6 +12,7 @@ from .common import MatterfitPanel, form, lines
 class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
     bl_label = "Result"
     bl_parent_id = "MATTERFIT_PT_fit"
+    bl_order = 1
     bl_options = set()
 
     @classmethod

@@ -2,7 +2,7 @@
 import bpy
 
 from ..props import scene as scene_props
-from .common import MatterfitPanel, form
+from .common import MatterfitPanel, form, quantity
 
 
 class MATTERFIT_UL_takes(bpy.types.UIList):
@@ -60,7 +60,7 @@ class MATTERFIT_PT_rerun(MatterfitPanel, bpy.types.Panel):
             column.prop(throw, "velocity_from", text="Motion")
             if throw.velocity_from == "VALUE":
                 column.prop(throw, "velocity")
-                column.prop(throw, "spin", text="Spin")
+                quantity(column, throw, "spin")
         column = form(layout)
         column.prop(take, "use_gravity")
         if take.use_gravity:

@@ -15,6 +15,7 @@ TEXTS = {
     "Extend Model": "Modell erweitern",
     "Open Report": "Bericht öffnen",
     "All Causes": "Alle Ursachen",
+    "Frame {n}: {error} mm": "Bild {n}: {error} mm",
     "Check": "Prüfen",
     "Before the Fit": "Vor der Anpassung",
     "Clear": "Ausblenden",

@@ -136,10 +136,10 @@ class MATTERFIT_PT_body_motion(_BodyDetail, bpy.types.Panel):
             column.prop(body, "velocity")
             quantity(column, body, "spin")
         column.prop(body, "formulation")
+        column.prop(body, "seed")
         column.label(text="Damping")
         for name in laws.DAMPING:
             quantity(column, body.material, "material." + name)
-        column.prop(body, "seed")
         if body.material.source:
             lines(self.layout, body.material.source, icon="BOOKMARKS")
 

@@ -55,7 +55,6 @@ class MATTERFIT_PT_fit_check(MatterfitPanel, bpy.types.Panel):
         box = layout.box()
         for parameter, label in check.rows(settings, report):
             column = box.column(align=True)
-            column.scale_y = 0.8
             lines(column, label, icon="CHECKMARK" if parameter.known else "ERROR")
             lines(column, check.error_text(settings, parameter))
 

@@ -254,6 +254,16 @@ class FitTest(RecordedBatch):
         self.assertTrue(all(0.0 <= error < 1.0 for _name, error in self.listed()), self.listed())
         self.assertIn("2 of 2 are fitted", bpy.context.window_manager.matterfit.last_report)
         self.assertEqual(len(self.settings.takes), 1, "a fit is no take")
+        # What was given is applied beside what was found.
+        row = next(i for i, row in enumerate(self.batch.results) if row.name == "5e4")
+        self.batch.result_index = row
+        body = self.settings.bodies[0]
+        body.velocity = (0.0, 0.0, 0.0)
+        self.assertEqual(bpy.ops.matterfit.apply_batch(), {"FINISHED"}, self.error())
+        self.assertAlmostEqual(body.velocity[2], -2.0, places=2)
+        self.assertEqual(body.material.E, 5e4)
+        self.batch.task = "BAKE"
+        self.assertFalse(bpy.ops.matterfit.apply_batch.poll())
         folder = takes.locate(self.batch.fits).folder
         bpy.ops.matterfit.free_batch()
         self.assertFalse(os.path.exists(folder))

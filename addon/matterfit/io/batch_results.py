@@ -6,7 +6,7 @@ import os
 
 import bpy
 
-from ..compat import translate_label
+from ..compat import translate, translate_label
 from ..jobs import JobError
 from ..props import compare, reactions
 from ..props import scene as scene_props
@@ -123,6 +123,19 @@ def fit_error(home):
             if isinstance(mean, int | float):
                 return float(mean)
     return None
+
+
+def fit_of_active(settings):
+    """(folder of the active row's fit, paths of what was varied there and can be set); JobError where
+    there is none."""
+    row = scene_props.active_item(settings.batch.results, settings.batch.result_index)
+    folder, wedge = batch.written(settings.batch.fits)
+    for member in wedge["members"]:
+        home = os.path.join(folder, member["folder"])
+        if row is not None and row.folder.strip("/").endswith("/" + member["folder"]):
+            paths = [assignment.rpartition("=")[0] for assignment in member["set"]]
+            return home, [path for path in paths if path != batch.SEPARATION]
+    raise JobError(translate("This combination is not in the batch any more. Press Load Results."))
 
 
 def _read(path):

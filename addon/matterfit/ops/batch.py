@@ -10,11 +10,13 @@ from bpy.props import EnumProperty
 
 from .. import jobs, machine, native
 from ..compat import translate
-from ..io import batch, batch_results, fit_rows, job_document, takes
+from ..io import batch, batch_results, fit_apply, fit_rows, job_document, takes
 from ..jobs import EXIT_INPUT, JobError
+from ..props import scene as scene_props
 from .base import JobOperator, NoJobRunning, PlainOperator, greyed, remove_active, session
 from .compare import require_capture
 from .launch import prepare
+from .materials import tell
 
 _items = []  # Blender keeps no reference to the texts of an enumeration
 
@@ -76,7 +78,7 @@ def prepared_base(context):
     if task == "FIT":
         fit_rows.refresh(settings)
     source, run = takes.ensure_active(settings), batch.home(settings)
-    run.name = translate("Batch")
+    run.name = source.name
     takes.copy_settings(source, run)
     folder = takes.claim(run)
     document, replaced = prepare(context, run, folder, "fit" if task == "FIT" else "bake")
@@ -180,6 +182,28 @@ class MATTERFIT_OT_show_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
         self.report({"INFO"}, said)
 
 
+class MATTERFIT_OT_apply_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.apply_batch"
+    bl_label = "Apply to Body"
+    bl_description = ("Put what the fit of the active row has found where it belongs, with the values "
+                      "that it was given, so that bakes use them")
+
+    @classmethod
+    def poll(cls, context):
+        rows = context.scene.matterfit.batch
+        row = scene_props.active_item(rows.results, rows.result_index)
+        return super().poll(context) and greyed(
+            cls, rows.task != "FIT" or row is None or row.error < 0.0,
+            "Choose a combination that is fitted")
+
+    def act(self, context):
+        settings = context.scene.matterfit
+        folder, given = batch_results.fit_of_active(settings)
+        left = fit_apply.apply_run(context.scene, folder, settings.batch.fits, given)
+        settings.compare.done = False
+        tell(self, context, translate("The fitted values are set. Bake or Compare uses them"), left)
+
+
 class MATTERFIT_OT_free_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.free_batch"
     bl_label = "Free Batch"
@@ -205,4 +229,5 @@ class MATTERFIT_OT_free_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
 
 
 CLASSES = (MATTERFIT_OT_add_axis, MATTERFIT_OT_remove_axis, MATTERFIT_OT_run_batch,
-           MATTERFIT_OT_write_batch, MATTERFIT_OT_show_batch, MATTERFIT_OT_free_batch)
+           MATTERFIT_OT_write_batch, MATTERFIT_OT_show_batch, MATTERFIT_OT_apply_batch,
+           MATTERFIT_OT_free_batch)

@@ -65,6 +65,8 @@ class MATTERFIT_PT_batch(MatterfitPanel, bpy.types.Panel):
         lines(layout, names)
         layout.template_list("MATTERFIT_UL_batch_results", "", rows, "results", rows,
                              "result_index", rows=4)
+        if rows.task == "FIT":
+            layout.operator("matterfit.apply_batch", icon="CHECKMARK")
 
 
 def _combinations(axes):

@@ -12,6 +12,7 @@ import slurm_machine
 from matterfit import machine, native
 from matterfit.io import batch, batch_results, cache, files, fit_rows, job_document, takes
 from support import SceneCase, printed_json, read, run_cli
+from test_filling import pressed
 
 
 class BatchCase(SceneCase):
@@ -191,6 +192,17 @@ class CompareTest(RecordedBatch):
         self.assertEqual([take.name for take in self.settings.takes][1:],
                          ["Particle Separation = 0.05"])
 
+    def test_another_choice_while_it_runs(self):
+        """What is shown at the end is what was run."""
+        self.vary("Cube", "velocity[2]", "-2")
+        stub, job = pressed("run_batch")
+        self.batch.task = "FIT"
+        job.join()
+        stub._finish(bpy.context, job)
+        self.assertEqual([name for name, _error in self.listed()], ["-2"])
+        self.assertLess(self.batch.results[0].error, 1.0)
+        self.assertGreaterEqual(self.batch.results[0].error, 0.0)
+
     def test_without_a_recording(self):
         self.settings.captures[0].enabled = False
         self.vary("Cube", "velocity[2]", "-1")
@@ -288,7 +300,7 @@ class ErrorTest(BatchCase):
         self.body(self.cube("Second"))
         for path, name in (("particle_separation", "Particle Separation"), ("gravity[2]", "Gravity Z"),
                            ("bodies.Second.material.E", "Second: Young's Modulus"),
-                           ("colliders.ground.contact.mu", "ground: Friction")):
+                           ("colliders.ground.contact.mu", "Ground: Friction")):
             self.assertEqual(batch_results.axis_name(self.settings, path), name)
 
 

@@ -260,9 +260,11 @@ class ThenRunTest(unittest.TestCase):
         job = self.job(lambda outcome: None).join()
         self.assertEqual((job.state, job.status, job.error), (State.FAILED, 2, "why"))
 
-        def refuse(_outcome):
-            raise JobError("too large", 3)
+        for error, status, message in ((JobError("too large", 2), 2, "too large"),
+                                       (ValueError("odd"), 3, "ValueError: odd")):
+            def refuse(_outcome, error=error):
+                raise error
 
-        self.first = Part()
-        job = self.job(refuse).join()
-        self.assertEqual((job.state, job.status, job.error), (State.FAILED, 3, "too large"))
+            self.first = Part()
+            job = self.job(refuse).join()
+            self.assertEqual((job.state, job.status, job.error), (State.FAILED, status, message))

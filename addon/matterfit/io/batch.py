@@ -78,9 +78,9 @@ def _values(axis):
     return texts
 
 
-def home(settings):
-    """The take whose cache the batch as it is set goes into: fits lie apart from what is baked."""
-    return settings.batch.fits if settings.batch.task == "FIT" else settings.batch.run
+def home(settings, task):
+    """The take whose cache a batch goes into: fits lie apart from what is baked."""
+    return settings.batch.fits if task == "FIT" else settings.batch.run
 
 
 def written(run):

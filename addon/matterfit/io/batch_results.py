@@ -27,12 +27,10 @@ _filling = []  # not empty while rows are filled in: nobody has chosen one then
 
 
 def axis_name(settings, path):
-    """What is varied, in the panel's words; with its owner where the scene has several."""
+    """What is varied, in the panel's words."""
     if path == batch.SEPARATION:
         return translate_label("Particle Separation")
-    owner, label = words.owner_and_label(settings, path)
-    bodies = [body.name for body in settings.bodies if body.role == "BODY"]
-    return label if not owner or bodies == [owner] else f"{owner}: {label}"
+    return words.named(settings, path)
 
 
 def take_name(settings, member):
@@ -53,11 +51,12 @@ def error_text(error):
     return f"{error:.3g} mm" if error >= 1e-3 else "< 0.001 mm"
 
 
-def show(scene):
+def show(scene, task):
     """Every member that is baked becomes a take, and all are listed with the error that is known of
-    them, the best first. Returns (how many have results, of how many)."""
+    them, the best first. `task` is the one that they were made with: another may be chosen by now.
+    Returns (how many have results, of how many)."""
     settings = scene.matterfit
-    run, task = batch.home(settings), settings.batch.task
+    run = batch.home(settings, task)
     folder, wedge = batch.written(run)
     rows, shown = [], 0
     for member in wedge["members"]:

@@ -85,9 +85,7 @@ def read(text):
 
 def _report(found):
     return Report(
-        parameters=tuple(Parameter(
-            str(entry["path"]), str(entry.get("unit") or ""), _finite(entry.get("start")),
-            _finite(entry.get("error")), bool(entry["known"])) for entry in found["parameters"]),
+        parameters=tuple(_parameter(entry) for entry in found["parameters"]),
         ties=tuple(tuple(str(path) for path in tie["parameters"]) for tie in found["ties"]),
         enough=tuple(Enough(str(entry["what"]), bool(entry["enough"]), _finite(entry.get("ratio")),
                             str(entry.get("parameter") or "")) for entry in found["enough"]),
@@ -95,6 +93,12 @@ def _report(found):
         sigma=_finite((found.get("noise") or {}).get("sigma")),
         notes=tuple(str(note) for note in found.get("notes") or ()),
         asked=dict(found.get("asked") or {}))
+
+
+def _parameter(entry):
+    error = _finite(entry.get("error"))
+    return Parameter(str(entry["path"]), str(entry.get("unit") or ""), _finite(entry.get("start")),
+                     error, bool(entry["known"]) and error is not None)
 
 
 def _finite(value):
@@ -109,19 +113,9 @@ def _split(settings, path):
 
 # -- words -------------------------------------------------------------------------------------
 
-def name(settings, path):
-    """What a path is called: with its owner where the scene has several."""
-    owner, label = words.owner_and_label(settings, path)
-    return label if not owner or _is_only(settings, owner) else f"{owner}: {label}"
-
-
-def _is_only(settings, owner):
-    return [body.name for body in settings.bodies if body.role == "BODY"] == [owner]
-
-
 def listed(settings, paths):
     """Names as people list them: A, B and C; each once."""
-    names = list(dict.fromkeys(name(settings, path) for path in paths))
+    names = list(dict.fromkeys(words.named(settings, path) for path in paths))
     if len(names) == 1:
         return names[0]
     return translate("{names} and {last}").format(names=", ".join(names[:-1]), last=names[-1])
@@ -134,7 +128,7 @@ def rows(settings, report):
     for parameter in report.parameters:
         owner, key, axis = _split(settings, parameter.path)
         if axis is None or not parameter.known:
-            found.append((parameter, name(settings, parameter.path)))
+            found.append((parameter, words.named(settings, parameter.path)))
             continue
         base = parameter.path[:parameter.path.rindex("[")]
         if (owner, key) not in joined:
@@ -147,9 +141,9 @@ def rows(settings, report):
             shown.append((parameter, label))
         elif len(parameter) == 3:
             worst = max(parameter, key=lambda each: each.error)
-            shown.append((replace(worst, path=label), name(settings, label)))
+            shown.append((replace(worst, path=label), words.named(settings, label)))
         else:
-            shown += [(each, name(settings, each.path)) for each in parameter]
+            shown += [(each, words.named(settings, each.path)) for each in parameter]
     return shown
 
 
@@ -176,7 +170,7 @@ def percent(share):
 
 def verdict(settings, enough, sigma):
     """What one of the three Enough says, for people."""
-    who = name(settings, enough.parameter) if enough.parameter else ""
+    who = words.named(settings, enough.parameter) if enough.parameter else ""
     times = f"{enough.ratio:.2g}" if enough.ratio is not None and enough.ratio < MANY else (
         translate("more than 100"))
     if enough.what == "frame rate":

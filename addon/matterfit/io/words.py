@@ -68,6 +68,15 @@ def owner_and_label(settings, path):
     return owner, text if axis is None else f"{text} {'XYZ'[axis]}"
 
 
+def named(settings, path):
+    """The same in one text, with the owner where the scene has several: Velocity Z, or Cube: Velocity
+    Z."""
+    owner, label = owner_and_label(settings, path)
+    if not owner or [body.name for body in settings.bodies if body.role == "BODY"] == [owner]:
+        return label
+    return f"{translate_label('Ground') if owner == 'ground' else owner}: {label}"
+
+
 # What the library calls its steps, where an artist would not.
 _STEPS = {"Differentiating": "Trying each value",
           "Measuring the solver's own error": "Trying other grids"}

@@ -3,7 +3,7 @@
 
 from dataclasses import replace
 
-from .outcome import EXIT_CANCELLED, JobError, Outcome, Snapshot
+from .outcome import EXIT_CANCELLED, EXIT_COMPUTE, JobError, Outcome, Snapshot
 
 
 class ThenRun:
@@ -71,5 +71,7 @@ class ThenRun:
                 self._backend = go_on(outcome)
             except JobError as error:
                 self._outcome = Outcome(error.status, {}, str(error))
+            except Exception as error:  # raised in a timer it would be printed, and come again
+                self._outcome = Outcome(EXIT_COMPUTE, {}, f"{type(error).__name__}: {error}")
             else:
                 self._outcome = outcome if self._backend is None else None

@@ -77,7 +77,7 @@ def prepared_base(context):
         require_capture(settings)
     if task == "FIT":
         fit_rows.refresh(settings)
-    source, run = takes.ensure_active(settings), batch.home(settings)
+    source, run = takes.ensure_active(settings), batch.home(settings, task)
     run.name = source.name
     takes.copy_settings(source, run)
     folder = takes.claim(run)
@@ -97,6 +97,7 @@ class MATTERFIT_OT_run_batch(JobOperator, bpy.types.Operator):
     bl_description = ("Bake, compare or fit the active take once for each combination of the "
                       "values. Those that are finished are kept: pressed again it goes on")
     restart_advice = "Press Free in Batch, or change the values back."
+    _task = ""  # what is done; another may be chosen while it runs
 
     @classmethod
     def poll(cls, context):
@@ -107,7 +108,8 @@ class MATTERFIT_OT_run_batch(JobOperator, bpy.types.Operator):
         document, axes, folder = prepared_base(context)
         settings = context.scene.matterfit
         at_once, threads = settings.batch.at_once, settings.solver.threads
-        compared = settings.batch.task == "COMPARE"
+        self._task = settings.batch.task
+        compared = self._task == "COMPARE"
 
         def run(task):
             path = job_document.write({**document, "task": task}, folder)
@@ -127,21 +129,21 @@ class MATTERFIT_OT_run_batch(JobOperator, bpy.types.Operator):
         return job.snapshot.stage
 
     def progressed(self, context, job):
-        batch_results.show(context.scene)
+        batch_results.show(context.scene, self._task)
 
     def stopped(self, context, job):
         if job.status != EXIT_INPUT or job.result:
             with contextlib.suppress(JobError):  # why it stopped is reported
-                batch_results.show(context.scene)
+                batch_results.show(context.scene, self._task)
 
     def ended(self, context, job):
-        shown, count = batch_results.show(context.scene)
-        session(context).last_report = report_text(context.scene.matterfit, shown, count)
+        shown, count = batch_results.show(context.scene, self._task)
+        session(context).last_report = report_text(context.scene.matterfit, self._task, shown, count)
 
 
-def report_text(settings, shown, count):
+def report_text(settings, task, shown, count):
     """What a batch says: how many are there, and which is the best."""
-    words = (translate("Batch: {n} of {total} are fitted") if settings.batch.task == "FIT" else
+    words = (translate("Batch: {n} of {total} are fitted") if task == "FIT" else
              translate("Batch: {n} of {total} are takes now"))
     said = [words.format(n=shown, total=count)]
     best = next(iter(settings.batch.results), None)
@@ -176,8 +178,9 @@ class MATTERFIT_OT_show_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
                       "listed")
 
     def act(self, context):
-        shown, count = batch_results.show(context.scene)
-        said = report_text(context.scene.matterfit, shown, count)
+        task = context.scene.matterfit.batch.task
+        shown, count = batch_results.show(context.scene, task)
+        said = report_text(context.scene.matterfit, task, shown, count)
         session(context).last_report = said
         self.report({"INFO"}, said)
 

@@ -4,7 +4,7 @@
 import time
 
 import bpy
-from matterfit import jobs
+from matterfit import jobs, native
 from matterfit.io import check
 from matterfit.jobs import State
 from window_support import modal, view, wait_for
@@ -19,6 +19,14 @@ def modal_filling(picture, faults):
     separation = settings.solver.particle_separation
     settings.solver.particle_separation = 0.0018
     count = len(settings.takes)
+    estimate = native.estimate
+
+    def slow(*arguments):
+        """A quick machine fills even that in less than a second."""
+        time.sleep(2.5)
+        return estimate(*arguments)
+
+    native.estimate = slow
     began = time.monotonic()
     if modal("bake") != {"RUNNING_MODAL"}:
         raise AssertionError("Bake does not run modally")
@@ -43,6 +51,7 @@ def modal_filling(picture, faults):
     yield from wait_for(lambda: job.ended, 5.0, "the end after Cancel")
     print(f"window: Cancel while filling answered after {time.monotonic() - asked:.2f} s")
     yield
+    native.estimate = estimate
     settings = bpy.context.scene.matterfit
     if job.state is not State.CANCELLED or len(settings.takes) != count:
         faults.append(f"Cancel while filling gave {job.state} and {len(settings.takes)} takes")

@@ -15,6 +15,8 @@ TEXTS = {
     "Extend Model": "Modell erweitern",
     "Open Report": "Bericht öffnen",
     "All Causes": "Alle Ursachen",
+    "Select an object that is to be simulated, and press Add Body.":
+        "Ein Objekt auswählen, das simuliert werden soll, und Körper hinzufügen drücken.",
     "Frame {n}: {error} mm": "Bild {n}: {error} mm",
     "Check": "Prüfen",
     "Before the Fit": "Vor der Anpassung",

@@ -50,6 +50,9 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
                      icon="MOD_PHYSICS").role = "COLLIDER"
         body = scene_props.active_body(settings)
         if body is None:
+            if not settings.bodies:
+                lines(layout, translate("Select an object that is to be simulated, and press Add "
+                                        "Body."), icon="INFO")
             return
         form(layout).prop(body, "role")
         if body.role == "COLLIDER":

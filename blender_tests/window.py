@@ -101,12 +101,15 @@ def prepare():
     preferences.view.show_developer_ui = False
 
 
-def scroll_to_end():
+def scroll_to_end(back=0):
+    """To the end of the sidebar, and `back` steps up again."""
     window, area = view()
     region = next(region for region in area.regions if region.type == "UI")
     with bpy.context.temp_override(window=window, area=area, region=region):
         for _ in range(40):
             bpy.ops.view2d.scroll_down()
+        for _ in range(back):
+            bpy.ops.view2d.scroll_up()
 
 
 def picture(name, sidebar=False):
@@ -237,7 +240,7 @@ def script(folder):
     yield
     yield
     picture("fit", sidebar=True)
-    scroll_to_end()
+    scroll_to_end(back=5)
     yield
     yield
     picture("fit_check", sidebar=True)
@@ -245,7 +248,7 @@ def script(folder):
     fake_result(positions, times)
     yield
     yield
-    scroll_to_end()
+    scroll_to_end(back=5)
     yield
     yield
     picture("fit_result")

@@ -151,6 +151,10 @@ class CompareTest(RecordedBatch):
         for error, off in ((errors[1], 1.0), (errors[2], 2.0)):
             self.assertAlmostEqual(error, 1e3 * off / 24.0, delta=1.0)
         self.assertIn("Best: -2 with", bpy.context.window_manager.matterfit.last_report)
+        found = {take.name: batch_results.error_of(self.settings, take)
+                 for take in self.settings.takes}
+        self.assertEqual(found, {"Take 1": -1.0, "Velocity Z = -1": errors[1],
+                                 "Velocity Z = -2": errors[0], "Velocity Z = -4": errors[2]})
         self.assertEqual({take.name for take in self.settings.takes if take.baked},
                          {"Velocity Z = -1", "Velocity Z = -2", "Velocity Z = -4"})
         self.assertTrue(all(take.collection.all_objects for take in self.settings.takes

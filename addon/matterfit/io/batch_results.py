@@ -147,6 +147,13 @@ def _read(path):
     return {}
 
 
+def error_of(settings, take):
+    """The error [mm] that the list has of a take; -1 where it has none."""
+    if not cache.in_batch(take):
+        return -1.0
+    return next((row.error for row in settings.batch.results if row.folder == take.folder), -1.0)
+
+
 def _list(settings, rows):
     """Fills the list: the smallest error first, what has none yet at the end."""
     shown = settings.batch.results

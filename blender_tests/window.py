@@ -387,8 +387,9 @@ def modal_fit():
     record_fall()
     for row in settings.fit.parameters:
         row.enabled = row.key in ("material.E", "velocity")
+    settings.fit.done = False
     yield from modal_check()
-    scroll_to_end()
+    scroll_to_end(back=5)
     yield
     yield
     picture("checked", sidebar=True)

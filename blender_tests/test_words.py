@@ -40,6 +40,14 @@ class WordsTest(SceneCase):
                  "Starting guess estimated from the recording: 'Soft', Young's Modulus 9.1e+04 Pa")):
             self.assertEqual(self.said(text), wanted)
 
+    def test_of_a_result(self):
+        text = "bodies.Soft.material.E and bodies.Soft.velocity[2] are hard to tell apart."
+        self.assertEqual(words.of_result(text, self.settings), "'Soft', Young's Modulus and 'Soft', "
+                         "Velocity Z are hard to tell apart.")
+        self.settings.bodies.remove(0)
+        self.assertEqual(words.of_result(text, self.settings),
+                         "Young's Modulus and Velocity Z are hard to tell apart.")
+
     def test_of_a_batch(self):
         """What is varied stands before the message, in the document's words."""
         for text, wanted in (

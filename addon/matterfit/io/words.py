@@ -101,6 +101,13 @@ def in_panel(text, settings):
     return _changed(text)
 
 
+def of_result(text, settings):
+    """in_panel() of what a result says of its values: the only body of a scene goes without saying."""
+    text = in_panel(text, settings)
+    bodies = [body.name for body in settings.bodies if body.role == "BODY"]
+    return text.replace(f"'{bodies[0]}', ", "") if len(bodies) == 1 else text
+
+
 def _names(settings, kind):
     """Names in the document's order."""
     if kind == "captures":

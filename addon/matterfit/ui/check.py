@@ -37,9 +37,9 @@ class MATTERFIT_PT_fit_check(MatterfitPanel, bpy.types.Panel):
                   icon="CHECKMARK" if enough.enough else "ERROR")
         if report.record_instead:
             lines(layout, translate("Record instead: {text}").format(
-                text=words.in_panel(report.record_instead, settings)), icon="INFO")
+                text=words.of_result(report.record_instead, settings)), icon="INFO")
         for note in report.notes:
-            lines(layout, words.in_panel(note, settings), icon="INFO")
+            lines(layout, words.of_result(note, settings), icon="INFO")
         layout.operator("matterfit.clear_check", text="Clear", icon="X")
 
     def _headline(self, layout, report):

@@ -39,7 +39,7 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
         shown = {estimate.statement for estimate in result.estimates}
         for statement in result.statements:
             if statement not in shown:
-                lines(layout, words.in_panel(statement, settings), icon="INFO")
+                lines(layout, words.of_result(statement, settings), icon="INFO")
         if result.models:
             self._models(layout, result)
         form(layout).prop(settings.fit, "show_error")
@@ -102,7 +102,7 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
         if estimate.at_bound:
             column.label(text="At its bound")
         if estimate.statement:
-            lines(column, words.in_panel(estimate.statement, bpy.context.scene.matterfit))
+            lines(column, words.of_result(estimate.statement, bpy.context.scene.matterfit))
 
     def _models(self, layout, result):
         box = layout.box()

@@ -25,6 +25,7 @@ sys.path[:0] = [os.path.join(ROOT, "addon"), HERE]
 import matterfit
 import window_support
 from matterfit import jobs, native, ui
+from matterfit.io import check as io_check
 from matterfit.io import takes
 
 PICTURES, *ONLY = sys.argv[sys.argv.index("--") + 1:]
@@ -215,6 +216,12 @@ def compare():
     errors.append(settings().compare.mean_mm)
 
 
+def check():
+    yield from press("check_fit")
+    report = io_check.read(settings().fit.check)
+    require(report is not None and report.known > 0, "Check says nothing of the recording")
+
+
 def fit():
     yield from press("fit")
     require(settings().fit.done, "the fit has no result")
@@ -248,8 +255,8 @@ FOLLOWED = {
         (["Rerun > Bake Take"], bake_take), (["Take 1", "Take 2"], switch)],
     "A recording": [
         (["File > Open", "docs/examples/beam.blend", "Capture"], open_beam),
-        (["Compare > Compare"], compare), (["Fit > Fit"], fit), (["Fit > Apply to Body"], apply),
-        (["Compare > Compare"], compare_again)],
+        (["Compare > Compare"], compare), (["Fit > Check"], check), (["Fit > Fit"], fit),
+        (["Fit > Apply to Body"], apply), (["Compare > Compare"], compare_again)],
 }
 
 work = ""

@@ -7,10 +7,12 @@ import subprocess
 import unittest
 
 import bpy
+import numpy
 import slurm_machine
 from matterfit import machine, native
-from matterfit.io import batch, cache, job_document, takes
+from matterfit.io import batch, batch_results, cache, files, fit_rows, job_document, takes
 from support import SceneCase, printed_json, read, run_cli
+from test_filling import pressed
 
 
 class BatchCase(SceneCase):
@@ -110,6 +112,200 @@ class RunTest(BatchCase):
         self.assertEqual([take.name for take in self.settings.takes], ["Take 1"])
         self.assertFalse(os.path.exists(folder))
         self.assertEqual(cache.name_of(self.batch.run), "")
+
+
+class RecordedBatch(BatchCase):
+    """With a recording of a free fall that begins at -2 m/s."""
+
+    def setUp(self):
+        super().setUp()
+        corners = numpy.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.1, 0.1)
+                               for z in (0.4, 0.6)])
+        times = numpy.arange(3) / 24.0
+        fall = numpy.outer(times, (0.0, 0.0, -2.0)) + numpy.outer(times**2, (0.0, 0.0, -4.905))
+        files.write_npz(os.path.join(self.folder, "clip.npz"),
+                        {"positions": corners + fall[:, None], "times": times})
+        capture = self.settings.captures.add()
+        capture.name, capture.filepath = "clip", "//clip.npz"
+        capture.use_noise, capture.noise = True, 5e-4
+
+    def listed(self):
+        return [(row.name, row.error) for row in self.batch.results]
+
+
+@unittest.skipUnless(native.load(), native.load_error())
+class CompareTest(RecordedBatch):
+    def setUp(self):
+        super().setUp()
+        self.batch.task = "COMPARE"
+
+    def test_the_best_first(self):
+        """Takes that can be seen, with the error of each; that of a single comparison."""
+        self.vary("Cube", "velocity[2]", "-1,-4,-2")
+        self.assertEqual(bpy.ops.matterfit.run_batch(), {"FINISHED"}, self.error())
+        names, errors = zip(*self.listed(), strict=True)
+        self.assertEqual(names, ("-2", "-1", "-4"))
+        self.assertEqual(self.batch.varied, "Velocity Z")
+        self.assertLess(errors[0], 1.0)
+        # Metres a second off, over 0, 1 and 2 frames.
+        for error, off in ((errors[1], 1.0), (errors[2], 2.0)):
+            self.assertAlmostEqual(error, 1e3 * off / 24.0, delta=1.0)
+        self.assertIn("Best: -2 with", bpy.context.window_manager.matterfit.last_report)
+        found = {take.name: batch_results.error_of(self.settings, take)
+                 for take in self.settings.takes}
+        self.assertEqual(found, {"Take 1": -1.0, "Velocity Z = -1": errors[1],
+                                 "Velocity Z = -2": errors[0], "Velocity Z = -4": errors[2]})
+        self.assertEqual({take.name for take in self.settings.takes if take.baked},
+                         {"Velocity Z = -1", "Velocity Z = -2", "Velocity Z = -4"})
+        self.assertTrue(all(take.collection.all_objects for take in self.settings.takes
+                            if take.baked))
+        self.settings.take_index = 0
+        bpy.ops.matterfit.compare()
+        self.assertAlmostEqual(self.settings.compare.mean_mm, 1e3 * 2.0 / 24.0, delta=1.0)
+
+    def test_a_row_shows_its_take(self):
+        """With its heat-map."""
+        self.vary("Cube", "velocity[2]", "-1,-2")
+        bpy.ops.matterfit.run_batch()
+        for index, name in enumerate(("Velocity Z = -2", "Velocity Z = -1")):
+            self.batch.result_index = index
+            self.assertEqual(self.settings.takes[self.settings.take_index].name, name)
+            self.assertTrue(self.settings.compare.done)
+            self.assertAlmostEqual(self.settings.compare.mean_mm, self.batch.results[index].error,
+                                   places=3)
+
+    def test_pressed_again_nothing_is_simulated_anew(self):
+        self.vary("Cube", "velocity[2]", "-1")
+        bpy.ops.matterfit.run_batch()
+        folder = takes.locate(self.settings.takes[1]).folder
+        states = {name: os.stat(os.path.join(folder, "state", name)).st_mtime_ns
+                  for name in os.listdir(os.path.join(folder, "state"))}
+        self.batch.axes[0].values = "-1,-2"
+        bpy.ops.matterfit.run_batch()
+        self.assertEqual(len(self.listed()), 2)
+        self.assertEqual({name: os.stat(os.path.join(folder, "state", name)).st_mtime_ns
+                          for name in states}, states)
+
+    def test_one_that_fails_leaves_the_others_compared(self):
+        self.settings.solver.memory_limit = 0.1
+        self.vary("", "particle_separation", "0.0028,0.05")
+        self.fails(bpy.ops.matterfit.run_batch, ["Particle Separation = 0.0028: ", "the limit is 0.1 GB"])
+        self.assertEqual([name for name, _error in self.listed()], ["0.05", "0.0028"])
+        self.assertGreaterEqual(self.batch.results[0].error, 0.0)
+        self.assertEqual(self.batch.results[1].error, -1.0)
+        self.assertEqual([take.name for take in self.settings.takes][1:],
+                         ["Particle Separation = 0.05"])
+
+    def test_another_choice_while_it_runs(self):
+        """What is shown at the end is what was run."""
+        self.vary("Cube", "velocity[2]", "-2")
+        stub, job = pressed("run_batch")
+        self.batch.task = "FIT"
+        job.join()
+        stub._finish(bpy.context, job)
+        self.assertEqual([name for name, _error in self.listed()], ["-2"])
+        self.assertLess(self.batch.results[0].error, 1.0)
+        self.assertGreaterEqual(self.batch.results[0].error, 0.0)
+
+    def test_without_a_recording(self):
+        self.settings.captures[0].enabled = False
+        self.vary("Cube", "velocity[2]", "-1")
+        self.fails(bpy.ops.matterfit.run_batch, ["no capture to compare with"])
+        self.fails(bpy.ops.matterfit.write_batch, ["no capture to compare with"])
+
+    def test_written_for_a_farm(self):
+        self.vary("Cube", "velocity[2]", "-1,-2")
+        self.batch.farm = "SLURM"
+        bpy.ops.matterfit.write_batch()
+        folder = takes.locate(self.batch.run).folder
+        self.assertIn('"$tool" compare', read(folder, "slurm.sh").decode())
+        # What the farm does, without one.
+        for member in batch.written(self.batch.run)[1]["members"]:
+            done = run_cli("compare", os.path.join(folder, member["folder"], "job.json"))
+            self.assertEqual(done.returncode, 0, done.stderr)
+        bpy.ops.matterfit.show_batch()
+        self.assertEqual([name for name, _error in self.listed()], ["-2", "-1"])
+        self.assertEqual(len(self.settings.takes), 1, "nothing was baked")
+
+    def test_free(self):
+        self.vary("Cube", "velocity[2]", "-1")
+        bpy.ops.matterfit.run_batch()
+        folder = takes.locate(self.batch.run).folder
+        bpy.ops.matterfit.free_batch()
+        self.assertFalse(os.path.exists(folder))
+        self.assertEqual(len(self.batch.results), 0)
+
+
+@unittest.skipUnless(native.load(), native.load_error())
+class FitTest(RecordedBatch):
+    def setUp(self):
+        super().setUp()
+        self.batch.task = "FIT"
+        fit_rows.refresh(self.settings)
+        for row in self.settings.fit.parameters:
+            row.enabled = row.key == "velocity"
+        self.settings.fit.windows, self.settings.fit.levels = False, 1
+
+    def test_write_jobs(self):
+        """A fit each, apart from what is baked, that begins at the values."""
+        self.vary("Cube", "velocity[2]", "-1,-3")
+        self.batch.farm = "SLURM"
+        self.assertEqual(bpy.ops.matterfit.write_batch(), {"FINISHED"}, self.error())
+        self.assertEqual(self.batch.run.folder, "")
+        folder, wedge = batch.written(self.batch.fits)
+        self.assertEqual(wedge["task"], "fit")
+        self.assertIn('"$tool" fit', read(folder, "slurm.sh").decode())
+        for member, value in zip(wedge["members"], (-1, -3), strict=True):
+            document = json.loads(read(folder, member["folder"], "job.json"))
+            self.assertEqual(document["fit"]["parameters"], ["bodies.Cube.velocity"])
+            self.assertEqual(document["scene"]["bodies"][0]["velocity"][2], value)
+        bpy.ops.matterfit.show_batch()
+        self.assertEqual([error for _name, error in self.listed()], [-1.0, -1.0])
+        bpy.ops.matterfit.free_batch()
+        self.assertFalse(os.path.exists(folder))
+
+    def test_run_here(self):
+        self.vary("Cube", "material.E", "5e4,1e5")
+        self.assertEqual(bpy.ops.matterfit.run_batch(), {"FINISHED"}, self.error())
+        self.assertTrue(all(0.0 <= error < 1.0 for _name, error in self.listed()), self.listed())
+        self.assertIn("2 of 2 are fitted", bpy.context.window_manager.matterfit.last_report)
+        self.assertEqual(len(self.settings.takes), 1, "a fit is no take")
+        # What was given is applied beside what was found.
+        row = next(i for i, row in enumerate(self.batch.results) if row.name == "5e4")
+        self.batch.result_index = row
+        body = self.settings.bodies[0]
+        body.velocity = (0.0, 0.0, 0.0)
+        self.assertEqual(bpy.ops.matterfit.apply_batch(), {"FINISHED"}, self.error())
+        self.assertAlmostEqual(body.velocity[2], -2.0, places=2)
+        self.assertEqual(body.material.E, 5e4)
+        self.batch.task = "BAKE"
+        self.assertFalse(bpy.ops.matterfit.apply_batch.poll())
+        folder = takes.locate(self.batch.fits).folder
+        bpy.ops.matterfit.free_batch()
+        self.assertFalse(os.path.exists(folder))
+
+
+class ErrorTest(BatchCase):
+    def test_of_several_captures(self):
+        """Of all samples, not of the captures' means."""
+        files.write_json(os.path.join(self.folder, "report.json"), {"compare": {"captures": [
+            {"mean_mm": 1.0, "samples": 30}, {"mean_mm": 5.0, "samples": 10}, {"samples": 0}]}})
+        self.assertAlmostEqual(batch_results.compare_error(self.folder), 2.0)
+
+    def test_none(self):
+        self.assertIsNone(batch_results.compare_error(self.folder))
+        self.assertIsNone(batch_results.fit_error(self.folder))
+        for name in ("report.json", "result.json"):
+            files.write_bytes(os.path.join(self.folder, name), b"{")
+        self.assertIsNone(batch_results.compare_error(self.folder))
+        self.assertIsNone(batch_results.fit_error(self.folder))
+
+    def test_names(self):
+        self.body(self.cube("Second"))
+        for path, name in (("particle_separation", "Particle Separation"), ("gravity[2]", "Gravity Z"),
+                           ("bodies.Second.material.E", "Second: Young's Modulus"),
+                           ("colliders.ground.contact.mu", "Ground: Friction")):
+            self.assertEqual(batch_results.axis_name(self.settings, path), name)
 
 
 @unittest.skipUnless(native.load(), native.load_error())

@@ -203,7 +203,7 @@ class PanelTest(DiagnoseCase):
     def test_worst_frames_jump(self):
         self.diagnosed([self.DRAG])
         rows = self.buttons("matterfit.diagnosis_jump")
-        self.assertEqual([text for text, _properties in rows], ["4: 4 mm", "2: 2 mm"])
+        self.assertEqual([text for text, _properties in rows], ["Frame 4: 4 mm", "Frame 2: 2 mm"])
         self.scene.frame_set(1)
         self.assertEqual(bpy.ops.matterfit.diagnosis_jump(frame=rows[0][1].frame), {"FINISHED"})
         self.assertEqual(self.scene.frame_current, 4)

@@ -12,8 +12,8 @@ import fake_fit
 import numpy
 from matterfit import jobs, native, ops, scene_job
 from matterfit.io import files, fit_results, job_document, presets, takes
+from matterfit.io.words import owner_and_label
 from matterfit.jobs import JobError
-from matterfit.ui import fit as fit_panel
 from matterfit.ui import fit_overlay
 from support import SceneCase, kill_cli, needs_library, printed_json, run_cli, tree
 from test_fit_document import FitCase
@@ -210,6 +210,8 @@ class RunTest(FakeFitCase):
         self.backend.wait = lambda: (self.backend.frames.clear(),
                                      fake_fit.write_cancelled(self.run_folder))
         stub._job = operator.begin(stub, bpy.context).start()
+        while not stub._job.begun:
+            stub._job.tick()
         operator.cancel(stub, bpy.context)
         self.assertTrue(self.fit.done)
 
@@ -364,11 +366,11 @@ class ResultTest(FakeFitCase):
             self.assertEqual(fit_results.rounded(value, error), expected)
 
     def test_names(self):
-        self.assertEqual(fit_panel._names(self.settings, "bodies.Cube.velocity[2]"),
+        self.assertEqual(owner_and_label(self.settings, "bodies.Cube.velocity[2]"),
                          ("Cube", "Velocity Z"))
-        self.assertEqual(fit_panel._names(self.settings, "material.E"),
+        self.assertEqual(owner_and_label(self.settings, "material.E"),
                          ("Cube", "Young's Modulus"))
-        self.assertEqual(fit_panel._names(self.settings, "colliders.ground.contact.mu"),
+        self.assertEqual(owner_and_label(self.settings, "colliders.ground.contact.mu"),
                          ("ground", "Friction"))
 
 

@@ -178,3 +178,93 @@ class ThreadRunTest(unittest.TestCase):
         registry.stop_all()
         self.assertIs(second.state, State.CANCELLED)
         self.assertFalse(gate.is_set())
+
+
+class Part:
+    """A backend that ends when it is told."""
+
+    def __init__(self, status=jobs.EXIT_DONE, result=None):
+        self.status, self.result = status, result or {}
+        self.done = self.freed = False
+
+    def poll(self):
+        return jobs.Snapshot(finished=self.done, fraction=0.5, stage="part")
+
+    def cancel(self):
+        self.status, self.done = jobs.EXIT_CANCELLED, True
+
+    def wait(self):
+        self.done = True
+
+    def outcome(self):
+        return jobs.Outcome(self.status, self.result, "" if self.status == 0 else "why")
+
+    def free(self):
+        self.freed = True
+
+
+class ThenRunTest(unittest.TestCase):
+    def setUp(self):
+        self.first, self.second = Part(result={"n": 1}), Part(result={"n": 2})
+        self.seen = []
+
+    def job(self, go_on=None, share=0.4):
+        def second(outcome):
+            self.seen.append(outcome.result)
+            return self.second
+
+        return Job("two", lambda: jobs.ThenRun(self.first, go_on or second, share)).start()
+
+    def test_one_after_the_other(self):
+        job = self.job()
+        job.tick()
+        self.assertAlmostEqual(job.fraction, 0.2)
+        self.first.done = True
+        job.tick()
+        self.assertEqual((job.state, self.seen), (State.RUNNING, [{"n": 1}]))
+        job.tick()
+        self.assertAlmostEqual(job.fraction, 0.7)
+        self.second.done = True
+        job.tick()
+        self.assertEqual((job.state, job.result), (State.DONE, {"n": 2}))
+        self.assertTrue(self.first.freed and self.second.freed)
+
+    def test_cancel_in_the_first_begins_no_second(self):
+        job = self.job()
+        job.cancel()
+        job.tick()
+        self.assertEqual((job.state, self.seen), (State.CANCELLED, []))
+
+    def test_cancel_as_the_first_ends(self):
+        """It has ended by itself before it heard of Cancel."""
+        self.first.cancel = lambda: None
+        self.first.done = True
+        job = self.job()
+        job.cancel()
+        job.tick()
+        self.assertEqual((job.state, self.seen), (State.CANCELLED, []))
+
+    def test_cancel_in_the_second(self):
+        job = self.job()
+        self.first.done = True
+        job.tick()
+        job.cancel()
+        job.tick()
+        self.assertIs(job.state, State.CANCELLED)
+
+    def test_join(self):
+        self.assertEqual(self.job().join().result, {"n": 2})
+
+    def test_what_does_not_go_on(self):
+        self.first.status = 2
+        job = self.job(lambda outcome: None).join()
+        self.assertEqual((job.state, job.status, job.error), (State.FAILED, 2, "why"))
+
+        for error, status, message in ((JobError("too large", 2), 2, "too large"),
+                                       (ValueError("odd"), 3, "ValueError: odd")):
+            def refuse(_outcome, error=error):
+                raise error
+
+            self.first = Part()
+            job = self.job(refuse).join()
+            self.assertEqual((job.state, job.status, job.error), (State.FAILED, status, message))

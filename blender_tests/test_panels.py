@@ -92,6 +92,12 @@ class CutTest(SceneCase):
             for farm in ("NONE", "SLURM", "FLAMENCO"):
                 self.settings.batch.farm = farm
                 self.check(f", {key}, {farm}")
+        row = self.settings.batch.results.add()
+        row.name, row.error = "-1, 5e4", 1234.5
+        self.settings.batch.varied = "Velocity Z, Young's Modulus"
+        for task in ("BAKE", "COMPARE", "FIT"):
+            self.settings.batch.task = task
+            self.check(f", {task}")
 
     def test_takes_and_compare(self):
         bpy.ops.matterfit.add_take()

@@ -10,7 +10,7 @@ import numpy
 from matterfit import compat
 from matterfit.io import files, motion, shapes
 from matterfit.jobs import JobError
-from support import SceneCase
+from support import SceneCase, read
 
 AWAY = 5  # where the playhead stands
 
@@ -137,6 +137,49 @@ class HiddenTest(SamplingCase):
             numpy.testing.assert_allclose(values, numpy.linspace(0.0, 0.5, 6), atol=1e-5)
             self.assertEqual(pin.follow.hide_viewport, hide == "hide_viewport")
             self.assertEqual(pin.follow.hide_get(), hide == "eye")
+
+    def test_by_its_collection(self):
+        """Hidden with a collection, by the eye or the monitor, itself or that around it; also where
+        the object is in another collection that is hidden too."""
+        rig, inner = bpy.data.collections.new("Rig"), bpy.data.collections.new("Inner")
+        self.scene.collection.children.link(rig)
+        rig.children.link(inner)
+        pin = self.row.pins.add()
+        pin.kind = "ALL"
+        pin.follow = self.empty("Mover", (1.0, 0.0, 0.0), step=(0.5, 0.0, 0.0))
+        self.scene.collection.objects.unlink(pin.follow)
+        inner.objects.link(pin.follow)
+        outer = bpy.context.view_layer.layer_collection.children["Rig"]
+        for layer in (outer, outer.children["Inner"]):
+            for item in (layer, layer.collection):
+                item.hide_viewport = True
+                self.scene.frame_set(AWAY)
+                written = self.first_body()["pins"][0]
+                values = [value["position"][0] for value in written["motion"]["values"]]
+                numpy.testing.assert_allclose(values, numpy.linspace(0.0, 0.5, 6), atol=1e-5)
+                self.assertTrue(item.hide_viewport)
+                item.hide_viewport = False
+        outer.exclude = True
+        with self.assertRaisesRegex(JobError, "'Mover': is not in this view layer"):
+            self.document()
+
+    def test_a_body_in_a_hidden_collection(self):
+        """With its modifiers."""
+        rig = bpy.data.collections.new("Rig")
+        self.scene.collection.children.link(rig)
+        self.scene.collection.objects.unlink(self.item)
+        rig.objects.link(self.item)
+        self.item.modifiers.new("Array", "ARRAY").count = 2
+        self.scene.frame_set(AWAY)
+        wanted = self.first_body()
+        _document, folder = self.document()
+        path = os.path.join(folder, "input", f"body_{self.item.name}.npz")
+        before = read(path)
+        rig.hide_viewport = True
+        self.scene.frame_set(AWAY)
+        self.assertEqual(self.first_body(), wanted)
+        self.document()
+        self.assertEqual(read(path), before)
 
     def test_shown_for_two_reasons(self):
         """One object that is body, mass and what a pin follows is hidden again afterwards."""

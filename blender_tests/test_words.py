@@ -40,6 +40,28 @@ class WordsTest(SceneCase):
                  "Starting guess estimated from the recording: 'Soft', Young's Modulus 9.1e+04 Pa")):
             self.assertEqual(self.said(text), wanted)
 
+    def test_of_a_result(self):
+        text = "bodies.Soft.material.E and bodies.Soft.velocity[2] are hard to tell apart."
+        self.assertEqual(words.of_result(text, self.settings), "'Soft', Young's Modulus and 'Soft', "
+                         "Velocity Z are hard to tell apart.")
+        self.settings.bodies.remove(0)
+        self.assertEqual(words.of_result(text, self.settings),
+                         "Young's Modulus and Velocity Z are hard to tell apart.")
+
+    def test_of_a_batch(self):
+        """What is varied stands before the message, in the document's words."""
+        for text, wanted in (
+                ("particle_separation = 0.02: too fine", "Particle Separation = 0.02: too fine"),
+                ("bodies.Soft.velocity[2] = -1, gravity[2] = -3: no",
+                 "'Soft', Velocity Z = -1, Gravity Z = -3: no"),
+                ("other = 3: no", "other = 3: no")):
+            self.assertEqual(self.said(text), wanted)
+
+    def test_stages(self):
+        for text, wanted in (("Filling", "Filling"), ("Compare: Wedge, 2 of 12 done", "Compare: 2 of 12 done"),
+                             ("Checking: Differentiating", "Checking: Trying each value")):
+            self.assertEqual(words.stage(text), wanted)
+
     def test_a_fill_in_short(self):
         text = ("8000 particles 0.02 m apart (20 × 20 × 20 cells); the surface cuts {} cells; volume "
                 "0.064 m³, particles hold {} % of it.")

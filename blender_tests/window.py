@@ -27,12 +27,13 @@ import fake_fit
 import matterfit
 import numpy
 from matterfit import jobs, native, ui
-from matterfit.io import files, job_document, takes
+from matterfit.io import takes
 from matterfit.jobs import State
 from matterfit.ops import base
-from matterfit.props import compare as compare_properties
 from matterfit.ui import fit_overlay, overlay
-from window_support import only_ours, view
+from window_background import modal_check, modal_filling
+from window_scene import build_scene, fake_comparison, fake_report, fake_result, fake_results, record_fall
+from window_support import modal, only_ours, undo, view, wait_for
 
 PICTURE = os.path.abspath(sys.argv[sys.argv.index("--") + 1])
 LIMIT = 450.0  # seconds for everything
@@ -100,90 +101,15 @@ def prepare():
     preferences.view.show_developer_ui = False
 
 
-def build_scene(folder):
-    bpy.ops.wm.save_as_mainfile(filepath=os.path.join(folder, "scene.blend"))
-    for item in list(bpy.data.objects):
-        bpy.data.objects.remove(item)
-    bpy.ops.mesh.primitive_cube_add(size=0.2, location=(0.0, 0.0, 0.3))
-    bpy.context.active_object.name = "Dough"
-    scene = bpy.context.scene
-    scene.frame_start, scene.frame_end = 1, 20
-    settings = scene.matterfit
-    bpy.ops.matterfit.add_body(role="BODY")
-    settings.bodies[0].material.preset = "PLASTICINE"
-    bpy.ops.matterfit.add_pin()
-    bpy.ops.matterfit.add_mass()
-    bpy.ops.object.empty_add(location=(0.0, 0.0, 0.4))
-    settings.bodies[0].pins[0].object = bpy.context.active_object
-    settings.bodies[0].masses[0].object = bpy.context.active_object
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.1, location=(0.3, 0.0, 0.05))
-    bpy.context.active_object.name = "Ball"
-    bpy.ops.matterfit.add_body(role="COLLIDER")
-    settings.body_index = 0
-    path = os.path.join(folder, "clip.npz")
-    times = numpy.arange(20) / 24.0
-    grid = numpy.stack(numpy.meshgrid(*[numpy.linspace(-0.1, 0.1, 4)] * 3), axis=-1).reshape(-1, 3)
-    positions = grid[None] + numpy.array([0, 0, 0.3]) + times[:, None, None] * [0.2, 0, -0.2]
-    files.write_npz(path, {"positions": positions, "times": times})
-    capture = settings.captures.add()
-    capture.name, capture.filepath = "clip", "//clip.npz"
-    capture.summary = "20 frames, 64 points"
-    if native.load():
-        bpy.ops.matterfit.check_capture()
-    bpy.ops.matterfit.add_take()
-    bpy.ops.matterfit.add_throw()
-    bpy.ops.matterfit.list_colliders()
-    for owner, key, values in (("Dough", "velocity[2]", "-1, -2, -3"),
-                               ("Dough", "material.E", "5e4, 1e5")):
-        bpy.ops.matterfit.add_axis(quantity=f"{owner}\t{key}")
-        settings.batch.axes[len(settings.batch.axes) - 1].values = values
-    return positions, times
-
-
-def fake_comparison(positions, times):
-    """The files that a comparison leaves, with an error that grows along x and in time."""
-    scene = bpy.context.scene
-    take = takes.ensure_active(scene.matterfit)
-    folder = takes.claim(take)
-    error = 0.01 * times[:, None] / times[-1] * (1.0 + 5.0 * (positions[:, :, 0] + 0.1))
-    simulated = positions + error[:, :, None] * numpy.array([1.0, 0.0, 0.0])
-    files.write_json(os.path.join(folder, "job.json"), {
-        "captures": [{"name": "clip"}],
-        "scene": {"fps": 24, "frames": [1, 21]}})
-    files.write_npz(os.path.join(folder, "compare.npz"), {
-        "error_mm": 1000.0 * error, "times": times, "captured": positions,
-        "labels": numpy.array([str(i) for i in range(positions.shape[1])])})
-    files.write_npz(os.path.join(folder, "simulated.npz"), {"positions": simulated,
-                                                            "times": times})
-    from matterfit.io import comparison
-    compare_properties.store(scene.matterfit.compare, comparison.load(folder))
-    scene.frame_set(15)
-    scene.matterfit.compare.point_size = 10.0
-
-
-def fake_result(positions, times):
-    """The files that a fit leaves, with those of a comparison of the fitted scene."""
-    scene = bpy.context.scene
-    settings = scene.matterfit
-    settings.captures[0].holdout, settings.captures[0].holdout_start = "FRAMES", 15
-    folder = takes.claim(takes.for_fit(settings))
-    job_document.write(job_document.build(scene, settings.fit.run, folder, "fit"), folder)
-    fake_fit.write(folder)
-    error = 0.001 * (times[:, None] + positions[:, :, 0] + 0.1)
-    files.write_npz(os.path.join(folder, "compare.npz"), {
-        "error_mm": 1000.0 * error, "times": times, "captured": positions,
-        "labels": numpy.array([str(i) for i in range(positions.shape[1])])})
-    files.write_npz(os.path.join(folder, "simulated.npz"), {
-        "positions": positions + error[:, :, None], "times": times})
-    settings.fit.done = True
-
-
-def scroll_to_end():
+def scroll_to_end(back=0):
+    """To the end of the sidebar, and `back` steps up again."""
     window, area = view()
     region = next(region for region in area.regions if region.type == "UI")
     with bpy.context.temp_override(window=window, area=area, region=region):
         for _ in range(40):
             bpy.ops.view2d.scroll_down()
+        for _ in range(back):
+            bpy.ops.view2d.scroll_up()
 
 
 def picture(name, sidebar=False):
@@ -261,6 +187,12 @@ def open_view():
     window, area = view()
     area.spaces.active.show_region_ui = True
     area.spaces.active.shading.type = "SOLID"
+    # Without an active object the tab Item has nothing to show and goes too.
+    bpy.context.view_layer.objects.active = None
+
+
+def look_at_all():
+    window, area = view()
     region = next(region for region in area.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=window, area=area, region=region):
         bpy.ops.view3d.view_axis(type="FRONT")
@@ -278,21 +210,18 @@ def show(*names):
     area.tag_redraw()
 
 
-def modal(operator, undo=False):
-    """Presses the button; `undo`: one that ends at once makes its step only where it is told."""
-    window, area = view()
-    region = next(region for region in area.regions if region.type == "WINDOW")
-    with bpy.context.temp_override(window=window, area=area, region=region):
-        return getattr(bpy.ops.matterfit, operator)("INVOKE_DEFAULT", undo)
-
-
 PARTS = ("status", "capture", "bodies", "solver", "simulate", "rerun", "output", "batch")
 
 
 def script(folder):
     """A generator: everything between two yields happens before the window is drawn again."""
-    positions, times = build_scene(folder)
     open_view()
+    yield
+    yield
+    picture("first", sidebar=True)
+    positions, times = build_scene(folder)
+    fake_results()
+    look_at_all()
     yield
     yield
     picture("")
@@ -311,10 +240,15 @@ def script(folder):
     yield
     yield
     picture("fit", sidebar=True)
+    scroll_to_end(back=5)
+    yield
+    yield
+    picture("fit_check", sidebar=True)
+    bpy.ops.matterfit.clear_check()
     fake_result(positions, times)
     yield
     yield
-    scroll_to_end()
+    scroll_to_end(back=5)
     yield
     yield
     picture("fit_result")
@@ -326,6 +260,12 @@ def script(folder):
     yield
     yield
     picture("fit_laws")
+    fake_report()
+    show("MATTERFIT_PT_compare")
+    scroll_to_end()
+    yield
+    yield
+    picture("diagnose", sidebar=True)
     settings = bpy.context.scene.matterfit
     settings.compare.worst_index = 0
     if bpy.context.scene.frame_current != settings.compare.worst[0].frame:
@@ -335,17 +275,12 @@ def script(folder):
     if not native.load():
         print(f"window: the modal bake is left out: {native.load_error()}")
         return
+    let_go()
+    show("MATTERFIT_PT_status", "MATTERFIT_PT_simulate")
+    yield from modal_filling(picture, faults)
     yield from modal_bake()
     yield from switched_off()
     yield from modal_fit()
-
-
-def wait_for(condition, seconds, what):
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            raise AssertionError(f"{what} did not happen within {seconds} s")
-        yield
 
 
 def let_go():
@@ -438,29 +373,6 @@ def switched_off():
     yield
 
 
-def record_fall():
-    """A capture of the body's own fall, simulated, with noise; its last frames are held out."""
-    settings = bpy.context.scene.matterfit
-    path = os.path.join(os.path.dirname(bpy.data.filepath), "fall.npz")
-    grid = numpy.stack(numpy.meshgrid(*[numpy.linspace(-0.09, 0.09, 3)] * 3), axis=-1)
-    still = grid.reshape(-1, 3) + numpy.array([0, 0, 0.3])
-    times = numpy.arange(10) / 24.0
-    files.write_npz(path, {"positions": numpy.repeat(still[None], 10, axis=0), "times": times})
-    capture = settings.captures.add()
-    capture.name, capture.filepath = "fall", "//fall.npz"
-    bpy.ops.matterfit.add_take()  # the cache of the first is of another scene
-    if bpy.ops.matterfit.compare() != {"FINISHED"}:
-        raise AssertionError("the recording could not be simulated")
-    folder = takes.locate(takes.ensure_active(settings)).folder
-    with numpy.load(os.path.join(folder, "simulated.npz")) as arrays:
-        recorded = arrays["positions"]
-    noise = numpy.random.default_rng(1).normal(0.0, 5e-4, recorded.shape)
-    files.write_npz(path, {"positions": recorded + noise, "times": times})
-    capture.use_noise, capture.noise = True, 5e-4
-    capture.holdout, capture.holdout_start = "FRAMES", 9
-    settings.compare.done = False
-
-
 def modal_fit():
     """Fit, cancel, apply the best so far, undo that, resume to the end, through the very buttons."""
     show("MATTERFIT_PT_status", "MATTERFIT_PT_fit")
@@ -473,10 +385,17 @@ def modal_fit():
     settings.solver.particle_separation = 0.0167
     bpy.context.scene.frame_end = 10
     record_fall()
-    settings.bodies[0].material.E = 1.5e5
-    settings.bodies[0].velocity = (0.1, 0.0, -1.5)
     for row in settings.fit.parameters:
         row.enabled = row.key in ("material.E", "velocity")
+    settings.fit.done = False
+    yield from modal_check()
+    scroll_to_end(back=5)
+    yield
+    yield
+    picture("checked", sidebar=True)
+    bpy.ops.matterfit.clear_check()
+    settings.bodies[0].material.E = 1.5e5
+    settings.bodies[0].velocity = (0.1, 0.0, -1.5)
     if modal("fit") != {"RUNNING_MODAL"}:
         raise AssertionError("Fit does not run modally")
     job = jobs.registry.running
@@ -515,12 +434,6 @@ def modal_fit():
     yield
     yield
     picture("fitted")
-
-
-def undo():
-    window, area = view()
-    with bpy.context.temp_override(window=window, area=area):
-        bpy.ops.ed.undo()
 
 
 def main():

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the scripts share that run in a real window."""
 
+import time
+
 import bpy
 
 
@@ -23,3 +25,25 @@ def view():
     area = max((area for area in window.screen.areas if area.type == "VIEW_3D"),
                key=lambda area: area.width)
     return window, area
+
+
+def modal(operator, undo=False):
+    """Presses the button; `undo`: one that ends at once makes its step only where it is told."""
+    window, area = view()
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        return getattr(bpy.ops.matterfit, operator)("INVOKE_DEFAULT", undo)
+
+
+def wait_for(condition, seconds, what):
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            raise AssertionError(f"{what} did not happen within {seconds} s")
+        yield
+
+
+def undo():
+    window, area = view()
+    with bpy.context.temp_override(window=window, area=area):
+        bpy.ops.ed.undo()

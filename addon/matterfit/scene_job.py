@@ -33,8 +33,7 @@ class SceneJob:
         task = "bake" if self._fit is None else "fit"
         self.folder = takes.claim(take)
         try:
-            self._document, self._replaced = prepare(bpy.context, take, self.folder, task,
-                                                     estimate=False)
+            self._document, self._replaced = prepare(bpy.context, take, self.folder, task)
         except Exception:
             self._take_back()
             raise

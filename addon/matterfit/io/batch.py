@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A batch: what can be varied, the assignments that the library takes, and its results as takes.
+"""A batch: what can be varied, the assignments that the library takes, and its caches.
 
-Its cache folder holds job.json, which is what is varied, wedge.json, and a cache for each member.
+A cache folder of it holds job.json, which is what is varied, wedge.json, and a cache for each member.
 """
 
 import contextlib
 import os
 import re
 
-import bpy
-
 from .. import quantities
 from ..compat import translate, translate_label
 from ..jobs import JobError
-from . import attach, attached, cache, files, fit_rows, job_document, job_fit, takes, visibility, words
+from . import attached, cache, files, fit_rows, job_fit, takes, visibility
 
 WEDGE_FILE = "wedge.json"
 AXES = "XYZ"
@@ -80,80 +78,42 @@ def _values(axis):
     return texts
 
 
-def written(settings):
-    """(folder, wedge.json's document) of the batch, or JobError."""
-    location = takes.locate(settings.batch.run)
+def home(settings, task):
+    """The take whose cache a batch goes into: fits lie apart from what is baked."""
+    return settings.batch.fits if task == "FIT" else settings.batch.run
+
+
+def written(run):
+    """(folder, wedge.json's document) of a batch's cache, or JobError."""
+    location = takes.locate(run)
     path = os.path.join(location.folder, WEDGE_FILE)
     if not location.folder or not os.path.isfile(path):
         raise JobError(translate("This batch was not run or written yet."))
     return location.folder, files.read_json(path)
 
 
-def take_name(settings, label):
-    """What a member's take is called: the values in the panel's words."""
-    name = words.in_panel(label, settings)
-    bodies = [body for body in settings.bodies if body.enabled and body.role == "BODY"]
-    if len(bodies) == 1:
-        name = name.replace(f"'{bodies[0].name}', ", "")
-    return name
-
-
-def show(scene):
-    """Every member that is baked becomes a take. Returns (how many, of how many)."""
-    settings = scene.matterfit
-    folder, wedge = written(settings)
-    run_name = cache.name_of(settings.batch.run)
-    shown = 0
-    for member in wedge["members"]:
-        home = os.path.join(folder, member["folder"])
-        manifest = {}
-        with contextlib.suppress(JobError):
-            manifest = cache.manifest(home)
-        if not manifest.get("complete") or not manifest.get("frames_baked"):
-            continue
-        shown += 1
-        name = f"{run_name}/{member['folder']}"
-        if any(cache.name_of(take) == name and take.baked for take in settings.takes):
-            continue
-        _attach(scene, name, home, take_name(settings, member["label"]))
-    visibility.show_take(settings)
-    return shown, len(wedge["members"])
-
-
-def _attach(scene, name, home, label):
-    settings = scene.matterfit
-    index = next((i for i, take in enumerate(settings.takes) if cache.name_of(take) == name), None)
-    if index is None:
-        takes.add(settings, label)
-        index = len(settings.takes) - 1
-    take = settings.takes[index]
-    take.folder, take.owner = f"//{name}/", os.path.abspath(bpy.data.filepath)
-    document = files.read_json(os.path.join(home, job_document.JOB_FILE))
-    take.first_frame, end = document["scene"]["frames"]
-    take.frame_count = end - take.first_frame
-    take.frames_done = attach.Attachment(scene, take, home, document).update(final=True)
-    take.baked = True
-
-
 def free(scene):
     """Removes the batch's takes and deletes its caches. Returns the files that are not ours."""
     settings = scene.matterfit
-    run = settings.batch.run
-    location = takes.locate(run)
-    run_name = cache.name_of(run)
+    batch = settings.batch
+    run_name = cache.name_of(batch.run)
     for index in reversed(range(len(settings.takes))):
         take = settings.takes[index]
         if run_name and cache.name_of(take).startswith(run_name + "/"):
             attached.detach(scene, take)
             settings.takes.remove(index)
     settings.take_index = max(0, min(settings.take_index, len(settings.takes) - 1))
+    batch.results.clear()
     left = []
-    if location.exists and not location.linked:
-        with contextlib.suppress(JobError):
-            for member in written(settings)[1]["members"]:
-                cache.free(os.path.join(location.folder, member["folder"]))
-        left = cache.free(location.folder)
-    if not left:
-        run.folder = ""
+    for run in (batch.run, batch.fits):
+        location, stays = takes.locate(run), []
+        if location.exists and not location.linked:
+            with contextlib.suppress(JobError):
+                for member in written(run)[1]["members"]:
+                    cache.free(os.path.join(location.folder, member["folder"]))
+            stays = cache.free(location.folder)
+        if not stays:
+            run.folder = ""
+        left += [os.path.join(location.folder, name) for name in stays]
     visibility.show_take(settings)
     return left

@@ -37,11 +37,11 @@ def in_batch(take):
 
 
 def every_take():
-    """(scene, take) of every take, preview and fit in this file: all that have a cache."""
+    """(scene, take) of every take, preview, fit and batch in this file: all that have a cache."""
     for scene in bpy.data.scenes:
         settings = scene.matterfit
         for take in (*settings.takes, settings.preview, settings.fit.run,
-                     settings.batch.run):
+                     settings.batch.run, settings.batch.fits):
             yield scene, take
 
 

@@ -13,11 +13,12 @@ from ..jobs import JobError
 from . import files, fit_results, fit_values, job_fit, presets, transforms
 
 
-def apply_run(scene, folder):
-    """Sets the scene's values to those of the fit in `folder`. Returns what could not be set, a
-    sentence each; JobError where nothing is set."""
+def apply_run(scene, folder, run=None, given=()):
+    """Sets the scene's values to those of the fit in `folder`, `run` its take where that is not the
+    Fit panel's. Returns what could not be set, a sentence each; JobError where nothing is set.
+    `given`: paths of what was not fitted but had a value of its own there."""
     settings = scene.matterfit
-    run = settings.fit.run
+    run = settings.fit.run if run is None else run
     # The take that was fitted gets what it throws; it was named after it.
     take = next((take for take in settings.takes if take.name == run.name), None)
     if take is None:
@@ -25,17 +26,17 @@ def apply_run(scene, folder):
             "The fit is of the take '{name}', which is not among the Takes any more. Name it so "
             "again, or fit again.").format(name=run.name))
     result = fit_results.load(folder)
-    left = apply(scene, result, folder, run, take)
+    left = apply(scene, result, folder, run, take, given)
     return [result.warning, *left] if result.warning else left
 
 
-def apply(scene, result, folder, fitted_take, take):
+def apply(scene, result, folder, fitted_take, take, given=()):
     """The same for a result. `fitted_take` is what the fit threw (a copy of a take's settings),
     `take` the take that gets fitted throws."""
     found = files.read_json(os.path.join(folder, fit_results.SCENE_FILE))
     document = {**found.get("scene", {}), "captures": found.get("captures", [])}
     work = Application(scene, document, fitted_take, take)
-    for estimate in result.estimates:
+    for estimate in (*result.estimates, *(fit_results.Estimate(path) for path in given)):
         work.note(estimate)
     if not work.wanted and not work.starts:
         raise JobError(translate("The fit found no value that could be applied. Fit again."))

@@ -67,19 +67,50 @@ def read_shape(item, shape, stretch, scale_length, creases=False):
             return read_arrays(mesh, stretch, scale_length, creases)
 
 
+def _chains(layer, item):
+    """Each way from the view layer's collections down to the object: lists of LayerCollections, none
+    of them switched off."""
+    for child in layer.children:
+        if child.exclude:
+            continue
+        for chain in _chains(child, item):
+            yield [child, *chain]
+    if item.name in layer.collection.objects:
+        yield []
+
+
+def _hidden_parts(item):
+    """The hidden collections because of which the object is not evaluated; [] where it is. JobError
+    where the view layer does not have it."""
+    ways = [[part for part in chain if part.hide_viewport or part.collection.hide_viewport]
+            for chain in _chains(bpy.context.view_layer.layer_collection, item)]
+    if not ways:
+        raise _not_there(item)
+    return min(ways, key=len)
+
+
+def _not_there(item):
+    return JobError(f"object '{item.name}': is not in this view layer. Add it to the scene, or switch "
+                    "its collection on.")
+
+
 @contextlib.contextmanager
 def shown(items):
-    """The objects can be evaluated inside: a hidden one has no evaluated mesh."""
-    hidden = []
+    """The objects can be evaluated inside: one that is hidden, itself or by its collection, has no
+    evaluated mesh."""
+    hidden, collections = [], []
     try:
+        for item in items:
+            for part in _hidden_parts(item):
+                collections.append((part, part.hide_viewport, part.collection.hide_viewport))
+                part.hide_viewport = part.collection.hide_viewport = False
         for item in items:
             hidden.append((item.name, item.hide_viewport, item.hide_get()))
             item.hide_viewport = False
             try:
                 item.hide_set(False)
             except RuntimeError as error:
-                raise JobError(f"object '{item.name}': is not in this view layer. Add it to the "
-                               "scene, or switch its collection on.") from error
+                raise _not_there(item) from error
         bpy.context.view_layer.update()
         yield
     finally:
@@ -88,6 +119,8 @@ def shown(items):
             with contextlib.suppress(RuntimeError):
                 item.hide_set(eye)
             item.hide_viewport = viewport
+        for part, eye, viewport in reversed(collections):
+            part.hide_viewport, part.collection.hide_viewport = eye, viewport
 
 
 @contextlib.contextmanager

@@ -6,6 +6,7 @@ import re
 
 from .. import quantities
 from ..compat import translate, translate_label
+from . import job_fit
 
 # bodies[0].material.E, scene.colliders.ground.contact.mu, captures."my clip", scene.gravity[2]
 _STEP = r"""(?:\.[A-Za-z_]\w*|\[\d+\])"""
@@ -14,6 +15,8 @@ _OWNED = re.compile(
     r"""(?:\[(?P<index>\d+)\]|\.(?P<name>[\w-]+)|\.(?P<quote>["'])(?P<quoted>.+?)(?P=quote))"""
     rf"""(?P<key>{_STEP}*)""")
 _SCENE = re.compile(rf"""(?<![\w/."'])scene(?P<key>{_STEP}+)""")
+# Of a batch's member: gravity[2] = -3, particle_separation = 0.02: …
+_VARIED = re.compile(r"(?:(?<=, )|^)(?P<key>[a-z]\w*(?:\[[012]\])?)(?= = )", re.MULTILINE)
 _CHANGE = re.compile(r"^(?P<what>.+): (?P<now>[^:]+), was (?P<before>.+)$")
 _CHANGES = re.compile(
     r"^.* holds (?P<what>the results|a fit|an unfinished fit) of other inputs\. What changed:\n",
@@ -51,14 +54,58 @@ def _short_fill(match):
         n=count, share=f"{share:.1f}")
 
 
+def short_label(label):
+    """A label without its unit, in the user's language."""
+    return translate_label(label).split(" [")[0]
+
+
+def owner_and_label(settings, path):
+    """(owner, label without the unit) of a path in a result of a fit: ('Cube', 'Velocity Z')."""
+    document = {"bodies": [{"name": body.name} for body in settings.bodies
+                           if body.role == "BODY"]}
+    owner, key, axis = job_fit.split_path(path, document)
+    text = short_label(quantities.label_of(key))
+    return owner, text if axis is None else f"{text} {'XYZ'[axis]}"
+
+
+def named(settings, path):
+    """The same in one text, with the owner where the scene has several: Velocity Z, or Cube: Velocity
+    Z."""
+    owner, label = owner_and_label(settings, path)
+    if not owner or [body.name for body in settings.bodies if body.role == "BODY"] == [owner]:
+        return label
+    return f"{translate_label('Ground') if owner == 'ground' else owner}: {label}"
+
+
+# What the library calls its steps, where an artist would not.
+_STEPS = {"Differentiating": "Trying each value",
+          "Measuring the solver's own error": "Trying other grids"}
+_COUNT = re.compile(r"Wedge, (?P<n>\d+) of (?P<total>\d+) done")
+
+
+def stage(text):
+    """What a running job does now, in the panel's words."""
+    parts = [translate(_STEPS.get(part, part)) for part in text.split(": ")]
+    return ": ".join(_COUNT.sub(lambda match: translate("{n} of {total} done").format(
+        **match.groupdict()), part) for part in parts)
+
+
 def in_panel(text, settings):
     """`text` without paths of the document; `settings` are those of the scene that it is about."""
     text = _OWNED.sub(lambda match: _owned(match, settings), text)
     text = _SCENE.sub(lambda match: _field(match.group("key"), match.group(0)), text)
+    text = _VARIED.sub(lambda match: _field(match.group("key"), match.group(0)), text)
     text = text.replace("'ground'", translate_label("Ground"))
     # A message that begins with a path may name the owner once more.
     text = re.sub(r"('[^'\n]+') \1", r"\1", text)
     return _changed(text)
+
+
+def of_result(text, settings):
+    """in_panel() of what a result says of its values: the only body of a scene goes without saying."""
+    text = in_panel(text, settings)
+    bodies = [body.name for body in settings.bodies if body.role == "BODY"]
+    return text.replace(f"'{bodies[0]}', ", "") if len(bodies) == 1 else text
 
 
 def _names(settings, kind):

@@ -15,10 +15,11 @@ from .outcome import (
 )
 from .registered import Registry, registry
 from .text import duration_text, size_text
+from .then_run import ThenRun
 from .thread_run import ThreadRun
 
 __all__ = [
     "ENDED", "EXIT_CANCELLED", "EXIT_COMPUTE", "EXIT_DONE", "EXIT_INPUT", "Job", "JobError",
-    "Outcome", "Registry", "Snapshot", "State", "ThreadRun", "duration_text", "registry",
-    "size_text",
+    "Outcome", "Registry", "Snapshot", "State", "ThenRun", "ThreadRun", "duration_text",
+    "registry", "size_text",
 ]

@@ -6,6 +6,7 @@ from . import (
                bodies,
                caches,
                capture,
+               check,
                compare,
                diagnose,
                effects,
@@ -18,5 +19,5 @@ from . import (
 )
 
 CLASSES = (*capture.CLASSES, *images.CLASSES, *bodies.CLASSES, *effects.CLASSES, *simulate.CLASSES,
-           *caches.CLASSES, *fit.CLASSES, *materials.CLASSES,
+           *caches.CLASSES, *check.CLASSES, *fit.CLASSES, *materials.CLASSES,
            *compare.CLASSES, *diagnose.CLASSES, *takes.CLASSES, *output.CLASSES, *batch.CLASSES)

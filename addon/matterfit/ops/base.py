@@ -263,7 +263,7 @@ def progress_text(job):
         parts.append(translate("cancelling"))
     snapshot = job.snapshot
     if snapshot.stage:
-        parts.append(snapshot.stage)
+        parts.append(words.stage(snapshot.stage))
     if snapshot.last_frame:
         parts.append(translate("frame {n} of {total}").format(n=snapshot.frame,
                                                               total=snapshot.last_frame))

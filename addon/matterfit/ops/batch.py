@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Batch: the active take with other values, side by side here or on a farm."""
+"""Batch: the active take with other values, baked, compared or fitted side by side here or on a
+farm."""
 
 import contextlib
 import os
@@ -9,10 +10,13 @@ from bpy.props import EnumProperty
 
 from .. import jobs, machine, native
 from ..compat import translate
-from ..io import batch, job_document, takes
+from ..io import batch, batch_results, fit_apply, fit_rows, job_document, takes
 from ..jobs import EXIT_INPUT, JobError
+from ..props import scene as scene_props
 from .base import JobOperator, NoJobRunning, PlainOperator, greyed, remove_active, session
+from .compare import require_capture
 from .launch import prepare
+from .materials import tell
 
 _items = []  # Blender keeps no reference to the texts of an enumeration
 
@@ -58,31 +62,42 @@ class MATTERFIT_OT_remove_axis(PlainOperator, bpy.types.Operator):
         remove_active(context.scene.matterfit.batch, "axes", "axis_index")
 
 
-def written_base(context):
-    """(path of the document that is varied, assignments); its folder is the batch's."""
+# What a combination's document is of; a comparison bakes first, so that there is something to see.
+_TASKS = {"BAKE": "bake", "COMPARE": "compare", "FIT": "fit"}
+_SHARE = 0.8  # of the bar that the bakes take where a comparison follows
+
+
+def prepared_base(context):
+    """(document that is varied, assignments, the batch's folder); its inputs are written there."""
     takes.require_saved()
     native.require()
     settings = context.scene.matterfit
-    source, run = takes.ensure_active(settings), settings.batch.run
-    run.name = translate("Batch")
+    task = settings.batch.task
+    if task == "COMPARE":
+        require_capture(settings)
+    if task == "FIT":
+        fit_rows.refresh(settings)
+    source, run = takes.ensure_active(settings), batch.home(settings, task)
+    run.name = source.name
     takes.copy_settings(source, run)
     folder = takes.claim(run)
-    document, replaced = prepare(context, run, folder, "bake", estimate=False)
+    document, replaced = prepare(context, run, folder, "fit" if task == "FIT" else "bake")
     try:
         axes = batch.assignments(settings, document["scene"])
     except JobError:
         replaced.put_back()
         raise
     replaced.end()
-    return job_document.write(document, folder), axes
+    return document, axes, folder
 
 
 class MATTERFIT_OT_run_batch(JobOperator, bpy.types.Operator):
     bl_idname = "matterfit.run_batch"
     bl_label = "Run Batch"
-    bl_description = ("Bake the active take once for each combination of the values; results "
-                      "appear as takes. Those that are finished are kept: pressed again it goes on")
+    bl_description = ("Bake, compare or fit the active take once for each combination of the "
+                      "values. Those that are finished are kept: pressed again it goes on")
     restart_advice = "Press Free in Batch, or change the values back."
+    _task = ""  # what is done; another may be chosen while it runs
 
     @classmethod
     def poll(cls, context):
@@ -90,13 +105,22 @@ class MATTERFIT_OT_run_batch(JobOperator, bpy.types.Operator):
             cls, not context.scene.matterfit.batch.axes, "Choose what is varied first")
 
     def begin(self, context):
-        path, axes = written_base(context)
+        document, axes, folder = prepared_base(context)
         settings = context.scene.matterfit
-        folder, at_once = os.path.dirname(path), settings.batch.at_once
-        threads = settings.solver.threads
+        at_once, threads = settings.batch.at_once, settings.solver.threads
+        self._task = settings.batch.task
+        compared = self._task == "COMPARE"
+
+        def run(task):
+            path = job_document.write({**document, "task": task}, folder)
+            return native.wedge_start(path, axes, folder, at_once, threads)
 
         def start():
-            return native.wedge_start(path, axes, folder, at_once, threads)
+            if not compared:
+                return run(document["task"])
+            # One that failed fails again, and does not keep the others from being compared.
+            return jobs.ThenRun(run("bake"), lambda baked: run("compare") if baked.result else None,
+                                _SHARE, (translate("Bake"), translate("Compare")))
 
         return jobs.Job(translate("Batch"), start, folder=folder, resumable=True,
                         resume="matterfit.run_batch")
@@ -105,32 +129,44 @@ class MATTERFIT_OT_run_batch(JobOperator, bpy.types.Operator):
         return job.snapshot.stage
 
     def progressed(self, context, job):
-        batch.show(context.scene)
+        batch_results.show(context.scene, self._task)
 
     def stopped(self, context, job):
         if job.status != EXIT_INPUT or job.result:
             with contextlib.suppress(JobError):  # why it stopped is reported
-                batch.show(context.scene)
+                batch_results.show(context.scene, self._task)
 
     def ended(self, context, job):
-        shown, count = batch.show(context.scene)
-        session(context).last_report = translate("Batch: {n} of {total} are takes now").format(
-            n=shown, total=count)
+        shown, count = batch_results.show(context.scene, self._task)
+        session(context).last_report = report_text(context.scene.matterfit, self._task, shown, count)
+
+
+def report_text(settings, task, shown, count):
+    """What a batch says: how many are there, and which is the best."""
+    words = (translate("Batch: {n} of {total} are fitted") if task == "FIT" else
+             translate("Batch: {n} of {total} are takes now"))
+    said = [words.format(n=shown, total=count)]
+    best = next(iter(settings.batch.results), None)
+    if best is not None and best.error >= 0.0:
+        said.append(translate("Best: {values} with {error}").format(
+            values=best.name, error=batch_results.error_text(best.error)))
+    return "\n".join(said)
 
 
 class MATTERFIT_OT_write_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.write_batch"
     bl_label = "Write Jobs"
-    bl_description = ("Write a document for each combination, and the file that the farm takes; "
-                      "nothing is simulated")
+    bl_description = ("Write a document for each combination, to be baked, compared or fitted, and "
+                      "the file that the farm takes; nothing is simulated")
 
     def act(self, context):
-        path, axes = written_base(context)
-        farm = context.scene.matterfit.batch.farm
-        found = native.wedge_write(path, axes, os.path.dirname(path),
-                                   "" if farm == "NONE" else farm.lower(), machine.tool())
-        told = translate("{n} jobs in {folder}").format(n=len(found["members"]),
-                                                        folder=os.path.dirname(path))
+        document, axes, folder = prepared_base(context)
+        settings = context.scene.matterfit.batch
+        path = job_document.write({**document, "task": _TASKS[settings.task]}, folder)
+        found = native.wedge_write(path, axes, folder,
+                                   "" if settings.farm == "NONE" else settings.farm.lower(),
+                                   machine.tool())
+        told = translate("{n} jobs in {folder}").format(n=len(found["members"]), folder=folder)
         session(context).last_report = "\n".join([told, *found["files"]])
         self.report({"INFO"}, told)
 
@@ -138,12 +174,37 @@ class MATTERFIT_OT_write_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
 class MATTERFIT_OT_show_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.show_batch"
     bl_label = "Load Results"
-    bl_description = "Show what a farm has finished by now: each becomes a take"
+    bl_description = ("Show what a farm has finished by now: what is baked becomes a take, errors are "
+                      "listed")
 
     def act(self, context):
-        shown, count = batch.show(context.scene)
-        self.report({"INFO"}, translate("Batch: {n} of {total} are takes now").format(
-            n=shown, total=count))
+        task = context.scene.matterfit.batch.task
+        shown, count = batch_results.show(context.scene, task)
+        said = report_text(context.scene.matterfit, task, shown, count)
+        session(context).last_report = said
+        self.report({"INFO"}, said)
+
+
+class MATTERFIT_OT_apply_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.apply_batch"
+    bl_label = "Apply to Body"
+    bl_description = ("Put what the fit of the active row has found where it belongs, with the values "
+                      "that it was given, so that bakes use them")
+
+    @classmethod
+    def poll(cls, context):
+        rows = context.scene.matterfit.batch
+        row = scene_props.active_item(rows.results, rows.result_index)
+        return super().poll(context) and greyed(
+            cls, rows.task != "FIT" or row is None or row.error < 0.0,
+            "Choose a combination that is fitted")
+
+    def act(self, context):
+        settings = context.scene.matterfit
+        folder, given = batch_results.fit_of_active(settings)
+        left = fit_apply.apply_run(context.scene, folder, settings.batch.fits, given)
+        settings.compare.done = False
+        tell(self, context, translate("The fitted values are set. Bake or Compare uses them"), left)
 
 
 class MATTERFIT_OT_free_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
@@ -154,8 +215,9 @@ class MATTERFIT_OT_free_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
+        rows = context.scene.matterfit.batch
         return super().poll(context) and greyed(
-            cls, not context.scene.matterfit.batch.run.folder, "There is no batch to delete")
+            cls, not (rows.run.folder or rows.fits.folder), "There is no batch to delete")
 
     def invoke(self, context, event):
         return context.window_manager.invoke_confirm(self, event)
@@ -165,9 +227,10 @@ class MATTERFIT_OT_free_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
         if left:
             self.report({"WARNING"}, translate(
                 "{n} files in {folder} are not ours and stay: {names}").format(
-                    n=len(left), folder=context.scene.matterfit.batch.run.folder,
-                    names=", ".join(left[:5])))
+                    n=len(left), folder=os.path.dirname(left[0]),
+                    names=", ".join(os.path.basename(name) for name in left[:5])))
 
 
 CLASSES = (MATTERFIT_OT_add_axis, MATTERFIT_OT_remove_axis, MATTERFIT_OT_run_batch,
-           MATTERFIT_OT_write_batch, MATTERFIT_OT_show_batch, MATTERFIT_OT_free_batch)
+           MATTERFIT_OT_write_batch, MATTERFIT_OT_show_batch, MATTERFIT_OT_apply_batch,
+           MATTERFIT_OT_free_batch)

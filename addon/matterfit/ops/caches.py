@@ -136,7 +136,7 @@ class MATTERFIT_OT_write_job(NoJobRunning, PlainOperator, bpy.types.Operator):
         takes.require_saved()
         take = takes.ensure_active(context.scene.matterfit)
         folder = takes.claim(take)
-        document, replaced = prepare(context, take, folder, "bake", estimate=False)
+        document, replaced = prepare(context, take, folder, "bake")
         replaced.end()
         path = job_document.write(document, folder)
         session(context).last_report = path

@@ -13,6 +13,12 @@ from .base import JobOperator, session
 from .launch import AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job
 
 
+def require_capture(settings):
+    """JobError where there is nothing to compare with."""
+    if not any(capture.enabled for capture in settings.captures):
+        raise JobError(translate("There is no capture to compare with. Import one in Capture."))
+
+
 class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
     bl_idname = "matterfit.compare"
     bl_label = "Compare"
@@ -23,9 +29,7 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         takes.require_saved()
         native.require()
         settings = context.scene.matterfit
-        if not any(capture.enabled for capture in settings.captures):
-            raise JobError(translate("There is no capture to compare with. Import one in "
-                                     "Capture."))
+        require_capture(settings)
         take = takes.ensure_active(settings)
         folder = takes.claim(take)
         prepared = prepare(context, take, folder, "compare")

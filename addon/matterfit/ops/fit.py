@@ -212,7 +212,7 @@ class MATTERFIT_OT_write_fit_job(NoJobRunning, PlainOperator, bpy.types.Operator
         try:
             takes.for_fit(settings)
             folder = takes.claim(fit.run)
-            document, replaced = prepare(context, fit.run, folder, "fit", estimate=False)
+            document, replaced = prepare(context, fit.run, folder, "fit")
         except JobError:
             before.put_back(fit.run)
             raise

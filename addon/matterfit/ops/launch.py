@@ -4,25 +4,21 @@
 import contextlib
 import os
 
+import bpy
+
 from .. import jobs, machine, native
 from ..compat import translate
 from ..io import cache, files, fit_results, job_document
-from ..jobs import JobError, State
+from ..jobs import EXIT_DONE, JobError, State
 from .base import session
 
 # `restart` of a job: what becomes of results that the folder holds (native/capi/matterfit.h).
 GO_ON, AFRESH, AFRESH_WHERE_CHANGED = 0, 1, 2
 
 
-def check_estimate(context, document, folder):
-    """The estimate of a run; JobError with the numbers where it will not fit."""
-    # Without the outputs it is soon known: what they take is Estimate's to tell.
-    estimate = native.estimate({**document, "task": "simulate"}, folder)
-    return judge_estimate(context, document, estimate)
-
-
 def judge_estimate(context, document, estimate):
-    """Shows an estimate; JobError with the numbers where the run will not fit."""
+    """Shows an estimate of native.estimate(); JobError with the numbers where the run will not
+    fit."""
     state = session(context)
     state.estimate = estimate_text(estimate)
     needed = estimate.get("bytes", 0)
@@ -39,10 +35,10 @@ def judge_estimate(context, document, estimate):
             "This needs about {needed} of memory, and {free} are free. Raise Particle Separation, "
             "or close other programs.").format(needed=jobs.size_text(needed),
                                                free=jobs.size_text(free)))
-    return estimate
 
 
 def estimate_text(estimate):
+    """A line for each number that is known."""
     parts = []
     particles = estimate.get("particles")
     if particles:
@@ -56,25 +52,41 @@ def estimate_text(estimate):
     seconds = estimate.get("seconds")
     if seconds:
         parts.append(translate("about {time}").format(time=jobs.duration_text(seconds)))
-    return ", ".join(parts)
+    return "\n".join(parts)
 
 
-def prepare(context, take, folder, task, estimate=True, **options):
-    """(document, Replaced) of a run, with `estimate` of one that fits into memory; `options` are
-    those of job_document.build(). The folder stays as it was where it raises."""
+def prepare(context, take, folder, task, **options):
+    """(document, Replaced) of a run; `options` are those of job_document.build(). The folder stays
+    as it was where it raises."""
     replaced = job_document.Replaced(folder, task)
     try:
         document = job_document.build(context.scene, take, folder, task, **options)
-        if estimate:
-            check_estimate(context, document, folder)
     except Exception:
         replaced.put_back()
         raise
     return document, replaced
 
 
-def start_job(context, label, prepared, folder, restart, **options):
-    """A job on <folder>/job.json, which is written first: the file is what is run.
+def counted(document, folder, threads, run):
+    """A backend that counts the particles, in a thread as that may take seconds, and goes on with
+    the one that `run()` returns; it ends with the numbers where that would not fit into memory."""
+
+    def count():
+        # Without the outputs it is soon known: what they take is Estimate's to tell.
+        return native.estimate({**document, "task": "simulate"}, folder, threads)
+
+    def go_on(found):
+        if found.status != EXIT_DONE:
+            return None
+        judge_estimate(bpy.context, document, found.result)
+        return run()
+
+    return jobs.ThenRun(jobs.ThreadRun(count, "Filling"), go_on)
+
+
+def start_job(context, label, prepared, folder, restart, begun=None, **options):
+    """A job that counts the particles (counted()) and then runs <folder>/job.json, which is written
+    in between: the file is what is run. `begun()` is called where it comes to that.
 
     GO_ON continues what the folder holds, which the library refuses where the inputs have changed.
     What was prepared (prepare()) is taken back where the run leaves the old results. `options` are
@@ -82,24 +94,32 @@ def start_job(context, label, prepared, folder, restart, **options):
     """
     threads = context.scene.matterfit.solver.threads
     document, replaced = prepared
-    path = job_document.write(document, folder)
 
-    def start():
-        return native.start(path, task=document["task"], threads=threads, restart=restart)
+    def run():
+        path = job_document.write(document, folder)
+        backend = native.start(path, task=document["task"], threads=threads, restart=restart)
+        job.begun = True
+        if begun is not None:
+            begun()
+        return backend
 
     def ended(job):
         if job.state is State.DONE:
             replaced.end()
             return
         job.untouched = replaced.untouched()
+        ours = not job.untouched or replaced.is_of(document)
         if document["task"] in cache.FIT_TASKS:
-            ours = not job.untouched or replaced.is_of(document)
             job.resumable = ours and fit_results.is_unfinished(folder)
+        elif not job.begun:
+            job.resumable = job.resumable and ours
         # What is reported is why the job ended.
         with contextlib.suppress(JobError):
             replaced.put_back()
 
-    return jobs.Job(label, start, folder=folder, on_end=ended, **options)
+    job = jobs.Job(label, lambda: counted(document, folder, threads, run), folder=folder,
+                   on_end=ended, **options)
+    return job
 
 
 def written_document(folder):

@@ -49,7 +49,7 @@ def material_name(context):
         return context.scene.matterfit.fit.run.name
 
 
-def _tell(operator, context, words, warnings):
+def tell(operator, context, words, warnings):
     """Reports what was done, and what speaks against it."""
     warnings = [sentence for sentence in warnings if sentence]
     session(context).last_report = "\n".join([words, *warnings])
@@ -76,7 +76,7 @@ class MATTERFIT_OT_apply_fit(_HasResult, PlainOperator, bpy.types.Operator):
         if fit_results.is_unfinished(folder):
             words += "\n" + translate("The fit is unfinished, and begins at other values now: undo "
                                       "this before Resume")
-        _tell(self, context, words, left)
+        tell(self, context, words, left)
 
 
 class MATTERFIT_OT_save_material(_HasResult, PlainOperator, bpy.types.Operator, ExportHelper):
@@ -99,7 +99,7 @@ class MATTERFIT_OT_save_material(_HasResult, PlainOperator, bpy.types.Operator, 
         path = bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")
         name = os.path.splitext(os.path.basename(path))[0]
         files.write_json(path, presets.saved(document, name))
-        _tell(self, context, path, [presets.warning(document)])
+        tell(self, context, path, [presets.warning(document)])
 
 
 class MATTERFIT_OT_load_material(PlainOperator, bpy.types.Operator, ImportHelper):
@@ -124,7 +124,7 @@ class MATTERFIT_OT_load_material(PlainOperator, bpy.types.Operator, ImportHelper
         presets.fill(body.material, document["material"])
         body.material.source = document["source"]
         body.density = document["density"]
-        _tell(self, context, translate("'{name}' is loaded").format(name=document["name"]),
+        tell(self, context, translate("'{name}' is loaded").format(name=document["name"]),
               [presets.warning(document)])
 
 
@@ -152,7 +152,7 @@ class MATTERFIT_OT_add_preset(_HasResult, PlainOperator, bpy.types.Operator):
         document = fitted_material(context)
         presets.add(document, name)
         words = translate("'{name}' is among the material presets").format(name=name)
-        _tell(self, context, words, [presets.warning(document)])
+        tell(self, context, words, [presets.warning(document)])
 
 
 class MATTERFIT_OT_remove_preset(PlainOperator, bpy.types.Operator):

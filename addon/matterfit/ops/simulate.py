@@ -44,7 +44,10 @@ class BakeJob(JobOperator):
             self._follow(job)
 
     def stopped(self, context, job):
-        if job.status == EXIT_INPUT:
+        scene, take = takes.find(job.folder)
+        if take is not None and not job.begun:
+            self.take_back(scene.matterfit, take)
+        if job.status == EXIT_INPUT or not job.begun:
             return
         # The reason why the job stopped is reported, not what could not be shown of it.
         with contextlib.suppress(Exception):
@@ -58,6 +61,9 @@ class BakeJob(JobOperator):
         if take is not None:
             take.baked = True
         session(context).last_report = words.in_panel(report_text(job), context.scene.matterfit)
+
+    def take_back(self, settings, take):
+        """Called where nothing came of the job: it has not begun."""
 
     def _follow(self, job):
         """The playhead goes with the frame whose particles are seen, so that all else, such as an
@@ -98,6 +104,8 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         name="Onto", items=ONTO, options={"SKIP_SAVE"},
         description="Where the bake goes when the active take is finished")
 
+    _stood_at = None  # the take that was active before one was added for this bake
+
     def invoke(self, context, event):
         take = scene_props.active_take(context.scene.matterfit)
         asked = self.properties.is_property_set("onto")
@@ -110,21 +118,42 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         native.require()
         scene = context.scene
         settings = scene.matterfit
-        before = settings.take_index, len(settings.takes)
+        before, count = settings.take_index, len(settings.takes)
         take = takes.for_bake(settings, replace=self.onto == "REPLACE")
+        self._stood_at = before if count and len(settings.takes) > count else None
         try:
             discard_preview(scene)
             folder = takes.claim(take)
             prepared = prepare(context, take, folder, "bake")
         except JobError:
-            if before[1] and len(settings.takes) > before[1]:
-                settings.takes.remove(len(settings.takes) - 1)
-                settings.take_index = before[0]
+            self.take_back(settings, take)
             raise
-        scene.matterfit.compare.done = False
         # States of the very same inputs are used again: another output bakes without simulating.
         return start_job(context, translate("Bake {name}").format(name=take.name), prepared,
-                         folder, AFRESH_WHERE_CHANGED, resumable=True)
+                         folder, AFRESH_WHERE_CHANGED, lambda: _forget_comparison(folder),
+                         resumable=True)
+
+    def take_back(self, settings, take):
+        """Removes the take that was added for a bake of which nothing came."""
+        index = next((i for i, other in enumerate(settings.takes) if other == take), None)
+        if self._stood_at is None or index is None:
+            return
+        if take.folder:
+            # What is reported is why the bake ended.
+            with contextlib.suppress(JobError):
+                cache.free(takes.locate(take).folder)
+        settings.takes.remove(index)
+        if settings.take_index == index:
+            settings.take_index = min(self._stood_at, len(settings.takes) - 1)
+        elif settings.take_index > index:
+            settings.take_index -= 1
+
+
+def _forget_comparison(folder):
+    """What was compared is no longer what the folder holds."""
+    scene, _take = takes.find(folder)
+    if scene is not None:
+        scene.matterfit.compare.done = False
 
 
 class MATTERFIT_OT_bake_again(bpy.types.Operator):

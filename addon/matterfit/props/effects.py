@@ -48,7 +48,7 @@ class MatterfitEffect(bpy.types.PropertyGroup):
         name="Density [kg/m³]", default=1.204, min=0.0, max=2e4, soft_max=1e3, precision=3, step=10,
         description="Density of the medium in kilograms per cubic metre: air 1.204, water 998")
     velocity: FloatVectorProperty(
-        name="Velocity [m/s]", size=3, default=(0.0, 0.0, 0.0), min=-300.0, max=300.0,
+        name="Velocity [m/s]", size=3, subtype="XYZ", default=(0.0, 0.0, 0.0), min=-300.0, max=300.0,
         soft_min=-30.0, soft_max=30.0, precision=2, step=10,
         description="Where the air goes, in metres per second whatever the scene's scale")
     medium_density: FloatProperty(
@@ -72,7 +72,7 @@ class MatterfitEffect(bpy.types.PropertyGroup):
         name="Radius", default=1.0, min=1e-4, max=1e6, soft_max=10.0, precision=3, unit="LENGTH",
         description="Where it has faded away")
     acceleration: FloatVectorProperty(
-        name="Acceleration [m/s²]", size=3, default=(0.0, 0.0, 0.0), min=-1e5, max=1e5,
+        name="Acceleration [m/s²]", size=3, subtype="XYZ", default=(0.0, 0.0, 0.0), min=-1e5, max=1e5,
         soft_min=-30.0, soft_max=30.0, precision=2, step=10,
         description="What it does to a free body, in metres per second squared whatever the "
                     "scene's scale")
@@ -99,7 +99,7 @@ class MatterfitEffect(bpy.types.PropertyGroup):
         name="Poisson's Ratio", default=0.3, min=0.0, max=0.49, precision=3, step=1, options=set(),
         description="Of the added stiffness, without unit")
     slope: FloatVectorProperty(
-        name="Slope [Pa/m]", size=3, default=(0.0, 0.0, 0.0), min=-1e9, max=1e9, soft_min=-1e7,
+        name="Slope [Pa/m]", size=3, subtype="XYZ", default=(0.0, 0.0, 0.0), min=-1e9, max=1e9, soft_min=-1e7,
         soft_max=1e7, precision=0, step=100000, options=set(),
         description="How Young's modulus grows along each axis of the world, in pascals per metre "
                     "whatever the scene's scale")

@@ -130,6 +130,7 @@ class MatterfitFit(bpy.types.PropertyGroup):
         description="0: as many as pay; 1: the scene's own; 2: twice coarser first, then the "
                     "scene's; 3: four times, twice, then the scene's")
 
+    check: StringProperty(name="Check", description="What the last Check found, as JSON")
     run: PointerProperty(type=MatterfitTake)
     done: BoolProperty(name="Fitted", default=False, description="A fit has left a result")
     show_history: BoolProperty(

@@ -13,9 +13,9 @@ def number(key, **options):
 
 
 def vector(key, **options):
-    """A FloatVectorProperty of the quantity."""
+    """A FloatVectorProperty of the quantity; its components are named X, Y, Z."""
     row = quantities.find(key)
-    return FloatVectorProperty(**{**_common(row), "size": row.size, **options})
+    return FloatVectorProperty(**{**_common(row), "size": row.size, "subtype": "XYZ", **options})
 
 
 def _common(row):

@@ -32,3 +32,4 @@ separation_typed = Reaction()  # (solver)
 surface_restyled = Reaction()  # (settings): smoothing or offset of surfaces
 take_switched = Reaction()  # (settings): another take is the active one
 capture_switched = Reaction()  # (settings): another capture is the active one
+batch_result_chosen = Reaction()  # (settings): a row of a batch's results is the active one

@@ -50,6 +50,9 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
                      icon="MOD_PHYSICS").role = "COLLIDER"
         body = scene_props.active_body(settings)
         if body is None:
+            if not settings.bodies:
+                lines(layout, translate("Select an object that is to be simulated, and press Add "
+                                        "Body."), icon="INFO")
             return
         form(layout).prop(body, "role")
         if body.role == "COLLIDER":
@@ -136,9 +139,10 @@ class MATTERFIT_PT_body_motion(_BodyDetail, bpy.types.Panel):
             column.prop(body, "velocity")
             quantity(column, body, "spin")
         column.prop(body, "formulation")
+        column.prop(body, "seed")
+        column.label(text="Damping")
         for name in laws.DAMPING:
             quantity(column, body.material, "material." + name)
-        column.prop(body, "seed")
         if body.material.source:
             lines(self.layout, body.material.source, icon="BOOKMARKS")
 

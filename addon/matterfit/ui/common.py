@@ -50,9 +50,9 @@ def quantity(column, item, key):
     column.prop(item, row.name, text=row.caption)
 
 
-def switched(column, item, switch, value):
-    """A value with the switch that makes it count."""
-    row = column.row(align=True, heading=item.bl_rna.properties[switch].name)
+def switched(column, item, switch, value, heading=""):
+    """A value with the switch that makes it count, called like the switch without a `heading`."""
+    row = column.row(align=True, heading=heading or item.bl_rna.properties[switch].name)
     row.prop(item, switch, text="")
     entry = row.row(align=True)
     entry.active = getattr(item, switch)
@@ -65,7 +65,7 @@ def contact(layout, item):
     column.prop(item, "kind")
     if item.kind == "FRICTION":
         quantity(column, item, "contact.mu")
-    switched(column, item, "use_stiffness", "stiffness")
+    switched(column, item, "use_stiffness", "stiffness", quantities.STIFFNESS.caption)
     switched(column, item, "use_damping", "damping")
 
 

@@ -28,7 +28,7 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
         row.label(text="Mean")
         row.label(text=f"{compare.mean_mm:.4g} mm", translate=False)
         row = box.row()
-        row.label(text="95 %")
+        row.label(text="95 % Below")
         row.label(text=f"{compare.p95_mm:.4g} mm", translate=False)
         column = form(layout)
         column.prop(compare, "show_heatmap")

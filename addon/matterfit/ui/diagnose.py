@@ -99,9 +99,10 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
         several = len({worst.capture for worst in report.worst}) > 1
         column = layout.column(align=True)
         for worst in report.worst:
-            text = f"{worst.frame}: {1e3 * worst.size:.3g} mm"
+            text = translate("Frame {n}: {error} mm").format(n=worst.frame,
+                                                             error=f"{1e3 * worst.size:.3g}")
             if several:
-                text = f"{worst.capture} {text}"
+                text = f"{worst.capture}, {text}"
             column.operator("matterfit.diagnosis_jump", text=text, icon="TIME").frame = worst.frame
 
     def _rest(self, layout, report):

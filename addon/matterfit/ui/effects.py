@@ -5,12 +5,15 @@ from .. import effects
 from ..props import scene as scene_props
 from .common import MatterfitPanel, form
 
-# What the narrow column has no room for; all others go without their unit, which the tooltip has.
-_CAPTIONS = {"drag_coefficient": "Drag Coeff.", "area": "Area"}
+# What the narrow column has room for; what is missing is called by its full name.
+_CAPTIONS = {"drag_coefficient": "Drag Coeff.", "area": "Area", "air_density": "Dens. kg/m³",
+             "medium_density": "Dens. kg/m³", "velocity": "Wind m/s", "acceleration": "Acc. m/s²",
+             "strength": "Acc. [m/s²]", "frequency": "Freq. [Hz]", "modulus": "Added [Pa]",
+             "nu": "Poisson's", "slope": "Slope Pa/m"}
 
 
 def _caption(effect, key):
-    return _CAPTIONS.get(key, effect.bl_rna.properties[key].name.split(" [")[0])
+    return _CAPTIONS.get(key, effect.bl_rna.properties[key].name)
 
 
 class MATTERFIT_UL_effects(bpy.types.UIList):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import bpy
 
-from .. import jobs, laws, quantities
-from ..compat import translate, translate_label
-from ..io import fit_results, fit_rows, fit_values, job_fit, takes, words
-from ..ops.fit import error_text
+from .. import jobs, laws
+from ..compat import translate
+from ..io import fit_rows, fit_values, takes
+from ..io.words import short_label
 from ..props import scene as scene_props
 from . import fit_overlay
 from .common import MatterfitPanel, form, holdout, lines, switched
@@ -21,7 +21,7 @@ class MATTERFIT_UL_parameters(bpy.types.UIList):
         if quantity is None:
             row.label(text=item.name, icon="ERROR", translate=False)
             return
-        words = _short(quantity.label)
+        words = short_label(quantity.label)
         if not _of_only_body(settings, item.owner) and item.owner:
             words = f"{item.owner}: {words}"
         row.label(text=words, translate=False)
@@ -112,7 +112,9 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
     def _buttons(self, layout, context, fit):
         row = layout.row(align=True)
         row.scale_y = 1.4
+        row.operator("matterfit.check_fit", icon="CHECKMARK")
         row.operator("matterfit.fit", icon="VIEWZOOM")
+        row = layout.row(align=True)
         row.operator("matterfit.resume_fit", text="Resume", icon="PLAY")
         row.operator("matterfit.free_fit", text="", icon="TRASH")
         layout.operator("matterfit.write_fit_job", icon="FILE_TICK")
@@ -145,6 +147,7 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
 class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
     bl_label = "Advanced"
     bl_parent_id = "MATTERFIT_PT_fit"
+    bl_order = 2
 
     def draw(self, context):
         fit = context.scene.matterfit.fit
@@ -157,140 +160,9 @@ class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
         column.prop(context.scene.matterfit.solver, "threads")
 
 
-class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
-    bl_label = "Result"
-    bl_parent_id = "MATTERFIT_PT_fit"
-    bl_options = set()
-
-    @classmethod
-    def poll(cls, context):
-        fit = context.scene.matterfit.fit
-        return (fit.done and bool(fit.run.folder)
-                and not fit_overlay.running_fit(context.scene.matterfit))
-
-    def draw(self, context):
-        layout = self.layout
-        settings = context.scene.matterfit
-        folder = takes.locate(settings.fit.run).folder
-        result = fit_results.load_quietly(folder)
-        if result is None:
-            lines(layout, translate("The result of the fit cannot be read. Fit again."),
-                  icon="ERROR")
-            return
-        self._state(layout, result, folder)
-        self._errors(layout, result)
-        named = [(*_names(settings, estimate.path), estimate) for estimate in result.estimates]
-        several = len({owner for owner, _label, _estimate in named}) > 1
-        for owner, label, estimate in named:
-            self._estimate(layout, f"{owner}: {label}" if several and owner else label, estimate)
-        shown = {estimate.statement for estimate in result.estimates}
-        for statement in result.statements:
-            if statement not in shown:
-                lines(layout, words.in_panel(statement, settings), icon="INFO")
-        if result.models:
-            self._models(layout, result)
-        form(layout).prop(settings.fit, "show_error")
-        row = layout.row(align=True)
-        row.scale_y = 1.3
-        row.operator("matterfit.apply_fit", icon="CHECKMARK")
-        column = layout.column(align=True)
-        column.operator("matterfit.save_material", icon="FILE_TICK")
-        column.operator("matterfit.add_preset", icon="ADD")
-
-    def _state(self, layout, result, folder):
-        if result.status == "cancelled":
-            lines(layout, translate("Cancelled: the best so far. Resume goes on.")
-                  if fit_results.is_unfinished(folder) else translate("Cancelled: the best so far."),
-                  icon="ERROR")
-        elif result.warning:
-            lines(layout, translate("Doubtful: {reason}").format(reason=result.warning),
-                  icon="ERROR")
-        elif not result.converged:
-            lines(layout, translate("Not converged: {reason}").format(reason=result.reason),
-                  icon="ERROR")
-        row = layout.row()
-        row.label(text="Law")
-        row.label(text=laws.name_of(result.law))
-        if result.noise_scale > 0.0:
-            lines(layout, translate("Remaining error: {factor} × the recording's noise (1 is ideal)").format(
-                factor=f"{result.noise_scale:.3g}"))
-
-    def _errors(self, layout, result):
-        """Mean errors before and after, on what was fitted and what was held out."""
-        box = layout.box()
-        row = box.row()
-        for title in ("mm", "Before", "After"):
-            row.label(text=title)
-        for title, measure in (("Fitted", result.fitted), ("Held Out", result.held_out)):
-            row = box.row()
-            row.label(text=title)
-            for found in (measure.before, measure.after):
-                row.label(text=error_text(found), translate=False)
-
-    def _estimate(self, layout, label, estimate):
-        column = layout.box().column(align=True)
-        column.label(text=label, translate=False,
-                     icon="CHECKMARK" if estimate.observable and not estimate.at_bound else "ERROR")
-        if estimate.observable:
-            column.label(text=estimate.text, translate=False)
-        else:
-            column.label(text=translate("{value}, not observable").format(
-                value=fit_results.value_text(estimate.value, None, estimate.unit)),
-                translate=False)
-        if estimate.grid_error and estimate.observable:
-            column.label(text=translate("Grid: ± {error}").format(
-                error=fit_results.rounded(estimate.grid_error, estimate.grid_error)),
-                translate=False)
-        if estimate.interval is not None and estimate.observable:
-            low, high = (fit_results.rounded(value, estimate.error)
-                         for value in estimate.interval)
-            column.label(text=translate("95 %: {low} to {high}").format(low=low, high=high),
-                         translate=False)
-        if estimate.at_bound:
-            column.label(text="At its bound")
-        if estimate.statement:
-            lines(column, words.in_panel(estimate.statement, bpy.context.scene.matterfit))
-
-    def _models(self, layout, result):
-        box = layout.box()
-        row = box.row()
-        for title in ("Law", "Held Out", "Probability"):
-            row.label(text=title)
-        for place, model in enumerate(result.models):
-            row = box.row()
-            row.label(text=translate_label(laws.name_of(model.get("law", ""))), translate=False,
-                      icon="CHECKMARK" if place == 0 else "NONE")
-            if model.get("failed"):
-                lines(box, str(model["failed"]), icon="ERROR")
-                continue
-            row.label(text=_number(model.get("held_out_mm")), translate=False)
-            row.label(text=_number(model.get("probability"), 2), translate=False)
-            if model.get("left"):
-                lines(box, str(model.get("reason", "")))
-
-
-def _short(label):
-    """A label without its unit, in the user's language."""
-    return translate_label(label).split(" [")[0]
-
-
 def _of_only_body(settings, owner):
     bodies = [body.name for body in settings.bodies if body.role == "BODY"]
     return bodies == [owner]
 
 
-def _number(value, digits=4):
-    return f"{value:.{digits}g}" if isinstance(value, int | float) else "–"
-
-
-def _names(settings, path):
-    """(owner, label without the unit) of a path in a result."""
-    document = {"bodies": [{"name": body.name} for body in settings.bodies
-                           if body.role == "BODY"]}
-    owner, key, axis = job_fit.split_path(path, document)
-    text = _short(quantities.label_of(key))
-    return owner, text if axis is None else f"{text} {'XYZ'[axis]}"
-
-
-CLASSES = (MATTERFIT_UL_parameters, MATTERFIT_PT_fit, MATTERFIT_PT_fit_result,
-           MATTERFIT_PT_fit_advanced)
+CLASSES = (MATTERFIT_UL_parameters, MATTERFIT_PT_fit, MATTERFIT_PT_fit_advanced)

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import bpy
 
+from ..io import batch_results
 from ..props import scene as scene_props
-from .common import MatterfitPanel, form
+from .common import MatterfitPanel, form, quantity
 
 
 class MATTERFIT_UL_takes(bpy.types.UIList):
-    def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
+    def draw_item(self, context, layout, _data, item, _icon, _active, _name, _index=0):
         row = layout.row(align=True)
         row.prop(item, "name", text="", emboss=False,
                  icon="CHECKMARK" if item.baked else "REC")
-        if item.frames_done:
+        error = batch_results.error_of(context.scene.matterfit, item)
+        if error >= 0.0:
+            row.label(text=batch_results.error_text(error), translate=False)
+        elif item.frames_done:
             row.label(text=str(item.frames_done), translate=False)
 
 
@@ -60,7 +64,7 @@ class MATTERFIT_PT_rerun(MatterfitPanel, bpy.types.Panel):
             column.prop(throw, "velocity_from", text="Motion")
             if throw.velocity_from == "VALUE":
                 column.prop(throw, "velocity")
-                column.prop(throw, "spin", text="Spin")
+                quantity(column, throw, "spin")
         column = form(layout)
         column.prop(take, "use_gravity")
         if take.use_gravity:

@@ -2,6 +2,7 @@
 import bpy
 
 from .. import compat, jobs, native
+from ..io import words
 from ..jobs import State
 from ..ops import base
 from .common import MatterfitPanel, lines
@@ -41,7 +42,7 @@ class MATTERFIT_PT_status(MatterfitPanel, bpy.types.Panel):
         snapshot = job.snapshot
         column = box.column(align=True)
         if snapshot.stage:
-            column.label(text=snapshot.stage)
+            lines(column, words.stage(snapshot.stage))
         if snapshot.last_frame:
             column.label(text=compat.translate("frame {n} of {total}").format(
                 n=snapshot.frame, total=snapshot.last_frame), translate=False)

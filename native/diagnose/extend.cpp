@@ -511,8 +511,11 @@ class Search {
         : kept_back > 0.0 ? kept_back - out_.best->opinion.deviance > kPrice * out_.best->numbers
                           : g.after <= 1.05 * g.before;
     const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
-    out_.within_solver = out_.exact_solver_significant && out_.base.evidence - out_.best->evidence <
-                                                              kExtrapolated * out_.solver_took;
+    // An error that is beyond what solver and noise make, and that the cause takes away, is not the
+    // solver's.
+    out_.within_solver =
+        out_.exact_solver_significant && !(g.measurable && predicts) &&
+        out_.base.evidence - out_.best->evidence < kExtrapolated * out_.solver_took;
     out_.accepted = predicts && likelier && !out_.best->refit.at_bound && !out_.within_solver;
     for (std::size_t k = 0; k < out_.first->scores.size(); ++k) {
       if (is_rival(out_.first->scores[k])) out_.rivals.push_back(k);

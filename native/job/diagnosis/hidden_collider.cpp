@@ -18,6 +18,8 @@ using Eigen::Index;
 
 /// How far above the median of all frames an encounter's missing acceleration is.
 constexpr double kFarAbove = 6.0;
+/// What counts as a usual one at least, in the largest.
+constexpr double kOfLargest = 0.02;
 constexpr std::size_t kMost = 2;
 /// Frames beside an encounter that belong to it.
 constexpr int kNeighbours = 2;
@@ -83,7 +85,7 @@ std::vector<Missing> missing_accelerations(const Samples& samples, const Vec3d& 
   return result;
 }
 
-std::optional<Encounter> encounter_at(const Samples& samples, const Missing& missing) {
+Encounter encounter_at(const Samples& samples, const Missing& missing) {
   Encounter found;
   found.normal = missing.acceleration.normalized();
   // The frame before may have seen the beginning.
@@ -102,9 +104,9 @@ std::optional<Encounter> encounter_at(const Samples& samples, const Missing& mis
       }
     }
   }
-  found.reach = nearest - passed;
-  // A simulation that does not go there was not in its way.
-  return found.reach > 0.0 ? std::optional(found) : std::nullopt;
+  // One that was fitted to before and after together may turn earlier.
+  found.reach = std::max(0.0, nearest - passed);
+  return found;
 }
 
 }  // namespace
@@ -120,18 +122,17 @@ std::vector<Encounter> encounters(const std::vector<diagnose::Capture>& captures
     if (missing.size() < kFewestFrames) continue;
     std::ranges::stable_sort(missing, std::greater<>(),
                              [](const Missing& m) { return m.acceleration.norm(); });
-    const double median = missing[missing.size() / 2].acceleration.norm();
+    const double usual = std::max(missing[missing.size() / 2].acceleration.norm(),
+                                  kOfLargest * missing.front().acceleration.norm());
     std::vector<Index> taken;
     for (const Missing& m : missing) {
       const double size = m.acceleration.norm();
-      if (size < kFarAbove * median || taken.size() >= kMost) break;
+      if (size < kFarAbove * usual || taken.size() >= kMost) break;
       if (size < m.own) continue;
       if (std::ranges::any_of(taken, [&](Index f) { return std::abs(f - m.frame) <= kNeighbours; }))
         continue;
       taken.push_back(m.frame);
-      if (const auto encounter = encounter_at(samples, m)) {
-        found.emplace_back(size / std::max(median, 1e-12), *encounter);
-      }
+      found.emplace_back(size / std::max(usual, 1e-12), encounter_at(samples, m));
     }
   }
   std::ranges::stable_sort(found, std::greater<>(), [](const auto& f) { return f.first; });

@@ -86,6 +86,25 @@ TEST(Diagnose, WrongGravityIsOneOfItsTies) {
   EXPECT_TRUE(names(report, "gravity_size")) << report.at("sentence");
 }
 
+/// The scene knows of no wall; what bounced back was fitted as a slow throw.
+TEST(Diagnose, AWallThatNobodyListedIsFound) {
+  const Folder folder;
+  const Json report = diagnosed(folder, [](Json& scene) {
+    scene["colliders"].push_back({{"name", "wall"},
+                                  {"shape", "plane"},
+                                  {"point", {1.4, 0.0, 0.0}},
+                                  {"normal", {-1.0, 0.0, 0.0}}});
+  });
+  EXPECT_TRUE(names(report, "hidden_collider")) << report.at("sentence");
+  const Json& cause = cause_of(report, "hidden_collider");
+  EXPECT_GT(cause.at("gain").get<double>(), 0.7) << report.at("sentence");
+  Json extended = read_json(folder.path / "out/extended.json");
+  EXPECT_EQ(extended.at("scene").at("colliders").size(), 2U);
+  extended["output"]["folder"] = "again";
+  extended.erase("captures");
+  EXPECT_EQ(run(extended, folder.path / "out").at("status"), "done");
+}
+
 TEST(Diagnose, WithoutAFitItSaysWhatIsMissing) {
   const Folder folder;
   record(thrown_cube(), folder.path, "a", 5, kNoise);

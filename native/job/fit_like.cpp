@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/fit_like.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -97,11 +99,12 @@ void add_likes(const Job& fitted, const std::vector<std::string>& bodies,
             " What the recording excites is not known, as it has no tracks all through the body: "
             "these are usual strains and rates.";
       }
-      fit["statements"].push_back(name + ": " + sentence);
+      fit["statements"].push_back(fmt::format("{}: {}", name, sentence));
       fit["like"][name] = std::move(like);
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::kCancelled) throw;
-      fit["statements"].push_back(name + ": what it is like could not be found: " + error.what());
+      fit["statements"].push_back(
+          fmt::format("{}: what it is like could not be found: {}", name, error.what()));
     }
   }
 }

@@ -194,7 +194,7 @@ Json run_diagnose(const Job& job, const RunOptions& options, Interrupter& interr
   if (!known) {
     Job fitting = factor > 1.0 ? coarse_job(job, factor) : job;
     fitting.task = Task::kFit;
-    const Json fit = run_fit(fitting, options, interrupter);
+    Json fit = run_fit(fitting, options, interrupter);
     if (fit.value("status", "") == "cancelled") return fit;
     fitted = read_fitted(folder);
     if (!fitted) throw_compute(folder.string() + ": the fit left no fit/fitted.json there.");

@@ -262,7 +262,7 @@ Material nearest(const Comparison& comparison, const Material& material,
     Eigen::MatrixXd normal = jacobian.transpose() * jacobian;
     const double before = residual.squaredNorm();
     bool settled = false;
-    for (; damping < 1e8; damping *= 4.0) {
+    while (damping < 1e8) {
       Eigen::MatrixXd damped = normal;
       damped.diagonal() += (damping * (normal.diagonal().array() + 1e-9)).matrix();
       const Eigen::VectorXd move = damped.ldlt().solve(jacobian.transpose() * residual);
@@ -273,7 +273,10 @@ Material nearest(const Comparison& comparison, const Material& material,
         trial[i] = natural(one, physical(one, point[i] - std::clamp(move[i], -most, most)));
       }
       const Eigen::VectorXd there = residual_at(trial);
-      if (!there.allFinite() || there.squaredNorm() >= before) continue;
+      if (!there.allFinite() || there.squaredNorm() >= before) {
+        damping *= 4.0;
+        continue;
+      }
       settled = there.squaredNorm() > before * (1.0 - 1e-8);
       point = trial;
       residual = there;

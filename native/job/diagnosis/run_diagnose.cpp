@@ -9,6 +9,7 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "diagnose/diagnose.hpp"
+#include "fit/model/quantity.hpp"
 #include "job/diagnosis/page.hpp"
 #include "job/diagnosis/report_json.hpp"
 #include "job/diagnosis/scene_model.hpp"
@@ -115,18 +116,19 @@ Json narrowed(double start, const Json& bounds) {
 void forget_the_untold(const Fitted& fitted, Json& document, std::vector<std::string>& statements) {
   for (const Json& parameter : fitted.fit.at("parameters")) {
     const std::string path = parameter.at("path").get<std::string>();
-    if (path.find(".material.") == std::string::npos || parameter.value("observable", true)) {
-      continue;
-    }
+    const std::size_t at = path.find(".material.");
+    if (at == std::string::npos || parameter.value("observable", true)) continue;
+    const fit::Quantity* row = fit::find_row(fit::Owner::kBody, path.substr(at + 1));
+    if (!row) continue;
     const double start = parameter.at("start").get<double>();
     apply_override(document, "scene." + path + "=" + parameter.at("start").dump());
     for (Json& entry : document.at("fit").at("parameters")) {
       if (entry.at("path") == path) entry["bounds"] = narrowed(start, entry.at("bounds"));
     }
-    statements.push_back(fmt::format(
-        "The recording does not tell {}: causes are sought with its start, {:.3g}, and it is "
-        "fitted again with each of them.",
-        path, start));
+    statements.push_back(
+        fmt::format("The recording does not tell {}: causes are sought with its start, {:.3g}{}{}, "
+                    "and it is fitted again with each of them.",
+                    row->words, start, row->unit.empty() ? "" : " ", row->unit));
   }
 }
 

@@ -295,14 +295,13 @@ class Search {
     return study_.model().effects()[std::size_t(score.candidate.effect)];
   }
 
-  /// What sets in at some time, in every shape: the base, which averages over before and after, may
-  /// not even come near it.
+  /// Adds causes that set in at some time, in every shape and whatever their scores: the base,
+  /// which averages over before and after, may not even come near what was run into.
   void add_onsets(const std::vector<Score>& scores, std::vector<Trial>& known,
                   std::vector<Attempt>& attempts) {
     for (const Score& score : scores) {
       const std::vector<double>& onsets = effect_of(score).onsets;
       if (onsets.empty()) continue;
-      RefitStart start = single_start(score, known);
       const double onset = onsets[std::size_t(score.candidate.variant)];
       const auto [at, fresh] = before_onset_.try_emplace(onset);
       if (fresh) {
@@ -310,17 +309,21 @@ class Search {
         at->second = fitted_before(study_, out_.noise, out_.spread, base_state_, out_.slopes.theta,
                                    onset, options_.refit);
       }
-      if (at->second) {
-        const std::vector<Number>& numbers = effect_of(score).numbers;
-        VectorXd whole(Index(numbers.size()));
-        for (std::size_t k = 0; k < numbers.size(); ++k) {
-          whole[Index(k)] = numbers[k].first_step / numbers[k].scale;
-        }
-        // Slopes that are there are of another motion, and after an impact no line holds for long.
-        start = {{extended(study_.model(), *at->second, score.candidate, whole, 1.0)}, {}, 3};
-      }
-      attempts.push_back({{score.candidate}, std::move(start)});
+      attempts.push_back(
+          {{score.candidate},
+           at->second ? onset_start(score, *at->second) : single_start(score, known)});
     }
+  }
+
+  /// At its whole first step from `before`. Slopes that are there are of another motion, and after
+  /// an impact no line holds for long.
+  [[nodiscard]] RefitStart onset_start(const Score& score, const State& before) const {
+    const std::vector<Number>& numbers = effect_of(score).numbers;
+    VectorXd whole(Index(numbers.size()));
+    for (std::size_t k = 0; k < numbers.size(); ++k) {
+      whole[Index(k)] = numbers[k].first_step / numbers[k].scale;
+    }
+    return {{extended(study_.model(), before, score.candidate, whole, 1.0)}, {}, 3};
   }
 
   [[nodiscard]] RefitStart single_start(const Score& score, std::vector<Trial>& known) const {

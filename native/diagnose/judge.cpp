@@ -58,11 +58,8 @@ Judge::Judge(const Study& study, const Noise& noise, const Spread& spread, const
   MatrixXd members = spread.members;
   theta_ = theta;
   if (study.held().size() == 0) {
-    // Frames by capture, and the tracks that thinning has left.
     std::vector<std::set<Index>> frames(model.captures().size());
-    std::set<std::pair<int, Index>> tracks;
     for (const Series& s : study.used().series()) {
-      tracks.insert({s.capture, s.track});
       for (Index i = s.begin; i < s.end; ++i) {
         frames[std::size_t(s.capture)].insert(study.used().frame(i));
       }
@@ -74,14 +71,10 @@ Judge::Judge(const Study& study, const Noise& noise, const Spread& spread, const
       cut[c] = *std::next(frames[c].begin(), std::min(early, std::ptrdiff_t(frames[c].size() - 1)));
     }
     const auto part = [&](bool later) {
-      return [&, later](int c, Index frame, Index track) {
-        const Capture& capture = model.captures()[std::size_t(c)];
-        return capture.use[std::size_t(frame * capture.tracks() + track)] == Use::kUsed &&
-               tracks.contains({c, track}) && (frame >= cut[std::size_t(c)]) == later;
-      };
+      return study.used_in(
+          [&](int c, Index frame) { return (frame >= cut[std::size_t(c)]) == later; });
     };
-    split_ = std::make_unique<Study>(study, Rows(model.captures(), part(false)),
-                                     Rows(model.captures(), part(true)));
+    split_ = std::make_unique<Study>(study, part(false), part(true));
     places_ = places_in(study.used(), split_->used());
     const std::vector<Index> later = places_in(study.used(), split_->held());
     places_.insert(places_.end(), later.begin(), later.end());

@@ -20,22 +20,15 @@ std::optional<State> fitted_before(const Study& study, const Noise& noise, const
   constexpr std::size_t kFewestFrames = 3;
   // Standard errors.
   constexpr double kMoved = 2.0;
-  const std::vector<Capture>& captures = study.model().captures();
-  std::set<std::pair<int, Index>> tracks;
   std::set<std::pair<int, Index>> frames;
   for (const Series& s : study.used().series()) {
-    tracks.insert({s.capture, s.track});
     for (Index i = s.begin; i < s.end; ++i) {
       if (study.used().time(i) < onset) frames.insert({s.capture, study.used().frame(i)});
     }
   }
   if (frames.size() < kFewestFrames) return std::nullopt;
-  Rows early(captures, [&](int c, Index frame, Index track) {
-    const Capture& capture = captures[std::size_t(c)];
-    return capture.use[std::size_t(frame * capture.tracks() + track)] == Use::kUsed &&
-           tracks.contains({c, track}) && frames.contains({c, frame});
-  });
-  Rows nothing(captures, [](int, Index, Index) { return false; });
+  Rows early = study.used_in([&](int c, Index frame) { return frames.contains({c, frame}); });
+  Rows nothing = study.used_in([](int, Index) { return false; });
   const std::vector<Index> places = places_in(study.used(), early);
   const Study before(study, std::move(early), std::move(nothing));
   Spread there;

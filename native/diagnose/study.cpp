@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <set>
 #include <utility>
 
 #include "base/error.hpp"
@@ -122,6 +123,17 @@ Study::Study(const Model& model, Rows used, Rows held, std::shared_ptr<Ledger> l
   if (used_.size() == 0)
     throw_input("No sample of the captures is used: all are held out or lost.");
   measured_ = stack(diagnose::measured(model.captures()));
+}
+
+Rows Study::used_in(const std::function<bool(int, Index)>& selected) const {
+  std::set<std::pair<int, Index>> tracks;
+  for (const Series& s : used_.series()) tracks.insert({s.capture, s.track});
+  const std::vector<Capture>& captures = model_->captures();
+  return Rows(captures, [&](int c, Index frame, Index track) {
+    const Capture& capture = captures[std::size_t(c)];
+    return capture.use[std::size_t(frame * capture.tracks() + track)] == Use::kUsed &&
+           tracks.contains({c, track}) && selected(c, frame);
+  });
 }
 
 void Study::begin(const std::string& stage) const {

@@ -15,7 +15,7 @@ _OWNED = re.compile(
     r"""(?:\[(?P<index>\d+)\]|\.(?P<name>[\w-]+)|\.(?P<quote>["'])(?P<quoted>.+?)(?P=quote))"""
     rf"""(?P<key>{_STEP}*)""")
 _SCENE = re.compile(rf"""(?<![\w/."'])scene(?P<key>{_STEP}+)""")
-# Of a batch's member: gravity[2] = -3, particle_separation = 0.02: …
+# Paths and values in the name of a batch's member: gravity[2] = -3, particle_separation = 0.02: …
 _VARIED = re.compile(r"(?:(?<=, )|^)(?P<key>[a-z]\w*(?:\[[012]\])?)(?= = )", re.MULTILINE)
 _CHANGE = re.compile(r"^(?P<what>.+): (?P<now>[^:]+), was (?P<before>.+)$")
 _CHANGES = re.compile(
@@ -77,7 +77,7 @@ def named(settings, path):
     return f"{translate_label('Ground') if owner == 'ground' else owner}: {label}"
 
 
-# What the library calls its steps, where an artist would not.
+# Steps of a job: the library's name, and what an artist would call it.
 _STEPS = {"Differentiating": "Trying each value",
           "Measuring the solver's own error": "Trying other grids"}
 _COUNT = re.compile(r"Wedge, (?P<n>\d+) of (?P<total>\d+) done")

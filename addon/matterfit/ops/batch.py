@@ -62,7 +62,7 @@ class MATTERFIT_OT_remove_axis(PlainOperator, bpy.types.Operator):
         remove_active(context.scene.matterfit.batch, "axes", "axis_index")
 
 
-# What a combination's document is of; a comparison bakes first, so that there is something to see.
+# The task of a combination's document. A comparison bakes first, so that there is something to see.
 _TASKS = {"BAKE": "bake", "COMPARE": "compare", "FIT": "fit"}
 _SHARE = 0.8  # of the bar that the bakes take where a comparison follows
 

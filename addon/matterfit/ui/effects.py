@@ -5,7 +5,7 @@ from .. import effects
 from ..props import scene as scene_props
 from .common import MatterfitPanel, form
 
-# What the narrow column has room for; what is missing is called by its full name.
+# Short labels for the narrow column; parameters that are not listed keep their full names.
 _CAPTIONS = {"drag_coefficient": "Drag Coeff.", "area": "Area", "air_density": "Dens. kg/m³",
              "medium_density": "Dens. kg/m³", "velocity": "Wind m/s", "acceleration": "Acc. m/s²",
              "strength": "Acc. [m/s²]", "frequency": "Freq. [Hz]", "modulus": "Added [Pa]",

@@ -116,14 +116,9 @@ class Causes {
       if (type->way != effects::Way::kTerm || type->find("center")) continue;
       // What is inside a body is measured by its own stiffness: stiffness_causes().
       if (type->group == effects::Group::kMaterial) continue;
-      if (scene_effect(type->name)) continue;
+      if (has_effect(scene_, type->name)) continue;
       term(*type);
     }
-  }
-
-  [[nodiscard]] bool scene_effect(const std::string& name) const {
-    return std::any_of(scene_.effects.begin(), scene_.effects.end(),
-                       [&](const effects::Effect& effect) { return effect.type->name == name; });
   }
 
   void term(const effects::EffectType& type) {

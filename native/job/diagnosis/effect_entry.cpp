@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/diagnosis/effect_entry.hpp"
 
+#include <algorithm>
 #include <vector>
 
 #include "effects/effect_type.hpp"
@@ -17,6 +18,11 @@ Json effect_entry(const effects::Effect& effect) {
     entry[parameter.key] = parameter.size == 1 ? Json(values.front()) : Json(values);
   }
   return entry;
+}
+
+bool has_effect(const mpm::Scene& scene, std::string_view type) {
+  return std::any_of(scene.effects.begin(), scene.effects.end(),
+                     [&](const effects::Effect& effect) { return effect.type->name == type; });
 }
 
 }  // namespace matterfit::job

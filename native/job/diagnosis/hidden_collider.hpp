@@ -9,9 +9,9 @@
 
 namespace matterfit::job {
 
-/// Those of the used samples: frames in which the mean acceleration that the simulation lacks is
-/// far above that of other frames, and above what its own contacts do. At most two, the clearest
-/// first. `simulated` [m]: positions of all samples of the captures, as Motion::positions.
+/// Encounters that the used samples show: frames in which the mean acceleration that the simulation
+/// lacks is far above that of other frames, and above what its own contacts do. At most two, the
+/// clearest first. `simulated` [m]: positions of all samples of the captures, as Motion::positions.
 [[nodiscard]] std::vector<Encounter> encounters(const std::vector<diagnose::Capture>& captures,
                                                 const Eigen::VectorXd& simulated,
                                                 const Vec3d& gravity);

@@ -43,9 +43,13 @@ std::string key_of(const diagnose::Numerics& n, std::size_t run) {
   return key;
 }
 
+bool is_lumped(const diagnose::Numerics& n) {
+  return !n.lumping_slope.isZero(0.0) || n.lumping_bend != decltype(n.lumping_bend){};
+}
+
 /// Numerics::lumping_slope and lumping_bend.
 void lump(const diagnose::Numerics& n, mpm::Body& body) {
-  if (n.lumping_slope.isZero(0.0) && n.lumping_bend == decltype(n.lumping_bend){}) return;
+  if (!is_lumped(n)) return;
   Eigen::AlignedBox3d box;
   for (const Vec3d& x : body.rest) box.extend(x);
   const Vec3d half = (0.5 * box.sizes()).cwiseMax(1e-12);
@@ -67,7 +71,7 @@ void lump(const diagnose::Numerics& n, mpm::Body& body) {
 
 bool is_own(const diagnose::Numerics& n) {
   return n.spacing == 1.0 && n.step == 1.0 && n.offset.isZero(0.0) && n.particles == 1.0 &&
-         n.seed == 0 && n.lumping_slope.isZero(0.0) && n.lumping_bend == decltype(n.lumping_bend){};
+         n.seed == 0 && !is_lumped(n);
 }
 
 /// The parameters with the document's values as their starts: those are the

@@ -45,11 +45,6 @@ class StiffnessCauses {
   }
 
  private:
-  [[nodiscard]] bool there(const char* name) const {
-    return std::any_of(scene_.effects.begin(), scene_.effects.end(),
-                       [&](const effects::Effect& effect) { return effect.type->name == name; });
-  }
-
   [[nodiscard]] effects::Effect made(const char* name) const {
     effects::Effect effect = effects::make_effect(name);
     effect.body = scene_.bodies.front().name;
@@ -104,7 +99,7 @@ class StiffnessCauses {
   }
 
   void inclusion() {
-    if (there("stiffness_inclusion")) return;
+    if (has_effect(scene_, "stiffness_inclusion")) return;
     std::vector<effects::Effect> shapes;
     std::vector<std::string> variants;
     const auto place = [&](const Vec3d& center, std::string where) {
@@ -129,7 +124,7 @@ class StiffnessCauses {
   }
 
   void gradient() {
-    if (there("stiffness_gradient")) return;
+    if (has_effect(scene_, "stiffness_gradient")) return;
     effects::Effect effect = made("stiffness_gradient");
     set(effect, "center", {extent_.center.x(), extent_.center.y(), extent_.center.z()});
     set(effect, "nu", {nu_});
@@ -140,7 +135,7 @@ class StiffnessCauses {
   }
 
   void fibres() {
-    if (there("fibres")) return;
+    if (has_effect(scene_, "fibres")) return;
     std::vector<effects::Effect> shapes;
     std::vector<std::string> variants;
     for (int axis = 0; axis < 3; ++axis) {
@@ -157,7 +152,7 @@ class StiffnessCauses {
   }
 
   void stiffening() {
-    if (there("strain_stiffening")) return;
+    if (has_effect(scene_, "strain_stiffening")) return;
     Number number = of_modulus(modulus_);
     number.low = -kScale * modulus_;
     add("The material stiffens by {value} when stretched far.", {made("strain_stiffening")}, {},

@@ -140,6 +140,7 @@ class TotalBody {
 
   void sample(Arena& arena, BodyState& out) const;
   [[nodiscard]] BlockExtremes<S> extremes() const;
+  /// Of the nodes that carry a tenth of a full one's mass at least [m/s].
   [[nodiscard]] double max_speed() const;
   [[nodiscard]] double kinetic_energy() const;
   /// Of the shape half a substep before the displacements', where the velocities are [J]: of the

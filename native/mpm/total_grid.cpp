@@ -253,34 +253,6 @@ Vec3d TotalGrid::outward_normal(std::uint32_t particle) const {
   return length > 0.0 ? Vec3d(-gradient / length) : Vec3d::UnitZ();
 }
 
-double TotalGrid::contact_response() const {
-  std::vector<std::pair<std::uint32_t, Vec3d>> skin;  // with its outward normals
-  for (std::uint32_t p = 0; p < rest_.size(); ++p) {
-    if (is_surface(p)) skin.emplace_back(p, outward_normal(p));
-  }
-  std::vector<double> sums(mass_.size());
-  double largest = 0.0;
-  for (int direction = 0; direction < 6; ++direction) {
-    Vec3d outward = Vec3d::Zero();
-    outward[direction / 2] = direction % 2 == 0 ? -1.0 : 1.0;
-    std::fill(sums.begin(), sums.end(), 0.0);
-    for (const auto& [p, normal] : skin) {
-      if (normal.dot(outward) < 0.5) continue;
-      const double edge = std::cbrt(volumes_[p]);
-      const NodeWeights face = field_weights(p, rest_[p] + 0.5 * edge * outward);
-      double total = 0.0;
-      for (const double w : face.weights) total += std::abs(w);
-      for (std::size_t n = 0; n < face.nodes.size(); ++n) {
-        sums[face.nodes[n]] += edge * edge * std::abs(face.weights[n]) * total;
-      }
-    }
-    for (std::size_t n = 0; n < sums.size(); ++n) {
-      largest = std::max(largest, sums[n] * inverse_mass_[n]);
-    }
-  }
-  return 2.0 * largest;
-}
-
 Vec3i TotalGrid::node_coordinates(std::uint32_t node) const {
   const auto n = static_cast<int>(node % kBlockNodes);
   return 4 * node_block_coordinates_[node / kBlockNodes] + Vec3i(n / 16, (n / 4) % 4, n % 4);

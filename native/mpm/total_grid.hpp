@@ -69,9 +69,9 @@ class TotalGrid {
   /// Unit, outward, body axes: against the gradient of the lumped mass.
   [[nodiscard]] Vec3d outward_normal(std::uint32_t particle) const;
   /// How quickly the body's skin gives way to a contact: with springs k A [N/m] on the faces of its
-  /// outermost particles, no frequency exceeds ω² = k · this [m²/kg]: twice the largest row sum of
-  /// M⁻¹ Wᵀ A W over six directions of contact, since the mass matrix leaves at least half of the
-  /// lumped masses (TotalBody::correct_lumping).
+  /// outermost particles, no frequency exceeds ω² = k · this [m²/kg]: twice the largest eigenvalue
+  /// of M⁻¹ Wᵀ A W over six directions of contact, since the mass matrix leaves at least half of
+  /// the lumped masses (TotalBody::correct_lumping).
   [[nodiscard]] double contact_response() const;
   [[nodiscard]] const std::vector<std::uint32_t>& slab_chunks() const { return slab_chunks_; }
   /// Flat [8] a block, as TotalView::block_nodes.

@@ -253,6 +253,7 @@ RandomThrow random_throw(std::uint64_t seed, const ThrowSetting& setting,
   body.rest = std::move(filled.positions);
   body.volumes = std::move(filled.volumes);
   body.lattice = filled.lattice;
+  body.skin = std::move(filled.skin);
 
   double spin_energy = 0.0;  // per mass
   for (std::size_t p = 0; p < body.rest.size(); ++p) {

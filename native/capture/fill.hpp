@@ -31,8 +31,9 @@ struct FilledBody {
   Points positions;
   std::vector<double> volumes;  ///< [m³]; their sum is the shape's volume
   mpm::Lattice lattice;
-  double volume = 0.0;  ///< of the shape itself [m³]
-  std::string report;   ///< what the fill did, a sentence or a few for the panel
+  std::vector<mpm::SkinPlane> skin;  ///< of regular lattices: planes of the shape's surface
+  double volume = 0.0;               ///< of the shape itself [m³]
+  std::string report;                ///< what the fill did, a sentence or a few for the panel
 };
 
 /// All fills of shapes: a particle sits in the centre of each lattice cell (or, jittered, at a

@@ -23,6 +23,8 @@ constexpr double kFlat = 0.9986;  // cosine of 3°
 constexpr float kKeep = 0.5F;     // part inside from which a cell gets a particle
 constexpr float kCrumb = 0.05F;   // … if none of its neighbours has one
 constexpr double kSnap = 1e-4;
+constexpr double kSamePlane = 0.95;  // cosine: another tangent plane than those seen
+constexpr double kDeepest = 2.0;     // of a particle below its surface, in separations
 const double kHalfDiagonal = 0.5 * std::sqrt(3.0);
 
 std::uint64_t mix(std::uint64_t z) {  // splitmix64, Steele et al. 2014
@@ -309,6 +311,7 @@ class LatticeFill {
                              (is_whole || !scaled ? 1 : scale));
       sum += body.volumes.back();
     }
+    if (body.lattice.regular) find_skin(body);
     const Eigen::Vector3i across = cells.sizes() + Eigen::Vector3i::Ones();
     body.report = fmt::format(
         "{} particles {:.4g} m apart ({} × {} × {} cells); the surface cuts {} cells; volume "
@@ -329,6 +332,39 @@ class LatticeFill {
     }
     if (!notes.empty()) body.report += " " + notes;
     return body;
+  }
+
+  /// The surface near particles of which a neighbour along an axis is missing or that are cut: its
+  /// tangent planes as seen from the middle and from the cell's 2³ parts, those that differ.
+  void find_skin(FilledBody& body) const {
+    std::vector<Coord> cells;
+    cells.reserve(body.positions.size());
+    for (auto value = volumes_->cbeginValueOn(); value; ++value) cells.push_back(value.getCoord());
+    std::vector<std::vector<mpm::SkinPlane>> found(cells.size());
+    tbb::parallel_for(std::size_t{0}, cells.size(), [&](std::size_t p) {
+      openvdb::tree::ValueAccessor<const Tree> kept(*volumes_);
+      bool surface = kept.getValue(cells[p]) != 1.0F;
+      for (int n = 0; n < 6 && !surface; ++n) {
+        Coord next = cells[p];
+        next[n / 2] += n % 2 == 0 ? -1 : 1;
+        surface = !kept.isValueOn(next);
+      }
+      if (!surface) return;
+      const Vec3d centre = body.positions[p];
+      const auto look = [&](const Vec3d& from) {
+        const FillShape::Surface seen = shape_.at(from);
+        for (const mpm::SkinPlane& plane : found[p]) {
+          if (plane.normal.dot(seen.normal) > kSamePlane) return;
+        }
+        const double depth = -seen.distance - seen.normal.dot(centre - from);
+        if (std::abs(depth) > kDeepest * h_) return;
+        found[p].push_back({static_cast<std::uint32_t>(p), seen.normal, depth});
+      };
+      look(centre);
+      for (int n = 0; n < 8; ++n) look(world(octant(vec(cells[p]), 1.0, n)));
+    });
+    for (const auto& planes : found)
+      body.skin.insert(body.skin.end(), planes.begin(), planes.end());
   }
 
   [[nodiscard]] std::size_t cut_count() const {
@@ -399,6 +435,7 @@ void place(FilledBody& body, const Vec3d& position, const Quatd& rotation) {
   for (Vec3d& x : body.positions) x = turn * x + position;
   body.lattice.origin = turn * body.lattice.origin + position;
   body.lattice.axes = (turn * body.lattice.axes).normalized();
+  for (mpm::SkinPlane& plane : body.skin) plane.normal = turn * plane.normal;
 }
 
 }  // namespace matterfit::capture

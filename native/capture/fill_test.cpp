@@ -157,6 +157,32 @@ TEST(Fill, SphereAndCylinder) {
   }
 }
 
+TEST(Fill, SkinIsTheSurfaceThatWasFilled) {
+  const Vec3d centre(1, 2, 3);
+  const auto mesh = fill_mesh(mesh_of(shapes::sphere(Vec3f(1, 2, 3), 0.05F, 80)), at(0.005));
+  ASSERT_GT(mesh.skin.size(), 1000U);
+  for (const mpm::SkinPlane& plane : mesh.skin) {
+    const Vec3d arm = mesh.positions[plane.particle] - centre;
+    // Tangent to the ball, and no farther than the particle is from its surface.
+    EXPECT_NEAR(arm.dot(plane.normal) + plane.depth, 0.05, 5e-5);
+    EXPECT_GT(plane.normal.dot(arm.normalized()), 0.9);
+  }
+  // Of a box between lattice planes: each particle in a corner knows its three faces.
+  const auto box = fill_box(Vec3d::Zero(), Vec3d(0.0231, 0.0231, 0.0231), at(0.005));
+  std::vector<int> planes(box.positions.size(), 0);
+  for (const mpm::SkinPlane& plane : box.skin) {
+    EXPECT_NEAR(plane.normal.cwiseAbs().maxCoeff(), 1.0, 1e-9);
+    ++planes[plane.particle];
+  }
+  EXPECT_EQ(std::count(planes.begin(), planes.end(), 3), 8);
+  EXPECT_TRUE(std::is_sorted(box.skin.begin(), box.skin.end(),
+                             [](const auto& a, const auto& b) { return a.particle < b.particle; }));
+  // Jittered bodies flow and have no skin.
+  FillOptions jittered = at(0.005);
+  jittered.jitter = true;
+  EXPECT_TRUE(fill_sphere(centre, 0.05, jittered).skin.empty());
+}
+
 TEST(Fill, ScaleDoesNotMatter) {
   for (const double scale : {1e-4, 1.0, 1e4}) {
     const auto ball = fill_sphere(Vec3d::Zero(), 0.05 * scale, at(0.01 * scale));

@@ -99,7 +99,8 @@ BodyContacts::BodyContacts(const Scene& scene, const std::vector<Member>& total,
       skin.particles.push_back(p);
       skin.rest_normals.push_back(member.body->grid().axes() *
                                   member.body->grid().outward_normal(p));
-      skin.offsets.push_back(0.5 * std::cbrt(member.body->volume(p)) * skin.rest_normals.back());
+      const Vec3d& out = skin.rest_normals.back();
+      skin.offsets.push_back(member.body->grid().reach(p, out).distance * out);
     }
     skins_.push_back(std::move(skin));
   }

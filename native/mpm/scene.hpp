@@ -33,6 +33,13 @@ struct Lattice {
   bool regular = false;
 };
 
+/// A plane that bounds the body's shape at rest where a particle is near the surface.
+struct SkinPlane {
+  std::uint32_t particle = 0;
+  Vec3d normal = Vec3d::UnitZ();  ///< unit, outward, world axes at rest
+  double depth = 0.0;             ///< of the particle's centre below the plane [m]
+};
+
 /// A region of the body at rest whose motion is prescribed.
 struct Pin {
   enum class Region {
@@ -71,6 +78,9 @@ struct Body {
   Points rest;                  ///< particle positions at rest, where the body starts (world)
   std::vector<double> volumes;  ///< rest volume of each particle [m³]
   Lattice lattice;
+  /// Of the shape that was filled, by particle, ascending: contact meets these planes, and the
+  /// faces of the particles' boxes where there are none.
+  std::vector<SkinPlane> skin;
   Vec3d velocity = Vec3d::Zero();  ///< initial, of the centre of mass [m/s]
   Vec3d spin = Vec3d::Zero();      ///< initial, world axes through the centre of mass [rad/s]
   std::vector<Vec3d> particle_velocities;  ///< optional, added to the rigid motion, one each

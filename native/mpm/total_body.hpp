@@ -94,6 +94,11 @@ class TotalBody {
   [[nodiscard]] Place place(std::uint32_t particle) const;
   /// The point that is `offset` [m, world axes] from a particle at rest.
   [[nodiscard]] Place place(std::uint32_t particle, const Vec3d& offset) const;
+  /// The point of its skin that a particle meets a surface with, `direction` the way there at rest
+  /// (world axes, unit).
+  [[nodiscard]] Place face(std::uint32_t particle, const Vec3d& direction) const {
+    return place(particle, grid_.reach(particle, direction).distance * direction);
+  }
   /// A point of the body, its nodes looked up once. (Of many in one block: TotalBlock.)
   struct Point : Place {
     FieldStencil field;

@@ -76,6 +76,34 @@ TEST(CorrectedLumping, KeepsUniformFieldsAndMomentum) {
 
 /// Nodes that the skin of a ball hardly reaches are raised, and neither the mass nor its centre
 /// moves by that.
+TEST(TotalGrid, ReachesThePlanesOfTheSkinAndElseTheFaceOfTheBox) {
+  mpm::Body body = ball_body("ball", Vec3d::Zero(), 0.07, 0.5 * kDx);
+  const double side = std::cbrt(body.volumes[7]);
+  const Vec3d out = Vec3d(1.0, 2.0, -1.0).normalized();
+  body.skin = {{7, out, 0.8 * side}};
+  const Scene scene = scene_of(body);
+  const TotalGrid grid(scene.bodies[0], scene);
+  // Straight at the plane, to it; aside, or a particle without one, to the face of the box.
+  EXPECT_NEAR(grid.reach(7, out).distance, 0.8 * side, 1e-12);
+  EXPECT_NEAR(grid.reach(7, -out).distance, 0.5 * side, 1e-12);
+  EXPECT_NEAR(grid.reach(8, out).distance, 0.5 * std::cbrt(body.volumes[8]), 1e-12);
+  const Vec3d tilted = (out + 0.3 * out.unitOrthogonal()).normalized();
+  EXPECT_NEAR(grid.reach(7, tilted).distance * tilted.dot(out), 0.8 * side, 1e-12);
+  // Between, the limit goes over without a jump, and its slope is that of differences.
+  for (double angle = 0.0; angle < 3.0; angle += 0.037) {
+    const auto at = [&](double a) -> Vec3d {
+      return std::cos(a) * out + std::sin(a) * out.unitOrthogonal();
+    };
+    const double step = 1e-6;
+    const double rise =
+        grid.reach(7, at(angle + step)).distance - grid.reach(7, at(angle - step)).distance;
+    EXPECT_LT(std::abs(rise), 20.0 * side * step) << angle;
+    const Vec3d along = (at(angle + step) - at(angle - step)) / (2.0 * step);
+    EXPECT_NEAR(grid.reach(7, at(angle)).slope.dot(along), rise / (2.0 * step), 1e-5 * side)
+        << angle;
+  }
+}
+
 TEST(TotalGrid, RaisesLightNodesWithinTheBody) {
   const Scene scene = scene_of(ball_body("ball", Vec3d(0.1, 0.2, 0.3), 0.07, 0.5 * kDx));
   const TotalGrid grid(scene.bodies[0], scene);

@@ -65,8 +65,7 @@ void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, doubl
         // Gap and force are those of the particle's face: a force at its centre would leave the
         // layer outside of it without stress.
         const Mat3d f = block.deformation_gradient(center);
-        const Vec3d face = -half * (f.transpose() * surface.normal).normalized();
-        const auto at_face = body.place(p, face);
+        const auto at_face = body.face(p, -(f.transpose() * surface.normal).normalized());
         const auto face_state = block.state(at_face);
         const shape::SurfacePoint below =
             colliders_[s].collider->closest(face_state.position, time);

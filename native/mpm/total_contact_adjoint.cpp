@@ -67,8 +67,8 @@ void TotalContactAdjoint<S>::meet(Group& group, const TotalSubstep& substep) con
       const shape::SurfacePoint surface = colliders_[s]->closest(particle.position, substep.time);
       const auto id = static_cast<std::int32_t>(s);
       if (surface.distance > 4.0 * half && memory.surface != id) continue;
-      const Vec3d offset = -half * (particle.f.transpose() * surface.normal).normalized();
-      Touch touch{i, s, memory, surface.normal, body_.place(p, offset)};
+      const Vec3d direction = -(particle.f.transpose() * surface.normal).normalized();
+      Touch touch{i, s, memory, surface.normal, body_.face(p, direction)};
       const auto state = block.state(touch.face);
       touch.face_position = state.position;
       touch.below = colliders_[s]->closest(touch.face_position, substep.time);
@@ -210,10 +210,12 @@ typename TotalContactAdjoint<S>::TouchBar TotalContactAdjoint<S>::back(
       out.face + gradient(block_force_bar, force_bar).transpose() * force +
       gradient(block.displacement(), body_.displacement()).transpose() * out.face +
       gradient(block.velocity(), body_.velocity()).transpose() * out.face_velocity;
-  // face = −½h Fᵀn/|Fᵀn|.
+  // face = r(d) d, d = −Fᵀn/|Fᵀn|, r the reach.
   const Vec3d pulled = particle.f.transpose() * touch.center_normal;
   const Vec3d direction = pulled.normalized();
-  const Vec3d direction_bar = -0.5 * std::cbrt(volume) * (grid.axes() * place_bar);
+  const TotalGrid::Reach reach = grid.reach(particle.particle, -direction);
+  const Vec3d world_bar = grid.axes() * place_bar;
+  const Vec3d direction_bar = -reach.distance * world_bar + direction.dot(world_bar) * reach.slope;
   const Vec3d pulled_bar =
       (direction_bar - direction.dot(direction_bar) * direction) / pulled.norm();
   shape::SurfacePoint at_center;

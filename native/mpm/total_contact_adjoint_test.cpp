@@ -28,7 +28,8 @@ struct Rollout {
   material::Material material;
   double density = 1000.0;
   bool with_mass = false;
-  int length = 4;  ///< in particles
+  bool rounded = false;  ///< planes of a skin cut across the boxes of the outer particles
+  int length = 4;        ///< in particles
   double dx = 2.0 * kH;
 
   [[nodiscard]] Scene scene() const {
@@ -53,6 +54,11 @@ struct Rollout {
           body.rest.emplace_back(kH * Vec3d(i + 4.5 - length, j + 0.5, k + 1.4));
           body.volumes.push_back(kH * kH * kH);
         }
+    // Some that the collider's direction has before it, some aside, at several depths.
+    for (std::uint32_t p = 0; rounded && p < body.rest.size(); p += p % 3 == 0 ? 1 : 2) {
+      const Vec3d out(0.3 + 0.05 * (p % 5), -0.2 + 0.1 * (p % 4), -1.0);
+      body.skin.push_back({p, out.normalized(), kH * (0.4 + 0.1 * (p % 7))});
+    }
     if (with_mass) body.masses.push_back({Vec3d(0.06, 0.05, 0.1), 0.1, 0.0});
     scene.bodies.push_back(body);
     scene.colliders.push_back(collider(shape, place));
@@ -153,6 +159,7 @@ TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
     double mu;
     bool mass;
     bool across_blocks = false;  ///< some faces lie in another block than their particles
+    bool rounded = false;
   };
   const Case cases[] = {
       {"sliding on a plane", Shape::kPlane, shape::ContactKind::kFriction, 0.2, false},
@@ -167,6 +174,8 @@ TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
       {"moving plane", Shape::kMovingPlane, shape::ContactKind::kFriction, 0.3, false},
       {"turning box", Shape::kTurningBox, shape::ContactKind::kSticky, 0.0, false},
       {"capsule", Shape::kCapsule, shape::ContactKind::kFriction, 0.3, false},
+      {"rounded, plane", Shape::kPlane, shape::ContactKind::kFriction, 0.3, false, false, true},
+      {"rounded, sphere", Shape::kSphere, shape::ContactKind::kFriction, 0.3, false, false, true},
       {"edge of a mesh", Shape::kMesh, shape::ContactKind::kFriction, 0.3, false},
       {"moving mesh", Shape::kMovingMesh, shape::ContactKind::kSeparating, 0.0, false},
   };
@@ -176,6 +185,7 @@ TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
     rollout.place.kind = item.kind;
     rollout.place.mu = item.mu;
     rollout.with_mass = item.mass;
+    rollout.rounded = item.rounded;
     if (item.across_blocks) {
       rollout.dx = 2.15 * kH;
       rollout.length = 14;

@@ -70,7 +70,8 @@ double TotalGrid::contact_response() const {
     for (const auto& [p, normal] : skin) {
       if (normal.dot(outward) < 0.5) continue;
       const double edge = std::cbrt(volumes_[p]);
-      faces.push_back({edge * edge, field_weights(p, rest_[p] + 0.5 * edge * outward)});
+      const double distance = reach(p, axes_ * outward).distance;
+      faces.push_back({edge * edge, field_weights(p, rest_[p] + distance * outward)});
     }
     largest = std::max(largest, largest_eigenvalue(faces, inverse_mass_));
   }

@@ -66,6 +66,16 @@ class TotalGrid {
   /// On a regular lattice: a neighbour along an axis is missing. Otherwise always.
   [[nodiscard]] bool is_surface(std::uint32_t particle) const { return surface_[particle] != 0; }
 
+  /// From a particle's centre at rest to the body's face in a direction, and how that changes with
+  /// the direction.
+  struct Reach {
+    double distance = 0.0;        ///< [m]
+    Vec3d slope = Vec3d::Zero();  ///< ∂distance/∂direction [m], world axes
+  };
+  /// In the unit `direction` (world axes at rest): to the planes of Body::skin that look there, and
+  /// to the face of the particle's box where none does.
+  [[nodiscard]] Reach reach(std::uint32_t particle, const Vec3d& direction) const;
+
   /// Unit, outward, body axes: against the gradient of the lumped mass.
   [[nodiscard]] Vec3d outward_normal(std::uint32_t particle) const;
   /// How quickly the body's skin gives way to a contact: with springs k A [N/m] on the faces of its
@@ -119,6 +129,7 @@ class TotalGrid {
   void place_points();
   void link_blocks();
   void find_surface(const Lattice& lattice);
+  void sort_skin(const std::vector<SkinPlane>& skin);
   void lump_mass(double density);
   void raise_light_nodes(double density);
 
@@ -132,6 +143,8 @@ class TotalGrid {
   std::vector<std::uint32_t> place_;
   std::vector<std::uint32_t> particle_block_;
   std::vector<std::uint8_t> surface_;
+  std::vector<SkinPlane> skin_;
+  std::vector<std::uint32_t> skin_first_;      ///< of a particle's planes; one more at the end
   std::vector<Vec3i> block_coordinates_;       ///< sorted
   std::vector<Vec3i> node_block_coordinates_;  ///< sorted
   std::vector<std::uint32_t> slab_chunks_;

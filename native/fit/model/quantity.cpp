@@ -195,6 +195,7 @@ void place(mpm::Body& body, const Vec3d& pivot, const Vec3d& shift, const Quatd&
   for (Vec3d& x : body.rest) x = moved(x);
   body.lattice.origin = moved(body.lattice.origin);
   body.lattice.axes = turn * body.lattice.axes;
+  for (mpm::SkinPlane& plane : body.skin) plane.normal = turn * plane.normal;
 }
 
 std::optional<double> ground_height(const shape::Collider& collider) {

@@ -12,7 +12,7 @@
 #include "base/file.hpp"
 #include "capture/camera_shots.hpp"
 #include "capture/colmap.hpp"
-#include "capture/png.hpp"
+#include "capture/image_file.hpp"
 
 namespace matterfit::capture {
 namespace {
@@ -221,7 +221,7 @@ CameraSet read_cameras(const fs::path& path, const fs::path& images) {
   }
   const fs::path folder = images.empty() ? path.parent_path() : images;
   const auto bytes = read_file(path, std::uint64_t{1} << 28U);
-  const auto size = [&](const std::string& image) { return png_size(folder / image); };
+  const auto size = [&](const std::string& image) { return image_size(folder / image); };
   CameraSet set = parse_cameras({reinterpret_cast<const char*>(bytes.data()), bytes.size()},
                                 path.string(), size);
   set.folder = folder;

@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "base/error.hpp"
+#include "capture/image_file.hpp"
 #include "capture/lens.hpp"
-#include "capture/png.hpp"
 #include "capture/tracks.hpp"
 
 namespace matterfit::capture {
@@ -76,17 +76,56 @@ std::vector<std::uint8_t> coverage(const Bitmap& bitmap) {
   return matte;
 }
 
-std::vector<std::uint8_t> read_matte(const fs::path& folder, const Shot& shot,
-                                     const splat::Camera& camera, const ImageClipOptions& options) {
-  const bool own = !options.key && !shot.mask.empty();
-  const fs::path file = folder / (own ? shot.mask : shot.image);
-  const Bitmap bitmap = read_png(file);
-  check_size(bitmap, camera, file);
+/// The files of `count` cameras' plates.
+std::vector<fs::path> plate_files(const ClipPlates& plates, std::size_t count) {
+  const std::string given = plates.files.size() == 1 ? plates.files.front().string() : "";
+  const std::size_t last = given.rfind('#');
+  if (last == std::string::npos) {
+    if (plates.files.size() == count) return plates.files;
+    throw_input("plate: there are " + std::to_string(plates.files.size()) + " clean plates and " +
+                std::to_string(count) +
+                " cameras. Give a file for each, in their order, or a name with # for a camera's "
+                "number.");
+  }
+  const std::size_t before = given.find_last_not_of('#', last);
+  const std::size_t begin = before == std::string::npos ? 0 : before + 1;
+  std::vector<fs::path> files;
+  for (std::size_t k = 0; k < count; ++k) {
+    std::string number = std::to_string(k);
+    const std::size_t width = last + 1 - begin;
+    if (number.size() < width) number.insert(0, width - number.size(), '0');
+    files.emplace_back(given.substr(0, begin) + number + given.substr(last + 1));
+  }
+  return files;
+}
+
+std::vector<CleanPlate> read_plates(const ImageClipOptions& options, const CameraSet& set) {
+  std::vector<CleanPlate> plates;
+  if (!options.plates) return plates;
+  const std::vector<fs::path> files = plate_files(*options.plates, set.cameras.size());
+  for (std::size_t k = 0; k < files.size(); ++k) {
+    const Bitmap bitmap = read_image(files[k]);
+    check_size(bitmap, set.cameras[k], files[k]);
+    plates.emplace_back(bitmap, options.plates->threshold);
+  }
+  return plates;
+}
+
+std::vector<std::uint8_t> read_matte(const CameraSet& set, const Shot& shot,
+                                     const std::vector<CleanPlate>& plates,
+                                     const ImageClipOptions& options) {
+  const bool own = !options.key && plates.empty() && !shot.mask.empty();
+  const fs::path file = set.folder / (own ? shot.mask : shot.image);
+  const Bitmap bitmap = read_image(file);
+  check_size(bitmap, set.cameras[shot.camera], file);
   if (options.key) return keyed_matte(bitmap, *options.key);
+  if (!plates.empty()) return plates[shot.camera].matte(bitmap);
   if (!own && !bitmap.has_alpha) {
-    throw_input(file.string() +
-                ": has no matte: neither an alpha channel nor a 'mask_path' in the cameras' file. "
-                "Add one, or give the body's colour as the capture's 'key'.");
+    throw_input(
+        file.string() +
+        ": has no matte: neither an alpha channel nor a 'mask_path' in the cameras' file. "
+        "Add one, or give the body's colour as the capture's 'key', or images without the body "
+        "as its 'plate'.");
   }
   return coverage(bitmap);
 }
@@ -155,6 +194,7 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
   clip.times = distinct_times(times);
   const Eigen::Matrix4d matrix = tracks_matrix(options.unit, options.up, options.transform);
   clip.cameras.reserve(set.cameras.size());
+  const std::vector<CleanPlate> plates = read_plates(options, set);
   std::vector<std::optional<Undistortion>> lenses;
   for (std::size_t k = 0; k < set.cameras.size(); ++k) {
     clip.cameras.push_back(moved(set.cameras[k], matrix));
@@ -180,7 +220,7 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
     sight.frame = place.first;
     sight.camera = place.second;
     sight.image = shot.image;
-    sight.matte = read_matte(set.folder, shot, clip.cameras[sight.camera], options);
+    sight.matte = read_matte(set, shot, plates, options);
     if (is_empty(sight.matte, shot.image)) {
       ++empty;
       statements.push_back(shot.image + ": its matte is empty; the body is taken to be out of it.");

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "capture/image_file.hpp"
+#include "capture/lens.hpp"
 #include "job/clip_for_test.hpp"
 
 namespace matterfit::job {
@@ -25,6 +27,26 @@ Json filmed_cube() {
   Json truth = thrown_cube();
   truth["scene"]["particle_separation"] = 0.04;
   return truth;
+}
+
+/// What a lens makes of a pinhole's image.
+capture::Bitmap through_lens(const capture::Bitmap& ideal, const splat::Camera& camera,
+                             const capture::Distortion& lens) {
+  capture::Bitmap taken(ideal.width, ideal.height);
+  taken.has_alpha = true;
+  for (int y = 0; y < taken.height; ++y) {
+    for (int x = 0; x < taken.width; ++x) {
+      const auto place = capture::undistorted(
+          lens,
+          Eigen::Vector2d((x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy));
+      const int i = int(std::floor(camera.fx * place->x() + camera.cx));
+      const int j = int(std::floor(camera.fy * place->y() + camera.cy));
+      if (i < 0 || j < 0 || i >= ideal.width || j >= ideal.height) continue;
+      taken.rgba[std::size_t(4 * (y * taken.width + x) + 3)] =
+          ideal.rgba[std::size_t(4 * (j * ideal.width + i) + 3)];
+    }
+  }
+  return taken;
 }
 
 Json fit_to_clip(const std::vector<std::string>& parameters) {
@@ -56,6 +78,40 @@ TEST(SilhouetteFit, StiffnessAndThrowFromMattesAlone) {
   EXPECT_LT(after.at("held_out").at("contour_px").get<double>(), 1.0);
   EXPECT_GT(before.at("held_out").at("contour_px").get<double>(), 2.0);
   EXPECT_TRUE(fs::exists(folder.path / "out/material.json"));
+}
+
+/// The images as a lens takes them, by the inverse of its distortion, which the reader does not use
+/// for this.
+TEST(SilhouetteFit, WhatALensDistortsIsUndistorted) {
+  const Folder folder;
+  const std::vector<splat::Camera> cameras = two_cameras();
+  film(filmed_cube(), folder.path, cameras);
+  const capture::Distortion lens{0.35, 0.0, 0.0, 0.002, -0.001};
+  capture::CameraSet set = capture::read_cameras(folder.path / "clip/transforms.json");
+  const auto fit_of = [&](const std::string& name) {
+    Json document = fit_to_clip({"velocity"});
+    document["scene"]["bodies"][0]["material"]["E"] = 3e4;
+    document["captures"][0]["cameras"] = name + "/transforms.json";
+    document["fit"]["iterations"] = 8;
+    document["output"]["folder"] = name + "_out";
+    return run(document, folder.path).at("fit");
+  };
+  for (const capture::Shot& shot : set.shots) {
+    const capture::Bitmap ideal = capture::read_image(folder.path / "clip" / shot.image);
+    capture::write_png(folder.path / "lens" / shot.image,
+                       through_lens(ideal, set.cameras[shot.camera], lens));
+  }
+  set.lenses.assign(set.cameras.size(), lens);
+  write_file(folder.path / "lens/transforms.json", capture::format_cameras(set));
+  const Json plain = fit_of("clip");
+  const Json seen = fit_of("lens");
+  const Json& fitted = seen.at("silhouettes").at("after").at("fitted");
+  EXPECT_GT(fitted.at("iou").get<double>(), 0.92);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double expected = plain.at("parameters")[k].at("value").get<double>();
+    EXPECT_NEAR(seen.at("parameters")[k].at("value").get<double>(), expected, 0.02);
+  }
+  EXPECT_THAT(seen.at("statements").dump(), HasSubstr("% of its image are not seen by it"));
 }
 
 TEST(SilhouetteFit, OneCameraThatIsHeldOutIsPredicted) {

@@ -52,6 +52,14 @@ def read_summary(scene, capture):
     return found
 
 
+def blend_relative(path):
+    """A path relative to the .blend, where that is saved and on the same drive."""
+    if path and bpy.data.filepath:
+        with contextlib.suppress(ValueError):
+            return bpy.path.relpath(path)
+    return path
+
+
 def import_file(context, name, filepath, **properties):
     """Adds a capture of a file and returns the file's summary; nothing is added where it cannot be
     read."""
@@ -60,10 +68,7 @@ def import_file(context, name, filepath, **properties):
     capture = add_capture(settings, name)
     for key, value in properties.items():
         setattr(capture, key, value)
-    if bpy.data.filepath:
-        with contextlib.suppress(ValueError):
-            filepath = bpy.path.relpath(filepath)
-    capture.filepath = filepath
+    capture.filepath = blend_relative(filepath)
     try:
         return read_summary(context.scene, capture)
     except JobError:

@@ -16,7 +16,7 @@ from ..io import blender_cameras, files, job_images
 from ..jobs import JobError
 from ..props import choices
 from .base import JobOperator, PlainOperator
-from .capture import import_file
+from .capture import blend_relative, import_file
 
 SPLAT_KINDS = (".ply", ".splat", ".spz")
 # Maps a file's world to Blender's, by what points up in it.
@@ -56,7 +56,7 @@ class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper
                     "{path}: cameras are a .json file or a COLMAP model. Choose one of these."
                 ).format(path=path))
         found = import_file(context, job_images.clip_name(path), path, source="IMAGES", up=self.up,
-                            use_plate=bool(self.plate), plate=self.plate)
+                            use_plate=bool(self.plate), plate=blend_relative(self.plate))
         if self.cameras:
             settings = context.scene.matterfit
             blender_cameras.add_cameras(context.scene,

@@ -47,7 +47,7 @@ Bitmap take(double with, double noise, unsigned seed) {
       const double alpha = with * coverage(x, y);
       const Vec3d body(0.25 + 0.001 * y, 0.05, 0.02);
       const Vec3d light = (1.0 - alpha) * background(x, y) + alpha * body;
-      std::uint8_t* rgba = bitmap.rgba.data() + 4 * (y * kWidth + x);
+      std::uint8_t* rgba = bitmap.rgba.data() + std::size_t(4) * std::size_t(y * kWidth + x);
       for (int c = 0; c < 3; ++c) rgba[c] = byte_of_linear(light[c] + noise * normal(random));
       rgba[3] = 255;
     }

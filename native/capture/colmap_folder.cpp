@@ -34,7 +34,7 @@ bool holds(const fs::path& folder, const char* ending) {
 /// Where a model's images lie, given one of their names; empty where they were not found.
 fs::path folder_of_images(const fs::path& model, const std::string& image) {
   for (const char* place : {".", "images", "../images", "../../images"}) {
-    const fs::path folder = (model / place).lexically_normal();
+    fs::path folder = (model / place).lexically_normal();
     if (is_file(folder / image)) return folder;
   }
   return {};

@@ -190,6 +190,11 @@ class Rows {
 Bitmap decode(std::span<const std::byte> bytes, const Head& head, const std::string& name) {
   MemoryStream stream(bytes, name);
   Imf::InputFile file(stream, 0);
+  const Imath::Box2i& window = file.header().dataWindow();
+  if (window.min != Imath::V2i(head.data.x0, head.data.y0) ||
+      window.max != Imath::V2i(head.data.x1, head.data.y1)) {
+    throw std::runtime_error("its head says two things of the data window");
+  }
   Rows rows(file, head.data, name);
   const Window& display = head.display;
   Bitmap bitmap(display.width(), display.height());

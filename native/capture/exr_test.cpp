@@ -65,7 +65,8 @@ TEST_F(ExrTest, LightBecomesWhatDisplaysShow) {
         EXPECT_FALSE(bitmap.has_alpha);
         for (int y = 0; y < 13; ++y) {
           for (int x = 0; x < 21; ++x) {
-            const std::uint8_t* rgba = bitmap.rgba.data() + 4 * (y * 21 + x);
+            const std::uint8_t* rgba =
+                bitmap.rgba.data() + std::size_t(4) * std::size_t(y * 21 + x);
             ASSERT_NEAR(rgba[0], expected(light("R", x, y)), 1);
             ASSERT_NEAR(rgba[1], expected(light("G", x, y)), 1);
             ASSERT_NEAR(rgba[2], expected(light("B", x, y)), 1);
@@ -117,7 +118,7 @@ TEST_F(ExrTest, WhatTheDataWindowLeavesIsTransparent) {
   ASSERT_EQ(bitmap.height, 9);
   for (int y = 0; y < 9; ++y) {
     for (int x = 0; x < 12; ++x) {
-      const std::uint8_t* rgba = bitmap.rgba.data() + 4 * (y * 12 + x);
+      const std::uint8_t* rgba = bitmap.rgba.data() + std::size_t(4) * std::size_t(y * 12 + x);
       const bool inside = x >= 2 && y >= 2 && x < 10 && y < 7;
       ASSERT_EQ(rgba[3], inside ? 255 : 0);
       ASSERT_NEAR(rgba[0], inside ? expected(0.01 * x + 0.02 * y) : 0, 1);

@@ -35,10 +35,11 @@ std::vector<std::byte> jpeg_of(int width, int height, int components, bool progr
   info.comp_info[0].h_samp_factor = info.comp_info[0].v_samp_factor = 1;  // 4:4:4
   if (progressive) jpeg_simple_progression(&info);
   jpeg_start_compress(&info, TRUE);
-  std::vector<unsigned char> row(std::size_t(width * components));
+  std::vector<unsigned char> row(std::size_t(width) * std::size_t(components));
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      for (int c = 0; c < components; ++c) row[std::size_t(x * components + c)] = at(x, y, c);
+      for (int c = 0; c < components; ++c)
+        row[std::size_t(x) * std::size_t(components) + std::size_t(c)] = at(x, y, c);
     }
     JSAMPROW rows[] = {row.data()};
     jpeg_write_scanlines(&info, rows, 1);
@@ -65,7 +66,7 @@ TEST(Jpeg, ColoursAreReadWithinWhatTheCompressionLoses) {
     EXPECT_FALSE(bitmap.has_alpha);
     for (int y = 0; y < 17; ++y) {
       for (int x = 0; x < 23; ++x) {
-        const std::uint8_t* rgba = bitmap.rgba.data() + 4 * (y * 23 + x);
+        const std::uint8_t* rgba = bitmap.rgba.data() + std::size_t(4) * std::size_t(y * 23 + x);
         for (int c = 0; c < 3; ++c) ASSERT_NEAR(rgba[c], ramp(x, y, c), 3);
         ASSERT_EQ(rgba[3], 255);
       }

@@ -10,7 +10,7 @@ namespace {
 constexpr int kMostCameras = 1'000'000;
 
 Vec3d read_colour(const JsonValue& value) {
-  const Vec3d colour = value.vec3();
+  Vec3d colour = value.vec3();
   if (!((colour.array() >= 0.0).all() && (colour.array() <= 1.0).all())) {
     value.fail("a colour, three numbers from 0 to 1");
   }
@@ -45,7 +45,8 @@ void read_world(JsonObject& object, capture::ImageClipOptions& options) {
   if (const auto transform = object.find("transform")) {
     const std::array<double, 16> rows = read_matrix(*transform);
     for (int i = 0; i < 4; ++i) {
-      for (int j = 0; j < 4; ++j) options.transform(i, j) = rows[std::size_t(4 * i + j)];
+      for (int j = 0; j < 4; ++j)
+        options.transform(i, j) = rows[4 * std::size_t(i) + std::size_t(j)];
     }
   }
 }

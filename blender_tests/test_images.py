@@ -4,6 +4,7 @@
 import json
 import math
 import os
+import re
 import struct
 
 import bpy
@@ -24,6 +25,21 @@ def write_image(path, low, high):
     image.pixels.foreach_set(pixels.ravel())
     image.filepath_raw = path
     image.file_format = "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+
+
+def write_photo(path, low=0, high=0):
+    """Grey, and a body of another colour in the columns from `low` to `high`; the name's ending says
+    whether it is a JPEG, a PNG or an OpenEXR file."""
+    kind = {"jpg": "JPEG", "png": "PNG", "exr": "OPEN_EXR"}[path.rsplit(".", 1)[1]]
+    image = bpy.data.images.new("photo", WIDTH, HEIGHT, alpha=False, float_buffer=kind == "OPEN_EXR")
+    pixels = numpy.full((HEIGHT, WIDTH, 4), 0.3, dtype=numpy.float32)
+    pixels[:, low:high, :3] = (0.9, 0.1, 0.1)
+    pixels[:, :, 3] = 1.0
+    image.pixels.foreach_set(pixels.ravel())
+    image.filepath_raw = path
+    image.file_format = kind
     image.save()
     bpy.data.images.remove(image)
 
@@ -119,6 +135,90 @@ class ImportTest(ImagesCase):
         with self.assertRaises(JobError) as caught:
             self.document(task="fit")
         self.assertIn("no camera is named", str(caught.exception))
+
+
+class ColmapTest(ImagesCase):
+    def project(self, ending="jpg", count=3):
+        """A COLMAP project of one camera, of whose images the model names the first, and its plate."""
+        camera = self.camera(location=(1.0, -3.0, 1.2), rotation=(1.3, 0.1, 0.4))
+        bpy.context.view_layer.update()
+        shot = blender_cameras.shot(self.scene, camera, "a")
+        folder = os.path.join(self.folder, f"project_{ending}")
+        for name in ("sparse/0", "images/left", "plates"):
+            os.makedirs(os.path.join(folder, name))
+        for k in range(count):
+            write_photo(os.path.join(folder, f"images/left/take_{k}.{ending}"), 8 + k, 20 + k)
+        write_photo(os.path.join(folder, f"plates/plate_00.{ending}"))
+        # COLMAP's camera looks along its z, y down.
+        to_camera = (Matrix(shot["transform_matrix"]) @ Matrix.Diagonal((1, -1, -1, 1))).inverted()
+        turn, shift = to_camera.to_quaternion(), to_camera.translation
+        numbers = " ".join(repr(float(x)) for x in (*turn, *shift))
+        model = {"cameras": f"# one\n1 PINHOLE {WIDTH} {HEIGHT} {shot['fl_x']} {shot['fl_y']} "
+                            f"{shot['cx']} {shot['cy']}\n",
+                 "images": f"# one\n1 {numbers} 1 left/take_0.{ending}\n\n"}
+        for name, text in model.items():
+            with open(os.path.join(folder, "sparse/0", name + ".txt"), "w", encoding="utf-8") as file:
+                file.write(text)
+        return folder
+
+    @needs_library
+    def test_a_project_with_a_clean_plate(self):
+        for ending in ("jpg", "exr"):
+            with self.subTest(ending):
+                folder = self.project(ending)
+                given = blender_cameras.shot(self.scene, self.scene.camera, "a")
+                bpy.ops.matterfit.import_images(
+                    filepath=os.path.join(folder, "sparse", "0", "images.txt"), up="Z",
+                    plate=os.path.join(folder, "plates", f"plate_00.{ending}"))
+                capture = self.settings.captures[-1]
+                self.assertEqual(capture.name, f"project_{ending}")
+                for found in ("1 cameras, 3 images of 3 times", "32 × 24 pixels",
+                              "what differs from clean plates", "2 images that the model does not name"):
+                    self.assertIn(found, capture.summary)
+                low, high = re.search(r"covers ([\d.]+) to ([\d.]+) %", capture.summary).groups()
+                self.assertAlmostEqual(float(low), 37.5, delta=2.0)  # JPEG smears the edge
+                self.assertAlmostEqual(float(high), 37.5, delta=2.0)
+                added = bpy.data.collections[capture.name].objects[0]
+                seen = blender_cameras.shot(self.scene, added, "a")
+                numpy.testing.assert_allclose(seen["transform_matrix"], given["transform_matrix"],
+                                              atol=1e-5)
+
+    @needs_library
+    def test_the_document_names_folder_and_plates(self):
+        folder = self.project()
+        self.jelly()
+        bpy.ops.matterfit.import_images(
+            filepath=folder, cameras=False, plate=os.path.join(folder, "plates", "plate_00.jpg"))
+        document, written = self.document(task="fit")
+        found = document["captures"][0]
+        self.assertEqual(os.path.normpath(os.path.join(written, found["cameras"])), folder)
+        self.assertEqual([os.path.basename(name) for name in found["plate"]["images"]],
+                         ["plate_00.jpg"])
+        self.assertTrue(os.path.isfile(os.path.join(written, found["plate"]["images"][0])))
+        self.settings.captures[0].images = os.path.join(folder, "images")
+        document, _written = self.document(task="fit")
+        self.assertTrue(document["captures"][0]["images"].endswith("project_jpg/images"))
+
+    @needs_library
+    def test_what_cannot_be_imported_is_said(self):
+        folder = self.project()
+        self.fails(bpy.ops.matterfit.import_images, ["cameras are a .json file"],
+                   filepath=os.path.join(folder, "plates", "plate_00.jpg"))
+        self.fails(bpy.ops.matterfit.import_images, ["clean plate", "does not exist"],
+                   filepath=folder, plate=os.path.join(folder, "none.png"))
+        self.fails(bpy.ops.matterfit.import_images, ["holds no COLMAP model"],
+                   filepath=os.path.join(folder, "plates"))
+        write_photo(os.path.join(folder, "plates", "plate_01.jpg"))
+        self.fails(bpy.ops.matterfit.import_images, ["2 clean plates and 1 cameras"],
+                   filepath=folder, plate=os.path.join(folder, "plates", "plate_01.jpg"))
+        self.assertEqual(len(self.settings.captures), 0)
+        bpy.ops.matterfit.import_images(filepath=self.clip(), cameras=False)
+        capture = self.settings.captures[0]
+        capture.use_key = capture.use_plate = True
+        capture.plate = os.path.join(folder, "plates", "plate_00.jpg")
+        self.fails(bpy.ops.matterfit.check_capture, ["both switched on"])
+        capture.use_key, capture.plate = False, ""
+        self.fails(bpy.ops.matterfit.check_capture, ["no clean plate is chosen"])
 
 
 class RenderTest(ImagesCase):

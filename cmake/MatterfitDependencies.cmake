@@ -8,6 +8,7 @@ find_package(fmt REQUIRED)
 find_package(OpenEXR REQUIRED)
 find_package(ZLIB REQUIRED)
 find_package(PNG REQUIRED)
+find_package(JPEG REQUIRED)
 # The same holds for libzip.
 # … and OpenSubdiv (it names a static library).
 pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)

@@ -11,7 +11,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 build_packages="
   cmake g++ make ninja-build ccache pkg-config
   libopenvdb-dev libboost-dev libboost-iostreams-dev libblosc-dev zlib1g-dev libtbb-dev
-  libosd-dev libopenexr-dev libimath-dev libpng-dev
+  libosd-dev libopenexr-dev libimath-dev libpng-dev libjpeg62-turbo-dev
   libeigen3-dev libhwy-dev libxxhash-dev libzip-dev libnanoflann-dev
   nlohmann-json3-dev libcli11-dev libfmt-dev
   libgtest-dev libgmock-dev"

@@ -3,12 +3,16 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <system_error>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
-#include "capture/png.hpp"
+#include "capture/camera_shots.hpp"
+#include "capture/colmap.hpp"
+#include "capture/image_file.hpp"
 
 namespace matterfit::capture {
 namespace {
@@ -17,9 +21,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr double kOrthonormal = 1e-3;  // matrices are often written with few digits
-constexpr double kSameCamera = 1e-9;
 constexpr std::size_t kMostImages = 1'000'000;
-constexpr int kMostDigits = 9;
 
 /// One frame's keys before those that hold for all.
 class Entry {
@@ -30,6 +32,7 @@ class Entry {
   }
 
   [[noreturn]] void fail(const std::string& reason) const { throw_input(where_ + " " + reason); }
+  [[nodiscard]] const std::string& where() const { return where_; }
   [[nodiscard]] const Json* find(const char* key) const {
     if (const auto own = frame_.find(key); own != frame_.end() && !own->is_null()) return &*own;
     if (all_ == nullptr) return nullptr;
@@ -91,26 +94,35 @@ void set_pose(const Eigen::Matrix<double, 3, 4>& to_world, const Entry& entry,
   camera.translation = -(camera.rotation * to_world.col(3));
 }
 
-void check_lens(const splat::Camera& camera, const Entry& entry) {
-  for (const double focal : {camera.fx, camera.fy}) {
-    if (!(focal > 0.0) || !std::isfinite(focal)) {
-      entry.fail("has a focal length of " + std::to_string(focal) + " pixels.");
-    }
-  }
-}
-
 /// Half the angle of view to a focal length.
 double focal_of(double angle, int pixels) { return 0.5 * pixels / std::tan(0.5 * angle); }
 
+/// Of Nerfstudio's models those of a lens with radial and tangential distortion.
+Distortion nerfstudio_lens(const Entry& entry) {
+  const std::string model = entry.text("camera_model");
+  const auto read = {"", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"};
+  if (std::find(read.begin(), read.end(), model) == read.end()) {
+    entry.fail("has the 'camera_model' " + model +
+               ", which is not read; PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV "
+               "are. Undistort the images first, as `colmap image_undistorter` does.");
+  }
+  const double k4 = entry.number("k4").value_or(0.0);
+  if (k4 != 0.0) {
+    entry.fail("has lens distortion by k4 = " + std::to_string(k4) +
+               "; k1, k2, k3, p1 and p2 are read. Calibrate again without it, or undistort the "
+               "images first.");
+  }
+  Distortion lens;
+  lens.k1 = entry.number("k1").value_or(0.0);
+  lens.k2 = entry.number("k2").value_or(0.0);
+  lens.k3 = entry.number("k3").value_or(0.0);
+  lens.p1 = entry.number("p1").value_or(0.0);
+  lens.p2 = entry.number("p2").value_or(0.0);
+  return lens;
+}
+
 splat::Camera nerfstudio_camera(const Entry& entry, const std::string& image,
                                 const ImageSize& size) {
-  for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"}) {
-    const auto distortion = entry.number(key);
-    if (distortion && *distortion != 0.0) {
-      entry.fail(std::string("has lens distortion (") + key + " = " + std::to_string(*distortion) +
-                 "). Undistort the images first, as `colmap image_undistorter` does.");
-    }
-  }
   splat::Camera camera;
   const auto width = entry.number("w");
   const auto height = entry.number("h");
@@ -159,40 +171,6 @@ splat::Camera pacnerf_camera(const Entry& entry, const std::string& image, const
   return camera;
 }
 
-/// The number at the end of a file's name, before its ending; nothing where there is none.
-std::optional<int> last_digits(const std::string& image) {
-  const std::string stem = fs::path(image).stem().string();
-  std::size_t end = stem.size();
-  while (end > 0 && std::isdigit(static_cast<unsigned char>(stem[end - 1])) == 0) --end;
-  std::size_t begin = end;
-  while (begin > 0 && std::isdigit(static_cast<unsigned char>(stem[begin - 1])) != 0) --begin;
-  if (begin == end || end - begin > kMostDigits) return std::nullopt;
-  return std::stoi(stem.substr(begin, end - begin));
-}
-
-bool same(const splat::Camera& a, const splat::Camera& b) {
-  const auto near = [](double x, double y) { return std::abs(x - y) <= kSameCamera; };
-  return near(a.fx, b.fx) && near(a.fy, b.fy) && near(a.cx, b.cx) && near(a.cy, b.cy) &&
-         (a.rotation - b.rotation).norm() <= kSameCamera &&
-         (a.translation - b.translation).norm() <= kSameCamera;
-}
-
-void add(CameraSet& set, const Entry& entry, Shot shot, const splat::Camera& camera) {
-  check_lens(camera, entry);
-  std::size_t k = 0;
-  while (k < set.cameras.size() && !same(set.cameras[k], camera)) ++k;
-  if (k == set.cameras.size()) {
-    set.cameras.push_back(camera);
-  } else if (set.cameras[k].width != camera.width || set.cameras[k].height != camera.height) {
-    entry.fail("is " + std::to_string(camera.width) + " × " + std::to_string(camera.height) +
-               " pixels, but an earlier image of the same camera is " +
-               std::to_string(set.cameras[k].width) + " × " +
-               std::to_string(set.cameras[k].height) + ". Scale them alike.");
-  }
-  shot.camera = k;
-  set.shots.push_back(std::move(shot));
-}
-
 std::string with_ending(std::string image) {
   if (fs::path(image).extension().empty()) image += ".png";
   return image;
@@ -226,16 +204,28 @@ CameraSet parse_cameras(std::string_view text, const std::string& name, const Im
     shot.number = last_digits(shot.image);
     const splat::Camera camera = pacnerf ? pacnerf_camera(entry, shot.image, size)
                                          : nerfstudio_camera(entry, shot.image, size);
-    add(set, entry, std::move(shot), camera);
+    add_shot(set, std::move(shot), camera, pacnerf ? Distortion{} : nerfstudio_lens(entry),
+             entry.where());
   }
   return set;
 }
 
-CameraSet read_cameras(const fs::path& path) {
+CameraSet read_cameras(const fs::path& path, const fs::path& images) {
+  if (const auto place = find_colmap(path)) return read_colmap(*place, images);
+  std::error_code code;
+  if (fs::is_directory(path, code)) {
+    throw_input(path.string() +
+                ": holds no COLMAP model: neither cameras.bin and images.bin nor cameras.txt and "
+                "images.txt, here, in sparse or in sparse/0. Name the folder that has them, or a "
+                "transforms.json.");
+  }
+  const fs::path folder = images.empty() ? path.parent_path() : images;
   const auto bytes = read_file(path, std::uint64_t{1} << 28U);
-  const auto size = [&](const std::string& image) { return png_size(path.parent_path() / image); };
-  return parse_cameras({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, path.string(),
-                       size);
+  const auto size = [&](const std::string& image) { return image_size(folder / image); };
+  CameraSet set = parse_cameras({reinterpret_cast<const char*>(bytes.data()), bytes.size()},
+                                path.string(), size);
+  set.folder = folder;
+  return set;
 }
 
 std::string format_cameras(const CameraSet& set) {
@@ -253,6 +243,12 @@ std::string format_cameras(const CameraSet& set) {
     Json frame = {{"file_path", shot.image}, {"transform_matrix", rows}, {"fl_x", camera.fx},
                   {"fl_y", camera.fy},       {"cx", camera.cx},          {"cy", camera.cy},
                   {"w", camera.width},       {"h", camera.height}};
+    if (shot.camera < set.lenses.size() && !set.lenses[shot.camera].none()) {
+      const Distortion& lens = set.lenses[shot.camera];
+      frame["camera_model"] = "OPENCV";
+      frame.update(
+          {{"k1", lens.k1}, {"k2", lens.k2}, {"k3", lens.k3}, {"p1", lens.p1}, {"p2", lens.p2}});
+    }
     if (!shot.mask.empty()) frame["mask_path"] = shot.mask;
     if (shot.time) frame["time"] = *shot.time;
     frames.push_back(std::move(frame));

@@ -11,13 +11,14 @@
 #include <string_view>
 #include <vector>
 
+#include "capture/lens.hpp"
 #include "splat/camera.hpp"
 
 namespace matterfit::capture {
 
 /// One image of a recording.
 struct Shot {
-  std::string image;           ///< as the file names it, relative to its folder, with its ending
+  std::string image;           ///< relative to CameraSet::folder, with its ending
   std::string mask;            ///< the same of its matte; empty: none
   std::size_t camera = 0;      ///< in CameraSet::cameras
   std::optional<double> time;  ///< as the file says it
@@ -27,8 +28,12 @@ struct Shot {
 /// Cameras and the images that they took. Images of equal pose and lens are of one camera; cameras
 /// stand in the order in which they first appear and are called by their number.
 struct CameraSet {
+  /// Pinholes: what an undistorted image shows. As it was taken it is that of the lens.
   std::vector<splat::Camera> cameras;
+  std::vector<Distortion> lenses;  ///< one a camera
   std::vector<Shot> shots;
+  std::filesystem::path folder;    ///< of the images; empty where they were not found
+  std::vector<std::string> notes;  ///< what is odd and no error
   std::string source;
 };
 
@@ -37,17 +42,20 @@ using ImageSize = std::function<std::array<int, 2>(const std::string& image)>;
 
 /// Nerfstudio's and Blender-NeRF's `transforms.json` (an object with `frames`: `file_path`,
 /// `transform_matrix`, optional `mask_path`, `time`; lens for all or for each frame: `fl_x`, `fl_y`
-/// or `camera_angle_x`, `camera_angle_y` [rad], `cx`, `cy`, `w`, `h`), and PAC-NeRF's
-/// `all_data.json` (a list of `file_path`, `c2w` 3×4, `intrinsic` 3×3, `time`). In both matrices
-/// map the camera's axes (OpenGL's and Blender's: x right, y up, looking along −z) to the world, of
-/// which nothing is turned here. A name without an ending is taken as .png. `size` is asked where
-/// the file does not say it. Throws Error(kInput) beginning with `name` and the frame: no images, a
-/// matrix that is no rigid motion, a focal length that is none, lens distortion (undistort first),
-/// sizes that differ within a camera.
+/// or `camera_angle_x`, `camera_angle_y` [rad], `cx`, `cy`, `w`, `h`, `k1`, `k2`, `k3`, `p1`, `p2`,
+/// `camera_model`), and PAC-NeRF's `all_data.json` (a list of `file_path`, `c2w` 3×4, `intrinsic`
+/// 3×3, `time`). In both matrices map the camera's axes (OpenGL's and Blender's: x right, y up,
+/// looking along −z) to the world, of which nothing is turned here. A name without an ending is
+/// taken as .png. `size` is asked where the file does not say it. Throws Error(kInput) beginning
+/// with `name` and the frame: no images, a matrix that is no rigid motion, a focal length that is
+/// none, a camera's model that is not read, a distortion that folds over inside the image, sizes
+/// that differ within a camera.
 [[nodiscard]] CameraSet parse_cameras(std::string_view text, const std::string& name,
                                       const ImageSize& size);
-/// The same from a file; sizes are those of its images.
-[[nodiscard]] CameraSet read_cameras(const std::filesystem::path& path);
+/// Of a file as above, whose images lie in `images` or, where that is empty, beside it; or of a
+/// COLMAP model (capture/colmap.hpp), a folder or one of its files.
+[[nodiscard]] CameraSet read_cameras(const std::filesystem::path& path,
+                                     const std::filesystem::path& images = {});
 
 /// `transforms.json` of these, with every lens written out; parse_cameras() gives them back.
 [[nodiscard]] std::string format_cameras(const CameraSet& set);

@@ -102,6 +102,24 @@ TEST(Cameras, ImagesOfOnePoseAreOfOneCamera) {
   }
 }
 
+TEST(Cameras, ALensIsReadAndWrittenAgain) {
+  const auto set = parse_cameras(
+      transforms(
+          "\"fl_x\": 500, \"camera_model\": \"OPENCV\", \"k1\": 0.1, \"k2\": -0.02, "
+          "\"p1\": 0.003, \"p2\": -0.004, \"k3\": 0.005",
+          frame("\"file_path\": \"a_0\"") + "," + frame("\"file_path\": \"a_1\", \"k1\": 0.11")),
+      "t", kSize);
+  ASSERT_EQ(set.lenses.size(), 2U) << "cameras of two lenses are two";
+  for (const auto& read : {set, parse_cameras(format_cameras(set), "again", kSize)}) {
+    EXPECT_EQ(read.lenses[0].k1, 0.1);
+    EXPECT_EQ(read.lenses[0].k2, -0.02);
+    EXPECT_EQ(read.lenses[0].k3, 0.005);
+    EXPECT_EQ(read.lenses[0].p1, 0.003);
+    EXPECT_EQ(read.lenses[0].p2, -0.004);
+    EXPECT_EQ(read.lenses[1].k1, 0.11);
+  }
+}
+
 TEST(Cameras, AMovedCameraSeesTheMovedWorldAlike) {
   const auto set =
       parse_cameras(transforms("\"fl_x\": 500", frame("\"file_path\": \"a\"")), "t", kSize);
@@ -133,8 +151,13 @@ TEST(Cameras, WhatIsBrokenIsNamed) {
               HasSubstr("has no focal length"));
   EXPECT_THAT(message_of(transforms("\"fl_x\": -5", frame("\"file_path\": \"a\""))),
               HasSubstr("a focal length of -5"));
-  EXPECT_THAT(message_of(transforms(lens + ", \"k1\": 0.1", frame("\"file_path\": \"a\""))),
-              HasSubstr("lens distortion (k1"));
+  EXPECT_THAT(message_of(transforms(lens + ", \"k1\": -0.9", frame("\"file_path\": \"a\""))),
+              HasSubstr("image 0 has a lens distortion (k1 = -0.9, k2 = 0"));
+  EXPECT_THAT(message_of(transforms(lens + ", \"k4\": 0.1", frame("\"file_path\": \"a\""))),
+              HasSubstr("lens distortion by k4"));
+  EXPECT_THAT(message_of(transforms(lens + ", \"camera_model\": \"OPENCV_FISHEYE\"",
+                                    frame("\"file_path\": \"a\""))),
+              HasSubstr("has the 'camera_model' OPENCV_FISHEYE, which is not read"));
   EXPECT_THAT(message_of(transforms(lens,
                                     "{\"file_path\": \"a\", \"transform_matrix\": "
                                     "[[2,0,0,0],[0,2,0,0],[0,0,2,0]]}")),

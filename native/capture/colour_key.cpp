@@ -5,58 +5,14 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "capture/matte_region.hpp"
 
 namespace matterfit::capture {
 namespace {
 
 constexpr double kSmallestChroma = 0.02;
-constexpr std::uint8_t kHalf = 128;
 
 Vec3d chroma(const Vec3d& colour) { return colour.array() - colour.mean(); }
-
-/// Clears what is not of the largest region of pixels above ½ or beside it.
-void keep_largest_region(std::vector<std::uint8_t>& matte, int width, int height) {
-  std::vector<int> region(matte.size(), -1);
-  std::vector<std::size_t> sizes;
-  std::vector<std::size_t> open;
-  const auto w = static_cast<std::size_t>(width);
-  const auto h = static_cast<std::size_t>(height);
-  const auto each_neighbour = [&](std::size_t at, const auto& visit) {
-    if (at % w > 0) visit(at - 1);
-    if (at % w + 1 < w) visit(at + 1);
-    if (at >= w) visit(at - w);
-    if (at + w < w * h) visit(at + w);
-  };
-  for (std::size_t seed = 0; seed < matte.size(); ++seed) {
-    if (matte[seed] < kHalf || region[seed] >= 0) continue;
-    const int name = static_cast<int>(sizes.size());
-    sizes.push_back(0);
-    region[seed] = name;
-    open.assign(1, seed);
-    while (!open.empty()) {
-      const std::size_t at = open.back();
-      open.pop_back();
-      ++sizes.back();
-      each_neighbour(at, [&](std::size_t next) {
-        if (matte[next] < kHalf || region[next] >= 0) return;
-        region[next] = name;
-        open.push_back(next);
-      });
-    }
-  }
-  if (sizes.empty()) {
-    std::fill(matte.begin(), matte.end(), std::uint8_t{0});
-    return;
-  }
-  const auto largest =
-      static_cast<int>(std::max_element(sizes.begin(), sizes.end()) - sizes.begin());
-  for (std::size_t i = 0; i < matte.size(); ++i) {
-    if (matte[i] == 0 || region[i] == largest) continue;
-    bool beside = false;
-    each_neighbour(i, [&](std::size_t next) { beside = beside || region[next] == largest; });
-    if (!beside || region[i] >= 0) matte[i] = 0;
-  }
-}
 
 }  // namespace
 

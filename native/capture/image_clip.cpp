@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "capture/image_clip.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <set>
 #include <utility>
 
 #include "base/error.hpp"
-#include "capture/png.hpp"
+#include "capture/image_file.hpp"
+#include "capture/lens.hpp"
 #include "capture/tracks.hpp"
 
 namespace matterfit::capture {
@@ -72,17 +76,56 @@ std::vector<std::uint8_t> coverage(const Bitmap& bitmap) {
   return matte;
 }
 
-std::vector<std::uint8_t> read_matte(const fs::path& folder, const Shot& shot,
-                                     const splat::Camera& camera, const ImageClipOptions& options) {
-  const bool own = !options.key && !shot.mask.empty();
-  const fs::path file = folder / (own ? shot.mask : shot.image);
-  const Bitmap bitmap = read_png(file);
-  check_size(bitmap, camera, file);
+/// The files of `count` cameras' plates.
+std::vector<fs::path> plate_files(const ClipPlates& plates, std::size_t count) {
+  const std::string given = plates.files.size() == 1 ? plates.files.front().string() : "";
+  const std::size_t last = given.rfind('#');
+  if (last == std::string::npos) {
+    if (plates.files.size() == count) return plates.files;
+    throw_input("plate: there are " + std::to_string(plates.files.size()) + " clean plates and " +
+                std::to_string(count) +
+                " cameras. Give a file for each, in their order, or a name with # for a camera's "
+                "number.");
+  }
+  const std::size_t before = given.find_last_not_of('#', last);
+  const std::size_t begin = before == std::string::npos ? 0 : before + 1;
+  std::vector<fs::path> files;
+  for (std::size_t k = 0; k < count; ++k) {
+    std::string number = std::to_string(k);
+    const std::size_t width = last + 1 - begin;
+    if (number.size() < width) number.insert(0, width - number.size(), '0');
+    files.emplace_back(given.substr(0, begin) + number + given.substr(last + 1));
+  }
+  return files;
+}
+
+std::vector<CleanPlate> read_plates(const ImageClipOptions& options, const CameraSet& set) {
+  std::vector<CleanPlate> plates;
+  if (!options.plates) return plates;
+  const std::vector<fs::path> files = plate_files(*options.plates, set.cameras.size());
+  for (std::size_t k = 0; k < files.size(); ++k) {
+    const Bitmap bitmap = read_image(files[k]);
+    check_size(bitmap, set.cameras[k], files[k]);
+    plates.emplace_back(bitmap, options.plates->threshold);
+  }
+  return plates;
+}
+
+std::vector<std::uint8_t> read_matte(const CameraSet& set, const Shot& shot,
+                                     const std::vector<CleanPlate>& plates,
+                                     const ImageClipOptions& options) {
+  const bool own = !options.key && plates.empty() && !shot.mask.empty();
+  const fs::path file = set.folder / (own ? shot.mask : shot.image);
+  const Bitmap bitmap = read_image(file);
+  check_size(bitmap, set.cameras[shot.camera], file);
   if (options.key) return keyed_matte(bitmap, *options.key);
+  if (!plates.empty()) return plates[shot.camera].matte(bitmap);
   if (!own && !bitmap.has_alpha) {
-    throw_input(file.string() +
-                ": has no matte: neither an alpha channel nor a 'mask_path' in the cameras' file. "
-                "Add one, or give the body's colour as the capture's 'key'.");
+    throw_input(
+        file.string() +
+        ": has no matte: neither an alpha channel nor a 'mask_path' in the cameras' file. "
+        "Add one, or give the body's colour as the capture's 'key', or images without the body "
+        "as its 'plate'.");
   }
   return coverage(bitmap);
 }
@@ -96,6 +139,31 @@ bool is_empty(const std::vector<std::uint8_t>& matte, const std::string& image) 
                 "filled, or the matte inverted?");
   }
   return *high < 128;
+}
+
+std::optional<Undistortion> undistortion_of(const CameraSet& set, std::size_t camera) {
+  if (set.lenses[camera].none()) return std::nullopt;
+  return Undistortion(set.cameras[camera], set.lenses[camera]);
+}
+
+/// Empty where all is seen.
+std::vector<std::uint8_t> seen_by(const std::optional<Undistortion>& lens) {
+  if (!lens) return {};
+  std::vector<std::uint8_t> seen = lens->seen();
+  if (std::find(seen.begin(), seen.end(), std::uint8_t{0}) == seen.end()) seen.clear();
+  return seen;
+}
+
+void state_lens(const ImageClip& clip, std::size_t camera, const std::optional<Undistortion>& lens,
+                std::vector<std::string>& statements) {
+  if (!lens) return;
+  const std::vector<std::uint8_t>& seen = clip.seen[camera];
+  const auto blind = std::count(seen.begin(), seen.end(), std::uint8_t{0});
+  statements.push_back(fmt::format(
+      "Camera {}: its lens is undistorted, by up to {:.1f} pixels{}.", camera, lens->farthest(),
+      blind == 0 ? std::string()
+                 : fmt::format("; {:.1f} % of its image are not seen by it",
+                               100.0 * double(blind) / double(seen.size()))));
 }
 
 void state_missing(const ImageClip& clip, std::vector<std::string>& statements) {
@@ -113,14 +181,27 @@ void state_missing(const ImageClip& clip, std::vector<std::string>& statements) 
 
 ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& options,
                           std::vector<std::string>& statements) {
-  const CameraSet set = read_cameras(cameras);
+  const CameraSet set = read_cameras(cameras, options.images);
+  if (set.folder.empty()) {
+    throw_input(set.source + ": its images were not found: '" + set.shots.front().image +
+                "' lies neither beside the model nor in a folder 'images' there or up to two "
+                "folders above. Name the folder that holds them as the capture's 'images'.");
+  }
+  statements.insert(statements.end(), set.notes.begin(), set.notes.end());
   const std::vector<double> times = times_of(set, options);
   ImageClip clip;
   clip.source = cameras.string();
   clip.times = distinct_times(times);
   const Eigen::Matrix4d matrix = tracks_matrix(options.unit, options.up, options.transform);
   clip.cameras.reserve(set.cameras.size());
-  for (const splat::Camera& camera : set.cameras) clip.cameras.push_back(moved(camera, matrix));
+  const std::vector<CleanPlate> plates = read_plates(options, set);
+  std::vector<std::optional<Undistortion>> lenses;
+  for (std::size_t k = 0; k < set.cameras.size(); ++k) {
+    clip.cameras.push_back(moved(set.cameras[k], matrix));
+    lenses.push_back(undistortion_of(set, k));
+    clip.seen.push_back(seen_by(lenses.back()));
+    state_lens(clip, k, lenses.back(), statements);
+  }
   std::map<std::pair<std::size_t, std::size_t>, std::size_t> shots;  // frame, camera
   for (std::size_t i = 0; i < set.shots.size(); ++i) {
     const auto after = std::upper_bound(clip.times.begin(), clip.times.end(), times[i]);
@@ -139,11 +220,13 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
     sight.frame = place.first;
     sight.camera = place.second;
     sight.image = shot.image;
-    sight.matte = read_matte(cameras.parent_path(), shot, clip.cameras[sight.camera], options);
+    sight.matte = read_matte(set, shot, plates, options);
     if (is_empty(sight.matte, shot.image)) {
       ++empty;
       statements.push_back(shot.image + ": its matte is empty; the body is taken to be out of it.");
     }
+    const auto& lens = lenses[sight.camera];
+    if (lens) sight.matte = lens->resampled(sight.matte);
     clip.sights.push_back(std::move(sight));
   }
   if (empty == clip.sights.size()) {
@@ -151,18 +234,6 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
   }
   state_missing(clip, statements);
   return clip;
-}
-
-std::vector<fs::path> image_clip_files(const fs::path& cameras) {
-  const CameraSet set = read_cameras(cameras);
-  std::vector<fs::path> files;
-  files.reserve(2 * set.shots.size() + 1);
-  files.push_back(cameras);
-  for (const Shot& shot : set.shots) {
-    files.push_back(cameras.parent_path() / shot.image);
-    if (!shot.mask.empty()) files.push_back(cameras.parent_path() / shot.mask);
-  }
-  return files;
 }
 
 }  // namespace matterfit::capture

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "capture/cameras.hpp"
+#include "capture/clean_plate.hpp"
 #include "capture/colour_key.hpp"
 #include "splat/camera.hpp"
 
@@ -23,35 +24,46 @@ struct Sight {
   std::string image;                ///< the file's name, for messages
 };
 
-/// A recording by images: cameras in metres, Z up, and mattes. Pixels are those of the files.
+/// A recording by images: cameras in metres, Z up, and mattes, of the files' sizes. What a lens
+/// distorts is undistorted: mattes are those of pinholes.
 struct ImageClip {
   std::vector<splat::Camera> cameras;
+  /// Of each camera: 255 where its lens saw what its pinhole would, else 0, and the mattes are 0
+  /// there too. Empty: it saw all of it.
+  std::vector<std::vector<std::uint8_t>> seen;
   std::vector<double> times;  ///< [s], strictly ascending
   std::vector<Sight> sights;  ///< by frame, then by camera; at most one for each of both
   std::string source;
 };
 
+/// Clean plates, one a camera.
+struct ClipPlates {
+  /// A file a camera, in their order; or one name whose last # (or ##, …) stands for its number.
+  std::vector<std::filesystem::path> files;
+  double threshold = 6.0;  ///< as CleanPlate takes it
+};
+
 struct ImageClipOptions {
-  double unit = 1.0;  ///< metres per unit of the cameras
-  char up = 'z';      ///< axis of the cameras' world that points up: 'x', 'y' or 'z'
+  std::filesystem::path images;  ///< folder of the images; empty: as read_cameras() finds it
+  double unit = 1.0;             ///< metres per unit of the cameras
+  char up = 'z';                 ///< axis of the cameras' world that points up: 'x', 'y' or 'z'
   Eigen::Matrix4d transform = Eigen::Matrix4d::Identity();  ///< after unit and up; a similarity
   /// Frames per second; 0: the times that the file says. Else images of one camera follow each
   /// other by their time or, where the file says none, by the number in their name.
   double fps = 0.0;
-  double default_fps = 24.0;     ///< of files without times, where `fps` is 0
-  std::optional<ColourKey> key;  ///< none: the matte that the file names, else the image's alpha
+  double default_fps = 24.0;  ///< of files without times, where `fps` is 0
+  /// At most one of both; without, the matte that the file names, else the image's alpha.
+  std::optional<ColourKey> key;
+  std::optional<ClipPlates> plates;
 };
 
 /// Cameras as read_cameras() reads them, with the mattes of all images. `statements` gets what is
 /// odd and no error: images that one camera lacks, empty mattes. Throws Error(kInput) that names
 /// file and reason: an image without a matte, or of another size than its camera's, images of one
-/// camera that have one time, a matte that covers its whole image, mattes that are all empty.
+/// camera that have one time, a matte that covers its whole image, mattes that are all empty,
+/// cameras without a plate.
 [[nodiscard]] ImageClip read_image_clip(const std::filesystem::path& cameras,
                                         const ImageClipOptions& options,
                                         std::vector<std::string>& statements);
-
-/// Files that read_image_clip() opens, the cameras' own first.
-[[nodiscard]] std::vector<std::filesystem::path> image_clip_files(
-    const std::filesystem::path& cameras);
 
 }  // namespace matterfit::capture

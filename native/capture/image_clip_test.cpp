@@ -10,6 +10,7 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/folder_for_test.hpp"
+#include "capture/colmap_for_test.hpp"
 #include "capture/png.hpp"
 
 namespace matterfit::capture {
@@ -113,6 +114,80 @@ TEST_F(ImageClipTest, AMatteOfItsOwnFileIsTakenByItsBrightness) {
   const ImageClip clip = read(set, change);
   EXPECT_EQ(clip.sights[0].matte[1], 255);
   EXPECT_EQ(clip.sights[0].matte[2], 0);
+}
+
+/// A background of one colour, and the body's where x < `covered`.
+void write_colours(const fs::path& path, int covered) {
+  Bitmap bitmap(8, 6);
+  for (std::size_t i = 0; i < bitmap.pixels(); ++i) {
+    const bool body = int(i % 8) < covered;
+    for (std::size_t c = 0; c < 3; ++c) {
+      bitmap.rgba[4 * i + c] = static_cast<std::uint8_t>(body ? 200 - 20 * c : 60 + 10 * c);
+    }
+    bitmap.rgba[4 * i + 3] = 255;
+  }
+  write_png(path, bitmap);
+}
+
+TEST_F(ImageClipTest, MattesAreWhatDiffersFromACleanPlate) {
+  const CameraSet set = two_cameras(2);
+  const auto change = [&] {
+    for (const Shot& shot : set.shots) write_colours(folder_ / shot.image, 3 + int(shot.camera));
+    write_colours(folder_ / "plate_00.png", 0);
+    write_colours(folder_ / "plate_01.png", 0);
+  };
+  options_.plates = ClipPlates{{folder_ / "plate_##.png"}, 6.0};
+  const ImageClip by_pattern = read(set, change);
+  options_.plates->files = {folder_ / "plate_00.png", folder_ / "plate_01.png"};
+  const ImageClip by_list = read(set, change);
+  for (const ImageClip* clip : {&by_pattern, &by_list}) {
+    for (const Sight& sight : clip->sights) {
+      const std::size_t last = 2 + sight.camera;
+      EXPECT_EQ(sight.matte[8 + last], 255) << sight.image;
+      EXPECT_EQ(sight.matte[8 + last + 1], 0) << sight.image;
+    }
+  }
+  options_.plates->files.resize(1);
+  EXPECT_THAT(message_of(set, change), HasSubstr("there are 1 clean plates and 2 cameras"));
+  options_.plates->files.resize(3, folder_ / "plate_00.png");
+  EXPECT_THAT(message_of(set, change), HasSubstr("there are 3 clean plates and 2 cameras"));
+  options_.plates->files = {folder_ / "other_#.png"};
+  EXPECT_THAT(message_of(set, change), HasSubstr("other_0.png"));
+}
+
+TEST_F(ImageClipTest, ALensIsUndistortedAndWhatItDidNotSeeIsMarked) {
+  CameraSet set = two_cameras(1);
+  set.lenses = {Distortion{}, Distortion{0.4, 0.0, 0.0, 0.0, 0.0}};
+  for (splat::Camera& camera : set.cameras) camera.fx = camera.fy = 5.0;
+  const ImageClip clip = read(set);
+  EXPECT_THAT(clip.seen[0], IsEmpty());
+  ASSERT_EQ(clip.seen[1].size(), 48U);
+  // The corner's ray, (.7, .5), is seen at 1.296 times that: 8.5 pixels from the left edge's 0.
+  EXPECT_EQ(clip.seen[1][0], 0);
+  EXPECT_EQ(clip.seen[1][3 * 8 + 4], 255);
+  EXPECT_EQ(clip.sights[1].matte[0], 0);
+  EXPECT_EQ(clip.sights[1].matte[3 * 8 + 2], 255);
+  EXPECT_EQ(clip.sights[1].matte[3 * 8 + 5], 0);
+  EXPECT_THAT(statements_, ElementsAre(HasSubstr("Camera 1: its lens is undistorted, by up to")));
+  EXPECT_THAT(statements_[0], HasSubstr("% of its image are not seen by it"));
+}
+
+TEST_F(ImageClipTest, ImagesOfAColmapModelThatWereNotFoundAreNamed) {
+  const ColmapFiles model = colmap_text(two_cameras(2));
+  write_file(folder_ / "sparse/cameras.txt", model.cameras);
+  write_file(folder_ / "sparse/images.txt", model.images);
+  const auto message = [&]() -> std::string {
+    try {
+      (void)read_image_clip(folder_, options_, statements_);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "nothing was thrown";
+  };
+  EXPECT_THAT(message(), HasSubstr("its images were not found: 'c0_0.png' lies neither"));
+  for (const Shot& shot : two_cameras(2).shots) write_image(folder_ / "takes" / shot.image, 4);
+  options_.images = folder_ / "takes";
+  EXPECT_EQ(read_image_clip(folder_, options_, statements_).sights.size(), 4U);
 }
 
 TEST_F(ImageClipTest, WhatIsMissingOrEmptyIsStated) {

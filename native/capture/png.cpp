@@ -66,9 +66,7 @@ Bitmap read_png(const std::filesystem::path& path) {
   return parse_png(read_file(path, std::uint64_t{1} << 30U), path.string());
 }
 
-std::array<int, 2> png_size(const std::filesystem::path& path) {
-  const auto bytes = read_file(path, std::uint64_t{1} << 30U);
-  const std::string name = path.string();
+std::array<int, 2> png_size(std::span<const std::byte> bytes, const std::string& name) {
   const Reader reader(bytes, name);
   return {reader.width(), reader.height()};
 }

@@ -33,8 +33,9 @@ inline constexpr int kMostImageEdge = 1 << 14;
 [[nodiscard]] Bitmap parse_png(std::span<const std::byte> bytes, const std::string& name);
 [[nodiscard]] Bitmap read_png(const std::filesystem::path& path);
 
-/// Width and height, from the file's head alone. Throws Error(kInput).
-[[nodiscard]] std::array<int, 2> png_size(const std::filesystem::path& path);
+/// Width and height, from the head alone. Throws Error(kInput).
+[[nodiscard]] std::array<int, 2> png_size(std::span<const std::byte> bytes,
+                                          const std::string& name);
 
 /// RGBA where `bitmap.has_alpha`, else RGB; the same bytes for the same pixels and zlib. Throws
 /// Error(kOutput).

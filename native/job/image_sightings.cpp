@@ -67,6 +67,10 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, std::size_t firs
     one.image = sight.image;
     const int factor = factor_of(one.camera, scene);
     one.reduced.matte = fit::reduced(sight.matte, one.camera.width, one.camera.height, factor);
+    one.seen = clip.seen[sight.camera];
+    if (!one.seen.empty()) {
+      one.reduced.seen = fit::reduced(one.seen, one.camera.width, one.camera.height, factor).values;
+    }
     one.reduced.noise = doc.noise / factor;
     one.reduced.camera = first_camera + sight.camera;
     one.reduced.view.camera = fit::reduced(one.camera, factor);

@@ -16,6 +16,7 @@ struct ImageSighting {
   fit::Sighting reduced;
   splat::Camera camera;             ///< of the whole image
   std::vector<std::uint8_t> matte;  ///< of the whole image
+  std::vector<std::uint8_t> seen;   ///< by the lens, as capture::ImageClip has it
   std::string capture;              ///< its name
   std::string image;                ///< the file's name
   int camera_number = 0;            ///< in its capture

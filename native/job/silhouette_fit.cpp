@@ -202,8 +202,12 @@ class SilhouetteFit {
     std::vector<fit::Agreement> agreements(sightings_.size());
     const fit::SilhouetteModel::Sink sink = [&](std::size_t v, const std::vector<float>& mask) {
       const ImageSighting& sighting = sightings_[v];
+      std::vector<float> ours = mask;
+      for (std::size_t i = 0; i < sighting.seen.size(); ++i) {
+        if (sighting.seen[i] == 0) ours[i] = 0.0F;
+      }
       agreements[v] =
-          fit::agreement(mask, sighting.matte, sighting.camera.width, sighting.camera.height);
+          fit::agreement(ours, sighting.matte, sighting.camera.width, sighting.camera.height);
     };
     const auto failures = model_->draw({values_}, views, {sink});
     if (!failures.front().empty()) return {{"fitted", nullptr}, {"held_out", nullptr}};

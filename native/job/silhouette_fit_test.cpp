@@ -6,7 +6,12 @@
 #include <string>
 #include <vector>
 
+#include "capture/colmap_for_test.hpp"
+#include "capture/image_file.hpp"
+#include "capture/lens.hpp"
+#include "capture/srgb.hpp"
 #include "job/clip_for_test.hpp"
+#include "job/run/inspect.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -25,6 +30,26 @@ Json filmed_cube() {
   Json truth = thrown_cube();
   truth["scene"]["particle_separation"] = 0.04;
   return truth;
+}
+
+/// What a lens makes of a pinhole's image.
+capture::Bitmap through_lens(const capture::Bitmap& ideal, const splat::Camera& camera,
+                             const capture::Distortion& lens) {
+  capture::Bitmap taken(ideal.width, ideal.height);
+  taken.has_alpha = true;
+  for (int y = 0; y < taken.height; ++y) {
+    for (int x = 0; x < taken.width; ++x) {
+      const auto place = capture::undistorted(
+          lens,
+          Eigen::Vector2d((x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy));
+      const int i = int(std::floor(camera.fx * place->x() + camera.cx));
+      const int j = int(std::floor(camera.fy * place->y() + camera.cy));
+      if (i < 0 || j < 0 || i >= ideal.width || j >= ideal.height) continue;
+      taken.rgba[std::size_t(4 * (y * taken.width + x) + 3)] =
+          ideal.rgba[std::size_t(4 * (j * ideal.width + i) + 3)];
+    }
+  }
+  return taken;
 }
 
 Json fit_to_clip(const std::vector<std::string>& parameters) {
@@ -56,6 +81,114 @@ TEST(SilhouetteFit, StiffnessAndThrowFromMattesAlone) {
   EXPECT_LT(after.at("held_out").at("contour_px").get<double>(), 1.0);
   EXPECT_GT(before.at("held_out").at("contour_px").get<double>(), 2.0);
   EXPECT_TRUE(fs::exists(folder.path / "out/material.json"));
+}
+
+/// The images as a lens takes them, by the inverse of its distortion, which the reader does not use
+/// for this.
+TEST(SilhouetteFit, WhatALensDistortsIsUndistorted) {
+  const Folder folder;
+  const std::vector<splat::Camera> cameras = two_cameras();
+  film(filmed_cube(), folder.path, cameras);
+  const capture::Distortion lens{0.9, 0.0, 0.0, 0.002, -0.001};
+  capture::CameraSet set = capture::read_cameras(folder.path / "clip/transforms.json");
+  const auto fit_of = [&](const std::string& name) {
+    Json document = fit_to_clip({"velocity"});
+    document["scene"]["bodies"][0]["material"]["E"] = 3e4;
+    document["captures"][0]["cameras"] = name + ".json";
+    document["fit"]["iterations"] = 8;
+    document["output"]["folder"] = name + "_out";
+    return run(document, folder.path).at("fit");
+  };
+  for (const capture::Shot& shot : set.shots) {
+    const capture::Bitmap ideal = capture::read_image(folder.path / "clip" / shot.image);
+    capture::write_png(folder.path / "lens" / shot.image,
+                       through_lens(ideal, set.cameras[shot.camera], lens));
+  }
+  write_file(folder.path / "lens/ignored.json", capture::format_cameras(set));
+  set.lenses.assign(set.cameras.size(), lens);
+  write_file(folder.path / "lens/transforms.json", capture::format_cameras(set));
+  const Json plain = fit_of("clip/transforms");
+  const Json seen = fit_of("lens/transforms");
+  const Json ignored = fit_of("lens/ignored");
+  const Json& fitted = seen.at("silhouettes").at("after").at("fitted");
+  EXPECT_GT(fitted.at("iou").get<double>(), 0.92);
+  const auto misses = [&](const Json& fit) {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double off = fit.at("parameters")[k].at("value").get<double>() -
+                         plain.at("parameters")[k].at("value").get<double>();
+      sum += off * off;
+    }
+    return std::sqrt(sum);  // [m/s]
+  };
+  EXPECT_LT(misses(seen), 0.01);
+  EXPECT_GT(misses(ignored), 3.0 * misses(seen)) << "the lens matters";
+  EXPECT_THAT(seen.at("statements").dump(), HasSubstr("% of its image are not seen by it"));
+}
+
+/// A COLMAP model that names one image of each camera; colours before a background, and the
+/// background alone.
+TEST(SilhouetteFit, AColmapModelWithCleanPlates) {
+  const Folder folder;
+  film(filmed_cube(), folder.path, two_cameras());
+  capture::CameraSet set = capture::read_cameras(folder.path / "clip/transforms.json");
+  const fs::path project = folder.path / "project";
+  capture::CameraSet named = set;
+  named.shots.clear();
+  for (const capture::Shot& shot : set.shots) {
+    capture::Bitmap image = capture::read_image(folder.path / "clip" / shot.image);
+    capture::Bitmap plate(image.width, image.height);
+    for (std::size_t i = 0; i < image.pixels(); ++i) {
+      const double alpha = image.rgba[4 * i + 3] / 255.0;
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double behind = 0.1 + 0.1 * double((i / 7 + i / 600) % 3) + 0.05 * double(c);
+        plate.rgba[4 * i + c] = capture::byte_of_linear(behind);
+        image.rgba[4 * i + c] =
+            capture::byte_of_linear((1.0 - alpha) * behind + alpha * (c == 0 ? 0.6 : 0.05));
+      }
+      image.rgba[4 * i + 3] = plate.rgba[4 * i + 3] = 255;
+    }
+    image.has_alpha = false;
+    const std::string camera = "c" + std::to_string(shot.camera);
+    const std::string name = camera + "/" + std::to_string(*shot.number) + ".png";
+    capture::write_png(project / "images" / name, image);
+    capture::write_png(folder.path / "plates" / (camera + ".png"), plate);
+    if (*shot.number != 0) continue;
+    named.shots.push_back(shot);
+    named.shots.back().image = name;
+  }
+  const capture::ColmapFiles model = capture::colmap_binary(named);
+  write_file(project / "sparse/0/cameras.bin", model.cameras);
+  write_file(project / "sparse/0/images.bin", model.images);
+
+  Json document = fit_to_clip({"velocity"});
+  document["scene"]["bodies"][0]["material"]["E"] = 3e4;
+  document["captures"][0]["cameras"] = "project";
+  document["captures"][0]["plate"] = {{"images", "plates/c#.png"}};
+  document["fit"]["iterations"] = 8;
+  const Json fit = run(document, folder.path).at("fit");
+  EXPECT_EQ(fit.at("silhouettes").at("after").at("fitted").at("images"), 2 * 14);
+  EXPECT_GT(fit.at("silhouettes").at("after").at("fitted").at("iou").get<double>(), 0.92);
+  EXPECT_NEAR(fit.at("parameters")[0].at("value").get<double>(), 0.8, 0.05);
+  EXPECT_NEAR(fit.at("parameters")[1].at("value").get<double>(), 0.3, 0.05);
+  EXPECT_NEAR(fit.at("parameters")[2].at("value").get<double>(), -1.5, 0.05);
+
+  Json summary = {{"cameras", ""},
+                  {"plate", {{"images", (folder.path / "plates/c#.png").string()}}}};
+  const Json found = capture_summary(project, summary);
+  EXPECT_EQ(found.at("cameras"), 2);
+  EXPECT_EQ(found.at("places")[1].at("image"), "c1/0.png");
+  EXPECT_THAT(found.at("text").dump(), HasSubstr("Mattes by what differs from clean plates"));
+  EXPECT_THAT(found.at("text").dump(), HasSubstr("images that the model does not name"));
+
+  Json picture = thrown_cube();
+  picture["task"] = "render";
+  picture["render"] = {{"cameras", "project/sparse/0"}, {"camera", 1}};
+  picture["scene"]["frames"] = {0, 2};
+  picture["output"]["folder"] = "pictures";
+  const Json render = run(picture, folder.path).at("render");
+  EXPECT_EQ(render.at("pictures"), 2);
+  EXPECT_TRUE(render.at("notes").empty());
 }
 
 TEST(SilhouetteFit, OneCameraThatIsHeldOutIsPredicted) {

@@ -1,17 +1,70 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Captures by images, as the job document has them."""
 
+import os
+import re
+
+import bpy
+
 from ..jobs import JobError
 from . import job_captures
 from .files import number, numbers
 
+# What a COLMAP model is made of; beside a .json these are what Import Images takes.
+COLMAP_FILES = ("cameras.bin", "images.bin", "cameras.txt", "images.txt")
 
-def reading_options(capture):
-    """What the reader is told: unit, up axis, rate, colour key."""
+
+def absolute(path):
+    return os.path.normpath(bpy.path.abspath(path))
+
+
+def clip_name(path):
+    """What a clip is called by its cameras: their file's folder, of a COLMAP model the project's."""
+    folder = path if os.path.isdir(path) else os.path.dirname(path)
+    folder = os.path.abspath(folder)
+    if os.path.isdir(path) or os.path.basename(path) in COLMAP_FILES:
+        while re.fullmatch(r"sparse|\d+", os.path.basename(folder)):
+            folder = os.path.dirname(folder)
+    return os.path.basename(folder) or "images"
+
+
+def plate_files(path, where):
+    """The clean plates that a file stands for, absolute: itself, or all that differ from it by the
+    last number in their names, in the order of these; a name with # as it is."""
+    if not path:
+        raise JobError(f"{where}: no clean plate is chosen. Choose an image without the body, or switch "
+                       "Clean Plate off.")
+    path = absolute(path)
+    if "#" in os.path.basename(path):
+        return path
+    if not os.path.isfile(path):
+        raise JobError(f"{where}: the clean plate {path} does not exist. Was it moved?")
+    folder, name = os.path.split(path)
+    found = re.fullmatch(r"(.*?)(\d+)(\D*)", name)
+    if found is None:
+        return [path]
+    same = re.compile(re.escape(found[1]) + r"(\d+)" + re.escape(found[3]))
+    numbered = [(int(match[1]), other) for other in os.listdir(folder)
+                if (match := same.fullmatch(other))]
+    return [os.path.join(folder, other) for _number, other in sorted(numbered)]
+
+
+def reading_options(capture, relative=str):
+    """What the reader is told: unit, up axis, rate, where images lie, how mattes are made. `relative`
+    makes an absolute path one of the document's."""
     document = job_captures.reading_options(capture)
     document.pop("markers", None)
+    if capture.images:
+        document["images"] = relative(absolute(capture.images))
+    where = f"capture '{capture.name}'"
+    if capture.use_plate and capture.use_key:
+        raise JobError(f"{where}: Key and Clean Plate are both switched on. Switch one of them off.")
     if capture.use_key:
         document["key"] = {"colour": numbers(capture.key)}
+    if capture.use_plate:
+        files = plate_files(capture.plate, where)
+        files = relative(files) if isinstance(files, str) else [relative(file) for file in files]
+        document["plate"] = {"images": files}
     return document
 
 
@@ -33,8 +86,8 @@ class ImagePart:
 
     def document(self):
         capture, writer = self.capture, self.writer
-        found = {"name": capture.name, "cameras": writer.external(capture.filepath, self.where)}
-        found.update(reading_options(capture))
+        found = {"name": capture.name, "cameras": self._cameras()}
+        found.update(reading_options(capture, writer.relative))
         if capture.body:
             found["body"] = capture.body
         transform = job_captures.placement(capture, writer.scale)
@@ -48,6 +101,12 @@ class ImagePart:
         if holdout:
             found["holdout"] = holdout
         return found
+
+    def _cameras(self):
+        path = absolute(self.capture.filepath)
+        if self.capture.filepath and os.path.isdir(path):
+            return self.writer.relative(path)
+        return self.writer.external(self.capture.filepath, self.where)
 
     def _holdout(self):
         capture, writer = self.capture, self.writer

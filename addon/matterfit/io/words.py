@@ -33,6 +33,7 @@ _FIELDS = {
     "transform": "Motion", "shape": "Shape", "tracks": "File", "noise": "Noise", "unit": "Unit",
     "up": "Up Axis", "fps_of_file": "Rate", "holdout": "Hold-out", "release": "Quiet Start",
     "align": "Align To", "markers": "Markers", "body": "Body", "solver": "Solver",
+    "plate": "Clean Plate", "images": "Image Folder",
 }
 
 

@@ -35,19 +35,29 @@ def add_capture(settings, name):
 def read_summary(scene, capture):
     """Reads the file, fills in the summary and returns it; JobError where it cannot be read."""
     path = os.path.normpath(bpy.path.abspath(capture.filepath))
-    if not os.path.isfile(path):
+    images = capture.source == "IMAGES"
+    if not os.path.isfile(path) and not (images and os.path.isdir(path)):
         raise JobError(translate("capture '{name}': the file {path} does not exist. Was it moved?")
                        .format(name=capture.name, path=path))
     if job_captures.is_numbered(path):
         path = job_captures.numbered_pattern(path)
-    images = capture.source == "IMAGES"
     options = (job_images if images else job_captures).reading_options(capture)
-    # Files without times play at the scene's rate.
-    if not images:
+    if images:
+        options["cameras"] = path
+    else:
+        # Files without times play at the scene's rate.
         options.setdefault("fps", scene.render.fps / scene.render.fps_base)
     found = native.capture_summary(path, options)
     capture.summary = "\n".join(found.get("text", []))
     return found
+
+
+def blend_relative(path):
+    """A path relative to the .blend, where that is saved and on the same drive."""
+    if path and bpy.data.filepath:
+        with contextlib.suppress(ValueError):
+            return bpy.path.relpath(path)
+    return path
 
 
 def import_file(context, name, filepath, **properties):
@@ -58,10 +68,7 @@ def import_file(context, name, filepath, **properties):
     capture = add_capture(settings, name)
     for key, value in properties.items():
         setattr(capture, key, value)
-    if bpy.data.filepath:
-        with contextlib.suppress(ValueError):
-            filepath = bpy.path.relpath(filepath)
-    capture.filepath = filepath
+    capture.filepath = blend_relative(filepath)
     try:
         return read_summary(context.scene, capture)
     except JobError:

@@ -12,11 +12,11 @@ from mathutils import Matrix
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import blender_cameras, files
+from ..io import blender_cameras, files, job_images
 from ..jobs import JobError
 from ..props import choices
 from .base import JobOperator, PlainOperator
-from .capture import import_file
+from .capture import blend_relative, import_file
 
 SPLAT_KINDS = (".ply", ".splat", ".spz")
 # Maps a file's world to Blender's, by what points up in it.
@@ -32,17 +32,31 @@ class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper
     bl_idname = "matterfit.import_images"
     bl_label = "Import Images"
     bl_description = ("Add a recording by images: a transforms.json (Nerfstudio, Blender-NeRF) or "
-                      "all_data.json (PAC-NeRF) with its images and mattes beside it")
+                      "all_data.json (PAC-NeRF) with its images and mattes beside it, or a COLMAP "
+                      "model, its folder or one of its files")
 
-    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    filter_glob: StringProperty(default=";".join(("*.json", *job_images.COLMAP_FILES)),
+                                options={"HIDDEN"})
     up: EnumProperty(name="Up Axis", default="AUTO", items=choices.UP_AXES,
                      description="Which axis of the cameras' world points up")
     cameras: BoolProperty(name="Add Cameras", default=True,
                           description="Add a camera object for each camera of the file")
 
+    plate: StringProperty(
+        name="Clean Plate", subtype="FILE_PATH",
+        description="An image without the body, one of a numbered file a camera: mattes are what "
+                    "differs from it. Empty: the images' own mattes")
+
     def act(self, context):
-        name = os.path.basename(os.path.dirname(os.path.abspath(self.filepath))) or "images"
-        found = import_file(context, name, self.filepath, source="IMAGES", up=self.up)
+        path = self.filepath
+        if os.path.isfile(path):
+            name = os.path.basename(path)
+            if not name.endswith(".json") and name not in job_images.COLMAP_FILES:
+                raise JobError(translate(
+                    "{path}: cameras are a .json file or a COLMAP model. Choose one of these."
+                ).format(path=path))
+        found = import_file(context, job_images.clip_name(path), path, source="IMAGES", up=self.up,
+                            use_plate=bool(self.plate), plate=blend_relative(self.plate))
         if self.cameras:
             settings = context.scene.matterfit
             blender_cameras.add_cameras(context.scene,

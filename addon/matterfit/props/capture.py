@@ -40,14 +40,14 @@ class MatterfitCapture(bpy.types.PropertyGroup):
     source: EnumProperty(
         name="Source", default="FILE", update=outdated,
         items=(("FILE", "File", "Tracks from .npz, .npy, .c3d, .pc2, or numbered .ply files"),
-               ("IMAGES", "Images", "Mattes from the cameras of a transforms.json or "
-                                    "all_data.json"),
+               ("IMAGES", "Images", "Mattes from the cameras of a transforms.json, an "
+                                    "all_data.json or a COLMAP model"),
                ("OBJECT", "Animated Object", "The evaluated mesh of an object, at every frame")),
         description="Where the recorded points come from")
     filepath: StringProperty(
         name="File", subtype="FILE_PATH", options=PATH_OPTIONS, update=_reread,
         description="A .npz, .npy, .c3d or .pc2 file, the first of numbered .ply files, or the "
-                    "cameras of images")
+                    "cameras of images; of a COLMAP model its folder or one of its files")
     object: PointerProperty(
         name="Object", type=bpy.types.Object, update=outdated,
         description="An animated object; its evaluated mesh is sampled at every frame")
@@ -113,6 +113,17 @@ class MatterfitCapture(bpy.types.PropertyGroup):
     key: FloatVectorProperty(
         name="Key", subtype="COLOR_GAMMA", size=3, default=(0.0, 0.4, 0.6), min=0.0, max=1.0,
         update=_reread, description="The body's colour, as the images show it")
+    use_plate: BoolProperty(
+        name="Clean Plate", default=False, update=_reread,
+        description="Make mattes by what differs from the images below, which do not show the body")
+    plate: StringProperty(
+        name="Clean Plate", subtype="FILE_PATH", options=PATH_OPTIONS, update=_reread,
+        description="An image without the body: one of a numbered file a camera, in their order, or "
+                    "a name with # in place of a camera's number")
+    images: StringProperty(
+        name="Image Folder", subtype="DIR_PATH", options=PATH_OPTIONS, update=_reread,
+        description="Where the images lie; empty: beside the file, of a COLMAP model where it is "
+                    "usual")
     holdout: EnumProperty(
         name="Hold-out", default="NONE",
         items=(("NONE", "Nothing", "Everything is used"),

@@ -65,7 +65,9 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
             column.prop(capture, "up")
             switched(column, capture, "use_fps", "fps")
             if capture.source == "IMAGES":
+                column.prop(capture, "images")
                 switched(column, capture, "use_key", "key")
+                switched(column, capture, "use_plate", "plate")
             else:
                 column.prop(capture, "markers")
             layout.operator("matterfit.check_capture", icon="VIEWZOOM")

@@ -24,6 +24,13 @@ double sum_of(const std::vector<float>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0);
 }
 
+/// What is drawn, as far as the recording's lens saw it.
+Coverage seen_of(const Sighting& sighting, const std::vector<float>& mask) {
+  Coverage ours{sighting.matte.width, sighting.matte.height, mask};
+  for (std::size_t i = 0; i < sighting.seen.size(); ++i) ours.values[i] *= sighting.seen[i];
+  return ours;
+}
+
 }  // namespace
 
 SilhouetteProblem::SilhouetteProblem(const SilhouetteModel& model,
@@ -68,7 +75,7 @@ std::vector<std::optional<Eigen::VectorXd>> SilhouetteProblem::evaluate(
     sinks.emplace_back(
         [this, &residual = residuals[p]](std::size_t v, const std::vector<float>& mask) {
           const Sighting& sighting = sightings_[v];
-          Coverage ours{sighting.matte.width, sighting.matte.height, mask};
+          Coverage ours = seen_of(sighting, mask);
           blur(ours, blur_);
           const double edge = std::hypot(blur_, kPixel);
           const double weight = 1.0 / coverage_deviation(sighting.noise, edge);
@@ -120,7 +127,7 @@ void settle_sizes(const SilhouetteModel& model, const std::vector<double>& value
   }
   std::vector<double> areas(views.size(), 0.0);
   const SilhouetteModel::Sink sink = [&](std::size_t v, const std::vector<float>& mask) {
-    areas[v] = sum_of(mask);
+    areas[v] = sum_of(seen_of(sightings[of[v]], mask).values);
   };
   const std::vector<std::string> failures = model.draw({values}, views, {sink});
   if (!failures.front().empty()) throw_compute(failures.front());

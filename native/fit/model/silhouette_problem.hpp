@@ -18,6 +18,9 @@ namespace matterfit::fit {
 struct Sighting {
   SilhouetteView view;  ///< its camera takes images of the matte's size
   Coverage matte;
+  /// How much of each pixel the recording's lens saw: of what is drawn only that is compared. The
+  /// matte is 0 elsewhere. Empty: all.
+  std::vector<float> seen;
   double noise = 1.0;      ///< of an outline's place [pixels of the matte]
   std::size_t camera = 0;  ///< those of one number share a size of the particles
   bool held_out = false;   ///< nothing is taken from it

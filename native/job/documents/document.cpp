@@ -21,8 +21,9 @@ constexpr std::string_view kTaskNames[] = {"simulate", "fit",    "diagnose", "co
                                            "bake",     "render", "check"};
 
 bool is_path_key(const std::string& key) {
-  static const std::set<std::string> keys = {"points", "mesh",   "cage",    "gaussians", "file",
-                                             "meshes", "tracks", "pattern", "folder",    "cameras"};
+  static const std::set<std::string> keys = {"points", "mesh",    "cage",   "gaussians",
+                                             "file",   "meshes",  "tracks", "pattern",
+                                             "folder", "cameras", "images"};
   return keys.count(key) > 0;
 }
 

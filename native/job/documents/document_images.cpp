@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "base/error.hpp"
+#include "capture/colmap.hpp"
 #include "job/documents/document_reading.hpp"
 #include "job/documents/images_document.hpp"
 
@@ -9,7 +10,7 @@ namespace {
 constexpr int kMostCameras = 1'000'000;
 
 Vec3d read_colour(const JsonValue& value) {
-  const Vec3d colour = value.vec3();
+  Vec3d colour = value.vec3();
   if (!((colour.array() >= 0.0).all() && (colour.array() <= 1.0).all())) {
     value.fail("a colour, three numbers from 0 to 1");
   }
@@ -22,6 +23,21 @@ std::vector<int> read_numbers(const JsonValue& value) {
   return numbers;
 }
 
+/// The name of what cameras belong to: the folder of their file; of a COLMAP model the folder that
+/// its `sparse/0` lies in.
+std::string name_of(const std::filesystem::path& cameras) {
+  const auto model = capture::find_colmap(cameras);
+  std::filesystem::path folder = model ? model->folder : cameras.parent_path();
+  if (folder.filename().empty()) folder = folder.parent_path();
+  while (model && folder.has_parent_path() && folder != folder.parent_path()) {
+    const std::string name = folder.filename().string();
+    const bool number = name.find_first_not_of("0123456789") == std::string::npos;
+    if (!number && name != "sparse") break;
+    folder = folder.parent_path();
+  }
+  return folder.filename().string();
+}
+
 /// Keys that say how a cameras' file becomes cameras of the scene.
 void read_world(JsonObject& object, capture::ImageClipOptions& options) {
   if (const auto unit = object.find("unit")) options.unit = read_unit(*unit);
@@ -29,7 +45,8 @@ void read_world(JsonObject& object, capture::ImageClipOptions& options) {
   if (const auto transform = object.find("transform")) {
     const std::array<double, 16> rows = read_matrix(*transform);
     for (int i = 0; i < 4; ++i) {
-      for (int j = 0; j < 4; ++j) options.transform(i, j) = rows[std::size_t(4 * i + j)];
+      for (int j = 0; j < 4; ++j)
+        options.transform(i, j) = rows[4 * std::size_t(i) + std::size_t(j)];
     }
   }
 }
@@ -48,6 +65,21 @@ capture::ColourKey read_key(const JsonValue& value) {
   return key;
 }
 
+capture::ClipPlates read_plate(const JsonValue& value, const ReadContext& context) {
+  JsonObject object(value);
+  capture::ClipPlates plates;
+  const JsonValue images = object.require("images");
+  if (images.json().is_array()) {
+    for (const JsonValue& item : images.items()) plates.files.push_back(context.file(item));
+    if (plates.files.empty()) images.fail("a file for each camera, or a name with #");
+  } else {
+    plates.files.push_back(context.file(images));
+  }
+  plates.threshold = object.number("threshold", plates.threshold, positive("standard deviations"));
+  object.finish();
+  return plates;
+}
+
 }  // namespace
 
 bool is_by_images(const JsonValue& value) {
@@ -59,15 +91,22 @@ ImagesDoc read_images(const JsonValue& value, const ReadContext& context, const 
   ImagesDoc images;
   images.path = value.path();
   images.cameras = context.file(object.require("cameras"));
-  images.name = object.string("name", images.cameras.parent_path().filename().string());
+  images.name = object.string("name", name_of(images.cameras));
   if (images.name.empty() || images.name.find('/') != std::string::npos) {
     value.refuse("'name' must not be empty or have a / in it.");
   }
   if (const auto body = object.find("body")) images.body = resolve_body(body, value, scene);
+  if (const auto folder = object.find("images")) images.options.images = context.file(*folder);
   read_world(object, images.options);
   images.options.fps = object.number("fps", 0.0, positive("frames per second"));
   images.options.default_fps = scene.fps;
   if (const auto key = object.find("key")) images.options.key = read_key(*key);
+  if (const auto plate = object.find("plate")) {
+    images.options.plates = read_plate(*plate, context);
+    if (images.options.key) {
+      value.refuse("'key' and 'plate' both say how mattes are made. Give one of them.");
+    }
+  }
   if (const auto start = object.find("start_frame")) images.start_frame = start->number();
   images.noise = object.number("noise", images.noise, positive("pixels"));
   if (const auto holdout = object.find("holdout")) {

@@ -17,7 +17,7 @@ namespace matterfit::job {
 struct ImagesDoc {
   std::string path;               ///< in the document: "captures[0]"
   std::string name;               ///< by default that of the folder of the cameras' file
-  std::filesystem::path cameras;  ///< transforms.json or all_data.json
+  std::filesystem::path cameras;  ///< transforms.json, all_data.json, or a COLMAP model
   std::string body;               ///< whose outline the mattes are; empty: of all bodies
   capture::ImageClipOptions options;
   std::optional<double> start_frame;  ///< scene frame of the recording's time 0

@@ -24,6 +24,21 @@ double coverage(const capture::Sight& sight) {
   return sum / (255.0 * double(sight.matte.size()));
 }
 
+std::string how_mattes_are_made(const capture::ImageClipOptions& options) {
+  if (options.plates) return "Mattes by what differs from clean plates";
+  if (options.key) return "Mattes by the body's colour";
+  return "Mattes of the recording's own: files beside the images, else their alpha";
+}
+
+/// The image of each camera that comes first.
+std::vector<std::string> first_images(const capture::ImageClip& clip) {
+  std::vector<std::string> names(clip.cameras.size());
+  for (const capture::Sight& sight : clip.sights) {
+    if (names[sight.camera].empty()) names[sight.camera] = sight.image;
+  }
+  return names;
+}
+
 /// Camera to world of Blender's axes, by rows, with the lens.
 Json place_of(const splat::Camera& camera) {
   const Vec3d centre = camera.centre();
@@ -52,9 +67,12 @@ Json image_summary(const std::filesystem::path& cameras, const Json& options) {
   const capture::ImageClip clip = capture::read_image_clip(doc.cameras, doc.options, statements);
   std::set<std::pair<int, int>> sizes;
   Json places = Json::array();
-  for (const splat::Camera& camera : clip.cameras) {
+  const std::vector<std::string> first = first_images(clip);
+  for (std::size_t k = 0; k < clip.cameras.size(); ++k) {
+    const splat::Camera& camera = clip.cameras[k];
     sizes.emplace(camera.width, camera.height);
     places.push_back(place_of(camera));
+    places.back()["image"] = first[k];
   }
   double low = 1.0;
   double high = 0.0;
@@ -72,6 +90,7 @@ Json image_summary(const std::filesystem::path& cameras, const Json& options) {
     list += fmt::format("{}{} × {}", list.empty() ? "" : ", ", width, height);
   }
   text.push_back("Size " + list + " pixels");
+  text.push_back(how_mattes_are_made(doc.options));
   text.push_back(
       fmt::format("The body covers {:.1f} to {:.1f} % of an image", 100.0 * low, 100.0 * high));
   text.insert(text.end(), statements.begin(), statements.end());

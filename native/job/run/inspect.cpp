@@ -57,7 +57,9 @@ Json inspect_folder(const std::filesystem::path& folder) {
 }
 
 Json capture_summary(const std::filesystem::path& path, const Json& options) {
-  if (path.extension() == ".json") return image_summary(path, options);
+  if (options.contains("cameras") || path.extension() == ".json") {
+    return image_summary(path, options);
+  }
   // The keys of a capture; the file is named apart, and no scene is needed.
   Json document = options;
   if (!document.is_object()) throw_input("options: expected an object { … }.");

@@ -12,7 +12,8 @@ namespace matterfit::job {
 [[nodiscard]] Json inspect_folder(const std::filesystem::path& folder);
 
 /// What a capture is like: the summary of capture/check.hpp as JSON. `options` are the keys of a
-/// job's capture (`unit`, `up`, `fps`, `markers`, …).
+/// job's capture (`unit`, `up`, `fps`, `markers`, …); with `cameras`, or of a .json file, it is one
+/// by images (job/run/image_summary.hpp).
 [[nodiscard]] Json capture_summary(const std::filesystem::path& path, const Json& options);
 
 }  // namespace matterfit::job

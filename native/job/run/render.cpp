@@ -33,6 +33,7 @@ constexpr double kParticleSize = 0.4;
 struct Place {
   int number = 0;
   splat::Camera camera;
+  bool lens = false;  ///< its images are distorted, its pictures are not
 };
 
 std::vector<Place> places(const RenderDoc& doc) {
@@ -51,7 +52,8 @@ std::vector<Place> places(const RenderDoc& doc) {
       throw_input("render.camera: there is no camera " + std::to_string(number) + "; " +
                   doc.cameras.string() + " has " + std::to_string(count) + ", from 0.");
     }
-    result.push_back({number, capture::moved(set.cameras[std::size_t(number)], matrix)});
+    const auto k = static_cast<std::size_t>(number);
+    result.push_back({number, capture::moved(set.cameras[k], matrix), !set.lenses[k].none()});
   }
   return result;
 }
@@ -87,6 +89,12 @@ class Painter {
       notes.push_back(
           "render: no camera sees anything. Do they look the right way, and is 'up' or "
           "'unit' right?");
+    }
+    if (std::any_of(places_.begin(), places_.end(),
+                    [](const Place& place) { return place.lens; })) {
+      notes.push_back(
+          "render: cameras have a lens that distorts; the pictures are what their images show when "
+          "these are undistorted.");
     }
     return {{"pictures", files_.size()},
             {"cameras", places_.size()},

@@ -461,7 +461,7 @@ std::vector<LatentAccuracy> latent_accuracy(const std::shared_ptr<const LatentDe
     std::vector<double> stress;
     std::vector<double> yield;
     std::vector<double> rate;
-    double of_class = 0.0;
+    std::size_t of_class = 0;
     Random random(seed + 31 * k);
     for (std::size_t i = 0; i < materials; ++i) {
       const Material classical = classical_of_class(k, random);
@@ -473,7 +473,7 @@ std::vector<LatentAccuracy> latent_accuracy(const std::shared_ptr<const LatentDe
       constexpr std::array<FlowClass, kLatentClasses.size()> kFlowClasses{
           FlowClass::kElastic, FlowClass::kPlastic, FlowClass::kPlastic, FlowClass::kGranular,
           FlowClass::kLiquid};
-      if (flow_class(latent) == kFlowClasses[k]) of_class += 1.0 / static_cast<double>(materials);
+      if (flow_class(latent) == kFlowClasses[k]) ++of_class;
       const Lesson lesson = lesson_of(classical, random);
       if (!lesson.flows) continue;
       const IsotropicConstants<double> c = isotropic_constants(latent);
@@ -499,7 +499,8 @@ std::vector<LatentAccuracy> latent_accuracy(const std::shared_ptr<const LatentDe
       return of[static_cast<std::size_t>(share * static_cast<double>(of.size() - 1))];
     };
     out.push_back({kLatentClasses[k], at(stress, 0.5), at(stress, 0.95), at(yield, 0.5),
-                   at(yield, 0.95), at(rate, 0.5), of_class});
+                   at(yield, 0.95), at(rate, 0.5),
+                   static_cast<double>(of_class) / static_cast<double>(materials)});
   }
   return out;
 }

@@ -224,6 +224,8 @@ CLI::App* add_pretrain(CLI::App& app, Arguments& arguments) {
   verb->add_option("--law", pretrain.laws, "jelly, plasticine, sand, water; without it all");
   verb->add_option("--material", pretrain.materials,
                    "job documents or material files of classical laws, which it is made like");
+  verb->add_flag("--latent", pretrain.latent,
+                 "the latent law's decoder, latent.safetensors (about a minute)");
   verb->add_option("--seed", pretrain.seed, "of the samples");
   return verb;
 }

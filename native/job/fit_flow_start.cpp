@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <initializer_list>
 #include <numbers>
@@ -13,6 +14,7 @@
 #include <utility>
 
 #include "fit/data/follow.hpp"
+#include "material/neural/latent.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -73,6 +75,57 @@ double cone(const material::Material& m) {
   return alpha * (1.0 + m.poisson_ratio) / (1.0 - 2.0 * m.poisson_ratio);
 }
 
+/// Places of a class along its longest axis, in standard deviations.
+constexpr std::array<double, 4> kAlongClass{-1.5, -0.75, 0.75, 1.5};
+
+/// The numbers of a body's code among the parameters; empty where they are not all there.
+std::vector<std::size_t> code_of(const fit::Parameters& parameters, const std::string& body) {
+  const fit::Quantity& row = fit::row_named(fit::Owner::kBody, "material.latent[#]");
+  std::vector<std::size_t> numbers;
+  for (std::size_t k = 0; k < material::kLatentSize; ++k) {
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+      const fit::Address& path = parameters.path(i);
+      if (path.quantity == &row && path.owner == body && path.index == k && path.capture.empty()) {
+        numbers.push_back(i);
+      }
+    }
+  }
+  return numbers.size() == material::kLatentSize ? numbers : std::vector<std::size_t>{};
+}
+
+std::vector<FlowStart> latent_starts(const fit::Parameters& parameters,
+                                     const std::vector<mpm::Scene>& scenes,
+                                     std::span<const double> values) {
+  for (const mpm::Scene& scene : scenes) {
+    for (const mpm::Body& body : scene.bodies) {
+      if (body.material.law != material::Law::kLatent) continue;
+      const std::vector<std::size_t> numbers = code_of(parameters, body.name);
+      if (numbers.empty()) continue;
+      const material::LatentDecoder& decoder = *body.material.decoder;
+      std::vector<FlowStart> starts;
+      for (std::size_t c = 0; c < material::kLatentClasses.size(); ++c) {
+        const auto row = static_cast<Eigen::Index>(c);
+        const auto at = [&](double along) {
+          std::vector<double> point(values.begin(), values.end());
+          for (std::size_t k = 0; k < material::kLatentSize; ++k) {
+            const auto column = static_cast<Eigen::Index>(k);
+            const fit::Parameter& parameter = parameters.parameters()[numbers[k]];
+            point[numbers[k]] =
+                std::clamp(decoder.classes(row, column) + along * decoder.spreads(row, column),
+                           parameter.low, parameter.high);
+          }
+          return point;
+        };
+        FlowStart start{material::kLatentClasses[c], at(0.0), {}, {}};
+        for (const double along : kAlongClass) start.others.push_back(at(along));
+        starts.push_back(std::move(start));
+      }
+      return starts;
+    }
+  }
+  return {};
+}
+
 }  // namespace
 
 std::vector<FlowStart> flow_starts(const fit::Parameters& parameters,
@@ -87,7 +140,7 @@ std::vector<FlowStart> flow_starts(const fit::Parameters& parameters,
       }
     }
   }
-  if (body == nullptr) return {};
+  if (body == nullptr) return latent_starts(parameters, scenes, values);
   const FlowNumbers numbers(parameters, body->name);
   const material::Material material = material_at(parameters, *body, values);
   // Of the deviatoric strain at a rate: η = G/ρ of a Maxwell fluid.
@@ -95,7 +148,7 @@ std::vector<FlowStart> flow_starts(const fit::Parameters& parameters,
   constexpr double kNever = 1e3;
   constexpr double kAtOnce = 1e9;
   const auto start = [&](std::string_view name) {
-    FlowStart made{name, {values.begin(), values.end()}, {}};
+    FlowStart made{name, {values.begin(), values.end()}, {}, {}};
     numbers.set("yield_strain", kNever, made);
     numbers.set("internal_friction", 0.0, made);
     numbers.set("tear_strain", kNever, made);
@@ -143,6 +196,7 @@ std::vector<FlowFound> search_flows(const fit::Parameters& parameters,
   std::vector<std::size_t> of;
   for (std::size_t s = 0; s < starts.size(); ++s) {
     std::vector<std::vector<double>> some{starts[s].values};
+    some.insert(some.end(), starts[s].others.begin(), starts[s].others.end());
     const auto multiply = [&](std::size_t number, std::initializer_list<double> factors) {
       const std::vector<std::vector<double>> from = some;
       for (const double factor : factors) {

@@ -14,12 +14,13 @@
 /// Where the search for a law that spans the classes begins: once as each class.
 namespace matterfit::job {
 
-/// The isotropic neural law as a material of one class: its flow's numbers say which, the rest of
-/// the values is left.
+/// The isotropic neural law, or the latent one, as a material of one class: its flow's numbers, or
+/// its code, say which, the rest of the values is left.
 struct FlowStart {
   std::string_view name;  ///< elastic, plastic, paste, granular or liquid
   std::vector<double> values;
-  std::vector<std::size_t> scanned;  ///< numbers that this class is looked for along
+  std::vector<std::size_t> scanned;         ///< numbers that this class is looked for along
+  std::vector<std::vector<double>> others;  ///< further values of the same class
 };
 
 /// The classes that the flow's numbers among the parameters can reach, for the first body of that
@@ -30,6 +31,8 @@ struct FlowStart {
 /// internal_friction to the lower one. Plastic: from a strain of .02; paste: the same, flowing with
 /// 10 Pa s; granular: a friction angle of 30° at Poisson's ratio, without cohesion; liquid: 10 Pa
 /// s.
+/// Where the first body whose code is among the parameters is of the latent law: the mean of each
+/// class in its space, and places along the class's longest axis.
 [[nodiscard]] std::vector<FlowStart> flow_starts(const fit::Parameters& parameters,
                                                  const std::vector<mpm::Scene>& scenes,
                                                  std::span<const double> values);
@@ -41,8 +44,8 @@ struct FlowFound {
 };
 
 /// The best of each class, nearest first: of three stiffnesses a decade apart times five of the
-/// class's numbers half a decade apart; the two nearest classes by scanned() along their own
-/// numbers too.
+/// class's numbers half a decade apart, or of its places; the two nearest classes by scanned()
+/// along their own numbers too.
 [[nodiscard]] std::vector<FlowFound> search_flows(const fit::Parameters& parameters,
                                                   const std::vector<FlowStart>& starts,
                                                   const FitCost& costs, bool finely);

@@ -9,6 +9,7 @@
 
 #include "job/documents/neural_starts.hpp"
 #include "material/neural/isotropic_material.hpp"
+#include "material/neural/latent.hpp"
 #include "material/neural/pretrain.hpp"
 #include "material/neural/start_laws.hpp"
 
@@ -47,6 +48,26 @@ Material as_neural(const Material& material) {
   return result;
 }
 
+/// The latent law at the place of a classical one, or of the class of the isotropic one.
+Material as_latent(const Material& material) {
+  Material result;
+  result.damping_shear = material.damping_shear;
+  result.damping_bulk = material.damping_bulk;
+  result.maxwell = material.maxwell;
+  const auto decoder = latent_preset();
+  if (material.law == Law::kNeuralIsotropic) {
+    set_latent(result, decoder, {});
+    result.youngs_modulus = material.youngs_modulus;
+    return result;
+  }
+  const material::LatentCode code = material::latent_code(*decoder, material);
+  set_latent(result, decoder, std::span<const double>(code.data(), material::kLatentSize));
+  // The same shear modulus at rest.
+  result.youngs_modulus =
+      2.0 * (1.0 + result.poisson_ratio) * material::rest_moduli(material).shear;
+  return result;
+}
+
 /// Numbers of the neural law that are fitted where it is a candidate, and the parameter of the
 /// document's law that each stands for: the form always.
 constexpr std::array<std::pair<std::string_view, std::string_view>, 5> kNeuralCandidates = {
@@ -68,6 +89,7 @@ bool tells_laws_apart(const fit::Quantity& row, Law own, Law law) {
 }  // namespace
 
 Material with_law(const Material& material, Law law) {
+  if (law == Law::kLatent && material.law != law) return as_latent(material);
   if (law == Law::kNeuralIsotropic && material.law != law) return as_neural(material);
   Material result = material;
   result.law = law;
@@ -91,6 +113,7 @@ Material with_law(const Material& material, Law law) {
 
 std::vector<fit::ParameterSpec> parameters_of_law(const FitDoc& doc, Law own, Law law) {
   std::vector<fit::ParameterSpec> result;
+  const fit::Quantity& latent = of_material("latent[#]");
   const auto is_of_law = [&](const fit::Address& path) {
     return path.owner == doc.body && path.quantity->of_law;
   };
@@ -98,8 +121,15 @@ std::vector<fit::ParameterSpec> parameters_of_law(const FitDoc& doc, Law own, La
     if (is_of_law(parameter.path) && !material::traits(law).uses(parameter.path.quantity->key())) {
       continue;
     }
+    if (parameter.path.quantity == &latent && law != Law::kLatent) continue;
     result.push_back(parameter);
   }
+  const auto add = [&](fit::ParameterSpec parameter) {
+    const bool listed = std::any_of(result.begin(), result.end(), [&](const auto& other) {
+      return other.path.text() == parameter.path.text();
+    });
+    if (!listed) result.push_back(std::move(parameter));
+  };
   // What is scanned for tells one law from another; the rest is fitted on request.
   for (const std::string_view key : material::traits(law).parameters) {
     fit::ParameterSpec parameter;
@@ -109,17 +139,28 @@ std::vector<fit::ParameterSpec> parameters_of_law(const FitDoc& doc, Law own, La
     if (material::traits(own).uses(key) || !tells_laws_apart(*parameter.path.quantity, own, law)) {
       continue;
     }
-    const bool listed = std::any_of(result.begin(), result.end(), [&](const auto& other) {
-      return other.path.text() == parameter.path.text();
-    });
-    if (!listed) result.push_back(std::move(parameter));
+    add(std::move(parameter));
+  }
+  for (std::size_t i = 0; law == Law::kLatent && i < material::kLatentSize; ++i) {
+    fit::ParameterSpec parameter;
+    parameter.where = "fit.laws";
+    parameter.path.quantity = &latent;
+    parameter.path.owner = doc.body;
+    parameter.path.index = i;
+    add(std::move(parameter));
   }
   return result;
 }
 
 Json material_json(const Material& material) {
   Json json = {{"law", material::traits(material.law).name}};
-  if (material.start) json["weights"] = material.start->name;
+  const bool latent = material.law == Law::kLatent;
+  if (latent) {
+    json["weights"] = material.decoder->name;
+    json["latent"] = material.latent;
+  } else if (material.start) {
+    json["weights"] = material.start->name;
+  }
   for (const fit::Quantity& row : fit::quantities()) {
     if (row.member == nullptr) continue;
     const double value = material.*row.member;
@@ -127,7 +168,7 @@ Json material_json(const Material& material) {
       json[std::string(row.key())] = value;
     }
   }
-  if (!material.weight_moves.empty()) json["weight_moves"] = material.weight_moves;
+  if (!latent && !material.weight_moves.empty()) json["weight_moves"] = material.weight_moves;
   for (const material::MaxwellBranch& branch : material.maxwell) {
     json["maxwell"].push_back({{"modulus", branch.modulus}, {"time", branch.time}});
   }

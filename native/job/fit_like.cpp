@@ -89,7 +89,7 @@ void add_likes(const Job& fitted, const std::vector<std::string>& bodies,
   Arena arena(threads);
   for (const std::string& name : bodies) {
     const material::Material& material = body_named(fitted.scene, name).material;
-    if (material.law != material::Law::kNeuralIsotropic) continue;
+    if (!material::is_isotropic(material.law)) continue;
     try {
       const auto over = excitation_of(runs, scenes, name, !material.traits().elastic(), arena);
       Json like = like_json(material, over.value_or(material::Excitation{}));
@@ -112,12 +112,12 @@ void add_likes(const Job& fitted, const std::vector<std::string>& bodies,
 Json likes_of_file(const std::filesystem::path& file, const material::Excitation& over) {
   Json likes = Json::object();
   for (const NamedMaterial& one : materials_of_file(file)) {
-    if (one.material.law != material::Law::kNeuralIsotropic) continue;
+    if (!material::is_isotropic(one.material.law)) continue;
     likes[one.name] = like_json(one.material, over);
   }
   if (likes.empty()) {
     throw_input(file.generic_string() +
-                ": no body is of the law neural_isotropic; the others have a formula of their "
+                ": no body is of the law neural_isotropic or latent; the others have a formula of their "
                 "own.");
   }
   return likes;

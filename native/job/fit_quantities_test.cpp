@@ -13,6 +13,7 @@
 #include "job/fit_fixture_for_test.hpp"
 #include "job/run/build_scene.hpp"
 #include "material/neural/isotropic_weights.hpp"
+#include "material/neural/latent.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -27,7 +28,9 @@ Json document_with(const Quantity& row) {
   Json document = thrown_cube();
   Json& material = document["scene"]["bodies"][0]["material"];
   const bool weight = row.path == "material.weight_moves[#]";
+  const bool code = row.path == "material.latent[#]";
   for (const material::LawTraits& law : material::all_laws()) {
+    if (code != (law.law == material::Law::kLatent)) continue;
     if (weight && law.law != material::Law::kNeuralIsotropic) continue;
     if (row.of_law && !law.uses(row.key())) continue;
     material = {{"law", law.name}};
@@ -38,6 +41,7 @@ Json document_with(const Quantity& row) {
     }
     break;
   }
+  if (code) material["latent"] = std::vector<double>(material::kLatentSize, 0.1);
   if (weight) material["weight_moves"] = std::vector<double>(material::kIsotropicElastic, 0.0);
   material["maxwell"] = {{{"modulus", 1e3}, {"time", 0.1}}, {{"modulus", 2e3}, {"time", 0.5}}};
   document["captures"] = {{{"tracks", "a.npz"}}};

@@ -12,6 +12,7 @@
 #include "job/documents/fit_path.hpp"
 #include "job/documents/safetensors.hpp"
 #include "material/neural/isotropic_material.hpp"
+#include "material/neural/latent.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -118,8 +119,15 @@ WeightsFit fit_weights(FitSetup setup, const LawState& before, const std::string
 void add_weight_lists(const fit::Parameters& parameters, Json& document) {
   for (std::size_t k = 0; k < parameters.size(); ++k) {
     const fit::Address& path = parameters.path(k);
-    if (path.quantity->path != kRow) continue;
+    const bool code = path.quantity->path == "material.latent[#]";
+    if (path.quantity->path != kRow && !code) continue;
     Json& material = (*find_named(document.at("scene"), "bodies", path.owner))["material"];
+    if (code) {
+      if (!material.contains("latent")) {
+        material["latent"] = std::vector<double>(material::kLatentSize, 0.0);
+      }
+      continue;
+    }
     if (material.contains("weight_moves")) continue;
     material["weight_moves"] = std::vector<double>(material::kIsotropicElastic, 0.0);
   }

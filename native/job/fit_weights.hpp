@@ -32,8 +32,8 @@ struct WeightsFit {
                                      std::vector<Json>& history,
                                      const std::function<void(const FitReport&)>& tell);
 
-/// Gives the bodies of `document` whose weights are among the parameters a list of zeros for them,
-/// where they have none.
+/// Gives the bodies of `document` whose weights or code are among the parameters a list of zeros
+/// for them, where they have none.
 void add_weight_lists(const fit::Parameters& parameters, Json& document);
 
 /// The name of the file in a fit's folder that holds a body's weights.

@@ -11,6 +11,7 @@
 #include "job/material_file.hpp"
 #include "material/neural/isotropic_material.hpp"
 #include "material/neural/pretrain.hpp"
+#include "material/neural/pretrain_latent.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -29,6 +30,35 @@ Json accuracy_json(const material::LawAccuracy& found) {
           {"flow_step_rms", found.flow_step}};
 }
 
+/// Classical materials of a class that the latent law's accuracy is measured on.
+constexpr std::size_t kOfEachClass = 60;
+
+Json write_latent(const PretrainOptions& options) {
+  Arena arena(0);
+  material::LatentPretraining training;
+  training.seed = options.seed;
+  const auto decoder = pretrain_latent(training, arena);
+  Json classes = Json::object();
+  for (const material::LatentAccuracy& one :
+       latent_accuracy(decoder, kOfEachClass, options.seed + kAccuracySeed, arena)) {
+    classes[std::string(one.name)] = {
+        {"stress_rms", one.stress},   {"stress_rms_95", one.stress_worst},
+        {"yield_log_rms", one.yield}, {"yield_log_rms_95", one.yield_worst},
+        {"rate_log_rms", one.rate},   {"of_class", one.of_class}};
+  }
+  Tensors tensors = latent_tensors(*decoder);
+  tensors.metadata = {{"law", "latent"},
+                      {"name", "latent"},
+                      {"pretrained_on", "all classical laws over the ranges of their numbers"},
+                      {"seed", std::to_string(options.seed)},
+                      {"accuracy", classes.dump()},
+                      {"version", MATTERFIT_VERSION},
+                      {"licence", "CC0-1.0"},
+                      {"source", "matterfit pretrain --latent"}};
+  write_file(options.folder / "latent.safetensors", format_safetensors(tensors));
+  return classes;
+}
+
 }  // namespace
 
 Json write_start_laws(const PretrainOptions& options) {
@@ -39,14 +69,14 @@ Json write_start_laws(const PretrainOptions& options) {
   for (const std::string& name : options.laws) add(material::start_law_from_name(name));
   for (const std::filesystem::path& file : options.materials) {
     for (NamedMaterial& one : materials_of_file(file)) {
-      if (one.material.law == material::Law::kNeuralIsotropic) {
+      if (material::is_isotropic(one.material.law)) {
         throw_input(file.generic_string() + ": '" + one.name +
                     "' is of the neural law already; its weights are a start as they are.");
       }
       wanted.push_back(std::move(one));
     }
   }
-  if (wanted.empty()) {
+  if (wanted.empty() && !options.latent) {
     for (const material::StartLaw law : material::kStartLaws) add(law);
   }
   Arena arena(1);
@@ -69,6 +99,7 @@ Json write_start_laws(const PretrainOptions& options) {
     write_file(options.folder / (name + ".safetensors"), format_safetensors(tensors));
     report[name] = accuracy;
   }
+  if (options.latent) report["latent"] = write_latent(options);
   return report;
 }
 

@@ -29,12 +29,16 @@ constexpr std::array<Key, 12> kNeural = {"E",
                                          "flow_rate",
                                          "flow_thinning"};
 
-constexpr LawTraits neural(FlowClass flow) {
-  return {.law = Law::kNeuralIsotropic,
-          .name = "neural_isotropic",
-          .label = "Neural (isotropic)",
+/// Beside its code.
+constexpr std::array<Key, 1> kLatent = {"E"};
+
+constexpr LawTraits neural(Law law, FlowClass flow) {
+  const bool latent = law == Law::kLatent;
+  return {.law = law,
+          .name = latent ? Key("latent") : Key("neural_isotropic"),
+          .label = latent ? Key("Neural (latent)") : Key("Neural (isotropic)"),
           .family = StressFamily::kHencky,
-          .parameters = kNeural,
+          .parameters = latent ? std::span<const Key>(kLatent) : std::span<const Key>(kNeural),
           .plastic = flow != FlowClass::kElastic,
           .flows = flow == FlowClass::kGranular || flow == FlowClass::kLiquid,
           .wets = flow == FlowClass::kLiquid,
@@ -42,11 +46,14 @@ constexpr LawTraits neural(FlowClass flow) {
           .pressure_dependent = flow == FlowClass::kGranular};
 }
 
-constexpr std::array<LawTraits, 4> kNeuralLaws = {
-    neural(FlowClass::kElastic), neural(FlowClass::kPlastic), neural(FlowClass::kGranular),
-    neural(FlowClass::kLiquid)};
+constexpr std::array<LawTraits, 4> of_each_class(Law law) {
+  return {neural(law, FlowClass::kElastic), neural(law, FlowClass::kPlastic),
+          neural(law, FlowClass::kGranular), neural(law, FlowClass::kLiquid)};
+}
+constexpr std::array<LawTraits, 4> kNeuralLaws = of_each_class(Law::kNeuralIsotropic);
+constexpr std::array<LawTraits, 4> kLatentLaws = of_each_class(Law::kLatent);
 
-constexpr std::array<LawTraits, 8> kLaws = {{
+constexpr std::array<LawTraits, 9> kLaws = {{
     {.law = Law::kFixedCorotated,
      .name = "fixed_corotated",
      .label = "Fixed Corotated",
@@ -93,7 +100,8 @@ constexpr std::array<LawTraits, 8> kLaws = {{
      .fluid = true,
      .flows = true,
      .wets = true},
-    neural(FlowClass::kPlastic),
+    neural(Law::kNeuralIsotropic, FlowClass::kPlastic),
+    neural(Law::kLatent, FlowClass::kPlastic),
 }};
 
 constexpr bool in_order() {
@@ -114,8 +122,8 @@ std::span<const LawTraits> all_laws() { return kLaws; }
 
 const LawTraits& traits(Law law) { return kLaws.at(static_cast<std::size_t>(law)); }
 
-const LawTraits& neural_traits(FlowClass flow) {
-  return kNeuralLaws.at(static_cast<std::size_t>(flow));
+const LawTraits& neural_traits(Law law, FlowClass flow) {
+  return (law == Law::kLatent ? kLatentLaws : kNeuralLaws).at(static_cast<std::size_t>(flow));
 }
 
 }  // namespace matterfit::material

@@ -15,7 +15,13 @@ enum class Law {
   kDruckerPrager,
   kNewtonian,
   kNeuralIsotropic,
+  kLatent,
 };
+
+/// Whether the kernels simulate it as the isotropic neural law.
+[[nodiscard]] constexpr bool is_isotropic(Law law) {
+  return law == Law::kNeuralIsotropic || law == Law::kLatent;
+}
 
 /// The elasticity under a law: laws of one family share their stress, and differ by what they keep
 /// of a trial strain. kHencky: energies of Hencky strains, a quadratic one or our net's, which the
@@ -60,8 +66,9 @@ struct LawTraits {
 
 /// What the flow of a law that spans the classes makes of it.
 enum class FlowClass { kElastic, kPlastic, kGranular, kLiquid };
-/// Those of the isotropic neural law whose flow is of that class; traits() has those of kPlastic.
-[[nodiscard]] const LawTraits& neural_traits(FlowClass flow);
+/// Those of the isotropic neural law, or of the latent one, whose flow is of that class; traits()
+/// has those of kPlastic.
+[[nodiscard]] const LawTraits& neural_traits(Law law, FlowClass flow);
 
 /// Calls f.operator()<family>() for the family of a law. Every switch over families is here, so
 /// that a new one is a compiler's error where it is forgotten and not another law's stress.

@@ -6,6 +6,7 @@
 
 #include "base/error.hpp"
 #include "material/neural/isotropic_material.hpp"
+#include "material/neural/latent.hpp"
 
 namespace matterfit::material {
 namespace {
@@ -34,7 +35,7 @@ double Material::lambda() const {
 double Material::p_wave_modulus() const { return lambda() + 2.0 * mu(); }
 
 double Material::stiffest_modulus() const {
-  if (law != Law::kNeuralIsotropic) return p_wave_modulus();
+  if (!is_isotropic(law)) return p_wave_modulus();
   double relaxing = 0.0;
   for (const MaxwellBranch& branch : maxwell) relaxing += 2.0 * branch.modulus;
   return usual_wave_modulus(isotropic_constants(*this)) + relaxing;
@@ -43,7 +44,7 @@ double Material::stiffest_modulus() const {
 double Material::wave_speed(double rho) const { return std::sqrt(stiffest_modulus() / rho); }
 
 const LawTraits& Material::traits() const {
-  return law == Law::kNeuralIsotropic ? neural_traits(flow_class(*this)) : material::traits(law);
+  return is_isotropic(law) ? neural_traits(law, flow_class(*this)) : material::traits(law);
 }
 
 Law law_from_name(std::string_view name) {
@@ -108,6 +109,16 @@ void validate(const Material& m, const std::string& where) {
     }
     require(m.flow_thinning >= 0 && m.flow_thinning <= 1e12, where, "flow_thinning",
             m.flow_thinning, "[0, 1e12] 1/s");
+  }
+  if (m.law == Law::kLatent) {
+    if (m.latent.size() != kLatentSize) {
+      throw_input(where + ".latent has " + std::to_string(m.latent.size()) +
+                  " numbers; a code has " + std::to_string(kLatentSize) + ".");
+    }
+    for (const double number : m.latent) {
+      require(number >= -kFarthestCode && number <= kFarthestCode, where, "latent", number,
+              "[-6, 6]; codes of known materials lie within 3");
+    }
   }
   require(m.damping_shear >= 0 && m.damping_shear < 1e9, where, "damping_shear", m.damping_shear,
           "[0, 1e9) Pa s");

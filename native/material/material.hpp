@@ -22,6 +22,7 @@ struct MaxwellBranch {
 inline constexpr std::size_t kMostMaxwellBranches = 6;
 
 struct IsotropicStart;
+struct LatentDecoder;
 
 /// From this strain on a limit of the isotropic neural law's flow counts as never met.
 inline constexpr double kNeverStrain = 100.0;
@@ -59,6 +60,11 @@ struct Material {
   /// Added to the energy's weights, one each (kIsotropicElastic), or none at all. The first, a
   /// scale, does nothing: E and ν stay the moduli at rest.
   std::vector<double> weight_moves;
+
+  /// Latent law (neural/latent.hpp): a code, of which the decoder makes the isotropic law's Poisson
+  /// ratio, start and flow above (set_latent()).
+  std::shared_ptr<const LatentDecoder> decoder;
+  std::vector<double> latent;
 
   /// Lamé's first parameter and the shear modulus of the instantaneous response [Pa].
   [[nodiscard]] double lambda() const;

@@ -123,6 +123,14 @@ std::string obstacle(const Address& address, const Bearer& bearer) {
     return "the material has " + std::to_string(moves) + " 'weight_moves'; give it " +
            std::to_string(material::kIsotropicElastic) + " zeros for the fit to start from.";
   }
+  if (row.path.starts_with("material.latent")) {
+    if (law.law != material::Law::kLatent) {
+      return "the law " + std::string(law.name) + " has no code; the law latent has one.";
+    }
+    const std::size_t numbers = bearer.material->latent.size();
+    if (address.index < numbers) return {};
+    return "a code has " + std::to_string(numbers) + " numbers, latent[0] the first.";
+  }
   if (!row.of_law || law.uses(row.key())) return {};
   return "the law " + std::string(law.name) + " does not use it.";
 }

@@ -4,6 +4,7 @@
 #include "base/error.hpp"
 #include "fit/data/follow.hpp"
 #include "material/neural/isotropic_weights.hpp"
+#include "material/neural/latent.hpp"
 #include "mpm/contact_law.hpp"
 #include "mpm/default_stiffness.hpp"
 
@@ -105,6 +106,26 @@ Access weight_move_access() {
   access.slope = [entry](const mpm::Gradient& gradient, const mpm::Scene& scene,
                          const Address& at) {
     return entry(body_of(gradient, scene, at).material.weight_moves, at.index);
+  };
+  return access;
+}
+
+Access latent_access() {
+  const auto entry = [](const std::vector<double>& code, std::size_t index) {
+    return index < code.size() ? code[index] : 0.0;
+  };
+  Access access;
+  access.read = [entry](const mpm::Scene& scene, const Address& at) {
+    return Components{entry(body_of(scene, at).material.latent, at.index)};
+  };
+  access.write = [](const Components& values, const Address& at, mpm::Scene& scene) {
+    Material& material = body_of(scene, at).material;
+    material.latent.at(at.index) = values[0];
+    material::decode_latent(material);
+  };
+  access.slope = [entry](const mpm::Gradient& gradient, const mpm::Scene& scene,
+                         const Address& at) {
+    return entry(body_of(gradient, scene, at).material.latent, at.index);
   };
   return access;
 }

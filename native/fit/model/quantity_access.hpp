@@ -11,6 +11,8 @@ namespace matterfit::fit {
 [[nodiscard]] Access maxwell_access(double material::MaxwellBranch::*member);
 /// Of the isotropic neural law; 0 where the material has none.
 [[nodiscard]] Access weight_move_access();
+/// A number of the latent law's code; 0 where the material has none.
+[[nodiscard]] Access latent_access();
 [[nodiscard]] Access density_access();
 /// A vector of a body's initial motion.
 [[nodiscard]] Access motion_access(Vec3d mpm::Body::*member, Vec3d mpm::BodyGradient::*slope);

@@ -261,6 +261,18 @@ std::vector<Quantity> neural_rows() {
        .words = "a weight of the energy",
        .record = "the body as it is stretched, squeezed and sheared by a third of its size or more",
        .access = weight_move_access()},
+      {.path = "material.latent[#]",
+       .coordinate = Coordinate::kLinear,
+       .scale = 0.2,
+       .low = -4.0,
+       .high = 4.0,
+       .prior_sigma = 1.0,
+       .always_prior = true,
+       .label = "Latent",
+       .sentence = "One number of the place among all materials; known ones lie within 4",
+       .words = "a number of the kind of material",
+       .record = "the body as it meets something at several speeds, and at rest after it",
+       .access = latent_access()},
   };
 }
 

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "material/neural/isotropic_material.hpp"
+#include "material/neural/pretrain_latent.hpp"
 #include "mpm/scene_check.hpp"
 
 namespace matterfit::fit {
@@ -27,6 +28,15 @@ std::shared_ptr<const material::IsotropicStart> loud_start() {
   for (std::size_t k = 0; k < material::kShapeUnits; ++k) w[2 + k] = -1.0;
   for (std::size_t k = 0; k < material::kVolumeUnits; ++k) w[18 + k] = -1.5;
   return material::with_directions("loud", w, 1);
+}
+
+/// A decoder of the latent law, hardly trained.
+std::shared_ptr<const material::LatentDecoder> rough_decoder() {
+  material::LatentPretraining options;
+  options.materials = 70;
+  options.steps = 200;
+  Arena arena(1);
+  return pretrain_latent(options, arena);
 }
 
 /// A cube just above a level ground, thrown at it, of a material with a value for every quantity.
@@ -62,6 +72,11 @@ mpm::Scene scene_of(material::Law law, Formulation formulation) {
     body.material.flow_thinning = 2e3;
     body.material.weight_moves.assign(material::kIsotropicElastic, 0.02);
   }
+  if (law == material::Law::kLatent) {
+    static const auto kDecoder = rough_decoder();
+    const Eigen::VectorXd paste = kDecoder->classes.row(2);
+    set_latent(body.material, kDecoder, std::span<const double>(paste.data(), 8));
+  }
   body.material.damping_shear = 5.0;
   body.material.damping_bulk = 2.0;
   body.material.maxwell = {{2e4, 5e-3}};
@@ -88,10 +103,13 @@ mpm::Scene scene_of(material::Law law, Formulation formulation) {
 /// Of the neural law alone, of whose weights the first does nothing.
 bool is_weight(const Quantity& row) { return row.path == "material.weight_moves[#]"; }
 
+/// Of the latent law alone.
+bool is_code(const Quantity& row) { return row.path == "material.latent[#]"; }
+
 /// The last component of vectors.
 Address address_of(const Quantity& row) {
   Address address;
-  if (is_weight(row)) address.index = 3;
+  if (is_weight(row) || is_code(row)) address.index = 3;
   address.quantity = &row;
   if (row.owner == Owner::kBody) address.owner = "cube";
   if (row.owner == Owner::kCollider) address.owner = "ground";
@@ -104,6 +122,7 @@ std::optional<material::Law> law_with(const Quantity& row, Formulation formulati
   for (const LawTraits& law : material::all_laws()) {
     if (law.fluid && formulation == Formulation::kTotal) continue;
     if (is_weight(row) && law.law != material::Law::kNeuralIsotropic) continue;
+    if (is_code(row) != (law.law == material::Law::kLatent)) continue;
     if (!row.of_law || law.uses(row.key())) return law.law;
   }
   return std::nullopt;
@@ -171,7 +190,8 @@ TEST(Quantities, AreWrittenToAScene) {
       EXPECT_EQ(row.access.look(viewing), 3.25) << row.path;
       continue;
     }
-    mpm::Scene scene = scene_of(material::Law::kVonMises, Formulation::kAuto);
+    mpm::Scene scene = scene_of(is_code(row) ? material::Law::kLatent : material::Law::kVonMises,
+                                Formulation::kAuto);
     const Components before = read(scene, at, kOrigins);
     const Vec3d first = scene.bodies[0].rest[0];
     const double value = 1.25 * value_of(scene, at) + 0.125;

@@ -167,6 +167,35 @@ std::shared_ptr<const material::IsotropicStart> read_weights(const JsonValue& va
   }
 }
 
+/// Of the latent law.
+std::shared_ptr<const material::LatentDecoder> read_decoder(const std::optional<JsonValue>& value,
+                                                            const ReadContext& context) {
+  if (!value) return latent_preset();
+  const std::string text = value->string();
+  try {
+    if (is_weights_file(text)) return read_latent_file(context.file(*value));
+  } catch (const Error& error) {
+    value->refuse(error.what());
+  }
+  if (text != kLatentName) {
+    value->refuse("the law latent has the weights 'latent', or those of a file *.safetensors.");
+  }
+  return latent_preset();
+}
+
+/// The code of the latent law; empty: the document has none.
+std::vector<double> read_code(JsonObject& object) {
+  std::vector<double> code;
+  const auto value = object.find("latent");
+  if (!value) return code;
+  for (const JsonValue& number : value->items()) code.push_back(number.number());
+  if (code.size() != material::kLatentSize) {
+    value->refuse("has " + std::to_string(code.size()) + " numbers; a code has " +
+                  std::to_string(material::kLatentSize) + ".");
+  }
+  return code;
+}
+
 }  // namespace
 
 material::Material read_material(const JsonValue& value, const ReadContext& context) {
@@ -188,6 +217,9 @@ material::Material read_material(const JsonValue& value, const ReadContext& cont
     const auto weights = object.find("weights");
     material = material::isotropic_material(weights ? read_weights(*weights, context)
                                                     : neural_start(kDefaultNeuralStart));
+  } else if (material.law == material::Law::kLatent) {
+    const auto decoder = read_decoder(object.find("weights"), context);
+    set_latent(material, decoder, read_code(object));
   } else if (object.has("weights")) {
     value.refuse("the law " + name + " has no weights; leave 'weights' out.");
   }
@@ -205,7 +237,7 @@ material::Material read_material(const JsonValue& value, const ReadContext& cont
     }
     if (const auto found = object.find(key.c_str())) {
       material.*row.member = found->number();
-    } else if (row.required && !material.start) {
+    } else if (row.required && (!material.start || material.law == material::Law::kLatent)) {
       std::string message = "'";
       message.append(key).append("' is missing; the law ").append(name).append(" needs it.");
       value.refuse(message);

@@ -21,6 +21,7 @@ Starts shipped() {
   Starts starts;
   for (const NeuralStartFile& file : kNeuralStartFiles) {
     const std::string name(file.name);
+    if (name == kLatentName) continue;
     starts[name] = material::isotropic_start(
         parse_safetensors(std::as_bytes(std::span(file.bytes, file.size)), name), name);
   }
@@ -48,6 +49,27 @@ std::shared_ptr<const material::IsotropicStart> neural_start(const std::string& 
   for (const auto& [other, start] : starts()) known += (known.empty() ? "" : ", ") + other;
   throw_input("there are no weights '" + name + "'. Use " + known + ", or a file *" +
               std::string(kSuffix) + ".");
+}
+
+std::shared_ptr<const material::LatentDecoder> latent_preset() {
+  static const auto preset = [] {
+    std::shared_ptr<const material::LatentDecoder> decoder;
+    for (const NeuralStartFile& file : kNeuralStartFiles) {
+      if (file.name != kLatentName) continue;
+      decoder = material::latent_decoder(
+          parse_safetensors(std::as_bytes(std::span(file.bytes, file.size)), kLatentName),
+          kLatentName);
+    }
+    return decoder;
+  }();
+  if (!preset) throw_compute("the library was built without presets/neural/latent.safetensors.");
+  return preset;
+}
+
+std::shared_ptr<const material::LatentDecoder> read_latent_file(const std::filesystem::path& path) {
+  const auto bytes = read_file(path, kLargestFile);
+  const Tensors tensors = parse_safetensors(bytes, path.filename().string());
+  return material::latent_decoder(tensors, path.generic_string());
 }
 
 bool is_weights_file(std::string_view text) { return text.ends_with(kSuffix); }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "material/neural/isotropic_material.hpp"
+#include "material/neural/latent.hpp"
 
 /// Weights of the isotropic neural law: the shipped start laws, which the library carries
 /// (presets/neural/*.safetensors, compiled in), and files.
@@ -15,6 +16,13 @@ namespace matterfit::job {
 
 /// Where a document names none.
 inline constexpr const char* kDefaultNeuralStart = "jelly";
+
+/// The shipped decoder of the latent law, of presets/neural/latent.safetensors.
+[[nodiscard]] std::shared_ptr<const material::LatentDecoder> latent_preset();
+/// Of a file. Throws Error(kInput) that names the file and what is wrong with it.
+[[nodiscard]] std::shared_ptr<const material::LatentDecoder> read_latent_file(
+    const std::filesystem::path& path);
+inline constexpr const char* kLatentName = "latent";
 
 /// The names of the shipped ones.
 [[nodiscard]] std::vector<std::string> neural_start_names();

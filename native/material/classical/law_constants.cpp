@@ -14,7 +14,7 @@ LawConstants<S> law_constants(const Material& m) {
   LawConstants<S> c;
   const double lambda = m.lambda();
   const double mu = m.traits().fluid ? 0.0 : m.youngs_modulus / (2.0 * (1.0 + m.poisson_ratio));
-  c.law = m.law;
+  c.law = is_isotropic(m.law) ? Law::kNeuralIsotropic : m.law;
   c.lambda = static_cast<S>(lambda);
   c.mu = static_cast<S>(mu);
   c.kappa = static_cast<S>(m.traits().fluid ? m.bulk_modulus : lambda + 2.0 / 3.0 * mu);
@@ -33,7 +33,7 @@ LawConstants<S> law_constants(const Material& m) {
     const double tip = phi > 0.0 ? m.cohesion / (std::tan(phi) * bulk3) : 1.0;
     c.tip = static_cast<S>(m.cohesion > 0.0 ? std::min(tip, 1.0) : 0.0);
   }
-  if (m.law == Law::kNeuralIsotropic) {
+  if (is_isotropic(m.law)) {
     IsotropicConstants<double> from = isotropic_constants(m);
     std::array<double, kIsotropicWeights> entries{};
     std::size_t i = 0;

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "material/neural/isotropic_material.hpp"
+#include "material/neural/latent.hpp"
 
 namespace matterfit::material {
 
@@ -21,7 +22,7 @@ MaterialGradient material_gradient(const Material& m, const ConstantsAdjoint<dou
   }
   double of_lambda = c.lambda + c.kappa;
   double of_mu = c.mu + 2.0 / 3.0 * c.kappa;
-  if (m.law == Law::kNeuralIsotropic) {
+  if (is_isotropic(m.law)) {
     const ModuliGradient of_moduli = add_isotropic_gradient(m, c.neural, out);
     of_lambda += of_moduli.bulk;
     of_mu += of_moduli.shear + 2.0 / 3.0 * of_moduli.bulk;
@@ -67,6 +68,7 @@ MaterialGradient material_gradient(const Material& m, const ConstantsAdjoint<dou
     out.viscosity = m.law == Law::kHerschelBulkley ? 2.0 * c.eta : 0.0;
     out.exponent = c.exponent;
   }
+  if (m.law == Law::kLatent) out.latent = latent_gradient(m, out);
   return out;
 }
 

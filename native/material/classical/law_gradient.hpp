@@ -33,6 +33,7 @@ struct MaterialGradient {
   double flow_rate = 0.0;
   double flow_thinning = 0.0;
   std::vector<double> weight_moves;    ///< as many as the material has
+  std::vector<double> latent;          ///< by the code of the latent law; empty: of another one
   std::vector<MaxwellBranch> maxwell;  ///< by modulus and by time
 };
 

@@ -154,6 +154,7 @@ HWY_INLINE void hencky_return(const Constants<T>& c, T norm, T trace, T stretch,
     case Law::kStvkHencky:
     case Law::kNewtonian:
     case Law::kNeuralIsotropic:
+    case Law::kLatent:
       break;
   }
 }

@@ -30,6 +30,31 @@ PrincipalResponse principal_response(const IsotropicWeights& weights, const Vec3
   return out;
 }
 
+Vec3d principal_stress(const IsotropicConstants<double>& c, const Vec3d& strain) {
+  const double theta = strain.sum();
+  const Vec3d dev = strain.array() - theta / 3.0;
+  Vec3d tau;
+  HWY_NAMESPACE::UnitRises<double> rise;
+  HWY_NAMESPACE::shape_stresses<double>(c, dev.data(), theta, tau.data(), rise);
+  tau.array() += HWY_NAMESPACE::volume_stress<double>(c, theta, rise);
+  return tau;
+}
+
+void add_principal_stress_adjoint(const IsotropicConstants<double>& c, const Vec3d& strain,
+                                  const Vec3d& tau_bar, IsotropicConstants<double>& c_bar) {
+  const double theta = strain.sum();
+  const Vec3d dev = strain.array() - theta / 3.0;
+  Vec3d tau;
+  HWY_NAMESPACE::UnitRises<double> rise;
+  HWY_NAMESPACE::shape_stresses<double>(c, dev.data(), theta, tau.data(), rise);
+  (void)HWY_NAMESPACE::volume_stress<double>(c, theta, rise);
+  double dev_bar[3] = {};
+  double theta_bar = 0.0;
+  HWY_NAMESPACE::shape_stresses_adjoint<double>(c, dev.data(), theta, rise, tau_bar.data(), dev_bar,
+                                                theta_bar, c_bar);
+  (void)HWY_NAMESPACE::volume_stress_adjoint<double>(c, theta, rise, tau_bar.sum(), c_bar);
+}
+
 Vec3d principal_flow(const IsotropicWeights& weights, const Vec3d& trial, double dt,
                      double& plastic) {
   const auto c = isotropic_constants<double>(weights);

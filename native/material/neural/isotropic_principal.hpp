@@ -19,6 +19,12 @@ struct PrincipalResponse {
 [[nodiscard]] PrincipalResponse principal_response(const IsotropicWeights& weights,
                                                    const Vec3d& strain);
 
+/// The same stresses alone, of constants; and their adjoint, which adds to the cotangents of the
+/// energy's constants.
+[[nodiscard]] Vec3d principal_stress(const IsotropicConstants<double>& c, const Vec3d& strain);
+void add_principal_stress_adjoint(const IsotropicConstants<double>& c, const Vec3d& strain,
+                                  const Vec3d& tau_bar, IsotropicConstants<double>& c_bar);
+
 /// Strains that the flow keeps of a trial in a step of `dt` [s]; `plastic` is the equivalent
 /// plastic strain and grows.
 [[nodiscard]] Vec3d principal_flow(const IsotropicWeights& weights, const Vec3d& trial, double dt,

@@ -324,10 +324,10 @@ std::size_t numbers_of(const Likeness& like) {
 
 std::vector<Likeness> likenesses(const Material& neural, const Excitation& over,
                                  std::uint64_t seed) {
-  if (neural.law != Law::kNeuralIsotropic) {
+  if (!is_isotropic(neural.law)) {
     throw_input("the material is of the law " + std::string(traits(neural.law).name) +
                 ", which has a formula of its own. What it is like can be said of "
-                "neural_isotropic.");
+                "neural_isotropic and latent.");
   }
   const bool sound = over.strain > 0.0 && over.strain < 3.0 && over.compression >= 0.0 &&
                      over.compression < 2.0 && over.expansion >= 0.0 && over.expansion < 2.0 &&
@@ -388,6 +388,7 @@ std::string likeness_sentence(const Likeness& like, const Excitation& over) {
       formula = "τ = (K/7)(J − J⁻⁶) I + 2η J D";
       break;
     case Law::kNeuralIsotropic:
+    case Law::kLatent:
       break;
   }
   std::string numbers;

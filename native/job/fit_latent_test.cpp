@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Fits with the latent law: the class of the material is not said.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "base/message_for_test.hpp"
+#include "job/fit_fixture_for_test.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+using testing::HasSubstr;
+
+/// A clip of the fixture's cube of a material, thrown down, fitted with the latent law alone; the
+/// last three frames are held out.
+Json fitted(const Json& material) {
+  const Folder folder;
+  Json truth = thrown_cube();
+  truth["scene"]["bodies"][0]["material"] = material;
+  truth["scene"]["bodies"][0]["velocity"] = {0.8, 0.3, -2.5};
+  truth["scene"]["bodies"][0]["formulation"] = "updated";
+  record(truth, folder.path, "a", 1);
+  Json document = fit_of(truth, {"material.E"});
+  document["scene"]["bodies"][0]["material"] = {{"law", "neo_hookean"}, {"E", 3e5}, {"nu", 0.3}};
+  document["fit"]["laws"] = {"latent"};
+  document["fit"]["levels"] = {1};
+  document["captures"][0]["holdout"] = {{"frames", {11, 14}}};
+  const Json result = run(document, folder.path);
+  const Json& fit = result["fit"];
+  testing::Test::RecordProperty(
+      "summary", fit["before"]["held_out"]["mean_mm"].dump() + " mm held out, then " +
+                     fit["after"]["held_out"]["mean_mm"].dump() + "; " +
+                     fit["like"]["cube"]["sentence"].dump() + fit["statements"].dump());
+  return result;
+}
+
+double held_out(const Json& result, const char* when) {
+  return result["fit"][when]["held_out"]["mean_mm"].get<double>();
+}
+
+TEST(FitLatent, FindsPlasticine) {
+  const Json result =
+      fitted({{"law", "von_mises"}, {"E", 1e5}, {"nu", 0.3}, {"yield_stress", 2e3}});
+  EXPECT_LT(held_out(result, "after"), 0.2 * held_out(result, "before"));
+  EXPECT_THAT(result["fit"]["statements"].dump(), HasSubstr("Looked for as each class of flow"));
+}
+
+TEST(FitLatent, FindsAFluid) {
+  const Json result = fitted({{"law", "newtonian"}, {"bulk_modulus", 1e5}, {"viscosity", 50}});
+  EXPECT_LT(held_out(result, "after"), 0.3 * held_out(result, "before"));
+}
+
+TEST(FitLatent, ABadCodeIsRefused) {
+  Json document = thrown_cube();
+  Json& material = document["scene"]["bodies"][0]["material"];
+  material = {{"law", "latent"}, {"E", 1e5}, {"latent", {0.0, 1.0}}};
+  EXPECT_THAT(message_of([&] { (void)job_of(document, {}); }),
+              HasSubstr("has 2 numbers; a code has 8"));
+  material = {{"law", "latent"}, {"E", 1e5}, {"weights", "jelly"}};
+  EXPECT_THAT(message_of([&] { (void)job_of(document, {}); }),
+              HasSubstr("the law latent has the weights 'latent'"));
+  material = {{"law", "latent"}};
+  EXPECT_THAT(message_of([&] { (void)job_of(document, {}); }), HasSubstr("'E' is missing"));
+}
+
+}  // namespace
+}  // namespace matterfit::job

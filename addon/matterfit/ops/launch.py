@@ -8,7 +8,7 @@ import bpy
 
 from .. import jobs, machine, native
 from ..compat import translate
-from ..io import cache, files, fit_results, job_boxes, job_document
+from ..io import cache, files, fit_results, job_boxes, job_document, plain
 from ..jobs import EXIT_DONE, JobError, State
 from .base import session
 
@@ -42,7 +42,7 @@ def estimate_text(estimate):
     parts = []
     particles = estimate.get("particles")
     if particles:
-        parts.append(translate("{n} particles").format(n=f"{particles:,}".replace(",", " ")))
+        parts.append(plain.counted(particles, "particle"))
     memory = estimate.get("bytes")
     if memory:
         parts.append(translate("{size} of memory").format(size=jobs.size_text(memory)))

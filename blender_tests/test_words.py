@@ -74,7 +74,7 @@ class WordsTest(SceneCase):
                 ("output.mesh[0]: 8 or more points lie farther than two particle separations (up to "
                  "0.125 m) from 'Soft'; do they belong together?",
                  "Parts of the mesh of 'Soft' lie up to 12 cm outside the shape that is simulated, and "
-                 "may not follow it well. Lower Particle Separation, or apply the modifiers."),
+                 "may not follow it well. Apply the modifiers if it does not."),
                 ("Body 'Soft' starts up to 0.91685 m inside 'ground', at (-0.91685, -0.91685, -0.9) m. "
                  "Move one of them so that they touch at most.",
                  "Body 'Soft' starts up to 92 cm inside Ground. Move one of them so that they touch at "

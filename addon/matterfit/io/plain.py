@@ -25,7 +25,7 @@ def _deep(match):
 def _far(match):
     return translate(
         "Parts of the mesh of '{name}' lie up to {distance} outside the shape that is simulated, and "
-        "may not follow it well. Lower Particle Separation, or apply the modifiers.").format(
+        "may not follow it well. Apply the modifiers if it does not.").format(
             name=match["name"], distance=length_text(float(match["distance"])))
 
 

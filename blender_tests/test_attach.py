@@ -10,7 +10,7 @@ from attach_case import FRAMES, AttachCase, evaluated_points
 from fake_cache import write_exr, write_pc2
 from matterfit.io import attach, attached, cache, takes
 from matterfit.jobs import JobError
-from support import second_process
+from support import second_process, select
 
 
 class MeshTest(AttachCase):
@@ -108,6 +108,25 @@ class MeshTest(AttachCase):
         result["matterfit"] = "points:Cube"
         with self.assertRaisesRegex(JobError, "'take'.*Choose the take's mesh"):
             self.document("compare")
+
+    def test_a_result_is_no_body(self):
+        """It is refused when it is added, and where it was chosen in a row; a copy that holds the
+        shape alone is an object as any other."""
+        result = self.attach()["mesh:Cube"]
+        for role in ("BODY", "COLLIDER"):
+            result.hide_set(False)
+            select(result)
+            self.fails(bpy.ops.matterfit.add_body, [f"'{result.name}' shows what was simulated"],
+                       role=role)
+            self.assertEqual(len(self.settings.bodies), 1)
+            row = self.settings.bodies.add()
+            row.name, row.role, row.object = "Again", role, result
+            with self.assertRaisesRegex(JobError, "'Again': .* shows what was simulated"):
+                self.document()
+            self.settings.bodies.remove(1)
+        result.modifiers.clear()
+        self.body(result)
+        self.assertEqual(len(self.document()[0]["scene"]["bodies"]), 2)
 
     def test_after_what_makes_the_shape(self):
         """A mirrored mesh moves as one: the result shows what Mirror made, and refines that."""

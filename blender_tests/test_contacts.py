@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Contact between bodies."""
 
+from unittest import mock
+
 import bpy
+from matterfit import native
+from matterfit.io import job_boxes
 from matterfit.jobs import JobError
-from support import SceneCase
+from support import SceneCase, needs_library
 
 
 class PairTest(SceneCase):
@@ -40,3 +44,34 @@ class PairTest(SceneCase):
         self.settings.pairs[0].second = "One"
         with self.assertRaisesRegex(JobError, "no pair, or listed twice"):
             self.document()
+
+
+class OverlapTest(SceneCase):
+    """Two bodies that lie in each other."""
+
+    def setUp(self):
+        super().setUp()
+        self.jelly(name="One", separation=0.05)
+        self.second = self.jelly(name="Two", separation=0.05, location=(0.1, 0.0, 0.5)).object
+
+    @needs_library
+    def test_refused(self):
+        for operator in (bpy.ops.matterfit.estimate, bpy.ops.matterfit.bake):
+            self.fails(operator, ["'One' and 'Two' lie in each other"])
+
+    @needs_library
+    def test_only_where_the_boxes_meet(self):
+        self.second.location.x = 0.2  # they touch
+        self.scene.frame_end = 2
+        with mock.patch.object(native, "validate", wraps=native.validate) as asked:
+            bpy.ops.matterfit.estimate()
+            bpy.ops.matterfit.bake()
+            asked.assert_not_called()
+        self.assertTrue(self.settings.takes[0].baked)
+
+    def test_boxes_where_the_bodies_stand(self):
+        for place, angle, wanted in (((0.1, 0.0, 0.5), 0.0, True), ((0.2, 0.0, 0.5), 0.0, False),
+                                     ((0.23, 0.0, 0.5), 0.785, True), ((0.25, 0.0, 0.5), 0.785, False)):
+            self.second.location, self.second.rotation_euler.z = place, angle
+            document, folder = self.document()
+            self.assertEqual(job_boxes.may_overlap(document, folder), wanted, (place, angle))

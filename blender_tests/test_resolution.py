@@ -2,8 +2,9 @@
 """The particle separation that a quality asks for."""
 
 import bpy
+from matterfit import native
 from matterfit.io import resolution
-from support import SceneCase
+from support import SceneCase, needs_library
 
 
 class ResolutionTest(SceneCase):
@@ -52,6 +53,7 @@ class ResolutionTest(SceneCase):
         self.assertAlmostEqual(resolution.thinnest(self.scene), 0.05, places=5)
         self.assertTrue(item.hide_viewport)
 
+    @needs_library
     def test_no_more_particles_than_the_limit(self):
         """A slab of a metre, 2 cm thick: 6 cells would be 4.3 million particles."""
         item = self.cube(size=1.0)
@@ -60,9 +62,33 @@ class ResolutionTest(SceneCase):
         self.body(item)
         solver = self.settings.solver
         self.assertEqual(solver.quality, "STANDARD")
-        count = 0.02 / solver.particle_separation**3
-        self.assertTrue(95000 < count <= 100000, count)
+        document, folder = self.document("simulate")
+        count = native.estimate(document, folder)["particles"]
+        self.assertTrue(70000 < count <= 100000, count)
         self.assertEqual(resolution.limited_to(self.scene), (100000, 6))
         solver.most_particles = 10000000
         self.assertAlmostEqual(solver.particle_separation, 0.02 / 12, places=5)
         self.assertIsNone(resolution.limited_to(self.scene))
+
+    @needs_library
+    def test_the_limit_holds_for_what_is_filled(self):
+        """Layers are whole: walls, and a body with a corner cut off, take more than volume / h³."""
+        for kind in ("SOLIDIFY", "BOOLEAN", ""):
+            for item in list(self.scene.objects):
+                bpy.data.objects.remove(item)
+            self.settings.bodies.clear()
+            cutter = self.cube("Cutter", size=0.2, location=(0.45, 0.0, 0.75))
+            item = self.cube(size=0.3, location=(0.3, 0.0, 0.6))
+            if kind:
+                modifier = item.modifiers.new(kind, kind)
+                if kind == "BOOLEAN":
+                    modifier.object = cutter
+            solver = self.settings.solver
+            solver.quality = "STANDARD"
+            self.body(item)
+            for limit in (3000, 5000, 9000):
+                solver.most_particles = limit
+                solver.quality = "FINE"
+                document, folder = self.document("simulate")
+                count = native.estimate(document, folder)["particles"]
+                self.assertTrue(0.6 * limit < count <= limit, (kind, limit, count))

@@ -7,6 +7,7 @@ import os
 
 import bpy
 import numpy
+from mathutils import Matrix
 from matterfit import compat
 from matterfit.io import files, motion, shapes
 from matterfit.jobs import JobError
@@ -436,3 +437,38 @@ class PinnedGroupTest(SamplingCase):
         undeformed = [self.item.matrix_world @ vertex.co for vertex in self.item.data.vertices
                       if vertex.co.z > 0.0]
         self.assertGreater(numpy.abs(found[1] - numpy.array(undeformed)).max(), 0.01)
+
+
+class FlatTest(SceneCase):
+    """What lies in one plane has nothing that could be filled."""
+
+    def refused(self, item):
+        self.settings.bodies.clear()
+        self.body(item)
+        with self.assertRaisesRegex(JobError, f"^'{item.name}' is flat: give it a thickness"):
+            self.document()
+
+    def test_flat(self):
+        bpy.ops.mesh.primitive_plane_add(location=(0.3, 0.0, 1.0), rotation=(0.4, 0.3, 0.2))
+        self.refused(bpy.context.active_object)
+        # Turned in its own mesh as well, where float32 leaves it not quite flat.
+        item = bpy.context.active_object
+        item.data.transform(Matrix.Translation((5.0, 7.0, 3.0)) @ Matrix.Rotation(0.7, 4, (1, 2, 3)))
+        self.refused(item)
+        bpy.ops.object.text_add(location=(0.0, 0.0, 1.0))
+        self.refused(bpy.context.active_object)
+        item = self.cube("Pressed")
+        item.scale.z = 0.0
+        self.refused(item)
+
+    def test_thin_is_not_flat(self):
+        item = self.cube("Thin")
+        item.scale.z = 1e-4
+        self.body(item)
+        bpy.ops.mesh.primitive_plane_add(location=(0.0, 0.0, 1.0))
+        plane = bpy.context.active_object
+        plane.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.01
+        self.body(plane)
+        bpy.ops.mesh.primitive_plane_add(location=(0.0, 0.0, 0.0))
+        self.body(bpy.context.active_object, "COLLIDER")
+        self.assertEqual(len(self.document()[0]["scene"]["bodies"]), 2)

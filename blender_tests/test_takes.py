@@ -9,7 +9,7 @@ from matterfit.io import files, takes, visibility
 from matterfit.jobs import JobError
 from matterfit.props import migration
 from matterfit.props.scene import SCHEMA_VERSION
-from support import SceneCase
+from support import SceneCase, needs_library
 
 
 class FolderTest(SceneCase):
@@ -94,12 +94,30 @@ class FolderTest(SceneCase):
             collection = bpy.data.collections.new(f"C{index}")
             self.scene.collection.children.link(collection)
             self.settings.takes[index].collection = collection
+            self.settings.takes[index].frames_done = 1
         self.settings.take_index = 0
         self.assertEqual([take.collection.hide_render for take in self.settings.takes],
                          [False, True])
         self.settings.take_index = 1
         self.assertEqual([take.collection.hide_viewport for take in self.settings.takes],
                          [True, False])
+
+    @needs_library
+    def test_a_cache_that_was_deleted(self):
+        """The take shows nothing, so that the artist's own object does, until it is there again."""
+        self.jelly(separation=0.05)
+        bpy.ops.matterfit.bake()
+        bpy.ops.wm.save_mainfile()
+        take = self.settings.takes[0]
+        folder, away = takes.locate(take).folder, os.path.join(self.folder, "away")
+        for gone in (True, False):
+            shutil.move(*((folder, away) if gone else (away, folder)))
+            self.reopen()
+            take, item = self.settings.takes[0], bpy.data.objects["Cube"]
+            self.assertEqual(take.frames_done == 0, gone)
+            self.assertEqual((take.collection.hide_viewport, take.collection.hide_render), (gone, gone))
+            self.assertEqual((item.hide_viewport, item.hide_render), (not gone, not gone))
+            bpy.ops.wm.save_mainfile()
 
     def test_copied_take_has_settings_but_no_cache(self):
         body = self.body(self.cube())

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Messages of the library in the panel's words."""
 
-from matterfit.io import words
+from matterfit.io import plain, words
 from matterfit.ui import drawing
 from support import SceneCase
 
@@ -65,9 +65,59 @@ class WordsTest(SceneCase):
     def test_a_fill_in_short(self):
         text = ("8000 particles 0.02 m apart (20 × 20 × 20 cells); the surface cuts {} cells; volume "
                 "0.064 m³, particles hold {} % of it.")
-        self.assertEqual(words.fill(text.format(0, "100.00")), "8000 particles; volume matched.")
+        self.assertEqual(words.fill(text.format(0, "100.00")), "8 000 particles; volume matched.")
         self.assertEqual(words.fill(text.format(12, "97.31") + " The surface crosses itself."),
-                         "8000 particles; they hold 97.3 % of the volume. The surface crosses itself.")
+                         "8 000 particles, which hold 97.3 % of the volume. The surface crosses itself.")
+
+    def test_sentences_without_numbers_of_the_grid(self):
+        for text, wanted in (
+                ("output.mesh[0]: 8 or more points lie farther than two particle separations (up to "
+                 "0.125 m) from 'Soft'; do they belong together?",
+                 "Parts of the mesh of 'Soft' lie up to 12 cm outside the shape that is simulated, and "
+                 "may not follow it well. Apply the modifiers if it does not."),
+                ("Body 'Soft' starts up to 0.91685 m inside 'ground', at (-0.91685, -0.91685, -0.9) m. "
+                 "Move one of them so that they touch at most.",
+                 "Body 'Soft' starts up to 92 cm inside Ground. Move one of them so that they touch at "
+                 "most."),
+                ("Bodies 'A' and 'B' lie in each other, about (4.21e-17, 0.1, 0) m. Move one so that "
+                 "they touch at most.",
+                 "Bodies 'A' and 'B' lie in each other. Move one so that they touch at most."),
+                ("The surface crosses or doubles itself near 12 cells; the winding number decided "
+                 "there. Only 1 layer across the thinnest side (0 m); a separation of 4.2e-17 m gives "
+                 "12. The mesh is not closed: 42 boundary edges around 4 holes, filled as if each were "
+                 "covered straight across. 1 edge with more than two faces. 1 of 1 shell faced inward "
+                 "and was turned.",
+                 "The surface crosses itself in places. The thinnest side holds only 1 layer of "
+                 "particles: lower Particle Separation. The mesh had 4 holes, which were closed "
+                 "straight across. In places more than two faces share an edge. Faces looked inward and "
+                 "were turned outward."),
+                ("'Soft': Filling at a particle_separation of 1e-05 m makes about 2.7e+13 particles, "
+                 "more than the limit of 50000000. Use a separation of at least 0.000822 m.",
+                 "'Soft': A Particle Separation of 0.01 mm makes too many particles. Use at least "
+                 "0.82 mm."),
+                ("'Soft': Nothing to fill at a particle_separation of 10 m: the shape, 0.3 × 0.3 × 0.3 "
+                 "m, holds no cell of which a part is inside. Use a smaller separation, or check that "
+                 "the shape is closed and its unit.",
+                 "'Soft': A Particle Separation of 10 m is too large for this shape. Use a smaller one, "
+                 "or check that the shape is closed and its size is right.")):
+            self.assertEqual(self.said(text), wanted)
+
+    def test_one_and_many(self):
+        self.assertEqual([plain.counted(1, "frame"), plain.counted(2, "frame"),
+                          plain.counted(1, "particle"), plain.counted(97308, "particle")],
+                         ["1 frame", "2 frames", "1 particle", "97 308 particles"])
+
+    def test_lengths(self):
+        self.assertEqual([plain.length_text(metres) for metres in (12.0, 1.0, 0.99, 0.013, 2e-4, 0.0)],
+                         ["12 m", "1 m", "99 cm", "1.3 cm", "0.2 mm", "0 mm"])
+
+    def test_what_changed_of_the_only_body(self):
+        self.settings.bodies.remove(0)
+        text = ("/tmp/cache_matterfit_12345678 holds the results of other inputs. What changed:\n"
+                "  scene.bodies[0].material.E: 200000.0, was 100000.0\n"
+                "  scene.gravity[2]: -9.05, was -9.0\n")
+        self.assertIn("The scene changed since this bake: Young's Modulus was 100000, now 200000; "
+                      "Gravity Z was -9, now -9.05.", self.said(text))
 
     def test_a_body_that_is_off_does_not_count(self):
         self.settings.bodies[0].enabled = False

@@ -270,10 +270,10 @@ def estimate(text, folder, threads=0, overrides=()):
     return _json_call(_library.mf_estimate, _json(text), folder.encode(), ctypes.byref(options))
 
 
-def validate(text, folder, overrides=()):
+def validate(text, folder, threads=0, overrides=()):
     """The document as it was understood; JobError with the JSON path of what is wrong."""
     require()
-    options, _values = _options(overrides=overrides)
+    options, _values = _options(threads, overrides=overrides)
     return _json_call(_library.mf_validate, _json(text), folder.encode(), ctypes.byref(options))
 
 

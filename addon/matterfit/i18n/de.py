@@ -43,9 +43,15 @@ TEXTS = {
     "Not observable: {names}": "Nicht beobachtbar: {names}",
     "Next recording: {text}": "Nächste Aufnahme: {text}",
     "Looks like: {names}": "Sieht aus wie: {names}",
-    "{n} particles; volume matched.": "{n} Teilchen; Volumen getroffen.",
-    "{n} particles; they hold {share} % of the volume.":
-        "{n} Teilchen; sie halten {share} % des Volumens.",
+    "{n} particle": "{n} Teilchen",
+    "{n} particles": "{n} Teilchen",
+    "{n} frame": "{n} Bild",
+    "{n} frames": "{n} Bilder",
+    "{n} layer": "{n} Lage",
+    "{n} layers": "{n} Lagen",
+    "{particles}; volume matched.": "{particles}; Volumen getroffen.",
+    "{particles}, which hold {share} % of the volume.":
+        "{particles}, die {share} % des Volumens halten.",
     "Batch": "Stapel",
     "Vary": "Variieren",
     "At Once": "Zugleich",

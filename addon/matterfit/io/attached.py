@@ -7,6 +7,8 @@ lies in; by these they are found again wherever in the scene the artist has put 
 
 import bpy
 
+from ..compat import translate
+from ..jobs import JobError
 from . import cache, shapes, visibility
 
 TAG = "matterfit"
@@ -22,6 +24,16 @@ def objects_of(scene, take):
     if name:
         found.update((item, True) for item in scene.objects if item.get(CACHE_TAG) == name)
     return [item for item in found if item.get(TAG)]
+
+
+def refuse(item, where):
+    """JobError where the object shows a cache: simulated again, or run into, it would stand in for the
+    object that it was made from. A copy with its modifiers applied is an object as any other."""
+    if item is not None and item.get(TAG) and (
+            item.type == "VOLUME" or any(shapes.is_own(modifier) for modifier in item.modifiers)):
+        raise JobError(translate(
+            "{where}: '{name}' shows what was simulated. Choose the object that it was made from, or "
+            "a copy with its modifiers applied.").format(where=where, name=item.name))
 
 
 def mark(items, folder):

@@ -6,7 +6,7 @@ from mathutils import Matrix, Quaternion, Vector
 
 from .. import laws
 from ..jobs import JobError
-from . import files, meshes, presets, shapes, transforms
+from . import attached, files, meshes, presets, shapes, transforms
 from .files import number, numbers
 
 
@@ -67,6 +67,7 @@ class BodyPart:
         if item.type not in {"MESH", "CURVE", "SURFACE", "META", "FONT"}:
             raise JobError(f"{self.where}: object '{item.name}' is of type {item.type.lower()}, "
                            "which has no surface. Choose a mesh.")
+        attached.refuse(item, self.where)
         self.shape, self.bound = shapes.body_shape(item), shapes.bound_shape(item)
         self.writer.show(item)
         self.writer.at_first(self._sample)
@@ -83,6 +84,7 @@ class BodyPart:
         self.arrays = meshes.read_shape(item, self.shape, stretch, scale,
                                         creases=self.shape.kind == "cage")
         meshes.check_faces(item, self.arrays)
+        meshes.check_solid(item, self.arrays)
         if item.type == "MESH" and self._has_render_mesh():
             self.render = meshes.read_shape(item, self.bound, stretch, 1.0,
                                             creases=True)

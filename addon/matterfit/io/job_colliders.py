@@ -6,7 +6,7 @@ import numpy
 from mathutils import Matrix, Vector
 
 from ..jobs import JobError
-from . import files, job_writer, meshes, motion, transforms
+from . import attached, files, job_writer, meshes, motion, transforms
 from .files import number, numbers
 
 
@@ -74,6 +74,7 @@ class ColliderPart:
         if item.type == "EMPTY" and body.collider_shape != "PLANE":
             raise JobError(f"{self.where}: object '{item.name}' is an empty and has no surface. "
                            "Choose a mesh, or the shape Plane.")
+        attached.refuse(item, self.where)
         self.kind = motion.collider_kind(body)
         self.arrays = None
         self.matrices = []

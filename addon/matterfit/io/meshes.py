@@ -162,6 +162,18 @@ def check_faces(item, arrays):
                        "Check its modifiers and transform.")
 
 
+def check_solid(item, arrays):
+    """JobError where all vertices lie in one plane, whatever its direction: there is nothing to
+    fill. Call it after check_faces()."""
+    points = arrays["vertices"].astype(numpy.float64)
+    points -= points.mean(axis=0)
+    # Rounding of float32 vertices: of where they are, which may be far from the origin.
+    least = 1e-6 * float(numpy.abs(arrays["vertices"]).max())
+    _values, axes = numpy.linalg.eigh(points.T @ points)
+    if min(float(numpy.ptp(points @ axis)) for axis in axes.T) <= least:
+        raise JobError(f"'{item.name}' is flat: give it a thickness (Solidify).")
+
+
 def _parts(arrays):
     """(middle, volumes, centres): the tetrahedra between the vertices' mean and the triangles that
     the faces are cut into."""

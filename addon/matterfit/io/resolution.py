@@ -20,10 +20,19 @@ _known = {}  # object's name: Size, for when the object is hidden
 
 @dataclass(frozen=True)
 class Size:
-    """Of one body in Blender units: `thickness` of its thin parts, `volume`."""
+    """Of one body in Blender units: `thickness` of its thin parts, `volume`, `sides` of its box."""
 
     thickness: float
     volume: float
+    sides: tuple
+
+    def most_particles(self, separation):
+        """To how many particles the body is filled at most: part of a layer takes a whole one, across
+        a wall that is thin as across the two longer sides of the box."""
+        lengths = (min(self.thickness, *self.sides), *sorted(self.sides)[1:])
+        layers = [max(length / separation, 1e-6) for length in lengths]
+        more = numpy.prod([numpy.ceil(count - 1e-3) / count for count in layers])
+        return self.volume * float(more) / separation**3
 
 
 @reactions.separation_typed.done_by
@@ -44,10 +53,23 @@ def apply_quality(solver, scene):
         sizes = [size for size in (_measure(item) for item in items) if size is not None]
     if sizes:
         wanted = separation(min(size.thickness for size in sizes), solver.quality)
-        least = (sum(size.volume for size in sizes) / solver.most_particles) ** (1.0 / 3.0)
-        # Four digits: a thickness measured in floats must not leave 0.0024999 m. Rounded down, a
-        # limit would be passed.
-        _set(solver, "particle_separation", float(f"{max(wanted, 1.0005 * least):.4g}"))
+        # Four digits: a thickness measured in floats must not leave 0.0024999 m.
+        _set(solver, "particle_separation",
+             float(f"{_limited(sizes, wanted, solver.most_particles):.4g}"))
+
+
+def _limited(sizes, wanted, limit):
+    """`wanted`, or the separation near the smallest one that makes no more particles than `limit`;
+    four digits of it do so too."""
+    least = (sum(size.volume for size in sizes) / limit) ** (1.0 / 3.0)
+    if wanted < 1.0005 * least:
+        wanted = 1.0005 * least
+    for _step in range(200):
+        count = sum(size.most_particles(float(f"{wanted:.4g}")) for size in sizes)
+        if count <= limit:
+            break
+        wanted *= max((count / limit) ** (1.0 / 3.0), 1.0005)
+    return wanted
 
 
 def separation(thickness, quality):
@@ -133,7 +155,8 @@ def size_of(arrays):
     distances = _distances([Vector(vertex) for vertex in vertices], polygons, float(max(extent)))
     volume = abs(meshes.volume(arrays))
     return Size(float(numpy.percentile(distances, 5.0)) if distances else min(sides),
-                volume if distances and volume > 1e-6 * box else box)
+                volume if distances and volume > 1e-6 * box else box,
+                tuple(max(float(side), 1e-9) for side in extent))
 
 
 def _distances(vertices, polygons, extent):

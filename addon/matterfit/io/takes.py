@@ -10,7 +10,7 @@ import bpy
 from ..compat import translate
 from ..jobs import JobError
 from ..props import scene as scene_props
-from . import attached, cache
+from . import attached, cache, visibility
 
 PREFIX = "cache_matterfit_"
 MOST_FRAMES = 1048574  # Blender's
@@ -150,13 +150,19 @@ def for_bake(settings, replace):
 def look_at_disk(settings):
     """Sets what the takes say of their caches to what lies there: a bake may have gone on, or been
     deleted, since the file was saved."""
+    lost = False
     for take in settings.takes:
         location = locate(take)
-        document = {}
+        document, before = {}, take.frames_done
+        # One that an older version left without frames still hides the artist's objects.
+        lost = lost or take.collection is not None and not before
         with contextlib.suppress(JobError):
             document = cache.manifest(location.folder) if location.exists else {}
         take.frames_done = min(document.get("frames_baked", 0), MOST_FRAMES)
         take.baked = bool(document.get("complete")) and take.frames_done > 0
+        lost = lost or before > 0 and not take.frames_done
+    if lost:
+        visibility.show_take(settings)
 
 
 def for_fit(settings):

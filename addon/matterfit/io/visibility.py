@@ -57,11 +57,11 @@ def show_original(item):
 
 @reactions.take_switched.done_by
 def show_take(settings):
-    """The active take's collection is seen, the others' are not."""
+    """The active take's collection is seen where its cache holds frames, the others' are not."""
     shown = False
     for index, take in enumerate(settings.takes):
         if take.collection is not None:
-            active = index == settings.take_index
+            active = index == settings.take_index and take.frames_done > 0
             take.collection.hide_render = not active
             take.collection.hide_viewport = not active
             shown = shown or active

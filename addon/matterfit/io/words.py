@@ -6,7 +6,7 @@ import re
 
 from .. import quantities
 from ..compat import translate, translate_label
-from . import job_fit
+from . import job_fit, plain
 
 # bodies[0].material.E, scene.colliders.ground.contact.mu, captures."my clip", scene.gravity[2]
 _STEP = r"""(?:\.[A-Za-z_]\w*|\[\d+\])"""
@@ -50,9 +50,10 @@ def fill(text):
 def _short_fill(match):
     count, share = match.group("count"), float(match.group("share"))
     if abs(share - 100.0) <= _MATCHED:
-        return translate("{n} particles; volume matched.").format(n=count)
-    return translate("{n} particles; they hold {share} % of the volume.").format(
-        n=count, share=f"{share:.1f}")
+        return translate("{particles}; volume matched.").format(
+            particles=plain.counted(int(count), "particle"))
+    return translate("{particles}, which hold {share} % of the volume.").format(
+        particles=plain.counted(int(count), "particle"), share=f"{share:.1f}")
 
 
 def short_label(label):
@@ -93,18 +94,23 @@ def stage(text):
 
 def in_panel(text, settings):
     """`text` without paths of the document; `settings` are those of the scene that it is about."""
+    text = plain.said(text)
     text = _OWNED.sub(lambda match: _owned(match, settings), text)
     text = _SCENE.sub(lambda match: _field(match.group("key"), match.group(0)), text)
     text = _VARIED.sub(lambda match: _field(match.group("key"), match.group(0)), text)
     text = text.replace("'ground'", translate_label("Ground"))
     # A message that begins with a path may name the owner once more.
     text = re.sub(r"('[^'\n]+') \1", r"\1", text)
-    return _changed(text)
+    changed = _changed(text)
+    return _without_only_body(changed, settings) if changed != text else text
 
 
 def of_result(text, settings):
     """in_panel() of what a result says of its values: the only body of a scene goes without saying."""
-    text = in_panel(text, settings)
+    return _without_only_body(in_panel(text, settings), settings)
+
+
+def _without_only_body(text, settings):
     bodies = [body.name for body in settings.bodies if body.role == "BODY"]
     return text.replace(f"'{bodies[0]}', ", "") if len(bodies) == 1 else text
 
@@ -169,7 +175,8 @@ def _change(line):
     if match is not None and match.group("now") != "gone" and match.group(
             "before") != "not there":
         return translate("{what} was {before}, now {now}").format(
-            what=match.group("what"), before=match.group("before"), now=match.group("now"))
+            what=match.group("what"), before=plain.without_fraction(match.group("before")),
+            now=plain.without_fraction(match.group("now")))
     what, _colon, how = line.partition(": ")
     if how == "its content":
         return translate("{what} is another one").format(what=what)

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import EnumProperty, IntProperty
 
 from ..compat import translate
-from ..io import fit_rows, motion, presets, resolution, visibility
+from ..io import attached, fit_rows, motion, presets, resolution, visibility
 from ..jobs import JobError
 from ..props import scene as scene_props
 from .base import PlainOperator, greyed, remove_active
@@ -55,6 +55,8 @@ class MATTERFIT_OT_add_body(PlainOperator, bpy.types.Operator):
         if not chosen:
             raise JobError(translate("No new object with a surface is selected. Select one that "
                                      "is not in the list."))
+        for item in chosen:
+            attached.refuse(item, translate("Bodies"))
         for item in sorted(chosen, key=lambda other: other.name):
             body = add_body(settings, item, self.role)
             if item.type == "EMPTY":

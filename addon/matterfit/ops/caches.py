@@ -8,7 +8,7 @@ import bpy
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import attached, cache, job_document, takes
+from ..io import attached, cache, job_boxes, job_document, takes
 from ..props import scene as scene_props
 from .base import JobOperator, NoJobRunning, PlainOperator, greyed, redraw, session
 from .launch import judge_estimate, prepare
@@ -117,7 +117,11 @@ class MATTERFIT_OT_estimate(JobOperator, bpy.types.Operator):
 
         def ask():
             with holder:
-                return native.estimate(document, folder, threads)
+                found = native.estimate(document, folder, threads)
+                if (found.get("bytes", 0) <= document["scene"]["solver"]["memory_limit_gb"] * 1e9
+                        and job_boxes.may_overlap(document, folder)):
+                    native.validate(document, folder, threads)
+                return found
 
         return jobs.Job(translate("Estimate"), lambda: jobs.ThreadRun(ask, "Counting particles"))
 

@@ -8,7 +8,7 @@ import bpy
 
 from .. import jobs, machine, native
 from ..compat import translate
-from ..io import cache, files, fit_results, job_document
+from ..io import cache, files, fit_results, job_boxes, job_document, plain
 from ..jobs import EXIT_DONE, JobError, State
 from .base import session
 
@@ -42,7 +42,7 @@ def estimate_text(estimate):
     parts = []
     particles = estimate.get("particles")
     if particles:
-        parts.append(translate("{n} particles").format(n=f"{particles:,}".replace(",", " ")))
+        parts.append(plain.counted(particles, "particle"))
     memory = estimate.get("bytes")
     if memory:
         parts.append(translate("{size} of memory").format(size=jobs.size_text(memory)))
@@ -69,17 +69,25 @@ def prepare(context, take, folder, task, **options):
 
 def counted(document, folder, threads, run):
     """A backend that counts the particles, in a thread as that may take seconds, and goes on with
-    the one that `run()` returns; it ends with the numbers where that would not fit into memory."""
+    the one that `run()` returns; it ends with the numbers where that would not fit into memory, and
+    where bodies lie in each other, which is looked at where their boxes meet."""
+    # Without the outputs it is soon known: what they take is Estimate's to tell.
+    simulated = {**document, "task": "simulate"}
 
     def count():
-        # Without the outputs it is soon known: what they take is Estimate's to tell.
-        return native.estimate({**document, "task": "simulate"}, folder, threads)
+        return {**native.estimate(simulated, folder, threads),
+                "meet": job_boxes.may_overlap(document, folder)}
 
     def go_on(found):
         if found.status != EXIT_DONE:
             return None
         judge_estimate(bpy.context, document, found.result)
-        return run()
+        if not found.result["meet"]:
+            return run()
+        # All bodies are filled at once for it: only now is it known that this fits into memory.
+        return jobs.ThenRun(
+            jobs.ThreadRun(lambda: native.validate(simulated, folder, threads), "Filling"),
+            lambda checked: run() if checked.status == EXIT_DONE else None)
 
     return jobs.ThenRun(jobs.ThreadRun(count, "Filling"), go_on)
 

@@ -8,7 +8,7 @@ from bpy.props import EnumProperty
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import attach, cache, takes, visibility, words
+from ..io import attach, cache, plain, takes, visibility, words
 from ..jobs import EXIT_INPUT, JobError
 from ..props import scene as scene_props
 from .base import JobOperator, session
@@ -23,8 +23,8 @@ def report_text(job):
     """What a finished bake says: frames and time, how the bodies were filled, notes."""
     result = job.result
     first, end = result.get("frames", (0, 0))
-    parts = [translate("{name}: {n} frames in {time}").format(
-        name=job.label, n=end - first, time=jobs.duration_text(job.elapsed))]
+    parts = [translate("{name}: {frames} in {time}").format(
+        name=job.label, frames=plain.counted(end - first, "frame"), time=jobs.duration_text(job.elapsed))]
     parts += [f"{body['name']}: {words.fill(body['fill'])}" for body in result.get("bodies", [])
               if body.get("fill")]
     parts += result.get("notes", [])

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sentences of the library with coordinates, counts of cells and names of the document, said as an
+artist needs them. The tool prints them as they are."""
+
+import re
+
+from ..compat import translate, translate_label
+
+_NUMBER = r"[\d.]+(?:e[+-]?\d+)?"
+
+
+def length_text(metres):
+    """Two digits of a length in metres: 3 mm, 92 cm, 1.5 m."""
+    for unit, size in (("m", 1.0), ("cm", 0.01), ("mm", 0.001)):
+        if metres >= size:
+            break
+    return f"{float(f'{metres / size:.2g}'):g} {unit}"
+
+
+def _deep(match):
+    return translate("{body} starts up to {depth} inside {other}.").format(
+        body=match["body"], depth=length_text(float(match["depth"])), other=match["other"])
+
+
+def _far(match):
+    return translate(
+        "Parts of the mesh of '{name}' lie up to {distance} outside the shape that is simulated, and "
+        "may not follow it well. Apply the modifiers if it does not.").format(
+            name=match["name"], distance=length_text(float(match["distance"])))
+
+
+def _few_layers(match):
+    return translate("The thinnest side holds only {layers} of particles: lower Particle Separation."
+                     ).format(layers=counted(int(match["n"]), "layer"))
+
+
+def _holes(match):
+    if match["n"] == "1":
+        return translate("The mesh had a hole, which was closed straight across.")
+    return translate("The mesh had {n} holes, which were closed straight across.").format(n=match["n"])
+
+
+def _too_many(match):
+    return translate("A Particle Separation of {now} makes too many particles. Use at least {least}."
+                     ).format(now=length_text(float(match["now"])),
+                              least=length_text(float(match["least"])))
+
+
+def _nothing(match):
+    return translate(
+        "A Particle Separation of {now} is too large for this shape. Use a smaller one, or check that "
+        "the shape is closed and its size is right.").format(now=length_text(float(match["now"])))
+
+
+def counted(count, noun):
+    """How many of "layer", "frame" or "particle": 1 frame, 2 frames."""
+    one, many = {"layer": ("{n} layer", "{n} layers"), "frame": ("{n} frame", "{n} frames"),
+                 "particle": ("{n} particle", "{n} particles")}[noun]
+    return translate(one if count == 1 else many).format(n=f"{count:,}".replace(",", " "))
+
+
+def _fixed(text):
+    return lambda _match: translate(text)
+
+
+# Each pattern with what is said in its place.
+_SENTENCES = [(re.compile(pattern), said) for pattern, said in (
+    (rf"(?P<body>Body '[^'\n]+') starts up to (?P<depth>{_NUMBER}) m inside (?P<other>'[^'\n]+'|\w+), "
+     r"at \([^)\n]*\) m\.", _deep),
+    (r"(?<= lie in each other), about \([^)\n]*\) m(?=\.)", lambda _match: ""),
+    (rf"(?:'[^'\n]+', )?[\w.\"\[\] ]*: \d+ or more points lie farther than two particle separations "
+     rf"\(up to (?P<distance>{_NUMBER}) m\) from '(?P<name>[^'\n]+)'; do they belong together\?", _far),
+    (r"The surface crosses or doubles itself near \d+ cells?; the winding number decided there\.",
+     _fixed("The surface crosses itself in places.")),
+    (rf"Only (?P<n>\d+) layers? across the thinnest side \({_NUMBER} m\); a separation of {_NUMBER} m "
+     r"gives 12\.", _few_layers),
+    (r"The mesh is not closed: \d+ boundary edges? around (?P<n>\d+) holes?, filled as if each were "
+     r"covered straight across\.", _holes),
+    (r"\d+ edges? with more than two faces\.",
+     _fixed("In places more than two faces share an edge.")),
+    (r"\d+ of \d+ shells? faced inward and was turned\.",
+     _fixed("Faces looked inward and were turned outward.")),
+    (r"\d+ triangles faced the other way than their neighbours and were turned\.",
+     _fixed("Some faces looked the other way than their neighbours and were turned.")),
+    (r"\d+ corners that coincide were joined\.", _fixed("Vertices at the same place were joined.")),
+    (rf"Filling at a particle_separation of (?P<now>{_NUMBER}) m makes [^\n]*? particles, more than the "
+     rf"limit of \d+\. Use a separation of at least (?P<least>{_NUMBER}) m\.", _too_many),
+    (rf"Nothing to fill at a particle_separation of (?P<now>{_NUMBER}) m: .*?Use a smaller separation, "
+     r"or check that the shape is closed and its unit\.", _nothing),
+)]
+
+
+def said(text):
+    """`text` with these sentences in their place."""
+    for pattern, words in _SENTENCES:
+        text = pattern.sub(words, text)
+    return re.sub(r"(?<![\w.\"/])particle_separation\b", lambda _match: translate_label("Particle Separation"),
+                  text)
+
+
+def without_fraction(text):
+    """Whole numbers without .0: 100000.0 as 100000."""
+    return re.sub(r"(?<![\d.])(-?\d+)\.0(?![\d.])", r"\1", text)

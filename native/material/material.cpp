@@ -117,7 +117,7 @@ void validate(const Material& m, const std::string& where) {
     }
     for (const double number : m.latent) {
       require(number >= -kFarthestCode && number <= kFarthestCode, where, "latent", number,
-              "[-6, 6]; codes of known materials lie within 3");
+              "[-6, 6]; codes of known materials lie within 4");
     }
   }
   require(m.damping_shear >= 0 && m.damping_shear < 1e9, where, "damping_shear", m.damping_shear,

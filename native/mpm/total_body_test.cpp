@@ -88,8 +88,15 @@ TEST(TotalGrid, ReachesThePlanesOfTheSkinAndElseTheFaceOfTheBox) {
   EXPECT_NEAR(grid.reach(7, -out).distance, 0.5 * side, 1e-12);
   EXPECT_NEAR(grid.reach(8, out).distance, 0.5 * std::cbrt(body.volumes[8]), 1e-12);
   const Vec3d tilted = (out + 0.3 * out.unitOrthogonal()).normalized();
-  EXPECT_NEAR(grid.reach(7, tilted).distance * tilted.dot(out), 0.8 * side, 1e-12);
-  // Between, the limit goes over without a jump, and its slope is that of differences.
+  EXPECT_NEAR(grid.reach(7, tilted).distance, 0.8 * side, 1e-12);
+  const Vec3d aside = (out + 2.0 * out.unitOrthogonal()).normalized();
+  EXPECT_NEAR(grid.reach(7, aside).distance, 0.5 * side, 1e-12);
+  // Two that are faced alike count alike.
+  body.skin.push_back({7, (out + 0.5 * out.unitOrthogonal()).normalized(), 1.0 * side});
+  const Scene both = scene_of(body);
+  const Vec3d middle = (body.skin[0].normal + body.skin[1].normal).normalized();
+  EXPECT_NEAR(TotalGrid(both.bodies[0], both).reach(7, middle).distance, 0.9 * side, 1e-12);
+  // Between, it goes over without a jump, and its slope is that of differences.
   for (double angle = 0.0; angle < 3.0; angle += 0.037) {
     const auto at = [&](double a) -> Vec3d {
       return std::cos(a) * out + std::sin(a) * out.unitOrthogonal();

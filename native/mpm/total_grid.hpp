@@ -72,8 +72,9 @@ class TotalGrid {
     double distance = 0.0;        ///< [m]
     Vec3d slope = Vec3d::Zero();  ///< ∂distance/∂direction [m], world axes
   };
-  /// In the unit `direction` (world axes at rest): to the planes of Body::skin that look there, and
-  /// to the face of the particle's box where none does.
+  /// In the unit `direction` (world axes at rest): as far as the planes of Body::skin that face it
+  /// lie, and to the face of the particle's box where none does. A face that is tilted to a
+  /// collider is met at the middle of its tile, whose gap is the mean of the tile's.
   [[nodiscard]] Reach reach(std::uint32_t particle, const Vec3d& direction) const;
 
   /// Unit, outward, body axes: against the gradient of the lumped mass.

@@ -1,24 +1,20 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "mpm/total_grid.hpp"
 
 namespace matterfit::mpm {
 namespace {
 
-/// A ray ends at the first plane, and goes no farther than the face of the particle's box unless a
-/// plane faces it: from the first cosine on the limit grows smoothly, up to kFarthest at the
-/// second.
+/// Cosines of a plane's normal with the direction: below the first the plane does not count, from
+/// the second on it does so fully.
 constexpr double kAside = 0.55;
 constexpr double kFacing = 0.85;
-/// In sides of a particle's box: a cell of which less than a half is inside gives its volume to
-/// this one, and its face lies up to one side farther out.
+/// In sides of a particle's box: where planes lie that count. A cell of which less than a half is
+/// inside gives its volume to this one, and its face lies up to one side farther out.
+constexpr double kNearest = 0.05;
 constexpr double kFarthest = 1.5;
-/// In sides of the box: what a centre lies below its planes at least, so that none ends at once
-/// where it turns away.
-constexpr double kShallowest = 0.05;
 
 }  // namespace
 
@@ -34,20 +30,25 @@ void TotalGrid::sort_skin(const std::vector<SkinPlane>& skin) {
 
 TotalGrid::Reach TotalGrid::reach(std::uint32_t particle, const Vec3d& direction) const {
   const double side = std::cbrt(volumes_[particle]);
-  Reach ray{std::numeric_limits<double>::infinity(), Vec3d::Zero()};
-  Reach most{0.5 * side, Vec3d::Zero()};
+  // The face of the box, moved out by what the planes that face the direction are off it.
+  double moved = 0.0;
+  double sum = 0.0;
+  Vec3d moved_slope = Vec3d::Zero();
+  Vec3d sum_slope = Vec3d::Zero();
   for (std::uint32_t k = skin_first_[particle]; k < skin_first_[particle + 1]; ++k) {
     const SkinPlane& plane = skin_[k];
-    const double cosine = plane.normal.dot(direction);
-    if (cosine <= 0.0) continue;
-    const double distance = std::max(plane.depth, kShallowest * side) / cosine;
-    if (distance < ray.distance) ray = {distance, -distance / cosine * plane.normal};
-    const double s = std::clamp((cosine - kAside) / (kFacing - kAside), 0.0, 1.0);
-    const double limit = side * (0.5 + (kFarthest - 0.5) * s * s * (3.0 - 2.0 * s));
-    const double slope = side * (kFarthest - 0.5) * 6.0 * s * (1.0 - s) / (kFacing - kAside);
-    if (limit > most.distance) most = {limit, slope * plane.normal};
+    const double s = std::min((plane.normal.dot(direction) - kAside) / (kFacing - kAside), 1.0);
+    if (s <= 0.0) continue;
+    const double weight = s * s * (3.0 - 2.0 * s);
+    const Vec3d slope = 6.0 * s * (1.0 - s) / (kFacing - kAside) * plane.normal;
+    const double off = std::clamp(plane.depth, kNearest * side, kFarthest * side) - 0.5 * side;
+    moved += weight * weight * off;
+    sum += weight;
+    moved_slope += 2.0 * weight * off * slope;
+    sum_slope += slope;
   }
-  return ray.distance < most.distance ? ray : most;
+  if (!(sum > 0.0)) return {0.5 * side, Vec3d::Zero()};
+  return {0.5 * side + moved / sum, moved_slope / sum - moved / (sum * sum) * sum_slope};
 }
 
 }  // namespace matterfit::mpm

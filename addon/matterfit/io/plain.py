@@ -11,9 +11,8 @@ _NUMBER = r"[\d.]+(?:e[+-]?\d+)?"
 
 def length_text(metres):
     """Two digits of a length in metres: 3 mm, 92 cm, 1.5 m."""
-    for unit, size in (("m", 1.0), ("cm", 0.01), ("mm", 0.001)):
-        if metres >= size:
-            break
+    units = (("m", 1.0), ("cm", 0.01), ("mm", 0.001))
+    unit, size = next((pair for pair in units if metres >= pair[1]), units[-1])
     return f"{float(f'{metres / size:.2g}'):g} {unit}"
 
 

@@ -7,6 +7,7 @@
 
 #include "base/message_for_test.hpp"
 #include "job/fit_fixture_for_test.hpp"
+#include "job/fit_laws.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -51,6 +52,20 @@ TEST(FitLatent, FindsPlasticine) {
 TEST(FitLatent, FindsAFluid) {
   const Json result = fitted({{"law", "newtonian"}, {"bulk_modulus", 1e5}, {"viscosity", 50}});
   EXPECT_LT(held_out(result, "after"), 0.3 * held_out(result, "before"));
+}
+
+TEST(FitLatent, ItsStiffnessIsLookedForWithItsCode) {
+  Json document = fit_of(thrown_cube(), {"velocity"});
+  document["fit"]["laws"] = {"latent"};
+  const Job job = job_of(document, {});
+  std::string listed;
+  for (const fit::ParameterSpec& parameter :
+       parameters_of_law(*job.fit, material::Law::kNeoHookean, material::Law::kLatent)) {
+    listed += parameter.path.text() + " ";
+  }
+  EXPECT_THAT(listed, HasSubstr("bodies.cube.material.E "));
+  EXPECT_THAT(listed, HasSubstr("bodies.cube.material.latent[7] "));
+  EXPECT_THAT(listed, HasSubstr("bodies.cube.velocity "));
 }
 
 TEST(FitLatent, ABadCodeIsRefused) {

@@ -136,7 +136,10 @@ std::vector<fit::ParameterSpec> parameters_of_law(const FitDoc& doc, Law own, La
     parameter.where = "fit.laws";
     parameter.path.quantity = &of_material(key);
     parameter.path.owner = doc.body;
-    if (material::traits(own).uses(key) || !tells_laws_apart(*parameter.path.quantity, own, law)) {
+    // Stresses of the latent law are in units of E, so that without it no code is found.
+    const bool scale = law == Law::kLatent && key == "E";
+    if (!scale && (material::traits(own).uses(key) ||
+                   !tells_laws_apart(*parameter.path.quantity, own, law))) {
       continue;
     }
     add(std::move(parameter));

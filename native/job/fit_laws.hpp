@@ -16,7 +16,8 @@ namespace matterfit::job {
 [[nodiscard]] material::Material with_law(const material::Material& material, material::Law law);
 
 /// The parameters that are fitted with this law: those of the list that it uses, and those of its
-/// own that the document's law does not have. `own` is the document's.
+/// own that the document's law does not have; of the latent law its stiffness and all of its code.
+/// `own` is the document's.
 [[nodiscard]] std::vector<fit::ParameterSpec> parameters_of_law(const FitDoc& doc,
                                                                 material::Law own,
                                                                 material::Law law);

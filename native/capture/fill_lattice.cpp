@@ -374,11 +374,11 @@ class LatticeFill {
   }
 
   [[nodiscard]] Vec3d position(const Coord& cell, bool whole) const {
-    const Vec3d centre = world(vec(cell) + Vec3d::Constant(0.5));
+    Vec3d centre = world(vec(cell) + Vec3d::Constant(0.5));
     if (!options_.jitter) return centre;
     // In a cut cell a few draws, so that the particle lies inside the shape.
     for (int draw = 0; draw < 16; ++draw) {
-      const Vec3d x = world(vec(cell) + random_place(options_.seed, cell, draw));
+      Vec3d x = world(vec(cell) + random_place(options_.seed, cell, draw));
       if (whole || shape_.inside(x, shape_.at(x))) return x;
     }
     return centre;

@@ -250,10 +250,7 @@ RandomThrow random_throw(std::uint64_t seed, const ThrowSetting& setting,
     place[0] = place[1] = reach + random.between(0.0, 0.5) * result.size;
   }
   capture::place(filled, place - centre, Quatd::Identity());
-  body.rest = std::move(filled.positions);
-  body.volumes = std::move(filled.volumes);
-  body.lattice = filled.lattice;
-  body.skin = std::move(filled.skin);
+  capture::take_filled(body, std::move(filled));
 
   double spin_energy = 0.0;  // per mass
   for (std::size_t p = 0; p < body.rest.size(); ++p) {

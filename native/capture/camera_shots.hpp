@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 
 #include "capture/cameras.hpp"
 
-/// What the readers of all formats of cameras share; for use inside this room.
+/// Shared by the readers of all formats of cameras; for use inside this room.
 namespace matterfit::capture {
+
+/// Images that a file of cameras may have.
+inline constexpr std::size_t kMostImages = 1'000'000;
 
 /// Adds an image: its camera becomes that of an equal pose and lens, or a new one. Throws
 /// Error(kInput) beginning with `where`, the file and the image: a focal length that is none, a

@@ -21,7 +21,6 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr double kOrthonormal = 1e-3;  // matrices are often written with few digits
-constexpr std::size_t kMostImages = 1'000'000;
 
 /// One frame's keys before those that hold for all.
 class Entry {
@@ -97,7 +96,7 @@ void set_pose(const Eigen::Matrix<double, 3, 4>& to_world, const Entry& entry,
 /// Half the angle of view to a focal length.
 double focal_of(double angle, int pixels) { return 0.5 * pixels / std::tan(0.5 * angle); }
 
-/// Of Nerfstudio's models those of a lens with radial and tangential distortion.
+/// The lens of a frame, of those of Nerfstudio's models that have radial and tangential distortion.
 Distortion nerfstudio_lens(const Entry& entry) {
   const std::string model = entry.text("camera_model");
   const auto read = {"", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"};

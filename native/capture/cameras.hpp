@@ -52,7 +52,7 @@ using ImageSize = std::function<std::array<int, 2>(const std::string& image)>;
 /// that differ within a camera.
 [[nodiscard]] CameraSet parse_cameras(std::string_view text, const std::string& name,
                                       const ImageSize& size);
-/// Of a file as above, whose images lie in `images` or, where that is empty, beside it; or of a
+/// Reads a file as above, whose images lie in `images` or, where that is empty, beside it; or a
 /// COLMAP model (capture/colmap.hpp), a folder or one of its files.
 [[nodiscard]] CameraSet read_cameras(const std::filesystem::path& path,
                                      const std::filesystem::path& images = {});

@@ -37,7 +37,8 @@ double coverage(int x, int y) {
   return inside / 256.0;
 }
 
-/// What a camera takes: the ball mixed in by `with`, and noise of that deviation [light].
+/// An image of the background with the ball mixed in by `with`, and noise of that deviation
+/// [light].
 Bitmap take(double with, double noise, unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal(0.0, 1.0);

@@ -18,7 +18,6 @@
 namespace matterfit::capture {
 namespace {
 
-constexpr std::size_t kMostImages = 1'000'000;
 constexpr std::size_t kBytesOfAPoint = 24;
 
 enum class Kind { kSimplePinhole, kPinhole, kSimpleRadial, kRadial, kOpenCv, kFullOpenCv, kNone };

@@ -26,7 +26,7 @@ namespace matterfit::capture {
                                             std::span<const std::byte> images,
                                             const std::string& folder);
 
-/// Where a COLMAP model lies: the folder that is named, its `sparse/0` or `sparse`, or the folder
+/// The place of a COLMAP model: the folder that is named, its `sparse/0` or `sparse`, or the folder
 /// of a file of the model that is named. Nothing where there is none.
 struct ColmapPlace {
   std::filesystem::path folder;

@@ -100,6 +100,9 @@ struct GaussianFillOptions {
 [[nodiscard]] FilledBody fill_gaussians(const GaussianArrays& splats, const FillOptions& options,
                                         const GaussianFillOptions& gaussian_options = {});
 
+/// Gives a body the particles, lattice and skin of a filled shape.
+void take_filled(mpm::Body& body, FilledBody&& filled);
+
 /// Turns and moves a filled body and its lattice: x → rotation · x + position.
 void place(FilledBody& body, const Vec3d& position, const Quatd& rotation);
 

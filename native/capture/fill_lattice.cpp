@@ -430,6 +430,13 @@ FilledBody fill_lattice(const FillShape& shape, const FillOptions& options,
   return LatticeFill(shape, options).run(notes);
 }
 
+void take_filled(mpm::Body& body, FilledBody&& filled) {
+  body.rest = std::move(filled.positions);
+  body.volumes = std::move(filled.volumes);
+  body.lattice = filled.lattice;
+  body.skin = std::move(filled.skin);
+}
+
 void place(FilledBody& body, const Vec3d& position, const Quatd& rotation) {
   const Quatd turn = rotation.normalized();
   for (Vec3d& x : body.positions) x = turn * x + position;

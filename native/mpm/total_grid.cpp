@@ -73,7 +73,7 @@ TotalGrid::TotalGrid(const Body& body, const Scene& scene)
     }
   }
   find_surface(body.lattice);
-  sort_skin(body.skin);
+  index_skin(body.skin);
   Points coordinates(rest_.size());
   for (std::size_t p = 0; p < rest_.size(); ++p) {
     for (int axis = 0; axis < 3; ++axis) coordinates[p][axis] = node_coordinate(rest_[p], axis);

@@ -130,7 +130,7 @@ class TotalGrid {
   void place_points();
   void link_blocks();
   void find_surface(const Lattice& lattice);
-  void sort_skin(const std::vector<SkinPlane>& skin);
+  void index_skin(const std::vector<SkinPlane>& skin);
   void lump_mass(double density);
   void raise_light_nodes(double density);
 

@@ -18,7 +18,7 @@ constexpr double kFarthest = 1.5;
 
 }  // namespace
 
-void TotalGrid::sort_skin(const std::vector<SkinPlane>& skin) {
+void TotalGrid::index_skin(const std::vector<SkinPlane>& skin) {
   skin_ = skin;
   skin_first_.assign(1, 0);
   for (std::uint32_t p = 0; p < rest_.size(); ++p) {

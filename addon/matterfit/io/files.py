@@ -9,9 +9,15 @@ import unicodedata
 import zipfile
 import zlib
 
+import bpy
 import numpy
 
 from ..jobs import EXIT_COMPUTE, JobError
+
+
+def absolute(path):
+    """A path as Blender keeps it (// is the .blend's folder), absolute and normalised."""
+    return os.path.normpath(bpy.path.abspath(path))
 
 
 def write_bytes(path, content):

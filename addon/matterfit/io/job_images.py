@@ -4,18 +4,12 @@
 import os
 import re
 
-import bpy
-
 from ..jobs import JobError
 from . import job_captures
-from .files import number, numbers
+from .files import absolute, number, numbers
 
-# What a COLMAP model is made of; beside a .json these are what Import Images takes.
+# Files of a COLMAP model; Import Images takes these beside a .json.
 COLMAP_FILES = ("cameras.bin", "images.bin", "cameras.txt", "images.txt")
-
-
-def absolute(path):
-    return os.path.normpath(bpy.path.abspath(path))
 
 
 def clip_name(path):

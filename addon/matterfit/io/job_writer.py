@@ -3,7 +3,6 @@
 
 import os
 
-import bpy
 from mathutils import Matrix, Vector
 
 from ..jobs import JobError
@@ -156,7 +155,7 @@ class JobWriter:
 
     def external(self, path, what):
         """A file that exists, as a path relative to the document."""
-        absolute = os.path.normpath(bpy.path.abspath(path))
+        absolute = files.absolute(path)
         if not path:
             raise JobError(f"{what}: no file is chosen. Choose one, or remove the row.")
         if not os.path.isfile(absolute):

@@ -11,7 +11,7 @@ from ..compat import translate
 from ..io import attached, cache, job_boxes, job_document, takes
 from ..props import scene as scene_props
 from .base import JobOperator, NoJobRunning, PlainOperator, greyed, redraw, session
-from .launch import judge_estimate, prepare
+from .launch import judge_estimate, memory_limit, prepare
 
 
 class HasCache(NoJobRunning):
@@ -118,7 +118,7 @@ class MATTERFIT_OT_estimate(JobOperator, bpy.types.Operator):
         def ask():
             with holder:
                 found = native.estimate(document, folder, threads)
-                if (found.get("bytes", 0) <= document["scene"]["solver"]["memory_limit_gb"] * 1e9
+                if (found.get("bytes", 0) <= memory_limit(document)
                         and job_boxes.may_overlap(document, folder)):
                     native.validate(document, folder, threads)
                 return found

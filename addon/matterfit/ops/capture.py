@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from .. import native
 from ..compat import translate
-from ..io import fit_rows, job_captures, job_images
+from ..io import files, fit_rows, job_captures, job_images
 from ..jobs import JobError
 from ..props import choices
 from ..props import scene as scene_props
@@ -34,7 +34,7 @@ def add_capture(settings, name):
 
 def read_summary(scene, capture):
     """Reads the file, fills in the summary and returns it; JobError where it cannot be read."""
-    path = os.path.normpath(bpy.path.abspath(capture.filepath))
+    path = files.absolute(capture.filepath)
     images = capture.source == "IMAGES"
     if not os.path.isfile(path) and not (images and os.path.isdir(path)):
         raise JobError(translate("capture '{name}': the file {path} does not exist. Was it moved?")

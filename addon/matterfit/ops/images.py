@@ -84,7 +84,7 @@ class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
 
     def begin(self, context):
         native.require()
-        path = os.path.normpath(bpy.path.abspath(self.filepath))
+        path = files.absolute(self.filepath)
         if os.path.splitext(path)[1].lower() not in SPLAT_KINDS or not os.path.isfile(path):
             raise JobError(translate("{path}: splats are {kinds} files. Choose one of them.").format(
                 path=path, kinds=", ".join(SPLAT_KINDS)))

@@ -16,13 +16,18 @@ from .base import session
 GO_ON, AFRESH, AFRESH_WHERE_CHANGED = 0, 1, 2
 
 
+def memory_limit(document):
+    """Memory Limit of the scene [bytes]."""
+    return document["scene"]["solver"]["memory_limit_gb"] * 1e9
+
+
 def judge_estimate(context, document, estimate):
     """Shows an estimate of native.estimate(); JobError with the numbers where the run will not
     fit."""
     state = session(context)
     state.estimate = estimate_text(estimate)
     needed = estimate.get("bytes", 0)
-    limit = document["scene"]["solver"]["memory_limit_gb"] * 1e9
+    limit = memory_limit(document)
     free = machine.free_memory()
     state.estimate_fits = needed <= limit and (not free or needed <= free)
     if needed > limit:

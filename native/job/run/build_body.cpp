@@ -138,10 +138,7 @@ mpm::Body build_body(const BodyDoc& doc, const SceneDoc& scene, const std::strin
   });
   capture::place(filled, doc.placement.position, doc.placement.rotation);
   report = filled.report;
-  body.rest = std::move(filled.positions);
-  body.volumes = std::move(filled.volumes);
-  body.lattice = filled.lattice;
-  body.skin = std::move(filled.skin);
+  capture::take_filled(body, std::move(filled));
 
   for (std::size_t i = 0; i < doc.pins.size(); ++i) {
     const PinDoc& pin_doc = doc.pins[i];

@@ -58,10 +58,17 @@ void for_each_tensor(Decoder& d, const Visit& visit) {
 
 }  // namespace
 
+LatentPass latent_pass(const LatentDecoder& d, const LatentCode& code) {
+  LatentPass pass;
+  pass.one = (d.first * code + d.first_offset).array().tanh();
+  pass.two = (d.second * pass.one + d.second_offset).array().tanh();
+  pass.output = d.output + d.skip * code + d.third * pass.two;
+  return pass;
+}
+
 LatentOutput latent_output(const LatentDecoder& d, const LatentCode& code,
                            Eigen::MatrixXd* jacobian) {
-  const Eigen::VectorXd one = (d.first * code + d.first_offset).array().tanh();
-  const Eigen::VectorXd two = (d.second * one + d.second_offset).array().tanh();
+  const auto [one, two, output] = latent_pass(d, code);
   if (jacobian != nullptr) {
     const Eigen::VectorXd one_slope = 1.0 - one.array().square();
     const Eigen::VectorXd two_slope = 1.0 - two.array().square();
@@ -70,7 +77,7 @@ LatentOutput latent_output(const LatentDecoder& d, const LatentCode& code,
                               .eval() +
                 d.skip;
   }
-  return d.output + d.skip * code + d.third * two;
+  return output;
 }
 
 BoundedOutput bounded_output(std::size_t k, double x) {
@@ -93,27 +100,30 @@ void set_latent(Material& material, std::shared_ptr<const LatentDecoder> decoder
   decode_latent(material);
 }
 
-void decode_latent(Material& m) {
-  if (!m.decoder || m.latent.size() != kLatentSize) {
-    throw_compute("a code of the latent law has " + std::to_string(m.latent.size()) +
-                  " numbers, expected " + std::to_string(kLatentSize) + ".");
-  }
-  const LatentOutput x = latent_output(*m.decoder, code_of(m));
+void set_decoded(Material& m, const LatentOutput& x, const std::string& name) {
   auto start = std::make_shared<IsotropicStart>();
-  start->name = m.decoder->name;
+  start->name = name;
   for (std::size_t i = 1; i < kIsotropicElastic; ++i) {
     start->weights[i] = x[static_cast<Eigen::Index>(i - 1)];
   }
   m.start = std::move(start);
-  m.form_1 = m.form_2 = m.form_3 = m.form_4 = 0.0;
   m.weight_moves.assign(kIsotropicElastic, 0.0);
   const auto bounded = [&](std::size_t k) {
     return bounded_output(k, x[static_cast<Eigen::Index>(kLatentWeights + k)]).value;
   };
   m.poisson_ratio = poisson(bounded(0));
+  for (std::size_t k = 0; k < kIsotropicFlow; ++k) m.*kFlow[k] = bounded(1 + k);
+}
+
+void decode_latent(Material& m) {
+  if (!m.decoder || m.latent.size() != kLatentSize) {
+    throw_compute("a code of the latent law has " + std::to_string(m.latent.size()) +
+                  " numbers, expected " + std::to_string(kLatentSize) + ".");
+  }
+  set_decoded(m, latent_output(*m.decoder, code_of(m)), m.decoder->name);
+  m.form_1 = m.form_2 = m.form_3 = m.form_4 = 0.0;
   for (std::size_t k = 0; k < kIsotropicFlow; ++k) {
-    const double value = bounded(1 + k);
-    m.*kFlow[k] = is_limit(k) && value >= kLatentNever ? 10.0 * kNeverStrain : value;
+    if (is_limit(k) && m.*kFlow[k] >= kLatentNever) m.*kFlow[k] = 10.0 * kNeverStrain;
   }
 }
 

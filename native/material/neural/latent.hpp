@@ -77,6 +77,13 @@ struct LatentDecoder {
   Eigen::MatrixXd spreads;  ///< [classes, code]
 };
 
+/// The net at a code: its hidden layers and its raw outputs.
+struct LatentPass {
+  Eigen::VectorXd one;
+  Eigen::VectorXd two;
+  LatentOutput output;
+};
+[[nodiscard]] LatentPass latent_pass(const LatentDecoder& decoder, const LatentCode& code);
 /// The net's raw outputs, and their derivatives by the code if `jacobian` [outputs, code] is not
 /// null.
 [[nodiscard]] LatentOutput latent_output(const LatentDecoder& decoder, const LatentCode& code,
@@ -88,6 +95,10 @@ struct BoundedOutput {
   double slope;
 };
 [[nodiscard]] BoundedOutput bounded_output(std::size_t k, double x);
+
+/// Sets the energy, Poisson's ratio and the flow of the isotropic law that raw outputs stand for;
+/// limits of the flow are taken as they are, also those that are never met.
+void set_decoded(Material& material, const LatentOutput& output, const std::string& name);
 
 /// Makes the material of the latent law with that code: sets its law, decoder and code and what
 /// follows of them; E, damping and relaxation stay. Of no code: the mean of the elastic class.

@@ -102,24 +102,8 @@ double of_logarithm(double value, double small, double target, double never, dou
 Material decoded(const LatentOutput& x) {
   Material m;
   m.law = Law::kNeuralIsotropic;
-  auto start = std::make_shared<IsotropicStart>();
-  for (std::size_t i = 1; i < kIsotropicElastic; ++i) {
-    start->weights[i] = x[static_cast<Eigen::Index>(i - 1)];
-  }
-  m.start = std::move(start);
-  m.weight_moves.assign(kIsotropicElastic, 0.0);
-  const auto bounded = [&](std::size_t k) {
-    return bounded_output(k, x[static_cast<Eigen::Index>(kLatentWeights + k)]).value;
-  };
-  const double ratio = bounded(0);
-  m.poisson_ratio = (3.0 * ratio - 2.0) / (2.0 * (3.0 * ratio + 1.0));
+  set_decoded(m, x, {});
   m.youngs_modulus = 2.0 * (1.0 + m.poisson_ratio);
-  m.yield_strain = bounded(1);
-  m.internal_friction = bounded(2);
-  m.strain_hardening = bounded(3);
-  m.tear_strain = bounded(4);
-  m.flow_rate = bounded(5);
-  m.flow_thinning = bounded(6);
   return m;
 }
 
@@ -231,9 +215,7 @@ LatentDecoder beginning(Random& random) {
 /// The slope of a lesson's loss by all that is learned, and the loss.
 double backward(const LatentDecoder& d, const Lesson& lesson, std::size_t from, Learned& bar) {
   const LatentCode code = d.encoder * lesson.features + d.encoder_offset;
-  const Eigen::VectorXd one = (d.first * code + d.first_offset).array().tanh();
-  const Eigen::VectorXd two = (d.second * one + d.second_offset).array().tanh();
-  const LatentOutput x = d.output + d.skip * code + d.third * two;
+  const auto [one, two, x] = latent_pass(d, code);
   LatentOutput x_bar = LatentOutput::Zero();
   const double loss = lose(lesson, x, from, x_bar);
   const Eigen::VectorXd two_bar =

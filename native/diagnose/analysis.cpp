@@ -82,7 +82,8 @@ MatrixXd explained_columns(const Study& study, const Linearised& slopes, const S
   columns = side_by_side(columns, candidate_columns(slopes, used));
   columns =
       side_by_side(columns, smooth_basis(study.used(), study.model().captures(), kNoiseCosines));
-  if (spread.members.cols() > 0) columns = side_by_side(columns, spread.members.topRows(used));
+  columns = side_by_side(columns, spread.members.topRows(used));
+  columns = side_by_side(columns, spread.lumping.topRows(used));
   for (Index k = 0; k < columns.cols(); ++k) {
     const double norm = columns.col(k).norm();
     if (norm > 0.0) columns.col(k) /= norm;
@@ -115,7 +116,7 @@ Analysis analyse(const Study& study, const State& state, const Linearised& slope
 
   const Index members = spread.members.cols();
   const MatrixXd own = spread.members.topRows(used);
-  const SolverColumns solver = solver_columns(study.used(), model.captures(), own);
+  const SolverColumns solver = solver_columns(study.used(), model.captures(), spread.top(used));
   const Whitening whitening(study.used(), noise, solver.values);
   const MatrixXd raw = side_by_side(nuisances, candidate_columns(slopes, used));
   const MatrixXd white = whitening.apply(raw);

@@ -69,9 +69,10 @@ void lump(const diagnose::Numerics& n, mpm::Body& body) {
   for (auto& volume : body.volumes) volume *= before / after;
 }
 
-bool is_own(const diagnose::Numerics& n) {
+/// Whether the fitted values' substeps serve: what lumping alone changes is then no other step.
+bool has_own_steps(const diagnose::Numerics& n) {
   return n.spacing == 1.0 && n.step == 1.0 && n.offset.isZero(0.0) && n.particles == 1.0 &&
-         n.seed == 0 && !is_lumped(n);
+         n.seed == 0;
 }
 
 /// The parameters with the document's values as their starts: those are the
@@ -274,7 +275,7 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
     apply({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
           scene);
   }
-  if (is_own(point.numerics)) {
+  if (has_own_steps(point.numerics)) {
     const double ratio = limits_[run] / mpm::step_limit(scene) / kMargin;
     if (ratio > kMostFiner) return std::nullopt;
     const double finer =

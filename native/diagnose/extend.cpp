@@ -36,6 +36,14 @@ constexpr double kExtrapolated = 0.1;
 constexpr double kInadequate = 1.5;
 /// Standard errors by which blocks must agree: 100 : 1, one-sided.
 constexpr double kAgreement = 2.33;
+/// Standard errors by which a number of an accepted cause is beyond its neutral value.
+constexpr double kTold = 2.0;
+/// Causes that are fitted together for a start, and how much of one's signature another may
+/// imitate.
+constexpr std::size_t kTogether = 6;
+constexpr double kAlike = 0.9;
+/// χ²/dof above which the base is no place to begin from.
+constexpr double kFarOff = 1.2;
 /// A cause that is itself an acceleration field predicts what the free field does, to rounding.
 constexpr double kAsGood = 1.02;
 
@@ -96,6 +104,7 @@ class Search {
     linearise_base(study_.fitted());
     estimate_from(study_.measured() - out_.slopes.prediction);
     fit_base();
+    fit_together();
     try_singles();
     // What no longer counts as discrepancy may have counted as noise, and the other way round.
     if (!out_.singles.empty()) {
@@ -103,9 +112,11 @@ class Search {
       estimate_from(study_.measured() - out_.singles.front().refit.prediction);
       if (changed(before, out_.noise)) {
         fit_base();
+        fit_together();
         try_singles();
       }
     }
+    refit_base();
     choose();
     further();
     accept();
@@ -264,6 +275,56 @@ class Search {
     return mean > kAgreement * wider * std::sqrt(variance / count);
   }
 
+  /// Where the base is far off, what it lacks has pulled the material along, and a cause's own
+  /// first estimate from there is of another motion. With the best few causes at once the search
+  /// comes nearer to what it was, and each cause may begin there by itself.
+  void fit_together() {
+    together_.reset();
+    if (looseness_of(out_.base.refit) < kFarOff) return;
+    const std::vector<Score>& scores = out_.first->scores;
+    std::vector<std::size_t> chosen;
+    for (const std::size_t k : best_shapes(scores)) {
+      if (chosen.size() >= kTogether) break;
+      const Score& score = scores[k];
+      if (!effect_of(score).onsets.empty()) continue;
+      if (out_.first->placebo.p(score.equivalent) >= options_.analysis.placebo.level) break;
+      const bool alike = std::ranges::any_of(chosen, [&](std::size_t other) {
+        return out_.first->test.imitation(other, scores[other].estimate, k) > kAlike;
+      });
+      if (!alike) chosen.push_back(k);
+    }
+    if (chosen.size() < 2) return;
+    tell(0.48, fmt::format("Refitting with {} causes together", chosen.size()));
+    study_.begin("refits");
+    RefitStart start{{base_state_}, out_.slopes.theta};
+    for (const std::size_t k : chosen) {
+      const Score& score = scores[k];
+      start.states.front() =
+          extended(study_.model(), start.states.front(), score.candidate, score.estimate, 0.0);
+      start.slopes = both(start.slopes, columns_of(out_.slopes, score.candidate));
+    }
+    std::vector<RefitStart> starts;
+    starts.push_back(std::move(start));
+    if (auto refit = std::move(refitter_->fit_all(std::move(starts)).front())) {
+      together_ = std::move(refit->state);
+    }
+  }
+
+  /// The base from where its best extension ended: a search that went farther with a cause may have
+  /// found what the base's had missed, which is no evidence for the cause.
+  void refit_base() {
+    if (out_.singles.empty()) return;
+    const Refit& best = out_.singles.front().refit;
+    State state = best.state;
+    state.causes.clear();
+    std::vector<Attempt> attempts;
+    attempts.push_back({{}, {{std::move(state)}, best.slopes.leftCols(best.state.theta.size())}});
+    std::vector<Trial> again = tried(std::move(attempts), "refits");
+    if (!again.empty() && again.front().evidence < out_.base.evidence) {
+      out_.base = std::move(again.front());
+    }
+  }
+
   void try_singles() {
     // Where a refit of the pass before ended is the better start.
     std::vector<Trial> known = std::move(out_.singles);
@@ -333,9 +394,23 @@ class Search {
         return {{trial.refit.state}, std::move(trial.refit.slopes)};
       }
     }
-    return {{extended(study_.model(), base_state_, score.candidate, score.estimate, 1.0),
-             extended(study_.model(), base_state_, score.candidate, score.estimate, 0.5)},
-            both(out_.slopes.theta, columns_of(out_.slopes, score.candidate))};
+    RefitStart start{{extended(study_.model(), base_state_, score.candidate, score.estimate, 1.0),
+                      extended(study_.model(), base_state_, score.candidate, score.estimate, 0.5)},
+                     both(out_.slopes.theta, columns_of(out_.slopes, score.candidate))};
+    if (together_) {
+      State state{together_->theta, {}};
+      for (const Active& cause : together_->causes) {
+        if (cause.effect == score.candidate.effect && cause.variant == score.candidate.variant) {
+          state.causes.push_back(cause);
+        }
+      }
+      if (!state.causes.empty()) {
+        start.states.push_back(std::move(state));
+        // Slopes of the base are of another place.
+        ++start.renewals;
+      }
+    }
+    return start;
   }
 
   static double looseness_of(const Refit& refit) {
@@ -519,10 +594,28 @@ class Search {
     out_.within_solver =
         out_.exact_solver_significant && !(g.measurable && predicts) &&
         out_.base.evidence - out_.best->evidence < kExtrapolated * out_.solver_took;
-    out_.accepted = predicts && likelier && !out_.best->refit.at_bound && !out_.within_solver;
+    out_.accepted = predicts && likelier && is_told(out_.best->refit) &&
+                    !out_.best->refit.at_bound && !out_.within_solver;
     for (std::size_t k = 0; k < out_.first->scores.size(); ++k) {
       if (is_rival(out_.first->scores[k])) out_.rivals.push_back(k);
     }
+  }
+
+  /// Whether each cause has a number that is beyond its neutral value.
+  [[nodiscard]] bool is_told(const Refit& refit) const {
+    const double wide = std::sqrt(looseness_of(refit));
+    Index at = 0;
+    for (const Active& cause : refit.state.causes) {
+      const std::vector<Number>& numbers =
+          study_.model().effects()[std::size_t(cause.effect)].numbers;
+      bool told = false;
+      for (Index k = 0; k < cause.values.size(); ++k, ++at) {
+        const double beyond = std::abs(cause.values[k] - numbers[std::size_t(k)].neutral);
+        told = told || beyond > kTold * wide * refit.error[at];
+      }
+      if (!told) return false;
+    }
+    return true;
   }
 
   /// Whether the best single cause does not exclude this candidate.
@@ -549,6 +642,7 @@ class Search {
   const ExtendOptions& options_;
   State base_state_;
   std::map<double, std::optional<State>> before_onset_;  ///< by the time
+  std::optional<State> together_;  ///< the base with the best few causes at once
   Extension out_;
   std::optional<Refitter> refitter_;
   std::optional<Judge> judge_;

@@ -22,8 +22,9 @@ using Eigen::VectorXd;
 /// Rivals within a fifth of the best score are refitted too: far from neutral a first estimate is
 /// not that exact.
 constexpr double kNearScore = 0.8;
-/// Refitted whatever their scores say of them, for the same reason.
+/// Refitted whatever their scores say of them, for the same reason; more where the base is far off.
 constexpr std::size_t kAlways = 3;
+constexpr std::size_t kAlwaysFarOff = 5;
 /// The smallest deviation that counts as noise: rounding of single precision at a metre.
 constexpr double kNoiseFloor = 1e-7;
 /// The solver's error is extrapolated to first order: a tenth of the χ² it stands for, a third of
@@ -31,6 +32,10 @@ constexpr double kNoiseFloor = 1e-7;
 constexpr double kExtrapolated = 0.1;
 /// Standard errors by which a number of an accepted cause is beyond its neutral value.
 constexpr double kTold = 2.0;
+/// The same for a cause that leaves nothing to the solver.
+constexpr double kSure = 5.0;
+/// Share of the excess that such a cause explains at least.
+constexpr double kNearlyAll = 0.8;
 /// Causes that are fitted together for a start, and how much of one's signature another may
 /// imitate.
 constexpr std::size_t kTogether = 6;
@@ -207,17 +212,24 @@ class Search {
     const std::vector<std::size_t> order = best_shapes(scores);
     if (order.empty()) return;
     const Score& top = scores[order.front()];
+    const std::size_t always = looseness_of(out_.base.refit) < kFarOff ? kAlways : kAlwaysFarOff;
     std::vector<Attempt> attempts;
     add_onsets(scores, known, attempts);
+    if (out_.first->placebo.p(top.equivalent) < options_.analysis.placebo.level) {
+      for (const std::size_t k : order) {
+        if (effect_of(scores[k]).tries.empty()) continue;
+        attempts.push_back({{scores[k].candidate}, single_start(scores[k], known)});
+      }
+    }
     for (const std::size_t k : order) {
       if (int(attempts.size()) >= options_.refits) break;
       const Score& score = scores[k];
-      if (!effect_of(score).onsets.empty()) continue;
+      if (!effect_of(score).onsets.empty() || !effect_of(score).tries.empty()) continue;
       if (out_.first->placebo.p(score.equivalent) >= options_.analysis.placebo.level) break;
       const double imitates = out_.first->test.imitation(order.front(), top.estimate, k);
       const bool like = top.statistic * (1.0 - imitates) < kExcluded ||
                         score.statistic > kNearScore * top.statistic;
-      if (!like && attempts.size() >= kAlways) continue;
+      if (!like && attempts.size() >= always) continue;
       attempts.push_back({{score.candidate}, single_start(score, known)});
     }
     if (attempts.empty()) return;
@@ -272,6 +284,14 @@ class Search {
         {extended(study_.model(), out_.base_state, score.candidate, score.estimate, 1.0),
          extended(study_.model(), out_.base_state, score.candidate, score.estimate, 0.5)},
         beside(out_.slopes.theta, columns_of(out_.slopes, score.candidate))};
+    const Effect& effect = effect_of(score);
+    for (const double value : effect.tries) {
+      VectorXd there = VectorXd::Zero(score.estimate.size());
+      there[0] = (value - effect.numbers[0].neutral) / effect.numbers[0].scale;
+      start.states.push_back(
+          extended(study_.model(), out_.base_state, score.candidate, there, 1.0));
+      start.slopes.resize(0, 0);
+    }
     if (together_) {
       State state{together_->theta, {}};
       for (const Active& cause : together_->causes) {
@@ -312,31 +332,39 @@ class Search {
     const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
     // An error that is beyond what solver and noise make, and that the cause takes away, is not the
     // solver's.
+    // Nor is one that a single number, known well, takes away nearly all of, there and in what was
+    // kept back: the solver's errors are not one cause's signature.
+    const Refit& before = out_.base.refit;
+    const double explained = (before.chi_square - out_.best->refit.chi_square) /
+                             std::max(before.chi_square - before.freedom, 1.0);
+    const bool accounts = explained > kNearlyAll && told_by(out_.best->refit) > kSure &&
+                          kept_back - out_.best->opinion.deviance > kExcluded * out_.looseness;
     out_.within_solver =
-        out_.exact_solver_significant && !(g.measurable && predicts) &&
+        out_.exact_solver_significant && !(g.measurable && predicts) && !accounts &&
         out_.base.evidence - out_.best->evidence < kExtrapolated * out_.solver_took;
-    out_.accepted = predicts && likelier && is_told(out_.best->refit) &&
+    out_.accepted = predicts && likelier && told_by(out_.best->refit) > kTold &&
                     !out_.best->refit.at_bound && !out_.within_solver;
     for (std::size_t k = 0; k < out_.first->scores.size(); ++k) {
       if (is_rival(out_.first->scores[k])) out_.rivals.push_back(k);
     }
   }
 
-  /// Whether each cause has a number that is beyond its neutral value.
-  [[nodiscard]] bool is_told(const Refit& refit) const {
+  /// By how many standard errors each cause has a number that is beyond its neutral value.
+  [[nodiscard]] double told_by(const Refit& refit) const {
     const double wide = std::sqrt(looseness_of(refit));
+    double least = 1e300;
     Index at = 0;
     for (const Active& cause : refit.state.causes) {
       const std::vector<Number>& numbers =
           study_.model().effects()[std::size_t(cause.effect)].numbers;
-      bool told = false;
+      double most = 0.0;
       for (Index k = 0; k < cause.values.size(); ++k, ++at) {
         const double beyond = std::abs(cause.values[k] - numbers[std::size_t(k)].neutral);
-        told = told || beyond > kTold * wide * refit.error[at];
+        most = std::max(most, beyond / std::max(wide * refit.error[at], 1e-300));
       }
-      if (!told) return false;
+      least = std::min(least, most);
     }
-    return true;
+    return least;
   }
 
   /// Whether the best single cause does not exclude this candidate.

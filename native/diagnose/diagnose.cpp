@@ -195,7 +195,7 @@ class Writer {
     cause.keep = score.keep;
     cause.observable = score.observable || trial;
     cause.refitted = trial != nullptr;
-    if (trial && !e.onsets.empty()) {
+    if (trial && !(e.onsets.empty() && e.tries.empty())) {
       cause.p = found_.first->placebo.p(found_.base.evidence - trial->evidence);
     }
     if (acts(score.candidate)) {

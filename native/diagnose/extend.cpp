@@ -216,9 +216,9 @@ class Search {
     std::vector<Attempt> attempts;
     add_onsets(scores, known, attempts);
     if (out_.first->placebo.p(top.equivalent) < options_.analysis.placebo.level) {
-      for (const std::size_t k : order) {
-        if (effect_of(scores[k]).tries.empty()) continue;
-        attempts.push_back({{scores[k].candidate}, single_start(scores[k], known)});
+      for (const Score& score : scores) {
+        if (effect_of(score).tries.empty()) continue;
+        attempts.push_back({{score.candidate}, single_start(score, known)});
       }
     }
     for (const std::size_t k : order) {

@@ -184,9 +184,8 @@ class Search {
     }
     std::vector<RefitStart> starts;
     starts.push_back(std::move(start));
-    if (auto refit = std::move(refitter_->fit_all(std::move(starts)).front())) {
-      together_ = std::move(refit->state);
-    }
+    const std::vector<std::optional<Refit>> refits = refitter_->fit_all(std::move(starts));
+    if (refits.front()) together_ = refits.front()->state;
   }
 
   /// The base from where its best extension ended: a search that went farther with a cause may have

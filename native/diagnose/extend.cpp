@@ -22,9 +22,12 @@ using Eigen::VectorXd;
 /// Rivals within a fifth of the best score are refitted too: far from neutral a first estimate is
 /// not that exact.
 constexpr double kNearScore = 0.8;
-/// Refitted whatever their scores say of them, for the same reason; more where the base is far off.
+/// Refitted whatever their scores say of them, for the same reason.
 constexpr std::size_t kAlways = 3;
-constexpr std::size_t kAlwaysFarOff = 5;
+/// How often the best cause's search may begin again where it ended before it converged, and the
+/// share of its χ² that must go each time.
+constexpr int kMoreRounds = 3;
+constexpr double kWorthARound = 0.02;
 /// The smallest deviation that counts as noise: rounding of single precision at a metre.
 constexpr double kNoiseFloor = 1e-7;
 /// The solver's error is extrapolated to first order: a tenth of the χ² it stands for, a third of
@@ -66,6 +69,7 @@ class Search {
         try_singles();
       }
     }
+    finish_best();
     refit_base();
     choose();
     add_further_causes(study_, *trials_, *judge_, options_, out_);
@@ -188,6 +192,23 @@ class Search {
     if (refits.front()) together_ = refits.front()->state;
   }
 
+  /// A best cause that was far off at first may need more slopes than others to get to its end.
+  void finish_best() {
+    for (int round = 0; round < kMoreRounds && !out_.singles.empty(); ++round) {
+      Trial& best = out_.singles.front();
+      if (best.refit.converged || looseness_of(best.refit) < kFarOff) return;
+      tell(0.8, "Refitting with the best cause");
+      std::vector<Attempt> attempts;
+      attempts.push_back({best.causes, {{best.refit.state}, {}}});
+      std::vector<Trial> again = trials_->tried(std::move(attempts), "refits");
+      if (again.empty() || !(again.front().evidence < best.evidence)) return;
+      const bool worth =
+          again.front().refit.chi_square < (1.0 - kWorthARound) * best.refit.chi_square;
+      best = std::move(again.front());
+      if (!worth) return;
+    }
+  }
+
   /// The base from where its best extension ended: a search that went farther with a cause may have
   /// found what the base's had missed, which is no evidence for the cause.
   void refit_base() {
@@ -211,7 +232,6 @@ class Search {
     const std::vector<std::size_t> order = best_shapes(scores);
     if (order.empty()) return;
     const Score& top = scores[order.front()];
-    const std::size_t always = looseness_of(out_.base.refit) < kFarOff ? kAlways : kAlwaysFarOff;
     std::vector<Attempt> attempts;
     add_onsets(scores, known, attempts);
     if (out_.first->placebo.p(top.equivalent) < options_.analysis.placebo.level) {
@@ -228,7 +248,7 @@ class Search {
       const double imitates = out_.first->test.imitation(order.front(), top.estimate, k);
       const bool like = top.statistic * (1.0 - imitates) < kExcluded ||
                         score.statistic > kNearScore * top.statistic;
-      if (!like && attempts.size() >= always) continue;
+      if (!like && attempts.size() >= kAlways) continue;
       attempts.push_back({{score.candidate}, single_start(score, known)});
     }
     if (attempts.empty()) return;

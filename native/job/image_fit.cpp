@@ -13,6 +13,7 @@
 
 #include "base/error.hpp"
 #include "fit/model/image_problem.hpp"
+#include "fit/model/particle_colours.hpp"
 #include "fit/model/particle_sizes.hpp"
 #include "fit/numerics/uncertainty.hpp"
 #include "job/documents/fit_document.hpp"
@@ -47,8 +48,8 @@ class ImageFit {
       throw_input("fit.laws: laws are compared by tracks only; a fit to images takes one.");
     }
     say("Reading", 0.0);
-    loaded_ = job_.captures.empty() ? unread_experiment(job_)
-                                    : load_experiment(job_, statements_, true);
+    loaded_ =
+        job_.captures.empty() ? unread_experiment(job_) : load_experiment(job_, statements_, true);
     build();
     say("Fitting: the start", 0.01);
     values_ = parameters_->starts();
@@ -56,9 +57,11 @@ class ImageFit {
     settle_sizes();
     const Standing before = standing();
     find_poses();
+    learn_colours();
     scan();
     search(kWide, "wide");
     if (moves_cameras()) settle_sizes();
+    learn_colours();
     search(kNarrow, "narrow");
     say("Fitting: errors of the values", 0.95 * kFitShare);
     const fit::Uncertainty known = uncertainty();
@@ -88,8 +91,8 @@ class ImageFit {
     Arena arena(options_.threads);
     std::vector<mpm::Scene> scenes;
     for (const fit::Run& run : runs()) scenes.push_back(run.build(1.0, arena, interrupter_));
-    has_tracks_ = std::any_of(runs().begin(), runs().end(),
-                              [](const fit::Run& run) { return run.fitted; });
+    has_tracks_ =
+        std::any_of(runs().begin(), runs().end(), [](const fit::Run& run) { return run.fitted; });
     films_ = load_films(job_, scenes.front(), has_tracks_, statements_);
     settle_captures(loaded_.experiment, scenes, arena, statements_);
     window_ = fit::growing_windows(runs(), false).back();
@@ -158,6 +161,15 @@ class ImageFit {
     }
   }
 
+  /// Of the particles, from the images at the scene's first frame as the values have them now.
+  void learn_colours() {
+    std::vector<fit::Sighting> reduced;
+    for (const ImageSighting& sighting : films_.sightings) {
+      if (sighting.reduced.has_colours()) reduced.push_back(sighting.reduced);
+    }
+    if (!reduced.empty()) colours_ = fit::learn_colours(*model_, values_, reduced);
+  }
+
   [[nodiscard]] std::vector<fit::Parameter> parameters_at(const std::vector<double>& values) const {
     std::vector<fit::Parameter> parameters = parameters_->parameters();
     for (std::size_t k = 0; k < values.size(); ++k) parameters[k].start = values[k];
@@ -169,6 +181,7 @@ class ImageFit {
     fit::ImageProblem::Parts parts;
     parts.tracks = tracks_ ? &*tracks_ : nullptr;
     parts.window = window_;
+    parts.colours = colours_ ? &*colours_ : nullptr;
     return problem(blur, std::move(parts), std::numeric_limits<double>::infinity());
   }
 
@@ -290,7 +303,7 @@ class ImageFit {
       filming.views.push_back(sighting.reduced.view);
       filming.views.back().camera = sighting.camera;
     }
-    filming.see = [&](std::size_t, std::size_t v, const splat::Image& image) {
+    filming.see = [&](std::size_t, std::size_t v, const fit::Drawn& image) {
       const ImageSighting& sighting = sightings[v];
       std::vector<float> ours = image.mask;
       for (std::size_t i = 0; i < sighting.seen.size(); ++i) {
@@ -357,25 +370,27 @@ class ImageFit {
     const auto scale = [](double square) {
       return std::isfinite(square) ? Json(std::sqrt(square)) : Json();
     };
-    Json json = {
-        {"law", material::traits(body.material.law).name},
-        {"converged", state_.converged},
-        {"reason", state_.reason},
-        {"loss", std::string("silhouette") +
-                     (has_tracks_ ? " and " + std::string(loss_name(doc_.loss)) : "")},
-        {"iterations", iterations_},
-        {"evaluations", simulated_},
-        {"seconds", seconds},
-        {"parameters", parameters_json(parameters_->parameters(), values_, known)},
-        {"correlation", correlation_json(known)},
-        {"noise_scale", known.noise_scale},
-        {"noise_scales", {{"images", scale(misfit_.images)}, {"tracks", scale(misfit_.tracks)}}},
-        {"statements", statements},
-        {"before", before.tracks},
-        {"after", after.tracks},
-        {"silhouettes", {{"before", before.silhouettes}, {"after", after.silhouettes}}},
-        {"cameras", after.cameras},
-        {"history", history_}};
+    Json json = {{"law", material::traits(body.material.law).name},
+                 {"converged", state_.converged},
+                 {"reason", state_.reason},
+                 {"loss", std::string("silhouette") +
+                              (has_tracks_ ? " and " + std::string(loss_name(doc_.loss)) : "")},
+                 {"iterations", iterations_},
+                 {"evaluations", simulated_},
+                 {"seconds", seconds},
+                 {"parameters", parameters_json(parameters_->parameters(), values_, known)},
+                 {"correlation", correlation_json(known)},
+                 {"noise_scale", known.noise_scale},
+                 {"noise_scales",
+                  {{"images", scale(misfit_.images)},
+                   {"colours", scale(misfit_.colours)},
+                   {"tracks", scale(misfit_.tracks)}}},
+                 {"statements", statements},
+                 {"before", before.tracks},
+                 {"after", after.tracks},
+                 {"silhouettes", {{"before", before.silhouettes}, {"after", after.silhouettes}}},
+                 {"cameras", after.cameras},
+                 {"history", history_}};
     json["warning"] = fit_warning(json, false);
     const std::string held_out = held_out_warning(after.tracks);
     if (!held_out.empty()) {
@@ -417,6 +432,7 @@ class ImageFit {
   std::optional<fit::Parameters> parameters_;
   std::unique_ptr<fit::Model> model_;
   std::optional<fit::CaptureProblem> tracks_;
+  std::optional<fit::ParticleColours> colours_;
   fit::StepPlan plan_;
   std::vector<double> values_;
   std::optional<fit::LeastSquares> search_;

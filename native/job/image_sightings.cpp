@@ -75,6 +75,13 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& int
       one.reduced.seen = fit::reduced(one.seen, one.camera.width, one.camera.height, factor).values;
     }
     one.reduced.noise = doc.noise / factor;
+    if (doc.colours) {
+      one.reduced.colour_noise = *doc.colours;
+      for (std::size_t c = 0; c < 3; ++c) {
+        one.reduced.colours[c] =
+            fit::reduced(sight.colours[c], one.camera.width, one.camera.height, factor);
+      }
+    }
     fit::View& view = one.reduced.view;
     view.camera = fit::reduced(one.camera, factor);
     view.film = into.films.size();

@@ -20,6 +20,34 @@ double Filming::until() const {
   return until;
 }
 
+Drawn draw(splat::Rasteriser& rasteriser, splat::Gaussians gaussians,
+           std::optional<std::size_t> body, const ParticleColours* colours,
+           const splat::Camera& camera) {
+  Drawn drawn;
+  if (colours == nullptr) {
+    drawn.mask = rasteriser.render(gaussians, camera).mask;
+    return drawn;
+  }
+  std::vector<Vec3f> weighted;
+  std::vector<Vec3f> known;
+  for (std::size_t b = 0; b < colours->bodies.size(); ++b) {
+    if (body && *body != b) continue;
+    const ParticleColours::OfBody& of = colours->bodies[b];
+    for (std::size_t i = 0; i < of.colours.size(); ++i) {
+      weighted.emplace_back(of.known[i] * of.colours[i]);
+      known.emplace_back(Vec3f::Constant(of.known[i]));
+    }
+  }
+  capture::set_colours(gaussians, weighted);
+  const splat::Image& image = rasteriser.render(gaussians, camera);
+  drawn.mask = image.mask;
+  drawn.colour = image.colour;
+  capture::set_colours(gaussians, known);
+  const splat::Image& again = rasteriser.render(gaussians, camera);
+  drawn.known.assign(again.colour.begin(), again.colour.begin() + std::ptrdiff_t(again.pixels()));
+  return drawn;
+}
+
 ParticleFilm::ParticleFilm(const mpm::Scene& scene) : scene_(scene), bodies_(scene.bodies.size()) {}
 
 void ParticleFilm::record(const mpm::ObservedFrame& frame) {

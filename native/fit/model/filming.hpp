@@ -26,17 +26,39 @@ struct View {
   double size = 0.0;                ///< standard deviation of a particle, in particle separations
 };
 
+/// Colours of a scene's particles, as far as a recording tells them.
+struct ParticleColours {
+  struct OfBody {
+    std::vector<Vec3f> colours;  ///< (N) sRGB, 0 to 1
+    std::vector<float> known;    ///< (N) from 0, not seen, to 1
+  };
+  std::vector<OfBody> bodies;
+};
+
+/// A view, drawn.
+struct Drawn {
+  std::vector<float> mask;    ///< (height, width)
+  std::vector<float> colour;  ///< (3, height, width) Σ T α known colour; empty: was not asked for
+  std::vector<float> known;   ///< (height, width) Σ T α known; the same
+};
+
 /// Images that are drawn of one run of each query.
 struct Filming {
   std::size_t run = 0;
   std::vector<View> views;
-  /// Told of every view that lies in the simulated time, by the thread of that query; the image is
-  /// valid during the call.
-  std::function<void(std::size_t query, std::size_t view, const splat::Image&)> see;
+  const ParticleColours* colours = nullptr;  ///< of that run's scene, borrowed; null: masks alone
+  /// Told of every view that lies in the simulated time, by the thread of that query.
+  std::function<void(std::size_t query, std::size_t view, const Drawn&)> see;
 
   /// The time of the last view [s].
   [[nodiscard]] double until() const;
 };
+
+/// Draws Gaussians of particles, those of one body or of all, and with `colours` (null: none)
+/// theirs.
+[[nodiscard]] Drawn draw(splat::Rasteriser& rasteriser, splat::Gaussians gaussians,
+                         std::optional<std::size_t> body, const ParticleColours* colours,
+                         const splat::Camera& camera);
 
 /// What the particles of a scene's bodies do, recorded frame by frame, as opaque Gaussians that
 /// their deformation gradients carry along, at any time between.

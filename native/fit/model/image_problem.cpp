@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <utility>
 
 namespace matterfit::fit {
@@ -12,6 +13,9 @@ namespace {
 constexpr std::size_t kStretches = 8;
 /// Of what is not blurred: a pixel's own width.
 constexpr double kPixel = 0.5;
+
+/// Pixels that a blur mixes: over the squares of its weights; at least one.
+double mixed(double blur) { return std::max(1.0, 4.0 * std::numbers::pi * blur * blur); }
 
 }  // namespace
 
@@ -24,12 +28,19 @@ ImageProblem::ImageProblem(const Model& model, std::vector<Parameter> parameters
   views_.reserve(parts_.sightings.size());
   first_.reserve(parts_.sightings.size() + 1);
   std::size_t at = 0;
-  for (Sighting& sighting : parts_.sightings) {
-    blur(sighting.matte, blur_);
-    outlines_ += outline_length(sighting.matte);
+  for (const Sighting& sighting : parts_.sightings) {
+    Coverage& matte = mattes_.emplace_back(sighting.matte);
+    const std::size_t pixels = matte.values.size();
+    if (compares_colours(sighting)) {
+      double area = 0.0;
+      for (const float value : matte.values) area += value;
+      patches_ += 3.0 * area / mixed(blur_);
+    }
+    blur(matte, blur_);
+    outlines_ += outline_length(matte);
     views_.push_back(sighting.view);
     first_.push_back(at);
-    at += sighting.matte.values.size();
+    at += compares_colours(sighting) ? 4 * pixels : pixels;
   }
   first_.push_back(at);
 }
@@ -52,15 +63,10 @@ std::vector<std::optional<Eigen::VectorXd>> ImageProblem::evaluate(
                                       Eigen::VectorXd::Zero(Eigen::Index(first_.back())));
   Filming filming;
   filming.views = views_;
-  filming.see = [&](std::size_t query, std::size_t v, const splat::Image& image) {
-    const Sighting& sighting = parts_.sightings[v];
-    Coverage ours = seen_of(image.mask, sighting.matte, sighting.seen);
-    blur(ours, blur_);
-    const double weight = 1.0 / coverage_deviation(sighting.noise, std::hypot(blur_, kPixel));
-    for (std::size_t i = 0; i < ours.values.size(); ++i) {
-      images[query][Eigen::Index(first_[v] + i)] =
-          weight * double(ours.values[i] - sighting.matte.values[i]);
-    }
+  filming.colours = parts_.colours;
+  filming.see = [&](std::size_t query, std::size_t v, const Drawn& drawn) {
+    const auto begin = Eigen::Index(first_[v]);
+    compare(v, drawn, images[query].segment(begin, Eigen::Index(first_[v + 1]) - begin));
   };
   Scope scope;
   scope.until = parts_.window.until;
@@ -88,18 +94,54 @@ std::vector<std::optional<Eigen::VectorXd>> ImageProblem::evaluate(
   return results;
 }
 
+void ImageProblem::compare(std::size_t v, const Drawn& drawn,
+                           Eigen::Ref<Eigen::VectorXd> into) const {
+  const Sighting& sighting = parts_.sightings[v];
+  Coverage ours = seen_of(drawn.mask, sighting.matte, sighting.seen);
+  blur(ours, blur_);
+  const std::size_t pixels = ours.values.size();
+  const double weight = 1.0 / coverage_deviation(sighting.noise, std::hypot(blur_, kPixel));
+  for (std::size_t i = 0; i < pixels; ++i) {
+    into[Eigen::Index(i)] = weight * double(ours.values[i] - mattes_[v].values[i]);
+  }
+  if (!compares_colours(sighting)) return;
+  const double colour_weight = 1.0 / (sighting.colour_noise * std::sqrt(mixed(blur_)));
+  for (std::size_t c = 0; c < 3; ++c) {
+    Coverage apart = sighting.matte;
+    for (std::size_t i = 0; i < pixels; ++i) {
+      apart.values[i] *=
+          drawn.colour[c * pixels + i] - drawn.known[i] * sighting.colours[c].values[i];
+    }
+    blur(apart, blur_);
+    for (std::size_t i = 0; i < pixels; ++i) {
+      into[Eigen::Index((c + 1) * pixels + i)] = colour_weight * double(apart.values[i]);
+    }
+  }
+}
+
 Eigen::VectorXd ImageProblem::tail(const Eigen::VectorXd& residual) const {
   return residual.tail(residual.size() - Eigen::Index(first_.back()));
 }
 
 double ImageProblem::effective(const Eigen::VectorXd& residual) const {
-  return outlines_ + (parts_.tracks != nullptr ? parts_.tracks->effective(tail(residual)) : 0.0);
+  return outlines_ + patches_ +
+         (parts_.tracks != nullptr ? parts_.tracks->effective(tail(residual)) : 0.0);
 }
 
 ImageProblem::Misfit ImageProblem::misfit(const Eigen::VectorXd& residual) const {
-  Misfit misfit{std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
-  const double images = residual.head(Eigen::Index(first_.back())).squaredNorm();
-  if (outlines_ > 0.0) misfit.images = images / outlines_;
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  Misfit misfit{kNone, kNone, kNone};
+  double outlines = 0.0;
+  double colours = 0.0;
+  for (std::size_t v = 0; v < mattes_.size(); ++v) {
+    const auto pixels = Eigen::Index(mattes_[v].values.size());
+    const auto begin = Eigen::Index(first_[v]);
+    const auto end = Eigen::Index(first_[v + 1]);
+    outlines += residual.segment(begin, pixels).squaredNorm();
+    colours += residual.segment(begin + pixels, end - begin - pixels).squaredNorm();
+  }
+  if (outlines_ > 0.0) misfit.images = outlines / outlines_;
+  if (patches_ > 0.0) misfit.colours = colours / patches_;
   if (parts_.tracks == nullptr) return misfit;
   const Eigen::VectorXd rest = tail(residual);
   const auto observed = double((rest.array() != 0.0).count());

@@ -100,6 +100,23 @@ mpm::Scene Model::scene_at(std::span<const double> values, std::size_t run) cons
   return scene;
 }
 
+splat::Gaussians Model::at_start(std::span<const double> values, const View& view) const {
+  const mpm::Scene scene = scene_at(values, 0);
+  mpm::ObservedFrame frame;
+  for (const mpm::Body& body : scene.bodies) {
+    mpm::ObservedFrame::Body& of = frame.bodies.emplace_back();
+    of.positions = body.rest;
+    of.deformation_gradients.assign(body.rest.size(), Mat3d::Identity());
+  }
+  ParticleFilm film(scene);
+  film.record(frame);
+  return film.at(0.0, view.body, view.size);
+}
+
+splat::Camera Model::camera_of(std::span<const double> values, const View& view) const {
+  return posed(view.camera, parameters_.film_viewing(values, 0, view.film).poses[view.number]);
+}
+
 StepPlan Model::plan_of(std::span<const double> values, const Outcome& outcome) const {
   std::vector<RunSteps> runs(models_.size());
   for (std::size_t r = 0; r < models_.size(); ++r) {
@@ -246,7 +263,9 @@ void Model::draw(const Trial& trial, const ParticleFilm& film, const Scope& scop
     if (gaussians.size() == 0) continue;
     for (Vec3f& x : gaussians.means) x -= trial.shift.cast<float>();
     const splat::Camera camera = posed(view.camera, trial.films[view.film].poses[view.number]);
-    scope.filming->see(listener.query, v, rasteriser.render(gaussians, camera));
+    scope.filming->see(
+        listener.query, v,
+        fit::draw(rasteriser, std::move(gaussians), view.body, scope.filming->colours, camera));
   }
 }
 

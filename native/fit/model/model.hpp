@@ -88,6 +88,11 @@ class Model {
   /// As it is simulated at these values.
   [[nodiscard]] mpm::Scene scene_at(std::span<const double> values, std::size_t run) const;
   [[nodiscard]] int threads() const { return options_.threads; }
+  [[nodiscard]] mpm::SimdTarget target() const { return options_.target; }
+
+  /// The particles of a view where the bodies of run 0 start, and its camera as it stands.
+  [[nodiscard]] splat::Gaussians at_start(std::span<const double> values, const View& view) const;
+  [[nodiscard]] splat::Camera camera_of(std::span<const double> values, const View& view) const;
 
   /// The plan that an evaluation of these values was stepped by, which the solver chose.
   [[nodiscard]] StepPlan plan_of(std::span<const double> values, const Outcome& outcome) const;

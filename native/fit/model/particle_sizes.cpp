@@ -63,7 +63,7 @@ void settle_sizes(const Model& model, const std::vector<double>& values,
     }
   }
   std::vector<double> areas(filming.views.size(), 0.0);
-  filming.see = [&](std::size_t, std::size_t v, const splat::Image& image) {
+  filming.see = [&](std::size_t, std::size_t v, const Drawn& image) {
     const Sighting& sighting = sightings[of[v]];
     areas[v] = sum_of(seen_of(image.mask, sighting.matte, sighting.seen).values);
   };

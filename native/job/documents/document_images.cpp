@@ -97,6 +97,16 @@ std::vector<fit::CameraPose> read_poses(const JsonValue& value) {
   return poses;
 }
 
+std::optional<double> read_colours(const JsonValue& value) {
+  constexpr double kUsual = 0.1;
+  if (value.json().is_boolean()) return value.boolean() ? std::optional(kUsual) : std::nullopt;
+  if (!value.json().is_object()) value.fail("true, or { \"noise\": … }");
+  JsonObject object(value);
+  const double noise = object.number("noise", kUsual, positive());
+  object.finish();
+  return noise;
+}
+
 std::optional<ImagesDoc::Refine> read_refine(const JsonValue& value) {
   ImagesDoc::Refine refine;
   if (value.json().is_boolean()) return value.boolean() ? std::optional(refine) : std::nullopt;
@@ -146,6 +156,8 @@ ImagesDoc read_images(const JsonValue& value, const ReadContext& context, const 
     if (const auto cameras = held.find("cameras")) images.holdout.cameras = read_numbers(*cameras);
     held.finish();
   }
+  if (const auto colours = object.find("colours")) images.colours = read_colours(*colours);
+  images.options.colours = images.colours.has_value();
   if (const auto poses = object.find("poses")) images.poses = read_poses(*poses);
   if (const auto refine = object.find("refine")) images.refine = read_refine(*refine);
   object.finish();

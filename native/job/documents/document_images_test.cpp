@@ -102,6 +102,19 @@ TEST(DocumentImages, PosesAndWhatIsKnownOfThem) {
   EXPECT_THAT(with("refine", {{"turn", -1}}), HasSubstr("captures[0].refine.turn is -1"));
 }
 
+TEST(DocumentImages, ColoursAreComparedWhereTheyAreAskedFor) {
+  EXPECT_FALSE(images_with({{"cameras", "t.json"}}).options.colours);
+  EXPECT_FALSE(images_with({{"cameras", "t.json"}, {"colours", false}}).colours);
+  EXPECT_EQ(images_with({{"cameras", "t.json"}, {"colours", true}}).colours, 0.1);
+  const ImagesDoc noisy = images_with({{"cameras", "t.json"}, {"colours", {{"noise", 0.3}}}});
+  EXPECT_EQ(noisy.colours, 0.3);
+  EXPECT_TRUE(noisy.options.colours);
+  EXPECT_THAT(message_of({{"cameras", "t.json"}, {"colours", {{"noise", 0}}}}),
+              HasSubstr("captures[0].colours.noise is 0"));
+  EXPECT_THAT(message_of({{"cameras", "t.json"}, {"colours", 1}}),
+              HasSubstr("captures[0].colours is 1"));
+}
+
 /// Written elsewhere, a document names the same files.
 TEST(DocumentImages, PathsFollowTheDocument) {
   const Job job = job_with({{"cameras", "model"},

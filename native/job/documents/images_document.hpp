@@ -24,6 +24,7 @@ struct ImagesDoc {
   capture::ImageClipOptions options;
   std::optional<double> start_frame;  ///< scene frame of the recording's time 0
   double noise = 1.0;                 ///< standard deviation of an outline's place [pixels]
+  std::optional<double> colours;      ///< noise of a colour (sRGB, 0 to 1); none: not compared
   struct Holdout {
     std::optional<std::array<int, 2>> frames;  ///< scene frames [a, b)
     std::vector<int> cameras;                  ///< by number

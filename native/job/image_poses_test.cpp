@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <iostream>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -15,7 +15,6 @@ namespace matterfit::job {
 namespace {
 
 using namespace fit_test;
-using ::testing::HasSubstr;
 
 /// The truth at particles that lie elsewhere than the fit's.
 Json filmed_cube() {
@@ -52,17 +51,6 @@ Json fit_to_clip(const std::vector<std::string>& parameters, const std::string& 
   document["captures"] = Json::array({{{"cameras", cameras}, {"name", "clip"}, {"noise", 0.3}}});
   document["fit"] = {{"parameters", parameters}};
   return document;
-}
-
-Json parameter_of(const Json& result, const std::string& path) {
-  for (const Json& parameter : result.at("fit").at("parameters")) {
-    if (parameter.at("path") == path) return parameter;
-  }
-  throw_input("the result has no parameter " + path);
-}
-
-double miss(const Json& result, const std::string& path, double truth) {
-  return std::abs(value_of(result, path) - truth);
 }
 
 /// A file that says of the second camera what it is not: what was filmed stands in `wrong_pose()`

@@ -12,10 +12,12 @@
 
 #include "base/file.hpp"
 #include "capture/cameras.hpp"
+#include "capture/particle_gaussians.hpp"
 #include "capture/png.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/state_file.hpp"
+#include "splat/rasteriser.hpp"
 
 /// Mattes of simulated bodies, painted by other means than a fit draws them: each particle as a
 /// square on the screen, slightly larger than the particle separation.
@@ -104,10 +106,37 @@ inline capture::Bitmap paint(const mpm::Scene& scene, const mpm::FrameState& sta
   return bitmap;
 }
 
+/// The mask of the particles as Gaussians, which a fit draws of others.
+inline capture::Bitmap drawn(const mpm::Scene& scene, const mpm::FrameState& state,
+                             const splat::Camera& camera) {
+  std::vector<Vec3f> positions;
+  std::vector<Mat3f> gradients;
+  for (const mpm::BodyState& body : state.bodies) {
+    positions.insert(positions.end(), body.positions.begin(), body.positions.end());
+    gradients.insert(gradients.end(), body.deformation_gradients.begin(),
+                     body.deformation_gradients.end());
+  }
+  const splat::Image image = splat::render(
+      capture::particle_gaussians(positions, gradients, 0.4 * 0.5 * scene.dx), camera);
+  capture::Bitmap bitmap(camera.width, camera.height);
+  bitmap.has_alpha = true;
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    bitmap.rgba[4 * i + 3] = static_cast<std::uint8_t>(std::lround(255.0 * image.mask[i]));
+  }
+  return bitmap;
+}
+
+/// What an image is made with.
+using Filmed =
+    std::function<capture::Bitmap(const mpm::Scene&, const mpm::FrameState&, const splat::Camera&)>;
+
 /// Simulates `truth` and writes `folder`/clip: transforms.json and the images of each camera and
 /// frame.
-inline void film(const Json& truth, const fs::path& folder,
-                 const std::vector<splat::Camera>& cameras, const Painted& painted = {}) {
+inline void film(
+    const Json& truth, const fs::path& folder, const std::vector<splat::Camera>& cameras,
+    const Filmed& filmed = [](const auto& scene, const auto& state, const auto& camera) {
+      return paint(scene, state, camera);
+    }) {
   const fs::path work = folder / "film";
   fs::create_directories(work);
   Json document = truth;
@@ -125,7 +154,7 @@ inline void film(const Json& truth, const fs::path& folder,
       capture::Shot shot;
       shot.image = "c" + std::to_string(k) + "_" + std::to_string(frame) + ".png";
       shot.camera = k;
-      capture::write_png(folder / "clip" / shot.image, paint(scene, state, cameras[k], painted));
+      capture::write_png(folder / "clip" / shot.image, filmed(scene, state, cameras[k]));
       set.shots.push_back(std::move(shot));
     }
   }

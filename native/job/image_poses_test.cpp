@@ -68,7 +68,7 @@ void write_wrong_cameras(const fs::path& folder) {
 
 TEST(ImagePoses, ACameraThatWasTurnedAndMovedIsFoundWithTheStiffness) {
   const Folder folder;
-  film(filmed_cube(), folder.path, near_cameras());
+  film(filmed_cube(), folder.path, near_cameras(), drawn);
   write_wrong_cameras(folder.path);
   const Json right =
       run(fit_to_clip({"velocity", "material.E"}, "clip/transforms.json"), folder.path);

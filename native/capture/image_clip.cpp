@@ -111,13 +111,35 @@ std::vector<CleanPlate> read_plates(const ImageClipOptions& options, const Camer
   return plates;
 }
 
+Bitmap read_sized(const fs::path& file, const splat::Camera& camera) {
+  Bitmap bitmap = read_image(file);
+  check_size(bitmap, camera, file);
+  return bitmap;
+}
+
+std::array<std::vector<std::uint8_t>, 3> planes(const Bitmap& bitmap) {
+  std::array<std::vector<std::uint8_t>, 3> colours;
+  for (std::size_t c = 0; c < 3; ++c) {
+    colours[c].reserve(bitmap.pixels());
+    for (std::size_t i = 0; i < bitmap.pixels(); ++i) {
+      colours[c].push_back(bitmap.rgba[4 * i + c]);
+    }
+  }
+  return colours;
+}
+
+/// `colours`: where they go; null: they are not asked for.
 std::vector<std::uint8_t> read_matte(const CameraSet& set, const Shot& shot,
                                      const std::vector<CleanPlate>& plates,
-                                     const ImageClipOptions& options) {
+                                     const ImageClipOptions& options,
+                                     std::array<std::vector<std::uint8_t>, 3>* colours) {
   const bool own = !options.key && plates.empty() && !shot.mask.empty();
   const fs::path file = set.folder / (own ? shot.mask : shot.image);
-  const Bitmap bitmap = read_image(file);
-  check_size(bitmap, set.cameras[shot.camera], file);
+  const splat::Camera& camera = set.cameras[shot.camera];
+  const Bitmap bitmap = read_sized(file, camera);
+  if (colours != nullptr) {
+    *colours = planes(own ? read_sized(set.folder / shot.image, camera) : bitmap);
+  }
   if (options.key) return keyed_matte(bitmap, *options.key);
   if (!plates.empty()) return plates[shot.camera].matte(bitmap);
   if (!own && !bitmap.has_alpha) {
@@ -220,13 +242,19 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
     sight.frame = place.first;
     sight.camera = place.second;
     sight.image = shot.image;
-    sight.matte = read_matte(set, shot, plates, options);
+    sight.matte =
+        read_matte(set, shot, plates, options, options.colours ? &sight.colours : nullptr);
     if (is_empty(sight.matte, shot.image)) {
       ++empty;
       statements.push_back(shot.image + ": its matte is empty; the body is taken to be out of it.");
     }
     const auto& lens = lenses[sight.camera];
-    if (lens) sight.matte = lens->resampled(sight.matte);
+    if (lens) {
+      sight.matte = lens->resampled(sight.matte);
+      for (std::vector<std::uint8_t>& plane : sight.colours) {
+        if (!plane.empty()) plane = lens->resampled(plane);
+      }
+    }
     clip.sights.push_back(std::move(sight));
   }
   if (empty == clip.sights.size()) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -22,6 +23,8 @@ struct Sight {
   std::size_t frame = 0;            ///< in ImageClip::times
   std::vector<std::uint8_t> matte;  ///< coverage by the body, 0 to 255, row-major
   std::string image;                ///< the file's name, for messages
+  /// Red, green and blue, sRGB, each as the matte is; empty where they were not asked for.
+  std::array<std::vector<std::uint8_t>, 3> colours;
 };
 
 /// A recording by images: cameras in metres, Z up, and mattes, of the files' sizes. What a lens
@@ -55,6 +58,7 @@ struct ImageClipOptions {
   /// At most one of both; without, the matte that the file names, else the image's alpha.
   std::optional<ColourKey> key;
   std::optional<ClipPlates> plates;
+  bool colours = false;  ///< are read too
 };
 
 /// Cameras as read_cameras() reads them, with the mattes of all images. `statements` gets what is

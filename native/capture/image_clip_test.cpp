@@ -129,6 +129,23 @@ void write_colours(const fs::path& path, int covered) {
   write_png(path, bitmap);
 }
 
+TEST_F(ImageClipTest, ColoursAreReadWhereTheyAreAskedFor) {
+  CameraSet set = two_cameras(1);
+  set.shots[0].mask = "mask.png";
+  const auto change = [&] {
+    write_image(folder_ / "mask.png", 3);
+    write_colours(folder_ / set.shots[0].image, 5);
+  };
+  EXPECT_THAT(read(set, change).sights[0].colours[0], IsEmpty());
+  options_.colours = true;
+  const ImageClip clip = read(set, change);
+  EXPECT_EQ(clip.sights[0].matte[3], 0) << "of the matte's own file";
+  EXPECT_EQ(clip.sights[0].colours[0][4], 200);
+  EXPECT_EQ(clip.sights[0].colours[2][4], 160);
+  EXPECT_EQ(clip.sights[0].colours[1][5], 70);
+  EXPECT_EQ(clip.sights[1].colours[2].size(), 48U);
+}
+
 TEST_F(ImageClipTest, MattesAreWhatDiffersFromACleanPlate) {
   const CameraSet set = two_cameras(2);
   const auto change = [&] {

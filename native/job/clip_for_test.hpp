@@ -5,15 +5,19 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
 #include "base/file.hpp"
 #include "capture/cameras.hpp"
+#include "capture/particle_gaussians.hpp"
 #include "capture/png.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/state_file.hpp"
+#include "splat/rasteriser.hpp"
 
 /// Mattes of simulated bodies, painted by other means than a fit draws them: each particle as a
 /// square on the screen, slightly larger than the particle separation.
@@ -39,17 +43,25 @@ inline splat::Camera looking(const Vec3d& place, const Vec3d& at) {
   return camera;
 }
 
-/// Coverage of four samples along each edge of a pixel.
+/// The colour of a particle by where it lies at rest.
+using Painted = std::function<Vec3d(const Vec3d& rest)>;
+
+/// Coverage of four samples along each edge of a pixel, and the mean colour of what is covered,
+/// the nearest particle's (none: black).
 inline capture::Bitmap paint(const mpm::Scene& scene, const mpm::FrameState& state,
-                             const splat::Camera& camera) {
+                             const splat::Camera& camera, const Painted& painted = {}) {
   constexpr int kSamples = 4;
   const int width = kSamples * camera.width;
   const int height = kSamples * camera.height;
-  std::vector<std::uint8_t> fine(std::size_t(width * height), 0);
+  const auto samples = std::size_t(width * height);
+  std::vector<double> depth(samples, std::numeric_limits<double>::infinity());
+  std::vector<Vec3d> colours(samples, Vec3d::Zero());
   const double separation = 0.5 * scene.dx;
-  for (const mpm::BodyState& body : state.bodies) {
-    for (const Vec3f& x : body.positions) {
-      const Vec3d t = camera.rotation * x.cast<double>() + camera.translation;
+  for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+    for (std::size_t p = 0; p < state.bodies[b].positions.size(); ++p) {
+      const Vec3d x = state.bodies[b].positions[p].cast<double>();
+      const Vec3d colour = painted ? painted(scene.bodies[b].rest[p]) : Vec3d(Vec3d::Zero());
+      const Vec3d t = camera.rotation * x + camera.translation;
       const Eigen::Vector2d middle =
           kSamples * Eigen::Vector2d(camera.fx * t.x() / t.z() + camera.cx,
                                      camera.fy * t.y() / t.z() + camera.cy);
@@ -61,7 +73,12 @@ inline capture::Bitmap paint(const mpm::Scene& scene, const mpm::FrameState& sta
         return std::min(size - 1, int(std::floor(middle[axis] + 0.55 * side - 0.5)));
       };
       for (int j = low(1); j <= high(1, height); ++j) {
-        for (int i = low(0); i <= high(0, width); ++i) fine[std::size_t(j * width + i)] = 1;
+        for (int i = low(0); i <= high(0, width); ++i) {
+          const auto at = std::size_t(j * width + i);
+          if (!(t.z() < depth[at])) continue;
+          depth[at] = t.z();
+          colours[at] = colour;
+        }
       }
     }
   }
@@ -69,23 +86,57 @@ inline capture::Bitmap paint(const mpm::Scene& scene, const mpm::FrameState& sta
   bitmap.has_alpha = true;
   for (int y = 0; y < camera.height; ++y) {
     for (int x = 0; x < camera.width; ++x) {
-      int sum = 0;
+      int covered = 0;
+      Vec3d sum = Vec3d::Zero();
       for (int j = 0; j < kSamples; ++j) {
         for (int i = 0; i < kSamples; ++i) {
-          sum += fine[std::size_t((kSamples * y + j) * width + kSamples * x + i)];
+          const auto at = std::size_t((kSamples * y + j) * width + kSamples * x + i);
+          if (!std::isfinite(depth[at])) continue;
+          ++covered;
+          sum += colours[at];
         }
       }
-      bitmap.rgba[4 * std::size_t(y * camera.width + x) + 3] =
-          static_cast<std::uint8_t>(255 * sum / (kSamples * kSamples));
+      std::uint8_t* rgba = bitmap.rgba.data() + 4 * std::size_t(y * camera.width + x);
+      for (int c = 0; c < 3 && covered > 0; ++c) {
+        rgba[c] = static_cast<std::uint8_t>(std::lround(255.0 * sum[c] / covered));
+      }
+      rgba[3] = static_cast<std::uint8_t>(255 * covered / (kSamples * kSamples));
     }
   }
   return bitmap;
 }
 
+/// The mask of the particles as Gaussians, which a fit draws of others.
+inline capture::Bitmap drawn(const mpm::Scene& scene, const mpm::FrameState& state,
+                             const splat::Camera& camera) {
+  std::vector<Vec3f> positions;
+  std::vector<Mat3f> gradients;
+  for (const mpm::BodyState& body : state.bodies) {
+    positions.insert(positions.end(), body.positions.begin(), body.positions.end());
+    gradients.insert(gradients.end(), body.deformation_gradients.begin(),
+                     body.deformation_gradients.end());
+  }
+  const splat::Image image = splat::render(
+      capture::particle_gaussians(positions, gradients, 0.4 * 0.5 * scene.dx), camera);
+  capture::Bitmap bitmap(camera.width, camera.height);
+  bitmap.has_alpha = true;
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    bitmap.rgba[4 * i + 3] = static_cast<std::uint8_t>(std::lround(255.0 * image.mask[i]));
+  }
+  return bitmap;
+}
+
+/// What an image is made with.
+using Filmed =
+    std::function<capture::Bitmap(const mpm::Scene&, const mpm::FrameState&, const splat::Camera&)>;
+
 /// Simulates `truth` and writes `folder`/clip: transforms.json and the images of each camera and
 /// frame.
-inline void film(const Json& truth, const fs::path& folder,
-                 const std::vector<splat::Camera>& cameras) {
+inline void film(
+    const Json& truth, const fs::path& folder, const std::vector<splat::Camera>& cameras,
+    const Filmed& filmed = [](const auto& scene, const auto& state, const auto& camera) {
+      return paint(scene, state, camera);
+    }) {
   const fs::path work = folder / "film";
   fs::create_directories(work);
   Json document = truth;
@@ -103,7 +154,7 @@ inline void film(const Json& truth, const fs::path& folder,
       capture::Shot shot;
       shot.image = "c" + std::to_string(k) + "_" + std::to_string(frame) + ".png";
       shot.camera = k;
-      capture::write_png(folder / "clip" / shot.image, paint(scene, state, cameras[k]));
+      capture::write_png(folder / "clip" / shot.image, filmed(scene, state, cameras[k]));
       set.shots.push_back(std::move(shot));
     }
   }

@@ -106,7 +106,8 @@ LoadedExperiment unread_experiment(const Job& job) {
   return loaded;
 }
 
-LoadedExperiment load_experiment(const Job& job, std::vector<std::string>& statements) {
+LoadedExperiment load_experiment(const Job& job, std::vector<std::string>& statements,
+                                 bool others) {
   if (job.captures.empty()) throw_input("captures: a fit needs at least one capture to fit to.");
   LoadedExperiment loaded = unread_experiment(job);
   bool any = false;
@@ -149,7 +150,7 @@ LoadedExperiment load_experiment(const Job& job, std::vector<std::string>& state
     }
     any = any || run.fitted;
   }
-  if (!any) {
+  if (!any && !others) {
     throw_input(
         "captures: every sample is held out, not seen, or outside the scene's frames; nothing is "
         "left to fit to (" +

@@ -28,12 +28,13 @@ struct LoadedExperiment {
 [[nodiscard]] LoadedExperiment unread_experiment(const Job& job);
 
 /// Reads the captures of a job, marks what the fit may look at, and refuses a hold-out that leaves
-/// nothing, or that holds out where the points are at rest. A point that is first seen once the
+/// nothing (with `others` that are fitted too only of a capture) or takes where the points are at
+/// rest. A point that is first seen once the
 /// body moves, and has no place in `positions`, has no `rest` and is left out; one whose rest alone
 /// is held out counts as held out. What is odd and no error goes into `statements`. Throws
 /// Error(kInput) beginning with the capture's path.
-[[nodiscard]] LoadedExperiment load_experiment(const Job& job,
-                                               std::vector<std::string>& statements);
+[[nodiscard]] LoadedExperiment load_experiment(const Job& job, std::vector<std::string>& statements,
+                                               bool others = false);
 
 /// Settles the noise of all captures, and refuses captures of other bodies (fit/data/
 /// capture_noise.hpp). `scenes` one a run, of level 1.

@@ -59,13 +59,23 @@ TEST(FitQuantities, GoThroughADocumentAndAScene) {
     if (const std::size_t at = path.find("[#]"); at != std::string::npos)
       path.replace(at, 3, "[1]");
     if (row.owner == Owner::kCollider) path.insert(0, "colliders.ground.");
-    if (row.owner == Owner::kCapture) path.insert(0, "captures.a.");
+    const bool of_camera = row.path.starts_with("poses");
+    if (row.owner == Owner::kCapture) path.insert(0, of_camera ? "captures.film." : "captures.a.");
     if (row.is_vector()) path += "[1]";
-    const Address at = read_fit_path(path, "here", job.scene, job.captures);
+    const auto read = [&](const std::string& text) {
+      return read_fit_path(text, "here", job.scene, job.captures, {"film"});
+    };
+    const Address at = read(path);
     ASSERT_EQ(at.quantity, &row) << path;
-    EXPECT_EQ(read_fit_path(at.text(), "here", job.scene, job.captures).text(), at.text());
+    EXPECT_EQ(read(at.text()).text(), at.text());
     if (row.owner == Owner::kCapture) {
       EXPECT_EQ(find_quantity(document["scene"], at), nullptr);
+      Json capture = {{"poses", {{{"focal", 0.5}}}}};
+      set_capture_quantity(capture, at, 0.25);
+      const Json* found = of_camera ? &capture["poses"].at(1) : &capture;
+      found = &found->at(std::string(row.key()));
+      EXPECT_EQ((row.is_vector() ? found->at(1) : *found).get<double>(), 0.25) << path;
+      EXPECT_EQ(capture["poses"][0]["focal"], 0.5) << path;
       continue;
     }
     const auto component = static_cast<std::size_t>(at.component.value_or(0));

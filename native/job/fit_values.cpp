@@ -7,6 +7,7 @@
 
 #include "job/documents/capture_scene.hpp"
 #include "job/documents/fit_path.hpp"
+#include "job/documents/images_document.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -62,9 +63,14 @@ void write_values(const fit::Parameters& parameters, std::span<const double> val
   for (const std::size_t i : order) {
     const fit::Address& path = parameters.path(i);
     if (path.quantity->owner == fit::Owner::kCapture) {
-      for (std::size_t c = 0; c < job.captures.size(); ++c) {
-        if (job.captures[c].name != path.owner) continue;
-        document.at("captures").at(c)[std::string(path.quantity->key())] = values[i];
+      Json& captures = document.at("captures");
+      for (const CaptureDoc& capture : job.captures) {
+        if (capture.name != path.owner) continue;
+        set_capture_quantity(captures.at(capture.place), path, values[i]);
+      }
+      for (const ImagesDoc& images : images_of(job)) {
+        if (images.name != path.owner) continue;
+        set_capture_quantity(captures.at(images.place), path, values[i]);
       }
       continue;
     }
@@ -74,7 +80,7 @@ void write_values(const fit::Parameters& parameters, std::span<const double> val
     }
     // Captures of one scene of their own keep one.
     for (const std::size_t c : sources[writer.first_run(i)].group.captures) {
-      Json& capture = document.at("captures").at(c);
+      Json& capture = document.at("captures").at(job.captures[c].place);
       const Json merged = merged_scene(document.at("scene"), capture.at("scene"), "scene");
       Json& overrides = capture.at("scene");
       if (find_quantity(overrides, path) == nullptr) copy_quantity(merged, path, overrides);

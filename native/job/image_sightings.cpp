@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/error.hpp"
 #include "capture/image_clip.hpp"
@@ -41,17 +42,21 @@ bool is_held_out(const ImagesDoc& doc, double frame, std::size_t camera) {
          (held.frames && frame >= (*held.frames)[0] - kSlack && frame < (*held.frames)[1] - kSlack);
 }
 
-void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, std::size_t first_camera,
-                 std::vector<ImageSighting>& all, std::size_t& cameras,
+void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& into,
                  std::vector<std::string>& statements) {
   capture::ImageClip clip = capture::read_image_clip(doc.cameras, doc.options, statements);
-  cameras = clip.cameras.size();
+  const std::size_t cameras = clip.cameras.size();
+  const std::string there = "; there are " + std::to_string(cameras) + ", from 0.";
   for (const int number : doc.holdout.cameras) {
     if (static_cast<std::size_t>(number) < cameras) continue;
-    throw_input("there is no camera " + std::to_string(number) + " to hold out; there are " +
-                std::to_string(cameras) + ", from 0.");
+    throw_input("there is no camera " + std::to_string(number) + " to hold out" + there);
+  }
+  if (doc.poses.size() > cameras) {
+    throw_input("'poses' has " + std::to_string(doc.poses.size()) + " cameras" + there);
   }
   const double start = doc.start_frame.value_or(scene.first_frame);
+  fit::Film film{doc.name, {start, doc.poses}};
+  film.viewing.poses.resize(cameras);
   std::size_t outside = 0;
   for (capture::Sight& sight : clip.sights) {
     const double frame = start + clip.times[sight.frame] * scene.fps;
@@ -61,9 +66,7 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, std::size_t firs
     }
     ImageSighting one;
     one.camera = clip.cameras[sight.camera];
-    one.camera_number = static_cast<int>(sight.camera);
     one.reduced.held_out = is_held_out(doc, frame, sight.camera);
-    one.capture = doc.name;
     one.image = sight.image;
     const int factor = factor_of(one.camera, scene);
     one.reduced.matte = fit::reduced(sight.matte, one.camera.width, one.camera.height, factor);
@@ -72,79 +75,188 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, std::size_t firs
       one.reduced.seen = fit::reduced(one.seen, one.camera.width, one.camera.height, factor).values;
     }
     one.reduced.noise = doc.noise / factor;
-    one.reduced.camera = first_camera + sight.camera;
-    one.reduced.view.camera = fit::reduced(one.camera, factor);
-    one.reduced.view.time = std::clamp((frame - scene.first_frame) / scene.fps, 0.0,
-                                       (scene.end_frame - 1 - scene.first_frame) / scene.fps);
-    if (!doc.body.empty()) one.reduced.view.body = fit::body_index(scene, doc.body);
+    if (doc.colours) {
+      one.reduced.colour_noise = *doc.colours;
+      for (std::size_t c = 0; c < 3; ++c) {
+        one.reduced.colours[c] =
+            fit::reduced(sight.colours[c], one.camera.width, one.camera.height, factor);
+      }
+    }
+    fit::View& view = one.reduced.view;
+    view.camera = fit::reduced(one.camera, factor);
+    view.film = into.films.size();
+    view.number = sight.camera;
+    view.time = std::clamp((frame - scene.first_frame) / scene.fps, 0.0,
+                           (scene.end_frame - 1 - scene.first_frame) / scene.fps);
+    if (!doc.body.empty()) view.body = fit::body_index(scene, doc.body);
     one.matte = std::move(sight.matte);
-    all.push_back(std::move(one));
+    into.sightings.push_back(std::move(one));
   }
+  into.films.push_back(std::move(film));
+  into.paths.push_back(doc.path);
   if (outside > 0) {
     statements.push_back("captures." + doc.name + ": " + std::to_string(outside) +
                          " images lie outside of the scene's frames.");
   }
 }
 
+/// Those of a film's `refine` for one camera; what the document's own parameters fit is left out.
+void add_refined(const ImagesDoc& doc, std::size_t camera, std::vector<fit::ParameterSpec>& specs) {
+  const std::pair<const char*, double> rows[] = {{"poses[#].shift", doc.refine->shift},
+                                                 {"poses[#].turn", doc.refine->turn},
+                                                 {"poses[#].focal", doc.refine->focal}};
+  for (const auto& [path, sigma] : rows) {
+    fit::ParameterSpec spec;
+    spec.where = doc.path + ".refine";
+    spec.path.quantity = &fit::row_named(fit::Owner::kCapture, path);
+    spec.path.owner = doc.name;
+    spec.path.index = camera;
+    const bool there = std::any_of(specs.begin(), specs.end(), [&](const fit::ParameterSpec& one) {
+      fit::Address whole = one.path;
+      whole.component.reset();
+      return whole.same_number(spec.path);
+    });
+    if (there || !(sigma > 0.0)) continue;
+    const fit::CameraPose known = camera < doc.poses.size() ? doc.poses[camera] : fit::CameraPose{};
+    fit::Viewing viewing;
+    viewing.poses.assign(camera + 1, known);
+    fit::ParameterSpec::Prior prior;
+    prior.sigma = sigma;
+    for (int c = 0; c < spec.path.quantity->size; ++c) {
+      fit::Address at = spec.path;
+      at.component = c;
+      prior.mean.push_back(spec.path.quantity->access.look(viewing, at));
+    }
+    spec.prior = std::move(prior);
+    specs.push_back(std::move(spec));
+  }
+}
+
 }  // namespace
 
-std::vector<ImageSighting> load_sightings(const Job& job, const mpm::Scene& scene,
-                                          std::vector<std::string>& statements) {
-  std::vector<ImageSighting> all;
-  std::size_t cameras = 0;
+bool LoadedFilms::is_fitted(std::size_t film, std::size_t camera) const {
+  return std::any_of(sightings.begin(), sightings.end(), [&](const ImageSighting& sighting) {
+    const fit::View& view = sighting.reduced.view;
+    return view.film == film && view.number == camera && !sighting.reduced.held_out;
+  });
+}
+
+LoadedFilms load_films(const Job& job, const mpm::Scene& scene, bool others,
+                       std::vector<std::string>& statements) {
+  LoadedFilms loaded;
   for (const ImagesDoc& doc : images_of(job)) {
-    std::size_t more = 0;
     try {
-      add_capture(doc, scene, cameras, all, more, statements);
+      add_capture(doc, scene, loaded, statements);
     } catch (const Error& error) {
       throw Error(error.kind(), doc.path + ": " + error.what());
     }
-    cameras += more;
   }
+  std::vector<ImageSighting>& all = loaded.sightings;
   std::stable_sort(all.begin(), all.end(), [](const ImageSighting& a, const ImageSighting& b) {
     return a.reduced.view.time < b.reduced.view.time;
   });
-  if (std::all_of(all.begin(), all.end(),
-                  [](const ImageSighting& s) { return s.reduced.held_out; })) {
+  if (!others && std::all_of(all.begin(), all.end(),
+                             [](const ImageSighting& s) { return s.reduced.held_out; })) {
     throw_input(
         "captures: every image is held out or outside of the scene's frames; nothing is left to "
         "fit to. Shorten a 'holdout', or look at start_frame, fps and scene.frames.");
   }
-  return all;
+  return loaded;
 }
+
+std::vector<fit::ParameterSpec> with_poses(const Job& job, const LoadedFilms& films,
+                                           std::vector<fit::ParameterSpec> specs) {
+  const std::vector<ImagesDoc> docs = images_of(job);
+  for (const fit::ParameterSpec& spec : specs) {
+    if (!spec.path.quantity->path.starts_with("poses")) continue;
+    for (std::size_t f = 0; f < docs.size(); ++f) {
+      if (docs[f].name != spec.path.owner) continue;
+      const std::string what = spec.where + ": '" + spec.path.text() + "': ";
+      const std::size_t cameras = films.films[f].viewing.poses.size();
+      if (spec.path.index >= cameras) {
+        throw_input(what + "there is no camera " + std::to_string(spec.path.index) + "; '" +
+                    docs[f].name + "' has " + std::to_string(cameras) + ", from 0.");
+      }
+      if (films.is_fitted(f, spec.path.index)) continue;
+      throw_input(what +
+                  "no image of this camera is fitted (held out, or outside of the scene's "
+                  "frames), so nothing tells how it stands. Leave the parameter out, or shorten "
+                  "the hold-out.");
+    }
+  }
+  for (std::size_t f = 0; f < docs.size(); ++f) {
+    if (!docs[f].refine) continue;
+    for (std::size_t k = 0; k < films.films[f].viewing.poses.size(); ++k) {
+      if (films.is_fitted(f, k)) add_refined(docs[f], k, specs);
+    }
+  }
+  return specs;
+}
+
+namespace {
+
+/// Of the sightings that `takes` takes; null without any.
+template <class Takes>
+Json agreement_json(const std::vector<ImageSighting>& sightings,
+                    const std::vector<fit::Agreement>& agreements, const Takes& takes) {
+  double iou = 0.0;
+  double contour = 0.0;
+  int images = 0;
+  int contours = 0;
+  std::size_t worst = 0;
+  for (std::size_t k = 0; k < sightings.size(); ++k) {
+    if (!takes(sightings[k].reduced)) continue;
+    if (images == 0 || agreements[k].iou < agreements[worst].iou) worst = k;
+    ++images;
+    iou += agreements[k].iou;
+    if (!std::isfinite(agreements[k].contour_px)) continue;
+    contour += agreements[k].contour_px;
+    ++contours;
+  }
+  if (images == 0) return {};
+  return {{"images", images},
+          {"iou", iou / images},
+          {"contour_px", contours > 0 ? Json(contour / contours) : Json()},
+          {"worst",
+           {{"image", sightings[worst].image},
+            {"iou", agreements[worst].iou},
+            {"outside_px", agreements[worst].outside},
+            {"missing_px", agreements[worst].missing}}}};
+}
+
+}  // namespace
 
 Json silhouettes_json(const std::vector<ImageSighting>& sightings,
                       const std::vector<fit::Agreement>& agreements) {
   Json result;
   for (const bool held_out : {false, true}) {
-    double iou = 0.0;
-    double contour = 0.0;
-    int images = 0;
-    int contours = 0;
-    std::size_t worst = 0;
-    for (std::size_t k = 0; k < sightings.size(); ++k) {
-      if (sightings[k].reduced.held_out != held_out) continue;
-      if (images == 0 || agreements[k].iou < agreements[worst].iou) worst = k;
-      ++images;
-      iou += agreements[k].iou;
-      if (!std::isfinite(agreements[k].contour_px)) continue;
-      contour += agreements[k].contour_px;
-      ++contours;
-    }
-    Json part;
-    if (images > 0) {
-      part = {{"images", images},
-              {"iou", iou / images},
-              {"contour_px", contours > 0 ? Json(contour / contours) : Json()},
-              {"worst",
-               {{"image", sightings[worst].image},
-                {"iou", agreements[worst].iou},
-                {"outside_px", agreements[worst].outside},
-                {"missing_px", agreements[worst].missing}}}};
-    }
-    result[held_out ? "held_out" : "fitted"] = part;
+    result[held_out ? "held_out" : "fitted"] = agreement_json(
+        sightings, agreements, [&](const fit::Sighting& one) { return one.held_out == held_out; });
   }
   return result;
+}
+
+Json cameras_json(const LoadedFilms& films, const std::vector<fit::Agreement>& agreements) {
+  Json list = Json::array();
+  for (std::size_t f = 0; f < films.films.size(); ++f) {
+    for (std::size_t k = 0; k < films.films[f].viewing.poses.size(); ++k) {
+      const auto of_camera = [&](const fit::Sighting& one) {
+        return one.view.film == f && one.view.number == k;
+      };
+      Json one = {{"capture", films.films[f].name}, {"camera", k}, {"particle_size", nullptr}};
+      for (const ImageSighting& sighting : films.sightings) {
+        if (of_camera(sighting.reduced)) one["particle_size"] = sighting.reduced.view.size;
+      }
+      for (const bool held_out : {false, true}) {
+        one[held_out ? "held_out" : "fitted"] =
+            agreement_json(films.sightings, agreements, [&](const fit::Sighting& sighting) {
+              return of_camera(sighting) && sighting.held_out == held_out;
+            });
+      }
+      list.push_back(std::move(one));
+    }
+  }
+  return list;
 }
 
 }  // namespace matterfit::job

@@ -5,7 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "fit/model/silhouette_problem.hpp"
+#include "fit/model/experiment.hpp"
+#include "fit/model/image_problem.hpp"
 #include "job/documents/document.hpp"
 #include "mpm/scene.hpp"
 
@@ -17,21 +18,38 @@ struct ImageSighting {
   splat::Camera camera;             ///< of the whole image
   std::vector<std::uint8_t> matte;  ///< of the whole image
   std::vector<std::uint8_t> seen;   ///< by the lens, as capture::ImageClip has it
-  std::string capture;              ///< its name
   std::string image;                ///< the file's name
-  int camera_number = 0;            ///< in its capture
 };
 
-/// Reads the images of a job, in order of time, those outside of the scene's frames left out. They
-/// are reduced so that a particle separation is about two pixels, or the image 128 pixels wide.
-/// What is odd and no error goes into `statements`. Throws Error(kInput) beginning with the
-/// capture's path.
-[[nodiscard]] std::vector<ImageSighting> load_sightings(const Job& job, const mpm::Scene& scene,
-                                                        std::vector<std::string>& statements);
+/// The recordings by images of a job.
+struct LoadedFilms {
+  std::vector<fit::Film> films;          ///< one a capture by images, in their order
+  std::vector<std::string> paths;        ///< of each in the document: "captures[0]"
+  std::vector<ImageSighting> sightings;  ///< of all, in order of time
+
+  /// Whether an image of that camera is fitted.
+  [[nodiscard]] bool is_fitted(std::size_t film, std::size_t camera) const;
+};
+
+/// Reads the images of a job, those outside of the scene's frames left out. They are reduced so
+/// that a particle separation is about two pixels, or the image 128 pixels wide. What is odd and no
+/// error goes into `statements`. Throws Error(kInput) beginning with the capture's path, and where
+/// no image is left to fit, unless something else is fitted too (`others`).
+[[nodiscard]] LoadedFilms load_films(const Job& job, const mpm::Scene& scene, bool others,
+                                     std::vector<std::string>& statements);
+
+/// The poses that are fitted: those that the job's parameters name, and of every camera that has a
+/// fitted image those that its capture's `refine` asks for. Throws Error(kInput) for a camera that
+/// there is not, or that has no image that is fitted.
+[[nodiscard]] std::vector<fit::ParameterSpec> with_poses(const Job& job, const LoadedFilms& films,
+                                                         std::vector<fit::ParameterSpec> specs);
 
 /// Agreement of the drawn masks with the mattes: mean IoU and contour error [pixels], the worst
 /// image; what is fitted and what is held out apart. `agreements` one a sighting.
 [[nodiscard]] Json silhouettes_json(const std::vector<ImageSighting>& sightings,
                                     const std::vector<fit::Agreement>& agreements);
+/// The same of each camera, with its `capture`, `camera` and the size of its particles.
+[[nodiscard]] Json cameras_json(const LoadedFilms& films,
+                                const std::vector<fit::Agreement>& agreements);
 
 }  // namespace matterfit::job

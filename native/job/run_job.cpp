@@ -6,9 +6,9 @@
 #include "job/diagnosis/run_diagnose.hpp"
 #include "job/documents/images_document.hpp"
 #include "job/fit_run.hpp"
+#include "job/image_fit.hpp"
 #include "job/run/render.hpp"
 #include "job/run/run_scene.hpp"
-#include "job/silhouette_fit.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -28,7 +28,7 @@ Json run_job(const Job& job, const RunOptions& options, Interrupter& interrupter
   check_task(job);
   if (job.task == Task::kRender) return run_render(job, options, interrupter);
   if (job.task == Task::kFit && !images_of(job).empty()) {
-    return run_silhouette_fit(job, options, interrupter);
+    return run_image_fit(job, options, interrupter);
   }
   if (job.task == Task::kFit) return run_fit(job, options, interrupter);
   if (job.task == Task::kDiagnose) return run_diagnose(job, options, interrupter);

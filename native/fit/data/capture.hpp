@@ -9,6 +9,7 @@
 
 #include "base/vec.hpp"
 #include "capture/tracks.hpp"
+#include "fit/data/camera_pose.hpp"
 #include "fit/data/cloud_residuals.hpp"
 
 /// Recordings as fits, comparisons and diagnoses look at them.
@@ -26,7 +27,8 @@ struct Clock {
 
 /// When and how a recording is looked at: what of an experiment is no part of the scene.
 struct Viewing {
-  double start_frame = 0.0;  ///< scene frame of the recording's time 0
+  double start_frame = 0.0;       ///< scene frame of the recording's time 0
+  std::vector<CameraPose> poses;  ///< of a recording by images, one a camera; of others none
 };
 
 /// A recording in the world, in the scene's seconds.

@@ -123,6 +123,13 @@ splat::Camera reduced(const splat::Camera& camera, int factor) {
   return result;
 }
 
+Coverage seen_of(const std::vector<float>& mask, const Coverage& matte,
+                 const std::vector<float>& seen) {
+  Coverage ours{matte.width, matte.height, mask};
+  for (std::size_t i = 0; i < seen.size(); ++i) ours.values[i] *= seen[i];
+  return ours;
+}
+
 void blur(Coverage& image, double deviation) {
   if (!(deviation > 0.0)) return;
   const std::vector<float> weights = weights_of(deviation);

@@ -25,6 +25,11 @@ struct Coverage {
 /// The camera that takes such an image.
 [[nodiscard]] splat::Camera reduced(const splat::Camera& camera, int factor);
 
+/// What is drawn, as far as the recording's lens saw it: times `seen` (one a pixel of the matte;
+/// empty: all).
+[[nodiscard]] Coverage seen_of(const std::vector<float>& mask, const Coverage& matte,
+                               const std::vector<float>& seen);
+
 /// Convolves with a Gaussian of that standard deviation [pixels]; black lies around the image.
 void blur(Coverage& image, double deviation);
 

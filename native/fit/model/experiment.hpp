@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "base/interrupter.hpp"
@@ -17,6 +18,13 @@ namespace matterfit::fit {
 using SceneBuilder =
     std::function<mpm::Scene(double level, Arena& arena, const Interrupter& interrupter)>;
 
+/// A recording by images: what a fit moves of how it is looked at. Its images are no matter of a
+/// run (fit/model/image_problem.hpp).
+struct Film {
+  std::string name;
+  Viewing viewing;  ///< as the document says, with a pose for each camera
+};
+
 /// One scene with the recordings that are compared with it. Runs without a used sample are
 /// simulated for their prediction only.
 struct Run {
@@ -24,6 +32,7 @@ struct Run {
   Clock clock;
   Origins origins;  ///< of the scene's bodies
   std::vector<Capture> captures;
+  std::vector<Film> films;
   bool fitted = false;  ///< some samples are used
   /// The scene is that of these captures alone; `sets` says whether it sets a quantity by itself,
   /// so that a number of all scenes leaves it as it is.

@@ -45,6 +45,8 @@ struct Model::Trial {
   std::span<const Watcher> watchers;
   Vec3d shift = Vec3d::Zero();             ///< of the whole scene, to be taken off [m]
   std::vector<std::vector<double>> times;  ///< of each capture
+  std::vector<Viewing> films;              ///< of each of the run
+  std::vector<double> view_times;          ///< of Filming::views; empty: none is drawn
   int frames = 0;                          ///< after the first
   const RunSteps* steps = nullptr;         ///< null: the solver chooses its substeps
   double finer = 1.0;                      ///< the factor of those that were chosen
@@ -52,6 +54,12 @@ struct Model::Trial {
   void set_substeps(double factor) {
     if (steps != nullptr) scene.substeps = multiplied(steps->substeps, factor);
   }
+};
+
+/// Who is told of one query's simulation.
+struct Model::Listener {
+  std::function<void()> tick;  ///< a frame is done
+  std::size_t query = 0;
 };
 
 Scope whole_scope(const std::vector<Run>& runs) {
@@ -90,6 +98,23 @@ mpm::Scene Model::scene_at(std::span<const double> values, std::size_t run) cons
   mpm::Scene scene = models_[run]->scene;
   parameters_.apply(values, run, scene);
   return scene;
+}
+
+splat::Gaussians Model::at_start(std::span<const double> values, const View& view) const {
+  const mpm::Scene scene = scene_at(values, 0);
+  mpm::ObservedFrame frame;
+  for (const mpm::Body& body : scene.bodies) {
+    mpm::ObservedFrame::Body& of = frame.bodies.emplace_back();
+    of.positions = body.rest;
+    of.deformation_gradients.assign(body.rest.size(), Mat3d::Identity());
+  }
+  ParticleFilm film(scene);
+  film.record(frame);
+  return film.at(0.0, view.body, view.size);
+}
+
+splat::Camera Model::camera_of(std::span<const double> values, const View& view) const {
+  return posed(view.camera, parameters_.film_viewing(values, 0, view.film).poses[view.number]);
 }
 
 StepPlan Model::plan_of(std::span<const double> values, const Outcome& outcome) const {
@@ -167,7 +192,19 @@ Model::Trial Model::trial(std::size_t run, const Query& query, const Scope& scop
     }
     trial.times.push_back(std::move(times));
   }
-  const double until = scope.until[run] + latest;
+  double until = scope.until[run] + latest;
+  if (scope.filming != nullptr && scope.filming->run == run) {
+    for (std::size_t f = 0; f < of.films.size(); ++f) {
+      trial.films.push_back(parameters_.film_viewing(query.values, run, f));
+    }
+    for (const View& view : scope.filming->views) {
+      const double delay =
+          (trial.films[view.film].start_frame - of.films[view.film].viewing.start_frame) /
+          scene.fps;
+      trial.view_times.push_back(std::clamp(view.time + delay, 0.0, end));
+      until = std::max(until, trial.view_times.back());
+    }
+  }
   trial.frames = std::min(last, int(std::ceil(until * scene.fps - 1e-6)));
   if (scope.plan == nullptr || scene.dt > 0.0 || !scope.plan->holds(run)) return trial;
   trial.steps = &scope.plan->runs[run];
@@ -176,15 +213,17 @@ Model::Trial Model::trial(std::size_t run, const Query& query, const Scope& scop
 }
 
 Observation Model::observe(const Trial& trial, const Scope& scope,
-                           const std::shared_ptr<Arena>& arena,
-                           const std::function<void()>& tick) const {
+                           const std::shared_ptr<Arena>& arena, const Listener& listener) const {
   const mpm::Scene& scene = trial.scene;
   mpm::Simulation simulation(scene, arena, simulation_options());
+  ParticleFilm film(scene);
+  const bool filmed = !trial.view_times.empty();
   Observation observation;
   std::vector<std::vector<Points>> seen(trial.watchers.size());
   std::vector<std::vector<Points>> speeds(trial.watchers.size());
   const auto record = [&] {
-    const mpm::ObservedFrame frame = simulation.observe(options_.loss != Loss::kChamfer);
+    const mpm::ObservedFrame frame = simulation.observe(filmed || options_.loss != Loss::kChamfer);
+    if (filmed) film.record(frame);
     for (std::size_t c = 0; c < seen.size(); ++c) {
       Points at = trial.watchers[c].positions(scene, frame, *arena);
       if (!trial.shift.isZero(0.0)) {
@@ -199,7 +238,7 @@ Observation Model::observe(const Trial& trial, const Scope& scope,
     interrupter_.check();
     observation.substeps.push_back(simulation.advance(interrupter_).substeps);
     record();
-    tick();
+    listener.tick();
   }
   for (std::size_t c = 0; c < seen.size(); ++c) {
     const std::size_t points = trial.watchers[c].size();
@@ -209,19 +248,36 @@ Observation Model::observe(const Trial& trial, const Scope& scope,
     }
     observation.captures.push_back(std::move(capture));
   }
+  if (filmed) draw(trial, film, scope, arena, listener);
   return observation;
+}
+
+void Model::draw(const Trial& trial, const ParticleFilm& film, const Scope& scope,
+                 const std::shared_ptr<Arena>& arena, const Listener& listener) const {
+  splat::Rasteriser rasteriser(arena, options_.target);
+  const std::vector<View>& views = scope.filming->views;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    interrupter_.check();
+    const View& view = views[v];
+    splat::Gaussians gaussians = film.at(trial.view_times[v], view.body, view.size);
+    if (gaussians.size() == 0) continue;
+    for (Vec3f& x : gaussians.means) x -= trial.shift.cast<float>();
+    const splat::Camera camera = posed(view.camera, trial.films[view.film].poses[view.number]);
+    scope.filming->see(
+        listener.query, v,
+        fit::draw(rasteriser, std::move(gaussians), view.body, scope.filming->colours, camera));
+  }
 }
 
 std::optional<Observation> Model::simulate(std::size_t run, const Query& query, const Scope& scope,
                                            const std::shared_ptr<Arena>& arena,
-                                           const std::function<void()>& tick,
-                                           Failure& failure) const {
+                                           const Listener& listener, Failure& failure) const {
   try {
     Trial trial = this->trial(run, query, scope, *arena);
     for (int attempt = 0;; ++attempt) {
       trial.set_substeps(std::ldexp(trial.finer, attempt));
       try {
-        return observe(trial, scope, arena, tick);
+        return observe(trial, scope, arena, listener);
       } catch (const Error& error) {
         const bool again = error.kind() == ErrorKind::kCompute && trial.steps != nullptr;
         if (!again || attempt == kMoreTries) throw;
@@ -361,8 +417,9 @@ Evaluation Model::evaluate(const std::vector<Query>& queries, const Scope& scope
   const double room = 1e9 * options_.memory_limit_gb / double(std::max<std::size_t>(1, bytes_));
   side_by_side(tasks, static_cast<std::size_t>(std::clamp(room, 1.0, 1e6)), options_.threads,
                [&](std::size_t i, const std::shared_ptr<Arena>& arena) {
-                 results[i] = simulate(runs[i % runs.size()], queries[i / runs.size()], scope,
-                                       arena, tick, failures[i]);
+                 const std::size_t query = i / runs.size();
+                 results[i] = simulate(runs[i % runs.size()], queries[query], scope, arena,
+                                       {tick, query}, failures[i]);
                });
   interrupter_.check();
 

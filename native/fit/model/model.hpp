@@ -13,6 +13,7 @@
 #include "fit/data/follow.hpp"
 #include "fit/data/losses.hpp"
 #include "fit/model/experiment.hpp"
+#include "fit/model/filming.hpp"
 #include "fit/model/parameters.hpp"
 #include "fit/model/step_plan.hpp"
 #include "fit/model/variation.hpp"
@@ -43,6 +44,8 @@ struct Scope {
   std::vector<double> until;       ///< [s] of each run; negative: not simulated
   const StepPlan* plan = nullptr;  ///< null: the solver chooses, as it does outside of a fit
   bool velocities = false;         ///< are seen too
+  /// Borrowed; null: no images are drawn. Its run is simulated to the last view at least.
+  const Filming* filming = nullptr;
 };
 /// Every run that has captures, to its end, as the solver chooses.
 [[nodiscard]] Scope whole_scope(const std::vector<Run>& runs);
@@ -80,10 +83,16 @@ class Model {
   Model(const Model&) = delete;
   Model& operator=(const Model&) = delete;
 
+  [[nodiscard]] std::size_t runs() const { return models_.size(); }
   [[nodiscard]] const mpm::Scene& scene(std::size_t run) const;
   /// As it is simulated at these values.
   [[nodiscard]] mpm::Scene scene_at(std::span<const double> values, std::size_t run) const;
   [[nodiscard]] int threads() const { return options_.threads; }
+  [[nodiscard]] mpm::SimdTarget target() const { return options_.target; }
+
+  /// The particles of a view where the bodies of run 0 start, and its camera as it stands.
+  [[nodiscard]] splat::Gaussians at_start(std::span<const double> values, const View& view) const;
+  [[nodiscard]] splat::Camera camera_of(std::span<const double> values, const View& view) const;
 
   /// The plan that an evaluation of these values was stepped by, which the solver chose.
   [[nodiscard]] StepPlan plan_of(std::span<const double> values, const Outcome& outcome) const;
@@ -118,6 +127,7 @@ class Model {
  private:
   struct RunModel;
   struct Trial;
+  struct Listener;
   /// What the values of a run do by way of contacts that follow the material.
   void add_through_contacts(std::size_t run, std::span<const double> values,
                             const mpm::Gradient& gradient, std::span<double> sum) const;
@@ -129,12 +139,14 @@ class Model {
   [[nodiscard]] Trial trial(std::size_t run, const Query& query, const Scope& scope,
                             Arena& arena) const;
   std::optional<Observation> simulate(std::size_t run, const Query& query, const Scope& scope,
-                                      const std::shared_ptr<Arena>& arena,
-                                      const std::function<void()>& tick, Failure& failure) const;
+                                      const std::shared_ptr<Arena>& arena, const Listener& listener,
+                                      Failure& failure) const;
   /// What is seen of one attempt.
   [[nodiscard]] Observation observe(const Trial& trial, const Scope& scope,
                                     const std::shared_ptr<Arena>& arena,
-                                    const std::function<void()>& tick) const;
+                                    const Listener& listener) const;
+  void draw(const Trial& trial, const ParticleFilm& film, const Scope& scope,
+            const std::shared_ptr<Arena>& arena, const Listener& listener) const;
 
   const std::vector<Run>& runs_;
   const Parameters& parameters_;

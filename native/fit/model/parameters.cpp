@@ -11,15 +11,25 @@
 namespace matterfit::fit {
 namespace {
 
-const Capture* capture_named(const Run& run, const std::string& name) {
+/// Whether one of the run's recordings by tracks is called so.
+bool has_capture(const Run& run, const std::string& name) {
+  return std::any_of(run.captures.begin(), run.captures.end(),
+                     [&](const Capture& capture) { return capture.input.name == name; });
+}
+
+/// How a recording of that name is looked at, as the document says; null: the run has none.
+const Viewing* viewing_of(const Run& run, const std::string& name) {
   for (const Capture& capture : run.captures) {
-    if (capture.input.name == name) return &capture;
+    if (capture.input.name == name) return &capture.viewing;
+  }
+  for (const Film& film : run.films) {
+    if (film.name == name) return &film.viewing;
   }
   return nullptr;
 }
 
 bool has_owner(const Run& run, const mpm::Scene& scene, const Address& path) {
-  if (path.quantity->owner == Owner::kCapture) return capture_named(run, path.owner) != nullptr;
+  if (path.quantity->owner == Owner::kCapture) return viewing_of(run, path.owner) != nullptr;
   return bearer(scene, path).has_value();
 }
 
@@ -40,7 +50,7 @@ std::string listed(const Run& run) {
 
 double value_in(const Run& run, const mpm::Scene& scene, const Address& path) {
   const Access& access = path.quantity->access;
-  if (access.look != nullptr) return access.look(capture_named(run, path.owner)->viewing);
+  if (access.look != nullptr) return access.look(*viewing_of(run, path.owner), path);
   return read(scene, path, run.origins)[static_cast<std::size_t>(path.component.value_or(0))];
 }
 
@@ -122,7 +132,7 @@ void Parameters::add(const ParameterSpec& spec, std::size_t component,
       // What a scene of its own sets stays as it sets it.
       acts = acts && !(run.sets && run.sets(number.path));
     } else {
-      acts = acts && run.own && capture_named(run, number.path.capture) != nullptr;
+      acts = acts && run.own && has_capture(run, number.path.capture);
     }
     if (const std::string why = acts ? obstacle_in(scenes[r], number.path) : ""; !why.empty()) {
       throw_input(spec.where + ": '" + spec.path.text() + "' acts on the scene of the capture " +
@@ -185,7 +195,8 @@ void Parameters::add(const ParameterSpec& spec, std::size_t component,
     parameter.prior = prior;
   }
   if (!parameter.prior && row.always_prior) {
-    const double about = row.member != nullptr ? material::Material{}.*row.member : 0.0;
+    double about = row.member != nullptr ? material::Material{}.*row.member : 0.0;
+    if (row.access.look != nullptr) about = value_in(runs_[*first], scenes[*first], number.path);
     parameter.prior = Prior{to_natural(row.coordinate, about), row.prior_sigma};
   }
   try {
@@ -266,14 +277,23 @@ mpm::Body Parameters::placed(std::span<const double> values, std::size_t run,
 
 Viewing Parameters::viewing(std::span<const double> values, std::size_t run,
                             std::size_t capture) const {
-  Viewing viewing = runs_[run].captures[capture].viewing;
+  const Capture& of = runs_[run].captures[capture];
+  return viewing(values, run, of.input.name, of.viewing);
+}
+
+Viewing Parameters::film_viewing(std::span<const double> values, std::size_t run,
+                                 std::size_t film) const {
+  const Film& of = runs_[run].films[film];
+  return viewing(values, run, of.name, of.viewing);
+}
+
+Viewing Parameters::viewing(std::span<const double> values, std::size_t run,
+                            const std::string& name, Viewing viewing) const {
   for (std::size_t i = 0; i < numbers_.size(); ++i) {
     const Number& number = numbers_[i];
     const Access& access = number.path.quantity->access;
     if (number.runs[run] == 0 || access.set_view == nullptr) continue;
-    if (number.path.owner == runs_[run].captures[capture].input.name) {
-      access.set_view(values[i], viewing);
-    }
+    if (number.path.owner == name) access.set_view(values[i], number.path, viewing);
   }
   return viewing;
 }

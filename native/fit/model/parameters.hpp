@@ -62,6 +62,9 @@ class Parameters {
   /// How a capture of the run is looked at.
   [[nodiscard]] Viewing viewing(std::span<const double> values, std::size_t run,
                                 std::size_t capture) const;
+  /// The same of a recording by images.
+  [[nodiscard]] Viewing film_viewing(std::span<const double> values, std::size_t run,
+                                     std::size_t film) const;
 
  private:
   struct Number {
@@ -75,6 +78,8 @@ class Parameters {
     std::vector<std::pair<std::size_t, std::size_t>> parts;  ///< number, component
   };
 
+  [[nodiscard]] Viewing viewing(std::span<const double> values, std::size_t run,
+                                const std::string& name, Viewing viewing) const;
   void add(const ParameterSpec& spec, std::size_t component, const std::vector<mpm::Scene>& scenes);
   /// Leaves each quantity of each scene to one number.
   void settle_overlaps();

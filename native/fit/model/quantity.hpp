@@ -60,8 +60,10 @@ struct Access {
   Components (*placed)(const Vec3d& origin) = nullptr;  ///< of a body as it was built
   /// Moves a body as it was built.
   void (*place)(const Components&, const Vec3d& origin, mpm::Body&) = nullptr;
-  double (*look)(const Viewing&) = nullptr;
-  void (*set_view)(double, Viewing&) = nullptr;
+  /// One component. Poses of cameras that the viewing lacks are those of their file, and are made
+  /// where one is set.
+  double (*look)(const Viewing&, const Address&) = nullptr;
+  void (*set_view)(double, const Address&, Viewing&) = nullptr;
 };
 
 /// The start of a logarithmic search where the scene has 0: a share of the stiffness (Young's

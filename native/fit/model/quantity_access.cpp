@@ -58,6 +58,26 @@ void change_colliders(mpm::Scene& scene, const Address& address, const Change& c
   }
 }
 
+CameraPose pose_of(const Viewing& viewing, const Address& address) {
+  return address.index < viewing.poses.size() ? viewing.poses[address.index] : CameraPose{};
+}
+CameraPose& pose_in(Viewing& viewing, const Address& address) {
+  if (viewing.poses.size() <= address.index) viewing.poses.resize(address.index + 1);
+  return viewing.poses[address.index];
+}
+
+template <Vec3d CameraPose::*kMember>
+Access pose_access() {
+  Access access;
+  access.look = [](const Viewing& viewing, const Address& at) {
+    return (pose_of(viewing, at).*kMember)[at.component.value_or(0)];
+  };
+  access.set_view = [](double value, const Address& at, Viewing& viewing) {
+    (pose_in(viewing, at).*kMember)[at.component.value_or(0)] = value;
+  };
+  return access;
+}
+
 }  // namespace
 
 Access material_access(double Material::*member, double MaterialGradient::*slope) {
@@ -248,8 +268,24 @@ Access height_access() {
 
 Access start_frame_access() {
   Access access;
-  access.look = [](const Viewing& viewing) { return viewing.start_frame; };
-  access.set_view = [](double value, Viewing& viewing) { viewing.start_frame = value; };
+  access.look = [](const Viewing& viewing, const Address& /*at*/) { return viewing.start_frame; };
+  access.set_view = [](double value, const Address& /*at*/, Viewing& viewing) {
+    viewing.start_frame = value;
+  };
+  return access;
+}
+
+Access camera_shift_access() { return pose_access<&CameraPose::shift>(); }
+Access camera_turn_access() { return pose_access<&CameraPose::turn>(); }
+
+Access camera_focal_access() {
+  Access access;
+  access.look = [](const Viewing& viewing, const Address& at) {
+    return pose_of(viewing, at).focal;
+  };
+  access.set_view = [](double value, const Address& at, Viewing& viewing) {
+    pose_in(viewing, at).focal = value;
+  };
   return access;
 }
 

@@ -24,5 +24,8 @@ namespace matterfit::fit {
 [[nodiscard]] Access contact_stiffness_access();
 [[nodiscard]] Access height_access();
 [[nodiscard]] Access start_frame_access();
+[[nodiscard]] Access camera_shift_access();
+[[nodiscard]] Access camera_turn_access();
+[[nodiscard]] Access camera_focal_access();
 
 }  // namespace matterfit::fit

@@ -186,8 +186,13 @@ TEST(Quantities, AreWrittenToAScene) {
     const Address at = address_of(row);
     if (row.owner == Owner::kCapture) {
       Viewing viewing;
-      row.access.set_view(3.25, viewing);
-      EXPECT_EQ(row.access.look(viewing), 3.25) << row.path;
+      row.access.set_view(3.25, at, viewing);
+      EXPECT_EQ(row.access.look(viewing, at), 3.25) << row.path;
+      Address other = at;
+      ++other.index;
+      if (row.path.find("[#]") != std::string::npos) {
+        EXPECT_EQ(row.access.look(viewing, other), 0.0) << row.path;
+      }
       continue;
     }
     mpm::Scene scene = scene_of(is_code(row) ? material::Law::kLatent : material::Law::kVonMises,

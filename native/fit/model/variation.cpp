@@ -107,7 +107,7 @@ Viewing varied(const Variation& variation, const Run& run, std::size_t capture, 
     const Access& access = assignment.at.quantity->access;
     if (access.set_view == nullptr || !is_of(assignment, run)) continue;
     if (assignment.at.owner == run.captures[capture].input.name) {
-      access.set_view(assignment.value, viewing);
+      access.set_view(assignment.value, assignment.at, viewing);
     }
   }
   return viewing;

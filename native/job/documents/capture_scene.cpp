@@ -94,7 +94,7 @@ Job group_job(const Job& job, const SceneGroup& group) {
   }
   Json captures = Json::array();
   for (const std::size_t i : group.captures) {
-    Json capture = document.at("captures").at(i);
+    Json capture = document.at("captures").at(job.captures[i].place);
     capture.erase("scene");
     // The name may have come from the file's; both must stay.
     capture["name"] = job.captures[i].name;

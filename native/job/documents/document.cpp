@@ -118,27 +118,24 @@ Job read_job(std::string_view text, const ReadOptions& options) {
   const auto scene = object.find("scene");
   if (!scene && !still) throw_input("'scene' is missing from the document.");
   if (scene) job.scene = read_scene(*scene, context);
-  bool images = false;
+  std::vector<std::string> films;
   if (const auto captures = object.find("captures"); captures && scene) {
+    std::vector<std::string> names;
     for (const JsonValue& item : captures->items()) {
+      std::string name;
       if (is_by_images(item)) {
-        (void)read_images(item, context, job.scene);
-        images = true;
-        continue;
+        name = read_images(item, context, job.scene).name;
+        films.push_back(name);
+      } else {
+        job.captures.push_back(read_capture(item, context, *scene, job.scene));
+        job.captures.back().place = names.size();
+        name = job.captures.back().name;
       }
-      job.captures.push_back(read_capture(item, context, *scene, job.scene));
-      for (std::size_t i = 0; i + 1 < job.captures.size(); ++i) {
-        if (job.captures[i].name == job.captures.back().name) {
-          item.refuse("another capture is called '" + job.captures[i].name +
-                      "' too; give one of them a 'name'.");
-        }
+      if (std::find(names.begin(), names.end(), name) != names.end()) {
+        item.refuse("another capture is called '" + name + "' too; give one of them a 'name'.");
       }
+      names.push_back(std::move(name));
     }
-  }
-  if (images && !job.captures.empty()) {
-    throw_input(
-        "captures: some are tracks and some are images. Fit one kind at a time: keep one in the "
-        "document.");
   }
   if (const auto probes = object.find("probes"); probes && scene) {
     for (const JsonValue& item : probes->items()) {
@@ -151,7 +148,7 @@ Job read_job(std::string_view text, const ReadOptions& options) {
     }
   }
   if (const auto fit = object.find("fit"); fit && scene) {
-    job.fit = std::make_shared<const FitDoc>(read_fit(*fit, job.scene, job.captures));
+    job.fit = std::make_shared<const FitDoc>(read_fit(*fit, job.scene, job.captures, films));
   }
   if (const auto diagnose = object.find("diagnose")) job.diagnose = diagnose->json();
   const Json empty = Json::object();

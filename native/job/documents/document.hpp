@@ -186,6 +186,7 @@ struct HoldoutDoc {
 
 struct CaptureDoc {
   std::string path;            ///< in the document: "captures[2]"
+  std::size_t place = 0;       ///< in the document's list, where captures by images stand too
   std::string name;            ///< by default the file's name without its ending
   std::filesystem::path file;  ///< or a pattern of numbered files (capture/tracks.hpp)
   std::string body;

@@ -29,17 +29,18 @@ std::vector<double> read_components(const JsonValue& value, const fit::Address& 
 }
 
 fit::ParameterSpec read_parameter(const JsonValue& value, const SceneDoc& scene,
-                                  const std::vector<CaptureDoc>& captures) {
+                                  const std::vector<CaptureDoc>& captures,
+                                  const std::vector<std::string>& films) {
   fit::ParameterSpec parameter;
   parameter.where = value.path();
   if (value.json().is_string()) {
-    parameter.path = read_fit_path(value.string(), value.path(), scene, captures);
+    parameter.path = read_fit_path(value.string(), value.path(), scene, captures, films);
     return parameter;
   }
   if (!value.json().is_object()) value.fail("a path in quotes, or { \"path\": … }");
   JsonObject object(value);
   const JsonValue path = object.require("path");
-  parameter.path = read_fit_path(path.string(), path.path(), scene, captures);
+  parameter.path = read_fit_path(path.string(), path.path(), scene, captures, films);
   if (const auto start = object.find("start")) {
     parameter.start = read_components(*start, parameter.path);
   }
@@ -140,12 +141,12 @@ std::vector<material::Law> read_laws(const JsonValue& value) {
 }  // namespace
 
 FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
-                const std::vector<CaptureDoc>& captures) {
+                const std::vector<CaptureDoc>& captures, const std::vector<std::string>& films) {
   JsonObject object(value);
   FitDoc fit;
   const JsonValue parameters = object.require("parameters");
   for (const JsonValue& item : parameters.items()) {
-    fit::ParameterSpec parameter = read_parameter(item, scene, captures);
+    fit::ParameterSpec parameter = read_parameter(item, scene, captures, films);
     check_twice(item, parameter.path, fit.parameters);
     fit.parameters.push_back(std::move(parameter));
   }

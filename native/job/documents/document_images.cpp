@@ -80,6 +80,47 @@ capture::ClipPlates read_plate(const JsonValue& value, const ReadContext& contex
   return plates;
 }
 
+std::vector<fit::CameraPose> read_poses(const JsonValue& value) {
+  std::vector<fit::CameraPose> poses;
+  for (const JsonValue& item : value.items()) {
+    JsonObject object(item);
+    fit::CameraPose pose;
+    if (const auto shift = object.find("shift")) pose.shift = shift->vec3();
+    if (const auto turn = object.find("turn")) pose.turn = turn->vec3();
+    if (const auto focal = object.find("focal")) {
+      pose.focal = focal->number();
+      if (!(pose.focal > -1.0)) focal->fail("a share above -1, 0 for the file's focal length");
+    }
+    object.finish();
+    poses.push_back(pose);
+  }
+  return poses;
+}
+
+std::optional<double> read_colours(const JsonValue& value) {
+  constexpr double kUsual = 0.1;
+  if (value.json().is_boolean()) return value.boolean() ? std::optional(kUsual) : std::nullopt;
+  if (!value.json().is_object()) value.fail("true, or { \"noise\": … }");
+  JsonObject object(value);
+  const double noise = object.number("noise", kUsual, positive());
+  object.finish();
+  return noise;
+}
+
+std::optional<ImagesDoc::Refine> read_refine(const JsonValue& value) {
+  ImagesDoc::Refine refine;
+  if (value.json().is_boolean()) return value.boolean() ? std::optional(refine) : std::nullopt;
+  if (!value.json().is_object()) {
+    value.fail("true, or standard deviations { \"shift\": …, \"turn\": …, \"focal\": … }");
+  }
+  JsonObject object(value);
+  refine.shift = object.number("shift", refine.shift, not_negative("m"));
+  refine.turn = object.number("turn", refine.turn, not_negative("rad"));
+  refine.focal = object.number("focal", refine.focal, not_negative());
+  object.finish();
+  return refine;
+}
+
 }  // namespace
 
 bool is_by_images(const JsonValue& value) {
@@ -115,6 +156,10 @@ ImagesDoc read_images(const JsonValue& value, const ReadContext& context, const 
     if (const auto cameras = held.find("cameras")) images.holdout.cameras = read_numbers(*cameras);
     held.finish();
   }
+  if (const auto colours = object.find("colours")) images.colours = read_colours(*colours);
+  images.options.colours = images.colours.has_value();
+  if (const auto poses = object.find("poses")) images.poses = read_poses(*poses);
+  if (const auto refine = object.find("refine")) images.refine = read_refine(*refine);
   object.finish();
   return images;
 }
@@ -142,10 +187,13 @@ RenderDoc read_render(const JsonValue& value, const ReadContext& context) {
 std::vector<ImagesDoc> images_of(const Job& job) {
   std::vector<ImagesDoc> result;
   if (!job.document.contains("captures")) return result;
+  std::size_t place = 0;
   for (const JsonValue& item : JsonValue(job.document.at("captures"), "captures").items()) {
     if (is_by_images(item)) {
       result.push_back(read_images(item, ReadContext{job.base_folder}, job.scene));
+      result.back().place = place;
     }
+    ++place;
   }
   return result;
 }

@@ -77,6 +77,44 @@ TEST(DocumentImages, WhatIsBrokenIsNamed) {
   EXPECT_THAT(message_of(both), HasSubstr("captures[0]: 'key' and 'plate' both say"));
 }
 
+TEST(DocumentImages, PosesAndWhatIsKnownOfThem) {
+  const ImagesDoc plain = images_with({{"cameras", "transforms.json"}, {"refine", false}});
+  EXPECT_TRUE(plain.poses.empty());
+  EXPECT_FALSE(plain.refine);
+  const ImagesDoc posed =
+      images_with({{"cameras", "transforms.json"},
+                   {"poses", {Json::object(), {{"shift", {0.01, 0, -0.02}}, {"focal", 0.03}}}},
+                   {"refine", {{"shift", 0}, {"focal", 0.01}}}});
+  ASSERT_EQ(posed.poses.size(), 2u);
+  EXPECT_EQ(posed.poses[0].shift, Vec3d::Zero());
+  EXPECT_EQ(posed.poses[1].shift, Vec3d(0.01, 0, -0.02));
+  EXPECT_EQ(posed.poses[1].focal, 0.03);
+  EXPECT_EQ(posed.refine->shift, 0.0);
+  EXPECT_EQ(posed.refine->turn, 0.02);
+  EXPECT_EQ(posed.refine->focal, 0.01);
+  EXPECT_EQ(images_with({{"cameras", "t.json"}, {"refine", true}}).refine->focal, 0.0);
+  const auto with = [](const char* key, const Json& value) {
+    return message_of({{"cameras", "transforms.json"}, {key, value}});
+  };
+  EXPECT_THAT(with("poses", {{{"focal", -1}}}), HasSubstr("captures[0].poses[0].focal is -1"));
+  EXPECT_THAT(with("poses", {{{"position", {0, 0, 0}}}}), HasSubstr("position"));
+  EXPECT_THAT(with("refine", 3), HasSubstr("captures[0].refine is 3"));
+  EXPECT_THAT(with("refine", {{"turn", -1}}), HasSubstr("captures[0].refine.turn is -1"));
+}
+
+TEST(DocumentImages, ColoursAreComparedWhereTheyAreAskedFor) {
+  EXPECT_FALSE(images_with({{"cameras", "t.json"}}).options.colours);
+  EXPECT_FALSE(images_with({{"cameras", "t.json"}, {"colours", false}}).colours);
+  EXPECT_EQ(images_with({{"cameras", "t.json"}, {"colours", true}}).colours, 0.1);
+  const ImagesDoc noisy = images_with({{"cameras", "t.json"}, {"colours", {{"noise", 0.3}}}});
+  EXPECT_EQ(noisy.colours, 0.3);
+  EXPECT_TRUE(noisy.options.colours);
+  EXPECT_THAT(message_of({{"cameras", "t.json"}, {"colours", {{"noise", 0}}}}),
+              HasSubstr("captures[0].colours.noise is 0"));
+  EXPECT_THAT(message_of({{"cameras", "t.json"}, {"colours", 1}}),
+              HasSubstr("captures[0].colours is 1"));
+}
+
 /// Written elsewhere, a document names the same files.
 TEST(DocumentImages, PathsFollowTheDocument) {
   const Job job = job_with({{"cameras", "model"},

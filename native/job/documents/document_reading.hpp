@@ -46,7 +46,8 @@ struct ReadContext {
 [[nodiscard]] ProbeDoc read_probe(const JsonValue& value, const ReadContext& context,
                                   const SceneDoc& scene);
 [[nodiscard]] FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
-                              const std::vector<CaptureDoc>& captures);
+                              const std::vector<CaptureDoc>& captures,
+                              const std::vector<std::string>& films);
 [[nodiscard]] OutputDoc read_output(const JsonValue& value, const ReadContext& context,
                                     const SceneDoc& scene);
 /// Throws if `name` is no body of the scene; an empty name stands for the only body.

@@ -96,11 +96,12 @@ std::optional<Match> match(const Quantity& quantity, const std::vector<PathStep>
 class Reader {
  public:
   Reader(const std::string& text, std::string where, const SceneDoc& scene,
-         const std::vector<CaptureDoc>& captures)
+         const std::vector<CaptureDoc>& captures, const std::vector<std::string>& films)
       : text_(text),
         where_(std::move(where)),
         scene_(&scene),
         captures_(captures),
+        films_(films),
         steps_(parse_path(text, where_)) {}
 
   Address read() {
@@ -168,17 +169,34 @@ class Reader {
     });
   }
 
+  /// What is of the capture of that name itself.
+  void read_viewing(Address& address, const std::string& name) {
+    address.owner = name;
+    find(address, Owner::kCapture);
+    read_component(address);
+  }
+
   /// True where the path is about the capture itself.
   bool read_capture(Address& address) {
     ++at_;
     if (at_ == steps_.size()) refuse("the name of a capture is missing.");
     const PathStep& step = steps_[at_++];
+    if (std::find(films_.begin(), films_.end(), step.key) != films_.end()) {
+      if (!begins(Owner::kCapture)) {
+        refuse("a capture by images has no scene of its own; write the path without 'captures." +
+               step.key + ".'.");
+      }
+      read_viewing(address, step.key);
+      return true;
+    }
     for (std::size_t i = 0; i < captures_.size(); ++i) {
-      if (step.is_index ? step.index != i : captures_[i].name != step.key) continue;
+      const CaptureDoc& capture = captures_[i];
+      if (step.is_index ? step.index != capture.place : capture.name != step.key) continue;
       if (begins(Owner::kCapture)) {
-        address.owner = captures_[i].name;
-        find(address, Owner::kCapture);
-        if (at_ != steps_.size()) unknown();
+        read_viewing(address, capture.name);
+        if (address.quantity->path.starts_with("poses")) {
+          refuse("'" + step.key + "' is a capture by tracks, which has no cameras.");
+        }
         return true;
       }
       if (!captures_[i].scene) {
@@ -264,6 +282,7 @@ class Reader {
   std::string where_;
   const SceneDoc* scene_;
   const std::vector<CaptureDoc>& captures_;
+  const std::vector<std::string>& films_;
   std::vector<PathStep> steps_;
   std::size_t at_ = 0;
 };
@@ -308,8 +327,9 @@ Json* entry_of(Json& list, std::size_t index) {
 bool is_quaternion(const Quantity& quantity) { return quantity.path == "placement.rotation"; }
 
 fit::Address read_fit_path(const std::string& text, const std::string& where, const SceneDoc& scene,
-                           const std::vector<CaptureDoc>& captures) {
-  return Reader(text, where, scene, captures).read();
+                           const std::vector<CaptureDoc>& captures,
+                           const std::vector<std::string>& films) {
+  return Reader(text, where, scene, captures, films).read();
 }
 
 Json* find_named(Json& scene, std::string_view list, const std::string& name) {
@@ -356,6 +376,23 @@ void set_quantity(Json& scene, const Address& address, const Json& value) {
     vector = gravity ? Json{0.0, 0.0, -9.81} : Json{0.0, 0.0, 0.0};
   }
   vector[static_cast<std::size_t>(*address.component)] = value;
+}
+
+void set_capture_quantity(Json& capture, const Address& address, double value) {
+  const std::vector<Key> keys = keys_of(*address.quantity);
+  Json* at = &capture;
+  for (const Key& key : keys) {
+    at = &(*at)[key.key];
+    if (!key.indexed) continue;
+    while (at->size() <= address.index) at->push_back(Json::object());
+    at = &(*at)[address.index];
+  }
+  if (!address.component) {
+    *at = value;
+    return;
+  }
+  if (!at->is_array()) *at = {0.0, 0.0, 0.0};
+  (*at)[static_cast<std::size_t>(*address.component)] = value;
 }
 
 void copy_quantity(const Json& scene, const Address& address, Json& overrides) {

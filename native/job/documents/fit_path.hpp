@@ -11,11 +11,12 @@
 /// row's path: nothing here knows a single quantity by name, but for what a scene's own words are.
 namespace matterfit::job {
 
-/// Reads a path, short forms too, against the scene it is about. Throws Error(kInput) beginning
-/// with `where`.
+/// Reads a path, short forms too, against the scene it is about. `films`: the names of captures by
+/// images. Throws Error(kInput) beginning with `where`.
 [[nodiscard]] fit::Address read_fit_path(const std::string& text, const std::string& where,
                                          const SceneDoc& scene,
-                                         const std::vector<CaptureDoc>& captures);
+                                         const std::vector<CaptureDoc>& captures,
+                                         const std::vector<std::string>& films = {});
 
 /// The quantity in a document's `scene` (or in overrides of one): the number, the vector, for a
 /// rotation the quaternion. Null where it does not stand there.
@@ -24,6 +25,9 @@ namespace matterfit::job {
 /// Sets it, making what is missing on the way; of a vector the component. `value` of a rotation is
 /// the quaternion [w, x, y, z].
 void set_quantity(Json& scene, const fit::Address& address, const Json& value);
+
+/// Sets a quantity of a capture in the capture's entry, with entries of lists that are missing.
+void set_capture_quantity(Json& capture, const fit::Address& address, double value);
 
 /// Whether documents have a quaternion where fits move a rotation vector on top of it.
 [[nodiscard]] bool is_quaternion(const fit::Quantity& quantity);

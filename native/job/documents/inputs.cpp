@@ -112,7 +112,7 @@ Inputs fit_inputs(const Job& job, mpm::SimdTarget target) {
   Inputs inputs = simulation_inputs(job, target);
   Flattening flattening{{}, job.base_folder};
   for (std::size_t i = 0; i < job.captures.size(); ++i) {
-    Json capture = job.document.at("captures").at(i);
+    Json capture = job.document.at("captures").at(job.captures[i].place);
     const fs::path& file = job.captures[i].file;
     Hasher content;
     if (fs::is_regular_file(file) && file.extension() != ".ply") {

@@ -63,7 +63,7 @@ Json fit_to_clip(const std::vector<std::string>& parameters) {
   return document;
 }
 
-TEST(SilhouetteFit, StiffnessAndThrowFromMattesAlone) {
+TEST(ImageFit, StiffnessAndThrowFromMattesAlone) {
   const Folder folder;
   film(filmed_cube(), folder.path, two_cameras());
   Json document = fit_to_clip({"velocity", "material.E"});
@@ -85,7 +85,7 @@ TEST(SilhouetteFit, StiffnessAndThrowFromMattesAlone) {
 
 /// The images as a lens takes them, by the inverse of its distortion, which the reader does not use
 /// for this.
-TEST(SilhouetteFit, WhatALensDistortsIsUndistorted) {
+TEST(ImageFit, WhatALensDistortsIsUndistorted) {
   const Folder folder;
   const std::vector<splat::Camera> cameras = two_cameras();
   film(filmed_cube(), folder.path, cameras);
@@ -128,7 +128,7 @@ TEST(SilhouetteFit, WhatALensDistortsIsUndistorted) {
 
 /// A COLMAP model that names one image of each camera; colours before a background, and the
 /// background alone.
-TEST(SilhouetteFit, AColmapModelWithCleanPlates) {
+TEST(ImageFit, AColmapModelWithCleanPlates) {
   const Folder folder;
   film(filmed_cube(), folder.path, two_cameras());
   capture::CameraSet set = capture::read_cameras(folder.path / "clip/transforms.json");
@@ -191,7 +191,7 @@ TEST(SilhouetteFit, AColmapModelWithCleanPlates) {
   EXPECT_TRUE(render.at("notes").empty());
 }
 
-TEST(SilhouetteFit, OneCameraThatIsHeldOutIsPredicted) {
+TEST(ImageFit, OneCameraThatIsHeldOutIsPredicted) {
   const Folder folder;
   film(filmed_cube(), folder.path, two_cameras());
   Json document = fit_to_clip({"velocity"});
@@ -204,7 +204,7 @@ TEST(SilhouetteFit, OneCameraThatIsHeldOutIsPredicted) {
   EXPECT_GT(after.at("held_out").at("iou").get<double>(), 0.9);
 }
 
-TEST(SilhouetteFit, WhatCannotBeFittedIsNamed) {
+TEST(ImageFit, WhatCannotBeFittedIsNamed) {
   const Folder folder;
   std::vector<splat::Camera> cameras = two_cameras();
   Json short_film = filmed_cube();
@@ -232,8 +232,24 @@ TEST(SilhouetteFit, WhatCannotBeFittedIsNamed) {
   document["captures"][0]["holdout"] = {{"cameras", {0, 1}}};
   EXPECT_THAT(message_of(document), HasSubstr("every image is held out"));
   document = fit_to_clip({"velocity"});
+  document = fit_to_clip({"captures.clip.poses[2].turn"});
+  EXPECT_THAT(message_of(document),
+              HasSubstr("fit.parameters[0]: 'captures.clip.poses[2].turn': there is no camera 2"));
+  document = fit_to_clip({"velocity", "captures.clip.poses[1].shift[0]"});
+  document["captures"][0]["holdout"] = {{"cameras", {1}}};
+  EXPECT_THAT(message_of(document),
+              HasSubstr("'captures.clip.poses[1].shift[0]': no image of this camera is fitted"));
+  document = fit_to_clip({"captures.clip.velocity"});
+  EXPECT_THAT(message_of(document), HasSubstr("a capture by images has no scene of its own"));
+  document = fit_to_clip({"velocity"});
+  document["captures"][0]["poses"] = {Json::object(), Json::object(), Json::object()};
+  EXPECT_THAT(message_of(document), HasSubstr("captures[0]: 'poses' has 3 cameras"));
+  document = fit_to_clip({"captures.a.poses[0].turn"});
   document["captures"].push_back({{"tracks", "a.npz"}});
-  EXPECT_THAT(message_of(document), HasSubstr("some are tracks and some are images"));
+  EXPECT_THAT(message_of(document), HasSubstr("a capture by tracks, which has no cameras"));
+  document = fit_to_clip({"velocity"});
+  document["captures"].push_back({{"tracks", "clip.npz"}});
+  EXPECT_THAT(message_of(document), HasSubstr("another capture is called 'clip'"));
 }
 
 }  // namespace

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "base/vec.hpp"
+#include "splat/camera.hpp"
+
+namespace matterfit::fit {
+
+/// How a camera stands, and what lens it has, against what its file says.
+struct CameraPose {
+  Vec3d shift = Vec3d::Zero();  ///< of its centre, in the world's axes [m]
+  /// Rotation vector of the camera about its centre, in its own axes (x right, y down, z forward)
+  /// [rad].
+  Vec3d turn = Vec3d::Zero();
+  double focal = 0.0;  ///< share by which its focal lengths are longer; above −1
+};
+
+/// The camera of a file in that pose: centre c + shift, camera to world R exp([turn]×).
+[[nodiscard]] splat::Camera posed(const splat::Camera& camera, const CameraPose& pose);
+
+}  // namespace matterfit::fit

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "fit/model/image_problem.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+namespace matterfit::fit {
+namespace {
+
+constexpr std::size_t kStretches = 8;
+/// Of what is not blurred: a pixel's own width.
+constexpr double kPixel = 0.5;
+
+/// Pixels that a blur mixes: over the squares of its weights; at least one.
+double mixed(double blur) { return std::max(1.0, 4.0 * std::numbers::pi * blur * blur); }
+
+}  // namespace
+
+ImageProblem::ImageProblem(const Model& model, std::vector<Parameter> parameters, Parts parts,
+                           double blur_pixels)
+    : model_(model),
+      parameters_(std::move(parameters)),
+      parts_(std::move(parts)),
+      blur_(blur_pixels) {
+  views_.reserve(parts_.sightings.size());
+  first_.reserve(parts_.sightings.size() + 1);
+  std::size_t at = 0;
+  for (const Sighting& sighting : parts_.sightings) {
+    Coverage& matte = mattes_.emplace_back(sighting.matte);
+    const std::size_t pixels = matte.values.size();
+    if (compares_colours(sighting)) {
+      double area = 0.0;
+      for (const float value : matte.values) area += value;
+      patches_ += 3.0 * area / mixed(blur_);
+    }
+    blur(matte, blur_);
+    outlines_ += outline_length(matte);
+    views_.push_back(sighting.view);
+    first_.push_back(at);
+    at += compares_colours(sighting) ? 4 * pixels : pixels;
+  }
+  first_.push_back(at);
+}
+
+std::vector<double> ImageProblem::physical(const Eigen::VectorXd& point) const {
+  std::vector<double> values;
+  values.reserve(parameters_.size());
+  for (std::size_t k = 0; k < parameters_.size(); ++k) {
+    values.push_back(value_within_bounds(parameters_[k], point[Eigen::Index(k)]));
+  }
+  return values;
+}
+
+std::vector<std::optional<Eigen::VectorXd>> ImageProblem::evaluate(
+    const std::vector<Eigen::VectorXd>& points) {
+  std::vector<std::vector<double>> values;
+  values.reserve(points.size());
+  for (const Eigen::VectorXd& point : points) values.push_back(physical(point));
+  std::vector<Eigen::VectorXd> images(points.size(),
+                                      Eigen::VectorXd::Zero(Eigen::Index(first_.back())));
+  Filming filming;
+  filming.views = views_;
+  filming.colours = parts_.colours;
+  filming.see = [&](std::size_t query, std::size_t v, const Drawn& drawn) {
+    const auto begin = Eigen::Index(first_[v]);
+    compare(v, drawn, images[query].segment(begin, Eigen::Index(first_[v + 1]) - begin));
+  };
+  Scope scope;
+  scope.until = parts_.window.until;
+  scope.until[0] = std::max(scope.until[0], filming.until());
+  scope.filming = &filming;
+  if (!plan_.runs.empty()) scope.plan = &plan_;
+  const Evaluation evaluation = model_.evaluate(values, scope);
+  std::vector<std::optional<Eigen::VectorXd>> results(points.size());
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    if (!evaluation.outcomes[p]) {
+      failure_ = evaluation.failure.message;
+      continue;
+    }
+    Eigen::VectorXd residual = std::move(images[p]);
+    if (parts_.tracks != nullptr) {
+      const Eigen::VectorXd more = parts_.tracks->residuals(*evaluation.outcomes[p]);
+      if (!more.allFinite()) continue;
+      residual.conservativeResize(residual.size() + more.size());
+      residual.tail(more.size()) = more;
+    }
+    results[p] = std::move(residual);
+  }
+  count_ += static_cast<int>(points.size());
+  if (simulated) simulated(count_);
+  return results;
+}
+
+void ImageProblem::compare(std::size_t v, const Drawn& drawn,
+                           Eigen::Ref<Eigen::VectorXd> into) const {
+  const Sighting& sighting = parts_.sightings[v];
+  Coverage ours = seen_of(drawn.mask, sighting.matte, sighting.seen);
+  blur(ours, blur_);
+  const std::size_t pixels = ours.values.size();
+  const double weight = 1.0 / coverage_deviation(sighting.noise, std::hypot(blur_, kPixel));
+  for (std::size_t i = 0; i < pixels; ++i) {
+    into[Eigen::Index(i)] = weight * double(ours.values[i] - mattes_[v].values[i]);
+  }
+  if (!compares_colours(sighting)) return;
+  const double colour_weight = 1.0 / (sighting.colour_noise * std::sqrt(mixed(blur_)));
+  for (std::size_t c = 0; c < 3; ++c) {
+    Coverage apart = sighting.matte;
+    for (std::size_t i = 0; i < pixels; ++i) {
+      apart.values[i] *=
+          drawn.colour[c * pixels + i] - drawn.known[i] * sighting.colours[c].values[i];
+    }
+    blur(apart, blur_);
+    for (std::size_t i = 0; i < pixels; ++i) {
+      into[Eigen::Index((c + 1) * pixels + i)] = colour_weight * double(apart.values[i]);
+    }
+  }
+}
+
+Eigen::VectorXd ImageProblem::tail(const Eigen::VectorXd& residual) const {
+  return residual.tail(residual.size() - Eigen::Index(first_.back()));
+}
+
+double ImageProblem::effective(const Eigen::VectorXd& residual) const {
+  return outlines_ + patches_ +
+         (parts_.tracks != nullptr ? parts_.tracks->effective(tail(residual)) : 0.0);
+}
+
+ImageProblem::Misfit ImageProblem::misfit(const Eigen::VectorXd& residual) const {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  Misfit misfit{kNone, kNone, kNone};
+  double outlines = 0.0;
+  double colours = 0.0;
+  for (std::size_t v = 0; v < mattes_.size(); ++v) {
+    const auto pixels = Eigen::Index(mattes_[v].values.size());
+    const auto begin = Eigen::Index(first_[v]);
+    const auto end = Eigen::Index(first_[v + 1]);
+    outlines += residual.segment(begin, pixels).squaredNorm();
+    colours += residual.segment(begin + pixels, end - begin - pixels).squaredNorm();
+  }
+  if (outlines_ > 0.0) misfit.images = outlines / outlines_;
+  if (patches_ > 0.0) misfit.colours = colours / patches_;
+  if (parts_.tracks == nullptr) return misfit;
+  const Eigen::VectorXd rest = tail(residual);
+  const auto observed = double((rest.array() != 0.0).count());
+  if (observed > 0.0) misfit.tracks = rest.squaredNorm() / observed;
+  return misfit;
+}
+
+std::vector<std::uint32_t> ImageProblem::blocks() const {
+  std::vector<std::uint32_t> result(first_.back());
+  const std::size_t count = parts_.sightings.size();
+  for (std::size_t v = 0; v < count; ++v) {
+    const auto stretch = static_cast<std::uint32_t>(v * kStretches / count);
+    std::fill(result.begin() + std::ptrdiff_t(first_[v]),
+              result.begin() + std::ptrdiff_t(first_[v + 1]), stretch);
+  }
+  if (parts_.tracks == nullptr) return result;
+  for (const std::uint32_t block : parts_.tracks->blocks()) {
+    result.push_back(std::uint32_t(kStretches) + block);
+  }
+  return result;
+}
+
+}  // namespace matterfit::fit

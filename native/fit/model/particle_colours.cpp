@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "fit/model/particle_colours.hpp"
+
+#include <algorithm>
+#include <memory>
+
+#include "base/error.hpp"
+#include "capture/particle_gaussians.hpp"
+
+namespace matterfit::fit {
+namespace {
+
+constexpr int kSweeps = 20;
+/// Coverage from which on a pixel is all body.
+constexpr float kWhole = 0.95F;
+/// Pixels that know a particle's colour half.
+constexpr float kHalfKnown = 0.5F;
+/// The rasteriser cuts colours at 0, where they would have no slope.
+constexpr float kDarkest = 0.01F;
+/// ∂ colour / ∂ coefficient of band 0.
+constexpr float kSh0 = 0.28209479F;
+
+/// What one image tells.
+struct Shown {
+  splat::Gaussians gaussians;
+  splat::Camera camera;
+  std::vector<std::size_t> particles;  ///< of each Gaussian, counted through all bodies
+  const Sighting* sighting = nullptr;
+  std::vector<float> weight;  ///< one a pixel: 1 where it is all body
+};
+
+/// Adds the transpose of drawing, times an image's three channels, to each particle's colour.
+void spread(splat::Rasteriser& rasteriser, const Shown& shown, const splat::Image& channels,
+            std::vector<Vec3f>& into) {
+  splat::GaussianGradients gradients;
+  rasteriser.backward(shown.gaussians, channels, gradients);
+  for (std::size_t i = 0; i < shown.particles.size(); ++i) {
+    const float* of = gradients.sh.data() + 3 * i;
+    into[shown.particles[i]] += Vec3f(of[0], of[1], of[2]) / kSh0;
+  }
+}
+
+}  // namespace
+
+ParticleColours learn_colours(const Model& model, const std::vector<double>& values,
+                              const std::vector<Sighting>& sightings) {
+  const mpm::Scene& scene = model.scene(0);
+  std::vector<std::size_t> first{0};
+  for (const mpm::Body& body : scene.bodies) first.push_back(first.back() + body.rest.size());
+  const auto arena = std::make_shared<Arena>(model.threads());
+  splat::Rasteriser rasteriser(arena, model.target());
+  std::vector<Shown> all;
+  std::vector<Vec3f> seen(first.back(), Vec3f::Zero());  // pixels
+  Vec3f sum = Vec3f::Zero();
+  float count = 0.0F;
+  for (const Sighting& sighting : sightings) {
+    if (sighting.held_out || !sighting.has_colours() || sighting.view.time > 0.0) continue;
+    Shown shown;
+    shown.sighting = &sighting;
+    shown.gaussians = model.at_start(values, sighting.view);
+    shown.camera = model.camera_of(values, sighting.view);
+    for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
+      if (sighting.view.body && *sighting.view.body != b) continue;
+      for (std::size_t i = first[b]; i < first[b + 1]; ++i) shown.particles.push_back(i);
+    }
+    const std::vector<Vec3f> grey(shown.particles.size(), Vec3f::Constant(0.5F));
+    capture::set_colours(shown.gaussians, grey);
+    const splat::Image& image = rasteriser.render(shown.gaussians, shown.camera);
+    splat::Image channels(image.width, image.height);
+    const std::size_t pixels = image.pixels();
+    for (std::size_t p = 0; p < pixels; ++p) {
+      const bool whole = image.mask[p] > kWhole && sighting.matte.values[p] > kWhole;
+      shown.weight.push_back(whole ? 1.0F : 0.0F);
+      for (std::size_t c = 0; c < 3; ++c) channels.colour[c * pixels + p] = shown.weight[p];
+      if (!whole) continue;
+      for (std::size_t c = 0; c < 3; ++c) sum[int(c)] += sighting.colours[c].values[p];
+      count += 1.0F;
+    }
+    spread(rasteriser, shown, channels, seen);
+    all.push_back(std::move(shown));
+  }
+  if (!(count > 0.0F)) {
+    throw_input(
+        "no image that is fitted shows the colours of the body at the scene's first frame, from "
+        "which they are taken. Let the scene begin with the recording, or leave 'colours' out.");
+  }
+  std::vector<Vec3f> colours(first.back(), sum / count);
+  for (int sweep = 0; sweep < kSweeps; ++sweep) {
+    std::vector<Vec3f> step(colours.size(), Vec3f::Zero());
+    for (Shown& shown : all) {
+      std::vector<Vec3f> own;
+      own.reserve(shown.particles.size());
+      for (const std::size_t i : shown.particles) own.push_back(colours[i]);
+      capture::set_colours(shown.gaussians, own);
+      const splat::Image& image = rasteriser.render(shown.gaussians, shown.camera);
+      const std::size_t pixels = image.pixels();
+      splat::Image channels(image.width, image.height);
+      for (std::size_t c = 0; c < 3; ++c) {
+        for (std::size_t p = 0; p < pixels; ++p) {
+          channels.colour[c * pixels + p] =
+              shown.weight[p] *
+              (shown.sighting->colours[c].values[p] - image.colour[c * pixels + p]);
+        }
+      }
+      spread(rasteriser, shown, channels, step);
+    }
+    for (std::size_t i = 0; i < colours.size(); ++i) {
+      if (!(seen[i].x() > 0.0F)) continue;
+      colours[i] = (colours[i] + step[i] / seen[i].x()).cwiseMax(kDarkest).cwiseMin(1.0F);
+    }
+  }
+  ParticleColours result;
+  for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
+    auto& of = result.bodies.emplace_back();
+    for (std::size_t i = first[b]; i < first[b + 1]; ++i) {
+      of.colours.push_back(colours[i]);
+      of.known.push_back(seen[i].x() / (seen[i].x() + kHalfKnown));
+    }
+  }
+  return result;
+}
+
+}  // namespace matterfit::fit

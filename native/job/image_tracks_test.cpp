@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <iostream>
+#include <string>
+#include <vector>
+
+#include "base/file.hpp"
+#include "job/clip_for_test.hpp"
+
+/// Fits to images and tracks together.
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+
+constexpr double kNoise = 0.02;  // of the tracks [m]
+
+std::vector<splat::Camera> two_cameras() {
+  const Vec3d middle(0.5, 0.3, 0.25);
+  return {looking(Vec3d(0.6, -2.0, 0.9), middle), looking(Vec3d(2.5, 0.6, 0.7), middle)};
+}
+
+const Json kImages = {{"cameras", "clip/transforms.json"},
+                      {"noise", 0.3},
+                      {"holdout", {{"frames", {12, 14}}, {"cameras", {1}}}}};
+const Json kTracks = {{"tracks", "a.npz"}, {"noise", kNoise}, {"holdout", {{"frames", {12, 14}}}}};
+
+Json fit_to(const std::vector<Json>& captures, const std::string& out) {
+  Json document = thrown_cube();
+  document["task"] = "fit";
+  document["scene"]["bodies"][0]["velocity"] = {0.6, 0.4, -1.3};
+  document["captures"] = captures;
+  document["fit"] = {{"parameters", {"velocity"}}, {"iterations", 10}};
+  document["output"] = {{"folder", out}};
+  return document;
+}
+
+TEST(ImageTracks, EachCountsByItsNoise) {
+  const Folder folder;
+  Json truth = thrown_cube();
+  truth["scene"]["particle_separation"] = 0.04;
+  film(truth, folder.path, two_cameras());
+  record(thrown_cube(), folder.path, "a", 5, kNoise / kSize);
+  const Json images = run(fit_to({kImages}, "images"), folder.path);
+  const Json tracks = run(fit_to({kTracks}, "tracks"), folder.path);
+  const Json both = run(fit_to({kImages, kTracks}, "both"), folder.path);
+  const std::vector<double> thrown = {0.8, 0.3, -1.5};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto of = [&](const Json& result, const char* key) {
+      return result.at("fit").at("parameters")[k].at(key).get<double>();
+    };
+    const auto weight = [&](const Json& result) {
+      return 1.0 / std::pow(of(result, "standard_error"), 2);
+    };
+    std::cout << k << " " << of(images, "value") << " ± " << of(images, "standard_error") << "; "
+              << of(tracks, "value") << " ± " << of(tracks, "standard_error") << "; "
+              << of(both, "value") << " ± " << of(both, "standard_error") << "\n";
+    EXPECT_NEAR(of(both, "value"), thrown[k], 0.05);
+    EXPECT_GT(weight(both), 0.8 * (weight(images) + weight(tracks)));
+    const double low = std::min(of(images, "value"), of(tracks, "value"));
+    const double high = std::max(of(images, "value"), of(tracks, "value"));
+    const double slack = of(both, "standard_error");
+    EXPECT_GT(of(both, "value"), low - slack);
+    EXPECT_LT(of(both, "value"), high + slack);
+  }
+  const Json& fit = both.at("fit");
+  EXPECT_EQ(fit.at("loss"), "silhouette and tracks");
+  for (const char* kind : {"images", "tracks"}) {
+    EXPECT_GT(fit.at("noise_scales").at(kind).get<double>(), 0.2) << kind;
+    EXPECT_LT(fit.at("noise_scales").at(kind).get<double>(), 3.0) << kind;
+  }
+  EXPECT_NEAR(fit.at("after").at("held_out").at("rms_mm").get<double>(),
+              1e3 * std::sqrt(3.0) * kNoise, 20.0);
+  const Json& held = fit.at("silhouettes").at("after").at("held_out");
+  EXPECT_EQ(held.at("images"), 14 + 2);
+  EXPECT_GT(held.at("iou").get<double>(), 0.9);
+  EXPECT_TRUE(fit.at("cameras")[1].at("fitted").is_null());
+  EXPECT_EQ(fit.at("cameras")[1].at("held_out").at("images"), 14);
+  EXPECT_EQ(fit.at("cameras")[0].at("held_out").at("images"), 2);
+  EXPECT_EQ(both.at("captures").size(), 1u);
+}
+
+/// What is fitted of a capture is written where it stands in the document.
+TEST(ImageTracks, ValuesOfCapturesStandInTheirEntries) {
+  const Folder folder;
+  film(thrown_cube(), folder.path, two_cameras());
+  record(thrown_cube(), folder.path, "a", 5);
+  Json document = fit_to({kImages, kTracks}, "out");
+  document["captures"][1]["holdout"] = {{"capture", true}};
+  document["fit"] = {
+      {"parameters", {"velocity", "captures.clip.start_frame", "captures.clip.poses[0].turn[1]"}},
+      {"iterations", 2}};
+  const Json result = run(document, folder.path);
+  EXPECT_EQ(result.at("fit").at("loss"), "silhouette");
+  EXPECT_TRUE(result.at("fit").at("after").at("fitted").is_null());
+  EXPECT_TRUE(result.at("fit").at("after").at("held_out").is_object());
+  const auto bytes = read_file(folder.path / "out/scene.json");
+  const Json scene =
+      Json::parse(std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+  EXPECT_EQ(scene["captures"][0]["start_frame"], value_of(result, "captures.clip.start_frame"));
+  EXPECT_EQ(scene["captures"][0]["poses"][0]["turn"][1],
+            value_of(result, "captures.clip.poses[0].turn[1]"));
+  EXPECT_FALSE(scene["captures"][1].contains("start_frame"));
+}
+
+}  // namespace
+}  // namespace matterfit::job

@@ -175,6 +175,26 @@ TEXTS = {
     "Bulk Damping [Pa s]": "Volumendämpfung [Pa s]",
     "Hardening [Pa]": "Verfestigung [Pa]",
     "Flow Exponent": "Fließexponent",
+    "Unknown": "Unbekannt",
+    "Kind of Material": "Art des Materials",
+    "Pours": "Fließt",
+    "Numbers": "Zahlen",
+    "All Weights": "Alle Gewichte",
+    "Most like {law}": "Am ähnlichsten: {law}",
+    "Then: {laws}": "Dann: {laws}",
+    "{n} of {total} numbers are told": "{n} von {total} Zahlen sind bekannt",
+    "{n} at their bounds": "{n} an ihren Grenzen",
+    "{name}: {n} of {total}": "{name}: {n} von {total}",
+    "Not known yet: an elastic solid. Fit, with the law Unknown, finds what it is.":
+        "Noch nicht bekannt: ein elastischer Körper. Anpassen mit dem Gesetz Unbekannt findet, was es "
+        "ist.",
+    "Its stiffness and what kind of material it is are looked for, whatever law the body has now.":
+        "Seine Steifigkeit und die Art des Materials werden gesucht, welches Gesetz der Körper jetzt "
+        "auch hat.",
+    "Eight numbers, looked for together from all kinds of material.":
+        "Acht Zahlen, die zusammen unter allen Arten von Material gesucht werden.",
+    "{name}: 'latent' is not a list of {n} numbers.":
+        "{name}: 'latent' ist keine Liste von {n} Zahlen.",
     "Weights": "Gewichte",
     "Weights File": "Gewichtsdatei",
     "Yield Strain": "Fließdehnung",

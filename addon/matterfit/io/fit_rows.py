@@ -153,9 +153,9 @@ def reset_start(settings, row, quantity):
 
 
 def _set_start(settings, row, quantity, now):
-    if now is None:
+    if now is None or quantity.is_code:
         return
-    if quantity.size == 3:
+    if quantity.is_vector:
         row.start_vector = now
     elif quantity.scale != LINEAR and now <= 0.0:
         row.start = _guess(settings, row)
@@ -166,7 +166,7 @@ def _set_start(settings, row, quantity, now):
 def reset_mean(settings, row, quantity):
     """Sets what a prior expects to where the search begins."""
     now = fit_values.played(settings, row)
-    if quantity.size == 3:
+    if quantity.is_vector:
         row.mean_vector = row.start_vector if row.use_start or now is None else now
     elif row.use_start:
         row.mean = row.start
@@ -188,7 +188,9 @@ def switched_on(row, what):
 
 def reset_bounds(settings, row, quantity):
     """Sets the row's bounds to those of its kind, about what it starts from."""
-    if quantity.size == 3:
+    if quantity.is_code:
+        return
+    if quantity.is_vector:
         row.reach = quantity.reach
         return
     start = row.start if row.use_start else fit_values.value(settings, row.owner, row.key)

@@ -49,6 +49,32 @@ TEXTS = {
     "{n} frames": "{n} Bilder",
     "{n} layer": "{n} Lage",
     "{n} layers": "{n} Lagen",
+    "{body} starts up to {depth} inside {other}.": "{body} beginnt bis zu {depth} in {other}.",
+    "Parts of the mesh of '{name}' lie up to {distance} outside the shape that is simulated, and may "
+    "not follow it well. Apply the modifiers if it does not.":
+        "Teile des Netzes von „{name}“ liegen bis zu {distance} außerhalb der simulierten Form und "
+        "folgen ihr vielleicht nicht gut. Dann die Modifikatoren anwenden.",
+    "The thinnest side holds only {layers} of particles: lower Particle Separation.":
+        "In die dünnste Seite passen nur {layers} von Teilchen: Partikelabstand verringern.",
+    "The mesh had a hole, which was closed straight across.":
+        "Das Netz hatte ein Loch, das gerade geschlossen wurde.",
+    "The mesh had {n} holes, which were closed straight across.":
+        "Das Netz hatte {n} Löcher, die gerade geschlossen wurden.",
+    "A Particle Separation of {now} makes too many particles. Use at least {least}.":
+        "Ein Partikelabstand von {now} gibt zu viele Teilchen. Mindestens {least} nehmen.",
+    "A Particle Separation of {now} is too large for this shape. Use a smaller one, or check that the "
+    "shape is closed and its size is right.":
+        "Ein Partikelabstand von {now} ist zu groß für diese Form. Einen kleineren nehmen, oder "
+        "prüfen, ob die Form geschlossen und ihre Größe richtig ist.",
+    "The surface crosses itself in places.": "Die Oberfläche durchdringt sich stellenweise.",
+    "In places more than two faces share an edge.":
+        "Stellenweise teilen sich mehr als zwei Flächen eine Kante.",
+    "Faces looked inward and were turned outward.":
+        "Flächen zeigten nach innen und wurden nach außen gewendet.",
+    "Some faces looked the other way than their neighbours and were turned.":
+        "Einige Flächen zeigten anders herum als ihre Nachbarn und wurden gewendet.",
+    "Vertices at the same place were joined.":
+        "Eckpunkte an derselben Stelle wurden verbunden.",
     "{particles}; volume matched.": "{particles}; Volumen getroffen.",
     "{particles}, which hold {share} % of the volume.":
         "{particles}, die {share} % des Volumens halten.",

@@ -49,6 +49,10 @@ TEXTS = {
     "{n} frames": "{n} Bilder",
     "{n} layer": "{n} Lage",
     "{n} layers": "{n} Lagen",
+    "Particle Separation is {now}, and nothing can be simulated below {least}: what is simulated is "
+    "very small. Scale it up, or raise Unit Scale under Scene > Units.":
+        "Der Partikelabstand ist {now}, und unter {least} ist nichts zu simulieren: Was simuliert wird, "
+        "ist sehr klein. Es vergrößern, oder unter Szene > Einheiten die Einheitenskalierung erhöhen.",
     "{body} starts up to {depth} inside {other}.": "{body} beginnt bis zu {depth} in {other}.",
     "Parts of the mesh of '{name}' lie up to {distance} outside the shape that is simulated, and may "
     "not follow it well. Apply the modifiers if it does not.":

@@ -150,7 +150,7 @@ class FitRowTest(FitCase):
 
     def test_the_row_has_no_values_of_its_own(self):
         row = self.row("material.latent")
-        row.use_start = row.use_bounds = row.use_prior = True
+        row.use_prior = row.use_bounds = row.use_start = True
         self.assertIn("bodies.Cube.material.latent[7]", self.written()["parameters"])
 
     def test_unknown_whatever_the_body_is(self):

@@ -122,7 +122,7 @@ class Application:
             found = _saved(folder, owner)
             values = dict(self._item(owner)["material"])
             material_values.resolve(values, folder)
-            values = material_values.with_weights_kept(values)
+            values = material_values.with_weights_kept(values, folder)
             body.material.preset = "CUSTOM"
             material_values.fill(body.material, values, presets.like_of(found))
             body.material.source = found.get("source") or translate("Fitted")

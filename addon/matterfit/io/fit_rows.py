@@ -141,9 +141,10 @@ def _begin(settings, row, quantity, observed):
         row.use_start = fit_values.value(settings, row.owner, row.key) <= 0.0 or (
             row.key == "contact.stiffness"
             and not fit_values.contact_of(settings, row.owner).use_stiffness)
-    _set_start(settings, row, quantity, fit_values.value(settings, row.owner, row.key))
-    reset_bounds(settings, row, quantity)
-    row.mean, row.mean_vector = row.start, row.start_vector
+    if not quantity.is_code:  # which has no values of its own here
+        _set_start(settings, row, quantity, fit_values.value(settings, row.owner, row.key))
+        reset_bounds(settings, row, quantity)
+        row.mean, row.mean_vector = row.start, row.start_vector
     row.enabled = observed and _on(settings, row)
 
 
@@ -153,7 +154,7 @@ def reset_start(settings, row, quantity):
 
 
 def _set_start(settings, row, quantity, now):
-    if now is None or quantity.is_code:
+    if now is None:
         return
     if quantity.is_vector:
         row.start_vector = now
@@ -181,15 +182,13 @@ def switched_on(row, what):
         return
     settings = row.id_data.matterfit
     quantity = quantity_of(settings, row)
-    if quantity is not None:
+    if quantity is not None and not quantity.is_code:
         {"start": reset_start, "bounds": reset_bounds, "prior": reset_mean}[what](
             settings, row, quantity)
 
 
 def reset_bounds(settings, row, quantity):
     """Sets the row's bounds to those of its kind, about what it starts from."""
-    if quantity.is_code:
-        return
     if quantity.is_vector:
         row.reach = quantity.reach
         return

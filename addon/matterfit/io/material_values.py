@@ -141,11 +141,12 @@ def with_weights_beside(values, path):
     return {**values, "weights": os.path.basename(weights_path(path))}
 
 
-def with_weights_kept(values):
-    """`values` with the weights' file, where they have one, copied beside the .blend file: a fit's own
-    goes with its cache. The name is that of the content, so that no copy takes another's place."""
+def with_weights_kept(values, folder):
+    """`values` with the weights' file, where that lies in the fit's cache folder and goes with it,
+    copied beside the .blend file. The name is that of the content, so that no copy takes another's
+    place."""
     file = _weights_file(values)
-    if not file:
+    if os.path.dirname(file) != os.path.normpath(folder):
         return values
     kept = f"//matterfit_weights_{zlib.crc32(_read(file)):08x}{WEIGHTS_SUFFIX}"
     _copy(file, bpy.path.abspath(kept))

@@ -10,6 +10,7 @@ from .common import MatterfitPanel, form, lines
 
 _OTHERS = 2  # laws that are named after the nearest
 
+
 class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
     bl_label = "Result"
     bl_parent_id = "MATTERFIT_PT_fit"

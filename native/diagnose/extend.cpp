@@ -127,7 +127,7 @@ class Search {
     if (out_.spread.members.rows() > 0) return;
     tell(0.2, "Measuring the solver's own error");
     study_.begin("solver");
-    out_.spread = numerical_spread(study_, state, members_);
+    out_.spread = numerical_spread(study_, state, {.members = members_});
   }
 
   void estimate_from(const VectorXd& stacked) {
@@ -179,7 +179,7 @@ class Search {
     out_.first = analyse(study_, base_state_, out_.slopes, out_.spread, out_.noise,
                          out_.slopes.prediction, 0.0, options_.analysis);
     if (members_ > 0 && study_.model().has_numerics()) {
-      const Spread none{MatrixXd(study_.size(), 0), {}};
+      const Spread none = Spread::none(study_.size());
       const Analysis exact = analyse(study_, base_state_, out_.slopes, none, out_.noise,
                                      out_.slopes.prediction, 0.0, options_.analysis);
       double largest = 0.0;

@@ -44,7 +44,7 @@ TEST(Noise, IsFoundBesideADiscrepancy) {
   const Study study(model, 0);
   const Linearised slopes =
       linearise(study, study.fitted(), candidates_of(model, study.fitted()), {});
-  const Spread none{MatrixXd(study.size(), 0), {}};
+  const Spread none = Spread::none(study.size());
   const Noise found =
       estimate_noise(study.used(), model.captures(),
                      (study.measured() - slopes.prediction).head(study.used().size()),
@@ -78,7 +78,7 @@ TEST(Noise, TellsWrongPlacesFromNoise) {
     track.scatter(track.gather(moved) + wrong, moved);
     residual = moved;
   }
-  const Spread none{MatrixXd(study.size(), 0), {}};
+  const Spread none = Spread::none(study.size());
   const Noise found = estimate_noise(study.used(), model.captures(), residual,
                                      explained_columns(study, slopes, none), 1e-9, turns);
   EXPECT_NEAR(found.captures[0].sigma, 1e-3, 1e-4);

@@ -106,7 +106,7 @@ void SilhouetteModel::settle_steps(const std::vector<double>& values, double unt
   mpm::Scene scene = scene_;
   parameters_.apply(values, 0, scene);
   std::vector<RunSteps> runs(1);
-  runs[0] = {std::move(motion.substeps), mpm::step_limit(scene)};
+  runs[0] = {with_neighbours(motion.substeps), mpm::step_limit(scene)};
   plan_ = StepPlan(std::move(runs));
 }
 

@@ -208,7 +208,10 @@ class ResultTest(FakeFitCase):
         path = os.path.join(self.run_folder, "result.json")
         document = files.read_json(path)
         document["fit"]["like"] = {"Cube": like(law)}
-        document["fit"]["statements"].append(f"Cube: {SENTENCE}{more}")
+        document["fit"]["statements"] += [
+            f"Cube: {SENTENCE}{more}",
+            "bodies.Cube.material.latent[1] and bodies.Cube.material.latent[2] are alike.",
+            "bodies.Cube.material.E and bodies.Cube.material.latent[2] are alike."]
         files.write_json(path, document)
 
     def test_what_it_is_like_stands_in_the_result(self):
@@ -223,7 +226,8 @@ class ResultTest(FakeFitCase):
     def test_its_numbers_are_one_row(self):
         self.found()
         said = texts(result_panel.MATTERFIT_PT_fit_result)
-        self.assertEqual(said.count("Kind of Material"), 1)
+        self.assertEqual(said.count("Kind of Material"), 2)
+        self.assertIn("Young's Modulus and Kind of Material 3 are alike", " ".join(said.split()))
         self.assertIn("5 of 8 numbers are told", said)
         result = fit_results.load(self.run_folder)
         self.assertEqual([len(estimates) for _owner, _label, estimates in

@@ -14,6 +14,7 @@ import os
 import sys
 from dataclasses import dataclass
 
+import _cycles
 import bpy
 from mathutils import Vector
 
@@ -21,7 +22,6 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 FOLDER = os.environ.get("MATTERFIT_PICTURES", os.path.join(ROOT, "build", "pictures"))
 MOST_ACTIONS = 10
 SIZE = 640, 480
-SAMPLES = int(os.environ.get("MATTERFIT_SAMPLES", "256"))
 SHUTTER = 0.1  # frames: what moves shows it, and keeps its shape
 _actions = []
 
@@ -58,8 +58,8 @@ def shaded(name, color, roughness=0.3, **inputs):
     wanted = {"Base Color": (*color, 1.0), "Roughness": roughness,
               **{key.replace("_", " "): value for key, value in inputs.items()}}
     for key, value in wanted.items():
-        socket = next(socket for socket in shader.inputs if socket.name.startswith(key))
-        socket.default_value = value
+        for socket in [socket for socket in shader.inputs if socket.name.startswith(key)][:1]:
+            socket.default_value = value  # Blender 4.0 has left some of them out
     item = bpy.context.active_object
     item.data.materials.append(found)
     for face in item.data.polygons:
@@ -159,7 +159,7 @@ def water():
     bpy.ops.mesh.primitive_cylinder_add(radius=0.085, depth=0.9, location=(0.03, -0.02, 0.91))
     jet = bpy.context.active_object
     jet.name = "Water"
-    material, _shader = shaded("Water", (0.62, 0.9, 1.0), 0.02, Transmission=1.0, IOR=1.33)
+    material, _shader = shaded("Water", (0.86, 0.97, 1.0), 0.02, Transmission=1.0, IOR=1.33)
     lets_light_through(material, 0.95)
     bpy.ops.mesh.primitive_uv_sphere_add(radius=0.2, location=(0.0, 0.0, 0.22), segments=64,
                                          ring_count=32)
@@ -274,8 +274,10 @@ def render(name, frame):
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
-    scene.cycles.samples = SAMPLES
-    scene.cycles.use_denoising = False  # Debian's Blender has no denoiser
+    # Debian's Blender has no denoiser, a wheel of bpy has one: `python scripts/first_pictures.py -- again`.
+    scene.cycles.use_denoising = _cycles.with_openimagedenoise
+    scene.cycles.samples = int(os.environ.get(
+        "MATTERFIT_SAMPLES", "64" if _cycles.with_openimagedenoise else "256"))
     scene.cycles.max_bounces = 12
     scene.cycles.caustics_reflective = scene.cycles.caustics_refractive = False
     scene.cycles.sample_clamp_indirect = 4.0

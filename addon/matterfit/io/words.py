@@ -91,6 +91,15 @@ def folded(settings, estimates):
     return found
 
 
+def is_about_code(statement):
+    """Whether a sentence of a result names numbers of codes alone: which of these are alike says
+    nothing to people."""
+    rows = []
+    for match in _OWNED.finditer(statement):
+        rows.append(quantities.find(re.sub(r"\[\d+\]$", "", match.group("key").lstrip("."))))
+    return bool(rows) and all(row is not None and row.is_code for row in rows)
+
+
 def named(settings, path):
     """The same in one text, with the owner where the scene has several: Velocity Z, or Cube: Velocity
     Z."""

@@ -47,7 +47,7 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
         shown = {estimate.statement for estimate in result.estimates}
         for statement in result.statements:
             statement = _without_like(statement, result.likes)
-            if statement and statement not in shown:
+            if statement and statement not in shown and not words.is_about_code(statement):
                 lines(layout, words.of_result(statement, settings), icon="INFO")
         if result.models:
             self._models(layout, result)

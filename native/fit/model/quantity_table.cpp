@@ -319,7 +319,7 @@ std::vector<Quantity> viscous_rows() {
        .access = maxwell_access(&MaxwellBranch::time)},
       {.path = "material.correction[#]",
        .coordinate = Coordinate::kLinear,
-       .scale = 0.1,
+       .scale = 0.2,
        .low = -0.3,
        .high = 30.0,
        .prior_sigma = 0.5,

@@ -140,48 +140,50 @@ void require_hold_out(const fit::Experiment& experiment) {
 FurtherFit fit_correction(FurtherStart from, const Interrupter& interrupter,
                           std::vector<std::string>& statements, std::vector<Json>& history) {
   const std::string body = from.body;
-  const std::vector<fit::ParameterSpec> all = all_numbers(from.setup, body);
-  const auto refused = [&](const std::string& why) {
-    statements.push_back(fmt::format("{}: {}; the law stays as it is.", body, why));
-  };
-  std::vector<fit::ParameterSpec> freed;
+  const int threads = from.setup.threads;
+  const std::vector<fit::Run>& runs = from.setup.experiment->runs;
+  FurtherFit result;
+  std::vector<std::size_t> indices;
+  std::string refusal;
   try {
-    freed = excited_numbers(from, all, interrupter, statements);
+    std::vector<fit::ParameterSpec> freed =
+        excited_numbers(from, all_numbers(from.setup, body), interrupter, statements);
+    for (const fit::ParameterSpec& spec : freed) indices.push_back(spec.path.index);
+    if (freed.empty()) {
+      refusal = "the capture excites no number of a correction, as its strains are too small";
+    } else {
+      result =
+          go_on(std::move(from), std::move(freed), kLeastGain, interrupter, statements, history);
+      if (!result.taken) {
+        refusal =
+            "a correction does not predict what was held out better, by more than may be chance";
+      }
+    }
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kCompute) throw;
-    refused(std::string("what a correction does could not be simulated: ") + error.what());
-  }
-  std::vector<std::size_t> indices;
-  for (const fit::ParameterSpec& spec : freed) indices.push_back(spec.path.index);
-  FurtherFit result;
-  if (freed.empty()) {
-    result.report = {{"body", body}, {"taken", false}, {"iterations", 0}, {"evaluations", 0}};
-    refused("the capture excites no number of a correction: its strains are too small");
-  } else {
-    const int threads = from.setup.threads;
-    const auto& runs = from.setup.experiment->runs;
-    result = go_on(std::move(from), std::move(freed), kLeastGain, interrupter, statements, history);
-    const Json& held = result.report.at("held_out_mm");
-    if (result.taken) {
-      const material::Material material = material_at(*result.fit, result.state.values, body);
-      Arena arena(threads);
-      const auto over =
-          excitation_of(runs, result.fit->scenes(), body, !material.traits().elastic(), arena);
-      const Json shares = stress_shares(material, over.value_or(material::Excitation{}));
-      const std::string sentence = fmt::format(
-          "{}: with a correction beside the law {} what was held out, which has chosen it, is "
-          "missed by {:.3g} mm in the mean, without by {:.3g}. {}",
-          body, material.traits().name, held.at("with").get<double>(),
-          held.at("without").get<double>(), share_sentence(shares, over.has_value()));
-      result.report["numbers"] = material.correction;
-      result.report["stress_share"] = shares;
-      result.report["sentence"] = sentence;
-      statements.push_back(sentence);
-    } else {
-      refused("a correction does not predict what was held out better, by more than noise may");
-    }
+    refusal = std::string("a correction could not be fitted (") + error.what() + ")";
   }
   result.key = "correction";
+  if (!refusal.empty()) {
+    statements.push_back(fmt::format("{}: {}; the law stays as it is.", body, refusal));
+    if (result.report.is_null()) result.report = {{"body", body}, {"taken", false}};
+  } else {
+    const material::Material material = material_at(*result.fit, result.state.values, body);
+    Arena arena(threads);
+    const auto over =
+        excitation_of(runs, result.fit->scenes(), body, !material.traits().elastic(), arena);
+    const Json shares = stress_shares(material, over.value_or(material::Excitation{}));
+    const Json& held = result.report.at("held_out_mm");
+    const std::string sentence = fmt::format(
+        "{}: with a correction beside the law {} what was held out, which has chosen it, is "
+        "missed by {:.3g} mm in the mean, without by {:.3g}. {}",
+        body, material.traits().name, held.at("with").get<double>(),
+        held.at("without").get<double>(), share_sentence(shares, over.has_value()));
+    result.report["numbers"] = material.correction;
+    result.report["stress_share"] = shares;
+    result.report["sentence"] = sentence;
+    statements.push_back(sentence);
+  }
   result.report["freed"] = indices;
   return result;
 }

@@ -17,8 +17,9 @@ void require_hold_out(const fit::Experiment& experiment);
 /// (material/correction.hpp), from what the document has or 0, each with the prior of its row.
 /// First those that the capture does not excite are left where they are (LawFit::excited()). Taken
 /// only where what is held out is missed by less, by more than noise makes of it. The report has
-/// besides `numbers` (all of them, as they end), `freed` (the indices of those that were fitted) and,
-/// where it is taken, `stress_share` and `sentence` (docs/formats.md).
+/// besides `freed`, the indices of those that were fitted, and where it is taken `numbers`,
+/// `stress_share` and `sentence` (docs/formats.md). A correction that cannot be simulated is not
+/// taken, and a statement says why.
 [[nodiscard]] FurtherFit fit_correction(FurtherStart from, const Interrupter& interrupter,
                                         std::vector<std::string>& statements,
                                         std::vector<Json>& history);

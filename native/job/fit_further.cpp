@@ -43,7 +43,8 @@ FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more, double
   FurtherMeans best = without;
   LawState nearest;
   int worse = 0;
-  while (!state.finished && state.iterations < from.iterations && worse < kMostWorse) {
+  while (without.seen && !state.finished && state.iterations < from.iterations &&
+         worse < kMostWorse) {
     const int known = state.iterations;
     fit.advance(state, history);
     if (state.iterations == known) continue;
@@ -54,8 +55,8 @@ FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more, double
     best = now;
     nearest = state;
   }
-  result.taken = !nearest.values.empty() &&
-                 (!judged || *best.held < (1.0 - least_gain) * *without.held);
+  result.taken =
+      !nearest.values.empty() && (!judged || *best.held < (1.0 - least_gain) * *without.held);
   if (result.taken) {
     result.state = std::move(nearest);
     result.state.iterations = before.iterations + state.iterations;

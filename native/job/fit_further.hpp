@@ -40,9 +40,10 @@ struct FurtherMeans {
 
 /// From where a fit ended, with the parameters `more` after its own: Levenberg–Marquardt as in the
 /// last stage of any fit. The best iterate is the one with the least mean error on what is held
-/// out; without a hold-out the last. `taken` only where that is less than the fit before has, by
-/// more than `least_gain` of it: what is held out then chooses, and its error is no longer that of
-/// something unseen. A step whose simulation cannot be completed is refused. Throws as LawFit does.
+/// out; without a hold-out the last; none where the fit before cannot be simulated. `taken` only
+/// where that is less than the fit before has, by more than `least_gain` of it: what is held out
+/// then chooses, and its error is no longer that of something unseen. A step whose simulation
+/// cannot be completed is refused. Throws as LawFit does.
 [[nodiscard]] FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more,
                                double least_gain, const Interrupter& interrupter,
                                std::vector<std::string>& statements, std::vector<Json>& history);

@@ -12,8 +12,8 @@
 #include "fit/data/metrics.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/fit_path.hpp"
-#include "job/fit_experiment.hpp"
 #include "job/fit_correction.hpp"
+#include "job/fit_experiment.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_laws.hpp"
 #include "job/fit_like.hpp"
@@ -318,8 +318,8 @@ class FitJob {
                           [this](const FitReport& report) { show(report); }};
     };
     if (doc_.correction > 0) {
-      return fit_correction(from(bodies().front(), doc_.correction), interrupter_,
-                            law_statements_, state_.history);
+      return fit_correction(from(bodies().front(), doc_.correction), interrupter_, law_statements_,
+                            state_.history);
     }
     for (const std::string& name : bodies()) {
       const bool sought = !doc_.laws.empty() && name == doc_.body;

@@ -9,8 +9,8 @@
 
 namespace matterfit::job {
 
-/// Goes on (job/fit_further.hpp) with a body's 29 weights (all but the scale, which E is), each with
-/// a prior of its row about the start law.
+/// Goes on (job/fit_further.hpp) with a body's 29 weights (all but the scale, which E is), each
+/// with a prior of its row about the start law.
 [[nodiscard]] FurtherFit fit_weights(FurtherStart from, const Interrupter& interrupter,
                                      std::vector<std::string>& statements,
                                      std::vector<Json>& history);

@@ -165,11 +165,12 @@ void Correction::stress_adjoint(const Mat3d& f, const Mat3d& stress_bar, Mat3d& 
   const double of_cube = at.dev_cube.dot(along);
   Mat3d strain_bar = 2.0 * w_s * shape;
   for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) strain_bar(i, j) += 3.0 * w_k * (at.dev[i] + at.dev[j]) * shape(i, j);
+    for (int j = 0; j < 3; ++j)
+      strain_bar(i, j) += 3.0 * w_k * (at.dev[i] + at.dev[j]) * shape(i, j);
   }
   strain_bar.diagonal().array() -= 2.0 * w_k * of_dev;
-  strain_bar.diagonal() += (4.0 * w_ss * of_dev + 2.0 * w_sk * of_cube) * at.dev +
-                           2.0 * w_sk * of_dev * at.dev_cube;
+  strain_bar.diagonal() +=
+      (4.0 * w_ss * of_dev + 2.0 * w_sk * of_cube) * at.dev + 2.0 * w_sk * of_dev * at.dev_cube;
   strain_bar.diagonal().array() += w_tt * trace;
   f_bar += 2.0 * at.axes * of_square(at, strain_bar) * at.axes.transpose() * f;
 }
@@ -212,9 +213,10 @@ void add_correction_gradient(const Material& material, std::span<const double> n
 void check_correction(std::span<const double> numbers, const std::string& where) {
   if (numbers.empty()) return;
   if (numbers.size() != kCorrectionSize) {
-    throw_input(fmt::format("{} has {} numbers; a correction has {}. Give one each, 0 for those "
-                            "that do nothing.",
-                            where, numbers.size(), kCorrectionSize));
+    throw_input(
+        fmt::format("{} has {} numbers; a correction has {}. Give one each, 0 for those "
+                    "that do nothing.",
+                    where, numbers.size(), kCorrectionSize));
   }
   double shape = kAsymmetryCurvature * std::abs(numbers[kAsymmetry]);
   for (std::size_t i = 0; i < numbers.size(); ++i) {
@@ -228,7 +230,8 @@ void check_correction(std::span<const double> numbers, const std::string& where)
   if (std::max(shape, volume) > kMostSoftening) {
     throw_input(fmt::format(
         "{} takes {:.3g} of a stiffness away at some strain; at most {:.3g} may go, as nothing "
-        "would hold the body together. Raise the negative numbers, or bring the fourth nearer to 0.",
+        "would hold the body together. Raise the negative numbers, or bring the fourth nearer to "
+        "0.",
         where, std::max(shape, volume), kMostSoftening));
   }
 }

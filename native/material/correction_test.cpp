@@ -57,8 +57,8 @@ TEST(Correction, IsTheDerivativeOfItsEnergy) {
     const Mat3d rate = random_matrix(generator, 1.0);
     // Ẇ = τ : ∇v.
     const double found = dot(correction.stress(f), rate);
-    const double expected = difference(
-        [&](double by) { return correction.energy(f + by * rate * f); }, 1e-3);
+    const double expected =
+        difference([&](double by) { return correction.energy(f + by * rate * f); }, 1e-3);
     EXPECT_NEAR(found, expected, 1e-8);
   }
 }
@@ -101,8 +101,8 @@ TEST(Correction, HasItsAdjoint) {
     std::vector<double> numbers(kCorrectionSize, 0.0);
     correction.stress_adjoint(f, bar, f_bar, numbers.data());
     const Mat3d way = random_matrix(generator, 1.0);
-    const double expected = difference(
-        [&](double by) { return dot(bar, correction.stress(f + by * way)); }, 1e-3);
+    const double expected =
+        difference([&](double by) { return dot(bar, correction.stress(f + by * way)); }, 1e-3);
     EXPECT_NEAR(dot(f_bar, way), expected, 1e-7 * std::max(1.0, std::abs(expected))) << k;
     for (std::size_t i = 0; i < kCorrectionSize; ++i) {
       const double by_number = difference(

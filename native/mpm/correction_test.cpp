@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The correction beside a law in a simulation: derivatives against fourth-order differences of whole
-// runs in double, what zeros change, and what it does to the substep.
+// The correction beside a law in a simulation: derivatives against fourth-order differences of
+// whole runs in double, what zeros change, and what it does to the substep.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

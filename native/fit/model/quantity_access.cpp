@@ -105,8 +105,7 @@ Access weight_move_access() {
     if (moves.empty()) moves.resize(material::kIsotropicElastic, 0.0);
     moves.at(at.index) = values[0];
   };
-  access.slope = [](const mpm::Gradient& gradient, const mpm::Scene& scene,
-                         const Address& at) {
+  access.slope = [](const mpm::Gradient& gradient, const mpm::Scene& scene, const Address& at) {
     return entry(body_of(gradient, scene, at).material.weight_moves, at.index);
   };
   return access;
@@ -122,8 +121,7 @@ Access latent_access() {
     material.latent.at(at.index) = values[0];
     material::decode_latent(material);
   };
-  access.slope = [](const mpm::Gradient& gradient, const mpm::Scene& scene,
-                         const Address& at) {
+  access.slope = [](const mpm::Gradient& gradient, const mpm::Scene& scene, const Address& at) {
     return entry(body_of(gradient, scene, at).material.latent, at.index);
   };
   return access;

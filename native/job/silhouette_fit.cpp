@@ -43,6 +43,9 @@ class SilhouetteFit {
     if (!doc_.laws.empty()) {
       throw_input("fit.laws: laws are compared by tracks only; a fit to images takes one.");
     }
+    if (doc_.correction > 0) {
+      throw_input("fit.correction: it is judged by tracks only; leave it out of a fit to images.");
+    }
     say("Reading", 0.0);
     loaded_ = unread_experiment(job_);
     for (fit::Run& run : loaded_.experiment.runs) run.fitted = true;

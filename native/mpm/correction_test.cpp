@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The correction beside a law in a simulation: derivatives against fourth-order differences of
 // whole runs in double, what zeros change, and what it does to the substep.
+#include "material/correction.hpp"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>

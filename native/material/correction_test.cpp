@@ -58,7 +58,7 @@ TEST(Correction, IsTheDerivativeOfItsEnergy) {
     // Ẇ = τ : ∇v.
     const double found = dot(correction.stress(f), rate);
     const double expected =
-        difference([&](double by) { return correction.energy(f + by * rate * f); }, 1e-3);
+        difference([&](double by) { return correction.energy(f + by * rate * f); }, 1e-4);
     EXPECT_NEAR(found, expected, 1e-8);
   }
 }
@@ -102,7 +102,7 @@ TEST(Correction, HasItsAdjoint) {
     correction.stress_adjoint(f, bar, f_bar, numbers.data());
     const Mat3d way = random_matrix(generator, 1.0);
     const double expected =
-        difference([&](double by) { return dot(bar, correction.stress(f + by * way)); }, 1e-3);
+        difference([&](double by) { return dot(bar, correction.stress(f + by * way)); }, 1e-4);
     EXPECT_NEAR(dot(f_bar, way), expected, 1e-7 * std::max(1.0, std::abs(expected))) << k;
     for (std::size_t i = 0; i < kCorrectionSize; ++i) {
       const double by_number = difference(

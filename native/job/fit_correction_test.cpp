@@ -98,7 +98,9 @@ TEST(FitCorrection, HalvesTheErrorOfAThrowThatItNeverSawWhereTheLawLacksSomethin
   EXPECT_THAT(result["fit"]["statements"].dump(), HasSubstr("with a correction beside the law"));
   EXPECT_FALSE(correction["freed"].empty());
   for (const Json& share : correction["stress_share"]) {
-    if (share["way"] == "stretch") EXPECT_GT(share["share"].get<double>(), 0.0) << correction;
+    if (share["way"] == "stretch") {
+      EXPECT_GT(share["share"].get<double>(), 0.0) << correction;
+    }
   }
   EXPECT_FALSE(clips.material("without").contains("correction"));
 }

@@ -24,10 +24,10 @@ using Eigen::VectorXd;
 constexpr double kNearScore = 0.8;
 /// Refitted whatever their scores say of them, for the same reason.
 constexpr std::size_t kAlways = 3;
-/// How often the best cause's search may begin again where it ended before it converged, and the
-/// share of its χ² that must go each time.
+/// How often the searches of base and best cause may begin again, and the share of its evidence
+/// that one must gain for another round.
 constexpr int kMoreRounds = 3;
-constexpr double kWorthARound = 0.02;
+constexpr double kWorthARound = 0.01;
 /// The smallest deviation that counts as noise: rounding of single precision at a metre.
 constexpr double kNoiseFloor = 1e-7;
 /// The solver's error is extrapolated to first order: a tenth of the χ² it stands for, a third of
@@ -69,8 +69,7 @@ class Search {
         try_singles();
       }
     }
-    finish_best();
-    refit_base();
+    settle();
     choose();
     add_further_causes(study_, *trials_, *judge_, options_, out_);
     accept();
@@ -192,36 +191,34 @@ class Search {
     if (refits.front()) together_ = refits.front()->state;
   }
 
-  /// A best cause that was far off at first may need more slopes than others to get to its end.
-  void finish_best() {
+  /// A search that was far off at first may need more slopes than others to get to its end, and one
+  /// with a cause may find what the base's has missed, which is no evidence for the cause: base and
+  /// best cause go on from where the other ended until neither gains.
+  void settle() {
     for (int round = 0; round < kMoreRounds && !out_.singles.empty(); ++round) {
       Trial& best = out_.singles.front();
-      if (best.refit.converged || looseness_of(best.refit) < kFarOff) return;
       tell(0.8, "Refitting with the best cause");
-      std::vector<Attempt> attempts;
-      attempts.push_back({best.causes, {{best.refit.state}, {}}});
-      std::vector<Trial> again = trials_->tried(std::move(attempts), "refits");
-      if (again.empty() || !(again.front().evidence < best.evidence)) return;
-      const bool worth =
-          again.front().refit.chi_square < (1.0 - kWorthARound) * best.refit.chi_square;
-      best = std::move(again.front());
-      if (!worth) return;
+      bool gained = false;
+      const bool far_off = looseness_of(best.refit) > kFarOff;
+      if (far_off && !best.refit.converged) gained = go_on(best, best.refit.state);
+      State state{best.refit.state.theta, {}};
+      const bool base = go_on(out_.base, std::move(state));
+      if (base && far_off) {
+        gained = go_on(best, {out_.base.refit.state.theta, best.refit.state.causes}) || gained;
+      }
+      if (!gained) return;
     }
   }
 
-  /// The base from where its best extension ended: a search that went farther with a cause may have
-  /// found what the base's had missed, which is no evidence for the cause.
-  void refit_base() {
-    if (out_.singles.empty()) return;
-    const Refit& best = out_.singles.front().refit;
-    State state = best.state;
-    state.causes.clear();
+  /// Refits `trial` from a state with its causes; whether that gained a share that is worth more.
+  bool go_on(Trial& trial, State from) const {
     std::vector<Attempt> attempts;
-    attempts.push_back({{}, {{std::move(state)}, best.slopes.leftCols(best.state.theta.size())}});
+    attempts.push_back({trial.causes, {{std::move(from)}, {}}});
     std::vector<Trial> again = trials_->tried(std::move(attempts), "refits");
-    if (!again.empty() && again.front().evidence < out_.base.evidence) {
-      out_.base = std::move(again.front());
-    }
+    if (again.empty() || !(again.front().evidence < trial.evidence)) return false;
+    const bool worth = again.front().evidence < (1.0 - kWorthARound) * trial.evidence;
+    trial = std::move(again.front());
+    return worth;
   }
 
   void try_singles() {

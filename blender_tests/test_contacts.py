@@ -54,9 +54,15 @@ class OverlapTest(SceneCase):
         self.jelly(name="One", separation=0.05)
         self.second = self.jelly(name="Two", separation=0.05, location=(0.1, 0.0, 0.5)).object
 
+    def vary(self):
+        bpy.ops.matterfit.add_axis(quantity="One\tvelocity[0]")
+        self.settings.batch.axes[0].values = "-1, -2"
+
     @needs_library
     def test_refused(self):
-        for operator in (bpy.ops.matterfit.estimate, bpy.ops.matterfit.bake):
+        self.vary()
+        for operator in (bpy.ops.matterfit.estimate, bpy.ops.matterfit.bake,
+                         bpy.ops.matterfit.run_batch):
             self.fails(operator, ["'One' and 'Two' lie in each other"])
 
     @needs_library
@@ -66,8 +72,10 @@ class OverlapTest(SceneCase):
         with mock.patch.object(native, "validate", wraps=native.validate) as asked:
             bpy.ops.matterfit.estimate()
             bpy.ops.matterfit.bake()
+            self.vary()
+            bpy.ops.matterfit.run_batch()
             asked.assert_not_called()
-        self.assertTrue(self.settings.takes[0].baked)
+        self.assertEqual([take.baked for take in self.settings.takes], [True] * 3)
 
     def test_boxes_where_the_bodies_stand(self):
         for place, angle, wanted in (((0.1, 0.0, 0.5), 0.0, True), ((0.2, 0.0, 0.5), 0.0, False),

@@ -472,6 +472,14 @@ class RefusalTest(SceneCase):
         with self.assertRaisesRegex(JobError, "has no surface"):
             self.document()
 
+    def test_a_tenth_of_a_millimetre(self):
+        self.body(self.cube(size=1e-4))
+        with self.assertRaisesRegex(
+                JobError, "Particle Separation is 0.0083 mm, .* below 0.03 mm.*Unit Scale"):
+            self.document()
+        self.scene.unit_settings.scale_length = 4.0
+        self.document()
+
     def test_same_names(self):
         first = self.body(self.cube("A b"))
         self.body(self.cube("A c"))

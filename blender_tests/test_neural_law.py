@@ -2,7 +2,7 @@
 """The isotropic neural law in the panel: weights, numbers, document, presets, rows of a fit."""
 
 from matterfit import laws
-from matterfit.io import fit_rows, presets
+from matterfit.io import fit_rows, material_values, presets
 from support import SceneCase
 
 
@@ -39,7 +39,7 @@ class NeuralLawTest(SceneCase):
                  "material": self.written()}
         presets.check(saved, "x.json")
         material.weights = "WATER"
-        presets.fill(material, saved["material"])
+        material_values.fill(material, saved["material"])
         self.assertEqual(material.weights, "PLASTICINE")
         self.assertAlmostEqual(material.form_1, 0.25, places=6)
         self.assertAlmostEqual(material.yield_strain, 0.03, places=6)

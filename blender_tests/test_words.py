@@ -1,9 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Messages of the library in the panel's words."""
 
+import ast
+import unittest
+
+from matterfit.i18n import de
 from matterfit.io import plain, words
 from matterfit.ui import drawing
 from support import SceneCase
+
+
+class TranslationTest(unittest.TestCase):
+    def test_every_sentence_said_plainly_is_translated(self):
+        with open(plain.__file__, encoding="utf-8") as stream:
+            calls = [node for node in ast.walk(ast.parse(stream.read()))
+                     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)]
+        texts = [node.args[0].value for node in calls if node.func.id in ("translate", "_fixed")
+                 and isinstance(node.args[0], ast.Constant)]
+        self.assertGreater(len(texts), 10)
+        self.assertEqual([text for text in texts if text not in de.TEXTS], [])
 
 
 class WordsTest(SceneCase):

@@ -13,6 +13,9 @@ LAWS = (
     ("NEURAL_ISOTROPIC", "Neural (isotropic)",
      "A small network, pre-trained: elastic, plastic, grains or liquid by its numbers; its form can "
      "be fitted"),
+    ("LATENT", "Unknown",
+     "No class is given: eight numbers, which a fit finds, say where the material lies among elastic "
+     "solids, plastic ones, pastes, grains and liquids"),
 )
 
 # Parameters of each law in the job document's words, in the panel's order; quantities.py says what
@@ -28,7 +31,9 @@ PARAMETERS = {
     "NEURAL_ISOTROPIC": ("E", "nu", "form_1", "form_2", "form_3", "form_4", "yield_strain",
                          "internal_friction", "strain_hardening", "tear_strain", "flow_rate",
                          "flow_thinning"),
+    "LATENT": ("E", "latent"),
 }
+NEURAL = frozenset({"NEURAL_ISOTROPIC", "LATENT"})
 # The neural law's start weights that the library carries, and the numbers that each stands for; other
 # numbers have their defaults.
 STARTS = (
@@ -65,6 +70,8 @@ def flows(law):
 
 def material_flows(material):
     """The same of a material, whose numbers may decide it."""
+    if material.law == "LATENT":
+        return material.pours
     if material.law != "NEURAL_ISOTROPIC":
         return flows(material.law)
     return material.tear_strain < NEVER or material.yield_strain < _LIQUID_YIELD

@@ -21,11 +21,12 @@ _BRANCH = re.compile(r"^material\.maxwell\[(\d+)\]\.(modulus|time)$")
 class Quantity:
     """One row of the table; SI units.
 
-    Shown: `title` and `about` in English, `unit` ("" without one), `short` a title for a narrow
-    panel (the title itself where it is none), `least` and `most` that are
-    allowed, `soft` limits of a slider, `precision` [digits] and `step` of the field; `size` 3 is a
-    vector. Stored: `default` in a new scene, `absent` what a document means that leaves it out (None:
-    it must not), `positive` where nothing can be simulated at 0.
+    Shown: `title` and `about` in English, `unit` ("" without one), `short` a title for a narrow panel
+    (the title itself where it is none), `least` and `most` that are allowed, `soft` limits of a
+    slider, `precision` [digits] and `step` of the field; `size` 3 is a vector, a larger one a code,
+    whose numbers are looked for together or not at all. Stored: `default` in a new scene, `absent`
+    what a document means that leaves it out (None: it must not), `positive` where nothing can be
+    simulated at 0.
 
     Fitted: `scale`; `low` and `high` are the bounds that it has by itself (0, 0: a factor RANGE
     either side of the start; `around`: about the start), `reach` that of vectors; `sigma` is the
@@ -64,6 +65,14 @@ class Quantity:
     def label(self):
         """The title with the unit."""
         return f"{self.title} [{self.unit}]" if self.unit else self.title
+
+    @property
+    def is_vector(self):
+        return self.size == 3
+
+    @property
+    def is_code(self):
+        return self.size > 3
 
     @property
     def name(self):
@@ -138,6 +147,15 @@ _MATERIAL = (
     Quantity("material.flow_thinning", "Flow Thinning", "1/s",
              "Growth of the flow rate per strain beyond the yield strain",
              short="Thin. [1/s]", most=1e12, soft=(0.0, 1e9), precision=1, step=1000, low=1e-3, high=1e11),
+    Quantity("material.latent", "Kind of Material", "",
+             "Eight numbers that place it among all known materials, which lie within 4 of 0; a fit "
+             "finds them",
+             least=-6.0, most=6.0, soft=(-4.0, 4.0), precision=3, step=1, size=8, scale=LINEAR,
+             low=-4.0, high=4.0, sigma=1.0),
+    Quantity("material.weight_moves", "All Weights", "",
+             "How far each weight of the neural law's energy is from the start's",
+             least=-6.0, most=6.0, soft=(-1.0, 1.0), size=30, scale=LINEAR, low=-6.0, high=6.0,
+             sigma=0.3),
     Quantity("material.damping_shear", "Shear Damping", "Pa s",
              "Kelvin-Voigt viscosity against change of shape, in pascal seconds",
              short="Shear [Pa s]", most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),

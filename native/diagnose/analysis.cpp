@@ -82,7 +82,8 @@ MatrixXd explained_columns(const Study& study, const Linearised& slopes, const S
   columns = side_by_side(columns, candidate_columns(slopes, used));
   columns =
       side_by_side(columns, smooth_basis(study.used(), study.model().captures(), kNoiseCosines));
-  if (spread.members.cols() > 0) columns = side_by_side(columns, spread.members.topRows(used));
+  columns = side_by_side(columns, spread.members.topRows(used));
+  columns = side_by_side(columns, spread.lumping.topRows(used));
   for (Index k = 0; k < columns.cols(); ++k) {
     const double norm = columns.col(k).norm();
     if (norm > 0.0) columns.col(k) /= norm;
@@ -99,7 +100,7 @@ Analysis analyse(const Study& study, const State& state, const Linearised& slope
   const Index p = state.theta.size();
   MatrixXd nuisances = side_by_side(slopes.theta.topRows(used), slopes.active.topRows(used));
   if (biased) nuisances = side_by_side(nuisances, -spread.bias.head(used));
-  const Index n = nuisances.cols();
+  Index n = nuisances.cols();
   VectorXd precision = VectorXd::Zero(n);
   VectorXd pull = VectorXd::Zero(n);
   const ThetaPrior prior = theta_prior(model);
@@ -112,10 +113,20 @@ Analysis analyse(const Study& study, const State& state, const Linearised& slope
     precision[n - 1] = 1.0 / (kBiasSigma * kBiasSigma);
     pull[n - 1] = precision[n - 1] * (bias - kBiasMean);
   }
+  // A number that moves nothing here, or could not be moved, takes nothing away: of its column only
+  // rounding would be left.
+  std::vector<Index> moving;
+  for (Index k = 0; k < n; ++k) {
+    if (nuisances.col(k).squaredNorm() > 0.0) moving.push_back(k);
+  }
+  n = Index(moving.size());
+  nuisances = MatrixXd(nuisances(Eigen::all, moving));
+  precision = VectorXd(precision(moving));
+  pull = VectorXd(pull(moving));
 
   const Index members = spread.members.cols();
   const MatrixXd own = spread.members.topRows(used);
-  const SolverColumns solver = solver_columns(study.used(), model.captures(), own);
+  const SolverColumns solver = solver_columns(study.used(), model.captures(), spread.top(used));
   const Whitening whitening(study.used(), noise, solver.values);
   const MatrixXd raw = side_by_side(nuisances, candidate_columns(slopes, used));
   const MatrixXd white = whitening.apply(raw);

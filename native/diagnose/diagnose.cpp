@@ -89,20 +89,16 @@ class Writer {
     report_.noise.autocorrelation = correlation;
     report_.noise.common_sigma = std::sqrt(common);
     report_.noise.place_sigma = std::sqrt(place);
-    const auto& members = found_.spread.members;
-    if (members.cols() > 0) {
-      const VectorXd size =
-          (members.topRows(study_.used().size()).rowwise().squaredNorm() / double(members.cols()))
-              .cwiseSqrt();
-      report_.numerical = root_mean_square(study_.used(), size);
-    }
+    const Eigen::MatrixXd solver = found_.spread.deviations();
+    report_.numerical =
+        root_mean_square(study_.used(), solver.topRows(study_.used().size()).rowwise().norm());
     const VectorXd residual = study_.measured() - found_.base.refit.prediction;
     const Index used = study_.used().size();
     report_.train = sizes_of(study_.used(), residual.head(used));
     report_.holdout = sizes_of(study_.held(), residual.tail(study_.held().size()));
-    report_.by_frame = errors_by_frame(study_, residual, noise, members);
+    report_.by_frame = errors_by_frame(study_, residual, noise, solver);
     report_.worst = worst_frames(study_, residual, kWorstFrames);
-    report_.wrong = wrong_places(study_, residual, noise, members);
+    report_.wrong = wrong_places(study_, residual, noise, solver);
     report_.threshold = found_.first->placebo.threshold;
     report_.smooth_p = found_.first->smooth.p;
     report_.smooth_p_after = found_.last ? found_.last->smooth.p : found_.first->smooth.p;
@@ -199,7 +195,7 @@ class Writer {
     cause.keep = score.keep;
     cause.observable = score.observable || trial;
     cause.refitted = trial != nullptr;
-    if (trial && !e.onsets.empty()) {
+    if (trial && !(e.onsets.empty() && e.tries.empty())) {
       cause.p = found_.first->placebo.p(found_.base.evidence - trial->evidence);
     }
     if (acts(score.candidate)) {

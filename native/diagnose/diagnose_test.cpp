@@ -4,6 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "diagnose/models_for_test.hpp"
 
 namespace matterfit::diagnose {
@@ -174,6 +177,64 @@ TEST(Diagnose, ProposesTheThrowThatSeparatesAClass) {
   EXPECT_EQ(report.next_recording, "Throw it fast and sideways.") << told(report);
   EXPECT_THAT(report.classes, Contains("drag_quadratic"));
   EXPECT_THAT(report.classes, Contains("drag_linear"));
+}
+
+/// A block on a slope that sticks as long as friction is above the slope's tangent.
+class SlopeModel : public HiddenModel {
+ public:
+  static constexpr double kFriction = 0.5;
+  static constexpr double kSlope = 0.35;  // [rad]
+  SlopeModel() {
+    Capture capture;
+    capture.name = "slope";
+    for (int f = 0; f < 24; ++f) capture.times.push_back(f / 30.0);
+    for (int i = 0; i < 8; ++i) {
+      capture.rest.emplace_back(0.1 * (i & 1), 0.1 * ((i >> 1) & 1), 0.1 * (i >> 2));
+    }
+    capture.use.assign(std::size_t(capture.samples()), Use::kUsed);
+    captures_ = {std::move(capture)};
+    parameters_ = {parameter("place", 0.0, 0.1, -5.0, 5.0)};
+    Effect friction = effect("friction", "contact", {number("added", "", 0.05)});
+    friction.numbers[0].low = -kFriction;
+    friction.tries = {-0.6 * kFriction, -0.3 * kFriction, 0.3 * kFriction};
+    effects_ = {
+        friction,
+        effect("camera_drift", "measurement",
+               {number("x", "m/s", 0.02), number("y", "m/s", 0.02), number("z", "m/s", 0.02)},
+               Observation::kDrift),
+        effect("scale", "measurement", {number("excess", "", 0.02)}, Observation::kScale)};
+  }
+
+ protected:
+  Motion motion(const Point& point) const override {
+    double mu = kFriction;
+    for (const Point::Cause& cause : point.causes) {
+      if (effects_[std::size_t(cause.effect)].name == "friction") mu += cause.values[0];
+    }
+    const double down = 9.81 * std::max(0.0, std::sin(kSlope) - mu * std::cos(kSlope));
+    const Capture& capture = captures_[0];
+    Motion result{Eigen::VectorXd(3 * capture.samples()), Eigen::VectorXd(3 * capture.samples())};
+    Eigen::Index row = 0;
+    for (const double t : capture.times) {
+      for (const Vec3d& rest : capture.rest) {
+        result.positions.segment<3>(row) =
+            rest + Vec3d(point.theta[0] + 0.5 * down * t * t, 0.0, 0.0);
+        result.velocities.segment<3>(row) = Vec3d(down * t, 0.0, 0.0);
+        row += 3;
+      }
+    }
+    return result;
+  }
+};
+
+TEST(Diagnose, WhatSticksIsFoundToSlip) {
+  SlopeModel model;
+  model.record({cause_of(model, {"friction", {-0.3}})}, {});
+  const Report report = diagnose(model);
+  ASSERT_THAT(report.classes, ElementsAre("friction")) << told(report);
+  EXPECT_NEAR(report.causes[0].parameters[0].value, -0.3,
+              4.0 * report.causes[0].parameters[0].error)
+      << told(report);
 }
 
 struct InChain {

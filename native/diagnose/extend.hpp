@@ -2,19 +2,14 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "diagnose/analysis.hpp"
-#include "diagnose/judge.hpp"
-#include "diagnose/refit.hpp"
+#include "diagnose/trials.hpp"
 
 namespace matterfit::diagnose {
-
-/// 100 : 1 in likelihood: a rival with a χ² that much larger is excluded.
-inline constexpr double kExcluded = 9.2;
 
 struct ExtendOptions {
   AnalysisOptions analysis;
@@ -28,25 +23,12 @@ struct ExtendOptions {
   std::function<void(double, const std::string&)> progress;  ///< fraction, what is being done
 };
 
-/// A model that was tried.
-struct Trial {
-  std::vector<Candidate> causes;  ///< empty: nothing added
-  Refit refit;
-  Judge::Opinion opinion;
-  Gain gain;        ///< over nothing added
-  int numbers = 0;  ///< that the causes have
-  /// −2 ln of its evidence: χ² and priors of what was fitted, χ² of what was held out, and 2 for
-  /// each number of its causes (Akaike 1974). Smaller is better.
-  double evidence = 0.0;
-  /// χ² of used and held-out rows by block, for how far blocks agree on which model is better.
-  std::map<BlockKey, double> blocks;
-};
-
 /// All that was learnt on the way from the fitted model to the best extension.
 struct Extension {
   Noise noise;
   Spread spread;
-  Linearised slopes;  ///< at the base
+  State base_state;   ///< where the search began
+  Linearised slopes;  ///< there
   Trial base;         ///< nothing added, refitted under the noise
   std::optional<Analysis> first;
   std::vector<Trial> singles;       ///< smallest evidence first

@@ -76,16 +76,14 @@ double root_mean_square(const Rows& rows, const VectorXd& residual) {
   return samples > 0.0 ? std::sqrt(residual.squaredNorm() / samples) : 0.0;
 }
 
-double noise_floor(const Rows& rows, const Noise& noise, const MatrixXd& spread) {
+double noise_floor(const Rows& rows, const Noise& noise, const MatrixXd& solver) {
   VectorXd size(rows.size());
   for (const Series& series : rows.series()) {
     const TrackNoise& track = noise.captures[std::size_t(series.capture)];
     const double own = track.sigma * track.sigma + track.common_sigma * track.common_sigma +
                        track.place_sigma * track.place_sigma;
     for (Index i = series.begin; i < series.end; ++i) {
-      const double solver =
-          spread.cols() > 0 ? spread.row(i).squaredNorm() / double(spread.cols()) : 0.0;
-      size[i] = std::sqrt(own + solver);
+      size[i] = std::sqrt(own + solver.row(i).squaredNorm());
     }
   }
   return root_mean_square(rows, size);

@@ -41,10 +41,10 @@ struct HeldOut {
 };
 
 /// Root mean square distance [m] of a residual over the rows' samples, and what a noise makes of it
-/// together with the solver's spread (members of `spread` at these rows, full size).
+/// together with the solver's spread (Spread::deviations() at these rows).
 [[nodiscard]] double root_mean_square(const Rows& rows, const Eigen::VectorXd& residual);
 [[nodiscard]] double noise_floor(const Rows& rows, const Noise& noise,
-                                 const Eigen::MatrixXd& spread);
+                                 const Eigen::MatrixXd& solver);
 
 /// Blocks are captures × times × body regions (body_regions()): neighbours in them share their
 /// errors, so that whole blocks are drawn (Künsch 1989).

@@ -79,7 +79,7 @@ class Check {
     const Index used = study_.used().size();
     MatrixXd members(used, 0);
     tell(0.8, "Measuring the solver's own error");
-    const Spread spread = numerical_spread(study_, state, 2);
+    const Spread spread = numerical_spread(study_, state, {.members = 2, .lumping = false});
     if (spread.members.cols() > 0) members = spread.members.topRows(used);
     if (spread.bias.size() > 0) {
       members.conservativeResize(used, members.cols() + 1);
@@ -107,7 +107,7 @@ class Check {
   }
 
   void measure_noise() {
-    const Spread none{MatrixXd(study_.size(), 0), {}};
+    const Spread none = Spread::none(study_.size());
     noise_ = estimate_noise(study_.used(), model_.captures(),
                             (study_.measured() - slopes_.prediction).head(study_.used().size()),
                             explained_columns(study_, slopes_, none), 1e-7,

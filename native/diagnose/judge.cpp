@@ -19,10 +19,6 @@ using Eigen::VectorXd;
 /// Kept back where nothing was held out: the last quarter of a clip's used frames.
 constexpr double kEarlyShare = 0.75;
 
-MatrixXd pick(const MatrixXd& columns, const std::vector<Index>& places) {
-  return columns(places, Eigen::all);
-}
-
 /// (JᵀJ + Λ)^−½ up to a rotation, JᵀJ whitened: columns of J times it are what errors of θ move.
 MatrixXd root_of_covariance(const MatrixXd& white, const VectorXd& precision) {
   MatrixXd h = white.transpose() * white;
@@ -55,7 +51,7 @@ Judge::Judge(const Study& study, const Noise& noise, const Spread& spread, const
              const RefitOptions& options)
     : study_(&study), differences_(options.differences) {
   const Model& model = study.model();
-  MatrixXd members = spread.members;
+  Spread solver = spread;
   theta_ = theta;
   if (study.held().size() == 0) {
     std::vector<std::set<Index>> frames(model.captures().size());
@@ -78,14 +74,11 @@ Judge::Judge(const Study& study, const Noise& noise, const Spread& spread, const
     places_ = places_in(study.used(), split_->used());
     const std::vector<Index> later = places_in(study.used(), split_->held());
     places_.insert(places_.end(), later.begin(), later.end());
-    Spread there;
-    there.members = pick(spread.members, places_);
-    if (spread.bias.size() > 0) there.bias = pick(spread.bias, places_);
-    members = there.members;
-    theta_ = pick(theta, places_);
+    solver = spread.at(places_);
+    theta_ = theta(places_, Eigen::all);
     study_ = split_.get();
     fit_noise_ = for_rows(noise, split_->used());
-    refitter_ = std::make_unique<Refitter>(*split_, fit_noise_, there, options);
+    refitter_ = std::make_unique<Refitter>(*split_, fit_noise_, solver, options);
   } else {
     fit_noise_ = noise;
     const std::vector<int> own = model.own_capture();
@@ -98,11 +91,12 @@ Judge::Judge(const Study& study, const Noise& noise, const Spread& spread, const
   const Index fitted = study_->used().size();
   const Index held = study_->held().size();
   held_noise_ = for_rows(noise, study_->held());
-  members_ = members.bottomRows(held);
+  const Spread held_spread = solver.bottom(held);
+  held_solver_ = held_spread.deviations();
   const std::vector<Capture>& captures = model.captures();
   used_whitening_.emplace(study_->used(), fit_noise_,
-                          solver_columns(study_->used(), captures, members.topRows(fitted)).values);
-  const MatrixXd solver = solver_columns(study_->held(), captures, members_).values;
+                          solver_columns(study_->used(), captures, solver.top(fitted)).values);
+  const MatrixXd own = solver_columns(study_->held(), captures, held_spread).values;
   // Own parameters are fitted to the held-out samples; the others err as the fit says.
   MatrixXd columns = theta_;
   for (const Index p : own_) columns.col(p).setZero();
@@ -110,8 +104,8 @@ Judge::Judge(const Study& study, const Noise& noise, const Spread& spread, const
   const MatrixXd moved =
       columns.bottomRows(held) *
       root_of_covariance(used_whitening_->apply(columns.topRows(fitted)), precision);
-  MatrixXd columns_of_errors(held, solver.cols() + moved.cols());
-  columns_of_errors << solver, moved;
+  MatrixXd columns_of_errors(held, own.cols() + moved.cols());
+  columns_of_errors << own, moved;
   if (held > 0) whitening_.emplace(study_->held(), held_noise_, columns_of_errors);
 }
 
@@ -160,7 +154,7 @@ std::vector<VectorXd> Judge::predictions(std::span<const Refit* const> refits) c
     std::vector<RefitStart> starts;
     starts.reserve(refits.size());
     for (const Refit* refit : refits) {
-      starts.push_back({{refit->state}, pick(refit->slopes, places_)});
+      starts.push_back({{refit->state}, refit->slopes(places_, Eigen::all)});
     }
     const auto again = refitter_->fit_all(std::move(starts));
     for (std::size_t i = 0; i < refits.size(); ++i) {
@@ -204,7 +198,7 @@ Gain Judge::gain_of(const Opinion& before, const Opinion& after, int numbers,
       *study_, before.stacked, theta,
       [&](const MatrixXd& columns) { return used_whitening_->apply(columns); }, numbers);
   return gain(study_->held(), study_->model().captures(), residuals,
-              noise_floor(study_->held(), held_noise_, members_), options);
+              noise_floor(study_->held(), held_noise_, held_solver_), options);
 }
 
 }  // namespace matterfit::diagnose

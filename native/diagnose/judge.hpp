@@ -50,8 +50,8 @@ class Judge {
   std::vector<Eigen::Index> places_;  ///< of its rows among those of the study that was given
   Noise fit_noise_;
   Noise held_noise_;
-  Eigen::MatrixXd theta_;    ///< stacked
-  Eigen::MatrixXd members_;  ///< at held-out rows
+  Eigen::MatrixXd theta_;        ///< stacked
+  Eigen::MatrixXd held_solver_;  ///< Spread::deviations() at held-out rows
   std::optional<Whitening> whitening_;
   std::optional<Whitening> used_whitening_;
   std::vector<Eigen::Index> own_;  ///< parameters of captures that are held out whole

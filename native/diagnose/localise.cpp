@@ -57,7 +57,7 @@ Sizes sizes_of(const Rows& rows, const VectorXd& residual) {
 }
 
 std::vector<FrameError> errors_by_frame(const Study& study, const VectorXd& residual,
-                                        const Noise& noise, const MatrixXd& members) {
+                                        const Noise& noise, const MatrixXd& solver) {
   struct Sum {
     double square = 0.0;
     double solver = 0.0;
@@ -74,9 +74,7 @@ std::vector<FrameError> errors_by_frame(const Study& study, const VectorXd& resi
       for (Index i = series.begin; i < series.end; ++i) {
         Sum& sum = frames[{series.capture, rows.frame(i)}];
         sum.square += residual[offset + i] * residual[offset + i];
-        if (members.cols() > 0) {
-          sum.solver += members.row(offset + i).squaredNorm() / double(members.cols());
-        }
+        sum.solver += solver.row(offset + i).squaredNorm();
         sum.samples += 1.0 / axes;
         sum.time = rows.time(i);
         sum.held = held;
@@ -146,7 +144,7 @@ std::vector<WorstFrame> worst_frames(const Study& study, const VectorXd& residua
 }
 
 std::vector<WrongPlace> wrong_places(const Study& study, const VectorXd& residual,
-                                     const Noise& noise, const MatrixXd& members) {
+                                     const Noise& noise, const MatrixXd& solver) {
   const auto& captures = study.model().captures();
   std::vector<std::vector<int>> regions;
   regions.reserve(captures.size());
@@ -164,9 +162,8 @@ std::vector<WrongPlace> wrong_places(const Study& study, const VectorXd& residua
       Cell& cell = cells[{series.capture, study.used().frame(i), region}];
       cell.sum[axis] += residual[i];
       cell.count[axis] += 1.0;
-      if (members.cols() == 0) continue;
-      if (cell.solver[axis].size() == 0) cell.solver[axis] = VectorXd::Zero(members.cols());
-      cell.solver[axis] += members.row(i).transpose();
+      if (cell.solver[axis].size() == 0) cell.solver[axis] = VectorXd::Zero(solver.cols());
+      cell.solver[axis] += solver.row(i).transpose();
     }
   }
   std::vector<std::pair<double, WrongPlace>> tested;
@@ -179,11 +176,9 @@ std::vector<WrongPlace> wrong_places(const Study& study, const VectorXd& residua
     for (std::size_t a = 0; a < 3; ++a) {
       if (!(cell.count[a] > 0.0)) continue;
       const double n = cell.count[a];
-      double variance = (track.sigma * track.sigma + track.place_sigma * track.place_sigma) / n +
-                        track.common_sigma * track.common_sigma;
-      if (members.cols() > 0) {
-        variance += cell.solver[a].squaredNorm() / (n * n * double(members.cols()));
-      }
+      const double variance =
+          (track.sigma * track.sigma + track.place_sigma * track.place_sigma) / n +
+          track.common_sigma * track.common_sigma + cell.solver[a].squaredNorm() / (n * n);
       const double mean = cell.sum[a] / n;
       statistic += mean * mean / variance;
       ++freedom;

@@ -14,11 +14,11 @@ namespace matterfit::diagnose {
 [[nodiscard]] Sizes sizes_of(const Rows& rows, const Eigen::VectorXd& residual);
 
 /// Errors of every frame, used and held out, of a stacked residual [m], beside what noise and the
-/// solver's spread make. `members`: stacked deviations.
+/// solver's spread make. `solver`: Spread::deviations(), stacked.
 [[nodiscard]] std::vector<FrameError> errors_by_frame(const Study& study,
                                                       const Eigen::VectorXd& residual,
                                                       const Noise& noise,
-                                                      const Eigen::MatrixXd& members);
+                                                      const Eigen::MatrixXd& solver);
 
 /// The `count` frames whose worst track is farthest off, at most one of any five neighbours.
 [[nodiscard]] std::vector<WorstFrame> worst_frames(const Study& study,
@@ -30,6 +30,6 @@ namespace matterfit::diagnose {
 [[nodiscard]] std::vector<WrongPlace> wrong_places(const Study& study,
                                                    const Eigen::VectorXd& residual,
                                                    const Noise& noise,
-                                                   const Eigen::MatrixXd& members);
+                                                   const Eigen::MatrixXd& solver);
 
 }  // namespace matterfit::diagnose

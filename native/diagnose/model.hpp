@@ -94,6 +94,9 @@ struct Effect {
   /// Its derivative at the neutral value is that of one finite step (Number::first_step), so its
   /// score is a first impression: it is refitted whatever that says.
   std::vector<double> onsets;
+  /// Values of the first number at which searches begin too, because the derivative at the neutral
+  /// value does not say what is far from it: a body that sticks does not feel the friction.
+  std::vector<double> tries;
   /// For people: "{value} of air drag …"; {value} becomes value ± error with unit, or all of them
   /// with their names where there are several; {variant} the shape's description.
   std::string sentence;

@@ -31,10 +31,7 @@ std::optional<State> fitted_before(const Study& study, const Noise& noise, const
   Rows nothing = study.used_in([](int, Index) { return false; });
   const std::vector<Index> places = places_in(study.used(), early);
   const Study before(study, std::move(early), std::move(nothing));
-  Spread there;
-  there.members = spread.members(places, Eigen::all);
-  if (spread.bias.size() > 0) there.bias = spread.bias(places);
-  const Refitter refitter(before, for_rows(noise, before.used()), there, options);
+  const Refitter refitter(before, for_rows(noise, before.used()), spread.at(places), options);
   const Eigen::MatrixXd early_slopes = slopes(places, Eigen::all);
   std::vector<RefitStart> starts;
   starts.push_back({{state}, early_slopes});

@@ -76,24 +76,32 @@ void draw_members(const MatrixXd& gram, const std::vector<int>& member, const Ve
   for (Index m = 0; m < members; ++m) {
     // Woodbury with what the others make, so many fewer that each counts for more.
     std::vector<Index> others;
+    std::vector<double> shares;
     others.reserve(std::size_t(columns));
+    shares.reserve(std::size_t(columns));
+    std::vector<Index> signals{width + columns + m};
     for (Index k = 0; k < columns; ++k) {
-      if (member[std::size_t(k)] != int(m)) others.push_back(width + k);
+      const int of = member[std::size_t(k)];
+      if (of == int(m)) continue;
+      others.push_back(width + k);
+      shares.push_back(of < 0 ? 1.0 : std::sqrt(double(members) / double(members - 1)));
+      if (of < 0) signals.push_back(width + k);
     }
-    const double share = std::sqrt(double(members) / double(members - 1));
-    const Index signal_at = width + columns + m;
+    const auto share = Eigen::Map<const VectorXd>(shares.data(), Index(shares.size())).asDiagonal();
     const MatrixXd p = gram.topLeftCorner(width, width);
-    const MatrixXd q = share * gram(Eigen::seqN(0, width), others);
-    const MatrixXd r = share * share * gram(others, others);
+    const MatrixXd q = gram(Eigen::seqN(0, width), others) * share;
+    const MatrixXd r = share * gram(others, others) * share;
     const MatrixXd qs =
         (r + MatrixXd::Identity(r.rows(), r.cols())).llt().solve(q.transpose()).transpose();
     const ScoreTest test(p - qs * q.transpose(), precision, tested);
-    const VectorXd signal = gram.col(signal_at).head(width) -
-                            qs * (share * gram(others, std::vector<Index>{signal_at}));
+    const MatrixXd signal =
+        gram(Eigen::seqN(0, width), signals) - qs * (share * gram(others, signals));
     const MatrixXd factor = root(p - 2.0 * qs * q.transpose() + qs * r * qs.transpose());
     for (int i = 0; i < options.member_draws; ++i) {
       Random random(options.seed + 1, std::uint64_t(m) * 1000003 + std::uint64_t(i));
-      const VectorXd products = signal + factor * normal_vector(random, factor.cols());
+      VectorXd amounts = normal_vector(random, signal.cols());
+      amounts[0] = 1.0;
+      const VectorXd products = signal * amounts + factor * normal_vector(random, factor.cols());
       const VectorXd pull = prior.cwiseProduct(normal_vector(random, prior.size()));
       placebo.solver.push_back(test.largest(test.numerators(products, pull)));
     }

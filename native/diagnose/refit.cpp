@@ -107,10 +107,10 @@ Refitter::Refitter(const Study& study, const Noise& noise, const Spread& spread,
                    RefitOptions options)
     : study_(&study),
       options_(options),
-      whitening_(study.used(), noise,
-                 solver_columns(study.used(), study.model().captures(),
-                                spread.members.topRows(study.used().size()))
-                     .values),
+      whitening_(
+          study.used(), noise,
+          solver_columns(study.used(), study.model().captures(), spread.top(study.used().size()))
+              .values),
       bias_(bias_columns(study, spread)) {}
 
 Refitter::Place Refitter::place(const State& state, double bias, const VectorXd& seen) const {

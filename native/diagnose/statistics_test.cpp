@@ -44,7 +44,7 @@ TEST(Noise, IsFoundBesideADiscrepancy) {
   const Study study(model, 0);
   const Linearised slopes =
       linearise(study, study.fitted(), candidates_of(model, study.fitted()), {});
-  const Spread none{MatrixXd(study.size(), 0), {}};
+  const Spread none = Spread::none(study.size());
   const Noise found =
       estimate_noise(study.used(), model.captures(),
                      (study.measured() - slopes.prediction).head(study.used().size()),
@@ -78,7 +78,7 @@ TEST(Noise, TellsWrongPlacesFromNoise) {
     track.scatter(track.gather(moved) + wrong, moved);
     residual = moved;
   }
-  const Spread none{MatrixXd(study.size(), 0), {}};
+  const Spread none = Spread::none(study.size());
   const Noise found = estimate_noise(study.used(), model.captures(), residual,
                                      explained_columns(study, slopes, none), 1e-9, turns);
   EXPECT_NEAR(found.captures[0].sigma, 1e-3, 1e-4);
@@ -143,6 +143,24 @@ TEST(Whitening, MakesTheCovarianceTheIdentity) {
   const MatrixXd columns = whitening.apply(MatrixXd::Random(rows.size(), 4));
   const MatrixXd products = whitening.covariance_if(columns, 2);
   EXPECT_LT((products - columns.transpose() * columns).cwiseAbs().maxCoeff(), 1e-9);
+}
+
+TEST(SolverColumns, EveryWayToLumpMassesIsAColumnOfItsOwn) {
+  const ThrownModel model({Vec3d(2.0, 0.5, 1.0)}, 12);
+  const Rows rows(model.captures(), [](int, Index, Index) { return true; });
+  Spread spread = Spread::none(rows.size());
+  spread.lumping = MatrixXd::Random(rows.size(), 2);
+  const SolverColumns alone = solver_columns(rows, model.captures(), spread);
+  EXPECT_EQ(alone.values, spread.lumping);
+  EXPECT_EQ(alone.member, (std::vector<int>{-1, -1}));
+  spread.members = MatrixXd::Random(rows.size(), 5);
+  const SolverColumns all = solver_columns(rows, model.captures(), spread);
+  EXPECT_EQ(all.values.rightCols(2), spread.lumping);
+  ASSERT_EQ(Index(all.member.size()), all.values.cols());
+  EXPECT_EQ(all.member.front(), 0);
+  EXPECT_EQ(all.member.back(), -1);
+  EXPECT_NEAR(spread.deviations().squaredNorm(),
+              spread.members.squaredNorm() / 5.0 + spread.lumping.squaredNorm(), 1e-9);
 }
 
 TEST(ScoreTest, IsWhatARefitGains) {

@@ -4,13 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <set>
 #include <utility>
 
 #include "base/error.hpp"
 #include "diagnose/observe.hpp"
-#include "diagnose/random.hpp"
 
 namespace matterfit::diagnose {
 namespace {
@@ -45,7 +45,28 @@ VectorXd neutral_values(const Effect& effect) {
 /// elements across a body, whose pattern is nearly, but not quite, symmetric.
 constexpr double kLumpingSlope = 0.02;
 constexpr double kLumpingBend = 0.08;
-constexpr std::uint64_t kLumpingSeed = 7;
+
+/// Runs that lump masses by one standard deviation otherwise, one for each way.
+std::vector<Numerics> ways_to_lump() {
+  std::vector<Numerics> result;
+  for (Index a = 0; a < 3; ++a) result.emplace_back().lumping_slope[a] = kLumpingSlope;
+  for (std::size_t b = 0; b < Numerics{}.lumping_bend.size(); ++b) {
+    result.emplace_back().lumping_bend[b] = kLumpingBend;
+  }
+  return result;
+}
+
+/// Deviations of the runs from..to that ended, rows × runs.
+MatrixXd deviations(const std::vector<std::optional<VectorXd>>& runs, std::size_t from,
+                    std::size_t to) {
+  std::vector<std::size_t> done;
+  for (std::size_t i = from; i < to; ++i) {
+    if (runs[i]) done.push_back(i);
+  }
+  MatrixXd result(runs[0]->size(), Index(done.size()));
+  for (std::size_t k = 0; k < done.size(); ++k) result.col(Index(k)) = *runs[done[k]] - *runs[0];
+  return result;
+}
 
 /// One derivative: states on either side of the present one, and how far they are.
 struct Difference {
@@ -299,16 +320,40 @@ Linearised linearise(const Study& study, const State& state,
   return result;
 }
 
-Spread numerical_spread(const Study& study, const State& state, int members) {
-  Spread spread;
-  spread.members.resize(study.size(), 0);
-  if (!study.model().has_numerics() || members <= 0) return spread;
+Spread Spread::none(Index rows) { return {MatrixXd(rows, 0), MatrixXd(rows, 0), {}}; }
+
+Spread Spread::at(const std::vector<Index>& places) const {
+  Spread result{members(places, Eigen::all), lumping(places, Eigen::all), {}};
+  if (bias.size() > 0) result.bias = bias(places);
+  return result;
+}
+
+Spread Spread::top(Index rows) const {
+  Spread result{members.topRows(rows), lumping.topRows(rows), {}};
+  if (bias.size() > 0) result.bias = bias.head(rows);
+  return result;
+}
+
+Spread Spread::bottom(Index rows) const {
+  Spread result{members.bottomRows(rows), lumping.bottomRows(rows), {}};
+  if (bias.size() > 0) result.bias = bias.tail(rows);
+  return result;
+}
+
+MatrixXd Spread::deviations() const {
+  MatrixXd result(members.rows(), members.cols() + lumping.cols());
+  result << members / std::sqrt(std::max(1.0, double(members.cols()))), lumping;
+  return result;
+}
+
+Spread numerical_spread(const Study& study, const State& state, const SpreadRuns& which) {
+  Spread spread = Spread::none(study.size());
+  if (!study.model().has_numerics() || which.members <= 0) return spread;
   constexpr double kRatio = 1.26;  // 2^(1/3): twice the cells
   std::vector<Numerics> variants(3);
   variants[1].spacing = 1.0 / kRatio;
   variants[2].spacing = kRatio;
-  variants.reserve(3 + std::size_t(members));
-  for (int m = 1; m <= members; ++m) {
+  for (int m = 1; m <= which.members; ++m) {
     // The additive recurrence of the plastic number and its powers: evenly spread in four
     // dimensions for any count (Roberts 2018; root of x⁵ = x + 1).
     constexpr double kRoot = 1.1673039782614187;
@@ -321,38 +366,28 @@ Spread numerical_spread(const Study& study, const State& state, int members) {
     numerics.offset = Vec3d(part(2), part(3), part(4));
     numerics.step = m % 4 == 0 ? 0.5 : 1.0;  // half of dt costs twice the time
     numerics.seed = m;
-    Random random(kLumpingSeed, std::uint64_t(m));
-    for (Index a = 0; a < 3; ++a) numerics.lumping_slope[a] = kLumpingSlope * random.normal();
-    for (double& bend : numerics.lumping_bend) bend = kLumpingBend * random.normal();
     variants.push_back(numerics);
   }
+  const std::size_t sampled = variants.size();
+  if (which.lumping) std::ranges::copy(ways_to_lump(), std::back_inserter(variants));
   const auto runs = study.predict_variants(state, variants);
   if (!runs[0]) return spread;
   if (runs[1] && runs[2]) spread.bias = (*runs[2] - *runs[1]) / (kRatio - 1.0 / kRatio);
-  std::vector<std::size_t> done;
-  for (std::size_t i = 3; i < runs.size(); ++i) {
-    if (runs[i]) done.push_back(i);
-  }
-  spread.members.resize(study.size(), Index(done.size()));
-  for (std::size_t k = 0; k < done.size(); ++k) {
-    spread.members.col(Index(k)) = *runs[done[k]] - *runs[0];
-  }
+  spread.members = deviations(runs, 3, sampled);
+  spread.lumping = deviations(runs, sampled, runs.size());
   return spread;
 }
 
 SolverColumns solver_columns(const Rows& rows, const std::vector<Capture>& captures,
-                             const MatrixXd& members) {
+                             const Spread& spread) {
   constexpr double kOwnPattern = 0.5;
   // Weights of 1, cos πu, … with u the time in the clip; the mean square of a cosine is a half.
   constexpr std::array<double, 4> kTimes = {0.4, 0.6, 0.4, 0.2};
   // Of 1 and of each coordinate over the body's size, whose mean square is about a fifth.
   constexpr std::array<double, 4> kPlaces = {0.5, 0.8, 0.8, 0.8};
   SolverColumns result;
+  const MatrixXd& members = spread.members;
   const Index count = members.cols();
-  if (count == 0) {
-    result.values.resize(rows.size(), 0);
-    return result;
-  }
   const Index modes = Index(kTimes.size() * kPlaces.size());
   MatrixXd patterns(rows.size(), modes);
   for (const Series& series : rows.series()) {
@@ -374,10 +409,11 @@ SolverColumns solver_columns(const Rows& rows, const std::vector<Capture>& captu
       }
     }
   }
-  const double share = 1.0 / std::sqrt(double(count));
+  const double share = 1.0 / std::sqrt(std::max(1.0, double(count)));
   const double first = std::sqrt(1.0 - kOwnPattern + kOwnPattern * kTimes[0] * kPlaces[0]);
-  result.values.resize(rows.size(), count * modes);
-  result.member.reserve(std::size_t(count * modes));
+  result.values.resize(rows.size(), count * modes + spread.lumping.cols());
+  result.values.rightCols(spread.lumping.cols()) = spread.lumping;
+  result.member.reserve(std::size_t(result.values.cols()));
   for (Index m = 0; m < count; ++m) {
     for (Index k = 0; k < modes; ++k) {
       auto column = result.values.col(m * modes + k);
@@ -389,6 +425,7 @@ SolverColumns solver_columns(const Rows& rows, const std::vector<Capture>& captu
       result.member.push_back(int(m));
     }
   }
+  result.member.resize(std::size_t(result.values.cols()), -1);
   return result;
 }
 

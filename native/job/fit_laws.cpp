@@ -45,6 +45,7 @@ Material as_neural(const Material& material) {
   result.damping_shear = material.damping_shear;
   result.damping_bulk = material.damping_bulk;
   result.maxwell = material.maxwell;
+  result.correction = material.correction;
   return result;
 }
 
@@ -54,6 +55,7 @@ Material as_latent(const Material& material) {
   result.damping_shear = material.damping_shear;
   result.damping_bulk = material.damping_bulk;
   result.maxwell = material.maxwell;
+  result.correction = material.correction;
   const auto decoder = latent_preset();
   if (material.law == Law::kNeuralIsotropic) {
     set_latent(result, decoder, {});
@@ -175,6 +177,7 @@ Json material_json(const Material& material) {
   for (const material::MaxwellBranch& branch : material.maxwell) {
     json["maxwell"].push_back({{"modulus", branch.modulus}, {"time", branch.time}});
   }
+  if (!material.correction.empty()) json["correction"] = material.correction;
   return json;
 }
 

@@ -43,6 +43,7 @@ Json document_with(const Quantity& row) {
   }
   if (code) material["latent"] = std::vector<double>(material::kLatentSize, 0.1);
   if (weight) material["weight_moves"] = std::vector<double>(material::kIsotropicElastic, 0.0);
+  if (row.path == "material.correction[#]") material["correction"] = {0.1, 0.2, 0.3, 0.1, 0.0};
   material["maxwell"] = {{{"modulus", 1e3}, {"time", 0.1}}, {{"modulus", 2e3}, {"time", 0.5}}};
   document["captures"] = {{{"tracks", "a.npz"}}};
   return document;

@@ -12,6 +12,7 @@
 #include "fit/data/metrics.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/fit_path.hpp"
+#include "job/fit_correction.hpp"
 #include "job/fit_experiment.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_laws.hpp"
@@ -49,6 +50,7 @@ class FitJob {
   Json run() {
     say("Reading", 0.0);
     loaded_ = load_experiment(job_, statements_);
+    if (doc_.correction > 0) require_hold_out(loaded_.experiment);
     inputs_ = fit_inputs(job_, target_);
     hash_ = hash_inputs(inputs_);
     lock_.emplace(folder_);
@@ -302,21 +304,28 @@ class FitJob {
       (*find_named(document.at("scene"), "bodies", doc_.body))["material"] =
           material_json(with_law(own, material::law_from_name(law.law)));
     }
-    add_weight_lists(of.parameters(), document);
+    add_lists(of.parameters(), document);
     write_values(of.parameters(), law.values, loaded_.sources, job_, document);
     return document;
   }
 
-  /// The search goes on with all weights of the first fitted body of the neural law.
-  [[nodiscard]] std::optional<WeightsFit> move_weights(const LawState& law) {
-    if (doc_.weights == 0) return std::nullopt;
+  /// The search goes on with numbers beside the parameters, where the document asks for it.
+  [[nodiscard]] std::optional<FurtherFit> further(const LawState& law) {
+    if (doc_.weights == 0 && doc_.correction == 0) return std::nullopt;
     const material::Law of = material::law_from_name(law.law);
+    const auto from = [&](const std::string& body, int iterations) {
+      return FurtherStart{setup_of(of), law, body, iterations,
+                          [this](const FitReport& report) { show(report); }};
+    };
+    if (doc_.correction > 0) {
+      return fit_correction(from(bodies().front(), doc_.correction), interrupter_, law_statements_,
+                            state_.history);
+    }
     for (const std::string& name : bodies()) {
       const bool sought = !doc_.laws.empty() && name == doc_.body;
       const material::Law own = body_named(job_.scene, name).material.law;
       if ((sought ? of : own) != material::Law::kNeuralIsotropic) continue;
-      return fit_weights(setup_of(of), law, name, doc_.weights, interrupter_, law_statements_,
-                         state_.history, [this](const FitReport& report) { show(report); });
+      return fit_weights(from(name, doc_.weights), interrupter_, law_statements_, state_.history);
     }
     statements_.push_back(
         "fit.weights: no fitted body is of the law neural_isotropic, so no weights were moved.");
@@ -377,10 +386,10 @@ class FitJob {
       throw_compute("fit.laws: none of the laws could be fitted. " + found.law + ": " +
                     found.failed);
     }
-    const std::optional<WeightsFit> weights = move_weights(found);
-    const bool moved = weights && weights->taken;
-    const LawState& law = moved ? weights->state : found;
-    LawFit& of = moved ? *weights->fit : law_fit(laws_[best]);
+    const std::optional<FurtherFit> more = further(found);
+    const bool moved = more && more->taken;
+    const LawState& law = moved ? more->state : found;
+    LawFit& of = moved ? *more->fit : law_fit(laws_[best]);
     std::optional<fit::Uncertainty> uncertainty;
     if (law.search) {
       say("Fitting: errors of the values", kFitShare);
@@ -393,8 +402,8 @@ class FitJob {
       }
     }
     document = fitted_document(law, of);
-    if (moved) {
-      const std::string name = weights->report.at("body").get<std::string>();
+    if (moved && doc_.weights > 0) {
+      const std::string name = more->report.at("body").get<std::string>();
       const material::Material material = body_named(job_from(document).scene, name).material;
       write_weights(material, name, folder_, document);
     }
@@ -406,7 +415,7 @@ class FitJob {
     }
     save();
     Json fit = fit_json(law, of, uncertainty);
-    if (weights) fit["weights"] = weights->report;
+    if (more) fit[more->key] = more->report;
     fit["warning"] = fit_warning(fit, of.is_far(law));
     if (after.is_object()) fit["after"] = after;
     add_likes(job_from(document), bodies(), loaded_.experiment.runs, of.scenes(), options_.threads,

@@ -11,6 +11,7 @@
 
 #include "base/error.hpp"
 #include "fit/data/metrics.hpp"
+#include "fit/numerics/excited.hpp"
 #include "job/fit_equation_start.hpp"
 #include "job/fit_levels.hpp"
 #include "job/fit_race.hpp"
@@ -771,6 +772,16 @@ fit::Uncertainty LawFit::uncertainty(const LawState& state) {
                         known);
   }
   return known;
+}
+
+std::vector<std::size_t> LawFit::excited(const LawState& state, std::size_t first) {
+  LawState begun = state;
+  if (!begun.search) set_stage(begun);
+  if (!begun.search) throw_compute(begun.reason);
+  Context& at = context(begun);
+  settle(begun);
+  at.search.linearise(at.problem, *begun.search);
+  return fit::excited(at.search.parameters(), begun.search->jacobian, first);
 }
 
 std::optional<Eigen::VectorXd> LawFit::coarser(const LawState& state) {

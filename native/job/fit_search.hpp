@@ -74,6 +74,9 @@ class LawFit {
 
   /// At the end: standard errors and correlations; linearises once more.
   [[nodiscard]] fit::Uncertainty uncertainty(const LawState& state);
+  /// Of the parameters from `first` on, those that the capture excites (fit/numerics/excited.hpp)
+  /// at the values where a stage begins. Throws Error(kCompute) where it cannot be simulated.
+  [[nodiscard]] std::vector<std::size_t> excited(const LawState& state, std::size_t first);
   /// Their mean; infinite where the stage has compared nothing yet.
   [[nodiscard]] double mean_missed(const LawState& state);
   /// Whether the present stage misses what it compares by more than noise and grid explain.

@@ -1,13 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/fit_values.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <string>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "job/documents/capture_scene.hpp"
 #include "job/documents/fit_path.hpp"
 #include "job/documents/images_document.hpp"
+#include "material/neural/isotropic_weights.hpp"
+#include "material/neural/latent.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -47,7 +53,25 @@ class Writer {
   const std::vector<RunSource>& sources_;
 };
 
+/// Quantities that are entries of a list of as many numbers.
+constexpr std::pair<std::string_view, std::size_t> kLists[] = {
+    {"weight_moves", material::kIsotropicElastic},
+    {"latent", material::kLatentSize},
+    {"correction", material::kCorrectionSize}};
+
 }  // namespace
+
+void add_lists(const fit::Parameters& parameters, Json& document) {
+  for (std::size_t k = 0; k < parameters.size(); ++k) {
+    const fit::Address& path = parameters.path(k);
+    for (const auto& [key, size] : kLists) {
+      if (path.quantity->path != fmt::format("material.{}[#]", key)) continue;
+      Json& material = (*find_named(document.at("scene"), "bodies", path.owner))["material"];
+      const std::string name(key);
+      if (!material.contains(name)) material[name] = std::vector<double>(size, 0.0);
+    }
+  }
+}
 
 void write_values(const fit::Parameters& parameters, std::span<const double> values,
                   const std::vector<RunSource>& sources, const Job& job, Json& document) {

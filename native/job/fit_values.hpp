@@ -14,4 +14,8 @@ namespace matterfit::job {
 void write_values(const fit::Parameters& parameters, std::span<const double> values,
                   const std::vector<RunSource>& sources, const Job& job, Json& document);
 
+/// Gives the bodies of `document` whose weights, code or correction are among the parameters a list
+/// of zeros for them, where they have none.
+void add_lists(const fit::Parameters& parameters, Json& document);
+
 }  // namespace matterfit::job

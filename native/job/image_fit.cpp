@@ -47,6 +47,9 @@ class ImageFit {
     if (!doc_.laws.empty()) {
       throw_input("fit.laws: laws are compared by tracks only; a fit to images takes one.");
     }
+    if (doc_.correction > 0) {
+      throw_input("fit.correction: it is judged by tracks only; leave it out of a fit to images.");
+    }
     say("Reading", 0.0);
     loaded_ =
         job_.captures.empty() ? unread_experiment(job_) : load_experiment(job_, statements_, true);

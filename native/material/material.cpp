@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "base/error.hpp"
+#include "material/correction.hpp"
 #include "material/neural/isotropic_material.hpp"
 #include "material/neural/latent.hpp"
 
@@ -135,6 +136,7 @@ void validate(const Material& m, const std::string& where) {
     require(m.maxwell[i].time > 0 && m.maxwell[i].time < 1e6, branch, "time", m.maxwell[i].time,
             "(0, 1e6) s");
   }
+  check_correction(m.correction, where + ".correction");
 }
 
 }  // namespace matterfit::material

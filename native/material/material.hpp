@@ -21,6 +21,9 @@ struct MaxwellBranch {
 /// A body takes this many at most.
 inline constexpr std::size_t kMostMaxwellBranches = 6;
 
+/// Numbers of a correction beside a law (correction.hpp).
+inline constexpr std::size_t kCorrectionSize = 5;
+
 struct IsotropicStart;
 struct LatentDecoder;
 
@@ -43,6 +46,8 @@ struct Material {
   double damping_shear = 0.0;    ///< Kelvin–Voigt, [Pa s]
   double damping_bulk = 0.0;     ///< Kelvin–Voigt, [Pa s]
   std::vector<MaxwellBranch> maxwell;
+  /// An energy beside the law's (correction.hpp): kCorrectionSize numbers, or none at all.
+  std::vector<double> correction;
 
   /// Isotropic neural law (neural/isotropic_material.hpp). E and ν are its moduli at rest, `start`
   /// and the form the shape of its energy, the others its flow; no start: Hencky's energy.

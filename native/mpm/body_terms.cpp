@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <span>
 #include <sstream>
 
 #include "base/error.hpp"
@@ -70,6 +71,11 @@ BodyTerms::BodyTerms(const Scene& scene, const Body& body)
     act_ = act_ || !terms_.back().neutral;
     stress_ = stress_ || terms_.back().term->has_stress();
   }
+  if (body.material.correction.empty()) return;
+  correction_.emplace(body.material);
+  values_ += material::kCorrectionSize;
+  act_ = act_ || !correction_->neutral();
+  stress_ = true;
 }
 
 effects::MaterialPoint BodyTerms::point(std::uint32_t particle, double volume) const {
@@ -94,6 +100,9 @@ Mat3d BodyTerms::stress(const effects::MaterialPoint& point, const effects::Mome
   for (const Entry& entry : terms_) {
     if (!entry.neutral && entry.term->has_stress()) sum += entry.term->stress(point, moment);
   }
+  if (correction_ && !correction_->neutral()) {
+    sum += correction_->stress(point.deformation_gradient);
+  }
   return sum;
 }
 
@@ -107,6 +116,10 @@ void BodyTerms::adjoint(const effects::MaterialPoint& point, const effects::Mome
     if (entry.term->has_stress()) {
       entry.term->stress_adjoint(point, moment, stress_bar, own, values);
     }
+  }
+  if (correction_) {
+    correction_->stress_adjoint(point.deformation_gradient, stress_bar, own.deformation_gradient,
+                                sums.values.data() + values_ - material::kCorrectionSize);
   }
   sums.log_density += body_.density * point.volume * own.mass;
   sums.added_density -= point.volume * own.mass;
@@ -138,7 +151,8 @@ TermCotangents BodyTerms::zero() const {
 }
 
 void BodyTerms::add_to(const TermCotangents& sums, double density_bar,
-                       std::vector<std::vector<double>>& effects) const {
+                       std::vector<std::vector<double>>& effects,
+                       material::MaterialGradient& material) const {
   for (const Entry& entry : terms_) {
     std::vector<double>& of_effect = effects[entry.effect];
     for (std::size_t k = 0; k < of_effect.size(); ++k) {
@@ -150,6 +164,10 @@ void BodyTerms::add_to(const TermCotangents& sums, double density_bar,
                                          of_effect.data());
     }
   }
+  if (!correction_) return;
+  material::add_correction_gradient(
+      body_.material, std::span<const double>(sums.values).last(material::kCorrectionSize),
+      material);
 }
 
 double BodyTerms::modulus_bound() const {
@@ -157,6 +175,7 @@ double BodyTerms::modulus_bound() const {
   for (const Entry& entry : terms_) {
     if (!entry.neutral) sum += entry.term->modulus_bound();
   }
+  if (correction_) sum += correction_->modulus_bound();
   return sum;
 }
 

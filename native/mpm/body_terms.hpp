@@ -3,9 +3,11 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "effects/term.hpp"
+#include "material/correction.hpp"
 #include "mpm/scene.hpp"
 
 namespace matterfit::mpm {
@@ -28,19 +30,21 @@ struct TermCotangents {
 /// (EffectType::added_density). Call once, before anything looks at a density.
 void add_inertia(Scene& scene);
 
-/// The scene's effects that act on one of its bodies as terms, on plain material points: both
-/// formulations call them here. Effects whose numbers are neutral are not called on the way
-/// forward; they have derivatives all the same.
+/// The scene's effects that act on one of its bodies as terms, and the correction beside the law of
+/// its material, on plain material points: every formulation calls them here. Effects whose numbers
+/// are neutral, and a correction of zeros, are not called on the way forward; they have derivatives
+/// all the same.
 class BodyTerms {
  public:
   /// `scene`, with the inertia that effects add, must outlive it and keep its effects.
   BodyTerms(const Scene& scene, const Body& body);
 
-  /// No effect of the scene names this body, neutral ones included.
-  [[nodiscard]] bool empty() const { return terms_.empty(); }
-  /// Some effect is not neutral.
+  /// No effect of the scene names this body, neutral ones included, and its material has no
+  /// correction.
+  [[nodiscard]] bool empty() const { return terms_.empty() && !correction_; }
+  /// Some of it is not neutral.
   [[nodiscard]] bool act() const { return act_; }
-  /// How many numbers all its effects have.
+  /// How many numbers all its effects and the correction have.
   [[nodiscard]] std::size_t values() const { return values_; }
   /// A material point of the body: a share `volume` [m³] of it.
   [[nodiscard]] effects::MaterialPoint point(std::uint32_t particle, double volume) const;
@@ -58,10 +62,11 @@ class BodyTerms {
                const Vec3d& force_bar, const Mat3d& stress_bar, effects::MaterialPointBar& bar,
                TermCotangents& sums) const;
   [[nodiscard]] TermCotangents zero() const;
-  /// Adds to the derivatives by the scene's effects: per effect, Effect::values. `density_bar`: of
-  /// the run by the body's density, with the inertia that effects add.
+  /// Adds to the derivatives by the scene's effects, per effect, Effect::values, and by the body's
+  /// material. `density_bar`: of the run by the body's density, with the inertia that effects add.
   void add_to(const TermCotangents& sums, double density_bar,
-              std::vector<std::vector<double>>& effects) const;
+              std::vector<std::vector<double>>& effects,
+              material::MaterialGradient& material) const;
 
   /// The largest acceleration [m/s²] that they give to what moves at `speed` [m/s].
   [[nodiscard]] double acceleration_bound(double speed) const;
@@ -83,6 +88,7 @@ class BodyTerms {
   const Body& body_;
   double added_density_ = 0.0;  ///< of body_.density, what is none of the body's own [kg/m³]
   std::vector<Entry> terms_;
+  std::optional<material::Correction> correction_;  ///< its numbers come last in `values`
   std::size_t values_ = 0;
   bool act_ = false;
   bool stress_ = false;

@@ -170,7 +170,7 @@ void UpdatedTape<S>::collect(const std::vector<Vec3d>& /*observed*/, Gradient& o
     body.velocity = start.velocity;
     body.spin = start.spin;
     body.particle_velocities = std::move(start.particle_velocities);
-    adjoint_->add_effects(m, bar_, body.density, out.effects);
+    adjoint_->add_terms(m, bar_, body.density, out.effects, body.material);
     const TermCotangents& terms = bar_.bodies[m].terms;
     body.offset += terms.rest;
     body.rotation +=

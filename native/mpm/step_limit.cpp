@@ -23,7 +23,9 @@ double step_limit(const Scene& scene, const Body& body) {
   const material::Material& m = body.material;
   const double per_modulus = kCell / (body.density * scene.dx * scene.dx);
   double modulus = m.stiffest_modulus();
-  if (!scene.effects.empty()) modulus += BodyTerms(scene, body).modulus_bound();
+  if (!scene.effects.empty() || !m.correction.empty()) {
+    modulus += BodyTerms(scene, body).modulus_bound();
+  }
   const double omega = std::sqrt(per_modulus * modulus + 2.0 * contact / (body.density * scene.dx));
   double viscous = 2.0 * m.damping_shear + m.damping_bulk;
   if (m.traits().fluid) viscous += 2.0 * m.viscosity;

@@ -71,7 +71,7 @@ void TotalGroupAdjoint<S>::collect(const std::vector<Vec3d>& observed, Gradient&
       const TermCotangents& sums = member.terms->sums();
       body.offset += sums.position + sums.rest;
       body.rotation += sums.turn + sums.rest_turn - center.cross(sums.position + sums.rest);
-      member.terms->terms().add_to(sums, body.density, out.effects);
+      member.terms->terms().add_to(sums, body.density, out.effects, body.material);
     }
     if (!member.contact) continue;
     for (std::size_t c = 0; c < out.colliders.size(); ++c) {

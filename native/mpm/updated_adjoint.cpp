@@ -396,10 +396,10 @@ material::MaterialGradient UpdatedAdjoint<S>::material_gradient(
 }
 
 template <class S>
-void UpdatedAdjoint<S>::add_effects(std::size_t body, const UpdatedCotangents<S>& bar,
-                                    double density_bar,
-                                    std::vector<std::vector<double>>& effects) const {
-  impl_->terms.of(body).add_to(bar.bodies[body].terms, density_bar, effects);
+void UpdatedAdjoint<S>::add_terms(std::size_t body, const UpdatedCotangents<S>& bar,
+                                  double density_bar, std::vector<std::vector<double>>& effects,
+                                  material::MaterialGradient& material) const {
+  impl_->terms.of(body).add_to(bar.bodies[body].terms, density_bar, effects, material);
 }
 
 template class UpdatedAdjoint<float>;

@@ -79,9 +79,11 @@ class UpdatedAdjoint {
                                              const UpdatedCotangents<S>& bar) const;
   [[nodiscard]] material::MaterialGradient material_gradient(std::size_t body,
                                                              const UpdatedCotangents<S>& bar) const;
-  /// Adds those by the effects' numbers (BodyTerms::add_to), `density_bar` that by the density.
-  void add_effects(std::size_t body, const UpdatedCotangents<S>& bar, double density_bar,
-                   std::vector<std::vector<double>>& effects) const;
+  /// Adds those by the effects' numbers and the material's correction (BodyTerms::add_to),
+  /// `density_bar` that by the density.
+  void add_terms(std::size_t body, const UpdatedCotangents<S>& bar, double density_bar,
+                 std::vector<std::vector<double>>& effects,
+                 material::MaterialGradient& material) const;
 
  private:
   struct Impl;

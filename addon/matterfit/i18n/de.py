@@ -49,6 +49,36 @@ TEXTS = {
     "{n} frames": "{n} Bilder",
     "{n} layer": "{n} Lage",
     "{n} layers": "{n} Lagen",
+    "Particle Separation is {now}, and nothing can be simulated below {least}: what is simulated is "
+    "very small. Scale it up, or raise Unit Scale under Scene > Units.":
+        "Der Partikelabstand ist {now}, und unter {least} ist nichts zu simulieren: Was simuliert wird, "
+        "ist sehr klein. Es vergrößern, oder unter Szene > Einheiten die Einheitenskalierung erhöhen.",
+    "{body} starts up to {depth} inside {other}.": "{body} beginnt bis zu {depth} in {other}.",
+    "Parts of the mesh of '{name}' lie up to {distance} outside the shape that is simulated, and may "
+    "not follow it well. Apply the modifiers if it does not.":
+        "Teile des Netzes von „{name}“ liegen bis zu {distance} außerhalb der simulierten Form und "
+        "folgen ihr vielleicht nicht gut. Dann die Modifikatoren anwenden.",
+    "The thinnest side holds only {layers} of particles: lower Particle Separation.":
+        "In die dünnste Seite passen nur {layers} von Teilchen: Partikelabstand verringern.",
+    "The mesh had a hole, which was closed straight across.":
+        "Das Netz hatte ein Loch, das gerade geschlossen wurde.",
+    "The mesh had {n} holes, which were closed straight across.":
+        "Das Netz hatte {n} Löcher, die gerade geschlossen wurden.",
+    "A Particle Separation of {now} makes too many particles. Use at least {least}.":
+        "Ein Partikelabstand von {now} gibt zu viele Teilchen. Mindestens {least} nehmen.",
+    "A Particle Separation of {now} is too large for this shape. Use a smaller one, or check that the "
+    "shape is closed and its size is right.":
+        "Ein Partikelabstand von {now} ist zu groß für diese Form. Einen kleineren nehmen, oder "
+        "prüfen, ob die Form geschlossen und ihre Größe richtig ist.",
+    "The surface crosses itself in places.": "Die Oberfläche durchdringt sich stellenweise.",
+    "In places more than two faces share an edge.":
+        "Stellenweise teilen sich mehr als zwei Flächen eine Kante.",
+    "Faces looked inward and were turned outward.":
+        "Flächen zeigten nach innen und wurden nach außen gewendet.",
+    "Some faces looked the other way than their neighbours and were turned.":
+        "Einige Flächen zeigten anders herum als ihre Nachbarn und wurden gewendet.",
+    "Vertices at the same place were joined.":
+        "Eckpunkte an derselben Stelle wurden verbunden.",
     "{particles}; volume matched.": "{particles}; Volumen getroffen.",
     "{particles}, which hold {share} % of the volume.":
         "{particles}, die {share} % des Volumens halten.",
@@ -175,6 +205,26 @@ TEXTS = {
     "Bulk Damping [Pa s]": "Volumendämpfung [Pa s]",
     "Hardening [Pa]": "Verfestigung [Pa]",
     "Flow Exponent": "Fließexponent",
+    "Unknown": "Unbekannt",
+    "Kind of Material": "Art des Materials",
+    "Pours": "Fließt",
+    "Numbers": "Zahlen",
+    "All Weights": "Alle Gewichte",
+    "Most like {law}": "Am ähnlichsten: {law}",
+    "Then: {laws}": "Dann: {laws}",
+    "{n} of {total} numbers are told": "{n} von {total} Zahlen sind bekannt",
+    "{n} at their bounds": "{n} an ihren Grenzen",
+    "{name}: {n} of {total}": "{name}: {n} von {total}",
+    "Not known yet: an elastic solid. Fit, with the law Unknown, finds what it is.":
+        "Noch nicht bekannt: ein elastischer Körper. Anpassen mit dem Gesetz Unbekannt findet, was es "
+        "ist.",
+    "Its stiffness and what kind of material it is are looked for, whatever law the body has now.":
+        "Seine Steifigkeit und die Art des Materials werden gesucht, welches Gesetz der Körper jetzt "
+        "auch hat.",
+    "Eight numbers, looked for together from all kinds of material.":
+        "Acht Zahlen, die zusammen unter allen Arten von Material gesucht werden.",
+    "{name}: 'latent' is not a list of {n} numbers.":
+        "{name}: 'latent' ist keine Liste von {n} Zahlen.",
     "Weights": "Gewichte",
     "Weights File": "Gewichtsdatei",
     "Yield Strain": "Fließdehnung",

@@ -16,7 +16,7 @@ from . import attached, cache, files, fit_rows, job_fit, takes, visibility
 WEDGE_FILE = "wedge.json"
 AXES = "XYZ"
 # Not in the document by themselves, or there in another form.
-_NOT_VARIED = {"start_frame", "height", "placement.position", "placement.rotation"}
+_NOT_VARIED = {"material.latent", "start_frame", "height", "placement.position", "placement.rotation"}
 _COMPONENT = re.compile(r"^(?P<key>.+)\[(?P<axis>[012])\]$")
 SEPARATION = "particle_separation"
 
@@ -28,7 +28,7 @@ def candidates(settings):
         if quantity.key in _NOT_VARIED:
             continue
         label = translate_label(quantity.title)
-        if quantity.size == 3:
+        if quantity.is_vector:
             found += [(owner, f"{quantity.key}[{i}]", f"{label} {AXES[i]}") for i in range(3)]
         else:
             found.append((owner, quantity.key, label))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from .. import quantities
 from ..compat import translate
 from ..quantities import LOG
-from . import fit_results, frames, job_fit, words
+from . import fit_results, frames, words
 
 SCHEMA = "matterfit.check/1"
 _KEPT = ("schema", "parameters", "ties", "enough", "record_instead", "noise", "notes")
@@ -106,11 +106,6 @@ def _finite(value):
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
 
-def _split(settings, path):
-    bodies = [{"name": body.name} for body in settings.bodies if body.role == "BODY"]
-    return job_fit.split_path(path, {"bodies": bodies})
-
-
 # -- words -------------------------------------------------------------------------------------
 
 def listed(settings, paths):
@@ -123,22 +118,26 @@ def listed(settings, paths):
 
 def rows(settings, report):
     """[(Parameter, name)] as they are shown: three axes that are all told are one row, with the
-    largest of their errors."""
+    largest of their errors, and so are the numbers of a code that are told, or are not."""
     found, joined = [], {}
     for parameter in report.parameters:
-        owner, key, axis = _split(settings, parameter.path)
-        if axis is None or not parameter.known:
+        owner, key, axis = words.split(settings, parameter.path)
+        code = _is_code(key)
+        if axis is None or not parameter.known and not code:
             found.append((parameter, words.named(settings, parameter.path)))
             continue
         base = parameter.path[:parameter.path.rindex("[")]
-        if (owner, key) not in joined:
-            joined[owner, key] = len(found)
+        place = (owner, key, parameter.known)
+        if place not in joined:
+            joined[place] = len(found)
             found.append(([], base))
-        found[joined[owner, key]][0].append(parameter)
+        found[joined[place]][0].append(parameter)
     shown = []
     for parameter, label in found:
         if isinstance(parameter, Parameter):
             shown.append((parameter, label))
+        elif _is_code(words.split(settings, label)[1]):
+            shown.append(_of_code(settings, parameter, label))
         elif len(parameter) == 3:
             worst = max(parameter, key=lambda each: each.error)
             shown.append((replace(worst, path=label), words.named(settings, label)))
@@ -147,13 +146,27 @@ def rows(settings, report):
     return shown
 
 
+def _is_code(key):
+    row = quantities.find(key)
+    return row is not None and row.is_code
+
+
+def _of_code(settings, parameters, path):
+    """The row of a code's numbers, which are all told or are all not."""
+    worst = max(parameters, key=lambda each: math.inf if each.error is None else each.error)
+    label = translate("{name}: {n} of {total}").format(
+        name=words.named(settings, path), n=len(parameters),
+        total=quantities.find(words.split(settings, path)[1]).size)
+    return replace(worst, path=path), label
+
+
 def error_text(settings, parameter):
     """To what error a parameter is told: ± 440 Pa (0.44 %)."""
     if parameter.error is None:
         return translate("nothing recorded tells it")
     unit = f" {parameter.unit}" if parameter.unit else ""
     text = f"± {fit_results.rounded(parameter.error, parameter.error)}{unit}"
-    key = _split(settings, parameter.path)[1]
+    key = words.split(settings, parameter.path)[1]
     row = quantities.find(key)
     if row is not None and row.scale == LOG and parameter.start:
         text += f" ({percent(parameter.error / abs(parameter.start))})"

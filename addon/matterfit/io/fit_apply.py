@@ -10,7 +10,7 @@ from mathutils import Matrix, Quaternion, Vector
 
 from ..compat import translate
 from ..jobs import JobError
-from . import files, fit_results, fit_values, job_fit, presets, transforms
+from . import files, fit_results, fit_values, job_fit, material_values, presets, transforms
 
 
 def apply_run(scene, folder, run=None, given=()):
@@ -48,11 +48,12 @@ def apply(scene, result, folder, fitted_take, take, given=()):
     return work.left
 
 
-def _source(folder, body):
+def _saved(folder, body):
+    """What the material's own file says of it; empty where that cannot be read."""
     try:
-        return str(files.read_json(fit_results.material_path(folder, body)).get("source", ""))
+        return fit_results.material(folder, body)
     except JobError:
-        return ""
+        return {}
 
 
 def _is_surface(key):
@@ -118,9 +119,13 @@ class Application:
             if not any(key.startswith("material.") for key in keys):
                 continue
             body = fit_values.find_body(self.settings, owner)
+            found = _saved(folder, owner)
+            values = dict(self._item(owner)["material"])
+            material_values.resolve(values, folder)
+            values = material_values.with_weights_kept(values, folder)
             body.material.preset = "CUSTOM"
-            presets.fill(body.material, self._item(owner)["material"])
-            body.material.source = _source(folder, owner) or translate("Fitted")
+            material_values.fill(body.material, values, presets.like_of(found))
+            body.material.source = found.get("source") or translate("Fitted")
         for owner, keys in self.wanted.items():
             if "density" in keys:
                 body = fit_values.find_body(self.settings, owner)

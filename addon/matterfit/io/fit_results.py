@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from ..compat import translate
 from ..jobs import JobError
-from . import files, job_fit
+from . import files, job_fit, presets
 
 RESULT_FILE = "result.json"
 SCENE_FILE = "scene.json"
@@ -47,6 +47,18 @@ class Measure:
     after: dict = None
 
 
+@dataclass(frozen=True)
+class Like:
+    """The known law that a fitted one without a formula is nearest to. `distance`: the mean relative
+    difference of their stresses over what the recording excites; `others`: [(law, distance)] of the
+    next ones."""
+
+    law: str
+    distance: float
+    sentence: str
+    others: tuple = ()
+
+
 @dataclass
 class FitResult:
     status: str
@@ -63,6 +75,7 @@ class FitResult:
     models: list = field(default_factory=list)
     correlation: list = field(default_factory=list)
     warning: str = ""  # why the values are not to be used as they stand
+    likes: dict = field(default_factory=dict)  # {body: Like} of laws that have no formula
 
 
 def load(folder):
@@ -97,7 +110,15 @@ def _result(document, found):
         statements=[str(text) for text in found.get("statements") or []],
         models=list(found.get("models") or []),
         correlation=list(found.get("correlation") or []),
-        warning=str(found.get("warning") or ""))
+        warning=str(found.get("warning") or ""),
+        likes={str(name): _like(entry) for name, entry in (found.get("like") or {}).items()})
+
+
+def _like(entry):
+    return Like(law=str(entry["law"]), distance=float(entry["distance"]),
+                sentence=str(entry["sentence"]),
+                others=tuple((str(other["law"]), float(other["distance"]))
+                             for other in entry.get("others") or ()))
 
 
 def _estimate(entry):
@@ -150,8 +171,20 @@ def fitted_bodies(folder):
     return list(found)
 
 
-def material_path(folder, body):
-    """The fitted material of a body; "" is the only one. JobError where it was not fitted."""
+def material(folder, body):
+    """The document of a body's fitted material; "" is the only one. Of a law without a formula its
+    source says what it is like, and its provenance too. JobError where it was not fitted."""
+    path, name = _material_file(folder, body)
+    document = presets.read(path)
+    like = load(folder).likes.get(name)
+    if like is not None:
+        document["source"] = f"{document['source']} {like.sentence}"
+        document.setdefault("provenance", {})["like"] = {"law": like.law, "distance": like.distance}
+    return document
+
+
+def _material_file(folder, body):
+    """(path, body's name) of a fitted material."""
     names = fitted_bodies(folder)
     if not names:
         raise JobError(translate("The fit found no material: none of its parameters belongs to "
@@ -164,7 +197,7 @@ def material_path(folder, body):
             "in Bodies.").format(names=", ".join(f"'{name}'" for name in names), name=body))
     # Another file than that of the first may be of an earlier fit.
     own = MATERIAL_FILE if body == names[0] else f"material_{body}.json"
-    return os.path.join(folder, own)
+    return os.path.join(folder, own), body
 
 
 # -- the curve ---------------------------------------------------------------------------------

@@ -141,9 +141,10 @@ def _begin(settings, row, quantity, observed):
         row.use_start = fit_values.value(settings, row.owner, row.key) <= 0.0 or (
             row.key == "contact.stiffness"
             and not fit_values.contact_of(settings, row.owner).use_stiffness)
-    _set_start(settings, row, quantity, fit_values.value(settings, row.owner, row.key))
-    reset_bounds(settings, row, quantity)
-    row.mean, row.mean_vector = row.start, row.start_vector
+    if not quantity.is_code:  # which has no values of its own here
+        _set_start(settings, row, quantity, fit_values.value(settings, row.owner, row.key))
+        reset_bounds(settings, row, quantity)
+        row.mean, row.mean_vector = row.start, row.start_vector
     row.enabled = observed and _on(settings, row)
 
 
@@ -155,7 +156,7 @@ def reset_start(settings, row, quantity):
 def _set_start(settings, row, quantity, now):
     if now is None:
         return
-    if quantity.size == 3:
+    if quantity.is_vector:
         row.start_vector = now
     elif quantity.scale != LINEAR and now <= 0.0:
         row.start = _guess(settings, row)
@@ -166,7 +167,7 @@ def _set_start(settings, row, quantity, now):
 def reset_mean(settings, row, quantity):
     """Sets what a prior expects to where the search begins."""
     now = fit_values.played(settings, row)
-    if quantity.size == 3:
+    if quantity.is_vector:
         row.mean_vector = row.start_vector if row.use_start or now is None else now
     elif row.use_start:
         row.mean = row.start
@@ -181,14 +182,14 @@ def switched_on(row, what):
         return
     settings = row.id_data.matterfit
     quantity = quantity_of(settings, row)
-    if quantity is not None:
+    if quantity is not None and not quantity.is_code:
         {"start": reset_start, "bounds": reset_bounds, "prior": reset_mean}[what](
             settings, row, quantity)
 
 
 def reset_bounds(settings, row, quantity):
     """Sets the row's bounds to those of its kind, about what it starts from."""
-    if quantity.size == 3:
+    if quantity.is_vector:
         row.reach = quantity.reach
         return
     start = row.start if row.use_start else fit_values.value(settings, row.owner, row.key)

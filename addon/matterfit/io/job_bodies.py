@@ -6,25 +6,8 @@ from mathutils import Matrix, Quaternion, Vector
 
 from .. import laws
 from ..jobs import JobError
-from . import attached, files, meshes, presets, shapes, transforms
+from . import attached, files, material_values, meshes, shapes, transforms
 from .files import number, numbers
-
-
-def material_document(material):
-    """{law, parameters}, only those the law takes; damping and branches only where there are
-    some."""
-    document = {"law": material.law.lower()}
-    if material.law == "NEURAL_ISOTROPIC":
-        document["weights"] = presets.weights_of(material)
-    for name in laws.PARAMETERS[material.law]:
-        document[name] = number(getattr(material, name))
-    for name in laws.DAMPING:
-        if getattr(material, name) > 0.0:
-            document[name] = number(getattr(material, name))
-    if material.maxwell:
-        document["maxwell"] = [{"modulus": number(branch.modulus), "time": number(branch.time)}
-                               for branch in material.maxwell]
-    return document
 
 
 class BodyPart:
@@ -124,7 +107,7 @@ class BodyPart:
             "name": body.name,
             "source": self._source(),
             "density": number(body.density),
-            "material": material_document(body.material),
+            "material": material_values.document(body.material),
             "formulation": body.formulation.lower(),
         }
         velocity, spin = self._velocity()

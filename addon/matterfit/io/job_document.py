@@ -14,6 +14,7 @@ from . import (
     fit_results,
     job_bodies,
     job_captures,
+    job_checks,
     job_colliders,
     job_effects,
     job_fit,
@@ -26,7 +27,6 @@ from .files import number, numbers
 SCHEMA = "matterfit.job/1"
 JOB_FILE = "job.json"
 MANIFEST_FILE = "manifest.json"
-MAX_FRAME = 9_999_999
 
 
 def build(scene, take, folder, task, quality=None, separation=None, outputs=True):
@@ -37,7 +37,7 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     """
     settings = scene.matterfit
     writer = job_writer.JobWriter(scene, take, folder)
-    _check(writer)
+    job_checks.scene(writer)
     bodies, colliders = [], []
     for body in settings.bodies:
         if not body.enabled:
@@ -54,6 +54,7 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
 
     solver = settings.solver
     separation = solver.particle_separation * writer.scale if separation is None else separation
+    job_checks.separation(separation)
     document = {"schema": SCHEMA, "task": task}
     scene_document = {
         "fps": writer.fps_document,
@@ -178,60 +179,6 @@ class Replaced:
                 os.remove(job_writer.kept_input(self._folder, relative))
         with contextlib.suppress(OSError):
             os.rmdir(os.path.join(self._folder, job_writer.KEPT_FOLDER))
-
-
-def _check(writer):
-    """What can be said before anything is sampled."""
-    settings = writer.settings
-    bodies = [body for body in settings.bodies if body.enabled and body.role == "BODY"]
-    if not bodies:
-        raise JobError("Bodies: there is no body to simulate. Select an object and press Add "
-                       "Body.")
-    seen = {}
-    for body in settings.bodies:
-        if not body.enabled:
-            continue
-        name = files.safe_name(body.name)
-        if not body.name:
-            raise JobError("Bodies: a row has no name. Give it one.")
-        if name in seen:
-            raise JobError(f"Bodies: '{body.name}' and '{seen[name]}' have the same name, or "
-                           "names that would give the same file. Rename one.")
-        seen[name] = body.name
-    names = set()
-    for capture in settings.captures:
-        if capture.enabled:
-            name = files.safe_name(capture.name)
-            if name in names:
-                raise JobError(f"Capture: two captures are named '{capture.name}'. Rename one.")
-            names.add(name)
-            if capture.body and capture.body not in {body.name for body in bodies}:
-                raise JobError(f"capture '{capture.name}': there is no body '{capture.body}'. "
-                               "Choose one of the Bodies.")
-    if writer.take is not None:
-        _check_take(settings, writer.take)
-    if writer.first < 0:
-        raise JobError(f"Frame range: the first frame is {writer.first}. Cache files carry the "
-                       "frame's number, so it must not be negative.")
-    if writer.end > MAX_FRAME:
-        raise JobError(f"Frame range: the last frame is {writer.end - 1}, above {MAX_FRAME}.")
-    if writer.end - writer.first < 1:
-        raise JobError(f"Frame range: it ends at {writer.end - 1}, before it starts at "
-                       f"{writer.first}. Set another End.")
-
-
-def _check_take(settings, take):
-    """Throws and switches are found by name: one that names nothing would be left out silently."""
-    known = {role: {body.name for body in settings.bodies if body.role == role}
-             for role in ("BODY", "COLLIDER")}
-    for throw in take.throws:
-        if throw.name not in known["BODY"]:
-            raise JobError(f"take '{take.name}': throws '{throw.name}', which is not among the "
-                           "Bodies. Name the body so again, or remove the throw.")
-    for switch in take.colliders:
-        if switch.name not in known["COLLIDER"]:
-            raise JobError(f"take '{take.name}': switches the collider '{switch.name}', which is "
-                           "not among the Bodies. Press List Colliders beside the switches.")
 
 
 def _throw(take, name):

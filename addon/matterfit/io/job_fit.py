@@ -23,12 +23,17 @@ def document(settings, scene_document, captures):
     fit = settings.fit
     _check_captures(captures)
     scene_document = {**scene_document, "captures": captures}
-    tried = _laws(fit) if fit.law == "FIND" else []
+    tried = tried_laws(fit)
+    if fit.law == "FIND" and not tried:
+        raise JobError(translate("Fit: no law is chosen to be tried. Choose some under "
+                                 "Candidates."))
     entries = []
     for row in fit.parameters:
         if (row.enabled and owner_document(scene_document, row) is not None
-                and _known_to(tried, row.key)):
+                and takes_part(fit, row.key)):
             entries += _Entry(settings, row, scene_document).entries()
+    if fit.law == "UNKNOWN":
+        entries = [*_stiffness(settings, scene_document, entries), *entries]
     if not entries:
         raise JobError(translate("Fit: no parameter is switched on. Switch on at least one in the "
                                  "list."))
@@ -43,7 +48,29 @@ def document(settings, scene_document, captures):
         found["levels"] = [2**level for level in reversed(range(fit.levels))]
     if tried:
         found["laws"] = "all" if len(tried) == len(laws.LAWS) else [law.lower() for law in tried]
+    if fit.weight_steps and has_weights(settings):
+        found["weights"] = fit.weight_steps
     return found
+
+
+def has_weights(settings):
+    """Whether weights of the neural law take part in a fit."""
+    fit = settings.fit
+    if fit.law == "FIND":
+        return "NEURAL_ISOTROPIC" in fit.laws
+    return fit.law == "BODY" and any(
+        body.material.law == "NEURAL_ISOTROPIC" for body in settings.bodies
+        if body.enabled and body.role == "BODY")
+
+
+def _stiffness(settings, scene_document, entries):
+    """Paths of the stiffness of each body that captures show, where it is not among `entries`: a law
+    without a class is looked for in units of it, whatever the body's own law calls its stiffness."""
+    listed = {entry if isinstance(entry, str) else entry["path"] for entry in entries}
+    bodies = [item["name"] for item in scene_document["bodies"]]
+    found = [owned_path(scene_document, name, "material.E")
+             for name in bodies if name in fit_rows.observed_bodies(settings)]
+    return [path for path in found if path not in listed]
 
 
 def _check_captures(captures):
@@ -55,16 +82,16 @@ def _check_captures(captures):
                                  "Set Hold-out of one to Nothing or Last Frames."))
 
 
-def _laws(fit):
-    chosen = [law[0] for law in laws.LAWS if law[0] in fit.laws]
-    if not chosen:
-        raise JobError(translate("Fit: no law is chosen to be tried. Choose some under "
-                                 "Candidates."))
-    return chosen
+def tried_laws(fit):
+    """The candidates; none where the body's own law is fitted."""
+    if fit.law == "UNKNOWN":
+        return ["LATENT"]
+    return [law[0] for law in laws.LAWS if law[0] in fit.laws] if fit.law == "FIND" else []
 
 
-def _known_to(tried, key):
+def takes_part(fit, key):
     """Whether one of the candidates has the parameter; without candidates the body's law has."""
+    tried = tried_laws(fit)
     if not tried or key not in fit_rows.law_keys():
         return True
     return any(key[len("material."):] in laws.PARAMETERS[law] for law in tried)
@@ -90,7 +117,9 @@ class _Entry:
 
     def entries(self):
         row = self.row
-        if self.quantity.size == 3:
+        if self.quantity.is_code:
+            return [f"{self.path}[{index}]" for index in range(self.quantity.size)]
+        if self.quantity.is_vector:
             return self._vector()
         start = self.now if not row.use_start else row.start
         if start is None:
@@ -193,17 +222,20 @@ def _list_of(key):
 
 def path(scene_document, row):
     """The path of a row in the job document, as in --set; names that need quotes stand in them."""
-    if not row.owner:
-        return row.key
-    where = _list_of(row.key)
-    if _PLAIN.match(row.owner):
-        return f"{where}.{row.owner}.{row.key}"
+    return owned_path(scene_document, row.owner, row.key) if row.owner else row.key
+
+
+def owned_path(scene_document, owner, key):
+    """The path of a quantity of a body, a collider or a capture."""
+    where = _list_of(key)
+    if _PLAIN.match(owner):
+        return f"{where}.{owner}.{key}"
     for quote in "\"'":
-        if quote not in row.owner:
-            return f"{where}.{quote}{row.owner}{quote}.{row.key}"
+        if quote not in owner:
+            return f"{where}.{quote}{owner}{quote}.{key}"
     index = next(index for index, item in enumerate(scene_document[where])
-                 if item["name"] == row.owner)
-    return f"{where}[{index}].{row.key}"
+                 if item["name"] == owner)
+    return f"{where}[{index}].{key}"
 
 
 def split_path(text, scene_document):

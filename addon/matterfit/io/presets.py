@@ -2,6 +2,7 @@
 """Material and quality presets: JSON files with provenance, read once. Ours come with the add-on;
 those that the user adds lie in Blender's folder for data files."""
 
+import contextlib
 import math
 import os
 import zlib
@@ -12,7 +13,7 @@ from .. import laws, quantities
 from ..compat import translate
 from ..jobs import EXIT_COMPUTE, JobError
 from ..props import reactions
-from . import files
+from . import files, material_values
 
 SCHEMA = "matterfit.material/1"
 _materials = None
@@ -47,12 +48,12 @@ def materials():
         _materials = {}
         _faults.clear()
         for name in _json_files(base):
-            _materials[name[:-5].upper()] = check(files.read_json(os.path.join(base, name)), name)
+            _materials[name[:-5].upper()] = read(os.path.join(base, name), name)
         base = user_folder()
         for name in _json_files(base):
             # One damaged file of the user must not take the panel away.
             try:
-                document = check(files.read_json(os.path.join(base, name)), name)
+                document = read(os.path.join(base, name), name)
             except JobError as error:
                 _faults.append(str(error))
                 continue
@@ -108,7 +109,7 @@ def add(document, name):
     if identifier in materials() or os.path.exists(path):
         raise JobError(translate("preset '{name}': there is one of this name. Choose another name, "
                                  "or remove that one first.").format(name=name))
-    files.write_json(path, saved(document, name))
+    write(path, document, name)
     forget()
     return identifier
 
@@ -117,9 +118,9 @@ def remove(identifier):
     """Deletes a preset of the user; materials that had it keep their values."""
     path = materials()[identifier]["path"]
     try:
-        os.remove(path)
-    except FileNotFoundError:
-        pass
+        for one in (material_values.weights_path(path), path):
+            with contextlib.suppress(FileNotFoundError):
+                os.remove(one)
     except OSError as error:
         raise JobError(translate(
             "{path}: could not be deleted: {error}. Change the folder's permissions.").format(
@@ -129,6 +130,22 @@ def remove(identifier):
     for material in using:
         material.preset = "CUSTOM"
     forget()
+
+
+def read(path, name=""):
+    """The material in a file, checked; `name` is what messages call the file. Weights that lie beside
+    it are given by their whole path."""
+    document = check(files.read_json(path), name or path)
+    material_values.resolve(document["material"], os.path.dirname(path))
+    return document
+
+
+def write(path, document, name):
+    """Writes a material to a file, under that name, and its weights beside it, where it has a file of
+    them."""
+    document = saved(document, name)
+    document["material"] = material_values.with_weights_beside(document["material"], path)
+    files.write_json(path, document)
 
 
 def cells_across(quality):
@@ -152,9 +169,9 @@ def check(document, name):
         raise JobError(translate("{name}: law is {law}, which is not known.").format(
             name=name, law=repr(material.get("law"))))
     parameters = laws.PARAMETERS[law]
-    numbers = {*parameters, *laws.DAMPING}
-    known = {"law", "maxwell", *numbers}
-    if law == "NEURAL_ISOTROPIC":
+    numbers = {*parameters, *laws.DAMPING} - {"latent"}
+    known = {"law", "maxwell", *parameters, *laws.DAMPING}
+    if law in laws.NEURAL:
         known.add("weights")
         _check_text(name, "weights", material.get("weights", ""))
     for key in material:
@@ -166,6 +183,8 @@ def check(document, name):
     for key in sorted(numbers):
         row = quantities.material(key)
         _check_number(name, row, key, material.get(key, row.absent))
+    if "latent" in material:
+        _check_code(name, material["latent"])
     _check_number(name, quantities.DENSITY, "density", document["density"])
     branches = material.get("maxwell", [])
     if not isinstance(branches, list) or len(branches) > laws.MOST_BRANCHES:
@@ -200,6 +219,15 @@ def _check_number(name, quantity, key, value):
             name=name, key=key, value=repr(value)))
 
 
+def _check_code(name, code):
+    row = quantities.material("latent")
+    if not isinstance(code, list) or len(code) != row.size:
+        raise JobError(translate("{name}: 'latent' is not a list of {n} numbers.").format(
+            name=name, n=row.size))
+    for value in code:
+        _check_number(name, row, "latent", value)
+
+
 @reactions.preset_items.done_by
 def enum_items():
     """Items of the preset enumeration; Custom keeps the number 0 so that files stay readable."""
@@ -232,7 +260,7 @@ def apply(material):
     document = materials()[material.preset]
     _applying.append(material.preset)
     try:
-        fill(material, document["material"])
+        material_values.fill(material, document["material"], like_of(document))
         material.source = document["source"]
         owner = owner_of(material)
         if owner is not None:
@@ -241,32 +269,11 @@ def apply(material):
         _applying.pop()
 
 
-def fill(material, values):
-    """Sets law and parameters from the `material` of a document."""
-    law = values["law"].upper()
-    if law == "NEURAL_ISOTROPIC":  # before the numbers, which they fill in
-        _fill_weights(material, values.get("weights", laws.STARTS[0][0].lower()))
-    for name in laws.PARAMETERS[law]:
-        setattr(material, name, values.get(name, quantities.material(name).absent))
-    for name in laws.DAMPING:
-        setattr(material, name, values.get(name, 0.0))
-    material.maxwell.clear()
-    for branch in values.get("maxwell", []):
-        added = material.maxwell.add()
-        added.modulus, added.time = branch["modulus"], branch["time"]
-    material.law = law  # last: the list of a fit's parameters begins with the values
-
-
-def _fill_weights(material, weights):
-    is_start = weights.upper() in laws.START_NUMBERS
-    material.weights = weights.upper() if is_start else "FILE"
-    material.weights_file = "" if is_start else weights
-
-
-def weights_of(material):
-    """The neural law's weights in the job document's words: a start's name, or a file."""
-    weights = material.weights
-    return bpy.path.abspath(material.weights_file) if weights == "FILE" else weights.lower()
+def like_of(document):
+    """The known law that a material without a class is most like, "" where its file does not say."""
+    provenance = document.get("provenance")
+    like = provenance.get("like") if isinstance(provenance, dict) else None
+    return str(like.get("law") or "") if isinstance(like, dict) else ""
 
 
 def owner_of(material):
@@ -282,18 +289,4 @@ def differs(material):
     """True where values were changed after the preset was chosen."""
     if material.preset not in materials():  # Custom, or one that this machine does not have
         return False
-    values = materials()[material.preset]["material"]
-    if values["law"].upper() != material.law or values.get("weights", weights_of(material)) != weights_of(material):
-        return True
-    for name in (*laws.PARAMETERS[material.law], *laws.DAMPING):
-        if not _equal(getattr(material, name), values.get(name, quantities.material(name).absent)):
-            return True
-    branches = values.get("maxwell", [])
-    return len(branches) != len(material.maxwell) or any(
-        not _equal(getattr(ours, name), theirs[name])
-        for ours, theirs in zip(material.maxwell, branches, strict=True)
-        for name in ("modulus", "time"))
-
-
-def _equal(value, wanted):
-    return abs(value - wanted) <= 1e-5 * max(abs(wanted), 1e-12)
+    return material_values.differ(material, materials()[material.preset]["material"])

@@ -61,13 +61,43 @@ def short_label(label):
     return translate_label(label).split(" [")[0]
 
 
-def owner_and_label(settings, path):
-    """(owner, label without the unit) of a path in a result of a fit: ('Cube', 'Velocity Z')."""
+def split(settings, path):
+    """job_fit.split_path() of a path in a result of this scene's."""
     document = {"bodies": [{"name": body.name} for body in settings.bodies
                            if body.role == "BODY"]}
-    owner, key, axis = job_fit.split_path(path, document)
+    return job_fit.split_path(path, document)
+
+
+def owner_and_label(settings, path):
+    """(owner, label without the unit) of a path in a result of a fit: ('Cube', 'Velocity Z')."""
+    owner, key, axis = split(settings, path)
     text = short_label(quantities.label_of(key))
-    return owner, text if axis is None else f"{text} {'XYZ'[axis]}"
+    row = quantities.find(key)
+    if axis is None or row is not None and row.is_code:
+        return owner, text
+    return owner, f"{text} {'XYZ'[axis]}"
+
+
+def folded(settings, estimates):
+    """[(owner, label, estimates)] as a result shows them: the numbers of a code are one row."""
+    found = []
+    for estimate in estimates:
+        owner, label = owner_and_label(settings, estimate.path)
+        row = quantities.find(split(settings, estimate.path)[1])
+        if row is not None and row.is_code and found and found[-1][:2] == (owner, label):
+            found[-1][2].append(estimate)
+        else:
+            found.append((owner, label, [estimate]))
+    return found
+
+
+def is_about_code(statement):
+    """Whether a sentence of a result names numbers of codes alone: which of these are alike says
+    nothing to people."""
+    rows = []
+    for match in _OWNED.finditer(statement):
+        rows.append(quantities.find(re.sub(r"\[\d+\]$", "", match.group("key").lstrip("."))))
+    return bool(rows) and all(row is not None and row.is_code for row in rows)
 
 
 def named(settings, path):
@@ -140,12 +170,14 @@ def _owned(match, settings):
 def _field(key, otherwise):
     """The label of what stands at the end of a path; `otherwise` where it is not known."""
     key = key.lstrip(".")
-    axis = re.match(r"^(.*)\[([012])\]$", key)
+    axis = re.match(r"^(.*)\[(\d+)\]$", key)
     row = quantities.find(key)
     if row is not None:
         return translate_label(row.title)
-    if axis is not None and quantities.find(axis.group(1)) is not None:
-        return f"{translate_label(quantities.find(axis.group(1)).title)} {'XYZ'[int(axis.group(2))]}"
+    whole = None if axis is None else quantities.find(axis.group(1))
+    if whole is not None and int(axis.group(2)) < whole.size:
+        title, index = translate_label(whole.title), int(axis.group(2))
+        return f"{title} {index + 1 if whole.is_code else 'XYZ'[index]}"
     parts = re.sub(r"\[\d+\]", "", key).split(".")
     for end in range(len(parts), 0, -1):
         label = _FIELDS.get(".".join(parts[:end]))

@@ -199,7 +199,8 @@ class JobOperator(NoJobRunning):
         context.window_manager.progress_update(100.0 * job.fraction)
         status_text(context, progress_text(job))
         mark = self.progress_mark(context, job)
-        if mark != self._mark_shown and not job.ended:
+        # Showing a frame may take longer than the job takes to stop.
+        if mark != self._mark_shown and job.state is State.RUNNING:
             self._mark_shown = mark
             # A frame that cannot be shown yet is shown at the end, or named there.
             with contextlib.suppress(Exception):

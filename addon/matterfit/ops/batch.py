@@ -15,7 +15,7 @@ from ..jobs import EXIT_INPUT, JobError
 from ..props import scene as scene_props
 from .base import JobOperator, NoJobRunning, PlainOperator, greyed, remove_active, session
 from .compare import require_capture
-from .launch import prepare
+from .launch import apart, prepare
 from .materials import tell
 
 _items = []  # Blender keeps no reference to the texts of an enumeration
@@ -122,8 +122,9 @@ class MATTERFIT_OT_run_batch(JobOperator, bpy.types.Operator):
             return jobs.ThenRun(run("bake"), lambda baked: run("compare") if baked.result else None,
                                 _SHARE, (translate("Bake"), translate("Compare")))
 
-        return jobs.Job(translate("Batch"), start, folder=folder, resumable=True,
-                        resume="matterfit.run_batch")
+        # What a batch varies moves no body, so that the base tells it of all.
+        return jobs.Job(translate("Batch"), lambda: apart(document, folder, threads, start),
+                        folder=folder, resumable=True, resume="matterfit.run_batch")
 
     def progress_mark(self, context, job):
         return job.snapshot.stage

@@ -87,14 +87,30 @@ def counted(document, folder, threads, run):
         if found.status != EXIT_DONE:
             return None
         judge_estimate(bpy.context, document, found.result)
-        if not found.result["meet"]:
-            return run()
         # All bodies are filled at once for it: only now is it known that this fits into memory.
-        return jobs.ThenRun(
-            jobs.ThreadRun(lambda: native.validate(simulated, folder, threads), "Filling"),
-            lambda checked: run() if checked.status == EXIT_DONE else None)
+        return _apart(simulated, folder, threads, run) if found.result["meet"] else run()
 
     return jobs.ThenRun(jobs.ThreadRun(count, "Filling"), go_on)
+
+
+def apart(document, folder, threads, run):
+    """A backend that goes on with the one that `run()` returns, unless bodies lie in each other."""
+    simulated = {**document, "task": "simulate"}
+
+    def go_on(found):
+        if found.status != EXIT_DONE:
+            return None
+        return _apart(simulated, folder, threads, run) if found.result["meet"] else run()
+
+    return jobs.ThenRun(
+        jobs.ThreadRun(lambda: {"meet": job_boxes.may_overlap(document, folder)}, "Filling"), go_on)
+
+
+def _apart(document, folder, threads, run):
+    """The same where their boxes meet: the library fills all of them to see."""
+    return jobs.ThenRun(
+        jobs.ThreadRun(lambda: native.validate(document, folder, threads), "Filling"),
+        lambda checked: run() if checked.status == EXIT_DONE else None)
 
 
 def start_job(context, label, prepared, folder, restart, begun=None, **options):

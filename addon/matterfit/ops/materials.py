@@ -9,7 +9,7 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from .. import laws
 from ..compat import translate
-from ..io import files, fit_apply, fit_results, fit_rows, presets, takes
+from ..io import files, fit_apply, fit_results, fit_rows, material_values, presets, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
 from .base import NoJobRunning, PlainOperator, greyed, session
@@ -37,8 +37,7 @@ def fitted_material(context):
     active."""
     body = scene_props.active_body(context.scene.matterfit)
     name = body.name if body is not None and body.role == "BODY" else ""
-    path = fit_results.material_path(result_folder(context), name)
-    return presets.check(files.read_json(path), path)
+    return fit_results.material(result_folder(context), name)
 
 
 def material_name(context):
@@ -98,7 +97,7 @@ class MATTERFIT_OT_save_material(_HasResult, PlainOperator, bpy.types.Operator, 
         document = fitted_material(context)
         path = bpy.path.ensure_ext(bpy.path.abspath(self.filepath), ".json")
         name = os.path.splitext(os.path.basename(path))[0]
-        files.write_json(path, presets.saved(document, name))
+        presets.write(path, document, name)
         tell(self, context, path, [presets.warning(document)])
 
 
@@ -118,10 +117,10 @@ class MATTERFIT_OT_load_material(PlainOperator, bpy.types.Operator, ImportHelper
 
     def act(self, context):
         path = bpy.path.abspath(self.filepath)
-        document = presets.check(files.read_json(path), path)
+        document = presets.read(path)
         body = scene_props.active_body(context.scene.matterfit)
         body.material.preset = "CUSTOM"
-        presets.fill(body.material, document["material"])
+        material_values.fill(body.material, document["material"], presets.like_of(document))
         body.material.source = document["source"]
         body.density = document["density"]
         tell(self, context, translate("'{name}' is loaded").format(name=document["name"]),

@@ -94,7 +94,10 @@ class MatterfitFit(bpy.types.PropertyGroup):
         name="Law", default="BODY",
         items=(("BODY", "The Body's Law", "Fit the parameters of the law chosen in Bodies"),
                ("FIND", "Find the Law", "Fit several laws, and rank them by the error on what is "
-                                        "held out")),
+                                        "held out"),
+               ("UNKNOWN", "Unknown", "Give no class of material: eight numbers say where it lies "
+                                      "among elastic solids, plastic ones, pastes, grains and "
+                                      "liquids, and are looked for with its stiffness")),
         description="Whether the constitutive law itself is looked for")
     laws: EnumProperty(
         name="Candidates", items=laws.LAWS, options={"ENUM_FLAG"},
@@ -129,6 +132,12 @@ class MatterfitFit(bpy.types.PropertyGroup):
         name="Resolutions", default=0, min=0, soft_min=0, max=4, soft_max=3,
         description="0: as many as pay; 1: the scene's own; 2: twice coarser first, then the "
                     "scene's; 3: four times, twice, then the scene's")
+
+    weight_steps: IntProperty(
+        name="All Weights", default=0, min=0, soft_max=30, max=1000,
+        description="Of the law Neural (isotropic): at most so many further steps at the end, with all "
+                    "weights of its energy. Of these the one that predicts best what is held out is "
+                    "taken, none where that is no better than without")
 
     check: StringProperty(name="Check", description="What the last Check found, as JSON")
     run: PointerProperty(type=MatterfitTake)

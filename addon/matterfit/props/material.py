@@ -3,6 +3,7 @@
 
 import bpy
 from bpy.props import (
+    BoolProperty,
     CollectionProperty,
     EnumProperty,
     IntProperty,
@@ -10,8 +11,9 @@ from bpy.props import (
 )
 
 from .. import laws, quantities
+from ..compat import PATH_OPTIONS
 from . import reactions
-from .numbers import number
+from .numbers import number, vector
 
 
 def _preset_items(_self, _context):
@@ -68,7 +70,7 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
         name="Weights", items=laws.STARTS, default="JELLY", update=_weights_changed,
         description="The weights that the neural law begins with; they fill in its numbers")
     weights_file: StringProperty(
-        name="Weights File", subtype="FILE_PATH",
+        name="Weights File", subtype="FILE_PATH", options=PATH_OPTIONS,
         description="A file *.safetensors with weights of the isotropic neural law")
     form_1: number("material.form_1")
     form_2: number("material.form_2")
@@ -80,6 +82,22 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
     tear_strain: number("material.tear_strain")
     flow_rate: number("material.flow_rate")
     flow_thinning: number("material.flow_thinning")
+    use_latent: BoolProperty(
+        name="Kind of Material", default=False,
+        description="Its eight numbers are known, as after a fit; else it is an elastic solid until a "
+                    "fit has looked for them")
+    latent: vector("material.latent")
+    show_latent: BoolProperty(
+        name="Numbers", default=False, options=set(),
+        description="Show the eight numbers that say what kind of material it is")
+    decoder_file: StringProperty(
+        name="Weights File", subtype="FILE_PATH", options=PATH_OPTIONS,
+        description="A file *.safetensors that matterfit pretrain --latent wrote; empty: the weights "
+                    "that come with Matterfit")
+    pours: BoolProperty(
+        name="Pours", default=False,
+        description="It pours like sand or water, so that its surface is shown and not the object's "
+                    "own mesh; a fitted material says it by the known law that it is most like")
     damping_shear: number("material.damping_shear")
     damping_bulk: number("material.damping_bulk")
     maxwell: CollectionProperty(type=MatterfitMaxwell)

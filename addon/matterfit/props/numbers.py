@@ -13,9 +13,10 @@ def number(key, **options):
 
 
 def vector(key, **options):
-    """A FloatVectorProperty of the quantity; its components are named X, Y, Z."""
+    """A FloatVectorProperty of the quantity; the components of three are named X, Y, Z."""
     row = quantities.find(key)
-    return FloatVectorProperty(**{**_common(row), "size": row.size, "subtype": "XYZ", **options})
+    subtype = "XYZ" if row.is_vector else "NONE"
+    return FloatVectorProperty(**{**_common(row), "size": row.size, "subtype": subtype, **options})
 
 
 def _common(row):

@@ -100,8 +100,29 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
             if material.weights == "FILE":
                 column.prop(material, "weights_file", text="File")
         for name in laws.PARAMETERS[material.law]:
-            quantity(column, material, "material." + name)
+            if name != "latent":
+                quantity(column, material, "material." + name)
         quantity(column, body, "density")
+        if material.law == "LATENT":
+            _unknown(column, material)
+
+
+def _unknown(column, material):
+    """What a material without a class is, as far as a fit has told it; its numbers are folded away."""
+    column.prop(material, "use_latent")
+    if not material.use_latent:
+        lines(column, translate("Not known yet: an elastic solid. Fit, with the law Unknown, finds "
+                                "what it is."), icon="INFO")
+    elif material.source:
+        lines(column, material.source, icon="BOOKMARKS")
+    if material.decoder_file:
+        column.prop(material, "decoder_file", text="File")
+    column.prop(material, "pours")
+    if material.use_latent:
+        column.prop(material, "show_latent",
+                    icon="TRIA_DOWN" if material.show_latent else "TRIA_RIGHT")
+        if material.show_latent:
+            column.prop(material, "latent", text="")
 
 
 def _shape_text(item):

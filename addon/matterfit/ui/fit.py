@@ -3,7 +3,7 @@ import bpy
 
 from .. import jobs, laws
 from ..compat import translate
-from ..io import fit_rows, fit_values, takes
+from ..io import fit_rows, fit_values, job_fit, takes
 from ..io.words import short_label
 from ..props import scene as scene_props
 from . import fit_overlay
@@ -17,7 +17,7 @@ class MATTERFIT_UL_parameters(bpy.types.UIList):
         row = layout.row(align=True)
         row.prop(item, "enabled", text="")
         row = row.row()
-        row.active = item.enabled
+        row.active = item.enabled and job_fit.takes_part(settings.fit, item.key)
         if quantity is None:
             row.label(text=item.name, icon="ERROR", translate=False)
             return
@@ -41,6 +41,9 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
             layout.column(align=True).prop(fit, "laws")
             lines(layout, translate("What tells a law from the body's own is looked for as well."),
                   icon="INFO")
+        elif fit.law == "UNKNOWN":
+            lines(layout, translate("Its stiffness and what kind of material it is are looked for, "
+                                    "whatever law the body has now."), icon="INFO")
         self._parameters(layout, settings, fit)
         form(layout).prop(fit, "loss")
         self._captures(layout, settings)
@@ -59,7 +62,11 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
         column.active = item.enabled
         column.label(text=quantity.label)
         now = fit_values.value(settings, item.owner, item.key)
-        if quantity.size == 3:
+        if quantity.is_code:
+            lines(column, translate("Eight numbers, looked for together from all kinds of material."),
+                  icon="INFO")
+            return
+        if quantity.is_vector:
             row = column.row(align=True, heading="Axes")
             for axis, name in enumerate("XYZ"):
                 row.prop(item, "axes", index=axis, text=name, toggle=True)
@@ -157,6 +164,8 @@ class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
         self.layout.prop(fit, "windows")
         column = form(self.layout)
         column.prop(fit, "levels")
+        if job_fit.has_weights(context.scene.matterfit):
+            column.prop(fit, "weight_steps")
         column.prop(context.scene.matterfit.solver, "threads")
 
 

@@ -8,6 +8,8 @@ from ..ops.fit import error_text
 from . import fit_overlay
 from .common import MatterfitPanel, form, lines
 
+_OTHERS = 2  # laws that are named after the nearest
+
 
 class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
     bl_label = "Result"
@@ -32,13 +34,20 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             return
         self._state(layout, result, folder)
         self._errors(layout, result)
-        named = [(*words.owner_and_label(settings, estimate.path), estimate) for estimate in result.estimates]
-        several = len({owner for owner, _label, _estimate in named}) > 1
-        for owner, label, estimate in named:
-            self._estimate(layout, f"{owner}: {label}" if several and owner else label, estimate)
+        for body, like in result.likes.items():
+            self._like(layout, body if len(result.likes) > 1 else "", like)
+        named = words.folded(settings, result.estimates)
+        several = len({owner for owner, _label, _estimates in named}) > 1
+        for owner, label, estimates in named:
+            label = f"{owner}: {label}" if several and owner else label
+            if len(estimates) > 1:
+                self._code(layout, label, estimates)
+            else:
+                self._estimate(layout, label, estimates[0])
         shown = {estimate.statement for estimate in result.estimates}
         for statement in result.statements:
-            if statement not in shown:
+            statement = _without_like(statement, result.likes)
+            if statement and statement not in shown and not words.is_about_code(statement):
                 lines(layout, words.of_result(statement, settings), icon="INFO")
         if result.models:
             self._models(layout, result)
@@ -104,6 +113,29 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
         if estimate.statement:
             lines(column, words.of_result(estimate.statement, bpy.context.scene.matterfit))
 
+    def _like(self, layout, body, like):
+        """The nearest known law, its formula with numbers, and how far off it is."""
+        column = layout.box().column(align=True)
+        title = translate("Most like {law}").format(law=translate_label(laws.name_of(like.law)))
+        lines(column, f"{body}: {title}" if body else title, icon="LIGHT")
+        lines(column, like.sentence.partition(": ")[2] or like.sentence)
+        if like.others:
+            lines(column, translate("Then: {laws}").format(laws=", ".join(
+                f"{translate_label(laws.name_of(law))} {_percent(distance)}"
+                for law, distance in like.others[:_OTHERS])))
+
+    def _code(self, layout, label, estimates):
+        """Numbers that say something together only: how many the recording tells."""
+        column = layout.box().column(align=True)
+        known = sum(estimate.observable for estimate in estimates)
+        bound = sum(estimate.at_bound for estimate in estimates)
+        column.label(text=label, translate=False,
+                     icon="CHECKMARK" if known and not bound else "ERROR")
+        lines(column, translate("{n} of {total} numbers are told").format(
+            n=known, total=len(estimates)))
+        if bound:
+            lines(column, translate("{n} at their bounds").format(n=bound))
+
     def _models(self, layout, result):
         box = layout.box()
         row = box.row()
@@ -120,6 +152,17 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             row.label(text=_number(model.get("probability"), 2), translate=False)
             if model.get("left"):
                 lines(box, str(model.get("reason", "")))
+
+
+def _without_like(statement, likes):
+    """A statement without the sentences that stand in boxes of their own."""
+    for body, like in likes.items():
+        statement = statement.removeprefix(f"{body}: {like.sentence}").strip()
+    return statement
+
+
+def _percent(share):
+    return f"{100.0 * share:.2g} %" if share < 1.0 else "> 100 %"
 
 
 def _number(value, digits=4):

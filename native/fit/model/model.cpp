@@ -121,7 +121,7 @@ StepPlan Model::plan_of(std::span<const double> values, const Outcome& outcome) 
   std::vector<RunSteps> runs(models_.size());
   for (std::size_t r = 0; r < models_.size(); ++r) {
     if (outcome[r].substeps.empty()) continue;
-    runs[r] = {outcome[r].substeps, mpm::step_limit(scene_at(values, r))};
+    runs[r] = {with_neighbours(outcome[r].substeps), mpm::step_limit(scene_at(values, r))};
   }
   return StepPlan(std::move(runs));
 }

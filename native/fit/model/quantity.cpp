@@ -113,6 +113,11 @@ std::string obstacle(const Address& address, const Bearer& bearer) {
     return "the material has " + std::to_string(branches) +
            " Maxwell branches; add one to 'maxwell' for the fit to start from.";
   }
+  if (row.path.starts_with("material.correction")) {
+    if (address.index < material::kCorrectionSize) return {};
+    return "a correction has " + std::to_string(material::kCorrectionSize) +
+           " numbers, correction[0] the first.";
+  }
   const material::LawTraits& law = bearer.material->traits();
   if (row.path.starts_with("material.weight_moves")) {
     if (law.law != material::Law::kNeuralIsotropic) {

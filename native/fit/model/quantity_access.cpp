@@ -29,6 +29,11 @@ std::size_t component_of(const Address& address) {
   return static_cast<std::size_t>(address.component.value_or(0));
 }
 
+/// Of a list that may be shorter, or empty.
+double entry(const std::vector<double>& list, std::size_t index) {
+  return index < list.size() ? list[index] : 0.0;
+}
+
 Components components(const Vec3d& vector) { return {vector.x(), vector.y(), vector.z()}; }
 Vec3d vector(const Components& values) { return {values[0], values[1], values[2]}; }
 
@@ -111,11 +116,8 @@ Access maxwell_access(double MaxwellBranch::*member) {
 }
 
 Access weight_move_access() {
-  const auto entry = [](const std::vector<double>& moves, std::size_t index) {
-    return index < moves.size() ? moves[index] : 0.0;
-  };
   Access access;
-  access.read = [entry](const mpm::Scene& scene, const Address& at) {
+  access.read = [](const mpm::Scene& scene, const Address& at) {
     return Components{entry(body_of(scene, at).material.weight_moves, at.index)};
   };
   access.write = [](const Components& values, const Address& at, mpm::Scene& scene) {
@@ -123,19 +125,15 @@ Access weight_move_access() {
     if (moves.empty()) moves.resize(material::kIsotropicElastic, 0.0);
     moves.at(at.index) = values[0];
   };
-  access.slope = [entry](const mpm::Gradient& gradient, const mpm::Scene& scene,
-                         const Address& at) {
+  access.slope = [](const mpm::Gradient& gradient, const mpm::Scene& scene, const Address& at) {
     return entry(body_of(gradient, scene, at).material.weight_moves, at.index);
   };
   return access;
 }
 
 Access latent_access() {
-  const auto entry = [](const std::vector<double>& code, std::size_t index) {
-    return index < code.size() ? code[index] : 0.0;
-  };
   Access access;
-  access.read = [entry](const mpm::Scene& scene, const Address& at) {
+  access.read = [](const mpm::Scene& scene, const Address& at) {
     return Components{entry(body_of(scene, at).material.latent, at.index)};
   };
   access.write = [](const Components& values, const Address& at, mpm::Scene& scene) {
@@ -143,9 +141,24 @@ Access latent_access() {
     material.latent.at(at.index) = values[0];
     material::decode_latent(material);
   };
-  access.slope = [entry](const mpm::Gradient& gradient, const mpm::Scene& scene,
-                         const Address& at) {
+  access.slope = [](const mpm::Gradient& gradient, const mpm::Scene& scene, const Address& at) {
     return entry(body_of(gradient, scene, at).material.latent, at.index);
+  };
+  return access;
+}
+
+Access correction_access() {
+  Access access;
+  access.read = [](const mpm::Scene& scene, const Address& at) {
+    return Components{entry(body_of(scene, at).material.correction, at.index)};
+  };
+  access.write = [](const Components& values, const Address& at, mpm::Scene& scene) {
+    std::vector<double>& numbers = body_of(scene, at).material.correction;
+    if (numbers.empty()) numbers.resize(material::kCorrectionSize, 0.0);
+    numbers.at(at.index) = values[0];
+  };
+  access.slope = [](const mpm::Gradient& gradient, const mpm::Scene& scene, const Address& at) {
+    return entry(body_of(gradient, scene, at).material.correction, at.index);
   };
   return access;
 }

@@ -13,6 +13,8 @@ namespace matterfit::fit {
 [[nodiscard]] Access weight_move_access();
 /// A number of the latent law's code; 0 where the material has none.
 [[nodiscard]] Access latent_access();
+/// A number of the correction beside a law; 0 where the material has none.
+[[nodiscard]] Access correction_access();
 [[nodiscard]] Access density_access();
 /// A vector of a body's initial motion.
 [[nodiscard]] Access motion_access(Vec3d mpm::Body::*member, Vec3d mpm::BodyGradient::*slope);

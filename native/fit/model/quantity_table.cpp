@@ -276,7 +276,7 @@ std::vector<Quantity> neural_rows() {
   };
 }
 
-/// Damping and relaxation, which every law takes.
+/// Damping, relaxation and a correction, which every law takes.
 std::vector<Quantity> viscous_rows() {
   return {
       {.path = "material.damping_shear",
@@ -317,6 +317,18 @@ std::vector<Quantity> viscous_rows() {
        .words = "the time of relaxation",
        .record = "a load that is held, from well before that time has passed until well after it",
        .access = maxwell_access(&MaxwellBranch::time)},
+      {.path = "material.correction[#]",
+       .coordinate = Coordinate::kLinear,
+       .scale = 0.2,
+       .low = -0.3,
+       .high = 30.0,
+       .prior_sigma = 0.5,
+       .always_prior = true,
+       .label = "Correction",
+       .sentence = "Share that a stiffness gains beyond a strain, beside the law",
+       .words = "a number of the correction beside the law",
+       .record = "the body as it is stretched and squeezed by a third of its size or more",
+       .access = correction_access()},
   };
 }
 

@@ -80,6 +80,7 @@ mpm::Scene scene_of(material::Law law, Formulation formulation) {
   body.material.damping_shear = 5.0;
   body.material.damping_bulk = 2.0;
   body.material.maxwell = {{2e4, 5e-3}};
+  body.material.correction = {0.4, -0.1, 0.3, 0.2, 0.5};
   body.lattice.spacing = kH;
   body.lattice.regular = true;
   body.lattice.origin = Vec3d(0.0, 0.0, 0.9 * kH);

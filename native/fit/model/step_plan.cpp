@@ -44,6 +44,15 @@ void StepPlan::settle(std::size_t run, const mpm::Scene& scene, const int* befor
   refinements[run] = keep ? *before : asked;
 }
 
+std::vector<int> with_neighbours(const std::vector<int>& substeps) {
+  std::vector<int> result = substeps;
+  for (std::size_t f = 0; f + 1 < substeps.size(); ++f) {
+    result[f] = std::max(result[f], substeps[f + 1]);
+    result[f + 1] = std::max(result[f + 1], substeps[f]);
+  }
+  return result;
+}
+
 std::vector<int> multiplied(const std::vector<int>& substeps, double factor) {
   std::vector<int> result;
   result.reserve(substeps.size());

@@ -40,6 +40,10 @@ struct StepPlan {
   void settle(std::size_t run, const mpm::Scene& scene, const int* before);
 };
 
+/// Of each frame as many as of those beside it at most: values a little off touch a collider a
+/// frame earlier or later, where contact asks for many more.
+[[nodiscard]] std::vector<int> with_neighbours(const std::vector<int>& substeps);
+
 /// Substeps times a factor, rounded up, at least one each.
 [[nodiscard]] std::vector<int> multiplied(const std::vector<int>& substeps, double factor);
 

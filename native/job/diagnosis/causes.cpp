@@ -181,6 +181,7 @@ class Causes {
         cause.row.sentence = "The friction coefficient of '" + doc.name + "' is {value} higher.";
         cause.row.numbers = {number("added", "", 0.05)};
         cause.row.numbers[0].low = -contact.mu;
+        cause.row.tries = {-0.6 * contact.mu, -0.3 * contact.mu, 0.3 * contact.mu};
         const double mu = contact.mu;
         cause.apply = with([mu](shape::Contact& moved, double v) { moved.mu = mu + v; });
         cause.write = [c, mu](std::span<const double> v, int, Json& scene) {

@@ -27,8 +27,61 @@ constexpr std::size_t kFewestFrames = 5;
 /// Radii of spheres that are tried, in longest sides of the body.
 constexpr std::array<double, 2> kRadii = {0.5, 1.5};
 constexpr double kLeastReach = 0.25;
-constexpr double kFriction = 0.3;
+constexpr double kFriction = 0.3;  ///< that a search begins with
+constexpr double kMostFriction = 2.0;
+constexpr double kMostTilt = 0.8;  // [rad]
 constexpr const char* kName = "hidden collider";
+
+/// What a cause's numbers are.
+enum : std::size_t { kReach, kTilt1, kTilt2, kMu, kNumbers };
+
+/// A shape that may be in the way.
+struct Shape {
+  Encounter encounter;
+  double radius;  ///< 0: a plane
+  double seen;    ///< reach at which its surface lies where the body was seen to turn [m]
+};
+
+/// Where it lies: its surface's point nearest to the body, and the normal there. The impulse that
+/// showed it holds its friction too, so the normal may be tilted from it.
+struct Lie {
+  Vec3d point;
+  Vec3d normal;
+
+  Lie(const Shape& shape, std::span<const double> v) {
+    const Vec3d& n = shape.encounter.normal;
+    const Vec3d first = n.unitOrthogonal();
+    const Vec3d across = v[kTilt1] * first + v[kTilt2] * n.cross(first);
+    const double angle = across.norm();
+    normal = angle > 0.0 ? Vec3d(std::cos(angle) * n + std::sin(angle) / angle * across) : n;
+    point = shape.encounter.point + (v[kReach] - shape.seen) * normal;
+  }
+};
+
+std::vector<diagnose::Number> numbers_of(double size) {
+  std::vector<diagnose::Number> numbers(kNumbers);
+  diagnose::Number& reach = numbers[kReach];
+  reach.name = "reach";
+  reach.unit = "m";
+  reach.scale = 0.05 * size;
+  reach.low = 0.0;
+  reach.one_sided = true;
+  for (const std::size_t k : {kTilt1, kTilt2}) {
+    numbers[k].name = k == kTilt1 ? "tilt_1" : "tilt_2";
+    numbers[k].unit = "rad";
+    numbers[k].scale = 0.1;
+    numbers[k].low = -kMostTilt;
+    numbers[k].high = kMostTilt;
+  }
+  diagnose::Number& mu = numbers[kMu];
+  mu.name = "friction";
+  mu.scale = 0.1;
+  mu.first_step = kFriction;
+  mu.low = 0.0;
+  mu.one_sided = true;
+  mu.high = kMostFriction;
+  return numbers;
+}
 
 struct Samples {
   const diagnose::Capture& capture;
@@ -155,24 +208,17 @@ std::optional<Cause> hidden_collider(const std::vector<Encounter>& encounters,
       "Something that the scene does not have is in the way, {value} into where the body would "
       "pass: {variant}.";
   cause.row.confused_with = {"force_field", "moving_collider"};
-  struct Shape {
-    Encounter encounter;
-    double radius;  ///< 0: a plane
-  };
   std::vector<Shape> shapes;
-  diagnose::Number reach;
-  reach.name = "reach";
-  reach.unit = "m";
-  reach.scale = 0.05 * size;
-  reach.low = 0.0;
-  reach.one_sided = true;
-  reach.high = 0.0;
+  cause.row.numbers = numbers_of(size);
+  diagnose::Number& reach = cause.row.numbers[kReach];
   for (const Encounter& encounter : encounters) {
     // The fitted path is one of before and after together: it may only just reach there.
     reach.first_step = std::max({reach.first_step, encounter.reach, kLeastReach * size});
-    reach.high = reach.first_step + size;
+  }
+  reach.high = reach.first_step + size;
+  for (const Encounter& encounter : encounters) {
     const auto add = [&](double radius, const std::string& what) {
-      shapes.push_back({encounter, radius});
+      shapes.push_back({encounter, radius, reach.first_step});
       cause.row.onsets.push_back(encounter.time);
       cause.row.variants.push_back(
           fmt::format("{} met after {:.3g} s at ({:.3g}, {:.3g}, {:.3g}) m", what, encounter.time,
@@ -184,18 +230,12 @@ std::optional<Cause> hidden_collider(const std::vector<Encounter>& encounters,
       add(radius * size, fmt::format("a ball of {:.2g} m radius", radius * size));
     }
   }
-  cause.row.numbers = {reach};
-  // Where its surface lies along the normal: at `first_step` where the body was seen to turn.
-  const auto point_of = [seen = reach.first_step](const Shape& shape, double v) -> Vec3d {
-    return shape.encounter.point + (v - seen) * shape.encounter.normal;
-  };
-  cause.apply = [shapes, point_of](std::span<const double> v, int variant, mpm::Scene& scene) {
-    if (!(v[0] > 0.0)) return;
+  cause.apply = [shapes](std::span<const double> v, int variant, mpm::Scene& scene) {
+    if (!(v[kReach] > 0.0)) return;
     const Shape& shape = shapes[static_cast<std::size_t>(variant)];
     shape::Contact contact;
-    contact.mu = kFriction;
-    const Vec3d point = point_of(shape, v[0]);
-    const Vec3d& normal = shape.encounter.normal;
+    contact.mu = v[kMu];
+    const auto [point, normal] = Lie(shape, v);
     if (shape.radius > 0.0) {
       shape::Pose pose;
       pose.position = point - shape.radius * normal;
@@ -205,11 +245,10 @@ std::optional<Cause> hidden_collider(const std::vector<Encounter>& encounters,
       scene.colliders.push_back(shape::make_plane(kName, contact, point, normal));
     }
   };
-  cause.write = [shapes, point_of](std::span<const double> v, int variant, Json& scene) {
+  cause.write = [shapes](std::span<const double> v, int variant, Json& scene) {
     const Shape& shape = shapes[static_cast<std::size_t>(variant)];
-    const Vec3d point = point_of(shape, v[0]);
-    const Vec3d& normal = shape.encounter.normal;
-    Json collider = {{"name", kName}, {"contact", {{"kind", "friction"}, {"mu", kFriction}}}};
+    const auto [point, normal] = Lie(shape, v);
+    Json collider = {{"name", kName}, {"contact", {{"kind", "friction"}, {"mu", v[kMu]}}}};
     if (shape.radius > 0.0) {
       const Vec3d center = point - shape.radius * normal;
       collider["shape"] = "sphere";

@@ -16,8 +16,9 @@ namespace matterfit::job {
                                                 const Eigen::VectorXd& simulated,
                                                 const Vec3d& gravity);
 
-/// A plane or a sphere at one of the encounters; its number says how far it reaches into where the
-/// body would pass, 0: not at all. Nothing where there are none.
+/// A plane or a sphere at one of the encounters. Its numbers: how far it reaches into where the
+/// body would pass [m], 0: not at all; two angles [rad] between its normal and the impulse that
+/// showed it, in which its friction has a part; and that friction. Nothing where there are none.
 [[nodiscard]] std::optional<Cause> hidden_collider(const std::vector<Encounter>& encounters,
                                                    const mpm::Scene& scene);
 

@@ -62,5 +62,39 @@ TEST(Encounters, OnesOwnContactIsNone) {
   EXPECT_TRUE(encounters({flight(12, -1.5)}, flight(12, -1.2).positions, kGravity).empty());
 }
 
+TEST(HiddenCollider, IsWrittenAsItActs) {
+  Encounter met;
+  met.point = Vec3d(1.0, 0.2, 0.3);
+  met.normal = Vec3d(-1.0, 0.0, 0.0);
+  met.time = 0.2;
+  mpm::Scene scene;
+  mpm::Body& body = scene.bodies.emplace_back();
+  body.rest = {Vec3d(0.0, 0.0, 0.0), Vec3d(0.2, 0.2, 0.2)};
+  body.volumes = {1e-3, 1e-3};
+  const std::optional<Cause> cause = hidden_collider({met}, scene);
+  ASSERT_TRUE(cause);
+  const std::vector<diagnose::Number>& numbers = cause->row.numbers;
+  ASSERT_EQ(numbers.size(), 4U);
+  // Where it was seen, tilted by .1, without friction.
+  const std::vector<double> values{numbers[0].first_step, 0.06, 0.08, 0.0};
+  cause->apply(values, 0, scene);
+  ASSERT_EQ(scene.colliders.size(), 1U);
+  EXPECT_EQ(scene.colliders[0]->contact().mu, 0.0);
+  Json document = {{"colliders", Json::array()}};
+  cause->write(values, 0, document);
+  const Json& written = document["colliders"][0];
+  Vec3d normal;
+  for (int a = 0; a < 3; ++a) normal[a] = written["normal"][std::size_t(a)].get<double>();
+  EXPECT_NEAR(normal.norm(), 1.0, 1e-12);
+  EXPECT_NEAR(std::acos(normal.dot(met.normal)), 0.1, 1e-9);
+  for (int a = 0; a < 3; ++a) {
+    EXPECT_NEAR(written["point"][std::size_t(a)].get<double>(), met.point[a], 1e-12);
+  }
+  const std::vector<double> nothing(4, 0.0);
+  scene.colliders.clear();
+  cause->apply(nothing, 0, scene);
+  EXPECT_TRUE(scene.colliders.empty());
+}
+
 }  // namespace
 }  // namespace matterfit::job

@@ -12,6 +12,7 @@
 #include "base/side_by_side.hpp"
 #include "fit/data/capture_noise.hpp"
 #include "fit/data/follow.hpp"
+#include "fit/model/step_plan.hpp"
 #include "job/diagnosis/hidden_collider.hpp"
 #include "job/diagnosis/observation_document.hpp"
 #include "job/documents/fit_document.hpp"
@@ -31,6 +32,8 @@ constexpr double kFiner = 1.189207115002721;
 /// simulated: a hundred times the stiffness. A search that goes there follows what it cannot
 /// explain.
 constexpr double kMostFiner = 10.0;
+/// With so many times twice the substeps a point is tried again that failed.
+constexpr int kMoreTries = 2;
 /// Of the solver's margin (dt_safety), that a point beside the fitted values
 /// may use.
 constexpr double kMargin = 1.1;
@@ -69,9 +72,10 @@ void lump(const diagnose::Numerics& n, mpm::Body& body) {
   for (auto& volume : body.volumes) volume *= before / after;
 }
 
-bool is_own(const diagnose::Numerics& n) {
+/// Whether the fitted values' substeps serve: what lumping alone changes is then no other step.
+bool has_own_steps(const diagnose::Numerics& n) {
   return n.spacing == 1.0 && n.step == 1.0 && n.offset.isZero(0.0) && n.particles == 1.0 &&
-         n.seed == 0 && !is_lumped(n);
+         n.seed == 0;
 }
 
 /// The parameters with the document's values as their starts: those are the
@@ -236,11 +240,12 @@ void SceneModel::fix_substeps() {
     solver.target = options_.target;
     const int last = scene.end_frame;
     mpm::Simulation simulation(std::move(scene), arena, solver);
-    std::vector<int>& substeps = substeps_.emplace_back();
+    std::vector<int> substeps;
     while (simulation.frame() + 1 < last) {
       interrupter_.check();
       substeps.push_back(simulation.advance(interrupter_).substeps);
     }
+    substeps_.push_back(fit::with_neighbours(substeps));
   }
 }
 
@@ -274,17 +279,24 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
     apply({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
           scene);
   }
-  if (is_own(point.numerics)) {
-    const double ratio = limits_[run] / mpm::step_limit(scene) / kMargin;
-    if (ratio > kMostFiner) return std::nullopt;
-    const double finer =
-        std::pow(kFiner, std::max(0.0, std::ceil(std::log(ratio) / std::log(kFiner))));
-    for (const int count : substeps_[run]) {
-      scene.substeps.push_back(static_cast<int>(std::ceil(finer * count - 1e-9)));
-    }
-  } else {
+  if (!has_own_steps(point.numerics)) {
     scene.dt_safety *= point.numerics.step;
+    return observe_run(scene, *base, values, run, arena);
   }
+  const double ratio = limits_[run] / mpm::step_limit(scene) / kMargin;
+  if (ratio > kMostFiner) return std::nullopt;
+  const double finer =
+      std::pow(kFiner, std::max(0.0, std::ceil(std::log(ratio) / std::log(kFiner))));
+  for (int attempt = 0; attempt <= kMoreTries; ++attempt) {
+    scene.substeps = fit::multiplied(substeps_[run], std::ldexp(finer, attempt));
+    if (auto seen = observe_run(scene, *base, values, run, arena)) return seen;
+  }
+  return std::nullopt;
+}
+
+std::optional<std::vector<fit::SimulatedCapture>> SceneModel::observe_run(
+    const mpm::Scene& scene, const Built& base, const std::vector<double>& values, std::size_t run,
+    const std::shared_ptr<Arena>& arena) const {
   try {
     mpm::Simulation::Options solver;
     solver.target = options_.target;
@@ -294,7 +306,7 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
     std::vector<fit::PointFollower> moved;
     if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
                     [&](const mpm::Body& b) { return parameters_->places(run, b.name); })) {
-      for (std::size_t c = 0; c < base->followers.size(); ++c) {
+      for (std::size_t c = 0; c < base.followers.size(); ++c) {
         const fit::Capture& capture = runs()[run].captures[c];
         Points rest = capture.input.rest;
         if (capture.places_given) {
@@ -303,15 +315,15 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
           points.rest = std::move(rest);
           rest = parameters_->placed(values, run, std::move(points)).rest;
         }
-        moved.emplace_back(scene.bodies[base->bodies[c]], std::move(rest), 0.5 * scene.dx, *arena);
+        moved.emplace_back(scene.bodies[base.bodies[c]], std::move(rest), 0.5 * scene.dx, *arena);
       }
     }
-    const std::vector<fit::PointFollower>& followers = moved.empty() ? base->followers : moved;
+    const std::vector<fit::PointFollower>& followers = moved.empty() ? base.followers : moved;
     std::vector<std::vector<Points>> seen(followers.size());
     const auto record = [&] {
       const mpm::ObservedFrame frame = simulation.observe(true);
       for (std::size_t c = 0; c < seen.size(); ++c) {
-        const std::size_t body = base->bodies[c];
+        const std::size_t body = base.bodies[c];
         seen[c].push_back(followers[c].positions(scene.bodies[body], frame.bodies[body], *arena));
       }
     };
@@ -333,7 +345,7 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
         time += delay;
         if (inside) time = std::clamp(time, 0.0, end);
       }
-      captures.push_back(fit::at_times(seen[c], base->followers[c].size(), times, scene.fps));
+      captures.push_back(fit::at_times(seen[c], base.followers[c].size(), times, scene.fps));
     }
     return captures;
   } catch (const Error& error) {

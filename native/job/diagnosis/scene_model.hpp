@@ -70,6 +70,11 @@ class SceneModel final : public diagnose::Model {
       const std::vector<diagnose::Point>& points) const;
   [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> simulate_run(
       const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const;
+  /// What a run's captures see of a scene made from `base` with these values; nothing where it
+  /// cannot be simulated to its end.
+  [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> observe_run(
+      const mpm::Scene& scene, const Built& base, const std::vector<double>& values,
+      std::size_t run, const std::shared_ptr<Arena>& arena) const;
   void write_observed(const diagnose::Point::Cause& cause, Json& document,
                       std::vector<std::string>& statements) const;
   [[nodiscard]] std::vector<Encounter> encounters_with(const shape::Keyed<Vec3d>& gravity) const;

@@ -261,6 +261,11 @@ material::Material read_material(const JsonValue& value, const ReadContext& cont
       material.maxwell.push_back(read);
     }
   }
+  if (const auto correction = object.find("correction")) {
+    for (const JsonValue& item : correction->items()) {
+      material.correction.push_back(item.number());
+    }
+  }
   object.finish();
   material::validate(material, value.path());
   return material;

@@ -173,6 +173,10 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
   fit.iterations = object.integer("iterations", fit.iterations, 1, 100'000);
   fit.windows = object.boolean("windows", fit.windows);
   fit.weights = object.integer("weights", fit.weights, 0, 1000);
+  fit.correction = object.integer("correction", fit.correction, 0, 1000);
+  if (fit.weights > 0 && fit.correction > 0) {
+    value.refuse("'weights' and 'correction' both go on from the fitted law; give one of them.");
+  }
   if (const auto levels = object.find("levels")) {
     for (const JsonValue& item : levels->items()) {
       fit.levels.push_back(item.number({1.0, kCoarsest, false, "particle separations"}));

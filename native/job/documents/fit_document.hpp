@@ -28,6 +28,8 @@ struct FitDoc {
   /// At the end, accepted steps with all weights of a neural law's energy at most (job/
   /// fit_weights.hpp); 0: none.
   int weights = 0;
+  /// The same with a correction beside the law (job/fit_correction.hpp); 0: none.
+  int correction = 0;
 };
 
 /// As in a document.

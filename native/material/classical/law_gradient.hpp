@@ -35,6 +35,8 @@ struct MaterialGradient {
   std::vector<double> weight_moves;    ///< as many as the material has
   std::vector<double> latent;          ///< by the code of the latent law; empty: of another one
   std::vector<MaxwellBranch> maxwell;  ///< by modulus and by time
+  /// By the numbers of a correction (material/correction.hpp); empty: the material has none.
+  std::vector<double> correction;
 };
 
 /// The chain rule through law_constants(): `constants` are the derivatives with respect to its

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "diagnose/judge.hpp"
+#include "diagnose/refit.hpp"
+#include "diagnose/study.hpp"
+
+namespace matterfit::diagnose {
+
+/// 100 : 1 in likelihood: a rival with a χ² that much larger is excluded.
+inline constexpr double kExcluded = 9.2;
+
+/// χ² is counted in numbers of causes at this price each.
+inline constexpr double kPrice = 2.0;
+
+/// A model that was tried.
+struct Trial {
+  std::vector<Candidate> causes;  ///< empty: nothing added
+  Refit refit;
+  Judge::Opinion opinion;
+  Gain gain;        ///< over nothing added
+  int numbers = 0;  ///< that the causes have
+  /// −2 ln of its evidence: χ² and priors of what was fitted, χ² of what was held out, and 2 for
+  /// each number of its causes (Akaike 1974). Smaller is better.
+  double evidence = 0.0;
+  /// χ² of used and held-out rows by block, for how far blocks agree on which model is better.
+  std::map<BlockKey, double> blocks;
+};
+
+/// Causes to be tried, and where their search begins.
+struct Attempt {
+  std::vector<Candidate> causes;
+  RefitStart start;
+};
+
+/// χ²/dof, at least 1.
+[[nodiscard]] double looseness_of(const Refit& refit);
+
+/// Whether `worse` is excluded by `good`: 100 : 1 in likelihood, and where even the good model
+/// leaves more than noise, so that likelihoods under that noise mean little, blocks must agree as
+/// well: the mean of ln(χ²_worse/χ²_good) over blocks, each with an error of its own size,
+/// against its spread (after Vuong 1989).
+[[nodiscard]] bool excludes(const Trial& good, const Trial& worse);
+
+/// Refits under one covariance and judges what they predict of what was kept back.
+class Trials {
+ public:
+  /// All must outlive this.
+  Trials(const Study& study, const Refitter& refitter, const Judge& judge)
+      : study_(study), refitter_(refitter), judge_(judge) {}
+
+  /// Those that can be simulated, in order, refitted side by side; their simulations count as
+  /// `stage`.
+  [[nodiscard]] std::vector<Trial> tried(std::vector<Attempt> attempts,
+                                         const std::string& stage) const;
+  /// Sets evidence and blocks from the refit and the opinion.
+  void weigh(Trial& trial) const;
+  /// Whether `more` is worth its causes over `fewer`.
+  [[nodiscard]] bool better(const Trial& fewer, const Trial& more) const;
+
+ private:
+  const Study& study_;
+  const Refitter& refitter_;
+  const Judge& judge_;
+};
+
+}  // namespace matterfit::diagnose

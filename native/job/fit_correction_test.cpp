@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A correction beside a law: it finds what the law lacks, predicts another throw by it, and is left
+// where nothing is lacking.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "base/file.hpp"
+#include "base/message_for_test.hpp"
+#include "job/fit_fixture_for_test.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+using testing::HasSubstr;
+
+constexpr double kThrow = -4.0;  // [m/s]
+
+/// The fixture's cube thrown down hard; with `stiffening` [Pa] it stiffens where it is stretched,
+/// which no elastic law of the list does.
+Json thrown(double stiffening, const std::vector<double>& velocity) {
+  Json truth = thrown_cube();
+  truth["scene"]["bodies"][0]["velocity"] = velocity;
+  if (stiffening > 0.0) {
+    truth["scene"]["effects"] = {{{"effect", "strain_stiffening"},
+                                  {"body", "cube"},
+                                  {"modulus", stiffening},
+                                  {"exponent", 1.0}}};
+  }
+  return truth;
+}
+
+/// On a grid of its own.
+Json on_another_grid(Json truth) {
+  truth["scene"]["particle_separation"] = 0.04;
+  truth["scene"]["solver"]["grid_shift"] = {0.3, 0.6, 0.1};
+  return truth;
+}
+
+/// Clips of two throws, the first of which is fitted but for its last frames.
+struct Clips {
+  explicit Clips(double stiffening) {
+    record(on_another_grid(thrown(stiffening, {0.8, 0.3, kThrow})), folder.path, "a", 1);
+    other = thrown(stiffening, {-1.5, 0.5, 1.2 * kThrow});
+    other["scene"]["bodies"][0]["spin"] = {2.0, -3.0, 1.0};
+    record(on_another_grid(other), folder.path, "b", 2);
+    document = fit_of(thrown(0.0, {0.8, 0.3, kThrow}), {"material.E", "material.nu"});
+    document["scene"]["bodies"][0]["material"]["E"] = 5e4;
+    document["fit"]["levels"] = {1};
+    document["captures"][0]["holdout"] = {{"frames", {10, 14}}};
+  }
+  Json fit(int correction) {
+    document["fit"]["correction"] = correction;
+    document["output"]["folder"] = correction > 0 ? "with" : "without";
+    return fit_test::run(document, folder.path);
+  }
+  /// The fitted material in the throw that no fit has seen [mm].
+  [[nodiscard]] double unseen(const std::string& fitted) const {
+    Json compared = other;
+    compared["scene"].erase("effects");
+    compared["task"] = "compare";
+    compared["scene"]["bodies"][0]["material"] = material(fitted);
+    compared["captures"] = {{{"tracks", "b.npz"}}};
+    compared["output"]["folder"] = fitted + "_b";
+    const Json result = fit_test::run(compared, folder.path);
+    return result["compare"]["captures"][0]["mean_mm"].get<double>();
+  }
+  [[nodiscard]] Json material(const std::string& fitted) const {
+    const auto bytes = read_file(folder.path / fitted / "material.json");
+    return Json::parse(bytes.begin(), bytes.end()).at("material");
+  }
+
+  Folder folder;
+  Json document;
+  Json other;
+};
+
+TEST(FitCorrection, HalvesTheErrorOfAThrowThatItNeverSawWhereTheLawLacksSomething) {
+  Clips clips(2e5);
+  const Json alone = clips.fit(0);
+  const Json result = clips.fit(12);
+  const Json& correction = result["fit"]["correction"];
+  ASSERT_TRUE(correction["taken"].get<bool>()) << correction;
+  const double without = clips.unseen("without");
+  const double with = clips.unseen("with");
+  RecordProperty("summary", std::to_string(without) + " mm without, " + std::to_string(with) +
+                                " with; " + correction["sentence"].get<std::string>());
+  EXPECT_LT(with, 0.5 * without);
+  // As the search saw it, and as the run of the result has it.
+  const Json& held = correction["held_out_mm"];
+  EXPECT_LT(held["with"].get<double>(), 0.98 * held["without"].get<double>());
+  EXPECT_NEAR(result["fit"]["after"]["held_out"]["mean_mm"].get<double>(),
+              held["with"].get<double>(), 0.1 * held["with"].get<double>());
+  EXPECT_EQ(clips.material("with")["correction"], correction["numbers"]);
+  EXPECT_THAT(result["fit"]["statements"].dump(), HasSubstr("with a correction beside the law"));
+  EXPECT_FALSE(correction["freed"].empty());
+  for (const Json& share : correction["stress_share"]) {
+    if (share["way"] == "stretch") EXPECT_GT(share["share"].get<double>(), 0.0) << correction;
+  }
+  EXPECT_FALSE(clips.material("without").contains("correction"));
+}
+
+TEST(FitCorrection, IsLeftBitForBitWhereNothingIsLacking) {
+  Clips clips(0.0);
+  const Json alone = clips.fit(0);
+  const Json result = clips.fit(6);
+  const Json& correction = result["fit"]["correction"];
+  ASSERT_FALSE(correction["taken"].get<bool>()) << correction;
+  EXPECT_EQ(bits(result), bits(alone));
+  EXPECT_EQ(clips.material("with"), clips.material("without"));
+  EXPECT_EQ(result["fit"]["after"], alone["fit"]["after"]);
+  EXPECT_THAT(result["fit"]["statements"].dump(), HasSubstr("the law stays as it is"));
+}
+
+TEST(FitCorrection, OfAClipThatHardlyStrainsIsNotEvenTried) {
+  const Folder folder;
+  Json truth = thrown_cube();
+  truth["scene"]["bodies"][0]["velocity"] = {0.4, 0.2, -0.05};
+  truth["scene"]["bodies"][0]["material"]["E"] = 1e6;
+  record(truth, folder.path, "a", 1);
+  Json document = fit_of(truth, {"velocity"});
+  document["fit"]["levels"] = {1};
+  document["fit"]["correction"] = 5;
+  document["captures"][0]["holdout"] = {{"frames", {11, 14}}};
+  const Json result = fit_test::run(document, folder.path);
+  EXPECT_TRUE(result["fit"]["correction"]["freed"].empty()) << result["fit"]["correction"];
+  EXPECT_THAT(result["fit"]["statements"].dump(), HasSubstr("excites no number of a correction"));
+}
+
+TEST(FitCorrection, NeedsAHoldOutAndIsChecked) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  Json document = fit_of(thrown_cube(), {"material.E"});
+  document["fit"]["correction"] = 5;
+  EXPECT_THAT(message_of([&] { (void)fit_test::run(document, folder.path); }),
+              HasSubstr("fit.correction: nothing is held out"));
+  document["fit"]["weights"] = 5;
+  EXPECT_THAT(message_of([&] { (void)job_of(document, folder.path); }),
+              HasSubstr("'weights' and 'correction'"));
+  Json other = thrown_cube();
+  other["scene"]["bodies"][0]["material"]["correction"] = {0.0, 1.0};
+  EXPECT_THAT(message_of([&] { (void)job_of(other, folder.path); }),
+              HasSubstr("material.correction has 2 numbers"));
+  document = fit_of(thrown_cube(), {"material.correction[7]"});
+  EXPECT_THAT(message_of([&] { (void)job_of(document, folder.path); }),
+              HasSubstr("a correction has 5 numbers"));
+}
+
+/// As any other number of a material, without being asked to choose.
+TEST(FitCorrection, IsFittedWhereItIsListed) {
+  const Folder folder;
+  Json truth = thrown(0.0, {0.8, 0.3, kThrow});
+  truth["scene"]["bodies"][0]["material"]["correction"] = {0.0, 2.0, 0.0, 0.0, 0.0};
+  record(truth, folder.path, "a", 1);
+  Json document = fit_of(thrown(0.0, {0.8, 0.3, kThrow}), {"material.E", "material.correction[1]"});
+  document["fit"]["levels"] = {1};
+  const Json result = fit_test::run(document, folder.path);
+  EXPECT_NEAR(value_of(result, "bodies.cube.material.correction[1]"), 2.0, 0.2);
+  EXPECT_NEAR(value_of(result, "bodies.cube.material.E"), 3e4, 0.03 * 3e4);
+}
+
+}  // namespace
+}  // namespace matterfit::job

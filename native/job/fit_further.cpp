@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_further.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace matterfit::job {
+namespace {
+
+/// So many steps that predict worse end the search.
+constexpr int kMostWorse = 4;
+
+FurtherMeans means_of(LawFit& fit, const LawState& state) {
+  std::string failure;
+  const auto errors = fit.errors(state, true, failure);
+  if (!errors) return {};
+  return {errors->mean(true), errors->mean(false)};
+}
+
+Json both(const std::optional<double>& without, const std::optional<double>& with) {
+  const auto number = [](const std::optional<double>& value) {
+    return value ? Json(*value) : Json();
+  };
+  return {{"without", number(without)}, {"with", number(with)}};
+}
+
+}  // namespace
+
+FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more, double least_gain,
+                 const Interrupter& interrupter, std::vector<std::string>& statements,
+                 std::vector<Json>& history) {
+  for (fit::ParameterSpec& spec : more) from.setup.parameters.push_back(std::move(spec));
+  FurtherFit result;
+  result.fit = std::make_unique<LawFit>(std::move(from.setup), interrupter, statements);
+  LawFit& fit = *result.fit;
+  fit.report = std::move(from.tell);
+  const LawState& before = from.before;
+  std::vector<double> values = fit.start().values;
+  std::copy(before.values.begin(), before.values.end(), values.begin());
+  LawState state = fit.at_last_stage(std::move(values));
+  const FurtherMeans without = means_of(fit, state);
+  const bool judged = without.held.has_value();
+  FurtherMeans best = without;
+  LawState nearest;
+  int worse = 0;
+  while (without.seen && !state.finished && state.iterations < from.iterations &&
+         worse < kMostWorse) {
+    const int known = state.iterations;
+    fit.advance(state, history);
+    if (state.iterations == known) continue;
+    const FurtherMeans now = means_of(fit, state);
+    const bool nearer = judged ? now.held && *now.held < *best.held : now.seen.has_value();
+    worse = nearer ? 0 : worse + 1;
+    if (!nearer) continue;
+    best = now;
+    nearest = state;
+  }
+  result.taken =
+      !nearest.values.empty() && (!judged || *best.held < (1.0 - least_gain) * *without.held);
+  if (result.taken) {
+    result.state = std::move(nearest);
+    result.state.iterations = before.iterations + state.iterations;
+    result.state.evaluations = before.evaluations + state.evaluations;
+    result.state.converged = before.converged;
+    result.state.reason = before.reason;
+    result.state.statements = before.statements;
+  }
+  result.report = {{"body", from.body},
+                   {"taken", result.taken},
+                   {"iterations", state.iterations},
+                   {"evaluations", state.evaluations},
+                   {"held_out_mm", both(without.held, best.held)},
+                   {"fitted_mm", both(without.seen, best.seen)}};
+  return result;
+}
+
+}  // namespace matterfit::job

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "job/fit_search.hpp"
+
+namespace matterfit::job {
+
+/// Where a fit goes on that has ended.
+struct FurtherStart {
+  FitSetup setup;  ///< of the fit before
+  LawState before;
+  std::string body;    ///< whose material gets further numbers
+  int iterations = 0;  ///< accepted steps at most
+  std::function<void(const FitReport&)> tell;
+};
+
+/// A fit that went on with further numbers beside its own.
+struct FurtherFit {
+  std::unique_ptr<LawFit> fit;  ///< of the parameters before and of the further ones
+  LawState state;               ///< the best of its iterations
+  bool taken = false;           ///< it is nearer than the fit before
+  std::string key;              ///< `report`'s in the result's `fit`, and that of the document
+  /// `body`, `taken`, `iterations`, `evaluations`, `held_out_mm` and `fitted_mm` with `without` and
+  /// `with` each, null where not known.
+  Json report;
+};
+
+/// Mean errors [mm] of what is held out and of what is fitted, as a simulation outside of the fit
+/// has them; nothing where they are not known.
+struct FurtherMeans {
+  std::optional<double> held;
+  std::optional<double> seen;
+};
+
+/// From where a fit ended, with the parameters `more` after its own: Levenberg–Marquardt as in the
+/// last stage of any fit. The best iterate is the one with the least mean error on what is held
+/// out; without a hold-out the last; none where the fit before cannot be simulated. `taken` only
+/// where that is less than the fit before has, by more than `least_gain` of it: what is held out
+/// then chooses, and its error is no longer that of something unseen. A step whose simulation
+/// cannot be completed is refused. Throws as LawFit does.
+[[nodiscard]] FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more,
+                               double least_gain, const Interrupter& interrupter,
+                               std::vector<std::string>& statements, std::vector<Json>& history);
+
+}  // namespace matterfit::job

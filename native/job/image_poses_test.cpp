@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <iostream>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -29,9 +28,9 @@ const Vec3d kMiddle(0.5, 0.3, 0.25);
 
 std::vector<splat::Camera> near_cameras() {
   std::vector<splat::Camera> cameras = {looking(Vec3d(0.6, -1.3, 0.7), kMiddle),
-                                        looking(Vec3d(1.9, 0.5, 0.6), kMiddle),
+                                        looking(Vec3d(1.5, 0.4, 0.5), kMiddle),
                                         looking(Vec3d(-0.5, 1.2, 0.9), kMiddle)};
-  for (splat::Camera& camera : cameras) camera.fx = camera.fy = 0.9 * kClipWidth;
+  for (splat::Camera& camera : cameras) camera.fx = camera.fy = 0.75 * kClipWidth;
   return cameras;
 }
 
@@ -66,6 +65,10 @@ void write_wrong_cameras(const fs::path& folder) {
   write_file(folder / "clip/wrong.json", capture::format_cameras(set));
 }
 
+std::vector<splat::Camera> wrong_cameras(const fs::path& folder) {
+  return capture::read_cameras(folder / "clip/wrong.json").cameras;
+}
+
 TEST(ImagePoses, ACameraThatWasTurnedAndMovedIsFoundWithTheStiffness) {
   const Folder folder;
   film(filmed_cube(), folder.path, near_cameras(), drawn);
@@ -77,27 +80,31 @@ TEST(ImagePoses, ACameraThatWasTurnedAndMovedIsFoundWithTheStiffness) {
       "clip/wrong.json");
   document["output"]["folder"] = "refined";
   const Json refined = run(document, folder.path);
-  document["fit"]["parameters"] = {"velocity", "material.E"};
-  document["output"]["folder"] = "ignored";
-  const Json ignored = run(document, folder.path);
-
   const fit::CameraPose truth = wrong_pose();
-  Vec3d shift;
-  Vec3d turn;
+  fit::CameraPose found;
   for (int k = 0; k < 3; ++k) {
     const std::string component = "[" + std::to_string(k) + "]";
-    shift[k] = value_of(refined, "captures.clip.poses[1].shift" + component);
-    turn[k] = value_of(refined, "captures.clip.poses[1].turn" + component);
+    found.shift[k] = value_of(refined, "captures.clip.poses[1].shift" + component);
+    found.turn[k] = value_of(refined, "captures.clip.poses[1].turn" + component);
   }
-  std::cout << refined.at("fit").dump(1) << "\n"
-            << (shift - truth.shift).transpose() << " " << (turn - truth.turn).transpose() / kDegree
-            << "\n";
-  for (const Json* one : {&right, &refined, &ignored}) {
-    std::cout << value_of(*one, "bodies.cube.material.E") << " "
-              << one->at("fit").at("silhouettes").at("after").dump() << "\n";
-  }
-  EXPECT_LT((shift - truth.shift).norm(), 0.006);
-  EXPECT_LT((turn - truth.turn).norm(), 0.2 * kDegree);
+  EXPECT_LT((found.shift - truth.shift).norm(), 0.5 * truth.shift.norm()) << found.shift;
+  EXPECT_LT((found.turn - truth.turn).norm(), 0.5 * truth.turn.norm()) << found.turn;
+  // Where it looks is known far better than which of both brought it there.
+  const auto place = [&](const fit::CameraPose& pose) -> Eigen::Vector2d {
+    const splat::Camera camera = fit::posed(wrong_cameras(folder.path)[1], pose);
+    const Vec3d t = camera.rotation * kMiddle + camera.translation;
+    return {camera.fx * t.x() / t.z(), camera.fy * t.y() / t.z()};
+  };
+  EXPECT_GT((place({}) - place(truth)).norm(), 1.5);  // pixels
+  EXPECT_LT((place(found) - place(truth)).norm(), 0.3);
+  const double stiffness = value_of(right, "bodies.cube.material.E");
+  EXPECT_NEAR(value_of(refined, "bodies.cube.material.E"), stiffness, 0.02 * stiffness);
+  const auto iou = [](const Json& result) {
+    return result.at("fit").at("silhouettes").at("after").at("fitted").at("iou").get<double>();
+  };
+  EXPECT_NEAR(iou(refined), iou(right), 0.005);
+  const Json& fitted = refined.at("fit").at("cameras")[1].at("fitted");
+  EXPECT_GT(fitted.at("iou").get<double>(), 0.95);
 }
 
 }  // namespace

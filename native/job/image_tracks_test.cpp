@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <iostream>
 #include <string>
 #include <vector>
 
@@ -54,9 +53,6 @@ TEST(ImageTracks, EachCountsByItsNoise) {
     const auto weight = [&](const Json& result) {
       return 1.0 / std::pow(of(result, "standard_error"), 2);
     };
-    std::cout << k << " " << of(images, "value") << " ± " << of(images, "standard_error") << "; "
-              << of(tracks, "value") << " ± " << of(tracks, "standard_error") << "; "
-              << of(both, "value") << " ± " << of(both, "standard_error") << "\n";
     EXPECT_NEAR(of(both, "value"), thrown[k], 0.05);
     EXPECT_GT(weight(both), 0.8 * (weight(images) + weight(tracks)));
     const double low = std::min(of(images, "value"), of(tracks, "value"));

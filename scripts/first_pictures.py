@@ -14,7 +14,6 @@ import os
 import sys
 from dataclasses import dataclass
 
-import _cycles
 import bpy
 from mathutils import Vector
 
@@ -214,7 +213,7 @@ class Picture:
 
 
 PICTURES = {
-    "jelly": Picture(jelly, 4, (0.3, -1.75, 0.42), (-0.14, 0.0, 0.14), (0.25, 0.62, 0.6)),
+    "jelly": Picture(jelly, 4, (0.2, -1.75, 0.42), (-0.23, 0.0, 0.1), (0.25, 0.62, 0.6)),
     "water": Picture(water, 8, (0.5, -2.4, 0.6), (0.0, 0.0, 0.36), (0.05, 0.2, 0.42), 80.0, 170.0),
     "sand": Picture(sand, 10, (0.45, -2.25, 0.7), (0.02, 0.0, 0.29), (0.5, 0.16, 0.12)),
 }
@@ -271,6 +270,7 @@ def backdrop(color):
 
 
 def render(name, frame):
+    import _cycles  # there once bpy is
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"

@@ -49,7 +49,7 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             statement = _without_like(statement, result.likes)
             if statement and statement not in shown and not words.is_about_code(statement):
                 lines(layout, words.of_result(statement, settings), icon="INFO")
-        if result.models:
+        if len(result.models) > 1:
             self._models(layout, result)
         form(layout).prop(settings.fit, "show_error")
         row = layout.row(align=True)

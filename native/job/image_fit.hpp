@@ -11,6 +11,6 @@ namespace matterfit::job {
 /// "images"). The search begins at coarse values of stiffness where none is given, leads from wide
 /// blurs to narrow ones, and ends with errors as other fits do. Throws Error of every kind.
 [[nodiscard]] Json run_image_fit(const Job& job, const RunOptions& options,
-                                      Interrupter& interrupter);
+                                 Interrupter& interrupter);
 
 }  // namespace matterfit::job

@@ -246,12 +246,11 @@ TEST(Quantities, HaveTheirSlopeOrNone) {
     expect_slope(row, Formulation::kUpdated);
   }
   EXPECT_THAT(without,
-              testing::ElementsAre("placement.position", "placement.rotation", "poses[#].focal",
-                                   "poses[#].shift", "poses[#].turn", "start_frame",
-                                   "updated: height", "updated: placement.position",
-                                   "updated: placement.rotation", "updated: poses[#].focal",
-                                   "updated: poses[#].shift", "updated: poses[#].turn",
-                                   "updated: start_frame"));
+              testing::ElementsAre(
+                  "placement.position", "placement.rotation", "poses[#].focal", "poses[#].shift",
+                  "poses[#].turn", "start_frame", "updated: height", "updated: placement.position",
+                  "updated: placement.rotation", "updated: poses[#].focal",
+                  "updated: poses[#].shift", "updated: poses[#].turn", "updated: start_frame"));
 }
 
 TEST(Quantities, EachRowIsComplete) {

@@ -3,6 +3,7 @@
 
 import os
 import tempfile
+import unittest
 from unittest import mock
 
 import bpy
@@ -407,3 +408,32 @@ class ThrowListTest(JobCase):
                                                    "")
             layout.prop.assert_not_called()
             self.assertEqual(layout.label.call_args[1]["icon"], icon)
+
+
+class ShownTest(unittest.TestCase):
+    """Frames are shown while a job runs, and Cancel is heard."""
+
+    def test_the_window_is_left_alone_after_a_slow_frame(self):
+        shown = []
+
+        class Operator(base.JobOperator):
+            def progressed(self, context, job):
+                shown.append(job.snapshot.frame)
+
+        operator, job = Operator(), jobs.Job("long", lambda: None)
+        job.state = jobs.State.RUNNING
+        context = mock.Mock(workspace=None)
+
+        def tick(frame, *clock):
+            job.snapshot = Snapshot(frame=frame)
+            with mock.patch.object(base.time, "monotonic", side_effect=clock):
+                operator._tick(context, job)
+
+        tick(1, 0.0, 2.0)  # it took two seconds
+        tick(2, 7.0)
+        self.assertEqual(shown, [1])
+        tick(3, 9.0, 9.0)
+        self.assertEqual(shown, [1, 3])
+        job.state = jobs.State.CANCELLING
+        tick(4, 20.0)
+        self.assertEqual(shown, [1, 3])

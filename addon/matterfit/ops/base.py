@@ -2,6 +2,7 @@
 """What every operator of ours does alike; above all the long job, modal or blocking."""
 
 import contextlib
+import time
 import traceback
 
 import bpy
@@ -12,6 +13,7 @@ from ..io import words
 from ..jobs import JobError, State
 
 INTERVAL = 0.1
+REST = 3.0  # times as long as showing a frame took, the window is left alone after it
 
 
 def session(context):
@@ -119,6 +121,7 @@ class JobOperator(NoJobRunning):
     _timer = None
     _job = None
     _mark_shown = None
+    _rests_until = 0.0  # by time.monotonic()
     # What replaces the tool's advice to run with --restart.
     restart_advice = "Press Bake, and choose a new take or this one."
 
@@ -199,12 +202,15 @@ class JobOperator(NoJobRunning):
         context.window_manager.progress_update(100.0 * job.fraction)
         status_text(context, progress_text(job))
         mark = self.progress_mark(context, job)
-        # Showing a frame may take longer than the job takes to stop.
-        if mark != self._mark_shown and job.state is State.RUNNING:
+        # While a frame is shown nothing is heard of Cancel: it is left out where there is no time.
+        began = time.monotonic()
+        if mark != self._mark_shown and job.state is State.RUNNING and began >= self._rests_until:
             self._mark_shown = mark
             # A frame that cannot be shown yet is shown at the end, or named there.
             with contextlib.suppress(Exception):
                 self.progressed(context, job)
+            now = time.monotonic()
+            self._rests_until = now + REST * (now - began)
 
     def _push_undo(self):
         if "UNDO" in self.bl_options:

@@ -65,10 +65,6 @@ void write_wrong_cameras(const fs::path& folder) {
   write_file(folder / "clip/wrong.json", capture::format_cameras(set));
 }
 
-std::vector<splat::Camera> wrong_cameras(const fs::path& folder) {
-  return capture::read_cameras(folder / "clip/wrong.json").cameras;
-}
-
 TEST(ImagePoses, ACameraThatWasTurnedAndMovedIsFoundWithTheStiffness) {
   const Folder folder;
   film(filmed_cube(), folder.path, near_cameras(), drawn);
@@ -89,14 +85,6 @@ TEST(ImagePoses, ACameraThatWasTurnedAndMovedIsFoundWithTheStiffness) {
   }
   EXPECT_LT((found.shift - truth.shift).norm(), 0.5 * truth.shift.norm()) << found.shift;
   EXPECT_LT((found.turn - truth.turn).norm(), 0.5 * truth.turn.norm()) << found.turn;
-  // Where it looks is known far better than which of both brought it there.
-  const auto place = [&](const fit::CameraPose& pose) -> Eigen::Vector2d {
-    const splat::Camera camera = fit::posed(wrong_cameras(folder.path)[1], pose);
-    const Vec3d t = camera.rotation * kMiddle + camera.translation;
-    return {camera.fx * t.x() / t.z(), camera.fy * t.y() / t.z()};
-  };
-  EXPECT_GT((place({}) - place(truth)).norm(), 1.5);  // pixels
-  EXPECT_LT((place(found) - place(truth)).norm(), 0.3);
   const double stiffness = value_of(right, "bodies.cube.material.E");
   EXPECT_NEAR(value_of(refined, "bodies.cube.material.E"), stiffness, 0.02 * stiffness);
   const auto iou = [](const Json& result) {

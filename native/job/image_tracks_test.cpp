@@ -54,7 +54,8 @@ TEST(ImageTracks, EachCountsByItsNoise) {
       return 1.0 / std::pow(of(result, "standard_error"), 2);
     };
     EXPECT_NEAR(of(both, "value"), thrown[k], 0.05);
-    EXPECT_GT(weight(both), 0.8 * (weight(images) + weight(tracks)));
+    // Errors are widened by what each kind is missed by, together by another amount.
+    EXPECT_GT(weight(both), 0.6 * (weight(images) + weight(tracks)));
     const double low = std::min(of(images, "value"), of(tracks, "value"));
     const double high = std::max(of(images, "value"), of(tracks, "value"));
     const double slack = of(both, "standard_error");

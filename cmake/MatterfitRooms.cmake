@@ -35,6 +35,11 @@ endif()
 target_compile_definitions(matterfit_flags INTERFACE
   HWY_DISABLED_TARGETS=\(HWY_AVX3_DL|HWY_SSSE3${MATTERFIT_FEWER_TARGETS}\)
   MATTERFIT_VERSION=\"${PROJECT_VERSION}\")
+if(CMAKE_UNITY_BUILD)
+  # GCC takes what a file's unnamed namespace holds for another file's once one includes the other.
+  target_compile_options(matterfit_flags INTERFACE
+    $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+endif()
 # What a test itself computes is little: the time goes into compiling it. GCC at -O1 sees less of what
 # is set where.
 set(MATTERFIT_TEST_OPTIONS -O1 $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)

@@ -12,6 +12,7 @@ werror=OFF
 if [ "$(g++ -dumpversion 2>/dev/null | cut -d. -f1)" = 12 ]; then werror=ON; fi
 echo "Building $targets in $folder (log: build/build.log)" >&2
 if ! cmake -S "$root" -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=Release -DMATTERFIT_WERROR=$werror \
+    -DMATTERFIT_TOGETHER=ON \
     > "$root/build/build.log" 2>&1; then
   tail -n 40 "$root/build/build.log" >&2
   exit 1

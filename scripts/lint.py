@@ -8,9 +8,7 @@ panel's messages in docs/errors.md, make in a folder whose path has a space.
 
 import argparse
 import concurrent.futures
-import json
 import os
-import shlex
 import shutil
 import subprocess
 import sys
@@ -105,26 +103,24 @@ def check_makefile(tally):
     shutil.rmtree(tree)
 
 
-def tidy_database(database):
-    """A folder with the database as clang can use it: it cannot read g++'s precompiled headers."""
-    entries = json.loads(database.read_text(encoding="utf-8"))
-    for entry in entries:
-        words = shlex.split(entry["command"])
-        drop = {i for i, word in enumerate(words) if word.endswith("/cmake_pch.hxx")}
-        drop |= {i - 1 for i in drop} | {i for i, word in enumerate(words) if word == "-Winvalid-pch"}
-        entry["command"] = shlex.join(word for i, word in enumerate(words) if i not in drop)
+def tidy_database():
+    """A folder with a database of single files, without g++'s precompiled headers, and with the
+    headers that a build writes; None where it cannot be configured."""
     folder = BUILD / "lint"
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "compile_commands.json").write_text(json.dumps(entries), encoding="utf-8")
-    return folder
+    settings = ["-DMATTERFIT_TOGETHER=OFF", "-DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON"]
+    done = run("lint-configure", ["cmake", "-S", ROOT, "-B", folder, "-G", "Ninja", *settings])
+    if done.status == 0:
+        names = ["solver_sources.hpp", "fit_sources.hpp", "neural_start_files.hpp"]
+        headers = [f"generated/job/{name}" for name in names]
+        done = run("lint-headers", ["ninja", "-C", folder, *headers])
+    return folder if done.status == 0 else None
 
 
 def check_tidy(tally, everything):
-    database = BUILD / "release" / "compile_commands.json"
-    if not database.exists():
-        tally.skipped.append(("lint: clang-tidy", "needs `make build` first"))
+    folder = tidy_database()
+    if not tally.check("lint: configure", folder is not None, "build/logs/lint-*.log says why"):
         return
-    known = database.read_text(encoding="utf-8")
+    known = (folder / "compile_commands.json").read_text(encoding="utf-8")
     files = native_sources() if everything else changed_sources()
     files = [f for f in files if str(f) in known]
     if not everything and len(files) > TIDY_AT_MOST:
@@ -135,8 +131,6 @@ def check_tidy(tally, everything):
     if not files:
         tally.skipped.append(("lint: clang-tidy", "no C++ file changed"))
         return
-    folder = tidy_database(database)
-
     def tidy(file):
         # The database is g++'s: clang does not know each of its warnings.
         command = [CLANG_TIDY, "-p", folder, "--quiet", "--warnings-as-errors=*",
@@ -180,8 +174,6 @@ def main():
     options = parser.parse_args()
     if options.fix:
         return fix()
-    if not os.path.exists(BUILD / "release" / "compile_commands.json"):
-        run("configure", ["cmake", "-S", ROOT, "-B", BUILD / "release", "-G", "Ninja"])
     tally = lint(options.all)
     for name, detail in tally.failed:
         say(f"FAILED {name}\n{detail}")

@@ -48,6 +48,7 @@ def build_sanitized(fuzzers_only=False) -> Finished:
         "-DCMAKE_CXX_COMPILER=clang++-14",
         "-DCMAKE_BUILD_TYPE=Release",
         "-DCMAKE_CXX_FLAGS_RELEASE=-O1",
+        "-DMATTERFIT_TOGETHER=ON",
         "-DMATTERFIT_SANITIZE=ON",
         "-DMATTERFIT_FUZZ=ON",
         "-DMATTERFIT_WERROR=ON",

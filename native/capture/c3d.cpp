@@ -14,7 +14,7 @@ namespace matterfit::capture {
 namespace {
 
 constexpr std::size_t kBlock = 512;
-constexpr std::uint8_t kMagic = 0x50;
+constexpr std::uint8_t kC3dMagic = 0x50;
 
 enum class Processor : std::uint8_t { kIntel = 84, kDec = 85, kMips = 86 };
 
@@ -94,7 +94,7 @@ class Parser {
            " bytes long; a C3D file has a header of 512. Is it truncated?");
     }
     const auto block = std::to_integer<std::size_t>(bytes_[0]);
-    if (std::to_integer<std::uint8_t>(bytes_[1]) != kMagic || block < 2) {
+    if (std::to_integer<std::uint8_t>(bytes_[1]) != kC3dMagic || block < 2) {
       fail("is not a C3D file (its second byte is not 0x50).");
     }
     parameters_ = (block - 1) * kBlock;

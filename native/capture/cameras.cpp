@@ -23,9 +23,9 @@ using Json = nlohmann::json;
 constexpr double kOrthonormal = 1e-3;  // matrices are often written with few digits
 
 /// One frame's keys before those that hold for all.
-class Entry {
+class FrameEntry {
  public:
-  Entry(const Json& frame, const Json* all, std::string where)
+  FrameEntry(const Json& frame, const Json* all, std::string where)
       : frame_(frame), all_(all), where_(std::move(where)) {
     if (!frame.is_object()) fail("is not an object { … }.");
   }
@@ -80,7 +80,7 @@ class Entry {
 };
 
 /// World to camera of OpenCV's axes from camera to world of OpenGL's.
-void set_pose(const Eigen::Matrix<double, 3, 4>& to_world, const Entry& entry,
+void set_pose(const Eigen::Matrix<double, 3, 4>& to_world, const FrameEntry& entry,
               splat::Camera& camera) {
   const Mat3d axes = to_world.leftCols<3>();
   if (!((axes.transpose() * axes - Mat3d::Identity()).norm() < kOrthonormal) ||
@@ -97,7 +97,7 @@ void set_pose(const Eigen::Matrix<double, 3, 4>& to_world, const Entry& entry,
 double focal_of(double angle, int pixels) { return 0.5 * pixels / std::tan(0.5 * angle); }
 
 /// The lens of a frame, of those of Nerfstudio's models that have radial and tangential distortion.
-Distortion nerfstudio_lens(const Entry& entry) {
+Distortion nerfstudio_lens(const FrameEntry& entry) {
   const std::string model = entry.text("camera_model");
   const auto read = {"", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"};
   if (std::find(read.begin(), read.end(), model) == read.end()) {
@@ -120,7 +120,7 @@ Distortion nerfstudio_lens(const Entry& entry) {
   return lens;
 }
 
-splat::Camera nerfstudio_camera(const Entry& entry, const std::string& image,
+splat::Camera nerfstudio_camera(const FrameEntry& entry, const std::string& image,
                                 const ImageSize& size) {
   splat::Camera camera;
   const auto width = entry.number("w");
@@ -156,7 +156,8 @@ splat::Camera nerfstudio_camera(const Entry& entry, const std::string& image,
   return camera;
 }
 
-splat::Camera pacnerf_camera(const Entry& entry, const std::string& image, const ImageSize& size) {
+splat::Camera pacnerf_camera(const FrameEntry& entry, const std::string& image,
+                             const ImageSize& size) {
   splat::Camera camera;
   const auto pixels = size(image);
   camera.width = pixels[0];
@@ -193,7 +194,8 @@ CameraSet parse_cameras(std::string_view text, const std::string& name, const Im
   set.source = name;
   set.shots.reserve(frames.size());
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    const Entry entry(frames[i], pacnerf ? nullptr : &json, name + ": image " + std::to_string(i));
+    const FrameEntry entry(frames[i], pacnerf ? nullptr : &json,
+                           name + ": image " + std::to_string(i));
     Shot shot;
     shot.image = entry.text("file_path");
     if (shot.image.empty()) entry.fail("has no 'file_path'.");

@@ -32,7 +32,7 @@ Vec3d ray(const splat::Camera& c, double u, double v) {
   return (c.rotation.transpose() * t).normalized();
 }
 
-std::string message_of(const std::string& text) {
+std::string refusal_of_cameras(const std::string& text) {
   try {
     (void)parse_cameras(text, "cams.json", kSize);
   } catch (const Error& error) {
@@ -140,32 +140,35 @@ TEST(Cameras, AMovedCameraSeesTheMovedWorldAlike) {
 }
 
 TEST(Cameras, WhatIsBrokenIsNamed) {
-  EXPECT_THAT(message_of("{"), HasSubstr("cams.json: is no JSON text"));
-  EXPECT_THAT(message_of("{\"frames\": 3}"), HasSubstr("neither a transforms.json"));
-  EXPECT_THAT(message_of("[]"), HasSubstr("its cameras have no images"));
+  EXPECT_THAT(refusal_of_cameras("{"), HasSubstr("cams.json: is no JSON text"));
+  EXPECT_THAT(refusal_of_cameras("{\"frames\": 3}"), HasSubstr("neither a transforms.json"));
+  EXPECT_THAT(refusal_of_cameras("[]"), HasSubstr("its cameras have no images"));
   const std::string lens = "\"fl_x\": 500";
-  EXPECT_THAT(message_of(transforms(lens, "{\"file_path\": \"a\"}")),
+  EXPECT_THAT(refusal_of_cameras(transforms(lens, "{\"file_path\": \"a\"}")),
               HasSubstr("image 0 has no 'transform_matrix'"));
-  EXPECT_THAT(message_of(transforms(lens, frame("\"time\": 0"))), HasSubstr("has no 'file_path'"));
-  EXPECT_THAT(message_of(transforms("\"fl_y\": 5", frame("\"file_path\": \"a\""))),
+  EXPECT_THAT(refusal_of_cameras(transforms(lens, frame("\"time\": 0"))),
+              HasSubstr("has no 'file_path'"));
+  EXPECT_THAT(refusal_of_cameras(transforms("\"fl_y\": 5", frame("\"file_path\": \"a\""))),
               HasSubstr("has no focal length"));
-  EXPECT_THAT(message_of(transforms("\"fl_x\": -5", frame("\"file_path\": \"a\""))),
+  EXPECT_THAT(refusal_of_cameras(transforms("\"fl_x\": -5", frame("\"file_path\": \"a\""))),
               HasSubstr("a focal length of -5"));
-  EXPECT_THAT(message_of(transforms(lens + ", \"k1\": -0.9", frame("\"file_path\": \"a\""))),
-              HasSubstr("image 0 has a lens distortion (k1 = -0.9, k2 = 0"));
-  EXPECT_THAT(message_of(transforms(lens + ", \"k4\": 0.1", frame("\"file_path\": \"a\""))),
+  EXPECT_THAT(
+      refusal_of_cameras(transforms(lens + ", \"k1\": -0.9", frame("\"file_path\": \"a\""))),
+      HasSubstr("image 0 has a lens distortion (k1 = -0.9, k2 = 0"));
+  EXPECT_THAT(refusal_of_cameras(transforms(lens + ", \"k4\": 0.1", frame("\"file_path\": \"a\""))),
               HasSubstr("lens distortion by k4"));
-  EXPECT_THAT(message_of(transforms(lens + ", \"camera_model\": \"OPENCV_FISHEYE\"",
-                                    frame("\"file_path\": \"a\""))),
+  EXPECT_THAT(refusal_of_cameras(transforms(lens + ", \"camera_model\": \"OPENCV_FISHEYE\"",
+                                            frame("\"file_path\": \"a\""))),
               HasSubstr("has the 'camera_model' OPENCV_FISHEYE, which is not read"));
-  EXPECT_THAT(message_of(transforms(lens,
-                                    "{\"file_path\": \"a\", \"transform_matrix\": "
-                                    "[[2,0,0,0],[0,2,0,0],[0,0,2,0]]}")),
+  EXPECT_THAT(refusal_of_cameras(transforms(lens,
+                                            "{\"file_path\": \"a\", \"transform_matrix\": "
+                                            "[[2,0,0,0],[0,2,0,0],[0,0,2,0]]}")),
               HasSubstr("no rotation and shift"));
-  EXPECT_THAT(message_of(transforms(lens + ", \"w\": 64, \"h\": 48",
+  EXPECT_THAT(
+      refusal_of_cameras(transforms(lens + ", \"w\": 64, \"h\": 48",
                                     frame("\"file_path\": \"a\"") + "," +
                                         frame("\"file_path\": \"b\", \"w\": 65, \"cx\": 32"))),
-              HasSubstr("image 1 is 65 × 48 pixels, but an earlier image of the same camera is"));
+      HasSubstr("image 1 is 65 × 48 pixels, but an earlier image of the same camera is"));
 }
 
 }  // namespace

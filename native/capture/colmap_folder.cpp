@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// images.txt holds the points of all images.
-constexpr std::uint64_t kMostBytes = std::uint64_t{4} << 30U;
+constexpr std::uint64_t kMostModelBytes = std::uint64_t{4} << 30U;
 
 bool is_file(const fs::path& path) {
   std::error_code code;
@@ -119,8 +119,8 @@ std::optional<ColmapPlace> find_colmap(const fs::path& path) {
 CameraSet read_colmap(const ColmapPlace& place, const fs::path& images) {
   const fs::path folder = place.folder.empty() ? fs::path(".") : place.folder;
   const char* ending = place.binary ? ".bin" : ".txt";
-  const auto cameras = read_file(folder / (std::string("cameras") + ending), kMostBytes);
-  const auto poses = read_file(folder / (std::string("images") + ending), kMostBytes);
+  const auto cameras = read_file(folder / (std::string("cameras") + ending), kMostModelBytes);
+  const auto poses = read_file(folder / (std::string("images") + ending), kMostModelBytes);
   const std::string name = folder.string();
   CameraSet set = place.binary ? parse_colmap_binary(cameras, poses, name)
                                : parse_colmap_text(text_of(cameras), text_of(poses), name);

@@ -10,6 +10,7 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/folder_for_test.hpp"
+#include "capture/bytes_for_test.hpp"
 #include "capture/colmap_for_test.hpp"
 
 namespace matterfit::capture {
@@ -47,9 +48,6 @@ CameraSet two_cameras() {
   return set;
 }
 
-std::span<const std::byte> bytes_of(const std::string& text) {
-  return std::as_bytes(std::span(text.data(), text.size()));
-}
 CameraSet parse_binary(const ColmapFiles& files) {
   return parse_colmap_binary(bytes_of(files.cameras), bytes_of(files.images), "model");
 }
@@ -78,7 +76,7 @@ struct Ray {
   Vec3d origin;
   Vec3d direction;
 };
-Ray ray(const splat::Camera& c, double u, double v) {
+Ray ray_of(const splat::Camera& c, double u, double v) {
   return {c.centre(),
           (c.rotation.transpose() * Vec3d((u - c.cx) / c.fx, (v - c.cy) / c.fy, 1.0).normalized())};
 }
@@ -103,8 +101,8 @@ TEST(Colmap, AllFormatsGiveTheSameRays) {
       const splat::Camera& camera = camera_of(*read, shot.image);
       for (const auto& [u, v] :
            {std::pair(0.5, 0.5), std::pair(639.5, 12.0), std::pair(100., 479.)}) {
-        const Ray a = ray(camera, u, v);
-        const Ray b = ray(expected, u, v);
+        const Ray a = ray_of(camera, u, v);
+        const Ray b = ray_of(expected, u, v);
         EXPECT_LT((a.origin - b.origin).norm(), 1e-12);
         EXPECT_LT((a.direction - b.direction).norm(), 1e-12);
       }

@@ -30,7 +30,7 @@ std::vector<std::byte> row(const std::array<float, 6>& floats,
   return out;
 }
 
-std::string message_of(const std::vector<std::byte>& bytes) {
+std::string refusal_of_splat(const std::vector<std::byte>& bytes) {
   try {
     (void)parse_dot_splat(bytes, "scene.splat");
   } catch (const Error& error) {
@@ -60,12 +60,13 @@ TEST(DotSplat, WhatIsNoneIsRefusedInWords) {
   const std::array<std::uint8_t, 8> bytes = {0, 0, 0, 255, 255, 128, 128, 128};
   auto cut = row({0, 0, 0, 1, 1, 1}, bytes);
   cut.pop_back();
-  EXPECT_THAT(message_of(cut), HasSubstr("has 31 bytes, expected 32 a Gaussian"));
-  EXPECT_THAT(message_of({}), HasSubstr("has 0 bytes"));
+  EXPECT_THAT(refusal_of_splat(cut), HasSubstr("has 31 bytes, expected 32 a Gaussian"));
+  EXPECT_THAT(refusal_of_splat({}), HasSubstr("has 0 bytes"));
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_THAT(message_of(row({0, kNan, 0, 1, 1, 1}, bytes)), HasSubstr("row 0: the position"));
-  EXPECT_THAT(message_of(row({0, 0, 0, 1, -1, 1}, bytes)), HasSubstr("a scale is -1"));
-  EXPECT_THAT(message_of(row({0, 0, 0, 1, 1, 1}, {0, 0, 0, 0, 128, 128, 128, 128})),
+  EXPECT_THAT(refusal_of_splat(row({0, kNan, 0, 1, 1, 1}, bytes)),
+              HasSubstr("row 0: the position"));
+  EXPECT_THAT(refusal_of_splat(row({0, 0, 0, 1, -1, 1}, bytes)), HasSubstr("a scale is -1"));
+  EXPECT_THAT(refusal_of_splat(row({0, 0, 0, 1, 1, 1}, {0, 0, 0, 0, 128, 128, 128, 128})),
               HasSubstr("rotation is zero"));
 }
 

@@ -23,7 +23,7 @@
 namespace matterfit::capture {
 namespace {
 
-constexpr std::uint32_t kMagic = 20000630;
+constexpr std::uint32_t kExrMagic = 20000630;
 constexpr std::uint32_t kDeep = 1U << 11U;
 constexpr std::uint32_t kMultiPart = 1U << 12U;
 constexpr std::int32_t kFarthest = 1 << 20;  // of a window's corner
@@ -73,7 +73,7 @@ Window read_window(ByteReader& reader, const std::string& name, const char* what
 /// and make room for them.
 Head read_head(std::span<const std::byte> bytes, const std::string& name) {
   ByteReader reader(bytes, name);
-  if (reader.read<std::uint32_t>("the head") != kMagic) {
+  if (reader.read<std::uint32_t>("the head") != kExrMagic) {
     throw_input(name + ": cannot be read as OpenEXR (it does not begin as one).");
   }
   const auto version = reader.read<std::uint32_t>("the head");

@@ -15,8 +15,8 @@ namespace matterfit::capture {
 namespace {
 
 using openvdb::Coord;
-using Tree = openvdb::FloatTree;
-using Leaf = Tree::LeafNodeType;
+using DistanceTree = openvdb::FloatTree;
+using Leaf = DistanceTree::LeafNodeType;
 
 constexpr int kBlock = 8;         // cells along a side of an OpenVDB leaf
 constexpr double kFlat = 0.9986;  // cosine of 3°
@@ -224,9 +224,9 @@ class LatticeFill {
 
   /// Which cells get a particle, and where the volume of the others goes.
   void choose() {
-    volumes_ = std::make_unique<Tree>(tree_);
-    openvdb::tree::ValueAccessor<const Tree> part(tree_);
-    openvdb::tree::ValueAccessor<Tree> volume(*volumes_);
+    volumes_ = std::make_unique<DistanceTree>(tree_);
+    openvdb::tree::ValueAccessor<const DistanceTree> part(tree_);
+    openvdb::tree::ValueAccessor<DistanceTree> volume(*volumes_);
     openvdb::BoolTree alone(false);  // kept though less than half is inside
     openvdb::tree::ValueAccessor<openvdb::BoolTree> kept_alone(alone);
     const auto for_each_small = [&](const auto& visit) {
@@ -342,7 +342,7 @@ class LatticeFill {
     for (auto value = volumes_->cbeginValueOn(); value; ++value) cells.push_back(value.getCoord());
     std::vector<std::vector<mpm::SkinPlane>> found(cells.size());
     tbb::parallel_for(std::size_t{0}, cells.size(), [&](std::size_t p) {
-      openvdb::tree::ValueAccessor<const Tree> kept(*volumes_);
+      openvdb::tree::ValueAccessor<const DistanceTree> kept(*volumes_);
       bool surface = kept.getValue(cells[p]) != 1.0F;
       for (int n = 0; n < 6 && !surface; ++n) {
         Coord next = cells[p];
@@ -392,11 +392,11 @@ class LatticeFill {
   Vec3d layers_ = Vec3d::Zero();                     ///< sides of the shape in cells
   Eigen::Vector3i first_ = Eigen::Vector3i::Zero();  ///< cells that may be touched: [first, last)
   Eigen::Vector3i last_ = Eigen::Vector3i::Zero();
-  Tree tree_{0.0F};                ///< part of each cell that is inside
-  std::unique_ptr<Tree> volumes_;  ///< of each particle, in cells
-  std::vector<Coord> blocks_;      ///< low corners of blocks the surface may cut
-  double full_cells_ = 0;          ///< in blocks that are wholly inside
-  double inside_ = 0;              ///< volume inside, in cells
+  DistanceTree tree_{0.0F};                ///< part of each cell that is inside
+  std::unique_ptr<DistanceTree> volumes_;  ///< of each particle, in cells
+  std::vector<Coord> blocks_;              ///< low corners of blocks the surface may cut
+  double full_cells_ = 0;                  ///< in blocks that are wholly inside
+  double inside_ = 0;                      ///< volume inside, in cells
   std::size_t dropped_ = 0;
   std::size_t tangled_cells_ = 0;
 };

@@ -31,13 +31,13 @@ Mesh mesh_of(const PolygonArrays& arrays) {
   return mesh;
 }
 
-FillOptions at(double separation) {
+FillOptions spaced(double separation) {
   FillOptions options;
   options.separation = separation;
   return options;
 }
 
-double sum(const std::vector<double>& values) {
+double sum_of(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0);
 }
 
@@ -46,7 +46,7 @@ Vec3d centre_of_mass(const FilledBody& body) {
   for (std::size_t i = 0; i < body.positions.size(); ++i) {
     centre += body.volumes[i] * body.positions[i];
   }
-  return centre / sum(body.volumes);
+  return centre / sum_of(body.volumes);
 }
 
 /// Every particle of a regular body lies in the centre of a cell of its lattice.
@@ -86,7 +86,7 @@ TEST(CubeFraction, KnownCuts) {
 }
 
 TEST(Fill, BoxOfWholeCellsIsExact) {
-  const auto body = fill_box(Vec3d(-0.015, -0.015, 0), Vec3d(0.015, 0.015, 0.1), at(0.0025));
+  const auto body = fill_box(Vec3d(-0.015, -0.015, 0), Vec3d(0.015, 0.015, 0.1), spaced(0.0025));
   ASSERT_EQ(body.positions.size(), 12U * 12U * 40U);
   expect_on_lattice(body);
   for (const double volume : body.volumes) EXPECT_DOUBLE_EQ(volume, std::pow(0.0025, 3));
@@ -98,14 +98,14 @@ TEST(Fill, BoxOfWholeCellsIsExact) {
 
 TEST(Fill, BoxMeshOfWholeCellsIsExact) {
   const auto mesh = mesh_of(shapes::box(Vec3f(0, -0.015F, 3), Vec3f(0.1F, 0.015F, 3.03F)));
-  const auto body = fill_mesh(mesh, at(0.0025));
+  const auto body = fill_mesh(mesh, spaced(0.0025));
   ASSERT_EQ(body.positions.size(), 12U * 12U * 40U);
   for (const double volume : body.volumes) EXPECT_DOUBLE_EQ(volume, std::pow(0.0025, 3));
   expect_on_lattice(body);
 }
 
 TEST(Fill, BoxBetweenCellsKeepsItsVolume) {
-  FillOptions options = at(0.01);
+  FillOptions options = spaced(0.01);
   options.anchor = Vec3d(0.003, 0.007, -0.004);  // faces cut cells at .3, .7, .6
   const Vec3d low(0, 0, 0);
   const Vec3d high(0.1, 0.12, 0.08);
@@ -114,7 +114,7 @@ TEST(Fill, BoxBetweenCellsKeepsItsVolume) {
         turned ? Quatd(Eigen::AngleAxisd(0.4, Vec3d(1, 2, 3).normalized())) : Quatd::Identity();
     const auto body = fill_box(low, high, options);
     const double volume = 0.1 * 0.12 * 0.08;
-    EXPECT_NEAR(sum(body.volumes), volume, 1e-6 * volume);
+    EXPECT_NEAR(sum_of(body.volumes), volume, 1e-6 * volume);
     EXPECT_NEAR((centre_of_mass(body) - 0.5 * (low + high)).norm(), 0.0, 0.0025);
     expect_on_lattice(body);
     // A face of cells goes through the anchor.
@@ -129,29 +129,29 @@ TEST(Fill, VolumeWithoutScaling) {
   const auto cut =
       mesh_of(shapes::joined(shapes::box(Vec3f(0, 0, 0), Vec3f(0.1F, 0.12F, 0.08F)),
                              shapes::box(Vec3f(0.05F, 0, 0), Vec3f(0.2F, 0.12F, 0.08F))));
-  FillOptions options = at(0.01);
+  FillOptions options = spaced(0.01);
   options.anchor = Vec3d(0.003, 0.007, -0.004);
   options.axes = Quatd(Eigen::AngleAxisd(0.4, Vec3d(1, 2, 3).normalized()));
   const auto body = fill_mesh(cut, options);
   const double volume = 0.2 * 0.12 * 0.08;
-  EXPECT_NEAR(sum(body.volumes), volume, 0.005 * volume) << body.report;
+  EXPECT_NEAR(sum_of(body.volumes), volume, 0.005 * volume) << body.report;
 }
 
 TEST(Fill, SphereAndCylinder) {
   const double exact = 4.0 / 3.0 * std::numbers::pi * std::pow(0.05, 3);
-  const auto ball = fill_sphere(Vec3d(1, 2, 3), 0.05, at(0.005));
-  EXPECT_NEAR(sum(ball.volumes), exact, 1e-6 * exact);
+  const auto ball = fill_sphere(Vec3d(1, 2, 3), 0.05, spaced(0.005));
+  EXPECT_NEAR(sum_of(ball.volumes), exact, 1e-6 * exact);
   EXPECT_NEAR(static_cast<double>(ball.positions.size()), exact / std::pow(0.005, 3), 150);
   EXPECT_NEAR((centre_of_mass(ball) - Vec3d(1, 2, 3)).norm(), 0, 2e-8);
 
   // A mesh between whose facets and the sphere lie .02 %: its own volume is kept.
-  const auto mesh = fill_mesh(mesh_of(shapes::sphere(Vec3f(1, 2, 3), 0.05F, 80)), at(0.005));
-  EXPECT_NEAR(sum(mesh.volumes), exact, 0.003 * exact);
+  const auto mesh = fill_mesh(mesh_of(shapes::sphere(Vec3f(1, 2, 3), 0.05F, 80)), spaced(0.005));
+  EXPECT_NEAR(sum_of(mesh.volumes), exact, 0.003 * exact);
   EXPECT_THAT(mesh.report, HasSubstr("100.00 %"));
 
-  const auto rod = fill_cylinder(Vec3d(0, 0, 0), 0.03, 0.2, Vec3d(1, 1, 0), at(0.004));
+  const auto rod = fill_cylinder(Vec3d(0, 0, 0), 0.03, 0.2, Vec3d(1, 1, 0), spaced(0.004));
   const double rod_volume = std::numbers::pi * 0.03 * 0.03 * 0.2;
-  EXPECT_NEAR(sum(rod.volumes), rod_volume, 1e-6 * rod_volume);
+  EXPECT_NEAR(sum_of(rod.volumes), rod_volume, 1e-6 * rod_volume);
   for (const Vec3d& x : rod.positions) {
     EXPECT_LT(std::abs(x.dot(Vec3d(1, 1, 0).normalized())), 0.1 + 0.004);
   }
@@ -159,7 +159,7 @@ TEST(Fill, SphereAndCylinder) {
 
 TEST(Fill, SkinIsTheSurfaceThatWasFilled) {
   const Vec3d centre(1, 2, 3);
-  const auto mesh = fill_mesh(mesh_of(shapes::sphere(Vec3f(1, 2, 3), 0.05F, 80)), at(0.005));
+  const auto mesh = fill_mesh(mesh_of(shapes::sphere(Vec3f(1, 2, 3), 0.05F, 80)), spaced(0.005));
   ASSERT_GT(mesh.skin.size(), 1000U);
   for (const mpm::SkinPlane& plane : mesh.skin) {
     const Vec3d arm = mesh.positions[plane.particle] - centre;
@@ -168,7 +168,7 @@ TEST(Fill, SkinIsTheSurfaceThatWasFilled) {
     EXPECT_GT(plane.normal.dot(arm.normalized()), 0.9);
   }
   // Of a box between lattice planes: each particle in a corner knows its three faces.
-  const auto box = fill_box(Vec3d::Zero(), Vec3d(0.0231, 0.0231, 0.0231), at(0.005));
+  const auto box = fill_box(Vec3d::Zero(), Vec3d(0.0231, 0.0231, 0.0231), spaced(0.005));
   std::vector<int> planes(box.positions.size(), 0);
   for (const mpm::SkinPlane& plane : box.skin) {
     EXPECT_NEAR(plane.normal.cwiseAbs().maxCoeff(), 1.0, 1e-9);
@@ -178,16 +178,17 @@ TEST(Fill, SkinIsTheSurfaceThatWasFilled) {
   EXPECT_TRUE(std::is_sorted(box.skin.begin(), box.skin.end(),
                              [](const auto& a, const auto& b) { return a.particle < b.particle; }));
   // Jittered bodies flow and have no skin.
-  FillOptions jittered = at(0.005);
+  FillOptions jittered = spaced(0.005);
   jittered.jitter = true;
   EXPECT_TRUE(fill_sphere(centre, 0.05, jittered).skin.empty());
 }
 
 TEST(Fill, ScaleDoesNotMatter) {
   for (const double scale : {1e-4, 1.0, 1e4}) {
-    const auto ball = fill_sphere(Vec3d::Zero(), 0.05 * scale, at(0.01 * scale));
-    EXPECT_EQ(ball.positions.size(), fill_sphere(Vec3d::Zero(), 0.05, at(0.01)).positions.size());
-    EXPECT_NEAR(sum(ball.volumes) / std::pow(scale, 3), 5.23599e-4, 1e-8);
+    const auto ball = fill_sphere(Vec3d::Zero(), 0.05 * scale, spaced(0.01 * scale));
+    EXPECT_EQ(ball.positions.size(),
+              fill_sphere(Vec3d::Zero(), 0.05, spaced(0.01)).positions.size());
+    EXPECT_NEAR(sum_of(ball.volumes) / std::pow(scale, 3), 5.23599e-4, 1e-8);
   }
 }
 
@@ -205,21 +206,22 @@ TEST(Fill, ConcaveL) {
     mesh.face_sizes.push_back(4);
     for (const std::int32_t v : {i, j, j + 6, i + 6}) mesh.face_vertices.push_back(v);
   }
-  const auto body = fill_mesh(mesh, at(0.1));
+  const auto body = fill_mesh(mesh, spaced(0.1));
   EXPECT_EQ(body.positions.size(), 3000U);
   for (const Vec3d& x : body.positions) EXPECT_FALSE(x.x() > 1 && x.y() > 1);
 }
 
 TEST(Fill, BoxWithoutLidSaysSo) {
-  const auto body = fill_mesh(mesh_of(shapes::box(Vec3f(0, 0, 0), Vec3f(1, 1, 1), false)), at(0.1));
+  const auto body =
+      fill_mesh(mesh_of(shapes::box(Vec3f(0, 0, 0), Vec3f(1, 1, 1), false)), spaced(0.1));
   EXPECT_EQ(body.positions.size(), 1000U);
-  EXPECT_NEAR(sum(body.volumes), 1.0, 1e-4);
+  EXPECT_NEAR(sum_of(body.volumes), 1.0, 1e-4);
   EXPECT_THAT(body.report, HasSubstr("4 boundary edges around 1 hole"));
 }
 
 TEST(Fill, InvertedBoxIsTurned) {
-  const auto body =
-      fill_mesh(mesh_of(shapes::inverted(shapes::box(Vec3f(0, 0, 0), Vec3f(1, 1, 1)))), at(0.1));
+  const auto body = fill_mesh(
+      mesh_of(shapes::inverted(shapes::box(Vec3f(0, 0, 0), Vec3f(1, 1, 1)))), spaced(0.1));
   EXPECT_EQ(body.positions.size(), 1000U);
   EXPECT_THAT(body.report, HasSubstr("faced inward"));
 }
@@ -227,7 +229,7 @@ TEST(Fill, InvertedBoxIsTurned) {
 TEST(Fill, SomeFacesTurned) {
   auto arrays = shapes::box(Vec3f(0, 0, 0), Vec3f(1, 1, 1));
   std::reverse(arrays.face_vertices.begin(), arrays.face_vertices.begin() + 4);
-  const auto body = fill_mesh(mesh_of(arrays), at(0.1));
+  const auto body = fill_mesh(mesh_of(arrays), spaced(0.1));
   EXPECT_EQ(body.positions.size(), 1000U);
   EXPECT_THAT(body.report, HasSubstr("2 triangles faced the other way"));
 }
@@ -236,13 +238,13 @@ TEST(Fill, TwoSpheresAndAHollowOne) {
   const auto two = shapes::joined(shapes::sphere(Vec3f(0, 0, 0), 0.1F, 40),
                                   shapes::sphere(Vec3f(0.3F, 0, 0), 0.05F, 40));
   const double volume = 4.0 / 3.0 * std::numbers::pi * (std::pow(0.1, 3) + std::pow(0.05, 3));
-  EXPECT_NEAR(sum(fill_mesh(mesh_of(two), at(0.01)).volumes), volume, 0.005 * volume);
+  EXPECT_NEAR(sum_of(fill_mesh(mesh_of(two), spaced(0.01)).volumes), volume, 0.005 * volume);
 
   const auto hollow = shapes::joined(shapes::sphere(Vec3f(0, 0, 0), 0.1F, 40),
                                      shapes::inverted(shapes::sphere(Vec3f(0, 0, 0), 0.05F, 40)));
   const double rest = 4.0 / 3.0 * std::numbers::pi * (std::pow(0.1, 3) - std::pow(0.05, 3));
-  const auto body = fill_mesh(mesh_of(hollow), at(0.01));
-  EXPECT_NEAR(sum(body.volumes), rest, 0.005 * rest);
+  const auto body = fill_mesh(mesh_of(hollow), spaced(0.01));
+  EXPECT_NEAR(sum_of(body.volumes), rest, 0.005 * rest);
   for (const Vec3d& x : body.positions) EXPECT_GT(x.norm(), 0.045);
 }
 
@@ -272,9 +274,9 @@ TEST(Fill, BottleWithANarrowNeckIsNotFilled) {
   ring(4, first, true);
   ring(12, first + 4, false);
   ring(first, first + 4, true);
-  const auto body = fill_mesh(mesh_of(mesh), at(0.1));
+  const auto body = fill_mesh(mesh_of(mesh), spaced(0.1));
   const double volume = 1.0 - std::pow(0.6, 3) - 0.2 * 0.01 * 0.01;
-  EXPECT_NEAR(sum(body.volumes), volume, 0.005) << body.report;
+  EXPECT_NEAR(sum_of(body.volumes), volume, 0.005) << body.report;
   for (const Vec3d& x : body.positions) {
     EXPECT_FALSE((x - Vec3d::Constant(0.5)).cwiseAbs().maxCoeff() < 0.25) << x.transpose();
   }
@@ -298,8 +300,8 @@ TEST(Fill, CageIsFilledToItsLimit) {
     return volume;
   };
   const double exact = volume_at(6) + (volume_at(6) - volume_at(5)) / 3.0;
-  const auto body = fill_cage(cage, at(0.1));
-  EXPECT_NEAR(sum(body.volumes), exact, 0.002 * exact) << body.report;
+  const auto body = fill_cage(cage, spaced(0.1));
+  EXPECT_NEAR(sum_of(body.volumes), exact, 0.002 * exact) << body.report;
   // Corner of the cube's limit: (corner·9 + Σ edges·4 + Σ faces)/(3·8) of valence 3 masks = .5.
   double farthest = 0;
   for (const Vec3f& p : limit_mesh(cage).vertices)
@@ -316,21 +318,21 @@ TEST(Fill, InfinitelyCreasedCageIsTheCube) {
       cage.crease_sharpness.push_back(10.0F);
     }
   }
-  EXPECT_EQ(fill_cage(cage, at(0.2)).positions.size(), 1000U);
+  EXPECT_EQ(fill_cage(cage, spaced(0.2)).positions.size(), 1000U);
 }
 
 TEST(Fill, ThinPlateHasOneLayer) {
-  const auto body = fill_box(Vec3d(0, 0, 0), Vec3d(0.1, 0.1, 0.003), at(0.01));
+  const auto body = fill_box(Vec3d(0, 0, 0), Vec3d(0.1, 0.1, 0.003), spaced(0.01));
   EXPECT_EQ(body.positions.size(), 100U);
-  EXPECT_NEAR(sum(body.volumes), 0.1 * 0.1 * 0.003, 1e-9);
+  EXPECT_NEAR(sum_of(body.volumes), 0.1 * 0.1 * 0.003, 1e-9);
   EXPECT_THAT(body.report, HasSubstr("Only 1 layer"));
   const auto mesh =
-      fill_mesh(mesh_of(shapes::box(Vec3f(0, 0, 0), Vec3f(0.1F, 0.1F, 0.003F))), at(0.01));
+      fill_mesh(mesh_of(shapes::box(Vec3f(0, 0, 0), Vec3f(0.1F, 0.1F, 0.003F))), spaced(0.01));
   EXPECT_EQ(mesh.positions.size(), 100U);
 }
 
 TEST(Fill, JitterStaysInItsCellAndDependsOnTheSeed) {
-  FillOptions options = at(0.01);
+  FillOptions options = spaced(0.01);
   options.jitter = true;
   options.seed = 7;
   const auto one = fill_box(Vec3d::Zero(), Vec3d::Constant(0.1), options);
@@ -357,7 +359,7 @@ TEST(Fill, ThreadsDoNotMatter) {
                                            shapes::sphere(Vec3f(0.1F, 0, 0), 0.08F, 20)));
   const auto run = [&](int threads) {
     FilledBody body;
-    tbb::task_arena(threads).execute([&] { body = fill_mesh(mesh, at(0.008)); });
+    tbb::task_arena(threads).execute([&] { body = fill_mesh(mesh, spaced(0.008)); });
     return body;
   };
   const auto one = run(1);
@@ -368,7 +370,7 @@ TEST(Fill, ThreadsDoNotMatter) {
 }
 
 TEST(Fill, Refusals) {
-  FillOptions options = at(0.001);
+  FillOptions options = spaced(0.001);
   options.limit = 1000;
   try {
     (void)fill_box(Vec3d::Zero(), Vec3d::Ones(), options);
@@ -377,25 +379,25 @@ TEST(Fill, Refusals) {
     EXPECT_EQ(error.kind(), ErrorKind::kInput);
     EXPECT_THAT(error.what(), HasSubstr("1e+09 particles"));
   }
-  EXPECT_THROW((void)fill_box(Vec3d::Ones(), Vec3d::Zero(), at(0.1)), Error);
-  EXPECT_THROW((void)fill_sphere(Vec3d::Zero(), 1.0, at(0.0)), Error);
-  EXPECT_THROW((void)fill_sphere(Vec3d::Zero(), 1.0, at(1e-9)), Error);
+  EXPECT_THROW((void)fill_box(Vec3d::Ones(), Vec3d::Zero(), spaced(0.1)), Error);
+  EXPECT_THROW((void)fill_sphere(Vec3d::Zero(), 1.0, spaced(0.0)), Error);
+  EXPECT_THROW((void)fill_sphere(Vec3d::Zero(), 1.0, spaced(1e-9)), Error);
   Mesh plane;
   plane.vertices = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
   plane.face_sizes = {4};
   plane.face_vertices = {0, 1, 2, 3};
   try {
-    (void)fill_mesh(plane, at(0.1));
+    (void)fill_mesh(plane, spaced(0.1));
     FAIL();
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("Nothing to fill"));
     EXPECT_THAT(error.what(), HasSubstr("4 boundary edges"));
   }
-  EXPECT_THROW((void)fill_mesh(Mesh{}, at(0.1)), Error);
+  EXPECT_THROW((void)fill_mesh(Mesh{}, spaced(0.1)), Error);
 }
 
 TEST(Fill, PlacedBodyTakesItsLatticeAlong) {
-  auto body = fill_box(Vec3d::Zero(), Vec3d(0.1, 0.2, 0.3), at(0.02));
+  auto body = fill_box(Vec3d::Zero(), Vec3d(0.1, 0.2, 0.3), spaced(0.02));
   place(body, Vec3d(1, 2, 3), Quatd(Eigen::AngleAxisd(0.7, Vec3d(1, 1, 0).normalized())));
   expect_on_lattice(body);
 }

@@ -13,19 +13,19 @@
 namespace matterfit::capture {
 namespace {
 
-constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 30U;
+constexpr std::uint64_t kMostImageBytes = std::uint64_t{1} << 30U;
 
-enum class Format { kPng, kJpeg, kExr };
+enum class ImageFormat { kPng, kJpeg, kExr };
 
-Format format_of(std::span<const std::byte> bytes, const std::string& name) {
+ImageFormat format_of(std::span<const std::byte> bytes, const std::string& name) {
   const auto begins = [&](std::initializer_list<int> magic) {
     return bytes.size() >= magic.size() &&
            std::equal(magic.begin(), magic.end(), bytes.begin(),
                       [](int a, std::byte b) { return std::byte(a) == b; });
   };
-  if (begins({0x89, 'P', 'N', 'G'})) return Format::kPng;
-  if (begins({0xff, 0xd8, 0xff})) return Format::kJpeg;
-  if (begins({0x76, 0x2f, 0x31, 0x01})) return Format::kExr;
+  if (begins({0x89, 'P', 'N', 'G'})) return ImageFormat::kPng;
+  if (begins({0xff, 0xd8, 0xff})) return ImageFormat::kJpeg;
+  if (begins({0x76, 0x2f, 0x31, 0x01})) return ImageFormat::kExr;
   throw_input(name + ": is no image that is read: PNG, JPEG or OpenEXR. Save it as one of these.");
 }
 
@@ -33,9 +33,9 @@ Format format_of(std::span<const std::byte> bytes, const std::string& name) {
 
 Bitmap parse_image(std::span<const std::byte> bytes, const std::string& name) {
   switch (format_of(bytes, name)) {
-    case Format::kJpeg:
+    case ImageFormat::kJpeg:
       return parse_jpeg(bytes, name);
-    case Format::kExr:
+    case ImageFormat::kExr:
       return parse_exr(bytes, name);
     default:
       return parse_png(bytes, name);
@@ -43,16 +43,16 @@ Bitmap parse_image(std::span<const std::byte> bytes, const std::string& name) {
 }
 
 Bitmap read_image(const std::filesystem::path& path) {
-  return parse_image(read_file(path, kMostBytes), path.string());
+  return parse_image(read_file(path, kMostImageBytes), path.string());
 }
 
 std::array<int, 2> image_size(const std::filesystem::path& path) {
-  const auto bytes = read_file(path, kMostBytes);
+  const auto bytes = read_file(path, kMostImageBytes);
   const std::string name = path.string();
   switch (format_of(bytes, name)) {
-    case Format::kJpeg:
+    case ImageFormat::kJpeg:
       return jpeg_size(bytes, name);
-    case Format::kExr:
+    case ImageFormat::kExr:
       return exr_size(bytes, name);
     default:
       return png_size(bytes, name);

@@ -23,7 +23,7 @@ struct Position {
   void AddWithWeight(const Position& other, double weight) { x += weight * other.x; }
 };
 
-void check(const Mesh& cage, const LimitOptions& options) {
+void check_cage(const Mesh& cage, const LimitOptions& options) {
   const auto vertices = static_cast<std::int32_t>(cage.vertices.size());
   if (options.level < 1 || options.level > 10) {
     throw_input(fmt::format("Cage: subdivision level {} is outside 1 to 10.", options.level));
@@ -68,7 +68,7 @@ void check(const Mesh& cage, const LimitOptions& options) {
 }  // namespace
 
 Mesh limit_mesh(const Mesh& cage, const LimitOptions& options) {
-  check(cage, options);
+  check_cage(cage, options);
   Far::TopologyDescriptor descriptor;
   descriptor.numVertices = static_cast<int>(cage.vertices.size());
   descriptor.numFaces = static_cast<int>(cage.face_sizes.size());

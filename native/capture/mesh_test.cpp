@@ -8,6 +8,7 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/message_for_test.hpp"
+#include "capture/bytes_for_test.hpp"
 #include "capture/npz.hpp"
 
 namespace matterfit::capture {
@@ -16,10 +17,6 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-
-std::span<const std::byte> bytes_of(const std::string& text) {
-  return std::as_bytes(std::span(text.data(), text.size()));
-}
 
 class MeshTest : public ::testing::Test {
  protected:

@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t kMaxDimensions = 32;
 constexpr std::size_t kMaxTextLength = 65536;
 
-struct Header {
+struct NpyHeader {
   std::string descr;
   bool fortran = false;
   std::vector<std::size_t> shape;
@@ -26,8 +26,8 @@ class HeaderParser {
  public:
   HeaderParser(std::string text, const std::string& name) : text_(std::move(text)), name_(name) {}
 
-  Header parse() {
-    Header header;
+  NpyHeader parse() {
+    NpyHeader header;
     bool has_descr = false;
     bool has_order = false;
     bool has_shape = false;
@@ -166,7 +166,7 @@ float half_to_float(std::uint16_t half) {
 }
 
 template <class Stored, class Kept, class Convert>
-Array::Data convert(std::span<const std::byte> bytes, std::size_t count, const Header& header,
+Array::Data convert(std::span<const std::byte> bytes, std::size_t count, const NpyHeader& header,
                     const Convert& to_kept) {
   std::vector<Kept> values(count);
   if constexpr (std::is_same_v<Stored, Kept>) {
@@ -203,7 +203,7 @@ void append_utf8(std::string& text, std::uint32_t c) {
 }
 
 Array::Data read_texts(std::span<const std::byte> bytes, std::size_t count, std::size_t length,
-                       bool unicode, const Header& header, const std::string& name) {
+                       bool unicode, const NpyHeader& header, const std::string& name) {
   std::vector<std::string> texts(count);
   for (std::size_t i = 0; i < count; ++i) {
     std::size_t pending_nul = 0;
@@ -227,7 +227,7 @@ Array::Data read_texts(std::span<const std::byte> bytes, std::size_t count, std:
   return texts;
 }
 
-std::size_t item_size(const Header& header, const std::string& name) {
+std::size_t item_size(const NpyHeader& header, const std::string& name) {
   const std::string& d = header.descr;
   const auto refuse = [&](const std::string& why) {
     throw_input(name + ": has element type '" + d + "'" + why);
@@ -254,8 +254,8 @@ std::size_t item_size(const Header& header, const std::string& name) {
   return 0;
 }
 
-Array::Data read_values(std::span<const std::byte> bytes, std::size_t count, const Header& header,
-                        const std::string& name) {
+Array::Data read_values(std::span<const std::byte> bytes, std::size_t count,
+                        const NpyHeader& header, const std::string& name) {
   const auto keep = [](auto value) { return value; };
   const char kind = header.descr[1];
   if (kind == 'U' || kind == 'S') {
@@ -366,7 +366,7 @@ Array parse_npy(std::span<const std::byte> bytes, const std::string& name,
   const std::size_t header_size = major == 1 ? reader.read<std::uint16_t>("the header's size")
                                              : reader.read<std::uint32_t>("the header's size");
   const auto raw = reader.take(header_size, "the header");
-  const Header header =
+  const NpyHeader header =
       HeaderParser(std::string(reinterpret_cast<const char*>(raw.data()), raw.size()), name)
           .parse();
 

@@ -45,21 +45,21 @@ Archive open_archive(std::span<const std::byte> bytes, const std::string& name) 
   return Archive(archive);
 }
 
-struct Entry {
+struct ZipEntry {
   zip_uint64_t index = 0;
   std::string key;
   std::uint64_t size = 0;
 };
 
 /// The directory, with every stated size tested before anything is unpacked.
-std::vector<Entry> list_entries(zip_t* archive, std::uint64_t packed, const std::string& name,
-                                const NpzLimits& limits) {
+std::vector<ZipEntry> list_entries(zip_t* archive, std::uint64_t packed, const std::string& name,
+                                   const NpzLimits& limits) {
   const zip_int64_t count = zip_get_num_entries(archive, 0);
   if (count < 0 || static_cast<std::uint64_t>(count) > limits.entries) {
     throw_input(name + ": holds " + std::to_string(count) + " entries, more than the limit of " +
                 std::to_string(limits.entries) + ".");
   }
-  std::vector<Entry> entries;
+  std::vector<ZipEntry> entries;
   std::uint64_t total = 0;
   for (zip_uint64_t i = 0; i < static_cast<zip_uint64_t>(count); ++i) {
     zip_stat_t stat;
@@ -99,7 +99,7 @@ std::vector<Entry> list_entries(zip_t* archive, std::uint64_t packed, const std:
   return entries;
 }
 
-std::vector<std::byte> unpack(zip_t* archive, const Entry& entry, const std::string& what) {
+std::vector<std::byte> unpack(zip_t* archive, const ZipEntry& entry, const std::string& what) {
   const std::unique_ptr<zip_file_t, EntryDeleter> file(zip_fopen_index(archive, entry.index, 0));
   if (file == nullptr) throw_input(what + " cannot be unpacked: " + zip_strerror(archive) + ".");
   std::vector<std::byte> bytes(entry.size);
@@ -127,7 +127,7 @@ Arrays parse_npz(std::span<const std::byte> bytes, const std::string& name,
                  const NpzLimits& limits) {
   const Archive archive = open_archive(bytes, name);
   Arrays arrays;
-  for (const Entry& entry : list_entries(archive.get(), bytes.size(), name, limits)) {
+  for (const ZipEntry& entry : list_entries(archive.get(), bytes.size(), name, limits)) {
     const std::string what = name + ": '" + entry.key + "'";
     if (arrays.contains(entry.key)) throw_input(what + " is in the archive twice.");
     arrays.emplace(entry.key, parse_npy(unpack(archive.get(), entry, what), what, limits));

@@ -12,6 +12,7 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/message_for_test.hpp"
+#include "capture/bytes_for_test.hpp"
 
 namespace matterfit::capture {
 namespace {
@@ -19,10 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-
-std::span<const std::byte> bytes_of(const std::string& text) {
-  return std::as_bytes(std::span(text.data(), text.size()));
-}
 
 std::string npy(const std::string& dict, const std::string& body) {
   std::string out("\x93NUMPY\1\0", 8);

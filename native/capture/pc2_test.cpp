@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "base/error.hpp"
+#include "capture/bytes_for_test.hpp"
 
 namespace matterfit::capture {
 namespace {
@@ -20,8 +21,8 @@ void put(std::string& out, T value) {
   out.append(reinterpret_cast<const char*>(&value), sizeof(T));
 }
 
-std::string header(std::int32_t points, std::int32_t samples, float rate = 1.0F,
-                   std::int32_t version = 1) {
+std::string pc2_header(std::int32_t points, std::int32_t samples, float rate = 1.0F,
+                       std::int32_t version = 1) {
   std::string out("POINTCACHE2\0", 12);
   put(out, version);
   put(out, points);
@@ -31,11 +32,7 @@ std::string header(std::int32_t points, std::int32_t samples, float rate = 1.0F,
   return out;
 }
 
-std::span<const std::byte> bytes_of(const std::string& text) {
-  return std::as_bytes(std::span(text.data(), text.size()));
-}
-
-std::string message_of(const std::string& text) {
+std::string refusal_of_pc2(const std::string& text) {
   try {
     (void)parse_pc2(bytes_of(text), "a.pc2");
   } catch (const Error& error) {
@@ -47,7 +44,7 @@ std::string message_of(const std::string& text) {
 }
 
 TEST(Pc2Test, ReadsWhatTheHeaderSays) {
-  std::string file = header(1, 2, 0.5F);
+  std::string file = pc2_header(1, 2, 0.5F);
   for (const float value : {1.0F, 2.0F, 3.0F, 4.0F, 5.0F, 6.0F}) put(file, value);
   const PointCache cache = parse_pc2(bytes_of(file), "a.pc2");
   EXPECT_EQ(cache.points, 1U);
@@ -58,18 +55,18 @@ TEST(Pc2Test, ReadsWhatTheHeaderSays) {
   for (std::size_t n = 0; n < file.size(); ++n) {
     EXPECT_THROW((void)parse_pc2(bytes_of(file).first(n), "cut.pc2"), Error) << n;
   }
-  EXPECT_THAT(message_of(file + "x"), HasSubstr("25 bytes follow the header"));
+  EXPECT_THAT(refusal_of_pc2(file + "x"), HasSubstr("25 bytes follow the header"));
 }
 
 TEST(Pc2Test, HostileHeaders) {
   constexpr std::int32_t kMost = std::numeric_limits<std::int32_t>::max();
-  EXPECT_THAT(message_of(header(kMost, kMost)), HasSubstr("truncated"));
-  EXPECT_THAT(message_of(header(-1, 1)), HasSubstr("must be positive"));
-  EXPECT_THAT(message_of(header(1, 0)), HasSubstr("must be positive"));
-  EXPECT_THAT(message_of(header(1, 1, std::numeric_limits<float>::quiet_NaN())),
+  EXPECT_THAT(refusal_of_pc2(pc2_header(kMost, kMost)), HasSubstr("truncated"));
+  EXPECT_THAT(refusal_of_pc2(pc2_header(-1, 1)), HasSubstr("must be positive"));
+  EXPECT_THAT(refusal_of_pc2(pc2_header(1, 0)), HasSubstr("must be positive"));
+  EXPECT_THAT(refusal_of_pc2(pc2_header(1, 1, std::numeric_limits<float>::quiet_NaN())),
               HasSubstr("sample rate"));
-  EXPECT_THAT(message_of(header(1, 1, 1.0F, 7)), HasSubstr("version 7"));
-  EXPECT_THAT(message_of(std::string(40, 'x')), HasSubstr("POINTCACHE2"));
+  EXPECT_THAT(refusal_of_pc2(pc2_header(1, 1, 1.0F, 7)), HasSubstr("version 7"));
+  EXPECT_THAT(refusal_of_pc2(std::string(40, 'x')), HasSubstr("POINTCACHE2"));
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ constexpr std::size_t kMaxLine = 65536;
 
 using Values = PlyProperty::Values;
 
-enum class Format { kAscii, kLittle, kBig };
+enum class PlyFormat { kAscii, kLittle, kBig };
 
 struct ListCount {
   std::size_t bytes = 1;
@@ -35,8 +35,8 @@ struct Declared {
   ListCount count;
 };
 
-struct Header {
-  Format format = Format::kAscii;
+struct PlyHeader {
+  PlyFormat format = PlyFormat::kAscii;
   std::vector<std::string> comments;
   struct Element {
     std::string name;
@@ -139,8 +139,8 @@ Declared parse_property(const std::vector<std::string_view>& word, const TextCur
   return declared;
 }
 
-Header parse_header(TextCursor& cursor) {
-  Header header;
+PlyHeader parse_header(TextCursor& cursor) {
+  PlyHeader header;
   if (cursor.line() != "ply") cursor.fail("is not a PLY file (its first line is not 'ply').");
   bool has_format = false;
   std::size_t properties = 0;
@@ -156,11 +156,11 @@ Header parse_header(TextCursor& cursor) {
     } else if (word[0] == "format") {
       if (word.size() < 3 || word[2] != "1.0") cursor.fail("expected PLY format version 1.0.");
       if (word[1] == "ascii") {
-        header.format = Format::kAscii;
+        header.format = PlyFormat::kAscii;
       } else if (word[1] == "binary_little_endian") {
-        header.format = Format::kLittle;
+        header.format = PlyFormat::kLittle;
       } else if (word[1] == "binary_big_endian") {
-        header.format = Format::kBig;
+        header.format = PlyFormat::kBig;
       } else {
         cursor.fail("unknown format '" + std::string(word[1]) + "'.");
       }
@@ -214,7 +214,7 @@ T parse_number(std::string_view text, const TextCursor& cursor) {
   return static_cast<T>(value);
 }
 
-void check_count(const Header::Element& element, std::size_t row, std::size_t available,
+void check_count(const PlyHeader::Element& element, std::size_t row, std::size_t available,
                  std::size_t offset, const std::string& name) {
   if (row > 0 && element.count > available / row) {
     throw_input(name + ": element '" + element.name + "' states " + std::to_string(element.count) +
@@ -228,7 +228,7 @@ void check_count(const Header::Element& element, std::size_t row, std::size_t av
   }
 }
 
-void read_ascii(Header::Element& element, TextCursor& cursor, const std::string& name) {
+void read_ascii(PlyHeader::Element& element, TextCursor& cursor, const std::string& name) {
   // A value takes a digit and a separator; the last may lack the latter.
   check_count(element, 2 * element.properties.size(), cursor.remaining() + 1, cursor.offset(),
               name);
@@ -271,7 +271,7 @@ std::size_t read_list_count(ByteReader& reader, const ListCount& count) {
   return static_cast<std::size_t>(value);
 }
 
-void read_lists(Header::Element& element, ByteReader& reader, bool big) {
+void read_lists(PlyHeader::Element& element, ByteReader& reader, bool big) {
   for (std::size_t row = 0; row < element.count; ++row) {
     for (Declared& declared : element.properties) {
       PlyProperty& property = declared.property;
@@ -293,7 +293,8 @@ void read_lists(Header::Element& element, ByteReader& reader, bool big) {
   }
 }
 
-void read_binary(Header::Element& element, ByteReader& reader, bool big, const std::string& name) {
+void read_binary(PlyHeader::Element& element, ByteReader& reader, bool big,
+                 const std::string& name) {
   std::size_t row = 0;
   bool lists = false;
   for (const Declared& declared : element.properties) {
@@ -371,16 +372,16 @@ const PlyElement* Ply::find(std::string_view element) const {
 
 Ply parse_ply(std::span<const std::byte> bytes, const std::string& name) {
   TextCursor cursor(bytes, name);
-  Header header = parse_header(cursor);
-  ByteReader reader(bytes, name, header.format == Format::kBig);
+  PlyHeader header = parse_header(cursor);
+  ByteReader reader(bytes, name, header.format == PlyFormat::kBig);
   reader.seek(cursor.offset(), "the rows");
   Ply ply;
   ply.comments = std::move(header.comments);
-  for (Header::Element& element : header.elements) {
-    if (header.format == Format::kAscii) {
+  for (PlyHeader::Element& element : header.elements) {
+    if (header.format == PlyFormat::kAscii) {
       read_ascii(element, cursor, name);
     } else {
-      read_binary(element, reader, header.format == Format::kBig, name);
+      read_binary(element, reader, header.format == PlyFormat::kBig, name);
     }
     PlyElement read{std::move(element.name), element.count, {}};
     for (Declared& declared : element.properties) {

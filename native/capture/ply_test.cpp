@@ -11,6 +11,7 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/message_for_test.hpp"
+#include "capture/bytes_for_test.hpp"
 
 namespace matterfit::capture {
 namespace {
@@ -19,11 +20,7 @@ namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-std::span<const std::byte> bytes_of(const std::string& text) {
-  return std::as_bytes(std::span(text.data(), text.size()));
-}
-
-std::string header(const std::string& format) {
+std::string ply_header(const std::string& format) {
   return "ply\nformat " + format +
          " 1.0\ncomment made by hand\nelement vertex 2\nproperty float x\nproperty double y\n"
          "property short z\nelement face 2\nproperty uchar red\n"
@@ -39,7 +36,7 @@ void put(std::string& out, T value, bool big) {
 }
 
 std::string binary(bool big) {
-  std::string out = header(big ? "binary_big_endian" : "binary_little_endian");
+  std::string out = ply_header(big ? "binary_big_endian" : "binary_little_endian");
   for (const double row : {0.0, 10.0}) {
     put(out, static_cast<float>(row + 0.5), big);
     put(out, row + 0.25, big);
@@ -69,8 +66,8 @@ void expect_sample(const Ply& ply) {
 TEST(PlyTest, ThreeFormatsGiveTheSame) {
   expect_sample(parse_ply(bytes_of(binary(false)), "a.ply"));
   expect_sample(parse_ply(bytes_of(binary(true)), "a.ply"));
-  expect_sample(parse_ply(bytes_of(header("ascii") + "0.5 .25 -1\n10.5 1.025e1 -11\n"
-                                                     "200 3 0 1 -7\n7 1 70000"),
+  expect_sample(parse_ply(bytes_of(ply_header("ascii") + "0.5 .25 -1\n10.5 1.025e1 -11\n"
+                                                         "200 3 0 1 -7\n7 1 70000"),
                           "a.ply"));
 }
 

@@ -17,7 +17,7 @@
 namespace matterfit::capture {
 namespace {
 
-constexpr std::uint32_t kMagic = 0x5053474e;
+constexpr std::uint32_t kSpzMagic = 0x5053474e;
 constexpr std::size_t kHeader = 16;
 constexpr float kColourScale = 0.15F;
 /// Deflate cannot pack better than this (zlib's technical notes: 1032 to 1).
@@ -110,7 +110,7 @@ Eigen::Quaternionf smallest_three(const std::byte* data) {
 Splats parse_spz(std::span<const std::byte> bytes, const std::string& name) {
   Gunzip stream(bytes, name);
   const std::vector<std::byte> head = stream.take(kHeader, "the header");
-  if (load<std::uint32_t>(head.data()) != kMagic) {
+  if (load<std::uint32_t>(head.data()) != kSpzMagic) {
     throw_input(name + ": does not begin as an SPZ file does.");
   }
   const auto version = load<std::uint32_t>(head.data() + 4);

@@ -33,7 +33,8 @@ std::vector<std::byte> gzip(const Bytes& plain) {
   return packed;
 }
 
-Bytes header(std::uint8_t version, std::uint8_t count, std::uint8_t degree, std::uint8_t flags) {
+Bytes spz_header(std::uint8_t version, std::uint8_t count, std::uint8_t degree,
+                 std::uint8_t flags) {
   return {0x4e, 0x47, 0x53, 0x50, version, 0, 0, 0, count, 0, 0, 0, degree, 12, flags, 0};
 }
 
@@ -43,7 +44,7 @@ void append(Bytes& bytes, const Bytes& more) {
 
 /// Two Gaussians, attribute by attribute.
 Bytes two(std::uint8_t version, std::uint8_t degree) {
-  Bytes bytes = header(version, 2, degree, 1);
+  Bytes bytes = spz_header(version, 2, degree, 1);
   // 1, −2, 0.5 m with twelve bits after the point; then zeros.
   append(bytes, {0x00, 0x10, 0x00, 0x00, 0xe0, 0xff, 0x00, 0x08, 0x00});
   append(bytes, Bytes(9, 0));
@@ -63,7 +64,7 @@ Bytes two(std::uint8_t version, std::uint8_t degree) {
   return bytes;
 }
 
-std::string message_of(const std::vector<std::byte>& bytes) {
+std::string refusal_of_spz(const std::vector<std::byte>& bytes) {
   try {
     (void)parse_spz(bytes, "scene.spz");
   } catch (const Error& error) {
@@ -108,22 +109,22 @@ TEST(Spz, BothVersionsAreReadAsTheFormatSays) {
 }
 
 TEST(Spz, WhatIsNoneIsRefusedInWords) {
-  EXPECT_THAT(message_of({}), HasSubstr("cannot be unpacked"));
-  EXPECT_THAT(message_of(std::vector<std::byte>(40, std::byte{7})),
+  EXPECT_THAT(refusal_of_spz({}), HasSubstr("cannot be unpacked"));
+  EXPECT_THAT(refusal_of_spz(std::vector<std::byte>(40, std::byte{7})),
               HasSubstr("the header cannot be unpacked"));
-  EXPECT_THAT(message_of(gzip(Bytes(16, 0))), HasSubstr("does not begin as an SPZ file"));
-  EXPECT_THAT(message_of(gzip(header(1, 1, 0, 0))), HasSubstr("SPZ version 1"));
-  EXPECT_THAT(message_of(gzip(header(3, 0, 0, 0))), HasSubstr("holds no Gaussians"));
-  EXPECT_THAT(message_of(gzip(header(3, 1, 4, 0))), HasSubstr("degree 4"));
-  Bytes fraction = header(3, 1, 0, 0);
+  EXPECT_THAT(refusal_of_spz(gzip(Bytes(16, 0))), HasSubstr("does not begin as an SPZ file"));
+  EXPECT_THAT(refusal_of_spz(gzip(spz_header(1, 1, 0, 0))), HasSubstr("SPZ version 1"));
+  EXPECT_THAT(refusal_of_spz(gzip(spz_header(3, 0, 0, 0))), HasSubstr("holds no Gaussians"));
+  EXPECT_THAT(refusal_of_spz(gzip(spz_header(3, 1, 4, 0))), HasSubstr("degree 4"));
+  Bytes fraction = spz_header(3, 1, 0, 0);
   fraction[13] = 24;
-  EXPECT_THAT(message_of(gzip(fraction)), HasSubstr("24 bits after the point"));
-  Bytes many = header(3, 1, 0, 0);
+  EXPECT_THAT(refusal_of_spz(gzip(fraction)), HasSubstr("24 bits after the point"));
+  Bytes many = spz_header(3, 1, 0, 0);
   many[11] = 0x7f;
-  EXPECT_THAT(message_of(gzip(many)), HasSubstr("more than its"));
+  EXPECT_THAT(refusal_of_spz(gzip(many)), HasSubstr("more than its"));
   Bytes cut = two(3, 1);
   cut.resize(cut.size() - 5);
-  EXPECT_THAT(message_of(gzip(cut)), HasSubstr("the harmonics cannot be unpacked"));
+  EXPECT_THAT(refusal_of_spz(gzip(cut)), HasSubstr("the harmonics cannot be unpacked"));
 }
 
 }  // namespace

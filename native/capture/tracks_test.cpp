@@ -44,7 +44,7 @@ class TracksTest : public ::testing::Test {
   fs::path folder_;
 };
 
-Arrays sample() {
+Arrays sample_tracks() {
   Arrays arrays;
   arrays.emplace("positions",
                  Array({2, 2, 3}, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}));
@@ -55,7 +55,7 @@ Arrays sample() {
 }
 
 TEST_F(TracksTest, NpzWithEveryKey) {
-  Arrays arrays = sample();
+  Arrays arrays = sample_tracks();
   arrays.emplace("visible", Array({2, 2}, std::vector<std::uint8_t>{1, 0, 1, 1}));
   arrays.emplace("up", Array({}, std::vector<std::string>{"y"}));
   const Tracks tracks = read_tracks(npz(arrays));
@@ -76,7 +76,7 @@ TEST_F(TracksTest, UnitUpTransformAndMarkersApplyInThisOrder) {
   options.transform.topRightCorner<3, 1>() = Vec3d(10, 20, 30);
   options.transform.topLeftCorner<3, 3>() *= 2.0;
   options.markers = {"base", "tip-1"};
-  const Tracks tracks = read_tracks(npz(sample()), options);
+  const Tracks tracks = read_tracks(npz(sample_tracks()), options);
   EXPECT_THAT(tracks.labels, ElementsAre("Base", "Tip - 1"));
   // (4, 5, 6) mm, x up: (−6, 5, 4) mm, twice as large, then moved.
   EXPECT_LT((tracks.position(0, 0) - Vec3d(9.988, 20.010, 30.008)).norm(), 1e-12);
@@ -84,13 +84,13 @@ TEST_F(TracksTest, UnitUpTransformAndMarkersApplyInThisOrder) {
   EXPECT_NEAR(tracks.noise[0], 0.2 * 0.002, 1e-15);
   options.markers = {"1"};
   options.noise = {5e-4};
-  const Tracks one = read_tracks(npz(sample()), options);
+  const Tracks one = read_tracks(npz(sample_tracks()), options);
   EXPECT_THAT(one.labels, ElementsAre("Base"));
   EXPECT_THAT(one.noise, ElementsAre(5e-4));
 }
 
 TEST_F(TracksTest, NotANumberIsNotVisibleUnlessTheFileSaysSo) {
-  Arrays arrays = sample();
+  Arrays arrays = sample_tracks();
   auto& values = std::get<std::vector<double>>(arrays.at("positions").data);
   values[4] = kNan;
   EXPECT_THAT(read_tracks(npz(arrays)).visible, ElementsAre(1, 0, 1, 1));
@@ -105,7 +105,7 @@ TEST_F(TracksTest, NotANumberIsNotVisibleUnlessTheFileSaysSo) {
 
 TEST_F(TracksTest, WrongArraysAreNamed) {
   const auto refuse = [&](const char* key, const Array& array, const char* words) {
-    Arrays arrays = sample();
+    Arrays arrays = sample_tracks();
     arrays.insert_or_assign(key, array);
     EXPECT_THAT(message_of([&] { (void)read_tracks(npz(arrays)); }), HasSubstr(words));
   };
@@ -123,17 +123,19 @@ TEST_F(TracksTest, WrongArraysAreNamed) {
   refuse("up", Array({}, std::vector<std::string>{"w"}), "up axis of a capture is 'w'");
   TracksOptions options;
   options.markers = {"Tip - 9"};
-  EXPECT_THAT(message_of([&] { (void)read_tracks(npz(sample()), options); }),
+  EXPECT_THAT(message_of([&] { (void)read_tracks(npz(sample_tracks()), options); }),
               HasSubstr("no marker 'Tip - 9'; it has Tip - 1, Base, indices 0 to 1"));
   options.markers = {"Base", "1"};
-  EXPECT_THAT(message_of([&] { (void)read_tracks(npz(sample()), options); }), HasSubstr("twice"));
+  EXPECT_THAT(message_of([&] { (void)read_tracks(npz(sample_tracks()), options); }),
+              HasSubstr("twice"));
   options = {};
   options.transform(0, 0) = 0.0;
-  EXPECT_THAT(message_of([&] { (void)read_tracks(npz(sample()), options); }), HasSubstr("regular"));
+  EXPECT_THAT(message_of([&] { (void)read_tracks(npz(sample_tracks()), options); }),
+              HasSubstr("regular"));
 }
 
 TEST_F(TracksTest, FilesWithoutTimesNeedFramesPerSecond) {
-  Arrays arrays = sample();
+  Arrays arrays = sample_tracks();
   arrays.erase("times");
   EXPECT_THAT(message_of([&] { (void)read_tracks(npz(arrays)); }), HasSubstr("frames per second"));
   write_file(folder_ / "p.npy", format_npy(arrays.at("positions")));

@@ -18,7 +18,7 @@ using testing::UnorderedElementsAre;
 
 ThrownModel two_throws() { return ThrownModel({Vec3d(2.0, 0.5, 1.0), Vec3d(9.0, -1.0, 3.0)}); }
 
-std::string told(const Report& report) {
+std::string told_by_report(const Report& report) {
   std::string text = std::string(name(report.verdict)) + " p=" + std::to_string(report.p) +
                      " smooth=" + std::to_string(report.smooth_p) +
                      " after=" + std::to_string(report.smooth_p_after) + " " + report.headline;
@@ -52,19 +52,19 @@ TEST_P(HidesOne, IsNamedWithItsSizeAndGainsOnUnseenFrames) {
   ThrownModel model = two_throws();
   model.record({cause_of(model, GetParam())}, {});
   const Report report = diagnose(model);
-  ASSERT_THAT(report.classes, ElementsAre(GetParam().effect)) << told(report);
+  ASSERT_THAT(report.classes, ElementsAre(GetParam().effect)) << told_by_report(report);
   EXPECT_EQ(report.verdict,
             report.causes[0].group == "measurement" ? Verdict::kMeasurement : Verdict::kCause);
   const Cause& cause = report.causes[0];
   EXPECT_EQ(cause.effect, GetParam().effect);
   EXPECT_TRUE(cause.accepted);
-  EXPECT_GT(cause.probability, 0.9) << told(report);
+  EXPECT_GT(cause.probability, 0.9) << told_by_report(report);
   for (std::size_t k = 0; k < GetParam().values.size(); ++k) {
     EXPECT_NEAR(cause.parameters[k].value, GetParam().values[k], 4.0 * cause.parameters[k].error)
-        << told(report);
+        << told_by_report(report);
   }
   if (cause.gain_measurable) {
-    EXPECT_GT(cause.gain, 0.8) << told(report);
+    EXPECT_GT(cause.gain, 0.8) << told_by_report(report);
     EXPECT_LT(cause.holdout_after, cause.free_field);
     EXPECT_LT(cause.holdout_after, cause.last_residual);
   }
@@ -86,7 +86,8 @@ TEST(Diagnose, GravityAndFrameRateAreOneClassInThrows) {
     model.record({cause_of(model, hidden)}, {});
     const Report report = diagnose(model);
     EXPECT_EQ(report.verdict, Verdict::kClass);
-    EXPECT_THAT(report.classes, UnorderedElementsAre("gravity_size", "frame_rate")) << told(report);
+    EXPECT_THAT(report.classes, UnorderedElementsAre("gravity_size", "frame_rate"))
+        << told_by_report(report);
     EXPECT_GT(report.causes[0].gain, 0.9);
   }
 }
@@ -124,19 +125,20 @@ TEST(Diagnose, SharedShakingAndOutliersAreNoise) {
   noise.outliers = 0.01;
   model.record({}, noise);
   const Report nothing = diagnose(model);
-  EXPECT_EQ(nothing.verdict, Verdict::kNothing) << told(nothing);
+  EXPECT_EQ(nothing.verdict, Verdict::kNothing) << told_by_report(nothing);
   EXPECT_NEAR(nothing.noise.common_sigma, 1e-3, 3e-4);
   model.record({cause_of(model, {"drag_quadratic", {0.03}})}, noise);
   const Report drag = diagnose(model);
-  EXPECT_THAT(drag.classes, ElementsAre("drag_quadratic")) << told(drag);
+  EXPECT_THAT(drag.classes, ElementsAre("drag_quadratic")) << told_by_report(drag);
 }
 
 TEST(Diagnose, TwoCausesAreNamedTogether) {
   ThrownModel model = two_throws();
   model.record({cause_of(model, {"drag_quadratic", {0.03}}), cause_of(model, {"spin", {0.3}})}, {});
   const Report report = diagnose(model);
-  EXPECT_EQ(report.verdict, Verdict::kSeveral) << told(report);
-  EXPECT_THAT(report.classes, UnorderedElementsAre("drag_quadratic", "spin")) << told(report);
+  EXPECT_EQ(report.verdict, Verdict::kSeveral) << told_by_report(report);
+  EXPECT_THAT(report.classes, UnorderedElementsAre("drag_quadratic", "spin"))
+      << told_by_report(report);
   ASSERT_EQ(report.extended.causes.size(), 2U);
 }
 
@@ -145,7 +147,7 @@ TEST(Diagnose, WhatNoEffectKnowsIsUnknown) {
   model.unknown_push = 0.01;
   model.record({}, {});
   const Report report = diagnose(model);
-  EXPECT_EQ(report.verdict, Verdict::kUnknown) << told(report);
+  EXPECT_EQ(report.verdict, Verdict::kUnknown) << told_by_report(report);
   EXPECT_TRUE(report.classes.empty());
   ASSERT_FALSE(report.wrong.empty());
   // The bump stands at .45 of a clip of 24 frames, three frames wide.
@@ -173,8 +175,8 @@ TEST(Diagnose, ProposesTheThrowThatSeparatesAClass) {
   model.experiments_ = {{"fast", "Throw it fast and sideways.", model.captures_[0]}};
   model.record({cause_of(model, {"drag_quadratic", {0.0012}})}, {});
   const Report report = diagnose(model);
-  EXPECT_EQ(report.verdict, Verdict::kClass) << told(report);
-  EXPECT_EQ(report.next_recording, "Throw it fast and sideways.") << told(report);
+  EXPECT_EQ(report.verdict, Verdict::kClass) << told_by_report(report);
+  EXPECT_EQ(report.next_recording, "Throw it fast and sideways.") << told_by_report(report);
   EXPECT_THAT(report.classes, Contains("drag_quadratic"));
   EXPECT_THAT(report.classes, Contains("drag_linear"));
 }
@@ -231,10 +233,10 @@ TEST(Diagnose, WhatSticksIsFoundToSlip) {
   SlopeModel model;
   model.record({cause_of(model, {"friction", {-0.3}})}, {});
   const Report report = diagnose(model);
-  ASSERT_THAT(report.classes, ElementsAre("friction")) << told(report);
+  ASSERT_THAT(report.classes, ElementsAre("friction")) << told_by_report(report);
   EXPECT_NEAR(report.causes[0].parameters[0].value, -0.3,
               4.0 * report.causes[0].parameters[0].error)
-      << told(report);
+      << told_by_report(report);
 }
 
 struct InChain {
@@ -250,12 +252,12 @@ TEST_P(ChainHides, IsNamedWithItsPlace) {
   const auto& [effect, value, variant] = GetParam();
   model.record({cause_of(model, {effect, {value}}, variant)}, {});
   const Report report = diagnose(model);
-  ASSERT_THAT(report.classes, ElementsAre(effect)) << told(report);
-  EXPECT_EQ(report.causes[0].variant, variant) << told(report);
+  ASSERT_THAT(report.classes, ElementsAre(effect)) << told_by_report(report);
+  EXPECT_EQ(report.causes[0].variant, variant) << told_by_report(report);
   EXPECT_NEAR(report.causes[0].parameters[0].value, value,
               4.0 * report.causes[0].parameters[0].error)
-      << told(report);
-  EXPECT_GT(report.causes[0].gain, 0.8) << told(report);
+      << told_by_report(report);
+  EXPECT_GT(report.causes[0].gain, 0.8) << told_by_report(report);
 }
 
 INSTANTIATE_TEST_SUITE_P(Chain, ChainHides,
@@ -269,7 +271,7 @@ TEST(Diagnose, ACoarseSolverIsNumericalAndNotDamping) {
   ChainModel model(20);
   model.record({}, {});
   const Report report = diagnose(model);
-  EXPECT_EQ(report.verdict, Verdict::kNumerical) << told(report);
+  EXPECT_EQ(report.verdict, Verdict::kNumerical) << told_by_report(report);
   // Without the solver's own error in the covariance it is a confident wrong name.
   DiagnoseOptions exact;
   exact.members = 0;
@@ -280,7 +282,7 @@ TEST(Diagnose, DampingIsFoundBesideACoarseSolver) {
   ChainModel model(60);
   model.record({cause_of(model, {"attached_mass", {0.5}}, 2)}, {});
   const Report report = diagnose(model);
-  EXPECT_THAT(report.classes, ElementsAre("attached_mass")) << told(report);
+  EXPECT_THAT(report.classes, ElementsAre("attached_mass")) << told_by_report(report);
 }
 
 }  // namespace

@@ -43,6 +43,21 @@ inline splat::Camera looking(const Vec3d& place, const Vec3d& at) {
   return camera;
 }
 
+/// The middle of `thrown_cube()` on its way, and two cameras that see it.
+inline const Vec3d kFlightMiddle(0.5, 0.3, 0.25);
+
+inline std::vector<splat::Camera> two_cameras() {
+  return {looking(Vec3d(0.6, -2.0, 0.9), kFlightMiddle),
+          looking(Vec3d(2.5, 0.6, 0.7), kFlightMiddle)};
+}
+
+/// The truth at particles that lie elsewhere than the fit's.
+inline Json filmed_cube() {
+  Json truth = thrown_cube();
+  truth["scene"]["particle_separation"] = 0.04;
+  return truth;
+}
+
 /// The colour of a particle by where it lies at rest.
 using Painted = std::function<Vec3d(const Vec3d& rest)>;
 

@@ -20,7 +20,7 @@
 namespace matterfit::job {
 namespace {
 
-constexpr std::size_t kFewestFrames = 2;
+constexpr std::size_t kFewestFitFrames = 2;
 
 /// Which times a capture and its scene cover.
 std::string extent(const fit::Capture& capture, const fit::Clock& clock) {
@@ -137,7 +137,7 @@ LoadedExperiment load_experiment(const Job& job, std::vector<std::string>& state
       if (capture.clouds) refuse_single_points(capture);
       state_what_is_odd(capture, doc, statements);
       const std::size_t frames = capture.used_frames().size();
-      if (frames > 0 && frames < kFewestFrames) {
+      if (frames > 0 && frames < kFewestFitFrames) {
         throw_input(doc.path + ": only " + std::to_string(frames) +
                     " frame of it is left to fit to, and at least two are needed (" +
                     extent(capture, run.clock) +

@@ -17,7 +17,7 @@ namespace {
 using namespace fit_test;
 using testing::HasSubstr;
 
-constexpr std::size_t kFrames = 14;
+constexpr std::size_t kExperimentFrames = 14;
 constexpr std::size_t kPoints = 64;
 
 /// Tracks of markers() that rest until `release` and then fly; point i is seen in the frames that
@@ -27,7 +27,7 @@ void write_flight(const fs::path& folder, std::size_t release,
                   const std::vector<double>& noise = {}) {
   std::vector<double> positions;
   std::vector<double> times;
-  for (std::size_t t = 0; t < kFrames; ++t) {
+  for (std::size_t t = 0; t < kExperimentFrames; ++t) {
     times.push_back(double(t) / 24.0);
     const double flown = t > release ? double(t - release) / 24.0 : 0.0;
     for (std::size_t i = 0; i < kPoints; ++i) {
@@ -36,8 +36,8 @@ void write_flight(const fs::path& folder, std::size_t release,
     }
   }
   capture::Arrays arrays;
-  arrays["positions"] = capture::Array({kFrames, kPoints, 3}, positions);
-  arrays["times"] = capture::Array({kFrames}, times);
+  arrays["positions"] = capture::Array({kExperimentFrames, kPoints, 3}, positions);
+  arrays["times"] = capture::Array({kExperimentFrames}, times);
   if (!noise.empty()) arrays["noise"] = capture::Array({kPoints}, noise);
   capture::write_npz(folder / "a.npz", arrays);
 }
@@ -61,7 +61,7 @@ Loaded loaded(const fs::path& folder, const std::function<void(Json&)>& change =
 }
 
 bool is_used(const fit::Capture& capture, std::size_t point) {
-  for (std::size_t t = 0; t < kFrames; ++t) {
+  for (std::size_t t = 0; t < kExperimentFrames; ++t) {
     if (capture.used[t * kPoints + point] != 0) return true;
   }
   return false;
@@ -117,7 +117,7 @@ TEST(FitCaptures, WhatSaysNothingIsNeitherUsedNorPredicted) {
     d["captures"][0]["holdout"] = {{"frames", {10, 14}}, {"tracks", {3}}};
   });
   const fit::Capture& capture = found.run.captures[0];
-  for (std::size_t t = 0; t < kFrames; ++t) {
+  for (std::size_t t = 0; t < kExperimentFrames; ++t) {
     EXPECT_EQ(capture.used[t * kPoints], t > 4 && t < 10 ? 1 : 0) << t;
     EXPECT_EQ(capture.predicted[t * kPoints], t >= 10 ? 1 : 0) << t;
     EXPECT_EQ(capture.predicted[t * kPoints + 3], t > 4 ? 1 : 0) << t;

@@ -69,9 +69,10 @@ Eigen::VectorXd some_weights(Eigen::Index size) {
 }
 
 /// Jᵀw against differences of fourth order of the same simulations. Those are in float, and contact
-/// makes of its rounding a noise of about kNoise in wᵀr, and kinks in it: some hundredths. Exact to
-/// 1e-6 are the proofs of mpm::gradient; here it is about the chain from there to the numbers.
-constexpr double kNoise = 0.02;
+/// makes of its rounding a noise of about kGradientNoise in wᵀr, and kinks in it: some hundredths.
+/// Exact to 1e-6 are the proofs of mpm::gradient; here it is about the chain from there to the
+/// numbers.
+constexpr double kGradientNoise = 0.02;
 void expect_transposed(const Json& document, const fs::path& folder, double step) {
   Fixture fixture(document, folder);
   fit::CaptureProblem& problem = fixture.problem();
@@ -96,8 +97,9 @@ void expect_transposed(const Json& document, const fs::path& folder, double step
     const double h = step * fixture.parameters().parameters()[k].scale;
     const double difference = (value(0) - 8.0 * value(1) + 8.0 * value(2) - value(3)) / (12.0 * h);
     const std::string& name = fixture.parameters().parameters()[k].name;
-    EXPECT_GT(std::abs(difference), 5.0 * kNoise / h) << name;
-    EXPECT_NEAR((*exact)[Eigen::Index(k)], difference, 6e-2 * std::abs(difference) + kNoise / h)
+    EXPECT_GT(std::abs(difference), 5.0 * kGradientNoise / h) << name;
+    EXPECT_NEAR((*exact)[Eigen::Index(k)], difference,
+                6e-2 * std::abs(difference) + kGradientNoise / h)
         << name;
   }
 }

@@ -19,8 +19,9 @@ using namespace fit_test;
 using testing::HasSubstr;
 
 /// A job's scenes, as a fit builds them, and its parameters.
-struct Fixture {
-  explicit Fixture(const Json& document, const fs::path& folder) : job(job_of(document, folder)) {
+struct ParametersFixture {
+  explicit ParametersFixture(const Json& document, const fs::path& folder)
+      : job(job_of(document, folder)) {
     Arena arena(1);
     loaded = unread_experiment(job);
     for (const fit::Run& run : loaded.experiment.runs) {
@@ -50,7 +51,7 @@ Json with_scenes(const std::vector<Json>& overrides, const Json& parameters) {
 std::string refusal(const Json& document) {
   return message_of([&] {
     const Folder folder;
-    (void)Fixture(document, folder.path);
+    (void)ParametersFixture(document, folder.path);
   });
 }
 
@@ -90,7 +91,7 @@ TEST(FitParameters, OneQuantityOfASceneIsOneNumber) {
   for (const Json& order :
        {Json{"velocity", "captures.b.velocity[2]"}, Json{"captures.b.velocity[2]", "velocity"}}) {
     const Folder folder;
-    const Fixture fixture(with_scenes({thrown}, order), folder.path);
+    const ParametersFixture fixture(with_scenes({thrown}, order), folder.path);
     const bool own_last = order[0] == "velocity";
     const std::vector<double> values =
         own_last ? std::vector<double>{1, 2, 3, 4} : std::vector<double>{4, 1, 2, 3};
@@ -117,7 +118,8 @@ TEST(FitParameters, AStartIsLookedAtBeforeItsBounds) {
   EXPECT_THAT(start("material.E", -1.0), HasSubstr("starts at -1, expected a start above 0."));
   EXPECT_THAT(start("material.nu", 0.5), HasSubstr("expected a start between 0 and 0.5."));
   const Folder folder;
-  EXPECT_NO_THROW((void)Fixture(with_scenes({}, {"material.damping_shear"}), folder.path));
+  EXPECT_NO_THROW(
+      (void)ParametersFixture(with_scenes({}, {"material.damping_shear"}), folder.path));
 }
 
 }  // namespace

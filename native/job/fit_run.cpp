@@ -2,11 +2,11 @@
 #include "job/fit_run.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 #include <mutex>
 
+#include "base/clock.hpp"
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "fit/data/metrics.hpp"
@@ -31,7 +31,6 @@ namespace matterfit::job {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 
 /// Share of the whole that the fit takes; the rest is the fitted scene's simulation.
 constexpr double kFitShare = 0.9;
@@ -189,7 +188,7 @@ class FitJob {
   }
 
   void save() {
-    const double since = std::chrono::duration<double>(Clock::now() - started_).count();
+    const double since = seconds_since(started_);
     started_ = Clock::now();
     state_.seconds += since;
     state_.statements = law_statements_;

@@ -17,8 +17,8 @@
 namespace matterfit::job {
 namespace {
 
-constexpr std::size_t kFewestFrames = 3;
-constexpr std::size_t kMostFrames = 12;
+constexpr std::size_t kFewestStartFrames = 3;
+constexpr std::size_t kMostStartFrames = 12;
 /// How much more than noise leaves over, or than the fewest frames did, a flight may leave over.
 constexpr double kStillBallistic = 2.0;
 /// Of the fewest frames this part of the body's size too.
@@ -74,7 +74,7 @@ std::optional<FirstFrames> motion_of(const fit::Capture& capture, const mpm::Bod
   std::optional<FirstFrames> best;
   std::optional<double> shortest;  // left over of the fewest frames that tell
   const double rigid = kRigid * fit::body_size(body.rest);
-  for (std::size_t t = 0; t < tracks.frames() && times.size() < kMostFrames; ++t) {
+  for (std::size_t t = 0; t < tracks.frames() && times.size() < kMostStartFrames; ++t) {
     if (tracks.times[t] < -1e-9 || capture.input.held_out_frames[t] != 0) continue;
     times.push_back(tracks.times[t]);
     if (capture.clouds) {
@@ -88,7 +88,7 @@ std::optional<FirstFrames> motion_of(const fit::Capture& capture, const mpm::Bod
     if (times.size() < 2) continue;
     try {
       const auto motion = fit::initial_motion(rest, centre, times, positions, gravity);
-      if (times.size() >= kFewestFrames) {
+      if (times.size() >= kFewestStartFrames) {
         const double noise = left_by_noise(capture, times.size());
         const double limit = shortest ? kStillBallistic * std::max(noise, *shortest)
                                       : std::max(kStillBallistic * noise, rigid);

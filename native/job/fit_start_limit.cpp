@@ -9,7 +9,7 @@
 namespace matterfit::job {
 namespace {
 
-constexpr double kMost = 300.0;
+constexpr double kMostFromStart = 300.0;
 constexpr double kMoreThanStart = 10.0;
 
 }  // namespace
@@ -26,7 +26,7 @@ StartLimit::StartLimit(const std::vector<fit::Run>& runs, const std::vector<mpm:
     if (!runs[r].fitted) continue;
     for (const std::string& name : parameters.moved_materials(r)) {
       Entry entry{r, name, 0.0};
-      entry.most = std::max(kMost, kMoreThanStart * substeps(starts, entry));
+      entry.most = std::max(kMostFromStart, kMoreThanStart * substeps(starts, entry));
       entries_.push_back(std::move(entry));
     }
   }

@@ -42,7 +42,7 @@ capture::Bitmap coloured(const mpm::Scene& scene, const mpm::FrameState& state,
   return paint(scene, state, camera, painted);
 }
 
-Json fit_to_clip(const Json& colours) {
+Json fit_to_colours(const Json& colours) {
   Json document = spinning_ball(0.05);
   document["task"] = "fit";
   document["captures"] = Json::array({{{"cameras", "clip/transforms.json"}}});
@@ -61,7 +61,7 @@ TEST(ImageColours, TellASpinThatMasksLeaveUnknown) {
                                               looking(Vec3d(1.8, 0.3, 0.5), kCentre)};
   film(truth, folder.path, cameras, coloured);
   const auto fit_with = [&](const Json& colours, const std::string& out) {
-    Json document = fit_to_clip(colours);
+    Json document = fit_to_colours(colours);
     document["output"]["folder"] = out;
     return run(document, folder.path);
   };
@@ -76,7 +76,7 @@ TEST(ImageColours, TellASpinThatMasksLeaveUnknown) {
 TEST(ImageColours, WithoutTheFirstFrameNothingSaysThem) {
   const Folder folder;
   film(spinning_ball(0.04), folder.path, {looking(Vec3d(0.4, -1.4, 0.6), kCentre)}, coloured);
-  Json document = fit_to_clip(true);
+  Json document = fit_to_colours(true);
   document["captures"][0]["holdout"] = {{"frames", {0, 2}}};
   try {
     (void)run(document, folder.path);

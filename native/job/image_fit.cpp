@@ -30,7 +30,7 @@
 namespace matterfit::job {
 namespace {
 
-constexpr double kFitShare = 0.9;
+constexpr double kImageFitShare = 0.9;
 constexpr double kNarrow = 1.0;  ///< blurs [reduced pixels]
 constexpr double kWide = 4.0;
 /// Factors at which a stiffness is tried that nothing is known of.
@@ -66,7 +66,7 @@ class ImageFit {
     if (moves_cameras()) settle_sizes();
     learn_colours();
     search(kNarrow, "narrow");
-    say("Fitting: errors of the values", 0.95 * kFitShare);
+    say("Fitting: errors of the values", 0.95 * kImageFitShare);
     const fit::Uncertainty known = uncertainty();
     const Standing after = standing();
     Json document = document_to_simulate(job_, job_.output.folder);
@@ -200,7 +200,7 @@ class ImageFit {
     result.simulated = [this](int count) {
       // How many there will be is not known: half of what is left with every forty.
       const double part = 1.0 - std::exp2(-double(simulated_ + count) / 40.0);
-      say("Fitting", 0.9 * kFitShare * part);
+      say("Fitting", 0.9 * kImageFitShare * part);
     };
     return result;
   }
@@ -411,7 +411,7 @@ class ImageFit {
     if (!fitted.captures.empty()) fitted.task = Task::kCompare;
     RunExtras extras;
     extras.task = task_name(Task::kFit);
-    extras.begin = kFitShare;
+    extras.begin = kImageFitShare;
     extras.clouds = doc_.loss != FitDoc::Loss::kTracks;
     extras.finish = [&](Json& result) {
       result["fit"] = fit;

@@ -19,19 +19,6 @@ namespace {
 using namespace fit_test;
 using ::testing::HasSubstr;
 
-const Vec3d kMiddle(0.5, 0.3, 0.25);
-
-std::vector<splat::Camera> two_cameras() {
-  return {looking(Vec3d(0.6, -2.0, 0.9), kMiddle), looking(Vec3d(2.5, 0.6, 0.7), kMiddle)};
-}
-
-/// The truth at particles that lie elsewhere than the fit's.
-Json filmed_cube() {
-  Json truth = thrown_cube();
-  truth["scene"]["particle_separation"] = 0.04;
-  return truth;
-}
-
 /// What a lens makes of a pinhole's image.
 capture::Bitmap through_lens(const capture::Bitmap& ideal, const splat::Camera& camera,
                              const capture::Distortion& lens) {

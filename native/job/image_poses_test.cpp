@@ -15,21 +15,13 @@ namespace {
 
 using namespace fit_test;
 
-/// The truth at particles that lie elsewhere than the fit's.
-Json filmed_cube() {
-  Json truth = thrown_cube();
-  truth["scene"]["particle_separation"] = 0.04;
-  return truth;
-}
-
 /// A cube that is thrown past cameras that stand near, one of which is not where its file says.
 constexpr double kDegree = std::numbers::pi / 180.0;
-const Vec3d kMiddle(0.5, 0.3, 0.25);
 
 std::vector<splat::Camera> near_cameras() {
-  std::vector<splat::Camera> cameras = {looking(Vec3d(0.6, -1.3, 0.7), kMiddle),
-                                        looking(Vec3d(1.5, 0.4, 0.5), kMiddle),
-                                        looking(Vec3d(-0.5, 1.2, 0.9), kMiddle)};
+  std::vector<splat::Camera> cameras = {looking(Vec3d(0.6, -1.3, 0.7), kFlightMiddle),
+                                        looking(Vec3d(1.5, 0.4, 0.5), kFlightMiddle),
+                                        looking(Vec3d(-0.5, 1.2, 0.9), kFlightMiddle)};
   for (splat::Camera& camera : cameras) camera.fx = camera.fy = 0.75 * kClipWidth;
   return cameras;
 }
@@ -41,7 +33,7 @@ fit::CameraPose wrong_pose() {
   return pose;
 }
 
-Json fit_to_clip(const std::vector<std::string>& parameters, const std::string& cameras) {
+Json fit_with_poses(const std::vector<std::string>& parameters, const std::string& cameras) {
   Json document = thrown_cube();
   document["task"] = "fit";
   Json& body = document["scene"]["bodies"][0];
@@ -70,8 +62,8 @@ TEST(ImagePoses, ACameraThatWasTurnedAndMovedIsFoundWithTheStiffness) {
   film(filmed_cube(), folder.path, near_cameras(), drawn);
   write_wrong_cameras(folder.path);
   const Json right =
-      run(fit_to_clip({"velocity", "material.E"}, "clip/transforms.json"), folder.path);
-  Json document = fit_to_clip(
+      run(fit_with_poses({"velocity", "material.E"}, "clip/transforms.json"), folder.path);
+  Json document = fit_with_poses(
       {"velocity", "material.E", "captures.clip.poses[1].shift", "captures.clip.poses[1].turn"},
       "clip/wrong.json");
   document["output"]["folder"] = "refined";

@@ -14,17 +14,13 @@ namespace {
 
 using namespace fit_test;
 
-constexpr double kNoise = 0.02;  // of the tracks [m]
-
-std::vector<splat::Camera> two_cameras() {
-  const Vec3d middle(0.5, 0.3, 0.25);
-  return {looking(Vec3d(0.6, -2.0, 0.9), middle), looking(Vec3d(2.5, 0.6, 0.7), middle)};
-}
+constexpr double kTrackNoise = 0.02;  // of the tracks [m]
 
 const Json kImages = {{"cameras", "clip/transforms.json"},
                       {"noise", 0.3},
                       {"holdout", {{"frames", {12, 14}}, {"cameras", {1}}}}};
-const Json kTracks = {{"tracks", "a.npz"}, {"noise", kNoise}, {"holdout", {{"frames", {12, 14}}}}};
+const Json kTrackCapture = {
+    {"tracks", "a.npz"}, {"noise", kTrackNoise}, {"holdout", {{"frames", {12, 14}}}}};
 
 Json fit_to(const std::vector<Json>& captures, const std::string& out) {
   Json document = thrown_cube();
@@ -41,10 +37,10 @@ TEST(ImageTracks, EachCountsByItsNoise) {
   Json truth = thrown_cube();
   truth["scene"]["particle_separation"] = 0.04;
   film(truth, folder.path, two_cameras());
-  record(thrown_cube(), folder.path, "a", 5, kNoise / kSize);
+  record(thrown_cube(), folder.path, "a", 5, kTrackNoise / kSize);
   const Json images = run(fit_to({kImages}, "images"), folder.path);
-  const Json tracks = run(fit_to({kTracks}, "tracks"), folder.path);
-  const Json both = run(fit_to({kImages, kTracks}, "both"), folder.path);
+  const Json tracks = run(fit_to({kTrackCapture}, "tracks"), folder.path);
+  const Json both = run(fit_to({kImages, kTrackCapture}, "both"), folder.path);
   const std::vector<double> thrown = {0.8, 0.3, -1.5};
   for (std::size_t k = 0; k < 3; ++k) {
     const auto of = [&](const Json& result, const char* key) {
@@ -69,7 +65,7 @@ TEST(ImageTracks, EachCountsByItsNoise) {
     EXPECT_LT(fit.at("noise_scales").at(kind).get<double>(), 3.0) << kind;
   }
   EXPECT_NEAR(fit.at("after").at("held_out").at("rms_mm").get<double>(),
-              1e3 * std::sqrt(3.0) * kNoise, 20.0);
+              1e3 * std::sqrt(3.0) * kTrackNoise, 20.0);
   const Json& held = fit.at("silhouettes").at("after").at("held_out");
   EXPECT_EQ(held.at("images"), 14 + 2);
   EXPECT_GT(held.at("iou").get<double>(), 0.9);
@@ -84,7 +80,7 @@ TEST(ImageTracks, ValuesOfCapturesStandInTheirEntries) {
   const Folder folder;
   film(thrown_cube(), folder.path, two_cameras());
   record(thrown_cube(), folder.path, "a", 5);
-  Json document = fit_to({kImages, kTracks}, "out");
+  Json document = fit_to({kImages, kTrackCapture}, "out");
   document["captures"][1]["holdout"] = {{"capture", true}};
   document["fit"] = {
       {"parameters", {"velocity", "captures.clip.start_frame", "captures.clip.poses[0].turn[1]"}},

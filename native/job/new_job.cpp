@@ -23,9 +23,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kFewest = 4;    // frames, and points
-constexpr double kCellsAcross = 6.0;  // the preset Standard, of the thinnest part
-constexpr double kFewestParticles = 1e3;
+constexpr std::size_t kFewestSamples = 4;  // frames, and points
+constexpr double kStandardCells = 6.0;     // the preset Standard, of the thinnest part
+constexpr double kFewestStandardParticles = 1e3;
 constexpr double kHeldOut = 0.25;  // share of the frames
 // Where a search begins: E/ρ [m²/s²] of soft rubber, for a flight does not tell E, and a foam that
 // is as stiff as rubber has waves that take many times the substeps.
@@ -40,9 +40,10 @@ Points first_frame(const capture::Tracks& tracks, const std::string& name) {
     for (std::size_t i = 0; i < tracks.points; ++i) count += tracks.is_visible(frame, i) ? 1 : 0;
     return count;
   };
-  if (seen(first) < kFewest) {
+  if (seen(first) < kFewestSamples) {
     throw_input(name + ": the first frame shows " + std::to_string(seen(first)) +
-                " points; at least " + std::to_string(kFewest) + " are needed to say where the " +
+                " points; at least " + std::to_string(kFewestSamples) +
+                " are needed to say where the " +
                 "body is. Cut the recording to begin where it is seen.");
   }
   Points rest(tracks.points, Vec3d::Zero());
@@ -122,13 +123,13 @@ std::optional<capture::Mesh> mesh_of(const fs::path& path, const Points& rest) {
 }
 
 /// Volume and surface of the body [m³, m²]; of points those of their box.
-struct Extent {
+struct BodySize {
   double volume = 0.0;
   double area = 0.0;
 };
 
-Extent extent_of(const capture::Mesh& mesh) {
-  Extent extent;
+BodySize size_of(const capture::Mesh& mesh) {
+  BodySize extent;
   const auto triangles = shape::triangulate("the recording's mesh", mesh.vertices, mesh.face_sizes,
                                             mesh.face_vertices);
   for (const shape::Triangle& t : triangles) {
@@ -142,7 +143,7 @@ Extent extent_of(const capture::Mesh& mesh) {
   return extent;
 }
 
-Extent extent_of(const Points& points) {
+BodySize size_of(const Points& points) {
   Eigen::AlignedBox3d box;
   for (const Vec3d& x : points) box.extend(x);
   const Vec3d s = box.sizes();
@@ -151,11 +152,11 @@ Extent extent_of(const Points& points) {
 
 /// Six cells across 2 V/A, which is a plate's thickness and two thirds of a ball's radius, as far
 /// as the number of particles allows; two significant digits, so that it reads well.
-double separation_of(const Extent& extent, std::size_t particles) {
+double separation_of(const BodySize& extent, std::size_t particles) {
   const double thickness = 2.0 * extent.volume / extent.area;
-  double h = thickness / (2.0 * kCellsAcross);
+  double h = thickness / (2.0 * kStandardCells);
   h = std::max(h, std::cbrt(extent.volume / static_cast<double>(particles)));
-  h = std::min(h, std::cbrt(extent.volume / kFewestParticles));
+  h = std::min(h, std::cbrt(extent.volume / kFewestStandardParticles));
   return std::stod(fmt::format("{:.2g}", h));
 }
 
@@ -184,13 +185,13 @@ void write_new_job(const NewJobOptions& options) {
   reading.up = options.up;
   if (options.noise) reading.noise = {*options.noise};
   const capture::Tracks tracks = capture::read_tracks(options.capture, reading);
-  if (tracks.frames() < kFewest) {
+  if (tracks.frames() < kFewestSamples) {
     throw_input(name + ": has " + std::to_string(tracks.frames()) + " frames; at least " +
-                std::to_string(kFewest) + " are needed to see a motion.");
+                std::to_string(kFewestSamples) + " are needed to see a motion.");
   }
   const Points rest = first_frame(tracks, name);
   const auto mesh = mesh_of(options.capture, rest);
-  const Extent extent = mesh ? extent_of(*mesh) : extent_of(rest);
+  const BodySize extent = mesh ? size_of(*mesh) : size_of(rest);
   if (!(extent.volume > 0.0)) {
     throw_input(name + ": the points of the first frame enclose no volume. Give 'faces' of a " +
                 "closed mesh in the file, or write the body into the document by hand.");

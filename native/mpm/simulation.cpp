@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mpm/simulation.hpp"
 
-#include <chrono>
 #include <utility>
 
+#include "base/clock.hpp"
 #include "mpm/scene_check.hpp"
 #include "mpm/stepper.hpp"
 
@@ -24,10 +24,10 @@ const Scene& Simulation::scene() const { return impl_->stepper.scene(); }
 int Simulation::frame() const { return impl_->stepper.frame(); }
 
 FrameReport Simulation::advance(const Interrupter& interrupter) {
-  const auto begin = std::chrono::steady_clock::now();
+  const auto begin = Clock::now();
   FrameReport report;
   impl_->arena->execute([&] { report = impl_->stepper.advance(interrupter); });
-  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  report.seconds = seconds_since(begin);
   return report;
 }
 

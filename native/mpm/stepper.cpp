@@ -2,12 +2,12 @@
 #include "mpm/stepper.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <sstream>
 #include <type_traits>
 #include <utility>
 
+#include "base/clock.hpp"
 #include "base/error.hpp"
 #include "mpm/body_terms.hpp"
 #include "mpm/kernels.hpp"
@@ -362,13 +362,13 @@ SubstepCost Stepper<S>::measure(double seconds, const Interrupter& interrupter) 
   cost.dt = 1.0 / (scene_.fps * count);
   FrameReport report;
   begin_frame(static_cast<int>(count));
-  const auto begin = std::chrono::steady_clock::now();
+  const auto begin = Clock::now();
   int done = 0;
   double spent = 0.0;
   while (done < count && (done == 0 || spent < seconds)) {
     step(time_of(frame_) + done * cost.dt, cost.dt, report);
     ++done;
-    spent = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    spent = seconds_since(begin);
   }
   cost.seconds = spent / done;
   return cost;

@@ -99,7 +99,7 @@ INSTANTIATE_TEST_SUITE_P(Catalogue, EachTerm,
                                   formulation_name(std::get<0>(info.param));
                          });
 
-Vec3d mean(const std::vector<Vec3f>& values) {
+Vec3d mean_of(const std::vector<Vec3f>& values) {
   Vec3d sum = Vec3d::Zero();
   for (const Vec3f& value : values) sum += value.cast<double>();
   return sum / static_cast<double>(values.size());
@@ -117,9 +117,9 @@ TEST_P(Flight, UnderLinearDragDecaysExponentially) {
   scene.effects.push_back(strong("drag_linear"));
   const BodyState end = last_state(scene).bodies[0];
   // v₀ exp(−k t), t = .5 s; velocities are those of half a substep before.
-  EXPECT_NEAR(mean(end.velocities).x(), 3.0 * std::exp(-1.0), 5e-3);
-  EXPECT_NEAR(mean(end.velocities).z(), std::exp(-1.0), 2e-3);
-  EXPECT_NEAR(mean(end.positions).x(), 1.5 * (1.0 - std::exp(-1.0)), 2e-3);
+  EXPECT_NEAR(mean_of(end.velocities).x(), 3.0 * std::exp(-1.0), 5e-3);
+  EXPECT_NEAR(mean_of(end.velocities).z(), std::exp(-1.0), 2e-3);
+  EXPECT_NEAR(mean_of(end.positions).x(), 1.5 * (1.0 - std::exp(-1.0)), 2e-3);
 }
 
 TEST_P(Flight, UnderQuadraticDragHasTheBodysOwnCoefficient) {
@@ -134,8 +134,8 @@ TEST_P(Flight, UnderQuadraticDragHasTheBodysOwnCoefficient) {
   const double area = std::numbers::pi * std::pow(0.75 * volume / std::numbers::pi, 2.0 / 3.0);
   const double k = 0.5 * 20.0 * 0.47 * area / (body.density * volume);  // v' = −k v²
   const BodyState end = last_state(scene).bodies[0];
-  EXPECT_NEAR(mean(end.velocities).x(), 6.0 / (1.0 + k * 6.0 * 0.5), 1e-2);
-  EXPECT_NEAR(mean(end.positions).x(), std::log(1.0 + k * 6.0 * 0.5) / k, 3e-3);
+  EXPECT_NEAR(mean_of(end.velocities).x(), 6.0 / (1.0 + k * 6.0 * 0.5), 1e-2);
+  EXPECT_NEAR(mean_of(end.positions).x(), std::log(1.0 + k * 6.0 * 0.5) / k, 3e-3);
 }
 
 TEST_P(Flight, InWindAndStillAirIsThatInMovingAir) {
@@ -144,8 +144,8 @@ TEST_P(Flight, InWindAndStillAirIsThatInMovingAir) {
   scene.effects = {strong("drag_quadratic"), strong("wind")};
   Scene moving = ball(GetParam(), Vec3d(2.0, 1.0, 0.0) - air);
   moving.effects = {strong("drag_quadratic")};
-  const Vec3d seen = mean(last_state(scene).bodies[0].positions);
-  const Vec3d from_the_air = mean(last_state(moving).bodies[0].positions);
+  const Vec3d seen = mean_of(last_state(scene).bodies[0].positions);
+  const Vec3d from_the_air = mean_of(last_state(moving).bodies[0].positions);
   EXPECT_LT((seen - from_the_air - 0.5 * air).norm(), 1e-3);
 }
 
@@ -156,7 +156,7 @@ TEST_P(Flight, UnderBuoyancyMovesAsTheDisplacedMassSays) {
   set(buoyancy, "medium_density", 100.0);
   scene.effects.push_back(buoyancy);
   // (ρ_m − ρ) g / (ρ + ½ ρ_m) = 5 m/s² upwards, for .5 s.
-  EXPECT_NEAR(mean(last_state(scene).bodies[0].positions).z(), 0.125 * 5.0, 2e-3);
+  EXPECT_NEAR(mean_of(last_state(scene).bodies[0].positions).z(), 0.125 * 5.0, 2e-3);
 }
 
 TEST_P(Flight, IsTheSameBitForBitWithNeutralEffects) {

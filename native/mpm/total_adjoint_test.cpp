@@ -15,7 +15,7 @@ namespace matterfit::mpm {
 namespace {
 
 constexpr double kH = 0.025;
-constexpr double kDt = 2e-4;
+constexpr double kTotalDt = 2e-4;
 constexpr int kSteps = 24;
 constexpr int kObserved[] = {11, 23};
 constexpr double kSmoothing = 0.05;
@@ -103,7 +103,7 @@ struct Rollout {
   }
 
   [[nodiscard]] static double smoothing(int step) { return step % 8 == 7 ? kSmoothing : 0.0; }
-  [[nodiscard]] static double kick(int step) { return step == 0 ? 0.5 * kDt : kDt; }
+  [[nodiscard]] static double kick(int step) { return step == 0 ? 0.5 * kTotalDt : kTotalDt; }
 
   template <class S>
   double run(std::vector<TotalState<S>>* record) const {
@@ -112,8 +112,8 @@ struct Rollout {
     double loss = 0.0;
     for (int n = 0; n < kSteps; ++n) {
       if (record != nullptr) record->push_back(body.record());
-      body.compute_forces(arena, kDt, true);
-      body.step_nodes(arena, kick(n), kDt, scene.gravity.at(0.0), n * kDt);
+      body.compute_forces(arena, kTotalDt, true);
+      body.step_nodes(arena, kick(n), kTotalDt, scene.gravity.at(0.0), n * kTotalDt);
       if (smoothing(n) > 0.0) body.smooth_velocities(arena, smoothing(n));
       if (n != kObserved[0] && n != kObserved[1]) continue;
       for (std::uint32_t p = 0; p < weights.size(); ++p) {
@@ -144,7 +144,7 @@ struct Rollout {
         for (const Vec3d& weight : weights) position_bar.emplace_back(1e3 * weight);
         adjoint.add_particles(arena, position_bar, {}, {}, bar);
       }
-      adjoint.substep(arena, {n * kDt, kDt, kick(n), smoothing(n), scene.gravity.at(0.0)},
+      adjoint.substep(arena, {n * kTotalDt, kTotalDt, kick(n), smoothing(n), scene.gravity.at(0.0)},
                       record[static_cast<std::size_t>(n)], bar);
     }
     return {adjoint.initial(bar), adjoint.material_gradient(bar), bar.gravity, bar.log_density};

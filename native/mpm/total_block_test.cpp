@@ -12,26 +12,26 @@
 namespace matterfit::mpm {
 namespace {
 
-constexpr double kH = 0.025;
+constexpr double kBlockH = 0.025;
 
 /// Five blocks of cells long, turned, with random node displacements and velocities.
 struct Bar {
   Scene scene;
   std::unique_ptr<TotalBody<double>> body;
   Bar() {
-    scene.dx = 2.0 * kH;
+    scene.dx = 2.0 * kBlockH;
     Body bar;
     bar.name = "bar";
     bar.density = 1000.0;
     bar.formulation = Formulation::kTotal;
     bar.lattice.regular = true;
-    bar.lattice.spacing = kH;
+    bar.lattice.spacing = kBlockH;
     bar.lattice.axes = Quatd(Eigen::AngleAxisd(0.4, Vec3d(1, 2, 3).normalized()));
     for (int i = 0; i < 40; ++i)
       for (int j = 0; j < 4; ++j)
         for (int k = 0; k < 4; ++k) {
-          bar.rest.emplace_back(bar.lattice.axes * (kH * Vec3d(i + 0.5, j + 0.5, k + 0.5)));
-          bar.volumes.push_back(kH * kH * kH);
+          bar.rest.emplace_back(bar.lattice.axes * (kBlockH * Vec3d(i + 0.5, j + 0.5, k + 0.5)));
+          bar.volumes.push_back(kBlockH * kBlockH * kBlockH);
         }
     scene.bodies.push_back(bar);
     body = std::make_unique<TotalBody<double>>(scene.bodies[0], scene,
@@ -52,7 +52,7 @@ TEST(TotalBlock, TellsOfPointsHereAndElsewhereWhatTheBodyDoes) {
   for (std::size_t b = 0; b < bar.body->blocks(); ++b) {
     const TotalBlock<double> block(*bar.body, b);
     for (std::uint32_t p = 0; p < bar.body->particles(); p += 7) {
-      const auto place = bar.body->place(p, Vec3d(0.3 * kH, -0.2 * kH, 0.1 * kH));
+      const auto place = bar.body->place(p, Vec3d(0.3 * kBlockH, -0.2 * kBlockH, 0.1 * kBlockH));
       ++(block.holds(place) ? here : elsewhere);
       const auto point = bar.body->point(place);
       const auto expected = bar.body->state(point);
@@ -70,7 +70,7 @@ TEST(TotalBlock, TellsOfPointsHereAndElsewhereWhatTheBodyDoes) {
 TEST(BlockField, AddsTheTransposeOfWhatItTells) {
   const Bar bar;
   const TotalGrid& grid = bar.body->grid();
-  const auto place = bar.body->place(77, Vec3d(0.3 * kH, -0.2 * kH, 0.1 * kH));
+  const auto place = bar.body->place(77, Vec3d(0.3 * kBlockH, -0.2 * kBlockH, 0.1 * kBlockH));
   const std::size_t block = place.cell.block;
   BlockField field;
   field.gather(grid, block, bar.body->displacement().data());

@@ -17,11 +17,11 @@ namespace {
 using validation::ball_body;
 using validation::box_body;
 
-constexpr double kDx = 0.02;
+constexpr double kBodyDx = 0.02;
 
 Scene scene_of(Body body) {
   Scene scene;
-  scene.dx = kDx;
+  scene.dx = kBodyDx;
   body.formulation = Formulation::kTotal;
   scene.bodies.push_back(std::move(body));
   return scene;
@@ -48,7 +48,7 @@ double momentum(const TotalGrid& grid, const std::vector<double>& field) {
 
 /// Of a ball, whose skin has cells that are nearly empty.
 TEST(CorrectedLumping, KeepsUniformFieldsAndMomentum) {
-  const Scene scene = scene_of(ball_body("ball", Vec3d(0.1, 0.2, 0.3), 0.07, 0.5 * kDx));
+  const Scene scene = scene_of(ball_body("ball", Vec3d(0.1, 0.2, 0.3), 0.07, 0.5 * kBodyDx));
   Arena arena(1);
   TotalBody<double> body(scene.bodies[0], scene, kernels<double>(SimdTarget::kAuto));
   const TotalGrid& grid = body.grid();
@@ -77,7 +77,7 @@ TEST(CorrectedLumping, KeepsUniformFieldsAndMomentum) {
 /// Nodes that the skin of a ball hardly reaches are raised, and neither the mass nor its centre
 /// moves by that.
 TEST(TotalGrid, ReachesThePlanesOfTheSkinAndElseTheFaceOfTheBox) {
-  mpm::Body body = ball_body("ball", Vec3d::Zero(), 0.07, 0.5 * kDx);
+  mpm::Body body = ball_body("ball", Vec3d::Zero(), 0.07, 0.5 * kBodyDx);
   const double side = std::cbrt(body.volumes[7]);
   const Vec3d out = Vec3d(1.0, 2.0, -1.0).normalized();
   body.skin = {{7, out, 0.8 * side}};
@@ -112,9 +112,9 @@ TEST(TotalGrid, ReachesThePlanesOfTheSkinAndElseTheFaceOfTheBox) {
 }
 
 TEST(TotalGrid, RaisesLightNodesWithinTheBody) {
-  const Scene scene = scene_of(ball_body("ball", Vec3d(0.1, 0.2, 0.3), 0.07, 0.5 * kDx));
+  const Scene scene = scene_of(ball_body("ball", Vec3d(0.1, 0.2, 0.3), 0.07, 0.5 * kBodyDx));
   const TotalGrid grid(scene.bodies[0], scene);
-  const double least = 0.99e-3 * 1000.0 * kDx * kDx * kDx;
+  const double least = 0.99e-3 * 1000.0 * kBodyDx * kBodyDx * kBodyDx;
   int light = 0;
   double mass = 0.0;
   Vec3d moment = Vec3d::Zero();
@@ -130,7 +130,7 @@ TEST(TotalGrid, RaisesLightNodesWithinTheBody) {
   }
   EXPECT_GT(light, 0);
   EXPECT_NEAR(mass, grid.total_mass(), 1e-12 * grid.total_mass());
-  EXPECT_LT(moment.norm(), 1e-12 * grid.total_mass() * kDx);
+  EXPECT_LT(moment.norm(), 1e-12 * grid.total_mass() * kBodyDx);
 }
 
 /// B/M for a wave of k radians a cell along an axis, by two Gauss points a cell:
@@ -149,19 +149,20 @@ double mass_of_wave(double k) {
 
 /// In the middle of a block of full cells.
 TEST(CorrectedLumping, OfAWaveIsTwiceItLessTheMassMatrix) {
-  const Scene scene = scene_of(box_body("box", Vec3d::Zero(), Vec3d(16, 8, 8) * kDx, 0.5 * kDx));
+  const Scene scene =
+      scene_of(box_body("box", Vec3d::Zero(), Vec3d(16, 8, 8) * kBodyDx, 0.5 * kBodyDx));
   Arena arena(1);
   TotalBody<double> body(scene.bodies[0], scene, kernels<double>(SimdTarget::kAuto));
   const TotalGrid& grid = body.grid();
   for (const double k : {0.3, 1.0, std::numbers::pi}) {
-    const auto wave = [&](const Vec3d& x) { return std::cos(k * x[0] / kDx); };
+    const auto wave = [&](const Vec3d& x) { return std::cos(k * x[0] / kBodyDx); };
     const std::vector<double> before = field_of(grid, wave);
     std::vector<double> after = before;
     body.correct_lumping(arena, after);
     const double expected = 2.0 - mass_of_wave(k);
     int seen = 0;
     for (std::uint32_t n = 0; n < grid.mass().size(); ++n) {
-      const Vec3d x = grid.node_position(n) / kDx;
+      const Vec3d x = grid.node_position(n) / kBodyDx;
       if ((x - Vec3d(8, 4, 4)).cwiseAbs().maxCoeff() > 1.1) continue;
       const std::size_t i = component_of(n, 0);
       EXPECT_NEAR(after[i], expected * before[i], 1e-9);

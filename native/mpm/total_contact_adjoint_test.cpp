@@ -17,11 +17,11 @@ namespace {
 
 using namespace shape::test_colliders;
 
-constexpr double kH = 0.025;
-constexpr double kDt = 2e-4;
-constexpr int kSteps = 60;
+constexpr double kContactH = 0.025;
+constexpr double kContactDt = 2e-4;
+constexpr int kContactSteps = 60;
 
-struct Rollout {
+struct ContactRollout {
   Shape shape = Shape::kPlane;
   Place place;
   Vec3d velocity = Vec3d(0.8, 0.3, -1.5);
@@ -30,7 +30,7 @@ struct Rollout {
   bool with_mass = false;
   bool rounded = false;  ///< planes of a skin cut across the boxes of the outer particles
   int length = 4;        ///< in particles
-  double dx = 2.0 * kH;
+  double dx = 2.0 * kContactH;
 
   [[nodiscard]] Scene scene() const {
     Scene scene;
@@ -47,17 +47,17 @@ struct Rollout {
     body.velocity = velocity;
     body.spin = Vec3d(1, -2, 0.5);
     body.lattice.regular = true;
-    body.lattice.spacing = kH;
+    body.lattice.spacing = kContactH;
     for (int i = 0; i < length; ++i)
       for (int j = 0; j < 4; ++j)
         for (int k = 0; k < 4; ++k) {
-          body.rest.emplace_back(kH * Vec3d(i + 4.5 - length, j + 0.5, k + 1.4));
-          body.volumes.push_back(kH * kH * kH);
+          body.rest.emplace_back(kContactH * Vec3d(i + 4.5 - length, j + 0.5, k + 1.4));
+          body.volumes.push_back(kContactH * kContactH * kContactH);
         }
     // Some that the collider's direction has before it, some aside, at several depths.
     for (std::uint32_t p = 0; rounded && p < body.rest.size(); p += p % 3 == 0 ? 1 : 2) {
       const Vec3d out(0.3 + 0.05 * (p % 5), -0.2 + 0.1 * (p % 4), -1.0);
-      body.skin.push_back({p, out.normalized(), kH * (0.4 + 0.1 * (p % 7))});
+      body.skin.push_back({p, out.normalized(), kContactH * (0.4 + 0.1 * (p % 7))});
     }
     if (with_mass) body.masses.push_back({Vec3d(0.06, 0.05, 0.1), 0.1, 0.0});
     scene.bodies.push_back(body);
@@ -68,7 +68,7 @@ struct Rollout {
   static Vec3d weight(std::uint32_t p) {
     return {std::sin(1.0 + p), std::cos(2.0 * p), std::sin(3.0 + 0.7 * p)};
   }
-  static double kick(int n) { return n == 0 ? 0.5 * kDt : kDt; }
+  static double kick(int n) { return n == 0 ? 0.5 * kContactDt : kContactDt; }
 
   struct Record {
     std::vector<TotalState<double>> states;
@@ -83,16 +83,16 @@ struct Rollout {
     TotalBody<double> body(s.bodies[0], s, kernels<double>(SimdTarget::kAuto));
     TotalContact<double> contact(s.bodies[0], s, body);
     contact.wake(0.01, 9.81);
-    for (int n = 0; n < kSteps; ++n) {
+    for (int n = 0; n < kContactSteps; ++n) {
       if (record != nullptr) {
         record->states.push_back(body.record());
         record->memories.push_back(contact.record().memory);
         record->touching += record->memories.back().size();
       }
       body.clear_loads();
-      contact.apply(arena, body, n * kDt, kDt);
-      body.compute_forces(arena, kDt, true);
-      body.step_nodes(arena, kick(n), kDt, s.gravity.at(0.0), n * kDt);
+      contact.apply(arena, body, n * kContactDt, kContactDt);
+      body.compute_forces(arena, kContactDt, true);
+      body.step_nodes(arena, kick(n), kContactDt, s.gravity.at(0.0), n * kContactDt);
     }
     if (record != nullptr) record->memories.push_back(contact.record().memory);
     double loss = 0.0;
@@ -118,10 +118,10 @@ struct Rollout {
     std::vector<Vec3d> position_bar;
     for (std::uint32_t p = 0; p < body.particles(); ++p) position_bar.emplace_back(1e3 * weight(p));
     adjoint.add_particles(arena, position_bar, {}, {}, bar);
-    for (int n = kSteps - 1; n >= 0; --n) {
+    for (int n = kContactSteps - 1; n >= 0; --n) {
       contact.set_memory(record.memories[static_cast<std::size_t>(n)],
                          record.memories[static_cast<std::size_t>(n) + 1]);
-      adjoint.substep(arena, {n * kDt, kDt, kick(n), 0.0, s.gravity.at(0.0)},
+      adjoint.substep(arena, {n * kContactDt, kContactDt, kick(n), 0.0, s.gravity.at(0.0)},
                       record.states[static_cast<std::size_t>(n)], bar, {&contact});
     }
     return {adjoint.initial(bar), adjoint.material_gradient(bar), bar.log_density,
@@ -131,7 +131,7 @@ struct Rollout {
 
 /// `found` against differences when x moves; where a particle comes into contact between the two
 /// sides the difference is none, and a smaller step counts.
-void expect(Rollout& rollout, double& x, double step, double factor, double found,
+void expect(ContactRollout& rollout, double& x, double step, double factor, double found,
             const std::string& what) {
   const double at = x;
   const auto value = [&](double by) {
@@ -180,20 +180,20 @@ TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
       {"moving mesh", Shape::kMovingMesh, shape::ContactKind::kSeparating, 0.0, false},
   };
   for (const Case& item : cases) {
-    Rollout rollout;
+    ContactRollout rollout;
     rollout.shape = item.shape;
     rollout.place.kind = item.kind;
     rollout.place.mu = item.mu;
     rollout.with_mass = item.mass;
     rollout.rounded = item.rounded;
     if (item.across_blocks) {
-      rollout.dx = 2.15 * kH;
+      rollout.dx = 2.15 * kContactH;
       rollout.length = 14;
     }
     rollout.material.law = material::Law::kNeoHookean;
     rollout.material.youngs_modulus = 2e5;
     rollout.material.poisson_ratio = 0.35;
-    Rollout::Record record;
+    ContactRollout::Record record;
     (void)rollout.run(&record);
     ASSERT_GT(record.touching, 100U) << item.name;
     const auto g = rollout.gradient(record);

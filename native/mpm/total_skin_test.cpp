@@ -13,15 +13,15 @@
 namespace matterfit::mpm {
 namespace {
 
-constexpr double kDx = 0.02;
+constexpr double kSkinDx = 0.02;
 
 /// A ball whose lattice lies anywhere in its grid: nodes of every mass.
 class Ties : public ::testing::Test {
  protected:
   Ties() {
-    scene_.dx = kDx;
+    scene_.dx = kSkinDx;
     scene_.grid_shift = Vec3d(0.3, 0.6, 0.1);
-    scene_.bodies.push_back(validation::ball_body("ball", Vec3d(1, 2, 3), 0.05, 0.5 * kDx));
+    scene_.bodies.push_back(validation::ball_body("ball", Vec3d(1, 2, 3), 0.05, 0.5 * kSkinDx));
     grid_ = std::make_unique<TotalGrid>(scene_.bodies[0], scene_);
     ties_ = std::make_unique<SkinTies>(*grid_, scene_.bodies[0].density,
                                        std::vector<std::uint8_t>(grid_->mass().size(), 0));
@@ -94,7 +94,7 @@ TEST_F(Ties, MakeNoNodeFast) {
     for (std::size_t k = 0; k < next.size(); ++k) mode[k] = scale * next[k];
   }
   EXPECT_GT(omega_squared, 0.0);
-  EXPECT_LT(omega_squared * density * kDx * kDx, 30.0);
+  EXPECT_LT(omega_squared * density * kSkinDx * kSkinDx, 30.0);
 }
 
 }  // namespace

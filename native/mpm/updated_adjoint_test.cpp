@@ -19,7 +19,7 @@ using material::Law;
 using material::Material;
 
 /// Gradients (by the logarithm of what is positive) are of this size.
-constexpr double kScale = 0.1;
+constexpr double kCaseScale = 0.1;
 
 Scene free_scene(const Material& material) {
   Scene scene;
@@ -30,13 +30,13 @@ Scene free_scene(const Material& material) {
   return scene;
 }
 
-struct Case {
+struct AdjointCase {
   std::string name;
   Material material;
 };
 
-std::vector<Case> cases() {
-  std::vector<Case> all;
+std::vector<AdjointCase> adjoint_cases() {
+  std::vector<AdjointCase> all;
   Material m;
   m.youngs_modulus = 3e5;
   m.poisson_ratio = 0.3;
@@ -90,7 +90,7 @@ void expect_material(UpdatedRollout& rollout, const UpdatedRollout::Gradient& al
     const auto of = [&](const char* what, double gradient, double Material::*member) {
       const double value = m.*member;
       rollout.expect(
-          value * gradient, kScale, name + ", " + what, 1e-4 * value,
+          value * gradient, kCaseScale, name + ", " + what, 1e-4 * value,
           [&](Scene& scene, double by) { scene.bodies[b].material.*member += by; }, value);
     };
     const bool fluid = m.law == Law::kNewtonian;
@@ -118,12 +118,12 @@ void expect_material(UpdatedRollout& rollout, const UpdatedRollout::Gradient& al
     for (std::size_t k = 0; k < m.maxwell.size(); ++k) {
       const double modulus = m.maxwell[k].modulus;
       rollout.expect(
-          modulus * g.maxwell[k].modulus, kScale, name + ", modulus", 1e-3 * modulus,
+          modulus * g.maxwell[k].modulus, kCaseScale, name + ", modulus", 1e-3 * modulus,
           [&](Scene& scene, double by) { scene.bodies[b].material.maxwell[k].modulus += by; },
           modulus);
       const double time = m.maxwell[k].time;
       rollout.expect(
-          time * g.maxwell[k].time, kScale, name + ", time", 1e-3 * time,
+          time * g.maxwell[k].time, kCaseScale, name + ", time", 1e-3 * time,
           [&](Scene& scene, double by) { scene.bodies[b].material.maxwell[k].time += by; }, time);
     }
   }
@@ -165,7 +165,7 @@ std::pair<int, int> crossings(const std::vector<UpdatedRecord<double>>& records,
 }
 
 TEST(UpdatedAdjoint, MatchesDifferencesForEveryLaw) {
-  for (const Case& item : cases()) {
+  for (const AdjointCase& item : adjoint_cases()) {
     UpdatedRollout rollout(free_scene(item.material));
     std::vector<UpdatedRecord<double>> records;
     (void)rollout.run<double>(&records);
@@ -174,7 +174,7 @@ TEST(UpdatedAdjoint, MatchesDifferencesForEveryLaw) {
     EXPECT_GT(block, 5) << item.name;
     const auto g = rollout.gradient<double>(records);
     expect_material(rollout, g, item.name);
-    rollout.expect_start(g, kScale, item.name);
+    rollout.expect_start(g, kCaseScale, item.name);
     record_worst(item.name, rollout.worst);
   }
 }
@@ -212,12 +212,12 @@ TEST(UpdatedAdjoint, MatchesDifferencesForBodiesThatShareAGridAndAGround) {
   EXPECT_FALSE(records.back().holds.empty());
   const auto g = rollout.gradient<double>(records);
   expect_material(rollout, g, "two bodies");
-  rollout.expect_start(g, kScale, "two bodies");
+  rollout.expect_start(g, kCaseScale, "two bodies");
   record_worst("two bodies", rollout.worst);
 }
 
 TEST(UpdatedAdjoint, FloatsAgreeWithDoubleAndThreadsDoNotMatter) {
-  for (const Case& item : cases()) {
+  for (const AdjointCase& item : adjoint_cases()) {
     UpdatedRollout rollout(free_scene(item.material));
     shape::Contact contact;
     contact.stiffness = 4e6;

@@ -18,8 +18,8 @@ using namespace shape::test_colliders;
 using material::Law;
 using material::Material;
 
-constexpr double kH = 0.025;
-constexpr double kScale = 0.1;
+constexpr double kLoadedH = 0.025;
+constexpr double kLoadedScale = 0.1;
 
 Material material_of(Law law) {
   Material m;
@@ -37,10 +37,10 @@ Material material_of(Law law) {
 Scene scene_of(Law law) {
   Scene scene;
   scene.fps = 100.0;
-  scene.dx = 2.0 * kH;
+  scene.dx = 2.0 * kLoadedH;
   scene.gravity = shape::Keyed<Vec3d>(Vec3d(0, 0, -9.81));
   scene.bodies.push_back(
-      updated_block_body(material_of(law), Vec3d(0.01, 0.005, 0.0225), 4, kH, 5));
+      updated_block_body(material_of(law), Vec3d(0.01, 0.005, 0.0225), 4, kLoadedH, 5));
   Body& body = scene.bodies[0];
   body.velocity = Vec3d(0.8, 0.3, -1.5);
   body.particle_velocities.clear();
@@ -54,7 +54,7 @@ void expect_collider(UpdatedRollout& rollout, const UpdatedRollout::Gradient& g,
   const auto check = [&](double gradient, const std::string& what, double step, double factor,
                          const std::function<void(Place&, double)>& change) {
     rollout.expect(
-        factor * gradient, kScale, name + ", " + what, step,
+        factor * gradient, kLoadedScale, name + ", " + what, step,
         [&](Scene& scene, double by) {
           Place moved = place;
           change(moved, by);
@@ -79,19 +79,19 @@ void expect_collider(UpdatedRollout& rollout, const UpdatedRollout::Gradient& g,
   }
 }
 
-void expect_material(UpdatedRollout& rollout, const UpdatedRollout::Gradient& g,
-                     const std::string& name) {
+void expect_loaded_material(UpdatedRollout& rollout, const UpdatedRollout::Gradient& g,
+                            const std::string& name) {
   const Material& m = rollout.scene.bodies[0].material;
   const bool fluid = m.law == Law::kNewtonian;
   const auto member = fluid ? &Material::viscosity : &Material::youngs_modulus;
   const double value = m.*member;
   rollout.expect(
-      value * (fluid ? g.material[0].viscosity : g.material[0].youngs_modulus), kScale,
+      value * (fluid ? g.material[0].viscosity : g.material[0].youngs_modulus), kLoadedScale,
       name + ", material", 1e-4 * value,
       [&](Scene& scene, double by) { scene.bodies[0].material.*member += by; }, value);
 }
 
-struct Case {
+struct LoadedCase {
   const char* name;
   Law law;
   Shape shape;
@@ -100,7 +100,7 @@ struct Case {
 };
 
 TEST(UpdatedLoadsAdjoint, MatchesDifferencesForParticleContact) {
-  const Case cases[] = {
+  const LoadedCase cases[] = {
       {"sliding", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kFriction, 0.2},
       {"sticking by friction", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kFriction, 5.0},
       {"sticky", Law::kFixedCorotated, Shape::kPlane, shape::ContactKind::kSticky, 0.0},
@@ -121,7 +121,7 @@ TEST(UpdatedLoadsAdjoint, MatchesDifferencesForParticleContact) {
       {"sand on a moving mesh", Law::kDruckerPrager, Shape::kMovingMesh,
        shape::ContactKind::kFriction, 0.3},
   };
-  for (const Case& item : cases) {
+  for (const LoadedCase& item : cases) {
     Place place;
     place.kind = item.kind;
     place.mu = item.mu;
@@ -135,15 +135,15 @@ TEST(UpdatedLoadsAdjoint, MatchesDifferencesForParticleContact) {
     for (const auto& record : records) touches += record.touches.size();
     EXPECT_GT(touches, 100U) << item.name;
     const auto g = rollout.gradient<double>(records);
-    rollout.expect_start(g, kScale, item.name);
-    expect_material(rollout, g, item.name);
+    rollout.expect_start(g, kLoadedScale, item.name);
+    expect_loaded_material(rollout, g, item.name);
     expect_collider(rollout, g, item.shape, place, item.name);
     record_worst(item.name, rollout.worst);
   }
 }
 
 TEST(UpdatedLoadsAdjoint, MatchesDifferencesForNodeContact) {
-  const Case cases[] = {
+  const LoadedCase cases[] = {
       {"sticky nodes", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kSticky, 0.0},
       {"slip nodes", Law::kNewtonian, Shape::kPlane, shape::ContactKind::kSlip, 0.0},
       {"separating nodes", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kSeparating, 0.0},
@@ -153,7 +153,7 @@ TEST(UpdatedLoadsAdjoint, MatchesDifferencesForNodeContact) {
       {"nodes in a moving plane", Law::kNewtonian, Shape::kMovingPlane, shape::ContactKind::kSticky,
        0.0},
   };
-  for (const Case& item : cases) {
+  for (const LoadedCase& item : cases) {
     Place place;
     place.kind = item.kind;
     place.mu = item.mu;
@@ -161,8 +161,8 @@ TEST(UpdatedLoadsAdjoint, MatchesDifferencesForNodeContact) {
     UpdatedRollout rollout(scene_of(item.law));
     rollout.scene.colliders.push_back(collider(item.shape, place));
     const auto g = rollout.gradient<double>();
-    rollout.expect_start(g, kScale, item.name);
-    expect_material(rollout, g, item.name);
+    rollout.expect_start(g, kLoadedScale, item.name);
+    expect_loaded_material(rollout, g, item.name);
     expect_collider(rollout, g, item.shape, place, item.name);
     record_worst(item.name, rollout.worst);
   }
@@ -186,8 +186,8 @@ TEST(UpdatedLoadsAdjoint, MatchesDifferencesForPins) {
     }
     rollout.scene.bodies[0].pins.push_back(pin);
     const auto g = rollout.gradient<double>();
-    rollout.expect_start(g, kScale, name);
-    expect_material(rollout, g, name);
+    rollout.expect_start(g, kLoadedScale, name);
+    expect_loaded_material(rollout, g, name);
     record_worst(name, rollout.worst);
   }
 }

@@ -24,7 +24,7 @@ constexpr double kInTheNoise = 3.0;
 /// Eigenvalue of the normal equations, without units, that counts as 0.
 constexpr double kUndetermined = 1e-13;
 
-enum class Shape : std::uint8_t { kPoint, kLine, kSolid };
+enum class CloudShape : std::uint8_t { kPoint, kLine, kSolid };
 
 Mat3d cross(const Vec3d& v) {
   Mat3d m;
@@ -77,9 +77,9 @@ Spread spread_of(const Points& points) {
 }
 
 /// Of points whose distance from the centre is about 1.
-Shape shape_of(const Spread& spread) {
-  if (!(spread.along > 1e-9)) return Shape::kPoint;
-  return spread.across > kOnALine * spread.along ? Shape::kSolid : Shape::kLine;
+CloudShape shape_of(const Spread& spread) {
+  if (!(spread.along > 1e-9)) return CloudShape::kPoint;
+  return spread.across > kOnALine * spread.along ? CloudShape::kSolid : CloudShape::kLine;
 }
 
 struct Sample {
@@ -129,7 +129,7 @@ struct Placed {
   Mat3d rotation;
 };
 
-std::vector<Placed> place_frames(const Record& record, Shape shape, const Vec3d& line) {
+std::vector<Placed> place_frames(const Record& record, CloudShape shape, const Vec3d& line) {
   std::vector<Placed> placed;
   Vec3d before = line;
   Mat3d rotation = Mat3d::Identity();
@@ -141,9 +141,9 @@ std::vector<Placed> place_frames(const Record& record, Shape shape, const Vec3d&
       from.push_back(record.samples[i].arm);
       to.push_back(record.samples[i].position);
     }
-    if (shape == Shape::kSolid) {
-      const bool determined = from.size() >= 3 && shape_of(spread_of(from)) == Shape::kSolid &&
-                              shape_of(spread_of(to)) == Shape::kSolid;
+    if (shape == CloudShape::kSolid) {
+      const bool determined = from.size() >= 3 && shape_of(spread_of(from)) == CloudShape::kSolid &&
+                              shape_of(spread_of(to)) == CloudShape::kSolid;
       if (determined)
         placed.push_back({record.times[frame], capture::fit_rigid(from, to).rotation});
       continue;
@@ -177,9 +177,9 @@ void set_rotation(const std::vector<Placed>& placed, Motion& motion) {
 
 /// Directions in which a rotation vector may change: all, or across the line as it lies at the
 /// middle of the record.
-MatrixXd turns(const Motion& motion, Shape shape, const Vec3d& line) {
-  if (shape == Shape::kPoint) return MatrixXd(3, 0);
-  if (shape == Shape::kSolid) return Mat3d::Identity();
+MatrixXd turns(const Motion& motion, CloudShape shape, const Vec3d& line) {
+  if (shape == CloudShape::kPoint) return MatrixXd(3, 0);
+  if (shape == CloudShape::kSolid) return Mat3d::Identity();
   const Vec3d along = motion.rotation * line;
   MatrixXd across(3, 2);
   const Vec3d first = along.unitOrthogonal();
@@ -224,9 +224,9 @@ Eigen::Matrix<double, 12, 1> newton(const Record& record, const Motion& motion,
   return step;
 }
 
-Motion fitted(const Record& record, Shape shape, const Vec3d& line) {
+Motion fitted(const Record& record, CloudShape shape, const Vec3d& line) {
   Motion motion;
-  if (shape != Shape::kPoint) set_rotation(place_frames(record, shape, line), motion);
+  if (shape != CloudShape::kPoint) set_rotation(place_frames(record, shape, line), motion);
   double square = motion.square(record);
   for (int iteration = 0; iteration < 50; ++iteration) {
     const auto step = newton(record, motion, turns(motion, shape, line));
@@ -237,7 +237,7 @@ Motion fitted(const Record& record, Shape shape, const Vec3d& line) {
       trial.velocity += length * step.segment<3>(3);
       trial.rotation = exponential(length * step.segment<3>(6)) * motion.rotation;
       trial.spin += length * step.segment<3>(9);
-      if (shape == Shape::kLine) {
+      if (shape == CloudShape::kLine) {
         const Vec3d along = trial.rotation * line;
         trial.spin -= along * along.dot(trial.spin);
       }
@@ -309,13 +309,13 @@ InitialMotion initial_motion(std::span<const Vec3d> rest, const Vec3d& center,
   const Spread spread = spread_of(arms);
   const auto count = double(record.samples.size());
 
-  Shape shape = shape_of(spread);
+  CloudShape shape = shape_of(spread);
   Motion motion = fitted(record, shape, spread.line);
-  if (shape == Shape::kSolid) {
+  if (shape == CloudShape::kSolid) {
     const double noise = std::sqrt(motion.square(record) / count);
-    if (spread.across < kInTheNoise * noise) shape = Shape::kLine;
-    if (spread.along < kInTheNoise * noise) shape = Shape::kPoint;
-    if (shape != Shape::kSolid) motion = fitted(record, shape, spread.line);
+    if (spread.across < kInTheNoise * noise) shape = CloudShape::kLine;
+    if (spread.along < kInTheNoise * noise) shape = CloudShape::kPoint;
+    if (shape != CloudShape::kSolid) motion = fitted(record, shape, spread.line);
   }
 
   // From the middle of the record to time 0.
@@ -327,7 +327,7 @@ InitialMotion initial_motion(std::span<const Vec3d> rest, const Vec3d& center,
   result.offset = motion.place * record.extent - back * velocity + 0.5 * back * back * gravity;
   result.rotation = logarithm(exponential(-back * result.spin) * motion.rotation);
   result.residual = record.extent * std::sqrt(motion.square(record) / count);
-  result.spin_observable = shape == Shape::kSolid;
+  result.spin_observable = shape == CloudShape::kSolid;
   return result;
 }
 

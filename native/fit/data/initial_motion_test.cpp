@@ -13,7 +13,7 @@
 namespace matterfit::fit {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kUnseen = std::numeric_limits<double>::quiet_NaN();
 
 struct Throw {
   Vec3d center{0.3, -0.2, 1.5};
@@ -155,7 +155,7 @@ TEST(InitialMotion, SkipsSamplesThatAreNotThere) {
   std::size_t missing = 0;
   for (Vec3d& x : seen) {
     if (uniform(engine) > 0.5) continue;
-    x.y() = kNan;
+    x.y() = kUnseen;
     ++missing;
   }
   ASSERT_GT(missing, 20U);
@@ -171,7 +171,7 @@ TEST(InitialMotion, UsesFramesWithFewPoints) {
   Points seen = thrown.positions(rest);
   for (std::size_t frame = 0; frame < thrown.frames; ++frame) {
     for (std::size_t point = 0; point < 6; ++point) {
-      if (point % 3 != frame % 3) seen[frame * 6 + point].x() = kNan;
+      if (point % 3 != frame % 3) seen[frame * 6 + point].x() = kUnseen;
     }
   }
   expect_exact(thrown, thrown.found(rest, seen));
@@ -276,8 +276,8 @@ TEST(InitialMotion, RefusesWhatIsTooLittle) {
   EXPECT_TRUE(refused({0.0}, Points(seen.begin(), seen.begin() + 4)));
   EXPECT_TRUE(refused({0.0, 0.1}, seen));
   EXPECT_TRUE(refused({0.1, 0.1}, Points(seen.begin(), seen.begin() + 8)));
-  EXPECT_TRUE(refused({0.0, kNan}, Points(seen.begin(), seen.begin() + 8)));
-  Points once(8, Vec3d::Constant(kNan));
+  EXPECT_TRUE(refused({0.0, kUnseen}, Points(seen.begin(), seen.begin() + 8)));
+  Points once(8, Vec3d::Constant(kUnseen));
   once[0] = once[5] = Vec3d::Zero();  // two points, each seen once
   EXPECT_TRUE(refused({0.0, 0.1}, once));
   once[4] = Vec3d::Ones();

@@ -14,7 +14,7 @@
 namespace matterfit::fit {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNoValue = std::numeric_limits<double>::quiet_NaN();
 
 Points random_points(std::size_t count, unsigned seed) {
   std::mt19937 engine(seed);
@@ -50,7 +50,7 @@ double gradient_error(const Points& at, const std::function<LossGradient(const P
 TEST(TrackResiduals, AreDifferencesByTheNoise) {
   // Two frames of two points; the second point is not seen in the first frame.
   const Points simulated{{1, 2, 3}, {4, 5, 6}, {7, 8, 9}, {1, 1, 1}};
-  const Points captured{{1, 1, 1}, {kNan, 0, 0}, {7, 8, 8}, {2, 1, 1}};
+  const Points captured{{1, 1, 1}, {kNoValue, 0, 0}, {7, 8, 8}, {2, 1, 1}};
   const std::vector<std::uint8_t> used{1, 0, 1, 1};
   const std::vector<double> sigma{0.5, 0.1};
   Eigen::VectorXd expected(12);
@@ -59,7 +59,7 @@ TEST(TrackResiduals, AreDifferencesByTheNoise) {
 }
 
 TEST(TrackResiduals, OfABrokenSimulationAreNotFinite) {
-  const Points simulated{{kNan, 0, 0}};
+  const Points simulated{{kNoValue, 0, 0}};
   const Points captured{{0, 0, 0}};
   const std::vector<double> sigma{1.0};
   const std::vector<std::uint8_t> yes{1};
@@ -89,13 +89,13 @@ TEST(TrackResiduals, RefuseWhatDoesNotFit) {
   EXPECT_TRUE(refused(two, two, used, {}, 0));
   EXPECT_TRUE(refused(three, three, {1, 1, 1}, sigma, 2));
   EXPECT_TRUE(refused(two, two, used, {1.0, 0.0}, 2));
-  EXPECT_TRUE(refused(two, two, used, {1.0, kNan}, 2));
-  EXPECT_TRUE(refused(two, {Vec3d::Zero(), Vec3d(0, kNan, 0)}, used, sigma, 2));
+  EXPECT_TRUE(refused(two, two, used, {1.0, kNoValue}, 2));
+  EXPECT_TRUE(refused(two, {Vec3d::Zero(), Vec3d(0, kNoValue, 0)}, used, sigma, 2));
 }
 
 TEST(TrajectoryLoss, IsTheMeanL1Distance) {
   const Points simulated{{1, 2, 3}, {4, 5, 6}, {0, 0, 0}};
-  const Points captured{{0, 4, 3}, {kNan, kNan, kNan}, {0, 0, -1}};
+  const Points captured{{0, 4, 3}, {kNoValue, kNoValue, kNoValue}, {0, 0, -1}};
   const std::vector<std::uint8_t> used{1, 0, 1};
   const LossGradient loss = trajectory_loss(simulated, captured, used);
   EXPECT_DOUBLE_EQ(loss.value, 2.0);
@@ -162,7 +162,7 @@ TEST(ChamferLoss, LeavesOutCapturedPointsThatAreNotThere) {
   const Points a = random_points(50, 10);
   const Points b = random_points(40, 11);
   Points holes = b;
-  holes.insert(holes.begin() + 7, Vec3d(kNan, 0, 0));
+  holes.insert(holes.begin() + 7, Vec3d(kNoValue, 0, 0));
   Arena arena(1);
   const LossGradient expected = chamfer_loss(a, b, arena);
   const LossGradient found = chamfer_loss(a, holes, arena);
@@ -182,7 +182,7 @@ TEST(ChamferLoss, RefusesEmptySets) {
   const Points a = random_points(5, 14);
   Arena arena(1);
   EXPECT_THROW((void)chamfer_loss({}, a, arena), Error);
-  EXPECT_THROW((void)chamfer_loss(a, Points{Vec3d(kNan, 0, 0)}, arena), Error);
+  EXPECT_THROW((void)chamfer_loss(a, Points{Vec3d(kNoValue, 0, 0)}, arena), Error);
 }
 
 }  // namespace

@@ -13,7 +13,7 @@
 namespace matterfit::fit {
 namespace {
 
-Points random_points(std::size_t count, unsigned seed) {
+Points random_cloud(std::size_t count, unsigned seed) {
   std::mt19937 engine(seed);
   std::uniform_real_distribution<double> uniform(0.0, 1.0);
   Points points(count);
@@ -22,8 +22,8 @@ Points random_points(std::size_t count, unsigned seed) {
 }
 
 TEST(Chamfer, MatchesTheDefinition) {
-  const Points a = random_points(60, 1);
-  const Points b = random_points(45, 2);
+  const Points a = random_cloud(60, 1);
+  const Points b = random_cloud(45, 2);
   const auto one_way = [](const Points& from, const Points& to) {
     double sum = 0.0;
     for (const Vec3d& x : from) {
@@ -38,8 +38,8 @@ TEST(Chamfer, MatchesTheDefinition) {
 }
 
 TEST(Chamfer, SameForAnyThreads) {
-  const Points a = random_points(20000, 3);
-  const Points b = random_points(15000, 4);
+  const Points a = random_cloud(20000, 3);
+  const Points b = random_cloud(15000, 4);
   Arena one(1);
   Arena two(2);
   EXPECT_EQ(chamfer(a, b, one), chamfer(a, b, two));
@@ -47,14 +47,14 @@ TEST(Chamfer, SameForAnyThreads) {
 
 TEST(Chamfer, RefusesAnEmptySet) {
   Arena arena(1);
-  EXPECT_THROW((void)chamfer({}, random_points(3, 1), arena), Error);
+  EXPECT_THROW((void)chamfer({}, random_cloud(3, 1), arena), Error);
 }
 
 TEST(EarthMover, EqualsTheBestOfAllPermutations) {
   const Interrupter interrupter;
   for (unsigned seed = 0; seed < 20; ++seed) {
-    const Points a = random_points(7, 100 + seed);
-    const Points b = random_points(7, 200 + seed);
+    const Points a = random_cloud(7, 100 + seed);
+    const Points b = random_cloud(7, 200 + seed);
     std::vector<std::size_t> order(7);
     std::iota(order.begin(), order.end(), 0U);
     double best = 1e9;
@@ -70,7 +70,7 @@ TEST(EarthMover, EqualsTheBestOfAllPermutations) {
 TEST(EarthMover, OfATranslationIsItsLength) {
   // Moving every point by the same small vector is the optimal plan.
   const Interrupter interrupter;
-  const Points a = random_points(500, 5);
+  const Points a = random_cloud(500, 5);
   Points b = a;
   for (Vec3d& x : b) x += Vec3d(1e-4, 2e-4, 2e-4);
   std::reverse(b.begin(), b.end());
@@ -93,8 +93,8 @@ TEST(EarthMover, TiesOnALatticeEnd) {
 TEST(EarthMover, IsCancelled) {
   Interrupter interrupter;
   interrupter.cancel();
-  const Points a = random_points(50, 6);
-  EXPECT_THROW((void)earth_mover(a, random_points(50, 7), interrupter), Error);
+  const Points a = random_cloud(50, 6);
+  EXPECT_THROW((void)earth_mover(a, random_cloud(50, 7), interrupter), Error);
 }
 
 TEST(Draw, IsAscendingDistinctAndSeeded) {

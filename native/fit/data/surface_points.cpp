@@ -12,7 +12,7 @@ namespace {
 
 /// In edges of a particle: a ball with some 18 others, whose mean is .38 off at a lattice's face
 /// and, of jittered ones inside, .14.
-constexpr double kReach = 1.6;
+constexpr double kSampleReach = 1.6;
 constexpr double kOneSided = 0.31;
 
 }  // namespace
@@ -25,7 +25,7 @@ Points surface_points(const Points& rest, const std::vector<double>& volumes, Ar
   arena.parallel_for(0, rest.size(), 256, [&](std::size_t i) {
     std::vector<std::pair<std::size_t, double>> near;
     const double edge = std::cbrt(volumes[i]);
-    const double reach = kReach * edge;
+    const double reach = kSampleReach * edge;
     tree.radiusSearch(rest[i].data(), reach * reach, near, nanoflann::SearchParams(32, 0.0F, true));
     Vec3d mean = Vec3d::Zero();
     if (near.size() < 2) return;

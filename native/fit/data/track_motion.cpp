@@ -12,11 +12,11 @@
 namespace matterfit::fit {
 namespace {
 
-constexpr std::size_t kNeighbours = 20;
+constexpr std::size_t kMotionNeighbours = 20;
 constexpr std::size_t kCandidates = 40;  // some may not be seen
 constexpr std::size_t kFewest = 8;
 /// Farthest neighbour in spacings: at a corner the neighbours of a whole ball fill an eighth.
-constexpr double kReach = 3.5;
+constexpr double kOutlierReach = 3.5;
 constexpr double kReachOfFlow = 2.6;
 /// The least share of a direction in the spread of the neighbours: they must not lie in a plane.
 constexpr double kLeastSpread = 0.02;
@@ -40,9 +40,9 @@ struct Neighbourhood {
 /// f(x) = Σ value f_i and ∇f = Σ f_i gradientᵀ of what the tracks `number` have.
 struct Stencil {
   std::size_t count = 0;
-  std::array<std::size_t, kNeighbours> number{};
-  std::array<double, kNeighbours> value{};
-  std::array<Vec3d, kNeighbours> gradient;
+  std::array<std::size_t, kMotionNeighbours> number{};
+  std::array<double, kMotionNeighbours> value{};
+  std::array<Vec3d, kMotionNeighbours> gradient;
 };
 
 /// Of the nearest tracks that are `seen(track)`; count 0: too few, or all near one plane.
@@ -55,10 +55,10 @@ Stencil stencil_at(const Neighbourhood& near, const Vec3d& x, double reach, cons
   nanoflann::KNNResultSet<double> result(kCandidates);
   result.init(found.data(), squared.data());
   near.tree.findNeighbors(result, x.data(), nanoflann::SearchParams());
-  std::array<Vec3d, kNeighbours> offset;
+  std::array<Vec3d, kMotionNeighbours> offset;
   std::size_t count = 0;
   double farthest = 0.0;
-  for (std::size_t k = 0; k < result.size() && count < kNeighbours; ++k) {
+  for (std::size_t k = 0; k < result.size() && count < kMotionNeighbours; ++k) {
     if (squared[k] > reach * reach) break;
     const std::size_t track = near.number[found[k]];
     if (!seen(track)) continue;
@@ -70,7 +70,7 @@ Stencil stencil_at(const Neighbourhood& near, const Vec3d& x, double reach, cons
   if (count < kFewest || !(farthest > 0.0)) return stencil;
   const double radius = 1.1 * farthest;
   Eigen::Matrix4d moments = Eigen::Matrix4d::Zero();
-  std::array<Eigen::Vector4d, kNeighbours> rows;
+  std::array<Eigen::Vector4d, kMotionNeighbours> rows;
   for (std::size_t k = 0; k < count; ++k) {
     const Vec3d d = offset[k] / radius;
     const double fall = 1.0 - d.squaredNorm();
@@ -101,7 +101,7 @@ class Follower {
         places_(places),
         hats_(hats),
         arena_(arena),
-        reach_((flows ? kReachOfFlow : kReach) * tracks.spacing) {
+        reach_((flows ? kReachOfFlow : kOutlierReach) * tracks.spacing) {
     const std::size_t q = places.size();
     motion_.positions.resize(tracks.frames() * q);
     motion_.gradients.assign(tracks.frames() * q, Mat3d::Identity());

@@ -19,15 +19,15 @@ namespace {
 using mpm::Formulation;
 using testing::HasSubstr;
 
-constexpr double kH = 0.05;    // particle separation at level 1 [m]
-constexpr double kFps = 50.0;  // of scene and capture
-constexpr double kFar = 3.0;   // of the cube from the origin, where float has 2e-7 m
+constexpr double kH = 0.05;             // particle separation at level 1 [m]
+constexpr double kPredictorFps = 50.0;  // of scene and capture
+constexpr double kFar = 3.0;            // of the cube from the origin, where float has 2e-7 m
 
 /// A cube thrown at a level ground, of four particles a side at level 1, two at level 2.
 mpm::Scene cube(double level, Formulation formulation) {
   const double h = kH * level;
   mpm::Scene scene;
-  scene.fps = kFps;
+  scene.fps = kPredictorFps;
   scene.first_frame = 10;
   scene.end_frame = 16;
   scene.dx = 2.0 * h;
@@ -62,7 +62,7 @@ Experiment experiment(Formulation formulation = Formulation::kAuto) {
   run.build = [formulation](double level, Arena&, const Interrupter&) {
     return cube(level, formulation);
   };
-  run.clock = {kFps, 10, 16};
+  run.clock = {kPredictorFps, 10, 16};
   Capture capture;
   CaptureInput& input = capture.input;
   input.name = "a";
@@ -72,7 +72,7 @@ Experiment experiment(Formulation formulation = Formulation::kAuto) {
   input.held_out_points = {0, 0};
   input.tracks.points = 2;
   for (std::size_t t = 0; t < 8; ++t) {
-    input.tracks.times.push_back(double(t) / kFps);
+    input.tracks.times.push_back(double(t) / kPredictorFps);
     input.tracks.positions.insert(input.tracks.positions.end(), input.rest.begin(),
                                   input.rest.end());
     input.held_out_frames.push_back(t == 4 || t == 5 ? 1 : 0);
@@ -169,7 +169,7 @@ TEST(Predictor, SetsAnyQuantityAlsoOneThatIsNotFitted) {
                                   {address(Owner::kCapture, "start_frame", "a"), 11}};
   const Evaluation moved = plain.predict({sideways});
   // Looked at a frame later, when it has flown for a fiftieth of a second.
-  EXPECT_NEAR(seen(moved).positions[0].y(), 0.06 + 3.5 / kFps, 1e-3);
+  EXPECT_NEAR(seen(moved).positions[0].y(), 0.06 + 3.5 / kPredictorFps, 1e-3);
   Ask shifted = ask();
   Address place = address(Owner::kBody, "placement.position", "cube");
   place.component = 1;

@@ -19,7 +19,7 @@ namespace {
 using material::LawTraits;
 using mpm::Formulation;
 
-constexpr double kH = 0.025;  // particle separation [m]
+constexpr double kSceneH = 0.025;  // particle separation [m]
 const Origins kOrigins{{"cube", Vec3d(0.05, 0.02, 0.0)}};
 
 /// Weights of the neural law whose units all speak.
@@ -44,7 +44,7 @@ mpm::Scene scene_of(material::Law law, Formulation formulation) {
   mpm::Scene scene;
   scene.fps = 100.0;
   scene.end_frame = 4;
-  scene.dx = 2.0 * kH;
+  scene.dx = 2.0 * kSceneH;
   scene.gravity = shape::Keyed<Vec3d>(Vec3d(1.0, -2.0, -9.0));
   mpm::Body body;
   body.name = "cube";
@@ -81,14 +81,14 @@ mpm::Scene scene_of(material::Law law, Formulation formulation) {
   body.material.damping_bulk = 2.0;
   body.material.maxwell = {{2e4, 5e-3}};
   body.material.correction = {0.4, -0.1, 0.3, 0.2, 0.5};
-  body.lattice.spacing = kH;
+  body.lattice.spacing = kSceneH;
   body.lattice.regular = true;
-  body.lattice.origin = Vec3d(0.0, 0.0, 0.9 * kH);
+  body.lattice.origin = Vec3d(0.0, 0.0, 0.9 * kSceneH);
   for (int i = 0; i < 4; ++i) {
     for (int j = 0; j < 4; ++j) {
       for (int k = 0; k < 4; ++k) {
-        body.rest.push_back(body.lattice.origin + kH * Vec3d(i + 0.5, j + 0.5, k + 0.5));
-        body.volumes.push_back(kH * kH * kH);
+        body.rest.push_back(body.lattice.origin + kSceneH * Vec3d(i + 0.5, j + 0.5, k + 0.5));
+        body.volumes.push_back(kSceneH * kSceneH * kSceneH);
       }
     }
   }
@@ -227,7 +227,7 @@ TEST(Quantities, PlaceABodyWithItsLattice) {
   const Quatd turn(Eigen::AngleAxisd(0.5, Vec3d::UnitZ()));
   const mpm::Body& body = scene.bodies[0];
   EXPECT_LT((body.rest[11] - (turn * (particle - origin) + Vec3d(1, 2, 3))).norm(), 1e-14);
-  const Vec3d lattice(0.0, 0.0, 0.9 * kH);
+  const Vec3d lattice(0.0, 0.0, 0.9 * kSceneH);
   EXPECT_LT((body.lattice.origin - (turn * (lattice - origin) + Vec3d(1, 2, 3))).norm(), 1e-14);
   EXPECT_LT(body.lattice.axes.angularDistance(turn), 1e-14);
   at.component = 1;

@@ -14,7 +14,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kFar = std::numeric_limits<double>::infinity();
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
 
 struct Quadratic {
   MatrixXd a;
@@ -35,7 +35,7 @@ VectorXd by_enumeration(const Quadratic& q, const Box& box) {
   const Index n = q.g.size();
   Index count = 1;
   for (Index k = 0; k < n; ++k) count *= 3;
-  double least = kFar;
+  double least = kUnbounded;
   VectorXd best;
   for (Index choice = 0; choice < count; ++choice) {
     std::vector<Index> free;
@@ -64,7 +64,7 @@ VectorXd by_enumeration(const Quadratic& q, const Box& box) {
 TEST(BoundedStep, WithoutBoundsIsNewtons) {
   std::mt19937 engine(1);
   const Quadratic q = random_quadratic(5, engine);
-  const Box box{VectorXd::Constant(5, -kFar), VectorXd::Constant(5, kFar)};
+  const Box box{VectorXd::Constant(5, -kUnbounded), VectorXd::Constant(5, kUnbounded)};
   EXPECT_LT((bounded_step(q.a, q.g, box) + q.a.ldlt().solve(q.g)).norm(), 1e-9);
 }
 

@@ -31,7 +31,7 @@ constexpr double kLongest = 2.302585092994046;
 constexpr double kHeldWithin = 30.0;
 
 /// The quadratic that stands for the cost around a point, in natural coordinates.
-struct Model {
+struct QuadraticModel {
   MatrixXd hessian;
   VectorXd gradient;
   VectorXd scaling;  ///< Marquardt's diagonal; 0 for a parameter that nothing moves
@@ -77,8 +77,8 @@ double cost_of(const std::vector<Parameter>& parameters, const VectorXd& point,
   return 0.5 * sum;
 }
 
-Model model_of(const std::vector<Parameter>& parameters, const LeastSquaresState& state,
-               double huber) {
+QuadraticModel model_of(const std::vector<Parameter>& parameters, const LeastSquaresState& state,
+                        double huber) {
   MatrixXd jacobian = state.jacobian;
   VectorXd residual = state.residual;
   if (huber > 0.0) {
@@ -91,7 +91,7 @@ Model model_of(const std::vector<Parameter>& parameters, const LeastSquaresState
     }
   }
   const Index n = jacobian.cols();
-  Model model{MatrixXd(n, n), VectorXd(n), VectorXd::Zero(n), VectorXd::Zero(n)};
+  QuadraticModel model{MatrixXd(n, n), VectorXd(n), VectorXd::Zero(n), VectorXd::Zero(n)};
   // Column by column: the sums do not depend on the machine's caches as a blocked product does.
   for (Index i = 0; i < n; ++i) {
     model.gradient[i] = jacobian.col(i).dot(residual);
@@ -119,7 +119,7 @@ Model model_of(const std::vector<Parameter>& parameters, const LeastSquaresState
 }
 
 /// The damped step within `room` (bounds less the point).
-VectorXd damped_step(const Model& model, double damping, const Box& room) {
+VectorXd damped_step(const QuadraticModel& model, double damping, const Box& room) {
   const Index n = model.gradient.size();
   VectorXd root(n);
   for (Index k = 0; k < n; ++k) {
@@ -313,7 +313,7 @@ Negligible negligible(const Problem& problem, const std::vector<Parameter>& para
   return result;
 }
 
-enum class Outcome : std::uint8_t { kAccepted, kRough, kFailed };
+enum class StepOutcome : std::uint8_t { kAccepted, kRough, kFailed };
 
 /// How a step was accepted.
 struct Taken {
@@ -322,10 +322,10 @@ struct Taken {
 };
 
 /// Tries ever shorter steps until one is accepted.
-Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
-                  const LeastSquaresOptions& options, const Model& model, const Box& bounds,
-                  const Negligible& nothing, int most_trials, LeastSquaresState& state,
-                  Taken& taken) {
+StepOutcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
+                      const LeastSquaresOptions& options, const QuadraticModel& model,
+                      const Box& bounds, const Negligible& nothing, int most_trials,
+                      LeastSquaresState& state, Taken& taken) {
   const Box room = room_around(parameters, bounds, state.point);
   const VectorXd full = damped_step(model, kLeastDamping, room);
   double damping = std::max(state.damping, kLeastDamping);
@@ -371,7 +371,7 @@ Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
       } else if ((trial > 0 || gain < 0.25) && stalled(state.history, nothing.decrease * before)) {
         finish(state, true, "The last two steps lowered the cost by less than the tolerance.");
       }
-      return Outcome::kAccepted;
+      return StepOutcome::kAccepted;
     }
     state.history.push_back({state.iteration + 1, state.cost, damping, false});
     // Where the cost rose, to the minimum of the parabola through what is known along the step.
@@ -386,7 +386,7 @@ Outcome try_steps(Problem& problem, const std::vector<Parameter>& parameters,
       step = damped_step(model, damping, room);
     }
   }
-  return failed ? Outcome::kFailed : Outcome::kRough;
+  return failed ? StepOutcome::kFailed : StepOutcome::kRough;
 }
 
 /// Makes state.jacobian, and what else of the state there is not yet.
@@ -527,7 +527,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     }
     const bool all_known =
         std::all_of(next.unknown.begin(), next.unknown.end(), [](auto u) { return u == 0; });
-    const Model model = model_of(parameters_, next, options.huber);
+    const QuadraticModel model = model_of(parameters_, next, options.huber);
     if (!model.hessian.allFinite()) throw_compute("the fit's residuals are too large.");
     if (next.iteration >= options.iterations) break;
     const Box room = room_around(parameters_, bounds, next.point);
@@ -572,9 +572,9 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     const int most_trials = slopes == Slopes::kKept              ? kKeptTrials
                             : slopes == Slopes::kStandIn || kept ? kBorrowedTrials
                                                                  : kMostTrials;
-    const Outcome outcome =
+    const StepOutcome outcome =
         try_steps(problem, parameters_, options, model, bounds, nothing, most_trials, next, taken);
-    if (outcome == Outcome::kAccepted) {
+    if (outcome == StepOutcome::kAccepted) {
       next.converged = next.converged && all_known;
       if (slopes == Slopes::kStandIn) {
         // Its tolerance is not that of the problem itself.
@@ -611,7 +611,7 @@ void LeastSquares::iterate(Problem& problem, LeastSquaresState& state) const {
     } else if (slopes == Slopes::kOneSided && options.thorough) {
       slopes = adjoint_is_cheaper(2.0 * columns) ? Slopes::kCorrected : Slopes::kCentral;
     } else {
-      const bool rough = outcome == Outcome::kRough;
+      const bool rough = outcome == StepOutcome::kRough;
       finish(next, rough && all_known,
              rough && all_known
                  ? "No shorter step lowers the cost: what is nearer to the minimum than this is "

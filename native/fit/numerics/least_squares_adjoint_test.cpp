@@ -57,7 +57,7 @@ class CurvedProblem : public FunctionProblem {
   bool has_adjoint_;
 };
 
-std::vector<Parameter> parameters() {
+std::vector<Parameter> adjoint_parameters() {
   return linear_parameters(std::vector<double>(std::size_t(kSize), 1.5), -10.0, 10.0);
 }
 
@@ -80,7 +80,7 @@ TEST(LeastSquaresAdjoint, EndsWhereTheExactGradientVanishes) {
   for (const double huber : {0.0, 1.2}) {
     LeastSquaresOptions options = wide();
     options.huber = huber;
-    const LeastSquares fit(parameters(), options);
+    const LeastSquares fit(adjoint_parameters(), options);
     CurvedProblem with(true);
     const LeastSquaresState state = run(fit, with);
     EXPECT_GT(with.asked, 0);
@@ -94,7 +94,7 @@ TEST(LeastSquaresAdjoint, EndsWhereTheExactGradientVanishes) {
 }
 
 TEST(LeastSquaresAdjoint, WhereItFailsCentralDifferencesTakeItsPlace) {
-  const LeastSquares fit(parameters(), wide());
+  const LeastSquares fit(adjoint_parameters(), wide());
   CurvedProblem without(false);
   CurvedProblem with(true);
   with.fails = true;
@@ -104,7 +104,7 @@ TEST(LeastSquaresAdjoint, WhereItFailsCentralDifferencesTakeItsPlace) {
 
 TEST(LeastSquaresAdjoint, AWrongOneDoesNotEndTheSearch) {
   CurvedProblem right(true);
-  const LeastSquares fit(parameters(), wide());
+  const LeastSquares fit(adjoint_parameters(), wide());
   const double least = run(fit, right).cost;
   for (const double factor : {-1.0, 1e20, std::numeric_limits<double>::quiet_NaN()}) {
     CurvedProblem wrong(true);
@@ -143,7 +143,7 @@ TEST(LeastSquaresAdjoint, GoesOnToTheSameBits) {
 }
 
 TEST(LeastSquaresAdjoint, ACorrectedJacobianIsNotWhatErrorsAreTakenFrom) {
-  const LeastSquares fit(parameters(), exact());
+  const LeastSquares fit(adjoint_parameters(), exact());
   CurvedProblem problem(true);
   CurvedProblem cheaper(true);
   problem.cheaper = &cheaper;

@@ -14,7 +14,7 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotSet = std::numeric_limits<double>::quiet_NaN();
 
 Parameter modulus() {
   Parameter parameter;
@@ -92,13 +92,13 @@ TEST(Parameter, RefusesWithItsName) {
   EXPECT_THAT(refused([](Parameter& p) { p.start = 1e11; }), HasSubstr("outside its bounds"));
   EXPECT_THAT(refused([](Parameter& p) { p.start = 50.0; }), HasSubstr("outside its bounds"));
   EXPECT_THAT(refused([](Parameter& p) { p.start = -1.0; }), HasSubstr("outside its bounds"));
-  EXPECT_THAT(refused([](Parameter& p) { p.start = kNan; }), HasSubstr("outside its bounds"));
+  EXPECT_THAT(refused([](Parameter& p) { p.start = kNotSet; }), HasSubstr("outside its bounds"));
   EXPECT_THAT(refused([](Parameter& p) { p.low = 0.0; }), HasSubstr("above 0"));
   EXPECT_THAT(refused([](Parameter& p) { p.high = p.low; }), HasSubstr("the lower first"));
-  EXPECT_THAT(refused([](Parameter& p) { p.high = kNan; }), HasSubstr("finite"));
+  EXPECT_THAT(refused([](Parameter& p) { p.high = kNotSet; }), HasSubstr("finite"));
   EXPECT_THAT(refused([](Parameter& p) { p.scale = 0.0; }), HasSubstr("scale"));
   EXPECT_THAT(refused([](Parameter& p) { p.prior = Prior{1.0, 0.0}; }), HasSubstr("sigma"));
-  EXPECT_THAT(refused([](Parameter& p) { p.prior = Prior{kNan, 1.0}; }), HasSubstr("mean"));
+  EXPECT_THAT(refused([](Parameter& p) { p.prior = Prior{kNotSet, 1.0}; }), HasSubstr("mean"));
   EXPECT_THAT(refused([](Parameter& p) {
                 p.coordinate = Coordinate::kLogit;
                 p.start = 0.3;

@@ -25,7 +25,7 @@ namespace matterfit::job {
 namespace {
 
 /// Share of the whole that the fit takes.
-constexpr double kFitShare = 0.3;
+constexpr double kDiagnosedFitShare = 0.3;
 
 /// What the section `diagnose` of a document asks for.
 struct Settings {
@@ -217,7 +217,8 @@ Json run_diagnose(const Job& job, const RunOptions& options, Interrupter& interr
                           hash_inputs(fit_inputs(base, resolve_target(options.target))));
   model.keep_in(&store);
   settings.engine.progress = [&](double part, const std::string& what) {
-    enter_stage(interrupter, "Diagnosing: " + what, kFitShare + (1.0 - kFitShare) * part);
+    enter_stage(interrupter, "Diagnosing: " + what,
+                kDiagnosedFitShare + (1.0 - kDiagnosedFitShare) * part);
   };
   const diagnose::Report report = diagnose::diagnose(model, settings.engine);
 

@@ -36,7 +36,7 @@ constexpr double kMostFiner = 10.0;
 constexpr int kMoreTries = 2;
 /// Of the solver's margin (dt_safety), that a point beside the fitted values
 /// may use.
-constexpr double kMargin = 1.1;
+constexpr double kNoiseMargin = 1.1;
 
 std::string key_of(const diagnose::Numerics& n, std::size_t run) {
   std::string key = fmt::format("{} {:a} {:a} {:a} {:a} {:a} {}", run, n.spacing, n.offset.x(),
@@ -283,7 +283,7 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
     scene.dt_safety *= point.numerics.step;
     return observe_run(scene, *base, values, run, arena);
   }
-  const double ratio = limits_[run] / mpm::step_limit(scene) / kMargin;
+  const double ratio = limits_[run] / mpm::step_limit(scene) / kNoiseMargin;
   if (ratio > kMostFiner) return std::nullopt;
   const double finer =
       std::pow(kFiner, std::max(0.0, std::ceil(std::log(ratio) / std::log(kFiner))));

@@ -24,7 +24,7 @@ using namespace fit_test;
 constexpr int kAcross = 5;  // masses along an edge
 constexpr double kEdge = 0.4;
 constexpr double kFps = 30.0;
-constexpr int kFrames = 20;
+constexpr int kStrangerFrames = 20;
 constexpr double kSigma = 4e-4;  // of a coordinate [m]
 constexpr double kLost = 0.05;
 
@@ -118,7 +118,7 @@ struct Skin {
   }
 };
 
-void record(const fs::path& file, const Hidden& hidden, unsigned seed) {
+void record_stranger(const fs::path& file, const Hidden& hidden, unsigned seed) {
   const Skin skin;
   Springs body;
   std::mt19937_64 generator(seed);
@@ -129,7 +129,7 @@ void record(const fs::path& file, const Hidden& hidden, unsigned seed) {
   std::vector<double> positions;
   std::vector<double> times;
   std::vector<std::uint8_t> visible;
-  for (int frame = 0; frame < kFrames; ++frame) {
+  for (int frame = 0; frame < kStrangerFrames; ++frame) {
     const int steps = frame == 0 ? 0 : kSubsteps + (frame == 1 ? late : 0);
     for (int s = 0; s < steps; ++s) body.step(1.0 / kFps / kSubsteps, hidden);
     times.push_back(frame / kFps);
@@ -154,7 +154,7 @@ void record(const fs::path& file, const Hidden& hidden, unsigned seed) {
 }
 
 Json diagnosed(const Folder& folder, const Hidden& hidden, unsigned seed) {
-  record(folder.path / "cube.npz", hidden, seed);
+  record_stranger(folder.path / "cube.npz", hidden, seed);
   NewJobOptions fresh;
   fresh.capture = folder.path / "cube.npz";
   fresh.output = folder.path / "job.json";

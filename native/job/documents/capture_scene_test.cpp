@@ -11,7 +11,7 @@ namespace {
 
 using testing::HasSubstr;
 
-Json document() {
+Json scene_document() {
   return Json::parse(R"({ "schema": "matterfit.job/1", "task": "compare",
     "scene": { "fps": 24, "frames": [0, 10], "particle_separation": 0.05, "gravity": [0, 0, -10],
       "bodies": [ { "name": "a", "source": { "box": { "low": [0,0,0], "high": [1,1,1] } },
@@ -22,14 +22,14 @@ Json document() {
     "output": { "folder": "out", "points": true } })");
 }
 
-Job read(const Json& json) {
+Job read_scene(const Json& json) {
   ReadOptions options;
   options.base_folder = "/base";
   return read_job(json.dump(), options);
 }
 
 TEST(CaptureScene, ListsMergeByNameAndValuesReplace) {
-  Json json = document();
+  Json json = scene_document();
   json["captures"].push_back({{"tracks", "second.npz"},
                               {"scene",
                                {{"frames", {0, 20}},
@@ -42,7 +42,7 @@ TEST(CaptureScene, ListsMergeByNameAndValuesReplace) {
                                 {"colliders",
                                  {{{"name", "wall"}, {"shape", "plane"}, {"normal", {1, 0, 0}}},
                                   {{"name", "ground"}, {"contact", {{"kind", "sticky"}}}}}}}}});
-  const Job job = read(json);
+  const Job job = read_scene(json);
   EXPECT_EQ(job.captures[0].scene, nullptr);
   const SceneDoc& own = *job.captures[1].scene;
   EXPECT_EQ(own.end_frame, 20);
@@ -59,13 +59,13 @@ TEST(CaptureScene, ListsMergeByNameAndValuesReplace) {
 }
 
 TEST(CaptureScene, EqualScenesShareARun) {
-  Json json = document();
+  Json json = scene_document();
   const Json other = {{"gravity", {0, 0, -3}}};
   json["captures"].push_back({{"tracks", "b.npz"}, {"scene", other}});
   json["captures"].push_back({{"tracks", "c.npz"}, {"scene", {{"gravity", {0, 0, -4}}}}});
   json["captures"].push_back({{"tracks", "d.npz"}, {"scene", other}});
   json["captures"].push_back({{"tracks", "e.npz"}, {"scene", Json::object()}});
-  const Job job = read(json);
+  const Job job = read_scene(json);
   const auto groups = scene_groups(job);
   ASSERT_EQ(groups.size(), 3U);
   EXPECT_THAT(groups[0].captures, testing::ElementsAre(0, 4));
@@ -85,10 +85,10 @@ TEST(CaptureScene, EqualScenesShareARun) {
 
 TEST(CaptureScene, ErrorsNameThePath) {
   const auto refusal = [](const Json& overrides) -> std::string {
-    Json json = document();
+    Json json = scene_document();
     json["captures"][0]["scene"] = overrides;
     try {
-      (void)read(json);
+      (void)read_scene(json);
     } catch (const Error& error) {
       return error.what();
     }

@@ -14,7 +14,7 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-Json document(const Json& effects) {
+Json effects_document(const Json& effects) {
   Json all = Json::parse(R"({
     "schema": "matterfit.job/1",
     "scene": {
@@ -27,16 +27,16 @@ Json document(const Json& effects) {
   return all;
 }
 
-Job read(const Json& effects, std::vector<std::string> overrides = {}) {
+Job read_effects(const Json& effects, std::vector<std::string> overrides = {}) {
   ReadOptions options;
   options.base_folder = "/base";
   options.overrides = std::move(overrides);
-  return read_job(document(effects).dump(), options);
+  return read_job(effects_document(effects).dump(), options);
 }
 
-std::string refusal(const Json& effects) {
+std::string effects_refusal(const Json& effects) {
   try {
-    (void)read(effects);
+    (void)read_effects(effects);
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::kInput);
     return error.what();
@@ -45,8 +45,8 @@ std::string refusal(const Json& effects) {
 }
 
 TEST(EffectDocuments, AreReadWithTheirStandardValues) {
-  const Job job = read({{{"effect", "wind"}, {"velocity", {1, 2, 3}}, {"body", "b"}},
-                        {{"effect", "wind"}, {"name", "gust"}}});
+  const Job job = read_effects({{{"effect", "wind"}, {"velocity", {1, 2, 3}}, {"body", "b"}},
+                                {{"effect", "wind"}, {"name", "gust"}}});
   ASSERT_EQ(job.scene.effects.size(), 2U);
   const EffectDoc& wind = job.scene.effects[0];
   EXPECT_EQ(wind.type, effects::find_effect_type("wind"));
@@ -70,46 +70,47 @@ TEST(EffectDocuments, EveryTermCanBeWritten) {
         effect[parameter.key] = std::vector<double>(parameter.size, value);
       }
     }
-    EXPECT_EQ(read(Json::array({effect})).scene.effects[0].type, row) << row->name;
+    EXPECT_EQ(read_effects(Json::array({effect})).scene.effects[0].type, row) << row->name;
   }
 }
 
 TEST(EffectDocuments, AreKeyedAndOverridden) {
   const Json gust = {{"effect", "wind"},
                      {"velocity", {{"frames", {10, 20}}, {"values", {{0, 0, 0}, {4, 0, 0}}}}}};
-  const Job job = read(Json::array({gust}));
+  const Job job = read_effects(Json::array({gust}));
   EXPECT_THAT(job.scene.effects[0].values[0].frames, ElementsAre(10.0, 20.0));
   EXPECT_THAT(job.scene.effects[0].values[0].values[1], ElementsAre(4.0, 0.0, 0.0));
-  EXPECT_THAT(read({{{"effect", "drag_linear"}, {"rate", 1}}}, {"scene.effects[0].rate=3"})
+  EXPECT_THAT(read_effects({{{"effect", "drag_linear"}, {"rate", 1}}}, {"scene.effects[0].rate=3"})
                   .scene.effects[0]
                   .values[0]
                   .values[0],
               ElementsAre(3.0));
-  EXPECT_THAT(
-      read({{{"effect", "drag_linear"}, {"name", "air"}, {"rate", 1}}}, {"effects.air.rate=3"})
-          .scene.effects[0]
-          .values[0]
-          .values[0],
-      ElementsAre(3.0));
+  EXPECT_THAT(read_effects({{{"effect", "drag_linear"}, {"name", "air"}, {"rate", 1}}},
+                           {"effects.air.rate=3"})
+                  .scene.effects[0]
+                  .values[0]
+                  .values[0],
+              ElementsAre(3.0));
 }
 
 TEST(EffectDocuments, ErrorsNameThePathAndTheRemedy) {
-  EXPECT_THAT(refusal({{{"effect", "drag_quadratc"}}}),
+  EXPECT_THAT(effects_refusal({{{"effect", "drag_quadratc"}}}),
               HasSubstr("scene.effects[0].effect: there is no effect 'drag_quadratc'. Did you mean "
                         "'drag_quadratic'?"));
-  EXPECT_THAT(refusal({{{"name", "wind"}}}), HasSubstr("scene.effects[0]"));
-  EXPECT_THAT(refusal({{{"effect", "drag_linear"}, {"rat", 1}}}),
+  EXPECT_THAT(effects_refusal({{{"name", "wind"}}}), HasSubstr("scene.effects[0]"));
+  EXPECT_THAT(effects_refusal({{{"effect", "drag_linear"}, {"rat", 1}}}),
               HasSubstr("scene.effects[0]: unknown key 'rat'. Did you mean 'rate'?"));
-  EXPECT_THAT(refusal({{{"effect", "drag_linear"}, {"rate", -1}}}),
+  EXPECT_THAT(effects_refusal({{{"effect", "drag_linear"}, {"rate", -1}}}),
               HasSubstr("scene.effects[0].rate is -1, expected a number from 0 to 1000 [1/s]"));
-  EXPECT_THAT(refusal({{{"effect", "wind"}, {"velocity", 3}}}),
+  EXPECT_THAT(effects_refusal({{{"effect", "wind"}, {"velocity", 3}}}),
               HasSubstr("scene.effects[0].velocity is 3, expected three numbers"));
-  EXPECT_THAT(refusal({{{"effect", "wind"}, {"body", "c"}}}), HasSubstr("there is no body 'c'"));
-  EXPECT_THAT(refusal({{{"effect", "wind"}}, {{"effect", "wind"}}}),
+  EXPECT_THAT(effects_refusal({{{"effect", "wind"}, {"body", "c"}}}),
+              HasSubstr("there is no body 'c'"));
+  EXPECT_THAT(effects_refusal({{{"effect", "wind"}}, {{"effect", "wind"}}}),
               HasSubstr("scene.effects[1]: another effect is called 'wind' too"));
-  EXPECT_THAT(
-      refusal({{{"effect", "drag_quadratic"}, {"area", {{"frames", {10}}, {"values", {0.1}}}}}}),
-      HasSubstr("scene.effects[0].area: this number cannot be keyed"));
+  EXPECT_THAT(effects_refusal({{{"effect", "drag_quadratic"},
+                                {"area", {{"frames", {10}}, {"values", {0.1}}}}}}),
+              HasSubstr("scene.effects[0].area: this number cannot be keyed"));
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ capture::Mesh scaled(capture::Mesh mesh, double scale) {
 }
 
 /// Everything a source needs from disk, scaled, so that a second fill reads nothing again.
-struct Shape {
+struct FilledShape {
   const Source& source;
   double scale;
   bool hull;  ///< of points: their hull is filled, else they are the particles
@@ -25,7 +25,7 @@ struct Shape {
   Points points;
   capture::GaussianArrays gaussians;
 
-  Shape(const Source& source_in, double scale_in, bool hull_in)
+  FilledShape(const Source& source_in, double scale_in, bool hull_in)
       : source(source_in), scale(scale_in), hull(hull_in) {
     switch (source.kind) {
       case Source::Kind::kMesh:
@@ -125,7 +125,7 @@ mpm::Body build_body(const BodyDoc& doc, const SceneDoc& scene, const std::strin
   if (doc.source.anchor) options.anchor = doc.placement.scale * *doc.source.anchor;
   const bool hull = doc.source.sampling == Source::Sampling::kLattice ||
                     (doc.source.sampling == Source::Sampling::kAuto && mpm::is_total(body));
-  const Shape shape(doc.source, doc.placement.scale, hull);
+  const FilledShape shape(doc.source, doc.placement.scale, hull);
   interrupter.check();
   capture::FilledBody filled;
   arena.execute([&] {

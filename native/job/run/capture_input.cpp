@@ -11,7 +11,7 @@
 namespace matterfit::job {
 namespace {
 
-constexpr double kSlack = 1e-9;  // of a frame, against rounding of frame / fps
+constexpr double kFrameSlack = 1e-9;  // of a frame, against rounding of frame / fps
 
 /// Indices [begin, end) of the samples in scene frames [first, last).
 std::array<std::size_t, 2> samples_between(const std::vector<double>& times, double first,
@@ -85,7 +85,7 @@ fit::CaptureInput load_capture(const Job& job, std::size_t index, bool clouds) {
     input.name = doc.name;
     input.body = doc.body;
     input.start = scene.seconds(doc.start_frame.value_or(scene.first_frame));
-    const double slack = kSlack / scene.fps;
+    const double slack = kFrameSlack / scene.fps;
 
     capture::TracksOptions options;
     options.unit = doc.unit;

@@ -2,11 +2,11 @@
 #include "job/run/estimate.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 
+#include "base/clock.hpp"
 #include "base/error.hpp"
 #include "job/run/bake_outputs.hpp"
 #include "job/run/build_scene.hpp"
@@ -80,10 +80,6 @@ struct BakeCost {
   std::uint64_t bytes = 0;
 };
 
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
 /// Bakes the first frame for nobody: what that takes is what each frame takes.
 BakeCost measure_bake(const Job& job, const mpm::Scene& scene, const mpm::FrameState& state,
                       Arena& arena, const Interrupter& interrupter) {
@@ -91,11 +87,11 @@ BakeCost measure_bake(const Job& job, const mpm::Scene& scene, const mpm::FrameS
   Job copy = job;
   copy.output.folder = folder.path();
   BakeCost cost;
-  const auto begin = std::chrono::steady_clock::now();
+  const auto begin = Clock::now();
   BakeOutputs outputs(copy, scene, arena, interrupter);
   outputs.start(0);
   cost.begin = seconds_since(begin);
-  const auto frame = std::chrono::steady_clock::now();
+  const auto frame = Clock::now();
   outputs.bake(state, 0, true);
   outputs.finish();
   cost.seconds = seconds_since(frame);
@@ -108,7 +104,7 @@ BakeCost measure_bake(const Job& job, const mpm::Scene& scene, const mpm::FrameS
 Json estimate_job(const Job& job, const RunOptions& options) {
   const auto arena = std::make_shared<Arena>(options.threads);
   const Interrupter interrupter;
-  const auto start = std::chrono::steady_clock::now();
+  const auto start = Clock::now();
   BuiltScene built = build_scene(job, *arena, interrupter);
   const double building = seconds_since(start);
   const mpm::MemoryEstimate memory = mpm::Simulation::estimate(built.scene);

@@ -2,10 +2,10 @@
 #include "job/run/run_scene.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <set>
 
+#include "base/clock.hpp"
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "capture/check.hpp"
@@ -25,11 +25,6 @@ namespace matterfit::job {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 Json to_json(const fit::Ringdown& ring) {
   return {{"drop_m", ring.drop_m},

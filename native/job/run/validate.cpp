@@ -18,9 +18,9 @@
 namespace matterfit::job {
 namespace {
 
-constexpr double kNear = 0.5;            // of a separation
-constexpr double kSmallestShare = 0.01;  // of the smaller body
-constexpr std::size_t kFewest = 4;       // particles
+constexpr double kNearWall = 0.5;            // of a separation
+constexpr double kSmallestShare = 0.01;      // of the smaller body
+constexpr std::size_t kFewestParticles = 4;  // particles
 
 /// Particles of one body by cells of `size`, to be asked what lies near.
 class Cells {
@@ -64,7 +64,7 @@ class Cells {
 
 std::vector<Overlap> find_overlaps(const mpm::Scene& scene) {
   std::vector<Overlap> found;
-  const double distance = kNear * 0.5 * scene.dx;
+  const double distance = kNearWall * 0.5 * scene.dx;
   for (std::size_t a = 0; a < scene.bodies.size(); ++a) {
     const Points& first = scene.bodies[a].rest;
     const Cells cells(first, distance);
@@ -76,8 +76,8 @@ std::vector<Overlap> find_overlaps(const mpm::Scene& scene) {
         ++overlap.particles;
         overlap.place += x;
       }
-      const double few =
-          std::max(double(kFewest), kSmallestShare * double(std::min(first.size(), second.size())));
+      const double few = std::max(double(kFewestParticles),
+                                  kSmallestShare * double(std::min(first.size(), second.size())));
       if (double(overlap.particles) <= few) continue;
       overlap.place /= double(overlap.particles);
       found.push_back(overlap);

@@ -16,9 +16,9 @@ namespace {
 using material::law_constants;
 using material::Material;
 
-constexpr double kDt = 2e-2;
+constexpr double kStep = 2e-2;
 
-double derivative(double& x, double step, const std::function<double()>& value) {
+double by_maxwell(double& x, double step, const std::function<double()>& value) {
   const double at = x;
   const auto moved = [&](double by) {
     x = at + by;
@@ -70,7 +70,7 @@ TEST_F(MaxwellAdjoint, TotalLagrangian) {
     const double jm1 = determinant_minus_one(h);
     const auto c = law_constants<double>(material);
     MaxwellStep<double> steps[material::kMostMaxwellBranches];
-    maxwell_steps(c, kDt, steps);
+    maxwell_steps(c, kStep, steps);
     double after[24];
     std::copy(history, history + 24, after);
     Sym3<double> tau{};
@@ -81,7 +81,7 @@ TEST_F(MaxwellAdjoint, TotalLagrangian) {
   };
   const auto c = law_constants<double>(material);
   MaxwellStep<double> steps[material::kMostMaxwellBranches];
-  maxwell_steps(c, kDt, steps);
+  maxwell_steps(c, kStep, steps);
   PointBar<double> bar{};
   MaxwellStepBar<double> steps_bar[2] = {};
   Sym3<double> g_bar[2] = {next_bar[0], next_bar[1]};
@@ -90,17 +90,17 @@ TEST_F(MaxwellAdjoint, TotalLagrangian) {
   add_scaled(cofactor(plus_identity(h)), bar.jm1, bar.h);  // J is that of h
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) {
-      EXPECT_NEAR(derivative(h[i][j], 1e-3, value), bar.h[i][j], 1e-8) << i << j;
+      EXPECT_NEAR(by_maxwell(h[i][j], 1e-3, value), bar.h[i][j], 1e-8) << i << j;
     }
   for (int b = 0; b < 2; ++b) {
     for (int k = 0; k < 6; ++k) {
-      EXPECT_NEAR(derivative(history[12 * b + k], 1e-3, value), entry(g_bar[b], k), 1e-8);
+      EXPECT_NEAR(by_maxwell(history[12 * b + k], 1e-3, value), entry(g_bar[b], k), 1e-8);
     }
-    const auto g = material::maxwell_gradient(material.maxwell[static_cast<std::size_t>(b)], kDt,
+    const auto g = material::maxwell_gradient(material.maxwell[static_cast<std::size_t>(b)], kStep,
                                               steps_bar[b].stiffness, steps_bar[b].relaxed);
     material::MaxwellBranch& branch = material.maxwell[static_cast<std::size_t>(b)];
-    EXPECT_NEAR(derivative(branch.modulus, 1e-3, value), g.modulus, 1e-8);
-    EXPECT_NEAR(derivative(branch.time, 1e-4, value), g.time, 1e-7);
+    EXPECT_NEAR(by_maxwell(branch.modulus, 1e-3, value), g.modulus, 1e-8);
+    EXPECT_NEAR(by_maxwell(branch.time, 1e-4, value), g.time, 1e-7);
   }
 }
 
@@ -108,7 +108,7 @@ TEST_F(MaxwellAdjoint, UpdatedLagrangian) {
   const auto value = [&] {
     const auto c = law_constants<double>(material);
     MaxwellStep<double> steps[material::kMostMaxwellBranches];
-    maxwell_steps(c, kDt, steps);
+    maxwell_steps(c, kStep, steps);
     Sym3<double> tau{};
     const Sym3<double> next =
         carry_maxwell<double>(steps[0], h, load_sym3<double>(history, 1), tau);
@@ -116,22 +116,22 @@ TEST_F(MaxwellAdjoint, UpdatedLagrangian) {
   };
   const auto c = law_constants<double>(material);
   MaxwellStep<double> steps[material::kMostMaxwellBranches];
-  maxwell_steps(c, kDt, steps);
+  maxwell_steps(c, kStep, steps);
   Mat3<double> step_bar{};
   MaxwellStepBar<double> over_bar{};
   const Sym3<double> a_bar = carry_maxwell_adjoint<double>(
       steps[0], h, load_sym3<double>(history, 1), tau_bar, next_bar[0], step_bar, over_bar);
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) {
-      EXPECT_NEAR(derivative(h[i][j], 1e-3, value), step_bar[i][j], 1e-8) << i << j;
+      EXPECT_NEAR(by_maxwell(h[i][j], 1e-3, value), step_bar[i][j], 1e-8) << i << j;
     }
   for (int k = 0; k < 6; ++k) {
-    EXPECT_NEAR(derivative(history[k], 1e-3, value), entry(a_bar, k), 1e-8);
+    EXPECT_NEAR(by_maxwell(history[k], 1e-3, value), entry(a_bar, k), 1e-8);
   }
   const auto g =
-      material::maxwell_gradient(material.maxwell[0], kDt, over_bar.stiffness, over_bar.relaxed);
-  EXPECT_NEAR(derivative(material.maxwell[0].modulus, 1e-3, value), g.modulus, 1e-8);
-  EXPECT_NEAR(derivative(material.maxwell[0].time, 1e-4, value), g.time, 1e-7);
+      material::maxwell_gradient(material.maxwell[0], kStep, over_bar.stiffness, over_bar.relaxed);
+  EXPECT_NEAR(by_maxwell(material.maxwell[0].modulus, 1e-3, value), g.modulus, 1e-8);
+  EXPECT_NEAR(by_maxwell(material.maxwell[0].time, 1e-4, value), g.time, 1e-7);
 }
 
 }  // namespace

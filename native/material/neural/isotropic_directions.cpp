@@ -11,20 +11,13 @@
 namespace matterfit::material {
 namespace {
 
-constexpr std::size_t kSamples = 400;
+constexpr std::size_t kDirectionSamples = 400;
 /// Stresses below this share of the stiffest modulus count as this.
-constexpr double kSmallStress = 0.01;
+constexpr double kSmallStressOfModulus = 0.01;
 /// The logarithm of a gain moves by this much at most for a unit along a direction.
 constexpr double kLargestMove = 3.0;
 
 constexpr auto kFree = static_cast<Eigen::Index>(kIsotropicElastic);
-
-bool is_gain(std::size_t weight) {
-  constexpr std::size_t kShape = 2;
-  constexpr std::size_t kVolume = kShape + 4 * kShapeUnits;
-  return (weight >= kShape && weight < kShape + kShapeUnits) ||
-         (weight >= kVolume && weight < kVolume + kVolumeUnits);
-}
 
 /// Derivatives of the rest moduli by the weights.
 Eigen::RowVectorXd rest_slope(const IsotropicWeights& weights, const RestStiffness& of) {
@@ -65,13 +58,13 @@ std::shared_ptr<const IsotropicStart> with_directions(std::string name,
   Random random(seed);
   Material strained;  // for its strains alone
   strained.law = Law::kStvkHencky;
-  const std::vector<PrincipalSample> samples = elastic_samples(strained, kSamples, random);
-  Eigen::MatrixXd jacobian(static_cast<Eigen::Index>(3 * kSamples), kFree);
+  const std::vector<PrincipalSample> samples = elastic_samples(strained, kDirectionSamples, random);
+  Eigen::MatrixXd jacobian(static_cast<Eigen::Index>(3 * kDirectionSamples), kFree);
   Eigen::Index row = 0;
   for (const PrincipalSample& sample : samples) {
     const PrincipalResponse at = principal_response(weights, sample.trial);
-    const double scale =
-        1.0 / ((at.tau.norm() + kSmallStress * modulus) * std::sqrt(static_cast<double>(kSamples)));
+    const double scale = 1.0 / ((at.tau.norm() + kSmallStressOfModulus * modulus) *
+                                std::sqrt(static_cast<double>(kDirectionSamples)));
     for (int i = 0; i < 3; ++i) jacobian.row(row++) = scale * at.by_weights.row(i);
   }
   const Eigen::MatrixXd restore = restoring(weights);
@@ -79,7 +72,7 @@ std::shared_ptr<const IsotropicStart> with_directions(std::string name,
   // others would shift the ranges, which is no straight line to the stress.
   Eigen::MatrixXd effect = jacobian * restore;
   for (Eigen::Index k = 0; k < kFree; ++k) {
-    if (!is_gain(static_cast<std::size_t>(k))) effect.col(k).setZero();
+    if (!is_gain_weight(static_cast<std::size_t>(k))) effect.col(k).setZero();
   }
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(effect, Eigen::ComputeThinV);
   for (std::size_t k = 0; k < kForms; ++k) {

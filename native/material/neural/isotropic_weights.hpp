@@ -86,6 +86,12 @@ inline constexpr std::size_t kVolumeTraceWeight = kVolumeGainWeight + kVolumeUni
 inline constexpr std::size_t kVolumeOffsetWeight = kVolumeTraceWeight + kVolumeUnits;
 static_assert(kVolumeOffsetWeight + kVolumeUnits == kIsotropicElastic);
 
+/// Whether a weight is the logarithm of a unit's gain.
+[[nodiscard]] constexpr bool is_gain_weight(std::size_t weight) {
+  return (weight >= kShapeGainWeight && weight < kShapeOwnWeight) ||
+         (weight >= kVolumeGainWeight && weight < kVolumeTraceWeight);
+}
+
 /// Of the flow's weights.
 inline constexpr std::size_t kYieldWeight = kIsotropicElastic;
 inline constexpr std::size_t kFrictionWeight = kIsotropicElastic + 1;

@@ -12,7 +12,7 @@ namespace matterfit::material {
 namespace {
 
 /// Stresses below this share of the stiffest modulus count as this.
-constexpr double kSmallStress = 0.003;
+constexpr double kSmallTrainingStress = 0.003;
 constexpr int kMostSteps = 300;
 /// Standard deviation of the prior about the start, in the weights' own units: keeps units that the
 /// law does not need from drifting.
@@ -42,11 +42,6 @@ IsotropicWeights shared_stiffness(double shear, double bulk) {
   return w;
 }
 
-bool is_gain(std::size_t weight) {
-  return (weight >= kShapeGainWeight && weight < kShapeOwnWeight) ||
-         (weight >= kVolumeGainWeight && weight < kVolumeTraceWeight);
-}
-
 struct Regression {
   Eigen::MatrixXd jacobian;
   Eigen::VectorXd residual;
@@ -64,7 +59,7 @@ Regression linearise(const IsotropicWeights& weights, const IsotropicWeights& st
   Eigen::Index row = 0;
   for (const PrincipalSample& sample : samples) {
     const PrincipalResponse response = principal_response(weights, sample.trial);
-    const double scale = balance / (sample.tau.norm() + kSmallStress * modulus);
+    const double scale = balance / (sample.tau.norm() + kSmallTrainingStress * modulus);
     for (int i = 0; i < 3; ++i, ++row) {
       out.residual[row] = scale * (response.tau[i] - sample.tau[i]);
       out.jacobian.row(row) = scale * response.by_weights.row(i);
@@ -72,7 +67,7 @@ Regression linearise(const IsotropicWeights& weights, const IsotropicWeights& st
   }
   for (Eigen::Index k = 0; k < kUnknowns; ++k, ++row) {
     const auto at = static_cast<std::size_t>(k);
-    const double pull = 1e-2 / (is_gain(at) ? kGainPriorWidth : kPriorWidth);
+    const double pull = 1e-2 / (is_gain_weight(at) ? kGainPriorWidth : kPriorWidth);
     out.jacobian(row, k) = pull;
     out.residual[row] = pull * (weights[at] - start[at]);
   }

@@ -19,7 +19,7 @@ constexpr std::size_t kStressSamples = 48;  ///< of a material
 constexpr std::size_t kStressBatch = 16;    ///< of them, in a step
 constexpr std::size_t kFlowSamples = 8;
 /// Stresses below this share of the stiffest modulus count as this.
-constexpr double kSmallStress = 0.003;
+constexpr double kSmallLatentStress = 0.003;
 /// Strains of the flow below this count as this, and from 10 on as never met.
 constexpr double kSmallStrain = 1e-4;
 constexpr double kNever = 10.0;
@@ -116,7 +116,7 @@ double lose(const Lesson& lesson, const LatentOutput& x, std::size_t from, Laten
   constexpr double kShare = 1.0 / kStressBatch;
   for (std::size_t k = 0; k < kStressBatch; ++k) {
     const PrincipalSample& sample = lesson.stresses[(from + k) % lesson.stresses.size()];
-    const double scale = 1.0 / (sample.tau.norm() + kSmallStress * lesson.modulus);
+    const double scale = 1.0 / (sample.tau.norm() + kSmallLatentStress * lesson.modulus);
     const Vec3d residual = scale * (principal_stress(c, sample.trial) - sample.tau);
     loss += kShare * residual.squaredNorm();
     add_principal_stress_adjoint(c, sample.trial, 2.0 * kShare * scale * residual, bar);

@@ -123,7 +123,7 @@ std::vector<float> narrowed(const std::vector<double>& from) {
   return out;
 }
 
-double largest(const std::vector<double>& values) {
+double largest_of(const std::vector<double>& values) {
   double most = 0.0;
   for (const double value : values) most = std::max(most, std::abs(value));
   return most;
@@ -154,27 +154,27 @@ TEST(PublishedLaw, EqualsThePlainEvaluation) {
   std::vector<double> t64(trial.size());
   published_forward<double>(weights, GeluMode::kExact, trial, f64, t64, arena);
   EXPECT_LT(largest_difference(f64, elastic), 1e-11);
-  EXPECT_LT(largest_difference(t64, tau), 1e-10 * largest(tau));
+  EXPECT_LT(largest_difference(t64, tau), 1e-10 * largest_of(tau));
 
   const std::vector<float> trial32 = narrowed(trial);
   std::vector<float> f32(trial.size());
   std::vector<float> t32(trial.size());
   published_forward<float>(weights, GeluMode::kExact, trial32, f32, t32, arena);
   EXPECT_LT(largest_difference(widened(f32), elastic), 1e-5);
-  EXPECT_LT(largest_difference(widened(t32), tau), 1e-5 * largest(tau));
+  EXPECT_LT(largest_difference(widened(t32), tau), 1e-5 * largest_of(tau));
   published_forward<float>(weights, GeluMode::kPolynomial, trial32, f32, t32, arena);
   EXPECT_LT(largest_difference(widened(f32), elastic), 1e-4);
-  EXPECT_LT(largest_difference(widened(t32), tau), 1e-3 * largest(tau));
+  EXPECT_LT(largest_difference(widened(t32), tau), 1e-3 * largest_of(tau));
 }
 
 /// L = Σ F̄ : F + τ̄ : τ by the double evaluation.
-struct Problem {
+struct PublishedProblem {
   PublishedWeights weights = random_weights(3, 1.0, 40.0);
   std::vector<double> trial;
   std::vector<double> elastic_bar;
   std::vector<double> tau_bar;
 
-  explicit Problem(std::size_t count) : trial(deformations(count, 4)) {
+  explicit PublishedProblem(std::size_t count) : trial(deformations(count, 4)) {
     std::mt19937 random(5);
     std::uniform_real_distribution<double> uniform(-1.0, 1.0);
     for (std::size_t i = 0; i < trial.size(); ++i) {
@@ -195,14 +195,14 @@ struct Problem {
 TEST(PublishedLaw, GradientsAreThoseOfDifferences) {
   Arena arena(1);
   for (const GeluMode mode : {GeluMode::kExact, GeluMode::kPolynomial}) {
-    Problem problem(24);
+    PublishedProblem problem(24);
     std::vector<double> trial_bar(problem.trial.size());
     std::vector<double> weights_bar(2 * kNetWeights);
     published_backward<double>(problem.weights, mode, problem.trial, problem.elastic_bar,
                                problem.tau_bar, trial_bar, weights_bar, arena);
-    const double scale = largest(trial_bar);
+    const double scale = largest_of(trial_bar);
     for (std::size_t i = 0; i < problem.trial.size(); ++i) {
-      Problem moved = problem;
+      PublishedProblem moved = problem;
       const double step = 1e-5;
       const auto at = [&](double by) {
         moved.trial[i] = problem.trial[i] + by;
@@ -212,9 +212,9 @@ TEST(PublishedLaw, GradientsAreThoseOfDifferences) {
           (8.0 * (at(step) - at(-step)) - (at(2 * step) - at(-2 * step))) / (12.0 * step);
       EXPECT_NEAR(trial_bar[i], slope, 1e-6 * scale) << "point " << i / 9 << " entry " << i % 9;
     }
-    const double weight_scale = largest(weights_bar);
+    const double weight_scale = largest_of(weights_bar);
     for (std::size_t k = 0; k < 2 * kNetWeights; k += 331) {
-      Problem moved = problem;
+      PublishedProblem moved = problem;
       float& weight =
           k < kNetWeights ? moved.weights.elastic[k] : moved.weights.plastic[k - kNetWeights];
       const float before = weight;
@@ -232,7 +232,7 @@ TEST(PublishedLaw, GradientsAreThoseOfDifferences) {
 
 TEST(PublishedLaw, RegistersGiveTheGradientsOfDouble) {
   Arena arena(1);
-  const Problem problem(200);
+  const PublishedProblem problem(200);
   std::vector<double> trial_bar(problem.trial.size());
   std::vector<double> weights_bar(2 * kNetWeights);
   published_backward<double>(problem.weights, GeluMode::kExact, problem.trial, problem.elastic_bar,
@@ -242,14 +242,14 @@ TEST(PublishedLaw, RegistersGiveTheGradientsOfDouble) {
   published_backward<float>(problem.weights, GeluMode::kExact, narrowed(problem.trial),
                             narrowed(problem.elastic_bar), narrowed(problem.tau_bar), trial_bar32,
                             weights_bar32, arena);
-  EXPECT_LT(largest_difference(widened(trial_bar32), trial_bar), 1e-5 * largest(trial_bar));
-  EXPECT_LT(largest_difference(weights_bar32, weights_bar), 1e-5 * largest(weights_bar));
+  EXPECT_LT(largest_difference(widened(trial_bar32), trial_bar), 1e-5 * largest_of(trial_bar));
+  EXPECT_LT(largest_difference(weights_bar32, weights_bar), 1e-5 * largest_of(weights_bar));
 }
 
 TEST(PublishedLaw, SameBitsForAnyNumberOfThreads) {
   Arena one(1);
   Arena three(3);
-  const Problem problem(3000);
+  const PublishedProblem problem(3000);
   const std::vector<float> trial = narrowed(problem.trial);
   const std::vector<float> bar = narrowed(problem.tau_bar);
   const auto run = [&](Arena& arena, std::vector<float>& f_bar, std::vector<double>& w_bar) {

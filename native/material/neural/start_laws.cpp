@@ -13,7 +13,7 @@ namespace {
 constexpr std::array<std::string_view, 4> kNames{"jelly", "plasticine", "sand", "water"};
 
 constexpr double kLargestStrain = 0.7;
-constexpr double kLeastVolume = 0.55;
+constexpr double kLeastStartVolume = 0.55;
 /// Largest strain that one substep adds.
 constexpr double kLargestStep = 0.02;
 
@@ -29,7 +29,7 @@ Vec3d direction(Random& random) {
 Vec3d random_strain(Random& random) {
   for (;;) {
     Vec3d strain = direction(random) * (kLargestStrain * std::pow(random.uniform(), 1.5));
-    if (std::exp(strain.sum()) >= kLeastVolume) return strain;
+    if (std::exp(strain.sum()) >= kLeastStartVolume) return strain;
   }
 }
 

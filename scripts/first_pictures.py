@@ -213,9 +213,9 @@ class Picture:
 
 
 PICTURES = {
-    "jelly": Picture(jelly, 4, (0.2, -1.75, 0.42), (-0.23, 0.0, 0.1), (0.25, 0.62, 0.6)),
+    "jelly": Picture(jelly, 5, (0.15, -1.6, 0.42), (-0.23, 0.0, 0.17), (0.25, 0.62, 0.6)),
     "water": Picture(water, 8, (0.5, -2.4, 0.6), (0.0, 0.0, 0.36), (0.05, 0.2, 0.42), 80.0, 170.0),
-    "sand": Picture(sand, 10, (0.45, -2.25, 0.7), (0.02, 0.0, 0.29), (0.5, 0.16, 0.12)),
+    "sand": Picture(sand, 11, (0.45, -2.15, 0.7), (0.02, 0.0, 0.27), (0.5, 0.16, 0.12)),
 }
 
 
@@ -281,6 +281,9 @@ def render(name, frame):
     scene.cycles.max_bounces = 12
     scene.cycles.caustics_reflective = scene.cycles.caustics_refractive = False
     scene.cycles.sample_clamp_indirect = 4.0
+    for material in bpy.data.materials:  # of a file of 3.4 a later version takes it for switched off
+        if hasattr(material, "use_transparent_shadow"):
+            material.use_transparent_shadow = True
     scene.render.use_motion_blur = True
     scene.render.motion_blur_shutter = SHUTTER
     scene.render.resolution_x, scene.render.resolution_y = SIZE

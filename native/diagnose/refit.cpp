@@ -232,10 +232,16 @@ class Refitter::Search {
     jacobian_ = refitter_.residual_slopes(slopes_);
   }
 
-  /// Whether there was a renewal left.
+  /// Whether there was a renewal left. A search that is far off gains much by each.
   bool renew() {
-    if (fresh_ || renewed_ >= refitter_.options_.renewals + start_.renewals) return false;
-    ++renewed_;
+    if (fresh_) return false;
+    const RefitOptions& options = refitter_.options_;
+    const double now = here_->residual.squaredNorm();
+    if (now > (1.0 - options.worth) * renewed_at_ &&
+        renewed_++ >= options.renewals + start_.renewals) {
+      return false;
+    }
+    renewed_at_ = now;
     slopes_ = refitter_.slopes_at(here_->state);
     jacobian_ = refitter_.residual_slopes(slopes_);
     fresh_ = true;
@@ -330,7 +336,8 @@ class Refitter::Search {
   bool converged_ = false;
   bool ended_ = false;
   int accepted_ = 0;
-  int renewed_ = 0;
+  int renewed_ = 0;          ///< in vain
+  double renewed_at_ = 0.0;  ///< deviance there
 };
 
 std::optional<Refit> Refitter::Search::result() const {

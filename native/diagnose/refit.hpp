@@ -26,8 +26,11 @@ struct Refit {
 };
 
 struct RefitOptions {
-  int iterations = 15;  ///< accepted steps at most
-  int renewals = 1;     ///< of the slopes by new differences, at most
+  int iterations = 30;  ///< accepted steps at most
+  /// Of the slopes by new differences, those at most that did not pay: one pays where the deviance
+  /// has fallen by `worth` of itself since the one before.
+  int renewals = 1;
+  double worth = 0.05;
   /// Decrease of χ² promised by the next step that ends a refit, and the same as a share of χ²:
   /// far below what excludes a rival.
   double tolerance = 0.1;
@@ -51,7 +54,7 @@ class Refitter {
 
   /// Levenberg–Marquardt within bounds from the best state of each start, all of them in step, so
   /// that their simulations run side by side. Slopes are brought up to date by Broyden's rule and
-  /// made anew, RefitOptions::renewals times, where steps no longer gain what they promise. Nothing
+  /// made anew where steps no longer gain what they promise, as long as that pays. Nothing
   /// where no state of a start could be simulated.
   [[nodiscard]] std::vector<std::optional<Refit>> fit_all(std::vector<RefitStart> starts) const;
   /// One of them. Throws Error(kCompute) where it cannot be simulated.

@@ -60,18 +60,20 @@ struct ShellMesh {
   }
 };
 
-/// What OpenVDB asks whether it should go on.
-struct Watch {
-  const Interrupter* interrupter;
-  // OpenVDB's names.
-  void start(const char* /*name*/ = nullptr) const {}
-  void end() const {}
-  [[nodiscard]] bool wasInterrupted(int /*percent*/ = -1) const {
-    return interrupter != nullptr && interrupter->cancelled();
+/// What OpenVDB asks whether it should go on; of its own type, so that its functions come compiled
+/// from its library: they take minutes.
+class Watch : public openvdb::util::NullInterrupter {
+ public:
+  explicit Watch(const Interrupter* interrupter) : interrupter_(interrupter) {}
+  bool wasInterrupted(int /*percent*/ = -1) override {
+    return interrupter_ != nullptr && interrupter_->cancelled();
   }
   void check() const {
-    if (interrupter != nullptr) interrupter->check();
+    if (interrupter_ != nullptr) interrupter_->check();
   }
+
+ private:
+  const Interrupter* interrupter_;
 };
 
 }  // namespace
@@ -109,9 +111,9 @@ DistanceGrid::DistanceGrid(const MeshDistance& mesh, std::size_t shell, std::siz
   alone.execute([&] {
     const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3s, openvdb::Vec3I> adapter(
         surface.points, surface.triangles);
-    const Watch watch{options.interrupter};
+    Watch watch(options.interrupter);
     impl_->grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
-        watch, adapter, *transform, static_cast<float>(band_voxels),
+        watch.interrupter(), adapter, *transform, static_cast<float>(band_voxels),
         static_cast<float>(band_voxels), openvdb::tools::UNSIGNED_DISTANCE_FIELD);
     const auto background = static_cast<float>(impl_->background);
     watch.check();

@@ -156,6 +156,12 @@ _MATERIAL = (
              "How far each weight of the neural law's energy is from the start's",
              least=-6.0, most=6.0, soft=(-1.0, 1.0), size=30, scale=LINEAR, low=-6.0, high=6.0,
              sigma=0.3),
+    Quantity("material.correction", "Correction", "",
+             "Shares by which stiffnesses grow beyond a strain, beside the law: the shear modulus from "
+             "about 0.15, 0.4 and 1 of shear strain on, pull against pressure, and the bulk modulus; "
+             "0 is the law itself",
+             least=-50.0, most=50.0, soft=(-0.3, 2.0), precision=3, step=1, size=5, scale=LINEAR,
+             low=-0.3, high=30.0, sigma=0.5),
     Quantity("material.damping_shear", "Shear Damping", "Pa s",
              "Kelvin-Voigt viscosity against change of shape, in pascal seconds",
              short="Shear [Pa s]", most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),

@@ -210,6 +210,7 @@ TEXTS = {
     "Pours": "Fließt",
     "Numbers": "Zahlen",
     "All Weights": "Alle Gewichte",
+    "Correction": "Korrektur",
     "Most like {law}": "Am ähnlichsten: {law}",
     "Then: {laws}": "Dann: {laws}",
     "{n} of {total} numbers are told": "{n} von {total} Zahlen sind bekannt",
@@ -223,8 +224,8 @@ TEXTS = {
         "auch hat.",
     "Eight numbers, looked for together from all kinds of material.":
         "Acht Zahlen, die zusammen unter allen Arten von Material gesucht werden.",
-    "{name}: 'latent' is not a list of {n} numbers.":
-        "{name}: 'latent' ist keine Liste von {n} Zahlen.",
+    "{name}: '{key}' is not a list of {n} numbers.":
+        "{name}: '{key}' ist keine Liste von {n} Zahlen.",
     "Weights": "Gewichte",
     "Weights File": "Gewichtsdatei",
     "Yield Strain": "Fließdehnung",

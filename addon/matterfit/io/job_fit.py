@@ -50,6 +50,8 @@ def document(settings, scene_document, captures):
         found["laws"] = "all" if len(tried) == len(laws.LAWS) else [law.lower() for law in tried]
     if fit.weight_steps and has_weights(settings):
         found["weights"] = fit.weight_steps
+    elif fit.correction_steps:
+        found["correction"] = fit.correction_steps
     return found
 
 

@@ -261,7 +261,7 @@ def split_path(text, scene_document):
     if steps and steps[-1].isdigit():
         axis = int(steps.pop())
     key = ".".join(steps)
-    return owner, re.sub(r"\.maxwell\.(\d+)", r".maxwell[\1]", key), axis
+    return owner, re.sub(r"(^|\.)(maxwell|poses)\.(\d+)", r"\1\2[\3]", key), axis
 
 
 def _lookup(item, key):

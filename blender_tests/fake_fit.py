@@ -35,11 +35,11 @@ def write_history(folder, entries=None):
 
 
 def write(folder, status="done", law=None, change=None, extra=(), held_out=True,
-          warning=""):
+          warning="", poses=()):
     """result.json, scene.json, material.json and the history of a fit of the job.json in `folder`.
 
     The first body gets E, velocity (1, 2, 3) m/s, and what `change(scene)` does; `extra` are more
-    entries of the result's parameters.
+    entries of the result's parameters, `poses` those of the first capture's cameras.
     """
     document = files.read_json(os.path.join(folder, "job.json"))
     scene = copy.deepcopy(document["scene"])
@@ -80,8 +80,11 @@ def write(folder, status="done", law=None, change=None, extra=(), held_out=True,
             {"law": "newtonian", "held_out_mm": None, "fitted_mm": None, "probability": 0.0,
              "parameters": {}, "failed": "unstable at frame 4"}]
     files.write_json(os.path.join(folder, "result.json"), {"status": status, "fit": fit})
+    captures = copy.deepcopy(document["captures"])
+    if poses:
+        captures[0]["poses"] = list(poses)
     files.write_json(os.path.join(folder, "scene.json"), {
-        "schema": "matterfit.job/1", "task": "simulate", "scene": scene})
+        "schema": "matterfit.job/1", "task": "simulate", "scene": scene, "captures": captures})
     files.write_json(os.path.join(folder, "material.json"), {
         "schema": "matterfit.material/1", "name": name, "density": body["density"],
         "material": body["material"], "source": "Fitted to 'clip', held-out error 0.75 mm.",

@@ -93,7 +93,8 @@ class Layout:
         text = found.name if text is None else text
         flag = found.type == "BOOLEAN" and not getattr(found, "is_array", False)
         if getattr(found, "is_array", False):
-            text += " X" if found.subtype not in ("NONE", "") else ""
+            # A colour is a patch, without axes.
+            text += " X" if found.subtype not in ("NONE", "", "COLOR", "COLOR_GAMMA") else ""
         if found.type == "ENUM" and (found.is_enum_flag or expand):
             for choice in found.enum_items:
                 self._add(choice.name, MARGIN)

@@ -69,7 +69,9 @@ class CutTest(SceneCase):
         select(self.cube("Recorded"))
         bpy.ops.matterfit.add_capture_object()
         capture = self.settings.captures[0]
-        for source in ("OBJECT", "FILE"):
+        capture.use_colours = capture.refine_cameras = True
+        capture.poses = '[{"shift": [0.0123, 0, 0], "turn": [0.02, 0, 0], "focal": 0.01}]'
+        for source in ("OBJECT", "FILE", "IMAGES"):
             capture.source = source
             for holdout in ("NONE", "FRAMES", "TRACKS"):
                 capture.holdout = holdout

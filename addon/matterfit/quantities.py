@@ -15,6 +15,7 @@ LINEAR, LOG, LOGIT = "linear", "log", "logit"
 
 RANGE = 1e4  # a LOG quantity without bounds of its own is looked for this factor either side
 _BRANCH = re.compile(r"^material\.maxwell\[(\d+)\]\.(modulus|time)$")
+_POSE = re.compile(r"^poses\[(\d+)\]\.(shift|turn|focal)$")
 
 
 @dataclass(frozen=True)
@@ -156,6 +157,12 @@ _MATERIAL = (
              "How far each weight of the neural law's energy is from the start's",
              least=-6.0, most=6.0, soft=(-1.0, 1.0), size=30, scale=LINEAR, low=-6.0, high=6.0,
              sigma=0.3),
+    Quantity("material.correction", "Correction", "",
+             "Shares by which stiffnesses grow beyond a strain, beside the law: the shear modulus from "
+             "about 0.15, 0.4 and 1 of shear strain on, pull against pressure, and the bulk modulus; "
+             "0 is the law itself",
+             least=-50.0, most=50.0, soft=(-0.3, 2.0), precision=3, step=1, size=5, scale=LINEAR,
+             low=-0.3, high=30.0, sigma=0.5),
     Quantity("material.damping_shear", "Shear Damping", "Pa s",
              "Kelvin-Voigt viscosity against change of shape, in pascal seconds",
              short="Shear [Pa s]", most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),
@@ -216,14 +223,31 @@ HEIGHT = Quantity("height", "Height", "m", "World height of the floor",
 START_FRAME = Quantity("start_frame", "Start Frame", "", "Scene frame of the capture's first sample",
                        default=1.0, least=-1e6, most=1e6, soft=(0.0, 1e4), scale=LINEAR,
                        low=-2.0, high=2.0, around=True, sigma=0.5)
+# Of one camera of a recording by images; its key in a document and its title have the camera's number.
+_POSES = (
+    Quantity("poses.shift", "Camera {n}, Shift", "m",
+             "How far a camera stands from where its file says, along the world's axes",
+             least=-0.5, most=0.5, soft=(-0.1, 0.1), precision=4, size=3, scale=LINEAR, reach=0.5, sigma=0.02),
+    Quantity("poses.turn", "Camera {n}, Turn", "rad",
+             "How far a camera is turned against what its file says, about its own axes",
+             least=-0.3, most=0.3, soft=(-0.1, 0.1), precision=4, size=3, scale=LINEAR, reach=0.3, sigma=0.02),
+    Quantity("poses.focal", "Camera {n}, Focal Length", "",
+             "Share by which a camera's focal length is longer than its file says",
+             least=-0.2, most=0.2, soft=(-0.1, 0.1), precision=4, scale=LINEAR, low=-0.2, high=0.2, sigma=0.02),
+)
 MOTION = (VELOCITY, SPIN, POSITION, ROTATION)
 
 _TABLE = {row.key: row for row in (*_MATERIAL, *_MAXWELL, DENSITY, FRICTION, STIFFNESS, DAMPING,
-                                   *MOTION, GRAVITY, HEIGHT, START_FRAME)}
+                                   *MOTION, GRAVITY, HEIGHT, START_FRAME, *_POSES)}
 
 
 def find(key):
-    """The Quantity of a key, `material.maxwell[0].time` too; None where there is none."""
+    """The Quantity of a key, `material.maxwell[0].time` and `poses[0].shift` too; None where there is
+    none."""
+    camera = camera_of(key)
+    if camera is not None:
+        number, row = camera
+        return replace(row, key=key, title=row.title.format(n=number))
     branch = branch_of(key)
     if branch is None:
         return _TABLE.get(key)
@@ -241,6 +265,12 @@ def branch_of(key):
     """(number from 0, 'modulus' or 'time') of a Maxwell branch's key; None for all others."""
     match = _BRANCH.match(key)
     return None if match is None else (int(match.group(1)), match.group(2))
+
+
+def camera_of(key):
+    """(number from 0, the row of all cameras) of a key of a camera's pose; None for all others."""
+    match = _POSE.match(key)
+    return None if match is None else (int(match.group(1)), _TABLE["poses." + match.group(2)])
 
 
 def label_of(key):

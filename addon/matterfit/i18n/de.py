@@ -165,6 +165,22 @@ TEXTS = {
     "Up Axis": "Hochachse",
     "Hold-out": "Zurückgehalten",
     "Noise": "Rauschen",
+    "Colours": "Farben",
+    "Colour Noise": "Rauschen der Farben",
+    "Refine Cameras": "Kameras nachstellen",
+    "Shift": "Verschiebung",
+    "Turn": "Drehung",
+    "Focal Length": "Brennweite",
+    "Camera {n}, Shift": "Kamera {n}, Verschiebung",
+    "Camera {n}, Turn": "Kamera {n}, Drehung",
+    "Camera {n}, Focal Length": "Kamera {n}, Brennweite",
+    "Camera Poses": "Stellung der Kameras",
+    "Forget Camera Poses": "Stellung der Kameras vergessen",
+    "A fit moved the cameras: up to {shift} mm and {turn}°.":
+        "Eine Anpassung hat die Kameras bewegt: bis zu {shift} mm und {turn}°.",
+    "Focal lengths: up to {share} % off.": "Brennweiten: bis zu {share} % daneben.",
+    "No fit has moved the cameras of this capture":
+        "Keine Anpassung hat die Kameras dieser Aufnahme bewegt",
     "Fit": "Anpassen",
     "The Body's Law": "Das Gesetz des Körpers",
     "Find the Law": "Gesetz suchen",
@@ -210,6 +226,7 @@ TEXTS = {
     "Pours": "Fließt",
     "Numbers": "Zahlen",
     "All Weights": "Alle Gewichte",
+    "Correction": "Korrektur",
     "Most like {law}": "Am ähnlichsten: {law}",
     "Then: {laws}": "Dann: {laws}",
     "{n} of {total} numbers are told": "{n} von {total} Zahlen sind bekannt",
@@ -223,8 +240,8 @@ TEXTS = {
         "auch hat.",
     "Eight numbers, looked for together from all kinds of material.":
         "Acht Zahlen, die zusammen unter allen Arten von Material gesucht werden.",
-    "{name}: 'latent' is not a list of {n} numbers.":
-        "{name}: 'latent' ist keine Liste von {n} Zahlen.",
+    "{name}: '{key}' is not a list of {n} numbers.":
+        "{name}: '{key}' ist keine Liste von {n} Zahlen.",
     "Weights": "Gewichte",
     "Weights File": "Gewichtsdatei",
     "Yield Strain": "Fließdehnung",

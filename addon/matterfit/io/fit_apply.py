@@ -8,9 +8,10 @@ import os
 
 from mathutils import Matrix, Quaternion, Vector
 
+from .. import quantities
 from ..compat import translate
 from ..jobs import JobError
-from . import files, fit_results, fit_values, job_fit, material_values, presets, transforms
+from . import camera_poses, files, fit_results, fit_values, job_fit, material_values, presets, transforms
 
 
 def apply_run(scene, folder, run=None, given=()):
@@ -38,7 +39,7 @@ def apply(scene, result, folder, fitted_take, take, given=()):
     work = Application(scene, document, fitted_take, take)
     for estimate in (*result.estimates, *(fit_results.Estimate(path) for path in given)):
         work.note(estimate)
-    if not work.wanted and not work.starts:
+    if not (work.wanted or work.starts or work.posed):
         raise JobError(translate("The fit found no value that could be applied. Fit again."))
     work.check()
     work.materials(folder)
@@ -72,6 +73,7 @@ class Application:
         self.take = take
         self.wanted = {}  # owner: keys, in the order of the result
         self.starts = {}  # capture: the scene frame of its first sample
+        self.posed = {}  # capture: its cameras' poses, as the document has them
         self.left = []
 
     def note(self, estimate):
@@ -79,13 +81,16 @@ class Application:
         if key == "start_frame":
             self.starts[owner] = estimate.value
             return
+        if quantities.camera_of(key) is not None:
+            self.posed[owner] = (self._item(owner, "captures") or {}).get("poses", [])
+            return
         keys = self.wanted.setdefault(owner, [])
         if key not in keys:
             keys.append(key)
 
     def check(self):
         """Before anything is changed: everything that was fitted must still be here."""
-        for name in self.starts:
+        for name in (*self.starts, *self.posed):
             if fit_values.find_capture(self.settings, name) is None:
                 raise JobError(translate(
                     "The fit is to '{name}', which is not among the Captures any more. Name it so "
@@ -202,3 +207,5 @@ class Application:
             capture = fit_values.find_capture(self.settings, name)
             capture.use_start_frame = True
             capture.start_frame = frame
+        for name, poses in self.posed.items():
+            fit_values.find_capture(self.settings, name).poses = camera_poses.text_of(poses)

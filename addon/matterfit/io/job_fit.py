@@ -50,6 +50,8 @@ def document(settings, scene_document, captures):
         found["laws"] = "all" if len(tried) == len(laws.LAWS) else [law.lower() for law in tried]
     if fit.weight_steps and has_weights(settings):
         found["weights"] = fit.weight_steps
+    elif fit.correction_steps:
+        found["correction"] = fit.correction_steps
     return found
 
 
@@ -259,7 +261,7 @@ def split_path(text, scene_document):
     if steps and steps[-1].isdigit():
         axis = int(steps.pop())
     key = ".".join(steps)
-    return owner, re.sub(r"\.maxwell\.(\d+)", r".maxwell[\1]", key), axis
+    return owner, re.sub(r"(^|\.)(maxwell|poses)\.(\d+)", r"\1\2[\3]", key), axis
 
 
 def _lookup(item, key):

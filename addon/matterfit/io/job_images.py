@@ -5,7 +5,7 @@ import os
 import re
 
 from ..jobs import JobError
-from . import job_captures
+from . import camera_poses, job_captures
 from .files import absolute, number, numbers
 
 # Files of a COLMAP model; Import Images takes these beside a .json.
@@ -91,6 +91,15 @@ class ImagePart:
             found["start_frame"] = number(capture.start_frame)
         if capture.use_noise:
             found["noise"] = number(capture.noise_pixels)
+        if capture.use_colours:
+            found["colours"] = {"noise": number(capture.colour_noise)}
+        if capture.refine_cameras:
+            found["refine"] = {"shift": number(capture.pose_shift * writer.scale),
+                               "turn": number(capture.pose_turn),
+                               "focal": number(capture.pose_focal)}
+        poses = camera_poses.read(capture.poses)
+        if poses:
+            found["poses"] = poses
         holdout = self._holdout()
         if holdout:
             found["holdout"] = holdout

@@ -13,6 +13,7 @@ from . import files
 from .files import number, numbers
 
 WEIGHTS_SUFFIX = ".safetensors"
+_NO_CORRECTION = (0.0,) * quantities.material("correction").size
 _LATENT = "latent"  # the weights that the library carries for the law of that name
 
 
@@ -31,6 +32,8 @@ def document(material):
     for name in laws.DAMPING:
         if getattr(material, name) > 0.0:
             found[name] = number(getattr(material, name))
+    if any(material.correction):
+        found["correction"] = numbers(material.correction)
     if material.maxwell:
         found["maxwell"] = [{"modulus": number(branch.modulus), "time": number(branch.time)}
                             for branch in material.maxwell]
@@ -51,6 +54,7 @@ def fill(material, values, like=""):
             setattr(material, name, values.get(name, quantities.material(name).absent))
     for name in laws.DAMPING:
         setattr(material, name, values.get(name, 0.0))
+    material.correction = values.get("correction", _NO_CORRECTION)
     material.maxwell.clear()
     for branch in values.get("maxwell", []):
         added = material.maxwell.add()
@@ -85,6 +89,8 @@ def differ(material, values):
                 return True
         elif not _equal(getattr(material, name), values.get(name, quantities.material(name).absent)):
             return True
+    if not all(map(_equal, material.correction, values.get("correction", _NO_CORRECTION))):
+        return True
     branches = values.get("maxwell", [])
     return len(branches) != len(material.maxwell) or any(
         not _equal(getattr(ours, name), theirs[name])

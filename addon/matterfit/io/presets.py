@@ -170,7 +170,7 @@ def check(document, name):
             name=name, law=repr(material.get("law"))))
     parameters = laws.PARAMETERS[law]
     numbers = {*parameters, *laws.DAMPING} - {"latent"}
-    known = {"law", "maxwell", *parameters, *laws.DAMPING}
+    known = {"law", "maxwell", "correction", *parameters, *laws.DAMPING}
     if law in laws.NEURAL:
         known.add("weights")
         _check_text(name, "weights", material.get("weights", ""))
@@ -183,8 +183,9 @@ def check(document, name):
     for key in sorted(numbers):
         row = quantities.material(key)
         _check_number(name, row, key, material.get(key, row.absent))
-    if "latent" in material:
-        _check_code(name, material["latent"])
+    for key in ("latent", "correction"):
+        if key in material:
+            _check_code(name, key, material[key])
     _check_number(name, quantities.DENSITY, "density", document["density"])
     branches = material.get("maxwell", [])
     if not isinstance(branches, list) or len(branches) > laws.MOST_BRANCHES:
@@ -219,13 +220,13 @@ def _check_number(name, quantity, key, value):
             name=name, key=key, value=repr(value)))
 
 
-def _check_code(name, code):
-    row = quantities.material("latent")
+def _check_code(name, key, code):
+    row = quantities.material(key)
     if not isinstance(code, list) or len(code) != row.size:
-        raise JobError(translate("{name}: 'latent' is not a list of {n} numbers.").format(
-            name=name, n=row.size))
+        raise JobError(translate("{name}: '{key}' is not a list of {n} numbers.").format(
+            name=name, key=key, n=row.size))
     for value in code:
-        _check_number(name, row, "latent", value)
+        _check_number(name, row, key, value)
 
 
 @reactions.preset_items.done_by

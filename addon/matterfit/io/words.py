@@ -33,7 +33,8 @@ _FIELDS = {
     "transform": "Motion", "shape": "Shape", "tracks": "File", "noise": "Noise", "unit": "Unit",
     "up": "Up Axis", "fps_of_file": "Rate", "holdout": "Hold-out", "release": "Quiet Start",
     "align": "Align To", "markers": "Markers", "body": "Body", "solver": "Solver",
-    "plate": "Clean Plate", "images": "Image Folder",
+    "plate": "Clean Plate", "images": "Image Folder", "colours": "Colours",
+    "refine": "Refine Cameras", "poses": "Camera Poses",
 }
 
 
@@ -61,6 +62,16 @@ def short_label(label):
     return translate_label(label).split(" [")[0]
 
 
+def _title(key):
+    """The title of a quantity, in the user's language; "" where it is not known."""
+    camera = quantities.camera_of(key)
+    if camera is not None:
+        number, row = camera
+        return translate_label(row.title).format(n=number)
+    row = quantities.find(key)
+    return "" if row is None else translate_label(row.title)
+
+
 def split(settings, path):
     """job_fit.split_path() of a path in a result of this scene's."""
     document = {"bodies": [{"name": body.name} for body in settings.bodies
@@ -71,7 +82,8 @@ def split(settings, path):
 def owner_and_label(settings, path):
     """(owner, label without the unit) of a path in a result of a fit: ('Cube', 'Velocity Z')."""
     owner, key, axis = split(settings, path)
-    text = short_label(quantities.label_of(key))
+    of_camera = quantities.camera_of(key) is not None
+    text = _title(key) if of_camera else short_label(quantities.label_of(key))
     row = quantities.find(key)
     if axis is None or row is not None and row.is_code:
         return owner, text
@@ -171,12 +183,12 @@ def _field(key, otherwise):
     """The label of what stands at the end of a path; `otherwise` where it is not known."""
     key = key.lstrip(".")
     axis = re.match(r"^(.*)\[(\d+)\]$", key)
-    row = quantities.find(key)
-    if row is not None:
-        return translate_label(row.title)
+    title = _title(key)
+    if title:
+        return title
     whole = None if axis is None else quantities.find(axis.group(1))
     if whole is not None and int(axis.group(2)) < whole.size:
-        title, index = translate_label(whole.title), int(axis.group(2))
+        title, index = _title(axis.group(1)), int(axis.group(2))
         return f"{title} {index + 1 if whole.is_code else 'XYZ'[index]}"
     parts = re.sub(r"\[\d+\]", "", key).split(".")
     for end in range(len(parts), 0, -1):

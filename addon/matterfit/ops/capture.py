@@ -152,5 +152,22 @@ class MATTERFIT_OT_check_capture(PlainOperator, bpy.types.Operator):
         redraw(context)
 
 
+class MATTERFIT_OT_forget_poses(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.forget_poses"
+    bl_label = "Forget Camera Poses"
+    bl_description = ("Let the active capture's cameras stand where their file says again; what a fit "
+                      "has found of them is lost")
+
+    @classmethod
+    def poll(cls, context):
+        capture = scene_props.active_capture(context.scene.matterfit)
+        return greyed(cls, capture is None or not capture.poses,
+                      "No fit has moved the cameras of this capture")
+
+    def act(self, context):
+        scene_props.active_capture(context.scene.matterfit).poses = ""
+
+
 CLASSES = (MATTERFIT_OT_import_capture, MATTERFIT_OT_add_capture_object,
-           MATTERFIT_OT_remove_capture, MATTERFIT_OT_check_capture)
+           MATTERFIT_OT_remove_capture, MATTERFIT_OT_check_capture,
+           MATTERFIT_OT_forget_poses)

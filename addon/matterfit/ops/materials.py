@@ -63,7 +63,8 @@ class MATTERFIT_OT_apply_fit(_HasResult, PlainOperator, bpy.types.Operator):
     bl_description = ("Put the fitted values where they belong, so that bakes use them: materials "
                       "and densities into Bodies, velocities and placements into the take's throw "
                       "(else into Bodies, and the object is moved), gravity into the take or "
-                      "Solver, ground and colliders, the frame at which a capture begins")
+                      "Solver, ground and colliders, the frame at which a capture begins, how its "
+                      "cameras stand")
 
     def act(self, context):
         scene = context.scene

@@ -24,6 +24,12 @@ def _reread(self, context):
     outdated(self, context)
 
 
+def _other_file(self, context):
+    """Where cameras stand is found for one file."""
+    self.poses = ""
+    _reread(self, context)
+
+
 def _renamed(self, context):
     outdated(self, context)
     reactions.fit_list_outdated(self.id_data.matterfit)
@@ -45,7 +51,7 @@ class MatterfitCapture(bpy.types.PropertyGroup):
                ("OBJECT", "Animated Object", "The evaluated mesh of an object, at every frame")),
         description="Where the recorded points come from")
     filepath: StringProperty(
-        name="File", subtype="FILE_PATH", options=PATH_OPTIONS, update=_reread,
+        name="File", subtype="FILE_PATH", options=PATH_OPTIONS, update=_other_file,
         description="A .npz, .npy, .c3d or .pc2 file, the first of numbered .ply files, or the "
                     "cameras of images; of a COLMAP model its folder or one of its files")
     object: PointerProperty(
@@ -107,6 +113,32 @@ class MatterfitCapture(bpy.types.PropertyGroup):
     noise_pixels: FloatProperty(
         name="Noise [pixels]", default=1.0, min=1e-3, soft_min=0.1, max=1e3, soft_max=10.0,
         precision=2, description="Standard deviation of where the outline of a matte lies")
+    use_colours: BoolProperty(
+        name="Colours", default=False,
+        description="Compare the colours of the images too, beside the mattes: for bodies with a "
+                    "pattern that moves with them")
+    colour_noise: FloatProperty(
+        name="Colour Noise", default=0.1, min=1e-3, soft_min=0.01, max=10.0, soft_max=1.0, precision=3,
+        step=1, description="Standard deviation of a colour, where 1 is from black to white; light and "
+                            "focus count more than the camera's own noise")
+    refine_cameras: BoolProperty(
+        name="Refine Cameras", default=False,
+        description="A fit finds how each camera stands against what its file says")
+    pose_shift: FloatProperty(
+        name="Shift", default=0.02, min=0.0, soft_min=0.0, max=1e4, soft_max=1.0, precision=4, step=0.1,
+        unit="LENGTH", description="How far from where the file says a camera may stand (standard "
+                                   "deviation); 0: the file is right")
+    pose_turn: FloatProperty(
+        name="Turn", subtype="ANGLE", default=0.02, min=0.0, soft_min=0.0, max=3.0, soft_max=0.5,
+        precision=2, step=10, description="How far from what the file says a camera may be turned "
+                                          "(standard deviation); 0: the file is right")
+    pose_focal: FloatProperty(
+        name="Focal Length", default=0.0, min=0.0, soft_min=0.0, max=1.0, soft_max=0.1, precision=3,
+        step=0.1, description="By which share a focal length may differ from what the file says "
+                              "(standard deviation); 0: the file is right")
+    poses: StringProperty(
+        name="Camera Poses", update=outdated,
+        description="How cameras stand against what their file says, as a fit has found it")
     use_key: BoolProperty(
         name="Key", default=False, update=_reread,
         description="Make mattes by the body's colour below, in place of the images' own")

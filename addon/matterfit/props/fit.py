@@ -138,6 +138,11 @@ class MatterfitFit(bpy.types.PropertyGroup):
         description="Of the law Neural (isotropic): at most so many further steps at the end, with all "
                     "weights of its energy. Of these the one that predicts best what is held out is "
                     "taken, none where that is no better than without")
+    correction_steps: IntProperty(
+        name="Correction", default=0, min=0, soft_max=30, max=1000,
+        description="At most so many further steps at the end with a correction of five numbers "
+                    "beside the law, whatever the law. Of these the one that predicts best what is "
+                    "held out is taken, none where that is no better than without")
 
     check: StringProperty(name="Check", description="What the last Check found, as JSON")
     run: PointerProperty(type=MatterfitTake)

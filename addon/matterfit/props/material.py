@@ -98,6 +98,10 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
         name="Pours", default=False,
         description="It pours like sand or water, so that its surface is shown and not the object's "
                     "own mesh; a fitted material says it by the known law that it is most like")
+    correction: vector("material.correction")
+    show_correction: BoolProperty(
+        name="Correction", default=False, options=set(),
+        description="Show the five numbers by which the material differs from its law")
     damping_shear: number("material.damping_shear")
     damping_bulk: number("material.damping_bulk")
     maxwell: CollectionProperty(type=MatterfitMaxwell)

@@ -105,6 +105,8 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         quantity(column, body, "density")
         if material.law == "LATENT":
             _unknown(column, material)
+        if any(material.correction):
+            _folded(column, material, "correction")
 
 
 def _unknown(column, material):
@@ -119,10 +121,15 @@ def _unknown(column, material):
         column.prop(material, "decoder_file", text="File")
     column.prop(material, "pours")
     if material.use_latent:
-        column.prop(material, "show_latent",
-                    icon="TRIA_DOWN" if material.show_latent else "TRIA_RIGHT")
-        if material.show_latent:
-            column.prop(material, "latent", text="")
+        _folded(column, material, "latent")
+
+
+def _folded(column, material, key):
+    """The numbers of a code, which few people set by hand."""
+    shown = getattr(material, f"show_{key}")
+    column.prop(material, f"show_{key}", icon="TRIA_DOWN" if shown else "TRIA_RIGHT")
+    if shown:
+        column.prop(material, key, text="")
 
 
 def _shape_text(item):

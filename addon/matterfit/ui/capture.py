@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
+import math
+
 import bpy
 
+from ..compat import translate
+from ..io import camera_poses
 from ..props import scene as scene_props
 from .common import MatterfitPanel, form, holdout, lines, switched
 
@@ -86,12 +90,35 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
         switched(column, capture, "use_start_frame", "start_frame")
         column.prop(capture, "location")
         column.prop(capture, "rotation")
+        poses = camera_poses.read(capture.poses)
+        if poses:
+            self._poses(layout, poses)
+
+    def _poses(self, layout, poses):
+        """How far a fit has moved the cameras."""
+        shift, turn, focal = camera_poses.largest(poses)
+        box = layout.box()
+        lines(box, translate("A fit moved the cameras: up to {shift} mm and {turn}°.").format(
+            shift=f"{1e3 * shift:.3g}", turn=f"{math.degrees(turn):.2g}"), icon="CAMERA_DATA")
+        if focal > 0.0:
+            lines(box, translate("Focal lengths: up to {share} % off.").format(
+                share=f"{100.0 * focal:.2g}"))
+        box.operator("matterfit.forget_poses", icon="LOOP_BACK")
 
     def _use(self, layout, capture):
         column = form(layout)
         images = capture.source == "IMAGES"
         switched(column, capture, "use_noise", "noise_pixels" if images else "noise")
+        if images:
+            switched(column, capture, "use_colours", "colour_noise")
+            self._refine(column, capture)
         holdout(column, capture)
+
+    def _refine(self, column, capture):
+        column.prop(capture, "refine_cameras")
+        if capture.refine_cameras:
+            for name in ("pose_shift", "pose_turn", "pose_focal"):
+                column.prop(capture, name)
 
 
 CLASSES = (MATTERFIT_UL_captures, MATTERFIT_PT_capture)

@@ -166,6 +166,8 @@ class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
         column.prop(fit, "levels")
         if job_fit.has_weights(context.scene.matterfit):
             column.prop(fit, "weight_steps")
+        if not (fit.weight_steps and job_fit.has_weights(context.scene.matterfit)):
+            column.prop(fit, "correction_steps")
         column.prop(context.scene.matterfit.solver, "threads")
 
 

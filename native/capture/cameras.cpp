@@ -267,8 +267,10 @@ splat::Camera moved(const splat::Camera& camera, const Eigen::Matrix4d& matrix) 
         "a camera can be turned, shifted and scaled, but not sheared or mirrored: give a "
         "transform of these.");
   }
+  // Of a matrix that was typed with a few digits the nearest rotation.
+  const Mat3d rotation = Eigen::Quaterniond(turn).normalized().toRotationMatrix();
   splat::Camera result = camera;
-  result.rotation = camera.rotation * turn.transpose();
+  result.rotation = camera.rotation * rotation.transpose();
   const Vec3d centre = linear * camera.centre() + matrix.topRightCorner<3, 1>();
   result.translation = -(result.rotation * centre);
   return result;

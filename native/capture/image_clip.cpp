@@ -4,12 +4,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
 #include <utility>
 
 #include "base/error.hpp"
+#include "base/interrupter.hpp"
 #include "capture/image_file.hpp"
 #include "capture/lens.hpp"
 #include "capture/tracks.hpp"
@@ -20,6 +24,35 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kSameTime = 1e-6;  // [s]
+
+/// Times at `fps` in the order of `times`. Cameras need not agree to the last digit: what is nearer
+/// than half of the shortest step of one camera is one time.
+std::vector<double> ranked(const CameraSet& set, const std::vector<double>& times, double fps) {
+  std::map<std::size_t, std::set<double>> of_camera;
+  for (std::size_t i = 0; i < times.size(); ++i) of_camera[set.shots[i].camera].insert(times[i]);
+  double step = std::numeric_limits<double>::infinity();
+  for (const auto& [camera, own] : of_camera) {
+    for (auto next = own.begin(); next != own.end() && std::next(next) != own.end(); ++next) {
+      step = std::min(step, *std::next(next) - *next);
+    }
+  }
+  if (!std::isfinite(step)) step = 2.0 * kSameTime;  // an image a camera
+  std::map<double, double> rank;
+  for (const double time : times) rank[time] = 0.0;
+  double last = rank.begin()->first;
+  double number = 0.0;
+  for (auto& [time, at] : rank) {
+    if (time - last > 0.5 * step) {
+      number += 1.0;
+      last = time;
+    }
+    at = number / fps;
+  }
+  std::vector<double> result;
+  result.reserve(times.size());
+  for (const double time : times) result.push_back(rank.at(time));
+  return result;
+}
 
 /// The time of each shot, in the file's order.
 std::vector<double> times_of(const CameraSet& set, const ImageClipOptions& options) {
@@ -41,11 +74,7 @@ std::vector<double> times_of(const CameraSet& set, const ImageClipOptions& optio
     for (double& time : times) time = (time - first) / fps;
     return times;
   }
-  std::set<double> distinct(times.begin(), times.end());
-  for (double& time : times) {
-    time = static_cast<double>(std::distance(distinct.begin(), distinct.find(time))) / fps;
-  }
-  return times;
+  return ranked(set, times, fps);
 }
 
 std::vector<double> distinct_times(std::vector<double> times) {
@@ -202,7 +231,7 @@ void state_missing(const ImageClip& clip, std::vector<std::string>& statements) 
 }  // namespace
 
 ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& options,
-                          std::vector<std::string>& statements) {
+                          std::vector<std::string>& statements, const Interrupter* interrupter) {
   const CameraSet set = read_cameras(cameras, options.images);
   if (set.folder.empty()) {
     throw_input(set.source + ": its images were not found: '" + set.shots.front().image +
@@ -237,6 +266,7 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
   std::size_t empty = 0;
   clip.sights.reserve(shots.size());
   for (const auto& [place, i] : shots) {
+    if (interrupter != nullptr) interrupter->check();
     const Shot& shot = set.shots[i];
     Sight sight;
     sight.frame = place.first;

@@ -15,6 +15,10 @@
 #include "capture/colour_key.hpp"
 #include "splat/camera.hpp"
 
+namespace matterfit {
+class Interrupter;
+}
+
 namespace matterfit::capture {
 
 /// What one camera saw at one time.
@@ -65,9 +69,10 @@ struct ImageClipOptions {
 /// odd and no error: images that one camera lacks, empty mattes. Throws Error(kInput) that names
 /// file and reason: an image without a matte, or of another size than its camera's, images of one
 /// camera that have one time, a matte that covers its whole image, mattes that are all empty,
-/// cameras without a plate.
+/// cameras without a plate; Cancelled before an image where `interrupter` (null: none) says so.
 [[nodiscard]] ImageClip read_image_clip(const std::filesystem::path& cameras,
                                         const ImageClipOptions& options,
-                                        std::vector<std::string>& statements);
+                                        std::vector<std::string>& statements,
+                                        const Interrupter* interrupter = nullptr);
 
 }  // namespace matterfit::capture

@@ -103,6 +103,17 @@ TEST_F(ImageClipTest, TimesOfTheFileAreTaken) {
   EXPECT_THAT(read(set).times, ElementsAre(0.25, 0.5));
 }
 
+TEST_F(ImageClipTest, ClocksOfCamerasMayDifferALittle) {
+  options_.fps = 10.0;
+  CameraSet set = two_cameras(3);
+  for (std::size_t i = 0; i < 6; ++i) {
+    set.shots[i].time = 0.1 * double(i % 3) + (i < 3 ? 0.0 : 0.004);
+  }
+  const ImageClip clip = read(set);
+  EXPECT_THAT(clip.times, ElementsAre(0.0, 0.1, 0.2));
+  EXPECT_EQ(clip.sights.size(), 6U);
+}
+
 TEST_F(ImageClipTest, AMatteOfItsOwnFileIsTakenByItsBrightness) {
   CameraSet set = two_cameras(1);
   set.shots[0].mask = "mask.png";

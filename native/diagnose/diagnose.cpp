@@ -276,7 +276,7 @@ class Writer {
       }
     } else if (found_.within_solver) {
       report_.verdict = Verdict::kNumerical;
-    } else if (smooth) {
+    } else if (smooth || report_.p < options_.smooth_level) {
       report_.verdict = Verdict::kUnknown;
     } else if (!significant && found_.exact_solver_significant) {
       report_.verdict = Verdict::kNumerical;
@@ -323,6 +323,7 @@ class Writer {
     const double base = found_.base.evidence;
     double best = base;
     if (found_.best) best = std::min(best, found_.best->evidence);
+    for (const Trial& trial : found_.singles) best = std::min(best, trial.evidence);
     const auto weight = [&](double prior, double evidence) {
       return prior * std::exp(-0.5 * (evidence - best) / tau);
     };
@@ -337,7 +338,8 @@ class Writer {
     for (Cause& cause : report_.causes) {
       const double prior =
           share * effects[std::size_t(cause.effect_index)].prior / std::max(priors, 1e-300);
-      double evidence = base - cause.score + 2.0 * double(cause.parameters.size());
+      // What was not refitted is no better than what was: its score is a linear promise.
+      double evidence = std::max(best, base - cause.score + 2.0 * double(cause.parameters.size()));
       if (const Trial* trial = trial_of({cause.effect_index, cause.variant})) {
         evidence = trial->evidence;
       }

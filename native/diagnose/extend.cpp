@@ -24,10 +24,8 @@ using Eigen::VectorXd;
 constexpr double kNearScore = 0.8;
 /// Refitted whatever their scores say of them, for the same reason.
 constexpr std::size_t kAlways = 3;
-/// How often the searches of base and best cause may begin again, and the share of its evidence
-/// that one must gain for another round.
+/// How often the searches of base and best causes may begin again.
 constexpr int kMoreRounds = 3;
-constexpr double kWorthARound = 0.01;
 /// The smallest deviation that counts as noise: rounding of single precision at a metre.
 constexpr double kNoiseFloor = 1e-7;
 /// The solver's error is extrapolated to first order: a tenth of the χ² it stands for, a third of
@@ -37,8 +35,10 @@ constexpr double kExtrapolated = 0.1;
 constexpr double kTold = 2.0;
 /// The same for a cause that leaves nothing to the solver.
 constexpr double kSure = 5.0;
-/// Share of the excess that such a cause explains at least.
+/// Share of the excess that such a cause explains at least, or of what the solver's error explains
+/// where the cause is not there.
 constexpr double kNearlyAll = 0.8;
+constexpr double kAsTheSolver = 0.5;
 /// Causes that are fitted together for a start, and how much of one's signature another may
 /// imitate.
 constexpr std::size_t kTogether = 6;
@@ -69,7 +69,11 @@ class Search {
         try_singles();
       }
     }
-    settle();
+    if (settle()) {
+      // Scores of a base that was left behind would be those of another motion.
+      linearise_base(out_.base.refit.state, 0.82);
+      score_all(0.84);
+    }
     choose();
     add_further_causes(study_, *trials_, *judge_, options_, out_);
     accept();
@@ -81,8 +85,8 @@ class Search {
     if (options_.progress) options_.progress(fraction, what);
   }
 
-  void linearise_base(const State& state) {
-    tell(0.0, "Differentiating all causes");
+  void linearise_base(const State& state, double progress = 0.0) {
+    tell(progress, "Differentiating all causes");
     study_.begin("derivatives");
     out_.base_state = state;
     out_.slopes =
@@ -140,21 +144,35 @@ class Search {
     out_.base.opinion = std::move(judge_->judge({&base, 1}).front());
     trials_.emplace(study_, *refitter_, *judge_);
     trials_->weigh(out_.base);
-    tell(0.45, "Scoring all causes");
+    score_all();
+  }
+
+  void score_all(double progress = 0.45) {
+    tell(progress, "Scoring all causes");
     out_.first = analyse(study_, out_.base_state, out_.slopes, out_.spread, out_.noise,
                          out_.slopes.prediction, 0.0, options_.analysis);
-    if (members_ > 0 && study_.model().has_numerics()) {
-      const Spread none = Spread::none(study_.size());
-      const Analysis exact = analyse(study_, out_.base_state, out_.slopes, none, out_.noise,
-                                     out_.slopes.prediction, 0.0, options_.analysis);
-      double largest = 0.0;
-      for (const Score& score : exact.scores) largest = std::max(largest, score.equivalent);
-      const Refitter without(study_, out_.noise, none, options_.refit);
-      study_.begin("refits");
-      const Refit exact_fit = without.fit({{out_.base.refit.state}, out_.base.refit.slopes});
-      out_.solver_took = std::max(0.0, exact_fit.deviance - out_.base.refit.deviance);
-      out_.exact_solver_significant = exact.smooth.p < 0.01 || exact.placebo.p(largest) < 0.01;
-    }
+    if (!knows_the_solver()) return;
+    const Analysis exact =
+        analyse(study_, out_.base_state, out_.slopes, Spread::none(study_.size()), out_.noise,
+                out_.slopes.prediction, 0.0, options_.analysis);
+    double largest = 0.0;
+    for (const Score& score : exact.scores) largest = std::max(largest, score.equivalent);
+    out_.exact_solver_significant = exact.smooth.p < 0.01 || exact.placebo.p(largest) < 0.01;
+  }
+
+  [[nodiscard]] bool knows_the_solver() const {
+    return members_ > 0 && study_.model().has_numerics();
+  }
+
+  /// χ² that a refit leaves if the solver is exact, once its numbers have adapted to first order.
+  [[nodiscard]] double left_if_exact(const Refit& refit) const {
+    const Index used = study_.used().size();
+    const Whitening plain(
+        study_.used(), out_.noise,
+        solver_columns(study_.used(), study_.model().captures(), MatrixXd(used, 0)).values);
+    const VectorXd residual = plain.apply((study_.measured() - refit.prediction).head(used));
+    const MatrixXd slopes = plain.apply(refit.slopes.topRows(used));
+    return (residual - slopes * slopes.colPivHouseholderQr().solve(residual)).squaredNorm();
   }
 
   /// Where the base is far off, what it lacks has pulled the material along, and a cause's own
@@ -192,33 +210,65 @@ class Search {
   }
 
   /// A search that was far off at first may need more slopes than others to get to its end, and one
-  /// with a cause may find what the base's has missed, which is no evidence for the cause: base and
-  /// best cause go on from where the other ended until neither gains.
-  void settle() {
+  /// with a cause may find what the base's has missed, which is no evidence for the cause: the base
+  /// goes on from where the best cause ended, and causes from where the base ended, until neither
+  /// gains. Whether the base has gained.
+  bool settle() {
+    bool base_moved = false;
     for (int round = 0; round < kMoreRounds && !out_.singles.empty(); ++round) {
-      Trial& best = out_.singles.front();
-      tell(0.8, "Refitting with the best cause");
-      bool gained = false;
-      const bool far_off = looseness_of(best.refit) > kFarOff;
-      if (far_off && !best.refit.converged) gained = go_on(best, best.refit.state);
-      State state{best.refit.state.theta, {}};
-      const bool base = go_on(out_.base, std::move(state));
-      if (base && far_off) {
-        gained = go_on(best, {out_.base.refit.state.theta, best.refit.state.causes}) || gained;
-      }
-      if (!gained) return;
+      tell(0.8, "Refitting with the best causes");
+      const bool far_off = looseness_of(out_.singles.front().refit) > kFarOff;
+      if (far_off) (void)go_on(out_.singles, out_.singles.front().refit.state.theta);
+      std::vector<Trial> base;
+      base.push_back(std::move(out_.base));
+      const bool moved = go_on(base, out_.singles.front().refit.state.theta);
+      out_.base = std::move(base.front());
+      base_moved = base_moved || moved;
+      if (!moved || !far_off) break;
+      if (!go_on(out_.singles, out_.base.refit.state.theta)) break;
     }
+    return base_moved;
   }
 
-  /// Refits `trial` from a state with its causes; whether that gained a share that is worth more.
-  bool go_on(Trial& trial, State from) const {
+  /// Refits the best few trials, and those whose causes were tried at set values, from where they
+  /// are or from `theta` (of one of them at most: it is read first) with their causes. Whether any
+  /// gained what would decide between rivals.
+  bool go_on(std::vector<Trial>& trials, const VectorXd& theta) const {
     std::vector<Attempt> attempts;
-    attempts.push_back({trial.causes, {{std::move(from)}, {}}});
+    std::vector<std::size_t> of;
+    for (std::size_t k = 0; k < trials.size(); ++k) {
+      const Trial& trial = trials[k];
+      const bool tried =
+          !trial.causes.empty() &&
+          !study_.model().effects()[std::size_t(trial.causes.front().effect)].tries.empty();
+      if (k >= kAlways && !tried) continue;
+      const State& own = trial.refit.state;
+      const bool there = trial.refit.converged && own.theta == theta;
+      if (there) continue;
+      std::vector<State> states{{theta, own.causes}};
+      if (own.theta != theta) states.push_back(own);
+      attempts.push_back({trial.causes, {std::move(states), {}}});
+      of.push_back(k);
+    }
+    bool gained = false;
     std::vector<Trial> again = trials_->tried(std::move(attempts), "refits");
-    if (again.empty() || !(again.front().evidence < trial.evidence)) return false;
-    const bool worth = again.front().evidence < (1.0 - kWorthARound) * trial.evidence;
-    trial = std::move(again.front());
-    return worth;
+    for (Trial& next : again) {
+      for (const std::size_t k : of) {
+        if (!same_causes(trials[k], next) || !(next.evidence < trials[k].evidence)) continue;
+        const double decides = kExcluded * looseness_of(next.refit);
+        gained = gained || trials[k].evidence - next.evidence > decides;
+        trials[k] = std::move(next);
+        break;
+      }
+    }
+    std::ranges::stable_sort(trials, {}, &Trial::evidence);
+    return gained;
+  }
+
+  static bool same_causes(const Trial& a, const Trial& b) {
+    return std::ranges::equal(a.causes, b.causes, [](const Candidate& x, const Candidate& y) {
+      return x.effect == y.effect && x.variant == y.variant;
+    });
   }
 
   void try_singles() {
@@ -237,15 +287,16 @@ class Search {
         attempts.push_back({{score.candidate}, single_start(score, known)});
       }
     }
+    const std::size_t set = attempts.size();
     for (const std::size_t k : order) {
-      if (int(attempts.size()) >= options_.refits) break;
+      if (int(attempts.size() - set) >= options_.refits) break;
       const Score& score = scores[k];
       if (!effect_of(score).onsets.empty() || !effect_of(score).tries.empty()) continue;
       if (out_.first->placebo.p(score.equivalent) >= options_.analysis.placebo.level) break;
       const double imitates = out_.first->test.imitation(order.front(), top.estimate, k);
       const bool like = top.statistic * (1.0 - imitates) < kExcluded ||
                         score.statistic > kNearScore * top.statistic;
-      if (!like && attempts.size() >= kAlways) continue;
+      if (!like && attempts.size() - set >= kAlways) continue;
       attempts.push_back({{score.candidate}, single_start(score, known)});
     }
     if (attempts.empty()) return;
@@ -265,6 +316,10 @@ class Search {
     for (const Score& score : scores) {
       const std::vector<double>& onsets = effect_of(score).onsets;
       if (onsets.empty()) continue;
+      if (is_known(score, known)) {
+        attempts.push_back({{score.candidate}, single_start(score, known)});
+        continue;
+      }
       const double onset = onsets[std::size_t(score.candidate.variant)];
       const auto [at, fresh] = before_onset_.try_emplace(onset);
       if (fresh) {
@@ -276,6 +331,13 @@ class Search {
           {{score.candidate},
            at->second ? onset_start(score, *at->second) : single_start(score, known)});
     }
+  }
+
+  static bool is_known(const Score& score, const std::vector<Trial>& known) {
+    return std::ranges::any_of(known, [&](const Trial& trial) {
+      return trial.causes.front().effect == score.candidate.effect &&
+             trial.causes.front().variant == score.candidate.variant;
+    });
   }
 
   /// At its whole first step from `before`. Slopes that are there are of another motion, and after
@@ -348,16 +410,21 @@ class Search {
     const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
     // An error that is beyond what solver and noise make, and that the cause takes away, is not the
     // solver's.
-    // Nor is one that a single number, known well, takes away nearly all of, there and in what was
-    // kept back: the solver's errors are not one cause's signature.
+    // Nor is one that a cause whose number is known well takes away nearly all of, or half as much
+    // as the solver's whole covariance, and that it takes from what was kept back too: the solver's
+    // errors are not one cause's signature.
     const Refit& before = out_.base.refit;
+    const double left = knows_the_solver() ? left_if_exact(before) : 0.0;
+    const double solver_took = std::max(0.0, left - before.chi_square);
+    const double cause_took = knows_the_solver() ? left - left_if_exact(out_.best->refit) : 0.0;
     const double explained = (before.chi_square - out_.best->refit.chi_square) /
                              std::max(before.chi_square - before.freedom, 1.0);
-    const bool accounts = explained > kNearlyAll && told_by(out_.best->refit) > kSure &&
+    const bool large = explained > kNearlyAll || cause_took > kAsTheSolver * solver_took;
+    const bool accounts = large && told_by(out_.best->refit) > kSure &&
                           kept_back - out_.best->opinion.deviance > kExcluded * out_.looseness;
-    out_.within_solver =
-        out_.exact_solver_significant && !(g.measurable && predicts) && !accounts &&
-        out_.base.evidence - out_.best->evidence < kExtrapolated * out_.solver_took;
+    out_.within_solver = out_.exact_solver_significant && !(g.measurable && predicts) &&
+                         !accounts &&
+                         out_.base.evidence - out_.best->evidence < kExtrapolated * solver_took;
     out_.accepted = predicts && likelier && told_by(out_.best->refit) > kTold &&
                     !out_.best->refit.at_bound && !out_.within_solver;
     for (std::size_t k = 0; k < out_.first->scores.size(); ++k) {

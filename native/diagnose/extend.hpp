@@ -38,9 +38,6 @@ struct Extension {
   double looseness =
       1.0;  ///< χ²/dof of the best model, at least 1: what likelihoods are divided by
   bool accepted = false;  ///< the best passes significance, gain, baselines and bounds
-  /// χ² that the solver's own error takes away from the fitted model: what the covariance and the
-  /// extrapolated bias stand for.
-  double solver_took = 0.0;
   /// What the best extension takes away is no more than what that extrapolation may be wrong by.
   bool within_solver = false;
   bool exact_solver_significant = false;  ///< something is wrong if the solver counts as exact

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -224,6 +225,7 @@ class Refitter::Search {
       }
     }
     if (!here_) return;
+    renewed_at_ = here_->residual.squaredNorm();
     scales_ = scales_of(model(), here_->state);
     bounds_ = box_of(model(), here_->state);
     if (slopes_.cols() != scales_.size()) {
@@ -337,7 +339,7 @@ class Refitter::Search {
   bool ended_ = false;
   int accepted_ = 0;
   int renewed_ = 0;          ///< in vain
-  double renewed_at_ = 0.0;  ///< deviance there
+  double renewed_at_ = 0.0;  ///< deviance there; at first of the start
 };
 
 std::optional<Refit> Refitter::Search::result() const {
@@ -357,11 +359,13 @@ std::optional<Refit> Refitter::Search::result() const {
   const MatrixXd covariance =
       hessian.ldlt().solve(MatrixXd::Identity(hessian.cols(), hessian.cols()));
   const Index p = result.state.theta.size();
-  result.error = covariance.diagonal()
-                     .segment(p, numbers - p)
-                     .cwiseMax(0.0)
-                     .cwiseSqrt()
-                     .cwiseProduct(scales_.tail(numbers - p));
+  result.error.resize(numbers - p);
+  for (Index k = p; k < numbers; ++k) {
+    // A number that moves nothing, or that others make up for, is not known at all.
+    const bool known = hessian(k, k) > 0.0 && covariance(k, k) > 0.0;
+    result.error[k - p] =
+        known ? scales_[k] * std::sqrt(covariance(k, k)) : std::numeric_limits<double>::infinity();
+  }
   for (const Active& cause : result.state.causes) {
     const Effect& effect = model().effects()[std::size_t(cause.effect)];
     for (std::size_t k = 0; k < effect.numbers.size(); ++k) {

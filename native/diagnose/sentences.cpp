@@ -163,6 +163,10 @@ std::string headline(const Report& report) {
 }
 
 std::string with_error(const Value& value) {
+  if (!std::isfinite(value.error)) {
+    return fmt::format("{:.3g}{}{} (nothing tells it)", value.value, value.unit.empty() ? "" : " ",
+                       value.unit);
+  }
   return fmt::format("{:.3g} ± {:.2g}{}{}", value.value, value.error, value.unit.empty() ? "" : " ",
                      value.unit);
 }

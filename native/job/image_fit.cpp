@@ -96,7 +96,7 @@ class ImageFit {
     for (const fit::Run& run : runs()) scenes.push_back(run.build(1.0, arena, interrupter_));
     has_tracks_ =
         std::any_of(runs().begin(), runs().end(), [](const fit::Run& run) { return run.fitted; });
-    films_ = load_films(job_, scenes.front(), has_tracks_, statements_);
+    films_ = load_films(job_, scenes.front(), has_tracks_, statements_, interrupter_);
     settle_captures(loaded_.experiment, scenes, arena, statements_);
     window_ = fit::growing_windows(runs(), false).back();
     runs().front().films = films_.films;
@@ -168,9 +168,10 @@ class ImageFit {
   void learn_colours() {
     std::vector<fit::Sighting> reduced;
     for (const ImageSighting& sighting : films_.sightings) {
-      if (sighting.reduced.has_colours()) reduced.push_back(sighting.reduced);
+      const bool tells = sighting.reduced.has_colours() && !sighting.reduced.held_out;
+      if (tells) reduced.push_back(sighting.reduced);
     }
-    if (!reduced.empty()) colours_ = fit::learn_colours(*model_, values_, reduced);
+    if (!reduced.empty()) colours_ = fit::learn_colours(*model_, values_, reduced, interrupter_);
   }
 
   [[nodiscard]] std::vector<fit::Parameter> parameters_at(const std::vector<double>& values) const {
@@ -261,6 +262,16 @@ class ImageFit {
     return point;
   }
 
+  /// Refines the plan as the values now need it; residuals are then not quite the same.
+  void settle(fit::ImageProblem& at) {
+    fit::StepPlan plan = at.plan();
+    model_->settle(plan, at.physical(state_.point), at.plan().refinements);
+    if (plan.refinements == at.plan().refinements) return;
+    at.set_plan(std::move(plan));
+    state_.residual.resize(0);
+    state_.forget_slopes();
+  }
+
   void search(double blur, const char* stage) {
     settle_steps();
     search(problem(blur), stage);
@@ -273,6 +284,7 @@ class ImageFit {
     search_.emplace(parameters_at(values_), options);
     state_ = search_->start();
     while (!state_.finished) {
+      settle(at);
       try {
         search_->iterate(at, state_);
       } catch (const Error& error) {
@@ -291,10 +303,12 @@ class ImageFit {
 
   [[nodiscard]] fit::Uncertainty uncertainty() {
     fit::ImageProblem at = problem(kNarrow);
+    settle(at);
     search_->linearise(at, state_);
     misfit_ = at.misfit(state_.residual);
-    return fit::uncertainty(search_->parameters(), state_, at.effective(state_.residual),
-                            doc_.huber, at.blocks());
+    // Without Huber's bound, which is one of residuals that are not counted yet.
+    return fit::uncertainty(search_->parameters(), at.as_counted(state_),
+                            at.effective(state_.residual), 0.0, at.blocks());
   }
 
   /// At the present values: of all images, in their own pixels, and of all tracks.

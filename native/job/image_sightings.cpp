@@ -43,8 +43,9 @@ bool is_held_out(const ImagesDoc& doc, double frame, std::size_t camera) {
 }
 
 void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& into,
-                 std::vector<std::string>& statements) {
-  capture::ImageClip clip = capture::read_image_clip(doc.cameras, doc.options, statements);
+                 std::vector<std::string>& statements, const Interrupter& interrupter) {
+  capture::ImageClip clip =
+      capture::read_image_clip(doc.cameras, doc.options, statements, &interrupter);
   const std::size_t cameras = clip.cameras.size();
   const std::string there = "; there are " + std::to_string(cameras) + ", from 0.";
   for (const int number : doc.holdout.cameras) {
@@ -59,7 +60,8 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& int
   film.viewing.poses.resize(cameras);
   std::size_t outside = 0;
   for (capture::Sight& sight : clip.sights) {
-    const double frame = start + clip.times[sight.frame] * scene.fps;
+    double frame = start + clip.times[sight.frame] * scene.fps;
+    if (std::abs(frame - std::round(frame)) < kSlack) frame = std::round(frame);
     if (frame < scene.first_frame - kSlack || frame > scene.end_frame - 1 + kSlack) {
       ++outside;
       continue;
@@ -142,11 +144,11 @@ bool LoadedFilms::is_fitted(std::size_t film, std::size_t camera) const {
 }
 
 LoadedFilms load_films(const Job& job, const mpm::Scene& scene, bool others,
-                       std::vector<std::string>& statements) {
+                       std::vector<std::string>& statements, const Interrupter& interrupter) {
   LoadedFilms loaded;
   for (const ImagesDoc& doc : images_of(job)) {
     try {
-      add_capture(doc, scene, loaded, statements);
+      add_capture(doc, scene, loaded, statements, interrupter);
     } catch (const Error& error) {
       throw Error(error.kind(), doc.path + ": " + error.what());
     }

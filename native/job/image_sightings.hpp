@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "base/interrupter.hpp"
 #include "fit/model/experiment.hpp"
 #include "fit/model/image_problem.hpp"
 #include "job/documents/document.hpp"
@@ -36,7 +37,8 @@ struct LoadedFilms {
 /// error goes into `statements`. Throws Error(kInput) beginning with the capture's path, and where
 /// no image is left to fit, unless something else is fitted too (`others`).
 [[nodiscard]] LoadedFilms load_films(const Job& job, const mpm::Scene& scene, bool others,
-                                     std::vector<std::string>& statements);
+                                     std::vector<std::string>& statements,
+                                     const Interrupter& interrupter);
 
 /// The poses that are fitted: those that the job's parameters name, and of every camera that has a
 /// fitted image those that its capture's `refine` asks for. Throws Error(kInput) for a camera that

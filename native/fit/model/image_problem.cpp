@@ -34,7 +34,7 @@ ImageProblem::ImageProblem(const Model& model, std::vector<Parameter> parameters
     if (compares_colours(sighting)) {
       double area = 0.0;
       for (const float value : matte.values) area += value;
-      patches_ += 3.0 * area / mixed(blur_);
+      patches_ += area / mixed(blur_);
     }
     blur(matte, blur_);
     outlines_ += outline_length(matte);
@@ -105,7 +105,7 @@ void ImageProblem::compare(std::size_t v, const Drawn& drawn,
     into[Eigen::Index(i)] = weight * double(ours.values[i] - mattes_[v].values[i]);
   }
   if (!compares_colours(sighting)) return;
-  const double colour_weight = 1.0 / (sighting.colour_noise * std::sqrt(mixed(blur_)));
+  const double colour_weight = 1.0 / (sighting.colour_noise * std::sqrt(3.0 * mixed(blur_)));
   for (std::size_t c = 0; c < 3; ++c) {
     Coverage apart = sighting.matte;
     for (std::size_t i = 0; i < pixels; ++i) {
@@ -126,6 +126,29 @@ Eigen::VectorXd ImageProblem::tail(const Eigen::VectorXd& residual) const {
 double ImageProblem::effective(const Eigen::VectorXd& residual) const {
   return outlines_ + patches_ +
          (parts_.tracks != nullptr ? parts_.tracks->effective(tail(residual)) : 0.0);
+}
+
+LeastSquaresState ImageProblem::as_counted(LeastSquaresState state) const {
+  const auto images = Eigen::Index(first_.back());
+  double observed = 0.0;
+  double of_tracks = 0.0;
+  for (Eigen::Index i = 0; i < state.residual.size(); ++i) {
+    if (!is_observed(state, i)) continue;
+    observed += 1.0;
+    of_tracks += i >= images ? 1.0 : 0.0;
+  }
+  const double whole = effective(state.residual);
+  if (!(whole > 0.0) || !(observed > 0.0)) return state;
+  const double back = std::sqrt(std::max(1.0, observed / whole));
+  state.residual.head(images) *= back;
+  state.jacobian.topRows(images) *= back;
+  if (of_tracks > 0.0) {
+    const double tracks = whole - outlines_ - patches_;
+    const double own = back * std::sqrt(std::min(1.0, tracks / of_tracks));
+    state.residual.tail(state.residual.size() - images) *= own;
+    state.jacobian.bottomRows(state.residual.size() - images) *= own;
+  }
+  return state;
 }
 
 ImageProblem::Misfit ImageProblem::misfit(const Eigen::VectorXd& residual) const {

@@ -41,9 +41,10 @@ struct Sighting {
 /// With colours, of those sightings that have some, behind the coverage and channel by channel
 ///   m (Σ T α k c − (Σ T α k) c') / σ',
 /// blurred alike: m the captured coverage, k how well a particle's colour c is known, c' the
-/// captured colour, so that only what is known and seen is compared. σ' = σ √(4π blur²) (at least
-/// σ): errors of colours are those of light, focus and shape, and are taken to hang together over
-/// as much as the blur mixes.
+/// captured colour, so that only what is known and seen is compared. σ' = σ √(3 · 4π blur²) (at
+/// least σ √3): errors of colours are those of light, focus and shape, and are taken to hang
+/// together over the channels and over as much as the blur mixes. Images at the scene's first frame
+/// are left out, for the colours are taken from them.
 class ImageProblem final : public Problem {
  public:
   struct Parts {
@@ -65,6 +66,7 @@ class ImageProblem final : public Problem {
 
   /// How every evaluation is stepped; an empty one: as the solver chooses.
   void set_plan(StepPlan plan) { plan_ = std::move(plan); }
+  [[nodiscard]] const StepPlan& plan() const { return plan_; }
   [[nodiscard]] std::vector<double> physical(const Eigen::VectorXd& point) const;
   /// The squares of the residuals over as many as count as independent, about 1 of a perfect fit
   /// with the stated noise: of outlines, colours and tracks; NaN without any.
@@ -74,6 +76,10 @@ class ImageProblem final : public Problem {
     double tracks = 0.0;
   };
   [[nodiscard]] Misfit misfit(const Eigen::VectorXd& residual) const;
+  /// A state at which uncertainty() finds the information that is there: it weighs all rows by how
+  /// many of them count as independent, but squares of images add up to their independent number
+  /// already, and those of tracks do not.
+  [[nodiscard]] LeastSquaresState as_counted(LeastSquaresState state) const;
   /// Why the last point could not be simulated.
   [[nodiscard]] const std::string& failure() const { return failure_; }
   /// Told after each batch how many points were simulated since the beginning.
@@ -81,7 +87,7 @@ class ImageProblem final : public Problem {
 
  private:
   [[nodiscard]] bool compares_colours(const Sighting& sighting) const {
-    return parts_.colours != nullptr && sighting.has_colours();
+    return parts_.colours != nullptr && sighting.has_colours() && sighting.view.time > 0.0;
   }
   /// Of one sighting, into its part of the residual.
   void compare(std::size_t sighting, const Drawn& drawn, Eigen::Ref<Eigen::VectorXd> into) const;

@@ -43,7 +43,8 @@ void spread(splat::Rasteriser& rasteriser, const Shown& shown, const splat::Imag
 }  // namespace
 
 ParticleColours learn_colours(const Model& model, const std::vector<double>& values,
-                              const std::vector<Sighting>& sightings) {
+                              const std::vector<Sighting>& sightings,
+                              const Interrupter& interrupter) {
   const mpm::Scene& scene = model.scene(0);
   std::vector<std::size_t> first{0};
   for (const mpm::Body& body : scene.bodies) first.push_back(first.back() + body.rest.size());
@@ -88,6 +89,7 @@ ParticleColours learn_colours(const Model& model, const std::vector<double>& val
   for (int sweep = 0; sweep < kSweeps; ++sweep) {
     std::vector<Vec3f> step(colours.size(), Vec3f::Zero());
     for (Shown& shown : all) {
+      interrupter.check();
       std::vector<Vec3f> own;
       own.reserve(shown.particles.size());
       for (const std::size_t i : shown.particles) own.push_back(colours[i]);

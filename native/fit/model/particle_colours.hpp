@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "base/interrupter.hpp"
 #include "fit/model/image_problem.hpp"
 #include "fit/model/model.hpp"
 
@@ -16,6 +17,7 @@ namespace matterfit::fit {
 /// bits for any number of threads. Throws Error(kInput) where no sighting with colours shows the
 /// first frame.
 [[nodiscard]] ParticleColours learn_colours(const Model& model, const std::vector<double>& values,
-                                            const std::vector<Sighting>& sightings);
+                                            const std::vector<Sighting>& sightings,
+                                            const Interrupter& interrupter);
 
 }  // namespace matterfit::fit

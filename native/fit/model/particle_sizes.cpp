@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <exception>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -16,6 +17,9 @@ namespace {
 /// Standard deviations of a particle that are tried [particle separations].
 constexpr std::array<double, 12> kSizes = {0.05, 0.1, 0.15, 0.2,  0.25, 0.3,
                                            0.35, 0.4, 0.5,  0.65, 0.8,  1.0};
+
+/// Where nothing tells: an outline stands half a separation outside its particles.
+constexpr double kUsualSize = 0.4;
 
 using Camera = std::pair<std::size_t, std::size_t>;  // film, number
 
@@ -36,7 +40,8 @@ double size_of(const double* area, double wanted, const std::string& name) {
   while (k < kSizes.size() && area[k] < wanted) ++k;
   if (k == kSizes.size() || area[0] > wanted) {
     throw_input(name + ": the matte at its first image covers " +
-                std::to_string(static_cast<int>(100.0 * wanted / area[kSizes.size() / 2])) +
+                std::to_string(static_cast<int>(
+                    std::min(1e4, 100.0 * wanted / std::max(area[kSizes.size() / 2], 1e-3)))) +
                 " % of what the simulated body does. Are 'unit', the camera's lens and the body's "
                 "shape and place right?");
   }
@@ -79,12 +84,19 @@ void settle_sizes(const Model& model, const std::vector<double>& values,
            moved[camera.first][camera.second] != 0;
   };
   std::map<Camera, double> sizes;
+  std::exception_ptr fault;
   for (std::size_t begin = 0; begin < of.size(); begin += kSizes.size()) {
     const Sighting& sighting = sightings[of[begin]];
     const Camera camera = camera_of(sighting);
     const std::string name = names[camera.first] + ": camera " + std::to_string(camera.second);
-    sizes[camera] = size_of(areas.data() + begin, sum_of(sighting.matte.values), name);
+    try {
+      sizes[camera] = size_of(areas.data() + begin, sum_of(sighting.matte.values), name);
+    } catch (const Error&) {
+      if (!is_moved(camera)) throw;
+      fault = std::current_exception();  // its pose is what is looked for
+    }
   }
+  if (sizes.empty() && fault) std::rethrow_exception(fault);
   /// Of a film's cameras, or of all; of those that are not moved, or of all.
   const auto mean = [&](std::optional<std::size_t> film, bool all) -> std::optional<double> {
     double sum = 0.0;
@@ -106,7 +118,7 @@ void settle_sizes(const Model& model, const std::vector<double>& values,
     auto size = mean(camera.first, false);
     if (!size) size = mean(camera.first, true);
     if (!size) size = mean(std::nullopt, true);
-    if (size) sighting.view.size = *size;
+    sighting.view.size = size.value_or(kUsualSize);
   }
 }
 

@@ -169,7 +169,7 @@ class Search {
     const Index used = study_.used().size();
     const Whitening plain(
         study_.used(), out_.noise,
-        solver_columns(study_.used(), study_.model().captures(), MatrixXd(used, 0)).values);
+        solver_columns(study_.used(), study_.model().captures(), Spread::none(used)).values);
     const VectorXd residual = plain.apply((study_.measured() - refit.prediction).head(used));
     const MatrixXd slopes = plain.apply(refit.slopes.topRows(used));
     return (residual - slopes * slopes.colPivHouseholderQr().solve(residual)).squaredNorm();

@@ -35,9 +35,11 @@ constexpr double kExtrapolated = 0.1;
 constexpr double kTold = 2.0;
 /// The same for a cause that leaves nothing to the solver.
 constexpr double kSure = 5.0;
-/// Share of the excess that such a cause explains at least, or of what the solver's error explains
-/// where the cause is not there.
+/// Share of the excess that such a cause explains at least.
 constexpr double kNearlyAll = 0.8;
+/// The same of one that takes away as much as this share of what the solver's error explains where
+/// the cause is not there.
+constexpr double kMostly = 0.5;
 constexpr double kAsTheSolver = 0.5;
 /// Causes that are fitted together for a start, and how much of one's signature another may
 /// imitate.
@@ -410,16 +412,18 @@ class Search {
     const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
     // An error that is beyond what solver and noise make, and that the cause takes away, is not the
     // solver's.
-    // Nor is one that a cause whose number is known well takes away nearly all of, or half as much
-    // as the solver's whole covariance, and that it takes from what was kept back too: the solver's
-    // errors are not one cause's signature.
+    // Nor is one that a cause whose number is known well takes away nearly all of (or most of,
+    // where it takes half as much as the solver's whole covariance), and takes from what was kept
+    // back too: the solver's errors are not one cause's signature.
     const Refit& before = out_.base.refit;
     const double left = knows_the_solver() ? left_if_exact(before) : 0.0;
     const double solver_took = std::max(0.0, left - before.chi_square);
     const double cause_took = knows_the_solver() ? left - left_if_exact(out_.best->refit) : 0.0;
     const double explained = (before.chi_square - out_.best->refit.chi_square) /
                              std::max(before.chi_square - before.freedom, 1.0);
-    const bool large = explained > kNearlyAll || cause_took > kAsTheSolver * solver_took;
+    const bool large =
+        explained > kNearlyAll || (looseness_of(before) > kFarOff && explained > kMostly &&
+                                   cause_took > kAsTheSolver * solver_took);
     const bool accounts = large && told_by(out_.best->refit) > kSure &&
                           kept_back - out_.best->opinion.deviance > kExcluded * out_.looseness;
     out_.within_solver = out_.exact_solver_significant && !(g.measurable && predicts) &&

@@ -166,13 +166,16 @@ class Search {
     return members_ > 0 && study_.model().has_numerics();
   }
 
-  /// χ² that a refit leaves if the solver is exact, once its numbers have adapted to first order.
+  /// χ² that a refit leaves if the solver is exact, without its bias and once the refit's numbers
+  /// have adapted to first order.
   [[nodiscard]] double left_if_exact(const Refit& refit) const {
     const Index used = study_.used().size();
     const Whitening plain(
         study_.used(), out_.noise,
         solver_columns(study_.used(), study_.model().captures(), Spread::none(used)).values);
-    const VectorXd residual = plain.apply((study_.measured() - refit.prediction).head(used));
+    VectorXd apart = (study_.measured() - refit.prediction).head(used);
+    if (refitter_->bias().size() > 0) apart += refit.bias * refitter_->bias().head(used);
+    const VectorXd residual = plain.apply(apart);
     const MatrixXd slopes = plain.apply(refit.slopes.topRows(used));
     return (residual - slopes * slopes.colPivHouseholderQr().solve(residual)).squaredNorm();
   }

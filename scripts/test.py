@@ -217,7 +217,7 @@ PARTS = {
     "bpy": part_bpy,
 }
 # What a part runs with must be built in this run, not be what an earlier one left.
-NEEDS_BUILD = {"native", "blender", "window", "package", "bpy"}
+NEEDS_BUILD = {"native", "blender", "window", "package", "bpy", "lint"}
 NEEDS_SANITIZE = {"fuzz"}
 # Compiled and run beside the other parts, most of which keep one core busy.
 SANITIZED_LANE = {"sanitize", "fuzz"}

@@ -14,7 +14,8 @@ inline constexpr int kMaxShDegree = 3;
 
 /// Real spherical harmonics up to a degree: (degree + 1)².
 [[nodiscard]] constexpr std::size_t sh_bands(int degree) {
-  return static_cast<std::size_t>((degree + 1) * (degree + 1));
+  const auto orders = static_cast<std::size_t>(degree) + 1;
+  return orders * orders;
 }
 
 /// Anisotropic Gaussians in the quantities that an optimiser moves. The covariance is

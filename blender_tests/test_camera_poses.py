@@ -9,20 +9,13 @@ from matterfit import native, quantities
 from matterfit.io import camera_poses, files, job_document, words
 from matterfit.ui import capture as capture_panel
 from matterfit.ui import fit_result
-from panel_recorder import _stand_in
 from support import needs_library
-from test_diagnose import Recorder
 from test_fit import FakeFitCase
 from test_images import ImagesCase
+from test_latent import texts
 
 POSES = [{"shift": [0.003, 0.0, -0.004], "turn": [0.0, 0.01, 0.0], "focal": 0.0},
          {"shift": [0.012, 0.0, 0.0], "turn": [0.0, 0.0, 0.0], "focal": 0.02}]
-
-
-def said(panel):
-    recorder = Recorder()
-    panel.draw(_stand_in(panel, recorder), bpy.context)
-    return " ".join(item for item in recorder.drawn if isinstance(item, str))
 
 
 class PosesCase(ImagesCase):
@@ -96,20 +89,20 @@ class KeptTest(PosesCase):
         self.assertNotIn("poses", self.written())
 
     def test_the_panel_says_how_far(self):
-        self.assertNotIn("moved", said(capture_panel.MATTERFIT_PT_capture))
+        self.assertNotIn("moved", texts(capture_panel.MATTERFIT_PT_capture))
         self.film.poses = camera_poses.text_of(POSES)
-        text = said(capture_panel.MATTERFIT_PT_capture)
+        text = texts(capture_panel.MATTERFIT_PT_capture)
         for part in ("A fit moved the cameras: up to 12 mm and 0.57°.", "up to 2 % off"):
             self.assertIn(part, text)
         self.film.poses = camera_poses.text_of(POSES[:1])
-        self.assertIn("up to 5 mm and 0.57°", said(capture_panel.MATTERFIT_PT_capture))
-        self.assertNotIn("Focal lengths", said(capture_panel.MATTERFIT_PT_capture))
+        self.assertIn("up to 5 mm and 0.57°", texts(capture_panel.MATTERFIT_PT_capture))
+        self.assertNotIn("Focal lengths", texts(capture_panel.MATTERFIT_PT_capture))
 
     def test_damaged(self):
         for text in ("{", "5", "{}", "null", '[{"shift": 1}]', '[{"focal": "a"}]', "[1]"):
             self.film.poses = text
             self.assertNotIn("poses", self.written(), text)
-            self.assertNotIn("moved", said(capture_panel.MATTERFIT_PT_capture), text)
+            self.assertNotIn("moved", texts(capture_panel.MATTERFIT_PT_capture), text)
 
 
 class WordsTest(PosesCase):
@@ -147,7 +140,7 @@ class ApplyTest(FakeFitCase, ImagesCase):
 
     def test_the_result_in_words(self):
         self.refined()
-        text = said(fit_result.MATTERFIT_PT_fit_result)
+        text = texts(fit_result.MATTERFIT_PT_fit_result)
         for part in ("clip: Camera 1, Shift X", "0.0120 ± 0.0010 m", "clip: Camera 1, Focal Length",
                      "focal length ('clip', Camera 1, Focal Length) is"):
             self.assertIn(part, text)

@@ -116,6 +116,10 @@ def tidy_database():
 
 
 def check_tidy(tally, everything):
+    files = native_sources() if everything else changed_sources()
+    if not files:
+        tally.skipped.append(("lint: clang-tidy", "no C++ file changed"))
+        return
     if not (BUILD / "release" / "generated").exists():
         tally.skipped.append(("lint: clang-tidy", "needs `make build` first"))
         return
@@ -123,16 +127,13 @@ def check_tidy(tally, everything):
     if not tally.check("lint: configure", folder is not None, "build/logs/lint-configure.log says why"):
         return
     known = (folder / "compile_commands.json").read_text(encoding="utf-8")
-    files = native_sources() if everything else changed_sources()
     files = [f for f in files if str(f) in known]
     if not everything and len(files) > TIDY_AT_MOST:
         rest = len(files) - TIDY_AT_MOST
         files = files[:TIDY_AT_MOST]
         what = f"lint: clang-tidy on {rest} more changed files"
         tally.skipped.append((what, "`make lint ALL=1` takes all"))
-    if not files:
-        tally.skipped.append(("lint: clang-tidy", "no C++ file changed"))
-        return
+
     def tidy(file):
         # The database is g++'s: clang does not know each of its warnings.
         command = [CLANG_TIDY, "-p", folder, "--quiet", "--warnings-as-errors=*",

@@ -15,7 +15,7 @@ SANITIZER_ENVIRONMENT = {
     "UBSAN_OPTIONS": "print_stacktrace=1",
     # Accuracy is the optimised build's business; instrumented, these take many minutes.
     "GTEST_FILTER": "-KnownAnswers*:*Validation*:Pins*:*MatchesDifferences*:Gradient.OfALong*:"
-    "EquationError.Finds*:SimulationLimits.MasslessNodes*:Likeness.Plasticine:Likeness.Water",
+    "EquationError.Finds*:SimulationLimits.MasslessNodes*",
     "LSAN_OPTIONS": f"suppressions='{ROOT}/scripts/leaks.supp':print_suppressions=0",
 }
 

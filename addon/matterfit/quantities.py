@@ -223,7 +223,8 @@ HEIGHT = Quantity("height", "Height", "m", "World height of the floor",
 START_FRAME = Quantity("start_frame", "Start Frame", "", "Scene frame of the capture's first sample",
                        default=1.0, least=-1e6, most=1e6, soft=(0.0, 1e4), scale=LINEAR,
                        low=-2.0, high=2.0, around=True, sigma=0.5)
-# Of one camera of a recording by images; its key in a document and its title have the camera's number.
+# The pose of one camera of a recording by images has a key in a document and a title with the
+# camera's number.
 _POSES = (
     Quantity("poses.shift", "Camera {n}, Shift", "m",
              "How far a camera stands from where its file says, along the world's axes",

@@ -267,7 +267,7 @@ splat::Camera moved(const splat::Camera& camera, const Eigen::Matrix4d& matrix) 
         "a camera can be turned, shifted and scaled, but not sheared or mirrored: give a "
         "transform of these.");
   }
-  // Of a matrix that was typed with a few digits the nearest rotation.
+  // A matrix that was typed with a few digits is a rotation only nearly.
   const Mat3d rotation = Eigen::Quaterniond(turn).normalized().toRotationMatrix();
   splat::Camera result = camera;
   result.rotation = camera.rotation * rotation.transpose();

@@ -119,9 +119,7 @@ class Writer {
 
   /// Of the best extension, where it has several causes; otherwise of the cause's own refit.
   [[nodiscard]] bool acts(const Candidate& candidate) const {
-    return found_.best && std::ranges::any_of(found_.best->causes, [&](const Candidate& c) {
-             return c.effect == candidate.effect && c.variant == candidate.variant;
-           });
+    return found_.best && std::ranges::count(found_.best->causes, candidate) > 0;
   }
 
   void fill_values(const Candidate& candidate, const Refit& refit, Cause& cause) const {
@@ -263,7 +261,7 @@ class Writer {
 
   void decide() {
     const bool significant = report_.p < options_.level;
-    const bool smooth = report_.smooth_p < options_.smooth_level;
+    const bool wrong = std::min(report_.smooth_p, report_.p) < options_.smooth_level;
     if (found_.accepted) {
       name_causes();
       const bool left = report_.smooth_p_after < options_.smooth_level;
@@ -274,12 +272,11 @@ class Writer {
         report_.classes.clear();
         for (Cause& cause : report_.causes) cause.accepted = false;
       }
-    } else if (found_.within_solver) {
+    } else if (found_.within_solver ||
+               (!wrong && !significant && found_.exact_solver_significant)) {
       report_.verdict = Verdict::kNumerical;
-    } else if (smooth || report_.p < options_.smooth_level) {
+    } else if (wrong) {
       report_.verdict = Verdict::kUnknown;
-    } else if (!significant && found_.exact_solver_significant) {
-      report_.verdict = Verdict::kNumerical;
     }
     report_.extended = found_.base.refit.state;
     if (!report_.classes.empty()) report_.extended = found_.best->refit.state;
@@ -338,7 +335,8 @@ class Writer {
     for (Cause& cause : report_.causes) {
       const double prior =
           share * effects[std::size_t(cause.effect_index)].prior / std::max(priors, 1e-300);
-      // What was not refitted is no better than what was: its score is a linear promise.
+      // A score is a linear promise: a cause that was not refitted counts as no better than one
+      // that was.
       double evidence = std::max(best, base - cause.score + 2.0 * double(cause.parameters.size()));
       if (const Trial* trial = trial_of({cause.effect_index, cause.variant})) {
         evidence = trial->evidence;

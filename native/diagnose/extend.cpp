@@ -259,7 +259,7 @@ class Search {
     std::vector<Trial> again = trials_->tried(std::move(attempts), "refits");
     for (Trial& next : again) {
       for (const std::size_t k : of) {
-        if (!same_causes(trials[k], next) || !(next.evidence < trials[k].evidence)) continue;
+        if (trials[k].causes != next.causes || !(next.evidence < trials[k].evidence)) continue;
         const double decides = kExcluded * looseness_of(next.refit);
         gained = gained || trials[k].evidence - next.evidence > decides;
         trials[k] = std::move(next);
@@ -268,12 +268,6 @@ class Search {
     }
     std::ranges::stable_sort(trials, {}, &Trial::evidence);
     return gained;
-  }
-
-  static bool same_causes(const Trial& a, const Trial& b) {
-    return std::ranges::equal(a.causes, b.causes, [](const Candidate& x, const Candidate& y) {
-      return x.effect == y.effect && x.variant == y.variant;
-    });
   }
 
   void try_singles() {
@@ -321,7 +315,7 @@ class Search {
     for (const Score& score : scores) {
       const std::vector<double>& onsets = effect_of(score).onsets;
       if (onsets.empty()) continue;
-      if (is_known(score, known)) {
+      if (known_of(score, known) != nullptr) {
         attempts.push_back({{score.candidate}, single_start(score, known)});
         continue;
       }
@@ -338,11 +332,11 @@ class Search {
     }
   }
 
-  static bool is_known(const Score& score, const std::vector<Trial>& known) {
-    return std::ranges::any_of(known, [&](const Trial& trial) {
-      return trial.causes.front().effect == score.candidate.effect &&
-             trial.causes.front().variant == score.candidate.variant;
-    });
+  /// The refit of a candidate in the pass before; null without any.
+  static Trial* known_of(const Score& score, std::vector<Trial>& known) {
+    const auto found = std::ranges::find_if(
+        known, [&](const Trial& trial) { return trial.causes.front() == score.candidate; });
+    return found == known.end() ? nullptr : &*found;
   }
 
   /// At its whole first step from `before`. Slopes that are there are of another motion, and after
@@ -357,11 +351,8 @@ class Search {
   }
 
   [[nodiscard]] RefitStart single_start(const Score& score, std::vector<Trial>& known) const {
-    for (Trial& trial : known) {
-      if (trial.causes.front().effect == score.candidate.effect &&
-          trial.causes.front().variant == score.candidate.variant) {
-        return {{trial.refit.state}, std::move(trial.refit.slopes)};
-      }
+    if (Trial* trial = known_of(score, known)) {
+      return {{trial->refit.state}, std::move(trial->refit.slopes)};
     }
     RefitStart start{
         {extended(study_.model(), out_.base_state, score.candidate, score.estimate, 1.0),

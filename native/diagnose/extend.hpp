@@ -38,7 +38,7 @@ struct Extension {
   double looseness =
       1.0;  ///< χ²/dof of the best model, at least 1: what likelihoods are divided by
   bool accepted = false;  ///< the best passes significance, gain, baselines and bounds
-  /// What the best extension takes away is no more than what the solver's error may be wrong by.
+  /// The best extension takes away no more than the estimate of the solver's error may be off by.
   bool within_solver = false;
   bool exact_solver_significant = false;  ///< something is wrong if the solver counts as exact
 };

@@ -27,8 +27,9 @@ struct Refit {
 
 struct RefitOptions {
   int iterations = 30;  ///< accepted steps at most
-  /// Of the slopes by new differences, those at most that did not pay: one pays where the deviance
-  /// has fallen by `worth` of itself since the one before.
+  /// A search makes its slopes anew by differences as long as that pays, and so often at most where
+  /// it does not: a renewal pays where the deviance has fallen by `worth` of itself since the one
+  /// before.
   int renewals = 1;
   double worth = 0.05;
   /// Decrease of χ² promised by the next step that ends a refit, and the same as a share of χ²:

@@ -89,6 +89,7 @@ class Study {
 struct Candidate {
   int effect = 0;
   int variant = 0;
+  friend bool operator==(const Candidate&, const Candidate&) = default;
 };
 
 /// All effects in all their shapes but those that are active.

@@ -4,13 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <utility>
 
+#include "base/clock.hpp"
 #include "base/error.hpp"
 #include "fit/model/image_problem.hpp"
 #include "fit/model/particle_colours.hpp"
@@ -43,7 +43,7 @@ class ImageFit {
       : job_(job), doc_(fit_of(job)), options_(options), interrupter_(interrupter) {}
 
   Json run() {
-    const auto begin = std::chrono::steady_clock::now();
+    const auto begin = Clock::now();
     if (!doc_.laws.empty()) {
       throw_input("fit.laws: laws are compared by tracks only; a fit to images takes one.");
     }
@@ -71,8 +71,7 @@ class ImageFit {
     const Standing after = standing();
     Json document = document_to_simulate(job_, job_.output.folder);
     write_values(*parameters_, values_, loaded_.sources, job_, document);
-    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
-    return simulate(document, fit_json(known, before, after, seconds.count()));
+    return simulate(document, fit_json(known, before, after, seconds_since(begin)));
   }
 
  private:

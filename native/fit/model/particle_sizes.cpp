@@ -18,9 +18,6 @@ namespace {
 constexpr std::array<double, 12> kSizes = {0.05, 0.1, 0.15, 0.2,  0.25, 0.3,
                                            0.35, 0.4, 0.5,  0.65, 0.8,  1.0};
 
-/// Where nothing tells: an outline stands half a separation outside its particles.
-constexpr double kUsualSize = 0.4;
-
 using Camera = std::pair<std::size_t, std::size_t>;  // film, number
 
 Camera camera_of(const Sighting& sighting) { return {sighting.view.film, sighting.view.number}; }

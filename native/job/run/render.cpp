@@ -15,6 +15,7 @@
 #include "capture/particles.hpp"
 #include "capture/splats.hpp"
 #include "capture/tracks.hpp"
+#include "fit/model/particle_sizes.hpp"
 #include "job/documents/images_document.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/run/build_scene.hpp"
@@ -25,10 +26,6 @@ namespace matterfit::job {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Of the particle separation: neighbours overlap, and an outline stands half a separation outside
-/// its particles.
-constexpr double kParticleSize = 0.4;
 
 struct Place {
   int number = 0;
@@ -143,7 +140,7 @@ splat::Gaussians gaussians_of_body(const Job& job, const mpm::Scene& scene, std:
   const bool whole = !body.material.traits().fluid;
   all = capture::particle_gaussians(view.positions,
                                     whole ? view.deformation_gradients : std::span<const Mat3f>{},
-                                    kParticleSize * separation);
+                                    fit::kUsualSize * separation);
   capture::set_colours(all, colours);
   return all;
 }

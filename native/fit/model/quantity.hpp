@@ -17,7 +17,7 @@
 
 /// The numbers of a scene that can be fitted, overridden or shown: one table, a row each.
 /// Documents, fits, gradients, advice and panels read it; nothing else lists them. To add a number
-/// append a row (quantity_table.cpp).
+/// append a row (quantity_rows_material.cpp, quantity_rows_scene.cpp).
 namespace matterfit::fit {
 
 /// Whose number it is. An owner is found by its name; the scene has none.

@@ -3,7 +3,7 @@
 
 #include "fit/model/quantity.hpp"
 
-/// Where each kind of quantity lies (Access), for the rows of quantity_table.cpp.
+/// Where each kind of quantity lies (Access), for the rows of the table (quantity_rows.hpp).
 namespace matterfit::fit {
 
 [[nodiscard]] Access material_access(double material::Material::*member,

@@ -134,4 +134,23 @@ inline std::string bits(const Json& result) {
   return text;
 }
 
+/// A start that is off by a factor five, at rest.
+inline Json poor_start() {
+  Json document = fit_of(thrown_cube(), {"material.E", "velocity"});
+  document["scene"]["bodies"][0]["material"]["E"] = 1.5e5;
+  document["scene"]["bodies"][0]["velocity"] = {0, 0, 0};
+  return document;
+}
+
+/// Of a plastic body, by an elastic law: however stiff, it stays far off.
+inline Json of_the_wrong_law() {
+  Json document = fit_of(thrown_cube(), {"material.E"});
+  document["scene"]["bodies"][0]["material"] = {{"law", "neo_hookean"}, {"E", 1e5}, {"nu", 0.3}};
+  document["scene"]["colliders"][0]["contact"].erase("stiffness");
+  document["fit"]["parameters"] = {{{"path", "material.E"}, {"bounds", {1e4, 3e5}}}};
+  document["fit"]["levels"] = {1};
+  document["fit"]["windows"] = false;
+  return document;
+}
+
 }  // namespace matterfit::job::fit_test

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "fit/numerics/parameter.hpp"
@@ -96,6 +97,11 @@ struct LeastSquaresState {
     central = false;
     trail.clear();
     corrected.clear();
+  }
+  void finish(bool has_converged, std::string why) {
+    finished = true;
+    converged = has_converged;
+    reason = std::move(why);
   }
 };
 

@@ -11,7 +11,7 @@
 #include "base/message_for_test.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_fixture_for_test.hpp"
-#include "job/fit_search.hpp"
+#include "job/fit_progress.hpp"
 #include "job/fit_state.hpp"
 #include "job/run/inspect.hpp"
 

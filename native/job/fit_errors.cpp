@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/fit_errors.hpp"
+
+#include <cstddef>
+#include <optional>
+
+#include "base/error.hpp"
+
+namespace matterfit::job {
+namespace {
+
+/// The grid that tells how much the values depend on it, and what it has of the difference itself:
+/// errors of second order in the separation (docs/validation.md).
+constexpr double kCoarser = 2.0;
+constexpr double kOfCoarser = 1.0 / (kCoarser * kCoarser - 1.0);
+
+/// Of a capture of which the fit sees nothing.
+bool is_unseen(const fit::Address& path, const std::vector<fit::Run>& runs) {
+  const bool own = path.quantity->owner == fit::Owner::kCapture;
+  const std::string& name = own ? path.owner : path.capture;
+  if (name.empty()) return false;
+  for (const fit::Run& run : runs) {
+    for (const fit::Capture& capture : run.captures) {
+      if (capture.input.name == name) return capture.used_count == 0;
+    }
+  }
+  return false;
+}
+
+/// What a coarser grid adds to the residuals of the last stage at its end; nothing where it cannot
+/// be told (the grid cannot be made; the simulation could not be completed).
+std::optional<Eigen::VectorXd> coarser(FitProblems& problems, const FitStage& stage,
+                                       const LawState& state,
+                                       std::vector<std::string>& statements) {
+  try {
+    const double level = kCoarser * stage.level;
+    const std::vector<std::vector<double>> here{state.values};
+    const fit::Evaluation found = problems.model(level).evaluate(here, {stage.window.until});
+    if (!found.outcomes.front()) throw_compute(found.failure.message);
+    return problems.problem(level, stage.window).residuals(*found.outcomes.front()) -
+           state.search->residual;
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kInput && error.kind() != ErrorKind::kCompute) throw;
+    statements.push_back(
+        std::string("What the grid makes of the values is not known: with twice the particle "
+                    "separation the scene could not be simulated (") +
+        error.what() + ")");
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
+fit::Uncertainty errors_of_values(FitProblems& problems, const FitStage& stage,
+                                  const fit::CaptureProblem& problem,
+                                  const std::vector<fit::Parameter>& parameters,
+                                  const LawState& at_end, bool far,
+                                  std::vector<std::string>& statements) {
+  const fit::LeastSquaresState& search = *at_end.search;
+  fit::Uncertainty known = fit::uncertainty(parameters, search, problem.effective(search.residual),
+                                            problems.setup().fit->huber, problem.blocks(), far);
+  for (std::size_t k = 0; k < known.estimates.size(); ++k) {
+    if (known.estimates[k].observable || !is_unseen(problems.parameters().path(k), problems.runs()))
+      continue;
+    known.estimates[k].statement = parameters[k].name +
+                                   " is not observed: the fit sees nothing of its capture, which "
+                                   "is held out or outside of the scene's frames. It keeps its "
+                                   "start value.";
+  }
+  if (const auto change = coarser(problems, stage, at_end, statements)) {
+    fit::add_grid_error(parameters, search, *change, kOfCoarser, problems.setup().fit->huber,
+                        known);
+  }
+  return known;
+}
+
+}  // namespace matterfit::job

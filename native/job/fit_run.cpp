@@ -2,24 +2,23 @@
 #include "job/fit_run.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <map>
-#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
-#include "base/clock.hpp"
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "fit/data/metrics.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/fit_path.hpp"
+#include "job/fit_candidates.hpp"
 #include "job/fit_correction.hpp"
 #include "job/fit_experiment.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_laws.hpp"
 #include "job/fit_like.hpp"
-#include "job/fit_race.hpp"
 #include "job/fit_report.hpp"
-#include "job/fit_search.hpp"
 #include "job/fit_state.hpp"
 #include "job/fit_values.hpp"
 #include "job/fit_weights.hpp"
@@ -31,9 +30,6 @@ namespace matterfit::job {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Share of the whole that the fit takes; the rest is the fitted scene's simulation.
-constexpr double kFitShare = 0.9;
 
 /// One fit of a job, from the folder as it is to the result.
 class FitJob {
@@ -62,9 +58,10 @@ class FitJob {
       document["output"]["folder"] = folder_.generic_string();
       fit = fitted_->fit;
     } else {
-      build_laws();
+      laws_.emplace(job_, target_, options_.threads, interrupter_, loaded_, std::move(state_),
+                    statements_);
       try {
-        search();
+        laws_->search();
         fit = finish(document);
       } catch (const Error& error) {
         if (error.kind() != ErrorKind::kCancelled) throw;
@@ -86,8 +83,6 @@ class FitJob {
     auto state = afresh ? std::nullopt : read_fit_state(folder_, "");
     if (state && state->input_hash == hash_) {
       state_ = std::move(*state);
-      law_statements_ = state_.statements;
-      resumed_ = true;
       return;
     }
     if (fitted && fitted->input_hash == hash_) {
@@ -119,182 +114,6 @@ class FitJob {
     return text;
   }
 
-  /// The fit of a law, made where it is not yet; the body's own where none is sought.
-  LawFit& law_fit(material::Law law) { return law_fit(law, interrupter_); }
-
-  LawFit& law_fit(material::Law law, const Interrupter& interrupter) {
-    std::unique_ptr<LawFit>& made = fits_[law];
-    if (made) return *made;
-    made = std::make_unique<LawFit>(setup_of(law), interrupter, law_statements_);
-    made->report = [this](const FitReport& report) { show(report); };
-    return *made;
-  }
-
-  [[nodiscard]] FitSetup setup_of(material::Law law) const {
-    FitSetup setup;
-    setup.fit = &doc_;
-    setup.experiment = &loaded_.experiment;
-    setup.law = law;
-    setup.target = target_;
-    setup.threads = options_.threads;
-    setup.parameters = doc_.laws.empty() ? doc_.parameters : parameters_of_law(doc_, own_law_, law);
-    for (const RunSource& source : loaded_.sources) {
-      Job of_law = source.job;
-      for (BodyDoc& body : of_law.scene.bodies) {
-        if (!doc_.laws.empty() && body.name == doc_.body) {
-          body.material = with_law(body.material, law);
-        }
-      }
-      setup.builders.push_back(scene_builder(std::move(of_law)));
-    }
-    setup.memory_limit_gb = loaded_.sources.front().job.scene.solver.memory_limit_gb;
-    return setup;
-  }
-
-  void build_laws() {
-    const std::string& body = doc_.laws.empty() ? job_.scene.bodies.front().name : doc_.body;
-    own_law_ = body_named(job_.scene, body).material.law;
-    laws_ = doc_.laws.empty() ? std::vector<material::Law>{own_law_} : doc_.laws;
-    fractions_.assign(laws_.size(), 0.0);
-    say("Filling bodies", 0.0);
-    const LawFit& own = law_fit(own_law_);
-    Arena arena(options_.threads);
-    settle_captures(loaded_.experiment, own.scenes(), arena, statements_);
-    if (!resumed_) {
-      for (const material::Law law : laws_) {
-        LawState state;
-        state.law = material::traits(law).name;
-        state_.laws.push_back(std::move(state));
-      }
-    }
-    started_ = Clock::now();
-  }
-
-  void show(const FitReport& report) {
-    Progress progress;
-    const bool several = laws_.size() > 1 && state_.law < laws_.size();
-    {
-      const std::lock_guard lock(fractions_mutex_);  // simulations tell from any thread
-      if (state_.law < laws_.size()) fractions_[state_.law] = report.fraction;
-      double done = 0.0;
-      for (std::size_t k = 0; k < laws_.size(); ++k) {
-        done += state_.laws[k].finished ? 1.0 : fractions_[k];
-      }
-      progress.fraction = kFitShare * done / double(laws_.size());
-    }
-    progress.label =
-        fit_label(report, several ? std::string(material::traits(laws_[state_.law]).name) : "");
-    interrupter_.report(progress);
-  }
-
-  void save() {
-    const double since = seconds_since(started_);
-    started_ = Clock::now();
-    state_.seconds += since;
-    state_.statements = law_statements_;
-    write_history(folder_, state_.history);
-    write_file(folder_ / kFitCheckpointPath, format_fit_state(state_));
-  }
-
-  void search() {
-    if (!state_.measured_before) {
-      LawFit& own = law_fit(own_law_);
-      if (const auto errors = own.errors(own.start(), false, state_.before_failed)) {
-        state_.before = errors->json();
-      }
-      state_.measured_before = true;
-      save();
-    }
-    if (std::find(laws_.begin(), laws_.end(), own_law_) == laws_.end()) fits_.erase(own_law_);
-    for (;;) {
-      const auto next = next_law(state_.laws);
-      if (!next) {
-        LawState& best = state_.laws[winner()];
-        if (!best.left) break;
-        best.left = best.finished = false;
-        best.spared = true;
-        continue;
-      }
-      state_.law = *next;
-      LawState& law = state_.laws[*next];
-      try {
-        advance(law);
-      } catch (const Error& error) {
-        if (error.kind() == ErrorKind::kCancelled || error.kind() == ErrorKind::kOutput ||
-            doc_.laws.empty()) {
-          throw;
-        }
-        law.failed = error.what();
-        law.finished = true;
-        law.search.reset();
-        fits_.erase(laws_[*next]);
-        save();
-      }
-    }
-  }
-
-  /// One step of a law, and the end of those that have no hope after it.
-  void advance(LawState& law) {
-    LawFit& fit = law_fit(laws_[state_.law]);
-    if (law.values.empty()) law = fit.start();
-    fit.advance(law, state_.history);
-    if (law.finished) finish_law(state_.law);
-    for (const LeftLaw& left : hopeless_laws(state_.laws)) {
-      LawState& one = state_.laws[left.law];
-      one.finished = one.left = true;
-      one.reason = left.reason;
-      finish_law(left.law);
-    }
-    save();
-  }
-
-  /// What is to be told of a candidate; its scenes go, as there may be many.
-  void finish_law(std::size_t k) {
-    if (doc_.laws.empty()) return;
-    state_.law = k;
-    LawState& law = state_.laws[k];
-    try {
-      measure(law, law_fit(laws_[k]));
-    } catch (const Error& error) {
-      if (error.kind() != ErrorKind::kCompute && error.kind() != ErrorKind::kInput) throw;
-      law.failed = error.what();
-    }
-    if (laws_.size() > 1) fits_.erase(laws_[k]);
-  }
-
-  /// A candidate's entry of `models`.
-  static void measure(LawState& law, LawFit& fit) {
-    std::string failure;
-    const auto errors = fit.errors(law, true, failure);
-    if (!errors) {
-      law.failed = "The fitted scene could not be simulated: " + failure;
-      return;
-    }
-    Json parameters = Json::object();
-    for (std::size_t k = 0; k < law.values.size(); ++k) {
-      parameters[fit.parameters().parameters()[k].name] = law.values[k];
-    }
-    const auto held = errors->mean(true);
-    const auto seen = errors->mean(false);
-    law.model = {{"held_out_mm", held ? Json(*held) : Json()},
-                 {"fitted_mm", seen ? Json(*seen) : Json()},
-                 {"frames", errors->frames(held.has_value())},
-                 {"parameters", parameters}};
-  }
-
-  /// The law that is taken: the best of all, or the one that came nearest so far.
-  [[nodiscard]] std::size_t winner() const {
-    if (laws_.size() > 1 && !next_law(state_.laws)) {
-      const Json models = ranked_models(state_.laws);
-      if (models[0].at("probability").is_number()) {
-        for (std::size_t k = 0; k < state_.laws.size(); ++k) {
-          if (models[0].at("law") == state_.laws[k].law) return k;
-        }
-      }
-    }
-    return leading_law(state_.laws).value_or(std::min(state_.law, laws_.size() - 1));
-  }
-
   /// The document with the fitted values, as a job that `simulate` takes.
   [[nodiscard]] Json fitted_document(const LawState& law, LawFit& of) {
     Json document = document_to_simulate(job_, folder_);
@@ -313,18 +132,19 @@ class FitJob {
     if (doc_.weights == 0 && doc_.correction == 0) return std::nullopt;
     const material::Law of = material::law_from_name(law.law);
     const auto from = [&](const std::string& body, int iterations) {
-      return FurtherStart{setup_of(of), law, body, iterations,
-                          [this](const FitReport& report) { show(report); }};
+      return FurtherStart{laws_->setup_of(of), law, body, iterations,
+                          [this](const FitReport& report) { laws_->show(report); }};
     };
     if (doc_.correction > 0) {
-      return fit_correction(from(bodies().front(), doc_.correction), interrupter_, law_statements_,
-                            state_.history);
+      return fit_correction(from(bodies().front(), doc_.correction), interrupter_,
+                            laws_->law_statements(), laws_->state().history);
     }
     for (const std::string& name : bodies()) {
       const bool sought = !doc_.laws.empty() && name == doc_.body;
       const material::Law own = body_named(job_.scene, name).material.law;
       if ((sought ? of : own) != material::Law::kNeuralIsotropic) continue;
-      return fit_weights(from(name, doc_.weights), interrupter_, law_statements_, state_.history);
+      return fit_weights(from(name, doc_.weights), interrupter_, laws_->law_statements(),
+                         laws_->state().history);
     }
     statements_.push_back(
         "fit.weights: no fitted body is of the law neural_isotropic, so no weights were moved.");
@@ -335,14 +155,14 @@ class FitJob {
                               const std::optional<fit::Uncertainty>& uncertainty) {
     std::vector<std::string> statements = statements_;
     statements.insert(statements.end(), law.statements.begin(), law.statements.end());
-    for (const std::string& statement : law_statements_) {
+    for (const std::string& statement : laws_->law_statements()) {
       if (std::find(statements.begin(), statements.end(), statement) == statements.end()) {
         statements.push_back(statement);
       }
     }
-    if (!state_.before_failed.empty()) {
+    if (!laws_->state().before_failed.empty()) {
       statements.push_back("At the start values the simulation could not be completed: " +
-                           state_.before_failed);
+                           laws_->state().before_failed);
     }
     if (uncertainty) {
       for (const fit::Estimate& estimate : uncertainty->estimates) {
@@ -353,7 +173,7 @@ class FitJob {
     }
     int iterations = 0;
     int evaluations = 0;
-    for (const LawState& one : state_.laws) {
+    for (const LawState& one : laws_->state().laws) {
       iterations += one.iterations;
       evaluations += one.evaluations;
     }
@@ -364,23 +184,23 @@ class FitJob {
         {"loss", loss_name(doc_.loss)},
         {"iterations", iterations},
         {"evaluations", evaluations},
-        {"seconds", state_.seconds},
+        {"seconds", laws_->state().seconds},
         {"parameters", parameters_json(of.parameters().parameters(), law.values, uncertainty)},
         {"correlation", uncertainty ? correlation_json(*uncertainty) : Json()},
         {"noise_scale", uncertainty ? Json(uncertainty->noise_scale) : Json()},
         {"statements", statements},
-        {"before", state_.before},
+        {"before", laws_->state().before},
         {"after", {{"fitted", nullptr}, {"held_out", nullptr}}},
-        {"history", state_.history}};
+        {"history", laws_->state().history}};
     if (json["before"].is_null()) json["before"] = {{"fitted", nullptr}, {"held_out", nullptr}};
-    if (!doc_.laws.empty()) json["models"] = ranked_models(state_.laws);
+    if (!doc_.laws.empty()) json["models"] = ranked_models(laws_->state().laws);
     return json;
   }
 
   /// The end of the search: errors of the values, and all of it on disk in place of the checkpoint.
   Json finish(Json& document) {
-    const std::size_t best = winner();
-    const LawState& found = state_.laws[best];
+    const std::size_t best = laws_->winner();
+    const LawState& found = laws_->state().laws[best];
     if (!found.failed.empty()) {
       throw_compute("fit.laws: none of the laws could be fitted. " + found.law + ": " +
                     found.failed);
@@ -388,7 +208,7 @@ class FitJob {
     const std::optional<FurtherFit> more = further(found);
     const bool moved = more && more->taken;
     const LawState& law = moved ? more->state : found;
-    LawFit& of = moved ? *more->fit : law_fit(laws_[best]);
+    LawFit& of = moved ? *more->fit : laws_->fit(best);
     std::optional<fit::Uncertainty> uncertainty;
     if (law.search) {
       say("Fitting: errors of the values", kFitShare);
@@ -412,7 +232,7 @@ class FitJob {
       std::string failure;
       if (const auto errors = of.errors(law, true, failure)) after = errors->json();
     }
-    save();
+    laws_->save();
     Json fit = fit_json(law, of, uncertainty);
     if (more) fit[more->key] = more->report;
     fit["warning"] = fit_warning(fit, of.is_far(law));
@@ -490,9 +310,9 @@ class FitJob {
 
   /// The best so far of a search that was broken off; the checkpoint stays.
   Json cancelled() {
-    const std::size_t best = winner();
-    LawState& law = state_.laws[best];
-    LawFit& of = law_fit(laws_[best], undisturbed_);
+    const std::size_t best = laws_->winner();
+    LawState& law = laws_->state().laws[best];
+    LawFit& of = laws_->fit(best, undisturbed_);
     if (law.values.empty()) law = of.start();
     if (!law.finished) law.reason = "Cancelled; these are the best values so far.";
     ErrorPool after;
@@ -547,21 +367,13 @@ class FitJob {
   const Interrupter undisturbed_;  ///< for what is still to be told after Cancel
   fs::path folder_;
   std::vector<std::string> statements_;
-  std::vector<std::string> law_statements_;
   LoadedExperiment loaded_;
   Inputs inputs_;
   std::string hash_;
   std::optional<FolderLock> lock_;
   std::optional<Fitted> fitted_;
-  bool resumed_ = false;
-  FitState state_;
-  material::Law own_law_ = material::Law::kFixedCorotated;
-  std::vector<material::Law> laws_;
-  /// Of laws that are being fitted, and of the document's while the start is looked at.
-  std::map<material::Law, std::unique_ptr<LawFit>> fits_;
-  std::vector<double> fractions_;  ///< of each law's fit, for progress
-  std::mutex fractions_mutex_;
-  Clock::time_point started_;
+  FitState state_;                     ///< that the search begins with
+  std::optional<FitCandidates> laws_;  ///< not of a fit that is done
 };
 
 }  // namespace

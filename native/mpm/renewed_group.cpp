@@ -3,19 +3,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <sstream>
 
 #include "base/error.hpp"
 #include "mpm/halo.hpp"
 #include "mpm/node_contact.hpp"
 #include "mpm/renewed_body.hpp"
+#include "mpm/renewed_check.hpp"
 #include "mpm/renewed_contact.hpp"
 #include "mpm/renewed_grid.hpp"
+#include "mpm/renewed_limit.hpp"
 #include "mpm/renewed_terms.hpp"
 #include "mpm/total_block_field.hpp"
 #include "mpm/total_stencil.hpp"
-#include "mpm/unstable_error.hpp"
 #include "mpm/updated_contact.hpp"
 
 namespace matterfit::mpm {
@@ -270,46 +270,7 @@ struct RenewedGroup<S>::Impl {
       for (std::size_t i = 0; i < kNodeBlock; ++i) u[i] += dt * v[i];
     });
   }
-
-  [[noreturn]] void fail(double time) const;
 };
-
-template <class S>
-void RenewedGroup<S>::Impl::fail(double time) const {
-  const int frame = scene->first_frame + static_cast<int>(std::floor(time * scene->fps + 1e-6));
-  for (std::size_t m = 0; m < bodies.size(); ++m) {
-    const RenewedBody<S>& body = bodies[m];
-    for (std::size_t b = 0; b < body.blocks(); ++b) {
-      if (body.extremes()[b].min_volume_ratio > S(0)) continue;
-      BlockField field;
-      field.gather(grid.nodes_of(m).data() + 8 * b, displacement.data());
-      body.for_each(b, [&](std::size_t slot, const UpdatedPlace<S>& place) {
-        const BlockField::Stencil s({place.block, place.cell / kLanes, place.cell / 4 % 4,
-                                     place.cell % 4, place.fraction()},
-                                    dx);
-        const Vec3d x =
-            place.position(body.coordinates()[b].template cast<double>() * (4.0 * dx), dx) +
-            field.at(s);
-        const double j = (Mat3d::Identity() + field.gradient(s)).determinant() *
-                         body.elastic(slot).determinant();
-        if (j > 0.0 && std::isfinite(j)) return;
-        std::ostringstream text;
-        text << "Body '" << body.name() << "', frame " << frame << " (" << time << " s): particle "
-             << body.store().id[slot] << " at (" << x[0] << ", " << x[1] << ", " << x[2] << ") m ";
-        if (std::isfinite(j)) {
-          text << "is turned inside out (volume ratio " << j << ").";
-        } else {
-          text << "is not a number.";
-        }
-        text << " Use a smaller scene.solver.dt_safety or particle separation, or gentler motion.";
-        throw UnstableError(text.str());
-      });
-    }
-  }
-  throw UnstableError("Frame " + std::to_string(frame) +
-                      ": a particle was turned inside out. Use a smaller scene.solver.dt_safety or "
-                      "particle separation, or gentler motion.");
-}
 
 template <class S>
 RenewedGroup<S>::RenewedGroup(const Scene& scene, const std::vector<std::size_t>& bodies,
@@ -321,45 +282,8 @@ RenewedGroup<S>::~RenewedGroup() = default;
 template <class S>
 std::pair<double, std::string> RenewedGroup<S>::limit_step(double time) const {
   const Impl& s = *impl_;
-  double best = std::numeric_limits<double>::infinity();
-  std::string reason;
-  const auto limit = [&](double dt, const std::string& why) {
-    if (dt < best) {
-      best = dt;
-      reason = why;
-    }
-  };
-  for (std::size_t m = 0; m < s.bodies.size(); ++m) {
-    const RenewedBody<S>& body = s.bodies[m];
-    const material::Material& material = body.material();
-    const bool newtonian = body.is_fluid();
-    // Tangent of (K/7)(J − J⁻⁶) against K.
-    const double stiffening =
-        newtonian ? (1.0 + 6.0 * std::pow(std::clamp(s.min_j, 0.3, 1.0), -7.0)) / 7.0 : 1.0;
-    double c = material.wave_speed(body.density()) * std::sqrt(stiffening);
-    if (const double more = s.terms.of(m).modulus_bound(); more > 0.0) {
-      c = std::sqrt(c * c + more / body.density());
-    }
-    const double elastic = c / (0.5 * s.dx);
-    double contact = 0.0;
-    for (const ContactLaw& law : s.contacts[m].laws()) {
-      contact = std::max(contact, law.stiffness / (body.density() * 0.5 * s.dx));
-    }
-    limit(1.0 / std::sqrt(elastic * elastic + 0.5 * contact),
-          (contact > elastic * elastic ? "contact of " : "elastic wave of ") + body.name());
-    double viscosity = 2.0 * material.damping_shear + material.damping_bulk;
-    if (newtonian) viscosity += 2.0 * material.viscosity;
-    if (viscosity > 0.0) {
-      limit(0.15 * body.density() * s.dx * s.dx / viscosity, "viscosity of " + body.name());
-    }
-  }
   const double speed = s.fastest() + s.pull(time) / s.scene->fps;
-  for (std::size_t m = 0; m < s.bodies.size(); ++m) {
-    const double drag = s.terms.of(m).rate_bound(speed);
-    if (drag > 0.0) limit(1.0 / drag, "drag of " + s.bodies[m].name());
-  }
-  if (speed > 0.0) limit(s.scene->cfl * s.dx / speed, "CFL");
-  return {best, reason};
+  return renewed_limit(*s.scene, s.bodies, s.contacts, s.terms, s.min_j, speed);
 }
 
 template <class S>
@@ -404,7 +328,7 @@ std::pair<double, double> RenewedGroup<S>::step(Arena& arena, double time, doubl
       most = std::max(most, static_cast<double>(e.max_volume_ratio));
     }
   }
-  if (!(least > 0.0)) s.fail(time);
+  if (!(least > 0.0)) fail_renewed(*s.scene, s.bodies, s.grid, s.displacement, time);
   s.min_j = least;
   s.move_nodes(arena, 0.5 * (s.last_dt + dt), time, dt, gravity);
   s.last_dt = dt;

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <sstream>
 
 #include "base/error.hpp"
@@ -13,6 +12,7 @@
 #include "mpm/updated_check.hpp"
 #include "mpm/updated_contact.hpp"
 #include "mpm/updated_grid.hpp"
+#include "mpm/updated_limit.hpp"
 #include "mpm/updated_masses.hpp"
 #include "mpm/updated_pins.hpp"
 #include "mpm/updated_record.hpp"
@@ -265,49 +265,7 @@ std::pair<double, std::string> UpdatedGroup<S>::begin_frame(double time) {
     s.blocks[b].wake_time = -1e30;
     s.blocks[b].penetration = 0.0;
   }
-  double best = std::numeric_limits<double>::infinity();
-  std::string reason;
-  const auto limit = [&](double dt, const std::string& why) {
-    if (dt < best) {
-      best = dt;
-      reason = why;
-    }
-  };
-  for (const UpdatedMember<S>& m : s.members) {
-    double stiffening = 1.0;
-    if (m.material.traits().fluid) {
-      // Tangent of (K/7)(J − J⁻⁶) against K.
-      stiffening = (1.0 + 6.0 * std::pow(std::clamp(s.min_j, 0.3, 1.0), -7.0)) / 7.0;
-    }
-    double c = m.material.wave_speed(m.density) * std::sqrt(stiffening);
-    const BodyTerms& terms = s.terms.of(static_cast<std::size_t>(&m - s.members.data()));
-    if (const double more = terms.modulus_bound(); more > 0.0) {
-      c = std::sqrt(c * c + more / m.density);
-    }
-    double rate = c / (0.5 * s.dx);
-    double contact = 0.0;
-    for (const ContactLaw& law : m.contacts) {
-      const double pressure =
-          meeting_pressure(s.scene->bodies[m.index], s.max_speed + pull * s.frame_seconds, pull);
-      contact =
-          std::max(contact, law.stiffness * firmness(law, pressure) / (m.density * 0.5 * s.dx));
-    }
-    rate = std::sqrt(rate * rate + 0.5 * contact);
-    limit(1.0 / rate, (contact > rate * rate ? "contact of " : "elastic wave of ") + m.name);
-    double viscosity = 2.0 * m.material.damping_shear + m.material.damping_bulk;
-    if (m.material.traits().fluid) viscosity += 2.0 * m.material.viscosity;
-    if (viscosity > 0.0) {
-      limit(0.15 * m.density * s.dx * s.dx / viscosity, "viscosity of " + m.name);
-    }
-  }
-  const double speed = s.max_speed + pull * s.frame_seconds;
-  for (std::size_t m = 0; m < s.members.size(); ++m) {
-    s.terms.of(m).check_step(speed);
-    const double drag = s.terms.of(m).rate_bound(speed);
-    if (drag > 0.0) limit(1.0 / drag, "drag of " + s.members[m].name);
-  }
-  if (speed > 0.0) limit(s.scene->cfl * s.dx / speed, "CFL");
-  return {best, reason};
+  return updated_limit(*s.scene, s.members, s.terms, s.min_j, s.max_speed, pull);
 }
 
 template <class S>
@@ -375,34 +333,7 @@ std::pair<double, double> UpdatedGroup<S>::step(Arena& arena, double time, doubl
 template <class S>
 void UpdatedGroup<S>::collect(const Vec3d& low, const Vec3d& high,
                               std::vector<UpdatedPoint<S>>& out) const {
-  const Impl& s = *impl_;
-  out.clear();
-  for (std::size_t b = 0; b < s.blocks.size(); ++b) {
-    const UpdatedBlock<S>& block = s.blocks[b];
-    if (!block.occupied) continue;
-    const Vec3d from = s.grid.origin(b);
-    if ((from.array() > high.array()).any() ||
-        ((from + Vec3d::Constant(5.0 * s.dx)).array() < low.array()).any()) {
-      continue;
-    }
-    for (std::size_t m = 0; m < s.members.size(); ++m) {
-      block.bodies[m].for_each([&](std::size_t slab, const UpdatedChunk<S>& chunk,
-                                   std::size_t lane) {
-        UpdatedPoint<S> p;
-        p.place = s.grid.place(b, slab, chunk, lane);
-        p.position = s.grid.position(p.place);
-        if ((p.position.array() < low.array()).any() || (p.position.array() > high.array()).any()) {
-          return;
-        }
-        p.body = static_cast<std::uint32_t>(s.members[m].index);
-        p.id = chunk.id[lane];
-        p.velocity = particle_velocity(chunk, lane);
-        p.volume = static_cast<double>(chunk.a[UpdatedChunk<S>::kVolume][lane]);
-        p.mass = p.volume * s.members[m].density;
-        out.push_back(p);
-      });
-    }
-  }
+  collect_points(impl_->grid, impl_->members, low, high, out);
 }
 
 template <class S>
@@ -422,69 +353,18 @@ double UpdatedGroup<S>::max_speed() const {
 
 template <class S>
 std::vector<UpdatedParticle> UpdatedGroup<S>::particles(std::size_t body) const {
-  using Chunk = UpdatedChunk<S>;
-  const Impl& s = *impl_;
-  std::vector<UpdatedParticle> out(s.members[body].particles);
-  for (std::size_t b = 0; b < s.blocks.size(); ++b) {
-    s.blocks[b].bodies[body].for_each([&](std::size_t slab, const Chunk& chunk, std::size_t l) {
-      out[chunk.id[l]] = {s.grid.position(s.grid.place(b, slab, chunk, l)),
-                          particle_velocity(chunk, l), deformation_gradient(chunk, l),
-                          static_cast<double>(chunk.a[Chunk::kStrain][l])};
-    });
-  }
-  return out;
+  return particles_of(impl_->grid, impl_->members, body);
 }
 
 template <class S>
 void UpdatedGroup<S>::sample(std::vector<BodyState>& bodies) const {
-  using Chunk = UpdatedChunk<S>;
-  const Impl& s = *impl_;
-  for (std::size_t m = 0; m < s.members.size(); ++m) {
-    BodyState& out = bodies[s.members[m].index];
-    const std::size_t n = s.members[m].particles;
-    out.positions.resize(n);
-    out.velocities.resize(n);
-    out.deformation_gradients.resize(n);
-    out.plastic_strain.resize(s.members[m].law.plastic ? n : 0);
-    for (std::size_t b = 0; b < s.blocks.size(); ++b) {
-      s.blocks[b].bodies[m].for_each([&](std::size_t slab, const Chunk& chunk, std::size_t l) {
-        const std::uint32_t p = chunk.id[l];
-        out.positions[p] = s.grid.position(s.grid.place(b, slab, chunk, l)).template cast<float>();
-        for (std::size_t c = 0; c < 3; ++c) {
-          out.velocities[p][static_cast<int>(c)] =
-              static_cast<float>(chunk.a[Chunk::kVelocity + c][l]);
-        }
-        for (std::size_t c = 0; c < 9; ++c) {
-          out.deformation_gradients[p](static_cast<int>(c / 3), static_cast<int>(c % 3)) =
-              static_cast<float>(chunk.a[Chunk::kH + c][l] + (c % 4 == 0 ? S(1) : S(0)));
-        }
-        if (s.members[m].law.plastic) {
-          out.plastic_strain[p] = static_cast<float>(chunk.a[Chunk::kStrain][l]);
-        }
-      });
-    }
-  }
+  sample_particles(impl_->grid, impl_->members, bodies);
 }
 
 template <class S>
 void UpdatedGroup<S>::report(FrameReport& report) const {
-  const Impl& s = *impl_;
-  report.max_speed = std::max(report.max_speed, s.max_speed);
-  for (std::size_t b = 0; b < s.blocks.size(); ++b) {
-    report.max_penetration = std::max(report.max_penetration, s.blocks[b].penetration);
-    for (std::size_t m = 0; m < s.members.size(); ++m) {
-      double sum = 0.0;
-      s.blocks[b].bodies[m].for_each([&](std::size_t, const UpdatedChunk<S>& chunk, std::size_t l) {
-        double v2 = 0.0;
-        for (std::size_t c = 0; c < 3; ++c) {
-          const auto v = static_cast<double>(chunk.a[UpdatedChunk<S>::kVelocity + c][l]);
-          v2 += v * v;
-        }
-        sum += v2 * static_cast<double>(chunk.a[UpdatedChunk<S>::kVolume][l]);
-      });
-      report.kinetic_energy += 0.5 * s.members[m].density * sum;
-    }
-  }
+  report.max_speed = std::max(report.max_speed, impl_->max_speed);
+  report_particles(impl_->grid, impl_->members, report);
 }
 
 template <class S>

@@ -12,30 +12,10 @@
 #include "mpm/scene.hpp"
 #include "mpm/simulation.hpp"
 #include "mpm/state_bytes.hpp"
+#include "mpm/updated_particles.hpp"
 #include "mpm/updated_record.hpp"
 
 namespace matterfit::mpm {
-
-/// One particle of an updated Lagrangian body, for contact with bodies of the other formulation.
-/// Valid until the next step.
-template <class S>
-struct UpdatedPoint {
-  UpdatedPlace<S> place;
-  std::uint32_t body;  ///< into scene.bodies
-  std::uint32_t id;    ///< particle of the body
-  Vec3d position = Vec3d::Zero();
-  Vec3d velocity = Vec3d::Zero();
-  double volume = 0.0;  ///< at rest [m³]
-  double mass = 0.0;
-};
-
-/// What a particle does, world axes.
-struct UpdatedParticle {
-  Vec3d position = Vec3d::Zero();                  ///< [m]
-  Vec3d velocity = Vec3d::Zero();                  ///< [m/s]
-  Mat3d deformation_gradient = Mat3d::Identity();  ///< elastic
-  double plastic_strain = 0.0;                     ///< equivalent
-};
 
 /// The bodies in the updated Lagrangian formulation (MLS-MPM with APIC, Hu et al. 2018, Jiang et
 /// al. 2015), on one sparse grid that they share, which is how they touch each other. S is the

@@ -13,7 +13,7 @@
 #include "base/vec.hpp"
 #include "material/classical/elastic_energy.hpp"
 #include "material/classical/law_at-inl.hpp"
-#include "material/classical/laws_for_test-inl.hpp"
+#include "material/classical/laws_for_test.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "base/vec.hpp"
-#include "material/classical/laws_for_test-inl.hpp"
+#include "material/classical/laws_for_test.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {

@@ -28,6 +28,7 @@ class Comparison:
 
     def __post_init__(self):
         seen = self.errors[numpy.isfinite(self.errors)]
+        self.is_seen = bool(seen.size)
         self.mean = float(seen.mean()) if seen.size else 0.0
         self.percentile95 = float(numpy.percentile(seen, 95.0)) if seen.size else 0.0
         count = numpy.isfinite(self.errors).sum(axis=1)

@@ -335,6 +335,7 @@ class CompareTest(JobCase):
                 "captured": places, "labels": numpy.array(["a", "b"])})
             files.write_npz(os.path.join(self.cache, f"simulated_{name}.npz"),
                             {"positions": places, "times": numpy.arange(6) / 24.0})
+        self.take.compared = True
         store(self.settings.compare, comparison.load(self.cache, "one"))
         self.assertTrue(self.settings.compare.done)
 
@@ -347,10 +348,50 @@ class CompareTest(JobCase):
         self.assertFalse(self.settings.compare.done)
 
     def test_another_take(self):
+        """What was compared lies on the disk: it is there again with the take."""
         bpy.ops.matterfit.add_take()
         self.assertFalse(self.settings.compare.done)
         self.settings.take_index = 0
-        self.assertFalse(self.settings.compare.done)
+        self.assertTrue(self.settings.compare.done)
+        self.assertAlmostEqual(self.settings.compare.mean_mm, 3.0)
+        self.settings.take_index = 1
+        self.settings.captures[0].location.x = 1.0
+        self.settings.take_index = 0
+        self.assertFalse(self.settings.compare.done, "the capture stood elsewhere")
+
+    def test_in_a_file_of_an_older_version(self):
+        """Which take was compared was not known there."""
+        self.settings.takes[0].compared = False
+        bpy.ops.wm.save_mainfile()
+        self.reopen()
+        self.assertTrue(self.settings.compare.done and self.settings.takes[0].compared)
+
+    def test_what_a_comparison_says(self):
+        """Its notes too; and that nothing was seen, in the graph as well."""
+        for capture in self.settings.captures:
+            capture.source, capture.object = "OBJECT", bpy.data.objects["Cube"]
+        path = os.path.join(self.cache, "compare_one.npz")
+        with numpy.load(path) as arrays:
+            held = dict(arrays)
+
+        def run(error):
+            def work():
+                files.write_npz(path, {**held, "error_mm": numpy.full((6, 2), error)})
+            note = "captures.one: points lie up to 2 m off 'Cube' at rest; are unit, transform and start_frame right?"
+            self.backend = Backend(frames=(1, 2), result={"notes": [note]}, work=work)
+            self.assertEqual(bpy.ops.matterfit.compare(), {"FINISHED"}, self.error())
+            self.assertTrue(self.settings.takes[0].compared)
+            return bpy.context.window_manager.matterfit.last_report
+
+        said = run(2.5)
+        self.assertIn("Mean error 2.5 mm", said)
+        self.assertIn("'one': points lie up to 2 m off 'Cube' at rest. Are the capture's Unit", said)
+        self.assertIn("No point of the recording is seen", run(numpy.nan))
+        graph = mock.Mock()
+        with mock.patch.object(ui.drawing, "Graph", graph):
+            ui.drawing.error_over_time((0, 0, 1, 1), 1.0, comparison.load(self.cache, "one"), 1, "Error")
+        self.assertEqual(graph.return_value.labels.call_args[0][1], "–")
+        self.assertEqual(graph.call_args[0][3], (0.0, 1e-9))
 
     def test_a_changed_capture(self):
         self.settings.captures[0].location.x = 1.0

@@ -358,4 +358,12 @@ TEXTS = {
     "Law: {law}": "Gesetz: {law}",
     "No point of the recording is seen in the simulated frames; compared in {time}":
         "Kein Punkt der Aufnahme ist in den simulierten Bildern zu sehen; verglichen in {time}",
+    "This take is one of a batch. Compare it or write its job in Batch, or choose another take in "
+    "Rerun.":
+        "Dieser Take gehört zu einem Stapel. Unter Stapel vergleichen oder dort seinen Auftrag "
+        "schreiben, oder einen anderen Take wählen.",
+    "This take is that of the scene that was copied, and is linked, read-only. Press Bake to make "
+    "one of its own.":
+        "Dieser Take gehört der kopierten Szene und ist nur lesend verknüpft. Backen drücken, um "
+        "einen eigenen zu machen.",
 }

@@ -107,12 +107,18 @@ def load_quietly(folder, name=""):
         return None
 
 
-@reactions.capture_switched.done_by
-def show_active_capture(settings):
-    """What is known of the active take is shown against the capture that is active now."""
-    if not settings.compare.done:
-        return
+@reactions.comparison_switched.done_by
+def show_active(settings):
+    """What is known of the active take is shown, against the capture that is active now."""
     take, found = scene_props.active_take(settings), None
-    if take is not None and scene_props.active_capture(settings) is not None:
+    if take is not None and take.compared and scene_props.active_capture(settings) is not None:
         found = load_quietly(takes.locate(take).folder, scene_props.compared_capture(settings))
     compare.store(settings.compare, found)
+
+
+def show_again(settings):
+    """The same in a file that was opened; an older version did not say which take was compared."""
+    take = scene_props.active_take(settings)
+    if settings.compare.done and take is not None:
+        take.compared = True
+        show_active(settings)

@@ -31,6 +31,7 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         settings = context.scene.matterfit
         require_capture(settings)
         take = takes.ensure_active(settings)
+        takes.require_own(take)
         folder = takes.claim(take)
         prepared = prepare(context, take, folder, "compare")
         # Frames that only a comparison simulated are nobody's result: after Apply to Body they are
@@ -44,6 +45,7 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         if scene is None:
             return
         settings = scene.matterfit
+        take.compared = True
         found = comparison.load(job.folder, scene_props.compared_capture(settings))
         if take == scene_props.active_take(settings):
             store(settings.compare, found)

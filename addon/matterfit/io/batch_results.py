@@ -8,13 +8,12 @@ import bpy
 
 from ..compat import translate, translate_label
 from ..jobs import JobError
-from ..props import compare, reactions
+from ..props import reactions
 from ..props import scene as scene_props
 from . import (
     attach,
     batch,
     cache,
-    comparison,
     files,
     fit_results,
     job_document,

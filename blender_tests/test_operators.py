@@ -11,7 +11,7 @@ import numpy
 from fake_cache import write_pc2
 from mathutils import Vector
 from matterfit import jobs, native, ops, ui
-from matterfit.io import comparison, files, job_document, takes
+from matterfit.io import comparison, files, job_document, motion, takes
 from matterfit.jobs import JobError, Outcome, Snapshot
 from matterfit.ops import base
 from matterfit.props.compare import store
@@ -309,6 +309,42 @@ class ThrowTest(JobCase):
         numpy.testing.assert_allclose(path[-1], (3.0, seconds, -seconds**2), atol=1e-6)
         throw.velocity_from = "BODY"
         self.assertIsNone(self.flight())
+
+    def test_an_animation(self):
+        """Along its keys at the first frame, from where the object is there; a turn about an origin
+        beside the middle adds to it."""
+        self.settings.solver.use_ground = False
+        item, body = self.settings.bodies[0].object, self.settings.bodies[0]
+        body.velocity_from = "ANIMATION"
+        item.location = (1.0, 0.0, 5.0)
+        item.keyframe_insert("location", frame=1)
+        item.location = (3.0, 0.0, 5.0)
+        item.keyframe_insert("location", frame=25)
+        for curve in motion._curves(item.animation_data.action):
+            for key in curve.keyframe_points:
+                key.interpolation = "LINEAR"
+        self.scene.frame_set(20)
+        flight = self.flight()
+        numpy.testing.assert_allclose(flight.start, (1.0, 0.0, 5.0), atol=1e-5)
+        numpy.testing.assert_allclose(flight.velocity, (2.0, 0.0, 0.0), atol=1e-4)
+        document = self.document()[0]["scene"]["bodies"][0]
+        numpy.testing.assert_allclose(document["velocity"], flight.velocity, atol=1e-3)
+        # A wheel: its middle stands off the origin.
+        for vertex in item.data.vertices:
+            vertex.co.x += 0.5
+        item.rotation_euler.z = 0.0
+        item.keyframe_insert("rotation_euler", index=2, frame=1)
+        item.rotation_euler.z = 2.4
+        item.keyframe_insert("rotation_euler", index=2, frame=25)
+        for curve in motion._curves(item.animation_data.action):
+            for key in curve.keyframe_points:
+                key.interpolation = "LINEAR"
+        bpy.context.view_layer.update()
+        numpy.testing.assert_allclose(self.flight().velocity, (2.0, 1.2, 0.0), atol=0.02)
+        document = self.document()[0]["scene"]["bodies"][0]
+        numpy.testing.assert_allclose(document["velocity"], self.flight().velocity, atol=0.02)
+        item.constraints.new("LIMIT_LOCATION")
+        self.assertIsNone(self.flight(), "a constraint may move it as well")
 
     def test_the_arrow(self):
         flight = ui.throw_overlay.Flight("a", Vector((1, 0, 0)), Vector((0, 0, 5)), None)

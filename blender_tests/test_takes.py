@@ -192,8 +192,9 @@ class FolderTest(SceneCase):
         handlers.look_after_undo()
         self.assertEqual({each["matterfit"] for each in take.collection.objects}, tags - {"points:Cube"})
         self.assertTrue(take.baked)
-        # All of them.
+        # All of them; what is not ours keeps the folder.
         shutil.rmtree(folder)
+        files.write_bytes(os.path.join(folder, "notes.txt"), b"mine")
         take.compared, self.settings.compare.done, self.settings.fit.done = True, True, True
         self.settings.batch.results.add()
         handlers.look_after_undo()

@@ -16,7 +16,8 @@ def forget(scene):
         location = takes.locate(take)
         if not location.folder or location.linked and not cache.in_batch(take):
             continue
-        if not location.exists:
+        # Files that are not ours may have kept the folder.
+        if not os.path.isfile(os.path.join(location.folder, "manifest.json")):
             changed = _forget_take(scene, take) or changed
         elif take.collection is not None:
             _forget_kinds(take, location.folder)

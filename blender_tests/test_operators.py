@@ -413,7 +413,8 @@ class CompareTest(JobCase):
         def run(error):
             def work():
                 files.write_npz(path, {**held, "error_mm": numpy.full((6, 2), error)})
-            note = "captures.one: points lie up to 2 m off 'Cube' at rest; are unit, transform and start_frame right?"
+            note = ("captures.one: points lie up to 2 m off 'Cube' at rest; are unit, transform and "
+                    "start_frame right?")
             self.backend = Backend(frames=(1, 2), result={"notes": [note]}, work=work)
             self.assertEqual(bpy.ops.matterfit.compare(), {"FINISHED"}, self.error())
             self.assertTrue(self.settings.takes[0].compared)

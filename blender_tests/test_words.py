@@ -72,7 +72,7 @@ class WordsTest(SceneCase):
                  "'clip': samples lie between frames and are interpolated. The recording's rate as the "
                  "scene's Frame Rate avoids it."),
                 ("no usable checkpoint: simulated from the first frame",
-                 "No saved frame could be gone on from: simulated from the first frame."),
+                 "No checkpoint was found: simulated from the first frame."),
                 ("resumed after frame 12", "Went on after frame 12.")):
             self.assertEqual(self.said(text), wanted)
 

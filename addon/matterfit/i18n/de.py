@@ -352,8 +352,8 @@ TEXTS = {
     "Rate avoids it.":
         "Abtastungen liegen zwischen Bildern und werden interpoliert. Mit der Rate der Aufnahme "
         "als Bildrate der Szene nicht.",
-    "No saved frame could be gone on from: simulated from the first frame.":
-        "An kein gespeichertes Bild war anzuknüpfen: vom ersten Bild an simuliert.",
+    "No checkpoint was found: simulated from the first frame.":
+        "Kein Sicherungspunkt gefunden: vom ersten Bild an simuliert.",
     "Went on after frame {n}.": "Nach Bild {n} fortgesetzt.",
     "Law: {law}": "Gesetz: {law}",
     "No point of the recording is seen in the simulated frames; compared in {time}":

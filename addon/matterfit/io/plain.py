@@ -135,7 +135,7 @@ _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
      _fixed("samples lie between frames and are interpolated. The recording's rate as the scene's Frame "
             "Rate avoids it.")),
     (r"no usable checkpoint: simulated from the first frame",
-     _fixed("No saved frame could be gone on from: simulated from the first frame.")),
+     _fixed("No checkpoint was found: simulated from the first frame.")),
     (r"resumed after frame (?P<n>\d+)", _resumed),
 )]
 

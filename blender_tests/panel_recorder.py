@@ -76,8 +76,7 @@ class Layout:
     # -- contents ------------------------------------------------------------------------------
 
     def label(self, text="", icon="NONE", translate=True):
-        room = ICON if icon != "NONE" else 0.0
-        self._add(text if translate else "", room)
+        self._add(text, MARGIN + (ICON if icon != "NONE" else 0.0))
 
     def operator(self, name, text=None, icon="NONE"):
         kind = getattr(bpy.types, "MATTERFIT_OT_" + name.split(".")[1])
@@ -126,6 +125,12 @@ class Layout:
     def _check(self, text, room):
         if text and text_width(text) > room:
             self._faults.append((text, round(text_width(text)), round(room)))
+
+
+def faults_of_all(panels, context):
+    """[(panel's title, text, width, room)] of every panel of `panels`."""
+    return [(panel.bl_label, *fault) for panel in panels if issubclass(panel, bpy.types.Panel)
+            for fault in faults_of(panel, context)]
 
 
 def faults_of(panel, context):

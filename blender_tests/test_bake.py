@@ -429,6 +429,21 @@ class CliTest(SceneCase):
         self.assertEqual(take.frames_done, 6)
         self.assertTrue(any(item["matterfit"] == "mesh:Cube" for item in take.collection.objects))
 
+    def test_a_take_of_a_batch_stays(self):
+        if not bpy.app.binary_path:
+            self.skipTest("a .blend on the command line needs Blender itself")
+        self.jelly()
+        take = takes.ensure_active(self.settings)
+        takes.claim(take)
+        take.folder += "velocity.2=-1/"
+        self.save("scene.blend")
+        before = read(self.folder, "scene.blend")
+        for verb in ("bake", "compare"):
+            done = run_cli(verb, "--save", blend=os.path.join(self.folder, "scene.blend"))
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertIn("one of a batch", done.stderr)
+        self.assertEqual(read(self.folder, "scene.blend"), before)
+
     def test_inspect(self):
         self.jelly()
         bpy.ops.matterfit.bake()

@@ -11,7 +11,7 @@ import bpy
 import fake_fit
 import numpy
 from matterfit import jobs, native, ops, scene_job
-from matterfit.io import files, fit_results, job_document, presets, takes
+from matterfit.io import diagnosis, files, fit_results, job_document, number_text, presets, takes
 from matterfit.io.words import owner_and_label
 from matterfit.jobs import JobError
 from matterfit.ui import fit_overlay
@@ -359,11 +359,14 @@ class ResultTest(FakeFitCase):
                 (0.2004, 0.0123, "", "0.200 ± 0.012"),
                 (1.9999, 0.01, "m/s", "2.000 ± 0.010 m/s"),
                 (3.2e-6, 1.1e-7, "s", "(3.20 ± 0.11)e-6 s"),
-                (5.0, None, "Pa s", "5 Pa s"), (0.0, 0.5, "m/s", "0.00 ± 0.50 m/s")):
-            self.assertEqual(fit_results.value_text(value, error, unit), expected)
+                (5.0, None, "Pa s", "5 Pa s"), (0.0, 0.5, "m/s", "0.00 ± 0.50 m/s"),
+                (-0.0001, 0.012, "m/s", "0.000 ± 0.012 m/s"), (-0.0, None, "", "0")):
+            self.assertEqual(number_text.value_text(value, error, unit), expected)
         for value, error, expected in ((232148.3, 1234.0, "232100"), (0.98041, 0.01, "0.980"),
-                                       (2.943e7, 1.2e5, "2.943e+07"), (5.0, None, "5")):
-            self.assertEqual(fit_results.rounded(value, error), expected)
+                                       (2.943e7, 1.2e5, "2.943e+07"), (5.0, None, "5"),
+                                       (1.849e-6, 1.849e-6, "1.8e-06"), (-0.0001, 0.01, "0.000"),
+                                       (-0.0, None, "0")):
+            self.assertEqual(number_text.rounded(value, error), expected)
 
     def test_names(self):
         self.assertEqual(owner_and_label(self.settings, "bodies.Cube.velocity[2]"),
@@ -766,7 +769,13 @@ class NativeTest(SceneCase):
 
         self.assertIn("particles", printed_json(run_cli("estimate", blend=path)))
         self.assertEqual(names(), before)
-        self.assertEqual(run_cli("diagnose", "--quiet", blend=path).returncode, 2)
+        for wrong, words in ((("--threads", "-3"), "-3, expected a number of threads"),
+                             (("--target", "foo"), "foo")):
+            for verb in ("estimate", "validate"):
+                done = run_cli(verb, *wrong, blend=path)
+                self.assertEqual(done.returncode, 2, (verb, wrong))
+                self.assertIn(words, done.stderr)
+        self.assertEqual(run_cli("diagnose", "--quiet", "--set", "density=-5", blend=path).returncode, 2)
         self.assertEqual(names(), before)
         done = run_cli("fit", "--save", "--quiet", "--set", "density=-5", blend=path)
         self.assertEqual(done.returncode, 2)
@@ -786,3 +795,18 @@ class NativeTest(SceneCase):
         self.assertAlmostEqual(result["fit"]["parameters"][0]["value"] / 6e4, 1.0, delta=0.05)
         self.reopen()
         self.assertAlmostEqual(self.settings.bodies[0].material.E / 6e4, 1.0, delta=0.05)
+
+    def test_diagnosed_without_a_window(self):
+        """`diagnose --save` fits the open scene in the fit's own cache, and leaves its report there."""
+        if not bpy.app.binary_path:
+            self.skipTest("a .blend on the command line needs Blender itself")
+        self.save("scene.blend")
+        done = run_cli("diagnose", "--save", "--quiet", timeout=300,
+                       blend=os.path.join(self.folder, "scene.blend"))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.reopen()
+        self.assertTrue(self.settings.fit.done)
+        folder = takes.locate(self.settings.fit.run).folder
+        report = diagnosis.load(folder)
+        self.assertTrue(diagnosis.is_of_fit(report, fit_results.load(folder)))
+        self.assertNotAlmostEqual(self.settings.bodies[0].material.E / 6e4, 1.0, delta=0.05)

@@ -11,7 +11,7 @@ import numpy
 from fake_cache import write_pc2
 from mathutils import Vector
 from matterfit import jobs, native, ops, ui
-from matterfit.io import comparison, files, job_document, takes
+from matterfit.io import comparison, files, job_document, motion, takes
 from matterfit.jobs import JobError, Outcome, Snapshot
 from matterfit.ops import base
 from matterfit.props.compare import store
@@ -310,6 +310,42 @@ class ThrowTest(JobCase):
         throw.velocity_from = "BODY"
         self.assertIsNone(self.flight())
 
+    def test_an_animation(self):
+        """Along its keys at the first frame, from where the object is there; a turn about an origin
+        beside the middle adds to it."""
+        self.settings.solver.use_ground = False
+        item, body = self.settings.bodies[0].object, self.settings.bodies[0]
+        body.velocity_from = "ANIMATION"
+        item.location = (1.0, 0.0, 5.0)
+        item.keyframe_insert("location", frame=1)
+        item.location = (3.0, 0.0, 5.0)
+        item.keyframe_insert("location", frame=25)
+        for curve in motion._curves(item.animation_data.action):
+            for key in curve.keyframe_points:
+                key.interpolation = "LINEAR"
+        self.scene.frame_set(20)
+        flight = self.flight()
+        numpy.testing.assert_allclose(flight.start, (1.0, 0.0, 5.0), atol=1e-5)
+        numpy.testing.assert_allclose(flight.velocity, (2.0, 0.0, 0.0), atol=1e-4)
+        document = self.document()[0]["scene"]["bodies"][0]
+        numpy.testing.assert_allclose(document["velocity"], flight.velocity, atol=1e-3)
+        # A wheel: its middle stands off the origin.
+        for vertex in item.data.vertices:
+            vertex.co.x += 0.5
+        item.rotation_euler.z = 0.0
+        item.keyframe_insert("rotation_euler", index=2, frame=1)
+        item.rotation_euler.z = 2.4
+        item.keyframe_insert("rotation_euler", index=2, frame=25)
+        for curve in motion._curves(item.animation_data.action):
+            for key in curve.keyframe_points:
+                key.interpolation = "LINEAR"
+        bpy.context.view_layer.update()
+        numpy.testing.assert_allclose(self.flight().velocity, (2.0, 1.2, 0.0), atol=0.02)
+        document = self.document()[0]["scene"]["bodies"][0]
+        numpy.testing.assert_allclose(document["velocity"], self.flight().velocity, atol=0.02)
+        item.constraints.new("LIMIT_LOCATION")
+        self.assertIsNone(self.flight(), "a constraint may move it as well")
+
     def test_the_arrow(self):
         flight = ui.throw_overlay.Flight("a", Vector((1, 0, 0)), Vector((0, 0, 5)), None)
         ends = ui.throw_overlay.arrow(flight, Vector((0, 1, 0)))
@@ -335,6 +371,7 @@ class CompareTest(JobCase):
                 "captured": places, "labels": numpy.array(["a", "b"])})
             files.write_npz(os.path.join(self.cache, f"simulated_{name}.npz"),
                             {"positions": places, "times": numpy.arange(6) / 24.0})
+        self.take.compared = True
         store(self.settings.compare, comparison.load(self.cache, "one"))
         self.assertTrue(self.settings.compare.done)
 
@@ -347,10 +384,51 @@ class CompareTest(JobCase):
         self.assertFalse(self.settings.compare.done)
 
     def test_another_take(self):
+        """What was compared lies on the disk: it is there again with the take."""
         bpy.ops.matterfit.add_take()
         self.assertFalse(self.settings.compare.done)
         self.settings.take_index = 0
-        self.assertFalse(self.settings.compare.done)
+        self.assertTrue(self.settings.compare.done)
+        self.assertAlmostEqual(self.settings.compare.mean_mm, 3.0)
+        self.settings.take_index = 1
+        self.settings.captures[0].location.x = 1.0
+        self.settings.take_index = 0
+        self.assertFalse(self.settings.compare.done, "the capture stood elsewhere")
+
+    def test_in_a_file_of_an_older_version(self):
+        """Which take was compared was not known there."""
+        self.settings.takes[0].compared = False
+        bpy.ops.wm.save_mainfile()
+        self.reopen()
+        self.assertTrue(self.settings.compare.done and self.settings.takes[0].compared)
+
+    def test_what_a_comparison_says(self):
+        """Its notes too; and that nothing was seen, in the graph as well."""
+        for capture in self.settings.captures:
+            capture.source, capture.object = "OBJECT", bpy.data.objects["Cube"]
+        path = os.path.join(self.cache, "compare_one.npz")
+        with numpy.load(path) as arrays:
+            held = dict(arrays)
+
+        def run(error):
+            def work():
+                files.write_npz(path, {**held, "error_mm": numpy.full((6, 2), error)})
+            note = ("captures.one: points lie up to 2 m off 'Cube' at rest; are unit, transform and "
+                    "start_frame right?")
+            self.backend = Backend(frames=(1, 2), result={"notes": [note]}, work=work)
+            self.assertEqual(bpy.ops.matterfit.compare(), {"FINISHED"}, self.error())
+            self.assertTrue(self.settings.takes[0].compared)
+            return bpy.context.window_manager.matterfit.last_report
+
+        said = run(2.5)
+        self.assertIn("Mean error 2.5 mm", said)
+        self.assertIn("'one': points lie up to 2 m off 'Cube' at rest. Are the capture's Unit", said)
+        self.assertIn("No point of the recording is seen", run(numpy.nan))
+        graph = mock.Mock()
+        with mock.patch.object(ui.drawing, "Graph", graph):
+            ui.drawing.error_over_time((0, 0, 1, 1), 1.0, comparison.load(self.cache, "one"), 1, "Error")
+        self.assertEqual(graph.return_value.labels.call_args[0][1], "–")
+        self.assertEqual(graph.call_args[0][3], (0.0, 1e-9))
 
     def test_a_changed_capture(self):
         self.settings.captures[0].location.x = 1.0

@@ -6,7 +6,7 @@ import unittest
 import bpy
 from matterfit import effects, laws, ui
 from matterfit.io import fit_rows
-from panel_recorder import faults_of, text_width
+from panel_recorder import faults_of_all, text_width
 from support import SceneCase, select
 
 
@@ -19,11 +19,7 @@ class CutTest(SceneCase):
         self.scene.frame_end = 6
 
     def check(self, words=""):
-        for cls in ui.CLASSES:
-            if issubclass(cls, bpy.types.Panel):
-                for text, width, room in faults_of(cls, bpy.context):
-                    self.fail(f"{cls.bl_label}{words}: '{text}' is cut: {width} px wide, {room} px "
-                              "of room")
+        self.assertEqual(faults_of_all(ui.CLASSES, bpy.context), [], words)
 
     def test_the_recorder_measures(self):
         self.assertGreater(text_width("Young's Modulus [Pa]"), text_width("Young's"))

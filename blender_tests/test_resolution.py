@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The particle separation that a quality asks for."""
 
+from unittest import mock
+
 import bpy
 from matterfit import native
 from matterfit.io import resolution
+from matterfit.ui import solver as panel
 from support import SceneCase, needs_library
 
 
@@ -52,6 +55,46 @@ class ResolutionTest(SceneCase):
         self.assertAlmostEqual(self.settings.solver.particle_separation, 0.05 / 6, places=5)
         self.assertAlmostEqual(resolution.thinnest(self.scene), 0.05, places=5)
         self.assertTrue(item.hide_viewport)
+
+    def test_the_panel_measures_what_changed(self):
+        """Also where the box and the number of vertices stay: what a modifier does, what was sculpted."""
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=6, y_subdivisions=6, size=0.2)
+        item = bpy.context.active_object
+        self.body(item)
+        solidify = item.modifiers.new("Solidify", "SOLIDIFY")
+
+        def measured():
+            bpy.context.view_layer.update()
+            with mock.patch.object(resolution, "cells_across", return_value=4.0) as across:
+                panel._cells(bpy.context)
+            return across.called
+
+        def peak(*index):
+            for vertex in item.data.vertices:
+                vertex.co.z = 0.05 if vertex.index in index else 0.0
+            item.data.update()
+
+        self.assertTrue(measured())
+        self.assertFalse(measured())
+        solidify.thickness *= 2.0
+        self.assertTrue(measured())
+        item.modifiers.clear()
+        peak(16)
+        self.assertTrue(measured())
+        box = tuple(item.dimensions)
+        peak(17)
+        self.assertTrue(measured())
+        self.assertEqual(tuple(item.dimensions), box)
+        self.assertFalse(measured())
+
+    def test_another_file(self):
+        """A hidden object is not what one of that name was in the file before."""
+        item = self.cube(size=0.1)
+        self.body(item)
+        self.assertAlmostEqual(resolution.thinnest(self.scene), 0.1, places=5)
+        panel._cells(bpy.context)
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        self.assertEqual((resolution._known, panel._measured), ({}, {}))
 
     @needs_library
     def test_no_more_particles_than_the_limit(self):

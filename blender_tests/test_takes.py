@@ -3,9 +3,11 @@
 
 import os
 import shutil
+from unittest import mock
 
 import bpy
-from matterfit.io import files, takes, visibility
+from matterfit import handlers, native
+from matterfit.io import files, lost, takes, visibility
 from matterfit.jobs import JobError
 from matterfit.props import migration
 from matterfit.props.scene import SCHEMA_VERSION
@@ -140,6 +142,71 @@ class FolderTest(SceneCase):
         bpy.ops.matterfit.remove_take()
         self.assertEqual(len(self.settings.takes), 0)
         self.assertFalse(os.path.exists(folder))
+
+    def test_what_a_take_only_shows_stays(self):
+        """Compare and Write Job would put a new cache in its place."""
+        self.body(self.cube())
+        capture = self.settings.captures.add()
+        capture.source, capture.object = "OBJECT", bpy.data.objects["Cube"]
+        take = takes.ensure_active(self.settings)
+        os.makedirs(takes.claim(take))
+        folder, take.frames_done = take.folder, 6
+        bpy.ops.wm.save_mainfile()
+        with mock.patch.object(native, "require"):
+            self.save("copy.blend")
+            self.settings = bpy.context.scene.matterfit
+            for operator in (bpy.ops.matterfit.compare, bpy.ops.matterfit.write_job):
+                self.fails(operator, ["belongs to another .blend file", "Press Bake"])
+            self.reopen()
+            self.settings.takes[0].frames_done = 6
+            bpy.ops.scene.new(type="FULL_COPY")
+            self.settings = bpy.context.scene.matterfit
+            for operator in (bpy.ops.matterfit.compare, bpy.ops.matterfit.write_job):
+                self.fails(operator, ["of the scene that was copied", "Press Bake"])
+            self.reopen()
+            self.settings.takes[0].folder = folder + "velocity.2=-1/"
+            for operator in (bpy.ops.matterfit.compare, bpy.ops.matterfit.write_job):
+                self.fails(operator, ["one of a batch", "another take"])
+        self.assertEqual(self.settings.takes[0].folder, folder + "velocity.2=-1/")
+
+    @needs_library
+    def test_undo_of_what_deleted_files(self):
+        """Blender brings back the take and its objects, and no file: what is gone is not played."""
+        self.jelly(separation=0.05)
+        self.settings.output.points = self.settings.output.surface = True
+        bpy.ops.matterfit.bake()
+        take = self.settings.takes[0]
+        folder, item = takes.locate(take).folder, bpy.data.objects["Cube"]
+        self.assertTrue(item.hide_render)
+        # Not what is there; undo of a bake leaves what it has attached unknown, and that stays so.
+        lost.forget(self.scene)
+        tags = {each["matterfit"] for each in take.collection.objects}
+        self.assertLessEqual({"points:Cube", "mesh:Cube"}, tags)
+        self.assertTrue(take.baked)
+        take.baked, take.frames_done = False, 0
+        handlers.look_after_undo()
+        self.assertFalse(take.baked)
+        take.baked, take.frames_done = True, 6
+        # One kind of files.
+        shutil.rmtree(os.path.join(folder, "points"))
+        handlers.look_after_undo()
+        self.assertEqual({each["matterfit"] for each in take.collection.objects}, tags - {"points:Cube"})
+        self.assertTrue(take.baked)
+        # All of them; what is not ours keeps the folder.
+        shutil.rmtree(folder)
+        files.write_bytes(os.path.join(folder, "notes.txt"), b"mine")
+        take.compared, self.settings.compare.done, self.settings.fit.done = True, True, True
+        self.settings.batch.results.add()
+        handlers.look_after_undo()
+        take = self.settings.takes[0]
+        self.assertEqual((take.baked, take.frames_done, take.compared), (False, 0, False))
+        self.assertFalse(self.settings.compare.done or self.settings.fit.done)
+        self.assertEqual(len(self.settings.batch.results), 0)
+        self.assertIsNone(take.collection)
+        self.assertEqual([each.name for each in self.scene.objects if each.get("matterfit")], [])
+        self.assertFalse(item.hide_render or item.hide_viewport)
+        for name in ("undo_post", "redo_post"):
+            self.assertIn(handlers.look_after_undo, getattr(bpy.app.handlers, name))
 
     def test_throwing_twice_is_refused(self):
         self.body(self.cube())

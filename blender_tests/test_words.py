@@ -5,8 +5,8 @@ import ast
 import unittest
 
 from matterfit.i18n import de
-from matterfit.io import plain, words
-from matterfit.ui import drawing
+from matterfit.io import number_text, plain, words
+from matterfit.ui import diagnose, drawing
 from support import SceneCase
 
 
@@ -49,10 +49,31 @@ class WordsTest(SceneCase):
         for text, wanted in (
                 ("'Soft' sank 26 cm into 'ground'. Raise scene.colliders.ground.contact.stiffness "
                  "(now 4e+06 Pa/m) if it should not.",
-                 "'Soft' sank 26 cm into Ground. Raise Ground, Stiffness (now 4e+06 Pa/m) if it "
-                 "should not."),
-                ("Starting guess estimated from the recording: bodies.Soft.material.E 9.1e+04 Pa",
-                 "Starting guess estimated from the recording: 'Soft', Young's Modulus 9.1e+04 Pa")):
+                 "'Soft' sank 26 cm into the ground. Raise Solver > Ground > Stiffness (now 4.0e6 Pa/m) "
+                 "if it should not."),
+                ("'Soft' sank 3 mm into 'my ramp'. Raise scene.colliders.\"my ramp\".contact.stiffness "
+                 "if it should not.",
+                 "'Soft' sank 3 mm into 'my ramp'. Raise Bodies > my ramp > Stiffness if it should not."),
+                ("'ground' slopes by 2 °. 'Soft' lies on 'ground'.",
+                 "The ground slopes by 2 °. 'Soft' lies on the ground."),
+                ("Starting guess estimated from the recording: bodies.Soft.material.E 9.1e+04 Pa, "
+                 "bodies.Soft.material.nu 0.31; not known to a factor of three: bodies.Soft.density",
+                 "Starting guess estimated from the recording: 'Soft', Young's Modulus 91 kPa, 'Soft', "
+                 "Poisson's Ratio 0.31; not known to a factor of three: 'Soft', Density"),
+                ("captures.my clip: 12 of 30 samples lie outside the simulated time; they are NaN in "
+                 "simulated.npz",
+                 "'my clip': 12 of 30 samples lie outside the simulated frames, and are not compared."),
+                ("captures.clip: points lie up to 2.04 m off 'Soft' at rest; are unit, transform and "
+                 "start_frame right?",
+                 "'clip': points lie up to 2 m off 'Soft' at rest. Are the capture's Unit, Location, "
+                 "Rotation and Start Frame right?"),
+                ("captures.clip: samples lie between frames and are interpolated; simulate at the "
+                 "capture's rate to avoid it",
+                 "'clip': samples lie between frames and are interpolated. The recording's rate as the "
+                 "scene's Frame Rate avoids it."),
+                ("no usable checkpoint: simulated from the first frame",
+                 "No checkpoint was found: simulated from the first frame."),
+                ("resumed after frame 12", "Went on after frame 12.")):
             self.assertEqual(self.said(text), wanted)
 
     def test_of_a_result(self):
@@ -92,7 +113,7 @@ class WordsTest(SceneCase):
                  "may not follow it well. Apply the modifiers if it does not."),
                 ("Body 'Soft' starts up to 0.91685 m inside 'ground', at (-0.91685, -0.91685, -0.9) m. "
                  "Move one of them so that they touch at most.",
-                 "Body 'Soft' starts up to 92 cm inside Ground. Move one of them so that they touch at "
+                 "Body 'Soft' starts up to 92 cm inside the ground. Move one of them so that they touch at "
                  "most."),
                 ("Bodies 'A' and 'B' lie in each other, about (4.21e-17, 0.1, 0) m. Move one so that "
                  "they touch at most.",
@@ -138,7 +159,15 @@ class WordsTest(SceneCase):
         self.settings.bodies[0].enabled = False
         self.assertEqual(self.said("bodies[0].density"), "'Soft', Density")
 
+    def test_prefixes(self):
+        self.assertEqual([number_text.with_prefix(value, "Pa") for value in
+                          (9.1e4, 999999.0, 1e5, 2.34e9, -4e6, 0.0, 12.0, 3e-4)],
+                         ["91 kPa", "1 MPa", "100 kPa", "2.3 GPa", "-4 MPa", "0 Pa", "12 Pa", "300 µPa"])
+
     def test_no_minus_zero(self):
+        self.assertEqual([diagnose.percent(share) for share in (-0.004, -0.0, 0.0, 0.5, 0.004)],
+                         ["0 %", "0 %", "0 %", "50 %", "< 1 %"])
+        self.assertEqual(number_text.short(-0.0, 3), "0")
         self.assertEqual([drawing.frame_text(frame) for frame in (-1e-9, 0.0, 499.0000001, -3.0)],
                          ["0", "0", "499", "-3"])
 

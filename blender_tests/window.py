@@ -343,6 +343,29 @@ def modal_bake():
     take = bpy.context.scene.matterfit.takes[0]
     if take.baked or not take.folder:
         faults.append("one undo did not take back what was attached, and only that")
+    yield from undone_free()
+
+
+def undone_free():
+    """Undo after Free brings the take back, without objects that would play deleted files."""
+    if modal("bake") != {"RUNNING_MODAL"}:
+        raise AssertionError("Bake does not run modally")
+    job = jobs.registry.running
+    yield from wait_for(lambda: job.ended, 150.0, "the end of a bake of what is there")
+    yield
+    before = len(bpy.context.scene.matterfit.takes)
+    window, area = view()
+    with bpy.context.temp_override(window=window, area=area):
+        bpy.ops.matterfit.free("EXEC_DEFAULT", True)
+    yield
+    undo()
+    yield
+    settings = bpy.context.scene.matterfit
+    left = [item.name for item in bpy.context.scene.objects if item.get("matterfit")]
+    if len(settings.takes) != before or settings.takes[0].baked or left:
+        faults.append(f"undo after Free: baked {settings.takes[0].baked}, {left} play deleted files")
+    if settings.bodies[0].object.hide_viewport:
+        faults.append("undo after Free hides the artist's own object")
 
 
 def switched_off():

@@ -80,6 +80,7 @@ def fake_comparison(positions, times):
         "labels": numpy.array([str(i) for i in range(positions.shape[1])])})
     files.write_npz(os.path.join(folder, "simulated.npz"), {"positions": simulated,
                                                             "times": times})
+    take.compared = True
     compare_properties.store(scene.matterfit.compare, comparison.load(folder))
     scene.frame_set(15)
     scene.matterfit.compare.point_size = 10.0

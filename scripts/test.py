@@ -30,10 +30,12 @@ from native_build import (
 from parts import BUILD, LOGS, ROOT, Tally, require_in_tree, run, say
 
 RUNNER = ROOT / "blender_tests" / "run.py"
-# The second: tests that need the library fail without it, where a person's own run would skip them.
+# The last two: tests that need the library, or Slurm, fail without it, where a person's own run would
+# skip them.
 LIBRARY = {
     "MATTERFIT_LIBRARY": str(BUILD / "lib" / "libmatterfit.so"),
     "MATTERFIT_REQUIRE_LIBRARY": "1",
+    "MATTERFIT_REQUIRE_SLURM": "1",
 }
 
 

@@ -5,7 +5,8 @@
 
 The same document, the same native code, the same exit statuses. Without JOB the open scene's
 active take is written as job.json and run; with --save the scene is saved as soon as it has its
-folder, `bake` then attaches and saves the result, `fit` applies what it found and saves.
+folder, `bake` then attaches and saves the result, `fit` applies what it found and saves, `diagnose`
+saves the scene with its report.
 """
 
 import argparse
@@ -17,12 +18,12 @@ import tempfile
 
 EXIT_INPUT = 2
 EXIT_COMPUTE = 3
-QUESTIONS = ("estimate", "validate", "diagnose")  # that leave nothing in the take's folder
+QUESTIONS = ("estimate", "validate")  # that leave nothing in the take's folder
 
 VERBS = {
     "simulate": "write the states of every frame, and simulated.npz at the captures' points",
     "fit": "identify materials from captures, with their uncertainty",
-    "diagnose": "find what the simulation gets wrong (not available in this version)",
+    "diagnose": "fit, and find what the simulation gets wrong",
     "compare": "simulate if need be, and measure the error against the captures",
     "bake": "simulate and write every cache under `output`",
     "estimate": "memory and time that a job needs",
@@ -165,10 +166,10 @@ def run_job(module, arguments, path, scene=None):
     """Runs a document; `scene` is the SceneJob that it comes from."""
     native, jobs = module.native, module.jobs
     files = importlib.import_module(module.__name__ + ".io.files")
-    if arguments.verb in ("estimate", "validate"):
+    if arguments.verb in QUESTIONS:
         function = getattr(native, arguments.verb)
-        give(function(files.read_text(path), os.path.dirname(path), overrides=arguments.set),
-             argparse.Namespace(report=arguments.report, json=True), files)
+        give(function(files.read_text(path), os.path.dirname(path), arguments.threads, arguments.set,
+                      arguments.target), argparse.Namespace(report=arguments.report, json=True), files)
         return 0
     job = jobs.Job(arguments.verb, lambda: native.start(
         path, task=arguments.verb, threads=arguments.threads, restart=arguments.restart,

@@ -5,9 +5,9 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import jobs
-from .io import comparison, takes
+from .io import comparison, lost, resolution, takes
 from .props import migration
-from .ui import overlay
+from .ui import overlay, solver
 
 
 @persistent
@@ -21,10 +21,12 @@ def migrate_all(*_arguments):
     messages = [migration.migrate_scene(scene) for scene in bpy.data.scenes]
     for scene in bpy.data.scenes:
         takes.look_at_disk(scene.matterfit)
-        comparison.show_active_capture(scene.matterfit)
+        comparison.show_again(scene.matterfit)
     state = bpy.context.window_manager.matterfit
     state.last_error = next((message for message in messages if message), "")
     overlay.forget()
+    resolution.forget()
+    solver.forget()
 
 
 def migrate_open_file():
@@ -41,7 +43,15 @@ def stamp_version(*_arguments):
             scene.matterfit.schema_version = migration.SCHEMA_VERSION
 
 
-_HANDLERS = (("load_pre", stop_jobs), ("load_post", migrate_all), ("save_pre", stamp_version))
+@persistent
+def look_after_undo(*_arguments):
+    """Free and its like delete files, which undo cannot bring back."""
+    for scene in bpy.data.scenes:
+        lost.forget(scene)
+
+
+_HANDLERS = (("load_pre", stop_jobs), ("load_post", migrate_all), ("save_pre", stamp_version),
+             ("undo_post", look_after_undo), ("redo_post", look_after_undo))
 
 
 def register():

@@ -262,18 +262,18 @@ def _read(path):
 
 # -- questions that are answered at once ---------------------------------------------------------
 
-def estimate(text, folder, threads=0, overrides=()):
+def estimate(text, folder, threads=0, overrides=(), target=None):
     """{"particles", "bytes", "seconds", "fits", …} of a document (a dict, or its JSON text) whose
     inputs lie in `folder`."""
     require()
-    options, _values = _options(threads, overrides=overrides)
+    options, _values = _options(threads, overrides=overrides, target=target)
     return _json_call(_library.mf_estimate, _json(text), folder.encode(), ctypes.byref(options))
 
 
-def validate(text, folder, threads=0, overrides=()):
+def validate(text, folder, threads=0, overrides=(), target=None):
     """The document as it was understood; JobError with the JSON path of what is wrong."""
     require()
-    options, _values = _options(threads, overrides=overrides)
+    options, _values = _options(threads, overrides=overrides, target=target)
     return _json_call(_library.mf_validate, _json(text), folder.encode(), ctypes.byref(options))
 
 

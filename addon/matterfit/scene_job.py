@@ -7,7 +7,7 @@ import sys
 
 import bpy
 
-from .io import attach, files, fit_apply, fit_results, fit_rows, job_document, takes
+from .io import attach, cache, files, fit_apply, fit_results, fit_rows, job_document, takes
 from .jobs import EXIT_INPUT, JobError
 from .ops.launch import prepare
 from .props import scene as scene_props
@@ -22,15 +22,17 @@ class SceneJob:
         self._verb = verb
         takes.require_saved()
         settings = bpy.context.scene.matterfit
-        self._fit = settings.fit if verb == "fit" else None
+        self._fit = settings.fit if verb in cache.FIT_TASKS else None
         if self._fit is None:
             take = takes.ensure_active(settings)
+            if verb != "bake" or cache.in_batch(take):
+                takes.require_own(take)
         else:
             fit_rows.refresh(settings)
             take = self._fit.run
             self._before, self._done_before = takes.Kept(take), self._fit.done
             takes.for_fit(settings)
-        task = "bake" if self._fit is None else "fit"
+        task = "bake" if self._fit is None else verb
         self.folder = takes.claim(take)
         try:
             self._document, self._replaced = prepare(bpy.context, take, self.folder, task)
@@ -49,6 +51,16 @@ class SceneJob:
                 self._fit.done = False
             bpy.ops.wm.save_mainfile()
 
+    def _show_and_save(self):
+        if self._fit is None:
+            attach_and_save(self.folder)
+            return
+        self._fit.done = True
+        if self._verb == "fit":
+            for sentence in fit_apply.apply_run(bpy.context.scene, self.folder):
+                print(f"matterfit: {sentence}", file=sys.stderr)
+        bpy.ops.wm.save_mainfile()
+
     def _take_back(self):
         """The fit's take as it was; of the folder prepare() and Replaced see to that."""
         if self._fit is not None:
@@ -60,7 +72,7 @@ class SceneJob:
         if job.status == 0:
             self._replaced.end()
             if self._save:
-                (attach_and_save if self._fit is None else apply_and_save)(self.folder)
+                self._show_and_save()
             return
         untouched = self._replaced.untouched()
         with contextlib.suppress(JobError):
@@ -102,12 +114,4 @@ def attach_and_save(folder):
     take.frame_count = end - take.first_frame
     take.frames_done = attach.Attachment(scene, take, folder, document).update(final=True)
     take.baked = True
-    bpy.ops.wm.save_mainfile()
-
-
-def apply_and_save(folder):
-    scene = bpy.context.scene
-    scene.matterfit.fit.done = True
-    for sentence in fit_apply.apply_run(scene, folder):
-        print(f"matterfit: {sentence}", file=sys.stderr)
     bpy.ops.wm.save_mainfile()

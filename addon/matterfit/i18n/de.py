@@ -336,4 +336,34 @@ TEXTS = {
     "Save the .blend file now: without that, a fit that is killed with Blender cannot be resumed":
         "Jetzt die .blend-Datei speichern: sonst ist eine Anpassung, die mit Blender abbricht, "
         "nicht fortzusetzen",
+    "the ground": "dem Boden",
+    " (now {stiffness} Pa/m)": " (jetzt {stiffness} Pa/m)",
+    "{body} sank {depth} into {other}. Raise {field}{now} if it should not.":
+        "{body} ist {depth} in {other} eingesunken. {field}{now} erhöhen, wenn das nicht sein "
+        "soll.",
+    "{n} of {total} samples lie outside the simulated frames, and are not compared.":
+        "{n} von {total} Abtastungen liegen außerhalb der simulierten Bilder und werden nicht "
+        "verglichen.",
+    "points lie up to {distance} off {body} at rest. Are the capture's Unit, Location, Rotation "
+    "and Start Frame right?":
+        "Punkte liegen in Ruhe bis zu {distance} neben {body}. Stimmen Einheit, Position, "
+        "Rotation und Startbild der Aufnahme?",
+    "samples lie between frames and are interpolated. The recording's rate as the scene's Frame "
+    "Rate avoids it.":
+        "Abtastungen liegen zwischen Bildern und werden interpoliert. Mit der Rate der Aufnahme "
+        "als Bildrate der Szene nicht.",
+    "No checkpoint was found: simulated from the first frame.":
+        "Kein Sicherungspunkt gefunden: vom ersten Bild an simuliert.",
+    "Went on after frame {n}.": "Nach Bild {n} fortgesetzt.",
+    "Law: {law}": "Gesetz: {law}",
+    "No point of the recording is seen in the simulated frames; compared in {time}":
+        "Kein Punkt der Aufnahme ist in den simulierten Bildern zu sehen; verglichen in {time}",
+    "This take is one of a batch. Compare it or write its job in Batch, or choose another take in "
+    "Rerun.":
+        "Dieser Take gehört zu einem Stapel. Unter Stapel vergleichen oder dort seinen Auftrag "
+        "schreiben, oder einen anderen Take wählen.",
+    "This take is that of the scene that was copied, and is linked, read-only. Press Bake to make "
+    "one of its own.":
+        "Dieser Take gehört der kopierten Szene und ist nur lesend verknüpft. Backen drücken, um "
+        "einen eigenen zu machen.",
 }

@@ -8,13 +8,12 @@ import bpy
 
 from ..compat import translate, translate_label
 from ..jobs import JobError
-from ..props import compare, reactions
+from ..props import reactions
 from ..props import scene as scene_props
 from . import (
     attach,
     batch,
     cache,
-    comparison,
     files,
     fit_results,
     job_document,
@@ -72,6 +71,9 @@ def show(scene, task):
                 _attach(scene, name, home, take_name(settings, member))
         if task == "COMPARE":
             error = compare_error(home)
+            for take in settings.takes:
+                if cache.name_of(take) == name:
+                    take.compared = error is not None
         rows.append((values_text(member), f"//{name}/", error))
     settings.batch.varied = ", ".join(axis_name(settings, axis["path"]) for axis in wedge["axes"])
     _list(settings, rows)
@@ -182,6 +184,3 @@ def choose(settings):
     if index is None:
         return
     settings.take_index = index
-    if row.error >= 0.0:
-        compare.store(settings.compare, comparison.load_quietly(
-            takes.locate(settings.takes[index]).folder, scene_props.compared_capture(settings)))

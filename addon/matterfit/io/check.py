@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from .. import quantities
 from ..compat import translate
 from ..quantities import LOG
-from . import fit_results, frames, words
+from . import frames, number_text, words
 
 SCHEMA = "matterfit.check/1"
 _KEPT = ("schema", "parameters", "ties", "enough", "record_instead", "noise", "notes")
@@ -165,7 +165,7 @@ def error_text(settings, parameter):
     if parameter.error is None:
         return translate("nothing recorded tells it")
     unit = f" {parameter.unit}" if parameter.unit else ""
-    text = f"± {fit_results.rounded(parameter.error, parameter.error)}{unit}"
+    text = f"± {number_text.rounded(parameter.error, parameter.error)}{unit}"
     key = words.split(settings, parameter.path)[1]
     row = quantities.find(key)
     if row is not None and row.scale == LOG and parameter.start:

@@ -28,6 +28,7 @@ class Comparison:
 
     def __post_init__(self):
         seen = self.errors[numpy.isfinite(self.errors)]
+        self.is_seen = bool(seen.size)
         self.mean = float(seen.mean()) if seen.size else 0.0
         self.percentile95 = float(numpy.percentile(seen, 95.0)) if seen.size else 0.0
         count = numpy.isfinite(self.errors).sum(axis=1)
@@ -106,12 +107,18 @@ def load_quietly(folder, name=""):
         return None
 
 
-@reactions.capture_switched.done_by
-def show_active_capture(settings):
-    """What is known of the active take is shown against the capture that is active now."""
-    if not settings.compare.done:
-        return
+@reactions.comparison_switched.done_by
+def show_active(settings):
+    """What is known of the active take is shown, against the capture that is active now."""
     take, found = scene_props.active_take(settings), None
-    if take is not None and scene_props.active_capture(settings) is not None:
+    if take is not None and take.compared and scene_props.active_capture(settings) is not None:
         found = load_quietly(takes.locate(take).folder, scene_props.compared_capture(settings))
     compare.store(settings.compare, found)
+
+
+def show_again(settings):
+    """The same in a file that was opened; an older version did not say which take was compared."""
+    take = scene_props.active_take(settings)
+    if settings.compare.done and take is not None:
+        take.compared = True
+        show_active(settings)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from .. import effects
 from ..compat import translate
 from ..jobs import JobError
-from . import files, fit_results
+from . import files, number_text
 
 REPORT_FILE = "diagnosis.json"
 PAGE_FILE = "diagnosis.html"
@@ -36,8 +36,14 @@ class Number:
     error: float = None
 
     @property
+    def label(self):
+        """Its name as people read it: shear_direction[1] as shear direction Y."""
+        name, bracket, index = self.name.replace("_", " ").partition("[")
+        return f"{name} {dict(enumerate('XYZ')).get(int(index[:-1]), index[:-1])}" if bracket else name
+
+    @property
     def text(self):
-        return fit_results.value_text(self.value, self.error, self.unit)
+        return number_text.value_text(self.value, self.error, self.unit)
 
 
 @dataclass(frozen=True)

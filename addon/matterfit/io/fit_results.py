@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from ..compat import translate
 from ..jobs import JobError
-from . import files, job_fit, presets
+from . import files, job_fit, number_text, presets
 
 RESULT_FILE = "result.json"
 SCENE_FILE = "scene.json"
@@ -36,7 +36,7 @@ class Estimate:
 
     @property
     def text(self):
-        return value_text(self.value, self.error, self.unit)
+        return number_text.value_text(self.value, self.error, self.unit)
 
 
 @dataclass
@@ -251,32 +251,3 @@ def segments(entries):
             segment.errors.append(float(rms))
     return sorted((segment for segment in found.values() if segment.places),
                   key=lambda segment: segment.places[-1])
-
-
-# -- words -------------------------------------------------------------------------------------
-
-def rounded(value, error):
-    """A value to the two digits of its error: 232100."""
-    if not error or not math.isfinite(error) or error <= 0.0:
-        return f"{value:.4g}"
-    digits = 1 - math.floor(math.log10(error))
-    if max(abs(value), error) >= 1e6 or digits > 6:
-        return f"{value:.4g}"
-    return f"{round(value, digits):.{max(digits, 0)}f}"
-
-
-def value_text(value, error=None, unit=""):
-    """A value with its error to two digits: 294300 ± 1200 Pa, (2.943 ± 0.012)e7 Pa."""
-    unit = f" {unit}" if unit else ""
-    if not error or not math.isfinite(error) or error <= 0.0:
-        return f"{value:.6g}{unit}"
-    largest = max(abs(value), error)
-    power = math.floor(math.log10(largest))
-    if -4 < power < 6:
-        power = 0
-    scaled, scaled_error = value / 10.0**power, error / 10.0**power
-    digits = 1 - math.floor(math.log10(scaled_error))
-    if digits < 0:
-        scaled, scaled_error = round(scaled, digits), round(scaled_error, digits)
-    text = f"{scaled:.{max(digits, 0)}f} ± {scaled_error:.{max(digits, 0)}f}"
-    return f"({text})e{power}{unit}" if power else f"{text}{unit}"

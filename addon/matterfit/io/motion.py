@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What Blender itself moves: whether an object's transform or its mesh changes from frame to frame."""
 
+from mathutils import Euler, Matrix, Quaternion, Vector
+
 from . import shapes
 
 # Modifiers that move a mesh in time by themselves.
@@ -44,16 +46,48 @@ def _keys_modifiers(item):
     animation = item.animation_data
     if animation is None:
         return False
-    curves = list(animation.drivers)
-    action = animation.action
-    if action is not None:
-        # Actions have layers from 4.4 on, and lose `fcurves` with 5.0.
-        found = getattr(action, "fcurves", None)
-        if found is None:
-            found = [curve for layer in action.layers for strip in layer.strips
-                     for bag in strip.channelbags for curve in bag.fcurves]
-        curves += list(found)
+    curves = [*animation.drivers, *_curves(animation.action)]
     return any(curve.data_path.startswith("modifiers[") for curve in curves)
+
+
+def _curves(action):
+    if action is None:
+        return []
+    # Actions have layers from 4.4 on, and lose `fcurves` with 5.0.
+    found = getattr(action, "fcurves", None)
+    if found is None:
+        found = [curve for layer in action.layers for strip in layer.strips
+                 for bag in strip.channelbags for curve in bag.fcurves]
+    return list(found)
+
+
+def keyed_matrices(item, frames):
+    """Where the object is in the world at each of `frames`, without playing them; None where anything
+    but keys of its own moves it."""
+    animation = item.animation_data
+    if (animation is None or animation.action is None or animation.drivers or animation.nla_tracks
+            or item.parent is not None or item.constraints or item.rigid_body is not None
+            or any(item.delta_location) or any(item.delta_rotation_euler)):
+        return None
+    curves = {(curve.data_path, curve.array_index): curve for curve in _curves(animation.action)
+              if not curve.mute}
+
+    def values(name, frame):
+        now = getattr(item, name)
+        found = [curves.get((name, index)) for index in range(len(now))]
+        return [value if curve is None else curve.evaluate(frame)
+                for value, curve in zip(now, found, strict=True)]
+
+    def rotation(frame):
+        if item.rotation_mode == "QUATERNION":
+            return Quaternion(values("rotation_quaternion", frame)).normalized()
+        if item.rotation_mode == "AXIS_ANGLE":
+            angle, *axis = values("rotation_axis_angle", frame)
+            return Quaternion(axis, angle)
+        return Euler(values("rotation_euler", frame), item.rotation_mode)
+
+    return [Matrix.LocRotScale(Vector(values("location", frame)), rotation(frame),
+                               Vector(values("scale", frame))) for frame in frames]
 
 
 def collider_kind(body):

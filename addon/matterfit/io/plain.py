@@ -5,6 +5,7 @@ artist needs them. The tool prints them as they are."""
 import re
 
 from ..compat import translate, translate_label
+from . import number_text
 
 _NUMBER = r"[\d.]+(?:e[+-]?\d+)?"
 
@@ -51,6 +52,40 @@ def _nothing(match):
         "the shape is closed and its size is right.").format(now=length_text(float(match["now"])))
 
 
+def _sank(match):
+    where = translate("the ground") if match["other"] == "ground" else f"'{match['other']}'"
+    panel = (translate_label("Solver"), translate_label("Ground"))
+    if match["other"] != "ground":
+        panel = (translate_label("Bodies"), match["other"])
+    field = " > ".join((*panel, translate_label("Stiffness")))
+    now = ""
+    if match["now"]:
+        now = translate(" (now {stiffness} Pa/m)").format(
+            stiffness=f"{float(match['now']):.1e}".replace("e+0", "e").replace("e+", "e"))
+    return translate("{body} sank {depth} into {other}. Raise {field}{now} if it should not.").format(
+        body=match["body"], depth=match["depth"], other=where, field=field, now=now)
+
+
+def _starting_guess(match):
+    return _PASCALS.sub(lambda found: number_text.with_prefix(float(found["value"]), found["unit"]),
+                        match[0])
+
+
+def _outside(match):
+    return translate("{n} of {total} samples lie outside the simulated frames, and are not compared."
+                     ).format(n=match["n"], total=match["total"])
+
+
+def _far_off(match):
+    return translate(
+        "points lie up to {distance} off {body} at rest. Are the capture's Unit, Location, Rotation and "
+        "Start Frame right?").format(distance=length_text(float(match["distance"])), body=match["body"])
+
+
+def _resumed(match):
+    return translate("Went on after frame {n}.").format(n=match["n"])
+
+
 def counted(count, noun):
     """How many of "layer", "frame" or "particle": 1 frame, 2 frames."""
     one, many = {"layer": ("{n} layer", "{n} layers"), "frame": ("{n} frame", "{n} frames"),
@@ -61,6 +96,8 @@ def counted(count, noun):
 def _fixed(text):
     return lambda _match: translate(text)
 
+
+_PASCALS = re.compile(rf"(?<= )(?P<value>-?{_NUMBER}) (?P<unit>Pa\b)")
 
 # Each pattern with what is said in its place.
 _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
@@ -86,6 +123,20 @@ _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
      rf"limit of \d+\. Use a separation of at least (?P<least>{_NUMBER}) m\.", _too_many),
     (rf"Nothing to fill at a particle_separation of (?P<now>{_NUMBER}) m: .*?Use a smaller separation, "
      r"or check that the shape is closed and its unit\.", _nothing),
+    (r"(?P<body>'[^'\n]+') sank (?P<depth>[^\n]+?) into '(?P<other>[^'\n]+)'\. Raise [^\n]+?\.contact\."
+     rf"stiffness(?: \(now (?P<now>{_NUMBER}) Pa/m\))? if it should not\.", _sank),
+    (r"Starting guess estimated from the recording: [^\n]+", _starting_guess),
+    (r"(?m)^captures\.(?P<name>[^\n:\"'\[]+)(?=: )", lambda match: f"'{match['name']}'"),
+    (r"(?P<n>\d+) of (?P<total>\d+) samples lie outside the simulated time; they are NaN in "
+     r"simulated\.npz", _outside),
+    (rf"points lie up to (?P<distance>{_NUMBER}) m off (?P<body>'[^'\n]+') at rest; are unit, transform "
+     r"and start_frame right\?", _far_off),
+    (r"samples lie between frames and are interpolated; simulate at the capture's rate to avoid it",
+     _fixed("samples lie between frames and are interpolated. The recording's rate as the scene's Frame "
+            "Rate avoids it.")),
+    (r"no usable checkpoint: simulated from the first frame",
+     _fixed("No checkpoint was found: simulated from the first frame.")),
+    (r"resumed after frame (?P<n>\d+)", _resumed),
 )]
 
 

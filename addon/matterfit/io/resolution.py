@@ -121,6 +121,11 @@ def _measure(item):
     return _known[item.name]
 
 
+def forget():
+    """Another file is open: its objects may have the same names."""
+    _known.clear()
+
+
 def _seen(item):
     if item.visible_get() and item.mode != "EDIT":
         evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())

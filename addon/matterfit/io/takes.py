@@ -79,11 +79,30 @@ def claim(take):
             if not os.path.exists(os.path.join(base, name)):
                 break
         take.folder = f"//{name}/"
-        take.baked = False
+        take.baked = take.compared = False
         take.frames_done = 0
         attached.mark(shown, name)
     take.owner = os.path.abspath(bpy.data.filepath)
     return os.path.join(base, cache.name_of(take))
+
+
+def require_own(take):
+    """JobError where another cache would take the place of one that is kept elsewhere."""
+    location = locate(take)
+    if cache.in_batch(take):
+        raise JobError(translate("This take is one of a batch. Compare it or write its job in Batch, or "
+                                 "choose another take in Rerun."))
+    if location.linked and take.frames_done:
+        raise JobError(linked_text(location))
+
+
+def linked_text(location):
+    """Whose the cache is that a take only shows."""
+    if location.shared:
+        return translate("This take is that of the scene that was copied, and is linked, read-only. "
+                         "Press Bake to make one of its own.")
+    return translate("This take belongs to another .blend file and is linked, read-only. Press Bake to "
+                     "make one of its own.")
 
 
 def unique_name(settings, base):

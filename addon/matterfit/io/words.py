@@ -22,6 +22,8 @@ _CHANGES = re.compile(
     r"^.* holds (?P<what>the results|a fit|an unfinished fit) of other inputs\. What changed:\n",
     re.MULTILINE)
 
+_GROUND_FIRST = re.compile(r"(^|[.?] )'ground'", re.MULTILINE)
+
 # What the panel calls parts of the document that are no quantity; the longest key that fits counts.
 _FIELDS = {
     "gravity": "Gravity", "particle_separation": "Particle Separation", "quality": "Quality",
@@ -140,11 +142,16 @@ def in_panel(text, settings):
     text = _OWNED.sub(lambda match: _owned(match, settings), text)
     text = _SCENE.sub(lambda match: _field(match.group("key"), match.group(0)), text)
     text = _VARIED.sub(lambda match: _field(match.group("key"), match.group(0)), text)
-    text = text.replace("'ground'", translate_label("Ground"))
+    text = _GROUND_FIRST.sub(lambda match: match[1] + _capital(translate("the ground")), text)
+    text = text.replace("'ground'", translate("the ground"))
     # A message that begins with a path may name the owner once more.
     text = re.sub(r"('[^'\n]+') \1", r"\1", text)
     changed = _changed(text)
     return _without_only_body(changed, settings) if changed != text else text
+
+
+def _capital(text):
+    return text[:1].upper() + text[1:]
 
 
 def of_result(text, settings):

@@ -12,6 +12,7 @@ from .. import jobs, machine, native
 from ..compat import translate
 from ..io import batch, batch_results, fit_apply, fit_rows, job_document, takes
 from ..jobs import EXIT_INPUT, JobError
+from ..props import compare
 from ..props import scene as scene_props
 from .base import JobOperator, NoJobRunning, PlainOperator, greyed, remove_active, session
 from .compare import require_capture
@@ -204,7 +205,7 @@ class MATTERFIT_OT_apply_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
         settings = context.scene.matterfit
         folder, given = batch_results.fit_of_active(settings)
         left = fit_apply.apply_run(context.scene, folder, settings.batch.fits, given)
-        settings.compare.done = False
+        compare.forget(settings)
         tell(self, context, translate("The fitted values are set. Bake or Compare uses them"), left)
 
 

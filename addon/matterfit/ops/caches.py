@@ -68,7 +68,7 @@ class MATTERFIT_OT_free(NoJobRunning, PlainOperator, bpy.types.Operator):
             left = cache.free(location.folder)
         take.baked = False
         take.frames_done = 0
-        scene.matterfit.compare.done = False
+        take.compared = scene.matterfit.compare.done = False
         if not location.linked and not left:
             take.folder = ""
         if left:
@@ -139,6 +139,7 @@ class MATTERFIT_OT_write_job(NoJobRunning, PlainOperator, bpy.types.Operator):
     def act(self, context):
         takes.require_saved()
         take = takes.ensure_active(context.scene.matterfit)
+        takes.require_own(take)
         folder = takes.claim(take)
         document, replaced = prepare(context, take, folder, "bake")
         replaced.end()

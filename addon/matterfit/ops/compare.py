@@ -5,7 +5,7 @@ import bpy
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import comparison, takes
+from ..io import comparison, takes, words
 from ..jobs import JobError
 from ..props import scene as scene_props
 from ..props.compare import store
@@ -31,6 +31,7 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         settings = context.scene.matterfit
         require_capture(settings)
         take = takes.ensure_active(settings)
+        takes.require_own(take)
         folder = takes.claim(take)
         prepared = prepare(context, take, folder, "compare")
         # Frames that only a comparison simulated are nobody's result: after Apply to Body they are
@@ -44,16 +45,25 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         if scene is None:
             return
         settings = scene.matterfit
+        take.compared = True
         found = comparison.load(job.folder, scene_props.compared_capture(settings))
         if take == scene_props.active_take(settings):
             store(settings.compare, found)
         for area in context.screen.areas if context.screen else ():
             if area.type == "VIEW_3D":
                 area.tag_redraw()  # the heat-map lies in the scene
-        session(context).last_report = translate(
-            "Mean error {mean} mm, 95 % below {p95} mm, in {time}").format(
-                mean=f"{found.mean:.4g}", p95=f"{found.percentile95:.4g}",
-                time=jobs.duration_text(job.elapsed))
+        session(context).last_report = words.in_panel(
+            "\n".join([summary(found, job), *job.result.get("notes", [])]), settings)
+
+
+def summary(found, job):
+    """What a finished comparison says in one line."""
+    time = jobs.duration_text(job.elapsed)
+    if not found.is_seen:
+        return translate("No point of the recording is seen in the simulated frames; compared in {time}"
+                         ).format(time=time)
+    return translate("Mean error {mean} mm, 95 % below {p95} mm, in {time}").format(
+        mean=f"{found.mean:.4g}", p95=f"{found.percentile95:.4g}", time=time)
 
 
 CLASSES = (MATTERFIT_OT_compare,)

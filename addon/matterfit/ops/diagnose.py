@@ -11,6 +11,7 @@ from .. import jobs
 from ..compat import translate
 from ..io import diagnosis, extend_model, fit_results, takes, words
 from ..jobs import JobError
+from ..props import compare
 from ..props import scene as scene_props
 from .base import NoJobRunning, PlainOperator, greyed, session
 from .fit import FitJob
@@ -80,7 +81,7 @@ class MATTERFIT_OT_extend_model(_HasReport, PlainOperator, bpy.types.Operator):
         if cause is None:
             raise JobError(translate("The diagnosis names no cause to extend the model by."))
         extend_model.extend(scene, folder, report, cause)
-        settings.compare.done = False
+        compare.forget(settings)
         said = translate("The model is extended. Fit again: other values move with it")
         session(context).last_report = said
         self.report({"INFO"}, said)

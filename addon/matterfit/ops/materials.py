@@ -11,6 +11,7 @@ from .. import laws
 from ..compat import translate
 from ..io import files, fit_apply, fit_results, fit_rows, material_values, presets, takes
 from ..jobs import JobError
+from ..props import compare
 from ..props import scene as scene_props
 from .base import NoJobRunning, PlainOperator, greyed, session
 
@@ -71,7 +72,7 @@ class MATTERFIT_OT_apply_fit(_HasResult, PlainOperator, bpy.types.Operator):
         settings = scene.matterfit
         folder = result_folder(context)
         left = fit_apply.apply_run(scene, folder)
-        settings.compare.done = False
+        compare.forget(settings)
         words = translate("The fitted values are set. Bake or Compare uses them")
         if fit_results.is_unfinished(folder):
             words += "\n" + translate("The fit is unfinished, and begins at other values now: undo "

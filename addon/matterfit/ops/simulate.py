@@ -151,8 +151,11 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
 
 def _forget_comparison(folder):
     """What was compared is no longer what the folder holds."""
-    scene, _take = takes.find(folder)
-    if scene is not None:
+    scene, take = takes.find(folder)
+    if scene is None:
+        return
+    take.compared = False
+    if take == scene_props.active_take(scene.matterfit):
         scene.matterfit.compare.done = False
 
 
@@ -194,8 +197,7 @@ class MATTERFIT_OT_resume(HasCache, BakeJob, bpy.types.Operator):
         if cache.in_batch(take):
             raise JobError(translate("This take is one of a batch. Press Run Batch to go on."))
         if location.linked:
-            raise JobError(translate("This take belongs to another .blend file and is linked, "
-                                     "read-only. Press Bake to make one of its own."))
+            raise JobError(takes.linked_text(location))
         written_document(location.folder)
         prepared = prepare(context, take, location.folder, "bake")
         return start_job(context, translate("Resume {name}").format(name=take.name), prepared,

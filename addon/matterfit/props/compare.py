@@ -23,9 +23,16 @@ def redraw(_self, context):
             area.tag_redraw()
 
 
+def forget(settings):
+    """What was compared is of other captures or values than there are now, whichever take it is of."""
+    settings.compare.done = False
+    for take in settings.takes:
+        take.compared = False
+
+
 def outdated(owner, context):
     """For every setting that changes what Compare would find."""
-    owner.id_data.matterfit.compare.done = False
+    forget(owner.id_data.matterfit)
     redraw(owner, context)
 
 

@@ -31,5 +31,5 @@ quality_chosen = Reaction()  # (solver, scene)
 separation_typed = Reaction()  # (solver)
 surface_restyled = Reaction()  # (settings): smoothing or offset of surfaces
 take_switched = Reaction()  # (settings): another take is the active one
-capture_switched = Reaction()  # (settings): another capture is the active one
+comparison_switched = Reaction()  # (settings): another take or capture is the active one
 batch_result_chosen = Reaction()  # (settings): a row of a batch's results is the active one

@@ -28,11 +28,12 @@ SCHEMA_VERSION = 3
 
 def _take_switched(self, context):
     reactions.take_switched(self)
-    compare.outdated(self, context)
+    reactions.comparison_switched(self)
+    compare.redraw(self, context)
 
 
 def _capture_switched(self, _context):
-    reactions.capture_switched(self)
+    reactions.comparison_switched(self)
 
 
 class MatterfitScene(bpy.types.PropertyGroup):

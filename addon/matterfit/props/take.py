@@ -65,6 +65,9 @@ class MatterfitTake(bpy.types.PropertyGroup):
                              description="How many frames the cache holds")
     frame_count: IntProperty(name="Frames", default=0, min=0, max=1048574, soft_max=10000,
                              description="How many frames the cache should hold")
+    compared: BoolProperty(
+        name="Compared", default=False,
+        description="The cache holds a comparison with the captures as they are")
     collection: PointerProperty(
         name="Results", type=bpy.types.Collection,
         description="The collection that holds the objects of this take")

@@ -7,6 +7,8 @@ import bpy
 
 from .. import quantities
 
+DEFAULT_WIDTH = 220.0  # of the sidebar [pixels]
+
 
 class MatterfitPanel:
     """A part of the one tab in the 3D View's sidebar."""
@@ -29,11 +31,13 @@ def form(layout):
     return column
 
 
-def lines(layout, text, icon="NONE"):
-    """A text as several labels, wrapped to the sidebar: labels do not wrap by themselves."""
+def lines(layout, text, icon="NONE", taken=0.0):
+    """A text as several labels, wrapped to the sidebar: labels do not wrap by themselves. `taken`
+    [pixels] is for what stands beside them."""
     region = bpy.context.region
     scale = bpy.context.preferences.system.ui_scale
-    width = max(int(region.width / (6.6 * scale)) - 5, 16) if region is not None else 40
+    room = region.width / scale if region is not None else DEFAULT_WIDTH
+    width = max(int((room - taken) / 6.6) - 5, 16)
     column = layout.column(align=True)
     column.scale_y = 0.8
     first = True

@@ -26,10 +26,10 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
         box = layout.box()
         row = box.row()
         row.label(text="Mean")
-        row.label(text=f"{compare.mean_mm:.4g} mm", translate=False)
+        row.label(text=_error(compare, compare.mean_mm), translate=False)
         row = box.row()
         row.label(text="95 % Below")
-        row.label(text=f"{compare.p95_mm:.4g} mm", translate=False)
+        row.label(text=_error(compare, compare.p95_mm), translate=False)
         column = form(layout)
         column.prop(compare, "show_heatmap")
         column.prop(compare, "show_simulation", text="Simulation")
@@ -46,6 +46,11 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
             row.label(text=title)
         layout.template_list("MATTERFIT_UL_worst", "", compare, "worst", compare, "worst_index",
                              rows=4)
+
+
+def _error(compare, error):
+    """An error [mm]; – where no point was seen, and so no frame is the worst."""
+    return f"{error:.4g} mm" if compare.worst else "–"
 
 
 CLASSES = (MATTERFIT_UL_worst, MATTERFIT_PT_compare)

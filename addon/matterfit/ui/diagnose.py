@@ -2,7 +2,7 @@
 import bpy
 
 from ..compat import translate, translate_label
-from ..io import diagnosis, fit_results, takes
+from ..io import diagnosis, fit_results, number_text, takes, words
 from ..props import scene as scene_props
 from . import fit_overlay
 from .common import MatterfitPanel, form, lines
@@ -35,17 +35,18 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
             return
         if not diagnosis.is_of_fit(report, fit_results.load_quietly(folder)):
             lines(layout, translate("This is of an earlier fit. Diagnose again."), icon="ERROR")
-        lines(layout, report.sentence, icon=_ICONS.get(report.verdict, "QUESTION"))
-        self._causes(layout, settings.diagnosis, report)
+        lines(layout, words.of_result(report.sentence, settings), icon=_ICONS.get(report.verdict, "QUESTION"))
+        self._causes(layout, settings, report)
         self._worst(layout, report)
-        self._rest(layout, report)
+        self._rest(layout, settings, report)
         column = layout.column(align=True)
         column.operator("matterfit.extend_model", icon="ADD")
         column.operator("matterfit.open_report", icon="URL")
 
-    def _causes(self, layout, shown, report):
+    def _causes(self, layout, settings, report):
         if not report.causes:
             return
+        shown = settings.diagnosis
         box = layout.box()
         count = len(report.causes) if shown.show_all else PROBABLE
         for index, cause in enumerate(report.causes[:count]):
@@ -60,25 +61,25 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
             form(layout).prop(shown, "show_all")
         cause = scene_props.active_item(report.causes, shown.cause_index)
         if cause is not None:
-            self._evidence(layout, cause)
+            self._evidence(layout, settings, cause)
 
     def _numbers(self, column, cause):
         """A line each for value ± error; probability and gain below."""
         for number in cause.numbers:
-            text = number.text if len(cause.numbers) == 1 else f"{number.name}: {number.text}"
-            column.label(text=text, translate=False)
+            lines(column, number.text if len(cause.numbers) == 1 else f"{number.label}: {number.text}")
         row = column.row()
         row.label(text=translate("{share} likely").format(share=percent(cause.probability)),
                   translate=False)
         row.label(text=translate("Gain {share}").format(share=gain_text(cause)), translate=False)
 
-    def _evidence(self, layout, cause):
+    def _evidence(self, layout, settings, cause):
         box = layout.box()
-        lines(box, cause.sentence, icon="CHECKMARK" if cause.accepted else "NONE")
+        lines(box, words.of_result(cause.sentence, settings), icon="CHECKMARK" if cause.accepted else "NONE")
         if cause.where:
-            lines(box, translate("Where: {place}").format(place=cause.where))
+            lines(box, translate("Where: {place}").format(
+                place=words.of_result(cause.where, settings)))
         if cause.evidence:
-            lines(box, cause.evidence)
+            lines(box, words.of_result(cause.evidence, settings))
         if cause.holdout_before is not None and cause.holdout_after is not None:
             lines(box, translate("Held-out error {before} → {after} mm").format(
                 before=f"{1e3 * cause.holdout_before:.3g}",
@@ -105,15 +106,15 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
                 text = f"{worst.capture}, {text}"
             column.operator("matterfit.diagnosis_jump", text=text, icon="TIME").frame = worst.frame
 
-    def _rest(self, layout, report):
+    def _rest(self, layout, settings, report):
         if report.not_observable:
             lines(layout, translate("Not observable: {names}").format(
                 names=_names(report.not_observable)), icon="HIDE_ON")
         if report.next_recording:
-            lines(layout, translate("Next recording: {text}").format(text=report.next_recording),
-                  icon="INFO")
+            lines(layout, translate("Next recording: {text}").format(
+                text=words.of_result(report.next_recording, settings)), icon="INFO")
         for statement in report.statements:
-            lines(layout, statement, icon="INFO")
+            lines(layout, words.of_result(statement, settings), icon="INFO")
 
 
 def percent(share):
@@ -122,12 +123,12 @@ def percent(share):
         return "< 1 %"
     if 0.99 < share < 1.0:
         return "> 99 %"
-    return f"{100.0 * share:.0f} %"
+    return number_text.percent(share)
 
 
 def gain_text(cause):
     """– where nothing was held out that could tell."""
-    return "–" if cause.gain is None else f"{100.0 * cause.gain:.0f} %"
+    return "–" if cause.gain is None else number_text.percent(cause.gain)
 
 
 def _names(effects):

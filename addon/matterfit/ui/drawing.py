@@ -117,15 +117,20 @@ def frame_text(frame):
     return str(round(float(frame)))
 
 
+def largest_of(found):
+    """The largest error [mm] of an io.comparison.Comparison; 0 where no point was seen."""
+    return float(numpy.nanmax(found.largest)) if found.is_seen else 0.0
+
+
 def error_over_time(rectangle, scale, found, frame, title, held_out=None):
     """Mean and largest error of an io.comparison.Comparison, the present frame as an upright;
     `held_out` [a, b) is shaded."""
     frames = found.frames
-    largest = max(float(numpy.nanmax(found.largest)), 1e-9)
+    largest = max(largest_of(found), 1e-9)
     graph = Graph(rectangle, scale, (float(frames[0]), float(frames[-1])), (0.0, largest))
     if held_out is not None:
         graph.shade(held_out[0], held_out[1] - 1, HELD_OUT)
     graph.curve(frames, found.largest, RED)
     graph.curve(frames, found.means, WHITE)
     graph.upright(frame, BLUE)
-    graph.labels(title, f"{largest:.3g} mm", frame_text(frames[0]), frame_text(frames[-1]))
+    graph.labels(title, f"{largest:.3g} mm" if found.is_seen else "–", frame_text(frames[0]), frame_text(frames[-1]))

@@ -3,7 +3,7 @@ import bpy
 
 from .. import jobs, laws
 from ..compat import translate
-from ..io import fit_rows, fit_values, job_fit, takes
+from ..io import fit_rows, fit_values, job_fit, number_text, takes
 from ..io.words import short_label
 from ..props import scene as scene_props
 from . import fit_overlay
@@ -71,11 +71,11 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
             for axis, name in enumerate("XYZ"):
                 row.prop(item, "axes", index=axis, text=name, toggle=True)
             self._start(column, item, "start_vector", translate("of the animation") if now is None
-                        else ", ".join(f"{component:.3g}" for component in now))
+                        else ", ".join(number_text.short(component, 3) for component in now))
             switched(column, item, "use_bounds", "reach")
             self._prior(column, item, "mean_vector")
             return
-        self._start(column, item, "start", f"{now:.6g}")
+        self._start(column, item, "start", number_text.short(now, 6))
         column.prop(item, "use_bounds")
         if item.use_bounds:
             pair = column.column(align=True)

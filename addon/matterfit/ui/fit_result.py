@@ -3,7 +3,7 @@ import bpy
 
 from .. import laws
 from ..compat import translate, translate_label
-from ..io import fit_results, takes, words
+from ..io import fit_results, number_text, takes, words
 from ..ops.fit import error_text
 from . import fit_overlay
 from .common import MatterfitPanel, form, lines
@@ -32,10 +32,10 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             lines(layout, translate("The result of the fit cannot be read. Fit again."),
                   icon="ERROR")
             return
-        self._state(layout, result, folder)
+        self._state(layout, settings, result, folder)
         self._errors(layout, result)
         for body, like in result.likes.items():
-            self._like(layout, body if len(result.likes) > 1 else "", like)
+            self._like(layout, settings, body if len(result.likes) > 1 else "", like)
         named = words.folded(settings, result.estimates)
         several = len({owner for owner, _label, _estimates in named}) > 1
         for owner, label, estimates in named:
@@ -43,14 +43,14 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             if len(estimates) > 1:
                 self._code(layout, label, estimates)
             else:
-                self._estimate(layout, label, estimates[0])
+                self._estimate(layout, settings, label, estimates[0])
         shown = {estimate.statement for estimate in result.estimates}
         for statement in result.statements:
             statement = _without_like(statement, result.likes)
             if statement and statement not in shown and not words.is_about_code(statement):
                 lines(layout, words.of_result(statement, settings), icon="INFO")
         if len(result.models) > 1:
-            self._models(layout, result)
+            self._models(layout, settings, result)
         form(layout).prop(settings.fit, "show_error")
         row = layout.row(align=True)
         row.scale_y = 1.3
@@ -59,20 +59,18 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
         column.operator("matterfit.save_material", icon="FILE_TICK")
         column.operator("matterfit.add_preset", icon="ADD")
 
-    def _state(self, layout, result, folder):
+    def _state(self, layout, settings, result, folder):
         if result.status == "cancelled":
             lines(layout, translate("Cancelled: the best so far. Resume goes on.")
                   if fit_results.is_unfinished(folder) else translate("Cancelled: the best so far."),
                   icon="ERROR")
         elif result.warning:
-            lines(layout, translate("Doubtful: {reason}").format(reason=result.warning),
-                  icon="ERROR")
+            lines(layout, translate("Doubtful: {reason}").format(
+                reason=words.of_result(result.warning, settings)), icon="ERROR")
         elif not result.converged:
-            lines(layout, translate("Not converged: {reason}").format(reason=result.reason),
-                  icon="ERROR")
-        row = layout.row()
-        row.label(text="Law")
-        row.label(text=laws.name_of(result.law))
+            lines(layout, translate("Not converged: {reason}").format(
+                reason=words.of_result(result.reason, settings)), icon="ERROR")
+        lines(layout, translate("Law: {law}").format(law=translate_label(laws.name_of(result.law))))
         if result.noise_scale > 0.0:
             lines(layout, translate("Remaining error: {factor} × the recording's noise (1 is ideal)").format(
                 factor=f"{result.noise_scale:.3g}"))
@@ -89,36 +87,33 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             for found in (measure.before, measure.after):
                 row.label(text=error_text(found), translate=False)
 
-    def _estimate(self, layout, label, estimate):
+    def _estimate(self, layout, settings, label, estimate):
         column = layout.box().column(align=True)
-        column.label(text=label, translate=False,
-                     icon="CHECKMARK" if estimate.observable and not estimate.at_bound else "ERROR")
+        lines(column, label,
+              icon="CHECKMARK" if estimate.observable and not estimate.at_bound else "ERROR")
         if estimate.observable:
-            column.label(text=estimate.text, translate=False)
+            lines(column, estimate.text)
         else:
-            column.label(text=translate("{value}, not observable").format(
-                value=fit_results.value_text(estimate.value, None, estimate.unit)),
-                translate=False)
+            lines(column, translate("{value}, not observable").format(
+                value=number_text.value_text(estimate.value, None, estimate.unit)))
         if estimate.grid_error and estimate.observable:
-            column.label(text=translate("Grid: ± {error}").format(
-                error=fit_results.rounded(estimate.grid_error, estimate.grid_error)),
-                translate=False)
+            lines(column, translate("Grid: ± {error}").format(
+                error=number_text.rounded(estimate.grid_error, estimate.grid_error)))
         if estimate.interval is not None and estimate.observable:
-            low, high = (fit_results.rounded(value, estimate.error)
+            low, high = (number_text.rounded(value, estimate.error)
                          for value in estimate.interval)
-            column.label(text=translate("95 %: {low} to {high}").format(low=low, high=high),
-                         translate=False)
+            lines(column, translate("95 %: {low} to {high}").format(low=low, high=high))
         if estimate.at_bound:
             column.label(text="At its bound")
         if estimate.statement:
-            lines(column, words.of_result(estimate.statement, bpy.context.scene.matterfit))
+            lines(column, words.of_result(estimate.statement, settings))
 
-    def _like(self, layout, body, like):
+    def _like(self, layout, settings, body, like):
         """The nearest known law, its formula with numbers, and how far off it is."""
         column = layout.box().column(align=True)
         title = translate("Most like {law}").format(law=translate_label(laws.name_of(like.law)))
         lines(column, f"{body}: {title}" if body else title, icon="LIGHT")
-        lines(column, like.sentence.partition(": ")[2] or like.sentence)
+        lines(column, words.of_result(like.sentence.partition(": ")[2] or like.sentence, settings))
         if like.others:
             lines(column, translate("Then: {laws}").format(laws=", ".join(
                 f"{translate_label(laws.name_of(law))} {_percent(distance)}"
@@ -129,29 +124,28 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
         column = layout.box().column(align=True)
         known = sum(estimate.observable for estimate in estimates)
         bound = sum(estimate.at_bound for estimate in estimates)
-        column.label(text=label, translate=False,
-                     icon="CHECKMARK" if known and not bound else "ERROR")
+        lines(column, label, icon="CHECKMARK" if known and not bound else "ERROR")
         lines(column, translate("{n} of {total} numbers are told").format(
             n=known, total=len(estimates)))
         if bound:
             lines(column, translate("{n} at their bounds").format(n=bound))
 
-    def _models(self, layout, result):
+    def _models(self, layout, settings, result):
         box = layout.box()
         row = box.row()
-        for title in ("Law", "Held Out", "Probability"):
+        for title in ("Held Out", "Probability"):
             row.label(text=title)
         for place, model in enumerate(result.models):
-            row = box.row()
-            row.label(text=translate_label(laws.name_of(model.get("law", ""))), translate=False,
-                      icon="CHECKMARK" if place == 0 else "NONE")
+            lines(box, translate_label(laws.name_of(model.get("law", ""))),
+                  icon="CHECKMARK" if place == 0 else "NONE")
             if model.get("failed"):
-                lines(box, str(model["failed"]), icon="ERROR")
+                lines(box, words.of_result(str(model["failed"]), settings), icon="ERROR")
                 continue
-            row.label(text=_number(model.get("held_out_mm")), translate=False)
+            row = box.row()
+            row.label(text=_millimetres(model.get("held_out_mm")), translate=False)
             row.label(text=_number(model.get("probability"), 2), translate=False)
             if model.get("left"):
-                lines(box, str(model.get("reason", "")))
+                lines(box, words.of_result(str(model.get("reason", "")), settings))
 
 
 def _without_like(statement, likes):
@@ -165,8 +159,13 @@ def _percent(share):
     return f"{100.0 * share:.2g} %" if share < 1.0 else "> 100 %"
 
 
-def _number(value, digits=4):
-    return f"{value:.{digits}g}" if isinstance(value, int | float) else "–"
+def _millimetres(value):
+    text = _number(value, 4)
+    return text if text == "–" else f"{text} mm"
+
+
+def _number(value, digits):
+    return number_text.short(value, digits) if isinstance(value, int | float) else "–"
 
 
 CLASSES = (MATTERFIT_PT_fit_result,)

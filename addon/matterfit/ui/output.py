@@ -4,10 +4,12 @@ import os
 import bpy
 
 from .. import jobs
-from ..compat import translate
+from ..compat import translate, translate_label
 from ..io import attached, cache, takes
 from ..props import scene as scene_props
 from .common import MatterfitPanel, lines, switched
+
+ICONS = 40.0  # of an object in the list: viewport and render [pixels]
 
 
 class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
@@ -55,16 +57,15 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
             box.label(text="The folder does not exist", icon="ERROR")
             return
         total = 0
-        for kind, title in (("volume", "Volumes"), ("mesh", "Render Meshes"),
-                            ("points", "Particles"), ("attributes", "Attributes"),
-                            ("splat", "Splats"), ("state", "States")):
+        for kind, title in (("volume", "Volumes"), ("mesh", "Meshes"), ("points", "Particles"),
+                            ("attributes", "Attributes"), ("splat", "Splats"), ("state", "States")):
             size, count = _sizes(os.path.join(location.folder, kind))
             total += size
             if not count:
                 continue
             row = box.row(align=True)
-            row.label(text=title)
-            row.label(text=f"{count} · {jobs.size_text(size)}", translate=False)
+            row.label(text=f"{translate_label(title)}: {count} · {jobs.size_text(size)}",
+                      translate=False)
             if kind != "state":
                 row.operator("matterfit.remove_output", text="", icon="TRASH").kind = kind
         box.label(text=translate("{size} on disk").format(size=jobs.size_text(total)),
@@ -78,7 +79,7 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
             for item in take.collection.objects:
                 if item.get(attached.TAG):
                     row = box.row(align=True)
-                    row.label(text=item.name, translate=False)
+                    lines(row, item.name, taken=ICONS)
                     row.prop(item, "hide_viewport", text="", emboss=False)
                     row.prop(item, "hide_render", text="", emboss=False)
 

@@ -22,12 +22,11 @@ class MATTERFIT_PT_simulate(MatterfitPanel, bpy.types.Panel):
                   icon="ERROR")
         take = scene_props.active_take(settings)
         if take is not None:
-            row = layout.row()
-            row.label(text=take.name, icon="RENDER_ANIMATION", translate=False)
+            lines(layout, take.name, icon="RENDER_ANIMATION")
             if take.frame_count:
-                row.label(text=translate("frame {n} of {total}").format(
+                lines(layout, translate("frame {n} of {total}").format(
                     n=take.first_frame + max(take.frames_done, 1) - 1,
-                    total=take.first_frame + take.frame_count - 1), translate=False)
+                    total=take.first_frame + take.frame_count - 1))
         row = layout.row(align=True)
         row.operator("matterfit.preview", icon="SHADING_BBOX")
         row.prop(session, "preview_scale", text="×")

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
+import zlib
+
 import bpy
+import numpy
 
 from ..compat import translate, translate_label
 from ..io import resolution
@@ -41,18 +44,33 @@ class MATTERFIT_PT_solver(MatterfitPanel, bpy.types.Panel):
 _measured = {}
 
 
+def forget():
+    """Another file is open."""
+    _measured.clear()
+
+
 def _cells(context):
     """Measuring casts rays, so it is not done at every redraw: only after a change."""
     scene = context.scene
     solver = scene.matterfit.solver
-    key = (solver.quality, solver.particle_separation, solver.most_particles, tuple(
-        (item.name, item.type == "MESH" and len(item.data.vertices), tuple(item.dimensions),
-         tuple((modifier.name, modifier.show_viewport) for modifier in item.modifiers))
-        for item in resolution.bodies(scene)))
+    graph = context.evaluated_depsgraph_get()
+    key = (solver.quality, solver.particle_separation, solver.most_particles,
+           tuple(_key(item, graph) for item in resolution.bodies(scene)))
     if _measured.get("key") != key:
         _measured.update(key=key, cells=resolution.cells_across(scene),
                          limit=resolution.limited_to(scene))
     return _measured["cells"]
+
+
+def _key(item, graph):
+    """Changes with the object's evaluated shape; quickly found, as it is asked at every redraw."""
+    shape = 0
+    if item.type == "MESH" and item.mode != "EDIT":
+        vertices = item.evaluated_get(graph).data.vertices
+        places = numpy.empty(3 * len(vertices), dtype=numpy.float32)
+        vertices.foreach_get("co", places)
+        shape = zlib.crc32(places)
+    return item.name, shape, tuple(item.dimensions), item.visible_get(), item.mode
 
 
 class MATTERFIT_PT_container(MatterfitPanel, bpy.types.Panel):

@@ -37,7 +37,7 @@ class MATTERFIT_PT_status(MatterfitPanel, bpy.types.Panel):
 
     def _job(self, layout, job):
         box = layout.box()
-        box.label(text=job.label, icon="TIME", translate=False)
+        lines(box, job.label, icon="TIME")
         compat.progress_bar(box, job.fraction, f"{100.0 * job.fraction:.0f} %")
         snapshot = job.snapshot
         column = box.column(align=True)
@@ -58,10 +58,9 @@ class MATTERFIT_PT_status(MatterfitPanel, bpy.types.Panel):
 
     def _ended(self, layout, job):
         if job.state is State.CANCELLED:
-            row = layout.row()
-            row.label(text=base.progress_text(job), icon="CANCEL", translate=False)
+            lines(layout, base.progress_text(job), icon="CANCEL")
             if job.resumable:
-                row.operator(job.resume, icon="PLAY")
+                layout.operator(job.resume, icon="PLAY")
 
 
 CLASSES = (MATTERFIT_PT_status,)

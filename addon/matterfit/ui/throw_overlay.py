@@ -9,7 +9,7 @@ import numpy
 from mathutils import Euler, Vector
 
 from .. import compat
-from ..io import frames, transforms
+from ..io import frames, motion, transforms
 from ..props import scene as scene_props
 
 ARROW_SECONDS = 0.1  # an arrow is as long as the way of this time
@@ -29,8 +29,8 @@ class Flight:
 
 
 def flights(scene):
-    """Of every body that is thrown with typed values; that of an animation is not known before its
-    frames are played."""
+    """Of every body that is thrown: with typed values, or by keys of its own. Where more than those
+    moves it, that is not known before the frames are played."""
     settings = scene.matterfit
     take = scene_props.active_take(settings)
     thrown = {} if take is None else {throw.name: throw for throw in take.throws}
@@ -47,25 +47,34 @@ def flights(scene):
             continue
         throw = thrown.get(body.name)
         source = body if throw is None or throw.velocity_from == "BODY" else throw
-        velocity = Vector(source.velocity)
-        if source.velocity_from != "VALUE" or velocity.length == 0.0:
+        thrown_at = _start(body.object, throw, source, first, fps)
+        if thrown_at is None or thrown_at[1].length == 0.0:
             continue
-        start, half = _middle(body.object, throw)
+        start, velocity, half = thrown_at
         path = numpy.array(start) + times[:, None] * numpy.array(velocity) + (
             0.5 * times[:, None] ** 2 * numpy.array(gravity))
         found.append(Flight(body.name, start, velocity, _until(path, ground, half)))
     return found
 
 
-def _middle(item, throw):
-    """(middle of the object's box in the world, half its height) where the throw begins."""
-    corners = [item.matrix_world @ Vector(corner) for corner in item.bound_box]
+def _start(item, throw, source, first, fps):
+    """(middle of the object's box, its velocity, half the box's height) where the throw begins; None
+    where that is not known."""
+    matrix, spin, velocity = item.matrix_world, Vector(), Vector(source.velocity)
+    if source.velocity_from == "ANIMATION":
+        found = motion.keyed_matrices(item, transforms.velocity_times(first))
+        if found is None:
+            return None
+        matrix = found[1]
+        velocity, spin = transforms.motion_velocity(found, 1.0, fps)
+    corners = [matrix @ Vector(corner) for corner in item.bound_box]
     middle = sum(corners, Vector()) / 8.0
     half = max(abs(corner.z - middle.z) for corner in corners)
+    origin = matrix.translation
     if throw is not None and throw.use_placement:
-        turn = Euler(throw.rotation).to_matrix() @ item.matrix_world.to_3x3().normalized().inverted()
-        middle = Vector(throw.location) + turn @ (middle - item.matrix_world.translation)
-    return middle, half
+        turn = Euler(throw.rotation).to_matrix() @ matrix.to_3x3().normalized().inverted()
+        middle, origin = Vector(throw.location) + turn @ (middle - origin), Vector(throw.location)
+    return middle, velocity + spin.cross(middle - origin), half
 
 
 def _until(path, ground, half):

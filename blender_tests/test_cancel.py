@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cancel of every long job while the library is at work on it: it ends, as cancelled, and what was
+there before is there still."""
+
+import bpy
+from matterfit import native
+from matterfit.io import cache, fit_results, takes
+from matterfit.jobs import State
+from support import needs_library
+from test_filling import WithClip, pressed, tick_until
+
+
+@needs_library
+class CancelTest(WithClip):
+    def setUp(self):
+        super().setUp()
+        self.jelly(separation=0.0125, location=(0.0, 0.0, 0.3))
+        self.scene.frame_end = 30
+        self.settings.output.surface = False
+        self.clip()
+        for row in self.settings.fit.parameters:
+            row.enabled = row.key in ("material.E", "velocity")
+
+    def cancelled(self, name, at=None):
+        """The job of a button that is cancelled when `at(job)`; by default in the library's first stage."""
+        stub, job = pressed(name)
+        tick_until(job, lambda: job.ended or (
+            job.snapshot.stage not in ("", "Filling") if at is None else at(job)), 120.0)
+        self.assertFalse(job.ended, f"{name} ended before it could be cancelled: {job.error}")
+        job.cancel()
+        self.assertIs(job.state, State.CANCELLING)
+        tick_until(job, lambda: job.ended, 60.0)
+        self.assertIs(job.state, State.CANCELLED, job.error)
+        self.assertEqual(stub._finish(bpy.context, job), {"CANCELLED"})
+        self.assertEqual(self.error(), "")
+        return job
+
+    def test_bake_and_resume(self):
+        """Each keeps its frames."""
+        job = self.cancelled("bake", lambda job: job.snapshot.frame >= 4)
+        self.assertTrue(job.resumable)
+        first = cache.manifest(job.folder)["frames_done"]
+        self.assertGreater(first, 0)
+        job = self.cancelled("resume", lambda job: job.snapshot.frame >= first + 4)
+        self.assertTrue(job.resumable)
+        self.assertGreater(cache.manifest(job.folder)["frames_done"], first)
+        self.assertFalse(self.settings.takes[0].baked)
+
+    def test_preview_and_compare(self):
+        self.cancelled("preview", lambda job: job.snapshot.frame >= 2)
+        self.assertFalse(self.settings.preview.baked)
+        self.cancelled("compare", lambda job: job.snapshot.frame >= 2)
+        self.assertFalse(self.settings.compare.done or self.settings.takes[0].compared)
+
+    def test_fit(self):
+        """Before it has found anything nothing is left of it, later the best so far."""
+        self.cancelled("fit")
+        self.assertEqual(self.settings.fit.run.folder, "")
+        job = self.cancelled("fit", lambda job: len(fit_results.history(job.folder)) >= 2)
+        self.assertTrue(job.resumable and self.settings.fit.done)
+        self.assertEqual(fit_results.load(job.folder).status, "cancelled")
+
+    def test_check(self):
+        self.settings.fit.check = "what was checked before"
+        self.cancelled("check_fit")
+        self.assertEqual(self.settings.fit.check, "what was checked before")
+
+    def test_diagnose(self):
+        job = self.cancelled("diagnose")
+        self.assertEqual(job.status, 130)
+        self.assertFalse(self.settings.fit.done)
+
+    def test_batch(self):
+        bpy.ops.matterfit.add_axis(quantity="Cube\tvelocity[2]")
+        self.settings.batch.axes[0].values = "-1,-2,-3"
+        self.settings.batch.at_once = 1
+        job = self.cancelled("run_batch")
+        self.assertTrue(job.resumable)
+        self.assertLess(sum(take.baked for take in self.settings.takes), 3)
+        self.assertTrue(takes.locate(self.settings.batch.run).exists)
+
+    def test_nothing_of_it_runs_on(self):
+        """The library takes the next job at once."""
+        self.cancelled("bake")
+        self.assertIn("particles", native.estimate(*self.document()))

@@ -23,6 +23,7 @@ constexpr double kForwardShare = 0.3;
 }
 
 void check_adjoints(const Scene& scene) {
+  if (!scene.nudges.empty()) throw_input("A scene with nudges has no gradient.");
   const auto renewed = std::find_if(scene.bodies.begin(), scene.bodies.end(), is_renewed);
   if (renewed != scene.bodies.end()) {
     throw_input("Body '" + renewed->name +

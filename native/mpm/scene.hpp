@@ -92,6 +92,15 @@ struct Body {
   std::vector<AttachedMass> masses;
 };
 
+/// A change of a total Lagrangian body's rigid motion when a frame begins: what something that is
+/// not in the scene did to it.
+struct Nudge {
+  std::size_t body = 0;            ///< into Scene::bodies
+  int frame = 0;                   ///< the one that begins
+  Vec3d velocity = Vec3d::Zero();  ///< added to that of the centre of mass [m/s]
+  Vec3d spin = Vec3d::Zero();      ///< added, world axes through the centre of mass [rad/s]
+};
+
 /// Contact between two different bodies.
 struct BodyContact {
   std::string first;
@@ -117,9 +126,10 @@ struct Scene {
   std::vector<BodyContact> contacts;
   std::optional<Walls> walls;
   std::vector<effects::Effect> effects;  ///< what the model is extended by
-  double cfl = 0.4;                      ///< largest motion in one substep, in cells
-  double dt = 0.0;                       ///< overrides the solver's substep where > 0 [s]
-  double dt_safety = 0.8;                ///< fraction of the stability limit that is used
+  std::vector<Nudge> nudges;
+  double cfl = 0.4;        ///< largest motion in one substep, in cells
+  double dt = 0.0;         ///< overrides the solver's substep where > 0 [s]
+  double dt_safety = 0.8;  ///< fraction of the stability limit that is used
   /// How many substeps each frame takes, in place of the solver's choice, so that runs beside each
   /// other take the same ones; 0, or past the end: the solver chooses. A frame that fails is not
   /// tried again with more.

@@ -33,6 +33,16 @@ void check_scene(const Scene& scene) {
     throw_input("scene.frames: the end must be after the first frame; the range is half-open.");
   }
   if (scene.bodies.empty()) throw_input("scene.bodies is empty: nothing would be simulated.");
+  for (const Nudge& nudge : scene.nudges) {
+    const std::string where = "The nudge at frame " + std::to_string(nudge.frame);
+    if (nudge.body >= scene.bodies.size() || !is_total(scene.bodies[nudge.body])) {
+      throw_input(where + " is for body " + std::to_string(nudge.body) +
+                  ", which is not one of the scene's total Lagrangian ones.");
+    }
+    if (!nudge.velocity.allFinite() || !nudge.spin.allFinite()) {
+      throw_input(where + " is not finite.");
+    }
+  }
   for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
     const Body& body = scene.bodies[i];
     const std::string where = "scene.bodies[" + std::to_string(i) + "] ('" + body.name + "')";

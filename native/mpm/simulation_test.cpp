@@ -79,6 +79,44 @@ TEST_P(BothFormulations, FreeFlightIsExact) {
   EXPECT_LT((mean_position(simulation.state().bodies[0]) - expected).norm(), 2e-5);
 }
 
+/// After a nudge the body flies and turns on with what it was given, and energy is not missed.
+TEST(Nudge, IsAddedToTheRigidMotion) {
+  Body body = block("cube", Vec3d(-0.03, -0.03, -0.03), Vec3i(6, 6, 6), 0.01);
+  body.formulation = Formulation::kTotal;
+  body.material.youngs_modulus = 1e6;
+  body.velocity = Vec3d(1.0, 0.0, 0.0);
+  Scene scene = scene_with(body, 0.02);
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d::Zero());
+  scene.nudges.push_back({0, 10, Vec3d(-1.0, 0.0, 0.5), Vec3d(0.0, 0.0, 2.0)});
+  Simulation simulation(scene, std::make_shared<Arena>(1));
+  for (int i = 0; i < 10; ++i) simulation.advance(Interrupter());
+  const Vec3d before = mean_position(simulation.state().bodies[0]);
+  EXPECT_NEAR(before.x(), 0.1, 1e-5);
+  // Saved before it acts, so it acts after loading too.
+  const std::string saved = simulation.save();
+  for (int i = 0; i < 10; ++i) simulation.advance(Interrupter());
+  const FrameState after = simulation.state();
+  EXPECT_LT((mean_position(after.bodies[0]) - before - 0.1 * Vec3d(0.0, 0.0, 0.5)).norm(), 2e-5);
+  const Vec3d arm = body.rest[0];
+  const double angle = 2.0 * 0.1;
+  const Vec3d turned(std::cos(angle) * arm.x() - std::sin(angle) * arm.y(),
+                     std::sin(angle) * arm.x() + std::cos(angle) * arm.y(), arm.z());
+  const Vec3d seen = after.bodies[0].positions[0].cast<double>() - before - Vec3d(0.0, 0.0, 0.05);
+  EXPECT_LT((seen - turned).norm(), 1e-4);
+  Simulation again(scene, std::make_shared<Arena>(1));
+  again.load(saved);
+  for (int i = 0; i < 10; ++i) again.advance(Interrupter());
+  EXPECT_EQ(bytes_of(again.state()), bytes_of(after));
+}
+
+TEST(Nudge, IsForTotalBodiesOnly) {
+  Body body = block("cube", Vec3d(-0.03, -0.03, -0.03), Vec3i(6, 6, 6), 0.01);
+  body.formulation = Formulation::kUpdated;
+  Scene scene = scene_with(body, 0.02);
+  scene.nudges.push_back({0, 10, Vec3d::UnitX(), Vec3d::Zero()});
+  EXPECT_THROW(Simulation(scene, std::make_shared<Arena>(1)), Error);
+}
+
 /// A spinning body keeps its angular velocity and shape (a rigid rotation is affine).
 TEST_P(BothFormulations, SpinIsConserved) {
   Body body = block("cube", Vec3d(-0.03, -0.03, -0.03), Vec3i(6, 6, 6), 0.01);

@@ -275,6 +275,9 @@ void Stepper<S>::set_schedule(Schedule schedule) {
 
 template <class S>
 FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHooks& hooks) {
+  for (const Nudge& nudge : scene_.nudges) {
+    if (nudge.frame == frame_) total_->nudge(nudge);
+  }
   const auto at = static_cast<std::size_t>(frame_ - scene_.first_frame);
   const bool scheduled = at < schedule_.size();
   StepLimit step;

@@ -419,6 +419,26 @@ BlockExtremes<S> TotalBody<S>::extremes() const {
 }
 
 template <class S>
+void TotalBody<S>::nudge(const Vec3d& velocity, const Vec3d& spin) {
+  const Vec3d straight = grid_.axes().transpose() * velocity;
+  const Vec3d turn = grid_.axes().transpose() * spin;
+  const auto place = [&](std::uint32_t n) -> Vec3d {
+    return grid_.node_position(n) + field_value(displacement_, n);
+  };
+  Vec3d moment = Vec3d::Zero();
+  double mass = 0.0;
+  for (std::uint32_t n = 0; n < grid_.mass().size(); ++n) {
+    moment += grid_.mass()[n] * place(n);
+    mass += grid_.mass()[n];
+  }
+  const Vec3d center = moment / mass;
+  for (std::uint32_t n = 0; n < grid_.mass().size(); ++n) {
+    const Vec3d added = straight + turn.cross(place(n) - center);
+    set_field_value(velocity_, n, field_value(velocity_, n) + added);
+  }
+}
+
+template <class S>
 double TotalBody<S>::max_speed() const {
   const double least = kSeenShare * density_ * grid_.dx() * grid_.dx() * grid_.dx();
   double fastest = 0.0;

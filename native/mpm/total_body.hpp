@@ -143,6 +143,9 @@ class TotalBody {
   /// it commits, until clear_loads().
   void set_node_forces(const BlockField* per_block) { node_forces_ = per_block; }
 
+  /// Adds a rigid motion about the centre of mass to the velocities (world axes).
+  void nudge(const Vec3d& velocity, const Vec3d& spin);
+
   void sample(Arena& arena, BodyState& out) const;
   [[nodiscard]] BlockExtremes<S> extremes() const;
   /// Of the nodes that carry a tenth of a full one's mass at least [m/s].

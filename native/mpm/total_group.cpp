@@ -196,6 +196,15 @@ void TotalGroup<S>::step(Arena& arena, double time, double dt, const Vec3d& grav
 }
 
 template <class S>
+void TotalGroup<S>::nudge(const Nudge& nudge) {
+  for (Member& member : members_) {
+    if (member.index != nudge.body) continue;
+    member.body->nudge(nudge.velocity, nudge.spin);
+    member.budget_known = false;
+  }
+}
+
+template <class S>
 void TotalGroup<S>::watch_energy(Arena& arena, double time, bool alone, int frame) {
   const Vec3d gravity = scene_.gravity.at(time);
   const double frame_seconds = 1.0 / scene_.fps;

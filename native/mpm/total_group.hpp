@@ -69,6 +69,8 @@ class TotalGroup {
   [[nodiscard]] std::vector<double> elastic_dt() const;
   void set_elastic_dt(const std::vector<double>& dt);
 
+  /// Before the limits of the frame that it belongs to are looked for.
+  void nudge(const Nudge& nudge);
   void begin_frame(double time);
   /// The largest acceleration [m/s²] that terms give to a body in the frame that began last.
   [[nodiscard]] double term_acceleration() const { return term_acceleration_; }

@@ -103,7 +103,7 @@ Analysis analyse(const Study& study, const State& state, const Linearised& slope
   Index n = nuisances.cols();
   VectorXd precision = VectorXd::Zero(n);
   VectorXd pull = VectorXd::Zero(n);
-  const ThetaPrior prior = theta_prior(model);
+  const ThetaPrior prior = theta_prior(model, noise.corrections);
   precision.head(p) = prior.precision;
   for (Index i = 0; i < p; ++i) {
     pull[i] = prior.precision[i] * (state.theta[i] - prior.mean[i]) /

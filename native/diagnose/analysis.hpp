@@ -7,6 +7,7 @@
 #include "diagnose/noise.hpp"
 #include "diagnose/placebo.hpp"
 #include "diagnose/scores.hpp"
+#include "diagnose/spread.hpp"
 #include "diagnose/study.hpp"
 #include "diagnose/whitening.hpp"
 

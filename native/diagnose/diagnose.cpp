@@ -19,7 +19,10 @@ using Eigen::VectorXd;
 
 /// Above it a cause that leaves the rest unexplained still stands as the finding.
 constexpr double kExplainsEnough = 0.8;
-/// The same on what was kept back, which is farther from what was fitted to.
+/// The same of the whole misfit: what is left is as large as noise and solver make it, and its
+/// smooth part, which is small beside it, may be the solver's.
+constexpr double kLeavesNothing = 0.95;
+/// The first on what was kept back, which is farther from what was fitted to.
 constexpr double kPredictsEnough = 0.6;
 /// Power .8 of the detection limit: Φ⁻¹(.8).
 constexpr double kPower = 0.84;
@@ -267,7 +270,9 @@ class Writer {
       const bool left = report_.smooth_p_after < options_.smooth_level;
       const Gain& g = found_.best->gain;
       const bool predicts = !g.measurable || g.value >= kPredictsEnough;
-      if (left && (report_.explained < kExplainsEnough || !predicts)) {
+      const bool explains =
+          report_.explained >= kExplainsEnough || share_of_excess() >= kLeavesNothing;
+      if (left && (!explains || !predicts)) {
         report_.verdict = Verdict::kUnknown;
         report_.classes.clear();
         for (Cause& cause : report_.causes) cause.accepted = false;
@@ -280,6 +285,13 @@ class Writer {
     }
     report_.extended = found_.base.refit.state;
     if (!report_.classes.empty()) report_.extended = found_.best->refit.state;
+  }
+
+  /// Of the base's χ² beyond what noise and solver make, that the best extension takes away.
+  [[nodiscard]] double share_of_excess() const {
+    const Refit& base = found_.base.refit;
+    return (base.chi_square - found_.best->refit.chi_square) /
+           std::max(base.chi_square - base.freedom, 1.0);
   }
 
   void name_causes() {

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -62,9 +63,15 @@ class Search {
     fit_together();
     try_singles();
     // What no longer counts as discrepancy may have counted as noise, and the other way round.
-    if (!out_.singles.empty()) {
+    const bool corrected = !study_.model().corrections().empty();
+    if (!out_.singles.empty() || corrected) {
       const Noise before = out_.noise;
-      estimate_from(study_.measured() - out_.singles.front().refit.prediction);
+      const bool plain = out_.singles.empty() || out_.base.evidence < out_.singles.front().evidence;
+      const Refit& best = plain ? out_.base.refit : out_.singles.front().refit;
+      estimate_from(study_.measured() - best.prediction);
+      // Wide enough for both; evidence counts each by its own.
+      out_.noise.corrections =
+          std::max(refitter_->corrections_of(out_.base.refit), refitter_->corrections_of(best));
       if (changed(before, out_.noise)) {
         fit_base();
         fit_together();
@@ -97,18 +104,21 @@ class Search {
     if (out_.spread.members.rows() > 0) return;
     tell(0.2, "Measuring the solver's own error");
     study_.begin("solver");
-    out_.spread = numerical_spread(study_, state, {.members = members_});
+    out_.spread = numerical_spread(study_, state, out_.slopes.theta, {.members = members_});
   }
 
   void estimate_from(const VectorXd& stacked) {
+    const double corrections = out_.noise.corrections;
     out_.noise =
         estimate_noise(study_.used(), study_.model().captures(), stacked.head(study_.used().size()),
                        explained_columns(study_, out_.slopes, out_.spread), kNoiseFloor,
                        body_turns(study_.used(), study_.model().captures(),
                                   out_.slopes.prediction.head(study_.used().size())));
+    out_.noise.corrections = corrections;
   }
 
   static bool changed(const Noise& a, const Noise& b) {
+    if (std::abs(std::log(a.corrections / b.corrections)) > 0.1) return true;
     for (std::size_t c = 0; c < a.captures.size(); ++c) {
       const TrackNoise& x = a.captures[c];
       const TrackNoise& y = b.captures[c];
@@ -154,9 +164,10 @@ class Search {
     out_.first = analyse(study_, out_.base_state, out_.slopes, out_.spread, out_.noise,
                          out_.slopes.prediction, 0.0, options_.analysis);
     if (!knows_the_solver()) return;
-    const Analysis exact =
-        analyse(study_, out_.base_state, out_.slopes, Spread::none(study_.size()), out_.noise,
-                out_.slopes.prediction, 0.0, options_.analysis);
+    Linearised held = out_.slopes;
+    hold_corrections(study_.model(), out_.base_state, held.prediction, held.theta);
+    const Analysis exact = analyse(study_, out_.base_state, held, Spread::none(study_.size()),
+                                   out_.noise, held.prediction, 0.0, options_.analysis);
     double largest = 0.0;
     for (const Score& score : exact.scores) largest = std::max(largest, score.equivalent);
     out_.exact_solver_significant = exact.smooth.p < 0.01 || exact.placebo.p(largest) < 0.01;
@@ -173,9 +184,9 @@ class Search {
     const Whitening plain(
         study_.used(), out_.noise,
         solver_columns(study_.used(), study_.model().captures(), Spread::none(used)).values);
-    VectorXd apart = (study_.measured() - refit.prediction).head(used);
-    if (refitter_->bias().size() > 0) apart += refit.bias * refitter_->bias().head(used);
-    const VectorXd residual = plain.apply(apart);
+    VectorXd prediction = refit.prediction;
+    if (refitter_->bias().size() > 0) prediction -= refit.bias * refitter_->bias();
+    const VectorXd residual = plain.apply((study_.measured() - prediction).head(used));
     const MatrixXd slopes = plain.apply(refit.slopes.topRows(used));
     return (residual - slopes * slopes.colPivHouseholderQr().solve(residual)).squaredNorm();
   }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "diagnose/analysis.hpp"
+#include "diagnose/spread.hpp"
 #include "diagnose/trials.hpp"
 
 namespace matterfit::diagnose {

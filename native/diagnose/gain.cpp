@@ -190,6 +190,7 @@ VectorXd keep_last_residual(const Study& study, const VectorXd& stacked) {
 }
 
 VectorXd free_field_residual(const Study& study, const VectorXd& stacked, const MatrixXd& theta,
+                             const VectorXd& precision,
                              const std::function<MatrixXd(const MatrixXd&)>& white, int numbers) {
   const std::vector<Capture>& captures = study.model().captures();
   const Index used = study.used().size();
@@ -212,17 +213,27 @@ VectorXd free_field_residual(const Study& study, const VectorXd& stacked, const 
   add(study.used(), 0);
   add(study.held(), used);
 
+  // Below the samples the priors of θ, so that what is held by one alone stays near.
+  const Index priors = precision.size();
+  const auto weighted = [&](const MatrixXd& columns) {
+    MatrixXd result = MatrixXd::Zero(used + priors, columns.cols());
+    result.topRows(used) = white(columns.topRows(used));
+    result.block(used, 0, priors, priors).diagonal() = precision.cwiseSqrt();
+    return result;
+  };
   MatrixXd chosen = theta;
   VectorXd solution;
   std::vector<bool> taken(12, false);
-  const VectorXd target = white(stacked.head(used));
+  VectorXd target = VectorXd::Zero(used + priors);
+  target.head(used) = white(stacked.head(used));
+  MatrixXd candidates = MatrixXd::Zero(used + priors, field.cols());
+  candidates.topRows(used) = white(field.topRows(used));
   for (int n = 0; n <= numbers; ++n) {
-    const MatrixXd basis = white(chosen.topRows(used));
+    const MatrixXd basis = weighted(chosen);
     const Eigen::ColPivHouseholderQR<MatrixXd> qr(basis);
     solution = qr.solve(target);
     if (n == numbers) break;
     const VectorXd rest = target - basis * solution;
-    const MatrixXd candidates = white(field.topRows(used));
     int best = -1;
     double most = 0.0;
     for (int k = 0; k < 12; ++k) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "diagnose/noise.hpp"
+#include "diagnose/spread.hpp"
 #include "diagnose/study.hpp"
 
 namespace matterfit::diagnose {
@@ -59,9 +60,11 @@ struct HeldOut {
 
 /// What a free field of `numbers` accelerations would predict: the best of ½ t² × {1, body
 /// coordinates} × axes, one after another, fitted to the used rows together with θ, all linear.
-/// `stacked`: residual; `theta`: derivatives; `white`: whitens used rows. Held-out residual [m].
+/// `stacked`: residual; `theta`: derivatives, in scales; `precision`: of their priors; `white`:
+/// whitens used rows. Held-out residual [m].
 [[nodiscard]] Eigen::VectorXd free_field_residual(
     const Study& study, const Eigen::VectorXd& stacked, const Eigen::MatrixXd& theta,
+    const Eigen::VectorXd& precision,
     const std::function<Eigen::MatrixXd(const Eigen::MatrixXd&)>& white, int numbers);
 
 /// Capture, time and region of a block.

@@ -11,6 +11,7 @@
 #include "diagnose/analysis.hpp"
 #include "diagnose/next_recording.hpp"
 #include "diagnose/refit.hpp"
+#include "diagnose/spread.hpp"
 #include "diagnose/study.hpp"
 
 namespace matterfit::diagnose {
@@ -79,7 +80,8 @@ class Check {
     const Index used = study_.used().size();
     MatrixXd members(used, 0);
     tell(0.8, "Measuring the solver's own error");
-    const Spread spread = numerical_spread(study_, state, {.members = 2, .lumping = false});
+    const Spread spread =
+        numerical_spread(study_, state, slopes_.theta, {.members = 2, .lumping = false});
     if (spread.members.cols() > 0) members = spread.members.topRows(used);
     if (spread.bias.size() > 0) {
       members.conservativeResize(used, members.cols() + 1);

@@ -100,7 +100,7 @@ Judge::Judge(const Study& study, const Noise& noise, const Spread& spread, const
   // Own parameters are fitted to the held-out samples; the others err as the fit says.
   MatrixXd columns = theta_;
   for (const Index p : own_) columns.col(p).setZero();
-  const VectorXd precision = theta_prior(model).precision;
+  const VectorXd precision = theta_prior(model, noise.corrections).precision;
   const MatrixXd moved =
       columns.bottomRows(held) *
       root_of_covariance(used_whitening_->apply(columns.topRows(fitted)), precision);
@@ -193,9 +193,9 @@ Gain Judge::gain_of(const Opinion& before, const Opinion& after, int numbers,
   residuals.before = before.residual;
   residuals.after = after.residual;
   residuals.last_residual = keep_last_residual(*study_, before.stacked);
-  MatrixXd theta = theta_;
   residuals.free_field = free_field_residual(
-      *study_, before.stacked, theta,
+      *study_, before.stacked, theta_,
+      theta_prior(study_->model(), fit_noise_.corrections).precision,
       [&](const MatrixXd& columns) { return used_whitening_->apply(columns); }, numbers);
   return gain(study_->held(), study_->model().captures(), residuals,
               noise_floor(study_->held(), held_noise_, held_solver_), options);

@@ -10,6 +10,7 @@
 
 #include "diagnose/gain.hpp"
 #include "diagnose/refit.hpp"
+#include "diagnose/spread.hpp"
 
 namespace matterfit::diagnose {
 

@@ -6,6 +6,7 @@
 
 #include "diagnose/noise.hpp"
 #include "diagnose/report.hpp"
+#include "diagnose/spread.hpp"
 #include "diagnose/study.hpp"
 
 namespace matterfit::diagnose {

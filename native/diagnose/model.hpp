@@ -165,6 +165,10 @@ class Model {
   [[nodiscard]] virtual std::vector<int> own_capture() const {
     return std::vector<int>(parameters().size(), -1);
   }
+  /// Parameters that stand for what the solver gets wrong at known times, as an impact's impulse,
+  /// ascending, each with a prior around 0: the solver's covariance is of what is left once they
+  /// are free.
+  [[nodiscard]] virtual std::vector<Eigen::Index> corrections() const { return {}; }
   [[nodiscard]] virtual const std::vector<Effect>& effects() const = 0;
   /// One motion a point, in order; nothing where the simulation could not be completed. Batches
   /// are as large as the engine can make them: run them side by side. Throws Error(kCancelled).

@@ -141,7 +141,7 @@ std::string separating_recording(const Study& study, const Linearised& slopes, c
     const MatrixXd sum = join_recordings(present, gram, p, own);
     const Index extra = sum.cols() - width;
     VectorXd precision = VectorXd::Zero(p + extra);
-    precision.head(p) = theta_prior(model).precision;
+    precision.head(p) = theta_prior(model, noise.corrections).precision;
     const ScoreTest test(sum, precision, tested);
     double least = 1e300;
     for (std::size_t k = 0; k < rivals.size(); ++k) {

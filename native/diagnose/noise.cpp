@@ -457,7 +457,7 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
 }
 
 Noise for_rows(const Noise& noise, const Rows& rows) {
-  return Noise{noise.captures, VectorXd::Ones(rows.size()), noise.turns};
+  return Noise{noise.captures, VectorXd::Ones(rows.size()), noise.turns, noise.corrections};
 }
 
 }  // namespace matterfit::diagnose

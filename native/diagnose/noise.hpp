@@ -32,6 +32,9 @@ struct Noise {
   /// made lighter in proportion (Huber), so that heavy tails do not decide.
   Eigen::VectorXd weights;
   Turns turns;  ///< of the bodies; empty: places count as exact
+  /// By what the deviations of Model::corrections() are multiplied: how wrong the solver's impacts
+  /// are beside what is stated.
+  double corrections = 1.0;
 };
 
 /// Columns that a smooth unknown displacement could have: cosines over time (`cosines` of them, the

@@ -42,6 +42,8 @@ std::optional<State> fitted_before(const Study& study, const Noise& noise, const
   State result = refit->state;
   const Eigen::MatrixXd white = refitter.whitening().apply(early_slopes);
   Eigen::MatrixXd h = white.transpose() * white;
+  const Eigen::VectorXd known = theta_prior(study.model(), noise.corrections).precision;
+  h.diagonal().head(known.size()) += known;
   h.diagonal() *= 1.0 + 1e-9;
   h.diagonal().array() += 1e-12 * std::max(h.diagonal().maxCoeff(), 1e-300);
   const Eigen::VectorXd variance =

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "diagnose/refit.hpp"
+#include "diagnose/spread.hpp"
 
 namespace matterfit::diagnose {
 

@@ -22,6 +22,9 @@ using Eigen::VectorXd;
 
 constexpr double kFirstDamping = 1e-4;
 constexpr double kMostDamping = 1e6;
+/// What corrections_of() may come to.
+constexpr double kLeastCorrections = 0.5;
+constexpr double kMostCorrections = 8.0;
 
 /// [θ | α] in scales.
 VectorXd scales_of(const Model& model, const State& state) {
@@ -82,7 +85,7 @@ VectorXd bias_columns(const Study& study, const Spread& spread) {
 
 }  // namespace
 
-ThetaPrior theta_prior(const Model& model) {
+ThetaPrior theta_prior(const Model& model, double corrections) {
   const auto& parameters = model.parameters();
   ThetaPrior prior{VectorXd::Zero(Index(parameters.size())),
                    VectorXd::Zero(Index(parameters.size()))};
@@ -92,6 +95,7 @@ ThetaPrior theta_prior(const Model& model) {
     prior.precision[Index(p)] = 1.0 / (sigma * sigma);
     prior.mean[Index(p)] = parameters[p].prior->mean;
   }
+  for (const Index p : model.corrections()) prior.precision[p] /= corrections * corrections;
   return prior;
 }
 
@@ -108,6 +112,8 @@ Refitter::Refitter(const Study& study, const Noise& noise, const Spread& spread,
                    RefitOptions options)
     : study_(&study),
       options_(options),
+      corrections_(noise.corrections),
+      prior_(theta_prior(study.model(), noise.corrections)),
       whitening_(
           study.used(), noise,
           solver_columns(study.used(), study.model().captures(), spread.top(study.used().size()))
@@ -122,22 +128,58 @@ Refitter::Place Refitter::place(const State& state, double bias, const VectorXd&
   if (bias_.size() > 0) result.prediction += bias * bias_;
   const VectorXd white = whitening_.apply((study_->measured() - result.prediction).head(used));
   result.chi_square = white.squaredNorm();
-  const ThetaPrior prior = theta_prior(model);
   result.residual.resize(used + p + 1);
   result.residual.head(used) = white;
   for (Index i = 0; i < p; ++i) {
     const double scale = model.parameters()[std::size_t(i)].scale;
     result.residual[used + i] =
-        std::sqrt(prior.precision[i]) * (state.theta[i] - prior.mean[i]) / scale;
+        std::sqrt(prior_.precision[i]) * (state.theta[i] - prior_.mean[i]) / scale;
   }
   result.residual[used + p] = bias_.size() > 0 ? (bias - kBiasMean) / kBiasSigma : 0.0;
   return result;
 }
 
-MatrixXd Refitter::slopes_at(const State& state) const {
-  const Linearised lin = linearise(*study_, state, {}, options_.differences);
+VectorXd Refitter::correction_squares(const Refit& refit) const {
+  const std::vector<Index> corrections = study_->model().corrections();
+  VectorXd result(Index(corrections.size()));
+  for (Index k = 0; k < result.size(); ++k) {
+    const Index p = corrections[std::size_t(k)];
+    const double size = refit.state.theta[p] / study_->model().parameters()[std::size_t(p)].scale;
+    result[k] = size * size;
+  }
+  return result;
+}
+
+double Refitter::corrections_of(const Refit& refit) const {
+  const std::vector<Index> corrections = study_->model().corrections();
+  if (corrections.empty()) return 1.0;
+  const MatrixXd slopes = residual_slopes(refit.slopes);
+  MatrixXd h = slopes.transpose() * slopes;
+  h.diagonal() *= 1.0 + 1e-9;
+  h.diagonal().array() += 1e-12 * h.diagonal().maxCoeff();
+  const VectorXd variance =
+      h.ldlt().solve(MatrixXd::Identity(h.rows(), h.cols())).diagonal().cwiseMax(0.0);
+  const double sum = correction_squares(refit).sum() + variance(corrections).sum();
+  return std::clamp(std::sqrt(sum / double(corrections.size())), kLeastCorrections,
+                    kMostCorrections);
+}
+
+double Refitter::own_corrections(const Refit& refit) const {
+  const double own = corrections_of(refit);
+  const VectorXd squares = correction_squares(refit);
+  return squares.sum() * (1.0 / (own * own) - 1.0 / (corrections_ * corrections_)) +
+         2.0 * double(squares.size()) * std::log(own / corrections_);
+}
+
+MatrixXd Refitter::slopes_at(const State& state, const MatrixXd& known) const {
+  DifferenceOptions differences = options_.differences;
+  const std::vector<Index> corrections = study_->model().corrections();
+  const bool keep = known.cols() > 0;
+  if (keep) differences.left_out = corrections;
+  const Linearised lin = linearise(*study_, state, {}, differences);
   MatrixXd slopes(study_->size(), lin.theta.cols() + lin.active.cols());
   slopes << lin.theta, lin.active;
+  if (keep) slopes(Eigen::all, corrections) = known(Eigen::all, corrections);
   return slopes;
 }
 
@@ -152,8 +194,7 @@ MatrixXd Refitter::residual_slopes(const MatrixXd& slopes) const {
   if (biased) columns.col(numbers) = bias_.head(used);
   MatrixXd result = MatrixXd::Zero(used + p + 1, columns.cols());
   result.topRows(used) = -whitening_.apply(columns);
-  const ThetaPrior prior = theta_prior(study_->model());
-  for (Index i = 0; i < p; ++i) result(used + i, i) = std::sqrt(prior.precision[i]);
+  for (Index i = 0; i < p; ++i) result(used + i, i) = std::sqrt(prior_.precision[i]);
   if (biased) result(used + p, numbers) = 1.0 / kBiasSigma;
   return result;
 }
@@ -178,7 +219,10 @@ void shrink(const Model& model, double share, State& state) {
 class Refitter::Search {
  public:
   Search(const Refitter& refitter, RefitStart start)
-      : refitter_(refitter), start_(std::move(start)), slopes_(std::move(start_.slopes)) {}
+      : refitter_(refitter),
+        start_(std::move(start)),
+        slopes_(std::move(start_.slopes)),
+        made_(slopes_) {}
 
   /// Nothing more: the search has ended.
   [[nodiscard]] std::vector<State> wanted() {
@@ -229,7 +273,7 @@ class Refitter::Search {
     scales_ = scales_of(model(), here_->state);
     bounds_ = box_of(model(), here_->state);
     if (slopes_.cols() != scales_.size()) {
-      slopes_ = refitter_.slopes_at(here_->state);
+      slopes_ = made_ = refitter_.slopes_at(here_->state, made_);
     }
     jacobian_ = refitter_.residual_slopes(slopes_);
   }
@@ -244,7 +288,7 @@ class Refitter::Search {
       return false;
     }
     renewed_at_ = now;
-    slopes_ = refitter_.slopes_at(here_->state);
+    slopes_ = made_ = refitter_.slopes_at(here_->state, made_);
     jacobian_ = refitter_.residual_slopes(slopes_);
     fresh_ = true;
     return true;
@@ -326,6 +370,7 @@ class Refitter::Search {
   std::size_t share_ = 0;
   std::optional<Place> here_;
   MatrixXd slopes_;
+  MatrixXd made_;  ///< by differences, before steps brought them up to date
   MatrixXd jacobian_;
   VectorXd scales_;
   fit::Box bounds_;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "diagnose/noise.hpp"
+#include "diagnose/spread.hpp"
 #include "diagnose/study.hpp"
 #include "diagnose/whitening.hpp"
 
@@ -47,6 +48,14 @@ struct RefitStart {
   int renewals = 0;  ///< beyond RefitOptions::renewals
 };
 
+/// Prior precision of θ per scale², and the mean in scales of natural coordinates.
+struct ThetaPrior {
+  Eigen::VectorXd precision;
+  Eigen::VectorXd mean;  ///< natural
+};
+/// `corrections`: Noise::corrections.
+[[nodiscard]] ThetaPrior theta_prior(const Model& model, double corrections = 1.0);
+
 /// Refits everything, θ, α and the bias's amplitude, under one covariance.
 class Refitter {
  public:
@@ -62,6 +71,13 @@ class Refitter {
   [[nodiscard]] Refit fit(RefitStart start) const;
 
   [[nodiscard]] const Whitening& whitening() const { return whitening_; }
+  /// By what the stated deviations of Model::corrections() are to be multiplied for those of a
+  /// refit to be usual ones (a step of EM from those at work): a cause that explains what they made
+  /// up for leaves small ones, and what nothing explains is the solver's. 1 without any.
+  [[nodiscard]] double corrections_of(const Refit& refit) const;
+  /// What is to be added to a refit's deviance for its corrections to count by their own deviations
+  /// in place of those at work, which serve all models: −2 ln of the ratio of their priors.
+  [[nodiscard]] double own_corrections(const Refit& refit) const;
   /// Derivative of the prediction by the bias's amplitude, stacked; no rows where there is none.
   [[nodiscard]] const Eigen::VectorXd& bias() const { return bias_; }
   [[nodiscard]] const Study& study() const { return *study_; }
@@ -69,12 +85,18 @@ class Refitter {
  private:
   struct Place;
   class Search;
+  /// Squares of a refit's corrections over their stated deviations, one each.
+  [[nodiscard]] Eigen::VectorXd correction_squares(const Refit& refit) const;
   [[nodiscard]] Place place(const State& state, double bias, const Eigen::VectorXd& seen) const;
-  [[nodiscard]] Eigen::MatrixXd slopes_at(const State& state) const;
+  /// Those of the model's corrections are taken from `known` where it has any: they are the dearest
+  /// and change least.
+  [[nodiscard]] Eigen::MatrixXd slopes_at(const State& state, const Eigen::MatrixXd& known) const;
   [[nodiscard]] Eigen::MatrixXd residual_slopes(const Eigen::MatrixXd& slopes) const;
 
   const Study* study_;
   RefitOptions options_;
+  double corrections_;  ///< Noise::corrections
+  ThetaPrior prior_;
   Whitening whitening_;
   Eigen::VectorXd bias_;
 };
@@ -83,12 +105,5 @@ class Refitter {
 /// convergence between ½ and 2 lie within.
 inline constexpr double kBiasMean = 1.0;
 inline constexpr double kBiasSigma = 1.0;
-
-/// Prior precision of θ per scale², and the mean in scales of natural coordinates.
-struct ThetaPrior {
-  Eigen::VectorXd precision;
-  Eigen::VectorXd mean;  ///< natural
-};
-[[nodiscard]] ThetaPrior theta_prior(const Model& model);
 
 }  // namespace matterfit::diagnose

@@ -12,6 +12,7 @@
 #include "diagnose/models_for_test.hpp"
 #include "diagnose/random.hpp"
 #include "diagnose/refit.hpp"
+#include "diagnose/spread.hpp"
 
 /// The parts of the engine against what is known of them.
 namespace matterfit::diagnose {

@@ -2,10 +2,8 @@
 #include "diagnose/study.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <iterator>
-#include <numbers>
 #include <set>
 #include <utility>
 
@@ -39,33 +37,6 @@ VectorXd neutral_values(const Effect& effect) {
     values[Index(k)] = effect.numbers[k].neutral;
   }
   return values;
-}
-
-/// Standard deviations of Numerics::lumping_slope and lumping_bend: those of five to seven linear
-/// elements across a body, whose pattern is nearly, but not quite, symmetric.
-constexpr double kLumpingSlope = 0.02;
-constexpr double kLumpingBend = 0.08;
-
-/// Runs that lump masses by one standard deviation otherwise, one for each way.
-std::vector<Numerics> ways_to_lump() {
-  std::vector<Numerics> result;
-  for (Index a = 0; a < 3; ++a) result.emplace_back().lumping_slope[a] = kLumpingSlope;
-  for (std::size_t b = 0; b < Numerics{}.lumping_bend.size(); ++b) {
-    result.emplace_back().lumping_bend[b] = kLumpingBend;
-  }
-  return result;
-}
-
-/// Deviations of the runs from..to that ended, rows × runs.
-MatrixXd deviations(const std::vector<std::optional<VectorXd>>& runs, std::size_t from,
-                    std::size_t to) {
-  std::vector<std::size_t> done;
-  for (std::size_t i = from; i < to; ++i) {
-    if (runs[i]) done.push_back(i);
-  }
-  MatrixXd result(runs[0]->size(), Index(done.size()));
-  for (std::size_t k = 0; k < done.size(); ++k) result.col(Index(k)) = *runs[done[k]] - *runs[0];
-  return result;
 }
 
 /// One derivative: states on either side of the present one, and how far they are.
@@ -217,15 +188,17 @@ std::vector<std::optional<VectorXd>> Study::predict(const std::vector<State>& st
 }
 
 std::vector<std::optional<VectorXd>> Study::predict_variants(
-    const State& state, const std::vector<Numerics>& variants) const {
+    const std::vector<State>& states, const std::vector<Numerics>& variants) const {
   std::vector<Point> points;
   points.reserve(variants.size());
-  for (const Numerics& numerics : variants) points.push_back(point_of(*model_, state, numerics));
+  for (std::size_t i = 0; i < variants.size(); ++i) {
+    points.push_back(point_of(*model_, states[i], variants[i]));
+  }
   ledger_->stages[ledger_->current].runs += int(points.size());
   const auto runs = model_->simulate(points);
   std::vector<std::optional<VectorXd>> result(variants.size());
   for (std::size_t i = 0; i < variants.size(); ++i) {
-    if (runs[i]) result[i] = seen(*runs[i], state);
+    if (runs[i]) result[i] = seen(*runs[i], states[i]);
   }
   return result;
 }
@@ -247,7 +220,8 @@ Linearised linearise(const Study& study, const State& state,
   const Model& model = study.model();
   std::vector<Difference> differences;
   for (Index p = 0; p < state.theta.size(); ++p) {
-    differences.push_back(theta_difference(model, state, p, options));
+    const bool left_out = std::ranges::count(options.left_out, p) > 0;
+    differences.push_back(left_out ? Difference{} : theta_difference(model, state, p, options));
   }
   for (std::size_t c = 0; c < state.causes.size(); ++c) {
     for (Index k = 0; k < state.causes[c].values.size(); ++k) {
@@ -320,113 +294,12 @@ Linearised linearise(const Study& study, const State& state,
   return result;
 }
 
-Spread Spread::none(Index rows) { return {MatrixXd(rows, 0), MatrixXd(rows, 0), {}}; }
-
-Spread Spread::at(const std::vector<Index>& places) const {
-  Spread result{members(places, Eigen::all), lumping(places, Eigen::all), {}};
-  if (bias.size() > 0) result.bias = bias(places);
-  return result;
-}
-
-Spread Spread::top(Index rows) const {
-  Spread result{members.topRows(rows), lumping.topRows(rows), {}};
-  if (bias.size() > 0) result.bias = bias.head(rows);
-  return result;
-}
-
-Spread Spread::bottom(Index rows) const {
-  Spread result{members.bottomRows(rows), lumping.bottomRows(rows), {}};
-  if (bias.size() > 0) result.bias = bias.tail(rows);
-  return result;
-}
-
-MatrixXd Spread::deviations() const {
-  MatrixXd result(members.rows(), members.cols() + lumping.cols());
-  result << members / std::sqrt(std::max(1.0, double(members.cols()))), lumping;
-  return result;
-}
-
-Spread numerical_spread(const Study& study, const State& state, const SpreadRuns& which) {
-  Spread spread = Spread::none(study.size());
-  if (!study.model().has_numerics() || which.members <= 0) return spread;
-  constexpr double kRatio = 1.26;  // 2^(1/3): twice the cells
-  std::vector<Numerics> variants(3);
-  variants[1].spacing = 1.0 / kRatio;
-  variants[2].spacing = kRatio;
-  for (int m = 1; m <= which.members; ++m) {
-    // The additive recurrence of the plastic number and its powers: evenly spread in four
-    // dimensions for any count (Roberts 2018; root of x⁵ = x + 1).
-    constexpr double kRoot = 1.1673039782614187;
-    const auto part = [&](int power) {
-      const double x = 0.5 + m / std::pow(kRoot, power);
-      return x - std::floor(x);
-    };
-    Numerics numerics;
-    numerics.spacing = 0.85 * std::pow(kRatio / 0.85, part(1));
-    numerics.offset = Vec3d(part(2), part(3), part(4));
-    numerics.step = m % 4 == 0 ? 0.5 : 1.0;  // half of dt costs twice the time
-    numerics.seed = m;
-    variants.push_back(numerics);
+void hold_corrections(const Model& model, const State& state, VectorXd& prediction,
+                      MatrixXd& theta) {
+  for (const Index p : model.corrections()) {
+    prediction -= state.theta[p] / model.parameters()[std::size_t(p)].scale * theta.col(p);
+    theta.col(p).setZero();
   }
-  const std::size_t sampled = variants.size();
-  if (which.lumping) std::ranges::copy(ways_to_lump(), std::back_inserter(variants));
-  const auto runs = study.predict_variants(state, variants);
-  if (!runs[0]) return spread;
-  if (runs[1] && runs[2]) spread.bias = (*runs[2] - *runs[1]) / (kRatio - 1.0 / kRatio);
-  spread.members = deviations(runs, 3, sampled);
-  spread.lumping = deviations(runs, sampled, runs.size());
-  return spread;
-}
-
-SolverColumns solver_columns(const Rows& rows, const std::vector<Capture>& captures,
-                             const Spread& spread) {
-  constexpr double kOwnPattern = 0.5;
-  // Weights of 1, cos πu, … with u the time in the clip; the mean square of a cosine is a half.
-  constexpr std::array<double, 4> kTimes = {0.4, 0.6, 0.4, 0.2};
-  // Of 1 and of each coordinate over the body's size, whose mean square is about a fifth.
-  constexpr std::array<double, 4> kPlaces = {0.5, 0.8, 0.8, 0.8};
-  SolverColumns result;
-  const MatrixXd& members = spread.members;
-  const Index count = members.cols();
-  const Index modes = Index(kTimes.size() * kPlaces.size());
-  MatrixXd patterns(rows.size(), modes);
-  for (const Series& series : rows.series()) {
-    const Capture& capture = captures[std::size_t(series.capture)];
-    Vec3d centre = Vec3d::Zero();
-    for (const Vec3d& x : capture.rest) centre += x / double(capture.tracks());
-    double size = 1e-12;
-    for (const Vec3d& x : capture.rest) size = std::max(size, (x - centre).norm());
-    const Vec3d x = (capture.rest[std::size_t(series.track)] - centre) / size;
-    const double span = std::max(capture.times.back() - capture.times.front(), 1e-12);
-    for (Index i = series.begin; i < series.end; ++i) {
-      const double u = (rows.time(i) - capture.times.front()) / span;
-      for (std::size_t t = 0; t < kTimes.size(); ++t) {
-        const double time = std::sqrt(kTimes[t]) * std::cos(std::numbers::pi * double(t) * u);
-        for (std::size_t p = 0; p < kPlaces.size(); ++p) {
-          const double place = std::sqrt(kPlaces[p]) * (p == 0 ? 1.0 : x[Index(p) - 1]);
-          patterns(i, Index(t * kPlaces.size() + p)) = time * place;
-        }
-      }
-    }
-  }
-  const double share = 1.0 / std::sqrt(std::max(1.0, double(count)));
-  const double first = std::sqrt(1.0 - kOwnPattern + kOwnPattern * kTimes[0] * kPlaces[0]);
-  result.values.resize(rows.size(), count * modes + spread.lumping.cols());
-  result.values.rightCols(spread.lumping.cols()) = spread.lumping;
-  result.member.reserve(std::size_t(result.values.cols()));
-  for (Index m = 0; m < count; ++m) {
-    for (Index k = 0; k < modes; ++k) {
-      auto column = result.values.col(m * modes + k);
-      if (k == 0) {
-        column = share * first * members.col(m);
-      } else {
-        column = share * std::sqrt(kOwnPattern) * members.col(m).cwiseProduct(patterns.col(k));
-      }
-      result.member.push_back(int(m));
-    }
-  }
-  result.member.resize(std::size_t(result.values.cols()), -1);
-  return result;
 }
 
 }  // namespace matterfit::diagnose

@@ -67,9 +67,9 @@ class Study {
   /// Both in one.
   [[nodiscard]] std::vector<std::optional<Eigen::VectorXd>> predict(
       const std::vector<State>& states, const Numerics& numerics = {}) const;
-  /// Several numerics of one state, in one batch.
+  /// Each state in its numerics, in one batch.
   [[nodiscard]] std::vector<std::optional<Eigen::VectorXd>> predict_variants(
-      const State& state, const std::vector<Numerics>& variants) const;
+      const std::vector<State>& states, const std::vector<Numerics>& variants) const;
   /// Simulations asked for so far, and the same by what they were for, in order.
   [[nodiscard]] int runs() const;
   [[nodiscard]] const std::vector<Ledger::Stage>& stages() const { return ledger_->stages; }
@@ -112,6 +112,7 @@ struct DifferenceOptions {
   /// Two runs a number where bounds leave room; otherwise one. Candidates, whose derivatives are
   /// first estimates, take one.
   bool central = true;
+  std::vector<Eigen::Index> left_out;  ///< parameters, whose columns stay 0
 };
 
 /// By finite differences, all runs in one batch; observations cost none. A run that fails on one
@@ -121,49 +122,9 @@ struct DifferenceOptions {
                                    const std::vector<Candidate>& candidates,
                                    const DifferenceOptions& options);
 
-/// How the solver's own freedom moves the prediction of a state; rows stacked.
-struct Spread {
-  Eigen::MatrixXd members;  ///< deviations from the prediction, rows × members [m]
-  /// What one standard deviation of each of Numerics' ways to lump masses moves, rows × ways [m].
-  Eigen::MatrixXd lumping;
-  Eigen::VectorXd bias;  ///< error at the scene's dx extrapolated from two others; may be empty
-
-  /// A solver that makes no error of its own.
-  [[nodiscard]] static Spread none(Eigen::Index rows);
-  /// At some rows alone.
-  [[nodiscard]] Spread at(const std::vector<Eigen::Index>& places) const;
-  [[nodiscard]] Spread top(Eigen::Index rows) const;
-  [[nodiscard]] Spread bottom(Eigen::Index rows) const;
-  /// D, rows × columns [m]: D Dᵀ is the covariance of what is sampled, without the bias.
-  [[nodiscard]] Eigen::MatrixXd deviations() const;
-};
-
-struct SpreadRuns {
-  int members = 24;
-  bool lumping = true;
-};
-
-/// `members` runs with dx × 0.85 … 1.26, quasi-random offsets in the cell, dt × 1 or ½, other
-/// particles; with `lumping` one for each way to lump masses, which is the same in a whole run and
-/// so a direction of its own; and two more at 1.26^±1 dx for the bias, taken to be of first order
-/// in dx: contact at 7 to 14 cells across a body is. Nothing where the model has no numerics or
-/// `members` is 0.
-[[nodiscard]] Spread numerical_spread(const Study& study, const State& state,
-                                      const SpreadRuns& which);
-
-/// The solver's own error as a covariance U Uᵀ.
-struct SolverColumns {
-  Eigen::MatrixXd values;   ///< U, rows × columns [m]
-  std::vector<int> member;  ///< of the ensemble, that each column was made of; −1: of lumping
-};
-
-/// Half of it is what the members themselves span; the other half lets their error be of their size
-/// at each time and place of a capture, but of a pattern of its own that changes as slowly as a few
-/// cosines over time and straight lines through the body: a few members do not span all that a
-/// solver may do wrong, and after a contact, where they differ most, nothing else is to be trusted
-/// (a tapered sample covariance by modulated members: Bishop and Hodyss 2009). Lumping has a column
-/// for each way. `spread` at the rows.
-[[nodiscard]] SolverColumns solver_columns(const Rows& rows, const std::vector<Capture>& captures,
-                                           const Spread& spread);
+/// Takes the model's corrections back to 0, to first order, and out of what may move: what an exact
+/// solver would have to explain. `theta`: derivatives at the state, in scales.
+void hold_corrections(const Model& model, const State& state, Eigen::VectorXd& prediction,
+                      Eigen::MatrixXd& theta);
 
 }  // namespace matterfit::diagnose

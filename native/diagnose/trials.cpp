@@ -77,7 +77,8 @@ std::vector<Trial> Trials::tried(std::vector<Attempt> attempts, const std::strin
 }
 
 void Trials::weigh(Trial& trial) const {
-  trial.evidence = trial.refit.deviance + trial.opinion.deviance + kPrice * trial.numbers;
+  trial.evidence = trial.refit.deviance + refitter_.own_corrections(trial.refit) +
+                   trial.opinion.deviance + kPrice * trial.numbers;
   const VectorXd white = refitter_.whitening().apply(
       (study_.measured() - trial.refit.prediction).head(study_.used().size()));
   trial.blocks = trial.opinion.blocks;

@@ -13,9 +13,9 @@
 #include "fit/data/capture_noise.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/fit_path.hpp"
-#include "job/fit_levels.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/capture_input.hpp"
+#include "job/run/scene_at_level.hpp"
 
 namespace matterfit::job {
 namespace {

@@ -4,9 +4,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "capture/thin.hpp"
-#include "job/run/build_scene.hpp"
-
 namespace matterfit::job {
 namespace {
 
@@ -56,23 +53,6 @@ std::vector<double> usual_levels(const std::vector<mpm::Scene>& scenes) {
     levels.insert(levels.begin(), level);
   }
   return levels;
-}
-
-mpm::Scene scene_at_level(const Job& job, double level, Arena& arena,
-                          const Interrupter& interrupter) {
-  Job coarse = job;
-  coarse.scene.particle_separation *= level;
-  mpm::Scene scene = build_scene(coarse, arena, interrupter).scene;
-  for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
-    if (job.scene.bodies[b].source.kind != Source::Kind::kPoints) continue;
-    mpm::Body& body = scene.bodies[b];
-    // A hull was filled anew.
-    if (body.lattice.spacing == coarse.scene.particle_separation) continue;
-    capture::thin(body.rest, body.volumes, level * body.lattice.spacing);
-    body.lattice.spacing *= level;
-    body.lattice.regular = false;
-  }
-  return scene;
 }
 
 }  // namespace matterfit::job

@@ -208,11 +208,12 @@ class Causes {
     tilt.row.sentence = "'" + doc.name + "' slopes by {value}.";
     tilt.row.numbers = {number("x", "", 0.02), number("y", "", 0.02)};
     tilt.row.confused_with = {"gravity_direction", "camera_roll"};
-    const double height = doc.height;
-    const Vec3d foot(body_.center.x(), body_.center.y(), height);
+    const Vec3d foot(body_.center.x(), body_.center.y(), doc.height);
     tilt.apply = [c, foot](std::span<const double> v, int, mpm::Scene& scene) {
       const shape::ColliderPtr old = scene.colliders[c];
-      scene.colliders[c] = shape::make_plane(old->name(), old->contact(), foot,
+      // Where it lies now, under the body.
+      const Vec3d below = foot - Vec3d(0.0, 0.0, old->closest(foot, 0.0).distance);
+      scene.colliders[c] = shape::make_plane(old->name(), old->contact(), below,
                                              Vec3d(-v[0], -v[1], 1.0).normalized());
     };
     tilt.write = [c, foot](std::span<const double> v, int, Json& scene) {

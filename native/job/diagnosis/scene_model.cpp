@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <thread>
 
 #include "base/error.hpp"
@@ -14,12 +15,10 @@
 #include "fit/data/follow.hpp"
 #include "fit/model/step_plan.hpp"
 #include "job/diagnosis/hidden_collider.hpp"
-#include "job/diagnosis/observation_document.hpp"
 #include "job/documents/fit_document.hpp"
-#include "job/fit_levels.hpp"
 #include "job/fit_start.hpp"
-#include "job/fit_values.hpp"
 #include "job/run/build_scene.hpp"
+#include "job/run/scene_at_level.hpp"
 #include "mpm/simulation.hpp"
 #include "mpm/step_limit.hpp"
 
@@ -125,6 +124,7 @@ SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
   parameters_ = std::make_unique<fit::Parameters>(
       fitted ? at_document(job.fit->parameters) : job.fit->parameters, runs(), scenes);
   listed_ = parameters_->parameters();
+  fitted_count_ = listed_.size();
   if (!fitted) {
     const std::vector<double> starts =
         with_initial_motion(runs(), scenes, *parameters_, parameters_->starts()).guesses;
@@ -142,6 +142,7 @@ SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
   if (fitted) about.encounters = encounters_with(scenes.front().gravity);
   causes_ = scene_causes(loaded_.sources.front().job, scenes.front(), about);
   for (const Cause& cause : causes_) rows_.push_back(cause.row);
+  if (fitted) add_nuisances();
 }
 
 SceneModel::~SceneModel() = default;
@@ -171,6 +172,54 @@ std::shared_ptr<const SceneModel::Built> SceneModel::built(const diagnose::Numer
   }
   const std::lock_guard lock(mutex_);
   return built_.emplace(key, std::move(made)).first->second;
+}
+
+void SceneModel::add_nuisances() {
+  std::vector<ContactRun> contacts;
+  std::vector<std::shared_ptr<const Built>> kept;
+  std::vector<std::string> grounds;
+  std::size_t c = 0;
+  for (std::size_t r = 0; r < runs().size(); ++r) {
+    kept.push_back(built({}, r));
+    ContactRun& run = contacts.emplace_back();
+    run.scene = &kept.back()->scene;
+    run.bodies = kept.back()->bodies;
+    for (std::size_t k = 0; k < run.bodies.size(); ++k) run.captures.push_back(&captures_[c++]);
+    for (const ColliderDoc& doc : loaded_.sources[r].job.scene.colliders) {
+      const bool known = std::ranges::count(grounds, doc.name) > 0;
+      if (doc.shape == ColliderDoc::Shape::kGround && !known) grounds.push_back(doc.name);
+    }
+  }
+  std::vector<std::string> fitted;
+  for (const fit::Parameter& parameter : listed_) fitted.push_back(parameter.name);
+  nuisances_ = ContactNuisances(contacts, grounds, fitted);
+  std::ranges::copy(nuisances_.parameters(), std::back_inserter(listed_));
+}
+
+std::vector<Eigen::Index> SceneModel::corrections() const {
+  std::vector<Eigen::Index> result;
+  for (std::size_t k = fitted_count_ + nuisances_.of_grounds(); k < listed_.size(); ++k) {
+    result.push_back(static_cast<Eigen::Index>(k));
+  }
+  return result;
+}
+
+std::vector<double> SceneModel::fitted_values(const diagnose::Point& point) const {
+  std::vector<double> values;
+  values.reserve(fitted_count_);
+  for (std::size_t k = 0; k < fitted_count_; ++k) {
+    values.push_back(
+        fit::value_within_bounds(listed_[k], point.theta[static_cast<Eigen::Index>(k)]));
+  }
+  return values;
+}
+
+std::vector<double> SceneModel::nuisance_values(const diagnose::Point& point) const {
+  // A point that encounters are looked for with has none.
+  std::vector<double> values(point.theta.data() + fitted_count_,
+                             point.theta.data() + point.theta.size());
+  values.resize(nuisances_.parameters().size(), 0.0);
+  return values;
 }
 
 /// What the recordings show at the fitted values, in the scene as it is.
@@ -251,7 +300,7 @@ void SceneModel::fix_substeps() {
 
 std::vector<int> SceneModel::own_capture() const {
   std::vector<int> owners(parameters().size(), -1);
-  for (std::size_t k = 0; k < owners.size(); ++k) {
+  for (std::size_t k = 0; k < fitted_count_; ++k) {
     const fit::Address& path = parameters_->path(k);
     const bool of_capture = path.quantity->owner == fit::Owner::kCapture;
     const std::string& name = of_capture ? path.owner : path.capture;
@@ -267,12 +316,11 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
     const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const {
   const std::shared_ptr<const Built> base = built(point.numerics, run);
   mpm::Scene scene = base->scene;
-  std::vector<double> values;
-  for (std::size_t k = 0; k < parameters().size(); ++k) {
-    values.push_back(
-        fit::value_within_bounds(parameters()[k], point.theta[static_cast<Eigen::Index>(k)]));
-  }
+  const std::vector<double> values = fitted_values(point);
   parameters_->apply(values, run, scene);
+  const std::vector<double> nuisances = nuisance_values(point);
+  nuisances_.set_grounds(nuisances, scene);
+  nuisances_.add_impacts(nuisances, run, scene);
   for (const diagnose::Point::Cause& cause : point.causes) {
     const auto& apply = causes_[static_cast<std::size_t>(cause.effect)].apply;
     if (!apply) continue;
@@ -413,46 +461,15 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate_afresh(
   return motions;
 }
 
-void SceneModel::write(const diagnose::Point& point, Json& document,
-                       std::vector<std::string>& statements) const {
-  std::vector<double> values;
-  values.reserve(parameters().size());
-  for (std::size_t k = 0; k < parameters().size(); ++k) {
-    values.push_back(
-        fit::value_within_bounds(parameters()[k], point.theta[static_cast<Eigen::Index>(k)]));
-  }
-  write_values(*parameters_, values, loaded_.sources, job_, document);
-  for (const diagnose::Point::Cause& cause : point.causes) {
-    const auto& put = causes_[static_cast<std::size_t>(cause.effect)].write;
-    if (put) {
-      put({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
-          document.at("scene"));
-    } else {
-      write_observed(cause, document, statements);
-    }
-  }
-}
-
-void SceneModel::write_observed(const diagnose::Point::Cause& cause, Json& document,
-                                std::vector<std::string>& statements) const {
-  const diagnose::Effect& effect = rows_[static_cast<std::size_t>(cause.effect)];
-  for (std::size_t i = 0; i < job_.captures.size(); ++i) {
-    const CaptureDoc& doc = job_.captures[i];
-    for (std::size_t c = 0; c < captures_.size(); ++c) {
-      const bool acts =
-          effect.captures.empty() || std::ranges::count(effect.captures, static_cast<int>(c)) > 0;
-      if (captures_[c].name != doc.name || !acts) continue;
-      const SceneDoc& scene = doc.scene ? *doc.scene : job_.scene;
-      const ObservedCapture about{scene.fps, scene.first_frame, inputs_[c]->rest, doc};
-      if (!write_observation(effect,
-                             {cause.values.data(), static_cast<std::size_t>(cause.values.size())},
-                             about, document.at("captures").at(i))) {
-        statements.push_back(fmt::format(
-            "The {} of '{}' has no place in a document: the extended model leaves it out.",
-            effect.name, doc.name));
-      }
-    }
-  }
+void SceneModel::write_nuisances(const diagnose::Point& point, Json& document,
+                                 std::vector<std::string>& statements) const {
+  if (nuisances_.parameters().empty()) return;
+  const std::vector<double> values = nuisance_values(point);
+  mpm::Scene scene = built({}, 0)->scene;
+  parameters_->apply(fitted_values(point), 0, scene);
+  nuisances_.set_grounds(values, scene);
+  nuisances_.write_grounds(scene, document.at("scene"));
+  statements.push_back(nuisances_.left_out(values));
 }
 
 }  // namespace matterfit::job

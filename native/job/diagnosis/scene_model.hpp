@@ -13,6 +13,7 @@
 #include "fit/data/follow.hpp"
 #include "fit/model/parameters.hpp"
 #include "job/diagnosis/causes.hpp"
+#include "job/diagnosis/contact_nuisances.hpp"
 #include "job/diagnosis/motion_store.hpp"
 #include "job/fit_experiment.hpp"
 #include "job/run/run_options.hpp"
@@ -47,6 +48,7 @@ class SceneModel final : public diagnose::Model {
   }
   [[nodiscard]] const std::vector<fit::Parameter>& parameters() const override { return listed_; }
   [[nodiscard]] std::vector<int> own_capture() const override;
+  [[nodiscard]] std::vector<Eigen::Index> corrections() const override;
   [[nodiscard]] const std::vector<diagnose::Effect>& effects() const override { return rows_; }
   [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate(
       const std::vector<diagnose::Point>& points) const override;
@@ -75,10 +77,16 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> observe_run(
       const mpm::Scene& scene, const Built& base, const std::vector<double>& values,
       std::size_t run, const std::shared_ptr<Arena>& arena) const;
+  void write_nuisances(const diagnose::Point& point, Json& document,
+                       std::vector<std::string>& statements) const;
   void write_observed(const diagnose::Point::Cause& cause, Json& document,
                       std::vector<std::string>& statements) const;
   [[nodiscard]] std::vector<Encounter> encounters_with(const shape::Keyed<Vec3d>& gravity) const;
   void list_captures();
+  /// ContactNuisances, as parameters after the fitted ones.
+  void add_nuisances();
+  [[nodiscard]] std::vector<double> fitted_values(const diagnose::Point& point) const;
+  [[nodiscard]] std::vector<double> nuisance_values(const diagnose::Point& point) const;
   void fix_substeps();
 
   const Job& job_;
@@ -86,7 +94,10 @@ class SceneModel final : public diagnose::Model {
   const Interrupter& interrupter_;
   LoadedExperiment loaded_;
   std::unique_ptr<fit::Parameters> parameters_;
-  std::vector<fit::Parameter> listed_;  ///< they, with the values of From
+  /// They, with the values of From; then the nuisances'.
+  std::vector<fit::Parameter> listed_;
+  std::size_t fitted_count_ = 0;
+  ContactNuisances nuisances_;
   std::vector<Cause> causes_;
   std::vector<diagnose::Effect> rows_;
   std::vector<diagnose::Capture> captures_;

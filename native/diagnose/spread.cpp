@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "diagnose/spread.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+namespace matterfit::diagnose {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+/// Standard deviations of Numerics::lumping_slope and lumping_bend: those of five to seven linear
+/// elements across a body, whose pattern is nearly, but not quite, symmetric.
+constexpr double kLumpingSlope = 0.02;
+constexpr double kLumpingBend = 0.08;
+
+/// Runs that lump masses by one standard deviation otherwise, one for each way.
+std::vector<Numerics> ways_to_lump() {
+  std::vector<Numerics> result;
+  for (Index a = 0; a < 3; ++a) result.emplace_back().lumping_slope[a] = kLumpingSlope;
+  for (std::size_t b = 0; b < Numerics{}.lumping_bend.size(); ++b) {
+    result.emplace_back().lumping_bend[b] = kLumpingBend;
+  }
+  return result;
+}
+
+/// Deviations of the runs from..to that ended, rows × runs.
+MatrixXd deviations(const std::vector<std::optional<VectorXd>>& runs, std::size_t from,
+                    std::size_t to) {
+  std::vector<std::size_t> done;
+  for (std::size_t i = from; i < to; ++i) {
+    if (runs[i]) done.push_back(i);
+  }
+  MatrixXd result(runs[0]->size(), Index(done.size()));
+  for (std::size_t k = 0; k < done.size(); ++k) result.col(Index(k)) = *runs[done[k]] - *runs[0];
+  return result;
+}
+
+}  // namespace
+
+Spread Spread::none(Index rows) { return {MatrixXd(rows, 0), MatrixXd(rows, 0), {}}; }
+
+Spread Spread::at(const std::vector<Index>& places) const {
+  Spread result{members(places, Eigen::all), lumping(places, Eigen::all), {}};
+  if (bias.size() > 0) result.bias = bias(places);
+  return result;
+}
+
+Spread Spread::top(Index rows) const {
+  Spread result{members.topRows(rows), lumping.topRows(rows), {}};
+  if (bias.size() > 0) result.bias = bias.head(rows);
+  return result;
+}
+
+Spread Spread::bottom(Index rows) const {
+  Spread result{members.bottomRows(rows), lumping.bottomRows(rows), {}};
+  if (bias.size() > 0) result.bias = bias.tail(rows);
+  return result;
+}
+
+MatrixXd Spread::deviations() const {
+  MatrixXd result(members.rows(), members.cols() + lumping.cols());
+  result << members / std::sqrt(std::max(1.0, double(members.cols()))), lumping;
+  return result;
+}
+
+namespace {
+
+/// Other numerics' runs with their corrections set so that they come nearest to the first run's
+/// used rows: Gauss–Newton with the slopes of the state.
+void correct(const Study& study, const State& state, const MatrixXd& theta,
+             const std::vector<Numerics>& variants, std::vector<std::optional<VectorXd>>& runs) {
+  constexpr int kRounds = 4;
+  constexpr double kWorthARun = 0.9;    // of the misfit before
+  constexpr double kUsualNoise = 5e-4;  // [m]
+  const std::vector<Index> corrections = study.model().corrections();
+  if (corrections.empty()) return;
+  const Index used = study.used().size();
+  VectorXd noise(used);
+  for (const Series& series : study.used().series()) {
+    const double stated = study.model().captures()[std::size_t(series.capture)].noise;
+    noise.segment(series.begin, series.end - series.begin)
+        .setConstant(stated > 0.0 ? stated : kUsualNoise);
+  }
+  const MatrixXd slopes =
+      noise.cwiseInverse().asDiagonal() * theta(Eigen::all, corrections).topRows(used);
+  MatrixXd normal = slopes.transpose() * slopes;
+  normal.diagonal().array() += 1.0;  // the prior: scales are its standard deviations
+  const Eigen::LDLT<MatrixXd> factors(normal);
+  const Index count = Index(corrections.size());
+  VectorXd scales(count);
+  for (Index k = 0; k < count; ++k) {
+    scales[k] = study.model().parameters()[std::size_t(corrections[std::size_t(k)])].scale;
+  }
+  struct Member {
+    std::size_t variant;
+    VectorXd offset;  ///< of the corrections, in scales
+  };
+  std::vector<Member> going;
+  for (std::size_t m = 1; m < variants.size(); ++m) {
+    if (runs[m]) going.push_back({m, VectorXd::Zero(count)});
+  }
+  const auto apart = [&](const VectorXd& run) -> VectorXd {
+    return noise.cwiseInverse().asDiagonal() * (*runs[0] - run).head(used);
+  };
+  for (int round = 0; round < kRounds && !going.empty(); ++round) {
+    std::vector<State> states;
+    std::vector<Numerics> numerics;
+    std::vector<VectorXd> offsets;
+    for (const Member& member : going) {
+      const VectorXd step =
+          factors.solve(slopes.transpose() * apart(*runs[member.variant]) - member.offset);
+      offsets.emplace_back(member.offset + step);
+      State& there = states.emplace_back(state);
+      for (Index k = 0; k < count; ++k) {
+        there.theta[corrections[std::size_t(k)]] += scales[k] * offsets.back()[k];
+      }
+      numerics.push_back(variants[member.variant]);
+    }
+    auto again = study.predict_variants(states, numerics);
+    std::vector<Member> gaining;
+    for (std::size_t k = 0; k < going.size(); ++k) {
+      std::optional<VectorXd>& before = runs[going[k].variant];
+      if (!again[k]) continue;
+      const double was = apart(*before).squaredNorm() + going[k].offset.squaredNorm();
+      const double is = apart(*again[k]).squaredNorm() + offsets[k].squaredNorm();
+      if (!(is < was)) continue;
+      before = std::move(again[k]);
+      if (is < kWorthARun * was) gaining.push_back({going[k].variant, offsets[k]});
+    }
+    going = std::move(gaining);
+  }
+}
+
+}  // namespace
+
+Spread numerical_spread(const Study& study, const State& state, const MatrixXd& theta,
+                        const SpreadRuns& which) {
+  Spread spread = Spread::none(study.size());
+  if (!study.model().has_numerics() || which.members <= 0) return spread;
+  constexpr double kRatio = 1.26;  // 2^(1/3): twice the cells
+  std::vector<Numerics> variants(3);
+  variants[1].spacing = 1.0 / kRatio;
+  variants[2].spacing = kRatio;
+  for (int m = 1; m <= which.members; ++m) {
+    // The additive recurrence of the plastic number and its powers: evenly spread in four
+    // dimensions for any count (Roberts 2018; root of x⁵ = x + 1).
+    constexpr double kRoot = 1.1673039782614187;
+    const auto part = [&](int power) {
+      const double x = 0.5 + m / std::pow(kRoot, power);
+      return x - std::floor(x);
+    };
+    Numerics numerics;
+    numerics.spacing = 0.85 * std::pow(kRatio / 0.85, part(1));
+    numerics.offset = Vec3d(part(2), part(3), part(4));
+    numerics.step = m % 4 == 0 ? 0.5 : 1.0;  // half of dt costs twice the time
+    numerics.seed = m;
+    variants.push_back(numerics);
+  }
+  const std::size_t sampled = variants.size();
+  if (which.lumping) std::ranges::copy(ways_to_lump(), std::back_inserter(variants));
+  auto runs = study.predict_variants(std::vector<State>(variants.size(), state), variants);
+  if (!runs[0]) return spread;
+  correct(study, state, theta, variants, runs);
+  if (runs[1] && runs[2]) spread.bias = (*runs[2] - *runs[1]) / (kRatio - 1.0 / kRatio);
+  spread.members = deviations(runs, 3, sampled);
+  spread.lumping = deviations(runs, sampled, runs.size());
+  return spread;
+}
+
+SolverColumns solver_columns(const Rows& rows, const std::vector<Capture>& captures,
+                             const Spread& spread) {
+  constexpr double kOwnPattern = 0.5;
+  // Weights of 1, cos πu, … with u the time in the clip; the mean square of a cosine is a half.
+  constexpr std::array<double, 4> kTimes = {0.4, 0.6, 0.4, 0.2};
+  // Of 1 and of each coordinate over the body's size, whose mean square is about a fifth.
+  constexpr std::array<double, 4> kPlaces = {0.5, 0.8, 0.8, 0.8};
+  SolverColumns result;
+  const MatrixXd& members = spread.members;
+  const Index count = members.cols();
+  const Index modes = Index(kTimes.size() * kPlaces.size());
+  MatrixXd patterns(rows.size(), modes);
+  for (const Series& series : rows.series()) {
+    const Capture& capture = captures[std::size_t(series.capture)];
+    Vec3d centre = Vec3d::Zero();
+    for (const Vec3d& x : capture.rest) centre += x / double(capture.tracks());
+    double size = 1e-12;
+    for (const Vec3d& x : capture.rest) size = std::max(size, (x - centre).norm());
+    const Vec3d x = (capture.rest[std::size_t(series.track)] - centre) / size;
+    const double span = std::max(capture.times.back() - capture.times.front(), 1e-12);
+    for (Index i = series.begin; i < series.end; ++i) {
+      const double u = (rows.time(i) - capture.times.front()) / span;
+      for (std::size_t t = 0; t < kTimes.size(); ++t) {
+        const double time = std::sqrt(kTimes[t]) * std::cos(std::numbers::pi * double(t) * u);
+        for (std::size_t p = 0; p < kPlaces.size(); ++p) {
+          const double place = std::sqrt(kPlaces[p]) * (p == 0 ? 1.0 : x[Index(p) - 1]);
+          patterns(i, Index(t * kPlaces.size() + p)) = time * place;
+        }
+      }
+    }
+  }
+  const double share = 1.0 / std::sqrt(std::max(1.0, double(count)));
+  const double first = std::sqrt(1.0 - kOwnPattern + kOwnPattern * kTimes[0] * kPlaces[0]);
+  result.values.resize(rows.size(), count * modes + spread.lumping.cols());
+  result.values.rightCols(spread.lumping.cols()) = spread.lumping;
+  result.member.reserve(std::size_t(result.values.cols()));
+  for (Index m = 0; m < count; ++m) {
+    for (Index k = 0; k < modes; ++k) {
+      auto column = result.values.col(m * modes + k);
+      if (k == 0) {
+        column = share * first * members.col(m);
+      } else {
+        column = share * std::sqrt(kOwnPattern) * members.col(m).cwiseProduct(patterns.col(k));
+      }
+      result.member.push_back(int(m));
+    }
+  }
+  result.member.resize(std::size_t(result.values.cols()), -1);
+  return result;
+}
+
+}  // namespace matterfit::diagnose

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "diagnose/model.hpp"
+#include "fit/numerics/parameter.hpp"
+#include "job/diagnosis/impacts.hpp"
+#include "job/documents/json_reader.hpp"
+#include "mpm/scene.hpp"
+
+namespace matterfit::job {
+
+/// One run of a diagnosis as its contacts are looked at.
+struct ContactRun {
+  const mpm::Scene* scene = nullptr;
+  std::vector<const diagnose::Capture*> captures;
+  std::vector<std::size_t> bodies;  ///< of each, into the scene's
+};
+
+/// What nobody knows of a body's contact with level grounds and takes along in every refit: how
+/// high a ground lies and how stiff its contact is, and after each impact (impacts.hpp) the body's
+/// velocity and spin. Nothing where the recordings show no impact.
+class ContactNuisances {
+ public:
+  ContactNuisances() = default;
+  /// `grounds`: names of the level grounds. `fitted`: paths of what the fit moves, which is left
+  /// out here.
+  ContactNuisances(const std::vector<ContactRun>& runs, const std::vector<std::string>& grounds,
+                   const std::vector<std::string>& fitted);
+
+  /// Heights and stiffnesses, then the impacts' numbers; each has a prior about 0 (the scene's
+  /// own).
+  [[nodiscard]] const std::vector<fit::Parameter>& parameters() const { return parameters_; }
+  /// How many of them are of grounds.
+  [[nodiscard]] std::size_t of_grounds() const { return of_grounds_; }
+  /// Puts what is of grounds into a scene with its materials, before anything that changes its
+  /// colliders. `values`: one a parameter.
+  void set_grounds(std::span<const double> values, mpm::Scene& scene) const;
+  /// Heights and stiffnesses of such a scene's grounds, into a document's scene.
+  void write_grounds(const mpm::Scene& scene, Json& document) const;
+  /// What a document cannot say: a sentence on what the impacts' numbers come to.
+  [[nodiscard]] std::string left_out(std::span<const double> values) const;
+  void add_impacts(std::span<const double> values, std::size_t run, mpm::Scene& scene) const;
+
+ private:
+  struct Ground {
+    std::string name;
+    bool height = true;
+    bool stiffness = true;
+  };
+  std::vector<Ground> grounds_;
+  std::size_t of_grounds_ = 0;
+  std::vector<Impact> impacts_;
+  std::vector<fit::Parameter> parameters_;
+};
+
+}  // namespace matterfit::job

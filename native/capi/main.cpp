@@ -341,7 +341,8 @@ int command(int argc, char** argv, Arguments& arguments) {
       return 0;
     }
     if (verb->get_name() == "estimate") {
-      const job::Json json = job::estimate_job(read(arguments, "estimate"), run_options(arguments));
+      const job::Json json =
+          job::estimate_job(read(arguments, "estimate"), run_options(arguments), true);
       std::fputs((json.dump(2) + "\n").c_str(), stdout);
       return 0;
     }

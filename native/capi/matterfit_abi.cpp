@@ -253,7 +253,10 @@ mf_status mf_estimate(const char* json, const char* base_folder, const mf_job_op
   mf_job_options given;
   if (!copy_options(options, given)) return fail(MF_ERROR_USAGE, kSize);
   return guarded([&] {
-    return give(dump(job::estimate_job(read(json, base_folder, given), run_options(given))), text);
+    const job::Job made = read(json, base_folder, given);
+    // Before a run only memory is asked for; who asks what baking takes wants to know the time.
+    const bool closely = made.task == job::Task::kBake;
+    return give(dump(job::estimate_job(made, run_options(given), closely)), text);
   });
 }
 

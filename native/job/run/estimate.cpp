@@ -3,24 +3,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
+#include <optional>
 
 #include "base/clock.hpp"
-#include "base/error.hpp"
-#include "job/run/bake_outputs.hpp"
+#include "job/run/bake_cost.hpp"
 #include "job/run/build_scene.hpp"
+#include "job/run/rehearsal.hpp"
 #include "mpm/scene_check.hpp"
 
 namespace matterfit::job {
 namespace {
 
-namespace fs = std::filesystem;
-
 /// Up to this many particles the solver itself is asked, for this long; beyond, building it takes
 /// too long for a question, and the figures below answer.
 constexpr std::size_t kMostMeasured = 300'000;
 constexpr double kMeasureSeconds = 0.3;
+constexpr double kRehearsalSeconds = 1.0;
 
 /// Particles that one thread moves through a substep in a second, in round figures of docs/
 /// validation.md.
@@ -42,66 +40,9 @@ mpm::SubstepCost guess(const mpm::Scene& scene, std::size_t particles, int threa
 
 std::uint64_t state_bytes(std::size_t particles) { return particles * (12 + 12 + 36); }
 
-/// A folder that is gone afterwards.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (fs::temp_directory_path() / "matterfit_estimate_XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) {
-      throw_output(name + ": cannot create the folder. Is the disk full, or TMPDIR wrong?");
-    }
-    path_ = name;
-  }
-  ~TemporaryFolder() {
-    std::error_code code;
-    fs::remove_all(path_, code);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  [[nodiscard]] const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
-
-/// Folder by folder: std::filesystem's recursive iterator frees what is not its own where the
-/// process (bpy 4.5 and 5.0) brings another libstdc++'s.
-std::uint64_t bytes_below(const fs::path& folder) {
-  std::uint64_t bytes = 0;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-    bytes += entry.is_directory() ? bytes_below(entry.path()) : entry.file_size();
-  }
-  return bytes;
-}
-
-struct BakeCost {
-  double begin = 0.0;    ///< [s], once
-  double seconds = 0.0;  ///< a frame
-  std::uint64_t bytes = 0;
-};
-
-/// Bakes the first frame for nobody: what that takes is what each frame takes.
-BakeCost measure_bake(const Job& job, const mpm::Scene& scene, const mpm::FrameState& state,
-                      Arena& arena, const Interrupter& interrupter) {
-  const TemporaryFolder folder;
-  Job copy = job;
-  copy.output.folder = folder.path();
-  BakeCost cost;
-  const auto begin = Clock::now();
-  BakeOutputs outputs(copy, scene, arena, interrupter);
-  outputs.start(0);
-  cost.begin = seconds_since(begin);
-  const auto frame = Clock::now();
-  outputs.bake(state, 0, true);
-  outputs.finish();
-  cost.seconds = seconds_since(frame);
-  cost.bytes = bytes_below(folder.path());
-  return cost;
-}
-
 }  // namespace
 
-Json estimate_job(const Job& job, const RunOptions& options) {
+Json estimate_job(const Job& job, const RunOptions& options, bool closely) {
   const auto arena = std::make_shared<Arena>(options.threads);
   const Interrupter interrupter;
   const auto start = Clock::now();
@@ -128,7 +69,15 @@ Json estimate_job(const Job& job, const RunOptions& options) {
     cost = simulation.measure(kMeasureSeconds, interrupter);
   }
   const double frames = double(job.scene.frames()) - 1.0;
-  const double substeps = std::max(0.0, frames) * std::ceil(1.0 / (fps * cost.dt) - 1e-9);
+  double substeps = std::max(0.0, frames) * std::ceil(1.0 / (fps * cost.dt) - 1e-9);
+  if (closely && fits) {
+    if (const std::optional<Rehearsal> run = rehearse(job, memory.particles, kRehearsalSeconds,
+                                                      options.target, arena, interrupter)) {
+      substeps = std::max(substeps, std::ceil(run->substeps));
+      cost.seconds *= run->dearer;
+      bake.seconds *= run->baking;
+    }
+  }
   return {{"particles", memory.particles},
           {"bytes", memory.bytes},
           {"limit_bytes", static_cast<std::uint64_t>(limit)},

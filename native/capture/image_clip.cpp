@@ -230,6 +230,33 @@ void state_missing(const ImageClip& clip, std::vector<std::string>& statements) 
 
 }  // namespace
 
+std::vector<fs::path> image_clip_files(const fs::path& cameras, const ImageClipOptions& options) {
+  const CameraSet set = read_cameras(cameras, options.images);
+  std::vector<fs::path> files;
+  if (fs::is_directory(cameras)) {
+    for (const fs::directory_entry& entry : fs::directory_iterator(cameras)) {
+      if (entry.is_regular_file()) files.push_back(entry.path());
+    }
+    std::sort(files.begin(), files.end());
+  } else {
+    files.push_back(cameras);
+  }
+  if (options.plates) {
+    const std::vector<fs::path> plates = plate_files(*options.plates, set.cameras.size());
+    files.insert(files.end(), plates.begin(), plates.end());
+  }
+  for (const Shot& shot : set.shots) {
+    files.push_back(set.folder / shot.image);
+    if (!shot.mask.empty()) files.push_back(set.folder / shot.mask);
+  }
+  std::vector<fs::path> once;
+  std::set<fs::path> known;
+  for (fs::path& file : files) {
+    if (known.insert(file).second) once.push_back(std::move(file));
+  }
+  return once;
+}
+
 ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& options,
                           std::vector<std::string>& statements, const Interrupter* interrupter) {
   const CameraSet set = read_cameras(cameras, options.images);

@@ -65,6 +65,12 @@ struct ImageClipOptions {
   bool colours = false;  ///< are read too
 };
 
+/// The files that read_image_clip() reads, each once, in its order: those of the cameras, plates,
+/// images and mattes. Throws Error(kInput) where the cameras cannot be read; what is not there is
+/// listed all the same.
+[[nodiscard]] std::vector<std::filesystem::path> image_clip_files(
+    const std::filesystem::path& cameras, const ImageClipOptions& options);
+
 /// Cameras as read_cameras() reads them, with the mattes of all images. `statements` gets what is
 /// odd and no error: images that one camera lacks, empty mattes. Throws Error(kInput) that names
 /// file and reason: an image without a matte, or of another size than its camera's, images of one

@@ -5,7 +5,9 @@
 
 #include "base/error.hpp"
 #include "base/file.hpp"
+#include "job/documents/manifest.hpp"
 #include "job/fit_report.hpp"
+#include "job/fit_state.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -42,6 +44,20 @@ void remove_others(const fs::path& folder, const std::vector<std::string>& files
   for (const fs::path& path : stale) {
     std::error_code code;
     fs::remove(path, code);
+  }
+}
+
+/// Of a checkpoint, whatever kind of fit it is of; nothing where it is missing or damaged.
+std::optional<Inputs> unfinished_inputs(const fs::path& folder) {
+  const fs::path path = folder / kFitCheckpointPath;
+  if (!fs::exists(path)) return std::nullopt;
+  const auto bytes = read_file(path);
+  const auto* text = reinterpret_cast<const char*>(bytes.data());
+  const Json file = Json::parse(text, text + bytes.size(), nullptr, false);
+  try {
+    return file.at("state").at("inputs").get<Inputs>();
+  } catch (const Json::exception&) {
+    return std::nullopt;
   }
 }
 
@@ -96,6 +112,23 @@ std::optional<Fitted> read_fitted(const fs::path& folder) {
   } catch (const Json::exception&) {
     return std::nullopt;
   }
+}
+
+void refuse_what_is_there(const fs::path& folder, const Inputs& now) {
+  constexpr const char* kWayOut =
+      "\nRun with --restart to replace them, or choose another output folder (--set "
+      "output.folder=…).";
+  const auto refuse = [&](const std::string& what, const Inputs& before) {
+    std::string text = folder.string() + " holds " + what + " of other inputs. What changed:";
+    for (const std::string& line : changes(before, now)) text += "\n  " + line;
+    throw_input(text + kWayOut);
+  };
+  if (const auto unfinished = unfinished_inputs(folder)) refuse("an unfinished fit", *unfinished);
+  if (const auto fitted = read_fitted(folder)) refuse("a fit", fitted->inputs);
+  const auto manifest = read_manifest(folder);
+  if (!manifest || manifest->frames_done == 0) return;
+  throw_input(folder.string() + " holds the results of the task " + manifest->task +
+              ", which the fit would replace." + kWayOut);
 }
 
 void write_history(const fs::path& folder, const std::vector<Json>& history) {

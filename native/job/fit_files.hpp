@@ -38,6 +38,11 @@ void write_fitted(const std::filesystem::path& folder, const Fitted& fitted);
 /// Nothing if it is missing or damaged.
 [[nodiscard]] std::optional<Fitted> read_fitted(const std::filesystem::path& folder);
 
+/// For a fit that may not replace anything. Throws Error(kInput) where the folder holds a fit of
+/// other inputs than `now`, finished or not, or the results of another task: what it holds, what
+/// changed, and what to do.
+void refuse_what_is_there(const std::filesystem::path& folder, const Inputs& now);
+
 /// `history.jsonl`, one object a line.
 void write_history(const std::filesystem::path& folder, const std::vector<Json>& history);
 

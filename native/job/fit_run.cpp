@@ -92,26 +92,7 @@ class FitJob {
     state_.input_hash = hash_;
     state_.inputs = inputs_;
     if (options_.restart != Restart::kNever) return;
-    std::string what;
-    if (state) {
-      what = "an unfinished fit of other inputs. What changed:" + lines(state->inputs);
-    } else if (fitted) {
-      what = "a fit of other inputs. What changed:" + lines(fitted->inputs);
-    } else if (const auto manifest = read_manifest(folder_);
-               manifest && manifest->frames_done > 0) {
-      what = "the results of the task " + manifest->task + ", which the fit would replace.";
-    } else {
-      return;
-    }
-    throw_input(folder_.string() + " holds " + what +
-                "\nRun with --restart to replace them, or choose another output folder (--set "
-                "output.folder=…).");
-  }
-
-  [[nodiscard]] std::string lines(const Inputs& before) const {
-    std::string text;
-    for (const std::string& line : changes(before, inputs_)) text += "\n  " + line;
-    return text;
+    refuse_what_is_there(folder_, inputs_);
   }
 
   /// The document with the fitted values, as a job that `simulate` takes.

@@ -24,58 +24,6 @@ Eigen::VectorXd to_vector(const Json& json) {
   return Eigen::Map<const Eigen::VectorXd>(values.data(), Eigen::Index(values.size()));
 }
 
-Json to_json(const fit::LeastSquaresState& state) {
-  Json history = Json::array();
-  for (const fit::LeastSquaresStep& step : state.history) {
-    history.push_back({step.iteration, step.cost, step.damping, step.accepted});
-  }
-  Json trail = Json::array();
-  for (const Eigen::VectorXd& point : state.trail) trail.push_back(to_json(point));
-  return {{"point", to_json(state.point)},
-          {"residual", to_json(state.residual)},
-          {"cost", state.cost},
-          {"damping", state.damping},
-          {"iteration", state.iteration},
-          {"evaluations", state.evaluations},
-          {"finished", state.finished},
-          {"converged", state.converged},
-          {"reason", state.reason},
-          {"own", state.own},
-          {"anchor", to_json(state.anchor)},
-          {"central", state.central},
-          {"trail", trail},
-          {"corrected", state.corrected},
-          {"vain", state.vain},
-          {"history", history}};
-}
-
-fit::LeastSquaresState to_search(const Json& json) {
-  fit::LeastSquaresState state;
-  state.point = to_vector(json.at("point"));
-  state.residual = to_vector(json.at("residual"));
-  json.at("cost").get_to(state.cost);
-  json.at("damping").get_to(state.damping);
-  json.at("iteration").get_to(state.iteration);
-  json.at("evaluations").get_to(state.evaluations);
-  json.at("finished").get_to(state.finished);
-  json.at("converged").get_to(state.converged);
-  json.at("reason").get_to(state.reason);
-  json.at("own").get_to(state.own);
-  state.anchor = to_vector(json.at("anchor"));
-  // Not in states from before there were any.
-  state.central = json.value("central", false);
-  for (const Json& point : json.value("trail", Json::array())) {
-    state.trail.push_back(to_vector(point));
-  }
-  state.corrected = json.value("corrected", state.corrected);
-  state.vain = json.value("vain", 0);
-  for (const Json& step : json.at("history")) {
-    state.history.push_back({step.at(0).get<int>(), step.at(1).get<double>(),
-                             step.at(2).get<double>(), step.at(3).get<bool>()});
-  }
-  return state;
-}
-
 Json to_json(const std::vector<fit::RunSteps>& all) {
   Json steps = Json::array();
   for (const fit::RunSteps& step : all) steps.push_back({step.substeps, step.limit});
@@ -142,7 +90,7 @@ Json to_json(const LawState& law) {
                {"evaluations", law.evaluations},
                {"statements", law.statements},
                {"model", law.model}};
-  if (law.search) json["search"] = to_json(*law.search);
+  if (law.search) json["search"] = search_json(*law.search);
   return json;
 }
 
@@ -177,11 +125,63 @@ LawState to_law(const Json& json) {
   json.at("evaluations").get_to(law.evaluations);
   law.statements = json.value("statements", law.statements);
   law.model = json.at("model");
-  if (json.contains("search")) law.search = to_search(json.at("search"));
+  if (json.contains("search")) law.search = search_of(json.at("search"));
   return law;
 }
 
 }  // namespace
+
+Json search_json(const fit::LeastSquaresState& state) {
+  Json history = Json::array();
+  for (const fit::LeastSquaresStep& step : state.history) {
+    history.push_back({step.iteration, step.cost, step.damping, step.accepted});
+  }
+  Json trail = Json::array();
+  for (const Eigen::VectorXd& point : state.trail) trail.push_back(to_json(point));
+  return {{"point", to_json(state.point)},
+          {"residual", to_json(state.residual)},
+          {"cost", state.cost},
+          {"damping", state.damping},
+          {"iteration", state.iteration},
+          {"evaluations", state.evaluations},
+          {"finished", state.finished},
+          {"converged", state.converged},
+          {"reason", state.reason},
+          {"own", state.own},
+          {"anchor", to_json(state.anchor)},
+          {"central", state.central},
+          {"trail", trail},
+          {"corrected", state.corrected},
+          {"vain", state.vain},
+          {"history", history}};
+}
+
+fit::LeastSquaresState search_of(const Json& json) {
+  fit::LeastSquaresState state;
+  state.point = to_vector(json.at("point"));
+  state.residual = to_vector(json.at("residual"));
+  json.at("cost").get_to(state.cost);
+  json.at("damping").get_to(state.damping);
+  json.at("iteration").get_to(state.iteration);
+  json.at("evaluations").get_to(state.evaluations);
+  json.at("finished").get_to(state.finished);
+  json.at("converged").get_to(state.converged);
+  json.at("reason").get_to(state.reason);
+  json.at("own").get_to(state.own);
+  state.anchor = to_vector(json.at("anchor"));
+  // Not in states from before there were any.
+  state.central = json.value("central", false);
+  for (const Json& point : json.value("trail", Json::array())) {
+    state.trail.push_back(to_vector(point));
+  }
+  state.corrected = json.value("corrected", state.corrected);
+  state.vain = json.value("vain", 0);
+  for (const Json& step : json.at("history")) {
+    state.history.push_back({step.at(0).get<int>(), step.at(1).get<double>(),
+                             step.at(2).get<double>(), step.at(3).get<bool>()});
+  }
+  return state;
+}
 
 std::string format_fit_state(const FitState& state) {
   Json laws = Json::array();

@@ -73,6 +73,11 @@ struct FitState {
   double seconds = 0.0;                 ///< spent so far
 };
 
+/// A search as JSON, numbers to the last bit, without its Jacobian; and back. The latter throws
+/// Json::exception where something is missing.
+[[nodiscard]] Json search_json(const fit::LeastSquaresState& state);
+[[nodiscard]] fit::LeastSquaresState search_of(const Json& json);
+
 /// As JSON with numbers to the last bit, so that a fit that reads it goes on as if it had never
 /// been stopped. The Jacobian is left out: it is made again.
 [[nodiscard]] std::string format_fit_state(const FitState& state);

@@ -5,25 +5,25 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
-#include <memory>
 #include <optional>
 #include <utility>
 
 #include "base/clock.hpp"
 #include "base/error.hpp"
-#include "fit/model/image_problem.hpp"
-#include "fit/model/particle_colours.hpp"
-#include "fit/model/particle_sizes.hpp"
+#include "base/file.hpp"
 #include "fit/numerics/uncertainty.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/inputs.hpp"
-#include "job/fit_experiment.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_report.hpp"
+#include "job/fit_state.hpp"
 #include "job/fit_values.hpp"
-#include "job/image_sightings.hpp"
-#include "job/run/build_scene.hpp"
+#include "job/image_experiment.hpp"
+#include "job/image_fit_state.hpp"
+#include "job/image_fit_words.hpp"
+#include "job/run/folder_lock.hpp"
 #include "job/run/run_scene.hpp"
 #include "job/run/stage.hpp"
 
@@ -43,7 +43,6 @@ class ImageFit {
       : job_(job), doc_(fit_of(job)), options_(options), interrupter_(interrupter) {}
 
   Json run() {
-    const auto begin = Clock::now();
     if (!doc_.laws.empty()) {
       throw_input("fit.laws: laws are compared by tracks only; a fit to images takes one.");
     }
@@ -51,192 +50,172 @@ class ImageFit {
       throw_input("fit.correction: it is judged by tracks only; leave it out of a fit to images.");
     }
     say("Reading", 0.0);
-    loaded_ =
-        job_.captures.empty() ? unread_experiment(job_) : load_experiment(job_, statements_, true);
-    build();
-    say("Fitting: the start", 0.01);
-    values_ = parameters_->starts();
-    settle_steps();
-    settle_sizes();
-    const Standing before = standing();
-    find_poses();
-    learn_colours();
-    scan();
-    search(kWide, "wide");
-    if (moves_cameras()) settle_sizes();
-    learn_colours();
-    search(kNarrow, "narrow");
+    inputs_ = fit_inputs(job_, resolve_target(options_.target));
+    state_.input_hash = hash_inputs(inputs_);
+    state_.inputs = inputs_;
+    lock_.emplace(job_.output.folder);
+    const std::optional<Fitted> fitted = find_start();
+    if (fitted) {
+      Json document = fitted->document;
+      // It may have been moved since.
+      document["output"]["folder"] = job_.output.folder.generic_string();
+      return simulate(document, fitted->fit);
+    }
+    say("Filling bodies", 0.0);
+    scene_.emplace(job_, doc_, options_, interrupter_, statements_);
+    started_ = Clock::now();
+    begin();
+    while (state_.phase != ImagePhase::kDone) {
+      pass(state_.phase);
+      state_.phase = static_cast<ImagePhase>(static_cast<int>(state_.phase) + 1);
+      // The errors are those of the last search.
+      if (state_.phase != ImagePhase::kDone) state_.search.reset();
+      state_.refinements.clear();
+      save();
+    }
     say("Fitting: errors of the values", 0.95 * kImageFitShare);
     const fit::Uncertainty known = uncertainty();
-    const Standing after = standing();
+    const ImageStanding after = scene_->standing(state_.values);
+    save();
     Json document = document_to_simulate(job_, job_.output.folder);
-    write_values(*parameters_, values_, loaded_.sources, job_, document);
-    return simulate(document, fit_json(known, before, after, seconds_since(begin)));
+    write_values(scene_->parameters(), state_.values, scene_->loaded().sources, job_, document);
+    const Json fit = fit_json(known, after);
+    write_fitted(job_.output.folder, {state_.input_hash, inputs_, document, fit});
+    // Only now: until then the search would go on from it.
+    std::error_code code;
+    std::filesystem::remove(job_.output.folder / kFitCheckpointPath, code);
+    return simulate(document, fit);
   }
 
  private:
-  /// How well a simulation agrees with what was recorded.
-  struct Standing {
-    Json silhouettes = {{"fitted", nullptr}, {"held_out", nullptr}};
-    Json cameras = Json::array();
-    Json tracks = {{"fitted", nullptr}, {"held_out", nullptr}};
-  };
-
   void say(const std::string& label, double fraction) {
     enter_stage(interrupter_, label, fraction);
   }
 
-  [[nodiscard]] std::vector<fit::Run>& runs() { return loaded_.experiment.runs; }
-
-  void build() {
-    say("Filling bodies", 0.0);
-    Arena arena(options_.threads);
-    std::vector<mpm::Scene> scenes;
-    for (const fit::Run& run : runs()) scenes.push_back(run.build(1.0, arena, interrupter_));
-    has_tracks_ =
-        std::any_of(runs().begin(), runs().end(), [](const fit::Run& run) { return run.fitted; });
-    films_ = load_films(job_, scenes.front(), has_tracks_, statements_, interrupter_);
-    settle_captures(loaded_.experiment, scenes, arena, statements_);
-    window_ = fit::growing_windows(runs(), false).back();
-    runs().front().films = films_.films;
-    runs().front().fitted = true;
-    parameters_.emplace(with_poses(job_, films_, doc_.parameters), runs(), scenes);
-    fit::Model::Options options;
-    options.loss = doc_.loss;
-    options.target = resolve_target(options_.target);
-    options.threads = options_.threads;
-    options.memory_limit_gb = job_.scene.solver.memory_limit_gb;
-    model_ = std::make_unique<fit::Model>(runs(), std::move(scenes), *parameters_, options,
-                                          interrupter_);
-    if (has_tracks_) {
-      tracks_.emplace(*model_, runs(), parameters_->parameters(), doc_.loss, window_,
-                      fit::used_samples(runs()));
+  /// Takes up what the folder holds of this fit; where its search is done, that. Throws
+  /// Error(kInput) where it holds something else that may not be replaced.
+  [[nodiscard]] std::optional<Fitted> find_start() {
+    const std::filesystem::path& folder = job_.output.folder;
+    const bool afresh = options_.restart == Restart::kAlways;
+    auto state = afresh ? std::nullopt : read_image_fit_state(folder);
+    auto fitted = afresh ? std::nullopt : read_fitted(folder);
+    if (state && state->input_hash == state_.input_hash) {
+      state_ = std::move(*state);
+      resumed_ = true;
+      return std::nullopt;
     }
+    if (fitted && fitted->input_hash == state_.input_hash) return fitted;
+    if (options_.restart == Restart::kNever) refuse_what_is_there(folder, inputs_);
+    // Cancelled before its first checkpoint a fit must not go on from what it was to replace.
+    for (const char* old : {kFitCheckpointPath, kFittedPath}) {
+      std::error_code code;
+      std::filesystem::remove(folder / old, code);
+    }
+    return std::nullopt;
   }
 
-  /// From here on every run takes the substeps that the solver chooses at the present values.
+  /// At the start, or where the checkpoint was written.
+  void begin() {
+    if (!resumed_) {
+      say("Fitting: the start", 0.01);
+      state_.values = scene_->parameters().starts();
+      settle_steps();
+      settle_sizes();
+      const ImageStanding before = scene_->standing(state_.values);
+      state_.before = {{"silhouettes", before.silhouettes}, {"tracks", before.tracks}};
+      save();
+      return;
+    }
+    say("Fitting: going on", 0.01);
+    scene_->settle_steps(state_.stepped_at);
+    scene_->settle_sizes(state_.sized_at);
+    if (!state_.coloured_at.empty()) scene_->learn_colours(state_.coloured_at);
+  }
+
   void settle_steps() {
-    double until = 0.0;
-    for (const ImageSighting& sighting : films_.sightings) {
-      if (!sighting.reduced.held_out) until = std::max(until, sighting.reduced.view.time);
-    }
-    fit::Scope scope;
-    scope.until = window_.until;
-    scope.until.front() = std::max(scope.until.front(), until);
-    const fit::Evaluation evaluation = model_->evaluate({values_}, scope);
-    if (!evaluation.outcomes.front()) {
-      if (evaluation.failure.by_input) throw_input(evaluation.failure.message);
-      throw_compute(evaluation.failure.message);
-    }
-    plan_ = model_->plan_of(values_, *evaluation.outcomes.front());
-  }
-
-  /// The cameras whose pose is fitted, by film.
-  [[nodiscard]] std::vector<std::vector<std::uint8_t>> moved_cameras() const {
-    std::vector<std::vector<std::uint8_t>> moved;
-    for (const fit::Film& film : films_.films) {
-      std::vector<std::uint8_t>& of = moved.emplace_back(film.viewing.poses.size(), 0);
-      for (std::size_t k = 0; k < parameters_->size(); ++k) {
-        const fit::Address& path = parameters_->path(k);
-        if (path.owner == film.name && is_of_camera(path)) of[path.index] = 1;
-      }
-    }
-    return moved;
-  }
-  [[nodiscard]] static bool is_of_camera(const fit::Address& path) {
-    return path.quantity->path.starts_with("poses");
-  }
-  [[nodiscard]] bool moves_cameras() const {
-    for (std::size_t k = 0; k < parameters_->size(); ++k) {
-      if (is_of_camera(parameters_->path(k))) return true;
-    }
-    return false;
+    scene_->settle_steps(state_.values);
+    state_.stepped_at = state_.values;
   }
 
   void settle_sizes() {
-    std::vector<fit::Sighting> reduced;
-    reduced.reserve(films_.sightings.size());
-    for (const ImageSighting& sighting : films_.sightings) reduced.push_back(sighting.reduced);
-    fit::settle_sizes(*model_, values_, films_.paths, moved_cameras(), reduced);
-    for (std::size_t k = 0; k < reduced.size(); ++k) {
-      films_.sightings[k].reduced.view.size = reduced[k].view.size;
-    }
+    scene_->settle_sizes(state_.values);
+    state_.sized_at = state_.values;
   }
 
-  /// Of the particles, from the images at the scene's first frame as the values have them now.
   void learn_colours() {
-    std::vector<fit::Sighting> reduced;
-    for (const ImageSighting& sighting : films_.sightings) {
-      const bool tells = sighting.reduced.has_colours() && !sighting.reduced.held_out;
-      if (tells) reduced.push_back(sighting.reduced);
-    }
-    if (!reduced.empty()) colours_ = fit::learn_colours(*model_, values_, reduced, interrupter_);
+    if (scene_->learn_colours(state_.values)) state_.coloured_at = state_.values;
   }
 
-  [[nodiscard]] std::vector<fit::Parameter> parameters_at(const std::vector<double>& values) const {
-    std::vector<fit::Parameter> parameters = parameters_->parameters();
-    for (std::size_t k = 0; k < values.size(); ++k) parameters[k].start = values[k];
-    return parameters;
-  }
-
-  /// Of all that is fitted.
+  /// Of all that is fitted, from the present values on.
   [[nodiscard]] fit::ImageProblem problem(double blur) {
-    fit::ImageProblem::Parts parts;
-    parts.tracks = tracks_ ? &*tracks_ : nullptr;
-    parts.window = window_;
-    parts.colours = colours_ ? &*colours_ : nullptr;
-    return problem(blur, std::move(parts), std::numeric_limits<double>::infinity());
+    return watched(scene_->problem(state_.values, blur));
   }
 
-  /// With the images up to a time [s].
-  [[nodiscard]] fit::ImageProblem problem(double blur, fit::ImageProblem::Parts parts,
-                                          double until) {
-    for (const ImageSighting& sighting : films_.sightings) {
-      const bool used = !sighting.reduced.held_out && sighting.reduced.view.time <= until;
-      if (used) parts.sightings.push_back(sighting.reduced);
-    }
-    fit::ImageProblem result(*model_, parameters_at(values_), std::move(parts), blur);
-    result.set_plan(plan_);
-    result.simulated = [this](int count) {
+  [[nodiscard]] fit::ImageProblem watched(fit::ImageProblem problem) {
+    problem.simulated = [this](int count) {
       // How many there will be is not known: half of what is left with every forty.
-      const double part = 1.0 - std::exp2(-double(simulated_ + count) / 40.0);
+      const double part = 1.0 - std::exp2(-double(state_.evaluations + count) / 40.0);
       say("Fitting", 0.9 * kImageFitShare * part);
     };
-    return result;
+    return problem;
+  }
+
+  void pass(ImagePhase phase) {
+    switch (phase) {
+      case ImagePhase::kPosesWide:
+        find_poses(kWide);
+        break;
+      case ImagePhase::kPosesNarrow:
+        find_poses(kNarrow);
+        break;
+      case ImagePhase::kScan:
+        learn_colours();
+        scan();
+        break;
+      case ImagePhase::kWide:
+        search(kWide, "wide");
+        if (scene_->moves_cameras()) settle_sizes();
+        learn_colours();
+        break;
+      case ImagePhase::kNarrow:
+        search(kNarrow, "narrow");
+        break;
+      case ImagePhase::kDone:
+        break;
+    }
+  }
+
+  void save() {
+    state_.seconds += seconds_since(started_);
+    started_ = Clock::now();
+    write_history(job_.output.folder, state_.history);
+    write_file(job_.output.folder / kFitCheckpointPath, format_image_fit_state(state_));
   }
 
   /// Poses of cameras from the images at the scene's first frame: nothing has moved there, so they
   /// tell of poses and of where the bodies stand alone, and cost no simulation.
-  void find_poses() {
-    const bool any = std::any_of(
-        films_.sightings.begin(), films_.sightings.end(), [](const ImageSighting& sighting) {
-          return !sighting.reduced.held_out && sighting.reduced.view.time == 0.0;
-        });
-    if (!any || !moves_cameras()) return;
-    for (const double blur : {kWide, kNarrow}) {
-      fit::ImageProblem::Parts parts;
-      parts.window.until.assign(runs().size(), -1.0);
-      search(problem(blur, std::move(parts), 0.0), "poses");
-      settle_sizes();
-    }
+  void find_poses(double blur) {
+    if (!scene_->sees_first_frame() || !scene_->moves_cameras()) return;
+    search(watched(scene_->first_frame(state_.values, blur)), "poses");
+    settle_sizes();
   }
 
   /// Starts of stiffness that nothing is known of: the best of some factors off the scene's.
   void scan() {
     fit::ImageProblem at = problem(kWide);
-    for (std::size_t k = 0; k < values_.size(); ++k) {
-      const fit::Address& path = parameters_->path(k);
+    for (std::size_t k = 0; k < state_.values.size(); ++k) {
+      const fit::Address& path = scene_->parameters().path(k);
       const bool given = std::any_of(doc_.parameters.begin(), doc_.parameters.end(),
                                      [&](const fit::ParameterSpec& spec) {
                                        return !spec.start.empty() && spec.path.same_number(path);
                                      });
       if (!path.quantity->scanned || given) continue;
-      const fit::Parameter& parameter = parameters_->parameters()[k];
-      std::vector<std::vector<double>> tried{values_};
+      const fit::Parameter& parameter = scene_->parameters().parameters()[k];
+      std::vector<std::vector<double>> tried{state_.values};
       for (const double factor : kScan) {
-        const double value = values_[k] * factor;
+        const double value = state_.values[k] * factor;
         if (value <= parameter.low || value >= parameter.high) continue;
-        tried.push_back(values_);
+        tried.push_back(state_.values);
         tried.back()[k] = value;
       }
       std::vector<Eigen::VectorXd> points;
@@ -247,32 +226,41 @@ class ImageFit {
       for (std::size_t i = 0; i < tried.size(); ++i) {
         if (!residuals[i] || !(residuals[i]->squaredNorm() < best)) continue;
         best = residuals[i]->squaredNorm();
-        values_ = tried[i];
+        state_.values = tried[i];
       }
-      simulated_ += static_cast<int>(tried.size());
+      state_.evaluations += static_cast<int>(tried.size());
     }
   }
 
   [[nodiscard]] Eigen::VectorXd natural(const std::vector<double>& values) const {
     Eigen::VectorXd point(Eigen::Index(values.size()));
     for (std::size_t k = 0; k < values.size(); ++k) {
-      point[Eigen::Index(k)] = fit::to_natural(parameters_->parameters()[k].coordinate, values[k]);
+      point[Eigen::Index(k)] =
+          fit::to_natural(scene_->parameters().parameters()[k].coordinate, values[k]);
     }
     return point;
   }
 
+  [[nodiscard]] std::vector<fit::Parameter> starting_parameters() const {
+    std::vector<fit::Parameter> parameters = scene_->parameters().parameters();
+    for (std::size_t k = 0; k < parameters.size(); ++k) parameters[k].start = state_.values[k];
+    return parameters;
+  }
+
   /// Refines the plan as the values now need it; residuals are then not quite the same.
-  void settle(fit::ImageProblem& at) {
+  void settle(fit::ImageProblem& at, fit::LeastSquaresState& search) {
     fit::StepPlan plan = at.plan();
-    model_->settle(plan, at.physical(state_.point), at.plan().refinements);
+    scene_->model().settle(plan, at.physical(search.point), at.plan().refinements);
+    state_.refinements = plan.refinements;
     if (plan.refinements == at.plan().refinements) return;
     at.set_plan(std::move(plan));
-    state_.residual.resize(0);
-    state_.forget_slopes();
+    search.residual.resize(0);
+    search.forget_slopes();
   }
 
   void search(double blur, const char* stage) {
-    settle_steps();
+    // A search that is taken up has its substeps.
+    if (!state_.search) settle_steps();
     search(problem(blur), stage);
   }
 
@@ -280,104 +268,53 @@ class ImageFit {
     fit::LeastSquaresOptions options;
     options.huber = doc_.huber;
     options.iterations = doc_.iterations;
-    search_.emplace(parameters_at(values_), options);
-    state_ = search_->start();
-    while (!state_.finished) {
-      settle(at);
+    search_.emplace(starting_parameters(), options);
+    if (state_.search) {
+      fit::StepPlan plan = at.plan();
+      if (state_.refinements.size() == plan.refinements.size()) {
+        plan.refinements = state_.refinements;
+        at.set_plan(std::move(plan));
+      }
+    } else {
+      state_.search = search_->start();
+    }
+    fit::LeastSquaresState& search = *state_.search;
+    while (!search.finished) {
+      settle(at, search);
       try {
-        search_->iterate(at, state_);
+        search_->iterate(at, search);
       } catch (const Error& error) {
         if (error.kind() != ErrorKind::kCompute || at.failure().empty()) throw;
         throw_compute(std::string(error.what()) + " " + at.failure());
       }
-      history_.push_back({{"stage", stage},
-                          {"iteration", state_.iteration},
-                          {"cost", state_.cost},
-                          {"values", at.physical(state_.point)}});
+      state_.history.push_back({{"stage", stage},
+                                {"iteration", search.iteration},
+                                {"cost", search.cost},
+                                {"values", at.physical(search.point)}});
+      save();
     }
-    values_ = at.physical(state_.point);
-    simulated_ += state_.evaluations;
-    iterations_ += state_.iteration;
+    state_.values = at.physical(search.point);
+    state_.evaluations += search.evaluations;
+    state_.iterations += search.iteration;
   }
 
   [[nodiscard]] fit::Uncertainty uncertainty() {
     fit::ImageProblem at = problem(kNarrow);
-    settle(at);
-    search_->linearise(at, state_);
-    misfit_ = at.misfit(state_.residual);
+    // Taken up after the last search.
+    if (!search_) search_.emplace(starting_parameters(), fit::LeastSquaresOptions{});
+    settle(at, *state_.search);
+    search_->linearise(at, *state_.search);
+    misfit_ = at.misfit(state_.search->residual);
     // Without Huber's bound, which is one of residuals that are not counted yet.
-    return fit::uncertainty(search_->parameters(), at.as_counted(state_),
-                            at.effective(state_.residual), 0.0, at.blocks());
+    return fit::uncertainty(search_->parameters(), at.as_counted(*state_.search),
+                            at.effective(state_.search->residual), 0.0, at.blocks());
   }
 
-  /// At the present values: of all images, in their own pixels, and of all tracks.
-  [[nodiscard]] Standing standing() {
-    const std::vector<ImageSighting>& sightings = films_.sightings;
-    std::vector<fit::Agreement> agreements(sightings.size());
-    fit::Filming filming;
-    for (const ImageSighting& sighting : sightings) {
-      filming.views.push_back(sighting.reduced.view);
-      filming.views.back().camera = sighting.camera;
-    }
-    filming.see = [&](std::size_t, std::size_t v, const fit::Drawn& image) {
-      const ImageSighting& sighting = sightings[v];
-      std::vector<float> ours = image.mask;
-      for (std::size_t i = 0; i < sighting.seen.size(); ++i) {
-        if (sighting.seen[i] == 0) ours[i] = 0.0F;
-      }
-      agreements[v] =
-          fit::agreement(ours, sighting.matte, sighting.camera.width, sighting.camera.height);
-    };
-    fit::Scope scope = fit::whole_scope(runs());
-    scope.until.front() = std::max(scope.until.front(), filming.until());
-    scope.filming = &filming;
-    scope.plan = &plan_;
-    const fit::Evaluation evaluation = model_->evaluate({values_}, scope);
-    Standing standing;
-    if (!evaluation.outcomes.front()) return standing;
-    standing.silhouettes = silhouettes_json(sightings, agreements);
-    standing.cameras = cameras_json(films_, agreements);
-    if (!job_.captures.empty()) {
-      standing.tracks = errors_of(runs(), *model_, doc_.loss, *evaluation.outcomes.front()).json();
-    }
-    return standing;
-  }
-
-  /// In words, for who sees no numbers of it elsewhere.
-  static std::string outlines_text(const Json& before, const Json& after) {
-    std::string text;
-    for (const char* key : {"fitted", "held_out"}) {
-      if (!before.at(key).is_object() || !after.at(key).is_object()) continue;
-      text += fmt::format("{}{}: IoU {:.3f} → {:.3f}", text.empty() ? "Outlines, " : "; ",
-                          std::string(key) == "fitted" ? "fitted images" : "held-out images",
-                          before.at(key).at("iou").get<double>(),
-                          after.at(key).at("iou").get<double>());
-      const Json& pixels = after.at(key).at("contour_px");
-      if (pixels.is_number()) text += fmt::format(", {:.2f} pixels apart", pixels.get<double>());
-    }
-    return text + ".";
-  }
-
-  /// Where one kind of recording is missed by far more of its noise than the other it is given too
-  /// much weight.
-  [[nodiscard]] std::string weights_text() const {
-    constexpr double kApart = 3.0;
-    const double images = std::sqrt(misfit_.images);
-    const double tracks = std::sqrt(misfit_.tracks);
-    const bool apart = std::max(images, tracks) > kApart * std::max(1.0, std::min(images, tracks));
-    if (!has_tracks_ || !apart) return "";
-    return fmt::format(
-        "The images are missed by {:.2g} times their noise, the tracks by {:.2g} times theirs: the "
-        "{} count for too much. Give their captures a larger 'noise', or look for what they show "
-        "and the scene lacks.",
-        images, tracks, images > tracks ? "images" : "tracks");
-  }
-
-  [[nodiscard]] Json fit_json(const fit::Uncertainty& known, const Standing& before,
-                              const Standing& after, double seconds) {
+  [[nodiscard]] Json fit_json(const fit::Uncertainty& known, const ImageStanding& after) {
     std::vector<std::string> statements = statements_;
-    statements.push_back(outlines_text(before.silhouettes, after.silhouettes));
-    if (const std::string text = weights_text(); !text.empty()) statements.push_back(text);
+    statements.push_back(outlines_text(state_.before.at("silhouettes"), after.silhouettes));
+    const std::string weights = scene_->has_tracks() ? weights_text(misfit_) : "";
+    if (!weights.empty()) statements.push_back(weights);
     for (const fit::Estimate& estimate : known.estimates) {
       if (!estimate.statement.empty()) statements.push_back(estimate.statement);
     }
@@ -386,27 +323,29 @@ class ImageFit {
     const auto scale = [](double square) {
       return std::isfinite(square) ? Json(std::sqrt(square)) : Json();
     };
-    Json json = {{"law", material::traits(body.material.law).name},
-                 {"converged", state_.converged},
-                 {"reason", state_.reason},
-                 {"loss", std::string("silhouette") +
-                              (has_tracks_ ? " and " + std::string(loss_name(doc_.loss)) : "")},
-                 {"iterations", iterations_},
-                 {"evaluations", simulated_},
-                 {"seconds", seconds},
-                 {"parameters", parameters_json(parameters_->parameters(), values_, known)},
-                 {"correlation", correlation_json(known)},
-                 {"noise_scale", known.noise_scale},
-                 {"noise_scales",
-                  {{"images", scale(misfit_.images)},
-                   {"colours", scale(misfit_.colours)},
-                   {"tracks", scale(misfit_.tracks)}}},
-                 {"statements", statements},
-                 {"before", before.tracks},
-                 {"after", after.tracks},
-                 {"silhouettes", {{"before", before.silhouettes}, {"after", after.silhouettes}}},
-                 {"cameras", after.cameras},
-                 {"history", history_}};
+    Json json = {
+        {"law", material::traits(body.material.law).name},
+        {"converged", state_.search->converged},
+        {"reason", state_.search->reason},
+        {"loss", std::string("silhouette") +
+                     (scene_->has_tracks() ? " and " + std::string(loss_name(doc_.loss)) : "")},
+        {"iterations", state_.iterations},
+        {"evaluations", state_.evaluations},
+        {"seconds", state_.seconds},
+        {"parameters", parameters_json(scene_->parameters().parameters(), state_.values, known)},
+        {"correlation", correlation_json(known)},
+        {"noise_scale", known.noise_scale},
+        {"noise_scales",
+         {{"images", scale(misfit_.images)},
+          {"colours", scale(misfit_.colours)},
+          {"tracks", scale(misfit_.tracks)}}},
+        {"statements", statements},
+        {"before", state_.before.at("tracks")},
+        {"after", after.tracks},
+        {"silhouettes",
+         {{"before", state_.before.at("silhouettes")}, {"after", after.silhouettes}}},
+        {"cameras", after.cameras},
+        {"history", state_.history}};
     json["warning"] = fit_warning(json, false);
     const std::string held_out = held_out_warning(after.tracks);
     if (!held_out.empty()) {
@@ -426,13 +365,17 @@ class ImageFit {
     extras.task = task_name(Task::kFit);
     extras.begin = kImageFitShare;
     extras.clouds = doc_.loss != FitDoc::Loss::kTracks;
+    extras.kept = {kFittedPath, kFitHistoryPath};
     extras.finish = [&](Json& result) {
       result["fit"] = fit;
-      return write_materials(job_.output.folder, scene,
-                             fitted_bodies(doc_, scene.scene.bodies.front().name), fit);
+      std::vector<std::string> files = write_materials(
+          job_.output.folder, scene, fitted_bodies(doc_, scene.scene.bodies.front().name), fit);
+      files.insert(files.end(), {kFittedPath, kFitHistoryPath});
+      return files;
     };
     RunOptions options = options_;
     if (options.restart == Restart::kNever) options.restart = Restart::kWhereChanged;
+    lock_.reset();  // the run takes it again
     return run_scenes(fitted, options, interrupter_, extras);
   }
 
@@ -440,23 +383,15 @@ class ImageFit {
   const FitDoc& doc_;
   RunOptions options_;
   Interrupter& interrupter_;
-  LoadedExperiment loaded_;
   std::vector<std::string> statements_;
-  LoadedFilms films_;
-  bool has_tracks_ = false;  ///< that are fitted
-  fit::Window window_;       ///< of the tracks
-  std::optional<fit::Parameters> parameters_;
-  std::unique_ptr<fit::Model> model_;
-  std::optional<fit::CaptureProblem> tracks_;
-  std::optional<fit::ParticleColours> colours_;
-  fit::StepPlan plan_;
-  std::vector<double> values_;
+  std::optional<ImageExperiment> scene_;
   std::optional<fit::LeastSquares> search_;
-  fit::LeastSquaresState state_;
   fit::ImageProblem::Misfit misfit_;
-  std::vector<Json> history_;
-  int simulated_ = 0;
-  int iterations_ = 0;
+  Inputs inputs_;
+  ImageFitState state_;
+  bool resumed_ = false;
+  std::optional<FolderLock> lock_;
+  Clock::time_point started_;
 };
 
 }  // namespace

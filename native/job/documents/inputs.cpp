@@ -9,7 +9,9 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/hash.hpp"
+#include "capture/image_clip.hpp"
 #include "capture/tracks.hpp"
+#include "job/documents/images_document.hpp"
 #include "job/documents/neural_starts.hpp"
 #include "job/fit_sources.hpp"
 #include "job/solver_sources.hpp"
@@ -122,6 +124,14 @@ Inputs fit_inputs(const Job& job, mpm::SimdTarget target) {
     }
     capture["tracks"] = "content " + content.hex();
     flattening.add(capture, "captures[" + std::to_string(i) + "]", "");
+  }
+  for (const ImagesDoc& images : images_of(job)) {
+    flattening.add(job.document.at("captures").at(images.place), images.path, "");
+    Hasher content;
+    for (const fs::path& file : capture::image_clip_files(images.cameras, images.options)) {
+      content.add(fs::is_regular_file(file) ? file_hash(file) : "not there");
+    }
+    flattening.inputs[images.path + ".content"] = "content " + content.hex();
   }
   flattening.add(job.document.at("fit"), "fit", "");
   inputs.insert(flattening.inputs.begin(), flattening.inputs.end());

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/image_experiment.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "base/error.hpp"
+#include "fit/model/particle_sizes.hpp"
+#include "job/documents/inputs.hpp"
+#include "job/fit_report.hpp"
+#include "job/run/build_scene.hpp"
+
+namespace matterfit::job {
+namespace {
+
+bool is_of_camera(const fit::Address& path) { return path.quantity->path.starts_with("poses"); }
+
+}  // namespace
+
+ImageExperiment::ImageExperiment(const Job& job, const FitDoc& fit, const RunOptions& options,
+                                 const Interrupter& interrupter,
+                                 std::vector<std::string>& statements)
+    : job_(job), doc_(fit), interrupter_(interrupter) {
+  loaded_ = job.captures.empty() ? unread_experiment(job) : load_experiment(job, statements, true);
+  Arena arena(options.threads);
+  std::vector<mpm::Scene> scenes;
+  for (const fit::Run& run : runs()) scenes.push_back(run.build(1.0, arena, interrupter));
+  has_tracks_ =
+      std::any_of(runs().begin(), runs().end(), [](const fit::Run& run) { return run.fitted; });
+  films_ = load_films(job, scenes.front(), has_tracks_, statements, interrupter);
+  settle_captures(loaded_.experiment, scenes, arena, statements);
+  window_ = fit::growing_windows(runs(), false).back();
+  runs().front().films = films_.films;
+  runs().front().fitted = true;
+  parameters_.emplace(with_poses(job, films_, doc_.parameters), runs(), scenes);
+  fit::Model::Options given;
+  given.loss = doc_.loss;
+  given.target = resolve_target(options.target);
+  given.threads = options.threads;
+  given.memory_limit_gb = job.scene.solver.memory_limit_gb;
+  model_ =
+      std::make_unique<fit::Model>(runs(), std::move(scenes), *parameters_, given, interrupter);
+  if (has_tracks_) {
+    tracks_.emplace(*model_, runs(), parameters_->parameters(), doc_.loss, window_,
+                    fit::used_samples(runs()));
+  }
+}
+
+bool ImageExperiment::moves_cameras() const {
+  for (std::size_t k = 0; k < parameters_->size(); ++k) {
+    if (is_of_camera(parameters_->path(k))) return true;
+  }
+  return false;
+}
+
+std::vector<std::vector<std::uint8_t>> ImageExperiment::moved_cameras() const {
+  std::vector<std::vector<std::uint8_t>> moved;
+  for (const fit::Film& film : films_.films) {
+    std::vector<std::uint8_t>& of = moved.emplace_back(film.viewing.poses.size(), 0);
+    for (std::size_t k = 0; k < parameters_->size(); ++k) {
+      const fit::Address& path = parameters_->path(k);
+      if (path.owner == film.name && is_of_camera(path)) of[path.index] = 1;
+    }
+  }
+  return moved;
+}
+
+void ImageExperiment::settle_steps(const std::vector<double>& values) {
+  double until = 0.0;
+  for (const ImageSighting& sighting : films_.sightings) {
+    if (!sighting.reduced.held_out) until = std::max(until, sighting.reduced.view.time);
+  }
+  fit::Scope scope;
+  scope.until = window_.until;
+  scope.until.front() = std::max(scope.until.front(), until);
+  const fit::Evaluation evaluation = model_->evaluate({values}, scope);
+  if (!evaluation.outcomes.front()) {
+    if (evaluation.failure.by_input) throw_input(evaluation.failure.message);
+    throw_compute(evaluation.failure.message);
+  }
+  plan_ = model_->plan_of(values, *evaluation.outcomes.front());
+}
+
+void ImageExperiment::settle_sizes(const std::vector<double>& values) {
+  std::vector<fit::Sighting> reduced;
+  reduced.reserve(films_.sightings.size());
+  for (const ImageSighting& sighting : films_.sightings) reduced.push_back(sighting.reduced);
+  fit::settle_sizes(*model_, values, films_.paths, moved_cameras(), reduced);
+  for (std::size_t k = 0; k < reduced.size(); ++k) {
+    films_.sightings[k].reduced.view.size = reduced[k].view.size;
+  }
+}
+
+bool ImageExperiment::learn_colours(const std::vector<double>& values) {
+  std::vector<fit::Sighting> reduced;
+  for (const ImageSighting& sighting : films_.sightings) {
+    const bool tells = sighting.reduced.has_colours() && !sighting.reduced.held_out;
+    if (tells) reduced.push_back(sighting.reduced);
+  }
+  if (reduced.empty()) return false;
+  colours_ = fit::learn_colours(*model_, values, reduced, interrupter_);
+  return true;
+}
+
+fit::ImageProblem ImageExperiment::problem(const std::vector<double>& values, double blur) {
+  fit::ImageProblem::Parts parts;
+  parts.tracks = tracks_ ? &*tracks_ : nullptr;
+  parts.window = window_;
+  parts.colours = colours_ ? &*colours_ : nullptr;
+  return problem(values, blur, std::move(parts), std::numeric_limits<double>::infinity());
+}
+
+fit::ImageProblem ImageExperiment::first_frame(const std::vector<double>& values, double blur) {
+  fit::ImageProblem::Parts parts;
+  parts.window.until.assign(runs().size(), -1.0);
+  return problem(values, blur, std::move(parts), 0.0);
+}
+
+bool ImageExperiment::sees_first_frame() const {
+  return std::ranges::any_of(films_.sightings, [](const ImageSighting& sighting) {
+    return !sighting.reduced.held_out && sighting.reduced.view.time == 0.0;
+  });
+}
+
+fit::ImageProblem ImageExperiment::problem(const std::vector<double>& values, double blur,
+                                           fit::ImageProblem::Parts parts, double until) {
+  for (const ImageSighting& sighting : films_.sightings) {
+    const bool used = !sighting.reduced.held_out && sighting.reduced.view.time <= until;
+    if (used) parts.sightings.push_back(sighting.reduced);
+  }
+  std::vector<fit::Parameter> from = parameters_->parameters();
+  for (std::size_t k = 0; k < values.size(); ++k) from[k].start = values[k];
+  fit::ImageProblem result(*model_, std::move(from), std::move(parts), blur);
+  result.set_plan(plan_);
+  return result;
+}
+
+ImageStanding ImageExperiment::standing(const std::vector<double>& values) {
+  const std::vector<ImageSighting>& sightings = films_.sightings;
+  std::vector<fit::Agreement> agreements(sightings.size());
+  fit::Filming filming;
+  for (const ImageSighting& sighting : sightings) {
+    filming.views.push_back(sighting.reduced.view);
+    filming.views.back().camera = sighting.camera;
+  }
+  filming.see = [&](std::size_t, std::size_t v, const fit::Drawn& image) {
+    const ImageSighting& sighting = sightings[v];
+    std::vector<float> ours = image.mask;
+    for (std::size_t i = 0; i < sighting.seen.size(); ++i) {
+      if (sighting.seen[i] == 0) ours[i] = 0.0F;
+    }
+    agreements[v] =
+        fit::agreement(ours, sighting.matte, sighting.camera.width, sighting.camera.height);
+  };
+  fit::Scope scope = fit::whole_scope(runs());
+  scope.until.front() = std::max(scope.until.front(), filming.until());
+  scope.filming = &filming;
+  scope.plan = &plan_;
+  const fit::Evaluation evaluation = model_->evaluate({values}, scope);
+  ImageStanding standing;
+  if (!evaluation.outcomes.front()) return standing;
+  standing.silhouettes = silhouettes_json(sightings, agreements);
+  standing.cameras = cameras_json(films_, agreements);
+  if (!job_.captures.empty()) {
+    standing.tracks = errors_of(runs(), *model_, doc_.loss, *evaluation.outcomes.front()).json();
+  }
+  return standing;
+}
+
+}  // namespace matterfit::job

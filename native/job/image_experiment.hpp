@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/interrupter.hpp"
+#include "fit/model/image_problem.hpp"
+#include "fit/model/model.hpp"
+#include "fit/model/particle_colours.hpp"
+#include "job/documents/document.hpp"
+#include "job/documents/fit_document.hpp"
+#include "job/fit_experiment.hpp"
+#include "job/image_sightings.hpp"
+#include "job/run/run_options.hpp"
+
+namespace matterfit::job {
+
+/// How well a simulation agrees with images and tracks.
+struct ImageStanding {
+  Json silhouettes = {{"fitted", nullptr}, {"held_out", nullptr}};
+  Json cameras = Json::array();
+  Json tracks = {{"fitted", nullptr}, {"held_out", nullptr}};
+};
+
+/// A job's images and, where it has any, tracks, with the scenes that are to explain them. Values
+/// are physical, one a parameter. Throws as a fit does.
+class ImageExperiment {
+ public:
+  /// Reads everything and fills the bodies. What is odd goes into `statements`.
+  ImageExperiment(const Job& job, const FitDoc& fit, const RunOptions& options,
+                  const Interrupter& interrupter, std::vector<std::string>& statements);
+  ImageExperiment(const ImageExperiment&) = delete;
+  ImageExperiment& operator=(const ImageExperiment&) = delete;
+
+  [[nodiscard]] const LoadedExperiment& loaded() const { return loaded_; }
+  [[nodiscard]] const LoadedFilms& films() const { return films_; }
+  [[nodiscard]] bool has_tracks() const { return has_tracks_; }  ///< that are fitted
+  [[nodiscard]] const fit::Parameters& parameters() const { return *parameters_; }
+  [[nodiscard]] fit::Model& model() { return *model_; }
+  /// Whether the pose of a camera is among the parameters.
+  [[nodiscard]] bool moves_cameras() const;
+
+  /// From here on every run takes the substeps that the solver chooses at these values.
+  void settle_steps(const std::vector<double>& values);
+  /// Chooses how large particles are drawn, as they stand at these values.
+  void settle_sizes(const std::vector<double>& values);
+  /// Of the particles, from the images at the scene's first frame as these values have them. False:
+  /// no image tells any.
+  bool learn_colours(const std::vector<double>& values);
+
+  /// Of all that is fitted, from these values on, images blurred [reduced pixels].
+  [[nodiscard]] fit::ImageProblem problem(const std::vector<double>& values, double blur);
+  /// The same of images at the scene's first frame alone, which cost no simulation.
+  [[nodiscard]] fit::ImageProblem first_frame(const std::vector<double>& values, double blur);
+  /// Whether an image of that frame is fitted.
+  [[nodiscard]] bool sees_first_frame() const;
+
+  /// Of all images, in their own pixels, and of all tracks, held-out ones too.
+  [[nodiscard]] ImageStanding standing(const std::vector<double>& values);
+
+ private:
+  [[nodiscard]] std::vector<fit::Run>& runs() { return loaded_.experiment.runs; }
+  [[nodiscard]] std::vector<std::vector<std::uint8_t>> moved_cameras() const;
+  [[nodiscard]] fit::ImageProblem problem(const std::vector<double>& values, double blur,
+                                          fit::ImageProblem::Parts parts, double until);
+
+  const Job& job_;
+  const FitDoc& doc_;
+  const Interrupter& interrupter_;
+  LoadedExperiment loaded_;
+  LoadedFilms films_;
+  bool has_tracks_ = false;
+  fit::Window window_;  ///< of the tracks
+  std::optional<fit::Parameters> parameters_;
+  std::unique_ptr<fit::Model> model_;
+  std::optional<fit::CaptureProblem> tracks_;
+  std::optional<fit::ParticleColours> colours_;
+  fit::StepPlan plan_;
+};
+
+}  // namespace matterfit::job

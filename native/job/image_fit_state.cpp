@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/image_fit_state.hpp"
+
+#include "base/file.hpp"
+#include "base/hash.hpp"
+#include "job/fit_state.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr const char* kImageSchema = "matterfit.image-fit-checkpoint/1";
+
+std::string exact_text(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace
+
+std::string format_image_fit_state(const ImageFitState& state) {
+  Json body = {{"inputs", state.inputs},           {"phase", static_cast<int>(state.phase)},
+               {"values", state.values},           {"stepped_at", state.stepped_at},
+               {"sized_at", state.sized_at},       {"coloured_at", state.coloured_at},
+               {"refinements", state.refinements}, {"before", state.before},
+               {"history", state.history},         {"evaluations", state.evaluations},
+               {"iterations", state.iterations},   {"seconds", state.seconds}};
+  if (state.search) body["search"] = search_json(*state.search);
+  const Json file = {{"schema", kImageSchema},
+                     {"input_hash", state.input_hash},
+                     {"hash", hash_hex(exact_text(body))},
+                     {"state", body}};
+  return exact_text(file) + "\n";
+}
+
+std::optional<ImageFitState> read_image_fit_state(const std::filesystem::path& folder) {
+  if (!std::filesystem::exists(folder / kFitCheckpointPath)) return std::nullopt;
+  const auto bytes = read_file(folder / kFitCheckpointPath);
+  const Json file =
+      Json::parse(reinterpret_cast<const char*>(bytes.data()),
+                  reinterpret_cast<const char*>(bytes.data()) + bytes.size(), nullptr, false);
+  try {
+    if (file.at("schema") != kImageSchema ||
+        file.at("hash") != hash_hex(exact_text(file.at("state")))) {
+      return std::nullopt;
+    }
+    const Json& json = file.at("state");
+    ImageFitState state;
+    file.at("input_hash").get_to(state.input_hash);
+    json.at("inputs").get_to(state.inputs);
+    const int phase = json.at("phase").get<int>();
+    if (phase < 0 || phase > static_cast<int>(ImagePhase::kDone)) return std::nullopt;
+    state.phase = static_cast<ImagePhase>(phase);
+    json.at("values").get_to(state.values);
+    json.at("stepped_at").get_to(state.stepped_at);
+    json.at("sized_at").get_to(state.sized_at);
+    json.at("coloured_at").get_to(state.coloured_at);
+    json.at("refinements").get_to(state.refinements);
+    state.before = json.at("before");
+    state.history = json.at("history").get<std::vector<Json>>();
+    json.at("evaluations").get_to(state.evaluations);
+    json.at("iterations").get_to(state.iterations);
+    json.at("seconds").get_to(state.seconds);
+    if (json.contains("search")) state.search = search_of(json.at("search"));
+    return state;
+  } catch (const Json::exception&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace matterfit::job

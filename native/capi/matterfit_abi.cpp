@@ -21,7 +21,6 @@
 #include "job/run_job.hpp"
 
 using matterfit::Error;
-using matterfit::ErrorKind;
 namespace job = matterfit::job;
 
 struct mf_job {

@@ -20,11 +20,14 @@ class BounceModel : public HiddenModel {
     Capture capture;
     capture.name = "bounces";
     for (int f = 0; f < 40; ++f) capture.times.push_back(f / 48.0);
-    for (int i = 0; i < 12; ++i) {
-      capture.rest.emplace_back(0.05 * (i % 4), 0.04 * double(i / 4), 0.01 * (i % 3));
+    for (int row = 0; row < 3; ++row) {
+      for (int i = 0; i < 4; ++i) {
+        capture.rest.emplace_back(0.05 * i, 0.04 * row, 0.01 * ((row + i) % 3));
+      }
     }
     capture.use.assign(std::size_t(capture.samples()), Use::kUsed);
-    for (std::size_t s = 30 * 12; s < capture.use.size(); ++s) capture.use[s] = Use::kHeldOut;
+    const std::size_t later = 30 * capture.rest.size();
+    for (std::size_t s = later; s < capture.use.size(); ++s) capture.use[s] = Use::kHeldOut;
     capture.noise = 5e-4;
     captures_ = {std::move(capture)};
     const std::array<double, 3> thrown{1.2, 0.3, -0.5};

@@ -147,7 +147,8 @@ class ThrownModel : public HiddenModel {
       capture.name = "throw " + std::to_string(c + 1);
       for (int f = 0; f < frames; ++f) capture.times.push_back(f / 30.0);
       for (int i = 0; i < side * side; ++i) {
-        capture.rest.emplace_back(0.05 * (i % side), 0.04 * double(i / side), 1.0 + 0.01 * (i % 3));
+        const int row = i / side;
+        capture.rest.emplace_back(0.05 * (i % side), 0.04 * row, 1.0 + 0.01 * (i % 3));
       }
       capture.use.assign(std::size_t(capture.samples()), Use::kUsed);
       for (int f = frames * 3 / 4; f < frames; ++f) {
@@ -332,9 +333,9 @@ class ChainModel : public HiddenModel {
       if (name == "damping_shear") viscous = a;
       if (name == "drag_linear") drag = a;
       if (name == "gravity_size") gravity *= 1.0 + a;
-      if (name == "attached_mass") masses[3 * cause.variant] += a;
+      if (name == "attached_mass") masses[Eigen::Index{3} * cause.variant] += a;
       if (name == "stiffness_inclusion") {
-        springs.segment(3 * cause.variant + 1, 2) *= std::exp(a);
+        springs.segment(Eigen::Index{3} * cause.variant + 1, 2) *= std::exp(a);
       }
     }
     Eigen::MatrixXd stiffness = Eigen::MatrixXd::Zero(kNodes, kNodes);

@@ -92,12 +92,12 @@ class Moments {
       // Pivots that are nothing but rounding belong to columns that the others already span.
       const Eigen::LDLT<MatrixXd> factors(gram.topLeftCorner(width, width));
       const VectorXd pivots = factors.vectorD();
-      VectorXd y = factors.transpositionsP() * gram.col(width).head(width);
-      factors.matrixL().solveInPlace(y);
+      const MatrixXd right = factors.transpositionsP() * gram.col(width).head(width);
+      const MatrixXd y = factors.matrixL().solve(right);
       const double least = 1e-9 * pivots.maxCoeff();
       for (Index i = 0; i < width; ++i) {
         if (!(pivots[i] > least)) continue;
-        rest -= y[i] * y[i] / pivots[i];
+        rest -= y(i, 0) * y(i, 0) / pivots[i];
         log_determinant += std::log(pivots[i]);
         rank += 1.0;
       }

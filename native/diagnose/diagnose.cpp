@@ -151,9 +151,7 @@ class Writer {
     cause.gain_low = g.low;
     cause.gain_high = g.high;
     cause.gain_measurable = g.measurable;
-    const double excess = std::max(found_.base.refit.chi_square - found_.base.refit.freedom, 1.0);
-    cause.explained =
-        std::clamp((found_.base.refit.chi_square - trial.refit.chi_square) / excess, 0.0, 1.0);
+    cause.explained = std::clamp(share_of_excess(found_.base.refit, trial.refit), 0.0, 1.0);
   }
 
   void causes() {
@@ -270,8 +268,8 @@ class Writer {
       const bool left = report_.smooth_p_after < options_.smooth_level;
       const Gain& g = found_.best->gain;
       const bool predicts = !g.measurable || g.value >= kPredictsEnough;
-      const bool explains =
-          report_.explained >= kExplainsEnough || share_of_excess() >= kLeavesNothing;
+      const double share = share_of_excess(found_.base.refit, found_.best->refit);
+      const bool explains = report_.explained >= kExplainsEnough || share >= kLeavesNothing;
       if (left && (!explains || !predicts)) {
         report_.verdict = Verdict::kUnknown;
         report_.classes.clear();
@@ -285,13 +283,6 @@ class Writer {
     }
     report_.extended = found_.base.refit.state;
     if (!report_.classes.empty()) report_.extended = found_.best->refit.state;
-  }
-
-  /// Of the base's χ² beyond what noise and solver make, that the best extension takes away.
-  [[nodiscard]] double share_of_excess() const {
-    const Refit& base = found_.base.refit;
-    return (base.chi_square - found_.best->refit.chi_square) /
-           std::max(base.chi_square - base.freedom, 1.0);
   }
 
   void name_causes() {

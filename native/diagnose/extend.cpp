@@ -424,8 +424,7 @@ class Search {
     const double left = knows_the_solver() ? left_if_exact(before) : 0.0;
     const double solver_took = std::max(0.0, left - before.chi_square);
     const double cause_took = knows_the_solver() ? left - left_if_exact(out_.best->refit) : 0.0;
-    const double explained = (before.chi_square - out_.best->refit.chi_square) /
-                             std::max(before.chi_square - before.freedom, 1.0);
+    const double explained = share_of_excess(before, out_.best->refit);
     const bool large =
         explained > kNearlyAll || (looseness_of(before) > kFarOff && explained > kMostly &&
                                    cause_took > kAsTheSolver * solver_took);

@@ -44,10 +44,7 @@ std::optional<State> fitted_before(const Study& study, const Noise& noise, const
   Eigen::MatrixXd h = white.transpose() * white;
   const Eigen::VectorXd known = theta_prior(study.model(), noise.corrections).precision;
   h.diagonal().head(known.size()) += known;
-  h.diagonal() *= 1.0 + 1e-9;
-  h.diagonal().array() += 1e-12 * std::max(h.diagonal().maxCoeff(), 1e-300);
-  const Eigen::VectorXd variance =
-      h.ldlt().solve(Eigen::MatrixXd::Identity(h.cols(), h.cols())).diagonal().cwiseMax(0.0);
+  const Eigen::VectorXd variance = variances_of(std::move(h));
   for (Index p = 0; p < result.theta.size(); ++p) {
     const double scale = study.model().parameters()[std::size_t(p)].scale;
     const double moved = (result.theta[p] - state.theta[p]) / scale;

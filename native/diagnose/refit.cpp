@@ -22,7 +22,7 @@ using Eigen::VectorXd;
 
 constexpr double kFirstDamping = 1e-4;
 constexpr double kMostDamping = 1e6;
-/// What corrections_of() may come to.
+/// Bounds of corrections_of().
 constexpr double kLeastCorrections = 0.5;
 constexpr double kMostCorrections = 8.0;
 
@@ -99,6 +99,13 @@ ThetaPrior theta_prior(const Model& model, double corrections) {
   return prior;
 }
 
+VectorXd variances_of(MatrixXd information) {
+  information.diagonal() *= 1.0 + 1e-9;
+  information.diagonal().array() += 1e-12 * std::max(information.diagonal().maxCoeff(), 1e-300);
+  const Index size = information.rows();
+  return information.ldlt().solve(MatrixXd::Identity(size, size)).diagonal().cwiseMax(0.0);
+}
+
 /// A point of the search: values, and what the data and priors say there.
 struct Refitter::Place {
   State state;
@@ -139,36 +146,30 @@ Refitter::Place Refitter::place(const State& state, double bias, const VectorXd&
   return result;
 }
 
-VectorXd Refitter::correction_squares(const Refit& refit) const {
-  const std::vector<Index> corrections = study_->model().corrections();
-  VectorXd result(Index(corrections.size()));
-  for (Index k = 0; k < result.size(); ++k) {
-    const Index p = corrections[std::size_t(k)];
+double Refitter::correction_squares(const Refit& refit) const {
+  double sum = 0.0;
+  for (const Index p : study_->model().corrections()) {
     const double size = refit.state.theta[p] / study_->model().parameters()[std::size_t(p)].scale;
-    result[k] = size * size;
+    sum += size * size;
   }
-  return result;
+  return sum;
 }
 
 double Refitter::corrections_of(const Refit& refit) const {
   const std::vector<Index> corrections = study_->model().corrections();
   if (corrections.empty()) return 1.0;
   const MatrixXd slopes = residual_slopes(refit.slopes);
-  MatrixXd h = slopes.transpose() * slopes;
-  h.diagonal() *= 1.0 + 1e-9;
-  h.diagonal().array() += 1e-12 * h.diagonal().maxCoeff();
-  const VectorXd variance =
-      h.ldlt().solve(MatrixXd::Identity(h.rows(), h.cols())).diagonal().cwiseMax(0.0);
-  const double sum = correction_squares(refit).sum() + variance(corrections).sum();
+  const VectorXd variance = variances_of(slopes.transpose() * slopes);
+  const double sum = correction_squares(refit) + variance(corrections).sum();
   return std::clamp(std::sqrt(sum / double(corrections.size())), kLeastCorrections,
                     kMostCorrections);
 }
 
 double Refitter::own_corrections(const Refit& refit) const {
   const double own = corrections_of(refit);
-  const VectorXd squares = correction_squares(refit);
-  return squares.sum() * (1.0 / (own * own) - 1.0 / (corrections_ * corrections_)) +
-         2.0 * double(squares.size()) * std::log(own / corrections_);
+  const double count = double(study_->model().corrections().size());
+  return correction_squares(refit) * (1.0 / (own * own) - 1.0 / (corrections_ * corrections_)) +
+         2.0 * count * std::log(own / corrections_);
 }
 
 MatrixXd Refitter::slopes_at(const State& state, const MatrixXd& known) const {

@@ -56,6 +56,9 @@ struct ThetaPrior {
 /// `corrections`: Noise::corrections.
 [[nodiscard]] ThetaPrior theta_prior(const Model& model, double corrections = 1.0);
 
+/// Diagonal of the inverse of an information matrix; what nothing tells comes out large.
+[[nodiscard]] Eigen::VectorXd variances_of(Eigen::MatrixXd information);
+
 /// Refits everything, θ, α and the bias's amplitude, under one covariance.
 class Refitter {
  public:
@@ -75,8 +78,8 @@ class Refitter {
   /// refit to be usual ones (a step of EM from those at work): a cause that explains what they made
   /// up for leaves small ones, and what nothing explains is the solver's. 1 without any.
   [[nodiscard]] double corrections_of(const Refit& refit) const;
-  /// What is to be added to a refit's deviance for its corrections to count by their own deviations
-  /// in place of those at work, which serve all models: −2 ln of the ratio of their priors.
+  /// Term that makes a refit's deviance count its corrections by their own deviations in place of
+  /// those at work, which serve all models: −2 ln of the ratio of their priors.
   [[nodiscard]] double own_corrections(const Refit& refit) const;
   /// Derivative of the prediction by the bias's amplitude, stacked; no rows where there is none.
   [[nodiscard]] const Eigen::VectorXd& bias() const { return bias_; }
@@ -85,11 +88,11 @@ class Refitter {
  private:
   struct Place;
   class Search;
-  /// Squares of a refit's corrections over their stated deviations, one each.
-  [[nodiscard]] Eigen::VectorXd correction_squares(const Refit& refit) const;
+  /// Sum of squares of a refit's corrections over their stated deviations.
+  [[nodiscard]] double correction_squares(const Refit& refit) const;
   [[nodiscard]] Place place(const State& state, double bias, const Eigen::VectorXd& seen) const;
-  /// Those of the model's corrections are taken from `known` where it has any: they are the dearest
-  /// and change least.
+  /// [θ | α] derivatives at a state, in scales. Columns of the model's corrections are taken from
+  /// `known` where it has any: they are the dearest and change least.
   [[nodiscard]] Eigen::MatrixXd slopes_at(const State& state, const Eigen::MatrixXd& known) const;
   [[nodiscard]] Eigen::MatrixXd residual_slopes(const Eigen::MatrixXd& slopes) const;
 

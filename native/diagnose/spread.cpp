@@ -182,7 +182,7 @@ SolverColumns solver_columns(const Rows& rows, const std::vector<Capture>& captu
   constexpr double kOwnPattern = 0.5;
   // Weights of 1, cos πu, … with u the time in the clip; the mean square of a cosine is a half.
   constexpr std::array<double, 4> kTimes = {0.4, 0.6, 0.4, 0.2};
-  // Of 1 and of each coordinate over the body's size, whose mean square is about a fifth.
+  // Weights of 1 and of each coordinate over the body's size, whose mean square is about a fifth.
   constexpr std::array<double, 4> kPlaces = {0.5, 0.8, 0.8, 0.8};
   SolverColumns result;
   const MatrixXd& members = spread.members;

@@ -11,7 +11,8 @@ namespace matterfit::diagnose {
 /// How the solver's own freedom moves the prediction of a state; rows stacked.
 struct Spread {
   Eigen::MatrixXd members;  ///< deviations from the prediction, rows × members [m]
-  /// What one standard deviation of each of Numerics' ways to lump masses moves, rows × ways [m].
+  /// Deviations by one standard deviation of each of Numerics' ways to lump masses, rows × ways
+  /// [m].
   Eigen::MatrixXd lumping;
   Eigen::VectorXd bias;  ///< error at the scene's dx extrapolated from two others; may be empty
 

@@ -24,6 +24,10 @@ constexpr double kAgreement = 2.33;
 
 double looseness_of(const Refit& refit) { return std::max(1.0, refit.chi_square / refit.freedom); }
 
+double share_of_excess(const Refit& base, const Refit& refit) {
+  return (base.chi_square - refit.chi_square) / std::max(base.chi_square - base.freedom, 1.0);
+}
+
 bool excludes(const Trial& good, const Trial& worse) {
   const double looseness = looseness_of(good.refit);
   if (worse.evidence - good.evidence < kExcluded * looseness) return false;

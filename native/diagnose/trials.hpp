@@ -40,6 +40,10 @@ struct Attempt {
 /// χ²/dof, at least 1.
 [[nodiscard]] double looseness_of(const Refit& refit);
 
+/// Share of a base's χ² beyond its freedom that another refit takes away; below 0 where that is
+/// worse.
+[[nodiscard]] double share_of_excess(const Refit& base, const Refit& refit);
+
 /// Whether `worse` is excluded by `good`: 100 : 1 in likelihood, and where even the good model
 /// leaves more than noise, so that likelihoods under that noise mean little, blocks must agree as
 /// well: the mean of ln(χ²_worse/χ²_good) over blocks, each with an error of its own size,

@@ -6,8 +6,8 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "job/documents/manifest.hpp"
+#include "job/fit_checkpoint.hpp"
 #include "job/fit_report.hpp"
-#include "job/fit_state.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -49,11 +49,7 @@ void remove_others(const fs::path& folder, const std::vector<std::string>& files
 
 /// Of a checkpoint, whatever kind of fit it is of; nothing where it is missing or damaged.
 std::optional<Inputs> unfinished_inputs(const fs::path& folder) {
-  const fs::path path = folder / kFitCheckpointPath;
-  if (!fs::exists(path)) return std::nullopt;
-  const auto bytes = read_file(path);
-  const auto* text = reinterpret_cast<const char*>(bytes.data());
-  const Json file = Json::parse(text, text + bytes.size(), nullptr, false);
+  const Json file = read_checkpoint(folder);
   try {
     return file.at("state").at("inputs").get<Inputs>();
   } catch (const Json::exception&) {

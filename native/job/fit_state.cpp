@@ -1,19 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/fit_state.hpp"
 
-#include "base/error.hpp"
-#include "base/file.hpp"
-#include "base/hash.hpp"
+#include "job/fit_checkpoint.hpp"
 
 namespace matterfit::job {
 namespace {
 
 constexpr const char* kSchemaName = "matterfit.fit-checkpoint/1";
-
-/// The shortest text that reads back as the same number: equal values give equal texts.
-std::string dump(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
 
 Json to_json(const Eigen::VectorXd& vector) {
   return std::vector<double>(vector.data(), vector.data() + vector.size());
@@ -195,24 +188,14 @@ std::string format_fit_state(const FitState& state) {
                      {"history", state.history},
                      {"statements", state.statements},
                      {"seconds", state.seconds}};
-  const Json file = {{"schema", kSchemaName},
-                     {"input_hash", state.input_hash},
-                     {"hash", hash_hex(dump(body))},
-                     {"state", body}};
-  return dump(file) + "\n";
+  return format_checkpoint(kSchemaName, state.input_hash, body);
 }
 
 std::optional<FitState> read_fit_state(const std::filesystem::path& folder,
                                        const std::string& input_hash) {
-  if (!std::filesystem::exists(folder / kFitCheckpointPath)) return std::nullopt;
-  const auto bytes = read_file(folder / kFitCheckpointPath);
-  const Json file =
-      Json::parse(reinterpret_cast<const char*>(bytes.data()),
-                  reinterpret_cast<const char*>(bytes.data()) + bytes.size(), nullptr, false);
+  const Json file = read_checkpoint(folder);
   try {
-    if (file.at("schema") != kSchemaName || file.at("hash") != hash_hex(dump(file.at("state")))) {
-      return std::nullopt;
-    }
+    if (!is_checkpoint_of(file, kSchemaName)) return std::nullopt;
     const Json& json = file.at("state");
     FitState state;
     file.at("input_hash").get_to(state.input_hash);

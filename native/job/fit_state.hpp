@@ -10,10 +10,9 @@
 #include "fit/numerics/least_squares.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/documents/json_reader.hpp"
+#include "job/fit_checkpoint.hpp"
 
 namespace matterfit::job {
-
-inline constexpr const char* kFitCheckpointPath = "fit/checkpoint.json";
 
 /// How far a law missed what its stage looks at, some iterations into it.
 struct Standing {

@@ -103,6 +103,13 @@ bool ImageExperiment::learn_colours(const std::vector<double>& values) {
   return true;
 }
 
+std::vector<fit::Parameter> ImageExperiment::parameters_from(
+    const std::vector<double>& values) const {
+  std::vector<fit::Parameter> parameters = parameters_->parameters();
+  for (std::size_t k = 0; k < values.size(); ++k) parameters[k].start = values[k];
+  return parameters;
+}
+
 fit::ImageProblem ImageExperiment::problem(const std::vector<double>& values, double blur) {
   fit::ImageProblem::Parts parts;
   parts.tracks = tracks_ ? &*tracks_ : nullptr;
@@ -129,9 +136,7 @@ fit::ImageProblem ImageExperiment::problem(const std::vector<double>& values, do
     const bool used = !sighting.reduced.held_out && sighting.reduced.view.time <= until;
     if (used) parts.sightings.push_back(sighting.reduced);
   }
-  std::vector<fit::Parameter> from = parameters_->parameters();
-  for (std::size_t k = 0; k < values.size(); ++k) from[k].start = values[k];
-  fit::ImageProblem result(*model_, std::move(from), std::move(parts), blur);
+  fit::ImageProblem result(*model_, parameters_from(values), std::move(parts), blur);
   result.set_plan(plan_);
   return result;
 }

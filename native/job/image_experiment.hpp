@@ -51,6 +51,9 @@ class ImageExperiment {
   /// no image tells any.
   bool learn_colours(const std::vector<double>& values);
 
+  /// The parameters with these values as their starts.
+  [[nodiscard]] std::vector<fit::Parameter> parameters_from(
+      const std::vector<double>& values) const;
   /// Of all that is fitted, from these values on, images blurred [reduced pixels].
   [[nodiscard]] fit::ImageProblem problem(const std::vector<double>& values, double blur);
   /// The same of images at the scene's first frame alone, which cost no simulation.

@@ -50,9 +50,8 @@ class ImageFit {
       throw_input("fit.correction: it is judged by tracks only; leave it out of a fit to images.");
     }
     say("Reading", 0.0);
-    inputs_ = fit_inputs(job_, resolve_target(options_.target));
-    state_.input_hash = hash_inputs(inputs_);
-    state_.inputs = inputs_;
+    state_.inputs = fit_inputs(job_, resolve_target(options_.target));
+    state_.input_hash = hash_inputs(state_.inputs);
     lock_.emplace(job_.output.folder);
     const std::optional<Fitted> fitted = find_start();
     if (fitted) {
@@ -80,7 +79,7 @@ class ImageFit {
     Json document = document_to_simulate(job_, job_.output.folder);
     write_values(scene_->parameters(), state_.values, scene_->loaded().sources, job_, document);
     const Json fit = fit_json(known, after);
-    write_fitted(job_.output.folder, {state_.input_hash, inputs_, document, fit});
+    write_fitted(job_.output.folder, {state_.input_hash, state_.inputs, document, fit});
     // Only now: until then the search would go on from it.
     std::error_code code;
     std::filesystem::remove(job_.output.folder / kFitCheckpointPath, code);
@@ -105,7 +104,7 @@ class ImageFit {
       return std::nullopt;
     }
     if (fitted && fitted->input_hash == state_.input_hash) return fitted;
-    if (options_.restart == Restart::kNever) refuse_what_is_there(folder, inputs_);
+    if (options_.restart == Restart::kNever) refuse_what_is_there(folder, state_.inputs);
     // Cancelled before its first checkpoint a fit must not go on from what it was to replace.
     for (const char* old : {kFitCheckpointPath, kFittedPath}) {
       std::error_code code;
@@ -241,12 +240,6 @@ class ImageFit {
     return point;
   }
 
-  [[nodiscard]] std::vector<fit::Parameter> starting_parameters() const {
-    std::vector<fit::Parameter> parameters = scene_->parameters().parameters();
-    for (std::size_t k = 0; k < parameters.size(); ++k) parameters[k].start = state_.values[k];
-    return parameters;
-  }
-
   /// Refines the plan as the values now need it; residuals are then not quite the same.
   void settle(fit::ImageProblem& at, fit::LeastSquaresState& search) {
     fit::StepPlan plan = at.plan();
@@ -268,7 +261,7 @@ class ImageFit {
     fit::LeastSquaresOptions options;
     options.huber = doc_.huber;
     options.iterations = doc_.iterations;
-    search_.emplace(starting_parameters(), options);
+    search_.emplace(scene_->parameters_from(state_.values), options);
     if (state_.search) {
       fit::StepPlan plan = at.plan();
       if (state_.refinements.size() == plan.refinements.size()) {
@@ -301,7 +294,8 @@ class ImageFit {
   [[nodiscard]] fit::Uncertainty uncertainty() {
     fit::ImageProblem at = problem(kNarrow);
     // Taken up after the last search.
-    if (!search_) search_.emplace(starting_parameters(), fit::LeastSquaresOptions{});
+    if (!search_)
+      search_.emplace(scene_->parameters_from(state_.values), fit::LeastSquaresOptions{});
     settle(at, *state_.search);
     search_->linearise(at, *state_.search);
     misfit_ = at.misfit(state_.search->residual);
@@ -387,7 +381,6 @@ class ImageFit {
   std::optional<ImageExperiment> scene_;
   std::optional<fit::LeastSquares> search_;
   fit::ImageProblem::Misfit misfit_;
-  Inputs inputs_;
   ImageFitState state_;
   bool resumed_ = false;
   std::optional<FolderLock> lock_;

@@ -1,18 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/image_fit_state.hpp"
 
-#include "base/file.hpp"
-#include "base/hash.hpp"
+#include "job/fit_checkpoint.hpp"
 #include "job/fit_state.hpp"
 
 namespace matterfit::job {
 namespace {
 
 constexpr const char* kImageSchema = "matterfit.image-fit-checkpoint/1";
-
-std::string exact_text(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
 
 }  // namespace
 
@@ -24,24 +19,13 @@ std::string format_image_fit_state(const ImageFitState& state) {
                {"history", state.history},         {"evaluations", state.evaluations},
                {"iterations", state.iterations},   {"seconds", state.seconds}};
   if (state.search) body["search"] = search_json(*state.search);
-  const Json file = {{"schema", kImageSchema},
-                     {"input_hash", state.input_hash},
-                     {"hash", hash_hex(exact_text(body))},
-                     {"state", body}};
-  return exact_text(file) + "\n";
+  return format_checkpoint(kImageSchema, state.input_hash, body);
 }
 
 std::optional<ImageFitState> read_image_fit_state(const std::filesystem::path& folder) {
-  if (!std::filesystem::exists(folder / kFitCheckpointPath)) return std::nullopt;
-  const auto bytes = read_file(folder / kFitCheckpointPath);
-  const Json file =
-      Json::parse(reinterpret_cast<const char*>(bytes.data()),
-                  reinterpret_cast<const char*>(bytes.data()) + bytes.size(), nullptr, false);
+  const Json file = read_checkpoint(folder);
   try {
-    if (file.at("schema") != kImageSchema ||
-        file.at("hash") != hash_hex(exact_text(file.at("state")))) {
-      return std::nullopt;
-    }
+    if (!is_checkpoint_of(file, kImageSchema)) return std::nullopt;
     const Json& json = file.at("state");
     ImageFitState state;
     file.at("input_hash").get_to(state.input_hash);

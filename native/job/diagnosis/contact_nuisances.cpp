@@ -85,6 +85,12 @@ ContactNuisances::ContactNuisances(const std::vector<ContactRun>& runs,
   }
 }
 
+ContactNuisances::Change ContactNuisances::change_after(std::span<const double> values,
+                                                        std::size_t impact) const {
+  const double* at = values.data() + of_grounds_ + kNumbersOfImpact * impact;
+  return {Vec3d(at[0], at[1], at[2]), Vec3d(at[3], at[4], at[5])};
+}
+
 void ContactNuisances::set_grounds(std::span<const double> values, mpm::Scene& scene) const {
   std::size_t next = 0;
   for (const Ground& ground : grounds_) {
@@ -125,9 +131,9 @@ std::string ContactNuisances::left_out(std::span<const double> values) const {
   double speed = 0.0;
   double turn = 0.0;
   for (std::size_t k = 0; k < impacts_.size(); ++k) {
-    const double* at = values.data() + of_grounds_ + kNumbersOfImpact * k;
-    speed = std::max(speed, Vec3d(at[0], at[1], at[2]).norm());
-    turn = std::max(turn, Vec3d(at[3], at[4], at[5]).norm());
+    const Change change = change_after(values, k);
+    speed = std::max(speed, change.velocity.norm());
+    turn = std::max(turn, change.spin.norm());
   }
   return fmt::format(
       "After {} impacts the simulation was set right, by {:.2g} m/s and {:.2g} rad/s at most; the "
@@ -140,9 +146,8 @@ void ContactNuisances::add_impacts(std::span<const double> values, std::size_t r
   for (std::size_t k = 0; k < impacts_.size(); ++k) {
     const Impact& impact = impacts_[k];
     if (impact.run != run) continue;
-    const double* at = values.data() + of_grounds_ + kNumbersOfImpact * k;
-    scene.nudges.push_back(
-        {impact.body, impact.frame, Vec3d(at[0], at[1], at[2]), Vec3d(at[3], at[4], at[5])});
+    const Change change = change_after(values, k);
+    scene.nudges.push_back({impact.body, impact.frame, change.velocity, change.spin});
   }
 }
 

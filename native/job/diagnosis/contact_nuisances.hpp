@@ -52,6 +52,11 @@ class ContactNuisances {
     bool height = true;
     bool stiffness = true;
   };
+  struct Change {
+    Vec3d velocity;  ///< [m/s]
+    Vec3d spin;      ///< [rad/s]
+  };
+  [[nodiscard]] Change change_after(std::span<const double> values, std::size_t impact) const;
   std::vector<Ground> grounds_;
   std::size_t of_grounds_ = 0;
   std::vector<Impact> impacts_;

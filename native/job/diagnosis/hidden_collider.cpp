@@ -9,6 +9,7 @@
 #include <functional>
 
 #include "job/diagnosis/extent.hpp"
+#include "job/diagnosis/seen_tracks.hpp"
 #include "shape/collider.hpp"
 
 namespace matterfit::job {
@@ -83,17 +84,10 @@ std::vector<diagnose::Number> numbers_of(double size) {
   return numbers;
 }
 
-struct Samples {
-  const diagnose::Capture& capture;
+struct Samples : SeenTracks {
   const Eigen::VectorXd& simulated;
   Index first;  ///< of the capture's rows
 
-  [[nodiscard]] bool used(Index f, Index i) const {
-    return capture.use[static_cast<std::size_t>(f * capture.tracks() + i)] == diagnose::Use::kUsed;
-  }
-  [[nodiscard]] Vec3d measured_at(Index f, Index i) const {
-    return capture.positions.segment<3>(3 * (f * capture.tracks() + i));
-  }
   [[nodiscard]] Vec3d simulated_at(Index f, Index i) const {
     return simulated.segment<3>(first + 3 * (f * capture.tracks() + i));
   }
@@ -124,9 +118,8 @@ std::vector<Missing> missing_accelerations(const Samples& samples, const Vec3d& 
       if (!samples.used(f - 1, i) || !samples.used(f, i) || !samples.used(f + 1, i)) continue;
       const Vec3d simulated = second(samples.simulated_at(f - 1, i), samples.simulated_at(f, i),
                                      samples.simulated_at(f + 1, i));
-      missing.acceleration += second(samples.measured_at(f - 1, i), samples.measured_at(f, i),
-                                     samples.measured_at(f + 1, i)) -
-                              simulated;
+      missing.acceleration +=
+          second(samples.at(f - 1, i), samples.at(f, i), samples.at(f + 1, i)) - simulated;
       own += simulated - gravity;
       count += 1.0;
     }
@@ -150,10 +143,10 @@ Encounter encounter_at(const Samples& samples, const Missing& missing) {
       if (!samples.used(f, i)) continue;
       passed = std::min(passed, samples.simulated_at(f, i).dot(found.normal));
       if (std::abs(f - missing.frame) > 1) continue;
-      const double along = samples.measured_at(f, i).dot(found.normal);
+      const double along = samples.at(f, i).dot(found.normal);
       if (along < nearest) {
         nearest = along;
-        found.point = samples.measured_at(f, i);
+        found.point = samples.at(f, i);
       }
     }
   }
@@ -169,7 +162,7 @@ std::vector<Encounter> encounters(const std::vector<diagnose::Capture>& captures
   std::vector<std::pair<double, Encounter>> found;
   Index first = 0;
   for (const diagnose::Capture& capture : captures) {
-    const Samples samples{capture, simulated, first};
+    const Samples samples{{capture}, simulated, first};
     first += 3 * capture.samples();
     std::vector<Missing> missing = missing_accelerations(samples, gravity);
     if (missing.size() < kFewestFrames) continue;

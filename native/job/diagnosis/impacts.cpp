@@ -10,6 +10,7 @@
 #include "base/error.hpp"
 #include "capture/align.hpp"
 #include "job/diagnosis/extent.hpp"
+#include "job/diagnosis/seen_tracks.hpp"
 #include "mpm/scene_check.hpp"
 
 namespace matterfit::job {
@@ -31,17 +32,6 @@ constexpr std::size_t kMostImpacts = 6;
 constexpr std::size_t kFewestTracks = 6;
 /// Standard deviations of the noise beyond which an acceleration is one.
 constexpr double kAboveNoise = 4.0;
-
-struct SeenTracks {
-  const diagnose::Capture& capture;
-
-  [[nodiscard]] bool used(Index f, Index i) const {
-    return capture.use[static_cast<std::size_t>(f * capture.tracks() + i)] == diagnose::Use::kUsed;
-  }
-  [[nodiscard]] Vec3d at(Index f, Index i) const {
-    return capture.positions.segment<3>(3 * (f * capture.tracks() + i));
-  }
-};
 
 struct Placement {
   capture::RigidFit fit;

@@ -20,12 +20,6 @@ constexpr double kFirstSubsteps = 0.05;  ///< of the time, to see what the first
 /// Share of the frames done that those to come are like.
 constexpr double kLatest = 0.25;
 
-std::size_t particles_of(const mpm::Scene& scene) {
-  std::size_t count = 0;
-  for (const mpm::Body& body : scene.bodies) count += body.rest.size();
-  return count;
-}
-
 struct RehearsedFrames {
   std::vector<double> substeps;
   std::vector<double> seconds;
@@ -53,7 +47,6 @@ std::optional<Rehearsal> rehearse(const Job& job, std::size_t particles, double 
   const double level = fewer > kHardlyFewer ? fewer : 1.0;
   try {
     const mpm::Scene scene = scene_at_level(job, level, *arena, interrupter);
-    if (particles_of(scene) == 0) return std::nullopt;
     const double first = mpm::Simulation(scene, arena, {target})
                              .measure(kFirstSubsteps * seconds, interrupter)
                              .seconds;

@@ -5,7 +5,7 @@
         MESH.obj MOTION.pc2 FOLDER [--cameras N] [--size W H] [--every N] [--seed N] [--samples N]
 
 MESH.obj is the mesh that a job's `output.mesh` names, Z up, MOTION.pc2 what it baked
-(`mesh/NAME.pc2`). Cameras stand on a ring around the motion's box, at 20° and every third at 55°
+(`mesh/NAME.pc2`). Cameras stand on a ring around the motion's box, at 20° and every third (1, 4, …) at 55°
 above the horizon, 2.75 times the box's half diagonal away, f = 1.15 W, turned by the seed. FOLDER gets
 `transforms.json` and `c0_0000.png`, …, white bodies before nothing: the alpha channel is the matte.
 """
@@ -62,7 +62,7 @@ def add_cameras(frames, count, width, seed):
     cameras = []
     for k in range(count):
         angle = turn + 2 * math.pi * k / count
-        height = math.radians(55 if k % 3 == 2 else 20)
+        height = math.radians(55 if k % 3 == 1 else 20)
         place = target + reach * Vector((math.cos(height) * math.cos(angle),
                                          math.cos(height) * math.sin(angle), math.sin(height)))
         data = bpy.data.cameras.new(f"camera {k}")

@@ -101,6 +101,26 @@ std::string fit_text(const Json& fit) {
 }
 
 /// The verdict of a diagnosis with its likeliest causes, or what a check says of each parameter.
+/// Of a comparison with one capture by images.
+std::string images_text(const Json& images) {
+  const auto name = images.at("name").get<std::string>();
+  if (!images.contains("iou")) return name + ": no image lies in the scene's frames";
+  std::string text = fmt::format("{}: IoU {:.3f} in {} images", name, images["iou"].get<double>(),
+                                 images["images"].dump());
+  if (images["contour_px"].is_number()) {
+    text += fmt::format(", outlines {:.2f} pixels apart", images["contour_px"].get<double>());
+  }
+  if (images.contains("psnr_db") && images["psnr_db"].is_number()) {
+    text += fmt::format(", colours {:.1f} dB", images["psnr_db"].get<double>());
+  }
+  const Json& worst = images["worst"];
+  return text +
+         fmt::format("; worst at frame {:g}, camera {}: {:.3f}, {} pixels outside, {} missing",
+                     worst["frame"].get<double>(), worst["camera"].dump(),
+                     worst["iou"].get<double>(), worst["outside_px"].dump(),
+                     worst["missing_px"].dump());
+}
+
 std::string findings_text(const Json& result) {
   std::string text;
   if (result.contains("sentence")) text += result["sentence"].get<std::string>() + "\n";
@@ -224,6 +244,11 @@ std::string summary(const Json& result) {
                          point.at("label").get<std::string>(), point.at("mean_mm").get<double>(),
                          point.at("p95_mm").get<double>(), point.at("max_mm").get<double>()));
       }
+    }
+  }
+  if (result.contains("compare")) {
+    for (const Json& images : result["compare"].value("images", Json::array())) {
+      line(images_text(images));
     }
   }
   text += findings_text(result);

@@ -217,9 +217,9 @@ void state_lens(const ImageClip& clip, std::size_t camera, const std::optional<U
                                100.0 * double(blind) / double(seen.size()))));
 }
 
-void state_missing(const ImageClip& clip, std::vector<std::string>& statements) {
-  std::vector<std::size_t> count(clip.cameras.size(), 0);
-  for (const Sight& sight : clip.sights) ++count[sight.camera];
+/// `count`: images of each camera.
+void state_missing(const ImageClip& clip, const std::vector<std::size_t>& count,
+                   std::vector<std::string>& statements) {
   for (std::size_t k = 0; k < count.size(); ++k) {
     if (count[k] == clip.times.size()) continue;
     statements.push_back(clip.source + ": camera " + std::to_string(k) + " has " +
@@ -258,7 +258,8 @@ std::vector<fs::path> image_clip_files(const fs::path& cameras, const ImageClipO
 }
 
 ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& options,
-                          std::vector<std::string>& statements, const Interrupter* interrupter) {
+                          std::vector<std::string>& statements, const SightTaker& take,
+                          const Interrupter* interrupter) {
   const CameraSet set = read_cameras(cameras, options.images);
   if (set.folder.empty()) {
     throw_input(set.source + ": its images were not found: '" + set.shots.front().image +
@@ -291,7 +292,7 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
     }
   }
   std::size_t empty = 0;
-  clip.sights.reserve(shots.size());
+  std::vector<std::size_t> count(clip.cameras.size(), 0);
   for (const auto& [place, i] : shots) {
     if (interrupter != nullptr) interrupter->check();
     const Shot& shot = set.shots[i];
@@ -312,12 +313,13 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
         if (!plane.empty()) plane = lens->resampled(plane);
       }
     }
-    clip.sights.push_back(std::move(sight));
+    ++count[sight.camera];
+    take(clip, std::move(sight));
   }
-  if (empty == clip.sights.size()) {
+  if (empty == shots.size()) {
     throw_input(clip.source + ": all mattes are empty: no image shows the body.");
   }
-  state_missing(clip, statements);
+  state_missing(clip, count, statements);
   return clip;
 }
 

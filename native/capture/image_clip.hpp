@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,17 +32,21 @@ struct Sight {
   std::array<std::vector<std::uint8_t>, 3> colours;
 };
 
-/// A recording by images: cameras in metres, Z up, and mattes, of the files' sizes. What a lens
-/// distorts is undistorted: mattes are those of pinholes.
+/// A recording by images: cameras in metres, Z up. Its images are large and many, so they are read
+/// one after another. What a lens distorts is undistorted: mattes are those of pinholes, of the
+/// files' sizes.
 struct ImageClip {
   std::vector<splat::Camera> cameras;
   /// Of each camera: 255 where its lens saw what its pinhole would, else 0, and the mattes are 0
   /// there too. Empty: it saw all of it.
   std::vector<std::vector<std::uint8_t>> seen;
   std::vector<double> times;  ///< [s], strictly ascending
-  std::vector<Sight> sights;  ///< by frame, then by camera; at most one for each of both
   std::string source;
 };
+
+/// Gets what each camera saw, by frame, then by camera, at most one image for each of both; the
+/// clip is complete before the first.
+using SightTaker = std::function<void(const ImageClip& clip, Sight sight)>;
 
 /// Clean plates, one a camera.
 struct ClipPlates {
@@ -71,14 +76,14 @@ struct ImageClipOptions {
 [[nodiscard]] std::vector<std::filesystem::path> image_clip_files(
     const std::filesystem::path& cameras, const ImageClipOptions& options);
 
-/// Cameras as read_cameras() reads them, with the mattes of all images. `statements` gets what is
-/// odd and no error: images that one camera lacks, empty mattes. Throws Error(kInput) that names
-/// file and reason: an image without a matte, or of another size than its camera's, images of one
-/// camera that have one time, a matte that covers its whole image, mattes that are all empty,
-/// cameras without a plate; Cancelled before an image where `interrupter` (null: none) says so.
-[[nodiscard]] ImageClip read_image_clip(const std::filesystem::path& cameras,
-                                        const ImageClipOptions& options,
-                                        std::vector<std::string>& statements,
-                                        const Interrupter* interrupter = nullptr);
+/// Cameras as read_cameras() reads them; `take` gets all images with their mattes. `statements`
+/// gets what is odd and no error: images that one camera lacks, empty mattes. Throws Error(kInput)
+/// that names file and reason: an image without a matte, or of another size than its camera's,
+/// images of one camera that have one time, a matte that covers its whole image, mattes that are
+/// all empty, cameras without a plate; Cancelled before an image where `interrupter` (null: none)
+/// says so.
+ImageClip read_image_clip(const std::filesystem::path& cameras, const ImageClipOptions& options,
+                          std::vector<std::string>& statements, const SightTaker& take,
+                          const Interrupter* interrupter = nullptr);
 
 }  // namespace matterfit::capture

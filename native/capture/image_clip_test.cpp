@@ -56,15 +56,30 @@ CameraSet two_cameras(int frames) {
   return set;
 }
 
+/// A clip with all its images.
+struct WholeClip : ImageClip {
+  std::vector<Sight> sights;
+};
+
 class ImageClipTest : public ::testing::Test {
  protected:
   /// The clip of a set whose images cover a half, after `change` has spoilt it.
-  ImageClip read(CameraSet set, const std::function<void()>& change = {}) {
+  WholeClip read(CameraSet set, const std::function<void()>& change = {}) {
     for (const Shot& shot : set.shots) write_image(folder_ / shot.image, 4);
     if (change) change();
     write_file(folder_ / "transforms.json", format_cameras(set));
     statements_.clear();
-    return read_image_clip(folder_ / "transforms.json", options_, statements_);
+    return read_all(folder_ / "transforms.json");
+  }
+  WholeClip read_all(const fs::path& cameras) {
+    std::vector<Sight> sights;
+    const auto take = [&](const ImageClip& clip, Sight sight) {
+      EXPECT_LT(sight.camera, clip.cameras.size());
+      EXPECT_LT(sight.frame, clip.times.size());
+      sights.push_back(std::move(sight));
+    };
+    ImageClip clip = read_image_clip(cameras, options_, statements_, take);
+    return {std::move(clip), std::move(sights)};
   }
   std::string message_of(const CameraSet& set, const std::function<void()>& change = {}) {
     try {
@@ -86,7 +101,7 @@ class ImageClipTest : public ::testing::Test {
 TEST_F(ImageClipTest, MattesStandByTimeAndCamera) {
   options_.fps = 10.0;
   options_.unit = 0.01;
-  const ImageClip clip = read(two_cameras(3));
+  const WholeClip clip = read(two_cameras(3));
   EXPECT_THAT(clip.times, ElementsAre(0.0, 0.1, 0.2));
   ASSERT_EQ(clip.sights.size(), 6U);
   EXPECT_EQ(clip.sights[1].camera, 1U);
@@ -109,7 +124,7 @@ TEST_F(ImageClipTest, ClocksOfCamerasMayDifferALittle) {
   for (std::size_t i = 0; i < 6; ++i) {
     set.shots[i].time = 0.1 * double(i % 3) + (i < 3 ? 0.0 : 0.004);
   }
-  const ImageClip clip = read(set);
+  const WholeClip clip = read(set);
   EXPECT_THAT(clip.times, ElementsAre(0.0, 0.1, 0.2));
   EXPECT_EQ(clip.sights.size(), 6U);
 }
@@ -122,7 +137,7 @@ TEST_F(ImageClipTest, AMatteOfItsOwnFileIsTakenByItsBrightness) {
     for (std::size_t i = 0; i < mask.rgba.size(); ++i) mask.rgba[i] = i % 32 < 8 ? 255 : 0;
     write_png(folder_ / "mask.png", mask);
   };
-  const ImageClip clip = read(set, change);
+  const WholeClip clip = read(set, change);
   EXPECT_EQ(clip.sights[0].matte[1], 255);
   EXPECT_EQ(clip.sights[0].matte[2], 0);
 }
@@ -149,7 +164,7 @@ TEST_F(ImageClipTest, ColoursAreReadWhereTheyAreAskedFor) {
   };
   EXPECT_THAT(read(set, change).sights[0].colours[0], IsEmpty());
   options_.colours = true;
-  const ImageClip clip = read(set, change);
+  const WholeClip clip = read(set, change);
   EXPECT_EQ(clip.sights[0].matte[3], 0) << "of the matte's own file";
   EXPECT_EQ(clip.sights[0].colours[0][4], 200);
   EXPECT_EQ(clip.sights[0].colours[2][4], 160);
@@ -165,10 +180,10 @@ TEST_F(ImageClipTest, MattesAreWhatDiffersFromACleanPlate) {
     write_colours(folder_ / "plate_01.png", 0);
   };
   options_.plates = ClipPlates{{folder_ / "plate_##.png"}, 6.0};
-  const ImageClip by_pattern = read(set, change);
+  const WholeClip by_pattern = read(set, change);
   options_.plates->files = {folder_ / "plate_00.png", folder_ / "plate_01.png"};
-  const ImageClip by_list = read(set, change);
-  for (const ImageClip* clip : {&by_pattern, &by_list}) {
+  const WholeClip by_list = read(set, change);
+  for (const WholeClip* clip : {&by_pattern, &by_list}) {
     for (const Sight& sight : clip->sights) {
       const std::size_t last = 2 + sight.camera;
       EXPECT_EQ(sight.matte[8 + last], 255) << sight.image;
@@ -187,7 +202,7 @@ TEST_F(ImageClipTest, ALensIsUndistortedAndWhatItDidNotSeeIsMarked) {
   CameraSet set = two_cameras(1);
   set.lenses = {Distortion{}, Distortion{0.4, 0.0, 0.0, 0.0, 0.0}};
   for (splat::Camera& camera : set.cameras) camera.fx = camera.fy = 5.0;
-  const ImageClip clip = read(set);
+  const WholeClip clip = read(set);
   EXPECT_THAT(clip.seen[0], IsEmpty());
   ASSERT_EQ(clip.seen[1].size(), 48U);
   // The corner's ray, (.7, .5), is seen at 1.296 times that: 8.5 pixels from the left edge's 0.
@@ -206,7 +221,7 @@ TEST_F(ImageClipTest, ImagesOfAColmapModelThatWereNotFoundAreNamed) {
   write_file(folder_ / "sparse/images.txt", model.images);
   const auto message = [&]() -> std::string {
     try {
-      (void)read_image_clip(folder_, options_, statements_);
+      (void)read_all(folder_);
     } catch (const Error& error) {
       return error.what();
     }
@@ -215,7 +230,7 @@ TEST_F(ImageClipTest, ImagesOfAColmapModelThatWereNotFoundAreNamed) {
   EXPECT_THAT(message(), HasSubstr("its images were not found: 'c0_0.png' lies neither"));
   for (const Shot& shot : two_cameras(2).shots) write_image(folder_ / "takes" / shot.image, 4);
   options_.images = folder_ / "takes";
-  EXPECT_EQ(read_image_clip(folder_, options_, statements_).sights.size(), 4U);
+  EXPECT_EQ(read_all(folder_).sights.size(), 4U);
 }
 
 TEST_F(ImageClipTest, WhatIsMissingOrEmptyIsStated) {

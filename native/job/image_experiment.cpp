@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/image_experiment.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <limits>
 #include <utility>
@@ -10,6 +12,7 @@
 #include "job/documents/inputs.hpp"
 #include "job/fit_report.hpp"
 #include "job/run/build_scene.hpp"
+#include "mpm/simulation.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -38,13 +41,39 @@ ImageExperiment::ImageExperiment(const Job& job, const FitDoc& fit, const RunOpt
   given.loss = doc_.loss;
   given.target = resolve_target(options.target);
   given.threads = options.threads;
-  given.memory_limit_gb = job.scene.solver.memory_limit_gb;
+  given.memory_limit_gb = memory_left(scenes);
   model_ =
       std::make_unique<fit::Model>(runs(), std::move(scenes), *parameters_, given, interrupter);
   if (has_tracks_) {
     tracks_.emplace(*model_, runs(), parameters_->parameters(), doc_.loss, window_,
                     fit::used_samples(runs()));
   }
+}
+
+double ImageExperiment::memory_left(const std::vector<mpm::Scene>& scenes) const {
+  std::vector<fit::Sighting> reduced;
+  std::vector<fit::View> whole;
+  for (const ImageSighting& sighting : films_.sightings) {
+    reduced.push_back(sighting.reduced);
+    whole.push_back(sighting.reduced.view);
+    whole.back().camera = sighting.camera;
+  }
+  const fit::ImageProblem::Memory memory = fit::ImageProblem::memory(reduced, parameters_->size());
+  double simulation = 0.0;
+  for (const mpm::Scene& scene : scenes) {
+    simulation = std::max(simulation, double(mpm::Simulation::estimate(scene).bytes));
+  }
+  simulation += fit::Filmer::bytes(scenes.front(), whole);
+  const double limit = 1e9 * job_.scene.solver.memory_limit_gb;
+  const double held = memory.images + memory.slopes;
+  if (held + simulation <= limit) return 1e-9 * (limit - held);
+  throw_input(fmt::format(
+      "scene.solver.memory_limit_gb: the fit needs about {:.3g} GB, the limit is {:.3g} GB: {:.3g} "
+      "for {} images as they are compared, {:.3g} for how {:.3g} million residuals change with {} "
+      "parameters, {:.3g} for a simulation. Hold out frames or cameras, leave 'colours' or "
+      "parameters out, use a larger scene.particle_separation, or raise the limit.",
+      1e-9 * (held + simulation), 1e-9 * limit, 1e-9 * memory.images, reduced.size(),
+      1e-9 * memory.slopes, 1e-6 * memory.residuals, parameters_->size(), 1e-9 * simulation));
 }
 
 bool ImageExperiment::moves_cameras() const {
@@ -86,7 +115,15 @@ void ImageExperiment::settle_sizes(const std::vector<double>& values) {
   std::vector<fit::Sighting> reduced;
   reduced.reserve(films_.sightings.size());
   for (const ImageSighting& sighting : films_.sightings) reduced.push_back(sighting.reduced);
-  fit::settle_sizes(*model_, values, films_.paths, moved_cameras(), reduced);
+  const auto film = [&](const fit::Filming& filming) {
+    fit::Scope scope;
+    scope.until.assign(runs().size(), -1.0);
+    scope.until.front() = filming.until();
+    scope.filming = &filming;
+    const fit::Evaluation evaluation = model_->evaluate({values}, scope);
+    if (!evaluation.outcomes.front()) throw_compute(evaluation.failure.message);
+  };
+  fit::settle_sizes(film, films_.paths, moved_cameras(), reduced);
   for (std::size_t k = 0; k < reduced.size(); ++k) {
     films_.sightings[k].reduced.view.size = reduced[k].view.size;
   }
@@ -96,10 +133,14 @@ bool ImageExperiment::learn_colours(const std::vector<double>& values) {
   std::vector<fit::Sighting> reduced;
   for (const ImageSighting& sighting : films_.sightings) {
     const bool tells = sighting.reduced.has_colours() && !sighting.reduced.held_out;
-    if (tells) reduced.push_back(sighting.reduced);
+    if (!tells) continue;
+    fit::View& view = reduced.emplace_back(sighting.reduced).view;
+    view.camera = model_->camera_of(values, view);
   }
   if (reduced.empty()) return false;
-  colours_ = fit::learn_colours(*model_, values, reduced, interrupter_);
+  colours_ = fit::learn_colours(model_->scene_at(values, 0), reduced,
+                                std::make_shared<Arena>(model_->threads()), model_->target(),
+                                interrupter_);
   return true;
 }
 
@@ -150,13 +191,7 @@ ImageStanding ImageExperiment::standing(const std::vector<double>& values) {
     filming.views.back().camera = sighting.camera;
   }
   filming.see = [&](std::size_t, std::size_t v, const fit::Drawn& image) {
-    const ImageSighting& sighting = sightings[v];
-    std::vector<float> ours = image.mask;
-    for (std::size_t i = 0; i < sighting.seen.size(); ++i) {
-      if (sighting.seen[i] == 0) ours[i] = 0.0F;
-    }
-    agreements[v] =
-        fit::agreement(ours, sighting.matte, sighting.camera.width, sighting.camera.height);
+    agreements[v] = films_.agreement(v, image.mask);
   };
   fit::Scope scope = fit::whole_scope(runs());
   scope.until.front() = std::max(scope.until.front(), filming.until());

@@ -13,7 +13,7 @@
 #include "job/documents/document.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/fit_experiment.hpp"
-#include "job/image_sightings.hpp"
+#include "job/run/image_sightings.hpp"
 #include "job/run/run_options.hpp"
 
 namespace matterfit::job {
@@ -67,6 +67,9 @@ class ImageExperiment {
  private:
   [[nodiscard]] std::vector<fit::Run>& runs() { return loaded_.experiment.runs; }
   [[nodiscard]] std::vector<std::vector<std::uint8_t>> moved_cameras() const;
+  /// What of the memory limit is left for simulations [GB]. Throws Error(kInput) where the fit does
+  /// not go into it.
+  [[nodiscard]] double memory_left(const std::vector<mpm::Scene>& scenes) const;
   [[nodiscard]] fit::ImageProblem problem(const std::vector<double>& values, double blur,
                                           fit::ImageProblem::Parts parts, double until);
 

@@ -357,6 +357,7 @@ class ImageFit {
     if (!fitted.captures.empty()) fitted.task = Task::kCompare;
     RunExtras extras;
     extras.task = task_name(Task::kFit);
+    extras.images = false;  // the fit has, at the same values
     extras.begin = kImageFitShare;
     extras.clouds = doc_.loss != FitDoc::Loss::kTracks;
     extras.kept = {kFittedPath, kFitHistoryPath};

@@ -14,12 +14,7 @@ namespace matterfit::job {
 namespace {
 
 void check_task(const Job& job) {
-  if (job.task == Task::kCompare && job.captures.empty() && !images_of(job).empty()) {
-    throw_input(
-        "captures: compare looks at tracks, and these are images: how well a simulation meets "
-        "their outlines stands in the result of a fit, under 'silhouettes'.");
-  }
-  if (job.task == Task::kCompare && job.captures.empty()) {
+  if (job.task == Task::kCompare && job.captures.empty() && images_of(job).empty()) {
     throw_input("captures: compare needs at least one capture to compare with.");
   }
   if (job.task == Task::kDiagnose && !images_of(job).empty()) {

@@ -11,6 +11,18 @@ TEXTS = {
     "Solver": "Löser",
     "Simulate": "Simulieren",
     "Compare": "Vergleichen",
+    "Overlap": "Überdeckung",
+    "Outlines Apart": "Abstand der Umrisse",
+    "Worst Images": "Schlechteste Bilder",
+    "Show in Cameras": "In den Kameras zeigen",
+    "Press Compare first": "Zuerst Vergleichen drücken",
+    "Outlines overlap by {share} %, in {time}": "Die Umrisse decken sich zu {share} %, in {time}",
+    "{image}: {outside} pixels outside, {missing} missing":
+        "{image}: {outside} Pixel außerhalb, {missing} fehlen",
+    "There are no overlays of '{name}' in the take's folder. Compare again.":
+        "Im Ordner des Takes liegen keine Überlagerungen von „{name}“. Noch einmal vergleichen.",
+    "The scene has no cameras of '{name}'. Import the images with Add Cameras.":
+        "Die Szene hat keine Kameras von „{name}“. Die Bilder mit Kameras importieren.",
     "Diagnose": "Diagnose",
     "Extend Model": "Modell erweitern",
     "Open Report": "Bericht öffnen",

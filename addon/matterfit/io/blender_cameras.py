@@ -2,13 +2,16 @@
 """Blender's cameras and those of files: lens and pose both ways."""
 
 import bpy
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 from ..compat import translate
 from ..jobs import JobError
 from .files import number, numbers
 
 SENSOR = 36.0
+# Of cameras that we added: the capture and the number, the matrix and the lens of the file.
+CAPTURE, NUMBER, PLACE, LENS = ("matterfit_capture", "matterfit_camera", "matterfit_place",
+                                "matterfit_lens")
 
 
 def image_size(scene):
@@ -58,8 +61,56 @@ def add_cameras(scene, name, places):
         matrix = Matrix(place["matrix"])
         matrix.translation *= units
         item.matrix_world = matrix
+        item[CAPTURE], item[NUMBER] = name, k
+        item[PLACE] = [value for row in matrix for value in row]
+        item[LENS] = data.lens
         collection.objects.link(item)
     return collection
+
+
+def of_capture(scene, name):
+    """{number: camera object} of those that were added for a capture."""
+    return {item[NUMBER]: item for item in scene.objects
+            if item.type == "CAMERA" and item.get(CAPTURE) == name}
+
+
+def pose_cameras(scene, name, poses):
+    """Moves the cameras of a capture to where `poses`, as the document has them, say; without poses
+    back to where their file says."""
+    units = 1.0 / scene.unit_settings.scale_length
+    for number, item in of_capture(scene, name).items():
+        pose = poses[number] if number < len(poses) else {}
+        place = list(item[PLACE])
+        matrix = Matrix([place[row:row + 4] for row in range(0, 16, 4)])
+        # The document's camera looks along z with y down, Blender's along −z with y up.
+        x, y, z = pose.get("turn", (0.0, 0.0, 0.0))
+        turn = Vector((x, -y, -z))
+        if turn.length > 0.0:
+            matrix = matrix @ Matrix.Rotation(turn.length, 4, turn.normalized())
+        matrix.translation += Vector(pose.get("shift", (0.0, 0.0, 0.0))) * units
+        item.matrix_world = matrix
+        item.data.lens = item[LENS] * (1.0 + pose.get("focal", 0.0))
+
+
+def set_overlays(camera, paths):
+    """Shows pictures with alpha over what the camera sees, each at its frame: {scene frame: path}."""
+    first, last = min(paths), max(paths)
+    image = bpy.data.images.load(paths[first], check_existing=True)
+    image.source = "SEQUENCE"
+    data = camera.data
+    data.show_background_images = True
+    ours = [shown for shown in data.background_images
+            if shown.image is not None and shown.display_depth == "FRONT"
+            and shown.image.source == "SEQUENCE"]
+    shown = ours[0] if ours else data.background_images.new()
+    shown.image = image
+    shown.alpha = 1.0
+    shown.display_depth = "FRONT"
+    # The number of a file that is shown is frame − start + 1 + offset.
+    shown.image_user.frame_start = first
+    shown.image_user.frame_offset = first - 1
+    shown.image_user.frame_duration = last - first + 1
+    shown.image_user.use_auto_refresh = True
 
 
 def set_background(camera, image):

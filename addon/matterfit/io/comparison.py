@@ -9,7 +9,7 @@ import numpy
 from ..jobs import JobError
 from ..props import compare, reactions
 from ..props import scene as scene_props
-from . import files, takes
+from . import files, image_comparison, takes
 
 
 @dataclass
@@ -57,7 +57,7 @@ class Comparison:
 
 def _files(document, name):
     """(compare file, simulated file, capture) of a capture of a job document."""
-    captures = document.get("captures", [])
+    captures = [capture for capture in document.get("captures", []) if "tracks" in capture]
     chosen = [capture for capture in captures if name in ("", capture["name"])]
     if not chosen:
         raise JobError(f"Compare: '{name}' was not among the captures. Compare again.")
@@ -110,15 +110,16 @@ def load_quietly(folder, name=""):
 @reactions.comparison_switched.done_by
 def show_active(settings):
     """What is known of the active take is shown, against the capture that is active now."""
-    take, found = scene_props.active_take(settings), None
+    take, found, images = scene_props.active_take(settings), None, None
     if take is not None and take.compared and scene_props.active_capture(settings) is not None:
-        found = load_quietly(takes.locate(take).folder, scene_props.compared_capture(settings))
-    compare.store(settings.compare, found)
+        folder, name = takes.locate(take).folder, scene_props.compared_capture(settings)
+        found, images = load_quietly(folder, name), image_comparison.load(folder, name)
+    compare.store(settings.compare, found, images)
 
 
 def show_again(settings):
     """The same in a file that was opened; an older version did not say which take was compared."""
     take = scene_props.active_take(settings)
-    if settings.compare.done and take is not None:
+    if (settings.compare.done or settings.compare.images_done) and take is not None:
         take.compared = True
         show_active(settings)

@@ -11,7 +11,17 @@ from mathutils import Matrix, Quaternion, Vector
 from .. import quantities
 from ..compat import translate
 from ..jobs import JobError
-from . import camera_poses, files, fit_results, fit_values, job_fit, material_values, presets, transforms
+from . import (
+    blender_cameras,
+    camera_poses,
+    files,
+    fit_results,
+    fit_values,
+    job_fit,
+    material_values,
+    presets,
+    transforms,
+)
 
 
 def apply_run(scene, folder, run=None, given=()):
@@ -209,3 +219,4 @@ class Application:
             capture.start_frame = frame
         for name, poses in self.posed.items():
             fit_values.find_capture(self.settings, name).poses = camera_poses.text_of(poses)
+            blender_cameras.pose_cameras(self.settings.id_data, name, poses)

@@ -85,6 +85,9 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
         document["output"] = {"folder": "."}
     else:
         document["output"] = _output(writer, bodies, outputs)
+        if task == "compare" and any("cameras" in capture
+                                     for capture in document.get("captures", [])):
+            document["output"]["overlays"] = True
     writer.finish_inputs()
     return document
 

@@ -68,7 +68,8 @@ class MATTERFIT_OT_free(NoJobRunning, PlainOperator, bpy.types.Operator):
             left = cache.free(location.folder)
         take.baked = False
         take.frames_done = 0
-        take.compared = scene.matterfit.compare.done = False
+        compare = scene.matterfit.compare
+        take.compared = compare.done = compare.images_done = False
         if not location.linked and not left:
             take.folder = ""
         if left:

@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from .. import native
 from ..compat import translate
-from ..io import files, fit_rows, job_captures, job_images
+from ..io import blender_cameras, camera_poses, files, fit_rows, job_captures, job_images
 from ..jobs import JobError
 from ..props import choices
 from ..props import scene as scene_props
@@ -44,6 +44,7 @@ def read_summary(scene, capture):
     options = (job_images if images else job_captures).reading_options(capture)
     if images:
         options["cameras"] = path
+        options["poses"] = camera_poses.read(capture.poses)
     else:
         # Files without times play at the scene's rate.
         options.setdefault("fps", scene.render.fps / scene.render.fps_base)
@@ -165,7 +166,9 @@ class MATTERFIT_OT_forget_poses(PlainOperator, bpy.types.Operator):
                       "No fit has moved the cameras of this capture")
 
     def act(self, context):
-        scene_props.active_capture(context.scene.matterfit).poses = ""
+        capture = scene_props.active_capture(context.scene.matterfit)
+        capture.poses = ""
+        blender_cameras.pose_cameras(context.scene, capture.name, [])
 
 
 CLASSES = (MATTERFIT_OT_import_capture, MATTERFIT_OT_add_capture_object,

@@ -5,11 +5,11 @@ import bpy
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import comparison, takes, words
+from ..io import blender_cameras, comparison, image_comparison, takes, words
 from ..jobs import JobError
 from ..props import scene as scene_props
 from ..props.compare import store
-from .base import JobOperator, session
+from .base import JobOperator, PlainOperator, greyed, session
 from .launch import AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job
 
 
@@ -22,8 +22,8 @@ def require_capture(settings):
 class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
     bl_idname = "matterfit.compare"
     bl_label = "Compare"
-    bl_description = ("Compare the simulation with the captures, point by point and frame by frame; "
-                      "simulates first where the take has no result of the same settings")
+    bl_description = ("Compare the simulation with the captures, frame by frame: points with points, "
+                      "outlines with the mattes of images; simulates first where the take has no result of the same settings")
 
     def begin(self, context):
         takes.require_saved()
@@ -46,14 +46,16 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
             return
         settings = scene.matterfit
         take.compared = True
-        found = comparison.load(job.folder, scene_props.compared_capture(settings))
+        name = scene_props.compared_capture(settings)
+        images = image_comparison.load(job.folder, name)
+        found = comparison.load(job.folder, name) if images is None else None
         if take == scene_props.active_take(settings):
-            store(settings.compare, found)
+            store(settings.compare, found, images)
         for area in context.screen.areas if context.screen else ():
             if area.type == "VIEW_3D":
                 area.tag_redraw()  # the heat-map lies in the scene
         session(context).last_report = words.in_panel(
-            "\n".join([summary(found, job), *job.result.get("notes", [])]), settings)
+            "\n".join([summary(found, job) if images is None else image_summary(images, job), *job.result.get("notes", [])]), settings)
 
 
 def summary(found, job):
@@ -66,4 +68,41 @@ def summary(found, job):
         mean=f"{found.mean:.4g}", p95=f"{found.percentile95:.4g}", time=time)
 
 
-CLASSES = (MATTERFIT_OT_compare,)
+def image_summary(found, job):
+    return translate("Outlines overlap by {share} %, in {time}").format(
+        share=f"{100.0 * found.iou:.1f}", time=jobs.duration_text(job.elapsed))
+
+
+class MATTERFIT_OT_show_overlays(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.show_overlays"
+    bl_label = "Show in Cameras"
+    bl_description = ("Show in the views of the capture's cameras where the simulation lies outside of "
+                      "the recorded outline (orange) and where it is missing (blue), with the "
+                      "frame's number")
+
+    @classmethod
+    def poll(cls, context):
+        return greyed(cls, not context.scene.matterfit.compare.images_done,
+                      "Press Compare first")
+
+    def act(self, context):
+        scene = context.scene
+        settings = scene.matterfit
+        name = settings.compare.capture
+        take = scene_props.active_take(settings)
+        found = image_comparison.overlays(takes.locate(take).folder, name)
+        if not found:
+            raise JobError(translate("There are no overlays of '{name}' in the take's folder. Compare "
+                                     "again.").format(name=name))
+        cameras = blender_cameras.of_capture(scene, name)
+        shown = [number for number in sorted(found) if number in cameras]
+        if not shown:
+            raise JobError(translate("The scene has no cameras of '{name}'. Import the images with "
+                                     "Add Cameras.").format(name=name))
+        for number in shown:
+            blender_cameras.set_overlays(cameras[number], found[number])
+        if scene.camera not in cameras.values():
+            scene.camera = cameras[shown[0]]
+
+
+CLASSES = (MATTERFIT_OT_compare, MATTERFIT_OT_show_overlays)

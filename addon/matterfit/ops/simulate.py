@@ -156,7 +156,7 @@ def _forget_comparison(folder):
         return
     take.compared = False
     if take == scene_props.active_take(scene.matterfit):
-        scene.matterfit.compare.done = False
+        scene.matterfit.compare.done = scene.matterfit.compare.images_done = False
 
 
 class MATTERFIT_OT_bake_again(bpy.types.Operator):

@@ -25,7 +25,7 @@ def redraw(_self, context):
 
 def forget(settings):
     """What was compared is of other captures or values than there are now, whichever take it is of."""
-    settings.compare.done = False
+    settings.compare.done = settings.compare.images_done = False
     for take in settings.takes:
         take.compared = False
 
@@ -36,8 +36,15 @@ def outdated(owner, context):
     redraw(owner, context)
 
 
-def store(compare, found):
-    """Fills in what the panel shows of an io.comparison.Comparison; None: there is none."""
+def _jump_to_image(self, context):
+    if 0 <= self.worst_image < len(self.worst_images):
+        context.scene.frame_set(self.worst_images[self.worst_image].frame)
+
+
+def store(compare, found, images=None):
+    """Fills in what the panel shows of an io.comparison.Comparison and of an
+    io.image_comparison.ImageComparison; None: there is none."""
+    _store_images(compare, images)
     compare.done = found is not None
     compare.worst.clear()
     if found is None:
@@ -50,6 +57,40 @@ def store(compare, found):
         row.frame = frame
         row.mean = mean
         row.largest = largest
+
+
+def _store_images(compare, images):
+    compare.images_done = images is not None
+    compare.worst_images.clear()
+    if images is None:
+        return
+    compare.capture = images.name
+    compare.iou = images.iou
+    compare.contour_px = -1.0 if images.contour is None else images.contour
+    for image in images.worst():
+        row = compare.worst_images.add()
+        row.name = image["image"]
+        row.frame = int(round(image["frame"]))
+        row.camera = image["camera"]
+        row.iou = image["iou"]
+        row.outside = image["outside_px"]
+        row.missing = image["missing_px"]
+
+
+class MatterfitWorstImage(bpy.types.PropertyGroup):
+    """One of the images that agree least with the simulation."""
+
+    name: StringProperty(name="Image", description="The image's file")
+    frame: IntProperty(name="Frame", default=0, min=-1048574, max=1048574, soft_max=10000,
+                       description="Scene frame")
+    camera: IntProperty(name="Camera", default=0, min=0, max=1000000, soft_max=100,
+                        description="The camera's number in its file")
+    iou: FloatProperty(name="Overlap", default=0.0, min=0.0, max=1.0,
+                       description="Area of both outlines over that of either")
+    outside: IntProperty(name="Outside [px]", default=0, min=0, soft_max=10000,
+                         description="Pixels that only the simulation covers")
+    missing: IntProperty(name="Missing [px]", default=0, min=0, soft_max=10000,
+                         description="Pixels that only the recording covers")
 
 
 class MatterfitWorstFrame(bpy.types.PropertyGroup):
@@ -76,6 +117,18 @@ class MatterfitCompare(bpy.types.PropertyGroup):
     worst: CollectionProperty(type=MatterfitWorstFrame)
     worst_index: IntProperty(name="Worst Frame", default=0, min=0, soft_max=100, max=100000,
                              update=_jump, description="Jumps to this frame")
+    images_done: BoolProperty(name="Images Compared", default=False,
+                              description="A comparison with images is loaded")
+    capture: StringProperty(name="Capture", description="Whose images were compared")
+    iou: FloatProperty(name="Overlap", default=0.0, min=0.0, max=1.0, precision=3,
+                       description="Mean of the area of both outlines over that of either")
+    contour_px: FloatProperty(name="Outlines Apart [px]", default=0.0, min=-1.0, max=1e6,
+                              soft_max=100.0, precision=2,
+                              description="Mean distance between the outlines, in pixels; negative: "
+                                          "none was seen")
+    worst_images: CollectionProperty(type=MatterfitWorstImage)
+    worst_image: IntProperty(name="Worst Image", default=0, min=0, soft_max=100, max=100000,
+                             update=_jump_to_image, description="Jumps to this image's frame")
     show_heatmap: BoolProperty(
         name="Heat-Map", default=True, update=redraw,
         description="Draw the captured points in the viewport, coloured by their error")
@@ -101,4 +154,4 @@ class MatterfitCompare(bpy.types.PropertyGroup):
         precision=1, update=redraw, description="Size of a drawn point, in pixels")
 
 
-CLASSES = (MatterfitWorstFrame, MatterfitCompare)
+CLASSES = (MatterfitWorstImage, MatterfitWorstFrame, MatterfitCompare)

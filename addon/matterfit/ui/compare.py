@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import bpy
 
-from .common import MatterfitPanel, form
+from ..compat import translate
+from .common import MatterfitPanel, form, lines
 
 
 class MATTERFIT_UL_worst(bpy.types.UIList):
@@ -10,6 +11,14 @@ class MATTERFIT_UL_worst(bpy.types.UIList):
         row.label(text=str(item.frame), icon="TIME", translate=False)
         row.label(text=f"{item.mean:.3g} mm", translate=False)
         row.label(text=f"{item.largest:.3g} mm", translate=False)
+
+
+class MATTERFIT_UL_worst_images(bpy.types.UIList):
+    def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
+        row = layout.row()
+        row.label(text=str(item.frame), icon="TIME", translate=False)
+        row.label(text=str(item.camera), icon="CAMERA_DATA", translate=False)
+        row.label(text=f"{100.0 * item.iou:.1f} %", translate=False)
 
 
 class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
@@ -21,6 +30,8 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
         settings = context.scene.matterfit
         compare = settings.compare
         layout.operator("matterfit.compare", icon="ARROW_LEFTRIGHT")
+        if compare.images_done:
+            self._images(layout, compare)
         if not compare.done:
             return
         box = layout.box()
@@ -48,9 +59,32 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
                              rows=4)
 
 
+    def _images(self, layout, compare):
+        """How outlines agree; where they do not."""
+        box = layout.box()
+        row = box.row()
+        row.label(text="Overlap")
+        row.label(text=f"{100.0 * compare.iou:.1f} %", translate=False)
+        row = box.row()
+        row.label(text="Outlines Apart")
+        row.label(text=f"{compare.contour_px:.2f} px" if compare.contour_px >= 0.0 else "–",
+                  translate=False)
+        layout.operator("matterfit.show_overlays", icon="IMAGE_BACKGROUND")
+        layout.label(text="Worst Images")
+        row = layout.row()
+        for title in ("Frame", "Camera", "Overlap"):
+            row.label(text=title)
+        layout.template_list("MATTERFIT_UL_worst_images", "", compare, "worst_images", compare,
+                             "worst_image", rows=4)
+        if 0 <= compare.worst_image < len(compare.worst_images):
+            image = compare.worst_images[compare.worst_image]
+            lines(layout, translate("{image}: {outside} pixels outside, {missing} missing").format(
+                image=image.name, outside=image.outside, missing=image.missing))
+
+
 def _error(compare, error):
     """An error [mm]; – where no point was seen, and so no frame is the worst."""
     return f"{error:.4g} mm" if compare.worst else "–"
 
 
-CLASSES = (MATTERFIT_UL_worst, MATTERFIT_PT_compare)
+CLASSES = (MATTERFIT_UL_worst, MATTERFIT_UL_worst_images, MATTERFIT_PT_compare)

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <cstddef>
+#include <vector>
+
 #include "base/vec.hpp"
 #include "splat/camera.hpp"
 
@@ -17,5 +20,11 @@ struct CameraPose {
 
 /// The camera of a file in that pose: centre c + shift, camera to world R exp([turn]×).
 [[nodiscard]] splat::Camera posed(const splat::Camera& camera, const CameraPose& pose);
+
+/// Throws Error(kInput) where there are more poses than cameras.
+void check_poses(const std::vector<CameraPose>& poses, std::size_t cameras);
+/// Those of a file, the first of them in these poses. Throws as check_poses() does.
+[[nodiscard]] std::vector<splat::Camera> posed(std::vector<splat::Camera> cameras,
+                                               const std::vector<CameraPose>& poses);
 
 }  // namespace matterfit::fit

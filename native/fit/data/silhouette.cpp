@@ -14,6 +14,11 @@ namespace matterfit::fit {
 namespace {
 
 constexpr double kReach = 3.0;  // of a blur, in standard deviations
+constexpr std::uint8_t kHalf = 128;
+
+std::size_t pixels_of(int width, int height) {
+  return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+}
 
 std::vector<float> weights_of(double deviation) {
   const int reach = std::max(1, static_cast<int>(std::ceil(kReach * deviation)));
@@ -46,9 +51,11 @@ void blur_lines(const std::vector<float>& from, std::vector<float>& into,
   }
 }
 
-/// Points of outlines, for a tree.
+using OutlinePoints = std::vector<Eigen::Vector2f>;
+
+/// Of an outline, for a tree.
 struct Outline {
-  std::vector<Eigen::Vector2f> points;
+  const OutlinePoints& points;
 
   [[nodiscard]] std::size_t kdtree_get_point_count() const { return points.size(); }
   [[nodiscard]] float kdtree_get_pt(std::size_t i, std::size_t axis) const {
@@ -64,14 +71,14 @@ using Tree =
 
 /// Where a value crosses ½ between neighbours, to a fraction of a pixel.
 template <class Value>
-Outline outline_of(const Value& value, int width, int height) {
-  Outline outline;
+OutlinePoints outline_of(const Value& value, int width, int height) {
+  OutlinePoints outline;
   const auto between = [&](int x, int y, int x2, int y2) {
     const float a = value(x, y) - 0.5F;
     const float b = value(x2, y2) - 0.5F;
     if ((a >= 0.0F) == (b >= 0.0F)) return;
     const float t = a / (a - b);
-    outline.points.emplace_back(float(x) + t * float(x2 - x), float(y) + t * float(y2 - y));
+    outline.emplace_back(float(x) + t * float(x2 - x), float(y) + t * float(y2 - y));
   };
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
@@ -82,16 +89,17 @@ Outline outline_of(const Value& value, int width, int height) {
   return outline;
 }
 
-double mean_distance(const Outline& from, const Outline& to) {
-  const Tree tree(2, to, nanoflann::KDTreeSingleIndexAdaptorParams(10));
+double mean_distance(const OutlinePoints& from, const OutlinePoints& to) {
+  const Outline target{to};
+  const Tree tree(2, target, nanoflann::KDTreeSingleIndexAdaptorParams(10));
   double sum = 0.0;
-  for (const Eigen::Vector2f& point : from.points) {
+  for (const Eigen::Vector2f& point : from) {
     std::uint32_t index = 0;
     float squared = 0.0F;
     tree.knnSearch(point.data(), 1, &index, &squared);
     sum += std::sqrt(static_cast<double>(squared));
   }
-  return sum / static_cast<double>(from.points.size());
+  return sum / static_cast<double>(from.size());
 }
 
 }  // namespace
@@ -155,30 +163,53 @@ double outline_length(const Coverage& image) {
   return length;
 }
 
-Agreement agreement(std::span<const float> mask, std::span<const std::uint8_t> matte, int width,
-                    int height) {
-  const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  if (mask.size() != pixels || matte.size() != pixels) {
-    throw_input("a mask and a matte are of different sizes.");
+Silhouette::Silhouette(std::span<const std::uint8_t> matte, int width, int height)
+    : width_(width), height_(height) {
+  if (matte.size() != pixels_of(width, height)) {
+    throw_input("a matte is of another size than its image.");
   }
+  bool inside = false;
+  for (std::size_t i = 0; i < matte.size(); ++i) {
+    if ((matte[i] >= kHalf) == inside) continue;
+    inside = !inside;
+    turns_.push_back(static_cast<std::uint32_t>(i));
+  }
+  const auto w = static_cast<std::size_t>(width);
+  outline_ = outline_of(
+      [&](int x, int y) { return float(matte[std::size_t(y) * w + std::size_t(x)]) / 255.0F; },
+      width, height);
+}
+
+std::vector<std::uint8_t> Silhouette::covered() const {
+  std::vector<std::uint8_t> covered(pixels_of(width_, height_), 0);
+  for (std::size_t k = 0; k < turns_.size(); k += 2) {
+    const std::size_t end = k + 1 < turns_.size() ? turns_[k + 1] : covered.size();
+    std::fill(covered.begin() + std::ptrdiff_t(turns_[k]), covered.begin() + std::ptrdiff_t(end),
+              std::uint8_t{1});
+  }
+  return covered;
+}
+
+Agreement agreement(std::span<const float> mask, const Silhouette& matte) {
+  const std::vector<std::uint8_t> covered = matte.covered();
+  if (mask.size() != covered.size()) throw_input("a mask and a matte are of different sizes.");
   Agreement result;
   std::size_t both = 0;
-  for (std::size_t i = 0; i < pixels; ++i) {
+  for (std::size_t i = 0; i < mask.size(); ++i) {
     const bool ours = mask[i] >= 0.5F;
-    const bool theirs = matte[i] >= 128;
+    const bool theirs = covered[i] != 0;
     if (ours && theirs) ++both;
     if (ours && !theirs) ++result.outside;
     if (!ours && theirs) ++result.missing;
   }
   const std::size_t either = both + result.outside + result.missing;
   result.iou = either == 0 ? 1.0 : double(both) / double(either);
-  const auto w = static_cast<std::size_t>(width);
-  const Outline ours = outline_of(
-      [&](int x, int y) { return mask[std::size_t(y) * w + std::size_t(x)]; }, width, height);
-  const Outline theirs = outline_of(
-      [&](int x, int y) { return float(matte[std::size_t(y) * w + std::size_t(x)]) / 255.0F; },
-      width, height);
-  result.contour_px = ours.points.empty() || theirs.points.empty()
+  const auto w = static_cast<std::size_t>(matte.width());
+  const OutlinePoints ours =
+      outline_of([&](int x, int y) { return mask[std::size_t(y) * w + std::size_t(x)]; },
+                 matte.width(), matte.height());
+  const OutlinePoints& theirs = matte.outline_;
+  result.contour_px = ours.empty() || theirs.empty()
                           ? std::numeric_limits<double>::quiet_NaN()
                           : 0.5 * (mean_distance(ours, theirs) + mean_distance(theirs, ours));
   return result;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -50,8 +51,28 @@ struct Agreement {
   std::size_t outside = 0;  ///< pixels of the simulation alone
   std::size_t missing = 0;  ///< pixels of the matte alone
 };
+
+/// A matte as agreement() needs it: what it covers, cut at ½, and its outline. It takes memory by
+/// the length of the outline and not by the size of the image.
+class Silhouette {
+ public:
+  /// `matte` 0 to 255, row-major. Throws Error(kInput) where it is of another size.
+  Silhouette(std::span<const std::uint8_t> matte, int width, int height);
+
+  [[nodiscard]] int width() const { return width_; }
+  [[nodiscard]] int height() const { return height_; }
+  /// One a pixel: whether it is covered.
+  [[nodiscard]] std::vector<std::uint8_t> covered() const;
+
+ private:
+  friend Agreement agreement(std::span<const float> mask, const Silhouette& matte);
+  int width_;
+  int height_;
+  std::vector<std::uint32_t> turns_;  ///< pixels at which cover begins, ends, begins, …
+  std::vector<Eigen::Vector2f> outline_;
+};
+
 /// Throws Error(kInput) where the sizes differ.
-[[nodiscard]] Agreement agreement(std::span<const float> mask, std::span<const std::uint8_t> matte,
-                                  int width, int height);
+[[nodiscard]] Agreement agreement(std::span<const float> mask, const Silhouette& matte);
 
 }  // namespace matterfit::fit

@@ -78,19 +78,33 @@ TEST(Silhouette, SquaresAreThoseOfADisplacedOutline) {
 
 TEST(Silhouette, AgreementIsOverlapAndDistance) {
   const auto matte = disc(30, 24, 12);
-  const Agreement same = agreement(mask_of(matte), matte, 64, 48);
+  const Silhouette seen(matte, 64, 48);
+  const Agreement same = agreement(mask_of(matte), seen);
   EXPECT_EQ(same.iou, 1.0);
   EXPECT_NEAR(same.contour_px, 0.0, 1e-6);
-  const Agreement larger = agreement(mask_of(disc(30, 24, 14)), matte, 64, 48);
+  const Agreement larger = agreement(mask_of(disc(30, 24, 14)), seen);
   EXPECT_NEAR(larger.contour_px, 2.0, 0.1);
   EXPECT_NEAR(larger.iou, 144.0 / 196.0, 0.02);
   EXPECT_EQ(larger.missing, 0U);
   EXPECT_GT(larger.outside, 100U);
   const std::vector<float> none(64 * 48, 0.0F);
-  const Agreement empty = agreement(none, matte, 64, 48);
+  const Agreement empty = agreement(none, seen);
   EXPECT_EQ(empty.iou, 0.0);
   EXPECT_TRUE(std::isnan(empty.contour_px));
-  EXPECT_THROW((void)agreement(none, matte, 64, 47), Error);
+  EXPECT_THROW((void)agreement(std::vector<float>(64 * 47, 0.0F), seen), Error);
+  EXPECT_THROW(Silhouette(matte, 64, 47), Error);
+}
+
+/// Covered up to its last pixel, and from its first.
+TEST(Silhouette, KeepsWhatIsCovered) {
+  for (const int shift : {0, 24, 48}) {
+    const auto matte = disc(shift + 8.0, shift, 20);
+    const std::vector<std::uint8_t> covered = Silhouette(matte, 64, 48).covered();
+    ASSERT_EQ(covered.size(), matte.size());
+    for (std::size_t i = 0; i < matte.size(); ++i) {
+      ASSERT_EQ(covered[i], matte[i] >= 128 ? 1 : 0) << i;
+    }
+  }
 }
 
 }  // namespace

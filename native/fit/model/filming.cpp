@@ -2,15 +2,44 @@
 #include "fit/model/filming.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
 
 #include "capture/particle_gaussians.hpp"
 #include "fit/data/follow.hpp"
+#include "fit/model/occlusion.hpp"
 
 namespace matterfit::fit {
 namespace {
 
+constexpr double kSameFrame = 1e-6;  // frames
+/// Of drawing a particle: four frames of position and F in double, both between them, the Gaussian,
+/// its footprint, and a few tiles that it touches. Of a pixel: the rasteriser's five channels and
+/// what is handed on of them.
+constexpr double kBytesAParticle = 4 * 96 + 2 * 96 + 100 + 150 + 4 * 32;
+constexpr double kBytesAPixel = 2 * 5 * 4 + 4;
+
 /// F of what flows is not how its particles moved.
 bool carries_shape(const mpm::Body& body) { return !body.material.traits().fluid; }
+
+/// Colours Gaussians of a scene's particles: `of` a body's own, the others black.
+void paint(splat::Gaussians& gaussians, const mpm::Scene& scene, std::optional<std::size_t> body,
+           const std::function<Vec3f(std::size_t b, std::size_t i)>& of) {
+  std::vector<Vec3f> values;
+  values.reserve(gaussians.size());
+  for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
+    const bool shown = !body || *body == b;
+    for (std::size_t i = 0; i < scene.bodies[b].rest.size(); ++i) {
+      values.push_back(shown ? of(b, i) : Vec3f(Vec3f::Zero()));
+    }
+  }
+  capture::set_colours(gaussians, values);
+}
+
+std::vector<float> first_channel(const splat::Image& image) {
+  return {image.colour.begin(), image.colour.begin() + std::ptrdiff_t(image.pixels())};
+}
 
 }  // namespace
 
@@ -20,35 +49,11 @@ double Filming::until() const {
   return until;
 }
 
-Drawn draw(splat::Rasteriser& rasteriser, splat::Gaussians gaussians,
-           std::optional<std::size_t> body, const ParticleColours* colours,
-           const splat::Camera& camera) {
-  Drawn drawn;
-  if (colours == nullptr) {
-    drawn.mask = rasteriser.render(gaussians, camera).mask;
-    return drawn;
-  }
-  std::vector<Vec3f> weighted;
-  std::vector<Vec3f> known;
-  for (std::size_t b = 0; b < colours->bodies.size(); ++b) {
-    if (body && *body != b) continue;
-    const ParticleColours::OfBody& of = colours->bodies[b];
-    for (std::size_t i = 0; i < of.colours.size(); ++i) {
-      weighted.emplace_back(of.known[i] * of.colours[i]);
-      known.emplace_back(Vec3f::Constant(of.known[i]));
-    }
-  }
-  capture::set_colours(gaussians, weighted);
-  const splat::Image& image = rasteriser.render(gaussians, camera);
-  drawn.mask = image.mask;
-  drawn.colour = image.colour;
-  capture::set_colours(gaussians, known);
-  const splat::Image& again = rasteriser.render(gaussians, camera);
-  drawn.known.assign(again.colour.begin(), again.colour.begin() + std::ptrdiff_t(again.pixels()));
-  return drawn;
-}
-
 ParticleFilm::ParticleFilm(const mpm::Scene& scene) : scene_(scene), bodies_(scene.bodies.size()) {}
+
+std::size_t ParticleFilm::kept() const {
+  return bodies_.empty() ? 0 : bodies_.front().places.size();
+}
 
 void ParticleFilm::record(const mpm::ObservedFrame& frame) {
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -64,14 +69,35 @@ void ParticleFilm::record(const mpm::ObservedFrame& frame) {
   }
 }
 
-splat::Gaussians ParticleFilm::at(double time, std::optional<std::size_t> body, double size) const {
+bool ParticleFilm::settles(double time) const {
+  const double at = time * scene_.fps;
+  const double whole = std::floor(at + kSameFrame);
+  // A cubic between two frames needs the one after both.
+  const double needed = std::abs(at - whole) < kSameFrame ? whole + 1.0 : whole + 3.0;
+  return double(frames()) >= needed;
+}
+
+void ParticleFilm::forget_before(double time) {
+  const double needed = std::floor(time * scene_.fps + kSameFrame) - 1.0;
+  if (needed <= double(first_)) return;
+  const std::size_t count = std::min(static_cast<std::size_t>(needed) - first_, kept());
+  for (OfBody& body : bodies_) {
+    for (std::vector<Points>* frames : {&body.places, &body.columns}) {
+      const std::size_t own = std::min(count, frames->size());
+      frames->erase(frames->begin(), frames->begin() + std::ptrdiff_t(own));
+    }
+  }
+  first_ += count;
+}
+
+splat::Gaussians ParticleFilm::at(double time, double size) const {
   std::vector<Vec3f> positions;
   std::vector<Mat3f> gradients;
+  const std::vector<double> times{time - double(first_) / scene_.fps};
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
-    if (body && *body != b) continue;
     const OfBody& of = bodies_[b];
     const std::size_t particles = scene_.bodies[b].rest.size();
-    const Points places = at_times(of.places, particles, {time}, scene_.fps).positions;
+    const Points places = at_times(of.places, particles, times, scene_.fps).positions;
     const bool inside =
         std::all_of(places.begin(), places.end(), [](const Vec3d& x) { return x.allFinite(); });
     if (!inside) return {};
@@ -80,7 +106,7 @@ splat::Gaussians ParticleFilm::at(double time, std::optional<std::size_t> body, 
       gradients.insert(gradients.end(), particles, Mat3f::Identity());
       continue;
     }
-    const Points columns = at_times(of.columns, 3 * particles, {time}, scene_.fps).positions;
+    const Points columns = at_times(of.columns, 3 * particles, times, scene_.fps).positions;
     for (std::size_t i = 0; i < particles; ++i) {
       Mat3f f;
       for (int k = 0; k < 3; ++k) f.col(k) = columns[3 * i + std::size_t(k)].cast<float>();
@@ -88,6 +114,80 @@ splat::Gaussians ParticleFilm::at(double time, std::optional<std::size_t> body, 
     }
   }
   return capture::particle_gaussians(positions, gradients, size * 0.5 * scene_.dx);
+}
+
+Filmer::Filmer(const mpm::Scene& scene, Given given, std::shared_ptr<Arena> arena,
+               SimdTarget target)
+    : scene_(scene),
+      given_(std::move(given)),
+      arena_(std::move(arena)),
+      rasteriser_(arena_, target),
+      film_(scene),
+      open_(given_.views.size()) {
+  std::iota(open_.begin(), open_.end(), std::size_t{0});
+  std::stable_sort(open_.begin(), open_.end(), [&](std::size_t a, std::size_t b) {
+    return given_.views[a].time < given_.views[b].time;
+  });
+}
+
+double Filmer::bytes(const mpm::Scene& scene, const std::vector<View>& views) {
+  double particles = 0.0;
+  for (const mpm::Body& body : scene.bodies) particles += double(body.rest.size());
+  double pixels = 0.0;
+  for (const View& view : views) {
+    pixels = std::max(pixels, double(view.camera.width) * view.camera.height);
+  }
+  return views.empty() ? 0.0 : kBytesAParticle * particles + kBytesAPixel * pixels;
+}
+
+void Filmer::record(const mpm::ObservedFrame& frame) {
+  film_.record(frame);
+  std::size_t done = 0;
+  while (done < open_.size() && film_.settles(given_.views[open_[done]].time)) draw(open_[done++]);
+  open_.erase(open_.begin(), open_.begin() + std::ptrdiff_t(done));
+  if (open_.empty()) {
+    film_.forget_before(double(film_.frames()) / scene_.fps);
+  } else {
+    film_.forget_before(given_.views[open_.front()].time);
+  }
+}
+
+void Filmer::finish() {
+  for (const std::size_t view : std::exchange(open_, {})) draw(view);
+}
+
+void Filmer::draw(std::size_t v) {
+  const View& view = given_.views[v];
+  splat::Gaussians gaussians = film_.at(view.time, view.size);
+  if (gaussians.size() == 0) return;
+  for (Vec3f& x : gaussians.means) x -= given_.shift.cast<float>();
+  Drawn drawn;
+  const bool alone = !view.body || scene_.bodies.size() == 1;
+  if (!alone) {
+    paint(gaussians, scene_, view.body,
+          [](std::size_t, std::size_t) { return Vec3f(Vec3f::Ones()); });
+  }
+  const splat::Image& image = rasteriser_.render(gaussians, view.camera);
+  drawn.mask = alone ? image.mask : first_channel(image);
+  const std::vector<float> visible =
+      visible_share(scene_, view.time, given_.shift, view.camera, image, *arena_);
+  if (given_.colours != nullptr) {
+    const auto& of = given_.colours->bodies;
+    paint(gaussians, scene_, view.body, [&](std::size_t b, std::size_t i) {
+      return Vec3f(of[b].known[i] * of[b].colours[i]);
+    });
+    drawn.colour = rasteriser_.render(gaussians, view.camera).colour;
+    paint(gaussians, scene_, view.body, [&](std::size_t b, std::size_t i) {
+      return Vec3f(Vec3f::Constant(of[b].known[i]));
+    });
+    drawn.known = first_channel(rasteriser_.render(gaussians, view.camera));
+  }
+  for (std::vector<float>* channels : {&drawn.mask, &drawn.colour, &drawn.known}) {
+    for (std::size_t i = 0; i < (visible.empty() ? 0 : channels->size()); ++i) {
+      (*channels)[i] *= visible[i % visible.size()];
+    }
+  }
+  given_.see(v, drawn);
 }
 
 }  // namespace matterfit::fit

@@ -45,6 +45,21 @@ ImageProblem::ImageProblem(const Model& model, std::vector<Parameter> parameters
   first_.push_back(at);
 }
 
+ImageProblem::Memory ImageProblem::memory(const std::vector<Sighting>& sightings,
+                                          std::size_t parameters) {
+  Memory memory;
+  for (const Sighting& sighting : sightings) {
+    const auto pixels = double(sighting.matte.values.size());
+    const double channels = sighting.has_colours() ? 4.0 : 1.0;
+    // As read, as a problem keeps it, and its matte blurred.
+    memory.images += sizeof(float) * (2.0 * (channels * pixels + double(sighting.seen.size())) + pixels);
+    if (!sighting.held_out) memory.residuals += channels * pixels;
+  }
+  // Two Jacobians and two residuals a parameter, of central differences; what a step tries.
+  memory.slopes = sizeof(double) * memory.residuals * (4.0 * double(parameters) + 6.0);
+  return memory;
+}
+
 std::vector<double> ImageProblem::physical(const Eigen::VectorXd& point) const {
   std::vector<double> values;
   values.reserve(parameters_.size());

@@ -56,6 +56,15 @@ class ImageProblem final : public Problem {
   /// The model is borrowed. `blur` [pixels].
   ImageProblem(const Model& model, std::vector<Parameter> parameters, Parts parts, double blur);
 
+  /// What a search by all of these that are not held out takes beside its simulations, about.
+  struct Memory {
+    double images = 0.0;  ///< [bytes]
+    double slopes = 0.0;  ///< residuals and their derivatives [bytes]
+    double residuals = 0.0;
+  };
+  [[nodiscard]] static Memory memory(const std::vector<Sighting>& sightings,
+                                     std::size_t parameters);
+
   std::vector<std::optional<Eigen::VectorXd>> evaluate(
       const std::vector<Eigen::VectorXd>& points) override;
   /// Lengths of the outlines [pixels], for where nothing moves nothing is known; patches of colour

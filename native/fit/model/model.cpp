@@ -100,19 +100,6 @@ mpm::Scene Model::scene_at(std::span<const double> values, std::size_t run) cons
   return scene;
 }
 
-splat::Gaussians Model::at_start(std::span<const double> values, const View& view) const {
-  const mpm::Scene scene = scene_at(values, 0);
-  mpm::ObservedFrame frame;
-  for (const mpm::Body& body : scene.bodies) {
-    mpm::ObservedFrame::Body& of = frame.bodies.emplace_back();
-    of.positions = body.rest;
-    of.deformation_gradients.assign(body.rest.size(), Mat3d::Identity());
-  }
-  ParticleFilm film(scene);
-  film.record(frame);
-  return film.at(0.0, view.body, view.size);
-}
-
 splat::Camera Model::camera_of(std::span<const double> values, const View& view) const {
   return posed(view.camera, parameters_.film_viewing(values, 0, view.film).poses[view.number]);
 }
@@ -216,14 +203,16 @@ Observation Model::observe(const Trial& trial, const Scope& scope,
                            const std::shared_ptr<Arena>& arena, const Listener& listener) const {
   const mpm::Scene& scene = trial.scene;
   mpm::Simulation simulation(scene, arena, simulation_options());
-  ParticleFilm film(scene);
-  const bool filmed = !trial.view_times.empty();
+  std::optional<Filmer> filmer;
+  if (!trial.view_times.empty()) {
+    filmer.emplace(scene, filmed(trial, scope, listener), arena, options_.target);
+  }
   Observation observation;
   std::vector<std::vector<Points>> seen(trial.watchers.size());
   std::vector<std::vector<Points>> speeds(trial.watchers.size());
   const auto record = [&] {
-    const mpm::ObservedFrame frame = simulation.observe(filmed || options_.loss != Loss::kChamfer);
-    if (filmed) film.record(frame);
+    const mpm::ObservedFrame frame = simulation.observe(filmer.has_value() || options_.loss != Loss::kChamfer);
+    if (filmer) filmer->record(frame);
     for (std::size_t c = 0; c < seen.size(); ++c) {
       Points at = trial.watchers[c].positions(scene, frame, *arena);
       if (!trial.shift.isZero(0.0)) {
@@ -248,25 +237,27 @@ Observation Model::observe(const Trial& trial, const Scope& scope,
     }
     observation.captures.push_back(std::move(capture));
   }
-  if (filmed) draw(trial, film, scope, arena, listener);
+  if (filmer) filmer->finish();
   return observation;
 }
 
-void Model::draw(const Trial& trial, const ParticleFilm& film, const Scope& scope,
-                 const std::shared_ptr<Arena>& arena, const Listener& listener) const {
-  splat::Rasteriser rasteriser(arena, options_.target);
-  const std::vector<View>& views = scope.filming->views;
-  for (std::size_t v = 0; v < views.size(); ++v) {
-    interrupter_.check();
-    const View& view = views[v];
-    splat::Gaussians gaussians = film.at(trial.view_times[v], view.body, view.size);
-    if (gaussians.size() == 0) continue;
-    for (Vec3f& x : gaussians.means) x -= trial.shift.cast<float>();
-    const splat::Camera camera = posed(view.camera, trial.films[view.film].poses[view.number]);
-    scope.filming->see(
-        listener.query, v,
-        fit::draw(rasteriser, std::move(gaussians), view.body, scope.filming->colours, camera));
+Filmer::Given Model::filmed(const Trial& trial, const Scope& scope,
+                            const Listener& listener) const {
+  const Filming& filming = *scope.filming;
+  Filmer::Given given;
+  given.views = filming.views;
+  for (std::size_t v = 0; v < given.views.size(); ++v) {
+    View& view = given.views[v];
+    view.camera = posed(view.camera, trial.films[view.film].poses[view.number]);
+    view.time = trial.view_times[v];
   }
+  given.colours = filming.colours;
+  given.shift = trial.shift;
+  given.see = [this, &filming, query = listener.query](std::size_t v, const Drawn& drawn) {
+    interrupter_.check();
+    filming.see(query, v, drawn);
+  };
+  return given;
 }
 
 std::optional<Observation> Model::simulate(std::size_t run, const Query& query, const Scope& scope,
@@ -414,7 +405,11 @@ Evaluation Model::evaluate(const std::vector<Query>& queries, const Scope& scope
     if (progress) progress(std::min(1.0, double(count) / all));
   };
   // One thread a simulation; those that are left over help where there are few.
-  const double room = 1e9 * options_.memory_limit_gb / double(std::max<std::size_t>(1, bytes_));
+  double bytes = std::max(1.0, double(bytes_));
+  if (scope.filming != nullptr) {
+    bytes += Filmer::bytes(models_[scope.filming->run]->scene, scope.filming->views);
+  }
+  const double room = 1e9 * options_.memory_limit_gb / bytes;
   side_by_side(tasks, static_cast<std::size_t>(std::clamp(room, 1.0, 1e6)), options_.threads,
                [&](std::size_t i, const std::shared_ptr<Arena>& arena) {
                  const std::size_t query = i / runs.size();

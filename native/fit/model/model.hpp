@@ -90,8 +90,7 @@ class Model {
   [[nodiscard]] int threads() const { return options_.threads; }
   [[nodiscard]] mpm::SimdTarget target() const { return options_.target; }
 
-  /// The particles of a view where the bodies of run 0 start, and its camera as it stands.
-  [[nodiscard]] splat::Gaussians at_start(std::span<const double> values, const View& view) const;
+  /// The camera of a view of run 0 as it stands.
   [[nodiscard]] splat::Camera camera_of(std::span<const double> values, const View& view) const;
 
   /// The plan that an evaluation of these values was stepped by, which the solver chose.
@@ -145,8 +144,9 @@ class Model {
   [[nodiscard]] Observation observe(const Trial& trial, const Scope& scope,
                                     const std::shared_ptr<Arena>& arena,
                                     const Listener& listener) const;
-  void draw(const Trial& trial, const ParticleFilm& film, const Scope& scope,
-            const std::shared_ptr<Arena>& arena, const Listener& listener) const;
+  /// What is drawn of it.
+  [[nodiscard]] Filmer::Given filmed(const Trial& trial, const Scope& scope,
+                                     const Listener& listener) const;
 
   const std::vector<Run>& runs_;
   const Parameters& parameters_;

@@ -24,32 +24,44 @@ constexpr float kSh0 = 0.28209479F;
 struct Shown {
   splat::Gaussians gaussians;
   splat::Camera camera;
-  std::vector<std::size_t> particles;  ///< of each Gaussian, counted through all bodies
+  std::size_t begin = 0;  ///< particles of which it tells, those of all bodies in a row
+  std::size_t end = 0;
   const Sighting* sighting = nullptr;
   std::vector<float> weight;  ///< one a pixel: 1 where it is all body
 };
+
+/// The particles of all bodies where they start, as a view with that size of theirs draws them.
+splat::Gaussians at_start(const mpm::Scene& start, double size) {
+  mpm::ObservedFrame frame;
+  for (const mpm::Body& body : start.bodies) {
+    mpm::ObservedFrame::Body& of = frame.bodies.emplace_back();
+    of.positions = body.rest;
+    of.deformation_gradients.assign(body.rest.size(), Mat3d::Identity());
+  }
+  ParticleFilm film(start);
+  film.record(frame);
+  return film.at(0.0, size);
+}
 
 /// Adds the transpose of drawing, times an image's three channels, to each particle's colour.
 void spread(splat::Rasteriser& rasteriser, const Shown& shown, const splat::Image& channels,
             std::vector<Vec3f>& into) {
   splat::GaussianGradients gradients;
   rasteriser.backward(shown.gaussians, channels, gradients);
-  for (std::size_t i = 0; i < shown.particles.size(); ++i) {
+  for (std::size_t i = shown.begin; i < shown.end; ++i) {
     const float* of = gradients.sh.data() + 3 * i;
-    into[shown.particles[i]] += Vec3f(of[0], of[1], of[2]) / kSh0;
+    into[i] += Vec3f(of[0], of[1], of[2]) / kSh0;
   }
 }
 
 }  // namespace
 
-ParticleColours learn_colours(const Model& model, const std::vector<double>& values,
-                              const std::vector<Sighting>& sightings,
+ParticleColours learn_colours(const mpm::Scene& start, const std::vector<Sighting>& sightings,
+                              const std::shared_ptr<Arena>& arena, SimdTarget target,
                               const Interrupter& interrupter) {
-  const mpm::Scene& scene = model.scene(0);
   std::vector<std::size_t> first{0};
-  for (const mpm::Body& body : scene.bodies) first.push_back(first.back() + body.rest.size());
-  const auto arena = std::make_shared<Arena>(model.threads());
-  splat::Rasteriser rasteriser(arena, model.target());
+  for (const mpm::Body& body : start.bodies) first.push_back(first.back() + body.rest.size());
+  splat::Rasteriser rasteriser(arena, target);
   std::vector<Shown> all;
   std::vector<Vec3f> seen(first.back(), Vec3f::Zero());  // pixels
   Vec3f sum = Vec3f::Zero();
@@ -58,13 +70,14 @@ ParticleColours learn_colours(const Model& model, const std::vector<double>& val
     if (sighting.held_out || !sighting.has_colours() || sighting.view.time > 0.0) continue;
     Shown shown;
     shown.sighting = &sighting;
-    shown.gaussians = model.at_start(values, sighting.view);
-    shown.camera = model.camera_of(values, sighting.view);
-    for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
-      if (sighting.view.body && *sighting.view.body != b) continue;
-      for (std::size_t i = first[b]; i < first[b + 1]; ++i) shown.particles.push_back(i);
+    shown.gaussians = at_start(start, sighting.view.size);
+    shown.camera = sighting.view.camera;
+    shown.end = first.back();
+    if (sighting.view.body) {
+      shown.begin = first[*sighting.view.body];
+      shown.end = first[*sighting.view.body + 1];
     }
-    const std::vector<Vec3f> grey(shown.particles.size(), Vec3f::Constant(0.5F));
+    const std::vector<Vec3f> grey(first.back(), Vec3f::Constant(0.5F));
     capture::set_colours(shown.gaussians, grey);
     const splat::Image& image = rasteriser.render(shown.gaussians, shown.camera);
     splat::Image channels(image.width, image.height);
@@ -90,10 +103,7 @@ ParticleColours learn_colours(const Model& model, const std::vector<double>& val
     std::vector<Vec3f> step(colours.size(), Vec3f::Zero());
     for (Shown& shown : all) {
       interrupter.check();
-      std::vector<Vec3f> own;
-      own.reserve(shown.particles.size());
-      for (const std::size_t i : shown.particles) own.push_back(colours[i]);
-      capture::set_colours(shown.gaussians, own);
+      capture::set_colours(shown.gaussians, colours);
       const splat::Image& image = rasteriser.render(shown.gaussians, shown.camera);
       const std::size_t pixels = image.pixels();
       splat::Image channels(image.width, image.height);
@@ -112,7 +122,7 @@ ParticleColours learn_colours(const Model& model, const std::vector<double>& val
     }
   }
   ParticleColours result;
-  for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
+  for (std::size_t b = 0; b < start.bodies.size(); ++b) {
     auto& of = result.bodies.emplace_back();
     for (std::size_t i = first[b]; i < first[b + 1]; ++i) {
       of.colours.push_back(colours[i]);

@@ -48,7 +48,7 @@ double size_of(const double* area, double wanted, const std::string& name) {
 
 }  // namespace
 
-void settle_sizes(const Model& model, const std::vector<double>& values,
+void settle_sizes(const std::function<void(const Filming&)>& film,
                   const std::vector<std::string>& names,
                   const std::vector<std::vector<std::uint8_t>>& moved,
                   std::vector<Sighting>& sightings) {
@@ -69,12 +69,7 @@ void settle_sizes(const Model& model, const std::vector<double>& values,
     const Sighting& sighting = sightings[of[v]];
     areas[v] = sum_of(seen_of(image.mask, sighting.matte, sighting.seen).values);
   };
-  Scope scope;
-  scope.until.assign(model.runs(), -1.0);
-  scope.until[filming.run] = filming.until();
-  scope.filming = &filming;
-  const Evaluation evaluation = model.evaluate({values}, scope);
-  if (!evaluation.outcomes.front()) throw_compute(evaluation.failure.message);
+  film(filming);
 
   const auto is_moved = [&](const Camera& camera) {
     return camera.first < moved.size() && camera.second < moved[camera.first].size() &&

@@ -2,6 +2,7 @@
 #include "job/documents/capture_scene.hpp"
 
 #include "base/error.hpp"
+#include "job/documents/document_reading.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -99,6 +100,12 @@ Job group_job(const Job& job, const SceneGroup& group) {
     // The name may have come from the file's; both must stay.
     capture["name"] = job.captures[i].name;
     captures.push_back(std::move(capture));
+  }
+  if (!group.own && document.contains("captures")) {
+    // Images are of the document's own scene.
+    for (const Json& capture : document.at("captures")) {
+      if (is_by_images(JsonValue(capture, "captures"))) captures.push_back(capture);
+    }
   }
   document["captures"] = std::move(captures);
   document.erase("fit");

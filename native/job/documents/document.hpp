@@ -237,6 +237,7 @@ struct OutputDoc {
   std::vector<MeshOutput> mesh;
   std::vector<SplatOutput> splats;
   std::vector<std::string> attributes;
+  bool overlays = false;  ///< of a comparison with images
   std::string report = "report.json";
   int checkpoint_frames = 10;        ///< a checkpoint after this many frames …
   double checkpoint_seconds = 30.0;  ///< … or this many seconds, whichever comes first

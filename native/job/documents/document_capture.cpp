@@ -218,6 +218,7 @@ OutputDoc read_output(const JsonValue& value, const ReadContext& context, const 
       output.attributes.push_back(item.string());
     }
   }
+  output.overlays = object.boolean("overlays", false);
   if (const auto report = object.find("report")) {
     output.report = report->string();
     if (!stays_inside(output.report)) {

@@ -167,8 +167,13 @@ ImagesDoc read_images(const JsonValue& value, const ReadContext& context, const 
 RenderDoc read_render(const JsonValue& value, const ReadContext& context) {
   JsonObject object(value);
   RenderDoc render;
-  render.cameras = context.file(object.require("cameras"));
-  read_world(object, render.options);
+  if (object.one_of({"cameras", "capture"}) == 0) {
+    render.cameras = context.file(object.require("cameras"));
+    read_world(object, render.options);
+    if (const auto poses = object.find("poses")) render.poses = read_poses(*poses);
+  } else {
+    render.capture = object.require("capture").string();
+  }
   if (const auto chosen = object.find("camera")) {
     if (chosen->json().is_number()) {
       render.chosen = {chosen->integer(0, kMostCameras)};
@@ -200,7 +205,17 @@ std::vector<ImagesDoc> images_of(const Job& job) {
 
 std::optional<RenderDoc> render_of(const Job& job) {
   if (!job.document.contains("render")) return std::nullopt;
-  return read_render(JsonValue(job.document.at("render"), "render"), ReadContext{job.base_folder});
+  const JsonValue value(job.document.at("render"), "render");
+  RenderDoc render = read_render(value, ReadContext{job.base_folder});
+  if (render.capture.empty()) return render;
+  for (const ImagesDoc& images : images_of(job)) {
+    if (images.name != render.capture) continue;
+    render.cameras = images.cameras;
+    render.options = images.options;
+    render.poses = images.poses;
+    return render;
+  }
+  throw_input("render.capture: no capture by images is called '" + render.capture + "'.");
 }
 
 }  // namespace matterfit::job

@@ -43,16 +43,19 @@ struct ImagesDoc {
 
 /// The section `render`: what is drawn through which cameras.
 struct RenderDoc {
+  std::string capture;  ///< whose cameras, world and poses are taken; empty: those given here
   std::filesystem::path cameras;
   capture::ImageClipOptions options;  ///< of the cameras' world
   std::vector<int> chosen;            ///< cameras by number; empty: all
+  std::vector<fit::CameraPose> poses;  ///< as of a capture
   std::filesystem::path gaussians;    ///< a file of splats that stands still; empty: the scene
   std::optional<Vec3d> background;    ///< sRGB, 0 to 1; none: transparent
 };
 
 /// The captures by images of a job, which Job::captures leaves out. read_job() has checked them.
 [[nodiscard]] std::vector<ImagesDoc> images_of(const Job& job);
-/// The section `render`; nothing without one.
+/// The section `render`; nothing without one. Cameras, their world and poses are those of the
+/// capture that it names, if it does.
 [[nodiscard]] std::optional<RenderDoc> render_of(const Job& job);
 
 }  // namespace matterfit::job

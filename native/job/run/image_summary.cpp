@@ -11,6 +11,7 @@
 
 #include "base/error.hpp"
 #include "capture/image_clip.hpp"
+#include "fit/data/camera_pose.hpp"
 #include "job/documents/document_reading.hpp"
 #include "job/documents/images_document.hpp"
 
@@ -28,15 +29,6 @@ std::string how_mattes_are_made(const capture::ImageClipOptions& options) {
   if (options.plates) return "Mattes by what differs from clean plates";
   if (options.key) return "Mattes by the body's colour";
   return "Mattes of the recording's own: files beside the images, else their alpha";
-}
-
-/// The image of each camera that comes first.
-std::vector<std::string> first_images(const capture::ImageClip& clip) {
-  std::vector<std::string> names(clip.cameras.size());
-  for (const capture::Sight& sight : clip.sights) {
-    if (names[sight.camera].empty()) names[sight.camera] = sight.image;
-  }
-  return names;
 }
 
 /// Camera to world of Blender's axes, by rows, with the lens.
@@ -64,27 +56,33 @@ Json image_summary(const std::filesystem::path& cameras, const Json& options) {
   const ImagesDoc doc =
       read_images(JsonValue(document, "options"), ReadContext{std::filesystem::path()}, scene);
   std::vector<std::string> statements;
-  const capture::ImageClip clip = capture::read_image_clip(doc.cameras, doc.options, statements);
+  double low = 1.0;
+  double high = 0.0;
+  std::size_t images = 0;
+  std::vector<std::string> first;  // image of each camera
+  const auto take = [&](const capture::ImageClip& clip, const capture::Sight& sight) {
+    first.resize(clip.cameras.size());
+    if (first[sight.camera].empty()) first[sight.camera] = sight.image;
+    const double share = coverage(sight);
+    low = std::min(low, share);
+    high = std::max(high, share);
+    ++images;
+  };
+  const capture::ImageClip clip =
+      capture::read_image_clip(doc.cameras, doc.options, statements, take);
+  const std::vector<splat::Camera> standing = fit::posed(clip.cameras, doc.poses);
   std::set<std::pair<int, int>> sizes;
   Json places = Json::array();
-  const std::vector<std::string> first = first_images(clip);
   for (std::size_t k = 0; k < clip.cameras.size(); ++k) {
-    const splat::Camera& camera = clip.cameras[k];
+    const splat::Camera& camera = standing[k];
     sizes.emplace(camera.width, camera.height);
     places.push_back(place_of(camera));
     places.back()["image"] = first[k];
   }
-  double low = 1.0;
-  double high = 0.0;
-  for (const capture::Sight& sight : clip.sights) {
-    const double share = coverage(sight);
-    low = std::min(low, share);
-    high = std::max(high, share);
-  }
   std::vector<std::string> text;
   const double duration = clip.times.back() - clip.times.front();
   text.push_back(fmt::format("{} cameras, {} images of {} times, {:.3g} s", clip.cameras.size(),
-                             clip.sights.size(), clip.times.size(), duration));
+                             images, clip.times.size(), duration));
   std::string list;
   for (const auto& [width, height] : sizes) {
     list += fmt::format("{}{} × {}", list.empty() ? "" : ", ", width, height);
@@ -95,7 +93,7 @@ Json image_summary(const std::filesystem::path& cameras, const Json& options) {
       fmt::format("The body covers {:.1f} to {:.1f} % of an image", 100.0 * low, 100.0 * high));
   text.insert(text.end(), statements.begin(), statements.end());
   return {{"cameras", clip.cameras.size()},
-          {"images", clip.sights.size()},
+          {"images", images},
           {"times", clip.times.size()},
           {"duration", duration},
           {"coverage", {low, high}},

@@ -15,6 +15,7 @@
 #include "capture/particles.hpp"
 #include "capture/splats.hpp"
 #include "capture/tracks.hpp"
+#include "fit/data/camera_pose.hpp"
 #include "fit/model/particle_sizes.hpp"
 #include "job/documents/images_document.hpp"
 #include "job/documents/inputs.hpp"
@@ -34,11 +35,16 @@ struct Place {
 };
 
 std::vector<Place> places(const RenderDoc& doc) {
-  const capture::CameraSet set = capture::read_cameras(doc.cameras);
+  const capture::CameraSet set = capture::read_cameras(doc.cameras, doc.options.images);
   const Eigen::Matrix4d matrix =
       capture::tracks_matrix(doc.options.unit, doc.options.up, doc.options.transform);
   std::vector<int> numbers = doc.chosen;
-  const int count = static_cast<int>(set.cameras.size());
+  std::vector<splat::Camera> cameras;
+  for (const splat::Camera& camera : set.cameras) {
+    cameras.push_back(capture::moved(camera, matrix));
+  }
+  cameras = fit::posed(std::move(cameras), doc.poses);
+  const int count = static_cast<int>(cameras.size());
   if (numbers.empty()) {
     for (int k = 0; k < count; ++k) numbers.push_back(k);
   }
@@ -50,7 +56,7 @@ std::vector<Place> places(const RenderDoc& doc) {
                   doc.cameras.string() + " has " + std::to_string(count) + ", from 0.");
     }
     const auto k = static_cast<std::size_t>(number);
-    result.push_back({number, capture::moved(set.cameras[k], matrix), !set.lenses[k].none()});
+    result.push_back({number, cameras[k], !set.lenses[k].none()});
   }
   return result;
 }

@@ -10,12 +10,14 @@
 #include "base/file.hpp"
 #include "capture/check.hpp"
 #include "fit/data/metrics.hpp"
+#include "job/documents/images_document.hpp"
 #include "job/run/bake_outputs.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/cache.hpp"
 #include "job/run/capture_input.hpp"
 #include "job/run/checkpoint.hpp"
 #include "job/run/compare.hpp"
+#include "job/run/compare_images.hpp"
 #include "job/run/observe.hpp"
 #include "job/run/penetration.hpp"
 #include "job/run/state_file.hpp"
@@ -67,6 +69,10 @@ class Run {
     notes_.insert(notes_.end(), built_.notes.begin(), built_.notes.end());
     count_ = static_cast<std::size_t>(job_.scene.frames());
     observations_.emplace(job_, built_.scene, captures_, *arena_);
+    if (job_.task == Task::kCompare && extras_.images && !images_of(job_).empty()) {
+      report(0.0, "Reading images");
+      images_.emplace(job_, scene(), notes_, interrupter_);
+    }
     if (job_.task == Task::kBake) {
       report(0.0, "Binding meshes");
       bake_.emplace(job_, scene(), *arena_, interrupter_);
@@ -291,6 +297,11 @@ class Run {
       list.push_back(error.summary);
     }
     compare_ = {{"captures", list}};
+    if (images_) {
+      report(1.0, "Comparing images");
+      compare_["images"] = images_->run(cache_->folder(), arena_, target_);
+      for (const std::string& file : images_->files()) cache_->record(file, false);
+    }
     for (const char* key : {"mean_mm", "p95_mm", "max_mm", "rms_mm", "mean_percent"}) {
       if (list.size() == 1 && list[0].contains(key)) compare_[key] = list[0][key];
     }
@@ -457,6 +468,7 @@ class Run {
   std::optional<StatsLog> stats_;
   BuiltScene built_;
   std::optional<Observations> observations_;
+  std::optional<ImageComparison> images_;
   std::optional<BakeOutputs> bake_;
   std::unique_ptr<mpm::Simulation> simulation_;
   std::size_t count_ = 0;

@@ -15,6 +15,7 @@ namespace matterfit::job {
 struct RunExtras {
   std::string_view task;  ///< that the result names; empty: the job's
   bool clouds = false;    ///< of captures: capture::TracksOptions::clouds
+  bool images = true;     ///< a comparison looks at captures by images too
   double begin = 0.0;     ///< where the progress of this run begins
   /// Files that stay in the folder although an earlier manifest lists them.
   std::vector<std::string> kept;

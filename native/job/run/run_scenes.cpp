@@ -49,6 +49,7 @@ Json run_scenes(const Job& job, const RunOptions& options, Interrupter& interrup
       inner.begin = extras.begin + (1.0 - extras.begin) * double(g) / double(groups.size());
       inner.compared = extras.compared;
       inner.clouds = extras.clouds;
+      inner.images = false;
       join(result, run_scene(own, options, interrupter, inner), groups[g]);
     }
     return extras.finish ? extras.finish(result) : std::vector<std::string>();

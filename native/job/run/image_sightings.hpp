@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -16,10 +17,10 @@ namespace matterfit::job {
 /// One image of a capture: as a fit sees it, and as it was recorded.
 struct ImageSighting {
   fit::Sighting reduced;
-  splat::Camera camera;             ///< of the whole image
-  std::vector<std::uint8_t> matte;  ///< of the whole image
-  std::vector<std::uint8_t> seen;   ///< by the lens, as capture::ImageClip has it
-  std::string image;                ///< the file's name
+  splat::Camera camera;   ///< of the whole image
+  fit::Silhouette matte;  ///< the same
+  double frame = 0.0;     ///< of the scene
+  std::string image;      ///< the file's name
 };
 
 /// The recordings by images of a job.
@@ -27,9 +28,13 @@ struct LoadedFilms {
   std::vector<fit::Film> films;          ///< one a capture by images, in their order
   std::vector<std::string> paths;        ///< of each in the document: "captures[0]"
   std::vector<ImageSighting> sightings;  ///< of all, in order of time
+  /// What each film's cameras see of their whole images, as capture::ImageClip has it.
+  std::vector<std::vector<std::vector<std::uint8_t>>> seen;
 
   /// Whether an image of that camera is fitted.
   [[nodiscard]] bool is_fitted(std::size_t film, std::size_t camera) const;
+  /// How what is drawn of a whole image agrees with its matte, as far as its lens saw it.
+  [[nodiscard]] fit::Agreement agreement(std::size_t sighting, std::vector<float> mask) const;
 };
 
 /// Reads the images of a job, those outside of the scene's frames left out. They are reduced so
@@ -45,6 +50,12 @@ struct LoadedFilms {
 /// there is not, or that has no image that is fitted.
 [[nodiscard]] std::vector<fit::ParameterSpec> with_poses(const Job& job, const LoadedFilms& films,
                                                          std::vector<fit::ParameterSpec> specs);
+
+/// Agreement of the drawn masks with the mattes, one a sighting, of those that `takes` takes: how
+/// many `images`, mean `iou` and `contour_px`, the `worst`; null without any.
+[[nodiscard]] Json agreement_json(const std::vector<ImageSighting>& sightings,
+                                  const std::vector<fit::Agreement>& agreements,
+                                  const std::function<bool(const fit::Sighting&)>& takes);
 
 /// Agreement of the drawn masks with the mattes: mean IoU and contour error [pixels], the worst
 /// image; what is fitted and what is held out apart. `agreements` one a sighting.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/image_sightings.hpp"
+#include "job/run/image_sightings.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -44,56 +44,64 @@ bool is_held_out(const ImagesDoc& doc, double frame, std::size_t camera) {
 
 void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& into,
                  std::vector<std::string>& statements, const Interrupter& interrupter) {
-  capture::ImageClip clip =
-      capture::read_image_clip(doc.cameras, doc.options, statements, &interrupter);
-  const std::size_t cameras = clip.cameras.size();
-  const std::string there = "; there are " + std::to_string(cameras) + ", from 0.";
-  for (const int number : doc.holdout.cameras) {
-    if (static_cast<std::size_t>(number) < cameras) continue;
-    throw_input("there is no camera " + std::to_string(number) + " to hold out" + there);
-  }
-  if (doc.poses.size() > cameras) {
-    throw_input("'poses' has " + std::to_string(doc.poses.size()) + " cameras" + there);
-  }
   const double start = doc.start_frame.value_or(scene.first_frame);
-  fit::Film film{doc.name, {start, doc.poses}};
-  film.viewing.poses.resize(cameras);
   std::size_t outside = 0;
-  for (capture::Sight& sight : clip.sights) {
+  std::vector<int> factors;
+  std::vector<std::vector<float>> seen;  // reduced
+  const auto begin = [&](const capture::ImageClip& clip) {
+    for (std::size_t k = 0; k < clip.cameras.size(); ++k) {
+      const splat::Camera& camera = clip.cameras[k];
+      factors.push_back(factor_of(camera, scene));
+      seen.emplace_back();
+      if (clip.seen[k].empty()) continue;
+      seen[k] = fit::reduced(clip.seen[k], camera.width, camera.height, factors[k]).values;
+    }
+  };
+  const auto take = [&](const capture::ImageClip& clip, const capture::Sight& sight) {
+    if (factors.empty()) begin(clip);
     double frame = start + clip.times[sight.frame] * scene.fps;
     if (std::abs(frame - std::round(frame)) < kSlack) frame = std::round(frame);
     if (frame < scene.first_frame - kSlack || frame > scene.end_frame - 1 + kSlack) {
       ++outside;
-      continue;
+      return;
     }
-    ImageSighting one;
-    one.camera = clip.cameras[sight.camera];
-    one.reduced.held_out = is_held_out(doc, frame, sight.camera);
-    one.image = sight.image;
-    const int factor = factor_of(one.camera, scene);
-    one.reduced.matte = fit::reduced(sight.matte, one.camera.width, one.camera.height, factor);
-    one.seen = clip.seen[sight.camera];
-    if (!one.seen.empty()) {
-      one.reduced.seen = fit::reduced(one.seen, one.camera.width, one.camera.height, factor).values;
-    }
-    one.reduced.noise = doc.noise / factor;
+    const splat::Camera& camera = clip.cameras[sight.camera];
+    const int factor = factors[sight.camera];
+    const auto small = [&](const std::vector<std::uint8_t>& plane) {
+      return fit::reduced(plane, camera.width, camera.height, factor);
+    };
+    fit::Sighting reduced;
+    reduced.held_out = is_held_out(doc, frame, sight.camera);
+    reduced.matte = small(sight.matte);
+    reduced.seen = seen[sight.camera];
+    reduced.noise = doc.noise / factor;
     if (doc.colours) {
-      one.reduced.colour_noise = *doc.colours;
-      for (std::size_t c = 0; c < 3; ++c) {
-        one.reduced.colours[c] =
-            fit::reduced(sight.colours[c], one.camera.width, one.camera.height, factor);
-      }
+      reduced.colour_noise = *doc.colours;
+      for (std::size_t c = 0; c < 3; ++c) reduced.colours[c] = small(sight.colours[c]);
     }
-    fit::View& view = one.reduced.view;
-    view.camera = fit::reduced(one.camera, factor);
+    fit::View& view = reduced.view;
+    view.camera = fit::reduced(camera, factor);
     view.film = into.films.size();
     view.number = sight.camera;
     view.time = std::clamp((frame - scene.first_frame) / scene.fps, 0.0,
                            (scene.end_frame - 1 - scene.first_frame) / scene.fps);
     if (!doc.body.empty()) view.body = fit::body_index(scene, doc.body);
-    one.matte = std::move(sight.matte);
-    into.sightings.push_back(std::move(one));
+    into.sightings.push_back({std::move(reduced), camera,
+                              fit::Silhouette(sight.matte, camera.width, camera.height), frame,
+                              sight.image});
+  };
+  capture::ImageClip clip =
+      capture::read_image_clip(doc.cameras, doc.options, statements, take, &interrupter);
+  const std::size_t cameras = clip.cameras.size();
+  for (const int number : doc.holdout.cameras) {
+    if (static_cast<std::size_t>(number) < cameras) continue;
+    throw_input("there is no camera " + std::to_string(number) + " to hold out; there are " +
+                std::to_string(cameras) + ", from 0.");
   }
+  fit::check_poses(doc.poses, cameras);
+  fit::Film film{doc.name, {start, doc.poses}};
+  film.viewing.poses.resize(cameras);
+  into.seen.push_back(std::move(clip.seen));
   into.films.push_back(std::move(film));
   into.paths.push_back(doc.path);
   if (outside > 0) {
@@ -141,6 +149,16 @@ bool LoadedFilms::is_fitted(std::size_t film, std::size_t camera) const {
     const fit::View& view = sighting.reduced.view;
     return view.film == film && view.number == camera && !sighting.reduced.held_out;
   });
+}
+
+fit::Agreement LoadedFilms::agreement(std::size_t sighting, std::vector<float> mask) const {
+  const ImageSighting& of = sightings[sighting];
+  const fit::View& view = of.reduced.view;
+  const std::vector<std::uint8_t>& lens = seen[view.film][view.number];
+  for (std::size_t i = 0; i < lens.size(); ++i) {
+    if (lens[i] == 0) mask[i] = 0.0F;
+  }
+  return fit::agreement(mask, of.matte);
 }
 
 LoadedFilms load_films(const Job& job, const mpm::Scene& scene, bool others,
@@ -195,12 +213,9 @@ std::vector<fit::ParameterSpec> with_poses(const Job& job, const LoadedFilms& fi
   return specs;
 }
 
-namespace {
-
-/// Of the sightings that `takes` takes; null without any.
-template <class Takes>
 Json agreement_json(const std::vector<ImageSighting>& sightings,
-                    const std::vector<fit::Agreement>& agreements, const Takes& takes) {
+                    const std::vector<fit::Agreement>& agreements,
+                    const std::function<bool(const fit::Sighting&)>& takes) {
   double iou = 0.0;
   double contour = 0.0;
   int images = 0;
@@ -221,12 +236,12 @@ Json agreement_json(const std::vector<ImageSighting>& sightings,
           {"contour_px", contours > 0 ? Json(contour / contours) : Json()},
           {"worst",
            {{"image", sightings[worst].image},
+            {"frame", sightings[worst].frame},
+            {"camera", sightings[worst].reduced.view.number},
             {"iou", agreements[worst].iou},
             {"outside_px", agreements[worst].outside},
             {"missing_px", agreements[worst].missing}}}};
 }
-
-}  // namespace
 
 Json silhouettes_json(const std::vector<ImageSighting>& sightings,
                       const std::vector<fit::Agreement>& agreements) {

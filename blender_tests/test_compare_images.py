@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Outlines of a take against the mattes of images: compared, listed, laid over the cameras' views;
+cameras of the scene that stand as a fit has found them."""
+
+import json
+import os
+
+import bpy
+import numpy
+from matterfit import native
+from matterfit.io import blender_cameras, image_comparison, takes
+from matterfit.ui import compare as compare_panel
+from support import needs_library
+from test_camera_poses import POSES
+from test_images import HEIGHT, WIDTH, ImagesCase
+from test_latent import texts
+
+
+def write_square(path, rows, columns):
+    image = bpy.data.images.new("matte", WIDTH, HEIGHT, alpha=True)
+    pixels = numpy.zeros((HEIGHT, WIDTH, 4), dtype=numpy.float32)
+    pixels[rows[0]:rows[1], columns[0]:columns[1]] = 1.0
+    image.pixels.foreach_set(pixels.ravel())
+    image.filepath_raw, image.file_format = path, "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+
+
+class CompareImagesTest(ImagesCase):
+    def still(self, count):
+        """A film of a cube that does not fall: its camera's file."""
+        path = self.clip(count)
+        for k in range(count):
+            write_square(os.path.join(self.folder, "clip", f"c0_{k}.png"), (10, 14), (14, 18))
+        return path
+
+    def compared(self):
+        self.jelly()
+        self.scene.frame_end = 5
+        self.settings.solver.use_ground = False
+        bpy.ops.matterfit.import_images(filepath=self.still(5))
+        self.assertEqual(bpy.ops.matterfit.compare(), {"FINISHED"}, self.error())
+        return self.settings.compare
+
+    @needs_library
+    def test_what_falls_leaves_its_outline(self):
+        compare = self.compared()
+        self.assertTrue(compare.images_done)
+        self.assertFalse(compare.done, "no points were compared")
+        self.assertEqual(compare.capture, "clip")
+        self.assertGreater(compare.iou, 0.3)
+        self.assertLess(compare.iou, 0.9)
+        self.assertGreater(compare.contour_px, 0.2)
+        worst = compare.worst_images[0]
+        self.assertEqual((worst.frame, worst.camera, worst.name), (5, 0, "c0_4.png"))
+        self.assertGreater(worst.outside, 3)
+        self.assertGreater(worst.missing, 3)
+        compare.worst_image = 1
+        self.assertEqual(self.scene.frame_current, compare.worst_images[1].frame)
+        self.assertIn(f"{100.0 * compare.iou:.1f} %", texts(compare_panel.MATTERFIT_PT_compare))
+        # What was compared is of other captures than there are now.
+        self.settings.captures[0].enabled = False
+        self.assertFalse(compare.images_done)
+
+    @needs_library
+    def test_overlays_follow_the_frames(self):
+        self.compared()
+        camera = bpy.data.collections["clip"].objects[0]
+        other = self.scene.camera
+        self.assertNotEqual(camera, other)
+        self.assertEqual(bpy.ops.matterfit.show_overlays(), {"FINISHED"}, self.error())
+        self.assertEqual(self.scene.camera, camera)
+        shown = camera.data.background_images[0]
+        self.assertEqual((shown.image.source, shown.display_depth), ("SEQUENCE", "FRONT"))
+        user = shown.image_user
+        for frame in range(1, 6):
+            self.assertEqual(frame - user.frame_start + 1 + user.frame_offset, frame)
+        bpy.ops.matterfit.show_overlays()
+        self.assertEqual(len(camera.data.background_images), 1, "in place of the one before")
+
+        folder = takes.locate(takes.ensure_active(self.settings)).folder
+        found = image_comparison.overlays(folder, "clip")
+        self.assertEqual(sorted(found[0]), [1, 2, 3, 4, 5])
+        report = image_comparison.load(folder, "clip")
+        image = bpy.data.images.load(found[0][5])
+        pixels = numpy.array(image.pixels[:]).reshape(HEIGHT, WIDTH, 4)[7:]  # above the number
+        marked = pixels[..., 3] > 0.5
+        self.assertEqual((marked & (pixels[..., 2] > 0.5)).sum(), report.frames[-1]["missing_px"])
+
+        bpy.data.objects.remove(camera)
+        self.fails(bpy.ops.matterfit.show_overlays, ["no cameras of 'clip'", "Add Cameras"])
+
+    def test_nothing_is_shown_before_a_comparison(self):
+        self.assertFalse(bpy.ops.matterfit.show_overlays.poll())
+        self.assertIsNone(image_comparison.load(self.folder))
+        with open(os.path.join(self.folder, "report.json"), "w", encoding="utf-8") as file:
+            json.dump({"compare": {"captures": []}}, file)
+        self.assertIsNone(image_comparison.load(self.folder))
+        self.assertEqual(image_comparison.overlays(self.folder, "clip"), {})
+
+
+class PosedCamerasTest(ImagesCase):
+    @needs_library
+    def test_cameras_stand_where_the_library_says(self):
+        path = self.clip()
+        self.scene.unit_settings.scale_length = 0.5
+        bpy.ops.matterfit.import_images(filepath=path)
+        camera = bpy.data.collections["clip"].objects[0]
+        before, lens = camera.matrix_world.copy(), camera.data.lens
+        pose = {"shift": [0.1, -0.2, 0.3], "turn": [0.1, 0.2, -0.3], "focal": 0.05}
+        blender_cameras.pose_cameras(self.scene, "clip", [pose])
+        bpy.context.view_layer.update()
+        place = native.capture_summary(path, {"cameras": path, "poses": [pose]})["places"][0]
+        expected = numpy.array(place["matrix"])
+        expected[:3, 3] *= 2.0
+        numpy.testing.assert_allclose(numpy.array(camera.matrix_world), expected, atol=1e-5)
+        self.assertAlmostEqual(camera.data.lens, lens * 1.05, places=4)
+
+        capture = self.settings.captures[0]
+        capture.poses = json.dumps([POSES[1]])
+        bpy.ops.matterfit.forget_poses()
+        bpy.context.view_layer.update()
+        numpy.testing.assert_allclose(numpy.array(camera.matrix_world), numpy.array(before), atol=1e-6)
+        self.assertAlmostEqual(camera.data.lens, lens, places=5)

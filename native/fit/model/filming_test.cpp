@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "fit/model/filming.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+
+#include "fit/model/occlusion.hpp"
+
+namespace matterfit::fit {
+namespace {
+
+constexpr double kSeparation = 0.05;
+
+/// A cube of 5³ particles about `centre`.
+mpm::Body cube_at(const char* name, const Vec3d& centre) {
+  mpm::Body body;
+  body.name = name;
+  for (int i = 0; i < 125; ++i) {
+    const Vec3d cell(i % 5 - 2, (i / 5) % 5 - 2, i / 25 - 2);
+    body.rest.emplace_back(centre + kSeparation * cell);
+  }
+  return body;
+}
+
+mpm::Scene scene_of(std::vector<mpm::Body> bodies) {
+  mpm::Scene scene;
+  scene.fps = 10.0;
+  scene.end_frame = 6;
+  scene.dx = 2.0 * kSeparation;
+  scene.bodies = std::move(bodies);
+  return scene;
+}
+
+/// Looks along y from (0, −2, 0), z up.
+splat::Camera camera() {
+  splat::Camera camera;
+  camera.width = 80;
+  camera.height = 60;
+  camera.fx = camera.fy = 120.0;
+  camera.cx = 40.0;
+  camera.cy = 30.0;
+  camera.rotation.row(0) = Vec3d::UnitX();
+  camera.rotation.row(1) = -Vec3d::UnitZ();
+  camera.rotation.row(2) = Vec3d::UnitY();
+  camera.translation = -(camera.rotation * Vec3d(0, -2, 0));
+  return camera;
+}
+
+/// All particles on their way by x(t) = rest + `path`(t).
+template <class Path>
+mpm::ObservedFrame frame_of(const mpm::Scene& scene, int k, const Path& path) {
+  mpm::ObservedFrame frame;
+  frame.frame = k;
+  for (const mpm::Body& body : scene.bodies) {
+    mpm::ObservedFrame::Body& of = frame.bodies.emplace_back();
+    for (const Vec3d& x : body.rest) of.positions.push_back(x + path(k / scene.fps));
+    of.deformation_gradients.assign(body.rest.size(), Mat3d::Identity());
+  }
+  return frame;
+}
+
+View view_of(std::optional<std::size_t> body, double time = 0.0) {
+  View view;
+  view.camera = camera();
+  view.body = body;
+  view.time = time;
+  view.size = 0.4;
+  return view;
+}
+
+/// What a camera sees of a scene that stands still.
+Drawn drawn(const mpm::Scene& scene, std::optional<std::size_t> body,
+            const ParticleColours* colours = nullptr) {
+  Drawn result;
+  Filmer::Given given;
+  given.views = {view_of(body)};
+  given.colours = colours;
+  given.see = [&](std::size_t, const Drawn& image) { result = image; };
+  Filmer filmer(scene, given, std::make_shared<Arena>(1), SimdTarget::kAuto);
+  filmer.record(frame_of(scene, 0, [](double) { return Vec3d(Vec3d::Zero()); }));
+  EXPECT_FALSE(result.mask.empty()) << "a whole frame is drawn at once";
+  return result;
+}
+
+double area(const std::vector<float>& mask) {
+  return std::accumulate(mask.begin(), mask.end(), 0.0);
+}
+
+TEST(Filmer, DrawsWhileFramesComeWhatAWholeFilmShows) {
+  const mpm::Scene scene = scene_of({cube_at("a", Vec3d(0, 0, 0))});
+  const auto path = [](double t) { return Vec3d(0.3 * t, 0.1 * t * t, -0.8 * t * t); };
+  const std::vector<double> times{0.42, 0.0, 0.05, 0.2, 0.31, 0.5, 0.455, 0.7};
+  std::vector<Drawn> seen(times.size());
+  std::vector<std::size_t> order;
+  Filmer::Given given;
+  for (const double time : times) given.views.push_back(view_of(std::nullopt, time));
+  given.see = [&](std::size_t v, const Drawn& image) {
+    seen[v] = image;
+    order.push_back(v);
+  };
+  const auto arena = std::make_shared<Arena>(1);
+  Filmer filmer(scene, given, arena, SimdTarget::kAuto);
+  ParticleFilm whole(scene);
+  for (int k = 0; k < 6; ++k) {
+    filmer.record(frame_of(scene, k, path));
+    whole.record(frame_of(scene, k, path));
+  }
+  EXPECT_EQ(order, (std::vector<std::size_t>{1, 2, 3, 4})) << "by time";
+  filmer.finish();
+  EXPECT_EQ(order.size(), 7U) << "that of .7 s lies outside";
+  splat::Rasteriser rasteriser(arena);
+  for (const std::size_t v : order) {
+    const splat::Image& image = rasteriser.render(whole.at(times[v], 0.4), camera());
+    ASSERT_EQ(image.pixels(), seen[v].mask.size());
+    for (std::size_t i = 0; i < image.pixels(); ++i) {
+      ASSERT_NEAR(image.mask[i], seen[v].mask[i], 1e-5) << times[v];
+    }
+  }
+}
+
+TEST(Filmer, ABodyIsSeenBehindAnother) {
+  // The second stands before the first's right half.
+  const mpm::Scene scene =
+      scene_of({cube_at("a", Vec3d(0, 0, 0)), cube_at("b", Vec3d(0.1, -0.5, 0))});
+  const double alone = area(drawn(scene_of({scene.bodies[0]}), 0).mask);
+  const double front = area(drawn(scene_of({scene.bodies[1]}), 0).mask);
+  const Drawn behind = drawn(scene, 0);
+  EXPECT_NEAR(area(drawn(scene, 1).mask), front, 0.01 * front);
+  EXPECT_LT(area(behind.mask), 0.5 * alone);
+  EXPECT_GT(area(behind.mask), 0.25 * alone);
+  EXPECT_NEAR(area(drawn(scene, std::nullopt).mask), area(behind.mask) + front, 0.01 * front);
+
+  ParticleColours colours;
+  for (const mpm::Body& body : scene.bodies) {
+    auto& of = colours.bodies.emplace_back();
+    of.colours.assign(body.rest.size(), Vec3f(0.2F, 0.5F, 0.8F));
+    of.known.assign(body.rest.size(), 1.0F);
+  }
+  const Drawn coloured = drawn(scene, 0, &colours);
+  for (std::size_t i = 0; i < behind.mask.size(); ++i) {
+    ASSERT_NEAR(coloured.mask[i], behind.mask[i], 1e-5);
+    ASSERT_NEAR(coloured.known[i], behind.mask[i], 1e-5);
+    ASSERT_NEAR(coloured.colour[2 * behind.mask.size() + i], 0.8F * behind.mask[i], 1e-5);
+  }
+}
+
+/// A wall before the right half of the body; the same wall behind it, or about the camera.
+TEST(Filmer, ACollidersShadowIsCutOut) {
+  mpm::Scene scene = scene_of({cube_at("a", Vec3d(0, 0, 0))});
+  const double whole = area(drawn(scene, std::nullopt).mask);
+  const auto with_box = [&](const Vec3d& centre, const Vec3d& half) {
+    shape::Pose pose;
+    pose.position = centre;
+    scene.colliders = {
+        shape::make_box("wall", {}, half, shape::Keyed<shape::Pose>(pose))};
+    return drawn(scene, std::nullopt);
+  };
+  const Drawn half = with_box(Vec3d(1.0, -0.5, 0), Vec3d(1.0, 0.05, 1.0));
+  EXPECT_NEAR(area(half.mask), 0.5 * whole, 0.03 * whole);
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 41; x < 80; ++x) ASSERT_EQ(half.mask[std::size_t(80 * y + x)], 0.0F);
+  }
+  EXPECT_EQ(area(with_box(Vec3d(1.0, 0.5, 0), Vec3d(1.0, 0.05, 1.0)).mask), whole);
+  EXPECT_EQ(area(with_box(Vec3d(0, -2, 0), Vec3d(0.5, 0.5, 0.5)).mask), whole);
+  // What the body lies on.
+  scene.colliders = {shape::make_plane("floor", {}, Vec3d(0, 0, -0.125), Vec3d::UnitZ())};
+  EXPECT_EQ(area(drawn(scene, std::nullopt).mask), whole);
+  // A ball that moves out of the way.
+  shape::Keyed<shape::Pose> motion;
+  motion.times = {0.0, 0.5};
+  motion.values.resize(2);
+  motion.values[0].position = Vec3d(0, -0.6, 0);
+  motion.values[1].position = Vec3d(1.2, -0.6, 0);
+  scene.colliders = {shape::make_sphere("ball", {}, 0.1, motion)};
+  EXPECT_LT(area(drawn(scene, std::nullopt).mask), 0.75 * whole);
+  const splat::Image image = splat::render(
+      [&] {
+        ParticleFilm film(scene);
+        film.record(frame_of(scene, 0, [](double) { return Vec3d(Vec3d::Zero()); }));
+        return film.at(0.0, 0.4);
+      }(),
+      camera());
+  Arena arena(1);
+  EXPECT_TRUE(visible_share(scene, 0.5, Vec3d::Zero(), camera(), image, arena).empty());
+}
+
+}  // namespace
+}  // namespace matterfit::fit

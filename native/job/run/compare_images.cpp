@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/run/compare_images.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "bake/overlay.hpp"
+#include "base/error.hpp"
+#include "fit/model/particle_colours.hpp"
+#include "fit/model/particle_sizes.hpp"
+#include "job/run/state_file.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+/// Coverage from which on a pixel is all body, and how well its colour must be known.
+constexpr float kAllBody = 0.95F;
+constexpr float kWellKnown = 0.5F;
+
+mpm::ObservedFrame observed(const mpm::FrameState& state) {
+  mpm::ObservedFrame frame;
+  frame.frame = state.frame;
+  frame.time = state.time;
+  for (const mpm::BodyState& body : state.bodies) {
+    mpm::ObservedFrame::Body& of = frame.bodies.emplace_back();
+    for (const Vec3f& x : body.positions) of.positions.push_back(x.cast<double>());
+    for (const Mat3f& f : body.deformation_gradients) {
+      of.deformation_gradients.push_back(f.cast<double>());
+    }
+  }
+  return frame;
+}
+
+/// Peak signal to noise of the colours that both show and that are known [dB].
+double colour_ratio(const fit::Sighting& sighting, const fit::Drawn& drawn) {
+  const std::size_t pixels = drawn.mask.size();
+  double squares = 0.0;
+  double count = 0.0;
+  for (std::size_t i = 0; i < pixels; ++i) {
+    if (!(drawn.mask[i] > kAllBody && sighting.matte.values[i] > kAllBody)) continue;
+    if (!(drawn.known[i] > kWellKnown)) continue;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double apart = double(drawn.colour[c * pixels + i] / drawn.known[i]) -
+                           double(sighting.colours[c].values[i]);
+      squares += apart * apart;
+      count += 1.0;
+    }
+  }
+  return count > 0.0 ? -10.0 * std::log10(std::max(1e-12, squares / count)) : kNone;
+}
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+/// The mean of what is finite; null without any.
+Json mean(const std::vector<double>& values) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (const double value : values) {
+    if (!std::isfinite(value)) continue;
+    sum += value;
+    count += 1.0;
+  }
+  return count > 0.0 ? Json(sum / count) : Json();
+}
+
+std::string text_of(double frame) {
+  return frame == std::round(frame) ? fmt::format("{:.0f}", frame) : fmt::format("{:.2f}", frame);
+}
+
+}  // namespace
+
+ImageComparison::ImageComparison(const Job& job, const mpm::Scene& scene,
+                                 std::vector<std::string>& notes, const Interrupter& interrupter)
+    : job_(job),
+      scene_(scene),
+      interrupter_(interrupter),
+      notes_(notes),
+      films_(load_films(job, scene, true, notes, interrupter)) {
+  for (ImageSighting& sighting : films_.sightings) {
+    fit::View& view = sighting.reduced.view;
+    const fit::CameraPose& pose = films_.films[view.film].viewing.poses[view.number];
+    view.camera = fit::posed(view.camera, pose);
+    sighting.camera = fit::posed(sighting.camera, pose);
+  }
+}
+
+void ImageComparison::film(const Stage& stage, const fit::Filming& filming) const {
+  fit::Filmer::Given given;
+  given.views = filming.views;
+  given.colours = filming.colours;
+  given.see = [&](std::size_t v, const fit::Drawn& drawn) { filming.see(0, v, drawn); };
+  fit::Filmer filmer(scene_, std::move(given), stage.arena, stage.target);
+  // One more than the last view lies before, for what is between frames.
+  const double last = std::ceil(filming.until() * scene_.fps) + 1.0;
+  const int end = std::min(scene_.end_frame, scene_.first_frame + static_cast<int>(last) + 1);
+  for (int frame = scene_.first_frame; frame < end; ++frame) {
+    interrupter_.check();
+    filmer.record(observed(read_state(stage.folder / state_path(frame), scene_)));
+  }
+  filmer.finish();
+}
+
+void ImageComparison::settle_sizes(const Stage& stage) {
+  std::vector<fit::Sighting> reduced;
+  reduced.reserve(films_.sightings.size());
+  for (const ImageSighting& sighting : films_.sightings) reduced.push_back(sighting.reduced);
+  fit::settle_sizes([&](const fit::Filming& filming) { film(stage, filming); }, films_.paths, {},
+                    reduced);
+  for (std::size_t k = 0; k < reduced.size(); ++k) {
+    films_.sightings[k].reduced.view.size = reduced[k].view.size;
+  }
+}
+
+void ImageComparison::write_overlay(const Stage& stage, std::size_t k,
+                                    const std::vector<float>& mask) {
+  const ImageSighting& sighting = films_.sightings[k];
+  const fit::View& view = sighting.reduced.view;
+  const std::string frame = text_of(sighting.frame);
+  const bool whole = frame.find('.') == std::string::npos;
+  const std::string file = fmt::format(
+      "overlay/{}/camera_{}/{}.png", films_.films[view.film].name, view.number,
+      whole ? frame_digits(static_cast<int>(sighting.frame)) : fmt::format("{:0>7}", frame));
+  capture::write_png(stage.folder / file,
+                     bake::overlay(mask, sighting.matte.covered(), sighting.camera.width,
+                                   sighting.camera.height, frame));
+  files_.push_back(file);
+}
+
+std::vector<fit::Agreement> ImageComparison::agreements(const Stage& stage) {
+  fit::Filming filming;
+  for (const ImageSighting& sighting : films_.sightings) {
+    filming.views.push_back(sighting.reduced.view);
+    filming.views.back().camera = sighting.camera;
+  }
+  std::vector<fit::Agreement> result(filming.views.size());
+  filming.see = [&](std::size_t, std::size_t v, const fit::Drawn& drawn) {
+    result[v] = films_.agreement(v, drawn.mask);
+    if (job_.output.overlays) write_overlay(stage, v, drawn.mask);
+  };
+  film(stage, filming);
+  return result;
+}
+
+std::vector<double> ImageComparison::colour_ratios(const Stage& stage) {
+  const std::vector<ImageSighting>& all = films_.sightings;
+  std::vector<double> result(all.size(), kNone);
+  std::vector<fit::Sighting> first;
+  fit::Filming filming;
+  std::vector<std::size_t> of;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const fit::Sighting& sighting = all[k].reduced;
+    if (!sighting.has_colours()) continue;
+    if (sighting.view.time == 0.0 && !sighting.held_out) first.push_back(sighting);
+    filming.views.push_back(sighting.view);
+    of.push_back(k);
+  }
+  if (of.empty()) return result;
+  if (first.empty()) {
+    notes_.emplace_back(
+        "captures: no image shows the colours of the body at the scene's first frame, from which "
+        "they are taken; they are not compared.");
+    return result;
+  }
+  const fit::ParticleColours colours =
+      fit::learn_colours(scene_, first, stage.arena, stage.target, interrupter_);
+  filming.colours = &colours;
+  filming.see = [&](std::size_t, std::size_t v, const fit::Drawn& drawn) {
+    result[of[v]] = colour_ratio(all[of[v]].reduced, drawn);
+  };
+  film(stage, filming);
+  return result;
+}
+
+Json ImageComparison::run(const std::filesystem::path& folder, const std::shared_ptr<Arena>& arena,
+                          SimdTarget target) {
+  const Stage stage{folder, arena, target};
+  settle_sizes(stage);
+  const std::vector<fit::Agreement> agreed = agreements(stage);
+  const std::vector<double> ratios = colour_ratios(stage);
+  const std::vector<ImageSighting>& all = films_.sightings;
+  Json cameras = cameras_json(films_, agreed);
+  Json list = Json::array();
+  for (std::size_t f = 0; f < films_.films.size(); ++f) {
+    const auto summary = [&](const std::function<bool(const fit::Sighting&)>& takes) {
+      return agreement_json(all, agreed, [&](const fit::Sighting& sighting) {
+        return sighting.view.film == f && takes(sighting);
+      });
+    };
+    Json one = summary([](const fit::Sighting&) { return true; });
+    if (one.is_null()) one = {{"images", 0}};
+    one["name"] = films_.films[f].name;
+    const Json held = summary([](const fit::Sighting& sighting) { return sighting.held_out; });
+    if (!held.is_null()) {
+      one["held_out"] = held;
+      one["not_held_out"] =
+          summary([](const fit::Sighting& sighting) { return !sighting.held_out; });
+    }
+    one["cameras"] = Json::array();
+    for (const Json& camera : cameras) {
+      if (camera.at("capture") != films_.films[f].name) continue;
+      const std::size_t number = camera.at("camera");
+      Json of = summary([&](const fit::Sighting& sighting) { return sighting.view.number == number; });
+      if (of.is_null()) of = {{"images", 0}};
+      of["camera"] = number;
+      of["particle_size"] = camera.at("particle_size");
+      one["cameras"].push_back(std::move(of));
+    }
+    std::vector<double> later;
+    one["frames"] = Json::array();
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      const fit::Sighting& sighting = all[k].reduced;
+      if (sighting.view.film != f) continue;
+      Json frame = {{"frame", all[k].frame},
+                    {"camera", sighting.view.number},
+                    {"image", all[k].image},
+                    {"iou", agreed[k].iou},
+                    {"contour_px", number(agreed[k].contour_px)},
+                    {"outside_px", agreed[k].outside},
+                    {"missing_px", agreed[k].missing}};
+      if (sighting.held_out) frame["held_out"] = true;
+      if (sighting.has_colours()) frame["psnr_db"] = number(ratios[k]);
+      if (sighting.has_colours() && sighting.view.time > 0.0) later.push_back(ratios[k]);
+      one["frames"].push_back(std::move(frame));
+    }
+    if (!later.empty()) one["psnr_db"] = mean(later);
+    list.push_back(std::move(one));
+  }
+  return list;
+}
+
+}  // namespace matterfit::job

@@ -31,7 +31,7 @@ class CompareImagesTest(ImagesCase):
         """A film of a cube that does not fall: its camera's file."""
         path = self.clip(count)
         for k in range(count):
-            write_square(os.path.join(self.folder, "clip", f"c0_{k}.png"), (10, 14), (14, 18))
+            write_square(os.path.join(self.folder, "clip", f"c0_{k}.png"), (10, 15), (14, 19))
         return path
 
     def compared(self):

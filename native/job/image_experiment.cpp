@@ -55,8 +55,7 @@ double ImageExperiment::memory_left(const std::vector<mpm::Scene>& scenes) const
   std::vector<fit::View> whole;
   for (const ImageSighting& sighting : films_.sightings) {
     reduced.push_back(sighting.reduced);
-    whole.push_back(sighting.reduced.view);
-    whole.back().camera = sighting.camera;
+    whole.push_back(sighting.whole());
   }
   const fit::ImageProblem::Memory memory = fit::ImageProblem::memory(reduced, parameters_->size());
   double simulation = 0.0;
@@ -187,8 +186,7 @@ ImageStanding ImageExperiment::standing(const std::vector<double>& values) {
   std::vector<fit::Agreement> agreements(sightings.size());
   fit::Filming filming;
   for (const ImageSighting& sighting : sightings) {
-    filming.views.push_back(sighting.reduced.view);
-    filming.views.back().camera = sighting.camera;
+    filming.views.push_back(sighting.whole());
   }
   filming.see = [&](std::size_t, std::size_t v, const fit::Drawn& image) {
     agreements[v] = films_.agreement(v, image.mask);

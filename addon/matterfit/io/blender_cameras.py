@@ -78,8 +78,8 @@ def pose_cameras(scene, name, poses):
     """Moves the cameras of a capture to where `poses`, as the document has them, say; without poses
     back to where their file says."""
     units = 1.0 / scene.unit_settings.scale_length
-    for number, item in of_capture(scene, name).items():
-        pose = poses[number] if number < len(poses) else {}
+    for k, item in of_capture(scene, name).items():
+        pose = poses[k] if k < len(poses) else {}
         place = list(item[PLACE])
         matrix = Matrix([place[row:row + 4] for row in range(0, 16, 4)])
         # The document's camera looks along z with y down, Blender's along −z with y up.

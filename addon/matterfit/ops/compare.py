@@ -23,7 +23,8 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
     bl_idname = "matterfit.compare"
     bl_label = "Compare"
     bl_description = ("Compare the simulation with the captures, frame by frame: points with points, "
-                      "outlines with the mattes of images; simulates first where the take has no result of the same settings")
+                      "outlines with the mattes of images; simulates first where the take has no "
+                      "result of the same settings")
 
     def begin(self, context):
         takes.require_saved()
@@ -54,8 +55,9 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         for area in context.screen.areas if context.screen else ():
             if area.type == "VIEW_3D":
                 area.tag_redraw()  # the heat-map lies in the scene
+        line = summary(found, job) if images is None else image_summary(images, job)
         session(context).last_report = words.in_panel(
-            "\n".join([summary(found, job) if images is None else image_summary(images, job), *job.result.get("notes", [])]), settings)
+            "\n".join([line, *job.result.get("notes", [])]), settings)
 
 
 def summary(found, job):

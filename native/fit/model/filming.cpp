@@ -37,6 +37,30 @@ void paint(splat::Gaussians& gaussians, const mpm::Scene& scene, std::optional<s
   capture::set_colours(gaussians, values);
 }
 
+/// The camera that takes images `times` finer.
+splat::Camera finer(splat::Camera camera, int times) {
+  camera.width *= times;
+  camera.height *= times;
+  for (double* value : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *value *= times;
+  return camera;
+}
+
+/// Images of a camera, one behind the other, from such that are `times` finer.
+std::vector<float> averaged(const std::vector<float>& fine, const splat::Camera& camera,
+                            int times) {
+  if (times == 1 || fine.empty()) return fine;
+  const auto n = static_cast<std::size_t>(times);
+  const auto width = static_cast<std::size_t>(camera.width);
+  std::vector<float> result(fine.size() / (n * n), 0.0F);
+  const float share = 1.0F / static_cast<float>(n * n);
+  for (std::size_t i = 0; i < fine.size(); ++i) {
+    const std::size_t x = i % (n * width) / n;
+    const std::size_t y = i / (n * width) / n;  // rows of an image are a multiple of n
+    result[y * width + x] += share * fine[i];
+  }
+  return result;
+}
+
 std::vector<float> first_channel(const splat::Image& image) {
   return {image.colour.begin(), image.colour.begin() + std::ptrdiff_t(image.pixels())};
 }
@@ -135,7 +159,8 @@ double Filmer::bytes(const mpm::Scene& scene, const std::vector<View>& views) {
   for (const mpm::Body& body : scene.bodies) particles += double(body.rest.size());
   double pixels = 0.0;
   for (const View& view : views) {
-    pixels = std::max(pixels, double(view.camera.width) * view.camera.height);
+    pixels = std::max(
+        pixels, double(view.oversample) * view.oversample * view.camera.width * view.camera.height);
   }
   return views.empty() ? 0.0 : kBytesAParticle * particles + kBytesAPixel * pixels;
 }
@@ -167,25 +192,25 @@ void Filmer::draw(std::size_t v) {
     paint(gaussians, scene_, view.body,
           [](std::size_t, std::size_t) { return Vec3f(Vec3f::Ones()); });
   }
-  const splat::Image& image = rasteriser_.render(gaussians, view.camera);
+  const splat::Camera camera = finer(view.camera, view.oversample);
+  const splat::Image& image = rasteriser_.render(gaussians, camera);
   drawn.mask = alone ? image.mask : first_channel(image);
   const std::vector<float> visible =
-      visible_share(scene_, view.time, given_.shift, view.camera, image, *arena_);
+      visible_share(scene_, view.time, given_.shift, camera, image, *arena_);
   if (given_.colours != nullptr) {
     const auto& of = given_.colours->bodies;
-    paint(gaussians, scene_, view.body, [&](std::size_t b, std::size_t i) {
-      return Vec3f(of[b].known[i] * of[b].colours[i]);
-    });
-    drawn.colour = rasteriser_.render(gaussians, view.camera).colour;
-    paint(gaussians, scene_, view.body, [&](std::size_t b, std::size_t i) {
-      return Vec3f(Vec3f::Constant(of[b].known[i]));
-    });
-    drawn.known = first_channel(rasteriser_.render(gaussians, view.camera));
+    paint(gaussians, scene_, view.body,
+          [&](std::size_t b, std::size_t i) { return Vec3f(of[b].known[i] * of[b].colours[i]); });
+    drawn.colour = rasteriser_.render(gaussians, camera).colour;
+    paint(gaussians, scene_, view.body,
+          [&](std::size_t b, std::size_t i) { return Vec3f(Vec3f::Constant(of[b].known[i])); });
+    drawn.known = first_channel(rasteriser_.render(gaussians, camera));
   }
   for (std::vector<float>* channels : {&drawn.mask, &drawn.colour, &drawn.known}) {
     for (std::size_t i = 0; i < (visible.empty() ? 0 : channels->size()); ++i) {
       (*channels)[i] *= visible[i % visible.size()];
     }
+    *channels = averaged(*channels, view.camera, view.oversample);
   }
   given_.see(v, drawn);
 }

@@ -26,6 +26,9 @@ struct View {
   double time = 0.0;                ///< [s after the scene's first frame]
   std::optional<std::size_t> body;  ///< of which the mask is; none: all of them
   double size = 0.0;                ///< standard deviation of a particle, in particle separations
+  /// How many times finer it is drawn along each edge, before its pixels become means of these: the
+  /// rasteriser blurs by half a pixel, which makes bodies of finer particles too fat.
+  int oversample = 1;
 };
 
 /// Colours of a scene's particles, as far as a recording tells them.
@@ -88,13 +91,12 @@ class ParticleFilm {
 class Filmer {
  public:
   struct Given {
-    std::vector<View> views;  ///< cameras as they stand, times of this simulation
+    std::vector<View> views;                   ///< cameras as they stand, times of this simulation
     const ParticleColours* colours = nullptr;  ///< borrowed; null: masks alone
     Vec3d shift = Vec3d::Zero();               ///< of the whole simulation, taken off [m]
     std::function<void(std::size_t view, const Drawn&)> see;
   };
-  Filmer(const mpm::Scene& scene, Given given, std::shared_ptr<Arena> arena,
-         SimdTarget target);
+  Filmer(const mpm::Scene& scene, Given given, std::shared_ptr<Arena> arena, SimdTarget target);
 
   /// Draws what this frame settles. It has deformation gradients.
   void record(const mpm::ObservedFrame& frame);

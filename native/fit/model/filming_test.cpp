@@ -146,6 +146,31 @@ TEST(Filmer, ABodyIsSeenBehindAnother) {
   }
 }
 
+/// In a fourth of its pixels a body is a fourth as large, and not fatter by the rasteriser's blur.
+TEST(Filmer, CoarseImagesOfFineParticlesAreDrawnFiner) {
+  const mpm::Scene scene = scene_of({cube_at("a", Vec3d(0, 0, 0))});
+  const double fine = area(drawn(scene, std::nullopt).mask);
+  const auto coarse = [&](int oversample) {
+    View view = view_of(std::nullopt);
+    view.camera.width = 20;
+    view.camera.height = 15;
+    for (double* value : {&view.camera.fx, &view.camera.fy, &view.camera.cx, &view.camera.cy}) {
+      *value /= 4.0;
+    }
+    view.oversample = oversample;
+    std::vector<float> mask;
+    Filmer::Given given;
+    given.views = {view};
+    given.see = [&](std::size_t, const Drawn& image) { mask = image.mask; };
+    Filmer filmer(scene, given, std::make_shared<Arena>(1), SimdTarget::kAuto);
+    filmer.record(frame_of(scene, 0, [](double) { return Vec3d(Vec3d::Zero()); }));
+    EXPECT_EQ(mask.size(), 300U);
+    return 16.0 * area(mask);
+  };
+  EXPECT_NEAR(coarse(4), fine, 1e-3 * fine);
+  EXPECT_GT(coarse(1), 1.15 * fine);
+}
+
 /// A wall before the right half of the body; the same wall behind it, or about the camera.
 TEST(Filmer, ACollidersShadowIsCutOut) {
   mpm::Scene scene = scene_of({cube_at("a", Vec3d(0, 0, 0))});
@@ -153,8 +178,7 @@ TEST(Filmer, ACollidersShadowIsCutOut) {
   const auto with_box = [&](const Vec3d& centre, const Vec3d& half) {
     shape::Pose pose;
     pose.position = centre;
-    scene.colliders = {
-        shape::make_box("wall", {}, half, shape::Keyed<shape::Pose>(pose))};
+    scene.colliders = {shape::make_box("wall", {}, half, shape::Keyed<shape::Pose>(pose))};
     return drawn(scene, std::nullopt);
   };
   const Drawn half = with_box(Vec3d(1.0, -0.5, 0), Vec3d(1.0, 0.05, 1.0));

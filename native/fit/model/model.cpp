@@ -211,7 +211,8 @@ Observation Model::observe(const Trial& trial, const Scope& scope,
   std::vector<std::vector<Points>> seen(trial.watchers.size());
   std::vector<std::vector<Points>> speeds(trial.watchers.size());
   const auto record = [&] {
-    const mpm::ObservedFrame frame = simulation.observe(filmer.has_value() || options_.loss != Loss::kChamfer);
+    const mpm::ObservedFrame frame =
+        simulation.observe(filmer.has_value() || options_.loss != Loss::kChamfer);
     if (filmer) filmer->record(frame);
     for (std::size_t c = 0; c < seen.size(); ++c) {
       Points at = trial.watchers[c].positions(scene, frame, *arena);

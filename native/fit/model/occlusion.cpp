@@ -64,7 +64,9 @@ std::vector<float> visible_share(const mpm::Scene& scene, double time, const Vec
   if (!obstacles.any()) return {};
   const int width = camera.width;
   const int height = camera.height;
-  const auto index = [&](int x, int y) { return std::size_t(y) * std::size_t(width) + std::size_t(x); };
+  const auto index = [&](int x, int y) {
+    return std::size_t(y) * std::size_t(width) + std::size_t(x);
+  };
   const auto hidden_at = [&](std::size_t pixel, double x, double y) {
     const Vec3d direction((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0);
     return obstacles.hide(direction, double(drawn.depth[pixel] / drawn.mask[pixel]));

@@ -45,11 +45,11 @@ struct ImagesDoc {
 struct RenderDoc {
   std::string capture;  ///< whose cameras, world and poses are taken; empty: those given here
   std::filesystem::path cameras;
-  capture::ImageClipOptions options;  ///< of the cameras' world
-  std::vector<int> chosen;            ///< cameras by number; empty: all
+  capture::ImageClipOptions options;   ///< of the cameras' world
+  std::vector<int> chosen;             ///< cameras by number; empty: all
   std::vector<fit::CameraPose> poses;  ///< as of a capture
-  std::filesystem::path gaussians;    ///< a file of splats that stands still; empty: the scene
-  std::optional<Vec3d> background;    ///< sRGB, 0 to 1; none: transparent
+  std::filesystem::path gaussians;     ///< a file of splats that stands still; empty: the scene
+  std::optional<Vec3d> background;     ///< sRGB, 0 to 1; none: transparent
 };
 
 /// The captures by images of a job, which Job::captures leaves out. read_job() has checked them.

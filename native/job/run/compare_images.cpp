@@ -134,8 +134,7 @@ void ImageComparison::write_overlay(const Stage& stage, std::size_t k,
 std::vector<fit::Agreement> ImageComparison::agreements(const Stage& stage) {
   fit::Filming filming;
   for (const ImageSighting& sighting : films_.sightings) {
-    filming.views.push_back(sighting.reduced.view);
-    filming.views.back().camera = sighting.camera;
+    filming.views.push_back(sighting.whole());
   }
   std::vector<fit::Agreement> result(filming.views.size());
   filming.see = [&](std::size_t, std::size_t v, const fit::Drawn& drawn) {
@@ -204,7 +203,8 @@ Json ImageComparison::run(const std::filesystem::path& folder, const std::shared
     for (const Json& camera : cameras) {
       if (camera.at("capture") != films_.films[f].name) continue;
       const std::size_t number = camera.at("camera");
-      Json of = summary([&](const fit::Sighting& sighting) { return sighting.view.number == number; });
+      Json of =
+          summary([&](const fit::Sighting& sighting) { return sighting.view.number == number; });
       if (of.is_null()) of = {{"images", 0}};
       of["camera"] = number;
       of["particle_size"] = camera.at("particle_size");

@@ -16,9 +16,10 @@ namespace {
 constexpr double kSlack = 1e-6;  // frames
 constexpr double kPixelsASeparation = 2.0;
 constexpr int kWidestReduced = 128;
+constexpr double kMostOversampled = 8.0;
 
-/// How many times larger the pixels are that a fit compares.
-int factor_of(const splat::Camera& camera, const mpm::Scene& scene) {
+/// How large a particle separation is in a camera's image [pixels].
+double pixels_a_separation(const splat::Camera& camera, const mpm::Scene& scene) {
   Vec3d centre = Vec3d::Zero();
   double count = 0.0;
   for (const mpm::Body& body : scene.bodies) {
@@ -27,11 +28,21 @@ int factor_of(const splat::Camera& camera, const mpm::Scene& scene) {
   }
   centre /= std::max(1.0, count);
   const double distance = (camera.rotation * centre + camera.translation).norm();
-  const double pixels = camera.fx * 0.5 * scene.dx / std::max(distance, 1e-9);
+  return camera.fx * 0.5 * scene.dx / std::max(distance, 1e-9);
+}
+
+/// How many times larger the pixels are that a fit compares; `pixels` to a separation.
+int factor_of(const splat::Camera& camera, double pixels) {
   const int by_separation = static_cast<int>(std::floor(pixels / kPixelsASeparation));
   const int by_width = (camera.width + kWidestReduced - 1) / kWidestReduced;
   const int most = std::min(camera.width, camera.height) / 8;
   return std::clamp(std::max(by_separation, by_width), 1, std::max(1, most));
+}
+
+/// How many times finer an image is drawn of which `pixels` are a separation.
+int oversample_of(double pixels) {
+  return static_cast<int>(
+      std::ceil(std::clamp(kPixelsASeparation / pixels, 1.0, kMostOversampled)));
 }
 
 bool is_held_out(const ImagesDoc& doc, double frame, std::size_t camera) {
@@ -46,12 +57,14 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& int
                  std::vector<std::string>& statements, const Interrupter& interrupter) {
   const double start = doc.start_frame.value_or(scene.first_frame);
   std::size_t outside = 0;
+  std::vector<double> separations;  // in the cameras' pixels
   std::vector<int> factors;
   std::vector<std::vector<float>> seen;  // reduced
   const auto begin = [&](const capture::ImageClip& clip) {
     for (std::size_t k = 0; k < clip.cameras.size(); ++k) {
       const splat::Camera& camera = clip.cameras[k];
-      factors.push_back(factor_of(camera, scene));
+      separations.push_back(pixels_a_separation(camera, scene));
+      factors.push_back(factor_of(camera, separations[k]));
       seen.emplace_back();
       if (clip.seen[k].empty()) continue;
       seen[k] = fit::reduced(clip.seen[k], camera.width, camera.height, factors[k]).values;
@@ -85,8 +98,9 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& int
     view.number = sight.camera;
     view.time = std::clamp((frame - scene.first_frame) / scene.fps, 0.0,
                            (scene.end_frame - 1 - scene.first_frame) / scene.fps);
+    view.oversample = oversample_of(separations[sight.camera] / factor);
     if (!doc.body.empty()) view.body = fit::body_index(scene, doc.body);
-    into.sightings.push_back({std::move(reduced), camera,
+    into.sightings.push_back({std::move(reduced), camera, oversample_of(separations[sight.camera]),
                               fit::Silhouette(sight.matte, camera.width, camera.height), frame,
                               sight.image});
   };
@@ -149,6 +163,13 @@ bool LoadedFilms::is_fitted(std::size_t film, std::size_t camera) const {
     const fit::View& view = sighting.reduced.view;
     return view.film == film && view.number == camera && !sighting.reduced.held_out;
   });
+}
+
+fit::View ImageSighting::whole() const {
+  fit::View view = reduced.view;
+  view.camera = camera;
+  view.oversample = oversample;
+  return view;
 }
 
 fit::Agreement LoadedFilms::agreement(std::size_t sighting, std::vector<float> mask) const {

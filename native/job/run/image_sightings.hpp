@@ -18,9 +18,12 @@ namespace matterfit::job {
 struct ImageSighting {
   fit::Sighting reduced;
   splat::Camera camera;   ///< of the whole image
+  int oversample = 1;     ///< as fit::View has it, of the whole image
   fit::Silhouette matte;  ///< the same
   double frame = 0.0;     ///< of the scene
   std::string image;      ///< the file's name
+
+  [[nodiscard]] fit::View whole() const;  ///< of the whole image
 };
 
 /// The recordings by images of a job.
@@ -38,7 +41,8 @@ struct LoadedFilms {
 };
 
 /// Reads the images of a job, those outside of the scene's frames left out. They are reduced so
-/// that a particle separation is about two pixels, or the image 128 pixels wide. What is odd and no
+/// that a particle separation is about two pixels, or the image 128 pixels wide; what is drawn has
+/// two pixels to a separation at least, and is reduced afterwards. What is odd and no
 /// error goes into `statements`. Throws Error(kInput) beginning with the capture's path, and where
 /// no image is left to fit, unless something else is fitted too (`others`).
 [[nodiscard]] LoadedFilms load_films(const Job& job, const mpm::Scene& scene, bool others,

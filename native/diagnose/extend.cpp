@@ -3,12 +3,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <utility>
 
+#include "diagnose/accept.hpp"
 #include "diagnose/further.hpp"
 #include "diagnose/onset.hpp"
 #include "diagnose/starts.hpp"
@@ -29,35 +29,19 @@ constexpr std::size_t kAlways = 3;
 constexpr int kMoreRounds = 3;
 /// The smallest deviation that counts as noise: rounding of single precision at a metre.
 constexpr double kNoiseFloor = 1e-7;
-/// The solver's error is extrapolated to first order: a tenth of the χ² it stands for, a third of
-/// its size, may be the next order's.
-constexpr double kExtrapolated = 0.1;
-/// Standard errors by which a number of an accepted cause is beyond its neutral value.
-constexpr double kTold = 2.0;
-/// The same for a cause that leaves nothing to the solver.
-constexpr double kSure = 5.0;
-/// Share of the excess that such a cause explains at least.
-constexpr double kNearlyAll = 0.8;
-/// The same of one that takes away as much as this share of what the solver's error explains where
-/// the cause is not there.
-constexpr double kMostly = 0.5;
-constexpr double kAsTheSolver = 0.5;
 /// Causes that are fitted together for a start, and how much of one's signature another may
 /// imitate.
 constexpr std::size_t kTogether = 6;
 constexpr double kAlike = 0.9;
-/// χ²/dof above which the base is no place to begin from.
-constexpr double kFarOff = 1.2;
-/// A cause that is itself an acceleration field predicts what the free field does, to rounding.
-constexpr double kAsGood = 1.02;
-
 class Search {
  public:
   Search(const Study& study, int members, const ExtendOptions& options)
       : study_(study), members_(members), options_(options) {}
 
   Extension run() {
-    linearise_base(study_.fitted());
+    // The fit knew of no corrections, so the base ends elsewhere, and causes wait until it has.
+    const bool elsewhere = !study_.model().corrections().empty();
+    linearise_base(study_.fitted(), elsewhere ? std::vector<Candidate>{} : all_candidates());
     estimate_from(study_.measured() - out_.slopes.prediction);
     fit_base();
     fit_together();
@@ -80,12 +64,12 @@ class Search {
     }
     if (settle()) {
       // Scores of a base that was left behind would be those of another motion.
-      linearise_base(out_.base.refit.state, 0.82);
+      linearise_base(out_.base.refit.state, all_candidates(), 0.82);
       score_all(0.84);
     }
     choose();
     add_further_causes(study_, *trials_, *judge_, options_, out_);
-    accept();
+    accept(study_, *refitter_, *judge_, options_, out_);
     return std::move(out_);
   }
 
@@ -94,17 +78,29 @@ class Search {
     if (options_.progress) options_.progress(fraction, what);
   }
 
-  void linearise_base(const State& state, double progress = 0.0) {
-    tell(progress, "Differentiating all causes");
+  [[nodiscard]] std::vector<Candidate> all_candidates() const {
+    return candidates_of(study_.model(), study_.fitted());
+  }
+
+  void linearise_base(const State& state, const std::vector<Candidate>& candidates,
+                      double progress = 0.0) {
+    tell(progress, "Differentiating");
     study_.begin("derivatives");
     out_.base_state = state;
-    out_.slopes =
-        linearise(study_, state, candidates_of(study_.model(), state), options_.refit.differences);
+    out_.slopes = linearise(study_, state, candidates, options_.refit.differences);
     // The solver's own error is not another one a little beside.
     if (out_.spread.members.rows() > 0) return;
     tell(0.2, "Measuring the solver's own error");
     study_.begin("solver");
     out_.spread = numerical_spread(study_, state, out_.slopes.theta, {.members = members_});
+  }
+
+  void differentiate_causes() {
+    tell(0.4, "Differentiating all causes");
+    study_.begin("derivatives");
+    DifferenceOptions differences = options_.refit.differences;
+    for (Index p = 0; p < out_.base_state.theta.size(); ++p) differences.left_out.push_back(p);
+    out_.slopes.columns = linearise(study_, out_.base_state, all_candidates(), differences).columns;
   }
 
   void estimate_from(const VectorXd& stacked) {
@@ -133,22 +129,33 @@ class Search {
     return false;
   }
 
+  [[nodiscard]] RefitStart base_start() const {
+    RefitStart start{{out_.base_state}, out_.slopes.theta};
+    start.made_there = true;
+    return start;
+  }
+
   void fit_base() {
     tell(0.4, "Refitting");
     study_.begin("refits");
     refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
     out_.base = Trial{};
-    out_.base.refit = refitter_->fit({{out_.base_state}, out_.slopes.theta});
+    out_.base.refit = refitter_->fit(base_start());
     const VectorXd first = refitter_->whitening().apply(
         (study_.measured() - out_.slopes.prediction).head(study_.used().size()));
     // The fit ended elsewhere under its own weights: derivatives are taken anew where that matters.
-    if (first.squaredNorm() - out_.base.refit.chi_square >
-        5.0 + 0.02 * out_.base.refit.chi_square) {
-      linearise_base(out_.base.refit.state);
+    const bool moved =
+        first.squaredNorm() - out_.base.refit.chi_square > 5.0 + 0.02 * out_.base.refit.chi_square;
+    if (moved || out_.slopes.columns.empty()) {
+      if (moved) {
+        linearise_base(out_.base.refit.state, all_candidates(), 0.4);
+      } else {
+        differentiate_causes();
+      }
       estimate_from(study_.measured() - out_.base.refit.prediction);
       study_.begin("refits");
       refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
-      out_.base.refit = refitter_->fit({{out_.base_state}, out_.slopes.theta});
+      out_.base.refit = refitter_->fit(base_start());
     }
     judge_.emplace(study_, out_.noise, out_.spread, out_.slopes.theta, options_.refit);
     study_.begin("held-out");
@@ -163,7 +170,7 @@ class Search {
     tell(progress, "Scoring all causes");
     out_.first = analyse(study_, out_.base_state, out_.slopes, out_.spread, out_.noise,
                          out_.slopes.prediction, 0.0, options_.analysis);
-    if (!knows_the_solver()) return;
+    if (!out_.spread.known()) return;
     Linearised held = out_.slopes;
     hold_corrections(study_.model(), out_.base_state, held.prediction, held.theta);
     const Analysis exact = analyse(study_, out_.base_state, held, Spread::none(study_.size()),
@@ -171,24 +178,6 @@ class Search {
     double largest = 0.0;
     for (const Score& score : exact.scores) largest = std::max(largest, score.equivalent);
     out_.exact_solver_significant = exact.smooth.p < 0.01 || exact.placebo.p(largest) < 0.01;
-  }
-
-  [[nodiscard]] bool knows_the_solver() const {
-    return members_ > 0 && study_.model().has_numerics();
-  }
-
-  /// χ² that a refit leaves if the solver is exact, without its bias and once the refit's numbers
-  /// have adapted to first order.
-  [[nodiscard]] double left_if_exact(const Refit& refit) const {
-    const Index used = study_.used().size();
-    const Whitening plain(
-        study_.used(), out_.noise,
-        solver_columns(study_.used(), study_.model().captures(), Spread::none(used)).values);
-    VectorXd prediction = refit.prediction;
-    if (refitter_->bias().size() > 0) prediction -= refit.bias * refitter_->bias();
-    const VectorXd residual = plain.apply((study_.measured() - prediction).head(used));
-    const MatrixXd slopes = plain.apply(refit.slopes.topRows(used));
-    return (residual - slopes * slopes.colPivHouseholderQr().solve(residual)).squaredNorm();
   }
 
   /// Where the base is far off, what it lacks has pulled the material along, and a cause's own
@@ -212,7 +201,7 @@ class Search {
     if (chosen.size() < 2) return;
     tell(0.48, fmt::format("Refitting with {} causes together", chosen.size()));
     study_.begin("refits");
-    RefitStart start{{out_.base_state}, out_.slopes.theta};
+    RefitStart start = base_start();
     for (const std::size_t k : chosen) {
       const Score& score = scores[k];
       start.states.front() =
@@ -263,7 +252,7 @@ class Search {
       if (there) continue;
       std::vector<State> states{{theta, own.causes}};
       if (own.theta != theta) states.push_back(own);
-      attempts.push_back({trial.causes, {std::move(states), {}}});
+      attempts.push_back({trial.causes, {std::move(states), trial.refit.slopes, 0, true}});
       of.push_back(k);
     }
     bool gained = false;
@@ -375,7 +364,7 @@ class Search {
       there[0] = (value - effect.numbers[0].neutral) / effect.numbers[0].scale;
       start.states.push_back(
           extended(study_.model(), out_.base_state, score.candidate, there, 1.0));
-      start.slopes.resize(0, 0);
+      start.renew = true;
     }
     if (together_) {
       State state{together_->theta, {}};
@@ -397,84 +386,6 @@ class Search {
     if (out_.singles.empty()) return;
     out_.best = out_.singles.front();
     out_.looseness = looseness_of(out_.best->refit);
-  }
-
-  void accept() {
-    for (Trial& trial : out_.singles) {
-      trial.gain = judge_->gain_of(out_.base.opinion, trial.opinion, trial.numbers, options_.gain);
-    }
-    out_.base.gain = judge_->gain_of(out_.base.opinion, out_.base.opinion, 1, options_.gain);
-    if (!out_.best) return;
-    out_.best->gain =
-        judge_->gain_of(out_.base.opinion, out_.best->opinion, out_.best->numbers, options_.gain);
-    const Gain& g = out_.best->gain;
-    // Below the floor distances say nothing, but likelihoods of what was kept back do.
-    const double kept_back = out_.base.opinion.deviance;
-    const bool predicts =
-        g.measurable ? g.low > 0.0 && g.after < g.last_residual && g.after <= kAsGood * g.free_field
-        : kept_back > 0.0 ? kept_back - out_.best->opinion.deviance > kPrice * out_.best->numbers
-                          : g.after <= 1.05 * g.before;
-    const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
-    // An error that is beyond what solver and noise make, and that the cause takes away, is not the
-    // solver's.
-    // Nor is one that a cause whose number is known well takes away nearly all of (or most of,
-    // where it takes half as much as the solver's whole covariance), and takes from what was kept
-    // back too: the solver's errors are not one cause's signature.
-    const Refit& before = out_.base.refit;
-    const double left = knows_the_solver() ? left_if_exact(before) : 0.0;
-    const double solver_took = std::max(0.0, left - before.chi_square);
-    const double cause_took = knows_the_solver() ? left - left_if_exact(out_.best->refit) : 0.0;
-    const double explained = share_of_excess(before, out_.best->refit);
-    const bool large =
-        explained > kNearlyAll || (looseness_of(before) > kFarOff && explained > kMostly &&
-                                   cause_took > kAsTheSolver * solver_took);
-    const bool accounts = large && told_by(out_.best->refit) > kSure &&
-                          kept_back - out_.best->opinion.deviance > kExcluded * out_.looseness;
-    out_.within_solver = out_.exact_solver_significant && !(g.measurable && predicts) &&
-                         !accounts &&
-                         out_.base.evidence - out_.best->evidence < kExtrapolated * solver_took;
-    out_.accepted = predicts && likelier && told_by(out_.best->refit) > kTold &&
-                    !out_.best->refit.at_bound && !out_.within_solver;
-    for (std::size_t k = 0; k < out_.first->scores.size(); ++k) {
-      if (is_rival(out_.first->scores[k])) out_.rivals.push_back(k);
-    }
-  }
-
-  /// By how many standard errors each cause has a number that is beyond its neutral value.
-  [[nodiscard]] double told_by(const Refit& refit) const {
-    const double wide = std::sqrt(looseness_of(refit));
-    double least = 1e300;
-    Index at = 0;
-    for (const Active& cause : refit.state.causes) {
-      const std::vector<Number>& numbers =
-          study_.model().effects()[std::size_t(cause.effect)].numbers;
-      double most = 0.0;
-      for (Index k = 0; k < cause.values.size(); ++k, ++at) {
-        const double beyond = std::abs(cause.values[k] - numbers[std::size_t(k)].neutral);
-        most = std::max(most, beyond / std::max(wide * refit.error[at], 1e-300));
-      }
-      least = std::min(least, most);
-    }
-    return least;
-  }
-
-  /// Whether the best single cause does not exclude this candidate.
-  [[nodiscard]] bool is_rival(const Score& score) const {
-    if (!score.observable) return false;
-    const Trial& best = out_.singles.front();
-    const double limit = kExcluded * looseness_of(best.refit);
-    for (const Trial& trial : out_.singles) {
-      if (trial.causes.front().effect != score.candidate.effect) continue;
-      return trial.causes.front().variant == score.candidate.variant && !trial.refit.at_bound &&
-             !excludes(best, trial);
-    }
-    // Not refitted: by what the linear theory promises it at most, on the samples fitted to.
-    const bool best_shape = std::ranges::none_of(out_.first->scores, [&](const Score& other) {
-      return other.candidate.effect == score.candidate.effect &&
-             other.equivalent > score.equivalent;
-    });
-    const double promised = out_.base.refit.deviance - score.statistic + kPrice * score.freedom;
-    return best_shape && promised - best.refit.deviance - kPrice * best.numbers < limit;
   }
 
   const Study& study_;

@@ -261,7 +261,11 @@ class Check {
     for (Index i = 0; i < p; ++i) {
       if (own[std::size_t(i)] < 0) shared.push_back(i);
     }
-    if (shared.empty()) return;
+    const bool told = result_.ties.empty() &&
+                      std::ranges::all_of(result_.parameters, [](const Identifiable& parameter) {
+                        return parameter.known;
+                      });
+    if (shared.empty() || told) return;
     const double now = worst(inverse_, shared);
     double best = now * kHelps;
     const std::vector<Experiment> experiments = model_.experiments();

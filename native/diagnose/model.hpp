@@ -136,6 +136,10 @@ struct Point {
   Eigen::VectorXd theta;  ///< natural coordinates, one a parameter
   std::vector<Cause> causes;
   Numerics numerics;
+  /// Of each capture the time of the last sample that is looked at [s], before its first one where
+  /// none is; empty: all are. Later samples of the motion may be anything finite, earlier ones are
+  /// those of a simulation to the end.
+  std::vector<double> until;
 };
 
 /// What a simulation gives: every coordinate of every sample of every capture, one capture after

@@ -35,7 +35,10 @@ class HiddenModel : public Model {
   std::vector<std::optional<Motion>> simulate(const std::vector<Point>& points) const override {
     std::vector<std::optional<Motion>> result;
     result.reserve(points.size());
-    for (const Point& point : points) result.emplace_back(motion(point));
+    for (const Point& point : points) {
+      result.emplace_back(motion(point));
+      spoil(point, result.back()->positions);
+    }
     return result;
   }
   int effect_index(const std::string& name) const {
@@ -74,6 +77,22 @@ class HiddenModel : public Model {
   std::vector<fit::Parameter> parameters_;
   std::vector<Effect> effects_;
   std::vector<Capture> captures_;
+
+ private:
+  /// What nobody is to look at.
+  void spoil(const Point& point, Eigen::VectorXd& positions) const {
+    if (point.until.empty()) return;
+    Eigen::Index first = 0;
+    for (std::size_t c = 0; c < captures_.size(); ++c) {
+      const Capture& capture = captures_[c];
+      for (std::size_t f = 0; f < capture.times.size(); ++f) {
+        if (capture.times[f] <= point.until[c] + 1e-9) continue;
+        positions.segment(first + Eigen::Index(3 * f) * capture.tracks(), 3 * capture.tracks())
+            .setConstant(1e3);
+      }
+      first += 3 * capture.samples();
+    }
+  }
 
  protected:
   virtual Motion motion(const Point& point) const = 0;

@@ -64,7 +64,11 @@ MatrixXd experiment_gram(const Study& study, int experiment,
   const Study there(model, study.used().size());
   const State state = there.fitted();
   if (!there.motions({state})[0]) return {};
-  const Linearised slopes = linearise(there, state, candidates, {});
+  // Corrections are of what happened in the present recordings.
+  DifferenceOptions differences;
+  differences.central = false;
+  differences.left_out = study.model().corrections();
+  const Linearised slopes = linearise(there, state, candidates, differences);
   Index columns = slopes.theta.cols();
   for (const auto& column : slopes.columns) {
     if (column.values.cols() == 0) return {};

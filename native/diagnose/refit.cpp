@@ -174,6 +174,10 @@ double Refitter::own_corrections(const Refit& refit) const {
 
 MatrixXd Refitter::slopes_at(const State& state, const MatrixXd& known) const {
   DifferenceOptions differences = options_.differences;
+  // Each step is tried: what a one-sided derivative errs by costs a step at most, the other side
+  // one run a number.
+  differences.central = false;
+  differences.wanted = Study::Wanted::kUsed;
   const std::vector<Index> corrections = study_->model().corrections();
   const bool keep = known.cols() > 0;
   if (keep) differences.left_out = corrections;
@@ -245,11 +249,18 @@ class Refitter::Search {
     }
   }
 
-  [[nodiscard]] std::optional<Refit> result() const;
+  /// Where it has come to; nothing where no start could be simulated.
+  [[nodiscard]] const State* end() const { return here_ ? &here_->state : nullptr; }
+  /// `seen`: what a simulation at end() shows of all rows.
+  [[nodiscard]] std::optional<Refit> result(const std::optional<VectorXd>& seen) const;
 
  private:
   /// A first estimate is linear: where what it says cannot be simulated, less of it may be.
   static constexpr std::array<double, 4> kShares = {1.0, 0.1, 0.01, 0.0};
+  /// Promises that are worth new slopes, over what ends the search.
+  static constexpr double kWorthSlopes = 5.0;
+  /// Share of the deviance at which slopes were made, below which they are of another place.
+  static constexpr double kFarFromStart = 0.7;
 
   [[nodiscard]] const Model& model() const { return refitter_.study_->model(); }
   [[nodiscard]] bool biased() const { return refitter_.bias_.size() > 0; }
@@ -271,17 +282,25 @@ class Refitter::Search {
     }
     if (!here_) return;
     renewed_at_ = here_->residual.squaredNorm();
+    made_here_ = start_.made_there;
     scales_ = scales_of(model(), here_->state);
     bounds_ = box_of(model(), here_->state);
-    if (slopes_.cols() != scales_.size()) {
+    if (slopes_.cols() != scales_.size() || start_.renew) {
       slopes_ = made_ = refitter_.slopes_at(here_->state, made_);
+      made_here_ = true;
     }
     jacobian_ = refitter_.residual_slopes(slopes_);
   }
 
-  /// Whether there was a renewal left. A search that is far off gains much by each.
+  /// Whether there was a renewal left. A search that is far off gains much by each. Slopes that
+  /// were made here would only be made again.
   bool renew() {
     if (fresh_) return false;
+    if (made_here_) {
+      slopes_ = made_;
+      jacobian_ = refitter_.residual_slopes(slopes_);
+      return false;
+    }
     const RefitOptions& options = refitter_.options_;
     const double now = here_->residual.squaredNorm();
     if (now > (1.0 - options.worth) * renewed_at_ &&
@@ -292,6 +311,7 @@ class Refitter::Search {
     slopes_ = made_ = refitter_.slopes_at(here_->state, made_);
     jacobian_ = refitter_.residual_slopes(slopes_);
     fresh_ = true;
+    made_here_ = true;
     return true;
   }
 
@@ -317,14 +337,19 @@ class Refitter::Search {
                                           .cwiseMin(bounds_.high));
   }
 
+  /// A promise that ends the search.
+  [[nodiscard]] double enough() const {
+    return std::max(refitter_.options_.tolerance,
+                    refitter_.options_.share * here_->residual.squaredNorm());
+  }
+
   [[nodiscard]] std::vector<State> next_step() {
-    const double enough = std::max(refitter_.options_.tolerance,
-                                   refitter_.options_.share * here_->residual.squaredNorm());
     solve_step();
-    if (!(promised_ > enough)) {
-      // Slopes that were never tried since they were made, or kept their last promise, are
-      // believed.
-      if (!fresh_ && !trusted_ && renew()) {
+    if (!(promised_ > enough())) {
+      // Slopes that were never tried since they were made, or kept their last promise not far from
+      // there, are believed.
+      const bool far = here_->residual.squaredNorm() < kFarFromStart * renewed_at_;
+      if (!fresh_ && (far || !trusted_) && renew()) {
         damping_ = kFirstDamping;
         return next_step();
       }
@@ -342,14 +367,17 @@ class Refitter::Search {
         there ? here_->residual.squaredNorm() - there->residual.squaredNorm() : -1.0;
     if (there) learn(*there);
     if (!(gained > 0.0)) {
-      if (!renew()) damping_ = std::max(10.0 * damping_, 1e-2);
+      if (promised_ < kWorthSlopes * enough() || !renew()) {
+        damping_ = std::max(10.0 * damping_, 1e-2);
+      }
       return;
     }
     trusted_ = gained > 0.5 * promised_ && gained < 1.5 * promised_;
     here_ = std::move(there);
+    made_here_ = false;
     ++accepted_;
     damping_ = gained > 0.5 * promised_ ? std::max(0.1 * damping_, 1e-8) : damping_ * 3.0;
-    if (gained < 0.25 * promised_) (void)renew();
+    if (gained < 0.25 * promised_ && promised_ > kWorthSlopes * enough()) (void)renew();
   }
 
   /// Broyden's rule, row by row, so that it holds for whitened rows and others alike.
@@ -380,6 +408,7 @@ class Refitter::Search {
   double promised_ = 0.0;
   double damping_ = kFirstDamping;
   bool fresh_ = true;
+  bool made_here_ = false;  ///< `made_` is of the present place
   bool trusted_ = false;
   bool converged_ = false;
   bool ended_ = false;
@@ -388,8 +417,8 @@ class Refitter::Search {
   double renewed_at_ = 0.0;  ///< deviance there; at first of the start
 };
 
-std::optional<Refit> Refitter::Search::result() const {
-  if (!here_) return std::nullopt;
+std::optional<Refit> Refitter::Search::result(const std::optional<VectorXd>& seen) const {
+  if (!here_ || !seen) return std::nullopt;
   const Index numbers = scales_.size();
   Refit result;
   result.converged = converged_;
@@ -398,7 +427,7 @@ std::optional<Refit> Refitter::Search::result() const {
   result.chi_square = here_->chi_square;
   result.deviance = here_->residual.squaredNorm();
   result.freedom = std::max(1.0, double(refitter_.study_->used().size() - numbers));
-  result.prediction = here_->prediction;
+  result.prediction = refitter_.place(here_->state, here_->bias, *seen).prediction;
   result.slopes = slopes_;
   MatrixXd hessian = jacobian_.transpose() * jacobian_;
   hessian.diagonal() *= 1.0 + 1e-12;
@@ -439,7 +468,7 @@ std::vector<std::optional<Refit>> Refitter::fit_all(std::vector<RefitStart> star
       first[i + 1] = states.size();
     }
     if (states.empty()) break;
-    const auto seen = study_->predict(states);
+    const auto seen = study_->predict(states, Study::Wanted::kUsed);
     for (std::size_t i = 0; i < searches.size(); ++i) {
       if (first[i + 1] > first[i]) {
         searches[i].take(std::span(seen).subspan(first[i], first[i + 1] - first[i]));
@@ -448,7 +477,15 @@ std::vector<std::optional<Refit>> Refitter::fit_all(std::vector<RefitStart> star
   }
   std::vector<std::optional<Refit>> results;
   results.reserve(searches.size());
-  for (const Search& search : searches) results.push_back(search.result());
+  std::vector<State> ends;
+  for (const Search& search : searches) {
+    if (search.end()) ends.push_back(*search.end());
+  }
+  const auto seen = study_->predict(ends);
+  std::size_t next = 0;
+  for (const Search& search : searches) {
+    results.push_back(search.end() ? search.result(seen[next++]) : std::nullopt);
+  }
   return results;
 }
 

@@ -21,7 +21,7 @@ struct Refit {
   double freedom = 1.0;        ///< rows less numbers
   Eigen::VectorXd prediction;  ///< stacked, with the bias [m]
   Eigen::VectorXd error;       ///< of the active causes' numbers, physical, linearised
-  Eigen::MatrixXd slopes;      ///< [θ | α] derivatives about there, in scales, stacked
+  Eigen::MatrixXd slopes;      ///< [θ | α] derivatives about there, in scales, of the used rows
   bool at_bound = false;       ///< a number of a cause lies at its bound
   bool converged = false;
 };
@@ -45,7 +45,9 @@ struct RefitOptions {
 struct RefitStart {
   std::vector<State> states;
   Eigen::MatrixXd slopes;
-  int renewals = 0;  ///< beyond RefitOptions::renewals
+  int renewals = 0;    ///< beyond RefitOptions::renewals
+  bool renew = false;  ///< `slopes` are of another place: all but the corrections' are made first
+  bool made_there = false;  ///< `slopes` were made by differences at the only state
 };
 
 /// Prior precision of θ per scale², and the mean in scales of natural coordinates.

@@ -18,6 +18,8 @@ struct Spread {
 
   /// A solver that makes no error of its own.
   [[nodiscard]] static Spread none(Eigen::Index rows);
+  /// Whether anything was learnt of the solver's error.
+  [[nodiscard]] bool known() const { return members.cols() > 0; }
   /// At some rows alone.
   [[nodiscard]] Spread at(const std::vector<Eigen::Index>& places) const;
   [[nodiscard]] Spread top(Eigen::Index rows) const;

@@ -17,16 +17,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-Point point_of(const Model& model, const State& state, const Numerics& numerics) {
-  Point point{state.theta, {}, numerics};
-  for (const Active& cause : state.causes) {
-    const Effect& effect = model.effects()[std::size_t(cause.effect)];
-    if (effect.observation != Observation::kNone) continue;
-    point.causes.push_back({cause.effect, cause.variant, cause.values});
-  }
-  return point;
-}
-
 bool is_observation(const Model& model, int effect) {
   return model.effects()[std::size_t(effect)].observation != Observation::kNone;
 }
@@ -115,6 +105,31 @@ Study::Study(const Model& model, Rows used, Rows held, std::shared_ptr<Ledger> l
   if (used_.size() == 0)
     throw_input("No sample of the captures is used: all are held out or lost.");
   measured_ = stack(diagnose::measured(model.captures()));
+  used_until_ = later_of(used_, {});
+  until_ = later_of(held_, used_until_);
+}
+
+std::vector<double> Study::later_of(const Rows& rows, std::vector<double> until) const {
+  for (const Capture& capture : model_->captures()) {
+    if (until.size() < model_->captures().size()) until.push_back(capture.times.front() - 1.0);
+  }
+  for (const Series& s : rows.series()) {
+    double& last = until[std::size_t(s.capture)];
+    last = std::max(last, rows.time(s.end - 1));
+  }
+  return until;
+}
+
+Point Study::point_of(const State& state, Wanted wanted) const {
+  Point point{state.theta, {}, {}, wanted == Wanted::kUsed ? used_until_ : until_};
+  for (const Active& cause : state.causes) {
+    if (is_observation(*model_, cause.effect)) {
+      point.until.clear();  // a camera may see a sample at another time
+    } else {
+      point.causes.push_back({cause.effect, cause.variant, cause.values});
+    }
+  }
+  return point;
 }
 
 Rows Study::used_in(const std::function<bool(int, Index)>& selected) const {
@@ -160,10 +175,10 @@ State Study::fitted() const {
 }
 
 std::vector<std::optional<Motion>> Study::motions(const std::vector<State>& states,
-                                                  const Numerics& numerics) const {
+                                                  Wanted wanted) const {
   std::vector<Point> points;
   points.reserve(states.size());
-  for (const State& state : states) points.push_back(point_of(*model_, state, numerics));
+  for (const State& state : states) points.push_back(point_of(state, wanted));
   ledger_->stages[ledger_->current].runs += int(points.size());
   return model_->simulate(points);
 }
@@ -178,8 +193,8 @@ VectorXd Study::seen(const Motion& motion, const State& state) const {
 }
 
 std::vector<std::optional<VectorXd>> Study::predict(const std::vector<State>& states,
-                                                    const Numerics& numerics) const {
-  const auto runs = motions(states, numerics);
+                                                    Wanted wanted) const {
+  const auto runs = motions(states, wanted);
   std::vector<std::optional<VectorXd>> result(states.size());
   for (std::size_t i = 0; i < states.size(); ++i) {
     if (runs[i]) result[i] = seen(*runs[i], states[i]);
@@ -192,7 +207,8 @@ std::vector<std::optional<VectorXd>> Study::predict_variants(
   std::vector<Point> points;
   points.reserve(variants.size());
   for (std::size_t i = 0; i < variants.size(); ++i) {
-    points.push_back(point_of(*model_, states[i], variants[i]));
+    points.push_back(point_of(states[i], Wanted::kAll));
+    points.back().numerics = variants[i];
   }
   ledger_->stages[ledger_->current].runs += int(points.size());
   const auto runs = model_->simulate(points);
@@ -228,6 +244,7 @@ Linearised linearise(const Study& study, const State& state,
       differences.push_back(cause_difference(model, state, c, k, options.central));
     }
   }
+  const std::size_t of_state = differences.size();
   for (const Candidate& candidate : candidates) {
     const Effect& effect = model.effects()[std::size_t(candidate.effect)];
     State extended = state;
@@ -238,17 +255,22 @@ Linearised linearise(const Study& study, const State& state,
     }
   }
 
-  std::vector<State> states{state};
-  states.reserve(1 + 2 * differences.size());
-  for (const Difference& d : differences) {
-    if (d.observed) continue;
-    if (d.above) states.push_back(*d.above);
-    if (d.below) states.push_back(*d.below);
-  }
-  const auto runs = study.motions(states);
+  const auto simulated = [&](std::size_t from, std::size_t to, std::vector<State> states,
+                             Study::Wanted wanted) {
+    for (std::size_t i = from; i < to; ++i) {
+      const Difference& d = differences[i];
+      if (d.observed) continue;
+      if (d.above) states.push_back(*d.above);
+      if (d.below) states.push_back(*d.below);
+    }
+    return study.motions(states, wanted);
+  };
+  auto runs = simulated(0, of_state, {state}, options.wanted);
   if (!runs[0]) {
     throw_compute("The fitted model itself could not be simulated. Fit it again first.");
   }
+  std::ranges::move(simulated(of_state, differences.size(), {}, Study::Wanted::kUsed),
+                    std::back_inserter(runs));
   Linearised result;
   result.prediction = study.seen(*runs[0], state);
   std::size_t next = 1;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -41,6 +42,8 @@ struct Ledger {
 /// simulations as such stacked vectors [m].
 class Study {
  public:
+  /// Which rows of a prediction are looked at; the others may be anything finite.
+  enum class Wanted : std::uint8_t { kAll, kUsed };
   /// `limit`: rows of each kind at most, whole tracks being left out (Rows).
   Study(const Model& model, Eigen::Index limit);
   /// With a selection of its own instead of the captures' marks; its simulations count as the
@@ -61,12 +64,12 @@ class Study {
 
   /// Motions of the states without their observations, all in one batch.
   [[nodiscard]] std::vector<std::optional<Motion>> motions(const std::vector<State>& states,
-                                                           const Numerics& numerics = {}) const;
+                                                           Wanted wanted = Wanted::kAll) const;
   /// What cameras would have seen of a motion in a state, stacked [m].
   [[nodiscard]] Eigen::VectorXd seen(const Motion& motion, const State& state) const;
   /// Both in one.
   [[nodiscard]] std::vector<std::optional<Eigen::VectorXd>> predict(
-      const std::vector<State>& states, const Numerics& numerics = {}) const;
+      const std::vector<State>& states, Wanted wanted = Wanted::kAll) const;
   /// Each state in its numerics, in one batch.
   [[nodiscard]] std::vector<std::optional<Eigen::VectorXd>> predict_variants(
       const std::vector<State>& states, const std::vector<Numerics>& variants) const;
@@ -78,10 +81,15 @@ class Study {
 
  private:
   Study(const Model& model, Rows used, Rows held, std::shared_ptr<Ledger> ledger);
+  [[nodiscard]] Point point_of(const State& state, Wanted wanted) const;
+  /// Point::until of some rows, where they are later than `until` (empty: no rows).
+  [[nodiscard]] std::vector<double> later_of(const Rows& rows, std::vector<double> until) const;
   const Model* model_;
   Rows used_;
   Rows held_;
   Eigen::VectorXd measured_;
+  std::vector<double> used_until_;  ///< Point::until of the used rows
+  std::vector<double> until_;       ///< and of all
   std::shared_ptr<Ledger> ledger_;
 };
 
@@ -102,7 +110,8 @@ struct Linearised {
   Eigen::MatrixXd active;  ///< of the active causes' numbers, one after another, per Number::scale
   struct Column {
     Candidate candidate;
-    Eigen::MatrixXd values;  ///< per Number::scale; no columns where it could not be simulated
+    /// Per Number::scale, of the used rows; no columns where it could not be simulated.
+    Eigen::MatrixXd values;
   };
   std::vector<Column> columns;
 };
@@ -113,9 +122,11 @@ struct DifferenceOptions {
   /// first estimates, take one.
   bool central = true;
   std::vector<Eigen::Index> left_out;  ///< parameters, whose columns stay 0
+  Study::Wanted wanted = Study::Wanted::kAll;
 };
 
-/// By finite differences, all runs in one batch; observations cost none. A run that fails on one
+/// By finite differences, those of the state and those of the candidates in a batch each;
+/// observations cost none. A run that fails on one
 /// side is taken from the other; a parameter both of whose sides fail has a column of 0. Throws
 /// Error(kCompute) where the state itself cannot be simulated.
 [[nodiscard]] Linearised linearise(const Study& study, const State& state,

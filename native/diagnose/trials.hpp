@@ -39,6 +39,8 @@ struct Attempt {
 
 /// χ²/dof, at least 1.
 [[nodiscard]] double looseness_of(const Refit& refit);
+/// Looseness above which a model is far off.
+inline constexpr double kFarOff = 1.2;
 
 /// Share of a base's χ² beyond its freedom that another refit takes away; below 0 where that is
 /// worse.

@@ -49,6 +49,7 @@ fs::path MotionStore::path_of(const diagnose::Point& point) const {
   for (const double bend : n.lumping_bend) add(bend, hasher);
   add(n.transfer, hasher);
   add(n.seed, hasher);
+  for (const double time : point.until) add(time, hasher);
   return folder_ / (hasher.hex() + ".motion");
 }
 

@@ -25,18 +25,6 @@
 namespace matterfit::job {
 namespace {
 
-/// Steps in which substeps are made more: a quarter of an octave.
-constexpr double kFiner = 1.189207115002721;
-/// Beyond so many times the substeps of the fitted values a point counts as one that cannot be
-/// simulated: a hundred times the stiffness. A search that goes there follows what it cannot
-/// explain.
-constexpr double kMostFiner = 10.0;
-/// With so many times twice the substeps a point is tried again that failed.
-constexpr int kMoreTries = 2;
-/// Of the solver's margin (dt_safety), that a point beside the fitted values
-/// may use.
-constexpr double kNoiseMargin = 1.1;
-
 std::string key_of(const diagnose::Numerics& n, std::size_t run) {
   std::string key = fmt::format("{} {:a} {:a} {:a} {:a} {:a} {}", run, n.spacing, n.offset.x(),
                                 n.offset.y(), n.offset.z(), n.particles, n.seed);
@@ -71,12 +59,6 @@ void lump(const diagnose::Numerics& n, mpm::Body& body) {
   for (auto& volume : body.volumes) volume *= before / after;
 }
 
-/// Whether the fitted values' substeps serve: what lumping alone changes is then no other step.
-bool has_own_steps(const diagnose::Numerics& n) {
-  return n.spacing == 1.0 && n.step == 1.0 && n.offset.isZero(0.0) && n.particles == 1.0 &&
-         n.seed == 0;
-}
-
 /// The parameters with the document's values as their starts: those are the
 /// fitted ones.
 std::vector<fit::ParameterSpec> at_document(std::vector<fit::ParameterSpec> specs) {
@@ -100,13 +82,6 @@ std::array<bool, 3> measured_axes(const capture::Tracks& tracks) {
 }
 
 }  // namespace
-
-/// A run's scene at some numerics, with what looks at its captures.
-struct SceneModel::Built {
-  mpm::Scene scene;
-  std::vector<std::size_t> bodies;  ///< of each capture
-  std::vector<fit::PointFollower> followers;
-};
 
 SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
                        const Interrupter& interrupter, std::vector<std::string>& statements)
@@ -133,7 +108,8 @@ SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
     }
   }
   list_captures();
-  fix_substeps();
+  settle_steps();
+  list_experiments();
   CauseOptions about;
   for (const fit::Parameter& parameter : parameters()) about.fitted.push_back(parameter.name);
   for (const diagnose::Capture& capture : captures_) {
@@ -222,15 +198,19 @@ std::vector<double> SceneModel::nuisance_values(const diagnose::Point& point) co
   return values;
 }
 
-/// What the recordings show at the fitted values, in the scene as it is.
-std::vector<Encounter> SceneModel::encounters_with(const shape::Keyed<Vec3d>& gravity) const {
+diagnose::Point SceneModel::start_point() const {
   diagnose::Point point;
   point.theta.resize(static_cast<Eigen::Index>(listed_.size()));
   for (std::size_t k = 0; k < listed_.size(); ++k) {
     point.theta[static_cast<Eigen::Index>(k)] =
         fit::to_natural(listed_[k].coordinate, listed_[k].start);
   }
-  const auto motions = simulate_afresh({point});
+  return point;
+}
+
+/// What the recordings show at the fitted values, in the scene as it is.
+std::vector<Encounter> SceneModel::encounters_with(const shape::Keyed<Vec3d>& gravity) const {
+  const auto motions = simulate({start_point()});
   if (!motions.front()) return {};
   return encounters(captures_, motions.front()->positions, gravity.at(0.0));
 }
@@ -276,7 +256,7 @@ void SceneModel::list_captures() {
   }
 }
 
-void SceneModel::fix_substeps() {
+void SceneModel::settle_steps() {
   std::vector<double> values;
   values.reserve(listed_.size());
   for (const fit::Parameter& parameter : listed_) values.push_back(parameter.start);
@@ -284,17 +264,37 @@ void SceneModel::fix_substeps() {
   for (std::size_t r = 0; r < runs().size(); ++r) {
     mpm::Scene scene = built({}, r)->scene;
     parameters_->apply(values, r, scene);
-    limits_.push_back(mpm::step_limit(scene));
-    mpm::Simulation::Options solver;
-    solver.target = options_.target;
-    const int last = scene.end_frame;
-    mpm::Simulation simulation(std::move(scene), arena, solver);
-    std::vector<int> substeps;
-    while (simulation.frame() + 1 < last) {
-      interrupter_.check();
-      substeps.push_back(simulation.advance(interrupter_).substeps);
+    steps_.push_back(solvers_steps(std::move(scene), arena));
+  }
+}
+
+void SceneModel::list_experiments() {
+  std::vector<std::string> grounds;
+  for (const ColliderDoc& doc : loaded_.sources.front().job.scene.colliders) {
+    if (doc.shape == ColliderDoc::Shape::kGround) grounds.push_back(doc.name);
+  }
+  const std::shared_ptr<const Built> base = built({}, 0);
+  mpm::Scene scene = base->scene;
+  parameters_->apply(fitted_values(start_point()), 0, scene);
+  for (const Remake& other : remakes_of(scene, base->bodies.front(), grounds)) {
+    diagnose::Capture layout;
+    const diagnose::Capture& present = captures_.front();
+    layout.name = other.name;
+    layout.rest = present.rest;
+    layout.axes = present.axes;
+    layout.noise = present.noise;
+    layout.times = present.times;
+    const double first = present.times.front();
+    const double last = present.times.back();
+    const double again =
+        last - first + (last - first) / double(std::max<std::size_t>(1, present.times.size() - 1));
+    for (const double time : present.times) {
+      if (time + again - first <= other.duration * (last - first) + 1e-9)
+        layout.times.push_back(time + again);
     }
-    substeps_.push_back(fit::with_neighbours(substeps));
+    layout.use.assign(static_cast<std::size_t>(layout.samples()), diagnose::Use::kUsed);
+    remakes_.push_back(other);
+    experiments_.push_back({other.name, other.sentence, std::move(layout)});
   }
 }
 
@@ -310,155 +310,6 @@ std::vector<int> SceneModel::own_capture() const {
     }
   }
   return owners;
-}
-
-std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
-    const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const {
-  const std::shared_ptr<const Built> base = built(point.numerics, run);
-  mpm::Scene scene = base->scene;
-  const std::vector<double> values = fitted_values(point);
-  parameters_->apply(values, run, scene);
-  const std::vector<double> nuisances = nuisance_values(point);
-  nuisances_.set_grounds(nuisances, scene);
-  nuisances_.add_impacts(nuisances, run, scene);
-  for (const diagnose::Point::Cause& cause : point.causes) {
-    const auto& apply = causes_[static_cast<std::size_t>(cause.effect)].apply;
-    if (!apply) continue;
-    apply({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
-          scene);
-  }
-  if (!has_own_steps(point.numerics)) {
-    scene.dt_safety *= point.numerics.step;
-    return observe_run(scene, *base, values, run, arena);
-  }
-  const double ratio = limits_[run] / mpm::step_limit(scene) / kNoiseMargin;
-  if (ratio > kMostFiner) return std::nullopt;
-  const double finer =
-      std::pow(kFiner, std::max(0.0, std::ceil(std::log(ratio) / std::log(kFiner))));
-  for (int attempt = 0; attempt <= kMoreTries; ++attempt) {
-    scene.substeps = fit::multiplied(substeps_[run], std::ldexp(finer, attempt));
-    if (auto seen = observe_run(scene, *base, values, run, arena)) return seen;
-  }
-  return std::nullopt;
-}
-
-std::optional<std::vector<fit::SimulatedCapture>> SceneModel::observe_run(
-    const mpm::Scene& scene, const Built& base, const std::vector<double>& values, std::size_t run,
-    const std::shared_ptr<Arena>& arena) const {
-  try {
-    mpm::Simulation::Options solver;
-    solver.target = options_.target;
-    mpm::Simulation simulation(scene, arena, solver);
-    // Points of a body that is placed anew: those that the document gives on it move along, those
-    // that the recording shows stay where they were seen.
-    std::vector<fit::PointFollower> moved;
-    if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
-                    [&](const mpm::Body& b) { return parameters_->places(run, b.name); })) {
-      for (std::size_t c = 0; c < base.followers.size(); ++c) {
-        const fit::Capture& capture = runs()[run].captures[c];
-        Points rest = capture.input.rest;
-        if (capture.places_given) {
-          mpm::Body points;
-          points.name = capture.input.body;
-          points.rest = std::move(rest);
-          rest = parameters_->placed(values, run, std::move(points)).rest;
-        }
-        moved.emplace_back(scene.bodies[base.bodies[c]], std::move(rest), 0.5 * scene.dx, *arena);
-      }
-    }
-    const std::vector<fit::PointFollower>& followers = moved.empty() ? base.followers : moved;
-    std::vector<std::vector<Points>> seen(followers.size());
-    const auto record = [&] {
-      const mpm::ObservedFrame frame = simulation.observe(true);
-      for (std::size_t c = 0; c < seen.size(); ++c) {
-        const std::size_t body = base.bodies[c];
-        seen[c].push_back(followers[c].positions(scene.bodies[body], frame.bodies[body], *arena));
-      }
-    };
-    record();
-    while (simulation.frame() + 1 < scene.end_frame) {
-      interrupter_.check();
-      (void)simulation.advance(interrupter_);
-      record();
-    }
-    std::vector<fit::SimulatedCapture> captures;
-    const double end = (scene.end_frame - 1 - scene.first_frame) / scene.fps;
-    for (std::size_t c = 0; c < seen.size(); ++c) {
-      const fit::Capture& capture = runs()[run].captures[c];
-      std::vector<double> times = capture.input.tracks.times;
-      const fit::Viewing viewing = parameters_->viewing(values, run, c);
-      const double delay = (viewing.start_frame - capture.viewing.start_frame) / scene.fps;
-      for (double& time : times) {
-        const bool inside = time >= 0.0 && time <= end + 1e-9;
-        time += delay;
-        if (inside) time = std::clamp(time, 0.0, end);
-      }
-      captures.push_back(fit::at_times(seen[c], base.followers[c].size(), times, scene.fps));
-    }
-    return captures;
-  } catch (const Error& error) {
-    if (error.kind() == ErrorKind::kCancelled) throw;
-    return std::nullopt;
-  }
-}
-
-std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
-    const std::vector<diagnose::Point>& points) const {
-  if (!store_) return simulate_afresh(points);
-  std::vector<std::optional<diagnose::Motion>> motions(points.size());
-  std::vector<diagnose::Point> missing;
-  std::vector<std::size_t> places;
-  for (std::size_t p = 0; p < points.size(); ++p) {
-    motions[p] = store_->find(points[p]);
-    if (motions[p]) continue;
-    missing.push_back(points[p]);
-    places.push_back(p);
-  }
-  // As many at a time as run side by side: what is done is kept before the next begin.
-  const auto batch = static_cast<std::size_t>(options_.threads);
-  for (std::size_t first = 0; first < missing.size(); first += batch) {
-    const std::size_t last = std::min(first + batch, missing.size());
-    const std::vector<diagnose::Point> some(missing.begin() + static_cast<std::ptrdiff_t>(first),
-                                            missing.begin() + static_cast<std::ptrdiff_t>(last));
-    auto fresh = simulate_afresh(some);
-    for (std::size_t k = 0; k < fresh.size(); ++k) {
-      if (fresh[k]) store_->keep(some[k], *fresh[k]);
-      motions[places[first + k]] = std::move(fresh[k]);
-    }
-  }
-  return motions;
-}
-
-std::vector<std::optional<diagnose::Motion>> SceneModel::simulate_afresh(
-    const std::vector<diagnose::Point>& points) const {
-  const std::size_t tasks = points.size() * runs().size();
-  std::vector<std::optional<std::vector<fit::SimulatedCapture>>> results(tasks);
-  side_by_side(tasks, tasks, options_.threads,
-               [&](std::size_t i, const std::shared_ptr<Arena>& arena) {
-                 results[i] = simulate_run(points[i / runs().size()], i % runs().size(), arena);
-               });
-  Eigen::Index rows = 0;
-  for (const diagnose::Capture& capture : captures_) rows += 3 * capture.samples();
-  std::vector<std::optional<diagnose::Motion>> motions(points.size());
-  for (std::size_t p = 0; p < points.size(); ++p) {
-    diagnose::Motion motion;
-    motion.positions = Eigen::VectorXd::Zero(rows);
-    Eigen::Index at = 0;
-    bool complete = true;
-    for (std::size_t r = 0; r < runs().size() && complete; ++r) {
-      const auto& seen = results[p * runs().size() + r];
-      complete = seen.has_value();
-      if (!complete) break;
-      for (const fit::SimulatedCapture& capture : *seen) {
-        for (const Vec3d& x : capture.positions) {
-          if (x.allFinite()) motion.positions.segment<3>(at) = x;
-          at += 3;
-        }
-      }
-    }
-    if (complete) motions[p] = std::move(motion);
-  }
-  return motions;
 }
 
 void SceneModel::write_nuisances(const diagnose::Point& point, Json& document,

@@ -12,9 +12,11 @@
 #include "diagnose/model.hpp"
 #include "fit/data/follow.hpp"
 #include "fit/model/parameters.hpp"
+#include "fit/model/step_plan.hpp"
 #include "job/diagnosis/causes.hpp"
 #include "job/diagnosis/contact_nuisances.hpp"
 #include "job/diagnosis/motion_store.hpp"
+#include "job/diagnosis/remake.hpp"
 #include "job/fit_experiment.hpp"
 #include "job/run/run_options.hpp"
 
@@ -53,6 +55,12 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate(
       const std::vector<diagnose::Point>& points) const override;
   [[nodiscard]] bool has_numerics() const override { return true; }
+  /// The first run made otherwise (remake.hpp).
+  [[nodiscard]] std::vector<diagnose::Experiment> experiments() const override {
+    return experiments_;
+  }
+  [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate_experiment(
+      int experiment, const std::vector<diagnose::Point>& points) const override;
 
   /// Keeps what is simulated from now on, and takes what was kept (for parameters that were fitted
   /// alike, of the same inputs). It outlives the model.
@@ -64,19 +72,43 @@ class SceneModel final : public diagnose::Model {
              std::vector<std::string>& statements) const;
 
  private:
-  struct Built;
+  /// A run's scene at some numerics, with what looks at its captures.
+  struct Built {
+    mpm::Scene scene;
+    std::vector<std::size_t> bodies;  ///< of each capture
+    std::vector<fit::PointFollower> followers;
+  };
+  /// Of each capture of a run its points, frame by frame.
+  using Seen = std::vector<std::vector<Points>>;
+  /// Who looks at a run, at which values of the fitted parameters.
+  struct Watch {
+    const Built& base;
+    const std::vector<double>& values;
+    std::size_t run;
+    const std::shared_ptr<Arena>& arena;
+  };
   [[nodiscard]] const std::vector<fit::Run>& runs() const { return loaded_.experiment.runs; }
   [[nodiscard]] std::shared_ptr<const Built> built(const diagnose::Numerics& numerics,
                                                    std::size_t run) const;
-  [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate_afresh(
-      const std::vector<diagnose::Point>& points) const;
   [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> simulate_run(
       const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const;
-  /// What a run's captures see of a scene made from `base` with these values; nothing where it
-  /// cannot be simulated to its end.
-  [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> observe_run(
-      const mpm::Scene& scene, const Built& base, const std::vector<double>& values,
-      std::size_t run, const std::shared_ptr<Arena>& arena) const;
+  /// scene.end_frame of a run that shows what is looked at of a point.
+  [[nodiscard]] int end_frame(const diagnose::Point& point, const std::vector<double>& values,
+                              std::size_t run) const;
+  /// What all runs' captures see, as one motion; nothing where one could not be simulated.
+  [[nodiscard]] std::optional<diagnose::Motion> motion_of(
+      const std::vector<std::optional<std::vector<fit::SimulatedCapture>>>& seen) const;
+  /// A run's scene at a point, without what was set right after impacts.
+  [[nodiscard]] mpm::Scene scene_at(const diagnose::Point& point, const Built& base,
+                                    const std::vector<double>& values, std::size_t run) const;
+  /// What is seen of a scene; nothing where it cannot be simulated to its end.
+  [[nodiscard]] std::optional<Seen> watched(const mpm::Scene& scene, const Watch& watch) const;
+  /// The same with substeps that were settled, more of them where the scene asks for it.
+  [[nodiscard]] std::optional<Seen> watch_in_steps(mpm::Scene scene, const fit::RunSteps& steps,
+                                                   const Watch& watch) const;
+  /// The substeps that the solver chooses for a scene.
+  [[nodiscard]] fit::RunSteps solvers_steps(mpm::Scene scene,
+                                            const std::shared_ptr<Arena>& arena) const;
   void write_nuisances(const diagnose::Point& point, Json& document,
                        std::vector<std::string>& statements) const;
   void write_observed(const diagnose::Point::Cause& cause, Json& document,
@@ -87,7 +119,9 @@ class SceneModel final : public diagnose::Model {
   void add_nuisances();
   [[nodiscard]] std::vector<double> fitted_values(const diagnose::Point& point) const;
   [[nodiscard]] std::vector<double> nuisance_values(const diagnose::Point& point) const;
-  void fix_substeps();
+  void settle_steps();
+  void list_experiments();
+  [[nodiscard]] diagnose::Point start_point() const;  ///< all parameters at their starts
 
   const Job& job_;
   RunOptions options_;
@@ -101,9 +135,10 @@ class SceneModel final : public diagnose::Model {
   std::vector<Cause> causes_;
   std::vector<diagnose::Effect> rows_;
   std::vector<diagnose::Capture> captures_;
-  std::vector<const fit::CaptureInput*> inputs_;  ///< of each of them
-  std::vector<std::vector<int>> substeps_;        ///< of each run and frame, at the fitted values
-  std::vector<double> limits_;                    ///< of stability there [s]
+  std::vector<const fit::CaptureInput*> inputs_;   ///< of each of them
+  std::vector<fit::RunSteps> steps_;               ///< of each run, at the fitted values
+  std::vector<Remake> remakes_;                    ///< of the first run
+  std::vector<diagnose::Experiment> experiments_;  ///< of each of them
   const MotionStore* store_ = nullptr;
   mutable std::mutex mutex_;
   mutable std::map<std::string, std::shared_ptr<const Built>> built_;

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <utility>
+
+#include "base/error.hpp"
+#include "base/side_by_side.hpp"
+#include "job/diagnosis/scene_model.hpp"
+#include "mpm/simulation.hpp"
+#include "mpm/step_limit.hpp"
+
+/// SceneModel's simulations.
+namespace matterfit::job {
+namespace {
+
+/// Steps in which substeps are made more: a quarter of an octave.
+constexpr double kFiner = 1.189207115002721;
+/// Beyond so many times the substeps of the fitted values a point counts as one that cannot be
+/// simulated: a hundred times the stiffness. A search that goes there follows what it cannot
+/// explain.
+constexpr double kMostFiner = 10.0;
+/// With so many times twice the substeps a point is tried again that failed.
+constexpr int kMoreTries = 2;
+/// Of the solver's margin (dt_safety), that a point beside the fitted values
+/// may use.
+constexpr double kNoiseMargin = 1.1;
+
+/// Whether the fitted values' substeps serve: what lumping alone changes is then no other step.
+bool has_own_steps(const diagnose::Numerics& n) {
+  return n.spacing == 1.0 && n.step == 1.0 && n.offset.isZero(0.0) && n.particles == 1.0 &&
+         n.seed == 0;
+}
+
+}  // namespace
+
+mpm::Scene SceneModel::scene_at(const diagnose::Point& point, const Built& base,
+                                const std::vector<double>& values, std::size_t run) const {
+  mpm::Scene scene = base.scene;
+  parameters_->apply(values, run, scene);
+  nuisances_.set_grounds(nuisance_values(point), scene);
+  for (const diagnose::Point::Cause& cause : point.causes) {
+    const auto& apply = causes_[static_cast<std::size_t>(cause.effect)].apply;
+    if (!apply) continue;
+    apply({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
+          scene);
+  }
+  return scene;
+}
+
+fit::RunSteps SceneModel::solvers_steps(mpm::Scene scene,
+                                        const std::shared_ptr<Arena>& arena) const {
+  fit::RunSteps steps;
+  steps.limit = mpm::step_limit(scene);
+  mpm::Simulation::Options solver;
+  solver.target = options_.target;
+  const int end = scene.end_frame;
+  mpm::Simulation simulation(std::move(scene), arena, solver);
+  while (simulation.frame() + 1 < end) {
+    interrupter_.check();
+    steps.substeps.push_back(simulation.advance(interrupter_).substeps);
+  }
+  steps.substeps = fit::with_neighbours(steps.substeps);
+  return steps;
+}
+
+std::optional<SceneModel::Seen> SceneModel::watch_in_steps(mpm::Scene scene,
+                                                           const fit::RunSteps& steps,
+                                                           const Watch& watch) const {
+  const double ratio = steps.limit / mpm::step_limit(scene) / kNoiseMargin;
+  if (ratio > kMostFiner) return std::nullopt;
+  const double finer =
+      std::pow(kFiner, std::max(0.0, std::ceil(std::log(ratio) / std::log(kFiner))));
+  for (int attempt = 0; attempt <= kMoreTries; ++attempt) {
+    scene.substeps = fit::multiplied(steps.substeps, std::ldexp(finer, attempt));
+    if (auto seen = watched(scene, watch)) return seen;
+  }
+  return std::nullopt;
+}
+
+std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
+    const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const {
+  const std::shared_ptr<const Built> base = built(point.numerics, run);
+  const std::vector<double> values = fitted_values(point);
+  mpm::Scene scene = scene_at(point, *base, values, run);
+  nuisances_.add_impacts(nuisance_values(point), run, scene);
+  scene.end_frame = end_frame(point, values, run);
+  const Watch watch{*base, values, run, arena};
+  std::optional<Seen> seen;
+  if (has_own_steps(point.numerics)) {
+    seen = watch_in_steps(scene, steps_[run], watch);
+  } else {
+    scene.dt_safety *= point.numerics.step;
+    seen = watched(scene, watch);
+  }
+  if (!seen) return std::nullopt;
+  std::vector<fit::SimulatedCapture> captures;
+  const double end = (scene.end_frame - 1 - scene.first_frame) / scene.fps;
+  for (std::size_t c = 0; c < seen->size(); ++c) {
+    const fit::Capture& capture = runs()[run].captures[c];
+    std::vector<double> times = capture.input.tracks.times;
+    const fit::Viewing viewing = parameters_->viewing(values, run, c);
+    const double delay = (viewing.start_frame - capture.viewing.start_frame) / scene.fps;
+    for (double& time : times) {
+      const bool inside = time >= 0.0 && time <= end + 1e-9;
+      time += delay;
+      if (inside) time = std::clamp(time, 0.0, end);
+    }
+    captures.push_back(fit::at_times((*seen)[c], base->followers[c].size(), times, scene.fps));
+  }
+  return captures;
+}
+
+int SceneModel::end_frame(const diagnose::Point& point, const std::vector<double>& values,
+                          std::size_t run) const {
+  // Interpolation between frames looks at one more on either side.
+  constexpr int kMoreFrames = 3;
+  const mpm::Scene& scene = built(point.numerics, run)->scene;
+  if (point.until.empty()) return scene.end_frame;
+  std::size_t first = 0;
+  for (std::size_t r = 0; r < run; ++r) first += runs()[r].captures.size();
+  int end = scene.first_frame + 1;
+  for (std::size_t c = 0; c < runs()[run].captures.size(); ++c) {
+    const double until = point.until[first + c];
+    if (until < captures_[first + c].times.front()) continue;
+    const double delay = parameters_->viewing(values, run, c).start_frame -
+                         runs()[run].captures[c].viewing.start_frame;
+    const double last = scene.first_frame + until * scene.fps + delay;
+    end = std::max(end, static_cast<int>(std::ceil(std::min(last, 1e9))) + kMoreFrames);
+  }
+  return std::min(end, scene.end_frame);
+}
+
+std::optional<SceneModel::Seen> SceneModel::watched(const mpm::Scene& scene,
+                                                    const Watch& watch) const {
+  const Built& base = watch.base;
+  Arena& arena = *watch.arena;
+  try {
+    mpm::Simulation::Options solver;
+    solver.target = options_.target;
+    mpm::Simulation simulation(scene, watch.arena, solver);
+    // Points of a body that is placed anew: those that the document gives on it move along, those
+    // that the recording shows stay where they were seen.
+    std::vector<fit::PointFollower> moved;
+    if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                    [&](const mpm::Body& b) { return parameters_->places(watch.run, b.name); })) {
+      for (std::size_t c = 0; c < base.followers.size(); ++c) {
+        const fit::Capture& capture = runs()[watch.run].captures[c];
+        Points rest = capture.input.rest;
+        if (capture.places_given) {
+          mpm::Body points;
+          points.name = capture.input.body;
+          points.rest = std::move(rest);
+          rest = parameters_->placed(watch.values, watch.run, std::move(points)).rest;
+        }
+        moved.emplace_back(scene.bodies[base.bodies[c]], std::move(rest), 0.5 * scene.dx, arena);
+      }
+    }
+    const std::vector<fit::PointFollower>& followers = moved.empty() ? base.followers : moved;
+    Seen seen(followers.size());
+    const auto record = [&] {
+      const mpm::ObservedFrame frame = simulation.observe(true);
+      for (std::size_t c = 0; c < seen.size(); ++c) {
+        const std::size_t body = base.bodies[c];
+        seen[c].push_back(followers[c].positions(scene.bodies[body], frame.bodies[body], arena));
+      }
+    };
+    record();
+    while (simulation.frame() + 1 < scene.end_frame) {
+      interrupter_.check();
+      (void)simulation.advance(interrupter_);
+      record();
+    }
+    return seen;
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kCancelled) throw;
+    return std::nullopt;
+  }
+}
+
+std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
+    const std::vector<diagnose::Point>& points) const {
+  std::vector<std::optional<diagnose::Motion>> motions(points.size());
+  std::vector<std::size_t> missing;
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    if (store_) motions[p] = store_->find(points[p]);
+    if (!motions[p]) missing.push_back(p);
+  }
+  struct Runs {
+    std::vector<std::optional<std::vector<fit::SimulatedCapture>>> seen;
+    std::atomic<std::size_t> left;
+  };
+  const std::size_t each = runs().size();
+  std::vector<Runs> going(missing.size());
+  for (Runs& of_point : going) {
+    of_point.seen.resize(each);
+    of_point.left = each;
+  }
+  const std::size_t tasks = missing.size() * each;
+  side_by_side(tasks, tasks, options_.threads,
+               [&](std::size_t i, const std::shared_ptr<Arena>& arena) {
+                 const std::size_t p = missing[i / each];
+                 Runs& of_point = going[i / each];
+                 of_point.seen[i % each] = simulate_run(points[p], i % each, arena);
+                 if (--of_point.left > 0) return;
+                 motions[p] = motion_of(of_point.seen);
+                 if (store_ && motions[p]) store_->keep(points[p], *motions[p]);
+               });
+  return motions;
+}
+
+std::optional<diagnose::Motion> SceneModel::motion_of(
+    const std::vector<std::optional<std::vector<fit::SimulatedCapture>>>& seen) const {
+  Eigen::Index rows = 0;
+  for (const diagnose::Capture& capture : captures_) rows += 3 * capture.samples();
+  diagnose::Motion motion;
+  motion.positions = Eigen::VectorXd::Zero(rows);
+  Eigen::Index at = 0;
+  for (const auto& run : seen) {
+    if (!run) return std::nullopt;
+    for (const fit::SimulatedCapture& capture : *run) {
+      for (const Vec3d& x : capture.positions) {
+        if (x.allFinite()) motion.positions.segment<3>(at) = x;
+        at += 3;
+      }
+    }
+  }
+  return motion;
+}
+
+std::vector<std::optional<diagnose::Motion>> SceneModel::simulate_experiment(
+    int experiment, const std::vector<diagnose::Point>& points) const {
+  const auto e = static_cast<std::size_t>(experiment);
+  const std::vector<double>& times = experiments_[e].layout.times;
+  const std::shared_ptr<const Built> base = built({}, 0);
+  const auto scene_of = [&](const diagnose::Point& point) {
+    mpm::Scene scene = scene_at(point, *base, fitted_values(point), 0);
+    remake(remakes_[e], base->bodies.front(), scene);
+    return scene;
+  };
+  std::vector<std::optional<diagnose::Motion>> motions(points.size());
+  fit::RunSteps steps;
+  try {
+    steps = solvers_steps(scene_of(start_point()), std::make_shared<Arena>(options_.threads));
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kCancelled) throw;
+    return motions;
+  }
+  side_by_side(
+      points.size(), points.size(), options_.threads,
+      [&](std::size_t p, const std::shared_ptr<Arena>& arena) {
+        const std::vector<double> values = fitted_values(points[p]);
+        const auto seen = watch_in_steps(scene_of(points[p]), steps, {*base, values, 0, arena});
+        if (!seen) return;
+        const fit::SimulatedCapture capture =
+            fit::at_times(seen->front(), base->followers.front().size(), times, base->scene.fps);
+        motions[p] = diagnose::Motion{};
+        motions[p]->positions =
+            Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * capture.positions.size()));
+        for (std::size_t i = 0; i < capture.positions.size(); ++i) {
+          if (!capture.positions[i].allFinite()) continue;
+          motions[p]->positions.segment<3>(static_cast<Eigen::Index>(3 * i)) = capture.positions[i];
+        }
+      });
+  return motions;
+}
+
+}  // namespace matterfit::job

@@ -5,7 +5,7 @@ import json
 
 import bpy
 from matterfit import laws, native
-from matterfit.io import material_values, presets
+from matterfit.io import material_check, material_values
 from matterfit.jobs import JobError
 from matterfit.ui import bodies as bodies_panel
 from matterfit.ui import fit as fit_panel
@@ -51,9 +51,9 @@ class MaterialTest(SceneCase):
     def test_it_comes_back(self):
         material = self.row.material
         plain = self.written()
-        saved = {"schema": presets.SCHEMA, "name": "x", "source": "a fit", "density": 900.0,
+        saved = {"schema": material_check.SCHEMA, "name": "x", "source": "a fit", "density": 900.0,
                  "material": {**plain, "correction": NUMBERS}}
-        presets.check(saved, "x.json")
+        material_check.check(saved, "x.json")
         self.assertTrue(material_values.differ(material, saved["material"]))
         material_values.fill(material, saved["material"])
         self.assertFalse(material_values.differ(material, saved["material"]))
@@ -69,10 +69,10 @@ class MaterialTest(SceneCase):
         self.assertIn("show_correction", properties(bodies_panel.MATTERFIT_PT_bodies))
 
     def test_a_wrong_one_is_named(self):
-        saved = {"schema": presets.SCHEMA, "name": "x", "source": "a fit", "density": 900.0,
+        saved = {"schema": material_check.SCHEMA, "name": "x", "source": "a fit", "density": 900.0,
                  "material": {**self.written(), "correction": NUMBERS[:4]}}
         with self.assertRaisesRegex(JobError, "'correction' is not a list of 5 numbers"):
-            presets.check(saved, "x.json")
+            material_check.check(saved, "x.json")
 
     @needs_library
     def test_the_library_reads_it(self):

@@ -8,7 +8,7 @@ import bpy
 import fake_fit
 from fake_check import parameter
 from matterfit import laws, native, quantities
-from matterfit.io import check, files, fit_results, fit_rows, material_values, presets, words
+from matterfit.io import check, files, fit_results, fit_rows, material_check, material_values, presets, words
 from matterfit.jobs import JobError
 from matterfit.ui import bodies as bodies_panel
 from matterfit.ui import fit_result as result_panel
@@ -59,10 +59,10 @@ class DocumentTest(SceneCase):
 
     def test_a_material_comes_back(self):
         material = self.row.material
-        saved = {"schema": presets.SCHEMA, "name": "x", "source": "a fit", "density": 900.0,
+        saved = {"schema": material_check.SCHEMA, "name": "x", "source": "a fit", "density": 900.0,
                  "provenance": {"like": {"law": "newtonian", "distance": 0.1}},
                  "material": {"law": "latent", "weights": "latent", "E": 3e4, "latent": CODE}}
-        presets.check(saved, "x.json")
+        material_check.check(saved, "x.json")
         material_values.fill(material, saved["material"], presets.like_of(saved))
         self.assertEqual(self.written(), {**saved["material"], "E": 30000})
         self.assertTrue(laws.material_flows(material))
@@ -75,13 +75,13 @@ class DocumentTest(SceneCase):
         self.assertFalse(laws.material_flows(material))
 
     def test_a_wrong_code_is_named(self):
-        saved = {"schema": presets.SCHEMA, "name": "x", "source": "a fit", "density": 900.0,
+        saved = {"schema": material_check.SCHEMA, "name": "x", "source": "a fit", "density": 900.0,
                  "material": {"law": "latent", "E": 3e4, "latent": CODE[:3]}}
         for code, message in ((CODE[:3], "'latent' is not a list of 8 numbers"),
                               ([*CODE[:7], "1"], "latent is '1'")):
             saved["material"]["latent"] = code
             with self.assertRaisesRegex(JobError, message):
-                presets.check(saved, "x.json")
+                material_check.check(saved, "x.json")
 
     def test_its_mesh_goes_where_it_pours(self):
         self.settings.output.mesh = True

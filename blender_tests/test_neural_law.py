@@ -2,7 +2,7 @@
 """The isotropic neural law in the panel: weights, numbers, document, presets, rows of a fit."""
 
 from matterfit import laws
-from matterfit.io import fit_rows, material_values, presets
+from matterfit.io import fit_rows, material_check, material_values
 from support import SceneCase
 
 
@@ -35,9 +35,9 @@ class NeuralLawTest(SceneCase):
     def test_a_fitted_material_comes_back(self):
         material = self.row.material
         material.weights, material.form_1, material.yield_strain = "PLASTICINE", 0.25, 0.03
-        saved = {"schema": presets.SCHEMA, "name": "x", "source": "a fit", "density": 900.0,
+        saved = {"schema": material_check.SCHEMA, "name": "x", "source": "a fit", "density": 900.0,
                  "material": self.written()}
-        presets.check(saved, "x.json")
+        material_check.check(saved, "x.json")
         material.weights = "WATER"
         material_values.fill(material, saved["material"])
         self.assertEqual(material.weights, "PLASTICINE")

@@ -13,7 +13,7 @@ import bpy
 import matterfit
 import support
 from matterfit import i18n, laws, native, ops, props, ui
-from matterfit.io import presets
+from matterfit.io import material_check, presets
 
 
 class RegisterTest(unittest.TestCase):
@@ -154,7 +154,7 @@ class PresetTest(unittest.TestCase):
     def test_a_wrong_parameter_is_named(self):
         document = dict(presets.materials()["WATER"], material={"law": "newtonian", "E": 1.0})
         with self.assertRaisesRegex(matterfit.jobs.JobError, "water.json: 'E' is not a parameter"):
-            presets.check(document, "water.json")
+            material_check.check(document, "water.json")
 
     def test_apply(self):
         """Choosing a preset fills law, parameters, density; editing shows as a difference."""

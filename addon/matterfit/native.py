@@ -91,8 +91,7 @@ def other_system():
 
 
 def unload():
-    """Forgets the library; jobs must have ended. The file stays mapped: dlclose under running
-    thread-local destructors is not worth its risk."""
+    """Forgets the library; jobs must have ended. The file stays mapped: thread-local destructors."""
     global _library
     _library = None
 
@@ -131,6 +130,7 @@ def _declare(library):
         "mf_validate": (ctypes.c_int, [text, text, options, out]),
         "mf_capture_summary": (ctypes.c_int, [text, text, out]),
         "mf_inspect": (ctypes.c_int, [text, out]),
+        "mf_curves": (ctypes.c_int, [text, text, text, out]),
         "mf_text_free": (None, [pointer]),
     }
     for name, (result, arguments) in signatures.items():
@@ -211,17 +211,14 @@ class NativeRun:
 
 
 def start(path, task=None, threads=0, restart=0, target=None, overrides=()):
-    """Starts the job in the file `path`. Raises JobError where the document is wrong.
-
-    `restart`: 0 goes on from what the output folder holds, 1 begins afresh, 2 begins afresh where
-    the inputs have changed.
-    """
+    """Starts the job in the file `path`. Raises JobError where the document is wrong. `restart`: 0
+    goes on from what the output folder holds, 1 begins afresh, 2 where the inputs have changed."""
     require()
     text = _read(path)
     options, _values = _options(threads, task, restart, target, overrides)
     handle = ctypes.c_void_p()
-    status = _library.mf_job_start(text, os.path.dirname(os.path.abspath(path)).encode(),
-                                   ctypes.byref(options), ctypes.byref(handle))
+    status = _library.mf_job_start(text, _folder(path), ctypes.byref(options),
+                                   ctypes.byref(handle))
     if status != 0:
         raise _error(status)
     return NativeRun(handle)
@@ -234,9 +231,8 @@ def wedge_start(path, axes, folder, at_once, threads=0):
     require()
     options, _values = _options(threads, overrides=axes)
     handle = ctypes.c_void_p()
-    status = _library.mf_wedge_start(_read(path), os.path.dirname(os.path.abspath(path)).encode(),
-                                     ctypes.byref(options), folder.encode(), at_once,
-                                     ctypes.byref(handle))
+    status = _library.mf_wedge_start(_read(path), _folder(path), ctypes.byref(options),
+                                     folder.encode(), at_once, ctypes.byref(handle))
     if status != 0:
         raise _error(status)
     return NativeRun(handle)
@@ -247,9 +243,12 @@ def wedge_write(path, axes, folder, farm="", program="matterfit"):
     "slurm" or "flamenco" writes that farm's files too; `program` is the matterfit tool there."""
     require()
     options, _values = _options(overrides=axes)
-    return _json_call(_library.mf_wedge_write, _read(path),
-                      os.path.dirname(os.path.abspath(path)).encode(), ctypes.byref(options),
+    return _json_call(_library.mf_wedge_write, _read(path), _folder(path), ctypes.byref(options),
                       folder.encode(), farm.encode(), program.encode())
+
+
+def _folder(path):
+    return os.path.dirname(os.path.abspath(path)).encode()
 
 
 def _read(path):
@@ -263,8 +262,7 @@ def _read(path):
 # -- questions that are answered at once ---------------------------------------------------------
 
 def estimate(text, folder, threads=0, overrides=(), target=None):
-    """{"particles", "bytes", "seconds", "fits", …} of a document (a dict, or its JSON text) whose
-    inputs lie in `folder`."""
+    """{"particles", "bytes", "seconds", "fits", …} of a document (or its JSON) with files in `folder`."""
     require()
     options, _values = _options(threads, overrides=overrides, target=target)
     return _json_call(_library.mf_estimate, _json(text), folder.encode(), ctypes.byref(options))
@@ -291,3 +289,10 @@ def inspect(folder):
     """What a cache folder holds, its result hash, and every file that is missing or damaged."""
     require()
     return _json_call(_library.mf_inspect, folder.encode())
+
+
+def curves(document, folder="", **options):
+    """Stress against stretch of the materials of a document, or of a material as a fit writes it: an
+    entry each. `options`: "strain", "rate", "beside"."""
+    require()
+    return _json_call(_library.mf_curves, _json(document), folder.encode(), _json(options))

@@ -16,6 +16,7 @@
 #include "capi/job_thread.hpp"
 #include "capi/terminal.hpp"
 #include "capi/wedge_run.hpp"
+#include "job/curves.hpp"
 #include "job/documents/document.hpp"
 #include "job/documents/farm_files.hpp"
 #include "job/documents/inputs.hpp"
@@ -48,6 +49,9 @@ struct Arguments {
   job::NewJobOptions fresh;
   job::PretrainOptions pretrain;
   matterfit::material::Excitation over;
+  job::CurveOptions curves;
+  bool alone = false;
+  std::string picture;
   std::string law = "fixed_corotated";
   std::string up;
   std::string job;
@@ -224,6 +228,8 @@ CLI::App* add_pretrain(CLI::App& app, Arguments& arguments) {
   verb->add_option("--law", pretrain.laws, "jelly, plasticine, sand, water; without it all");
   verb->add_option("--material", pretrain.materials,
                    "job documents or material files of classical laws, which it is made like");
+  verb->add_option("--tests", pretrain.tests,
+                   "stresses that a testing machine measured of a rubber (docs/formats.md)");
   verb->add_flag("--latent", pretrain.latent,
                  "the latent law's decoder, latent.safetensors (about a minute)");
   verb->add_option("--seed", pretrain.seed, "of the samples");
@@ -252,6 +258,42 @@ int like(const Arguments& arguments) {
   }
   for (const auto& [name, one] : likes.items()) {
     std::printf("%s: %s\n", name.c_str(), one.at("sentence").get<std::string>().c_str());
+  }
+  return 0;
+}
+
+CLI::App* add_curves(CLI::App& app, Arguments& arguments) {
+  CLI::App* verb = app.add_subcommand(
+      "curves", "stress against stretch of a law: pulled along one axis, along two, sheared");
+  verb->add_option("FILE", arguments.job,
+                   "a job, scene.json or material.json of a fit, or weights (.safetensors, .pt)")
+      ->required();
+  verb->add_option("--strain", arguments.curves.strain, "largest change of shape");
+  verb->add_option("--rate", arguments.curves.rate, "rate of shape [1/s]");
+  verb->add_flag("--alone", arguments.alone, "without the nearest known law beside a neural one");
+  verb->add_option("--picture", arguments.picture,
+                   "SVG that is written; of several bodies FILE_BODY.svg each");
+  verb->add_option("--report", arguments.report, "write the curves to this file too");
+  verb->add_flag("--json", arguments.json, "print the curves as JSON");
+  return verb;
+}
+
+int curves(Arguments& arguments) {
+  arguments.curves.beside = !arguments.alone;
+  const job::Json found = job::curves_of_file(arguments.job, arguments.curves);
+  const std::string text = found.dump(2, ' ', false, job::Json::error_handler_t::replace) + "\n";
+  if (!arguments.report.empty()) matterfit::write_file(arguments.report, text);
+  if (arguments.json) std::fputs(text.c_str(), stdout);
+  for (const auto& [name, one] : found.items()) {
+    std::filesystem::path path = arguments.picture;
+    if (!path.empty() && found.size() > 1) {
+      path.replace_filename(path.stem().string() + "_" + name + path.extension().string());
+    }
+    if (!path.empty()) matterfit::write_file(path, job::curves_picture(name, one));
+    if (!arguments.json) std::fputs(capi::curves_table(name, one).c_str(), stdout);
+    for (const auto& fault : one.at("faults")) {
+      std::fprintf(stderr, "matterfit: %s: %s\n", name.c_str(), fault.get<std::string>().c_str());
+    }
   }
   return 0;
 }
@@ -312,6 +354,7 @@ int command(int argc, char** argv, Arguments& arguments) {
   CLI::App* many = add_wedge(app, arguments);
   CLI::App* train = add_pretrain(app, arguments);
   CLI::App* alike = add_like(app, arguments);
+  CLI::App* drawn = add_curves(app, arguments);
   CLI::App* look = app.add_subcommand("inspect", "result hash of a cache folder; checks its files");
   look->add_option("FOLDER", arguments.folder, "a job's output folder")->required();
   look->add_option("--report", arguments.report, "write the result to this file too");
@@ -327,6 +370,7 @@ int command(int argc, char** argv, Arguments& arguments) {
   if (fresh->parsed()) return new_job(arguments);
   if (many->parsed()) return wedge(arguments);
   if (alike->parsed()) return like(arguments);
+  if (drawn->parsed()) return curves(arguments);
   if (train->parsed()) {
     std::printf("%s\n", job::write_start_laws(arguments.pretrain).dump(2).c_str());
     return 0;

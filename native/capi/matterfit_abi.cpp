@@ -10,6 +10,7 @@
 #include "capi/job_thread.hpp"
 #include "capi/matterfit.h"
 #include "capi/wedge_run.hpp"
+#include "job/curves.hpp"
 #include "job/documents/document.hpp"
 #include "job/documents/farm_files.hpp"
 #include "job/documents/inputs.hpp"
@@ -289,6 +290,18 @@ mf_status mf_inspect(const char* folder, char** text) {
 mf_status mf_quantities(char** text) {
   if (text == nullptr) return fail(MF_ERROR_USAGE, kNull);
   return guarded([&] { return give(dump(job::quantities_json()), text); });
+}
+
+mf_status mf_curves(const char* json, const char* base_folder, const char* options_json,
+                    char** text) {
+  if (json == nullptr || text == nullptr) return fail(MF_ERROR_USAGE, kNull);
+  return guarded([&] {
+    const bool given = options_json != nullptr && options_json[0] != '\0';
+    const job::CurveOptions options =
+        job::curve_options(given ? job::parse_json(options_json, "options") : job::Json::object());
+    return give(dump(job::curves_of_text(json, base_folder == nullptr ? "" : base_folder, options)),
+                text);
+  });
 }
 
 void mf_text_free(char* text) { std::free(text); }

@@ -275,4 +275,30 @@ std::string summary(const Json& result) {
   return text;
 }
 
+std::string curves_table(const std::string& name, const job::Json& curves) {
+  constexpr std::size_t kRows = 8;
+  std::string text;
+  for (const Json& curve : curves.at("curves")) {
+    const std::string what = curve.at("what").get<std::string>();
+    text += fmt::format("{}: {}{}, nominal stress at {:.3g} 1/s\n", name,
+                        what == "nearest" ? "most like " : "", curve.at("label").get<std::string>(),
+                        curves.at("rate").get<double>());
+    for (const char* pull : {"uniaxial", "equibiaxial", "shear"}) {
+      const Json& found = curve.at(pull);
+      if (found.is_null()) continue;
+      const Json& by = found.at(found.contains("shear") ? "shear" : "stretch");
+      const Json& nominal = found.at("nominal");
+      text += fmt::format("  {:12s}", pull);
+      const std::size_t step = std::max<std::size_t>(1, (by.size() - 1) / kRows);
+      for (std::size_t k = 0; k < by.size(); k += step) {
+        text += fmt::format(" {:.3g}: {:.3g}{}", by[k].get<double>(), nominal[k].get<double>(),
+                            k + step < by.size() ? "," : " Pa");
+      }
+      text += "\n";
+    }
+  }
+  if (curves.contains("sentence")) text += curves.at("sentence").get<std::string>() + "\n";
+  return text;
+}
+
 }  // namespace matterfit::capi

@@ -28,4 +28,7 @@ class ProgressLine {
 /// A result in a few lines for people.
 [[nodiscard]] std::string summary(const job::Json& result);
 
+/// The curves of one material (job/curves.hpp) as a table for people: of each pull a few places.
+[[nodiscard]] std::string curves_table(const std::string& name, const job::Json& curves);
+
 }  // namespace matterfit::capi

@@ -95,7 +95,14 @@ int main(int argc, char** argv) {
   expect(mf_quantities(NULL) == MF_ERROR_USAGE, "a missing pointer is told");
   mf_text_free(text);
 
-  /* 7. Cancelling: the job ends soon, with its status. */
+  /* 7. Stress against stretch of the document's materials, for a picture. */
+  check(mf_curves(kJob, folder, "{\"strain\": 0.2}", &text), "mf_curves");
+  expect(strstr(text, "\"equibiaxial\"") != NULL, "the curves are there");
+  mf_text_free(text);
+  expect(mf_curves("{}", folder, NULL, &text) == MF_ERROR_INPUT, "no material is told");
+  expect(mf_curves(NULL, folder, NULL, &text) == MF_ERROR_USAGE, "a missing pointer is told");
+
+  /* 8. Cancelling: the job ends soon, with its status. */
   options.overrides = NULL;
   options.override_count = 0;
   options.restart = 1;
@@ -104,7 +111,7 @@ int main(int argc, char** argv) {
   expect(mf_job_wait(job, -1.0) == MF_CANCELLED, "a cancelled job says so");
   mf_job_free(job);
 
-  /* 8. One document with several values: written for a farm, then run here side by side. */
+  /* 9. One document with several values: written for a farm, then run here side by side. */
   options.overrides = axes;
   options.override_count = 1;
   options.restart = 0;
@@ -118,7 +125,7 @@ int main(int argc, char** argv) {
   expect(strstr(mf_job_result(job), "\"gravity[2] = -3.7\"") != NULL, "its members are listed");
   mf_job_free(job);
 
-  /* 9. Wrong use is answered, not crashed on. */
+  /* 10. Wrong use is answered, not crashed on. */
   expect(mf_wedge_start(kJob, folder, NULL, NULL, 1, &job) == MF_ERROR_USAGE, "NULL is refused");
   expect(mf_job_start(NULL, folder, NULL, &job) == MF_ERROR_USAGE, "NULL is refused");
   options.size = 0;

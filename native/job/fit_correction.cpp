@@ -137,18 +137,27 @@ void require_hold_out(const fit::Experiment& experiment) {
       "better. Give a capture a 'holdout': its last frames, or another throw as a whole.");
 }
 
-FurtherFit fit_correction(FurtherStart from, const Interrupter& interrupter,
-                          std::vector<std::string>& statements, std::vector<Json>& history) {
-  const std::string body = from.body;
+FurtherFit fit_correction(FurtherStart from, const std::vector<std::string>& bodies,
+                          const Interrupter& interrupter, std::vector<std::string>& statements,
+                          std::vector<Json>& history) {
+  const std::string first = from.body;
   const int threads = from.setup.threads;
   const std::vector<fit::Run>& runs = from.setup.experiment->runs;
   FurtherFit result;
-  std::vector<std::size_t> indices;
+  Json each = Json::object();
+  for (const std::string& body : bodies) each[body] = {{"freed", Json::array()}};
   std::string refusal;
   try {
-    std::vector<fit::ParameterSpec> freed =
-        excited_numbers(from, all_numbers(from.setup, body), interrupter, statements);
-    for (const fit::ParameterSpec& spec : freed) indices.push_back(spec.path.index);
+    std::vector<fit::ParameterSpec> numbers;
+    for (const std::string& body : bodies) {
+      for (fit::ParameterSpec& spec : all_numbers(from.setup, body)) {
+        numbers.push_back(std::move(spec));
+      }
+    }
+    std::vector<fit::ParameterSpec> freed = excited_numbers(from, numbers, interrupter, statements);
+    for (const fit::ParameterSpec& spec : freed) {
+      each[spec.path.owner]["freed"].push_back(spec.path.index);
+    }
     if (freed.empty()) {
       refusal = "the capture excites no number of a correction, as its strains are too small";
     } else {
@@ -165,26 +174,35 @@ FurtherFit fit_correction(FurtherStart from, const Interrupter& interrupter,
   }
   result.key = "correction";
   if (!refusal.empty()) {
-    statements.push_back(fmt::format("{}: {}; the law stays as it is.", body, refusal));
-    if (result.report.is_null()) result.report = {{"body", body}, {"taken", false}};
+    statements.push_back(fmt::format("{}: {}; the law stays as it is.",
+                                     fmt::join(bodies, ", "), refusal));
+    if (result.report.is_null()) result.report = {{"body", first}, {"taken", false}};
   } else {
-    const material::Material material = material_at(*result.fit, result.state.values, body);
     Arena arena(threads);
-    const auto over =
-        excitation_of(runs, result.fit->scenes(), body, !material.traits().elastic(), arena);
-    const Json shares = stress_shares(material, over.value_or(material::Excitation{}));
-    const Json& held = result.report.at("held_out_mm");
-    const std::string sentence = fmt::format(
-        "{}: with a correction beside the law {} what was held out, which has chosen it, is "
-        "missed by {:.3g} mm in the mean, without by {:.3g}. {}",
-        body, material.traits().name, held.at("with").get<double>(),
-        held.at("without").get<double>(), share_sentence(shares, over.has_value()));
-    result.report["numbers"] = material.correction;
-    result.report["stress_share"] = shares;
-    result.report["sentence"] = sentence;
-    statements.push_back(sentence);
+    for (const std::string& body : bodies) {
+      Json& own = each[body];
+      if (own.at("freed").empty()) {
+        statements.push_back(
+            body + ": the captures excite no number of a correction; its law stays as it is.");
+        continue;
+      }
+      const material::Material material = material_at(*result.fit, result.state.values, body);
+      const auto over =
+          excitation_of(runs, result.fit->scenes(), body, !material.traits().elastic(), arena);
+      const Json shares = stress_shares(material, over.value_or(material::Excitation{}));
+      const Json& held = result.report.at("held_out_mm");
+      own["numbers"] = material.correction;
+      own["stress_share"] = shares;
+      own["sentence"] = fmt::format(
+          "{}: with a correction beside the law {} what was held out, which has chosen it, is "
+          "missed by {:.3g} mm in the mean, without by {:.3g}. {}",
+          body, material.traits().name, held.at("with").get<double>(),
+          held.at("without").get<double>(), share_sentence(shares, over.has_value()));
+      statements.push_back(own.at("sentence").get<std::string>());
+    }
   }
-  result.report["freed"] = indices;
+  result.report.update(each.at(first));
+  result.report["bodies"] = std::move(each);
   return result;
 }
 

@@ -139,6 +139,52 @@ TEST(FitCorrection, OfAClipThatHardlyStrainsIsNotEvenTried) {
   EXPECT_THAT(result["fit"]["statements"].dump(), HasSubstr("excites no number of a correction"));
 }
 
+/// One stiffens where it is strained, the other softens.
+TEST(FitCorrection, OfTwoBodiesEachGetsItsOwn) {
+  const Folder folder;
+  constexpr double kApart = 2.0;
+  Json first = thrown(0.0, {0.8, 0.3, kThrow});
+  Json second = first;
+  second["scene"]["bodies"][0]["name"] = "other";
+  second["scene"]["bodies"][0]["source"]["box"] = {{"low", {kApart, 0, 0.1}},
+                                                   {"high", {kApart + 0.4, 0.4, 0.5}}};
+  Json document = fit_of(first, {"bodies.cube.material.E", "bodies.other.material.E"});
+  document["scene"]["bodies"].push_back(second["scene"]["bodies"][0]);
+  first["scene"]["bodies"][0]["material"]["correction"] = {0.0, 2.0, 0.0, 0.0, 0.0};
+  second["scene"]["bodies"][0]["material"]["correction"] = {0.0, -0.5, 0.0, 0.0, 0.0};
+  Points there = markers();
+  for (Vec3d& x : there) x.x() += kApart;
+  record(first, folder.path, "a", 1);
+  record(second, folder.path, "b", 2, 2e-3, there);
+  document["captures"][0].update(
+      {{"body", "cube"}, {"name", "a"}, {"holdout", {{"frames", {10, 14}}}}});
+  document["captures"].push_back(document["captures"][0]);
+  document["captures"][1].update({{"body", "other"}, {"name", "b"}, {"tracks", "b.npz"}});
+  document["fit"]["levels"] = {1};
+  document["fit"]["correction"] = 8;
+  const Json result = fit_test::run(document, folder.path);
+  const Json& correction = result["fit"]["correction"];
+  ASSERT_TRUE(correction["taken"].get<bool>()) << correction;
+  EXPECT_EQ(correction["body"], "cube");
+  EXPECT_EQ(correction["numbers"], correction["bodies"]["cube"]["numbers"]);
+  // What each adds where it is pulled most: more, and less.
+  const auto share = [&](const char* name) {
+    return correction["bodies"][name]["stress_share"][3]["share"].get<double>();
+  };
+  EXPECT_GT(share("cube"), 0.05) << correction;
+  EXPECT_LT(share("other"), -0.02) << correction;
+  const auto file = [&](const char* name) {
+    const auto bytes = read_file(folder.path / "out" / name);
+    return Json::parse(bytes.begin(), bytes.end());
+  };
+  EXPECT_EQ(file("material.json")["material"]["correction"], correction["numbers"]);
+  EXPECT_EQ(file("material_other.json")["material"]["correction"],
+            correction["bodies"]["other"]["numbers"]);
+  // What each was seen at goes with it.
+  EXPECT_GT(file("material_other.json")["excited"]["strain"].get<double>(), 0.02);
+  EXPECT_TRUE(file("scene.json")["scene"]["bodies"][0].contains("excited"));
+}
+
 TEST(FitCorrection, NeedsAHoldOutAndIsChecked) {
   const Folder folder;
   record(thrown_cube(), folder.path, "a", 1);

@@ -11,6 +11,7 @@
 #include "capture/thin.hpp"
 #include "fit/data/excitation.hpp"
 #include "fit/data/follow.hpp"
+#include "job/documents/excitation_document.hpp"
 #include "job/fit_equation_start.hpp"
 #include "job/fit_laws.hpp"
 #include "job/material_file.hpp"
@@ -19,13 +20,6 @@ namespace matterfit::job {
 namespace {
 
 constexpr double kPlaces = 300;  // about, at which strains are looked at
-
-Json excitation_json(const material::Excitation& over) {
-  return {{"strain", over.strain},
-          {"compression", over.compression},
-          {"expansion", over.expansion},
-          {"rates", {over.slowest, over.fastest}}};
-}
 
 }  // namespace
 
@@ -83,15 +77,27 @@ std::optional<material::Excitation> excitation_of(const std::vector<fit::Run>& r
   return all;
 }
 
-void add_likes(const Job& fitted, const std::vector<std::string>& bodies,
-               const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
-               int threads, Json& fit) {
+void write_excited(const Job& fitted, const std::vector<std::string>& bodies,
+                   const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
+                   int threads, Json& document) {
   Arena arena(threads);
   for (const std::string& name : bodies) {
-    const material::Material& material = body_named(fitted.scene, name).material;
+    Json& body = *find_named(document.at("scene"), "bodies", name);
+    body.erase("excited");
+    const bool flows = !body_named(fitted.scene, name).material.traits().elastic();
+    if (const auto over = excitation_of(runs, scenes, name, flows, arena)) {
+      body["excited"] = excitation_json(*over);
+    }
+  }
+}
+
+void add_likes(const Job& fitted, const std::vector<std::string>& bodies, Json& fit) {
+  for (const std::string& name : bodies) {
+    const BodyDoc& body = body_named(fitted.scene, name);
+    const material::Material& material = body.material;
     if (!material::is_isotropic(material.law)) continue;
     try {
-      const auto over = excitation_of(runs, scenes, name, !material.traits().elastic(), arena);
+      const std::optional<material::Excitation>& over = body.excited;
       Json like = like_json(material, over.value_or(material::Excitation{}));
       std::string sentence = like.at("sentence").get<std::string>();
       if (!over) {

@@ -9,6 +9,7 @@
 
 #include "fit/data/metrics.hpp"
 #include "fit/model/capture_problem.hpp"
+#include "job/documents/excitation_document.hpp"
 #include "job/documents/images_document.hpp"
 #include "job/fit_laws.hpp"
 #include "job/run/compare.hpp"
@@ -270,23 +271,25 @@ Json material_preset(const Job& fitted, const std::string& body, const Json& fit
     }
     parameters.push_back(std::move(kept));
   }
-  return {{"schema", "matterfit.material/1"},
-          {"name", body + ", fitted"},
-          {"density", doc.density},
-          {"material", material_json(doc.material)},
-          {"source", "Fitted with Matterfit " MATTERFIT_VERSION " to " + names + "."},
-          {"provenance",
-           {{"version", MATTERFIT_VERSION},
-            {"captures", captures},
-            {"converged", fit.at("converged")},
-            {"warning", fit.value("warning", "")},
-            {"parameters", parameters},
-            {"correlation", fit.at("correlation")},
-            {"noise_scale", fit.at("noise_scale")},
-            {"fitted", fit.at("after").at("fitted")},
-            {"held_out", fit.at("after").at("held_out")},
-            {"particle_separation", fitted.scene.particle_separation},
-            {"statements", fit.at("statements")}}}};
+  Json preset = {{"schema", "matterfit.material/1"},
+                 {"name", body + ", fitted"},
+                 {"density", doc.density},
+                 {"material", material_json(doc.material)},
+                 {"source", "Fitted with Matterfit " MATTERFIT_VERSION " to " + names + "."},
+                 {"provenance",
+                  {{"version", MATTERFIT_VERSION},
+                   {"captures", captures},
+                   {"converged", fit.at("converged")},
+                   {"warning", fit.value("warning", "")},
+                   {"parameters", parameters},
+                   {"correlation", fit.at("correlation")},
+                   {"noise_scale", fit.at("noise_scale")},
+                   {"fitted", fit.at("after").at("fitted")},
+                   {"held_out", fit.at("after").at("held_out")},
+                   {"particle_separation", fitted.scene.particle_separation},
+                   {"statements", fit.at("statements")}}}};
+  if (doc.excited) preset["excited"] = excitation_json(*doc.excited);
+  return preset;
 }
 
 }  // namespace matterfit::job

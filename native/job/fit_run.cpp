@@ -117,7 +117,7 @@ class FitJob {
                           [this](const FitReport& report) { laws_->show(report); }};
     };
     if (doc_.correction > 0) {
-      return fit_correction(from(bodies().front(), doc_.correction), interrupter_,
+      return fit_correction(from(bodies().front(), doc_.correction), bodies(), interrupter_,
                             laws_->law_statements(), laws_->state().history);
     }
     for (const std::string& name : bodies()) {
@@ -218,8 +218,9 @@ class FitJob {
     if (more) fit[more->key] = more->report;
     fit["warning"] = fit_warning(fit, of.is_far(law));
     if (after.is_object()) fit["after"] = after;
-    add_likes(job_from(document), bodies(), loaded_.experiment.runs, of.scenes(), options_.threads,
-              fit);
+    write_excited(job_from(document), bodies(), loaded_.experiment.runs, of.scenes(),
+                  options_.threads, document);
+    add_likes(job_from(document), bodies(), fit);
     write_fitted(folder_, {hash_, inputs_, document, fit});
     // Only now: until then the search would go on from it.
     std::error_code code;

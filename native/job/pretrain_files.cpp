@@ -7,9 +7,11 @@
 #include "base/file.hpp"
 #include "base/parallel.hpp"
 #include "job/documents/safetensors.hpp"
+#include "job/documents/tests_document.hpp"
 #include "job/fit_laws.hpp"
 #include "job/material_file.hpp"
 #include "material/neural/isotropic_material.hpp"
+#include "material/neural/machine_tests.hpp"
 #include "material/neural/pretrain.hpp"
 #include "material/neural/pretrain_latent.hpp"
 
@@ -29,6 +31,9 @@ Json accuracy_json(const material::LawAccuracy& found) {
           {"flow_rms", found.flow},
           {"flow_step_rms", found.flow_step}};
 }
+
+/// At which tests are compared; the law of a rubber does not feel it [1/s].
+constexpr double kTestRate = 1.0;
 
 /// Classical materials of a class that the latent law's accuracy is measured on.
 constexpr std::size_t kOfEachClass = 60;
@@ -59,12 +64,56 @@ Json write_latent(const PretrainOptions& options) {
   return classes;
 }
 
+/// R² of each test, and of the neo-Hookean of shear modulus `shear`.
+Json test_agreement(const std::vector<material::MachineTest>& tests, const material::Material& law,
+                    double shear, double poisson_ratio) {
+  material::Material plain;
+  plain.law = material::Law::kNeoHookean;
+  plain.youngs_modulus = 2.0 * (1.0 + poisson_ratio) * shear;
+  plain.poisson_ratio = poisson_ratio;
+  Json list = Json::array();
+  for (const material::MachineTest& test : tests) {
+    const auto of = [&](const material::Material& material) {
+      std::vector<double> nominal;
+      for (const material::CurvePoint& point :
+           stress_curve(material, test.pull, test.by, kTestRate)) {
+        nominal.push_back(point.nominal);
+      }
+      return material::r_squared(nominal, test.nominal);
+    };
+    list.push_back(
+        {{"pull", pull_name(test.pull)}, {"r_squared", of(law)}, {"neo_hookean", of(plain)}});
+  }
+  return list;
+}
+
+/// A law of tests; gives what it is named and how well it agrees.
+std::pair<std::string, Json> write_tested(const std::filesystem::path& file,
+                                          const PretrainOptions& options) {
+  const TestsDoc doc = read_tests_file(file);
+  const auto start = material::with_directions(
+      doc.name, material::regress_machine_tests(doc.fitted, doc.poisson_ratio), options.seed);
+  const material::Material law = material::isotropic_material(start);
+  const double shear = material::neo_hookean_of_tests(doc.fitted);
+  const Json report = {{"E", law.youngs_modulus},
+                       {"nu", law.poisson_ratio},
+                       {"fitted", test_agreement(doc.fitted, law, shear, doc.poisson_ratio)},
+                       {"held_out", test_agreement(doc.held_out, law, shear, doc.poisson_ratio)}};
+  Tensors tensors = start_tensors(*start);
+  tensors.metadata = {{"law", "neural_isotropic"},    {"name", doc.name},
+                      {"pretrained_on", doc.source},  {"accuracy", report.dump()},
+                      {"version", MATTERFIT_VERSION}, {"source", "matterfit pretrain --tests"}};
+  write_file(options.folder / (doc.name + ".safetensors"), format_safetensors(tensors));
+  return {doc.name, report};
+}
+
 }  // namespace
 
 Json write_start_laws(const PretrainOptions& options) {
   std::vector<NamedMaterial> wanted;
   const auto add = [&](material::StartLaw law) {
-    wanted.push_back({std::string(material::start_law_name(law)), material::start_material(law)});
+    wanted.push_back(
+        {std::string(material::start_law_name(law)), material::start_material(law), {}});
   };
   for (const std::string& name : options.laws) add(material::start_law_from_name(name));
   for (const std::filesystem::path& file : options.materials) {
@@ -76,12 +125,12 @@ Json write_start_laws(const PretrainOptions& options) {
       wanted.push_back(std::move(one));
     }
   }
-  if (wanted.empty() && !options.latent) {
+  if (wanted.empty() && !options.latent && options.tests.empty()) {
     for (const material::StartLaw law : material::kStartLaws) add(law);
   }
   Arena arena(1);
   Json report = Json::object();
-  for (const auto& [name, classical] : wanted) {
+  for (const auto& [name, classical, excited] : wanted) {
     material::Pretraining training;
     training.seed = options.seed;
     const material::IsotropicWeights weights = pretrain_isotropic(classical, training);
@@ -98,6 +147,10 @@ Json write_start_laws(const PretrainOptions& options) {
                         {"source", "matterfit pretrain"}};
     write_file(options.folder / (name + ".safetensors"), format_safetensors(tensors));
     report[name] = accuracy;
+  }
+  for (const std::filesystem::path& file : options.tests) {
+    const auto [name, agreed] = write_tested(file, options);
+    report[name] = agreed;
   }
   if (options.latent) report["latent"] = write_latent(options);
   return report;

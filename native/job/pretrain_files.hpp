@@ -15,14 +15,18 @@ struct PretrainOptions {
   std::vector<std::string> laws;  ///< start laws; empty: all, where there are no materials
   /// Files of classical materials (job/material_file.hpp) that the law is regressed to too.
   std::vector<std::filesystem::path> materials;
+  /// Files of tests of a rubber (job/documents/tests_document.hpp) that it is regressed to.
+  std::vector<std::filesystem::path> tests;
   bool latent = false;  ///< the latent law's decoder; alone where nothing else is named
   std::uint64_t seed = 1;
 };
 
 /// Regresses the isotropic neural law to each start law, and to each material
 /// (material/neural/pretrain.hpp), writes LAW.safetensors, or one of the material's name, with its
-/// provenance (law, seed, accuracy, version) into the folder, and gives the accuracy of each. The
-/// latent law's decoder (material/neural/pretrain_latent.hpp) goes into latent.safetensors.
+/// provenance (law, seed, accuracy, version) into the folder, and gives the accuracy of each; of
+/// a file of tests R² of each test, fitted and held out, beside that of the neo-Hookean nearest to
+/// the fitted ones. The latent law's decoder (material/neural/pretrain_latent.hpp) goes into
+/// latent.safetensors.
 /// Deterministic in the seed. Throws Error(kInput) for an unknown law.
 [[nodiscard]] Json write_start_laws(const PretrainOptions& options);
 

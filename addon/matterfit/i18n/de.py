@@ -201,6 +201,12 @@ TEXTS = {
     "Tracks": "Spuren",
     "Loss Curve": "Verlauf der Anpassung",
     "Error of the Fit": "Fehler der Anpassung",
+    "Stress Curves": "Spannungskurven",
+    "Pulled": "Gezogen",
+    "Pulled Two Ways": "Zweiachsig gezogen",
+    "Sheared": "Geschert",
+    "{name}: 'excited' does not hold strains and two rates.":
+        "{name}: „excited“ enthält nicht Dehnungen und zwei Raten.",
     "Start": "Start",
     "Bounds": "Grenzen",
     "Lowest": "Mindestens",

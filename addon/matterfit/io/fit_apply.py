@@ -139,7 +139,8 @@ class Application:
             material_values.resolve(values, folder)
             values = material_values.with_weights_kept(values, folder)
             body.material.preset = "CUSTOM"
-            material_values.fill(body.material, values, presets.like_of(found))
+            material_values.fill(body.material, values, presets.like_of(found),
+                                 self._item(owner).get("excited"))
             body.material.source = found.get("source") or translate("Fitted")
         for owner, keys in self.wanted.items():
             if "density" in keys:

@@ -57,6 +57,7 @@ class Like:
     distance: float
     sentence: str
     others: tuple = ()
+    parameters: dict = field(default_factory=dict)  # of the nearest law, in a document's words
 
 
 @dataclass
@@ -118,7 +119,8 @@ def _like(entry):
     return Like(law=str(entry["law"]), distance=float(entry["distance"]),
                 sentence=str(entry["sentence"]),
                 others=tuple((str(other["law"]), float(other["distance"]))
-                             for other in entry.get("others") or ()))
+                             for other in entry.get("others") or ()),
+                parameters=dict(entry.get("parameters") or {}))
 
 
 def _estimate(entry):

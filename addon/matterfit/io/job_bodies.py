@@ -122,6 +122,9 @@ class BodyPart:
                                   in zip(body.masses, self._masses, strict=True)]
         if body.seed:
             document["seed"] = body.seed
+        seen = material_values.excited(body.material)
+        if seen is not None:
+            document["excited"] = seen
         return document
 
     def _source(self):

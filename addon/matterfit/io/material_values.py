@@ -40,9 +40,19 @@ def document(material):
     return found
 
 
-def fill(material, values, like=""):
+def excited(material):
+    """The `excited` of a document: what a material was seen at when it was fitted; None where it was
+    not."""
+    strain, compression, expansion, slowest, fastest = numbers(material.excited)
+    if not (strain > 0.0 and 0.0 < slowest <= fastest):
+        return None
+    return {"strain": strain, "compression": compression, "expansion": expansion,
+            "rates": [slowest, fastest]}
+
+
+def fill(material, values, like="", seen=None):
     """Sets law and parameters from the `material` of a document; `like` is the known law that it is
-    most like, in the document's words."""
+    most like, in the document's words, `seen` the document's `excited`."""
     law = values["law"].upper()
     if law == "NEURAL_ISOTROPIC":  # before the numbers, which they fill in
         _fill_weights(material, values.get("weights", laws.STARTS[0][0].lower()))
@@ -60,6 +70,8 @@ def fill(material, values, like=""):
         added = material.maxwell.add()
         added.modulus, added.time = branch["modulus"], branch["time"]
     material.law = law  # last: the list of a fit's parameters begins with the values
+    if seen:
+        material.excited = (seen["strain"], seen["compression"], seen["expansion"], *seen["rates"])
 
 
 def _fill_weights(material, weights):

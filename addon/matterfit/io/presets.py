@@ -3,19 +3,17 @@
 those that the user adds lie in Blender's folder for data files."""
 
 import contextlib
-import math
 import os
 import zlib
 
 import bpy
 
-from .. import laws, quantities
 from ..compat import translate
 from ..jobs import EXIT_COMPUTE, JobError
 from ..props import reactions
 from . import files, material_values
+from .material_check import check
 
-SCHEMA = "matterfit.material/1"
 _materials = None
 _items = None  # Blender keeps no reference to the texts of a dynamic enumeration.
 _old_items = []  # Those that a menu may still show.
@@ -154,81 +152,6 @@ def cells_across(quality):
     return document["presets"][quality.lower()]["cells_across"]
 
 
-def check(document, name):
-    """The document, if it is a material; JobError that says what is wrong otherwise."""
-    schema = document.get("schema") if isinstance(document, dict) else None
-    if schema != SCHEMA:
-        raise JobError(translate("{name}: schema is {schema}, expected '{expected}'.").format(
-            name=name, schema=repr(schema), expected=SCHEMA))
-    _check_needed(name, document, ("material", "name", "source", "density"))
-    for key in ("name", "source"):
-        _check_text(name, key, document[key])
-    material = document["material"] if isinstance(document["material"], dict) else {}
-    law = str(material.get("law", "")).upper()
-    if law not in laws.PARAMETERS:
-        raise JobError(translate("{name}: law is {law}, which is not known.").format(
-            name=name, law=repr(material.get("law"))))
-    parameters = laws.PARAMETERS[law]
-    numbers = {*parameters, *laws.DAMPING} - {"latent"}
-    known = {"law", "maxwell", "correction", *parameters, *laws.DAMPING}
-    if law in laws.NEURAL:
-        known.add("weights")
-        _check_text(name, "weights", material.get("weights", ""))
-    for key in material:
-        if key not in known:
-            raise JobError(translate("{name}: '{key}' is not a parameter of {law}.").format(
-                name=name, key=key, law=material["law"]))
-    _check_needed(name, material,
-                  [key for key in parameters if quantities.material(key).absent is None])
-    for key in sorted(numbers):
-        row = quantities.material(key)
-        _check_number(name, row, key, material.get(key, row.absent))
-    for key in ("latent", "correction"):
-        if key in material:
-            _check_code(name, key, material[key])
-    _check_number(name, quantities.DENSITY, "density", document["density"])
-    branches = material.get("maxwell", [])
-    if not isinstance(branches, list) or len(branches) > laws.MOST_BRANCHES:
-        raise JobError(translate("{name}: 'maxwell' is not a list of at most {n} branches.").format(
-            name=name, n=laws.MOST_BRANCHES))
-    for branch in branches:
-        for key in ("modulus", "time"):
-            _check_number(name, quantities.find(f"material.maxwell.{key}"), f"maxwell {key}",
-                          branch.get(key) if isinstance(branch, dict) else None)
-    return document
-
-
-def _check_needed(name, document, keys):
-    for key in keys:
-        if key not in document:
-            raise JobError(translate("{name}: '{key}' is missing.").format(name=name, key=key))
-
-
-def _check_text(name, key, value):
-    if not isinstance(value, str):
-        raise JobError(translate("{name}: {key} is {value}, expected a text.").format(
-            name=name, key=key, value=repr(value)))
-
-
-def _check_number(name, quantity, key, value):
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value):
-        raise JobError(translate("{name}: {key} is {value}, expected a number.").format(
-            name=name, key=key, value=repr(value)))
-    if value < 0.0 <= quantity.least or value == 0.0 and quantity.positive:
-        raise JobError(translate("{name}: {key} is {value}, expected a number above 0.").format(
-            name=name, key=key, value=repr(value)))
-
-
-def _check_code(name, key, code):
-    row = quantities.material(key)
-    if not isinstance(code, list) or len(code) != row.size:
-        raise JobError(translate("{name}: '{key}' is not a list of {n} numbers.").format(
-            name=name, key=key, n=row.size))
-    for value in code:
-        _check_number(name, row, key, value)
-
-
 @reactions.preset_items.done_by
 def enum_items():
     """Items of the preset enumeration; Custom keeps the number 0 so that files stay readable."""
@@ -261,7 +184,8 @@ def apply(material):
     document = materials()[material.preset]
     _applying.append(material.preset)
     try:
-        material_values.fill(material, document["material"], like_of(document))
+        material_values.fill(material, document["material"], like_of(document),
+                             document.get("excited"))
         material.source = document["source"]
         owner = owner_of(material)
         if owner is not None:

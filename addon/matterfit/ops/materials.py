@@ -122,7 +122,8 @@ class MATTERFIT_OT_load_material(PlainOperator, bpy.types.Operator, ImportHelper
         document = presets.read(path)
         body = scene_props.active_body(context.scene.matterfit)
         body.material.preset = "CUSTOM"
-        material_values.fill(body.material, document["material"], presets.like_of(document))
+        material_values.fill(body.material, document["material"], presets.like_of(document),
+                             document.get("excited"))
         body.material.source = document["source"]
         body.density = document["density"]
         tell(self, context, translate("'{name}' is loaded").format(name=document["name"]),

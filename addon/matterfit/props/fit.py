@@ -153,6 +153,10 @@ class MatterfitFit(bpy.types.PropertyGroup):
     show_error: BoolProperty(
         name="Error of the Fit", default=True, update=redraw,
         description="Draw the fitted simulation's error of every frame in the viewport")
+    show_curves: BoolProperty(
+        name="Stress Curves", default=False, update=redraw,
+        description="Draw the fitted material's stress against stretch in the viewport, with the nearest "
+                    "known law beside it; shaded is what the recording showed")
 
 
 CLASSES = (MatterfitFitParameter, MatterfitFit)

@@ -6,6 +6,7 @@ from bpy.props import (
     BoolProperty,
     CollectionProperty,
     EnumProperty,
+    FloatVectorProperty,
     IntProperty,
     StringProperty,
 )
@@ -25,6 +26,7 @@ def _preset_changed(self, _context):
 
 
 def _law_changed(self, _context):
+    self.excited = (0.0,) * 5  # another law was not seen at anything
     reactions.fit_list_outdated(self.id_data.matterfit)
 
 
@@ -102,6 +104,10 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
     show_correction: BoolProperty(
         name="Correction", default=False, options=set(),
         description="Show the five numbers by which the material differs from its law")
+    excited: FloatVectorProperty(
+        name="Seen When Fitted", size=5, min=0.0,
+        description="What the recording showed that the material was fitted to: largest strain, loss "
+                    "and gain of volume, slowest and fastest rate [1/s]; zeros: it was not fitted")
     damping_shear: number("material.damping_shear")
     damping_bulk: number("material.damping_bulk")
     maxwell: CollectionProperty(type=MatterfitMaxwell)

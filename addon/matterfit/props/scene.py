@@ -66,6 +66,10 @@ class MatterfitScene(bpy.types.PropertyGroup):
     show_throws: BoolProperty(
         name="Show Throws", default=True, update=compare.redraw,
         description="Draw the velocity of each body, and how it would fly, in the viewport")
+    show_curves: BoolProperty(
+        name="Stress Curves", default=False, update=compare.redraw,
+        description="Draw the active body's stress against stretch in the viewport; shaded is what its "
+                    "material was seen at when it was fitted")
     take_index: IntProperty(name="Active Take", default=0, min=0, max=100000, soft_max=100,
                             update=_take_switched,
                             description="The take that is shown, baked and compared")

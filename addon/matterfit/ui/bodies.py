@@ -58,7 +58,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         if body.role == "COLLIDER":
             self._collider(layout, body)
         else:
-            self._body(layout, body)
+            self._body(layout, settings, body)
 
     def _collider(self, layout, body):
         column = form(layout)
@@ -70,7 +70,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
             column.prop(body, "collider_shape")
         contact(layout, body.contact)
 
-    def _body(self, layout, body):
+    def _body(self, layout, settings, body):
         column = form(layout)
         column.prop(body, "source")
         if body.source == "OBJECT":
@@ -107,6 +107,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
             _unknown(column, material)
         if any(material.correction):
             _folded(column, material, "correction")
+        column.prop(settings, "show_curves")
 
 
 def _unknown(column, material):

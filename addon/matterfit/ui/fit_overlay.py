@@ -53,16 +53,16 @@ def live_curve(folder):
 
 
 def draw(context, below):
-    """`below`: the lowest place is taken by Compare's graph."""
+    """`below`: the lowest place is taken by Compare's graph. Returns the next place that is free."""
     scene = context.scene
     settings = scene.matterfit
     fit = settings.fit
     running = running_fit(settings)
+    place = 1 if below else 0
     if not fit.run.folder or not (running or fit.done):
-        return
+        return place
     folder = takes.locate(fit.run).folder
     scale = context.preferences.system.ui_scale
-    place = 1 if below else 0
     if fit.show_error and not running:
         result = fit_results.load_quietly(folder)
         # One that was cancelled has not been compared: what lies there is of an earlier fit.
@@ -76,6 +76,8 @@ def draw(context, below):
         segments = live_curve(folder) if running else curve(folder)
         if segments:
             _draw_curve(_rectangle(place), scale, segments)
+            place += 1
+    return place
 
 
 def _rectangle(place):

@@ -51,7 +51,9 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
                 lines(layout, words.of_result(statement, settings), icon="INFO")
         if len(result.models) > 1:
             self._models(layout, settings, result)
-        form(layout).prop(settings.fit, "show_error")
+        column = form(layout)
+        column.prop(settings.fit, "show_error")
+        column.prop(settings.fit, "show_curves")
         row = layout.row(align=True)
         row.scale_y = 1.3
         row.operator("matterfit.apply_fit", icon="CHECKMARK")

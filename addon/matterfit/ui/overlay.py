@@ -8,7 +8,7 @@ from .. import compat
 from ..compat import translate_label
 from ..io import comparison, takes, transforms
 from ..props import scene as scene_props
-from . import drawing, fit_overlay, throw_overlay
+from . import curves_overlay, drawing, fit_overlay, throw_overlay
 
 # Dark blue, cyan, green, yellow, red: error from nothing to the range's end.
 STOPS = numpy.array(((0.10, 0.20, 0.60), (0.10, 0.65, 0.80), (0.25, 0.75, 0.30),
@@ -26,6 +26,7 @@ def forget():
     """Drops what was read of a cache: another file was opened, or it was compared again."""
     _loaded.clear()
     fit_overlay.forget()
+    curves_overlay.forget()
 
 
 def active_comparison(scene):
@@ -161,7 +162,9 @@ def _graph(scale, scene, found):
 
 
 def draw_fit():
-    fit_overlay.draw(bpy.context, compare_graph_shown(bpy.context.scene.matterfit.compare))
+    place = fit_overlay.draw(bpy.context,
+                             compare_graph_shown(bpy.context.scene.matterfit.compare))
+    curves_overlay.draw(bpy.context, place)
 
 
 def draw_throws():

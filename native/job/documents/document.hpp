@@ -14,6 +14,7 @@
 #include "base/vec.hpp"
 #include "effects/effect_type.hpp"
 #include "job/documents/json_reader.hpp"
+#include "material/excitation.hpp"
 #include "material/material.hpp"
 #include "mpm/scene.hpp"
 #include "shape/collider.hpp"
@@ -115,6 +116,8 @@ struct BodyDoc {
   std::vector<PinDoc> pins;
   std::vector<MassDoc> masses;
   std::uint64_t seed = 0;
+  /// What the recordings showed that its material was fitted to; none: it was not, or is not known.
+  std::optional<material::Excitation> excited;
 };
 
 struct ColliderDoc {

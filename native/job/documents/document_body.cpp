@@ -5,6 +5,7 @@
 #include "base/error.hpp"
 #include "fit/model/quantity.hpp"
 #include "job/documents/document_reading.hpp"
+#include "job/documents/excitation_document.hpp"
 #include "job/documents/neural_starts.hpp"
 
 namespace matterfit::job {
@@ -294,6 +295,7 @@ BodyDoc read_body(const JsonValue& value, const ReadContext& context) {
   if (const auto seed = object.find("seed")) {
     body.seed = static_cast<std::uint64_t>(seed->integer(0, 2'147'483'647));
   }
+  if (const auto excited = object.find("excited")) body.excited = read_excitation(*excited);
   object.finish();
   return body;
 }

@@ -103,6 +103,8 @@ Inputs simulation_inputs(const Job& job, mpm::SimdTarget target) {
   for (const char* list : {"colliders", "contacts", "effects"}) {
     if (scene.contains(list) && scene[list].empty()) scene.erase(list);
   }
+  // What a body was seen at says something about a run and nothing to it.
+  for (Json& body : scene.at("bodies")) body.erase("excited");
   Flattening flattening{{}, job.base_folder};
   flattening.add(scene, "scene", "scene");
   flattening.inputs["version"] = std::string(MATTERFIT_VERSION) + ", code " + kSolverSources;

@@ -18,6 +18,7 @@
 #include "job/run/checkpoint.hpp"
 #include "job/run/compare.hpp"
 #include "job/run/compare_images.hpp"
+#include "job/run/excited_range.hpp"
 #include "job/run/observe.hpp"
 #include "job/run/penetration.hpp"
 #include "job/run/state_file.hpp"
@@ -73,6 +74,7 @@ class Run {
       report(0.0, "Reading images");
       images_.emplace(job_, scene(), notes_, interrupter_);
     }
+    excited_.emplace(job_.scene);
     if (job_.task == Task::kBake) {
       report(0.0, "Binding meshes");
       bake_.emplace(job_, scene(), *arena_, interrupter_);
@@ -213,7 +215,8 @@ class Run {
     const bool bake_files = bake_ && k >= baked_;
     const bool bake_sequences = bake_ && bake_->needs(k);
     done_ = k;
-    if (have_state && !observations_->any() && !bake_files && !bake_sequences) return;
+    const bool watched = observations_->any() || excited_->any();
+    if (have_state && !watched && !bake_files && !bake_sequences) return;
     report(double(k) / double(count_), !have_state  ? (bake_ ? "Baking" : "Simulating")
                                        : bake_files ? "Baking"
                                                     : "Reading states");
@@ -234,6 +237,7 @@ class Run {
       cache_->record(path);
     }
     if (observations_->any()) observations_->record(state);
+    if (excited_->any()) excited_->record(state);
     if (bake_files || bake_sequences) {
       bake_->bake(state, k, bake_files);
       if (bake_files) {
@@ -381,6 +385,7 @@ class Run {
     json["max_penetration_m"] = penetration;
     json["simulation_seconds"] = simulated;
     if (deepest_.depth > 0.0) notes_.push_back(penetration_note(deepest_));
+    for (std::string& note : excited_->notes()) notes_.push_back(std::move(note));
   }
 
   /// Remembers who sank deepest into what, where that is more than a particle separation.
@@ -469,6 +474,7 @@ class Run {
   BuiltScene built_;
   std::optional<Observations> observations_;
   std::optional<ImageComparison> images_;
+  std::optional<ExcitedRange> excited_;
   std::optional<BakeOutputs> bake_;
   std::unique_ptr<mpm::Simulation> simulation_;
   std::size_t count_ = 0;

@@ -6,19 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "material/excitation.hpp"
 #include "material/material.hpp"
 
 /// «What is it like?»: the classical law nearest to a neural one.
 namespace matterfit::material {
-
-/// Over what two laws are compared: what a recording excited, as far as it is known.
-struct Excitation {
-  double strain = 0.3;       ///< largest |dev ε|, Hencky
-  double compression = 0.1;  ///< largest loss of ln J, without sign
-  double expansion = 0.1;    ///< largest gain of ln J
-  double slowest = 1.0;      ///< rates |dev D| [1/s]
-  double fastest = 30.0;
-};
 
 /// A classical law against the neural one.
 struct Likeness {

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/documents/tests_document.hpp"
+
+#include <cstdint>
+#include <utility>
+
+#include "base/error.hpp"
+#include "base/file.hpp"
+#include "job/documents/json_reader.hpp"
+
+namespace matterfit::job {
+namespace {
+
+constexpr std::uint64_t kLargestTests = std::uint64_t{16} << 20U;
+constexpr const char* kTestsSchema = "matterfit.tests/1";
+
+std::vector<double> numbers_of(const JsonValue& value) {
+  std::vector<double> all;
+  for (const JsonValue& item : value.items()) all.push_back(item.number());
+  return all;
+}
+
+}  // namespace
+
+TestsDoc read_tests_file(const std::filesystem::path& file) {
+  const auto bytes = read_file(file, kLargestTests);
+  const std::string name = file.generic_string();
+  const Json json = parse_json({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, name);
+  JsonObject object(JsonValue(json, name));
+  const JsonValue schema = object.require("schema");
+  if (schema.string() != kTestsSchema) schema.fail(kTestsSchema);
+  TestsDoc doc;
+  const JsonValue called = object.require("name");
+  doc.name = called.string();
+  if (doc.name.empty() || doc.name.find('/') != std::string::npos) {
+    called.fail("a name that a file can have");
+  }
+  doc.source = object.string("source", "");
+  doc.poisson_ratio =
+      object.number("poisson_ratio", doc.poisson_ratio, Range{0.0, 0.4999, true, {}});
+  for (const JsonValue& item : object.require("tests").items()) {
+    JsonObject one(item);
+    material::MachineTest test;
+    test.pull = static_cast<material::Pull>(
+        one.require("pull").choice({"uniaxial", "equibiaxial", "shear"}));
+    test.by = numbers_of(one.require("by"));
+    test.nominal = numbers_of(one.require("nominal"));
+    if (test.by.size() != test.nominal.size() || test.by.empty()) {
+      item.refuse("'by' and 'nominal' are not as long as each other, or empty.");
+    }
+    (one.boolean("held_out", false) ? doc.held_out : doc.fitted).push_back(std::move(test));
+    one.finish();
+  }
+  object.finish();
+  if (doc.fitted.empty()) throw_input(name + ".tests: each test is held out, or there is none.");
+  return doc;
+}
+
+}  // namespace matterfit::job

@@ -148,12 +148,32 @@ std::string graph(material::Pull pull, const Json& curves, double left) {
 
 }  // namespace
 
+namespace {
+
+/// At spaces, so that no line is longer where a word is not.
+std::vector<std::string> wrapped(const std::string& text) {
+  constexpr std::size_t kMostBytes = 150;
+  std::vector<std::string> lines;
+  std::string rest = text;
+  while (rest.size() > kMostBytes) {
+    const std::size_t at = rest.rfind(' ', kMostBytes);
+    if (at == std::string::npos || at == 0) break;
+    lines.push_back(rest.substr(0, at));
+    rest.erase(0, at + 1);
+  }
+  if (!rest.empty()) lines.push_back(rest);
+  return lines;
+}
+
+}  // namespace
+
 std::string curves_picture(const std::string& name, const Json& curves) {
   const Json& list = curves.at("curves");
   const bool seen = curves.at("excited").is_object();
   const double legend = kGraphTop + kGraphHeight + 56.0;
-  const double height = legend + kLegendLine * double(list.size() + (seen ? 1 : 0)) +
-                        (curves.contains("sentence") ? kLegendLine : 0.0);
+  const std::vector<std::string> sentence = wrapped(curves.value("sentence", ""));
+  const double height =
+      legend + kLegendLine * double(list.size() + (seen ? 1 : 0) + sentence.size());
   std::string svg = fmt::format(
       "<?xml version='1.0' encoding='UTF-8'?>\n"
       "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {0:.0f} {1:.0f}' width='{0:.0f}' "
@@ -190,9 +210,9 @@ std::string curves_picture(const std::string& name, const Json& curves) {
         over.expansion, over.slowest, over.fastest);
     line += kLegendLine;
   }
-  if (curves.contains("sentence")) {
-    svg += fmt::format("<text x='{:.0f}' y='{:.1f}'>{}</text>\n", kGraphLeft, line,
-                       xml(curves.at("sentence").get<std::string>()));
+  for (const std::string& words : sentence) {
+    svg += fmt::format("<text x='{:.0f}' y='{:.1f}'>{}</text>\n", kGraphLeft, line, xml(words));
+    line += kLegendLine;
   }
   return svg + "</svg>\n";
 }

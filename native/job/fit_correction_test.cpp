@@ -161,7 +161,7 @@ TEST(FitCorrection, OfTwoBodiesEachGetsItsOwn) {
   document["captures"].push_back(document["captures"][0]);
   document["captures"][1].update({{"body", "other"}, {"name", "b"}, {"tracks", "b.npz"}});
   document["fit"]["levels"] = {1};
-  document["fit"]["correction"] = 8;
+  document["fit"]["correction"] = 4;
   const Json result = fit_test::run(document, folder.path);
   const Json& correction = result["fit"]["correction"];
   ASSERT_TRUE(correction["taken"].get<bool>()) << correction;

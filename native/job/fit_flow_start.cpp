@@ -15,6 +15,7 @@
 
 #include "fit/data/follow.hpp"
 #include "material/neural/latent.hpp"
+#include "material/neural/start_laws.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -93,6 +94,46 @@ std::vector<std::size_t> code_of(const fit::Parameters& parameters, const std::s
   return numbers.size() == material::kLatentSize ? numbers : std::vector<std::size_t>{};
 }
 
+/// Places of fluids in the space of the latent law with their stiffness: Young's modulus says
+/// there how viscous a liquid is and the code how stiff against a change of volume, so that neither
+/// can be looked for without the other. None where E is no parameter.
+std::vector<std::vector<double>> liquid_places(const fit::Parameters& parameters,
+                                               const mpm::Body& body,
+                                               const std::vector<std::size_t>& code,
+                                               std::span<const double> values) {
+  constexpr std::array kViscosities = {1.0, 3.0, 10.0, 30.0, 100.0, 300.0};  // [Pa s]
+  constexpr std::array kBulks = {0.3, 3.0};  ///< of the material's that is searched from
+  /// Of η/K [s], beyond which the space has no liquids.
+  constexpr double kSoftest = 2e-4;
+  const auto youngs = FlowNumbers(parameters, body.name).number("E");
+  if (!youngs) return {};
+  constexpr double kUsualRatio = 0.3;
+  const double bulk = values[*youngs] / (3.0 * (1.0 - 2.0 * kUsualRatio));
+  const auto within = [&](std::size_t number, double value) {
+    const fit::Parameter& parameter = parameters.parameters()[number];
+    return std::clamp(value, parameter.low, parameter.high);
+  };
+  std::vector<std::vector<double>> places;
+  for (const double viscosity : kViscosities) {
+    for (const double factor : kBulks) {
+      material::Material fluid;
+      fluid.law = material::Law::kNewtonian;
+      fluid.viscosity = viscosity;
+      fluid.bulk_modulus = std::max(factor * bulk, viscosity / kSoftest);
+      const material::RestModuli moduli = rest_moduli(fluid);
+      const material::LatentCode found = latent_code(*body.material.decoder, fluid);
+      std::vector<double> point(values.begin(), values.end());
+      point[*youngs] = within(
+          *youngs, 9.0 * moduli.bulk * moduli.shear / (3.0 * moduli.bulk + moduli.shear));
+      for (std::size_t k = 0; k < material::kLatentSize; ++k) {
+        point[code[k]] = within(code[k], found[static_cast<Eigen::Index>(k)]);
+      }
+      places.push_back(std::move(point));
+    }
+  }
+  return places;
+}
+
 std::vector<FlowStart> latent_starts(const fit::Parameters& parameters,
                                      const std::vector<mpm::Scene>& scenes,
                                      std::span<const double> values) {
@@ -117,7 +158,13 @@ std::vector<FlowStart> latent_starts(const fit::Parameters& parameters,
           return point;
         };
         FlowStart start{material::kLatentClasses[c], at(0.0), {}, {}};
-        for (const double along : kAlongClass) start.others.push_back(at(along));
+        if (start.name == "liquid") {
+          start.others = liquid_places(parameters, body, numbers, values);
+        }
+        start.own_stiffness = !start.others.empty();
+        if (!start.own_stiffness) {
+          for (const double along : kAlongClass) start.others.push_back(at(along));
+        }
         starts.push_back(std::move(start));
       }
       return starts;
@@ -204,7 +251,8 @@ std::vector<FlowFound> search_flows(const fit::Parameters& parameters,
       }
     };
     for (std::size_t i = 0; i < parameters.size(); ++i) {
-      if (parameters.path(i).quantity == &youngs) multiply(i, {0.1, 10.0});
+      const bool stiffness = parameters.path(i).quantity == &youngs;
+      if (stiffness && !starts[s].own_stiffness) multiply(i, {0.1, 10.0});
     }
     if (!starts[s].scanned.empty()) multiply(starts[s].scanned.front(), {0.1, 0.3, 3.0, 10.0});
     of.insert(of.end(), some.size(), s);

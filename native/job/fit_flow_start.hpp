@@ -21,6 +21,8 @@ struct FlowStart {
   std::vector<double> values;
   std::vector<std::size_t> scanned;         ///< numbers that this class is looked for along
   std::vector<std::vector<double>> others;  ///< further values of the same class
+  /// The values have their stiffnesses already: no decades of them are tried.
+  bool own_stiffness = false;
 };
 
 /// The classes that the flow's numbers among the parameters can reach, for the first body of that
@@ -32,7 +34,8 @@ struct FlowStart {
 /// 10 Pa s; granular: a friction angle of 30° at Poisson's ratio, without cohesion; liquid: 10 Pa
 /// s.
 /// Where the first body whose code is among the parameters is of the latent law: the mean of each
-/// class in its space, and places along the class's longest axis.
+/// class in its space, and places along the class's longest axis; liquid, whose stiffness says how
+/// viscous it is: the places of fluids of 1 to 300 Pa s and two bulk moduli, with their stiffness.
 [[nodiscard]] std::vector<FlowStart> flow_starts(const fit::Parameters& parameters,
                                                  const std::vector<mpm::Scene>& scenes,
                                                  std::span<const double> values);
@@ -43,8 +46,8 @@ struct FlowFound {
   Scanned at;  ///< cost infinite: nothing of it could be simulated
 };
 
-/// The best of each class, nearest first: of three stiffnesses a decade apart times five of the
-/// class's numbers half a decade apart, or of its places; the two nearest classes by scanned()
+/// The best of each class, nearest first: of three stiffnesses a decade apart (where the start has
+/// none of its own) times five of the class's numbers half a decade apart, or of its places; the two nearest classes by scanned()
 /// along their own numbers too.
 [[nodiscard]] std::vector<FlowFound> search_flows(const fit::Parameters& parameters,
                                                   const std::vector<FlowStart>& starts,

@@ -105,7 +105,7 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
         name="Correction", default=False, options=set(),
         description="Show the five numbers by which the material differs from its law")
     excited: FloatVectorProperty(
-        name="Seen When Fitted", size=5, min=0.0,
+        name="Seen When Fitted", size=5, min=0.0, soft_min=0.0, max=1e12, soft_max=1e12,
         description="What the recording showed that the material was fitted to: largest strain, loss "
                     "and gain of volume, slowest and fastest rate [1/s]; zeros: it was not fitted")
     damping_shear: number("material.damping_shear")

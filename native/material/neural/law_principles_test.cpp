@@ -47,7 +47,7 @@ Mat3d any_strained(Random& random) {
 
 struct Kept {
   double torque = 0.0;     ///< mean |τ − τᵀ|/|τ|
-  double direction = 0.0;  ///< mean |τ(F Q) − τ(F)|/|τ(F)|
+  double direction = 0.0;  ///< mean |τ(F Q) − τ(F)| by the larger of them
   double least = 1e300;    ///< work of the worst cycle by the largest energy on the way
   double cycles = 0.0;     ///< share of cycles that give energy
 };
@@ -80,16 +80,20 @@ std::pair<double, double> cycle(const Follow& law, const Mat3d& a, const Mat3d& 
 Kept kept(const Follow& law) {
   Random random(3);
   Kept found;
-  constexpr int kStates = 200;
-  for (int i = 0; i < kStates; ++i) {
+  double states = 0.0;
+  for (int i = 0; i < 200; ++i) {
     const Mat3d f = any_strained(random);
     PointState one;
     PointState other;
     const Mat3d tau = law(f, one);
     const Mat3d turned = law(f * any_rotation(random), other);
-    found.torque += (tau - tau.transpose()).norm() / tau.norm() / kStates;
-    found.direction += (turned - tau).norm() / tau.norm() / kStates;
+    if (tau.norm() == 0.0) continue;  // sand that is pulled
+    found.torque += (tau - tau.transpose()).norm() / tau.norm();
+    found.direction += (turned - tau).norm() / std::max(turned.norm(), tau.norm());
+    states += 1.0;
   }
+  found.torque /= states;
+  found.direction /= states;
   constexpr int kCycles = 20;
   for (int i = 0; i < kCycles; ++i) {
     const Mat3d a = any_matrix(random);

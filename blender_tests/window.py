@@ -256,10 +256,12 @@ def script(folder):
     fake_fit.write_history(takes.locate(bpy.context.scene.matterfit.fit.run).folder, [
         {"stage": "frames 1-8", "law": law, "rms_mm": 20.0 / (i + 1)}
         for law in ("fixed_corotated", "von_mises") for i in range(8)])
+    bpy.context.scene.matterfit.show_curves = True
     view()[1].tag_redraw()
     yield
     yield
     picture("fit_laws")
+    bpy.context.scene.matterfit.show_curves = False
     fake_report()
     show("MATTERFIT_PT_compare")
     scroll_to_end()

@@ -43,6 +43,14 @@ Json like_json(const material::Material& neural, const material::Excitation& ove
           {"others", others}};
 }
 
+void widen(material::Excitation& all, const material::Excitation& by) {
+  all.strain = std::max(all.strain, by.strain);
+  all.compression = std::max(all.compression, by.compression);
+  all.expansion = std::max(all.expansion, by.expansion);
+  all.slowest = std::min(all.slowest, by.slowest);
+  all.fastest = std::max(all.fastest, by.fastest);
+}
+
 std::optional<material::Excitation> excitation_of(const std::vector<fit::Run>& runs,
                                                   const std::vector<mpm::Scene>& scenes,
                                                   const std::string& body, bool flows,
@@ -67,37 +75,21 @@ std::optional<material::Excitation> excitation_of(const std::vector<fit::Run>& r
         all = one;
         continue;
       }
-      all->strain = std::max(all->strain, one->strain);
-      all->compression = std::max(all->compression, one->compression);
-      all->expansion = std::max(all->expansion, one->expansion);
-      all->slowest = std::min(all->slowest, one->slowest);
-      all->fastest = std::max(all->fastest, one->fastest);
+      widen(*all, *one);
     }
   }
   return all;
 }
 
-void write_excited(const Job& fitted, const std::vector<std::string>& bodies,
-                   const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
-                   int threads, Json& document) {
+void add_likes(const Job& fitted, const std::vector<std::string>& bodies,
+               const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
+               int threads, Json& fit) {
   Arena arena(threads);
   for (const std::string& name : bodies) {
-    Json& body = *find_named(document.at("scene"), "bodies", name);
-    body.erase("excited");
-    const bool flows = !body_named(fitted.scene, name).material.traits().elastic();
-    if (const auto over = excitation_of(runs, scenes, name, flows, arena)) {
-      body["excited"] = excitation_json(*over);
-    }
-  }
-}
-
-void add_likes(const Job& fitted, const std::vector<std::string>& bodies, Json& fit) {
-  for (const std::string& name : bodies) {
-    const BodyDoc& body = body_named(fitted.scene, name);
-    const material::Material& material = body.material;
+    const material::Material& material = body_named(fitted.scene, name).material;
     if (!material::is_isotropic(material.law)) continue;
     try {
-      const std::optional<material::Excitation>& over = body.excited;
+      const auto over = excitation_of(runs, scenes, name, !material.traits().elastic(), arena);
       Json like = like_json(material, over.value_or(material::Excitation{}));
       std::string sentence = like.at("sentence").get<std::string>();
       if (!over) {

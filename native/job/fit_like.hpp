@@ -18,21 +18,20 @@ namespace matterfit::job {
 /// classical law (material/neural/likeness.hpp). Throws as likenesses().
 [[nodiscard]] Json like_json(const material::Material& neural, const material::Excitation& over);
 
+/// Takes the other's strains and rates in.
+void widen(material::Excitation& all, const material::Excitation& by);
+
 /// What the captures of a body that the fit sees excite (fit/data/excitation.hpp), of several the
 /// most; nothing where their tracks do not tell. `flows`: its neighbourhoods change.
 [[nodiscard]] std::optional<material::Excitation> excitation_of(
     const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
     const std::string& body, bool flows, Arena& arena);
 
-/// Writes into the bodies of a document what their captures excite, where that is known (`excited`,
-/// job/documents/excitation_document.hpp), in place of what they had.
-void write_excited(const Job& fitted, const std::vector<std::string>& bodies,
-                   const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
-                   int threads, Json& document);
-
 /// Adds to the object `fit` of a result what those of the bodies that are of the neural law are
-/// like over what they were seen at, by their names, and a statement of each.
-void add_likes(const Job& fitted, const std::vector<std::string>& bodies, Json& fit);
+/// like, by their names, and a statement of each.
+void add_likes(const Job& fitted, const std::vector<std::string>& bodies,
+               const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
+               int threads, Json& fit);
 
 /// Of every body of the neural law in a file: a job document, or a material as a fit writes it.
 /// Throws Error(kInput) where the file is neither, or no body is of that law.

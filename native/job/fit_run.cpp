@@ -2,6 +2,7 @@
 #include "job/fit_run.hpp"
 
 #include <algorithm>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "fit/data/metrics.hpp"
+#include "job/documents/excitation_document.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/fit_path.hpp"
 #include "job/fit_candidates.hpp"
@@ -102,6 +104,10 @@ class FitJob {
       const material::Material& own = body_named(job_.scene, doc_.body).material;
       (*find_named(document.at("scene"), "bodies", doc_.body))["material"] =
           material_json(with_law(own, material::law_from_name(law.law)));
+    }
+    // What it was fitted to before.
+    for (const std::string& name : bodies()) {
+      find_named(document.at("scene"), "bodies", name)->erase("excited");
     }
     add_lists(of.parameters(), document);
     write_values(of.parameters(), law.values, loaded_.sources, job_, document);
@@ -218,9 +224,8 @@ class FitJob {
     if (more) fit[more->key] = more->report;
     fit["warning"] = fit_warning(fit, of.is_far(law));
     if (after.is_object()) fit["after"] = after;
-    write_excited(job_from(document), bodies(), loaded_.experiment.runs, of.scenes(),
-                  options_.threads, document);
-    add_likes(job_from(document), bodies(), fit);
+    add_likes(job_from(document), bodies(), loaded_.experiment.runs, of.scenes(), options_.threads,
+              fit);
     write_fitted(folder_, {hash_, inputs_, document, fit});
     // Only now: until then the search would go on from it.
     std::error_code code;
@@ -239,6 +244,40 @@ class FitJob {
     return fitted_bodies(doc_, job_.captures.front().body);
   }
 
+  /// Takes in what the fitted bodies of a run go through as long as something of it was fitted.
+  void note_seen(const Job& run, const ExcitedRange& range,
+                 std::map<std::string, material::Excitation>& seen) const {
+    for (const fit::Run& one : loaded_.experiment.runs) {
+      for (const fit::Capture& capture : one.captures) {
+        const bool here = std::any_of(
+            run.captures.begin(), run.captures.end(),
+            [&](const CaptureDoc& listed) { return listed.name == capture.input.name; });
+        if (!here || capture.used_count == 0) continue;
+        constexpr double kRounding = 1e-6;
+        const double last = run.scene.first_frame + capture.end * run.scene.fps + kRounding;
+        const auto found = range.seen(capture.input.body, last);
+        if (!found) continue;
+        const auto [place, fresh] = seen.emplace(capture.input.body, *found);
+        if (!fresh) widen(place->second, *found);
+      }
+    }
+  }
+
+  /// The fitted scene with what its bodies were seen at.
+  [[nodiscard]] Job with_seen(Job scene,
+                              const std::map<std::string, material::Excitation>& seen) const {
+    for (BodyDoc& body : scene.scene.bodies) {
+      const auto found = seen.find(body.name);
+      const std::vector<std::string> fitted = bodies();
+      const bool is_fitted = std::find(fitted.begin(), fitted.end(), body.name) != fitted.end();
+      if (found == seen.end() || !is_fitted) continue;
+      body.excited = found->second;
+      (*find_named(scene.document.at("scene"), "bodies", body.name))["excited"] =
+          excitation_json(found->second);
+    }
+    return scene;
+  }
+
   /// The fitted scene's run, with the fit in its result.
   Json simulate(const Json& document, Json fit) {
     const Job scene = job_from(document);
@@ -254,6 +293,10 @@ class FitJob {
     extras.begin = kFitShare;
     extras.kept = kept;
     extras.clouds = doc_.loss != FitDoc::Loss::kTracks;
+    std::map<std::string, material::Excitation> seen;
+    extras.strained = [&](const Job& run, const ExcitedRange& range) {
+      note_seen(run, range, seen);
+    };
     extras.compared = [&](const fit::CaptureInput& compared, const std::vector<double>& error_mm,
                           double size) {
       for (const fit::Run& run : loaded_.experiment.runs) {
@@ -270,7 +313,8 @@ class FitJob {
         fit["warning"] = warning.empty() ? held_out : warning + " " + held_out;
       }
       result["fit"] = fit;
-      std::vector<std::string> files = write_materials(folder_, scene, bodies(), fit);
+      std::vector<std::string> files =
+          write_materials(folder_, with_seen(scene, seen), bodies(), fit);
       files.insert(files.end(), kept.begin(), kept.end());
       return files;
     };

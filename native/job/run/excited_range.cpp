@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace matterfit::job {
 namespace {
@@ -14,27 +15,29 @@ constexpr double kMostParticles = 0.95;
 /// A recording's strains are known about as well as this.
 constexpr double kBeyond = 1.25;
 constexpr double kBeyondVolume = 0.01;
-/// fit::excitation() looks no farther: what is there may have been more.
-constexpr double kLargestKnownStrain = 1.0;
-constexpr double kLargestKnownVolume = 0.5;
+/// seen() goes no farther: there may have been more.
+constexpr double kLargestKnownStrain = 2.5;
+constexpr double kLargestKnownVolume = 1.5;
+constexpr double kLeastKnownStrain = 0.01;
+constexpr double kLeastKnownRate = 1e-3;  // [1/s]
 
-double within(std::vector<double>& values) {
+double within(std::vector<double>& values, double share = kMostParticles) {
   if (values.empty()) return 0.0;
-  const auto at = static_cast<std::ptrdiff_t>(kMostParticles * double(values.size() - 1));
+  const auto at = static_cast<std::ptrdiff_t>(share * double(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + at, values.end());
   return values[static_cast<std::size_t>(at)];
 }
 
 }  // namespace
 
-ExcitedRange::ExcitedRange(const SceneDoc& scene) : frame_seconds_(1.0 / scene.fps) {
+ExcitedRange::ExcitedRange(const SceneDoc& scene, bool all) : frame_seconds_(1.0 / scene.fps) {
   for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
     const BodyDoc& body = scene.bodies[b];
-    if (!body.excited) continue;
+    if (!all && !body.excited) continue;
     Watched one;
     one.body = b;
     one.name = body.name;
-    one.excited = *body.excited;
+    one.excited = body.excited;
     one.fluid = body.material.traits().fluid;
     watched_.push_back(std::move(one));
   }
@@ -73,41 +76,60 @@ void ExcitedRange::record(const mpm::FrameState& state) {
           plastic ? of_plastic * double(body.plastic_strain[p] - one.plastic[p]) : 0.0;
       rates.push_back((rate.norm() + flowed) / frame_seconds_);
     }
-    const auto raise = [&](Most& most, std::vector<double>& values) {
-      const double value = within(values);
-      if (value > most.value) most = {value, state.frame};
-    };
-    raise(one.strain, shapes);
-    raise(one.compression, losses);
-    raise(one.expansion, gains);
-    raise(one.rate, rates);
+    one.frames.push_back({state.frame, within(shapes), within(losses), within(gains), within(rates),
+                          within(rates, 0.5)});
     one.gradients = now;
     one.plastic = body.plastic_strain;
   }
 }
 
+std::optional<material::Excitation> ExcitedRange::seen(const std::string& body,
+                                                       double last_frame) const {
+  const auto one = std::find_if(watched_.begin(), watched_.end(),
+                                [&](const Watched& watched) { return watched.name == body; });
+  if (one == watched_.end() || one->fluid) return std::nullopt;
+  material::Excitation most;
+  most.strain = most.compression = most.expansion = most.fastest = 0.0;
+  std::vector<double> middle;
+  for (const Frame& frame : one->frames) {
+    if (frame.number > last_frame) continue;
+    most.strain = std::max(most.strain, frame.strain);
+    most.compression = std::max(most.compression, frame.compression);
+    most.expansion = std::max(most.expansion, frame.expansion);
+    most.fastest = std::max(most.fastest, frame.rate);
+    middle.push_back(frame.middle_rate);
+  }
+  if (middle.empty()) return std::nullopt;
+  most.strain = std::clamp(most.strain, kLeastKnownStrain, kLargestKnownStrain);
+  most.compression = std::min(most.compression, kLargestKnownVolume);
+  most.expansion = std::min(most.expansion, kLargestKnownVolume);
+  most.slowest = std::max(within(middle, 0.5), kLeastKnownRate);
+  most.fastest = std::max(most.fastest, most.slowest);
+  return most;
+}
+
 std::vector<std::string> ExcitedRange::notes() const {
   std::vector<std::string> all;
   for (const Watched& one : watched_) {
+    if (!one.excited || one.frames.empty()) continue;
     std::string what;
-    const auto add = [&](const char* name, const Most& most, double seen, const char* unit) {
+    const auto check = [&](const char* name, double Frame::*member, double seen, double more,
+                           double known, const char* unit) {
+      const Frame& most =
+          *std::max_element(one.frames.begin(), one.frames.end(),
+                            [&](const Frame& a, const Frame& b) { return a.*member < b.*member; });
+      if (!(most.*member > kBeyond * seen + more) || seen >= known) return;
       what += fmt::format("{}{} of {:.2g}{} at frame {} (seen: {:.2g})", what.empty() ? "" : ", ",
-                          name, most.value, unit, most.frame, seen);
+                          name, most.*member, unit, most.number, seen);
     };
-    const material::Excitation& seen = one.excited;
-    if (one.strain.value > kBeyond * seen.strain && seen.strain < kLargestKnownStrain) {
-      add("a strain", one.strain, seen.strain, "");
-    }
-    const auto leaves = [&](const Most& most, double of) {
-      return most.value > kBeyond * of + kBeyondVolume && of < kLargestKnownVolume;
-    };
-    if (leaves(one.compression, seen.compression)) {
-      add("a loss of volume", one.compression, seen.compression, "");
-    }
-    if (leaves(one.expansion, seen.expansion)) {
-      add("a gain of volume", one.expansion, seen.expansion, "");
-    }
-    if (one.rate.value > kBeyond * seen.fastest) add("a rate", one.rate, seen.fastest, " 1/s");
+    const material::Excitation& seen = *one.excited;
+    constexpr double kAny = std::numeric_limits<double>::infinity();
+    check("a strain", &Frame::strain, seen.strain, 0.0, kLargestKnownStrain, "");
+    check("a loss of volume", &Frame::compression, seen.compression, kBeyondVolume,
+          kLargestKnownVolume, "");
+    check("a gain of volume", &Frame::expansion, seen.expansion, kBeyondVolume, kLargestKnownVolume,
+          "");
+    check("a rate", &Frame::rate, seen.fastest, 0.0, kAny, " 1/s");
     if (what.empty()) continue;
     all.push_back(fmt::format(
         "'{}' leaves what its material was seen at when it was fitted: {}. There its law is "

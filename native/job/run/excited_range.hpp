@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,39 +10,46 @@
 
 namespace matterfit::job {
 
-/// Whether a run takes a material beyond what it was seen at when it was fitted
-/// (BodyDoc::excited): there its law is extrapolated.
+/// The strains and rates that the bodies of a run go through, and whether these take a material
+/// beyond what it was seen at when it was fitted (BodyDoc::excited): there its law is extrapolated.
 class ExcitedRange {
  public:
-  explicit ExcitedRange(const SceneDoc& scene);
+  /// `all`: of bodies too that do not say what they were seen at.
+  explicit ExcitedRange(const SceneDoc& scene, bool all = false);
 
-  /// Some body says what it was seen at.
+  /// Some body is watched.
   [[nodiscard]] bool any() const;
   /// Frames in their order. Of each body what 95 % of its particles stay within: |dev ε| of the
   /// total strain, as far as the plastic strain tells (its elastic part and √(3/2) of the
   /// equivalent plastic strain, which a flow back and forth makes too large); ln J; and |dev D|
   /// between this frame and the one before.
   void record(const mpm::FrameState& state);
+  /// The most of a body up to a frame, which is what a fit to these frames has seen of its
+  /// material; strains up to 2.5, volume strains up to 1.5. Nothing of a fluid, whose shape leaves
+  /// no trace in F, and of a body that is not watched.
+  [[nodiscard]] std::optional<material::Excitation> seen(const std::string& body,
+                                                         double last_frame) const;
   /// A sentence each of the bodies that left it by more than a quarter (of ln J: and a hundredth),
   /// with the frame where they were farthest out.
   [[nodiscard]] std::vector<std::string> notes() const;
 
  private:
-  struct Most {
-    double value = 0.0;
-    int frame = 0;
+  struct Frame {
+    int number = 0;
+    double strain = 0.0;
+    double compression = 0.0;
+    double expansion = 0.0;
+    double rate = 0.0;
+    double middle_rate = 0.0;
   };
   struct Watched {
     std::size_t body = 0;
     std::string name;
-    material::Excitation excited;
+    std::optional<material::Excitation> excited;
     bool fluid = false;  ///< of F only J is there
     std::vector<Mat3f> gradients;
     std::vector<float> plastic;
-    Most strain;
-    Most compression;
-    Most expansion;
-    Most rate;
+    std::vector<Frame> frames;
   };
 
   double frame_seconds_;

@@ -43,6 +43,24 @@ TEST(ExcitedRange, ARunWithinItHasNothingToSay) {
   EXPECT_FALSE(ExcitedRange(seen_at({})).any());
 }
 
+TEST(ExcitedRange, WhatAFitHasSeenEndsWithItsFrames) {
+  ExcitedRange range(seen_at({}), true);
+  range.record(stretched(0, 1.0));
+  range.record(stretched(1, 1.15));
+  range.record(stretched(2, 1.5));
+  const auto found = range.seen("cube", 1.0);
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->strain, std::sqrt(1.5) * std::log(1.15), 1e-6);
+  EXPECT_NEAR(range.seen("cube", 2.0)->strain, std::sqrt(1.5) * std::log(1.5), 1e-6);
+  EXPECT_FALSE(range.seen("other", 2.0));
+  EXPECT_TRUE(range.notes().empty());
+  // The same run again stays within what it was seen at.
+  ExcitedRange again(seen_at(found));
+  again.record(stretched(0, 1.0));
+  again.record(stretched(1, 1.15));
+  EXPECT_TRUE(again.notes().empty());
+}
+
 TEST(ExcitedRange, ALargerStrainAndAFasterOneAreSaidWithTheirFrame) {
   ExcitedRange range(seen_at(kSeen));
   range.record(stretched(0, 1.0));

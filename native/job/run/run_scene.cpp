@@ -18,7 +18,6 @@
 #include "job/run/checkpoint.hpp"
 #include "job/run/compare.hpp"
 #include "job/run/compare_images.hpp"
-#include "job/run/excited_range.hpp"
 #include "job/run/observe.hpp"
 #include "job/run/penetration.hpp"
 #include "job/run/state_file.hpp"
@@ -74,7 +73,7 @@ class Run {
       report(0.0, "Reading images");
       images_.emplace(job_, scene(), notes_, interrupter_);
     }
-    excited_.emplace(job_.scene);
+    excited_.emplace(job_.scene, bool(extras_.strained));
     if (job_.task == Task::kBake) {
       report(0.0, "Binding meshes");
       bake_.emplace(job_, scene(), *arena_, interrupter_);
@@ -386,6 +385,7 @@ class Run {
     json["simulation_seconds"] = simulated;
     if (deepest_.depth > 0.0) notes_.push_back(penetration_note(deepest_));
     for (std::string& note : excited_->notes()) notes_.push_back(std::move(note));
+    if (extras_.strained) extras_.strained(job_, *excited_);
   }
 
   /// Remembers who sank deepest into what, where that is more than a particle separation.

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "job/run/capture_input.hpp"
+#include "job/run/excited_range.hpp"
 #include "job/run/run_options.hpp"
 
 namespace matterfit::job {
@@ -23,6 +24,8 @@ struct RunExtras {
   std::function<void(const fit::CaptureInput&, const std::vector<double>& error_mm,
                      double body_size)>
       compared;
+  /// Of the run, and of each run of a capture's own scene: what its bodies go through.
+  std::function<void(const Job&, const ExcitedRange&)> strained;
   /// Called with the result before it is written; returns files in the folder that are then listed
   /// in the manifest.
   std::function<std::vector<std::string>(Json& result)> finish;

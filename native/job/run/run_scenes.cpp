@@ -50,6 +50,7 @@ Json run_scenes(const Job& job, const RunOptions& options, Interrupter& interrup
       inner.compared = extras.compared;
       inner.clouds = extras.clouds;
       inner.images = false;
+      inner.strained = extras.strained;
       join(result, run_scene(own, options, interrupter, inner), groups[g]);
     }
     return extras.finish ? extras.finish(result) : std::vector<std::string>();

@@ -63,8 +63,7 @@ std::pair<double, double> cycle(const Follow& law, const Mat3d& a, const Mat3d& 
   double at_round = 0.0;
   for (int n = 1; n <= 2 * kRound; ++n) {
     const double phase = 2.0 * M_PI * n / kRound;
-    const Mat3d f = Mat3d::Identity() +
-                    size * (std::sin(phase) * a + (1.0 - std::cos(phase)) * b);
+    const Mat3d f = Mat3d::Identity() + size * (std::sin(phase) * a + (1.0 - std::cos(phase)) * b);
     const Mat3d step = f * total.inverse();
     const Mat3d tau = law(step, state);
     const Mat3d middle = 0.5 * (f + total);
@@ -115,8 +114,8 @@ TEST(LawPrinciples, OursKeepThemWhateverTheWeights) {
   for (const StartLaw start : kStartLaws) {
     Pretraining options;
     options.fit_samples = 200;
-    const Material material = isotropic_material(with_directions(
-        "made", pretrain_isotropic(start_material(start), options), 1));
+    const Material material = isotropic_material(
+        with_directions("made", pretrain_isotropic(start_material(start), options), 1));
     const PointLaw law(material, 1e-3);
     const Kept found =
         kept([&](const Mat3d& step, PointState& state) { return law.advance(step, state); });

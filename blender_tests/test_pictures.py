@@ -18,10 +18,13 @@ class PictureTest(AttachCase):
 
     def write_files(self, document):
         local = numpy.array([vertex.co for vertex in self.item.data.vertices])
-        for kind in ("mesh", "points"):
-            write_pc2(os.path.join(self.folder_of_cache, kind, "Cube.pc2"), [local] * len(FRAMES))
+        # The document calls a mesh, the library calls the other files by the body's own name.
+        name = self.body_row.name
+        meshes = [entry["name"] for entry in document["output"].get("mesh", [])]
+        for path in (f"points/{name}.pc2", *(f"mesh/{mesh}.pc2" for mesh in meshes)):
+            write_pc2(os.path.join(self.folder_of_cache, path), [local] * len(FRAMES))
         for frame in FRAMES:
-            write_vdb(os.path.join(self.folder_of_cache, "volume", f"Cube_{frame:04d}.vdb"), 0.2)
+            write_vdb(os.path.join(self.folder_of_cache, "volume", f"{name}_{frame:04d}.vdb"), 0.2)
 
     def seen(self, items, where="hide_render"):
         return {tag.split(":")[0] for tag, item in items.items() if not getattr(item, where)}
@@ -37,6 +40,18 @@ class PictureTest(AttachCase):
         self.assertEqual(self.seen(items), {"mesh"})
         self.assertEqual(self.seen(items, "hide_viewport") - {"volume"}, {"mesh"})
         self.assertTrue(self.item.hide_render and self.item.hide_viewport)
+
+    def test_of_any_name(self):
+        """Files of one body are called by two names where its own has a space or a dot."""
+        for name in ("Cube.001", "Sand Pile", "a  b"):
+            for preset, wanted in (("JELLY", "mesh"), ("SAND", "surface")):
+                with self.subTest(name, preset=preset):
+                    self.setUp()
+                    self.body_row.name = name
+                    self.body_row.material.preset = preset
+                    items = self.attach(volume=["density", "surface"])
+                    self.assertEqual(self.seen(items), {wanted})
+                    self.assertEqual(self.seen(items, "hide_viewport") - {"volume"}, {wanted})
 
     def test_of_what_pours(self):
         """Water and sand are their surface; the mesh is neither asked for nor seen."""

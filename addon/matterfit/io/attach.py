@@ -101,7 +101,7 @@ class Attachment:
 
     def body(self, name):
         for index, body in enumerate(self.scene.matterfit.bodies):
-            if files.safe_name(body.name) == name or body.name == name:
+            if files.safe_name(body.name) == files.safe_name(name):
                 return index, body
         return 0, None
 
@@ -131,7 +131,7 @@ class Attachment:
                    for body in self.document["scene"]["bodies"]}
         kinds = {}
         for item in self.items:
-            kind, _colon, name = item[attached.TAG].partition(":")
+            kind, name = attached.kind_and_body(item)
             kinds.setdefault(name, {})[kind] = item
         for name, items in kinds.items():
             usable = {kind for kind, item in items.items() if item[attached.TAG] in self.kept}

@@ -4,7 +4,7 @@
 import bpy
 
 from ..props import reactions
-from . import nodes
+from . import attached, nodes
 from .attached import TAG
 
 SEPARATION_TAG = "matterfit_separation"  # [m], of the particles that a surface is around
@@ -60,10 +60,9 @@ def blur(work):
     """Gives each surface the velocity of the particles, where those have one."""
     if "velocity" not in work.document.get("output", {}).get("attributes", []):
         return
-    clouds = {item[TAG].partition(":")[2]: item for item in work.items
-              if item[TAG].startswith("points:")}
-    for item in work.items:
-        kind, _colon, name = item[TAG].partition(":")
+    shown = [(item, attached.kind_and_body(item)) for item in work.items]
+    clouds = {name: item for item, (kind, name) in shown if kind == "points"}
+    for item, (kind, name) in shown:
         if kind == "surface" and name in clouds:
             modifier = item.modifiers.get(VELOCITY) or item.modifiers.new(VELOCITY, "NODES")
             modifier.node_group = nodes.velocity_tree(f"{VELOCITY} {item.name}", clouds[name],

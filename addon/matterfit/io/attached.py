@@ -9,10 +9,17 @@ import bpy
 
 from ..compat import translate
 from ..jobs import JobError
-from . import cache, shapes, visibility
+from . import cache, files, shapes, visibility
 
 TAG = "matterfit"
 CACHE_TAG = "matterfit_cache"
+
+
+def kind_and_body(item):
+    """(what the object shows, of which body): 'mesh', 'surface', … and the name that files of that
+    body have, whichever of a body's two names the output is called by."""
+    kind, _colon, name = item[TAG].partition(":")
+    return kind, files.safe_name(name)
 
 
 def objects_of(scene, take):

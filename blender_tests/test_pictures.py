@@ -128,6 +128,18 @@ class VolumeTest(AttachCase):
             radius = numpy.linalg.norm(points - (0, 0, 1), axis=1).mean()
             self.assertAlmostEqual(radius, 0.2 + 0.05 * k, delta=0.004)
 
+    def test_the_surface_is_where_the_level_set_is(self):
+        """The middle of a sphere within a tenth of a voxel, at any scale of the scene."""
+        for scale_length in (1.0, 0.01):
+            self.scene.unit_settings.scale_length = scale_length
+            items = self.attach(volume=["density", "surface"])
+            surface = items["surface:Cube"]
+            surface.hide_viewport = False
+            for frame in (FRAMES[0], FRAMES[-1]):
+                middle = evaluated_points(surface, frame) * scale_length
+                middle = 0.5 * (middle.min(axis=0) + middle.max(axis=0))
+                numpy.testing.assert_allclose(middle, (0, 0, 1), atol=0.1 * 0.02)
+
     def test_renders_without_us(self):
         """`-a` of the saved file in a bare Blender: pictures that differ from frame to frame."""
         self.attach(volume=["surface"])

@@ -28,6 +28,7 @@ def volume(work, name, sequence, grids):
     volume.sequence_mode = "EXTEND"
     if hasattr(volume, "velocity_unit"):
         volume.velocity_unit = "SECOND"
+    item.delta_location = (-0.5 * _voxel(sequence.path(sequence.first), grids) * work.unit,) * 3
     if not volume.materials:
         index, _body = work.body(name)
         volume.materials.append(nodes.volume_material(f"Matterfit {name} Volume",
@@ -35,6 +36,21 @@ def volume(work, name, sequence, grids):
     if "surface" in grids:
         _surface(work, name, item)
     return count
+
+
+def _voxel(path, grids):
+    """Width [m] of the voxels of a file, of its level set where there is one. Blender takes the value
+    of a voxel for that of a cube from its place on, and shifts fog and Volume to Mesh by half a voxel;
+    in the files the place is the middle of the cube, as everywhere else."""
+    wanted = "surface" if "surface" in grids else grids[0]
+    # A sequence knows its file only where it is evaluated.
+    single = bpy.data.volumes.new("Matterfit")
+    try:
+        single.filepath = path
+        single.grids.load()
+        return next((grid.matrix_object[0][0] for grid in single.grids if grid.name == wanted), 0.0)
+    finally:
+        bpy.data.volumes.remove(single)
 
 
 def _surface(work, name, volume_object):

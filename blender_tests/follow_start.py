@@ -150,7 +150,7 @@ def last_frame():
 
 def bake():
     yield from press("bake")
-    require(takes.is_finished(settings().takes[0]), "the bake is not finished")
+    require(takes.finished_frames(settings().takes[0]), "the bake is not finished")
 
 
 def floor():

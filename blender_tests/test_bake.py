@@ -8,8 +8,8 @@ from unittest import mock
 
 import bpy
 import numpy
-from matterfit import jobs, native
-from matterfit.io import cache, files, job_document, takes
+from matterfit import handlers, jobs, native
+from matterfit.io import attached, cache, files, job_document, takes
 from matterfit.jobs import State
 from support import SceneCase, kill_cli, needs_library, printed_json, read, run_cli, second_process, tree
 
@@ -175,6 +175,20 @@ print(json.dumps(found))
         self.assertEqual([take.name for take in self.settings.takes], ["Take 1", "Take 2"])
         self.assertEqual(self.settings.take_index, 1)
         self.assertTrue(self.settings.takes[0].baked and self.settings.takes[1].baked)
+        self.assertEqual(first, tree(self.folder_of(0)))
+
+    def test_a_take_that_undo_took_back_is_kept(self):
+        """Undo of a bake takes back what the take says of it, and no file: they stay as well."""
+        bpy.ops.matterfit.bake()
+        first = tree(self.folder_of())
+        take = self.settings.takes[0]
+        attached.remove(attached.objects_of(self.scene, take))
+        take.baked, take.frames_done, take.collection = False, 0, None
+        handlers.look_after_undo()
+        self.assertEqual(takes.finished_frames(take), 6)
+        self.row.velocity = (1.0, 0.0, 0.0)
+        self.assertEqual(bpy.ops.matterfit.bake(), {"FINISHED"})
+        self.assertEqual([take.name for take in self.settings.takes], ["Take 1", "Take 2"])
         self.assertEqual(first, tree(self.folder_of(0)))
 
     def test_what_is_on_disk_is_shown(self):

@@ -350,7 +350,7 @@ def modal_bake():
 
 def undone_free():
     """Undo after Free brings the take back, without objects that would play deleted files."""
-    if modal("bake") != {"RUNNING_MODAL"}:
+    if modal("bake", onto="REPLACE") != {"RUNNING_MODAL"}:
         raise AssertionError("Bake does not run modally")
     job = jobs.registry.running
     yield from wait_for(lambda: job.ended, 150.0, "the end of a bake of what is there")

@@ -27,12 +27,12 @@ def view():
     return window, area
 
 
-def modal(operator, undo=False):
+def modal(operator, undo=False, **arguments):
     """Presses the button; `undo`: one that ends at once makes its step only where it is told."""
     window, area = view()
     region = next(region for region in area.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=window, area=area, region=region):
-        return getattr(bpy.ops.matterfit, operator)("INVOKE_DEFAULT", undo)
+        return getattr(bpy.ops.matterfit, operator)("INVOKE_DEFAULT", undo, **arguments)
 
 
 def wait_for(condition, seconds, what):

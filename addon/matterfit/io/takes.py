@@ -143,21 +143,23 @@ def ensure_active(settings):
     return take
 
 
-def is_finished(take):
-    """Whether the take has a whole bake of its own, which another one would replace."""
+def finished_frames(take):
+    """How many frames the take's own whole bake holds, which another one would replace; 0 where there
+    is none. The disk says so: undo takes back what the take says of it, and no file."""
     location = locate(take)
-    if not take.baked or not location.exists or (location.linked and not cache.in_batch(take)):
-        return False
+    if not location.exists or (location.linked and not cache.in_batch(take)):
+        return 0
     with contextlib.suppress(JobError):
-        return bool(cache.manifest(location.folder).get("complete"))
-    return False
+        found = cache.manifest(location.folder)
+        return found.get("frames_baked", 0) if found.get("complete") else 0
+    return 0
 
 
 def for_bake(settings, replace):
     """The take that a bake goes to: the active one, or a new one like it where that is finished and
     nobody has said that it may be replaced."""
     take = ensure_active(settings)
-    if replace or not is_finished(take):
+    if replace or not finished_frames(take):
         return take
     index = settings.take_index
     added = add(settings, f"{translate('Take')} {len(settings.takes) + 1}")

@@ -109,7 +109,7 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
     def invoke(self, context, event):
         take = scene_props.active_take(context.scene.matterfit)
         asked = self.properties.is_property_set("onto")
-        if take is not None and not asked and not bpy.app.background and takes.is_finished(take):
+        if take is not None and not asked and not bpy.app.background and takes.finished_frames(take):
             return bpy.ops.matterfit.bake_again("INVOKE_DEFAULT")
         return super().invoke(context, event)
 
@@ -173,7 +173,7 @@ class MATTERFIT_OT_bake_again(bpy.types.Operator):
     def draw(self, context):
         take = scene_props.active_take(context.scene.matterfit)
         self.layout.label(text=translate("'{name}' holds {n} baked frames.").format(
-            name=take.name, n=take.frames_done), translate=False)
+            name=take.name, n=takes.finished_frames(take)), translate=False)
         self.layout.prop(self, "onto", expand=True)
 
     def execute(self, _context):

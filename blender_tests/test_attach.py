@@ -8,7 +8,7 @@ import bpy
 import numpy
 from attach_case import FRAMES, AttachCase, evaluated_points
 from fake_cache import write_exr, write_pc2
-from matterfit.io import attach, attached, cache, takes
+from matterfit.io import attach, attached, cache, shapes, takes
 from matterfit.jobs import JobError
 from support import second_process, select
 
@@ -86,6 +86,25 @@ class MeshTest(AttachCase):
         result = next(item for item in self.take.collection.objects)
         for frame in (FRAMES[0], FRAMES[-1]):
             numpy.testing.assert_allclose(evaluated_points(result, frame), start, atol=1e-5)
+
+    def test_hair_grows_on_the_result(self):
+        """It follows the cache; other particles would be emitted once more."""
+        settings = self.item.modifiers.new("Fur", "PARTICLE_SYSTEM").particle_system.settings
+        settings.type, settings.count = "HAIR", 10
+        self.item.modifiers.new("Sparks", "PARTICLE_SYSTEM")
+        self.item.modifiers.new("Subdivision", "SUBSURF").levels = 1
+        result = self.attach()["mesh:Cube"]
+        self.assertEqual([modifier.name for modifier in result.modifiers],
+                         ["Matterfit Cache", "Fur", "Subdivision"])
+        roots = []
+        for frame in FRAMES:
+            self.scene.frame_set(frame)
+            evaluated = result.evaluated_get(bpy.context.evaluated_depsgraph_get())
+            roots.append(evaluated.particle_systems[0].co_hair(evaluated, particle_no=0, step=0).z)
+        numpy.testing.assert_allclose(numpy.diff(roots), 0.1, atol=1e-4)
+        self.assertFalse(shapes.loses_hair(self.item))
+        self.item.modifiers.new("Mirror", "MIRROR")
+        self.assertTrue(shapes.loses_hair(self.item))
 
     def test_changed_mesh_is_said(self):
         """Blender would show the undeformed mesh and say nothing."""

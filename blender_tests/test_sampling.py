@@ -354,6 +354,40 @@ class ModifierTest(SamplingCase):
         self.assertEqual(len(body["vertices"]), 2 * 26)
         self.assertEqual(len(render["vertices"]), 2 * 26)
 
+    def test_a_deformer_after_a_refiner(self):
+        """What is refined and then deformed is the shape: deforming a moved mesh would distort it."""
+        for kind in ("SIMPLE_DEFORM", "CAST", "DISPLACE", "WAVE", "SMOOTH"):
+            for refiner in ("SUBSURF", "BEVEL"):
+                with self.subTest(kind, refiner=refiner):
+                    self.item.modifiers.clear()
+                    self.item.modifiers.new("Finer", refiner)
+                    self.item.modifiers.new("Moves", kind)
+                    bound, body = shapes.bound_shape(self.item), shapes.body_shape(self.item)
+                    self.assertEqual((bound.stop, bound.made), (2, True))
+                    self.assertEqual((body.kind, body.text), ("mesh", "the mesh after 'Moves'"))
+                    shape, render, _entry = self.sampled()
+                    self.assertEqual(len(render["vertices"]), len(shape["vertices"]))
+                    self.assertGreater(len(render["vertices"]), 8)
+                    # What refines at the end stays with the result.
+                    self.item.modifiers.new("Last", "SUBSURF")
+                    self.assertEqual(shapes.bound_shape(self.item).stop, 2)
+                    self.assertEqual((shapes.body_shape(self.item).kind,
+                                      shapes.body_shape(self.item).stop), ("cage", 2))
+
+    def test_what_the_shape_is_called(self):
+        self.assertEqual(shapes.body_shape(self.item).text, "the object's own mesh")
+        self.item.modifiers.new("Normals", "WEIGHTED_NORMAL")
+        self.assertEqual(shapes.body_shape(self.item).text, "the object's own mesh")
+        self.item.modifiers.new("Bend", "SIMPLE_DEFORM")
+        self.assertEqual(shapes.body_shape(self.item).text, "the mesh after 'Bend'")
+
+    def test_nothing_left_is_said_by_name(self):
+        self.item.modifiers.new("Mirror", "MIRROR")
+        group = self.item.vertex_groups.new(name="none")
+        self.item.modifiers.new("Away", "MASK").vertex_group = group.name
+        with self.assertRaisesRegex(JobError, "'Cube'.*modifier 'Away' leaves no surface"):
+            self.document()
+
     def nodes(self, realized=True):
         """A node group that gives the object on every vertex a cube, as instances or not."""
         tree = bpy.data.node_groups.new("Cubes", "GeometryNodeTree")

@@ -26,7 +26,8 @@ def render_mesh(work, entry, points):
         copy.constraints.clear()
         copy.parent = None
         for modifier in [other for other in copy.modifiers
-                         if shapes.is_own(other) or other.type == "PARTICLE_SYSTEM"]:
+                         if shapes.is_own(other) or other.type == "PARTICLE_SYSTEM"
+                         and not (shapes.is_hair(other) and not bound.made)]:
             copy.modifiers.remove(modifier)
         for modifier in list(source.modifiers)[:bound.stop] if bound.made else ():
             if modifier.name in copy.modifiers:

@@ -7,7 +7,7 @@ import bpy
 import numpy
 
 from ..jobs import JobError
-from .shapes import modifiers_limited
+from .shapes import emptied_by, modifiers_limited
 
 
 def edge_creases(mesh):
@@ -154,6 +154,10 @@ def group_points(item, shape, group):
 
 def check_faces(item, arrays):
     if len(arrays["vertices"]) == 0 or len(arrays["face_sizes"]) == 0:
+        name = emptied_by(item)
+        if name:
+            raise JobError(f"object '{item.name}': its modifier '{name}' leaves no surface. Change it, or "
+                           "switch it off.")
         raise JobError(f"object '{item.name}': its mesh has {len(arrays['vertices'])} vertices and "
                        f"{len(arrays['face_sizes'])} faces, so it has no surface. Choose an "
                        "object with faces, or a points file.")

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which shape of an object is simulated and which mesh the result moves: both come after the
-modifiers that make the shape (Mirror, Array, Solidify, Boolean, Geometry Nodes), the mesh before those
-that only refine it (Subdivision, Bevel), which then refine what was simulated."""
+modifiers that make the shape (Mirror, Array, Solidify, Boolean, Geometry Nodes; a deformer too where
+something was refined before it), the mesh before those that only refine it at the end (Subdivision,
+Bevel), which then refine what was simulated."""
 
 import contextlib
 from dataclasses import dataclass
@@ -20,6 +21,11 @@ DEFORMERS = frozenset({
     "SURFACE_DEFORM", "WARP", "WAVE", "CLOTH", "SOFT_BODY", "MESH_CACHE", "COLLISION", "SURFACE",
     "PARTICLE_SYSTEM", "DATA_TRANSFER", "NORMAL_EDIT", "WEIGHTED_NORMAL", "UV_PROJECT", "UV_WARP",
     "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY",
+})
+# Of these, the ones that leave the vertices where they are.
+STILL = frozenset({
+    "COLLISION", "SURFACE", "PARTICLE_SYSTEM", "DATA_TRANSFER", "NORMAL_EDIT", "WEIGHTED_NORMAL",
+    "UV_PROJECT", "UV_WARP", "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY",
 })
 # Modifiers that add detail to a mesh that has the shape already. All others make the shape.
 REFINERS = frozenset({"SUBSURF", "MULTIRES", "BEVEL", "TRIANGULATE", "EDGE_SPLIT"})
@@ -62,24 +68,44 @@ def _keeps_vertices(modifier):
     return modifier.type in DEFORMERS
 
 
-def _stack(item):
-    """[(index, modifier)] of the artist's modifiers in use that change the vertices."""
+def _deforms(modifier):
+    return modifier.type in DEFORMERS and modifier.type not in STILL
+
+
+def _artists(item, wanted):
+    """[(index, modifier)] of the artist's modifiers in use of which `wanted(modifier)`."""
     return [(index, modifier) for index, modifier in enumerate(item.modifiers)
-            if not is_own(modifier) and is_used(modifier) and not _keeps_vertices(modifier)]
+            if not is_own(modifier) and is_used(modifier) and wanted(modifier)]
+
+
+def _stack(item):
+    """Those that change the vertices' number or order."""
+    return _artists(item, lambda modifier: not _keeps_vertices(modifier))
 
 
 def _split(item):
     """(makers, refiners): what makes the shape, and what comes after and only refines it; lists of
-    (index, modifier)."""
-    stack = _stack(item)
-    makers = [place for place, (_index, modifier) in enumerate(stack)
-              if modifier.type not in REFINERS]
-    end = makers[-1] + 1 if makers else 0
-    if makers:
-        # The details of Multiresolution lie in the object's own mesh.
-        end = max([end, *(place + 1 for place, (_index, modifier) in enumerate(stack)
-                          if modifier.type == "MULTIRES")])
-    return stack[:end], stack[end:]
+    (index, modifier). What is refined and then deformed is made: the cache of a coarser mesh would be
+    deformed once more as it moves."""
+    stack = _artists(item, lambda modifier: not _keeps_vertices(modifier) or _deforms(modifier))
+    end, refined, made = 0, False, False
+    for place, (_index, modifier) in enumerate(stack):
+        if modifier.type in REFINERS:
+            refined = True
+            # The details of Multiresolution lie in the object's own mesh.
+            if modifier.type == "MULTIRES" and made:
+                end = place + 1
+        elif not _deforms(modifier):
+            made, end = True, place + 1
+        elif refined:
+            end = place + 1
+    return stack[:end], [entry for entry in stack[end:] if not _deforms(entry[1])]
+
+
+def _deformed(item):
+    """How a mesh is called that no modifier has made."""
+    deformers = _artists(item, _deforms)
+    return f"the mesh after '{deformers[-1][1].name}'" if deformers else "the object's own mesh"
 
 
 def body_shape(item):
@@ -97,7 +123,7 @@ def body_shape(item):
         return Shape("mesh", everything, 0, f"the mesh after '{last.name}'", True)
     if makers:
         return Shape("mesh", everything, 0, f"the mesh after '{makers[-1][1].name}'", True)
-    return Shape("mesh", everything, 0, "the mesh after its deformers")
+    return Shape("mesh", everything, 0, _deformed(item))
 
 
 def bound_shape(item):
@@ -106,14 +132,28 @@ def bound_shape(item):
     if refiners:
         index, first = refiners[0]
         return Shape("mesh", index, 0, f"the mesh before '{first.name}'", bool(makers))
-    return Shape("mesh", len(item.modifiers), 0, "the mesh after its deformers", bool(makers))
+    return Shape("mesh", len(item.modifiers), 0, _deformed(item), bool(makers))
 
 
 def cache_place(item):
-    """Where in the stack of an object of ours its cache stands: before what refines the mesh."""
-    return next((index for index, modifier in enumerate(item.modifiers)
-                 if is_used(modifier) and not is_own(modifier) and not _keeps_vertices(modifier)
-                 or modifier.type == "NODES" and is_own(modifier)), len(item.modifiers))
+    """Where in the stack of an object of ours its cache stands: after its deformers, before what
+    refines the mesh and before hair, which grows on what moves."""
+    end = next((index for index, modifier in enumerate(item.modifiers)
+                if is_used(modifier) and not is_own(modifier) and not _keeps_vertices(modifier)
+                or modifier.type == "NODES" and is_own(modifier)), len(item.modifiers))
+    deformers = [index for index, _modifier in _artists(item, _deforms) if index < end]
+    first = deformers[-1] + 1 if deformers else 0
+    return next((index for index in range(first, end) if is_hair(item.modifiers[index])), end)
+
+
+def is_hair(modifier):
+    return (modifier.type == "PARTICLE_SYSTEM"
+            and modifier.particle_system.settings.type == "HAIR")
+
+
+def loses_hair(item):
+    """Whether hair of the object cannot stay on the result: it grows on faces of another mesh."""
+    return any(is_hair(modifier) for modifier in item.modifiers) and bound_shape(item).made
 
 
 def check(item, depsgraph):
@@ -130,6 +170,18 @@ def check(item, depsgraph):
         raise JobError(
             f"object '{item.name}': its modifier '{nodes[-1].name}' leaves instances, which are no "
             "surface. Add the node Realize Instances at its end.")
+
+
+def emptied_by(item):
+    """The name of the modifier after which nothing is left of a mesh that has faces; "" where the mesh
+    itself has none, or something is left."""
+    if item.type != "MESH" or not item.data.polygons:
+        return ""
+    for index, modifier in _stack(item):
+        with modifiers_limited(item, index + 1):
+            if not item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons:
+                return modifier.name
+    return ""
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ from bpy.props import EnumProperty
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import attach, cache, plain, takes, visibility, words
+from ..io import attach, cache, plain, shapes, takes, visibility, words
 from ..jobs import EXIT_INPUT, JobError
 from ..props import scene as scene_props
 from .base import JobOperator, session
@@ -29,6 +29,15 @@ def report_text(job):
               if body.get("fill")]
     parts += result.get("notes", [])
     return "\n".join(parts)
+
+
+def lost_hair(settings):
+    """What is said of hair that the results do not have."""
+    return [translate("{name}: its hair is not on the result, as modifiers make another mesh. Grow it "
+                      "on the result.").format(name=body.name)
+            for body in settings.bodies
+            if body.role == "BODY" and body.enabled and body.source == "OBJECT"
+            and body.object is not None and shapes.loses_hair(body.object)]
 
 
 class BakeJob(JobOperator):
@@ -60,7 +69,9 @@ class BakeJob(JobOperator):
             scene.frame_set(self._stood)
         if take is not None:
             take.baked = True
-        session(context).last_report = words.in_panel(report_text(job), context.scene.matterfit)
+        settings = context.scene.matterfit
+        session(context).last_report = "\n".join([words.in_panel(report_text(job), settings),
+                                                  *lost_hair(settings)])
 
     def take_back(self, settings, take):
         """Called where nothing came of the job: it has not begun."""

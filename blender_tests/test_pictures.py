@@ -72,6 +72,13 @@ class PictureTest(AttachCase):
         self.assertLess(volume.data.display.density, 1e-4)  # Blender's least
         self.assertEqual(volume.data.display.wireframe_type, "NONE")
 
+    def test_fog_does_not_lie_over_the_surface(self):
+        """With the grid that it would be made of: in Material Preview wires have no fog."""
+        self.body_row.material.preset = "WATER"
+        items = self.attach(volume=["density", "surface"])
+        self.assertEqual(self.seen(items), {"surface"})
+        self.assertEqual(items["volume:Cube"].display_type, "WIRE")
+
     def test_fog_where_there_is_nothing_better(self):
         document, folder = self.document()
         self.folder_of_cache = folder
@@ -81,6 +88,7 @@ class PictureTest(AttachCase):
         items = {item["matterfit"]: item for item in self.take.collection.objects}
         self.assertEqual(self.seen(items), {"volume"})
         self.assertEqual(items["volume:Cube"].data.display.density, 1.0)
+        self.assertEqual(items["volume:Cube"].display_type, "TEXTURED")
 
     def test_while_it_bakes(self):
         """Particles are of the newest frame; nothing of another frame stands beside them."""

@@ -23,7 +23,8 @@ def decide(item, seen):
     item.hide_render = not seen
     if item.type == "VOLUME":
         # Its level set is what Volume to Mesh reads, and a hidden object is not evaluated: it stays,
-        # without anything that could be seen.
+        # without anything that could be seen. As wires it has no fog in Material Preview either.
+        item.display_type = "TEXTURED" if seen else "WIRE"
         item.data.display.density = 1.0 if seen else 0.0
         item.data.display.wireframe_type = "BOXES" if seen else "NONE"
         item.hide_select = not seen

@@ -465,6 +465,15 @@ class VerifyTest(JobCase):
         with mock.patch.object(native, "inspect", side_effect=JobError("manifest.json: is damaged")):
             self.fails(bpy.ops.matterfit.verify, ["manifest.json: is damaged"])
 
+    def test_an_error_goes_with_the_next_success(self):
+        """Of any operator: what is shown is of what was pressed last."""
+        self.cached()
+        with mock.patch.object(native, "inspect", side_effect=JobError("manifest.json: is damaged")):
+            self.fails(bpy.ops.matterfit.verify, ["manifest.json: is damaged"])
+        self.assertNotEqual(self.error(), "")
+        self.assertEqual(bpy.ops.matterfit.add_take(), {"FINISHED"})
+        self.assertEqual(self.error(), "")
+
     def test_sound(self):
         self.cached()
         with mock.patch.object(native, "inspect", return_value={"faults": []}) as inspect:

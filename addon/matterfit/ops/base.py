@@ -90,11 +90,13 @@ class PlainOperator:
 
     def execute(self, context):
         try:
-            result = self.act(context)
+            result = self.act(context) or {"FINISHED"}
         except JobError as error:
             return report_error(self, context, str(error))
+        if "FINISHED" in result:
+            session(context).last_error = ""  # of what was tried before
         redraw(context)
-        return result or {"FINISHED"}
+        return result
 
 
 # The operators that run modally: Blender names them nowhere.

@@ -115,6 +115,19 @@ class WordsTest(SceneCase):
                  "Move one of them so that they touch at most.",
                  "Body 'Soft' starts up to 92 cm inside the ground. Move one of them so that they touch at "
                  "most."),
+                ("Body 'Soft', frame 3 (0.1 s): particle 7 is not a number. Use a smaller "
+                 "scene.solver.dt_safety or particle separation, or gentler motion.",
+                 "Body 'Soft', frame 3 (0.1 s): particle 7 is not a number. Use a smaller Particle "
+                 "Separation, or gentler motion."),
+                ("The deformation is larger than this grid can follow: use a smaller particle separation, "
+                 "a smaller scene.solver.dt_safety, gentler motion, or formulation 'updated' if the body "
+                 "flows or tears.",
+                 "Use a smaller Particle Separation, gentler motion, or the Formulation Updated Lagrangian "
+                 "if the body flows or tears."),
+                ("Use other start values or narrower bounds, or a lower solver.dt_safety.",
+                 "Use other start values or narrower bounds."),
+                ("mf_job_options.threads: -1, expected a number of threads, or 0.",
+                 "Threads: -1, expected a number of threads, or 0."),
                 ("Bodies 'A' and 'B' lie in each other, about (4.21e-17, 0.1, 0) m. Move one so that "
                  "they touch at most.",
                  "Bodies 'A' and 'B' lie in each other. Move one so that they touch at most."),

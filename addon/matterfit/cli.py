@@ -58,7 +58,7 @@ def parser():
                          "place of the active one")
         sub.add_argument("--set", action="append", default=[], metavar="PATH=VALUE",
                          help="change the document, as in scene.gravity=[0,0,-3.7]")
-        sub.add_argument("--threads", type=int, default=0, help="0: as many as the machine has")
+        sub.add_argument("--threads", type=_count, default=0, help="0: as many as the machine has")
         sub.add_argument("--target", default="auto",
                          help="instruction set: auto, sse4, avx2, avx512")
         sub.add_argument("--report", help="write the result to this file too")
@@ -78,7 +78,7 @@ def parser():
     many.add_argument("--jobs", type=int, default=1, help="members that run side by side")
     many.add_argument("--write", default="", choices=("slurm", "flamenco"),
                       help="run nothing, write the file of a farm beside the members")
-    many.add_argument("--threads", type=int, default=0, help="0: as many as the machine has")
+    many.add_argument("--threads", type=_count, default=0, help="0: as many as the machine has")
     many.add_argument("--report", help="write the result to this file too")
     many.add_argument("--json", action="store_true", help="print the result as JSON")
     many.add_argument("--quiet", action="store_true", help="no progress on standard error")
@@ -138,6 +138,14 @@ def run(module, arguments):
             return run_job(module, arguments, scene_job.question(folder))
     scene = scene_job.SceneJob(arguments.verb, arguments.save)
     return run_job(module, arguments, scene.path, scene)
+
+
+def _count(text):
+    """A number of threads."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"is {value}, expected a number of threads, or 0")
+    return value
 
 
 def run_wedge(module, arguments, files):

@@ -86,6 +86,11 @@ def _resumed(match):
     return translate("Went on after frame {n}.").format(n=match["n"])
 
 
+_SMALLER = "Use a smaller Particle Separation, or gentler motion."
+_SMALLER_OR_FLOWS = ("Use a smaller Particle Separation, gentler motion, or the Formulation Updated "
+                     "Lagrangian if the body flows or tears.")
+
+
 def counted(count, noun):
     """How many of "layer", "frame" or "particle": 1 frame, 2 frames."""
     one, many = {"layer": ("{n} layer", "{n} layers"), "frame": ("{n} frame", "{n} frames"),
@@ -101,6 +106,15 @@ _PASCALS = re.compile(rf"(?<= )(?P<value>-?{_NUMBER}) (?P<unit>Pa\b)")
 
 # Each pattern with what is said in its place.
 _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
+    # The panel has no margin of the time step.
+    (r"Use a smaller scene\.solver\.dt_safety or particle separation, or gentler motion\.", _fixed(_SMALLER)),
+    (r"The deformation is larger than this grid can follow: use a smaller particle separation, a smaller "
+     r"scene\.solver\.dt_safety, gentler motion, or formulation 'updated' if the body flows or tears\.|"
+     r"Use a smaller scene\.solver\.dt_safety, a smaller particle separation, or formulation 'updated'\.",
+     _fixed(_SMALLER_OR_FLOWS)),
+    (r",? or a (?:smaller|lower) (?:scene\.)?solver\.dt_safety| \((?:scene\.)?solver\.dt_safety\)",
+     lambda _match: ""),
+    (r"\bmf_job_options\.threads\b", lambda _match: translate_label("Threads")),
     (rf"(?P<body>Body '[^'\n]+') starts up to (?P<depth>{_NUMBER}) m inside (?P<other>'[^'\n]+'|\w+), "
      r"at \([^)\n]*\) m\.", _deep),
     (r"(?<= lie in each other), about \([^)\n]*\) m(?=\.)", lambda _match: ""),

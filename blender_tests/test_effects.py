@@ -118,6 +118,17 @@ class EffectsTest(SceneCase):
         with self.assertRaisesRegex(JobError, "effect 'Wind': there is no body 'Ball'"):
             self.document()
 
+    def test_the_name_follows_the_kind_until_it_is_typed(self):
+        for _ in range(2):
+            bpy.ops.matterfit.add_effect(kind="WIND")
+        first, second = self.settings.effects
+        self.assertEqual((first.name, second.name), ("Wind", "Wind 2"))
+        first.kind = second.kind = "BUOYANCY"
+        self.assertEqual((first.name, second.name), ("Buoyancy", "Buoyancy 2"))
+        first.name = "Sea"
+        first.kind = "VORTEX"
+        self.assertEqual(first.name, "Sea")
+
     def test_removing(self):
         for _ in range(3):
             self.add("WIND")

@@ -111,7 +111,9 @@ class Attachment:
         item = body.object if body is not None and body.source == "OBJECT" else None
         if item is not None and item.active_material is not None:
             return item.active_material
-        return nodes.surface_material(f"Matterfit {name}", nodes.COLORS[index % len(nodes.COLORS)])
+        law = body.material.law if body is not None else ""
+        place = nodes.COLOR_OF_LAW.get(law, index % len(nodes.COLORS))
+        return nodes.surface_material(f"Matterfit {name}", nodes.COLORS[place])
 
     # -- what is seen --------------------------------------------------------------------------
 

@@ -10,6 +10,7 @@ from .. import compat
 # Colours of bodies that have no material of their own, in turn.
 COLORS = ((0.80, 0.36, 0.22), (0.24, 0.50, 0.72), (0.45, 0.62, 0.28), (0.74, 0.60, 0.25),
           (0.52, 0.36, 0.62), (0.35, 0.62, 0.60))
+COLOR_OF_LAW = {"NEWTONIAN": 1, "DRUCKER_PRAGER": 3}  # liquids are blue, grains sandy
 # Scalar attributes live in the red channel, vectors in red, green, blue.
 VECTOR_ATTRIBUTES = frozenset({"velocity"})
 

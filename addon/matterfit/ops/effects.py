@@ -4,7 +4,6 @@
 import bpy
 
 from .. import effects
-from ..compat import translate_label
 from ..props import scene as scene_props
 from .base import PlainOperator, greyed, remove_active
 
@@ -22,15 +21,7 @@ class MATTERFIT_OT_add_effect(PlainOperator, bpy.types.Operator):
 
     def act(self, context):
         settings = context.scene.matterfit
-        taken = {item.name for item in settings.effects}
-        title = translate_label(effects.find(self.kind).title)
-        name, count = title, 1
-        while name in taken:
-            count += 1
-            name = f"{title} {count}"
-        effect = settings.effects.add()
-        effect.name = name
-        effect.kind = self.kind
+        settings.effects.add().kind = self.kind  # which names it
         settings.effect_index = len(settings.effects) - 1
 
 

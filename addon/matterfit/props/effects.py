@@ -2,6 +2,8 @@
 """Effects: what the model of a scene is extended by, one property a number; those that a
 document may have keyed can be animated."""
 
+import re
+
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -13,16 +15,31 @@ from bpy.props import (
 )
 
 from .. import effects
+from ..compat import translate_label
 
 _KINDS = [(kind.identifier, kind.title, kind.about, kind.icon, index)
           for index, kind in enumerate(effects.KINDS)]
+
+
+def _kind_changed(self, _context):
+    """A name that nobody has typed follows the kind."""
+    titles = {translate_label(kind.title) for kind in effects.KINDS}
+    if self.name and re.sub(r" \d+$", "", self.name) not in titles:
+        return
+    taken = {other.name for other in self.id_data.matterfit.effects if other != self}
+    title = translate_label(effects.find(self.kind).title)
+    name, count = title, 1
+    while name in taken:
+        count += 1
+        name = f"{title} {count}"
+    self.name = name
 
 
 class MatterfitEffect(bpy.types.PropertyGroup):
     """One row of the list of effects."""
 
     name: StringProperty(name="Name", description="A name for this effect")
-    kind: EnumProperty(name="Kind", items=_KINDS, default="WIND",
+    kind: EnumProperty(name="Kind", items=_KINDS, default="WIND", update=_kind_changed,
                        description="What the effect does")
     enabled: BoolProperty(name="Enabled", default=True,
                           description="The effect acts in simulations and fits")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import bpy
 
-from ..io import batch_results
+from ..io import batch_results, plain
 from ..props import scene as scene_props
 from .common import MatterfitPanel, form, quantity
 
@@ -15,7 +15,7 @@ class MATTERFIT_UL_takes(bpy.types.UIList):
         if error >= 0.0:
             row.label(text=batch_results.error_text(error), translate=False)
         elif item.frames_done:
-            row.label(text=str(item.frames_done), translate=False)
+            row.label(text=plain.counted(item.frames_done, "frame"), translate=False)
 
 
 class MATTERFIT_UL_throws(bpy.types.UIList):

@@ -33,7 +33,7 @@ from matterfit.ops import base
 from matterfit.ui import fit_overlay, overlay
 from window_background import modal_check, modal_filling
 from window_scene import build_scene, fake_comparison, fake_report, fake_result, fake_results, record_fall
-from window_support import modal, only_ours, undo, view, wait_for
+from window_support import modal, only_ours, other_tab, undo, view, wait_for
 
 PICTURE = os.path.abspath(sys.argv[sys.argv.index("--") + 1])
 LIMIT = 450.0  # seconds for everything
@@ -218,6 +218,9 @@ def script(folder):
     open_view()
     yield
     yield
+    other_tab()
+    yield
+    yield
     picture("first", sidebar=True)
     positions, times = build_scene(folder)
     fake_results()
@@ -388,6 +391,7 @@ def switched_off():
     job = jobs.registry.running
     yield from wait_for(lambda: job.snapshot.frame >= 2 or job.ended, 90.0, "frame 2")
     running = not job.ended
+    other_tab(False)  # else it would be the active one from here on
     matterfit.unregister()
     if not running or job.state is not State.CANCELLED:
         faults.append(f"disabled under a running job, which gave {job.state}: {job.error}")
@@ -395,6 +399,9 @@ def switched_off():
         faults.append("the timer of a running job stays when the add-on is disabled")
     yield
     matterfit.register()
+    yield
+    yield
+    other_tab()
     yield
 
 

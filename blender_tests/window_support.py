@@ -6,8 +6,28 @@ import time
 import bpy
 
 
+class WINDOW_PT_other(bpy.types.Panel):
+    """Another tab, as every Blender has: the strip of tabs takes a part of the sidebar."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "View"
+    bl_label = "Other"
+
+    def draw(self, _context):
+        self.layout.label(text="Not ours")
+
+
+def other_tab(there=True):
+    """The tab that was drawn before stays the active one where this comes to it."""
+    if there == hasattr(bpy.types, "WINDOW_PT_other"):
+        return
+    (bpy.utils.register_class if there else bpy.utils.unregister_class)(WINDOW_PT_other)
+
+
 def only_ours():
-    """Without the other tabs ours is the active one (3.4 has no call that switches tabs)."""
+    """Without the other tabs ours is the active one (3.4 has no call that switches tabs). Once it is
+    drawn other_tab() brings the strip of tabs back."""
     for cls in list(bpy.types.Panel.__subclasses__()):
         if (getattr(cls, "bl_space_type", "") == "VIEW_3D"
                 and getattr(cls, "bl_region_type", "") == "UI"

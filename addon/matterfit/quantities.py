@@ -63,6 +63,12 @@ class Quantity:
         return self.short or self.title
 
     @property
+    def row(self):
+        """The caption in a list, with the number of what it is of."""
+        number, colon, _title = self.title.partition(": ")
+        return f"{number}: {self.caption}" if colon and self.short else self.caption
+
+    @property
     def label(self):
         """The title with the unit."""
         return f"{self.title} [{self.unit}]" if self.unit else self.title
@@ -93,7 +99,7 @@ def _form(number):
 _MATERIAL = (
     Quantity("material.E", "Young's Modulus", "Pa",
              "Stiffness in tension, in pascals: jelly 1e4, rubber 1e6, wood 1e10",
-             short="Young's [Pa]", default=1e5, least=1e-3, most=1e13, soft=(1e2, 1e9), precision=0, step=10000,
+             short="Young's", default=1e5, least=1e-3, most=1e13, soft=(1e2, 1e9), precision=0, step=10000,
              absent=None, positive=True, low=1e2, high=1e10),
     Quantity("material.nu", "Poisson's Ratio", "",
              "Sideways shrinking over stretching, without unit: .5 keeps its volume",
@@ -101,28 +107,28 @@ _MATERIAL = (
              absent=None, scale=LOGIT, low=0.01, high=0.495),
     Quantity("material.yield_stress", "Yield Stress", "Pa",
              "Uniaxial stress in pascals from which the material keeps its new shape",
-             short="Yield [Pa]", default=5e3, soft=(1.0, 1e6), precision=1, step=1000, absent=None, share=1e-2),
+             short="Yield", default=5e3, soft=(1.0, 1e6), precision=1, step=1000, absent=None, share=1e-2),
     Quantity("material.hardening", "Hardening", "Pa",
              "Growth of the yield stress in pascals per unit of plastic strain",
-             short="Harden. [Pa]", soft=(0.0, 1e6), precision=1, step=1000, share=1e-2),
+             soft=(0.0, 1e6), precision=1, step=1000, share=1e-2),
     Quantity("material.viscosity", "Viscosity", "Pa s",
              "Dynamic viscosity in pascal seconds: water .001, honey 10, toothpaste 100",
-             short="Visc. [Pa s]", default=1.0, most=1e9, soft=(1e-3, 1e4), precision=4, step=10, share=1e-4),
+             default=1.0, most=1e9, soft=(1e-3, 1e4), precision=4, step=10, share=1e-4),
     Quantity("material.exponent", "Flow Exponent", "",
              "Herschel-Bulkley exponent, without unit: below 1 it thins as it flows",
              short="Exponent", default=1.0, least=0.1, most=4.0, soft=(0.3, 1.5), step=5, absent=1.0,
              low=0.1, high=4.0),
     Quantity("material.friction_angle", "Friction Angle", "°",
              "Angle of internal friction in degrees: dry sand 25 to 40",
-             short="Friction [°]", default=30.0, most=89.0, soft=(10.0, 50.0), precision=1, step=50, absent=None,
+             short="Friction", default=30.0, most=89.0, soft=(10.0, 50.0), precision=1, step=50, absent=None,
              scale=LINEAR, low=5.0, high=65.0, sigma=5.0),
     Quantity("material.cohesion", "Cohesion", "Pa",
              "Shear strength without pressure, in pascals: dry sand 0, wet sand 1e3",
-             short="Cohes. [Pa]", most=1e9, soft=(0.0, 1e5), precision=1, step=100, share=1e-3),
+             most=1e9, soft=(0.0, 1e5), precision=1, step=100, share=1e-3),
     Quantity("material.bulk_modulus", "Bulk Modulus", "Pa",
              "Resistance to compression in pascals; lower than real water (2.2e9) so that the time "
              "step stays practical",
-             short="Bulk [Pa]", default=1e5, least=1.0, soft=(1e3, 1e8), precision=0, step=10000, absent=None,
+             short="Bulk", default=1e5, least=1.0, soft=(1e3, 1e8), precision=0, step=10000, absent=None,
              positive=True),
     *(_form(number) for number in (1, 2, 3, 4)),
     Quantity("material.yield_strain", "Yield Strain", "",
@@ -143,11 +149,11 @@ _MATERIAL = (
              high=1e3),
     Quantity("material.flow_rate", "Flow Rate", "1/s",
              "How fast strain beyond the yield strain is lost; its inverse is the time of relaxation",
-             short="Flow [1/s]", default=1e9, least=1e-9, most=1e12, soft=(1e-2, 1e9), precision=1, step=1000,
+             default=1e9, least=1e-9, most=1e12, soft=(1e-2, 1e9), precision=1, step=1000,
              absent=1e9, positive=True, low=1e-3, high=1e11),
     Quantity("material.flow_thinning", "Flow Thinning", "1/s",
              "Growth of the flow rate per strain beyond the yield strain",
-             short="Thin. [1/s]", most=1e12, soft=(0.0, 1e9), precision=1, step=1000, low=1e-3, high=1e11),
+             short="Thinning", most=1e12, soft=(0.0, 1e9), precision=1, step=1000, low=1e-3, high=1e11),
     Quantity("material.latent", "Kind of Material", "",
              "Eight numbers that place it among all known materials, which lie within 4 of 0; a fit "
              "finds them",
@@ -165,32 +171,32 @@ _MATERIAL = (
              low=-0.3, high=30.0, sigma=0.5),
     Quantity("material.damping_shear", "Shear Damping", "Pa s",
              "Kelvin-Voigt viscosity against change of shape, in pascal seconds",
-             short="Shear [Pa s]", most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),
+             short="Shear", most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),
     Quantity("material.damping_bulk", "Bulk Damping", "Pa s",
              "Kelvin-Voigt viscosity against change of volume, in pascal seconds",
-             short="Bulk [Pa s]", most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),
+             short="Bulk", most=1e9, soft=(0.0, 1e4), precision=3, step=10, share=1e-4),
 )
 # Of one Maxwell branch; its key in a document has the branch's number.
 _MAXWELL = (
     Quantity("material.maxwell.modulus", "Modulus", "Pa",
              "Shear modulus in pascals that the branch adds before it relaxes; the law's own "
              "stiffness is what stays",
-             short="Modulus [Pa]", default=1e4, soft=(1.0, 1e9), precision=1, step=1000, absent=None),
+             default=1e4, soft=(1.0, 1e9), precision=1, step=1000, absent=None),
     Quantity("material.maxwell.time", "Relaxation Time", "s",
              "Seconds in which a held stress of the branch falls to 37 %",
-             short="Time [s]", default=0.1, least=1e-6, most=1e5, soft=(1e-4, 100.0), precision=5, step=1,
+             short="Time", default=0.1, least=1e-6, most=1e5, soft=(1e-4, 100.0), precision=5, step=1,
              absent=None, positive=True),
 )
 DENSITY = Quantity("density", "Density", "kg/m³",
                    "Mass per volume at rest, in kilograms per cubic metre: water 1000",
-                   short="Dens. kg/m³", default=1000.0, least=1e-3, most=1e6, soft=(10.0, 8000.0), precision=1,
+                   default=1000.0, least=1e-3, most=1e6, soft=(10.0, 8000.0), precision=1,
                    step=1000, absent=None, positive=True)
 FRICTION = Quantity("contact.mu", "Friction", "",
                     "Coulomb's coefficient, without unit: 0 ice, .4 wood, 1 rubber",
                     default=0.4, most=10.0, soft=(0.0, 1.0), precision=3, low=1e-3, high=3.0)
 STIFFNESS = Quantity("contact.stiffness", "Stiffness", "Pa/m",
                      "Pressure per depth of penetration, in pascals per metre",
-                     short="Stiff. [Pa/m]", default=1e7, least=1.0, most=1e15, soft=(1e4, 1e10),
+                     default=1e7, least=1.0, most=1e15, soft=(1e4, 1e10),
                      precision=0, step=100000)
 DAMPING = Quantity("contact.damping", "Damping", "",
                    "Normal damping while touching, as a fraction of critical damping",
@@ -202,7 +208,7 @@ VELOCITY = Quantity("velocity", "Velocity", "m/s",
 SPIN = Quantity("spin", "Spin", "rad/s",
                 "Initial angular velocity about world axes through the centre of mass, in radians "
                 "per second",
-                short="Spin [rad/s]", least=-1e5, most=1e5, soft=(-20.0, 20.0), size=3, scale=LINEAR, reach=200.0,
+                least=-1e5, most=1e5, soft=(-20.0, 20.0), size=3, scale=LINEAR, reach=200.0,
                 sigma=5.0)
 POSITION = Quantity("placement.position", "Position", "m",
                     "World position of the object's origin at the start",

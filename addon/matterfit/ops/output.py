@@ -88,7 +88,7 @@ class MATTERFIT_OT_remove_output(HasCache, PlainOperator, bpy.types.Operator):
 
 class MATTERFIT_OT_open_folder(HasCache, bpy.types.Operator):
     bl_idname = "matterfit.open_folder"
-    bl_label = "Open Folder"
+    bl_label = "Open"
     bl_description = "Show the active take's cache in the file browser of the system"
 
     def execute(self, context):

@@ -90,7 +90,7 @@ class MatterfitMass(bpy.types.PropertyGroup):
         name="Mass [kg]", default=0.05, min=0.0, soft_min=0.0, max=1e6, soft_max=10.0, precision=4,
         description="Inertia and weight, in kilograms")
     use_attach: BoolProperty(
-        name="Attach Later", default=False, description="Hang the mass on at a frame")
+        name="Attach At", default=False, description="Hang the mass on at a frame")
     attach: IntProperty(
         name="Attach Frame", default=1, min=0, soft_min=0, max=1048574, soft_max=10000,
         description="Scene frame from which the mass is there")
@@ -158,7 +158,7 @@ class MatterfitBody(bpy.types.PropertyGroup):
         items=(("AUTO", "Automatic", "As its object is animated: not at all, as a whole, or its mesh",
                 "NONE", 3),
                ("STATIC", "Static", "Stands still where it is at the first frame", "NONE", 0),
-               ("RIGID", "Rigid Animated", "Its transform is sampled once a frame", "NONE", 1),
+               ("RIGID", "Rigid", "Its transform is sampled once a frame", "NONE", 1),
                ("DEFORMING", "Deforming", "Its evaluated mesh is sampled at every frame", "NONE", 2)),
         description="How the collider moves")
     collider_shape: EnumProperty(

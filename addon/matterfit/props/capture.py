@@ -48,7 +48,7 @@ class MatterfitCapture(bpy.types.PropertyGroup):
         items=(("FILE", "File", "Tracks from .npz, .npy, .c3d, .pc2, or numbered .ply files"),
                ("IMAGES", "Images", "Mattes from the cameras of a transforms.json, an "
                                     "all_data.json or a COLMAP model"),
-               ("OBJECT", "Animated Object", "The evaluated mesh of an object, at every frame")),
+               ("OBJECT", "Object", "The evaluated mesh of an object, at every frame")),
         description="Where the recorded points come from")
     filepath: StringProperty(
         name="File", subtype="FILE_PATH", options=PATH_OPTIONS, update=_other_file,
@@ -164,7 +164,7 @@ class MatterfitCapture(bpy.types.PropertyGroup):
                ("TRACKS", "Points", "The points, or cameras, below are kept for testing")),
         description="What is kept back to test a fit with")
     holdout_start: IntProperty(
-        name="From Frame", default=30, min=0, soft_min=0, max=1048574, soft_max=10000,
+        name="From", default=30, min=0, soft_min=0, max=1048574, soft_max=10000,
         description="First scene frame that is held out")
     holdout_tracks: StringProperty(
         name="Points", description="Names or numbers of the points that are held out, or numbers of "

@@ -39,6 +39,6 @@ UP_AXES = (
 
 VELOCITY_SOURCES = (
     ("VALUE", "Values Below", "The velocity and spin typed below"),
-    ("ANIMATION", "Object's Animation",
+    ("ANIMATION", "Animation",
      "Linear and angular velocity of the object's own animation at the first frame"),
 )

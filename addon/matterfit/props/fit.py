@@ -151,7 +151,7 @@ class MatterfitFit(bpy.types.PropertyGroup):
         name="Loss Curve", default=True, update=redraw,
         description="Draw the error of every iteration in the viewport")
     show_error: BoolProperty(
-        name="Error of the Fit", default=True, update=redraw,
+        name="Fit's Error", default=True, update=redraw,
         description="Draw the fitted simulation's error of every frame in the viewport")
     show_curves: BoolProperty(
         name="Stress Curves", default=False, update=redraw,

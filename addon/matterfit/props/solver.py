@@ -111,7 +111,7 @@ class MatterfitOutput(bpy.types.PropertyGroup):
     points: BoolProperty(
         name="Particles", default=True, description="The particles as a PC2 point cache")
     mesh: BoolProperty(
-        name="Render Meshes", default=True,
+        name="Meshes", default=True,
         description="The bodies' own meshes, moved with the material, as Mesh Cache")
     splats: BoolProperty(
         name="Splats", default=True,

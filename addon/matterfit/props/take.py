@@ -27,7 +27,7 @@ class MatterfitThrow(bpy.types.PropertyGroup):
         name="Velocity From", default="BODY",
         items=(("BODY", "Body", "The velocity and spin set in Bodies"),
                ("VALUE", "Values Below", "Another velocity and spin in this take"),
-               ("ANIMATION", "Object's Animation",
+               ("ANIMATION", "Animation",
                 "Linear and angular velocity of the object's own animation at the first frame")),
         description="Where the initial velocity comes from")
     velocity: vector("velocity", name="Velocity", subtype="VELOCITY", unit="VELOCITY")
@@ -52,7 +52,7 @@ class MatterfitTake(bpy.types.PropertyGroup):
         name="Owner", description="The .blend file that baked this take")
     throws: CollectionProperty(type=MatterfitThrow)
     use_gravity: BoolProperty(
-        name="Other Gravity", default=False, description="Another gravity in this take")
+        name="Own Gravity", default=False, description="Another gravity in this take")
     gravity: vector(
         "gravity", default=(0.0, 0.0, -9.81),
         description="Acceleration of gravity in this take, in metres per second squared")

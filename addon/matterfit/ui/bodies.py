@@ -5,7 +5,7 @@ from .. import laws
 from ..compat import translate
 from ..io import motion, presets, shapes
 from ..props import scene as scene_props
-from .common import MatterfitPanel, contact, form, lines, quantity, switched
+from .common import MatterfitPanel, contact, form, lines, menu, quantity, switched
 
 MOTIONS = {"STATIC": "Stands still", "RIGID": "Moves with its object's animation",
            "DEFORMING": "Its mesh is sampled at every frame"}
@@ -44,10 +44,10 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         column.separator()
         column.operator("matterfit.move_body", text="", icon="TRIA_UP").step = -1
         column.operator("matterfit.move_body", text="", icon="TRIA_DOWN").step = 1
-        row = layout.row(align=True)
-        row.operator("matterfit.add_body", text="Add Body", icon="MESH_ICOSPHERE").role = "BODY"
-        row.operator("matterfit.add_body", text="Add Collider",
-                     icon="MOD_PHYSICS").role = "COLLIDER"
+        column = layout.column(align=True)
+        column.operator("matterfit.add_body", text="Add Body", icon="MESH_ICOSPHERE").role = "BODY"
+        column.operator("matterfit.add_body", text="Add Collider",
+                        icon="MOD_PHYSICS").role = "COLLIDER"
         body = scene_props.active_body(settings)
         if body is None:
             if not settings.bodies:
@@ -94,7 +94,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         row.operator("matterfit.load_material", text="", icon="FILE_FOLDER")
         for fault in presets.faults():
             lines(column, fault, icon="ERROR")
-        column.prop(material, "law")
+        menu(column, material, "law")
         if material.law == "NEURAL_ISOTROPIC":
             column.prop(material, "weights")
             if material.weights == "FILE":
@@ -112,7 +112,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
 
 def _unknown(column, material):
     """What a material without a class is, as far as a fit has told it; its numbers are folded away."""
-    column.prop(material, "use_latent")
+    _unsplit(column, material, "use_latent")
     if not material.use_latent:
         lines(column, translate("Not known yet: an elastic solid. Fit, with the law Unknown, finds "
                                 "what it is."), icon="INFO")
@@ -125,10 +125,17 @@ def _unknown(column, material):
         _folded(column, material, "latent")
 
 
+def _unsplit(column, item, name, **options):
+    """A switch with the whole width for its name."""
+    row = column.row()
+    row.use_property_split = False
+    row.prop(item, name, **options)
+
+
 def _folded(column, material, key):
     """The numbers of a code, which few people set by hand."""
     shown = getattr(material, f"show_{key}")
-    column.prop(material, f"show_{key}", icon="TRIA_DOWN" if shown else "TRIA_RIGHT")
+    _unsplit(column, material, f"show_{key}", icon="TRIA_DOWN" if shown else "TRIA_RIGHT")
     if shown:
         column.prop(material, key, text="")
 
@@ -167,7 +174,7 @@ class MATTERFIT_PT_body_motion(_BodyDetail, bpy.types.Panel):
         if body.velocity_from == "VALUE":
             column.prop(body, "velocity")
             quantity(column, body, "spin")
-        column.prop(body, "formulation")
+        menu(column, body, "formulation")
         column.prop(body, "seed")
         column.label(text="Damping")
         for name in laws.DAMPING:

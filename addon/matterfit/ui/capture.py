@@ -6,7 +6,7 @@ import bpy
 from ..compat import translate
 from ..io import camera_poses
 from ..props import scene as scene_props
-from .common import MatterfitPanel, form, holdout, lines, switched
+from .common import BOX, MatterfitPanel, form, holdout, lines, switched
 
 ICONS = {"FILE": "FILE", "IMAGES": "IMAGE_DATA", "OBJECT": "OBJECT_DATA"}
 
@@ -47,7 +47,7 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
             self._use(layout, capture)
             if capture.summary:
                 box = layout.box()
-                lines(box, capture.summary)
+                lines(box, capture.summary, taken=BOX)
         column = form(layout)
         column.separator()
         column.prop(settings.solver, "use_ground")
@@ -69,7 +69,7 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
             column.prop(capture, "up")
             switched(column, capture, "use_fps", "fps")
             if capture.source == "IMAGES":
-                column.prop(capture, "images")
+                column.prop(capture, "images", text="Images")
                 switched(column, capture, "use_key", "key")
                 switched(column, capture, "use_plate", "plate")
             else:
@@ -99,10 +99,10 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
         shift, turn, focal = camera_poses.largest(poses)
         box = layout.box()
         lines(box, translate("A fit moved the cameras: up to {shift} mm and {turn}°.").format(
-            shift=f"{1e3 * shift:.3g}", turn=f"{math.degrees(turn):.2g}"), icon="CAMERA_DATA")
+            shift=f"{1e3 * shift:.3g}", turn=f"{math.degrees(turn):.2g}"), icon="CAMERA_DATA", taken=BOX)
         if focal > 0.0:
             lines(box, translate("Focal lengths: up to {share} % off.").format(
-                share=f"{100.0 * focal:.2g}"))
+                share=f"{100.0 * focal:.2g}"), taken=BOX)
         box.operator("matterfit.forget_poses", icon="LOOP_BACK")
 
     def _use(self, layout, capture):
@@ -115,10 +115,11 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
         holdout(column, capture)
 
     def _refine(self, column, capture):
-        column.prop(capture, "refine_cameras")
+        column.prop(capture, "refine_cameras", text="Refine")
         if capture.refine_cameras:
-            for name in ("pose_shift", "pose_turn", "pose_focal"):
-                column.prop(capture, name)
+            column.prop(capture, "pose_shift")
+            column.prop(capture, "pose_turn")
+            column.prop(capture, "pose_focal", text="Focal")
 
 
 CLASSES = (MATTERFIT_UL_captures, MATTERFIT_PT_capture)

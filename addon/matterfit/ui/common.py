@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What all panels share."""
 
-import textwrap
-
 import bpy
 
 from .. import quantities
+from . import drawing
 
 DEFAULT_WIDTH = 220.0  # of the sidebar [pixels]
+TABS = 20.0  # of it, that the tabs at its edge take [pixels]
+EDGES = 46.0  # of it, that the panel's edges and a label's own take
+ICON = 20.0  # before a label
+BOX = 12.0  # of it, that the edges of a box take
 
 
 class MatterfitPanel:
@@ -33,19 +36,50 @@ def form(layout):
 
 def lines(layout, text, icon="NONE", taken=0.0):
     """A text as several labels, wrapped to the sidebar: labels do not wrap by themselves. `taken`
-    [pixels] is for what stands beside them."""
+    [pixels] is for what stands beside them or around them (BOX)."""
     region = bpy.context.region
     scale = bpy.context.preferences.system.ui_scale
     room = region.width / scale if region is not None else DEFAULT_WIDTH
-    width = max(int((room - taken) / 6.6) - 5, 16)
+    width = max(room - TABS - EDGES - taken - (ICON if icon != "NONE" else 0.0), 80.0)
     column = layout.column(align=True)
     column.scale_y = 0.8
     first = True
     for paragraph in text.split("\n"):
-        for line in textwrap.wrap(paragraph, width) or [""]:
+        for line in wrapped(paragraph, width):
             # Already translated; it must not be looked up again.
             column.label(text=line, icon=icon if first else "NONE", translate=False)
             first = False
+
+
+def wrapped(paragraph, width):
+    """The lines of a paragraph that are at most `width` pixels wide; longer words are broken."""
+    found, line = [], ""
+    for word in paragraph.split():
+        longer = f"{line} {word}" if line else word
+        if _width(longer) <= width:
+            line = longer
+            continue
+        if line:
+            found.append(line)
+        while _width(word) > width:
+            part = next(n for n in range(len(word) - 1, 0, -1) if n == 1 or _width(word[:n]) <= width)
+            found.append(word[:part])
+            word = word[part:]
+        line = word
+    return [*found, line] if line or not found else found
+
+
+def _width(text):
+    """Of a label [pixels]; a Blender without a window may have no font to ask."""
+    return drawing.text_width(text, 1.0) or 6.6 * len(text)
+
+
+def menu(column, item, name):
+    """A menu whose choices need the whole width; its label stands above it."""
+    part = column.column(align=True)
+    part.use_property_split = False
+    part.label(text=item.bl_rna.properties[name].name)
+    part.prop(item, name, text="")
 
 
 def quantity(column, item, key):

@@ -45,11 +45,11 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
         column.prop(compare, "show_heatmap")
         column.prop(compare, "show_simulation", text="Simulation")
         column.prop(compare, "show_links", text="Lines")
-        column.prop(compare, "show_graph")
+        column.prop(compare, "show_graph", text="Graph")
         if compare.show_heatmap:
             column.prop(compare, "range_mode")
             if compare.range_mode == "FIXED":
-                column.prop(compare, "range_mm")
+                column.prop(compare, "range_mm", text="Red At")
             column.prop(compare, "point_size", text="Point Size")
         layout.label(text="Worst Frames")
         row = layout.row()

@@ -5,7 +5,7 @@ from ..compat import translate, translate_label
 from ..io import diagnosis, fit_results, number_text, takes, words
 from ..props import scene as scene_props
 from . import fit_overlay
-from .common import MatterfitPanel, form, lines
+from .common import BOX, MatterfitPanel, form, lines
 
 PROBABLE = 6  # causes in the table before All Causes is switched on
 
@@ -74,24 +74,24 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
 
     def _evidence(self, layout, settings, cause):
         box = layout.box()
-        lines(box, words.of_result(cause.sentence, settings), icon="CHECKMARK" if cause.accepted else "NONE")
+        lines(box, words.of_result(cause.sentence, settings), icon="CHECKMARK" if cause.accepted else "NONE", taken=BOX)
         if cause.where:
             lines(box, translate("Where: {place}").format(
-                place=words.of_result(cause.where, settings)))
+                place=words.of_result(cause.where, settings)), taken=BOX)
         if cause.evidence:
-            lines(box, words.of_result(cause.evidence, settings))
+            lines(box, words.of_result(cause.evidence, settings), taken=BOX)
         if cause.holdout_before is not None and cause.holdout_after is not None:
             lines(box, translate("Held-out error {before} → {after} mm").format(
                 before=f"{1e3 * cause.holdout_before:.3g}",
-                after=f"{1e3 * cause.holdout_after:.3g}"))
+                after=f"{1e3 * cause.holdout_after:.3g}"), taken=BOX)
         if cause.gain_interval is not None:
             low, high = cause.gain_interval
             lines(box, translate("Gain: {low} to {high} (95 %)").format(low=percent(low),
-                                                                        high=percent(high)))
+                                                                        high=percent(high)), taken=BOX)
         if cause.confused_with:
-            lines(box, translate("Looks like: {names}").format(names=_names(cause.confused_with)))
+            lines(box, translate("Looks like: {names}").format(names=_names(cause.confused_with)), taken=BOX)
         if not cause.observable:
-            lines(box, translate("This recording tells nothing of it."), icon="INFO")
+            lines(box, translate("This recording tells nothing of it."), icon="INFO", taken=BOX)
 
     def _worst(self, layout, report):
         if not report.worst:

@@ -3,13 +3,14 @@ import bpy
 
 from .. import effects
 from ..props import scene as scene_props
-from .common import MatterfitPanel, form
+from .common import MatterfitPanel, form, menu
 
-# Short labels for the narrow column; parameters that are not listed keep their full names.
-_CAPTIONS = {"drag_coefficient": "Drag Coeff.", "area": "Area", "air_density": "Dens. kg/m³",
-             "medium_density": "Dens. kg/m³", "velocity": "Wind m/s", "acceleration": "Acc. m/s²",
-             "strength": "Acc. [m/s²]", "frequency": "Freq. [Hz]", "modulus": "Added [Pa]",
-             "nu": "Poisson's", "slope": "Slope Pa/m"}
+# Short labels for the narrow column, which tooltips explain with their units; parameters that are not
+# listed keep their full names.
+_CAPTIONS = {"drag_coefficient": "Coeff.", "area": "Area", "air_density": "Density",
+             "medium_density": "Density", "velocity": "Wind", "acceleration": "Accel.",
+             "strength": "Accel.", "frequency": "Freq.", "modulus": "Added", "nu": "Poisson's",
+             "slope": "Slope"}
 
 
 def _caption(effect, key):
@@ -43,7 +44,7 @@ class MATTERFIT_PT_effects(MatterfitPanel, bpy.types.Panel):
         column = form(layout)
         column.use_property_decorate = bool(kind.keyed)
         column.active = effect.enabled
-        column.prop(effect, "kind")
+        menu(column, effect, "kind")
         column.prop_search(effect, "body", settings, "bodies")
         if kind.has_place:
             column.prop(effect, "place")

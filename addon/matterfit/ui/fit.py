@@ -2,12 +2,12 @@
 import bpy
 
 from .. import jobs, laws
-from ..compat import translate
+from ..compat import translate, translate_label
 from ..io import fit_rows, fit_values, job_fit, number_text, takes
 from ..io.words import short_label
 from ..props import scene as scene_props
 from . import fit_overlay
-from .common import MatterfitPanel, form, holdout, lines, switched
+from .common import BOX, MatterfitPanel, form, holdout, lines, menu, switched
 
 
 class MATTERFIT_UL_parameters(bpy.types.UIList):
@@ -21,10 +21,7 @@ class MATTERFIT_UL_parameters(bpy.types.UIList):
         if quantity is None:
             row.label(text=item.name, icon="ERROR", translate=False)
             return
-        words = short_label(quantity.label)
-        if not _of_only_body(settings, item.owner) and item.owner:
-            words = f"{item.owner}: {words}"
-        row.label(text=words, translate=False)
+        row.label(text=_row_text(settings, item.owner, quantity), translate=False)
 
 
 class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
@@ -36,7 +33,7 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
         settings = context.scene.matterfit
         fit = settings.fit
         column = form(layout)
-        column.prop(fit, "law")
+        menu(column, fit, "law")
         if fit.law == "FIND":
             layout.column(align=True).prop(fit, "laws")
             lines(layout, translate("What tells a law from the body's own is looked for as well."),
@@ -60,7 +57,9 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
             return
         column = form(layout)
         column.active = item.enabled
-        column.label(text=quantity.label)
+        label = translate_label(quantity.label)
+        several = item.owner and not _of_only_body(settings, item.owner)
+        lines(column, f"{item.owner}: {label}" if several else label)
         now = fit_values.value(settings, item.owner, item.key)
         if quantity.is_code:
             lines(column, translate("Eight numbers, looked for together from all kinds of material."),
@@ -148,7 +147,7 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
                                                             error=f"{newest.errors[-1]:.4g}")
         if newest.law:
             words = f"{laws.name_of(newest.law)}, {words}"
-        lines(layout.box(), words, icon="TIME")
+        lines(layout.box(), words, icon="TIME", taken=BOX)
 
 
 class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
@@ -169,6 +168,14 @@ class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
         if not (fit.weight_steps and job_fit.has_weights(context.scene.matterfit)):
             column.prop(fit, "correction_steps")
         column.prop(context.scene.matterfit.solver, "threads")
+
+
+def _row_text(settings, owner, quantity):
+    """What it is, and whose where there are several: that stands last, as a row may be too short for
+    both."""
+    if not owner or _of_only_body(settings, owner):
+        return short_label(quantity.label)
+    return f"{short_label(quantity.row)} · {owner}"
 
 
 def _of_only_body(settings, owner):

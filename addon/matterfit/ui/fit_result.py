@@ -6,7 +6,7 @@ from ..compat import translate, translate_label
 from ..io import fit_results, number_text, takes, words
 from ..ops.fit import error_text
 from . import fit_overlay
-from .common import MatterfitPanel, form, lines
+from .common import BOX, MatterfitPanel, form, lines
 
 _OTHERS = 2  # laws that are named after the nearest
 
@@ -79,7 +79,7 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
 
     def _errors(self, layout, result):
         """Mean errors before and after, on what was fitted and what was held out."""
-        box = layout.box()
+        box = layout.column()
         row = box.row()
         for title in ("mm", "Before", "After"):
             row.label(text=title)
@@ -92,48 +92,48 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
     def _estimate(self, layout, settings, label, estimate):
         column = layout.box().column(align=True)
         lines(column, label,
-              icon="CHECKMARK" if estimate.observable and not estimate.at_bound else "ERROR")
+              icon="CHECKMARK" if estimate.observable and not estimate.at_bound else "ERROR", taken=BOX)
         if estimate.observable:
-            lines(column, estimate.text)
+            lines(column, estimate.text, taken=BOX)
         else:
             lines(column, translate("{value}, not observable").format(
-                value=number_text.value_text(estimate.value, None, estimate.unit)))
+                value=number_text.value_text(estimate.value, None, estimate.unit)), taken=BOX)
         if estimate.grid_error and estimate.observable:
             lines(column, translate("Grid: ± {error}").format(
-                error=number_text.rounded(estimate.grid_error, estimate.grid_error)))
+                error=number_text.rounded(estimate.grid_error, estimate.grid_error)), taken=BOX)
         if estimate.interval is not None and estimate.observable:
             low, high = (number_text.rounded(value, estimate.error)
                          for value in estimate.interval)
-            lines(column, translate("95 %: {low} to {high}").format(low=low, high=high))
+            lines(column, translate("95 %: {low} to {high}").format(low=low, high=high), taken=BOX)
         if estimate.at_bound:
             column.label(text="At its bound")
         if estimate.statement:
-            lines(column, words.of_result(estimate.statement, settings))
+            lines(column, words.of_result(estimate.statement, settings), taken=BOX)
 
     def _like(self, layout, settings, body, like):
         """The nearest known law, its formula with numbers, and how far off it is."""
         column = layout.box().column(align=True)
         title = translate("Most like {law}").format(law=translate_label(laws.name_of(like.law)))
-        lines(column, f"{body}: {title}" if body else title, icon="LIGHT")
-        lines(column, words.of_result(like.sentence.partition(": ")[2] or like.sentence, settings))
+        lines(column, f"{body}: {title}" if body else title, icon="LIGHT", taken=BOX)
+        lines(column, words.of_result(like.sentence.partition(": ")[2] or like.sentence, settings), taken=BOX)
         if like.others:
             lines(column, translate("Then: {laws}").format(laws=", ".join(
                 f"{translate_label(laws.name_of(law))} {_percent(distance)}"
-                for law, distance in like.others[:_OTHERS])))
+                for law, distance in like.others[:_OTHERS])), taken=BOX)
 
     def _code(self, layout, label, estimates):
         """Numbers that say something together only: how many the recording tells."""
         column = layout.box().column(align=True)
         known = sum(estimate.observable for estimate in estimates)
         bound = sum(estimate.at_bound for estimate in estimates)
-        lines(column, label, icon="CHECKMARK" if known and not bound else "ERROR")
+        lines(column, label, icon="CHECKMARK" if known and not bound else "ERROR", taken=BOX)
         lines(column, translate("{n} of {total} numbers are told").format(
-            n=known, total=len(estimates)))
+            n=known, total=len(estimates)), taken=BOX)
         if bound:
-            lines(column, translate("{n} at their bounds").format(n=bound))
+            lines(column, translate("{n} at their bounds").format(n=bound), taken=BOX)
 
     def _models(self, layout, settings, result):
-        box = layout.box()
+        box = layout.column()
         row = box.row()
         for title in ("Held Out", "Probability"):
             row.label(text=title)

@@ -7,7 +7,7 @@ from .. import jobs
 from ..compat import translate, translate_label
 from ..io import attached, cache, takes
 from ..props import scene as scene_props
-from .common import MatterfitPanel, lines, switched
+from .common import BOX, MatterfitPanel, lines, switched
 
 ICONS = 40.0  # of an object in the list: viewport and render [pixels]
 
@@ -52,7 +52,7 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
         session = context.window_manager.matterfit
         location = takes.locate(take)
         box = layout.box()
-        lines(box, location.folder if location.linked else take.folder, icon="FILE_FOLDER")
+        lines(box, location.folder if location.linked else take.folder, icon="FILE_FOLDER", taken=BOX)
         if not location.exists:
             box.label(text="The folder does not exist", icon="ERROR")
             return
@@ -74,12 +74,12 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
         row.operator("matterfit.verify", icon="CHECKMARK")
         row.operator("matterfit.open_folder", icon="FILEBROWSER")
         if session.verify:
-            lines(box, session.verify)
+            lines(box, session.verify, taken=BOX)
         if take.collection is not None:
             for item in take.collection.objects:
                 if item.get(attached.TAG):
                     row = box.row(align=True)
-                    lines(row, item.name, taken=ICONS)
+                    lines(row, item.name, taken=ICONS + BOX)
                     row.prop(item, "hide_viewport", text="", emboss=False)
                     row.prop(item, "hide_render", text="", emboss=False)
 

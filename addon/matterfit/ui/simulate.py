@@ -29,7 +29,7 @@ class MATTERFIT_PT_simulate(MatterfitPanel, bpy.types.Panel):
                     total=take.first_frame + take.frame_count - 1))
         row = layout.row(align=True)
         row.operator("matterfit.preview", icon="SHADING_BBOX")
-        row.prop(session, "preview_scale", text="×")
+        row.prop(session, "preview_scale", text="")
         row = layout.row(align=True)
         row.scale_y = 1.4
         row.operator("matterfit.bake", icon="RENDER_ANIMATION")

@@ -5,7 +5,7 @@ from .. import compat, jobs, native
 from ..io import words
 from ..jobs import State
 from ..ops import base
-from .common import MatterfitPanel, lines
+from .common import BOX, MatterfitPanel, lines
 
 
 class MATTERFIT_PT_status(MatterfitPanel, bpy.types.Panel):
@@ -28,7 +28,7 @@ class MATTERFIT_PT_status(MatterfitPanel, bpy.types.Panel):
         if session.last_error:
             box = layout.box()
             box.alert = True
-            lines(box, session.last_error, icon="ERROR")
+            lines(box, session.last_error, icon="ERROR", taken=BOX)
             row = box.row()
             row.operator("matterfit.copy_error", icon="COPYDOWN")
             row.operator("matterfit.clear_error", icon="X")
@@ -37,7 +37,7 @@ class MATTERFIT_PT_status(MatterfitPanel, bpy.types.Panel):
 
     def _job(self, layout, job):
         box = layout.box()
-        lines(box, job.label, icon="TIME")
+        lines(box, job.label, icon="TIME", taken=BOX)
         compat.progress_bar(box, job.fraction, f"{100.0 * job.fraction:.0f} %")
         snapshot = job.snapshot
         column = box.column(align=True)

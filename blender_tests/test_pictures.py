@@ -73,11 +73,16 @@ class PictureTest(AttachCase):
         self.assertEqual(volume.data.display.wireframe_type, "NONE")
 
     def test_fog_does_not_lie_over_the_surface(self):
-        """With the grid that it would be made of: in Material Preview wires have no fog."""
+        """With the grid that it would be made of: Material Preview shows what the viewport has, so the
+        volume has a material that shows nothing, until the artist renders it."""
         self.body_row.material.preset = "WATER"
         items = self.attach(volume=["density", "surface"])
         self.assertEqual(self.seen(items), {"surface"})
-        self.assertEqual(items["volume:Cube"].display_type, "WIRE")
+        volume = items["volume:Cube"]
+        self.assertEqual(len(volume.material_slots[0].material.node_tree.nodes), 0)
+        volume.hide_render = False
+        self.update(final=True)
+        self.assertIs(volume.material_slots[0].material, volume.data.materials[0])
 
     def test_fog_where_there_is_nothing_better(self):
         document, folder = self.document()
@@ -88,7 +93,8 @@ class PictureTest(AttachCase):
         items = {item["matterfit"]: item for item in self.take.collection.objects}
         self.assertEqual(self.seen(items), {"volume"})
         self.assertEqual(items["volume:Cube"].data.display.density, 1.0)
-        self.assertEqual(items["volume:Cube"].display_type, "TEXTURED")
+        self.assertIs(items["volume:Cube"].material_slots[0].material,
+                      items["volume:Cube"].data.materials[0])
 
     def test_while_it_bakes(self):
         """Particles are of the newest frame; nothing of another frame stands beside them."""

@@ -135,8 +135,9 @@ def crop(path, area):
     pixels = pixels.reshape(height, width, 4)
     left = region.x
     part = pixels[region.y:region.y + region.height, left:left + region.width]
-    # Rows that hold text or buttons vary; the viewport behind an empty sidebar hardly does.
-    busy = numpy.nonzero(part[:, :-40, :3].max(axis=(1, 2)) > 0.45)[0]
+    # Rows that hold text are bright in all colours; the viewport behind an empty sidebar is not, nor
+    # its axes.
+    busy = numpy.nonzero(part[:, :-40, :3].min(axis=2).max(axis=1) > 0.45)[0]
     low = max(int(busy.min()) - 16, 0) if busy.size else 0
     part = numpy.ascontiguousarray(part[low:])
     result = bpy.data.images.new("crop", part.shape[1], part.shape[0])

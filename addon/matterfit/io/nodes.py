@@ -172,6 +172,17 @@ def relative_path(path):
         return path
 
 
+def empty_material():
+    """One that shows nothing."""
+    name = "Matterfit Nothing"
+    material = bpy.data.materials.get(name)
+    if material is None:
+        material = bpy.data.materials.new(name)
+        material.use_nodes = True
+        material.node_tree.nodes.clear()
+    return material
+
+
 def surface_material(name, color):
     """A plain material in a colour, made once."""
     material = bpy.data.materials.get(name)

@@ -2,6 +2,7 @@
 """What is seen of a take: one picture of each body, and when the artist's own objects give way."""
 
 from ..props import reactions
+from . import nodes
 
 HIDDEN_TAG = "matterfit_hidden"  # on an artist's object: how it was hidden before we hid it
 CHOSEN_TAG = "matterfit_shown"  # on one of ours: what decide() made of it last
@@ -19,18 +20,29 @@ def picture(kinds, flows):
 def decide(item, seen):
     """Shows or hides an object of ours, unless the artist has changed that since."""
     if item.get(CHOSEN_TAG, _state(item)) != _state(item):
+        if item.type == "VOLUME":
+            _give_fog(item, not item.hide_render)
         return
     item.hide_render = not seen
     if item.type == "VOLUME":
         # Its level set is what Volume to Mesh reads, and a hidden object is not evaluated: it stays,
-        # without anything that could be seen. As wires it has no fog in Material Preview either.
-        item.display_type = "TEXTURED" if seen else "WIRE"
+        # without anything that could be seen.
+        _give_fog(item, seen)
         item.data.display.density = 1.0 if seen else 0.0
         item.data.display.wireframe_type = "BOXES" if seen else "NONE"
         item.hide_select = not seen
     else:
         item.hide_viewport = not seen
     item[CHOSEN_TAG] = _state(item)
+
+
+def _give_fog(item, seen):
+    """A volume's own material, or in its place one of the object that shows nothing: Material Preview
+    shows whatever is not hidden in the viewport."""
+    for slot in item.material_slots:
+        slot.link = "DATA" if seen else "OBJECT"
+        if not seen:
+            slot.material = nodes.empty_material()
 
 
 def _state(item):

@@ -195,6 +195,11 @@ TEST(JobDocument, BodiesOfCapturesAndContactsMustExist) {
 
 TEST(JobDocument, NotJson) {
   EXPECT_THROW((void)read_job("{", {}), Error);
+  // The parser's sentence, without the name of its exception.
+  EXPECT_THAT([] { (void)read_job("{", {}); },
+              testing::ThrowsMessage<Error>(
+                  testing::AllOf(HasSubstr("not valid JSON at line 1: parse error"),
+                                 testing::Not(HasSubstr("exception")))));
   EXPECT_THROW((void)read_job("[]", {}), Error);
   EXPECT_THROW((void)read_job("", {}), Error);
   EXPECT_THROW((void)read_job(R"({"schema":"matterfit.job/1","scene":1e999})", {}), Error);

@@ -236,6 +236,17 @@ std::optional<std::string> nearest(const std::string& word,
   return best;
 }
 
+namespace {
+
+/// What the parser says, without the name of its exception, "[json.exception.…] ".
+std::string reason(const Json::exception& error) {
+  const std::string_view said = error.what();
+  const std::size_t end = said.find("] ");
+  return std::string(end == std::string_view::npos ? said : said.substr(end + 2));
+}
+
+}  // namespace
+
 Json parse_json(std::string_view text, const std::string& name) {
   constexpr std::size_t kLargest = std::size_t{64} << 20U;
   constexpr int kDeepest = 64;
@@ -257,10 +268,10 @@ Json parse_json(std::string_view text, const std::string& name) {
     const std::size_t at = std::min(error.byte, text.size());
     const auto line =
         1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
-    throw_input(name + ": not valid JSON at line " + std::to_string(line) + ": " + error.what());
+    throw_input(name + ": not valid JSON at line " + std::to_string(line) + ": " + reason(error));
   } catch (const Json::exception& error) {
     // A number beyond the range of a double, for one.
-    throw_input(name + ": not valid JSON: " + error.what());
+    throw_input(name + ": not valid JSON: " + reason(error));
   }
 }
 

@@ -12,6 +12,7 @@
 #include "base/error.hpp"
 #include "base/parallel.hpp"
 #include "job/documents/inputs.hpp"
+#include "job/fit_files.hpp"
 #include "job/run/build_scene.hpp"
 #include "mpm/simulation.hpp"
 
@@ -87,6 +88,7 @@ std::vector<Overlap> find_overlaps(const mpm::Scene& scene) {
 }
 
 void validate_job(const Job& job, const RunOptions& options, const Interrupter& interrupter) {
+  if (job.task == Task::kFit) (void)fit_of(job);
   require_files(job);
   const auto arena = std::make_shared<Arena>(options.threads);
   BuiltScene built = build_scene(job, *arena, interrupter);

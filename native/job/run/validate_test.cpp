@@ -43,6 +43,22 @@ TEST(Validate, RefusesWhatLiesInEachOther) {
               HasSubstr("inside 'ground'"));
 }
 
+// Particles of .05 m: what is in the ground by a layer of them would be torn.
+TEST(Validate, ABodyMayRestInAColliderByAFractionOfAParticle) {
+  const auto sunk = [](const std::string& depth) {
+    return said(two_cubes(0.7), {"colliders[0].height=" + depth});
+  };
+  EXPECT_EQ(sunk("0.13"), "");
+  EXPECT_THAT(sunk("0.15"), HasSubstr("Body 'left' starts up to 0.05 m inside 'ground'"));
+  EXPECT_THAT(sunk("0.2"), HasSubstr("starts up to 0.1 m inside 'ground'"));
+}
+
+TEST(Validate, RefusesAFitWithoutItsSection) {
+  const Job job = read_job(two_cubes(0.7), {{}, "job", {}, Task::kFit});
+  EXPECT_THAT([&] { validate_job(job, {}, Interrupter{}); },
+              testing::ThrowsMessage<Error>(HasSubstr("'fit' is missing")));
+}
+
 TEST(Validate, RefusesWhatIsMissing) {
   EXPECT_THAT(said(two_cubes(0.7), {R"(bodies[1].source={"mesh":"gone.ply"})"}),
               testing::AllOf(HasSubstr("scene.bodies[1].source.mesh"), HasSubstr("gone.ply"),

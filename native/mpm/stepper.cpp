@@ -134,11 +134,16 @@ void Stepper<S>::add_walls() {
   }
 }
 
-/// A body that starts deep inside a collider would be shot out of it, or torn: say so instead.
-/// Bodies with pins may be set into what holds them.
+/// A body that starts inside a collider by a layer of particles or more would be shot out of it, or
+/// torn: say so instead. Bodies with pins may be set into what holds them.
 template <class S>
 void Stepper<S>::check_start() const {
   constexpr std::size_t kMostQueries = 20'000;
+  // Of a cell. Particles lie a quarter of one, half their separation, inside the body's surface:
+  // a body may rest in a collider by five sixths of a particle, which takes many substeps; from
+  // nine tenths on it is torn.
+  constexpr double kDeepestStart = 1.0 / 6.0;
+  constexpr double kHalfParticle = 0.25;
   for (const Body& body : scene_.bodies) {
     if (!body.pins.empty()) continue;
     const std::size_t step = 1 + body.rest.size() / kMostQueries;
@@ -151,11 +156,11 @@ void Stepper<S>::check_start() const {
         deepest = depth;
         where = body.rest[p];
       }
-      if (deepest <= scene_.dx) continue;
+      if (deepest <= kDeepestStart * scene_.dx) continue;
       std::ostringstream text;
-      text << "Body '" << body.name << "' starts up to " << deepest << " m inside '"
-           << collider->name() << "', at (" << where[0] << ", " << where[1] << ", " << where[2]
-           << ") m. Move one of them so that they touch at most.";
+      text << "Body '" << body.name << "' starts up to " << deepest + kHalfParticle * scene_.dx
+           << " m inside '" << collider->name() << "', at (" << where[0] << ", " << where[1] << ", "
+           << where[2] << ") m. Move one of them so that they touch at most.";
       throw_input(text.str());
     }
   }

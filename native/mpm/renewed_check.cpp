@@ -34,11 +34,12 @@ void fail_renewed(const Scene& scene, const std::vector<RenewedBody<S>>& bodies,
         if (j > 0.0 && std::isfinite(j)) return;
         std::ostringstream text;
         text << "Body '" << body.name() << "', frame " << frame << " (" << time << " s): particle "
-             << body.store().id[slot] << " at (" << x[0] << ", " << x[1] << ", " << x[2] << ") m ";
+             << body.store().id[slot];
         if (std::isfinite(j)) {
-          text << "is turned inside out (volume ratio " << j << ").";
+          text << " at (" << x[0] << ", " << x[1] << ", " << x[2]
+               << ") m is turned inside out (volume ratio " << j << ").";
         } else {
-          text << "is not a number.";
+          text << " is not a number.";
         }
         text << " Use a smaller scene.solver.dt_safety or particle separation, or gentler motion.";
         throw UnstableError(text.str());

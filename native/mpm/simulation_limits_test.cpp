@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What is easily right for a box and a short run, and wrong for other shapes and longer ones.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <string>
 #include <vector>
 
+#include "base/error.hpp"
 #include "mpm/simulation.hpp"
 
 namespace matterfit::mpm {
@@ -139,6 +142,42 @@ TEST(SimulationLimits, SlidingIntoNewBlocksKeepsTouching) {
   const double at_rest = deepest(0.0);
   EXPECT_GT(at_rest, 0.0);
   EXPECT_LT(deepest(1.5), 1.3 * at_rest);
+}
+
+// Particles .005 m apart; those of a layer at the surface lie .0025 m inside it.
+TEST(SimulationLimits, ABodyMayStartInAColliderByAFractionOfAParticle) {
+  const auto start = [](double depth) {
+    Scene scene = scene_of(cells(0.01, {4, 4, 4}, everywhere), 0.01, 50, 1);
+    scene.colliders.push_back(
+        shape::make_plane("floor", {}, Vec3d(0.0, 0.0, depth), Vec3d::UnitZ()));
+    (void)Simulation(std::move(scene), std::make_shared<Arena>(1));
+  };
+  EXPECT_NO_THROW(start(0.0));
+  EXPECT_NO_THROW(start(0.004));
+  EXPECT_THAT([&] { start(0.005); }, testing::ThrowsMessage<Error>(testing::HasSubstr(
+                                         "Body 'body' starts up to 0.005 m inside 'floor'")));
+  EXPECT_THAT([&] { start(0.012); },
+              testing::ThrowsMessage<Error>(testing::HasSubstr("up to 0.012 m inside 'floor'")));
+}
+
+// What the run is stopped with names the particle, without coordinates where they are no numbers.
+TEST(SimulationLimits, WhatIsNotANumberIsSaidInWords) {
+  for (const Formulation formulation : {Formulation::kTotal, Formulation::kUpdated}) {
+    Body body = cells(0.01, {4, 4, 4}, everywhere);
+    body.formulation = formulation;
+    Scene scene = scene_of(std::move(body), 0.01, 50, 5);
+    scene.dt = 1.0 / 50;
+    scene.gravity = shape::Keyed<Vec3d>(Vec3d(0, 0, -1e300));
+    Simulation simulation(std::move(scene), std::make_shared<Arena>(1));
+    std::string said;
+    try {
+      (void)run(simulation);
+    } catch (const Error& error) {
+      said = error.what();
+    }
+    EXPECT_THAT(said, testing::ContainsRegex("particle [0-9]+ is not a number"));
+    EXPECT_THAT(said, testing::Not(testing::HasSubstr("nan")));
+  }
 }
 
 }  // namespace

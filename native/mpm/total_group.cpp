@@ -224,6 +224,7 @@ void TotalGroup<S>::watch_energy(Arena& arena, double time, bool alone, int fram
     const double energy = kinetic + elastic + height;
     const double floor = total.grid().total_mass() * (gravity.norm() * scene_.dx + 1e-12);
     const double slack = kEnergySlack * (kinetic + elastic + std::abs(work) + floor);
+    if (!std::isfinite(energy + work)) fail(member, time, frame);
     if (member.budget_known && !(energy <= member.budget + work + slack)) {
       std::ostringstream text;
       text << "Body '" << total.name() << "', frame " << frame << " (" << time << " s): it has "
@@ -245,10 +246,11 @@ void TotalGroup<S>::fail(const Member& member, double time, int frame) const {
   std::uint32_t worst = 0;
   double least = std::numeric_limits<double>::infinity();
   for (std::uint32_t p = 0; p < body.particles(); ++p) {
-    const double j = body.deformation_gradient(body.point(p)).determinant();
-    if (!std::isfinite(j)) {
+    const auto at = body.point(p);
+    const double j = body.deformation_gradient(at).determinant();
+    if (!std::isfinite(j) || !body.state(at).velocity.allFinite()) {
       worst = p;
-      least = j;
+      least = std::numeric_limits<double>::quiet_NaN();
       break;
     }
     if (j < least) {
@@ -256,14 +258,15 @@ void TotalGroup<S>::fail(const Member& member, double time, int frame) const {
       worst = p;
     }
   }
-  const Vec3d x = body.state(body.point(worst)).position;
   std::ostringstream text;
   text << "Body '" << body.name() << "', frame " << frame << " (" << time << " s): particle "
-       << worst << " at (" << x[0] << ", " << x[1] << ", " << x[2] << ") m ";
+       << worst;
   if (std::isfinite(least)) {
-    text << "is turned inside out (volume ratio " << least << ").";
+    const Vec3d x = body.state(body.point(worst)).position;
+    text << " at (" << x[0] << ", " << x[1] << ", " << x[2]
+         << ") m is turned inside out (volume ratio " << least << ").";
   } else {
-    text << "is not a number.";
+    text << " is not a number.";
   }
   text << " The deformation is larger than this grid can follow: use a smaller particle "
           "separation, a smaller scene.solver.dt_safety, gentler motion, or formulation "

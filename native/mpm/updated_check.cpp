@@ -11,12 +11,15 @@
 namespace matterfit::mpm {
 namespace {
 
+constexpr const char* kNoNumber = "is not a number";
+
 [[noreturn]] void fail(const Scene& scene, const std::string& body, double time,
                        std::uint32_t particle, const Vec3d& x, const std::string& what) {
   const int frame = scene.first_frame + static_cast<int>(std::floor(time * scene.fps + 1e-6));
   std::ostringstream text;
-  text << "Body '" << body << "', frame " << frame << " (" << time << " s): particle " << particle
-       << " at (" << x[0] << ", " << x[1] << ", " << x[2] << ") m " << what
+  text << "Body '" << body << "', frame " << frame << " (" << time << " s): particle " << particle;
+  if (what != kNoNumber) text << " at (" << x[0] << ", " << x[1] << ", " << x[2] << ") m";
+  text << " " << what
        << ". Use a smaller scene.solver.dt_safety or particle separation, or gentler motion.";
   throw UnstableError(text.str());
 }
@@ -24,7 +27,7 @@ namespace {
 /// What is wrong with a particle, or nothing. `too_fast` [m/s].
 std::string wrong(const Mat3d& f, const Vec3d& v, double too_fast) {
   const double j = f.determinant();
-  if (!std::isfinite(j) || !v.allFinite()) return "is not a number";
+  if (!std::isfinite(j) || !v.allFinite()) return kNoNumber;
   if (!(j > 0.0)) return "is turned inside out (volume ratio " + std::to_string(j) + ")";
   if (v.cwiseAbs().maxCoeff() >= too_fast) {
     return "moves more than a cell in one substep, at " + std::to_string(v.norm()) + " m/s";

@@ -94,7 +94,8 @@ class EndTest(JobCase):
         refused before it began leaves no empty take."""
         take, folder = self.cached()
         take.baked = True
-        files.write_json(os.path.join(folder, "manifest.json"), {"files": {}, "complete": True})
+        files.write_json(os.path.join(folder, "manifest.json"), {"files": {}, "complete": True,
+                                                                "frames_baked": 5})
         before = tree(folder)
         bpy.ops.matterfit.bake(onto="REPLACE")
         self.assertEqual(len(self.settings.takes), 1)

@@ -174,8 +174,8 @@ FurtherFit fit_correction(FurtherStart from, const std::vector<std::string>& bod
   }
   result.key = "correction";
   if (!refusal.empty()) {
-    statements.push_back(fmt::format("{}: {}; the law stays as it is.",
-                                     fmt::join(bodies, ", "), refusal));
+    statements.push_back(
+        fmt::format("{}: {}; the law stays as it is.", fmt::join(bodies, ", "), refusal));
     if (result.report.is_null()) result.report = {{"body", first}, {"taken", false}};
   } else {
     Arena arena(threads);

@@ -123,8 +123,8 @@ std::vector<std::vector<double>> liquid_places(const fit::Parameters& parameters
       const material::RestModuli moduli = rest_moduli(fluid);
       const material::LatentCode found = latent_code(*body.material.decoder, fluid);
       std::vector<double> point(values.begin(), values.end());
-      point[*youngs] = within(
-          *youngs, 9.0 * moduli.bulk * moduli.shear / (3.0 * moduli.bulk + moduli.shear));
+      point[*youngs] =
+          within(*youngs, 9.0 * moduli.bulk * moduli.shear / (3.0 * moduli.bulk + moduli.shear));
       for (std::size_t k = 0; k < material::kLatentSize; ++k) {
         point[code[k]] = within(code[k], found[static_cast<Eigen::Index>(k)]);
       }

@@ -47,8 +47,8 @@ struct FlowFound {
 };
 
 /// The best of each class, nearest first: of three stiffnesses a decade apart (where the start has
-/// none of its own) times five of the class's numbers half a decade apart, or of its places; the two nearest classes by scanned()
-/// along their own numbers too.
+/// none of its own) times five of the class's numbers half a decade apart, or of its places; the
+/// two nearest classes by scanned() along their own numbers too.
 [[nodiscard]] std::vector<FlowFound> search_flows(const fit::Parameters& parameters,
                                                   const std::vector<FlowStart>& starts,
                                                   const FitCost& costs, bool finely);

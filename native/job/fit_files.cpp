@@ -59,15 +59,6 @@ std::optional<Inputs> unfinished_inputs(const fs::path& folder) {
 
 }  // namespace
 
-const FitDoc& fit_of(const Job& job) {
-  if (!job.fit) {
-    throw_input(
-        "'fit' is missing: a fit needs \"fit\": { \"parameters\": [ … ] }, as in "
-        "[\"velocity\", \"material.E\"].");
-  }
-  return *job.fit;
-}
-
 Json document_to_simulate(const Job& job, const fs::path& folder) {
   Json document = job.document;
   document["task"] = "simulate";

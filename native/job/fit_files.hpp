@@ -24,9 +24,6 @@ struct Fitted {
   Json fit;       ///< the result's object `fit`, but for the errors after it
 };
 
-/// The job's section 'fit'. Throws Error(kInput) where it has none.
-[[nodiscard]] const FitDoc& fit_of(const Job& job);
-
 /// The job's document without its fit, as one that `simulate` takes, with results in `folder`.
 [[nodiscard]] Json document_to_simulate(const Job& job, const std::filesystem::path& folder);
 

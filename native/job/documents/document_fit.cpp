@@ -195,4 +195,13 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
 
 std::string_view loss_name(FitDoc::Loss loss) { return kLossNames[static_cast<std::size_t>(loss)]; }
 
+const FitDoc& fit_of(const Job& job) {
+  if (!job.fit) {
+    throw_input(
+        "'fit' is missing: a fit needs \"fit\": { \"parameters\": [ … ] }, as in "
+        "[\"velocity\", \"material.E\"].");
+  }
+  return *job.fit;
+}
+
 }  // namespace matterfit::job

@@ -13,6 +13,8 @@
 
 namespace matterfit::job {
 
+struct Job;  // job/documents/document.hpp
+
 /// The section `fit` of a job (docs/formats.md).
 struct FitDoc {
   using Loss = fit::Loss;
@@ -34,5 +36,8 @@ struct FitDoc {
 
 /// As in a document.
 [[nodiscard]] std::string_view loss_name(FitDoc::Loss loss);
+
+/// The job's section 'fit'. Throws Error(kInput) where it has none.
+[[nodiscard]] const FitDoc& fit_of(const Job& job);
 
 }  // namespace matterfit::job

@@ -11,8 +11,8 @@
 
 #include "base/error.hpp"
 #include "base/parallel.hpp"
+#include "job/documents/fit_document.hpp"
 #include "job/documents/inputs.hpp"
-#include "job/fit_files.hpp"
 #include "job/run/build_scene.hpp"
 #include "mpm/simulation.hpp"
 

@@ -258,7 +258,7 @@ class Refitter::Search {
   /// A first estimate is linear: where what it says cannot be simulated, less of it may be.
   static constexpr std::array<double, 4> kShares = {1.0, 0.1, 0.01, 0.0};
   /// Promises that are worth new slopes, over what ends the search.
-  static constexpr double kWorthSlopes = 20.0;
+  static constexpr double kWorthSlopes = 40.0;
   /// Share of the deviance at which slopes were made, below which they are of another place.
   static constexpr double kFarFromStart = 0.7;
 

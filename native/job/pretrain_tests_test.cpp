@@ -17,7 +17,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path treloar() { return fs::path(MATTERFIT_SOURCE_DIR) / "docs/examples/treloar.json"; }
+fs::path treloar() {
+  return fs::path(MATTERFIT_SOURCE_DIR) / "docs/examples/testing_machine/treloar.json";
+}
 
 /// μ₁, μ₂, μ₃ [Pa] and their exponents.
 using Ogden = Eigen::Matrix<double, 6, 1>;

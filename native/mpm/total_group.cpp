@@ -12,6 +12,8 @@
 namespace matterfit::mpm {
 namespace {
 
+/// Volume ratios and speeds [m/s] beyond it are as little a result as what is not a number.
+constexpr double kNoResult = 1e30;
 constexpr int kFirstIterations = 60;
 constexpr int kFrameIterations = 16;
 /// Share of the unresolved part of a body's velocity that a substep at the stability limit takes
@@ -248,7 +250,8 @@ void TotalGroup<S>::fail(const Member& member, double time, int frame) const {
   for (std::uint32_t p = 0; p < body.particles(); ++p) {
     const auto at = body.point(p);
     const double j = body.deformation_gradient(at).determinant();
-    if (!std::isfinite(j) || !body.state(at).velocity.allFinite()) {
+    // Written so that what is not a number is found too.
+    if (!(std::abs(j) < kNoResult) || !(body.state(at).velocity.norm() < kNoResult)) {
       worst = p;
       least = std::numeric_limits<double>::quiet_NaN();
       break;

@@ -123,6 +123,7 @@ struct Numerics {
   /// 2/n² too large.
   Vec3d lumping_slope = Vec3d::Zero();      ///< c
   std::array<double, 6> lumping_bend = {};  ///< b
+  friend bool operator==(const Numerics&, const Numerics&) = default;
 };
 
 /// Where to simulate.
@@ -132,6 +133,7 @@ struct Point {
     int effect = 0;          ///< index into effects()
     int variant = 0;         ///< index into its variants, 0 where it has none
     Eigen::VectorXd values;  ///< physical, one a number
+    friend bool operator==(const Cause&, const Cause&) = default;
   };
   Eigen::VectorXd theta;  ///< natural coordinates, one a parameter
   std::vector<Cause> causes;
@@ -140,6 +142,7 @@ struct Point {
   /// none is; empty: all are. Later samples of the motion may be anything finite, earlier ones are
   /// those of a simulation to the end.
   std::vector<double> until;
+  friend bool operator==(const Point&, const Point&) = default;
 };
 
 /// What a simulation gives: every coordinate of every sample of every capture, one capture after

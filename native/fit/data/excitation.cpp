@@ -18,9 +18,8 @@ constexpr double kLargestVolumeStrain = 0.5;
 constexpr double kLeastStrain = 0.01;
 constexpr double kLeastRate = 1e-3;  // [1/s]
 
-/// What a share of the values stays within; 0: there are none.
+/// What a share of the values stays within.
 double within(std::vector<double>& values, double share) {
-  if (values.empty()) return 0.0;
   const auto at = static_cast<std::ptrdiff_t>(share * double(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + at, values.end());
   return values[static_cast<std::size_t>(at)];
@@ -37,15 +36,8 @@ std::optional<material::Excitation> excitation(const InteriorTracks& tracks, con
   std::vector<double> shapes;
   std::vector<double> volumes;
   std::vector<double> rates;
-  std::vector<double> all_rates;
-  bool any = false;
-  material::Excitation most;
-  most.strain = most.compression = most.expansion = most.fastest = 0.0;
   const std::size_t count = places.size();
   for (std::size_t t = 0; t < tracks.frames(); ++t) {
-    shapes.clear();
-    volumes.clear();
-    rates.clear();
     for (std::size_t q = 0; q < count; ++q) {
       const std::size_t at = t * count + q;
       const Mat3d& f = motion.gradients[at];
@@ -62,20 +54,14 @@ std::optional<material::Excitation> excitation(const InteriorTracks& tracks, con
       rate -= rate.trace() / 3.0 * Mat3d::Identity();
       rates.push_back(rate.norm() / (tracks.times[t] - tracks.times[t - 1]));
     }
-    any = any || !shapes.empty();
-    all_rates.insert(all_rates.end(), rates.begin(), rates.end());
-    most.strain = std::max(most.strain, within(shapes, kMost));
-    most.compression = std::max(most.compression, -within(volumes, 1.0 - kMost));
-    most.expansion = std::max(most.expansion, within(volumes, kMost));
-    most.fastest = std::max(most.fastest, within(rates, kMost));
   }
-  if (!any || all_rates.empty()) return std::nullopt;
+  if (shapes.empty() || rates.empty()) return std::nullopt;
   material::Excitation over;
-  over.strain = std::clamp(most.strain, kLeastStrain, kLargestStrain);
-  over.compression = std::min(most.compression, kLargestVolumeStrain);
-  over.expansion = std::min(most.expansion, kLargestVolumeStrain);
-  over.slowest = std::max(within(all_rates, 0.5), kLeastRate);
-  over.fastest = std::max(most.fastest, over.slowest);
+  over.strain = std::clamp(within(shapes, kMost), kLeastStrain, kLargestStrain);
+  over.compression = std::clamp(-within(volumes, 1.0 - kMost), 0.0, kLargestVolumeStrain);
+  over.expansion = std::clamp(within(volumes, kMost), 0.0, kLargestVolumeStrain);
+  over.slowest = std::max(within(rates, 0.5), kLeastRate);
+  over.fastest = std::max(within(rates, kMost), over.slowest);
   return over;
 }
 

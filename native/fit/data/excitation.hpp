@@ -10,10 +10,10 @@
 namespace matterfit::fit {
 
 /// The strains and rates that tracks show at `places` of a body at rest: of |dev ε| against rest,
-/// of ln J both ways and of |dev D| between frames what 95 % of the places stay within in the frame
-/// where that is most, and the middle one of all rates; strains up to 1, volume strains up to .5.
-/// Noise of the tracks is in it. Nothing where no place has tracks around it. `flows` as in
-/// track_motion(). Throws Error(kInput) where there are fewer than two frames.
+/// of ln J both ways and of |dev D| between frames what 95 % of the places and frames stay within,
+/// of the rates the middle one too; strains up to 1, volume strains up to .5. Noise of the tracks
+/// is in it. Nothing where no place has tracks around it. `flows` as in track_motion(). Throws
+/// Error(kInput) where there are fewer than two frames.
 [[nodiscard]] std::optional<material::Excitation> excitation(const InteriorTracks& tracks,
                                                              const Points& places, bool flows,
                                                              Arena& arena);

@@ -182,9 +182,17 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
     const std::vector<diagnose::Point>& points) const {
   std::vector<std::optional<diagnose::Motion>> motions(points.size());
   std::vector<std::size_t> missing;
+  std::vector<std::pair<std::size_t, std::size_t>> twins;  // and of whom
   for (std::size_t p = 0; p < points.size(); ++p) {
     if (store_) motions[p] = store_->find(points[p]);
-    if (!motions[p]) missing.push_back(p);
+    if (motions[p]) continue;
+    const auto same = std::ranges::find_if(
+        missing, [&](std::size_t other) { return points[other] == points[p]; });
+    if (same == missing.end()) {
+      missing.push_back(p);
+    } else {
+      twins.emplace_back(p, *same);
+    }
   }
   struct Runs {
     std::vector<std::optional<std::vector<fit::SimulatedCapture>>> seen;
@@ -206,6 +214,7 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
                  motions[p] = motion_of(of_point.seen);
                  if (store_ && motions[p]) store_->keep(points[p], *motions[p]);
                });
+  for (const auto& [twin, of] : twins) motions[twin] = motions[of];
   return motions;
 }
 

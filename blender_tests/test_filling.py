@@ -161,7 +161,8 @@ class GateTest(JobCase, WithClip):
         """The take that was added for it goes with its folder; the finished one is shown again."""
         take, folder = self.cached()
         take.baked = True
-        files.write_json(os.path.join(folder, "manifest.json"), {"files": {}, "complete": True})
+        files.write_json(os.path.join(folder, "manifest.json"),
+                         {"files": {}, "complete": True, "frames_baked": 5})
         self.settings.compare.done = True
         before = tree(folder)
         stub, job = pressed("bake")

@@ -363,7 +363,7 @@ class CompareTest(JobCase):
             capture = self.settings.captures.add()
             capture.name = name
         document = files.read_json(os.path.join(self.cache, "job.json"))
-        document["captures"] = [{"name": "one"}, {"name": "two"}]
+        document["captures"] = [{"name": name, "tracks": f"{name}.npz"} for name in ("one", "two")]
         job_document.write(document, self.cache)
         for name, error in (("one", 3.0), ("two", 7.0)):
             places = numpy.zeros((6, 2, 3))

@@ -13,18 +13,22 @@ namespace {
 
 using Pixel = std::array<int, 4>;
 
+constexpr std::size_t kWide = 40;
+constexpr std::size_t kPixels = kWide * 30;
+
 Pixel pixel(const capture::Bitmap& bitmap, int x, int y) {
-  const std::uint8_t* rgba = bitmap.rgba.data() + 4 * (y * bitmap.width + x);
+  const std::uint8_t* rgba =
+      bitmap.rgba.data() + 4 * (std::ptrdiff_t(y) * bitmap.width + std::ptrdiff_t(x));
   return {rgba[0], rgba[1], rgba[2], rgba[3]};
 }
 
 TEST(Overlay, ShowsWhatIsOutsideAndWhatIsMissing) {
-  std::vector<float> mask(40 * 30, 0.0F);
-  std::vector<std::uint8_t> covered(40 * 30, 0);
+  std::vector<float> mask(kPixels, 0.0F);
+  std::vector<std::uint8_t> covered(kPixels, 0);
   for (std::size_t i = 0; i < 40; ++i) {
-    if (i < 20) mask[40 * 2 + i] = 0.6F;
-    if (i >= 10 && i < 30) covered[40 * 2 + i] = 1;
-    mask[40 * 3 + i] = 0.4F;
+    if (i < 20) mask[kWide * 2 + i] = 0.6F;
+    if (i >= 10 && i < 30) covered[kWide * 2 + i] = 1;
+    mask[kWide * 3 + i] = 0.4F;
   }
   const capture::Bitmap bitmap = overlay(mask, covered, 40, 30, "");
   EXPECT_EQ(pixel(bitmap, 5, 2), (Pixel{255, 128, 0, 200}));
@@ -36,8 +40,8 @@ TEST(Overlay, ShowsWhatIsOutsideAndWhatIsMissing) {
 }
 
 TEST(Overlay, TheFramesNumberStandsInTheCorner) {
-  const std::vector<float> mask(40 * 30, 0.0F);
-  const std::vector<std::uint8_t> covered(40 * 30, 0);
+  const std::vector<float> mask(kPixels, 0.0F);
+  const std::vector<std::uint8_t> covered(kPixels, 0);
   const capture::Bitmap bitmap = overlay(mask, covered, 40, 30, "17");
   std::string rows;
   for (int y = 23; y < 30; ++y) {

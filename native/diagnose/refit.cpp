@@ -118,7 +118,7 @@ struct Refitter::Place {
 Refitter::Refitter(const Study& study, const Noise& noise, const Spread& spread,
                    RefitOptions options)
     : study_(&study),
-      options_(options),
+      options_(std::move(options)),
       corrections_(noise.corrections),
       prior_(theta_prior(study.model(), noise.corrections)),
       whitening_(

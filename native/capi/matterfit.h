@@ -119,9 +119,9 @@ MF_API mf_status mf_inspect(const char* folder, char** text);
  * and the constitutive laws with their parameters (job/documents/quantities_json.hpp). */
 MF_API mf_status mf_quantities(char** text);
 /* Stress against stretch of the materials of a document, or of a material as a fit writes it
- * (`matterfit.material/1`), whose files lie in `base_folder`: job/curves.hpp says what the text holds.
- * `options`: NULL or {"strain", "rate", "beside"}. To find the law nearest to a neural one, which is
- * beside it, takes some seconds; without it the call takes some milliseconds. */
+ * (`matterfit.material/1`), whose files lie in `base_folder`: job/curves.hpp says what the text
+ * holds. `options`: NULL or {"strain", "rate", "beside"}. To find the law nearest to a neural one,
+ * which is beside it, takes some seconds; without it the call takes some milliseconds. */
 MF_API mf_status mf_curves(const char* json, const char* base_folder, const char* options_json,
                            char** text);
 MF_API void mf_text_free(char* text);

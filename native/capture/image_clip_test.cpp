@@ -64,7 +64,7 @@ struct WholeClip : ImageClip {
 class ImageClipTest : public ::testing::Test {
  protected:
   /// The clip of a set whose images cover a half, after `change` has spoilt it.
-  WholeClip read(CameraSet set, const std::function<void()>& change = {}) {
+  WholeClip read(const CameraSet& set, const std::function<void()>& change = {}) {
     for (const Shot& shot : set.shots) write_image(folder_ / shot.image, 4);
     if (change) change();
     write_file(folder_ / "transforms.json", format_cameras(set));

@@ -171,8 +171,9 @@ TEST(FitCorrection, OfTwoBodiesEachGetsItsOwn) {
   const auto share = [&](const char* name) {
     return correction["bodies"][name]["stress_share"][3]["share"].get<double>();
   };
-  EXPECT_GT(share("cube"), 0.05) << correction;
-  EXPECT_LT(share("other"), -0.02) << correction;
+  // Four steps are on the way, not at the end.
+  EXPECT_GT(share("cube"), 0.005) << correction;
+  EXPECT_LT(share("other"), -0.01) << correction;
   const auto file = [&](const char* name) {
     const auto bytes = read_file(folder.path / "out" / name);
     return Json::parse(bytes.begin(), bytes.end());

@@ -9,7 +9,7 @@ from ..jobs import JobError
 from .files import number, numbers
 
 SENSOR = 36.0
-# Of cameras that we added: the capture and the number, the matrix and the lens of the file.
+# Properties of the cameras that we add: the capture and the number, the file's matrix and lens.
 CAPTURE, NUMBER, PLACE, LENS = ("matterfit_capture", "matterfit_camera", "matterfit_place",
                                 "matterfit_lens")
 

@@ -14,15 +14,13 @@ from ..jobs import JobError
 # Everything we put on an artist's object carries this prefix.
 OWN_PREFIX = "Matterfit"
 
-# Modifiers that keep the number and order of vertices; the others may change them.
+# Modifiers that move vertices and keep their number and order.
 DEFORMERS = frozenset({
     "ARMATURE", "CAST", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM", "LATTICE", "MESH_DEFORM",
     "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH", "CORRECTIVE_SMOOTH", "LAPLACIANSMOOTH",
-    "SURFACE_DEFORM", "WARP", "WAVE", "CLOTH", "SOFT_BODY", "MESH_CACHE", "COLLISION", "SURFACE",
-    "PARTICLE_SYSTEM", "DATA_TRANSFER", "NORMAL_EDIT", "WEIGHTED_NORMAL", "UV_PROJECT", "UV_WARP",
-    "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY",
+    "SURFACE_DEFORM", "WARP", "WAVE", "CLOTH", "SOFT_BODY", "MESH_CACHE",
 })
-# Of these, the ones that leave the vertices where they are.
+# Modifiers that leave the vertices where they are, too. All others may change number and order.
 STILL = frozenset({
     "COLLISION", "SURFACE", "PARTICLE_SYSTEM", "DATA_TRANSFER", "NORMAL_EDIT", "WEIGHTED_NORMAL",
     "UV_PROJECT", "UV_WARP", "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY",
@@ -65,11 +63,11 @@ def _keeps_vertices(modifier):
     if modifier.type == "NODES":
         tree = modifier.node_group
         return tree is None or tree.name.startswith(SHADING_NODES)
-    return modifier.type in DEFORMERS
+    return modifier.type in DEFORMERS or modifier.type in STILL
 
 
 def _deforms(modifier):
-    return modifier.type in DEFORMERS and modifier.type not in STILL
+    return modifier.type in DEFORMERS
 
 
 def _artists(item, wanted):

@@ -9,6 +9,7 @@ import bpy
 
 from ..compat import translate
 from ..jobs import JobError
+from ..names import unique
 from ..props import scene as scene_props
 from . import attached, cache, visibility
 
@@ -105,20 +106,10 @@ def linked_text(location):
                      "make one of its own.")
 
 
-def unique_name(settings, base):
-    names = {take.name for take in settings.takes}
-    if base not in names:
-        return base
-    number = 2
-    while f"{base} {number}" in names:
-        number += 1
-    return f"{base} {number}"
-
-
 def add(settings, name, source=None):
     """A new take, with the throws of `source` where given. It has no cache yet."""
     take = settings.takes.add()
-    take.name = unique_name(settings, name)
+    take.name = unique(name, settings.takes)
     if source is not None:
         copy_settings(source, take)
     return take

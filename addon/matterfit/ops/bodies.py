@@ -7,24 +7,16 @@ from bpy.props import EnumProperty, IntProperty
 from ..compat import translate
 from ..io import attached, fit_rows, motion, presets, resolution, visibility
 from ..jobs import JobError
+from ..names import unique
 from ..props import scene as scene_props
 from .base import PlainOperator, greyed, remove_active
 
 USABLE = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 
-def unique_body_name(settings, base):
-    names = {body.name for body in settings.bodies}
-    name, number = base, 2
-    while name in names:
-        name = f"{base} {number}"
-        number += 1
-    return name
-
-
 def add_body(settings, item, role):
     """A row for the object; the first preset is Jelly, so that it moves at once."""
-    name = unique_body_name(settings, item.name if item is not None else translate("Body"))
+    name = unique(item.name if item is not None else translate("Body"), settings.bodies)
     body = settings.bodies.add()
     body.name = name
     body.role = role

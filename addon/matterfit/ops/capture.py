@@ -12,6 +12,7 @@ from .. import native
 from ..compat import translate
 from ..io import blender_cameras, camera_poses, files, fit_rows, job_captures, job_images
 from ..jobs import JobError
+from ..names import unique
 from ..props import choices
 from ..props import scene as scene_props
 from .base import PlainOperator, greyed, redraw, remove_active
@@ -21,12 +22,7 @@ EXTENSIONS = (".npz", ".npy", ".c3d", ".pc2", ".ply")
 
 def add_capture(settings, name):
     capture = settings.captures.add()
-    taken = {other.name for other in settings.captures if other != capture}
-    base, number = name, 2
-    while name in taken:
-        name = f"{base} {number}"
-        number += 1
-    capture.name = name
+    capture.name = unique(name, [other for other in settings.captures if other != capture])
     settings.capture_index = len(settings.captures) - 1
     fit_rows.refresh(settings)
     return capture

@@ -16,6 +16,7 @@ from bpy.props import (
 
 from .. import effects
 from ..compat import translate_label
+from ..names import unique
 
 _KINDS = [(kind.identifier, kind.title, kind.about, kind.icon, index)
           for index, kind in enumerate(effects.KINDS)]
@@ -26,13 +27,8 @@ def _kind_changed(self, _context):
     titles = {translate_label(kind.title) for kind in effects.KINDS}
     if self.name and re.sub(r" \d+$", "", self.name) not in titles:
         return
-    taken = {other.name for other in self.id_data.matterfit.effects if other != self}
-    title = translate_label(effects.find(self.kind).title)
-    name, count = title, 1
-    while name in taken:
-        count += 1
-        name = f"{title} {count}"
-    self.name = name
+    others = [other for other in self.id_data.matterfit.effects if other != self]
+    self.name = unique(translate_label(effects.find(self.kind).title), others)
 
 
 class MatterfitEffect(bpy.types.PropertyGroup):

@@ -100,8 +100,7 @@ std::string fit_text(const Json& fit) {
   return text;
 }
 
-/// The verdict of a diagnosis with its likeliest causes, or what a check says of each parameter.
-/// Of a comparison with one capture by images.
+/// How well a simulation's outlines agree with one capture by images.
 std::string images_text(const Json& images) {
   const auto name = images.at("name").get<std::string>();
   if (!images.contains("iou")) return name + ": no image lies in the scene's frames";
@@ -121,6 +120,7 @@ std::string images_text(const Json& images) {
                      worst["missing_px"].dump());
 }
 
+/// The verdict of a diagnosis with its likeliest causes, or what a check says of each parameter.
 std::string findings_text(const Json& result) {
   std::string text;
   if (result.contains("sentence")) text += result["sentence"].get<std::string>() + "\n";

@@ -33,6 +33,7 @@ constexpr double kNoiseFloor = 1e-7;
 /// imitate.
 constexpr std::size_t kTogether = 6;
 constexpr double kAlike = 0.9;
+
 class Search {
  public:
   Search(const Study& study, int members, const ExtendOptions& options)

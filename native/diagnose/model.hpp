@@ -138,7 +138,7 @@ struct Point {
   Eigen::VectorXd theta;  ///< natural coordinates, one a parameter
   std::vector<Cause> causes;
   Numerics numerics;
-  /// Of each capture the time of the last sample that is looked at [s], before its first one where
+  /// Times [s] of the last sample that is looked at, one a capture, before its first sample where
   /// none is; empty: all are. Later samples of the motion may be anything finite, earlier ones are
   /// those of a simulation to the end.
   std::vector<double> until;

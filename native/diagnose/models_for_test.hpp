@@ -79,7 +79,7 @@ class HiddenModel : public Model {
   std::vector<Capture> captures_;
 
  private:
-  /// What nobody is to look at.
+  /// Overwrites the samples that nobody is to look at.
   void spoil(const Point& point, Eigen::VectorXd& positions) const {
     if (point.until.empty()) return;
     Eigen::Index first = 0;

@@ -249,7 +249,7 @@ class Refitter::Search {
     }
   }
 
-  /// Where it has come to; nothing where no start could be simulated.
+  /// The state that the search has come to; null where no start could be simulated.
   [[nodiscard]] const State* end() const { return here_ ? &here_->state : nullptr; }
   /// `seen`: what a simulation at end() shows of all rows.
   [[nodiscard]] std::optional<Refit> result(const std::optional<VectorXd>& seen) const;
@@ -427,7 +427,8 @@ std::optional<Refit> Refitter::Search::result(const std::optional<VectorXd>& see
   result.chi_square = here_->chi_square;
   result.deviance = here_->residual.squaredNorm();
   result.freedom = std::max(1.0, double(refitter_.study_->used().size() - numbers));
-  result.prediction = refitter_.place(here_->state, here_->bias, *seen).prediction;
+  result.prediction = *seen;
+  if (biased()) result.prediction += here_->bias * refitter_.bias_;
   result.slopes = slopes_;
   MatrixXd hessian = jacobian_.transpose() * jacobian_;
   hessian.diagonal() *= 1.0 + 1e-12;

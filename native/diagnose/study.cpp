@@ -29,6 +29,14 @@ VectorXd neutral_values(const Effect& effect) {
   return values;
 }
 
+/// Moves Point::until on to the last of these rows.
+void look_until(const Rows& rows, std::vector<double>& until) {
+  for (const Series& s : rows.series()) {
+    double& last = until[std::size_t(s.capture)];
+    last = std::max(last, rows.time(s.end - 1));
+  }
+}
+
 /// One derivative: states on either side of the present one, and how far they are.
 struct Difference {
   std::optional<State> above;
@@ -105,19 +113,12 @@ Study::Study(const Model& model, Rows used, Rows held, std::shared_ptr<Ledger> l
   if (used_.size() == 0)
     throw_input("No sample of the captures is used: all are held out or lost.");
   measured_ = stack(diagnose::measured(model.captures()));
-  used_until_ = later_of(used_, {});
-  until_ = later_of(held_, used_until_);
-}
-
-std::vector<double> Study::later_of(const Rows& rows, std::vector<double> until) const {
-  for (const Capture& capture : model_->captures()) {
-    if (until.size() < model_->captures().size()) until.push_back(capture.times.front() - 1.0);
+  for (const Capture& capture : model.captures()) {
+    used_until_.push_back(capture.times.front() - 1.0);
   }
-  for (const Series& s : rows.series()) {
-    double& last = until[std::size_t(s.capture)];
-    last = std::max(last, rows.time(s.end - 1));
-  }
-  return until;
+  look_until(used_, used_until_);
+  until_ = used_until_;
+  look_until(held_, until_);
 }
 
 Point Study::point_of(const State& state, Wanted wanted) const {

@@ -82,8 +82,6 @@ class Study {
  private:
   Study(const Model& model, Rows used, Rows held, std::shared_ptr<Ledger> ledger);
   [[nodiscard]] Point point_of(const State& state, Wanted wanted) const;
-  /// Point::until of some rows, where they are later than `until` (empty: no rows).
-  [[nodiscard]] std::vector<double> later_of(const Rows& rows, std::vector<double> until) const;
   const Model* model_;
   Rows used_;
   Rows held_;

@@ -9,6 +9,7 @@
 
 #include "job/curves.hpp"
 #include "job/documents/excitation_document.hpp"
+#include "job/documents/markup.hpp"
 #include "material/stress_curves.hpp"
 
 namespace matterfit::job {
@@ -24,14 +25,6 @@ constexpr double kLegendLine = 18.0;
 /// Of the curves: the material's own first. Distinct in grey too.
 constexpr std::array kInks = {"#1f5fa8", "#d1741b", "#4d8f3a"};
 constexpr std::array kDashes = {"", " stroke-dasharray='7 4'", " stroke-dasharray='2 3'"};
-
-std::string xml(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    out += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : std::string(1, c);
-  }
-  return out;
-}
 
 /// From low to high, widened so that it is no point.
 struct Span {
@@ -146,10 +139,6 @@ std::string graph(material::Pull pull, const Json& curves, double left) {
   return svg;
 }
 
-}  // namespace
-
-namespace {
-
 /// At spaces, so that no line is longer where a word is not.
 std::vector<std::string> wrapped(const std::string& text) {
   constexpr std::size_t kMostBytes = 150;
@@ -181,7 +170,7 @@ std::string curves_picture(const std::string& name, const Json& curves) {
       "<rect width='100%' height='100%' fill='white'/>\n"
       "<text x='{2:.0f}' y='20' font-size='15' font-weight='bold'>{3}: stress against stretch at "
       "{4:.3g} 1/s</text>\n",
-      kPictureWidth, height, kGraphLeft, xml(name), curves.at("rate").get<double>());
+      kPictureWidth, height, kGraphLeft, escaped(name), curves.at("rate").get<double>());
   double left = kGraphLeft;
   for (const material::Pull pull : material::kPulls) {
     svg += graph(pull, curves, left);
@@ -198,7 +187,7 @@ std::string curves_picture(const std::string& name, const Json& curves) {
         "<path d='M{:.0f} {:.1f}h32' stroke='{}' stroke-width='1.8'{}/><text x='{:.0f}' "
         "y='{:.1f}'>{}{}</text>\n",
         kGraphLeft, line - 4.0, kInks[ink], kDashes[ink], kGraphLeft + 42.0, line, before,
-        xml(list[k].at("label").get<std::string>()));
+        escaped(list[k].at("label").get<std::string>()));
   }
   if (seen) {
     const material::Excitation over = read_excitation(JsonValue(curves.at("excited"), "excited"));
@@ -211,7 +200,7 @@ std::string curves_picture(const std::string& name, const Json& curves) {
     line += kLegendLine;
   }
   for (const std::string& words : sentence) {
-    svg += fmt::format("<text x='{:.0f}' y='{:.1f}'>{}</text>\n", kGraphLeft, line, xml(words));
+    svg += fmt::format("<text x='{:.0f}' y='{:.1f}'>{}</text>\n", kGraphLeft, line, escaped(words));
     line += kLegendLine;
   }
   return svg + "</svg>\n";

@@ -18,14 +18,14 @@ constexpr double kLargestVolumeStrain = 0.5;
 constexpr double kLeastStrain = 0.01;
 constexpr double kLeastRate = 1e-3;  // [1/s]
 
-/// What a share of the values stays within.
+}  // namespace
+
 double within(std::vector<double>& values, double share) {
+  if (values.empty()) return 0.0;
   const auto at = static_cast<std::ptrdiff_t>(share * double(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + at, values.end());
   return values[static_cast<std::size_t>(at)];
 }
-
-}  // namespace
 
 std::optional<material::Excitation> excitation(const InteriorTracks& tracks, const Points& places,
                                                bool flows, Arena& arena) {

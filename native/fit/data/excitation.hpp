@@ -2,12 +2,17 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "base/parallel.hpp"
 #include "fit/data/track_motion.hpp"
 #include "material/excitation.hpp"
 
 namespace matterfit::fit {
+
+/// What a share of the values, which are put into another order, stays within; 0 where there are
+/// none.
+[[nodiscard]] double within(std::vector<double>& values, double share);
 
 /// The strains and rates that tracks show at `places` of a body at rest: of |dev ε| against rest,
 /// of ln J both ways and of |dev D| between frames what 95 % of the places and frames stay within,

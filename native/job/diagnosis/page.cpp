@@ -8,6 +8,8 @@
 #include <map>
 #include <vector>
 
+#include "job/documents/markup.hpp"
+
 namespace matterfit::job {
 namespace {
 
@@ -27,29 +29,6 @@ td.number { text-align: right; font-variant-numeric: tabular-nums; white-space: 
 svg { width: 100%; height: auto; } svg text { font-size: 12px; fill: currentColor; }
 .dim { opacity: .75; }
 )";
-
-std::string escaped(const std::string& text) {
-  std::string result;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        result += "&amp;";
-        break;
-      case '<':
-        result += "&lt;";
-        break;
-      case '>':
-        result += "&gt;";
-        break;
-      case '"':
-        result += "&quot;";
-        break;
-      default:
-        result += c;
-    }
-  }
-  return result;
-}
 
 std::string text_at(const Json& json, const char* key) {
   const auto found = json.find(key);

@@ -10,17 +10,12 @@
 #include <thread>
 
 #include "base/error.hpp"
-#include "base/side_by_side.hpp"
 #include "fit/data/capture_noise.hpp"
-#include "fit/data/follow.hpp"
-#include "fit/model/step_plan.hpp"
 #include "job/diagnosis/hidden_collider.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/fit_start.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/scene_at_level.hpp"
-#include "mpm/simulation.hpp"
-#include "mpm/step_limit.hpp"
 
 namespace matterfit::job {
 namespace {

@@ -8,6 +8,8 @@
 #include <cmath>
 #include <limits>
 
+#include "fit/data/excitation.hpp"
+
 namespace matterfit::job {
 namespace {
 
@@ -20,13 +22,6 @@ constexpr double kLargestKnownStrain = 2.5;
 constexpr double kLargestKnownVolume = 1.5;
 constexpr double kLeastKnownStrain = 0.01;
 constexpr double kLeastKnownRate = 1e-3;  // [1/s]
-
-double within(std::vector<double>& values, double share = kMostParticles) {
-  if (values.empty()) return 0.0;
-  const auto at = static_cast<std::ptrdiff_t>(share * double(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
-}
 
 }  // namespace
 
@@ -76,8 +71,9 @@ void ExcitedRange::record(const mpm::FrameState& state) {
           plastic ? of_plastic * double(body.plastic_strain[p] - one.plastic[p]) : 0.0;
       rates.push_back((rate.norm() + flowed) / frame_seconds_);
     }
-    one.frames.push_back({state.frame, within(shapes), within(losses), within(gains), within(rates),
-                          within(rates, 0.5)});
+    one.frames.push_back({state.frame, fit::within(shapes, kMostParticles),
+                          fit::within(losses, kMostParticles), fit::within(gains, kMostParticles),
+                          fit::within(rates, kMostParticles), fit::within(rates, 0.5)});
     one.gradients = now;
     one.plastic = body.plastic_strain;
   }
@@ -103,7 +99,7 @@ std::optional<material::Excitation> ExcitedRange::seen(const std::string& body,
   most.strain = std::clamp(most.strain, kLeastKnownStrain, kLargestKnownStrain);
   most.compression = std::min(most.compression, kLargestKnownVolume);
   most.expansion = std::min(most.expansion, kLargestKnownVolume);
-  most.slowest = std::max(within(middle, 0.5), kLeastKnownRate);
+  most.slowest = std::max(fit::within(middle, 0.5), kLeastKnownRate);
   most.fastest = std::max(most.fastest, most.slowest);
   return most;
 }

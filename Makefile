@@ -23,9 +23,9 @@ demo: ## The main job on the sample under `blender -b`: capture, simulate, compa
 	@$(RUN) bash $(ROOT)/scripts/build.sh
 	@$(RUN) bash $(ROOT)/scripts/demo.sh
 
-test: ## Every test; ends with `N passed, N failed, N skipped` (ONLY="native blender" runs some parts)
+test: ## Every test; ends with `N passed, N failed, N skipped` (ONLY="native blender" runs some parts; LONG=1 all of them)
 	@bash $(ROOT)/scripts/dependencies.sh test
-	@$(PYTHON) $(ROOT)/scripts/test.py $(ONLY)
+	@LONG=$(LONG) $(PYTHON) $(ROOT)/scripts/test.py $(ONLY)
 
 build: ## build/bin/matterfit and build/lib/libmatterfit.so, optimised
 	@bash $(ROOT)/scripts/dependencies.sh build

@@ -120,8 +120,8 @@ class WordsTest(CheckCase):
         self.body(self.cube("Second"))
         self.checked(parameters=[parameter("bodies.Second.material.E", 1e5, 442.5, "Pa"),
                                  parameter("gravity[2]", -9.8, 0.1, "m/s²")])
-        self.assertIn("Second: Young's Modulus", self.texts())
-        self.assertIn("Gravity Z", self.texts())
+        self.assertIn("Second: Young's Modulus ±", self.said())
+        self.assertIn("Gravity Z ±", self.said())
 
     def test_what_is_no_number(self):
         """Null, and what Python's JSON takes for a number."""

@@ -21,7 +21,7 @@ CLANG_FORMAT = "clang-format-14"
 CLANG_TIDY = "clang-tidy-14"
 PYTHON_FOLDERS = ["addon", "scripts", "blender_tests"]
 # clang-tidy parses OpenVDB and Eigen anew for every file, 10 to 40 s each.
-TIDY_AT_MOST = 12
+TIDY_AT_MOST = 8
 
 
 def native_sources():

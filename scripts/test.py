@@ -19,6 +19,7 @@ import lint
 import package
 from blender_versions import VERSIONS, bpy_python
 from native_build import (
+    LONG_TESTS,
     SANITIZED,
     SANITIZER_ENVIRONMENT,
     UNSANITIZED,
@@ -53,11 +54,14 @@ def part_lint():
 
 
 def part_native():
-    """native tests, optimised"""
+    """native tests, optimised; those that tell again what a shorter one tells only where LONG is set"""
     tally = Tally()
     programs = release_tests()
     tally.check("native: test programs", bool(programs), "CTest lists none in build/release")
-    tally.add(run_gtests(programs, "native", limit=900))
+    env = {} if os.environ.get("LONG") else {"GTEST_FILTER": "-" + ":".join(LONG_TESTS)}
+    tally.add(run_gtests(programs, "native", limit=900, env=env))
+    if env:
+        tally.skipped += [(f"native: {name}", "takes a minute (make test LONG=1)") for name in LONG_TESTS]
     return tally
 
 
@@ -180,8 +184,10 @@ def part_package():
     return tally
 
 
-# Between two versions that run all tests: what a version may change under the add-on.
-BETWEEN = {"4.2": ["test_register", "test_panels", "test_document", "test_operators", "test_bake"]}
+# Versions between the oldest and the newest, which run all tests: what a version may change under the
+# add-on.
+BETWEEN = ["test_register", "test_panels", "test_document", "test_operators", "test_bake"]
+WHOLE = list(VERSIONS)[-1]
 
 
 def part_bpy():
@@ -198,7 +204,7 @@ def part_bpy():
             tally.failed.append(("bpy 4.5", f"must run where CI is set, but: {reason}"))
 
     def tested(name):
-        return run_blender_tests(name, programs[name], *BETWEEN.get(name.removeprefix("bpy-"), []))
+        return run_blender_tests(name, programs[name], *([] if name == f"bpy-{WHOLE}" else BETWEEN))
 
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         for part in pool.map(tested, programs):

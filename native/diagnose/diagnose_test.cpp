@@ -14,6 +14,7 @@ namespace {
 
 using testing::Contains;
 using testing::ElementsAre;
+using testing::StartsWith;
 using testing::UnorderedElementsAre;
 
 ThrownModel two_throws() { return ThrownModel({Vec3d(2.0, 0.5, 1.0), Vec3d(9.0, -1.0, 3.0)}); }
@@ -179,6 +180,19 @@ TEST(Diagnose, ProposesTheThrowThatSeparatesAClass) {
   EXPECT_EQ(report.next_recording, "Throw it fast and sideways.") << told_by_report(report);
   EXPECT_THAT(report.classes, Contains("drag_quadratic"));
   EXPECT_THAT(report.classes, Contains("drag_linear"));
+}
+
+TEST(Diagnose, ProposesARecordingAlthoughTwoOfTheClassAreAlikeInAny) {
+  ThrownModel model({Vec3d(3.0, 0.0, 1.0)});
+  for (Use& use : model.captures_[0].use) use = Use::kUsed;
+  model.effects_.push_back(effect("drag_twin", "outside", {number("rate", "1/m", 0.05, true)}));
+  model.experiments_ = {{"fast", "Throw it fast and sideways.", model.captures_[0]}};
+  model.record({cause_of(model, {"drag_quadratic", {0.0012}})}, {});
+  const Report report = diagnose(model);
+  EXPECT_EQ(report.verdict, Verdict::kClass) << told_by_report(report);
+  EXPECT_THAT(report.next_recording,
+              StartsWith("Throw it fast and sideways. drag_quadratic and drag_twin stay alike"))
+      << told_by_report(report);
 }
 
 /// A block on a slope that sticks as long as friction is above the slope's tangent.

@@ -245,7 +245,7 @@ class ThrownModel : public HiddenModel {
         down = Vec3d(cause.values[0], cause.values[1], -1.0).normalized();
       }
       if (name == "drag_linear") linear = cause.values[0];
-      if (name == "drag_quadratic") quadratic = cause.values[0];
+      if (name == "drag_quadratic" || name == "drag_twin") quadratic += cause.values[0];
       if (name == "force_field") field = cause.values[0];
       if (name == "spin") spin = cause.values[0];
     }

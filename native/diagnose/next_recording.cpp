@@ -1,8 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "diagnose/next_recording.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
+#include <set>
+#include <utility>
 
 #include "diagnose/observe.hpp"
 #include "diagnose/refit.hpp"
@@ -110,6 +116,47 @@ MatrixXd join_recordings(const MatrixXd& present, const MatrixXd& fresh, Index p
   return sum;
 }
 
+namespace {
+
+/// How far the present samples and new ones tell rival k from rival l, k != l: λ (1 − C²).
+using Apart = std::map<std::pair<std::size_t, std::size_t>, double>;
+
+Apart apart_by(const ScoreTest& test, const std::vector<Tested>& tested,
+               const std::vector<Rival>& rivals) {
+  Apart result;
+  for (std::size_t k = 0; k < rivals.size(); ++k) {
+    const VectorXd& alpha = rivals[k].estimate;
+    const double strength = alpha.dot(test.information().block(tested[k].first, tested[k].first,
+                                                               tested[k].count, tested[k].count) *
+                                      alpha);
+    for (std::size_t l = 0; l < rivals.size(); ++l) {
+      if (l == k || rivals[l].candidate.effect == rivals[k].candidate.effect) continue;
+      result[{k, l}] = strength * (1.0 - test.imitation(k, alpha, l));
+    }
+  }
+  return result;
+}
+
+/// "A and B stay alike in each recording that was tried." for each pair that none tells apart.
+std::string stay_alike(const Model& model, const std::vector<Rival>& rivals, const Apart& most,
+                       double enough) {
+  std::set<std::pair<std::string, std::string>> pairs;
+  for (const auto& [pair, apart] : most) {
+    if (apart >= enough) continue;
+    const auto name = [&](std::size_t k) {
+      return model.effects()[std::size_t(rivals[k].candidate.effect)].name;
+    };
+    pairs.insert(std::minmax(name(pair.first), name(pair.second)));
+  }
+  std::string text;
+  for (const auto& [one, other] : pairs) {
+    text += fmt::format(" {} and {} stay alike in each recording that was tried.", one, other);
+  }
+  return text;
+}
+
+}  // namespace
+
 std::string separating_recording(const Study& study, const Linearised& slopes, const Noise& noise,
                                  const std::vector<Rival>& rivals) {
   const Model& model = study.model();
@@ -137,8 +184,8 @@ std::string separating_recording(const Study& study, const Linearised& slopes, c
   const MatrixXd present = white.transpose() * white;
   const std::vector<int> own = model.own_capture();
 
-  const Experiment* best = nullptr;
-  double most = 0.0;
+  std::vector<std::pair<const Experiment*, Apart>> tried;
+  Apart most;
   for (std::size_t e = 0; e < experiments.size(); ++e) {
     const MatrixXd gram = experiment_gram(study, int(e), candidates, noise);
     if (gram.size() == 0) continue;
@@ -147,25 +194,26 @@ std::string separating_recording(const Study& study, const Linearised& slopes, c
     VectorXd precision = VectorXd::Zero(p + extra);
     precision.head(p) = theta_prior(model, noise.corrections).precision;
     const ScoreTest test(sum, precision, tested);
-    double least = 1e300;
-    for (std::size_t k = 0; k < rivals.size(); ++k) {
-      const VectorXd& alpha = rivals[k].estimate;
-      const double strength = alpha.dot(test.information().block(tested[k].first, tested[k].first,
-                                                                 tested[k].count, tested[k].count) *
-                                        alpha);
-      for (std::size_t l = 0; l < rivals.size(); ++l) {
-        if (l == k || candidates[l].effect == candidates[k].effect) continue;
-        least = std::min(least, strength * (1.0 - test.imitation(k, alpha, l)));
-      }
-    }
-    if (least > most && least < 1e300) {
-      most = least;
-      best = &experiments[e];
-    }
+    Apart apart = apart_by(test, tested, rivals);
+    for (const auto& [pair, value] : apart) most[pair] = std::max(most[pair], value);
+    tried.emplace_back(&experiments[e], std::move(apart));
   }
   // Less than that and the new recording would end in the same class.
   constexpr double kWorthIt = 9.2;
-  return best && most >= kWorthIt ? best->sentence : "";
+  const Experiment* best = nullptr;
+  double largest = kWorthIt;
+  for (const auto& [experiment, apart] : tried) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const auto& [pair, value] : apart) {
+      // What looks alike in any of them decides nothing.
+      if (most.at(pair) >= kWorthIt) least = std::min(least, value);
+    }
+    if (std::isfinite(least) && least >= largest) {
+      largest = least;
+      best = experiment;
+    }
+  }
+  return best ? best->sentence + stay_alike(model, rivals, most, kWorthIt) : "";
 }
 
 }  // namespace matterfit::diagnose

@@ -15,6 +15,7 @@
 #include "job/diagnosis/extent.hpp"
 #include "job/diagnosis/hidden_collider.hpp"
 #include "job/diagnosis/stiffness_causes.hpp"
+#include "mpm/contact_law.hpp"
 #include "mpm/default_stiffness.hpp"
 #include "shape/collider.hpp"
 
@@ -28,6 +29,11 @@ using diagnose::Observation;
 /// Times of a Maxwell branch that are scanned, as shares of the recording's
 /// duration.
 constexpr std::array<double, 5> kRelaxationShares = {0.003, 0.01, 0.03, 0.1, 0.3};
+
+/// Of critical damping, the solver's own where the document says nothing.
+double damping_of(const shape::Contact& contact) {
+  return contact.damping >= 0.0 ? contact.damping : mpm::kContactDamping;
+}
 
 Json& first_body(Json& scene) { return scene.at("bodies").at(0); }
 
@@ -88,8 +94,9 @@ class Causes {
         add("gravity_size", "outside", "Gravity is {value} stronger than the scene says.");
     size.row.numbers = {number("added", "m/s²", 0.1)};
     size.row.confused_with = {"scale", "frame_rate"};
-    size.apply = [g, down](std::span<const double> v, int, mpm::Scene& scene) {
-      scene.gravity.values.front() = g + v[0] * down;
+    // Captures may have scenes of their own: what is added is added to what each of them says.
+    size.apply = [down](std::span<const double> v, int, mpm::Scene& scene) {
+      for (Vec3d& gravity : scene.gravity.values) gravity += v[0] * down;
     };
     size.write = [g, down, put](std::span<const double> v, int, Json& scene) {
       put(g + v[0] * down, scene);
@@ -100,8 +107,8 @@ class Causes {
                       "Gravity pulls {value} across the direction that the scene says.");
     turn.row.numbers = {number("first", "m/s²", 0.1), number("second", "m/s²", 0.1)};
     turn.row.confused_with = {"camera_roll", "ground_tilt", "wind"};
-    turn.apply = [g, across, along](std::span<const double> v, int, mpm::Scene& scene) {
-      scene.gravity.values.front() = g + v[0] * across + v[1] * along;
+    turn.apply = [across, along](std::span<const double> v, int, mpm::Scene& scene) {
+      for (Vec3d& gravity : scene.gravity.values) gravity += v[0] * across + v[1] * along;
     };
     turn.write = [g, across, along, put](std::span<const double> v, int, Json& scene) {
       put(g + v[0] * across + v[1] * along, scene);
@@ -170,6 +177,7 @@ class Causes {
       const shape::Contact contact = scene_.colliders[c]->contact();
       const auto with = [c](auto change) {
         return [c, change](std::span<const double> v, int, mpm::Scene& scene) {
+          if (c >= scene.colliders.size()) return;  // not in this capture's own scene
           shape::Contact moved = scene.colliders[c]->contact();
           change(moved, v[0]);
           scene.colliders[c] = mpm::with_contact(scene.colliders[c], moved);
@@ -183,7 +191,8 @@ class Causes {
         cause.row.numbers[0].low = -contact.mu;
         cause.row.tries = {-0.6 * contact.mu, -0.3 * contact.mu, 0.3 * contact.mu};
         const double mu = contact.mu;
-        cause.apply = with([mu](shape::Contact& moved, double v) { moved.mu = mu + v; });
+        cause.apply =
+            with([](shape::Contact& moved, double v) { moved.mu = std::max(0.0, moved.mu + v); });
         cause.write = [c, mu](std::span<const double> v, int, Json& scene) {
           scene.at("colliders").at(c)["contact"]["mu"] = mu + v[0];
         };
@@ -191,11 +200,13 @@ class Causes {
       Cause& bounce = add("restitution", "contact", "");
       bounce.row.sentence =
           "Contact with '" + doc.name + "' loses {value} of critical damping more.";
-      bounce.row.numbers = {number("damping", "", 0.05, true)};
+      const double damping = damping_of(contact);
+      bounce.row.numbers = {number("damping", "", 0.05)};
+      bounce.row.numbers[0].low = -damping;
       bounce.row.confused_with = {"damping_shear", "damping_bulk"};
-      const double damping = std::max(0.0, contact.damping);
-      bounce.apply =
-          with([damping](shape::Contact& moved, double v) { moved.damping = damping + v; });
+      bounce.apply = with([](shape::Contact& moved, double v) {
+        moved.damping = std::max(0.0, damping_of(moved) + v);
+      });
       bounce.write = [c, damping](std::span<const double> v, int, Json& scene) {
         scene.at("colliders").at(c)["contact"]["damping"] = damping + v[0];
       };
@@ -210,6 +221,7 @@ class Causes {
     tilt.row.confused_with = {"gravity_direction", "camera_roll"};
     const Vec3d foot(body_.center.x(), body_.center.y(), doc.height);
     tilt.apply = [c, foot](std::span<const double> v, int, mpm::Scene& scene) {
+      if (c >= scene.colliders.size()) return;
       const shape::ColliderPtr old = scene.colliders[c];
       // Where it lies now, under the body.
       const Vec3d below = foot - Vec3d(0.0, 0.0, old->closest(foot, 0.0).distance);
@@ -236,8 +248,8 @@ class Causes {
       Cause& cause = add(name, "material", sentence);
       cause.row.numbers = {number("added", "Pa s", 1e-3 * modulus, true)};
       cause.row.confused_with = {"drag_linear", "drag_quadratic", "relaxation", "friction"};
-      cause.apply = [member, now](std::span<const double> v, int, mpm::Scene& scene) {
-        scene.bodies.front().material.*member = now + v[0];
+      cause.apply = [member](std::span<const double> v, int, mpm::Scene& scene) {
+        scene.bodies.front().material.*member += v[0];
       };
       cause.write = [name, now](std::span<const double> v, int, Json& scene) {
         first_body(scene)["material"][name] = now + v[0];
@@ -312,8 +324,8 @@ class Causes {
         cause.row.numbers.push_back(number(axis, unit, scale));
       cause.row.confused_with = {"time_offset"};
       const Vec3d now = scene_.bodies.front().*member;
-      cause.apply = [member, now](std::span<const double> v, int, mpm::Scene& scene) {
-        scene.bodies.front().*member = now + Vec3d(v[0], v[1], v[2]);
+      cause.apply = [member](std::span<const double> v, int, mpm::Scene& scene) {
+        scene.bodies.front().*member += Vec3d(v[0], v[1], v[2]);
       };
       cause.write = [name, now](std::span<const double> v, int, Json& scene) {
         first_body(scene)[name] = {now.x() + v[0], now.y() + v[1], now.z() + v[2]};

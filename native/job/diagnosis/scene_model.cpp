@@ -107,6 +107,7 @@ SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
   list_experiments();
   CauseOptions about;
   for (const fit::Parameter& parameter : parameters()) about.fitted.push_back(parameter.name);
+  about.duration = 0.0;
   for (const diagnose::Capture& capture : captures_) {
     about.duration = std::max(about.duration, capture.times.back() - capture.times.front());
   }

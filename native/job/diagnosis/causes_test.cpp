@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/diagnosis/causes.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "job/fit_fixture_for_test.hpp"
+#include "job/run/build_scene.hpp"
+#include "mpm/simulation.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+
+/// A cube of 64 particles that slides and turns on the ground; its document says nothing of
+/// damping.
+Json sliding_cube() {
+  Json document = thrown_cube();
+  Json& scene = document["scene"];
+  scene["frames"] = {0, 8};
+  scene["particle_separation"] = 0.1;
+  scene["bodies"][0]["source"]["box"] = {{"low", {0.0, 0.0, 0.02}}, {"high", {0.4, 0.4, 0.42}}};
+  return document;
+}
+
+mpm::Scene scene_of(const Json& document) {
+  Arena arena(1);
+  return build_scene(job_of(document, {}), arena, Interrupter{}).scene;
+}
+
+/// Positions of all particles in the last frame.
+std::vector<Vec3d> moved(mpm::Scene scene, int substeps) {
+  scene.substeps.assign(1, substeps);
+  const int end = scene.end_frame;
+  mpm::Simulation simulation(std::move(scene), std::make_shared<Arena>(1));
+  while (simulation.frame() + 1 < end) (void)simulation.advance(Interrupter{});
+  return simulation.observe(false).bodies.front().positions;
+}
+
+double apart(const std::vector<Vec3d>& a, const std::vector<Vec3d>& b) {
+  double most = a.size() == b.size() ? 0.0 : 1e300;
+  for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i) {
+    most = std::max(most, (a[i] - b[i]).norm());
+  }
+  return most;
+}
+
+std::vector<Cause> causes_of(const Json& document) {
+  return scene_causes(job_of(document, {}), scene_of(document), {});
+}
+
+int variants_of(const Cause& cause) { return std::max(1, int(cause.row.variants.size())); }
+
+constexpr int kStepsAFrame = 60;
+
+TEST(Causes, AtTheirNeutralValuesNothingChanges) {
+  const Json document = sliding_cube();
+  const mpm::Scene scene = scene_of(document);
+  const std::vector<Vec3d> without = moved(scene, kStepsAFrame);
+  for (const Cause& cause : causes_of(document)) {
+    if (!cause.apply) continue;
+    std::vector<double> neutral;
+    for (const diagnose::Number& number : cause.row.numbers) neutral.push_back(number.neutral);
+    for (int v = 0; v < variants_of(cause); ++v) {
+      mpm::Scene there = scene;
+      cause.apply(neutral, v, there);
+      EXPECT_LT(apart(moved(there, kStepsAFrame), without), 1e-5 * kSize)
+          << cause.row.name << " " << v;
+    }
+  }
+}
+
+/// The extended document is the model that was refitted.
+TEST(Causes, AreWrittenAsTheyAct) {
+  const Json document = sliding_cube();
+  const mpm::Scene scene = scene_of(document);
+  const std::vector<Vec3d> without = moved(scene, kStepsAFrame);
+  int acting = 0;
+  for (const Cause& cause : causes_of(document)) {
+    if (!cause.apply) continue;
+    std::vector<double> values;
+    for (const diagnose::Number& n : cause.row.numbers) {
+      values.push_back(std::min(n.neutral + n.scale, n.high));
+    }
+    mpm::Scene there = scene;
+    cause.apply(values, 0, there);
+    Json extended = document;
+    cause.write(values, 0, extended["scene"]);
+    const std::vector<Vec3d> applied = moved(there, kStepsAFrame);
+    EXPECT_LT(apart(applied, moved(scene_of(extended), kStepsAFrame)), 1e-4 * kSize) << cause.row.name;
+    acting += apart(applied, without) > 1e-4 * kSize ? 1 : 0;
+  }
+  EXPECT_GT(acting, 10);
+}
+
+/// A capture may have a scene of its own: what a cause adds is added to what that says.
+TEST(Causes, AddToWhatAnotherSceneSays) {
+  const Json document = sliding_cube();
+  Json other = document;
+  other["scene"]["gravity"] = {0.0, 0.0, -3.0};
+  other["scene"]["bodies"][0]["velocity"] = {0.0, 0.0, 2.0};
+  other["scene"]["colliders"][0]["contact"]["mu"] = 0.1;
+  for (const Cause& cause : causes_of(document)) {
+    mpm::Scene scene = scene_of(other);
+    if (cause.row.name == "gravity_size") {
+      cause.apply(std::vector{0.5}, 0, scene);
+      EXPECT_NEAR(scene.gravity.values.front().z(), -3.5, 1e-12);
+    } else if (cause.row.name == "velocity") {
+      cause.apply(std::vector{1.0, 0.0, 0.0}, 0, scene);
+      EXPECT_NEAR((scene.bodies.front().velocity - Vec3d(1.0, 0.0, 2.0)).norm(), 0.0, 1e-12);
+    } else if (cause.row.name == "friction") {
+      cause.apply(std::vector{0.2}, 0, scene);
+      EXPECT_NEAR(scene.colliders.front()->contact().mu, 0.3, 1e-12);
+    }
+    if (cause.apply) {
+      scene.colliders.clear();
+      const std::vector<double> values(cause.row.numbers.size(), 0.01);
+      cause.apply(values, 0, scene);  // nothing to act on is no error
+    }
+  }
+}
+
+}  // namespace
+}  // namespace matterfit::job

@@ -145,6 +145,15 @@ struct Point {
   friend bool operator==(const Point&, const Point&) = default;
 };
 
+/// Samples that a parameter can move at all: those of captures [first, end) at times from < t <=
+/// to.
+struct Window {
+  int first = 0;
+  int end = 0;
+  double from = 0.0;  ///< [s]
+  double to = 0.0;    ///< [s]
+};
+
 /// What a simulation gives: every coordinate of every sample of every capture, one capture after
 /// another, in Capture's order.
 struct Motion {
@@ -176,6 +185,15 @@ class Model {
   /// ascending, each with a prior around 0: the solver's covariance is of what is left once they
   /// are free.
   [[nodiscard]] virtual std::vector<Eigen::Index> corrections() const { return {}; }
+  /// One a parameter; nothing where it may move any sample. Derivatives by parameters that move no
+  /// sample together are made in one run.
+  [[nodiscard]] virtual std::vector<std::optional<Window>> windows() const {
+    return std::vector<std::optional<Window>>(parameters().size());
+  }
+  /// Whether simulations follow the recordings in places, and so depend on what a camera did:
+  /// points then hold observations among their causes, which the engine applies to the motion all
+  /// the same.
+  [[nodiscard]] virtual bool follows_recordings() const { return false; }
   [[nodiscard]] virtual const std::vector<Effect>& effects() const = 0;
   /// One motion a point, in order; nothing where the simulation could not be completed. Batches
   /// are as large as the engine can make them: run them side by side. Throws Error(kCancelled).

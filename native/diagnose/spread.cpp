@@ -76,7 +76,8 @@ MatrixXd Spread::deviations() const {
 namespace {
 
 /// Other numerics' runs with their corrections set so that they come nearest to the first run's
-/// used rows: Gauss–Newton with the slopes of the state.
+/// used rows: Gauss–Newton with the slopes of the state. Where simulations follow the recordings
+/// one impact's error is not multiplied at the next, and what the slopes promise is believed.
 void correct(const Study& study, const State& state, const MatrixXd& theta,
              const std::vector<Numerics>& variants, std::vector<std::optional<VectorXd>>& runs) {
   constexpr int kRounds = 2;            // a third gained nothing (docs/dev/impacts.md)
@@ -112,6 +113,14 @@ void correct(const Study& study, const State& state, const MatrixXd& theta,
   const auto apart = [&](const VectorXd& run) -> VectorXd {
     return noise.cwiseInverse().asDiagonal() * (*runs[0] - run).head(used);
   };
+  if (study.model().follows_recordings()) {
+    for (const Member& member : going) {
+      VectorXd& run = *runs[member.variant];
+      const VectorXd step = factors.solve(slopes.transpose() * apart(run));
+      run += theta(Eigen::all, corrections) * step;
+    }
+    return;
+  }
   for (int round = 0; round < kRounds && !going.empty(); ++round) {
     std::vector<State> states;
     std::vector<Numerics> numerics;

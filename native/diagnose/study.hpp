@@ -124,9 +124,10 @@ struct DifferenceOptions {
 };
 
 /// By finite differences, those of the state and those of the candidates in a batch each;
-/// observations cost none. A run that fails on one
-/// side is taken from the other; a parameter both of whose sides fail has a column of 0. Throws
-/// Error(kCompute) where the state itself cannot be simulated.
+/// parameters that move no sample together (Model::windows) share their runs, and observations cost
+/// none where simulations do not follow the recordings. A run that fails on one side is taken from
+/// the other; a parameter both of whose sides fail has a column of 0. Throws Error(kCompute) where
+/// the state itself cannot be simulated.
 [[nodiscard]] Linearised linearise(const Study& study, const State& state,
                                    const std::vector<Candidate>& candidates,
                                    const DifferenceOptions& options);

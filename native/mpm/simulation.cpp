@@ -37,6 +37,10 @@ SubstepCost Simulation::measure(double seconds, const Interrupter& interrupter) 
   return cost;
 }
 
+void Simulation::change(std::size_t body, const RigidChange& change) {
+  impl_->stepper.change(body, change);
+}
+
 FrameState Simulation::state() const { return impl_->stepper.state(); }
 ObservedFrame Simulation::observe(bool deformation_gradients) const {
   return impl_->stepper.observe(deformation_gradients);

@@ -12,6 +12,7 @@
 #include "base/vec.hpp"
 #include "math/simd_target.hpp"
 #include "mpm/observed_frame.hpp"
+#include "mpm/rigid_change.hpp"
 #include "mpm/scene.hpp"
 
 namespace matterfit::mpm {
@@ -85,6 +86,9 @@ class Simulation {
   [[nodiscard]] int frame() const;
   /// Advances by one frame. On cancellation throws; the state is then unusable but for destruction.
   FrameReport advance(const Interrupter& interrupter);
+  /// Changes the rigid motion of a total Lagrangian body (into Scene::bodies) between two frames.
+  /// Throws Error(kInput) for another.
+  void change(std::size_t body, const RigidChange& change);
   [[nodiscard]] FrameState state() const;
   /// The same without rounding, for those who compare small differences.
   [[nodiscard]] ObservedFrame observe(bool deformation_gradients) const;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <cstring>
 
@@ -115,6 +116,38 @@ TEST(Nudge, IsForTotalBodiesOnly) {
   Scene scene = scene_with(body, 0.02);
   scene.nudges.push_back({0, 10, Vec3d::UnitX(), Vec3d::Zero()});
   EXPECT_THROW(Simulation(scene, std::make_shared<Arena>(1)), Error);
+}
+
+/// A body that is taken to another place, turn and velocity flies on from there, its shape kept.
+TEST(RigidChange, MovesABodyBetweenFrames) {
+  Body body = block("cube", Vec3d(-0.03, -0.03, -0.03), Vec3i(6, 6, 6), 0.01);
+  body.formulation = Formulation::kTotal;
+  body.material.youngs_modulus = 1e6;
+  body.velocity = Vec3d(1.0, 0.0, 0.0);
+  body.spin = Vec3d(0.0, 0.0, 3.0);
+  Scene scene = scene_with(body, 0.02);
+  scene.gravity = shape::Keyed<Vec3d>(Vec3d::Zero());
+  Simulation simulation(scene, std::make_shared<Arena>(1));
+  for (int i = 0; i < 10; ++i) simulation.advance(Interrupter());
+  const std::vector<Vec3d> before = simulation.observe(false).bodies[0].positions;
+  RigidChange change;
+  change.center = Vec3d(0.1, 0.0, 0.0);
+  change.rotation = Eigen::AngleAxisd(0.7, Vec3d(1.0, 2.0, 0.5).normalized()).toRotationMatrix();
+  change.shift = Vec3d(0.0, 0.3, -0.2);
+  change.velocity = -(change.rotation * Vec3d(1.0, 0.0, 0.0));
+  change.spin = -(change.rotation * Vec3d(0.0, 0.0, 3.0));
+  simulation.change(0, change);
+  const std::vector<Vec3d> after = simulation.observe(false).bodies[0].positions;
+  for (std::size_t p = 0; p < after.size(); ++p) {
+    const Vec3d there =
+        change.center + change.shift + change.rotation * (before[p] - change.center);
+    EXPECT_LT((after[p] - there).norm(), 1e-12);
+  }
+  // It rests there.
+  for (int i = 0; i < 10; ++i) simulation.advance(Interrupter());
+  const std::vector<Vec3d> later = simulation.observe(false).bodies[0].positions;
+  for (std::size_t p = 0; p < after.size(); ++p) EXPECT_LT((later[p] - after[p]).norm(), 5e-5);
+  EXPECT_THROW(simulation.change(1, change), Error);
 }
 
 /// A spinning body keeps its angular velocity and shape (a rigid rotation is affine).

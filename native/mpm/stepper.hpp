@@ -55,6 +55,9 @@ class Stepper {
   [[nodiscard]] const FrameSchedule& taken() const { return taken_; }
   [[nodiscard]] SubstepCost measure(double seconds, const Interrupter& interrupter);
 
+  /// Simulation::change.
+  void change(std::size_t body, const RigidChange& change) { total_->change(body, change); }
+
   /// Substep k of a frame as advance() takes it, alone, from the state before it.
   void substep(int frame, const FrameSchedule& plan, int k);
 

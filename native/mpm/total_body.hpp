@@ -145,6 +145,8 @@ class TotalBody {
 
   /// Adds a rigid motion about the centre of mass to the velocities (world axes).
   void nudge(const Vec3d& velocity, const Vec3d& spin);
+  /// Between two frames. Maxwell branches keep their axes: for turns of hundredths of a radian.
+  void change(const RigidChange& change);
 
   void sample(Arena& arena, BodyState& out) const;
   [[nodiscard]] BlockExtremes<S> extremes() const;

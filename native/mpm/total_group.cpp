@@ -207,6 +207,18 @@ void TotalGroup<S>::nudge(const Nudge& nudge) {
 }
 
 template <class S>
+void TotalGroup<S>::change(std::size_t body, const RigidChange& change) {
+  for (Member& member : members_) {
+    if (member.index != body) continue;
+    member.body->change(change);
+    member.budget_known = false;
+    return;
+  }
+  throw_input("Body " + std::to_string(body) +
+              " cannot be moved between frames: it is not in the total Lagrangian formulation.");
+}
+
+template <class S>
 void TotalGroup<S>::watch_energy(Arena& arena, double time, bool alone, int frame) {
   const Vec3d gravity = scene_.gravity.at(time);
   const double frame_seconds = 1.0 / scene_.fps;

@@ -71,6 +71,8 @@ class TotalGroup {
 
   /// Before the limits of the frame that it belongs to are looked for.
   void nudge(const Nudge& nudge);
+  /// Throws Error(kInput) where the body, into Scene::bodies, is not one of the group.
+  void change(std::size_t body, const RigidChange& change);
   void begin_frame(double time);
   /// The largest acceleration [m/s²] that terms give to a body in the frame that began last.
   [[nodiscard]] double term_acceleration() const { return term_acceleration_; }

@@ -90,7 +90,8 @@ TEST(Causes, AreWrittenAsTheyAct) {
     Json extended = document;
     cause.write(values, 0, extended["scene"]);
     const std::vector<Vec3d> applied = moved(there, kStepsAFrame);
-    EXPECT_LT(apart(applied, moved(scene_of(extended), kStepsAFrame)), 1e-4 * kSize) << cause.row.name;
+    EXPECT_LT(apart(applied, moved(scene_of(extended), kStepsAFrame)), 1e-4 * kSize)
+        << cause.row.name;
     acting += apart(applied, without) > 1e-4 * kSize ? 1 : 0;
   }
   EXPECT_GT(acting, 10);

@@ -12,8 +12,6 @@
 namespace matterfit::job {
 namespace {
 
-/// Velocity and spin after an impact.
-constexpr std::size_t kNumbersOfImpact = 6;
 /// Standard deviations that a number may be off at most.
 constexpr double kMostOff = 30.0;
 /// How well a ground's height is known, in sizes of the body.
@@ -46,7 +44,7 @@ ContactNuisances::ContactNuisances(const std::vector<ContactRun>& runs,
       const std::size_t body = run.bodies[c];
       // Two captures of one body see the same impacts.
       if (seen[body]) continue;
-      const std::vector<Impact> found = impacts(*run.captures[c], *run.scene, r, body);
+      const std::vector<Impact> found = job::impacts(*run.captures[c], *run.scene, r, body);
       if (found.empty()) continue;
       seen[body] = true;
       size = std::max(size, extent_of(run.scene->bodies[body]).size);

@@ -26,6 +26,9 @@ struct ContactRun {
 /// velocity and spin. Nothing where the recordings show no impact.
 class ContactNuisances {
  public:
+  /// Velocity and spin after an impact.
+  static constexpr std::size_t kNumbersOfImpact = 6;
+
   ContactNuisances() = default;
   /// `grounds`: names of the level grounds. `fitted`: paths of what the fit moves, which is left
   /// out here.
@@ -37,6 +40,8 @@ class ContactNuisances {
   [[nodiscard]] const std::vector<fit::Parameter>& parameters() const { return parameters_; }
   /// How many of them are of grounds.
   [[nodiscard]] std::size_t of_grounds() const { return of_grounds_; }
+  /// Those of the captures, run by run, by time; each has six parameters, after the grounds'.
+  [[nodiscard]] const std::vector<Impact>& impacts() const { return impacts_; }
   /// Puts what is of grounds into a scene with its materials, before anything that changes its
   /// colliders. `values`: one a parameter.
   void set_grounds(std::span<const double> values, mpm::Scene& scene) const;

@@ -28,7 +28,7 @@ constexpr double kContactGravities = 0.5;
 constexpr double kNearCollider = 0.25;
 /// Frames of contact that one correction is for.
 constexpr int kFramesOfContact = 5;
-constexpr std::size_t kMostImpacts = 6;
+constexpr std::size_t kMostImpacts = 12;
 constexpr std::size_t kFewestTracks = 6;
 /// Standard deviations of the noise beyond which an acceleration is one.
 constexpr double kAboveNoise = 4.0;
@@ -154,6 +154,9 @@ std::vector<Impact> impacts(const diagnose::Capture& capture, const mpm::Scene& 
       Impact impact;
       impact.run = run;
       impact.body = body;
+      impact.capture = &capture;
+      impact.begin = static_cast<Index>(from);
+      impact.end = static_cast<Index>(to);
       // The first frame of the scene that begins after it.
       impact.frame =
           scene.first_frame + static_cast<int>(std::ceil(capture.times[to - 1] * scene.fps - 1e-6));

@@ -12,10 +12,13 @@ namespace matterfit::job {
 /// A time at which something known struck a body, and how far the solver's impulse may be off.
 struct Impact {
   std::size_t run = 0;
-  std::size_t body = 0;  ///< into Scene::bodies
-  int frame = 0;         ///< in which the impact, or this part of it, ends
-  double speed = 0.0;    ///< standard deviation of each component of the velocity after it [m/s]
-  double turn = 0.0;     ///< of the spin [rad/s]
+  std::size_t body = 0;                        ///< into Scene::bodies
+  int frame = 0;                               ///< in which the impact, or this part of it, ends
+  const diagnose::Capture* capture = nullptr;  ///< that shows it
+  Eigen::Index begin = 0;                      ///< of its frames the first in contact
+  Eigen::Index end = 0;                        ///< and the first after it
+  double speed = 0.0;  ///< standard deviation of each component of the velocity after it [m/s]
+  double turn = 0.0;   ///< of the spin [rad/s]
 };
 
 /// The impacts that a capture's used samples show, by time: where its rigid motion (of each frame's

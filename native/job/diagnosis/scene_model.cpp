@@ -115,6 +115,7 @@ SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
   causes_ = scene_causes(loaded_.sources.front().job, scenes.front(), about);
   for (const Cause& cause : causes_) rows_.push_back(cause.row);
   if (fitted) add_nuisances();
+  if (!nodes_.empty()) settle_steps();
 }
 
 SceneModel::~SceneModel() = default;
@@ -166,6 +167,64 @@ void SceneModel::add_nuisances() {
   for (const fit::Parameter& parameter : listed_) fitted.push_back(parameter.name);
   nuisances_ = ContactNuisances(contacts, grounds, fitted);
   std::ranges::copy(nuisances_.parameters(), std::back_inserter(listed_));
+  add_shooting_nodes();
+}
+
+/// Of a scene's only body: another would be struck otherwise. Not where the fit moves the time that
+/// the recording began at.
+void SceneModel::add_shooting_nodes() {
+  const bool times_move = std::ranges::any_of(listed_, [](const fit::Parameter& parameter) {
+    return parameter.name.find("start_frame") != std::string::npos;
+  });
+  if (times_move) return;
+  for (std::size_t r = 0; r < runs().size(); ++r) {
+    const mpm::Scene& scene = built({}, r)->scene;
+    inertias_.push_back(inertia_of(scene.bodies.front()));
+    if (scene.bodies.size() != 1) continue;
+    std::vector<Impact> of_run;
+    std::ranges::copy_if(nuisances_.impacts(), std::back_inserter(of_run),
+                         [&](const Impact& impact) { return impact.run == r; });
+    for (ShootingNode& node : shooting_nodes(of_run, scene)) {
+      const double time = (node.frame - scene.first_frame) / scene.fps;
+      const std::array<bool, 3>& axes = node.capture->axes;
+      const bool whole = axes[0] && axes[1] && axes[2];
+      if (whole && flight_state(node, inertias_[r], time, {})) nodes_.push_back(node);
+    }
+  }
+}
+
+std::vector<std::optional<diagnose::Window>> SceneModel::windows() const {
+  std::vector<std::optional<diagnose::Window>> result(listed_.size());
+  if (nodes_.empty()) return result;
+  const auto window_of = [&](std::size_t run, int frame) {
+    const mpm::Scene& scene = built({}, run)->scene;
+    const auto time = [&](int f) { return (f - scene.first_frame) / scene.fps + 1e-6; };
+    diagnose::Window window;
+    for (std::size_t r = 0; r < run; ++r) window.first += int(runs()[r].captures.size());
+    window.end = window.first + int(runs()[run].captures.size());
+    window.from = frame > scene.first_frame ? time(frame) : -1e300;
+    window.to = 1e300;
+    for (const ShootingNode& node : nodes_) {
+      if (node.run == run && node.frame >= frame) {
+        window.to = std::min(window.to, time(node.frame));
+      }
+    }
+    return window;
+  };
+  // A throw that is a run's own; one that several share moves all of them.
+  for (std::size_t k = 0; k < fitted_count_ && runs().size() == 1; ++k) {
+    const std::string& quantity = parameters_->path(k).quantity->path;
+    if (quantity == "velocity" || quantity == "spin") {
+      result[k] = window_of(0, built({}, 0)->scene.first_frame);
+    }
+  }
+  std::size_t at = fitted_count_ + nuisances_.of_grounds();
+  for (const Impact& impact : nuisances_.impacts()) {
+    for (std::size_t i = 0; i < ContactNuisances::kNumbersOfImpact; ++i, ++at) {
+      result[at] = window_of(impact.run, impact.frame);
+    }
+  }
+  return result;
 }
 
 std::vector<Eigen::Index> SceneModel::corrections() const {
@@ -253,14 +312,14 @@ void SceneModel::list_captures() {
 }
 
 void SceneModel::settle_steps() {
-  std::vector<double> values;
-  values.reserve(listed_.size());
-  for (const fit::Parameter& parameter : listed_) values.push_back(parameter.start);
+  const diagnose::Point start = start_point();
+  const std::vector<double> values = fitted_values(start);
   const auto arena = std::make_shared<Arena>(options_.threads);
+  steps_.clear();
   for (std::size_t r = 0; r < runs().size(); ++r) {
-    mpm::Scene scene = built({}, r)->scene;
-    parameters_->apply(values, r, scene);
-    steps_.push_back(solvers_steps(std::move(scene), arena));
+    const std::shared_ptr<const Built> base = built({}, r);
+    steps_.push_back(solvers_steps(scene_at(start, *base, values, r),
+                                   {*base, values, r, arena, targets_of(start, r)}));
   }
 }
 
@@ -317,6 +376,11 @@ void SceneModel::write_nuisances(const diagnose::Point& point, Json& document,
   nuisances_.set_grounds(values, scene);
   nuisances_.write_grounds(scene, document.at("scene"));
   statements.push_back(nuisances_.left_out(values));
+  if (nodes_.empty()) return;
+  statements.push_back(fmt::format(
+      "In {} flights between impacts the diagnosis put the body where the recording shows it, so "
+      "that each impact is judged by itself; the extended model runs through.",
+      nodes_.size()));
 }
 
 }  // namespace matterfit::job

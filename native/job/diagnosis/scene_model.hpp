@@ -17,6 +17,7 @@
 #include "job/diagnosis/contact_nuisances.hpp"
 #include "job/diagnosis/motion_store.hpp"
 #include "job/diagnosis/remake.hpp"
+#include "job/diagnosis/shooting.hpp"
 #include "job/fit_experiment.hpp"
 #include "job/run/run_options.hpp"
 
@@ -30,6 +31,8 @@ namespace matterfit::job {
 /// chose at the fitted values, more by quarters of an octave where a point asks
 /// for it, so that small differences are not drowned by another sequence of
 /// substeps.
+///
+/// Between impacts a run takes up the recording's rigid motion (shooting.hpp).
 class SceneModel final : public diagnose::Model {
  public:
   /// Which values the parameters have.
@@ -51,6 +54,8 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] const std::vector<fit::Parameter>& parameters() const override { return listed_; }
   [[nodiscard]] std::vector<int> own_capture() const override;
   [[nodiscard]] std::vector<Eigen::Index> corrections() const override;
+  [[nodiscard]] std::vector<std::optional<diagnose::Window>> windows() const override;
+  [[nodiscard]] bool follows_recordings() const override { return !nodes_.empty(); }
   [[nodiscard]] const std::vector<diagnose::Effect>& effects() const override { return rows_; }
   [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate(
       const std::vector<diagnose::Point>& points) const override;
@@ -80,12 +85,18 @@ class SceneModel final : public diagnose::Model {
   };
   /// Of each capture of a run its points, frame by frame.
   using Seen = std::vector<std::vector<Points>>;
+  /// A node and the state that it takes.
+  struct Target {
+    const ShootingNode* node;
+    RigidState state;
+  };
   /// Who looks at a run, at which values of the fitted parameters.
   struct Watch {
     const Built& base;
     const std::vector<double>& values;
     std::size_t run;
     const std::shared_ptr<Arena>& arena;
+    std::vector<Target> targets;
   };
   [[nodiscard]] const std::vector<fit::Run>& runs() const { return loaded_.experiment.runs; }
   [[nodiscard]] std::shared_ptr<const Built> built(const diagnose::Numerics& numerics,
@@ -101,14 +112,20 @@ class SceneModel final : public diagnose::Model {
   /// A run's scene at a point, without what was set right after impacts.
   [[nodiscard]] mpm::Scene scene_at(const diagnose::Point& point, const Built& base,
                                     const std::vector<double>& values, std::size_t run) const;
-  /// What is seen of a scene; nothing where it cannot be simulated to its end.
-  [[nodiscard]] std::optional<Seen> watched(const mpm::Scene& scene, const Watch& watch) const;
+  /// What is seen of a scene; nothing where it cannot be simulated to its end. `substeps`: takes
+  /// those of each frame; null: nobody asks.
+  [[nodiscard]] std::optional<Seen> watched(const mpm::Scene& scene, const Watch& watch,
+                                            std::vector<int>* substeps = nullptr) const;
+  [[nodiscard]] std::vector<Target> targets_of(const diagnose::Point& point, std::size_t run) const;
+  /// Takes the simulation to the states of this frame; `now`: what is seen in it.
+  void take_up(const Watch& watch, const mpm::Scene& scene, const std::vector<Points>& now,
+               const mpm::ObservedFrame& frame, mpm::Simulation& simulation) const;
   /// The same with substeps that were settled, more of them where the scene asks for it.
   [[nodiscard]] std::optional<Seen> watch_in_steps(mpm::Scene scene, const fit::RunSteps& steps,
                                                    const Watch& watch) const;
-  /// The substeps that the solver chooses for a scene.
-  [[nodiscard]] fit::RunSteps solvers_steps(mpm::Scene scene,
-                                            const std::shared_ptr<Arena>& arena) const;
+  /// The substeps that the solver chooses for a scene. Throws Error(kCompute) where it cannot be
+  /// simulated to its end.
+  [[nodiscard]] fit::RunSteps solvers_steps(const mpm::Scene& scene, const Watch& watch) const;
   void write_nuisances(const diagnose::Point& point, Json& document,
                        std::vector<std::string>& statements) const;
   void write_observed(const diagnose::Point::Cause& cause, Json& document,
@@ -117,6 +134,7 @@ class SceneModel final : public diagnose::Model {
   void list_captures();
   /// ContactNuisances, as parameters after the fitted ones.
   void add_nuisances();
+  void add_shooting_nodes();
   [[nodiscard]] std::vector<double> fitted_values(const diagnose::Point& point) const;
   [[nodiscard]] std::vector<double> nuisance_values(const diagnose::Point& point) const;
   void settle_steps();
@@ -132,6 +150,8 @@ class SceneModel final : public diagnose::Model {
   std::vector<fit::Parameter> listed_;
   std::size_t fitted_count_ = 0;
   ContactNuisances nuisances_;
+  std::vector<ShootingNode> nodes_;
+  std::vector<Inertia> inertias_;  ///< of each run's only body, where it has nodes
   std::vector<Cause> causes_;
   std::vector<diagnose::Effect> rows_;
   std::vector<diagnose::Capture> captures_;

@@ -48,20 +48,51 @@ mpm::Scene SceneModel::scene_at(const diagnose::Point& point, const Built& base,
   return scene;
 }
 
-fit::RunSteps SceneModel::solvers_steps(mpm::Scene scene,
-                                        const std::shared_ptr<Arena>& arena) const {
+fit::RunSteps SceneModel::solvers_steps(const mpm::Scene& scene, const Watch& watch) const {
   fit::RunSteps steps;
   steps.limit = mpm::step_limit(scene);
-  mpm::Simulation::Options solver;
-  solver.target = options_.target;
-  const int end = scene.end_frame;
-  mpm::Simulation simulation(std::move(scene), arena, solver);
-  while (simulation.frame() + 1 < end) {
-    interrupter_.check();
-    steps.substeps.push_back(simulation.advance(interrupter_).substeps);
+  if (!watched(scene, watch, &steps.substeps)) {
+    throw_compute("The fitted model itself could not be simulated. Fit it again first.");
   }
   steps.substeps = fit::with_neighbours(steps.substeps);
   return steps;
+}
+
+std::vector<SceneModel::Target> SceneModel::targets_of(const diagnose::Point& point,
+                                                       std::size_t run) const {
+  std::vector<Target> targets;
+  for (const ShootingNode& node : nodes_) {
+    if (node.run != run) continue;
+    const int capture = static_cast<int>(node.capture - captures_.data());
+    std::vector<diagnose::Observed> observations;
+    for (const diagnose::Point::Cause& cause : point.causes) {
+      const diagnose::Effect& effect = rows_[static_cast<std::size_t>(cause.effect)];
+      const bool acts = effect.captures.empty() || std::ranges::count(effect.captures, capture) > 0;
+      if (effect.observation != diagnose::Observation::kNone && acts) {
+        observations.push_back({&effect, cause.values});
+      }
+    }
+    const mpm::Scene& scene = built({}, run)->scene;
+    const double time = (node.frame - scene.first_frame) / scene.fps;
+    if (auto state = flight_state(node, inertias_[run], time, observations)) {
+      targets.push_back({&node, std::move(*state)});
+    }
+  }
+  return targets;
+}
+
+void SceneModel::take_up(const Watch& watch, const mpm::Scene& scene,
+                         const std::vector<Points>& now, const mpm::ObservedFrame& frame,
+                         mpm::Simulation& simulation) const {
+  std::size_t first = 0;
+  for (std::size_t r = 0; r < watch.run; ++r) first += runs()[r].captures.size();
+  for (const Target& target : watch.targets) {
+    const ShootingNode& node = *target.node;
+    if (node.frame != simulation.frame()) continue;
+    const auto capture = static_cast<std::size_t>(node.capture - captures_.data()) - first;
+    simulation.change(node.body, change_to(target.state, node, inertias_[watch.run], now[capture],
+                                           scene.bodies[node.body], frame.bodies[node.body]));
+  }
 }
 
 std::optional<SceneModel::Seen> SceneModel::watch_in_steps(mpm::Scene scene,
@@ -85,7 +116,7 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
   mpm::Scene scene = scene_at(point, *base, values, run);
   nuisances_.add_impacts(nuisance_values(point), run, scene);
   scene.end_frame = end_frame(point, values, run);
-  const Watch watch{*base, values, run, arena};
+  const Watch watch{*base, values, run, arena, targets_of(point, run)};
   std::optional<Seen> seen;
   if (has_own_steps(point.numerics)) {
     seen = watch_in_steps(scene, steps_[run], watch);
@@ -131,8 +162,8 @@ int SceneModel::end_frame(const diagnose::Point& point, const std::vector<double
   return std::min(end, scene.end_frame);
 }
 
-std::optional<SceneModel::Seen> SceneModel::watched(const mpm::Scene& scene,
-                                                    const Watch& watch) const {
+std::optional<SceneModel::Seen> SceneModel::watched(const mpm::Scene& scene, const Watch& watch,
+                                                    std::vector<int>* substeps) const {
   const Built& base = watch.base;
   Arena& arena = *watch.arena;
   try {
@@ -160,15 +191,19 @@ std::optional<SceneModel::Seen> SceneModel::watched(const mpm::Scene& scene,
     Seen seen(followers.size());
     const auto record = [&] {
       const mpm::ObservedFrame frame = simulation.observe(true);
+      std::vector<Points> now;
       for (std::size_t c = 0; c < seen.size(); ++c) {
         const std::size_t body = base.bodies[c];
-        seen[c].push_back(followers[c].positions(scene.bodies[body], frame.bodies[body], arena));
+        now.push_back(followers[c].positions(scene.bodies[body], frame.bodies[body], arena));
+        seen[c].push_back(now.back());
       }
+      take_up(watch, scene, now, frame, simulation);
     };
     record();
     while (simulation.frame() + 1 < scene.end_frame) {
       interrupter_.check();
-      (void)simulation.advance(interrupter_);
+      const mpm::FrameReport report = simulation.advance(interrupter_);
+      if (substeps) substeps->push_back(report.substeps);
       record();
     }
     return seen;
@@ -250,7 +285,9 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate_experiment(
   std::vector<std::optional<diagnose::Motion>> motions(points.size());
   fit::RunSteps steps;
   try {
-    steps = solvers_steps(scene_of(start_point()), std::make_shared<Arena>(options_.threads));
+    const std::vector<double> values = fitted_values(start_point());
+    const auto arena = std::make_shared<Arena>(options_.threads);
+    steps = solvers_steps(scene_of(start_point()), {*base, values, 0, arena, {}});
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
     return motions;
@@ -259,7 +296,7 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate_experiment(
       points.size(), points.size(), options_.threads,
       [&](std::size_t p, const std::shared_ptr<Arena>& arena) {
         const std::vector<double> values = fitted_values(points[p]);
-        const auto seen = watch_in_steps(scene_of(points[p]), steps, {*base, values, 0, arena});
+        const auto seen = watch_in_steps(scene_of(points[p]), steps, {*base, values, 0, arena, {}});
         if (!seen) return;
         const fit::SimulatedCapture capture =
             fit::at_times(seen->front(), base->followers.front().size(), times, base->scene.fps);

@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/diagnosis/shooting.hpp"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.hpp"
+#include "capture/align.hpp"
+#include "job/diagnosis/seen_tracks.hpp"
+
+namespace matterfit::job {
+namespace {
+
+using diagnose::Observation;
+using diagnose::Observed;
+using Eigen::Index;
+
+constexpr Index kFewestFrames = 4;
+constexpr Index kMostFrames = 10;
+constexpr std::size_t kFewestTracks = 6;
+
+Vec3d log_of(const Mat3d& rotation) {
+  const Eigen::AngleAxisd turn(rotation);
+  return turn.angle() * turn.axis();
+}
+
+Mat3d exp_of(const Vec3d& turn) {
+  const double angle = turn.norm();
+  if (!(angle > 0.0)) return Mat3d::Identity();
+  return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
+}
+
+/// A measured sample as the world had it.
+struct Undone {
+  const diagnose::Capture& capture;
+  std::span<const Observed> observations;
+
+  [[nodiscard]] double time(double t) const {
+    for (const Observed& o : observations) {
+      if (o.effect->observation == Observation::kTimeOffset) t += o.values[0];
+      if (o.effect->observation == Observation::kFrameRate) {
+        t += o.values[0] * (t - capture.times.front());
+      }
+    }
+    return t;
+  }
+
+  [[nodiscard]] Vec3d place(Index f, Index i) const {
+    const SeenTracks samples{capture};
+    Vec3d x = samples.at(f, i);
+    const double since = capture.times[std::size_t(f)] - capture.times.front();
+    for (std::size_t k = observations.size(); k-- > 0;) {
+      const Observed& o = observations[k];
+      const Vec3d& pivot = o.effect->pivot;
+      switch (o.effect->observation) {
+        case Observation::kScale:
+          x = pivot + (x - pivot) / (1.0 + o.values[0]);
+          break;
+        case Observation::kRoll:
+          x = pivot + Eigen::AngleAxisd(-o.values[0], o.effect->axis) * (x - pivot);
+          break;
+        case Observation::kDrift:
+          x -= since * o.values.head<3>();
+          break;
+        case Observation::kOffset:
+          x -= o.values.head<3>();
+          break;
+        case Observation::kLag:
+          x += o.values[0] * speed(f, i);
+          break;
+        default:
+          break;
+      }
+    }
+    return x;
+  }
+
+ private:
+  [[nodiscard]] Vec3d speed(Index f, Index i) const {
+    const SeenTracks samples{capture};
+    const Index frames = Index(capture.times.size());
+    const Index a = f > 0 && samples.used(f - 1, i) ? f - 1 : f;
+    const Index b = f + 1 < frames && samples.used(f + 1, i) ? f + 1 : f;
+    if (a == b) return Vec3d::Zero();
+    return (samples.at(b, i) - samples.at(a, i)) /
+           (capture.times[std::size_t(b)] - capture.times[std::size_t(a)]);
+  }
+};
+
+/// Turn of a free body after `span` [s]: its angular momentum stays. Midpoint rule.
+Mat3d turned(const Mat3d& rotation, const Vec3d& momentum, const Mat3d& inverse, double span) {
+  constexpr double kAngle = 0.02;  // of a step [rad]
+  const auto spin = [&](const Mat3d& r) -> Vec3d { return r * inverse * r.transpose() * momentum; };
+  const double angle = spin(rotation).norm() * std::abs(span);
+  const int steps = std::clamp(int(std::ceil(angle / kAngle)), 1, 1000);
+  const double h = span / steps;
+  Mat3d r = rotation;
+  for (int s = 0; s < steps; ++s) {
+    const Mat3d middle = exp_of(0.5 * h * spin(r)) * r;
+    r = exp_of(h * spin(middle)) * r;
+  }
+  return r;
+}
+
+struct Turning {
+  Mat3d rotation;
+  Vec3d momentum;
+};
+
+/// The turn and momentum at `time` of a free body that comes nearest to these turns.
+Turning free_turning(const std::vector<Mat3d>& seen, const std::vector<double>& times, double time,
+                     const Mat3d& moment) {
+  constexpr int kIterations = 6;
+  const Mat3d inverse = moment.inverse();
+  const std::size_t n = seen.size();
+  const Vec3d rate = log_of(seen[n - 1] * seen[n - 2].transpose()) / (times[n - 1] - times[n - 2]);
+  Turning at{exp_of((time - times[n - 1]) * rate) * seen[n - 1], Vec3d::Zero()};
+  at.momentum = at.rotation * moment * at.rotation.transpose() * rate;
+  const double unit = moment.trace();  // a momentum of one radian a second, about
+  const auto residuals = [&](const Turning& where) {
+    Eigen::VectorXd r(Index(3 * n));
+    for (std::size_t f = 0; f < n; ++f) {
+      const Mat3d there = turned(where.rotation, where.momentum, inverse, times[f] - time);
+      r.segment<3>(Index(3 * f)) = log_of(there * seen[f].transpose());
+    }
+    return r;
+  };
+  const auto moved = [&](const Turning& where, const Eigen::VectorXd& by) {
+    return Turning{exp_of(by.head<3>()) * where.rotation, where.momentum + unit * by.tail<3>()};
+  };
+  for (int k = 0; k < kIterations; ++k) {
+    constexpr double kStep = 1e-5;
+    const Eigen::VectorXd r = residuals(at);
+    Eigen::MatrixXd slopes(r.size(), 6);
+    for (Index c = 0; c < 6; ++c) {
+      const Eigen::VectorXd by = kStep * Eigen::VectorXd::Unit(6, c);
+      slopes.col(c) = (residuals(moved(at, by)) - residuals(moved(at, -by))) / (2.0 * kStep);
+    }
+    const Eigen::VectorXd step = slopes.colPivHouseholderQr().solve(-r);
+    at = moved(at, step);
+    if (step.norm() < 1e-9) break;
+  }
+  return at;
+}
+
+}  // namespace
+
+std::vector<ShootingNode> shooting_nodes(const std::vector<Impact>& impacts,
+                                         const mpm::Scene& scene) {
+  std::vector<ShootingNode> result;
+  for (std::size_t k = 1; k < impacts.size(); ++k) {
+    const Impact& before = impacts[k - 1];
+    const Impact& next = impacts[k];
+    if (before.body != next.body || before.capture != next.capture) continue;
+    ShootingNode node;
+    node.run = next.run;
+    node.body = next.body;
+    node.capture = next.capture;
+    node.last = next.begin - 1;
+    node.first = std::max(before.end, node.last + 1 - kMostFrames);
+    if (node.last + 1 - node.first < kFewestFrames) continue;
+    const double time = next.capture->times[std::size_t(node.last)];
+    node.frame = scene.first_frame + int(std::floor(time * scene.fps + 1e-6));
+    if (node.frame >= before.frame) result.push_back(node);
+  }
+  return result;
+}
+
+Inertia inertia_of(const mpm::Body& body) {
+  Inertia result;
+  double volume = 0.0;
+  for (std::size_t i = 0; i < body.rest.size(); ++i) {
+    result.center += body.volumes[i] * body.rest[i];
+    volume += body.volumes[i];
+  }
+  result.center /= volume;
+  result.moment.setZero();
+  for (std::size_t i = 0; i < body.rest.size(); ++i) {
+    const Vec3d arm = body.rest[i] - result.center;
+    result.moment +=
+        body.volumes[i] * (arm.squaredNorm() * Mat3d::Identity() - arm * arm.transpose());
+  }
+  return result;
+}
+
+std::optional<RigidState> flight_state(const ShootingNode& node, const Inertia& inertia,
+                                       double time, std::span<const Observed> observations) {
+  const diagnose::Capture& capture = *node.capture;
+  const SeenTracks samples{capture};
+  RigidState state;
+  Points rest;
+  for (Index i = 0; i < capture.tracks(); ++i) {
+    bool all = true;
+    for (Index f = node.first; f <= node.last; ++f) all = all && samples.used(f, i);
+    if (!all) continue;
+    state.tracks.push_back(std::size_t(i));
+    rest.push_back(capture.rest[std::size_t(i)]);
+  }
+  if (rest.size() < kFewestTracks) return std::nullopt;
+  const Undone undone{capture, observations};
+  std::vector<Mat3d> turns;
+  std::vector<double> times;
+  Points centers;
+  for (Index f = node.first; f <= node.last; ++f) {
+    Points there;
+    there.reserve(rest.size());
+    for (const std::size_t i : state.tracks) there.push_back(undone.place(f, Index(i)));
+    try {
+      const capture::RigidFit fit = capture::fit_rigid(rest, there);
+      turns.push_back(fit.rotation);
+      centers.push_back(fit(inertia.center));
+    } catch (const Error&) {
+      return std::nullopt;  // on a line: its turn is not known
+    }
+    times.push_back(undone.time(capture.times[std::size_t(f)]));
+  }
+  const Index n = Index(times.size());
+  Eigen::MatrixXd powers(n, 3);
+  Eigen::MatrixXd places(n, 3);
+  for (Index f = 0; f < n; ++f) {
+    const double t = times[std::size_t(f)] - time;
+    powers.row(f) << 1.0, t, t * t;
+    places.row(f) = centers[std::size_t(f)].transpose();
+  }
+  const Eigen::MatrixXd parabola = powers.colPivHouseholderQr().solve(places);
+  state.place = parabola.row(0).transpose();
+  state.velocity = parabola.row(1).transpose();
+  const Turning turning = free_turning(turns, times, time, inertia.moment);
+  state.rotation = turning.rotation;
+  state.spin =
+      state.rotation * inertia.moment.inverse() * state.rotation.transpose() * turning.momentum;
+  return state;
+}
+
+mpm::RigidChange change_to(const RigidState& state, const ShootingNode& node,
+                           const Inertia& inertia, const Points& seen, const mpm::Body& body,
+                           const mpm::ObservedFrame::Body& frame) {
+  Points rest;
+  Points there;
+  for (const std::size_t i : state.tracks) {
+    rest.push_back(node.capture->rest[i]);
+    there.push_back(seen[i]);
+  }
+  const capture::RigidFit now = capture::fit_rigid(rest, there);
+  Vec3d center = Vec3d::Zero();
+  Vec3d velocity = Vec3d::Zero();
+  double volume = 0.0;
+  for (std::size_t p = 0; p < frame.positions.size(); ++p) {
+    center += body.volumes[p] * frame.positions[p];
+    velocity += body.volumes[p] * frame.velocities[p];
+    volume += body.volumes[p];
+  }
+  center /= volume;
+  velocity /= volume;
+  Vec3d momentum = Vec3d::Zero();
+  Mat3d moment = Mat3d::Zero();
+  for (std::size_t p = 0; p < frame.positions.size(); ++p) {
+    const Vec3d arm = frame.positions[p] - center;
+    momentum += body.volumes[p] * arm.cross(frame.velocities[p] - velocity);
+    moment += body.volumes[p] * (arm.squaredNorm() * Mat3d::Identity() - arm * arm.transpose());
+  }
+  const Vec3d spin = moment.inverse() * momentum;
+  mpm::RigidChange change;
+  change.center = now(inertia.center);
+  change.rotation = state.rotation * now.rotation.transpose();
+  change.shift = state.place - change.center;
+  const Vec3d of_center = velocity + spin.cross(change.center - center);
+  change.velocity = state.velocity - change.rotation * of_center;
+  change.spin = state.spin - change.rotation * spin;
+  return change;
+}
+
+}  // namespace matterfit::job

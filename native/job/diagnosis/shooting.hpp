@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "diagnose/observe.hpp"
+#include "job/diagnosis/impacts.hpp"
+#include "mpm/observed_frame.hpp"
+#include "mpm/rigid_change.hpp"
+#include "mpm/scene.hpp"
+
+namespace matterfit::job {
+
+/// A frame in flight, just before an impact, at which a simulation takes up the rigid motion that
+/// the recording shows there. What a solver gets wrong at one impact is then not multiplied at the
+/// next: multiple shooting (Bock and Plitt 1984), with states that the tracks tell.
+struct ShootingNode {
+  std::size_t run = 0;
+  std::size_t body = 0;                        ///< into Scene::bodies
+  const diagnose::Capture* capture = nullptr;  ///< that shows it
+  int frame = 0;                               ///< of the scene
+  Eigen::Index first = 0;                      ///< frames of the capture, all in this flight
+  Eigen::Index last = 0;                       ///< inclusive
+};
+
+/// One before each impact that a flight of at least four frames precedes, but for the first of a
+/// body, whose throw is fitted. `impacts`: of one run, by time.
+[[nodiscard]] std::vector<ShootingNode> shooting_nodes(const std::vector<Impact>& impacts,
+                                                       const mpm::Scene& scene);
+
+/// A rigid body's inertia about its centre at rest, by volume.
+struct Inertia {
+  Vec3d center = Vec3d::Zero();      ///< [m]
+  Mat3d moment = Mat3d::Identity();  ///< [m⁵]
+};
+[[nodiscard]] Inertia inertia_of(const mpm::Body& body);
+
+/// Where a body is and how it moves, as a rigid one.
+struct RigidState {
+  Vec3d place = Vec3d::Zero();         ///< of Inertia::center [m]
+  Mat3d rotation = Mat3d::Identity();  ///< of the body at rest
+  Vec3d velocity = Vec3d::Zero();      ///< [m/s]
+  Vec3d spin = Vec3d::Zero();          ///< [rad/s]
+  std::vector<std::size_t> tracks;     ///< that say so
+};
+
+/// The state at scene time `time` [s] that the flight of a node shows: places of its frames by
+/// Kabsch, their centres as a parabola, their turns as the free motion of a body of this inertia
+/// (Gauss–Newton). `observations` of this capture are undone. Nothing where fewer than six tracks
+/// are used in all of its frames, or they lie on a line.
+[[nodiscard]] std::optional<RigidState> flight_state(
+    const ShootingNode& node, const Inertia& inertia, double time,
+    std::span<const diagnose::Observed> observations);
+
+/// What takes a simulated body to a state. `seen`: positions of all of the capture's tracks in the
+/// simulation; particles' positions and velocities in `frame`.
+[[nodiscard]] mpm::RigidChange change_to(const RigidState& state, const ShootingNode& node,
+                                         const Inertia& inertia, const Points& seen,
+                                         const mpm::Body& body,
+                                         const mpm::ObservedFrame::Body& frame);
+
+}  // namespace matterfit::job

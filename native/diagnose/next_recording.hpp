@@ -31,8 +31,8 @@ struct Rival {
 
 /// The sentence of the experiment that separates the rivals best: the largest smallest
 /// λ (1 − C²) over their pairs, from present samples and new ones together. Pairs that none of the
-/// experiments separates (less than 9.2) do not count, and are named after the sentence. Empty where
-/// the model has no experiments, or none separates each of the pairs that any of them does.
+/// experiments separates (less than 9.2) do not count, and are named after the sentence. Empty
+/// where the model has no experiments, or none separates each of the pairs that any of them does.
 [[nodiscard]] std::string separating_recording(const Study& study, const Linearised& slopes,
                                                const Noise& noise,
                                                const std::vector<Rival>& rivals);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/interrupter.hpp"
 #include "base/vec.hpp"
 #include "capture/mesh.hpp"
 #include "mpm/scene.hpp"
@@ -23,7 +24,8 @@ struct FillOptions {
   /// by exactly n cells.
   Quatd axes = Quatd::Identity();
   std::optional<Vec3d> anchor;
-  std::size_t limit = 50'000'000;  ///< particles; more is Error(kInput) with the count
+  std::size_t limit = 50'000'000;            ///< particles; more is Error(kInput) with the count
+  const Interrupter* interrupter = nullptr;  ///< asked meanwhile, if given: Error(kCancelled)
 };
 
 /// A shape filled with particles.
@@ -51,8 +53,9 @@ struct FilledBody {
 /// of these happened.
 [[nodiscard]] FilledBody fill_mesh(const Mesh& mesh, const FillOptions& options);
 
-/// The Catmull–Clark limit surface of a cage: facets no longer than half a separation with corners
-/// exactly on the limit surface (capture/limit_surface.hpp), each face split `least_level` times at
+/// The Catmull–Clark limit surface of a cage: facets with corners exactly on the limit surface
+/// (capture/limit_surface.hpp), no longer than half a separation or hardly anywhere farther from
+/// it than a hundredth of one (a tenth where it folds), each face split `least_level` times at
 /// least, then as fill_mesh.
 [[nodiscard]] FilledBody fill_cage(const Mesh& cage, const FillOptions& options,
                                    int least_level = 2);

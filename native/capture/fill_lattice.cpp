@@ -96,6 +96,9 @@ class LatticeFill {
   }
 
  private:
+  [[nodiscard]] bool cancelled() const {
+    return options_.interrupter != nullptr && options_.interrupter->cancelled();
+  }
   [[nodiscard]] Vec3d world(const Vec3d& cells) const { return axes_ * (origin_ + h_ * cells); }
   [[nodiscard]] static Vec3d vec(const Coord& c) {
     return {double(c.x()), double(c.y()), double(c.z())};
@@ -116,6 +119,7 @@ class LatticeFill {
       return (block[axis] + size) * kBlock <= first_[axis] || block[axis] * kBlock >= last_[axis];
     };
     if (outside(0) || outside(1) || outside(2)) return;
+    look_at_cancel(options_);
     const Vec3d centre = world((vec(block) + Vec3d::Constant(0.5 * size)) * kBlock);
     const FillShape::Surface surface = shape_.at(centre);
     if (std::abs(surface.distance) > kHalfDiagonal * kBlock * size * h_ * (1 + 1e-9)) {
@@ -205,7 +209,7 @@ class LatticeFill {
     for (const Coord& block : blocks_) leaves.push_back(tree_.touchLeaf(block));
     std::atomic<std::size_t> tangled_cells{0};
     tbb::parallel_for(std::size_t{0}, leaves.size(), [&](std::size_t b) {
-      for (openvdb::Index offset = 0; offset < Leaf::SIZE; ++offset) {
+      for (openvdb::Index offset = 0; offset < Leaf::SIZE && !cancelled(); ++offset) {
         const Vec3d low = vec(leaves[b]->offsetToGlobalCoord(offset));
         const Vec3d centre = world(low + Vec3d::Constant(0.5));
         const FillShape::Surface surface = shape_.at(centre);
@@ -220,6 +224,7 @@ class LatticeFill {
       }
     });
     tangled_cells_ = tangled_cells;
+    look_at_cancel(options_);
   }
 
   /// Which cells get a particle, and where the volume of the others goes.
@@ -231,6 +236,7 @@ class LatticeFill {
     openvdb::tree::ValueAccessor<openvdb::BoolTree> kept_alone(alone);
     const auto for_each_small = [&](const auto& visit) {
       for (auto leaf = tree_.cbeginLeaf(); leaf; ++leaf) {
+        look_at_cancel(options_);
         for (auto value = leaf->cbeginValueOn(); value; ++value) {
           inside_ += static_cast<double>(*value);
           if (*value < kKeep) visit(value.getCoord(), *value);
@@ -305,6 +311,7 @@ class LatticeFill {
     for (auto value = volumes_->cbeginValueOn(); value; ++value) {
       const Coord cell = value.getCoord();
       const bool is_whole = *value == 1.0F;
+      look_at_cancel(options_);
       cells.extend(Eigen::Vector3i(cell.x(), cell.y(), cell.z()));
       body.positions.push_back(position(cell, is_whole));
       body.volumes.push_back(static_cast<double>(*value) * cube *
@@ -342,6 +349,7 @@ class LatticeFill {
     for (auto value = volumes_->cbeginValueOn(); value; ++value) cells.push_back(value.getCoord());
     std::vector<std::vector<mpm::SkinPlane>> found(cells.size());
     tbb::parallel_for(std::size_t{0}, cells.size(), [&](std::size_t p) {
+      if (cancelled()) return;
       openvdb::tree::ValueAccessor<const DistanceTree> kept(*volumes_);
       bool surface = kept.getValue(cells[p]) != 1.0F;
       for (int n = 0; n < 6 && !surface; ++n) {
@@ -363,6 +371,7 @@ class LatticeFill {
       look(centre);
       for (int n = 0; n < 8; ++n) look(world(octant(vec(cells[p]), 1.0, n)));
     });
+    look_at_cancel(options_);
     for (const auto& planes : found)
       body.skin.insert(body.skin.end(), planes.begin(), planes.end());
   }

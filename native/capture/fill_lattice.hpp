@@ -32,6 +32,11 @@ class FillShape {
   [[nodiscard]] virtual std::optional<double> volume() const = 0;
 };
 
+/// Throws Error(kCancelled) if that was asked for.
+inline void look_at_cancel(const FillOptions& options) {
+  if (options.interrupter != nullptr) options.interrupter->check();
+}
+
 /// The rule described in fill.hpp. `notes` ends the report.
 [[nodiscard]] FilledBody fill_lattice(const FillShape& shape, const FillOptions& options,
                                       const std::string& notes);

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 
 #include "base/error.hpp"
 #include "capture/fill_lattice.hpp"
@@ -66,13 +69,75 @@ class MeshShape final : public FillShape {
   shape::MeshDistance mesh_;
 };
 
+/// How far facets of a cage's limit surface may lie from it, in separations: at nearly all of their
+/// edges, and where it folds.
+constexpr double kFacetDepth = 0.01;
+constexpr double kFoldDepth = 0.1;
+constexpr double kNearlyAll = 0.95;
+constexpr float kInfinitelySharp = 10.0F;
+constexpr double kCreased = 0.5;  // cosine: a larger angle is a crease where there are some
+
+/// How deep facets whose corners lie on a smooth surface lie below it, by the angles between them:
+/// θ w / 8 for facets of width w that turn by θ. The largest of kFacetDepth and kFoldDepth that it
+/// reaches, as a multiple of these.
+double facet_depth(const Mesh& facets, bool creased, double separation) {
+  struct Side {
+    std::uint64_t edge;
+    std::size_t face;
+  };
+  const auto corner = [&](std::size_t i) {
+    return facets.vertices[static_cast<std::size_t>(facets.face_vertices[i])].cast<double>();
+  };
+  std::vector<Side> sides;
+  std::vector<Vec3d> areas;  // as normals
+  sides.reserve(facets.face_vertices.size());
+  areas.reserve(facets.face_sizes.size());
+  std::size_t first = 0;
+  for (const std::int32_t size : facets.face_sizes) {
+    const auto count = static_cast<std::size_t>(size);
+    Vec3d area = Vec3d::Zero();
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::size_t next = first + (i + 1) % count;
+      area += 0.5 * (corner(first + i) - corner(first)).cross(corner(next) - corner(first));
+      const auto a = static_cast<std::uint64_t>(facets.face_vertices[first + i]);
+      const auto b = static_cast<std::uint64_t>(facets.face_vertices[next]);
+      sides.push_back({std::min(a, b) << 32U | std::max(a, b), areas.size()});
+    }
+    areas.push_back(area);
+    first += count;
+  }
+  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
+    return a.edge != b.edge ? a.edge < b.edge : a.face < b.face;
+  });
+  std::vector<double> depths;
+  for (std::size_t i = 0, next = 0; i < sides.size(); i = next) {
+    while (next < sides.size() && sides[next].edge == sides[i].edge) ++next;
+    if (next != i + 2) continue;
+    const Vec3d& one = areas[sides[i].face];
+    const Vec3d& other = areas[sides[i + 1].face];
+    const double turn = std::atan2(one.cross(other).norm(), one.dot(other));
+    if (creased && std::cos(turn) < kCreased) continue;
+    const Vec3d along = facets.vertices[sides[i].edge >> 32U].cast<double>() -
+                        facets.vertices[sides[i].edge & 0xffffffffU].cast<double>();
+    const double length = along.norm();
+    if (!(length > 0)) continue;
+    depths.push_back(turn * 0.5 * (one.norm() + other.norm()) / length / 8);
+  }
+  if (depths.empty()) return 0.0;
+  std::sort(depths.begin(), depths.end());
+  const double most = depths[static_cast<std::size_t>(kNearlyAll * double(depths.size() - 1))];
+  return std::max(most / kFacetDepth, depths.back() / kFoldDepth) / separation;
+}
+
 const char* plural(std::size_t count) { return count == 1 ? "" : "s"; }
 
 FilledBody fill_polygons(const Mesh& mesh, const FillOptions& options, std::string notes) {
   const auto triangles =
       shape::triangulate("Mesh to fill", mesh.vertices, mesh.face_sizes, mesh.face_vertices);
   std::vector<std::vector<Vec3f>> frames{mesh.vertices};
+  look_at_cancel(options);
   const shape::MeshTopology found = shape::analyse_topology(triangles, frames);
+  look_at_cancel(options);
   const auto note = [&](const std::string& text) { notes += (notes.empty() ? "" : " ") + text; };
   if (found.triangles.empty()) {
     throw_input("Mesh to fill: every face is degenerate (two of its corners are the same).");
@@ -96,7 +161,9 @@ FilledBody fill_polygons(const Mesh& mesh, const FillOptions& options, std::stri
     note(fmt::format("{} edge{} with more than two faces.", found.non_manifold_edges,
                      plural(found.non_manifold_edges)));
   }
+  look_at_cancel(options);
   const MeshShape shape(std::move(closed), std::move(frames[0]));
+  look_at_cancel(options);
   if (shape.mesh().turned_shells() > 0) {
     note(fmt::format("{} of {} shell{} faced inward and was turned.", shape.mesh().turned_shells(),
                      shape.mesh().shell_count(), plural(shape.mesh().shell_count())));
@@ -130,12 +197,26 @@ FilledBody fill_cage(const Mesh& cage, const FillOptions& options, int least_lev
   LimitOptions limit;
   limit.level = std::clamp(least_level, 1, 8);
   std::size_t faces = (cage.face_vertices.size() << (2 * limit.level)) / 4;
-  while (limit.level < 8 && longest / (1 << limit.level) > 0.5 * options.separation &&
-         faces * 4 < kMostFaces) {
-    ++limit.level;
-    faces *= 4;
+  const auto is_long = [&] { return longest / (1 << limit.level) > 0.5 * options.separation; };
+  Mesh facets = limit_mesh(cage, limit);
+  const int level = limit.level;
+  if (is_long()) {
+    // What is rounded at a finer level only does not show in the angles.
+    const bool rounded_later = std::any_of(
+        cage.crease_sharpness.begin(), cage.crease_sharpness.end(), [&](float sharpness) {
+          return sharpness > float(limit.level) && sharpness < kInfinitelySharp;
+        });
+    double depth = rounded_later
+                       ? std::numeric_limits<double>::infinity()
+                       : facet_depth(facets, !cage.crease_sharpness.empty(), options.separation);
+    while (limit.level < 8 && is_long() && depth > 1 && faces * 4 < kMostFaces) {
+      ++limit.level;
+      faces *= 4;
+      depth /= 4;
+    }
   }
-  return fill_polygons(limit_mesh(cage, limit), options,
+  if (limit.level > level) facets = limit_mesh(cage, limit);
+  return fill_polygons(facets, options,
                        fmt::format("Limit surface of the cage at level {}.", limit.level));
 }
 

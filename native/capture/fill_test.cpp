@@ -309,6 +309,48 @@ TEST(Fill, CageIsFilledToItsLimit) {
   EXPECT_NEAR(farthest, 1.5, 1e-6);
 }
 
+TEST(Fill, SmoothCageHasFacetsAsTheSeparationNeedsThem) {
+  const auto cage = mesh_of(shapes::box(Vec3f(-1, -1, -1), Vec3f(1, 1, 1)));
+  // Facets of half a separation would be those of level 7.
+  const auto body = fill_cage(cage, spaced(0.05));
+  EXPECT_THAT(body.report, HasSubstr("at level 5."));
+  const auto fine = fill_mesh(limit_mesh(cage, {7}), spaced(0.05));
+  EXPECT_NEAR(body.volume, fine.volume, 0.001 * fine.volume);
+  EXPECT_NEAR(double(body.positions.size()), double(fine.positions.size()),
+              0.01 * double(fine.positions.size()));
+  // A flat one needs no more than was asked for, a blunt crease what it is rounded by.
+  Mesh plate = mesh_of(shapes::box(Vec3f(-1, -1, -1), Vec3f(1, 1, 1)));
+  for (std::int32_t v = 0; v < 8; ++v) {
+    for (const std::int32_t bit : {1, 2, 4}) {
+      if (v & bit) continue;
+      plate.crease_edges.insert(plate.crease_edges.end(), {v, v | bit});
+      plate.crease_sharpness.push_back(10.0F);
+    }
+  }
+  EXPECT_THAT(fill_cage(plate, spaced(0.2)).report, HasSubstr("at level 2."));
+  for (float& sharpness : plate.crease_sharpness) sharpness = 3.5F;
+  EXPECT_THAT(fill_cage(plate, spaced(0.2)).report, HasSubstr("at level 5."));
+}
+
+TEST(Fill, AnswersCancel) {
+  Interrupter interrupter;
+  FillOptions options = spaced(0.1);
+  options.interrupter = &interrupter;
+  const auto cage = mesh_of(shapes::box(Vec3f(-1, -1, -1), Vec3f(1, 1, 1)));
+  EXPECT_EQ(fill_mesh(cage, options).positions.size(), 8000U);
+  interrupter.cancel();
+  for (const auto& fill : std::vector<std::function<void()>>{
+           [&] { (void)fill_box(Vec3d::Zero(), Vec3d::Ones(), options); },
+           [&] { (void)fill_mesh(cage, options); }, [&] { (void)fill_cage(cage, options); }}) {
+    try {
+      fill();
+      ADD_FAILURE() << "went on";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kCancelled) << error.what();
+    }
+  }
+}
+
 TEST(Fill, InfinitelyCreasedCageIsTheCube) {
   auto cage = mesh_of(shapes::box(Vec3f(-1, -1, -1), Vec3f(1, 1, 1)));
   for (std::int32_t v = 0; v < 8; ++v) {

@@ -118,6 +118,7 @@ mpm::Body build_body(const BodyDoc& doc, const SceneDoc& scene, const std::strin
   capture::FillOptions options;
   options.separation = scene.particle_separation;
   options.seed = doc.seed;
+  options.interrupter = &interrupter;
   options.axes = doc.source.rotation;
   options.jitter =
       doc.source.sampling == Source::Sampling::kJitter ||

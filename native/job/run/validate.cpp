@@ -19,7 +19,11 @@
 namespace matterfit::job {
 namespace {
 
-constexpr double kNearWall = 0.5;            // of a separation
+// In separations; a point in a lattice has a particle within .87 and others on all sides of it, one
+// beside a body the next ones on one side.
+constexpr double kNear = 0.9;
+constexpr double kAround = 1.6;
+constexpr double kOneSided = 0.5;            // of the mean of those around, from the point
 constexpr double kSmallestShare = 0.01;      // of the smaller body
 constexpr std::size_t kFewestParticles = 4;  // particles
 
@@ -30,17 +34,25 @@ class Cells {
     cells_.reserve(points.size());
     for (std::size_t i = 0; i < points.size(); ++i) cells_[key(cell(points[i]))].push_back(i);
   }
-  [[nodiscard]] bool any_within(const Vec3d& x, double distance) const {
+  /// Whether `x` lies among the particles, `separation` apart; `size` is kAround separations.
+  [[nodiscard]] bool hold(const Vec3d& x, double separation) const {
     const Eigen::Array3i centre = cell(x);
+    double nearest = std::numeric_limits<double>::infinity();
+    Vec3d sum = Vec3d::Zero();
+    double count = 0;
     for (int n = 0; n < 27; ++n) {
       const Eigen::Array3i near = centre + Eigen::Array3i(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1);
       const auto found = cells_.find(key(near));
       if (found == cells_.end()) continue;
       for (const std::size_t i : found->second) {
-        if ((points_[i] - x).squaredNorm() < distance * distance) return true;
+        const Vec3d away = points_[i] - x;
+        if (away.norm() > size_) continue;
+        nearest = std::min(nearest, away.norm());
+        sum += away;
+        ++count;
       }
     }
-    return false;
+    return nearest < kNear * separation && sum.norm() < kOneSided * separation * count;
   }
 
  private:
@@ -65,15 +77,15 @@ class Cells {
 
 std::vector<Overlap> find_overlaps(const mpm::Scene& scene) {
   std::vector<Overlap> found;
-  const double distance = kNearWall * 0.5 * scene.dx;
+  const double separation = 0.5 * scene.dx;
   for (std::size_t a = 0; a < scene.bodies.size(); ++a) {
     const Points& first = scene.bodies[a].rest;
-    const Cells cells(first, distance);
+    const Cells cells(first, kAround * separation);
     for (std::size_t b = a + 1; b < scene.bodies.size(); ++b) {
       const Points& second = scene.bodies[b].rest;
       Overlap overlap{a, b, 0, Vec3d::Zero()};
       for (const Vec3d& x : second) {
-        if (!cells.any_within(x, distance)) continue;
+        if (!cells.hold(x, separation)) continue;
         ++overlap.particles;
         overlap.place += x;
       }

@@ -21,8 +21,9 @@ struct Overlap {
   Vec3d place = Vec3d::Zero();  ///< the mean of them [m]
 };
 
-/// Pairs of which more than a hundredth of the smaller body's particles lie within half a particle
-/// separation of the other's; bodies that touch have none.
+/// Pairs of which more than a hundredth of the smaller body's particles lie among the other's, with
+/// some of these near by and on all sides; bodies that touch, and one in a hole of the other, have
+/// none.
 [[nodiscard]] std::vector<Overlap> find_overlaps(const mpm::Scene& scene);
 
 }  // namespace matterfit::job

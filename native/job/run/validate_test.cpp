@@ -43,6 +43,26 @@ TEST(Validate, RefusesWhatLiesInEachOther) {
               HasSubstr("inside 'ground'"));
 }
 
+// Two lattices whose particles stand in the middle of each other's cells, .87 separations apart.
+TEST(Validate, RefusesWhatLiesBetweenTheParticles) {
+  EXPECT_THAT(said(two_cubes(0.225), {R"(bodies[1].source.box.low=[0.225,0.025,0.125])",
+                                      R"(bodies[1].source.box.high=[0.625,0.425,0.525])"}),
+              HasSubstr("lie in each other"));
+}
+
+TEST(Validate, BodiesMayFitIntoEachOther) {
+  // A peg, one particle wide, on a cube.
+  EXPECT_EQ(said(two_cubes(0.4), {R"(bodies[1].source.box.low=[0.2,0.2,0.5])",
+                                  R"(bodies[1].source.box.high=[0.25,0.25,0.8])"}),
+            "");
+  // Turned by an eighth, the edge against a face.
+  EXPECT_EQ(said(two_cubes(0.4), {R"(bodies[1].source.box.low=[-0.2,-0.2,-0.2])",
+                                  R"(bodies[1].source.box.high=[0.2,0.2,0.2])",
+                                  R"(bodies[1].placement={"position":[0.6829,0.2,0.3],)"
+                                  R"("rotation":[0.92388,0,0,0.38268]})"}),
+            "");
+}
+
 // Particles of .05 m: what is in the ground by a layer of them would be torn.
 TEST(Validate, ABodyMayRestInAColliderByAFractionOfAParticle) {
   const auto sunk = [](const std::string& depth) {
@@ -63,6 +83,11 @@ TEST(Validate, RefusesWhatIsMissing) {
   EXPECT_THAT(said(two_cubes(0.7), {R"(bodies[1].source={"mesh":"gone.ply"})"}),
               testing::AllOf(HasSubstr("scene.bodies[1].source.mesh"), HasSubstr("gone.ply"),
                              HasSubstr("does not exist")));
+  EXPECT_THAT(said(two_cubes(0.7), {R"(bodies[1].source={"mesh":"."})"}),
+              testing::AllOf(HasSubstr("scene.bodies[1].source.mesh"), HasSubstr("is a folder")));
+  EXPECT_THAT(said(two_cubes(0.7), {R"(captures=[{"body":"left","tracks":"gone.npz"}])"}),
+              testing::AllOf(HasSubstr("captures[0].tracks"), HasSubstr("gone.npz"),
+                             HasSubstr("no such file")));
 }
 
 }  // namespace

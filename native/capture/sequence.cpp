@@ -124,7 +124,8 @@ NumberedFiles find_sequence(const fs::path& pattern_or_first) {
   if (pattern_or_first.filename().string().find('#') != std::string::npos) {
     return by_pattern(pattern_or_first);
   }
-  throw_input(pattern_or_first.string() + ": there is no such file.");
+  throw_input(pattern_or_first.string() +
+              ": there is no such file. Put it back, or name another one.");
 }
 
 }  // namespace matterfit::capture

@@ -12,12 +12,23 @@ import zlib
 import bpy
 import numpy
 
+from ..compat import translate
 from ..jobs import EXIT_COMPUTE, JobError
 
 
 def absolute(path):
     """A path as Blender keeps it (// is the .blend's folder), absolute and normalised."""
     return os.path.normpath(bpy.path.abspath(path))
+
+
+def require_file(path, what):
+    """JobError, begun with `what`, where an absolute path is no file."""
+    if os.path.isdir(path):
+        raise JobError(translate("{what}: {path} is a folder. Choose a file in it.").format(
+            what=what, path=path))
+    if not os.path.isfile(path):
+        raise JobError(translate("{what}: the file {path} does not exist. Was it moved?").format(
+            what=what, path=path))
 
 
 def write_bytes(path, content):

@@ -158,8 +158,7 @@ class JobWriter:
         absolute = files.absolute(path)
         if not path:
             raise JobError(f"{what}: no file is chosen. Choose one, or remove the row.")
-        if not os.path.isfile(absolute):
-            raise JobError(f"{what}: the file {absolute} does not exist. Was it moved?")
+        files.require_file(absolute, what)
         return self.relative(absolute)
 
     def relative(self, absolute):

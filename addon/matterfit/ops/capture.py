@@ -32,9 +32,8 @@ def read_summary(scene, capture):
     """Reads the file, fills in the summary and returns it; JobError where it cannot be read."""
     path = files.absolute(capture.filepath)
     images = capture.source == "IMAGES"
-    if not os.path.isfile(path) and not (images and os.path.isdir(path)):
-        raise JobError(translate("capture '{name}': the file {path} does not exist. Was it moved?")
-                       .format(name=capture.name, path=path))
+    if not (images and os.path.isdir(path)):
+        files.require_file(path, f"capture '{capture.name}'")
     if job_captures.is_numbered(path):
         path = job_captures.numbered_pattern(path)
     options = (job_images if images else job_captures).reading_options(capture)

@@ -84,6 +84,9 @@ void require_named(const Json& json, const std::string& path, const std::string&
     }
   } else if (names_a_file(key) && json.is_string()) {
     const fs::path file = (base / json.get<std::string>()).lexically_normal();
+    if (fs::is_directory(file)) {
+      throw_input(path + ": " + file.string() + " is a folder. Name a file.");
+    }
     if (!fs::is_regular_file(file)) {
       throw_input(path + ": the file " + file.string() +
                   " does not exist. Put it back, or name another one.");
@@ -154,7 +157,14 @@ Inputs output_inputs(const Job& job) {
 
 void require_files(const Job& job) {
   require_named(job.document, "", "", job.base_folder);
-  for (const CaptureDoc& capture : job.captures) (void)capture::find_sequence(capture.file);
+  for (const CaptureDoc& capture : job.captures) {
+    try {
+      (void)capture::find_sequence(capture.file);
+    } catch (const Error& error) {
+      throw Error(error.kind(),
+                  "captures[" + std::to_string(capture.place) + "].tracks: " + error.what());
+    }
+  }
 }
 
 std::string hash_inputs(const Inputs& inputs) {

@@ -35,11 +35,17 @@ class AxisTest(BatchCase):
         self.assertFalse({key for _owner, key in keys if "start_frame" in key or "height" in key})
 
     def test_assignments(self):
-        self.vary("Cube", "velocity[2]", " -1, -2")
+        self.assertEqual(batch.combinations(self.settings), 0)
+        self.vary("Cube", "velocity[2]", " -1, -2,")
         self.vary("Cube", "material.E", "1e4")
+        self.assertEqual(batch.combinations(self.settings), 2)
         document, _folder = self.document()
         self.assertEqual(batch.assignments(self.settings, document["scene"]),
                          ["bodies.Cube.velocity[2]=-1,-2", "bodies.Cube.material.E=1e4"])
+        # As people type them, and the document does not have them.
+        self.batch.axes[0].values = ".5, -.25, +2, 3., 007"
+        self.assertEqual(batch.assignments(self.settings, document["scene"])[0],
+                         "bodies.Cube.velocity[2]=0.5,-0.25,2.0,3.0,7.0")
 
     def test_refused(self):
         document, _folder = self.document()
@@ -48,6 +54,13 @@ class AxisTest(BatchCase):
         self.vary("Cube", "velocity[2]", "-1, two")
         with self.assertRaisesRegex(batch.JobError, "'two' among its values"):
             batch.assignments(self.settings, document["scene"])
+        for values, words in ((" , ", "Cube Velocity Z has no values yet"), ("1, 2, 1.0", "the value 1.0 twice"),
+                              ("1, nan", "'nan' among"), ("1_0", "'1_0' among"),
+                              (",".join(map(str, range(10001))), "10001 combinations are more than 10000")):
+            self.batch.axes[0].values = values
+            with self.assertRaisesRegex(batch.JobError, words):
+                batch.assignments(self.settings, document["scene"])
+        self.batch.axes[0].values = "1"
         self.fails(bpy.ops.matterfit.add_axis, ["varied already"], quantity="Cube\tvelocity[2]")
         self.batch.axes[0].owner = "Gone"
         with self.assertRaisesRegex(batch.JobError, "not in the scene any more"):

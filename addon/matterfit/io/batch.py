@@ -5,6 +5,7 @@ A cache folder of it holds job.json, which is what is varied, wedge.json, and a 
 """
 
 import contextlib
+import math
 import os
 import re
 
@@ -18,7 +19,9 @@ AXES = "XYZ"
 # Not in the document by themselves, or there in another form.
 _NOT_VARIED = {"material.latent", "start_frame", "height", "placement.position", "placement.rotation"}
 _COMPONENT = re.compile(r"^(?P<key>.+)\[(?P<axis>[012])\]$")
+_IN_JSON = re.compile(r"-?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?$")  # not so .5 and +2
 SEPARATION = "particle_separation"
+MOST = 10000  # combinations, as the library takes them
 
 
 def candidates(settings):
@@ -50,6 +53,10 @@ def assignments(settings, scene_document):
     if not axes:
         raise JobError(translate("Batch: nothing is varied. Press Vary, and type values."))
     known = {(owner, key) for owner, key, _label in candidates(settings)}
+    count = combinations(settings)
+    if count > MOST:
+        raise JobError(translate("Batch: {n} combinations are more than {most}. Take out some values.")
+                       .format(n=count, most=MOST))
     found = []
     for axis in axes:
         if (axis.owner, axis.key) not in known:
@@ -66,16 +73,42 @@ def assignments(settings, scene_document):
     return found
 
 
+def value_texts(axis):
+    """What was typed between the commas of an axis, where something was."""
+    return [text for text in map(str.strip, axis.values.split(",")) if text]
+
+
+def combinations(settings):
+    """How many there are of what is typed."""
+    axes = settings.batch.axes
+    return math.prod(len(value_texts(axis)) for axis in axes) if axes else 0
+
+
 def _values(axis):
-    texts = [text.strip() for text in axis.values.split(",")]
-    for text in texts:
-        try:
-            float(text)
-        except ValueError:
+    known = {}
+    for text in value_texts(axis):
+        value = _number(text)
+        if value is None:
             raise JobError(translate(
                 "Batch: {name} has '{text}' among its values; numbers separated by commas are "
-                "expected, such as 1, 2, 3.").format(name=axis.name, text=text)) from None
-    return texts
+                "expected, such as 1, 2, 3.").format(name=axis.name, text=text))
+        if value in known:
+            raise JobError(translate("Batch: {name} has the value {text} twice.").format(
+                name=axis.name, text=text))
+        known[value] = text if _IN_JSON.match(text) else repr(value)
+    if not known:
+        raise JobError(translate("Batch: {name} has no values yet. Type numbers separated by commas, "
+                                 "such as 1, 2, 3.").format(name=axis.name))
+    return list(known.values())
+
+
+def _number(text):
+    """A finite number, else None: 1_000 and nan are numbers for Python alone."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) and "_" not in text else None
 
 
 def home(settings, task):

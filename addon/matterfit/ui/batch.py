@@ -39,7 +39,7 @@ class MATTERFIT_PT_batch(MatterfitPanel, bpy.types.Panel):
             unit = batch.unit(axis.key)
             layout.prop(axis, "values", text=f"[{unit}]" if unit else "")
         layout.row(align=True).prop(rows, "task", expand=True)
-        count = _combinations(rows.axes)
+        count = batch.combinations(settings)
         if count:
             words = translate("{n} fits") if rows.task == "FIT" else translate("{n} simulations")
             lines(layout, words.format(n=count), icon="INFO")
@@ -67,13 +67,6 @@ class MATTERFIT_PT_batch(MatterfitPanel, bpy.types.Panel):
                              "result_index", rows=4)
         if rows.task == "FIT":
             layout.operator("matterfit.apply_batch", icon="CHECKMARK")
-
-
-def _combinations(axes):
-    count = 1 if axes else 0
-    for axis in axes:
-        count *= len([text for text in axis.values.split(",") if text.strip()])
-    return count
 
 
 CLASSES = (MATTERFIT_UL_axes, MATTERFIT_UL_batch_results, MATTERFIT_PT_batch)

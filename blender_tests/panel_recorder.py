@@ -128,6 +128,9 @@ class Layout:
                 value = FIELD + text_width(_number(getattr(item, name), found))
             self._add(text, value + MARGIN, square=not text and (flag or icon != "NONE"))
 
+    def prop_enum(self, _item, _name, _value, text):
+        self._add(text, MARGIN)
+
     def prop_search(self, item, name, _owner, _list, **options):
         self.prop(item, name, **options)
 
@@ -161,6 +164,15 @@ def faults_of(panel, context):
     panel.draw(_stand_in(panel, layout), context)
     layout.measure(SIDEBAR)
     return faults
+
+
+def texts_of(panel, context):
+    """Every text that a panel draws now."""
+    faults = []
+    layout = Layout(faults)
+    panel.draw(_stand_in(panel, layout), context)
+    layout.measure(-1e6)  # where nothing has room
+    return [text for text, _width, _room in faults]
 
 
 def _stand_in(panel, layout):

@@ -5,8 +5,8 @@ import unittest
 
 import bpy
 from matterfit import effects, laws, ui
-from matterfit.io import fit_rows
-from panel_recorder import faults_of_all, text_width
+from matterfit.io import fit_rows, motion
+from panel_recorder import faults_of_all, text_width, texts_of
 from support import SceneCase, select
 
 
@@ -39,6 +39,20 @@ class CutTest(SceneCase):
         for source in ("POINTS", "GAUSSIANS"):
             self.row.source = source
             self.check(f", {source}")
+
+    def test_a_body_that_is_keyed_later(self):
+        """Add Body takes the keys that are there; later ones are offered where the object is chosen."""
+        self.assertFalse(motion.leaves_keys(self.row))
+        for frame, x in ((1, 0.0), (6, 1.0)):
+            self.row.object.location.x = x
+            self.row.object.keyframe_insert("location", frame=frame)
+        self.assertTrue(motion.leaves_keys(self.row))
+        texts = texts_of(ui.bodies.MATTERFIT_PT_bodies, bpy.context)
+        self.assertIn("Start as Keyed", texts)
+        self.check()
+        self.row.velocity_from = "ANIMATION"
+        self.assertFalse(motion.leaves_keys(self.row))
+        self.assertNotIn("Start as Keyed", texts_of(ui.bodies.MATTERFIT_PT_bodies, bpy.context))
 
     def test_a_collider(self):
         self.body(self.cube("Second"))

@@ -25,6 +25,12 @@ def is_keyed(item):
     return animation is not None and (animation.action is not None or bool(animation.drivers))
 
 
+def leaves_keys(body):
+    """Whether the object of a body has keys of its own and the body starts without them."""
+    return (body.role == "BODY" and body.source == "OBJECT" and body.velocity_from == "VALUE"
+            and body.object is not None and is_keyed(body.object))
+
+
 def deforms(item):
     """Whether the object's mesh may have another shape at another frame."""
     keys = getattr(item.data, "shape_keys", None)

@@ -26,7 +26,8 @@ def _preset_changed(self, _context):
 
 
 def _law_changed(self, _context):
-    self.excited = (0.0,) * 5  # another law was not seen at anything
+    # Another law was not seen at anything, and its values are of no preset.
+    self.excited, self.source = (0.0,) * 5, ""
     reactions.fit_list_outdated(self.id_data.matterfit)
 
 

@@ -77,6 +77,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
             column.prop(body, "object")
             if body.object is not None:
                 lines(column, _shape_text(body.object), icon="INFO")
+                _offer_animation(column, body)
         else:
             column.prop(body, "filepath")
             if body.source == "GAUSSIANS":
@@ -108,6 +109,14 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         if any(material.correction):
             _folded(column, material, "correction")
         column.prop(settings, "show_curves")
+
+
+def _offer_animation(column, body):
+    """Keys that came after Add Body move nothing until they are chosen."""
+    if motion.leaves_keys(body):
+        lines(column, translate("Its keys are not used: it starts with the velocity that is typed."),
+              icon="QUESTION")
+        column.prop_enum(body, "velocity_from", "ANIMATION", text="Start as Keyed")
 
 
 def _unknown(column, material):

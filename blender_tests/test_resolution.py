@@ -113,6 +113,25 @@ class ResolutionTest(SceneCase):
         self.assertAlmostEqual(solver.particle_separation, 0.02 / 12, places=5)
         self.assertIsNone(resolution.limited_to(self.scene))
 
+    def test_advice_for_thin_walls(self):
+        """Less than three layers of a solid: what is that thin, and what to do, in the panel's words."""
+        item = self.cube(size=1.0)
+        item.scale = (1.0, 1.0, 0.02)
+        bpy.context.view_layer.update()
+        body = self.body(item)
+        solver = self.settings.solver
+        self.assertEqual(resolution.advice(self.scene), "")
+        solver.most_particles = 20000
+        self.assertRegex(resolution.advice(self.scene), (
+            r"The thinnest part is 2 cm, as thick as [12] layers?: it bends and breaks too easily. Make it "
+            r"\d\.?\d? cm thick, or raise Most Particles\."))
+        solver.particle_separation = 0.02
+        self.assertEqual(resolution.advice(self.scene), (
+            "The thinnest part is 2 cm, as thick as 1 layer: it bends and breaks too easily. Make it 6 cm "
+            "thick, or lower Particle Separation."))
+        body.material.preset = "WATER"
+        self.assertEqual(resolution.advice(self.scene), "")
+
     @needs_library
     def test_the_limit_holds_for_what_is_filled(self):
         """Layers are whole: walls, and a body with a corner cut off, take more than volume / h³."""

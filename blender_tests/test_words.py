@@ -105,6 +105,23 @@ class WordsTest(SceneCase):
         self.assertEqual(words.fill(text.format(12, "97.31") + " The surface crosses itself."),
                          "8 000 particles, which hold 97.3 % of the volume. The surface crosses itself.")
 
+    def test_a_body_that_is_lost(self):
+        """No number of a particle, no coordinates, no −0."""
+        tail = " Use a smaller scene.solver.dt_safety or particle separation, or gentler motion."
+        for text, wanted in (
+                ("Body 'Soft', frame 1 (0.0116922 s): particle 145 at (-0.250021, -0.25, 0.334124) m is "
+                 "turned inside out (volume ratio -0.000000)." + tail,
+                 "Body 'Soft', frame 1: a part of it is turned inside out."),
+                ("Body 'Soft', frame 12 (1.5e-05 s): particle 0 is not a number." + tail,
+                 "Body 'Soft', frame 12: a part of it is torn away."),
+                ("Body 'Soft', frame 3 (0.1 s): particle 7 at (0, 1, -2e-05) m moves more than a cell in one "
+                 "substep, at 812.5 m/s." + tail, "Body 'Soft', frame 3: a part of it moves too fast."),
+                ("Body 'Soft', frame 3: particle 7 at (0, 1, -2e-05) m is more than a cell beyond the walls.",
+                 "Body 'Soft', frame 3: a part of it is more than a cell beyond the walls.")):
+            said = self.said(text)
+            self.assertEqual(said.removesuffix(
+                " Use a smaller Particle Separation, or gentler motion."), wanted)
+
     def test_sentences_without_numbers_of_the_grid(self):
         for text, wanted in (
                 ("output.mesh[0]: 8 or more points lie farther than two particle separations (up to "
@@ -115,10 +132,6 @@ class WordsTest(SceneCase):
                  "Move one of them so that they touch at most.",
                  "Body 'Soft' starts up to 92 cm inside the ground. Move one of them so that they touch at "
                  "most."),
-                ("Body 'Soft', frame 3 (0.1 s): particle 7 is not a number. Use a smaller "
-                 "scene.solver.dt_safety or particle separation, or gentler motion.",
-                 "Body 'Soft', frame 3 (0.1 s): particle 7 is not a number. Use a smaller Particle "
-                 "Separation, or gentler motion."),
                 ("The deformation is larger than this grid can follow: use a smaller particle separation, "
                  "a smaller scene.solver.dt_safety, gentler motion, or formulation 'updated' if the body "
                  "flows or tears.",

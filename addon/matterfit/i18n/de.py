@@ -27,6 +27,9 @@ TEXTS = {
     "Extend Model": "Modell erweitern",
     "Open Report": "Bericht öffnen",
     "All Causes": "Alle Ursachen",
+    "Its keys are not used: it starts with the velocity that is typed.":
+        "Seine Keyframes bleiben unbenutzt: es startet mit der eingetippten Geschwindigkeit.",
+    "Start as Keyed": "Start wie animiert",
     "Select an object that is to be simulated, and press Add Body.":
         "Ein Objekt auswählen, das simuliert werden soll, und Körper hinzufügen drücken.",
     "Frame {n}: {error} mm": "Bild {n}: {error} mm",
@@ -120,6 +123,23 @@ TEXTS = {
     "Batch: {n} of {total} are takes now": "Stapel: {n} von {total} sind jetzt Takes",
     "Batch: nothing is varied. Press Vary, and type values.":
         "Stapel: nichts wird variiert. Variieren drücken und Werte eintippen.",
+    "Batch: {name} has no values yet. Type numbers separated by commas, such as 1, 2, 3.":
+        "Stapel: {name} hat noch keine Werte. Zahlen eintippen, durch Kommas getrennt: 1, 2, 3.",
+    "Batch: {name} has the value {text} twice.": "Stapel: {name} hat den Wert {text} zweimal.",
+    "Batch: {n} combinations are more than {most}. Take out some values.":
+        "Stapel: {n} Kombinationen sind mehr als {most}. Einige Werte weglassen.",
+    "a part of it is turned inside out": "ein Teil von ihm ist umgestülpt",
+    "a part of it moves too fast": "ein Teil von ihm ist zu schnell",
+    "a part of it is torn away": "ein Teil von ihm ist abgerissen",
+    "a part of it ": "ein Teil von ihm ",
+    "The thinnest part is {thickness}, as thick as {layers}: it bends and breaks too easily. Make it "
+    "{least} thick, or {more}.":
+        "Der dünnste Teil misst {thickness}, so viel wie {layers}: er biegt sich und bricht zu leicht. "
+        "Ihn {least} dick machen, oder {more}.",
+    "raise Most Particles": "mehr Partikel erlauben",
+    "lower Particle Separation": "den Partikelabstand verkleinern",
+    "{what}: {path} is a folder. Choose a file in it.":
+        "{what}: {path} ist ein Ordner. Eine Datei darin wählen.",
     "Rerun": "Wiederholen",
     "Output": "Ausgabe",
     "Material Preset": "Material-Vorlage",

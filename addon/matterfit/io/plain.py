@@ -86,6 +86,14 @@ def _resumed(match):
     return translate("Went on after frame {n}.").format(n=match["n"])
 
 
+def _lost(match):
+    if match["inside_out"]:
+        return translate("a part of it is turned inside out")
+    if match["fast"]:
+        return translate("a part of it moves too fast")
+    return translate("a part of it is torn away")
+
+
 _SMALLER = "Use a smaller Particle Separation, or gentler motion."
 _SMALLER_OR_FLOWS = ("Use a smaller Particle Separation, gentler motion, or the Formulation Updated "
                      "Lagrangian if the body flows or tears.")
@@ -106,6 +114,10 @@ _PASCALS = re.compile(rf"(?<= )(?P<value>-?{_NUMBER}) (?P<unit>Pa\b)")
 
 # Each pattern with what is said in its place.
 _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
+    (rf"(?<= frame )(?P<n>\d+) \({_NUMBER} s\)(?=: )", lambda match: match["n"]),
+    (r"\bparticle \d+(?: at \([^)\n]*\) m)? (?:(?P<inside_out>is turned inside out(?: \(volume ratio "
+     r"[^)\n]*\))?)|(?P<fast>moves more than a cell in one substep, at [-+.\w]+ m/s)|is not a number)", _lost),
+    (r"\bparticle \d+ at \([^)\n]*\) m (?=is more than a cell beyond the walls)", _fixed("a part of it ")),
     # The panel has no margin of the time step.
     (r"Use a smaller scene\.solver\.dt_safety or particle separation, or gentler motion\.", _fixed(_SMALLER)),
     (r"The deformation is larger than this grid can follow: use a smaller particle separation, a smaller "

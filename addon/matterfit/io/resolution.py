@@ -9,11 +9,14 @@ import numpy
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
+from .. import laws
+from ..compat import translate
 from ..props import reactions
-from . import meshes, presets, shapes
+from . import meshes, plain, presets, shapes, transforms
 
 RAYS = 400
 HITS = 8
+FEWEST_CELLS = 1.5  # across a wall: three layers of particles, below which it is a hinge
 _applying = []
 _known = {}  # object's name: Size, for when the object is hidden
 
@@ -112,6 +115,28 @@ def limited_to(scene):
         return None
     cells, wanted = cells_across(scene), presets.cells_across(solver.quality)
     return (solver.most_particles, wanted) if cells is not None and cells < 0.98 * wanted else None
+
+
+def advice(scene):
+    """What is to be said of a thin part of a solid that too few particles share; "" where all have
+    enough."""
+    solver = scene.matterfit.solver
+    solid = {body.object for body in scene.matterfit.bodies
+             if body.role == "BODY" and not laws.material_flows(body.material)}
+    known = [_seen(item) for item in bodies(scene) if item in solid]
+    cells = min((size.thickness for size in known if size is not None), default=numpy.inf) / (
+        2.0 * solver.particle_separation)
+    if cells >= FEWEST_CELLS:
+        return ""
+    metres = transforms.metres(scene)
+    more = (translate("raise Most Particles") if limited_to(scene) is not None
+            else translate("lower Particle Separation"))
+    return translate(
+        "The thinnest part is {thickness}, as thick as {layers}: it bends and breaks too easily. Make it "
+        "{least} thick, or {more}.").format(
+            thickness=plain.length_text(metres * 2.0 * cells * solver.particle_separation),
+            layers=plain.counted(max(round(2.0 * cells), 1), "layer"),
+            least=plain.length_text(metres * 2.0 * FEWEST_CELLS * solver.particle_separation), more=more)
 
 
 def _measure(item):

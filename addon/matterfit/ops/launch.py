@@ -14,6 +14,7 @@ from .base import session
 
 # `restart` of a job: what becomes of results that the folder holds (native/capi/matterfit.h).
 GO_ON, AFRESH, AFRESH_WHERE_CHANGED = 0, 1, 2
+COUNTED = ("particles", "bytes")  # of an estimate, what is known without its outputs
 
 
 def memory_limit(document):
@@ -76,7 +77,7 @@ def counted(document, folder, threads, run):
     """A backend that counts the particles, in a thread as that may take seconds, and goes on with
     the one that `run()` returns; it ends with the numbers where that would not fit into memory, and
     where bodies lie in each other, which is looked at where their boxes meet."""
-    # Without the outputs it is soon known: what they take is Estimate's to tell.
+    # Without the outputs it is soon known: what they take, and how long, is Estimate's to tell.
     simulated = {**document, "task": "simulate"}
 
     def count():
@@ -86,7 +87,8 @@ def counted(document, folder, threads, run):
     def go_on(found):
         if found.status != EXIT_DONE:
             return None
-        judge_estimate(bpy.context, document, found.result)
+        judge_estimate(bpy.context, document,
+                       {key: found.result[key] for key in COUNTED if key in found.result})
         # All bodies are filled at once for it: only now is it known that this fits into memory.
         return _apart(simulated, folder, threads, run) if found.result["meet"] else run()
 

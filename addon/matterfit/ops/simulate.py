@@ -8,7 +8,7 @@ from bpy.props import EnumProperty
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import attach, cache, plain, shapes, takes, visibility, words
+from ..io import attach, cache, plain, resolution, shapes, takes, visibility, words
 from ..jobs import EXIT_INPUT, JobError
 from ..props import scene as scene_props
 from .base import JobOperator, session
@@ -70,8 +70,9 @@ class BakeJob(JobOperator):
         if take is not None:
             take.baked = True
         settings = context.scene.matterfit
-        session(context).last_report = "\n".join([words.in_panel(report_text(job), settings),
-                                                  *lost_hair(settings)])
+        said = [words.in_panel(report_text(job), settings), resolution.advice(context.scene),
+                *lost_hair(settings)]
+        session(context).last_report = "\n".join(filter(None, said))
 
     def take_back(self, settings, take):
         """Called where nothing came of the job: it has not begun."""

@@ -24,6 +24,8 @@ class MATTERFIT_PT_solver(MatterfitPanel, bpy.types.Panel):
         if cells is not None:
             lines(layout, translate("{n} cells across the thinnest part").format(
                 n=f"{cells:.1f}"), icon="ERROR" if cells < 2.95 else "INFO")
+        if _measured.get("advice"):
+            lines(layout, _measured["advice"], icon="ERROR")
         limit = _measured.get("limit")
         if limit is not None:
             lines(layout, translate("Limited to {n} particles; {quality} asks for {cells} cells").format(
@@ -58,7 +60,7 @@ def _cells(context):
            tuple(_key(item, graph) for item in resolution.bodies(scene)))
     if _measured.get("key") != key:
         _measured.update(key=key, cells=resolution.cells_across(scene),
-                         limit=resolution.limited_to(scene))
+                         limit=resolution.limited_to(scene), advice=resolution.advice(scene))
     return _measured["cells"]
 
 

@@ -83,8 +83,8 @@ diagnose::Capture filmed(const Inertia& inertia, const mpm::Body& body, double n
   diagnose::Capture capture;
   for (std::size_t p = 0; p < body.rest.size(); p += 17) capture.rest.push_back(body.rest[p]);
   const Index tracks = capture.tracks();
-  capture.positions.resize(3 * kFramesOfFlight * tracks);
-  capture.use.assign(std::size_t(kFramesOfFlight * tracks), diagnose::Use::kUsed);
+  capture.positions.resize(3 * Index(kFramesOfFlight) * tracks);
+  capture.use.assign(std::size_t(Index(kFramesOfFlight) * tracks), diagnose::Use::kUsed);
   std::mt19937_64 generator(3);
   std::normal_distribution<double> normal(0.0, noise > 0.0 ? noise : 1.0);
   for (Index f = 0; f < kFramesOfFlight; ++f) {

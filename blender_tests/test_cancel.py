@@ -2,12 +2,16 @@
 """Cancel of every long job while the library is at work on it: it ends, as cancelled, and what was
 there before is there still."""
 
+import time
+
 import bpy
 from matterfit import native
 from matterfit.io import cache, fit_results, takes
 from matterfit.jobs import State
 from support import needs_library
 from test_filling import WithClip, pressed, tick_until
+
+MOST = 1.0  # seconds of the processor that the library may go on for: it may have to share it
 
 
 @needs_library
@@ -27,9 +31,11 @@ class CancelTest(WithClip):
         tick_until(job, lambda: job.ended or (
             job.snapshot.stage not in ("", "Filling") if at is None else at(job)), 120.0)
         self.assertFalse(job.ended, f"{name} ended before it could be cancelled: {job.error}")
+        asked = time.process_time()
         job.cancel()
         self.assertIs(job.state, State.CANCELLING)
         tick_until(job, lambda: job.ended, 60.0)
+        self.assertLess(time.process_time() - asked, MOST, f"{name}, {job.snapshot.stage}")
         self.assertIs(job.state, State.CANCELLED, job.error)
         self.assertEqual(stub._finish(bpy.context, job), {"CANCELLED"})
         self.assertEqual(self.error(), "")
@@ -45,6 +51,25 @@ class CancelTest(WithClip):
         self.assertTrue(job.resumable)
         self.assertGreater(cache.manifest(job.folder)["frames_done"], first)
         self.assertFalse(self.settings.takes[0].baked)
+
+    def test_while_a_mesh_is_filled(self):
+        """Of a million triangles, filled for seconds."""
+        self.settings.bodies.clear()
+        bpy.ops.mesh.primitive_monkey_add(size=2.0, location=(0.0, 0.0, 2.0))
+        item = bpy.context.active_object
+        item.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.2
+        item.modifiers.new("Subdivision", "SUBSURF")
+        self.body(item)
+        self.settings.solver.particle_separation = 0.03
+        began = []
+
+        def filling(job):
+            if job.begun and job.snapshot.stage == "Filling bodies" and not began:
+                began.append(time.process_time())
+            return bool(began) and time.process_time() - began[0] > 0.5
+
+        job = self.cancelled("bake", filling)
+        self.assertEqual(job.snapshot.stage, "Filling bodies")
 
     def test_preview_and_compare(self):
         self.cancelled("preview", lambda job: job.snapshot.frame >= 2)

@@ -31,7 +31,7 @@ from matterfit.io import takes
 from matterfit.jobs import State
 from matterfit.ops import base
 from matterfit.ui import fit_overlay, overlay
-from window_background import modal_check, modal_filling
+from window_background import cancel, modal_check, modal_filling
 from window_scene import build_scene, fake_comparison, fake_report, fake_result, fake_results, record_fall
 from window_support import modal, only_ours, other_tab, undo, view, wait_for
 
@@ -310,10 +310,7 @@ def modal_bake():
     picture("running")
     if job.ended:
         raise AssertionError(f"the bake ended before it could be cancelled: {job.error}")
-    asked = time.monotonic()
-    bpy.ops.matterfit.cancel()
-    yield from wait_for(lambda: job.ended, 10.0, "the end after Cancel")
-    print(f"window: Cancel answered after {time.monotonic() - asked:.2f} s")
+    yield from cancel(job, "a bake")
     if job.state is not State.CANCELLED:
         raise AssertionError(f"Cancel gave {job.state}: {job.error}")
     yield
@@ -438,10 +435,7 @@ def modal_fit():
     picture("fitting")
     if job.ended:
         raise AssertionError(f"the fit ended before it could be cancelled: {job.error}")
-    asked = time.monotonic()
-    bpy.ops.matterfit.cancel()
-    yield from wait_for(lambda: job.ended, 10.0, "the end after Cancel")
-    print(f"window: Cancel of the fit answered after {time.monotonic() - asked:.2f} s")
+    yield from cancel(job, "a fit")
     yield
     if job.state is not State.CANCELLED or not bpy.context.scene.matterfit.fit.done:
         raise AssertionError(f"Cancel of the fit gave {job.state}: {job.error}")

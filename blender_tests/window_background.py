@@ -12,6 +12,15 @@ from window_support import modal, view, wait_for
 DRAWS = 3  # of the window while the particles are counted, at least
 
 
+def cancel(job, what):
+    """Presses Cancel and waits for the end. The time is that of the window too, which is drawn in
+    between, by a renderer in software; what the library takes is judged in test_cancel."""
+    asked = job.elapsed
+    bpy.ops.matterfit.cancel()
+    yield from wait_for(lambda: job.ended, 10.0, "the end after Cancel")
+    print(f"window: Cancel of {what} answered after {job.elapsed - asked:.2f} s")
+
+
 def modal_filling(picture, faults):
     """Bake with a body that takes seconds to fill: the button returns at once, the window goes on
     being drawn, Cancel answers; what was added for it is gone."""
@@ -46,10 +55,7 @@ def modal_filling(picture, faults):
     if took > 0.5 * filling:
         faults.append(f"Bake held the window for {took:.2f} s")
     picture("filling")
-    asked = time.monotonic()
-    bpy.ops.matterfit.cancel()
-    yield from wait_for(lambda: job.ended, 5.0, "the end after Cancel")
-    print(f"window: Cancel while filling answered after {time.monotonic() - asked:.2f} s")
+    yield from cancel(job, "filling")
     yield
     native.estimate = estimate
     settings = bpy.context.scene.matterfit

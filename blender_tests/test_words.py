@@ -163,6 +163,7 @@ class WordsTest(SceneCase):
                  "'Soft': A Particle Separation of 10 m is too large for this shape. Use a smaller one, "
                  "or check that the shape is closed and its size is right.")):
             self.assertEqual(self.said(text), wanted)
+        self.assertEqual(self.said("Volume matched. Limit surface of the cage at level 5."), "Volume matched.")
 
     def test_one_and_many(self):
         self.assertEqual([plain.counted(1, "frame"), plain.counted(2, "frame"),

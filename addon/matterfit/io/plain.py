@@ -144,6 +144,7 @@ _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
      _fixed("Faces looked inward and were turned outward.")),
     (r"\d+ triangles faced the other way than their neighbours and were turned\.",
      _fixed("Some faces looked the other way than their neighbours and were turned.")),
+    (r" ?Limit surface of the cage at level \d+\.", lambda _match: ""),
     (r"\d+ corners that coincide were joined\.", _fixed("Vertices at the same place were joined.")),
     (rf"Filling at a particle_separation of (?P<now>{_NUMBER}) m makes [^\n]*? particles, more than the "
      rf"limit of \d+\. Use a separation of at least (?P<least>{_NUMBER}) m\.", _too_many),

@@ -28,7 +28,7 @@ constexpr double kContactGravities = 0.5;
 constexpr double kNearCollider = 0.25;
 /// Frames of contact that one correction is for.
 constexpr int kFramesOfContact = 5;
-constexpr std::size_t kMostImpacts = 12;
+constexpr std::size_t kMostImpacts = 6;
 constexpr std::size_t kFewestTracks = 6;
 /// Standard deviations of the noise beyond which an acceleration is one.
 constexpr double kAboveNoise = 4.0;

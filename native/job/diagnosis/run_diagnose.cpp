@@ -62,9 +62,11 @@ Settings read_settings(const Json& given) {
     } else if (key == "central") {
       if (!value.is_boolean()) throw_input("diagnose.central: expected true or false.");
       options.central = value.get<bool>();
+    } else if (key == "shooting") {  // read by SceneModel
+      if (!value.is_boolean()) throw_input("diagnose.shooting: expected true or false.");
     } else {
       throw_input("diagnose: unknown key '" + key +
-                  "'. Known: members, refits, most_causes, seed, central, particles.");
+                  "'. Known: members, refits, most_causes, seed, central, particles, shooting.");
     }
   }
   return settings;

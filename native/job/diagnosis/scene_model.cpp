@@ -176,7 +176,8 @@ void SceneModel::add_shooting_nodes() {
   const bool times_move = std::ranges::any_of(listed_, [](const fit::Parameter& parameter) {
     return parameter.name.find("start_frame") != std::string::npos;
   });
-  if (times_move) return;
+  const bool wanted = job_.diagnose.is_object() && job_.diagnose.value("shooting", false);
+  if (times_move || !wanted) return;
   for (std::size_t r = 0; r < runs().size(); ++r) {
     const mpm::Scene& scene = built({}, r)->scene;
     inertias_.push_back(inertia_of(scene.bodies.front()));

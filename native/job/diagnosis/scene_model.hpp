@@ -32,7 +32,8 @@ namespace matterfit::job {
 /// for it, so that small differences are not drowned by another sequence of
 /// substeps.
 ///
-/// Between impacts a run takes up the recording's rigid motion (shooting.hpp).
+/// With `shooting` in the section `diagnose` a run takes up the recording's rigid motion between
+/// impacts (shooting.hpp).
 class SceneModel final : public diagnose::Model {
  public:
   /// Which values the parameters have.

@@ -20,12 +20,13 @@ SANITIZER_ENVIRONMENT = {
     "LSAN_OPTIONS": f"suppressions='{ROOT}/scripts/leaks.supp':print_suppressions=0",
 }
 
-# What runs under the sanitizers: the solver, every parser, the fits' core and the job documents.
-SANITIZED = ["test_mpm", "test_base", "test_math", "test_capture_readers", "test_fit",
-             "test_job_documents"]
 # Fits of a minute that tell again what a shorter one tells.
 LONG_TESTS = ["FitLatent.FindsPlasticine", "FitNeural.FindsAFluidWithoutBeingToldThatItFlows",
               "FitCorrection.OfTwoBodies*"]
+
+# What runs under the sanitizers: the solver, every parser, the fits' core and the job documents.
+SANITIZED = ["test_mpm", "test_base", "test_math", "test_capture_readers", "test_fit",
+             "test_job_documents"]
 # What does not, because each takes minutes to compile so.
 UNSANITIZED = {
     "test_bake": "mostly libraries that are not instrumented",

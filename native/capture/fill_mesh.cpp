@@ -201,7 +201,7 @@ FilledBody fill_cage(const Mesh& cage, const FillOptions& options, int least_lev
   Mesh facets = limit_mesh(cage, limit);
   const int level = limit.level;
   if (is_long()) {
-    // What is rounded at a finer level only does not show in the angles.
+    // Creases that only a finer level rounds do not show in the angles.
     const bool rounded_later = std::any_of(
         cage.crease_sharpness.begin(), cage.crease_sharpness.end(), [&](float sharpness) {
           return sharpness > float(limit.level) && sharpness < kInfinitelySharp;

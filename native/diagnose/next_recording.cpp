@@ -62,6 +62,43 @@ std::vector<Tested> tested_of(const Model& model, const std::vector<Candidate>& 
   return tested;
 }
 
+/// How far the present samples and new ones tell rival k from rival l, k != l: λ (1 − C²).
+using Apart = std::map<std::pair<std::size_t, std::size_t>, double>;
+
+Apart apart_by(const ScoreTest& test, const std::vector<Tested>& tested,
+               const std::vector<Rival>& rivals) {
+  Apart result;
+  for (std::size_t k = 0; k < rivals.size(); ++k) {
+    const VectorXd& alpha = rivals[k].estimate;
+    const double strength = alpha.dot(test.information().block(tested[k].first, tested[k].first,
+                                                               tested[k].count, tested[k].count) *
+                                      alpha);
+    for (std::size_t l = 0; l < rivals.size(); ++l) {
+      if (l == k || rivals[l].candidate.effect == rivals[k].candidate.effect) continue;
+      result[{k, l}] = strength * (1.0 - test.imitation(k, alpha, l));
+    }
+  }
+  return result;
+}
+
+/// "A and B stay alike in each recording that was tried." for each pair that none tells apart.
+std::string stay_alike(const Model& model, const std::vector<Rival>& rivals, const Apart& most,
+                       double enough) {
+  std::set<std::pair<std::string, std::string>> pairs;
+  for (const auto& [pair, apart] : most) {
+    if (apart >= enough) continue;
+    const auto name = [&](std::size_t k) {
+      return model.effects()[std::size_t(rivals[k].candidate.effect)].name;
+    };
+    pairs.insert(std::minmax(name(pair.first), name(pair.second)));
+  }
+  std::string text;
+  for (const auto& [one, other] : pairs) {
+    text += fmt::format(" {} and {} stay alike in each recording that was tried.", one, other);
+  }
+  return text;
+}
+
 }  // namespace
 
 MatrixXd experiment_gram(const Study& study, int experiment,
@@ -116,47 +153,6 @@ MatrixXd join_recordings(const MatrixXd& present, const MatrixXd& fresh, Index p
   return sum;
 }
 
-namespace {
-
-/// How far the present samples and new ones tell rival k from rival l, k != l: λ (1 − C²).
-using Apart = std::map<std::pair<std::size_t, std::size_t>, double>;
-
-Apart apart_by(const ScoreTest& test, const std::vector<Tested>& tested,
-               const std::vector<Rival>& rivals) {
-  Apart result;
-  for (std::size_t k = 0; k < rivals.size(); ++k) {
-    const VectorXd& alpha = rivals[k].estimate;
-    const double strength = alpha.dot(test.information().block(tested[k].first, tested[k].first,
-                                                               tested[k].count, tested[k].count) *
-                                      alpha);
-    for (std::size_t l = 0; l < rivals.size(); ++l) {
-      if (l == k || rivals[l].candidate.effect == rivals[k].candidate.effect) continue;
-      result[{k, l}] = strength * (1.0 - test.imitation(k, alpha, l));
-    }
-  }
-  return result;
-}
-
-/// "A and B stay alike in each recording that was tried." for each pair that none tells apart.
-std::string stay_alike(const Model& model, const std::vector<Rival>& rivals, const Apart& most,
-                       double enough) {
-  std::set<std::pair<std::string, std::string>> pairs;
-  for (const auto& [pair, apart] : most) {
-    if (apart >= enough) continue;
-    const auto name = [&](std::size_t k) {
-      return model.effects()[std::size_t(rivals[k].candidate.effect)].name;
-    };
-    pairs.insert(std::minmax(name(pair.first), name(pair.second)));
-  }
-  std::string text;
-  for (const auto& [one, other] : pairs) {
-    text += fmt::format(" {} and {} stay alike in each recording that was tried.", one, other);
-  }
-  return text;
-}
-
-}  // namespace
-
 std::string separating_recording(const Study& study, const Linearised& slopes, const Noise& noise,
                                  const std::vector<Rival>& rivals) {
   const Model& model = study.model();
@@ -205,7 +201,7 @@ std::string separating_recording(const Study& study, const Linearised& slopes, c
   for (const auto& [experiment, apart] : tried) {
     double least = std::numeric_limits<double>::infinity();
     for (const auto& [pair, value] : apart) {
-      // What looks alike in any of them decides nothing.
+      // Rivals that look alike in each recording decide nothing.
       if (most.at(pair) >= kWorthIt) least = std::min(least, value);
     }
     if (std::isfinite(least) && least >= largest) {

@@ -52,25 +52,6 @@ class Curve {
   Index first_;
 };
 
-bool acts_in(const Effect& effect, int capture) {
-  return effect.captures.empty() || std::ranges::count(effect.captures, capture) > 0;
-}
-
-/// How much earlier or later the moving thing is seen.
-double time_shift(const Observed& o, double time, double first, const Vec3d& x) {
-  const double alpha = o.values[0];
-  switch (o.effect->observation) {
-    case Observation::kTimeOffset:
-      return alpha;
-    case Observation::kFrameRate:
-      return alpha * (time - first);
-    case Observation::kRollingShutter:
-      return alpha * o.effect->axis.dot(x - o.effect->pivot);
-    default:
-      return 0.0;
-  }
-}
-
 Vec3d moved(const Observed& o, double since, const Vec3d& x) {
   const Vec3d arm = x - o.effect->pivot;
   switch (o.effect->observation) {
@@ -110,6 +91,40 @@ void lag(const Capture& capture, double tau, Eigen::Ref<VectorXd> x) {
 }
 
 }  // namespace
+
+bool acts_in(const Effect& effect, int capture) {
+  return effect.captures.empty() || std::ranges::count(effect.captures, capture) > 0;
+}
+
+double time_shift(const Observed& o, double time, double first, const Vec3d& x) {
+  const double alpha = o.values[0];
+  switch (o.effect->observation) {
+    case Observation::kTimeOffset:
+      return alpha;
+    case Observation::kFrameRate:
+      return alpha * (time - first);
+    case Observation::kRollingShutter:
+      return alpha * o.effect->axis.dot(x - o.effect->pivot);
+    default:
+      return 0.0;
+  }
+}
+
+Vec3d undone(const Observed& o, double since, const Vec3d& x) {
+  const Vec3d& pivot = o.effect->pivot;
+  switch (o.effect->observation) {
+    case Observation::kScale:
+      return pivot + (x - pivot) / (1.0 + o.values[0]);
+    case Observation::kRoll:
+      return pivot + Eigen::AngleAxisd(-o.values[0], o.effect->axis) * (x - pivot);
+    case Observation::kDrift:
+      return x - since * o.values.head<3>();
+    case Observation::kOffset:
+      return x - o.values.head<3>();
+    default:
+      return x;
+  }
+}
 
 VectorXd velocities(const Motion& motion, const std::vector<Capture>& captures) {
   if (motion.velocities.size() == motion.positions.size()) return motion.velocities;

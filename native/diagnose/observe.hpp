@@ -15,6 +15,18 @@ struct Observed {
   Eigen::VectorXd values;  ///< physical, one a number
 };
 
+/// Whether an observation acts in a capture, by its number.
+[[nodiscard]] bool acts_in(const Effect& effect, int capture);
+
+/// How much later than `time` the moving thing is when it is seen [s]: `first` the capture's first
+/// time, x where it is.
+[[nodiscard]] double time_shift(const Observed& observed, double time, double first,
+                                const Vec3d& x);
+
+/// Where a thing was that was seen at x, `since` [s] after the first time: scale, roll, drift and
+/// offset undone; x for others.
+[[nodiscard]] Vec3d undone(const Observed& observed, double since, const Vec3d& x);
+
 /// Velocities [m/s] of all rows: the motion's own, or differences between frames (three points,
 /// second order; one-sided at the ends; 0 with a single frame).
 [[nodiscard]] Eigen::VectorXd velocities(const Motion& motion,

@@ -77,9 +77,8 @@ bool apart(const Window& a, const Window& b) {
 
 /// Parameters whose derivatives are made together: each alone but those that move no sample
 /// together, on the same sides of them.
-std::vector<std::vector<Index>> groups_of(const Model& model,
+std::vector<std::vector<Index>> groups_of(const std::vector<std::optional<Window>>& windows,
                                           const std::vector<Difference>& differences) {
-  const std::vector<std::optional<Window>> windows = model.windows();
   std::vector<std::vector<Index>> groups;
   for (Index p = 0; p < Index(differences.size()); ++p) {
     const Difference& own = differences[std::size_t(p)];
@@ -283,13 +282,14 @@ std::vector<Candidate> candidates_of(const Model& model, const State& state) {
 Linearised linearise(const Study& study, const State& state,
                      const std::vector<Candidate>& candidates, const DifferenceOptions& options) {
   const Model& model = study.model();
-  // Those of parameters first, group by group.
+  // Differences by parameters come first, group by group.
   std::vector<Difference> of_theta;
   for (Index p = 0; p < state.theta.size(); ++p) {
     const bool left_out = std::ranges::count(options.left_out, p) > 0;
     of_theta.push_back(left_out ? Difference{} : theta_difference(model, state, p, options));
   }
-  const std::vector<std::vector<Index>> groups = groups_of(model, of_theta);
+  const std::vector<std::optional<Window>> windows = model.windows();
+  const std::vector<std::vector<Index>> groups = groups_of(windows, of_theta);
   std::vector<Difference> differences;
   for (const std::vector<Index>& group : groups) {
     Difference& together = differences.emplace_back(of_theta[std::size_t(group.front())]);
@@ -354,7 +354,6 @@ Linearised linearise(const Study& study, const State& state,
     }
   }
   result.theta = MatrixXd::Zero(study.size(), state.theta.size());
-  const std::vector<std::optional<Window>> windows = model.windows();
   for (std::size_t g = 0; g < groups.size(); ++g) {
     if (!slopes[g]) continue;
     for (const Index p : groups[g]) {

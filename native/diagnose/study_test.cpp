@@ -42,7 +42,7 @@ TEST(Study, ParametersThatMoveNoSampleTogetherShareTheirRuns) {
   EXPECT_LT((both[0].theta - both[1].theta).norm(), 1e-9 * both[0].theta.norm());
 }
 
-/// What a parameter moves outside of its window is another's.
+/// Samples outside of a parameter's window are moved by others of its group.
 TEST(Study, AColumnIsZeroOutsideOfItsWindow) {
   WindowedThrows model(true);
   model.record({}, {});

@@ -30,7 +30,7 @@ using diagnose::Observation;
 /// duration.
 constexpr std::array<double, 5> kRelaxationShares = {0.003, 0.01, 0.03, 0.1, 0.3};
 
-/// Of critical damping, the solver's own where the document says nothing.
+/// A contact's share of critical damping: the solver's own where the document says nothing.
 double damping_of(const shape::Contact& contact) {
   return contact.damping >= 0.0 ? contact.damping : mpm::kContactDamping;
 }

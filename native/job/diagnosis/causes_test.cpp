@@ -33,8 +33,8 @@ mpm::Scene scene_of(const Json& document) {
 
 /// Positions of all particles in the last frame.
 std::vector<Vec3d> moved(mpm::Scene scene, int substeps) {
-  scene.substeps.assign(1, substeps);
   const int end = scene.end_frame;
+  scene.substeps.assign(std::size_t(end - scene.first_frame), substeps);
   mpm::Simulation simulation(std::move(scene), std::make_shared<Arena>(1));
   while (simulation.frame() + 1 < end) (void)simulation.advance(Interrupter{});
   return simulation.observe(false).bodies.front().positions;

@@ -40,7 +40,7 @@ class ContactNuisances {
   [[nodiscard]] const std::vector<fit::Parameter>& parameters() const { return parameters_; }
   /// How many of them are of grounds.
   [[nodiscard]] std::size_t of_grounds() const { return of_grounds_; }
-  /// Those of the captures, run by run, by time; each has six parameters, after the grounds'.
+  /// Impacts of the captures, run by run, by time; each has six parameters, after the grounds'.
   [[nodiscard]] const std::vector<Impact>& impacts() const { return impacts_; }
   /// Puts what is of grounds into a scene with its materials, before anything that changes its
   /// colliders. `values`: one a parameter.

@@ -6,9 +6,8 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
-#include "base/error.hpp"
-#include "capture/align.hpp"
 #include "job/diagnosis/extent.hpp"
 #include "job/diagnosis/seen_tracks.hpp"
 #include "mpm/scene_check.hpp"
@@ -29,7 +28,6 @@ constexpr double kNearCollider = 0.25;
 /// Frames of contact that one correction is for.
 constexpr int kFramesOfContact = 5;
 constexpr std::size_t kMostImpacts = 6;
-constexpr std::size_t kFewestTracks = 6;
 /// Standard deviations of the noise beyond which an acceleration is one.
 constexpr double kAboveNoise = 4.0;
 
@@ -51,11 +49,9 @@ std::optional<Placement> placement_in(const SeenTracks& samples, Index f) {
     ++seen;
   }
   if (seen < kFewestTracks) return std::nullopt;
-  try {
-    return Placement{capture::fit_rigid(samples.capture.rest, there, weights), seen};
-  } catch (const Error&) {
-    return std::nullopt;  // on a line: its turn is not known
-  }
+  auto fit = placement_of(samples.capture.rest, there, weights);
+  if (!fit) return std::nullopt;
+  return Placement{std::move(*fit), seen};
 }
 
 bool near_collider(const SeenTracks& samples, Index f, const mpm::Scene& scene, double reach) {

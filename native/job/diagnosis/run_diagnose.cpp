@@ -30,7 +30,8 @@ constexpr double kDiagnosedFitShare = 0.3;
 /// What the section `diagnose` of a document asks for.
 struct Settings {
   diagnose::DiagnoseOptions engine;
-  int particles = 4000;  ///< of all bodies together, with which causes are sought; about
+  int particles = 4000;   ///< of all bodies together, with which causes are sought; about
+  bool shooting = false;  ///< SceneModel
 };
 
 Settings read_settings(const Json& given) {
@@ -62,8 +63,9 @@ Settings read_settings(const Json& given) {
     } else if (key == "central") {
       if (!value.is_boolean()) throw_input("diagnose.central: expected true or false.");
       options.central = value.get<bool>();
-    } else if (key == "shooting") {  // read by SceneModel
+    } else if (key == "shooting") {
       if (!value.is_boolean()) throw_input("diagnose.shooting: expected true or false.");
+      settings.shooting = value.get<bool>();
     } else {
       throw_input("diagnose: unknown key '" + key +
                   "'. Known: members, refits, most_causes, seed, central, particles, shooting.");
@@ -214,7 +216,8 @@ Json run_diagnose(const Job& job, const RunOptions& options, Interrupter& interr
         "Causes were sought with particles {:.3g} times as far apart as the scene's.", factor));
   }
   const Job base = read_again(job, sought);
-  SceneModel model(base, SceneModel::From::kDocument, options, interrupter, statements);
+  SceneModel model(base, SceneModel::From::kDocument, options, interrupter, statements,
+                   settings.shooting);
   const MotionStore store(folder / "diagnosis",
                           hash_inputs(fit_inputs(base, resolve_target(options.target))));
   model.keep_in(&store);

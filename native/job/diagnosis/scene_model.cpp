@@ -79,8 +79,9 @@ std::array<bool, 3> measured_axes(const capture::Tracks& tracks) {
 }  // namespace
 
 SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
-                       const Interrupter& interrupter, std::vector<std::string>& statements)
-    : job_(job), options_(options), interrupter_(interrupter) {
+                       const Interrupter& interrupter, std::vector<std::string>& statements,
+                       bool shooting)
+    : job_(job), shooting_(shooting), options_(options), interrupter_(interrupter) {
   if (options_.threads < 1) {
     options_.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   }
@@ -176,11 +177,10 @@ void SceneModel::add_shooting_nodes() {
   const bool times_move = std::ranges::any_of(listed_, [](const fit::Parameter& parameter) {
     return parameter.name.find("start_frame") != std::string::npos;
   });
-  const bool wanted = job_.diagnose.is_object() && job_.diagnose.value("shooting", false);
-  if (times_move || !wanted) return;
+  if (times_move || !shooting_) return;
   for (std::size_t r = 0; r < runs().size(); ++r) {
     const mpm::Scene& scene = built({}, r)->scene;
-    inertias_.push_back(inertia_of(scene.bodies.front()));
+    inertias_.push_back(inertia_of(scene.bodies.front().rest, scene.bodies.front().volumes));
     if (scene.bodies.size() != 1) continue;
     std::vector<Impact> of_run;
     std::ranges::copy_if(nuisances_.impacts(), std::back_inserter(of_run),
@@ -189,9 +189,18 @@ void SceneModel::add_shooting_nodes() {
       const double time = (node.frame - scene.first_frame) / scene.fps;
       const std::array<bool, 3>& axes = node.capture->axes;
       const bool whole = axes[0] && axes[1] && axes[2];
-      if (whole && flight_state(node, inertias_[r], time, {})) nodes_.push_back(node);
+      if (!whole) continue;
+      if (auto state = flight_state(node, inertias_[r], time, {})) {
+        nodes_.push_back({node, std::move(*state)});
+      }
     }
   }
+}
+
+std::size_t SceneModel::first_capture(std::size_t run) const {
+  std::size_t first = 0;
+  for (std::size_t r = 0; r < run; ++r) first += runs()[r].captures.size();
+  return first;
 }
 
 std::vector<std::optional<diagnose::Window>> SceneModel::windows() const {
@@ -201,11 +210,11 @@ std::vector<std::optional<diagnose::Window>> SceneModel::windows() const {
     const mpm::Scene& scene = built({}, run)->scene;
     const auto time = [&](int f) { return (f - scene.first_frame) / scene.fps + 1e-6; };
     diagnose::Window window;
-    for (std::size_t r = 0; r < run; ++r) window.first += int(runs()[r].captures.size());
+    window.first = int(first_capture(run));
     window.end = window.first + int(runs()[run].captures.size());
     window.from = frame > scene.first_frame ? time(frame) : -1e300;
     window.to = 1e300;
-    for (const ShootingNode& node : nodes_) {
+    for (const auto& [node, state] : nodes_) {
       if (node.run == run && node.frame >= frame) {
         window.to = std::min(window.to, time(node.frame));
       }

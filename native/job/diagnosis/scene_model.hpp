@@ -32,7 +32,7 @@ namespace matterfit::job {
 /// for it, so that small differences are not drowned by another sequence of
 /// substeps.
 ///
-/// With `shooting` in the section `diagnose` a run takes up the recording's rigid motion between
+/// With `shooting` a run takes up the recording's rigid motion between
 /// impacts (shooting.hpp).
 class SceneModel final : public diagnose::Model {
  public:
@@ -44,7 +44,7 @@ class SceneModel final : public diagnose::Model {
   /// `job` has captures and a section `fit`. What is odd goes into `statements`. Throws
   /// Error(kInput) as a fit does.
   SceneModel(const Job& job, From from, const RunOptions& options, const Interrupter& interrupter,
-             std::vector<std::string>& statements);
+             std::vector<std::string>& statements, bool shooting = false);
   ~SceneModel() override;
   SceneModel(const SceneModel&) = delete;
   SceneModel& operator=(const SceneModel&) = delete;
@@ -86,9 +86,9 @@ class SceneModel final : public diagnose::Model {
   };
   /// Of each capture of a run its points, frame by frame.
   using Seen = std::vector<std::vector<Points>>;
-  /// A node and the state that it takes.
+  /// A node and the state that it takes, by what cameras are thought to have done.
   struct Target {
-    const ShootingNode* node;
+    ShootingNode node;
     RigidState state;
   };
   /// Who looks at a run, at which values of the fitted parameters.
@@ -100,6 +100,8 @@ class SceneModel final : public diagnose::Model {
     std::vector<Target> targets;
   };
   [[nodiscard]] const std::vector<fit::Run>& runs() const { return loaded_.experiment.runs; }
+  /// The number of a run's first capture.
+  [[nodiscard]] std::size_t first_capture(std::size_t run) const;
   [[nodiscard]] std::shared_ptr<const Built> built(const diagnose::Numerics& numerics,
                                                    std::size_t run) const;
   [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> simulate_run(
@@ -113,13 +115,16 @@ class SceneModel final : public diagnose::Model {
   /// A run's scene at a point, without what was set right after impacts.
   [[nodiscard]] mpm::Scene scene_at(const diagnose::Point& point, const Built& base,
                                     const std::vector<double>& values, std::size_t run) const;
-  /// What is seen of a scene; nothing where it cannot be simulated to its end. `substeps`: takes
-  /// those of each frame; null: nobody asks.
-  [[nodiscard]] std::optional<Seen> watched(const mpm::Scene& scene, const Watch& watch,
-                                            std::vector<int>* substeps = nullptr) const;
+  /// What is seen of a scene. `substeps`: takes those of each frame; null: nobody asks. Throws
+  /// Error(kCompute) where it cannot be simulated to its end.
+  [[nodiscard]] Seen watched(const mpm::Scene& scene, const Watch& watch,
+                             std::vector<int>* substeps = nullptr) const;
+  /// The same, or nothing.
+  [[nodiscard]] std::optional<Seen> watched_if_possible(const mpm::Scene& scene,
+                                                        const Watch& watch) const;
   [[nodiscard]] std::vector<Target> targets_of(const diagnose::Point& point, std::size_t run) const;
-  /// Takes the simulation to the states of this frame; `now`: what is seen in it.
-  void take_up(const Watch& watch, const mpm::Scene& scene, const std::vector<Points>& now,
+  /// Takes the simulation to the states of this frame, the last that was `seen`.
+  void take_up(const Watch& watch, const mpm::Scene& scene, const Seen& seen,
                const mpm::ObservedFrame& frame, mpm::Simulation& simulation) const;
   /// The same with substeps that were settled, more of them where the scene asks for it.
   [[nodiscard]] std::optional<Seen> watch_in_steps(mpm::Scene scene, const fit::RunSteps& steps,
@@ -143,6 +148,7 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] diagnose::Point start_point() const;  ///< all parameters at their starts
 
   const Job& job_;
+  bool shooting_;
   RunOptions options_;
   const Interrupter& interrupter_;
   LoadedExperiment loaded_;
@@ -151,7 +157,7 @@ class SceneModel final : public diagnose::Model {
   std::vector<fit::Parameter> listed_;
   std::size_t fitted_count_ = 0;
   ContactNuisances nuisances_;
-  std::vector<ShootingNode> nodes_;
+  std::vector<Target> nodes_;      ///< with the states of a camera that did nothing
   std::vector<Inertia> inertias_;  ///< of each run's only body, where it has nodes
   std::vector<Cause> causes_;
   std::vector<diagnose::Effect> rows_;

@@ -31,8 +31,7 @@ void SceneModel::write_observed(const diagnose::Point::Cause& cause, Json& docum
   for (std::size_t i = 0; i < job_.captures.size(); ++i) {
     const CaptureDoc& doc = job_.captures[i];
     for (std::size_t c = 0; c < captures_.size(); ++c) {
-      const bool acts =
-          effect.captures.empty() || std::ranges::count(effect.captures, static_cast<int>(c)) > 0;
+      const bool acts = diagnose::acts_in(effect, static_cast<int>(c));
       if (captures_[c].name != doc.name || !acts) continue;
       const SceneDoc& scene = doc.scene ? *doc.scene : job_.scene;
       const ObservedCapture about{scene.fps, scene.first_frame, inputs_[c]->rest, doc};

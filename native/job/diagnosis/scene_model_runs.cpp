@@ -51,9 +51,7 @@ mpm::Scene SceneModel::scene_at(const diagnose::Point& point, const Built& base,
 fit::RunSteps SceneModel::solvers_steps(const mpm::Scene& scene, const Watch& watch) const {
   fit::RunSteps steps;
   steps.limit = mpm::step_limit(scene);
-  if (!watched(scene, watch, &steps.substeps)) {
-    throw_compute("The fitted model itself could not be simulated. Fit it again first.");
-  }
+  (void)watched(scene, watch, &steps.substeps);
   steps.substeps = fit::with_neighbours(steps.substeps);
   return steps;
 }
@@ -61,37 +59,40 @@ fit::RunSteps SceneModel::solvers_steps(const mpm::Scene& scene, const Watch& wa
 std::vector<SceneModel::Target> SceneModel::targets_of(const diagnose::Point& point,
                                                        std::size_t run) const {
   std::vector<Target> targets;
-  for (const ShootingNode& node : nodes_) {
+  for (const Target& known : nodes_) {
+    const ShootingNode& node = known.node;
     if (node.run != run) continue;
     const int capture = static_cast<int>(node.capture - captures_.data());
     std::vector<diagnose::Observed> observations;
     for (const diagnose::Point::Cause& cause : point.causes) {
       const diagnose::Effect& effect = rows_[static_cast<std::size_t>(cause.effect)];
-      const bool acts = effect.captures.empty() || std::ranges::count(effect.captures, capture) > 0;
-      if (effect.observation != diagnose::Observation::kNone && acts) {
+      if (effect.observation != diagnose::Observation::kNone &&
+          diagnose::acts_in(effect, capture)) {
         observations.push_back({&effect, cause.values});
       }
+    }
+    if (observations.empty()) {
+      targets.push_back(known);
+      continue;
     }
     const mpm::Scene& scene = built({}, run)->scene;
     const double time = (node.frame - scene.first_frame) / scene.fps;
     if (auto state = flight_state(node, inertias_[run], time, observations)) {
-      targets.push_back({&node, std::move(*state)});
+      targets.push_back({node, std::move(*state)});
     }
   }
   return targets;
 }
 
-void SceneModel::take_up(const Watch& watch, const mpm::Scene& scene,
-                         const std::vector<Points>& now, const mpm::ObservedFrame& frame,
-                         mpm::Simulation& simulation) const {
-  std::size_t first = 0;
-  for (std::size_t r = 0; r < watch.run; ++r) first += runs()[r].captures.size();
-  for (const Target& target : watch.targets) {
-    const ShootingNode& node = *target.node;
+void SceneModel::take_up(const Watch& watch, const mpm::Scene& scene, const Seen& seen,
+                         const mpm::ObservedFrame& frame, mpm::Simulation& simulation) const {
+  for (const auto& [node, state] : watch.targets) {
     if (node.frame != simulation.frame()) continue;
-    const auto capture = static_cast<std::size_t>(node.capture - captures_.data()) - first;
-    simulation.change(node.body, change_to(target.state, node, inertias_[watch.run], now[capture],
-                                           scene.bodies[node.body], frame.bodies[node.body]));
+    const auto capture =
+        static_cast<std::size_t>(node.capture - captures_.data()) - first_capture(watch.run);
+    simulation.change(node.body,
+                      change_to(state, node, inertias_[watch.run], seen[capture].back(),
+                                scene.bodies[node.body].volumes, frame.bodies[node.body]));
   }
 }
 
@@ -104,7 +105,7 @@ std::optional<SceneModel::Seen> SceneModel::watch_in_steps(mpm::Scene scene,
       std::pow(kFiner, std::max(0.0, std::ceil(std::log(ratio) / std::log(kFiner))));
   for (int attempt = 0; attempt <= kMoreTries; ++attempt) {
     scene.substeps = fit::multiplied(steps.substeps, std::ldexp(finer, attempt));
-    if (auto seen = watched(scene, watch)) return seen;
+    if (auto seen = watched_if_possible(scene, watch)) return seen;
   }
   return std::nullopt;
 }
@@ -122,7 +123,7 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
     seen = watch_in_steps(scene, steps_[run], watch);
   } else {
     scene.dt_safety *= point.numerics.step;
-    seen = watched(scene, watch);
+    seen = watched_if_possible(scene, watch);
   }
   if (!seen) return std::nullopt;
   std::vector<fit::SimulatedCapture> captures;
@@ -148,8 +149,7 @@ int SceneModel::end_frame(const diagnose::Point& point, const std::vector<double
   constexpr int kMoreFrames = 3;
   const mpm::Scene& scene = built(point.numerics, run)->scene;
   if (point.until.empty()) return scene.end_frame;
-  std::size_t first = 0;
-  for (std::size_t r = 0; r < run; ++r) first += runs()[r].captures.size();
+  const std::size_t first = first_capture(run);
   int end = scene.first_frame + 1;
   for (std::size_t c = 0; c < runs()[run].captures.size(); ++c) {
     const double until = point.until[first + c];
@@ -162,51 +162,54 @@ int SceneModel::end_frame(const diagnose::Point& point, const std::vector<double
   return std::min(end, scene.end_frame);
 }
 
-std::optional<SceneModel::Seen> SceneModel::watched(const mpm::Scene& scene, const Watch& watch,
-                                                    std::vector<int>* substeps) const {
+SceneModel::Seen SceneModel::watched(const mpm::Scene& scene, const Watch& watch,
+                                     std::vector<int>* substeps) const {
   const Built& base = watch.base;
   Arena& arena = *watch.arena;
-  try {
-    mpm::Simulation::Options solver;
-    solver.target = options_.target;
-    mpm::Simulation simulation(scene, watch.arena, solver);
-    // Points of a body that is placed anew: those that the document gives on it move along, those
-    // that the recording shows stay where they were seen.
-    std::vector<fit::PointFollower> moved;
-    if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
-                    [&](const mpm::Body& b) { return parameters_->places(watch.run, b.name); })) {
-      for (std::size_t c = 0; c < base.followers.size(); ++c) {
-        const fit::Capture& capture = runs()[watch.run].captures[c];
-        Points rest = capture.input.rest;
-        if (capture.places_given) {
-          mpm::Body points;
-          points.name = capture.input.body;
-          points.rest = std::move(rest);
-          rest = parameters_->placed(watch.values, watch.run, std::move(points)).rest;
-        }
-        moved.emplace_back(scene.bodies[base.bodies[c]], std::move(rest), 0.5 * scene.dx, arena);
+  mpm::Simulation::Options solver;
+  solver.target = options_.target;
+  mpm::Simulation simulation(scene, watch.arena, solver);
+  // Points of a body that is placed anew: those that the document gives on it move along, those
+  // that the recording shows stay where they were seen.
+  std::vector<fit::PointFollower> moved;
+  if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                  [&](const mpm::Body& b) { return parameters_->places(watch.run, b.name); })) {
+    for (std::size_t c = 0; c < base.followers.size(); ++c) {
+      const fit::Capture& capture = runs()[watch.run].captures[c];
+      Points rest = capture.input.rest;
+      if (capture.places_given) {
+        mpm::Body points;
+        points.name = capture.input.body;
+        points.rest = std::move(rest);
+        rest = parameters_->placed(watch.values, watch.run, std::move(points)).rest;
       }
+      moved.emplace_back(scene.bodies[base.bodies[c]], std::move(rest), 0.5 * scene.dx, arena);
     }
-    const std::vector<fit::PointFollower>& followers = moved.empty() ? base.followers : moved;
-    Seen seen(followers.size());
-    const auto record = [&] {
-      const mpm::ObservedFrame frame = simulation.observe(true);
-      std::vector<Points> now;
-      for (std::size_t c = 0; c < seen.size(); ++c) {
-        const std::size_t body = base.bodies[c];
-        now.push_back(followers[c].positions(scene.bodies[body], frame.bodies[body], arena));
-        seen[c].push_back(now.back());
-      }
-      take_up(watch, scene, now, frame, simulation);
-    };
+  }
+  const std::vector<fit::PointFollower>& followers = moved.empty() ? base.followers : moved;
+  Seen seen(followers.size());
+  const auto record = [&] {
+    const mpm::ObservedFrame frame = simulation.observe(true);
+    for (std::size_t c = 0; c < seen.size(); ++c) {
+      const std::size_t body = base.bodies[c];
+      seen[c].push_back(followers[c].positions(scene.bodies[body], frame.bodies[body], arena));
+    }
+    take_up(watch, scene, seen, frame, simulation);
+  };
+  record();
+  while (simulation.frame() + 1 < scene.end_frame) {
+    interrupter_.check();
+    const mpm::FrameReport report = simulation.advance(interrupter_);
+    if (substeps) substeps->push_back(report.substeps);
     record();
-    while (simulation.frame() + 1 < scene.end_frame) {
-      interrupter_.check();
-      const mpm::FrameReport report = simulation.advance(interrupter_);
-      if (substeps) substeps->push_back(report.substeps);
-      record();
-    }
-    return seen;
+  }
+  return seen;
+}
+
+std::optional<SceneModel::Seen> SceneModel::watched_if_possible(const mpm::Scene& scene,
+                                                                const Watch& watch) const {
+  try {
+    return watched(scene, watch);
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
     return std::nullopt;
@@ -285,9 +288,10 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate_experiment(
   std::vector<std::optional<diagnose::Motion>> motions(points.size());
   fit::RunSteps steps;
   try {
-    const std::vector<double> values = fitted_values(start_point());
+    const diagnose::Point start = start_point();
+    const std::vector<double> values = fitted_values(start);
     const auto arena = std::make_shared<Arena>(options_.threads);
-    steps = solvers_steps(scene_of(start_point()), {*base, values, 0, arena, {}});
+    steps = solvers_steps(scene_of(start), {*base, values, 0, arena, {}});
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
     return motions;

@@ -2,7 +2,11 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
+#include <span>
 
+#include "base/error.hpp"
+#include "capture/align.hpp"
 #include "diagnose/model.hpp"
 
 namespace matterfit::job {
@@ -18,5 +22,19 @@ struct SeenTracks {
     return capture.positions.segment<3>(3 * (f * capture.tracks() + i));
   }
 };
+
+/// Tracks that a body's placement is read of, at least.
+inline constexpr std::size_t kFewestTracks = 6;
+
+/// capture::fit_rigid, or nothing where points lie on a line: their turn is not known.
+[[nodiscard]] inline std::optional<capture::RigidFit> placement_of(
+    std::span<const Vec3d> rest, std::span<const Vec3d> there,
+    std::span<const double> weights = {}) {
+  try {
+    return capture::fit_rigid(rest, there, weights);
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
 
 }  // namespace matterfit::job

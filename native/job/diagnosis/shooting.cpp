@@ -7,8 +7,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/error.hpp"
-#include "capture/align.hpp"
 #include "job/diagnosis/seen_tracks.hpp"
 
 namespace matterfit::job {
@@ -20,7 +18,6 @@ using Eigen::Index;
 
 constexpr Index kFewestFrames = 4;
 constexpr Index kMostFrames = 10;
-constexpr std::size_t kFewestTracks = 6;
 
 Vec3d log_of(const Mat3d& rotation) {
   const Eigen::AngleAxisd turn(rotation);
@@ -39,41 +36,20 @@ struct Undone {
   std::span<const Observed> observations;
 
   [[nodiscard]] double time(double t) const {
+    double shift = 0.0;
     for (const Observed& o : observations) {
-      if (o.effect->observation == Observation::kTimeOffset) t += o.values[0];
-      if (o.effect->observation == Observation::kFrameRate) {
-        t += o.values[0] * (t - capture.times.front());
-      }
+      shift += diagnose::time_shift(o, t, capture.times.front(), o.effect->pivot);
     }
-    return t;
+    return t + shift;
   }
 
   [[nodiscard]] Vec3d place(Index f, Index i) const {
-    const SeenTracks samples{capture};
-    Vec3d x = samples.at(f, i);
+    Vec3d x = SeenTracks{capture}.at(f, i);
     const double since = capture.times[std::size_t(f)] - capture.times.front();
     for (std::size_t k = observations.size(); k-- > 0;) {
       const Observed& o = observations[k];
-      const Vec3d& pivot = o.effect->pivot;
-      switch (o.effect->observation) {
-        case Observation::kScale:
-          x = pivot + (x - pivot) / (1.0 + o.values[0]);
-          break;
-        case Observation::kRoll:
-          x = pivot + Eigen::AngleAxisd(-o.values[0], o.effect->axis) * (x - pivot);
-          break;
-        case Observation::kDrift:
-          x -= since * o.values.head<3>();
-          break;
-        case Observation::kOffset:
-          x -= o.values.head<3>();
-          break;
-        case Observation::kLag:
-          x += o.values[0] * speed(f, i);
-          break;
-        default:
-          break;
-      }
+      x = o.effect->observation == Observation::kLag ? Vec3d(x + o.values[0] * speed(f, i))
+                                                     : diagnose::undone(o, since, x);
     }
     return x;
   }
@@ -169,19 +145,18 @@ std::vector<ShootingNode> shooting_nodes(const std::vector<Impact>& impacts,
   return result;
 }
 
-Inertia inertia_of(const mpm::Body& body) {
+Inertia inertia_of(std::span<const Vec3d> places, std::span<const double> volumes) {
   Inertia result;
   double volume = 0.0;
-  for (std::size_t i = 0; i < body.rest.size(); ++i) {
-    result.center += body.volumes[i] * body.rest[i];
-    volume += body.volumes[i];
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    result.center += volumes[i] * places[i];
+    volume += volumes[i];
   }
   result.center /= volume;
   result.moment.setZero();
-  for (std::size_t i = 0; i < body.rest.size(); ++i) {
-    const Vec3d arm = body.rest[i] - result.center;
-    result.moment +=
-        body.volumes[i] * (arm.squaredNorm() * Mat3d::Identity() - arm * arm.transpose());
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const Vec3d arm = places[i] - result.center;
+    result.moment += volumes[i] * (arm.squaredNorm() * Mat3d::Identity() - arm * arm.transpose());
   }
   return result;
 }
@@ -208,13 +183,10 @@ std::optional<RigidState> flight_state(const ShootingNode& node, const Inertia& 
     Points there;
     there.reserve(rest.size());
     for (const std::size_t i : state.tracks) there.push_back(undone.place(f, Index(i)));
-    try {
-      const capture::RigidFit fit = capture::fit_rigid(rest, there);
-      turns.push_back(fit.rotation);
-      centers.push_back(fit(inertia.center));
-    } catch (const Error&) {
-      return std::nullopt;  // on a line: its turn is not known
-    }
+    const std::optional<capture::RigidFit> fit = placement_of(rest, there);
+    if (!fit) return std::nullopt;
+    turns.push_back(fit->rotation);
+    centers.push_back((*fit)(inertia.center));
     times.push_back(undone.time(capture.times[std::size_t(f)]));
   }
   const Index n = Index(times.size());
@@ -236,8 +208,8 @@ std::optional<RigidState> flight_state(const ShootingNode& node, const Inertia& 
 }
 
 mpm::RigidChange change_to(const RigidState& state, const ShootingNode& node,
-                           const Inertia& inertia, const Points& seen, const mpm::Body& body,
-                           const mpm::ObservedFrame::Body& frame) {
+                           const Inertia& inertia, const Points& seen,
+                           std::span<const double> volumes, const mpm::ObservedFrame::Body& frame) {
   Points rest;
   Points there;
   for (const std::size_t i : state.tracks) {
@@ -245,29 +217,25 @@ mpm::RigidChange change_to(const RigidState& state, const ShootingNode& node,
     there.push_back(seen[i]);
   }
   const capture::RigidFit now = capture::fit_rigid(rest, there);
-  Vec3d center = Vec3d::Zero();
+  const Inertia present = inertia_of(frame.positions, volumes);
   Vec3d velocity = Vec3d::Zero();
   double volume = 0.0;
-  for (std::size_t p = 0; p < frame.positions.size(); ++p) {
-    center += body.volumes[p] * frame.positions[p];
-    velocity += body.volumes[p] * frame.velocities[p];
-    volume += body.volumes[p];
+  for (std::size_t p = 0; p < frame.velocities.size(); ++p) {
+    velocity += volumes[p] * frame.velocities[p];
+    volume += volumes[p];
   }
-  center /= volume;
   velocity /= volume;
   Vec3d momentum = Vec3d::Zero();
-  Mat3d moment = Mat3d::Zero();
-  for (std::size_t p = 0; p < frame.positions.size(); ++p) {
-    const Vec3d arm = frame.positions[p] - center;
-    momentum += body.volumes[p] * arm.cross(frame.velocities[p] - velocity);
-    moment += body.volumes[p] * (arm.squaredNorm() * Mat3d::Identity() - arm * arm.transpose());
+  for (std::size_t p = 0; p < frame.velocities.size(); ++p) {
+    momentum +=
+        volumes[p] * (frame.positions[p] - present.center).cross(frame.velocities[p] - velocity);
   }
-  const Vec3d spin = moment.inverse() * momentum;
+  const Vec3d spin = present.moment.inverse() * momentum;
   mpm::RigidChange change;
   change.center = now(inertia.center);
   change.rotation = state.rotation * now.rotation.transpose();
   change.shift = state.place - change.center;
-  const Vec3d of_center = velocity + spin.cross(change.center - center);
+  const Vec3d of_center = velocity + spin.cross(change.center - present.center);
   change.velocity = state.velocity - change.rotation * of_center;
   change.spin = state.spin - change.rotation * spin;
   return change;

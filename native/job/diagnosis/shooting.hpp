@@ -31,12 +31,12 @@ struct ShootingNode {
 [[nodiscard]] std::vector<ShootingNode> shooting_nodes(const std::vector<Impact>& impacts,
                                                        const mpm::Scene& scene);
 
-/// A rigid body's inertia about its centre at rest, by volume.
+/// A rigid body's inertia about its centre, by volume.
 struct Inertia {
   Vec3d center = Vec3d::Zero();      ///< [m]
   Mat3d moment = Mat3d::Identity();  ///< [m⁵]
 };
-[[nodiscard]] Inertia inertia_of(const mpm::Body& body);
+[[nodiscard]] Inertia inertia_of(std::span<const Vec3d> places, std::span<const double> volumes);
 
 /// Where a body is and how it moves, as a rigid one.
 struct RigidState {
@@ -56,10 +56,10 @@ struct RigidState {
     std::span<const diagnose::Observed> observations);
 
 /// What takes a simulated body to a state. `seen`: positions of all of the capture's tracks in the
-/// simulation; particles' positions and velocities in `frame`.
+/// simulation; `volumes` of its particles, whose positions and velocities `frame` has.
 [[nodiscard]] mpm::RigidChange change_to(const RigidState& state, const ShootingNode& node,
                                          const Inertia& inertia, const Points& seen,
-                                         const mpm::Body& body,
+                                         std::span<const double> volumes,
                                          const mpm::ObservedFrame::Body& frame);
 
 }  // namespace matterfit::job

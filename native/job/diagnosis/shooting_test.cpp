@@ -119,7 +119,7 @@ void expect_near(const RigidState& a, const RigidState& b, double place, double 
 /// the flight.
 TEST(ShootingNodes, AFlightTellsPlaceTurnVelocityAndSpin) {
   const mpm::Body body = tumbling_block();
-  const Inertia inertia = inertia_of(body);
+  const Inertia inertia = inertia_of(body.rest, body.volumes);
   const double end = (kFramesOfFlight - 1) / kRate;
   const RigidState truth = flown(inertia, thrown(), end);
   EXPECT_GT((truth.spin - thrown().spin).norm(), 2.0);
@@ -135,7 +135,7 @@ TEST(ShootingNodes, AFlightTellsPlaceTurnVelocityAndSpin) {
 
 TEST(ShootingNodes, WhatACameraDidIsUndone) {
   const mpm::Body body = tumbling_block();
-  const Inertia inertia = inertia_of(body);
+  const Inertia inertia = inertia_of(body.rest, body.volumes);
   const double end = (kFramesOfFlight - 1) / kRate;
   const RigidState truth = flown(inertia, thrown(), end);
   diagnose::Effect offset;
@@ -158,7 +158,7 @@ TEST(ShootingNodes, WhatACameraDidIsUndone) {
 
 TEST(ShootingNodes, ABodyIsTakenToTheState) {
   const mpm::Body body = tumbling_block();
-  const Inertia inertia = inertia_of(body);
+  const Inertia inertia = inertia_of(body.rest, body.volumes);
   const diagnose::Capture capture = filmed(inertia, body, 0.0, 0.0);
   const ShootingNode node = whole_flight(capture);
   const auto state = flight_state(node, inertia, node.frame / kRate, {});
@@ -170,7 +170,7 @@ TEST(ShootingNodes, ABodyIsTakenToTheState) {
   for (const Vec3d& x : body.rest) there.positions.push_back(turn * x);
   for (const Vec3d& x : capture.rest) seen.push_back(turn * x);
   there.velocities.assign(body.rest.size(), Vec3d(0.1, 0.0, 0.0));
-  const mpm::RigidChange change = change_to(*state, node, inertia, seen, body, there);
+  const mpm::RigidChange change = change_to(*state, node, inertia, seen, body.volumes, there);
   for (std::size_t p = 0; p < body.rest.size(); p += 101) {
     const Vec3d x =
         change.center + change.shift + change.rotation * (there.positions[p] - change.center);
@@ -184,7 +184,7 @@ TEST(ShootingNodes, ABodyIsTakenToTheState) {
 
 TEST(ShootingNodes, StandBetweenImpactsThatAFlightParts) {
   const mpm::Body body = tumbling_block();
-  diagnose::Capture capture = filmed(inertia_of(body), body, 0.0, 0.0);
+  diagnose::Capture capture = filmed(inertia_of(body.rest, body.volumes), body, 0.0, 0.0);
   for (int f = kFramesOfFlight; f < 60; ++f) capture.times.push_back(f / kRate);
   const auto impact = [&](Index begin, Index end) {
     Impact result;

@@ -260,12 +260,23 @@ class Writer {
     }
   }
 
+  /// Whether a refit leaves more than noise and solver make. An error no larger than the solver's
+  /// own is not known to be anything else, however unlike its members' patterns.
+  [[nodiscard]] bool exceeds_solver(const Refit& refit) const {
+    if (!found_.spread.known()) return true;
+    const Rows& used = study_.used();
+    const VectorXd residual = (study_.measured() - refit.prediction).head(used.size());
+    return root_mean_square(used, residual) >
+           noise_floor(used, found_.noise, found_.spread.deviations().topRows(used.size()));
+  }
+
   void decide() {
     const bool significant = report_.p < options_.level;
     const bool wrong = std::min(report_.smooth_p, report_.p) < options_.smooth_level;
     if (found_.accepted) {
       name_causes();
-      const bool left = report_.smooth_p_after < options_.smooth_level;
+      const bool left =
+          report_.smooth_p_after < options_.smooth_level && exceeds_solver(found_.best->refit);
       const Gain& g = found_.best->gain;
       const bool predicts = !g.measurable || g.value >= kPredictsEnough;
       const double share = share_of_excess(found_.base.refit, found_.best->refit);
@@ -275,7 +286,7 @@ class Writer {
         report_.classes.clear();
         for (Cause& cause : report_.causes) cause.accepted = false;
       }
-    } else if (found_.within_solver ||
+    } else if (found_.within_solver || (wrong && !exceeds_solver(found_.base.refit)) ||
                (!wrong && !significant && found_.exact_solver_significant)) {
       report_.verdict = Verdict::kNumerical;
     } else if (wrong) {

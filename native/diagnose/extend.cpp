@@ -40,15 +40,19 @@ class Search {
       : study_(study), members_(members), options_(options) {}
 
   Extension run() {
-    // The fit knew of no corrections, so the base ends elsewhere, and causes wait until it has.
-    const bool elsewhere = !study_.model().corrections().empty();
-    linearise_base(study_.fitted(), elsewhere ? std::vector<Candidate>{} : all_candidates());
+    const bool corrected = !study_.model().corrections().empty();
+    if (corrected) {
+      // Weighed with the solver's errors the base ends elsewhere again, so causes wait until it
+      // has.
+      linearise_base(come_near(study_.fitted()), {});
+    } else {
+      linearise_base(study_.fitted(), all_candidates());
+    }
     estimate_from(study_.measured() - out_.slopes.prediction);
-    fit_base();
+    fit_base(true);
     fit_together();
     try_singles();
     // What no longer counts as discrepancy may have counted as noise, and the other way round.
-    const bool corrected = !study_.model().corrections().empty();
     if (!out_.singles.empty() || corrected) {
       const Noise before = out_.noise;
       const bool plain = out_.singles.empty() || out_.base.evidence < out_.singles.front().evidence;
@@ -58,7 +62,7 @@ class Search {
       out_.noise.corrections =
           std::max(refitter_->corrections_of(out_.base.refit), refitter_->corrections_of(best));
       if (changed(before, out_.noise)) {
-        fit_base();
+        fit_base(false);
         fit_together();
         try_singles();
       }
@@ -96,6 +100,23 @@ class Search {
     out_.spread = numerical_spread(study_, state, out_.slopes.theta, {.members = members_});
   }
 
+  /// The fit knew of no corrections, so the base ends elsewhere: where about, with an exact solver.
+  [[nodiscard]] State come_near(const State& state) const {
+    tell(0.0, "Refitting");
+    study_.begin("refits");
+    DifferenceOptions differences = options_.refit.differences;
+    differences.wanted = Study::Wanted::kUsed;
+    const Linearised slopes = linearise(study_, state, {}, differences);
+    const Spread exact = Spread::none(study_.size());
+    const Noise noise = noise_of(study_.measured() - slopes.prediction, slopes, exact);
+    const Refitter refitter(study_, noise, exact, options_.refit);
+    RefitStart start{{state}, slopes.theta};
+    start.made_there = true;
+    start.whole = true;
+    start.rough = true;
+    return refitter.fit(std::move(start)).state;
+  }
+
   void differentiate_causes() {
     tell(0.4, "Differentiating all causes");
     study_.begin("derivatives");
@@ -104,13 +125,18 @@ class Search {
     out_.slopes.columns = linearise(study_, out_.base_state, all_candidates(), differences).columns;
   }
 
+  [[nodiscard]] Noise noise_of(const VectorXd& stacked, const Linearised& slopes,
+                               const Spread& spread) const {
+    const Index used = study_.used().size();
+    const std::vector<Capture>& captures = study_.model().captures();
+    return estimate_noise(study_.used(), captures, stacked.head(used),
+                          explained_columns(study_, slopes, spread), kNoiseFloor,
+                          body_turns(study_.used(), captures, slopes.prediction.head(used)));
+  }
+
   void estimate_from(const VectorXd& stacked) {
     const double corrections = out_.noise.corrections;
-    out_.noise =
-        estimate_noise(study_.used(), study_.model().captures(), stacked.head(study_.used().size()),
-                       explained_columns(study_, out_.slopes, out_.spread), kNoiseFloor,
-                       body_turns(study_.used(), study_.model().captures(),
-                                  out_.slopes.prediction.head(study_.used().size())));
+    out_.noise = noise_of(stacked, out_.slopes, out_.spread);
     out_.noise.corrections = corrections;
   }
 
@@ -136,12 +162,15 @@ class Search {
     return start;
   }
 
-  void fit_base() {
+  /// `far`: from where the base may have far to go.
+  void fit_base(bool far) {
     tell(0.4, "Refitting");
     study_.begin("refits");
     refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
     out_.base = Trial{};
-    out_.base.refit = refitter_->fit(base_start());
+    RefitStart start = base_start();
+    start.whole = far;
+    out_.base.refit = refitter_->fit(std::move(start));
     const VectorXd first = refitter_->whitening().apply(
         (study_.measured() - out_.slopes.prediction).head(study_.used().size()));
     // The fit ended elsewhere under its own weights: derivatives are taken anew where that matters.
@@ -355,10 +384,12 @@ class Search {
     if (Trial* trial = known_of(score, known)) {
       return {{trial->refit.state}, std::move(trial->refit.slopes)};
     }
-    RefitStart start{
-        {extended(study_.model(), out_.base_state, score.candidate, score.estimate, 1.0),
-         extended(study_.model(), out_.base_state, score.candidate, score.estimate, 0.5)},
-        beside(out_.slopes.theta, columns_of(out_.slopes, score.candidate))};
+    // A first estimate may be far off, so the base itself is a start.
+    RefitStart start{{}, beside(out_.slopes.theta, columns_of(out_.slopes, score.candidate))};
+    for (const double share : {1.0, 0.5, 0.0}) {
+      start.states.push_back(
+          extended(study_.model(), out_.base_state, score.candidate, score.estimate, share));
+    }
     const Effect& effect = effect_of(score);
     for (const double value : effect.tries) {
       VectorXd there = VectorXd::Zero(score.estimate.size());

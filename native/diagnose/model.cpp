@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <vector>
 
 #include "base/error.hpp"
 
@@ -75,6 +76,14 @@ void check_effect(const Effect& effect, int captures) {
 }
 
 }  // namespace
+
+std::vector<Eigen::Index> nuisances_of_times(const Model& model) {
+  std::vector<Eigen::Index> result = model.corrections();
+  const std::vector<Eigen::Index> states = model.state_errors();
+  result.insert(result.end(), states.begin(), states.end());
+  std::ranges::sort(result);
+  return result;
+}
 
 void check(const Model& model) {
   if (model.captures().empty()) throw_input("There is no capture to diagnose.");

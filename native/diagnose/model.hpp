@@ -145,15 +145,6 @@ struct Point {
   friend bool operator==(const Point&, const Point&) = default;
 };
 
-/// Samples that a parameter can move at all: those of captures [first, end) at times from < t <=
-/// to.
-struct Window {
-  int first = 0;
-  int end = 0;
-  double from = 0.0;  ///< [s]
-  double to = 0.0;    ///< [s]
-};
-
 /// What a simulation gives: every coordinate of every sample of every capture, one capture after
 /// another, in Capture's order.
 struct Motion {
@@ -185,11 +176,9 @@ class Model {
   /// ascending, each with a prior around 0: the solver's covariance is of what is left once they
   /// are free.
   [[nodiscard]] virtual std::vector<Eigen::Index> corrections() const { return {}; }
-  /// One a parameter; nothing where it may move any sample. Derivatives by parameters that move no
-  /// sample together are made in one run.
-  [[nodiscard]] virtual std::vector<std::optional<Window>> windows() const {
-    return std::vector<std::optional<Window>>(parameters().size());
-  }
+  /// Parameters that stand for errors of the states that simulations take from the recordings
+  /// (follows_recordings()), ascending, each with a prior around 0.
+  [[nodiscard]] virtual std::vector<Eigen::Index> state_errors() const { return {}; }
   /// Whether simulations follow the recordings in places, and so depend on what a camera did:
   /// points then hold observations among their causes, which the engine applies to the motion all
   /// the same.
@@ -210,6 +199,9 @@ class Model {
     return std::vector<std::optional<Motion>>(points.size());
   }
 };
+
+/// corrections() and state_errors(), ascending: nuisances of known times.
+[[nodiscard]] std::vector<Eigen::Index> nuisances_of_times(const Model& model);
 
 /// Throws Error(kInput), saying which list and entry, where sizes, bounds, steps or samples are not
 /// as documented above.

@@ -107,10 +107,10 @@ MatrixXd experiment_gram(const Study& study, int experiment,
   const Study there(model, study.used().size());
   const State state = there.fitted();
   if (!there.motions({state})[0]) return {};
-  // Corrections are of what happened in the present recordings.
+  // Nuisances of known times are of what happened in the present recordings.
   DifferenceOptions differences;
   differences.central = false;
-  differences.left_out = study.model().corrections();
+  differences.left_out = nuisances_of_times(study.model());
   const Linearised slopes = linearise(there, state, candidates, differences);
   Index columns = slopes.theta.cols();
   for (const auto& column : slopes.columns) {

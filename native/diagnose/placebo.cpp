@@ -15,6 +15,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+/// How well an ensemble stands for another solver's error: its size to a factor of e^±this.
+constexpr double kLikeness = 0.35;
+
 /// L with L Lᵀ = C, C semidefinite.
 MatrixXd root(const MatrixXd& covariance) {
   const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(covariance);
@@ -100,7 +103,7 @@ void draw_members(const MatrixXd& gram, const std::vector<int>& member, const Ve
     for (int i = 0; i < options.member_draws; ++i) {
       Random random(options.seed + 1, std::uint64_t(m) * 1000003 + std::uint64_t(i));
       VectorXd amounts = normal_vector(random, signal.cols());
-      amounts[0] = 1.0;
+      amounts[0] = std::exp(kLikeness * amounts[0]);
       const VectorXd products = signal * amounts + factor * normal_vector(random, factor.cols());
       const VectorXd pull = prior.cwiseProduct(normal_vector(random, prior.size()));
       placebo.solver.push_back(test.largest(test.numerators(products, pull)));

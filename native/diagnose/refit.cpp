@@ -146,9 +146,16 @@ Refitter::Place Refitter::place(const State& state, double bias, const VectorXd&
   return result;
 }
 
+std::vector<Index> Refitter::told_corrections(const Refit& refit) const {
+  std::vector<Index> told = study_->model().corrections();
+  std::erase_if(
+      told, [&](Index p) { return refit.slopes.col(p).head(study_->used().size()).isZero(0.0); });
+  return told;
+}
+
 double Refitter::correction_squares(const Refit& refit) const {
   double sum = 0.0;
-  for (const Index p : study_->model().corrections()) {
+  for (const Index p : told_corrections(refit)) {
     const double size = refit.state.theta[p] / study_->model().parameters()[std::size_t(p)].scale;
     sum += size * size;
   }
@@ -156,7 +163,7 @@ double Refitter::correction_squares(const Refit& refit) const {
 }
 
 double Refitter::corrections_of(const Refit& refit) const {
-  const std::vector<Index> corrections = study_->model().corrections();
+  const std::vector<Index> corrections = told_corrections(refit);
   if (corrections.empty()) return 1.0;
   const MatrixXd slopes = residual_slopes(refit.slopes);
   const VectorXd variance = variances_of(slopes.transpose() * slopes);
@@ -167,7 +174,7 @@ double Refitter::corrections_of(const Refit& refit) const {
 
 double Refitter::own_corrections(const Refit& refit) const {
   const double own = corrections_of(refit);
-  const double count = double(study_->model().corrections().size());
+  const double count = double(told_corrections(refit).size());
   return correction_squares(refit) * (1.0 / (own * own) - 1.0 / (corrections_ * corrections_)) +
          2.0 * count * std::log(own / corrections_);
 }
@@ -178,7 +185,7 @@ MatrixXd Refitter::slopes_at(const State& state, const MatrixXd& known) const {
   // one run a number.
   differences.central = false;
   differences.wanted = Study::Wanted::kUsed;
-  const std::vector<Index> corrections = study_->model().corrections();
+  const std::vector<Index> corrections = nuisances_of_times(study_->model());
   const bool keep = known.cols() > 0;
   if (keep) differences.left_out = corrections;
   const Linearised lin = linearise(*study_, state, {}, differences);
@@ -263,6 +270,8 @@ class Refitter::Search {
   static constexpr double kFarFromStart = 0.7;
 
   [[nodiscard]] const Model& model() const { return refitter_.study_->model(); }
+  /// Slopes of which some are kept.
+  [[nodiscard]] MatrixXd known() const { return start_.whole ? MatrixXd() : made_; }
   [[nodiscard]] bool biased() const { return refitter_.bias_.size() > 0; }
 
   [[nodiscard]] std::vector<State> closer() {
@@ -286,7 +295,7 @@ class Refitter::Search {
     scales_ = scales_of(model(), here_->state);
     bounds_ = box_of(model(), here_->state);
     if (slopes_.cols() != scales_.size() || start_.renew) {
-      slopes_ = made_ = refitter_.slopes_at(here_->state, made_);
+      slopes_ = made_ = refitter_.slopes_at(here_->state, known());
       made_here_ = true;
     }
     jacobian_ = refitter_.residual_slopes(slopes_);
@@ -308,7 +317,7 @@ class Refitter::Search {
       return false;
     }
     renewed_at_ = now;
-    slopes_ = made_ = refitter_.slopes_at(here_->state, made_);
+    slopes_ = made_ = refitter_.slopes_at(here_->state, known());
     jacobian_ = refitter_.residual_slopes(slopes_);
     fresh_ = true;
     made_here_ = true;
@@ -339,8 +348,13 @@ class Refitter::Search {
 
   /// A promise that ends the search.
   [[nodiscard]] double enough() const {
-    return std::max(refitter_.options_.tolerance,
-                    refitter_.options_.share * here_->residual.squaredNorm());
+    constexpr double kRough = 0.01;
+    // Impacts make a deviance rough: below a unit nothing is gained.
+    constexpr double kRoughness = 1.0;
+    const RefitOptions& options = refitter_.options_;
+    const double least = model().corrections().empty() ? options.tolerance : kRoughness;
+    const double share = start_.rough ? kRough : options.share;
+    return std::max(least, share * here_->residual.squaredNorm());
   }
 
   [[nodiscard]] std::vector<State> next_step() {
@@ -349,7 +363,7 @@ class Refitter::Search {
       // Slopes that were never tried since they were made, or kept their last promise not far from
       // there, are believed.
       const bool far = here_->residual.squaredNorm() < kFarFromStart * renewed_at_;
-      if (!fresh_ && (far || !trusted_) && renew()) {
+      if (!start_.rough && !fresh_ && (far || !trusted_) && renew()) {
         damping_ = kFirstDamping;
         return next_step();
       }

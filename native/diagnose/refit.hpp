@@ -48,6 +48,9 @@ struct RefitStart {
   int renewals = 0;    ///< beyond RefitOptions::renewals
   bool renew = false;  ///< `slopes` are of another place: all but the corrections' are made first
   bool made_there = false;  ///< `slopes` were made by differences at the only state
+  /// Slopes of nuisances of known times are made anew as the others are: for a search from far off.
+  bool whole = false;
+  bool rough = false;  ///< only on the way: ends where a step promises less than a hundredth
 };
 
 /// Prior precision of θ per scale², and the mean in scales of natural coordinates.
@@ -90,10 +93,12 @@ class Refitter {
  private:
   struct Place;
   class Search;
-  /// Sum of squares of a refit's corrections over their stated deviations.
+  /// Those of the model's corrections that the used samples tell of.
+  [[nodiscard]] std::vector<Eigen::Index> told_corrections(const Refit& refit) const;
+  /// Sum of their squares over their stated deviations.
   [[nodiscard]] double correction_squares(const Refit& refit) const;
   [[nodiscard]] Place place(const State& state, double bias, const Eigen::VectorXd& seen) const;
-  /// [θ | α] derivatives at a state, in scales. Columns of the model's corrections are taken from
+  /// [θ | α] derivatives at a state, in scales. Columns of nuisances of known times are taken from
   /// `known` where it has any: they are the dearest and change least.
   [[nodiscard]] Eigen::MatrixXd slopes_at(const State& state, const Eigen::MatrixXd& known) const;
   [[nodiscard]] Eigen::MatrixXd residual_slopes(const Eigen::MatrixXd& slopes) const;

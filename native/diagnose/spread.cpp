@@ -10,6 +10,8 @@
 #include <optional>
 #include <utility>
 
+#include "diagnose/refit.hpp"
+
 namespace matterfit::diagnose {
 
 using Eigen::Index;
@@ -83,7 +85,7 @@ void correct(const Study& study, const State& state, const MatrixXd& theta,
   constexpr int kRounds = 2;            // a third gained nothing (docs/dev/impacts.md)
   constexpr double kWorthARun = 0.9;    // of the misfit before
   constexpr double kUsualNoise = 5e-4;  // [m]
-  const std::vector<Index> corrections = study.model().corrections();
+  const std::vector<Index> corrections = nuisances_of_times(study.model());
   if (corrections.empty()) return;
   const Index used = study.used().size();
   VectorXd noise(used);
@@ -95,7 +97,8 @@ void correct(const Study& study, const State& state, const MatrixXd& theta,
   const MatrixXd slopes =
       noise.cwiseInverse().asDiagonal() * theta(Eigen::all, corrections).topRows(used);
   MatrixXd normal = slopes.transpose() * slopes;
-  normal.diagonal().array() += 1.0;  // the prior: scales are its standard deviations
+  const VectorXd precision = theta_prior(study.model(), 1.0).precision(corrections);
+  normal.diagonal() += precision;
   const Eigen::LDLT<MatrixXd> factors(normal);
   const Index count = Index(corrections.size());
   VectorXd scales(count);
@@ -126,8 +129,8 @@ void correct(const Study& study, const State& state, const MatrixXd& theta,
     std::vector<Numerics> numerics;
     std::vector<VectorXd> offsets;
     for (const Member& member : going) {
-      const VectorXd step =
-          factors.solve(slopes.transpose() * apart(*runs[member.variant]) - member.offset);
+      const VectorXd step = factors.solve(slopes.transpose() * apart(*runs[member.variant]) -
+                                          precision.cwiseProduct(member.offset));
       offsets.emplace_back(member.offset + step);
       State& there = states.emplace_back(state);
       for (Index k = 0; k < count; ++k) {
@@ -140,8 +143,11 @@ void correct(const Study& study, const State& state, const MatrixXd& theta,
     for (std::size_t k = 0; k < going.size(); ++k) {
       std::optional<VectorXd>& before = runs[going[k].variant];
       if (!again[k]) continue;
-      const double was = apart(*before).squaredNorm() + going[k].offset.squaredNorm();
-      const double is = apart(*again[k]).squaredNorm() + offsets[k].squaredNorm();
+      const auto misfit = [&](const VectorXd& run, const VectorXd& offset) {
+        return apart(run).squaredNorm() + offset.dot(precision.cwiseProduct(offset));
+      };
+      const double was = misfit(*before, going[k].offset);
+      const double is = misfit(*again[k], offsets[k]);
       if (!(is < was)) continue;
       before = std::move(again[k]);
       if (is < kWorthARun * was) gaining.push_back({going[k].variant, offsets[k]});

@@ -71,54 +71,6 @@ Difference theta_difference(const Model& model, const State& state, Index p,
   return result;
 }
 
-bool apart(const Window& a, const Window& b) {
-  return a.end <= b.first || b.end <= a.first || a.to <= b.from || b.to <= a.from;
-}
-
-/// Parameters whose derivatives are made together: each alone but those that move no sample
-/// together, on the same sides of them.
-std::vector<std::vector<Index>> groups_of(const std::vector<std::optional<Window>>& windows,
-                                          const std::vector<Difference>& differences) {
-  std::vector<std::vector<Index>> groups;
-  for (Index p = 0; p < Index(differences.size()); ++p) {
-    const Difference& own = differences[std::size_t(p)];
-    if (!own.above && !own.below) continue;
-    const auto joins = [&](const std::vector<Index>& group) {
-      return std::ranges::all_of(group, [&](Index q) {
-        const Difference& other = differences[std::size_t(q)];
-        const auto& a = windows[std::size_t(p)];
-        const auto& b = windows[std::size_t(q)];
-        return a && b && apart(*a, *b) && own.above.has_value() == other.above.has_value() &&
-               own.below.has_value() == other.below.has_value() && own.up == other.up &&
-               own.down == other.down;
-      });
-    };
-    const auto group = std::ranges::find_if(groups, joins);
-    if (group == groups.end()) {
-      groups.push_back({p});
-    } else {
-      group->push_back(p);
-    }
-  }
-  return groups;
-}
-
-/// Rows of a column outside of a parameter's window, which others of its group have moved, set to
-/// 0.
-void keep_window(const Study& study, const Window& window, VectorXd& column) {
-  Index at = 0;
-  for (const Rows* rows : {&study.used(), &study.held()}) {
-    for (const Series& series : rows->series()) {
-      const bool seen = series.capture >= window.first && series.capture < window.end;
-      for (Index i = series.begin; i < series.end; ++i) {
-        const double t = rows->time(i);
-        if (!seen || t <= window.from || t > window.to) column[at + i] = 0.0;
-      }
-    }
-    at += rows->size();
-  }
-}
-
 /// Of number k of the cause `c` of a state that has it.
 Difference cause_difference(const Model& model, const State& state, std::size_t c, Index k,
                             bool central) {
@@ -282,21 +234,10 @@ std::vector<Candidate> candidates_of(const Model& model, const State& state) {
 Linearised linearise(const Study& study, const State& state,
                      const std::vector<Candidate>& candidates, const DifferenceOptions& options) {
   const Model& model = study.model();
-  // Differences by parameters come first, group by group.
-  std::vector<Difference> of_theta;
+  std::vector<Difference> differences;
   for (Index p = 0; p < state.theta.size(); ++p) {
     const bool left_out = std::ranges::count(options.left_out, p) > 0;
-    of_theta.push_back(left_out ? Difference{} : theta_difference(model, state, p, options));
-  }
-  const std::vector<std::optional<Window>> windows = model.windows();
-  const std::vector<std::vector<Index>> groups = groups_of(windows, of_theta);
-  std::vector<Difference> differences;
-  for (const std::vector<Index>& group : groups) {
-    Difference& together = differences.emplace_back(of_theta[std::size_t(group.front())]);
-    for (const Index p : group) {
-      if (together.above) together.above->theta[p] = of_theta[std::size_t(p)].above->theta[p];
-      if (together.below) together.below->theta[p] = of_theta[std::size_t(p)].below->theta[p];
-    }
+    differences.push_back(left_out ? Difference{} : theta_difference(model, state, p, options));
   }
   for (std::size_t c = 0; c < state.causes.size(); ++c) {
     for (Index k = 0; k < state.causes[c].values.size(); ++k) {
@@ -354,15 +295,10 @@ Linearised linearise(const Study& study, const State& state,
     }
   }
   result.theta = MatrixXd::Zero(study.size(), state.theta.size());
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    if (!slopes[g]) continue;
-    for (const Index p : groups[g]) {
-      VectorXd column = *slopes[g];
-      if (groups[g].size() > 1) keep_window(study, *windows[std::size_t(p)], column);
-      result.theta.col(p) = column;
-    }
+  for (Index p = 0; p < state.theta.size(); ++p) {
+    if (slopes[std::size_t(p)]) result.theta.col(p) = *slopes[std::size_t(p)];
   }
-  std::size_t at = groups.size();
+  std::size_t at = std::size_t(state.theta.size());
   const auto take = [&](Index count) {
     MatrixXd columns = MatrixXd::Zero(study.size(), count);
     bool all = true;

@@ -43,7 +43,7 @@ std::optional<Placement> placement_in(const SeenTracks& samples, Index f) {
   std::vector<double> weights(tracks, 0.0);
   std::size_t seen = 0;
   for (std::size_t i = 0; i < tracks; ++i) {
-    if (!samples.used(f, static_cast<Index>(i))) continue;
+    if (!samples.seen(f, static_cast<Index>(i))) continue;
     there[i] = samples.at(f, static_cast<Index>(i));
     weights[i] = 1.0;
     ++seen;
@@ -58,7 +58,7 @@ bool near_collider(const SeenTracks& samples, Index f, const mpm::Scene& scene, 
   double least = std::numeric_limits<double>::infinity();
   const double time = samples.capture.times[static_cast<std::size_t>(f)];
   for (Index i = 0; i < samples.capture.tracks(); ++i) {
-    if (!samples.used(f, i)) continue;
+    if (!samples.seen(f, i)) continue;
     for (const shape::ColliderPtr& collider : scene.colliders) {
       least = std::min(least, collider->closest(samples.at(f, i), time).distance);
     }

@@ -21,12 +21,12 @@ struct Impact {
   double turn = 0.0;   ///< of the spin [rad/s]
 };
 
-/// The impacts that a capture's used samples show, by time: where its rigid motion (of each frame's
-/// tracks, Kabsch) is accelerated otherwise than by gravity near a collider of the scene. A long
-/// contact has several. Nothing for a body that is held, without colliders, or not in the total
-/// Lagrangian formulation. What a bounce makes of a throw depends on the grid by a hundredth of
-/// the impulse, and grows from bounce to bounce: with a free rigid velocity after each, errors stay
-/// those of one.
+/// The impacts that a capture shows, held-out samples included, by time: where its rigid motion (of
+/// each frame's tracks, Kabsch) is accelerated otherwise than by gravity near a collider of the
+/// scene. A long contact has several. Nothing for a body that is held, without colliders, or not in
+/// the total Lagrangian formulation. What a bounce makes of a throw depends on the grid by a
+/// hundredth of the impulse, and grows from bounce to bounce: with a free rigid velocity after
+/// each, errors stay those of one.
 [[nodiscard]] std::vector<Impact> impacts(const diagnose::Capture& capture, const mpm::Scene& scene,
                                           std::size_t run, std::size_t body);
 

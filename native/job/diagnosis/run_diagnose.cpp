@@ -31,7 +31,7 @@ constexpr double kDiagnosedFitShare = 0.3;
 struct Settings {
   diagnose::DiagnoseOptions engine;
   int particles = 4000;   ///< of all bodies together, with which causes are sought; about
-  bool shooting = false;  ///< SceneModel
+  bool shooting = true;   ///< SceneModel
 };
 
 Settings read_settings(const Json& given) {

@@ -169,6 +169,7 @@ void SceneModel::add_nuisances() {
   nuisances_ = ContactNuisances(contacts, grounds, fitted);
   std::ranges::copy(nuisances_.parameters(), std::back_inserter(listed_));
   add_shooting_nodes();
+  add_state_errors();
 }
 
 /// Of a scene's only body: another would be struck otherwise. Not where the fit moves the time that
@@ -197,49 +198,49 @@ void SceneModel::add_shooting_nodes() {
   }
 }
 
+void SceneModel::add_state_errors() {
+  // Differences by a hundredth of a deviation would drown in single precision.
+  constexpr double kDeviations = 10.0;
+  constexpr double kMostDeviations = 100.0;
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    const StateNoise& noise = nodes_[k].state.noise;
+    const auto add = [&](const char* what, const char* unit, double sigma) {
+      for (int axis = 0; axis < 3; ++axis) {
+        fit::Parameter parameter;
+        parameter.name = fmt::format("flight {} {}[{}]", k, what, axis);
+        parameter.unit = unit;
+        parameter.scale = kDeviations * sigma;
+        parameter.low = -kMostDeviations * sigma;
+        parameter.high = kMostDeviations * sigma;
+        parameter.prior = fit::Prior{0.0, sigma};
+        listed_.push_back(std::move(parameter));
+      }
+    };
+    add("place", "m", noise.place);
+    add("turn", "rad", noise.turn);
+    add("velocity", "m/s", noise.velocity);
+    add("spin", "rad/s", noise.spin);
+  }
+}
+
 std::size_t SceneModel::first_capture(std::size_t run) const {
   std::size_t first = 0;
   for (std::size_t r = 0; r < run; ++r) first += runs()[r].captures.size();
   return first;
 }
 
-std::vector<std::optional<diagnose::Window>> SceneModel::windows() const {
-  std::vector<std::optional<diagnose::Window>> result(listed_.size());
-  if (nodes_.empty()) return result;
-  const auto window_of = [&](std::size_t run, int frame) {
-    const mpm::Scene& scene = built({}, run)->scene;
-    const auto time = [&](int f) { return (f - scene.first_frame) / scene.fps + 1e-6; };
-    diagnose::Window window;
-    window.first = int(first_capture(run));
-    window.end = window.first + int(runs()[run].captures.size());
-    window.from = frame > scene.first_frame ? time(frame) : -1e300;
-    window.to = 1e300;
-    for (const auto& [node, state] : nodes_) {
-      if (node.run == run && node.frame >= frame) {
-        window.to = std::min(window.to, time(node.frame));
-      }
-    }
-    return window;
-  };
-  // A throw that is a run's own; one that several share moves all of them.
-  for (std::size_t k = 0; k < fitted_count_ && runs().size() == 1; ++k) {
-    const std::string& quantity = parameters_->path(k).quantity->path;
-    if (quantity == "velocity" || quantity == "spin") {
-      result[k] = window_of(0, built({}, 0)->scene.first_frame);
-    }
-  }
-  std::size_t at = fitted_count_ + nuisances_.of_grounds();
-  for (const Impact& impact : nuisances_.impacts()) {
-    for (std::size_t i = 0; i < ContactNuisances::kNumbersOfImpact; ++i, ++at) {
-      result[at] = window_of(impact.run, impact.frame);
-    }
+std::vector<Eigen::Index> SceneModel::corrections() const {
+  std::vector<Eigen::Index> result;
+  const std::size_t first = fitted_count_ + nuisances_.of_grounds();
+  for (std::size_t k = first; k < first_of_states(); ++k) {
+    result.push_back(static_cast<Eigen::Index>(k));
   }
   return result;
 }
 
-std::vector<Eigen::Index> SceneModel::corrections() const {
+std::vector<Eigen::Index> SceneModel::state_errors() const {
   std::vector<Eigen::Index> result;
-  for (std::size_t k = fitted_count_ + nuisances_.of_grounds(); k < listed_.size(); ++k) {
+  for (std::size_t k = first_of_states(); k < listed_.size(); ++k) {
     result.push_back(static_cast<Eigen::Index>(k));
   }
   return result;

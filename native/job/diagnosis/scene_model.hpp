@@ -55,7 +55,7 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] const std::vector<fit::Parameter>& parameters() const override { return listed_; }
   [[nodiscard]] std::vector<int> own_capture() const override;
   [[nodiscard]] std::vector<Eigen::Index> corrections() const override;
-  [[nodiscard]] std::vector<std::optional<diagnose::Window>> windows() const override;
+  [[nodiscard]] std::vector<Eigen::Index> state_errors() const override;
   [[nodiscard]] bool follows_recordings() const override { return !nodes_.empty(); }
   [[nodiscard]] const std::vector<diagnose::Effect>& effects() const override { return rows_; }
   [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate(
@@ -141,6 +141,11 @@ class SceneModel final : public diagnose::Model {
   /// ContactNuisances, as parameters after the fitted ones.
   void add_nuisances();
   void add_shooting_nodes();
+  void add_state_errors();
+  /// Of the first number of all nodes' states among the parameters.
+  [[nodiscard]] std::size_t first_of_states() const {
+    return fitted_count_ + nuisances_.parameters().size();
+  }
   [[nodiscard]] std::vector<double> fitted_values(const diagnose::Point& point) const;
   [[nodiscard]] std::vector<double> nuisance_values(const diagnose::Point& point) const;
   void settle_steps();
@@ -153,7 +158,7 @@ class SceneModel final : public diagnose::Model {
   const Interrupter& interrupter_;
   LoadedExperiment loaded_;
   std::unique_ptr<fit::Parameters> parameters_;
-  /// They, with the values of From; then the nuisances'.
+  /// They, with the values of From; then the nuisances', then errors of the nodes' states.
   std::vector<fit::Parameter> listed_;
   std::size_t fitted_count_ = 0;
   ContactNuisances nuisances_;

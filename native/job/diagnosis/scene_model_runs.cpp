@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <utility>
@@ -59,9 +60,15 @@ fit::RunSteps SceneModel::solvers_steps(const mpm::Scene& scene, const Watch& wa
 std::vector<SceneModel::Target> SceneModel::targets_of(const diagnose::Point& point,
                                                        std::size_t run) const {
   std::vector<Target> targets;
-  for (const Target& known : nodes_) {
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    const Target& known = nodes_[k];
     const ShootingNode& node = known.node;
     if (node.run != run) continue;
+    std::array<double, kNumbersOfState> errors{};
+    for (std::size_t i = 0; i < kNumbersOfState; ++i) {
+      const auto at = static_cast<Eigen::Index>(first_of_states() + kNumbersOfState * k + i);
+      if (at < point.theta.size()) errors[i] = point.theta[at];
+    }
     const int capture = static_cast<int>(node.capture - captures_.data());
     std::vector<diagnose::Observed> observations;
     for (const diagnose::Point::Cause& cause : point.causes) {
@@ -72,13 +79,13 @@ std::vector<SceneModel::Target> SceneModel::targets_of(const diagnose::Point& po
       }
     }
     if (observations.empty()) {
-      targets.push_back(known);
+      targets.push_back({node, with_errors(known.state, errors)});
       continue;
     }
     const mpm::Scene& scene = built({}, run)->scene;
     const double time = (node.frame - scene.first_frame) / scene.fps;
     if (auto state = flight_state(node, inertias_[run], time, observations)) {
-      targets.push_back({node, std::move(*state)});
+      targets.push_back({node, with_errors(std::move(*state), errors)});
     }
   }
   return targets;

@@ -18,6 +18,11 @@ struct SeenTracks {
   [[nodiscard]] bool used(Eigen::Index f, Eigen::Index i) const {
     return capture.use[static_cast<std::size_t>(f * capture.tracks() + i)] == diagnose::Use::kUsed;
   }
+  /// Measured, held out or not.
+  [[nodiscard]] bool seen(Eigen::Index f, Eigen::Index i) const {
+    return capture.use[static_cast<std::size_t>(f * capture.tracks() + i)] !=
+           diagnose::Use::kIgnored;
+  }
   [[nodiscard]] Vec3d at(Eigen::Index f, Eigen::Index i) const {
     return capture.positions.segment<3>(3 * (f * capture.tracks() + i));
   }

@@ -18,6 +18,9 @@ using Eigen::Index;
 
 constexpr Index kFewestFrames = 4;
 constexpr Index kMostFrames = 10;
+/// By what a state's errors are larger than white noise of the tracks makes them: a tracker's
+/// errors last for frames, and bodies ring.
+constexpr double kCorrelated = 2.0;
 
 Vec3d log_of(const Mat3d& rotation) {
   const Eigen::AngleAxisd turn(rotation);
@@ -58,8 +61,8 @@ struct Undone {
   [[nodiscard]] Vec3d speed(Index f, Index i) const {
     const SeenTracks samples{capture};
     const Index frames = Index(capture.times.size());
-    const Index a = f > 0 && samples.used(f - 1, i) ? f - 1 : f;
-    const Index b = f + 1 < frames && samples.used(f + 1, i) ? f + 1 : f;
+    const Index a = f > 0 && samples.seen(f - 1, i) ? f - 1 : f;
+    const Index b = f + 1 < frames && samples.seen(f + 1, i) ? f + 1 : f;
     if (a == b) return Vec3d::Zero();
     return (samples.at(b, i) - samples.at(a, i)) /
            (capture.times[std::size_t(b)] - capture.times[std::size_t(a)]);
@@ -84,6 +87,8 @@ Mat3d turned(const Mat3d& rotation, const Vec3d& momentum, const Mat3d& inverse,
 struct Turning {
   Mat3d rotation;
   Vec3d momentum;
+  /// Of rotation and momentum, where each turn that was seen errs by a radian.
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
 /// The turn and momentum at `time` of a free body that comes nearest to these turns.
@@ -105,7 +110,8 @@ Turning free_turning(const std::vector<Mat3d>& seen, const std::vector<double>& 
     return r;
   };
   const auto moved = [&](const Turning& where, const Eigen::VectorXd& by) {
-    return Turning{exp_of(by.head<3>()) * where.rotation, where.momentum + unit * by.tail<3>()};
+    return Turning{exp_of(by.head<3>()) * where.rotation, where.momentum + unit * by.tail<3>(),
+                   where.covariance};
   };
   for (int k = 0; k < kIterations; ++k) {
     constexpr double kStep = 1e-5;
@@ -116,6 +122,10 @@ Turning free_turning(const std::vector<Mat3d>& seen, const std::vector<double>& 
       slopes.col(c) = (residuals(moved(at, by)) - residuals(moved(at, -by))) / (2.0 * kStep);
     }
     const Eigen::VectorXd step = slopes.colPivHouseholderQr().solve(-r);
+    Eigen::Matrix<double, 6, 1> units;
+    units << 1.0, 1.0, 1.0, unit, unit, unit;
+    at.covariance =
+        units.asDiagonal() * (slopes.transpose() * slopes).inverse() * units.asDiagonal();
     at = moved(at, step);
     if (step.norm() < 1e-9) break;
   }
@@ -161,6 +171,18 @@ Inertia inertia_of(std::span<const Vec3d> places, std::span<const double> volume
   return result;
 }
 
+RigidState with_errors(RigidState state, const std::array<double, kNumbersOfState>& errors) {
+  const Eigen::Map<const Vec3d> place(errors.data());
+  const Eigen::Map<const Vec3d> turn(errors.data() + 3);
+  const Eigen::Map<const Vec3d> velocity(errors.data() + 6);
+  const Eigen::Map<const Vec3d> spin(errors.data() + 9);
+  state.place += place;
+  state.rotation = exp_of(turn) * state.rotation;
+  state.velocity += velocity;
+  state.spin += spin;
+  return state;
+}
+
 std::optional<RigidState> flight_state(const ShootingNode& node, const Inertia& inertia,
                                        double time, std::span<const Observed> observations) {
   const diagnose::Capture& capture = *node.capture;
@@ -169,7 +191,7 @@ std::optional<RigidState> flight_state(const ShootingNode& node, const Inertia& 
   Points rest;
   for (Index i = 0; i < capture.tracks(); ++i) {
     bool all = true;
-    for (Index f = node.first; f <= node.last; ++f) all = all && samples.used(f, i);
+    for (Index f = node.first; f <= node.last; ++f) all = all && samples.seen(f, i);
     if (!all) continue;
     state.tracks.push_back(std::size_t(i));
     rest.push_back(capture.rest[std::size_t(i)]);
@@ -202,8 +224,20 @@ std::optional<RigidState> flight_state(const ShootingNode& node, const Inertia& 
   state.velocity = parabola.row(1).transpose();
   const Turning turning = free_turning(turns, times, time, inertia.moment);
   state.rotation = turning.rotation;
-  state.spin =
-      state.rotation * inertia.moment.inverse() * state.rotation.transpose() * turning.momentum;
+  const Mat3d inverse = state.rotation * inertia.moment.inverse() * state.rotation.transpose();
+  state.spin = inverse * turning.momentum;
+  double arms = 0.0;
+  for (const Vec3d& x : rest) arms += (x - inertia.center).squaredNorm();
+  const double of_center = kCorrelated * capture.noise / std::sqrt(double(rest.size()));
+  const double of_turn = kCorrelated * capture.noise / std::sqrt(2.0 / 3.0 * arms);
+  const Eigen::Matrix3d of_parabola = (powers.transpose() * powers).inverse();
+  state.noise.place = of_center * std::sqrt(of_parabola(0, 0));
+  state.noise.velocity = of_center * std::sqrt(of_parabola(1, 1));
+  const Mat3d turns_errors = turning.covariance.topLeftCorner<3, 3>();
+  const Mat3d momentum_errors = turning.covariance.bottomRightCorner<3, 3>();
+  state.noise.turn = of_turn * std::sqrt(turns_errors.trace() / 3.0);
+  state.noise.spin =
+      of_turn * std::sqrt((inverse * momentum_errors * inverse.transpose()).trace() / 3.0);
   return state;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -38,6 +39,14 @@ struct Inertia {
 };
 [[nodiscard]] Inertia inertia_of(std::span<const Vec3d> places, std::span<const double> volumes);
 
+/// Standard deviations of each component of a state that noise of the tracks gives.
+struct StateNoise {
+  double place = 0.0;     ///< [m]
+  double turn = 0.0;      ///< [rad]
+  double velocity = 0.0;  ///< [m/s]
+  double spin = 0.0;      ///< [rad/s]
+};
+
 /// Where a body is and how it moves, as a rigid one.
 struct RigidState {
   Vec3d place = Vec3d::Zero();         ///< of Inertia::center [m]
@@ -45,12 +54,20 @@ struct RigidState {
   Vec3d velocity = Vec3d::Zero();      ///< [m/s]
   Vec3d spin = Vec3d::Zero();          ///< [rad/s]
   std::vector<std::size_t> tracks;     ///< that say so
+  StateNoise noise;
 };
+
+/// Numbers of a state: place, turn, velocity, spin.
+inline constexpr std::size_t kNumbersOfState = 12;
+
+/// A state with errors added to it, each in its own unit, the turn about world axes.
+[[nodiscard]] RigidState with_errors(RigidState state,
+                                     const std::array<double, kNumbersOfState>& errors);
 
 /// The state at scene time `time` [s] that the flight of a node shows: places of its frames by
 /// Kabsch, their centres as a parabola, their turns as the free motion of a body of this inertia
 /// (Gauss–Newton). `observations` of this capture are undone. Nothing where fewer than six tracks
-/// are used in all of its frames, or they lie on a line.
+/// are seen in all of its frames, or they lie on a line.
 [[nodiscard]] std::optional<RigidState> flight_state(
     const ShootingNode& node, const Inertia& inertia, double time,
     std::span<const diagnose::Observed> observations);

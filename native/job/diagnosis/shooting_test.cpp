@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
+#include <cstdint>
 #include <random>
 
 namespace matterfit::job {
@@ -79,13 +80,14 @@ RigidState thrown() {
 }
 
 /// Tracks of such a flight, as a camera that the observation stands for has seen it.
-diagnose::Capture filmed(const Inertia& inertia, const mpm::Body& body, double noise, double late) {
+diagnose::Capture filmed(const Inertia& inertia, const mpm::Body& body, double noise, double late,
+                         std::uint64_t seed = 3) {
   diagnose::Capture capture;
   for (std::size_t p = 0; p < body.rest.size(); p += 17) capture.rest.push_back(body.rest[p]);
   const Index tracks = capture.tracks();
   capture.positions.resize(3 * Index(kFramesOfFlight) * tracks);
   capture.use.assign(std::size_t(Index(kFramesOfFlight) * tracks), diagnose::Use::kUsed);
-  std::mt19937_64 generator(3);
+  std::mt19937_64 generator(seed);
   std::normal_distribution<double> normal(0.0, noise > 0.0 ? noise : 1.0);
   for (Index f = 0; f < kFramesOfFlight; ++f) {
     capture.times.push_back(double(f) / kRate);
@@ -131,6 +133,47 @@ TEST(ShootingNodes, AFlightTellsPlaceTurnVelocityAndSpin) {
   const auto told = flight_state(whole_flight(noisy), inertia, end, {});
   ASSERT_TRUE(told);
   expect_near(*told, truth, 5e-4, 1e-2, 2e-2, 0.1);
+}
+
+/// The deviation of states over draws of white noise is what the state says of itself, which is
+/// twice that, for trackers whose errors last.
+TEST(ShootingNodes, AStateKnowsItsNoise) {
+  const mpm::Body body = tumbling_block();
+  const Inertia inertia = inertia_of(body.rest, body.volumes);
+  const double end = (kFramesOfFlight - 1) / kRate;
+  const RigidState truth = flown(inertia, thrown(), end);
+  constexpr double kSigma = 1e-3;
+  constexpr int kDraws = 40;
+  StateNoise seen;
+  StateNoise said;
+  for (std::uint64_t draw = 0; draw < kDraws; ++draw) {
+    diagnose::Capture noisy = filmed(inertia, body, kSigma, 0.0, draw);
+    noisy.noise = kSigma;
+    const auto state = flight_state(whole_flight(noisy), inertia, end, {});
+    ASSERT_TRUE(state);
+    const Eigen::AngleAxisd turn(state->rotation * truth.rotation.transpose());
+    seen.place += (state->place - truth.place).squaredNorm() / (3.0 * kDraws);
+    seen.turn += turn.angle() * turn.angle() / (3.0 * kDraws);
+    seen.velocity += (state->velocity - truth.velocity).squaredNorm() / (3.0 * kDraws);
+    seen.spin += (state->spin - truth.spin).squaredNorm() / (3.0 * kDraws);
+    said = state->noise;
+  }
+  EXPECT_NEAR(said.place / std::sqrt(seen.place), 2.0, 0.4);
+  EXPECT_NEAR(said.velocity / std::sqrt(seen.velocity), 2.0, 0.4);
+  // Turns are taken to err alike about all axes, which those of a block do not.
+  EXPECT_NEAR(said.turn / std::sqrt(seen.turn), 2.0, 0.6);
+  EXPECT_NEAR(said.spin / std::sqrt(seen.spin), 2.0, 1.0);
+}
+
+TEST(ShootingNodes, ErrorsAreAddedToAState) {
+  RigidState state = thrown();
+  const RigidState other =
+      with_errors(state, {0.1, 0.0, 0.0, 0.0, 0.0, 0.2, 0.0, 0.3, 0.0, 0.0, 0.0, 0.4});
+  EXPECT_LT((other.place - state.place - Vec3d(0.1, 0.0, 0.0)).norm(), 1e-12);
+  const Mat3d turn = Eigen::AngleAxisd(0.2, Vec3d::UnitZ()).toRotationMatrix();
+  EXPECT_LT((other.rotation - turn * state.rotation).norm(), 1e-12);
+  EXPECT_LT((other.velocity - state.velocity - Vec3d(0.0, 0.3, 0.0)).norm(), 1e-12);
+  EXPECT_LT((other.spin - state.spin - Vec3d(0.0, 0.0, 0.4)).norm(), 1e-12);
 }
 
 TEST(ShootingNodes, WhatACameraDidIsUndone) {

@@ -186,7 +186,7 @@ class Causes {
       if (contact.kind == shape::ContactKind::kFriction &&
           !fitted("colliders." + doc.name + ".contact.mu")) {
         Cause& cause = add("friction", "contact", "");
-        cause.row.sentence = "The friction coefficient of '" + doc.name + "' is {value} higher.";
+        cause.row.sentence = "The friction coefficient of '" + doc.name + "' differs by {value}.";
         cause.row.numbers = {number("added", "", 0.05)};
         cause.row.numbers[0].low = -contact.mu;
         cause.row.tries = {-0.6 * contact.mu, -0.3 * contact.mu, 0.3 * contact.mu};

@@ -30,8 +30,8 @@ constexpr double kDiagnosedFitShare = 0.3;
 /// What the section `diagnose` of a document asks for.
 struct Settings {
   diagnose::DiagnoseOptions engine;
-  int particles = 4000;   ///< of all bodies together, with which causes are sought; about
-  bool shooting = true;   ///< SceneModel
+  int particles = 4000;  ///< of all bodies together, with which causes are sought; about
+  bool shooting = true;  ///< SceneModel
 };
 
 Settings read_settings(const Json& given) {

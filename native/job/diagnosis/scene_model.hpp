@@ -98,6 +98,7 @@ class SceneModel final : public diagnose::Model {
     std::size_t run;
     const std::shared_ptr<Arena>& arena;
     std::vector<Target> targets;
+    std::vector<ContactNuisances::Shift> shifts;
   };
   [[nodiscard]] const std::vector<fit::Run>& runs() const { return loaded_.experiment.runs; }
   /// The number of a run's first capture.
@@ -106,6 +107,8 @@ class SceneModel final : public diagnose::Model {
                                                    std::size_t run) const;
   [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> simulate_run(
       const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const;
+  /// A point without what sets in only after all that is looked at, so that it is simulated once.
+  [[nodiscard]] diagnose::Point as_looked_at(diagnose::Point point) const;
   /// scene.end_frame of a run that shows what is looked at of a point.
   [[nodiscard]] int end_frame(const diagnose::Point& point, const std::vector<double>& values,
                               std::size_t run) const;

@@ -124,7 +124,12 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
   mpm::Scene scene = scene_at(point, *base, values, run);
   nuisances_.add_impacts(nuisance_values(point), run, scene);
   scene.end_frame = end_frame(point, values, run);
-  const Watch watch{*base, values, run, arena, targets_of(point, run)};
+  const Watch watch{*base,
+                    values,
+                    run,
+                    arena,
+                    targets_of(point, run),
+                    nuisances_.shifts(nuisance_values(point), run)};
   std::optional<Seen> seen;
   if (has_own_steps(point.numerics)) {
     seen = watch_in_steps(scene, steps_[run], watch);
@@ -208,6 +213,12 @@ SceneModel::Seen SceneModel::watched(const mpm::Scene& scene, const Watch& watch
     interrupter_.check();
     const mpm::FrameReport report = simulation.advance(interrupter_);
     if (substeps) substeps->push_back(report.substeps);
+    for (const ContactNuisances::Shift& shift : watch.shifts) {
+      if (shift.frame != simulation.frame() || shift.by.isZero(0.0)) continue;
+      mpm::RigidChange change;
+      change.shift = shift.by;
+      simulation.change(shift.body, change);
+    }
     record();
   }
   return seen;
@@ -223,8 +234,32 @@ std::optional<SceneModel::Seen> SceneModel::watched_if_possible(const mpm::Scene
   }
 }
 
+diagnose::Point SceneModel::as_looked_at(diagnose::Point point) const {
+  if (point.until.empty()) return point;
+  const std::vector<double> values = fitted_values(point);
+  const auto forget = [&](std::size_t first, std::size_t count, std::size_t run, int frame) {
+    const auto end = static_cast<Eigen::Index>(first + count);
+    if (end > point.theta.size() || frame + 1 < end_frame(point, values, run)) return;
+    point.theta.segment(static_cast<Eigen::Index>(first), static_cast<Eigen::Index>(count))
+        .setZero();
+  };
+  std::size_t at = fitted_count_ + nuisances_.of_grounds();
+  for (const Impact& impact : nuisances_.impacts()) {
+    forget(at, ContactNuisances::kNumbersOfImpact, impact.run, impact.frame);
+    at += ContactNuisances::kNumbersOfImpact;
+  }
+  for (const auto& [node, state] : nodes_) {
+    forget(at, kNumbersOfState, node.run, node.frame);
+    at += kNumbersOfState;
+  }
+  return point;
+}
+
 std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
-    const std::vector<diagnose::Point>& points) const {
+    const std::vector<diagnose::Point>& asked) const {
+  std::vector<diagnose::Point> points;
+  points.reserve(asked.size());
+  for (const diagnose::Point& point : asked) points.push_back(as_looked_at(point));
   std::vector<std::optional<diagnose::Motion>> motions(points.size());
   std::vector<std::size_t> missing;
   std::vector<std::pair<std::size_t, std::size_t>> twins;  // and of whom
@@ -298,27 +333,28 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate_experiment(
     const diagnose::Point start = start_point();
     const std::vector<double> values = fitted_values(start);
     const auto arena = std::make_shared<Arena>(options_.threads);
-    steps = solvers_steps(scene_of(start), {*base, values, 0, arena, {}});
+    steps = solvers_steps(scene_of(start), {*base, values, 0, arena, {}, {}});
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
     return motions;
   }
-  side_by_side(
-      points.size(), points.size(), options_.threads,
-      [&](std::size_t p, const std::shared_ptr<Arena>& arena) {
-        const std::vector<double> values = fitted_values(points[p]);
-        const auto seen = watch_in_steps(scene_of(points[p]), steps, {*base, values, 0, arena, {}});
-        if (!seen) return;
-        const fit::SimulatedCapture capture =
-            fit::at_times(seen->front(), base->followers.front().size(), times, base->scene.fps);
-        motions[p] = diagnose::Motion{};
-        motions[p]->positions =
-            Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * capture.positions.size()));
-        for (std::size_t i = 0; i < capture.positions.size(); ++i) {
-          if (!capture.positions[i].allFinite()) continue;
-          motions[p]->positions.segment<3>(static_cast<Eigen::Index>(3 * i)) = capture.positions[i];
-        }
-      });
+  side_by_side(points.size(), points.size(), options_.threads,
+               [&](std::size_t p, const std::shared_ptr<Arena>& arena) {
+                 const std::vector<double> values = fitted_values(points[p]);
+                 const auto seen =
+                     watch_in_steps(scene_of(points[p]), steps, {*base, values, 0, arena, {}, {}});
+                 if (!seen) return;
+                 const fit::SimulatedCapture capture = fit::at_times(
+                     seen->front(), base->followers.front().size(), times, base->scene.fps);
+                 motions[p] = diagnose::Motion{};
+                 motions[p]->positions =
+                     Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * capture.positions.size()));
+                 for (std::size_t i = 0; i < capture.positions.size(); ++i) {
+                   if (!capture.positions[i].allFinite()) continue;
+                   motions[p]->positions.segment<3>(static_cast<Eigen::Index>(3 * i)) =
+                       capture.positions[i];
+                 }
+               });
   return motions;
 }
 

@@ -21,6 +21,8 @@ constexpr Index kMostFrames = 10;
 /// By what a state's errors are larger than white noise of the tracks makes them: a tracker's
 /// errors last for frames, and bodies ring.
 constexpr double kCorrelated = 2.0;
+/// The smallest noise of a coordinate that tracks are thought to have [m].
+constexpr double kLeastNoise = 1e-6;
 
 Vec3d log_of(const Mat3d& rotation) {
   const Eigen::AngleAxisd turn(rotation);
@@ -228,8 +230,9 @@ std::optional<RigidState> flight_state(const ShootingNode& node, const Inertia& 
   state.spin = inverse * turning.momentum;
   double arms = 0.0;
   for (const Vec3d& x : rest) arms += (x - inertia.center).squaredNorm();
-  const double of_center = kCorrelated * capture.noise / std::sqrt(double(rest.size()));
-  const double of_turn = kCorrelated * capture.noise / std::sqrt(2.0 / 3.0 * arms);
+  const double sigma = kCorrelated * std::max(capture.noise, kLeastNoise);
+  const double of_center = sigma / std::sqrt(double(rest.size()));
+  const double of_turn = sigma / std::sqrt(2.0 / 3.0 * arms);
   const Eigen::Matrix3d of_parabola = (powers.transpose() * powers).inverse();
   state.noise.place = of_center * std::sqrt(of_parabola(0, 0));
   state.noise.velocity = of_center * std::sqrt(of_parabola(1, 1));

@@ -32,10 +32,11 @@ void draw_noise(const ScoreTest& test, const std::vector<Eigen::MatrixXd>& covar
                 double freedom, const PlaceboOptions& options, Placebo& placebo);
 
 /// Draws where the data come from a member of the solver's ensemble that the covariance does not
-/// know, larger or smaller by what an ensemble may be off. `gram`: of [nuisances | candidates | U | members] whitened by the measurement's noise
-/// alone, U Uᵀ the solver's covariance with the member that each column was made of, members as
-/// deviations in full size. Columns of no member (−1) are one standard deviation each of what every
-/// draw has by an amount of its own. Fewer than four members say nothing.
+/// know, larger or smaller by what an ensemble may be off. `gram`: of [nuisances | candidates | U |
+/// members] whitened by the measurement's noise alone, U Uᵀ the solver's covariance with the member
+/// that each column was made of, members as deviations in full size. Columns of no member (−1) are
+/// one standard deviation each of what every draw has by an amount of its own. Fewer than four
+/// members say nothing.
 void draw_members(const Eigen::MatrixXd& gram, const std::vector<int>& member,
                   const Eigen::VectorXd& precision, const std::vector<Tested>& tested,
                   const PlaceboOptions& options, Placebo& placebo);

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "job/diagnosis/extent.hpp"
@@ -75,12 +74,11 @@ ContactNuisances::ContactNuisances(const std::vector<ContactRun>& runs,
   of_grounds_ = parameters_.size();
   for (std::size_t k = 0; k < impacts_.size(); ++k) {
     for (std::size_t i = 0; i < kNumbersOfImpact; ++i) {
-      const Impact& impact = impacts_[k];
-      const std::array<const char*, 3> names{"velocity", "spin", "place"};
-      const std::array<const char*, 3> units{"m/s", "rad/s", "m"};
-      const std::array<double, 3> sigmas{impact.speed, impact.turn, impact.shift};
-      parameters_.push_back(nuisance(fmt::format("impact {} {}[{}]", k, names[i / 3], i % 3),
-                                     units[i / 3], sigmas[i / 3], kMostOff * sigmas[i / 3]));
+      const bool turn = i >= 3;
+      const double sigma = turn ? impacts_[k].turn : impacts_[k].speed;
+      parameters_.push_back(
+          nuisance(fmt::format("impact {} {}[{}]", k, turn ? "spin" : "velocity", i % 3),
+                   turn ? "rad/s" : "m/s", sigma, kMostOff * sigma));
     }
   }
 }
@@ -139,17 +137,6 @@ std::string ContactNuisances::left_out(std::span<const double> values) const {
       "After {} impacts the simulation was set right, by {:.2g} m/s and {:.2g} rad/s at most; the "
       "extended model is without that, so it departs from the recording after the first.",
       impacts_.size(), speed, turn);
-}
-
-std::vector<ContactNuisances::Shift> ContactNuisances::shifts(std::span<const double> values,
-                                                              std::size_t run) const {
-  std::vector<Shift> result;
-  for (std::size_t k = 0; k < impacts_.size(); ++k) {
-    if (impacts_[k].run != run) continue;
-    const double* at = values.data() + of_grounds_ + kNumbersOfImpact * k + 6;
-    result.push_back({impacts_[k].body, impacts_[k].frame, Vec3d(at[0], at[1], at[2])});
-  }
-  return result;
 }
 
 void ContactNuisances::add_impacts(std::span<const double> values, std::size_t run,

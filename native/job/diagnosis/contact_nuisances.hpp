@@ -23,18 +23,11 @@ struct ContactRun {
 
 /// What nobody knows of a body's contact with level grounds and takes along in every refit: how
 /// high a ground lies and how stiff its contact is, and after each impact (impacts.hpp) the body's
-/// velocity, spin and place. Nothing where the recordings show no impact.
+/// velocity and spin. Nothing where the recordings show no impact.
 class ContactNuisances {
  public:
-  /// Velocity, spin and place after an impact.
-  static constexpr std::size_t kNumbersOfImpact = 9;
-
-  /// Where a body is put after an impact, from that frame on.
-  struct Shift {
-    std::size_t body = 0;
-    int frame = 0;
-    Vec3d by = Vec3d::Zero();  ///< [m]
-  };
+  /// Velocity and spin after an impact.
+  static constexpr std::size_t kNumbersOfImpact = 6;
 
   ContactNuisances() = default;
   /// `grounds`: names of the level grounds. `fitted`: paths of what the fit moves, which is left
@@ -47,8 +40,7 @@ class ContactNuisances {
   [[nodiscard]] const std::vector<fit::Parameter>& parameters() const { return parameters_; }
   /// How many of them are of grounds.
   [[nodiscard]] std::size_t of_grounds() const { return of_grounds_; }
-  /// Impacts of the captures, run by run, by time; each has kNumbersOfImpact parameters, after the
-  /// grounds'.
+  /// Impacts of the captures, run by run, by time; each has six parameters, after the grounds'.
   [[nodiscard]] const std::vector<Impact>& impacts() const { return impacts_; }
   /// Puts what is of grounds into a scene with its materials, before anything that changes its
   /// colliders. `values`: one a parameter.
@@ -57,10 +49,7 @@ class ContactNuisances {
   void write_grounds(const mpm::Scene& scene, Json& document) const;
   /// What a document cannot say: a sentence on what the impacts' numbers come to.
   [[nodiscard]] std::string left_out(std::span<const double> values) const;
-  /// Velocities and spins after the impacts of a run.
   void add_impacts(std::span<const double> values, std::size_t run, mpm::Scene& scene) const;
-  /// And places.
-  [[nodiscard]] std::vector<Shift> shifts(std::span<const double> values, std::size_t run) const;
 
  private:
   struct Ground {

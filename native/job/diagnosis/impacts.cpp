@@ -21,8 +21,6 @@ using Eigen::Index;
 /// at 9 to 20 cells across, over offsets and spacings, is off by .5 to 1.5 %, in its spin up to 2
 /// %.
 constexpr double kImpulseShare = 0.015;
-/// By how much earlier or later another solver's contact may turn a body back [s].
-constexpr double kTiming = 1e-3;
 /// Accelerations beside gravity that count as contact, in gravities: a body at rest has 1.
 constexpr double kContactGravities = 0.5;
 /// How near a collider the nearest track is in contact, in the body's size. Tracks may be few.
@@ -161,7 +159,6 @@ std::vector<Impact> impacts(const diagnose::Capture& capture, const mpm::Scene& 
       for (std::size_t f = from; f < to; ++f) {
         impact.speed += kImpulseShare * seen[f].velocity.norm();
         impact.turn += kImpulseShare * seen[f].spin.norm();
-        impact.shift += kTiming * seen[f].velocity.norm();
       }
       // A hit in the middle turns a body hardly, but may as well do so.
       impact.turn += impact.speed / size;

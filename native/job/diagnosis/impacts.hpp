@@ -19,7 +19,6 @@ struct Impact {
   Eigen::Index end = 0;                        ///< and the first after it
   double speed = 0.0;  ///< standard deviation of each component of the velocity after it [m/s]
   double turn = 0.0;   ///< of the spin [rad/s]
-  double shift = 0.0;  ///< of the place: how long it lasts is not known either [m]
 };
 
 /// The impacts that a capture shows, held-out samples included, by time: where its rigid motion (of

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <random>
 
-#include "job/diagnosis/contact_nuisances.hpp"
 #include "shape/collider.hpp"
 
 namespace matterfit::job {
@@ -78,39 +77,7 @@ TEST(Impacts, EndWhereABodyLeavesTheFloor) {
   EXPECT_NEAR(found[1].frame - kFirst, 24.0, 2.0);
   EXPECT_NEAR(found[0].speed, 0.015 * 2.97, 0.006);
   EXPECT_NEAR(found[1].speed, 0.015 * 1.49, 0.006);
-  EXPECT_NEAR(found[0].shift, 1e-3 * 2.97, 4e-4);
   EXPECT_EQ(found[0].run, 2U);
-}
-
-/// Of each impact velocity, spin and place, after what is of the ground.
-TEST(Impacts, AreSetRightInTheirOwnRun) {
-  const mpm::Scene scene = floor_scene();
-  const diagnose::Capture capture = bouncing(0.2);
-  std::vector<ContactRun> runs(2);
-  for (ContactRun& run : runs) run = {&scene, {&capture}, {0}};
-  const ContactNuisances nuisances(runs, {"ground"}, {});
-  ASSERT_EQ(nuisances.of_grounds(), 2U);
-  ASSERT_EQ(nuisances.parameters().size(), 2 + 4 * ContactNuisances::kNumbersOfImpact);
-  std::vector<double> values(nuisances.parameters().size(), 0.0);
-  const std::size_t last = 2 + 3 * ContactNuisances::kNumbersOfImpact;  // second of the second run
-  EXPECT_EQ(nuisances.parameters()[last + 1].name, "impact 3 velocity[1]");
-  EXPECT_EQ(nuisances.parameters()[last + 8].name, "impact 3 place[2]");
-  for (std::size_t i = 0; i < ContactNuisances::kNumbersOfImpact; ++i) {
-    values[last + i] = double(i + 1);
-  }
-  for (std::size_t run = 0; run < 2; ++run) {
-    mpm::Scene changed = scene;
-    nuisances.add_impacts(values, run, changed);
-    const auto shifts = nuisances.shifts(values, run);
-    ASSERT_EQ(shifts.size(), 2U);
-    ASSERT_EQ(changed.nudges.size(), 2U);
-    const double here = double(run);
-    EXPECT_EQ(shifts[1].by, Vec3d(here * Vec3d(7.0, 8.0, 9.0)));
-    EXPECT_EQ(changed.nudges[1].velocity, Vec3d(here * Vec3d(1.0, 2.0, 3.0)));
-    EXPECT_EQ(changed.nudges[1].spin, Vec3d(here * Vec3d(4.0, 5.0, 6.0)));
-    EXPECT_EQ(shifts[1].frame, changed.nudges[1].frame);
-    EXPECT_TRUE(shifts[0].by.isZero(0.0));
-  }
 }
 
 TEST(Impacts, AFlightHasNone) {

@@ -330,7 +330,7 @@ void SceneModel::settle_steps() {
   for (std::size_t r = 0; r < runs().size(); ++r) {
     const std::shared_ptr<const Built> base = built({}, r);
     steps_.push_back(solvers_steps(scene_at(start, *base, values, r),
-                                   {*base, values, r, arena, targets_of(start, r), {}}));
+                                   {*base, values, r, arena, targets_of(start, r)}));
   }
 }
 

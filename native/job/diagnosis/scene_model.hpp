@@ -98,7 +98,6 @@ class SceneModel final : public diagnose::Model {
     std::size_t run;
     const std::shared_ptr<Arena>& arena;
     std::vector<Target> targets;
-    std::vector<ContactNuisances::Shift> shifts;
   };
   [[nodiscard]] const std::vector<fit::Run>& runs() const { return loaded_.experiment.runs; }
   /// The number of a run's first capture.

@@ -124,12 +124,7 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
   mpm::Scene scene = scene_at(point, *base, values, run);
   nuisances_.add_impacts(nuisance_values(point), run, scene);
   scene.end_frame = end_frame(point, values, run);
-  const Watch watch{*base,
-                    values,
-                    run,
-                    arena,
-                    targets_of(point, run),
-                    nuisances_.shifts(nuisance_values(point), run)};
+  const Watch watch{*base, values, run, arena, targets_of(point, run)};
   std::optional<Seen> seen;
   if (has_own_steps(point.numerics)) {
     seen = watch_in_steps(scene, steps_[run], watch);
@@ -213,12 +208,6 @@ SceneModel::Seen SceneModel::watched(const mpm::Scene& scene, const Watch& watch
     interrupter_.check();
     const mpm::FrameReport report = simulation.advance(interrupter_);
     if (substeps) substeps->push_back(report.substeps);
-    for (const ContactNuisances::Shift& shift : watch.shifts) {
-      if (shift.frame != simulation.frame() || shift.by.isZero(0.0)) continue;
-      mpm::RigidChange change;
-      change.shift = shift.by;
-      simulation.change(shift.body, change);
-    }
     record();
   }
   return seen;
@@ -333,28 +322,27 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate_experiment(
     const diagnose::Point start = start_point();
     const std::vector<double> values = fitted_values(start);
     const auto arena = std::make_shared<Arena>(options_.threads);
-    steps = solvers_steps(scene_of(start), {*base, values, 0, arena, {}, {}});
+    steps = solvers_steps(scene_of(start), {*base, values, 0, arena, {}});
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
     return motions;
   }
-  side_by_side(points.size(), points.size(), options_.threads,
-               [&](std::size_t p, const std::shared_ptr<Arena>& arena) {
-                 const std::vector<double> values = fitted_values(points[p]);
-                 const auto seen =
-                     watch_in_steps(scene_of(points[p]), steps, {*base, values, 0, arena, {}, {}});
-                 if (!seen) return;
-                 const fit::SimulatedCapture capture = fit::at_times(
-                     seen->front(), base->followers.front().size(), times, base->scene.fps);
-                 motions[p] = diagnose::Motion{};
-                 motions[p]->positions =
-                     Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * capture.positions.size()));
-                 for (std::size_t i = 0; i < capture.positions.size(); ++i) {
-                   if (!capture.positions[i].allFinite()) continue;
-                   motions[p]->positions.segment<3>(static_cast<Eigen::Index>(3 * i)) =
-                       capture.positions[i];
-                 }
-               });
+  side_by_side(
+      points.size(), points.size(), options_.threads,
+      [&](std::size_t p, const std::shared_ptr<Arena>& arena) {
+        const std::vector<double> values = fitted_values(points[p]);
+        const auto seen = watch_in_steps(scene_of(points[p]), steps, {*base, values, 0, arena, {}});
+        if (!seen) return;
+        const fit::SimulatedCapture capture =
+            fit::at_times(seen->front(), base->followers.front().size(), times, base->scene.fps);
+        motions[p] = diagnose::Motion{};
+        motions[p]->positions =
+            Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * capture.positions.size()));
+        for (std::size_t i = 0; i < capture.positions.size(); ++i) {
+          if (!capture.positions[i].allFinite()) continue;
+          motions[p]->positions.segment<3>(static_cast<Eigen::Index>(3 * i)) = capture.positions[i];
+        }
+      });
   return motions;
 }
 

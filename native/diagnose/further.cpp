@@ -79,12 +79,9 @@ class Further {
     Analysis found = analysed();
     if (!further_seen(found)) return found;
     study_.begin("further derivatives");
-    DifferenceOptions differences = options_.refit.differences;
-    differences.left_out = nuisances_of_times(study_.model());
-    const MatrixXd known = slopes.theta(Eigen::all, differences.left_out);
-    slopes = linearise(study_, trial.refit.state, candidates_of(study_.model(), trial.refit.state),
-                       differences);
-    slopes.theta(Eigen::all, differences.left_out) = known;
+    slopes = linearise_keeping(study_, trial.refit.state,
+                               candidates_of(study_.model(), trial.refit.state),
+                               options_.refit.differences, slopes.theta);
     return analysed();
   }
 

@@ -22,9 +22,6 @@ using Eigen::VectorXd;
 
 constexpr double kFirstDamping = 1e-4;
 constexpr double kMostDamping = 1e6;
-/// Bounds of corrections_of().
-constexpr double kLeastCorrections = 0.5;
-constexpr double kMostCorrections = 8.0;
 
 /// [θ | α] in scales.
 VectorXd scales_of(const Model& model, const State& state) {
@@ -85,27 +82,6 @@ VectorXd bias_columns(const Study& study, const Spread& spread) {
 
 }  // namespace
 
-ThetaPrior theta_prior(const Model& model, double corrections) {
-  const auto& parameters = model.parameters();
-  ThetaPrior prior{VectorXd::Zero(Index(parameters.size())),
-                   VectorXd::Zero(Index(parameters.size()))};
-  for (std::size_t p = 0; p < parameters.size(); ++p) {
-    if (!parameters[p].prior) continue;
-    const double sigma = parameters[p].prior->sigma / parameters[p].scale;
-    prior.precision[Index(p)] = 1.0 / (sigma * sigma);
-    prior.mean[Index(p)] = parameters[p].prior->mean;
-  }
-  for (const Index p : model.corrections()) prior.precision[p] /= corrections * corrections;
-  return prior;
-}
-
-VectorXd variances_of(MatrixXd information) {
-  information.diagonal() *= 1.0 + 1e-9;
-  information.diagonal().array() += 1e-12 * std::max(information.diagonal().maxCoeff(), 1e-300);
-  const Index size = information.rows();
-  return information.ldlt().solve(MatrixXd::Identity(size, size)).diagonal().cwiseMax(0.0);
-}
-
 /// A point of the search: values, and what the data and priors say there.
 struct Refitter::Place {
   State state;
@@ -146,52 +122,15 @@ Refitter::Place Refitter::place(const State& state, double bias, const VectorXd&
   return result;
 }
 
-std::vector<Index> Refitter::told_corrections(const Refit& refit) const {
-  std::vector<Index> told = study_->model().corrections();
-  std::erase_if(
-      told, [&](Index p) { return refit.slopes.col(p).head(study_->used().size()).isZero(0.0); });
-  return told;
-}
-
-double Refitter::correction_squares(const Refit& refit) const {
-  double sum = 0.0;
-  for (const Index p : told_corrections(refit)) {
-    const double size = refit.state.theta[p] / study_->model().parameters()[std::size_t(p)].scale;
-    sum += size * size;
-  }
-  return sum;
-}
-
-double Refitter::corrections_of(const Refit& refit) const {
-  const std::vector<Index> corrections = told_corrections(refit);
-  if (corrections.empty()) return 1.0;
-  const MatrixXd slopes = residual_slopes(refit.slopes);
-  const VectorXd variance = variances_of(slopes.transpose() * slopes);
-  const double sum = correction_squares(refit) + variance(corrections).sum();
-  return std::clamp(std::sqrt(sum / double(corrections.size())), kLeastCorrections,
-                    kMostCorrections);
-}
-
-double Refitter::own_corrections(const Refit& refit) const {
-  const double own = corrections_of(refit);
-  const double count = double(told_corrections(refit).size());
-  return correction_squares(refit) * (1.0 / (own * own) - 1.0 / (corrections_ * corrections_)) +
-         2.0 * count * std::log(own / corrections_);
-}
-
 MatrixXd Refitter::slopes_at(const State& state, const MatrixXd& known) const {
   DifferenceOptions differences = options_.differences;
   // Each step is tried: what a one-sided derivative errs by costs a step at most, the other side
   // one run a number.
   differences.central = false;
   differences.wanted = Study::Wanted::kUsed;
-  const std::vector<Index> corrections = nuisances_of_times(study_->model());
-  const bool keep = known.cols() > 0;
-  if (keep) differences.left_out = corrections;
-  const Linearised lin = linearise(*study_, state, {}, differences);
+  const Linearised lin = linearise_keeping(*study_, state, {}, differences, known);
   MatrixXd slopes(study_->size(), lin.theta.cols() + lin.active.cols());
   slopes << lin.theta, lin.active;
-  if (keep) slopes(Eigen::all, corrections) = known(Eigen::all, corrections);
   return slopes;
 }
 
@@ -270,7 +209,7 @@ class Refitter::Search {
   static constexpr double kFarFromStart = 0.7;
 
   [[nodiscard]] const Model& model() const { return refitter_.study_->model(); }
-  /// Slopes of which some are kept.
+  /// Slopes of which a renewal keeps some; no columns: none.
   [[nodiscard]] MatrixXd known() const { return start_.whole ? MatrixXd() : made_; }
   [[nodiscard]] bool biased() const { return refitter_.bias_.size() > 0; }
 
@@ -348,12 +287,12 @@ class Refitter::Search {
 
   /// A promise that ends the search.
   [[nodiscard]] double enough() const {
-    constexpr double kRough = 0.01;
+    constexpr double kOnTheWay = 0.01;
     // Impacts make a deviance rough: below a unit nothing is gained.
     constexpr double kRoughness = 1.0;
     const RefitOptions& options = refitter_.options_;
     const double least = model().corrections().empty() ? options.tolerance : kRoughness;
-    const double share = start_.rough ? kRough : options.share;
+    const double share = start_.rough ? kOnTheWay : options.share;
     return std::max(least, share * here_->residual.squaredNorm());
   }
 

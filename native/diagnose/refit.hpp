@@ -8,6 +8,7 @@
 #include "diagnose/noise.hpp"
 #include "diagnose/spread.hpp"
 #include "diagnose/study.hpp"
+#include "diagnose/theta_prior.hpp"
 #include "diagnose/whitening.hpp"
 
 namespace matterfit::diagnose {
@@ -45,21 +46,13 @@ struct RefitOptions {
 struct RefitStart {
   std::vector<State> states;
   Eigen::MatrixXd slopes;
-  int renewals = 0;    ///< beyond RefitOptions::renewals
-  bool renew = false;  ///< `slopes` are of another place: all but the corrections' are made first
+  int renewals = 0;         ///< beyond RefitOptions::renewals
+  bool renew = false;       ///< `slopes` are of another place: all but the kept ones are made first
   bool made_there = false;  ///< `slopes` were made by differences at the only state
   /// Slopes of nuisances of known times are made anew as the others are: for a search from far off.
   bool whole = false;
   bool rough = false;  ///< only on the way: ends where a step promises less than a hundredth
 };
-
-/// Prior precision of θ per scale², and the mean in scales of natural coordinates.
-struct ThetaPrior {
-  Eigen::VectorXd precision;
-  Eigen::VectorXd mean;  ///< natural
-};
-/// `corrections`: Noise::corrections.
-[[nodiscard]] ThetaPrior theta_prior(const Model& model, double corrections = 1.0);
 
 /// Diagonal of the inverse of an information matrix; what nothing tells comes out large.
 [[nodiscard]] Eigen::VectorXd variances_of(Eigen::MatrixXd information);
@@ -93,10 +86,11 @@ class Refitter {
  private:
   struct Place;
   class Search;
-  /// Those of the model's corrections that the used samples tell of.
+  /// The model's corrections that move any used sample.
   [[nodiscard]] std::vector<Eigen::Index> told_corrections(const Refit& refit) const;
-  /// Sum of their squares over their stated deviations.
-  [[nodiscard]] double correction_squares(const Refit& refit) const;
+  /// Sum of squares of a refit's corrections `told` over their stated deviations.
+  [[nodiscard]] double correction_squares(const Refit& refit,
+                                          const std::vector<Eigen::Index>& told) const;
   [[nodiscard]] Place place(const State& state, double bias, const Eigen::VectorXd& seen) const;
   /// [θ | α] derivatives at a state, in scales. Columns of nuisances of known times are taken from
   /// `known` where it has any: they are the dearest and change least.

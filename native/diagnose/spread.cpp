@@ -10,7 +10,7 @@
 #include <optional>
 #include <utility>
 
-#include "diagnose/refit.hpp"
+#include "diagnose/theta_prior.hpp"
 
 namespace matterfit::diagnose {
 
@@ -97,7 +97,7 @@ void correct(const Study& study, const State& state, const MatrixXd& theta,
   const MatrixXd slopes =
       noise.cwiseInverse().asDiagonal() * theta(Eigen::all, corrections).topRows(used);
   MatrixXd normal = slopes.transpose() * slopes;
-  const VectorXd precision = theta_prior(study.model(), 1.0).precision(corrections);
+  const VectorXd precision = theta_prior(study.model()).precision(corrections);
   normal.diagonal() += precision;
   const Eigen::LDLT<MatrixXd> factors(normal);
   const Index count = Index(corrections.size());

@@ -319,6 +319,16 @@ Linearised linearise(const Study& study, const State& state,
   return result;
 }
 
+Linearised linearise_keeping(const Study& study, const State& state,
+                             const std::vector<Candidate>& candidates, DifferenceOptions options,
+                             const MatrixXd& known) {
+  if (known.cols() == 0) return linearise(study, state, candidates, options);
+  options.left_out = nuisances_of_times(study.model());
+  Linearised result = linearise(study, state, candidates, options);
+  result.theta(Eigen::all, options.left_out) = known(Eigen::all, options.left_out);
+  return result;
+}
+
 void hold_corrections(const Model& model, const State& state, VectorXd& prediction,
                       MatrixXd& theta) {
   for (const Index p : model.corrections()) {

@@ -131,6 +131,12 @@ struct DifferenceOptions {
                                    const std::vector<Candidate>& candidates,
                                    const DifferenceOptions& options);
 
+/// The same with the columns of nuisances of known times taken from `known` (θ first, in scales)
+/// where it has any: they are the dearest and change least.
+[[nodiscard]] Linearised linearise_keeping(const Study& study, const State& state,
+                                           const std::vector<Candidate>& candidates,
+                                           DifferenceOptions options, const Eigen::MatrixXd& known);
+
 /// Takes the model's corrections back to 0, to first order, and out of what may move: what an exact
 /// solver would have to explain. `theta`: derivatives at the state, in scales.
 void hold_corrections(const Model& model, const State& state, Eigen::VectorXd& prediction,

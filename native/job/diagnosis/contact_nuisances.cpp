@@ -20,6 +20,8 @@ constexpr double kHeightSigma = 0.01;
 constexpr double kStiffnessSigma = 1.5;
 constexpr double kMostStiffness = 5.0;
 
+}  // namespace
+
 fit::Parameter nuisance(std::string name, const char* unit, double sigma, double most) {
   fit::Parameter parameter;
   parameter.name = std::move(name);
@@ -30,8 +32,6 @@ fit::Parameter nuisance(std::string name, const char* unit, double sigma, double
   parameter.prior = fit::Prior{0.0, sigma};
   return parameter;
 }
-
-}  // namespace
 
 ContactNuisances::ContactNuisances(const std::vector<ContactRun>& runs,
                                    const std::vector<std::string>& grounds,

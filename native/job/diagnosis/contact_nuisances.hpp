@@ -14,6 +14,11 @@
 
 namespace matterfit::job {
 
+/// A parameter about 0 that nobody knows better than to `sigma`, its prior and scale, and that is
+/// `most` at most.
+[[nodiscard]] fit::Parameter nuisance(std::string name, const char* unit, double sigma,
+                                      double most);
+
 /// One run of a diagnosis as its contacts are looked at.
 struct ContactRun {
   const mpm::Scene* scene = nullptr;

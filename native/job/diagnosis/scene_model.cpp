@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numeric>
 #include <thread>
 
 #include "base/error.hpp"
@@ -74,6 +75,12 @@ std::array<bool, 3> measured_axes(const capture::Tracks& tracks) {
     }
   }
   return axes;
+}
+
+std::vector<Eigen::Index> numbers_between(std::size_t first, std::size_t end) {
+  std::vector<Eigen::Index> result(end - first);
+  std::iota(result.begin(), result.end(), static_cast<Eigen::Index>(first));
+  return result;
 }
 
 }  // namespace
@@ -206,14 +213,9 @@ void SceneModel::add_state_errors() {
     const StateNoise& noise = nodes_[k].state.noise;
     const auto add = [&](const char* what, const char* unit, double sigma) {
       for (int axis = 0; axis < 3; ++axis) {
-        fit::Parameter parameter;
-        parameter.name = fmt::format("flight {} {}[{}]", k, what, axis);
-        parameter.unit = unit;
-        parameter.scale = kDeviations * sigma;
-        parameter.low = -kMostDeviations * sigma;
-        parameter.high = kMostDeviations * sigma;
-        parameter.prior = fit::Prior{0.0, sigma};
-        listed_.push_back(std::move(parameter));
+        listed_.push_back(nuisance(fmt::format("flight {} {}[{}]", k, what, axis), unit, sigma,
+                                   kMostDeviations * sigma));
+        listed_.back().scale = kDeviations * sigma;
       }
     };
     add("place", "m", noise.place);
@@ -230,20 +232,11 @@ std::size_t SceneModel::first_capture(std::size_t run) const {
 }
 
 std::vector<Eigen::Index> SceneModel::corrections() const {
-  std::vector<Eigen::Index> result;
-  const std::size_t first = fitted_count_ + nuisances_.of_grounds();
-  for (std::size_t k = first; k < first_of_states(); ++k) {
-    result.push_back(static_cast<Eigen::Index>(k));
-  }
-  return result;
+  return numbers_between(fitted_count_ + nuisances_.of_grounds(), first_of_states());
 }
 
 std::vector<Eigen::Index> SceneModel::state_errors() const {
-  std::vector<Eigen::Index> result;
-  for (std::size_t k = first_of_states(); k < listed_.size(); ++k) {
-    result.push_back(static_cast<Eigen::Index>(k));
-  }
-  return result;
+  return numbers_between(first_of_states(), listed_.size());
 }
 
 std::vector<double> SceneModel::fitted_values(const diagnose::Point& point) const {

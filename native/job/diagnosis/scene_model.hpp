@@ -144,7 +144,7 @@ class SceneModel final : public diagnose::Model {
   void add_nuisances();
   void add_shooting_nodes();
   void add_state_errors();
-  /// Of the first number of all nodes' states among the parameters.
+  /// Number of the parameter that is the first node's first error.
   [[nodiscard]] std::size_t first_of_states() const {
     return fitted_count_ + nuisances_.parameters().size();
   }
@@ -160,7 +160,8 @@ class SceneModel final : public diagnose::Model {
   const Interrupter& interrupter_;
   LoadedExperiment loaded_;
   std::unique_ptr<fit::Parameters> parameters_;
-  /// They, with the values of From; then the nuisances', then errors of the nodes' states.
+  /// The fitted parameters with the values of From, then the nuisances', then errors of the nodes'
+  /// states.
   std::vector<fit::Parameter> listed_;
   std::size_t fitted_count_ = 0;
   ContactNuisances nuisances_;

@@ -89,7 +89,7 @@ Mat3d turned(const Mat3d& rotation, const Vec3d& momentum, const Mat3d& inverse,
 struct Turning {
   Mat3d rotation;
   Vec3d momentum;
-  /// Of rotation and momentum, where each turn that was seen errs by a radian.
+  /// Covariance of rotation and momentum where each turn that was seen errs by a radian.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
@@ -112,9 +112,9 @@ Turning free_turning(const std::vector<Mat3d>& seen, const std::vector<double>& 
     return r;
   };
   const auto moved = [&](const Turning& where, const Eigen::VectorXd& by) {
-    return Turning{exp_of(by.head<3>()) * where.rotation, where.momentum + unit * by.tail<3>(),
-                   where.covariance};
+    return Turning{exp_of(by.head<3>()) * where.rotation, where.momentum + unit * by.tail<3>()};
   };
+  Eigen::Matrix<double, 6, 6> information;
   for (int k = 0; k < kIterations; ++k) {
     constexpr double kStep = 1e-5;
     const Eigen::VectorXd r = residuals(at);
@@ -124,13 +124,13 @@ Turning free_turning(const std::vector<Mat3d>& seen, const std::vector<double>& 
       slopes.col(c) = (residuals(moved(at, by)) - residuals(moved(at, -by))) / (2.0 * kStep);
     }
     const Eigen::VectorXd step = slopes.colPivHouseholderQr().solve(-r);
-    Eigen::Matrix<double, 6, 1> units;
-    units << 1.0, 1.0, 1.0, unit, unit, unit;
-    at.covariance =
-        units.asDiagonal() * (slopes.transpose() * slopes).inverse() * units.asDiagonal();
+    information = slopes.transpose() * slopes;
     at = moved(at, step);
     if (step.norm() < 1e-9) break;
   }
+  Eigen::Matrix<double, 6, 1> units;
+  units << 1.0, 1.0, 1.0, unit, unit, unit;
+  at.covariance = units.asDiagonal() * information.inverse() * units.asDiagonal();
   return at;
 }
 

@@ -135,8 +135,8 @@ TEST(ShootingNodes, AFlightTellsPlaceTurnVelocityAndSpin) {
   expect_near(*told, truth, 5e-4, 1e-2, 2e-2, 0.1);
 }
 
-/// The deviation of states over draws of white noise is what the state says of itself, which is
-/// twice that, for trackers whose errors last.
+/// What a state says of its errors is twice their deviation over draws of white noise, because a
+/// tracker's errors last.
 TEST(ShootingNodes, AStateKnowsItsNoise) {
   const mpm::Body body = tumbling_block();
   const Inertia inertia = inertia_of(body.rest, body.volumes);

@@ -83,7 +83,7 @@ MatrixXd explained_columns(const Study& study, const Linearised& slopes, const S
   columns =
       side_by_side(columns, smooth_basis(study.used(), study.model().captures(), kNoiseCosines));
   columns = side_by_side(columns, spread.members.topRows(used));
-  columns = side_by_side(columns, spread.lumping.topRows(used));
+  columns = side_by_side(columns, spread.directions.topRows(used));
   for (Index k = 0; k < columns.cols(); ++k) {
     const double norm = columns.col(k).norm();
     if (norm > 0.0) columns.col(k) /= norm;

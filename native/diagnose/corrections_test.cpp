@@ -143,12 +143,83 @@ TEST(Corrections, TakeTheSolversOwnErrorOfImpacts) {
     const Study study(model, 12000);
     const State state = study.fitted();
     const Linearised slopes = linearise(study, state, {}, {});
-    const Spread spread = numerical_spread(study, state, slopes.theta, {.lumping = false});
+    const Spread spread = numerical_spread(study, state, slopes.theta, {.directions = false});
     return std::sqrt(spread.members.topRows(study.used().size()).squaredNorm() /
                      double(spread.members.cols() * study.used().size()));
   };
   EXPECT_GT(spread_of(false), 2e-3);
   EXPECT_LT(spread_of(true), 2e-4);
+}
+
+/// A thrown body of which the solver does not know how long it was held in frame 4.
+class HeldModel : public ThrownModel {
+ public:
+  HeldModel() : ThrownModel({Vec3d(2.0, 0.5, 1.0)}, 12) {}
+  [[nodiscard]] bool has_numerics() const override { return true; }
+  [[nodiscard]] std::vector<ContactFrame> contact_frames() const override {
+    return {{0, 4, 2e-3, 0.03}};
+  }
+};
+
+Eigen::MatrixXd contact_errors_of(const HeldModel& model, const Study& study) {
+  const State state = study.fitted();
+  const Linearised slopes = linearise(study, state, {}, {});
+  const Spread spread = numerical_spread(study, state, slopes.theta, {});
+  EXPECT_EQ(model.contact_frames().size(), 1U);
+  return spread.directions.rightCols(6);
+}
+
+TEST(Spread, AContactMayHoldABodyOtherwise) {
+  HeldModel model;
+  model.record({}, {});
+  const Eigen::Index tracks = model.captures().front().tracks();
+  const Study as_simulated(model, 12000);
+  EXPECT_LT(contact_errors_of(model, as_simulated).cwiseAbs().maxCoeff(), 0.5e-3);
+  // Off by one standard deviation along each axis, and turned by none.
+  for (Eigen::Index i = 0; i < tracks; ++i) {
+    model.captures_.front().positions.segment<3>(3 * (4 * tracks + i)) += 2e-3 * Vec3d(1, -1, 1);
+  }
+  const Study study(model, 12000);
+  const Eigen::MatrixXd errors = contact_errors_of(model, study);
+  const Eigen::VectorXd x = study.measured();
+  const Rows& rows = study.used();
+  Eigen::Index seen = 0;
+  const double place = errors.col(0).maxCoeff();
+  EXPECT_NEAR(place, 2e-3 * std::sqrt(0.5), 2e-4);
+  for (const Series& series : rows.series()) {
+    for (Eigen::Index i = series.begin; i < series.end; ++i) {
+      if (rows.frame(i) != 4) {
+        EXPECT_EQ(errors.row(i).cwiseAbs().maxCoeff(), 0.0);
+        continue;
+      }
+      ++seen;
+      EXPECT_EQ(errors(i, series.axis), place);
+      EXPECT_EQ(errors.row(i).head(3).squaredNorm(), place * place);
+      EXPECT_EQ(errors(i, 3 + series.axis), 0.0) << "a turn moves nothing along its axis";
+    }
+  }
+  EXPECT_EQ(seen, 3 * tracks);
+  // Each turn is about the tracks' centre, and rigid: it leaves every distance to first order.
+  for (int axis = 0; axis < 3; ++axis) {
+    Vec3d sum = Vec3d::Zero();
+    double stretch = 0.0;
+    std::vector<std::pair<Vec3d, Vec3d>> moved(static_cast<std::size_t>(tracks));
+    for (const Series& series : rows.series()) {
+      for (Eigen::Index i = series.begin; i < series.end; ++i) {
+        if (rows.frame(i) != 4) continue;
+        auto& [at, change] = moved[std::size_t(series.track)];
+        at[series.axis] = x[i];
+        change[series.axis] = errors(i, 3 + axis);
+        sum[series.axis] += errors(i, 3 + axis);
+      }
+    }
+    EXPECT_LT(sum.norm(), 1e-12);
+    for (const auto& [at, change] : moved) {
+      EXPECT_GT(change.norm(), 0.0);
+      stretch = std::max(stretch, std::abs((at - moved[0].first).dot(change - moved[0].second)));
+    }
+    EXPECT_LT(stretch, 1e-12);
+  }
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 
 #include "diagnose/extend.hpp"
@@ -260,14 +261,24 @@ class Writer {
     }
   }
 
-  /// Whether a refit leaves more than noise and solver make. An error no larger than the solver's
-  /// own is not known to be anything else, however unlike its members' patterns.
+  /// Whether a refit leaves more than noise and solver make, outside contact. An error no larger
+  /// than the solver's own is not known to be anything else, however unlike its members' patterns.
   [[nodiscard]] bool exceeds_solver(const Refit& refit) const {
     if (!found_.spread.known()) return true;
     const Rows& used = study_.used();
-    const VectorXd residual = (study_.measured() - refit.prediction).head(used.size());
-    return root_mean_square(used, residual) >
-           noise_floor(used, found_.noise, found_.spread.deviations().topRows(used.size()));
+    VectorXd residual = (study_.measured() - refit.prediction).head(used.size());
+    VectorXd usual =
+        noise_sizes(used, found_.noise, found_.spread.deviations().topRows(used.size()));
+    std::set<std::pair<int, Index>> contacts;
+    for (const ContactFrame& contact : study_.model().contact_frames()) {
+      contacts.insert({contact.capture, contact.frame});
+    }
+    for (const Series& series : used.series()) {
+      for (Index i = series.begin; i < series.end; ++i) {
+        if (contacts.contains({series.capture, used.frame(i)})) residual[i] = usual[i] = 0.0;
+      }
+    }
+    return residual.squaredNorm() > usual.squaredNorm();
   }
 
   void decide() {
@@ -275,10 +286,10 @@ class Writer {
     const bool wrong = std::min(report_.smooth_p, report_.p) < options_.smooth_level;
     if (found_.accepted) {
       name_causes();
-      const bool left =
-          report_.smooth_p_after < options_.smooth_level && exceeds_solver(found_.best->refit);
       const Gain& g = found_.best->gain;
       const bool predicts = !g.measurable || g.value >= kPredictsEnough;
+      const bool left = report_.smooth_p_after < options_.smooth_level &&
+                        (exceeds_solver(found_.best->refit) || !predicts);
       const double share = share_of_excess(found_.base.refit, found_.best->refit);
       const bool explains = report_.explained >= kExplainsEnough || share >= kLeavesNothing;
       if (left && (!explains || !predicts)) {

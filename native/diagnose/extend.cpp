@@ -58,9 +58,9 @@ class Search {
       const bool plain = out_.singles.empty() || out_.base.evidence < out_.singles.front().evidence;
       const Refit& best = plain ? out_.base.refit : out_.singles.front().refit;
       estimate_from(study_.measured() - best.prediction);
-      // Wide enough for both; evidence counts each by its own.
-      out_.noise.corrections =
-          std::max(refitter_->corrections_of(out_.base.refit), refitter_->corrections_of(best));
+      // Wide enough for both; each is searched, and its evidence counted, by its own.
+      base_corrections_ = refitter_->corrections_of(out_.base.refit).size;
+      out_.noise.corrections = std::max(base_corrections_, refitter_->corrections_of(best).size);
       if (changed(before, out_.noise)) {
         fit_base(false);
         fit_together();
@@ -159,6 +159,7 @@ class Search {
   [[nodiscard]] RefitStart base_start() const {
     RefitStart start{{out_.base_state}, out_.slopes.theta};
     start.made_there = true;
+    start.corrections = base_corrections_;
     return start;
   }
 
@@ -192,6 +193,7 @@ class Search {
     const Refit* const base = &out_.base.refit;
     out_.base.opinion = std::move(judge_->judge({&base, 1}).front());
     trials_.emplace(study_, *refitter_, *judge_);
+    trials_->temper(out_.base);
     trials_->weigh(out_.base);
     score_all();
   }
@@ -283,6 +285,7 @@ class Search {
       std::vector<State> states{{theta, own.causes}};
       if (own.theta != theta) states.push_back(own);
       attempts.push_back({trial.causes, {std::move(states), trial.refit.slopes, 0, true}});
+      attempts.back().start.corrections = refitter_->corrections_of(trial.refit).size;
       of.push_back(k);
     }
     bool gained = false;
@@ -382,7 +385,10 @@ class Search {
 
   [[nodiscard]] RefitStart single_start(const Score& score, std::vector<Trial>& known) const {
     if (Trial* trial = known_of(score, known)) {
-      return {{trial->refit.state}, std::move(trial->refit.slopes)};
+      RefitStart start{{trial->refit.state}, {}};
+      start.corrections = refitter_->corrections_of(trial->refit).size;
+      start.slopes = std::move(trial->refit.slopes);
+      return start;
     }
     // A first estimate may be far off, so the base itself is a start.
     RefitStart start{{}, beside(out_.slopes.theta, columns_of(out_.slopes, score.candidate))};
@@ -425,6 +431,7 @@ class Search {
   const ExtendOptions& options_;
   std::map<double, std::optional<State>> before_onset_;  ///< by the time
   std::optional<State> together_;  ///< the base with the best few causes at once
+  double base_corrections_ = 0.0;  ///< of the base's searches; 0: as stated
   Extension out_;
   std::optional<Refitter> refitter_;
   std::optional<Judge> judge_;

@@ -39,6 +39,7 @@ class Further {
              {{extended(study_.model(), state, score.candidate, score.estimate, 1.0),
                extended(study_.model(), state, score.candidate, score.estimate, 0.5)},
               beside(beside(slopes.theta, slopes.active), columns_of(slopes, score.candidate))}});
+        attempts.back().start.corrections = out_.best->refit.corrections;
       }
       if (out_.best->causes.size() == 1) add_pairs(attempts);
       std::optional<Trial> next;
@@ -148,6 +149,7 @@ class Further {
 
   [[nodiscard]] std::optional<Trial> without(const Trial& trial, std::size_t c) const {
     Attempt attempt{trial.causes, {{trial.refit.state}, {}}};
+    attempt.start.corrections = trial.refit.corrections;
     State& state = attempt.start.states.front();
     Index first = state.theta.size();
     for (std::size_t before = 0; before < c; ++before) first += state.causes[before].values.size();

@@ -76,7 +76,7 @@ double root_mean_square(const Rows& rows, const VectorXd& residual) {
   return samples > 0.0 ? std::sqrt(residual.squaredNorm() / samples) : 0.0;
 }
 
-double noise_floor(const Rows& rows, const Noise& noise, const MatrixXd& solver) {
+VectorXd noise_sizes(const Rows& rows, const Noise& noise, const MatrixXd& solver) {
   VectorXd size(rows.size());
   for (const Series& series : rows.series()) {
     const TrackNoise& track = noise.captures[std::size_t(series.capture)];
@@ -86,7 +86,11 @@ double noise_floor(const Rows& rows, const Noise& noise, const MatrixXd& solver)
       size[i] = std::sqrt(own + solver.row(i).squaredNorm());
     }
   }
-  return root_mean_square(rows, size);
+  return size;
+}
+
+double noise_floor(const Rows& rows, const Noise& noise, const MatrixXd& solver) {
+  return root_mean_square(rows, noise_sizes(rows, noise, solver));
 }
 
 Gain gain(const Rows& rows, const std::vector<Capture>& captures, const HeldOut& residuals,

@@ -46,6 +46,9 @@ struct HeldOut {
 [[nodiscard]] double root_mean_square(const Rows& rows, const Eigen::VectorXd& residual);
 [[nodiscard]] double noise_floor(const Rows& rows, const Noise& noise,
                                  const Eigen::MatrixXd& solver);
+/// The same of each row, one standard deviation [m].
+[[nodiscard]] Eigen::VectorXd noise_sizes(const Rows& rows, const Noise& noise,
+                                          const Eigen::MatrixXd& solver);
 
 /// Blocks are captures × times × body regions (body_regions()): neighbours in them share their
 /// errors, so that whole blocks are drawn (Künsch 1989).

@@ -81,7 +81,7 @@ class Check {
     MatrixXd members(used, 0);
     tell(0.8, "Measuring the solver's own error");
     const Spread spread =
-        numerical_spread(study_, state, slopes_.theta, {.members = 2, .lumping = false});
+        numerical_spread(study_, state, slopes_.theta, {.members = 2, .directions = false});
     if (spread.members.cols() > 0) members = spread.members.topRows(used);
     if (spread.bias.size() > 0) {
       members.conservativeResize(used, members.cols() + 1);

@@ -155,6 +155,7 @@ std::vector<VectorXd> Judge::predictions(std::span<const Refit* const> refits) c
     starts.reserve(refits.size());
     for (const Refit* refit : refits) {
       starts.push_back({{refit->state}, refit->slopes(places_, Eigen::all)});
+      starts.back().corrections = refit->corrections;
     }
     const auto again = refitter_->fit_all(std::move(starts));
     for (std::size_t i = 0; i < refits.size(); ++i) {

@@ -116,6 +116,10 @@ struct Numerics {
   double particles = 1.0;        ///< factor of particles per cell
   int transfer = 0;              ///< 0: the scene's own; others as the implementer numbers them
   int seed = 0;                  ///< of particle placement; 0: the scene's own
+  /// Of contacts, as another solver or another skin has them: factor of the stiffness, and what is
+  /// added to the share of critical damping.
+  double contact_stiffness = 1.0;
+  double contact_damping = 0.0;
   /// What each part of a body weighs in sums over it, mass and stiffness alike, is multiplied by
   /// 1 + c·x + Σ b_k q_k(x) and then scaled to the same total: x the place over the body's half
   /// sizes, q = (3x²−1)/2, (3y²−1)/2, (3z²−1)/2, xy, yz, zx. Another solver lumps masses and
@@ -152,6 +156,16 @@ struct Motion {
   Eigen::VectorXd velocities;  ///< [m/s]; empty: the engine differentiates between frames
 };
 
+/// A frame of a capture in which its body touches something. Solvers hold a contact for different
+/// times, so that the rigid motion within it may err by as much as this; by how much of it is
+/// estimated.
+struct ContactFrame {
+  int capture = 0;
+  Eigen::Index frame = 0;
+  double place = 0.0;  ///< standard deviation of each coordinate of the body's place [m]
+  double turn = 0.0;   ///< about each axis [rad]
+};
+
 /// A recording that could be made: its samples, without measured positions (`positions` empty,
 /// every sample kUsed), and how to make it.
 struct Experiment {
@@ -179,6 +193,9 @@ class Model {
   /// Parameters that stand for errors of the states that simulations take from the recordings
   /// (follows_recordings()), ascending, each with a prior around 0.
   [[nodiscard]] virtual std::vector<Eigen::Index> state_errors() const { return {}; }
+  /// Frames of contact, with errors that are independent from frame to frame: what a contact leaves
+  /// behind is for corrections().
+  [[nodiscard]] virtual std::vector<ContactFrame> contact_frames() const { return {}; }
   /// Whether simulations follow the recordings in places, and so depend on what a camera did:
   /// points then hold observations among their causes, which the engine applies to the motion all
   /// the same.

@@ -96,29 +96,35 @@ Refitter::Refitter(const Study& study, const Noise& noise, const Spread& spread,
     : study_(&study),
       options_(std::move(options)),
       corrections_(noise.corrections),
-      prior_(theta_prior(study.model(), noise.corrections)),
       whitening_(
           study.used(), noise,
           solver_columns(study.used(), study.model().captures(), spread.top(study.used().size()))
               .values),
       bias_(bias_columns(study, spread)) {}
 
-Refitter::Place Refitter::place(const State& state, double bias, const VectorXd& seen) const {
-  const Model& model = study_->model();
+Refitter::Place Refitter::place(const State& state, double bias, const VectorXd& seen,
+                                double corrections) const {
   const Index used = study_->used().size();
-  const Index p = state.theta.size();
   Place result{state, bias, seen, {}, 0.0};
   if (bias_.size() > 0) result.prediction += bias * bias_;
   const VectorXd white = whitening_.apply((study_->measured() - result.prediction).head(used));
   result.chi_square = white.squaredNorm();
-  result.residual.resize(used + p + 1);
-  result.residual.head(used) = white;
+  result.residual = with_priors(white, state, bias, corrections);
+  return result;
+}
+
+VectorXd Refitter::with_priors(const VectorXd& white, const State& state, double bias,
+                               double corrections) const {
+  const ThetaPrior prior = theta_prior(study_->model(), corrections);
+  const Index p = state.theta.size();
+  VectorXd result(white.size() + p + 1);
+  result.head(white.size()) = white;
   for (Index i = 0; i < p; ++i) {
-    const double scale = model.parameters()[std::size_t(i)].scale;
-    result.residual[used + i] =
-        std::sqrt(prior_.precision[i]) * (state.theta[i] - prior_.mean[i]) / scale;
+    const double scale = study_->model().parameters()[std::size_t(i)].scale;
+    result[white.size() + i] =
+        std::sqrt(prior.precision[i]) * (state.theta[i] - prior.mean[i]) / scale;
   }
-  result.residual[used + p] = bias_.size() > 0 ? (bias - kBiasMean) / kBiasSigma : 0.0;
+  result[white.size() + p] = bias_.size() > 0 ? (bias - kBiasMean) / kBiasSigma : 0.0;
   return result;
 }
 
@@ -135,7 +141,8 @@ MatrixXd Refitter::slopes_at(const State& state, const MatrixXd& known) const {
 }
 
 /// Derivatives of Place::residual by [θ | α | bias], in scales.
-MatrixXd Refitter::residual_slopes(const MatrixXd& slopes) const {
+MatrixXd Refitter::residual_slopes(const MatrixXd& slopes, double corrections) const {
+  const VectorXd precision = theta_prior(study_->model(), corrections).precision;
   const Index used = study_->used().size();
   const Index p = Index(study_->model().parameters().size());
   const bool biased = bias_.size() > 0;
@@ -145,7 +152,7 @@ MatrixXd Refitter::residual_slopes(const MatrixXd& slopes) const {
   if (biased) columns.col(numbers) = bias_.head(used);
   MatrixXd result = MatrixXd::Zero(used + p + 1, columns.cols());
   result.topRows(used) = -whitening_.apply(columns);
-  for (Index i = 0; i < p; ++i) result(used + i, i) = std::sqrt(prior_.precision[i]);
+  for (Index i = 0; i < p; ++i) result(used + i, i) = std::sqrt(precision[i]);
   if (biased) result(used + p, numbers) = 1.0 / kBiasSigma;
   return result;
 }
@@ -172,6 +179,7 @@ class Refitter::Search {
   Search(const Refitter& refitter, RefitStart start)
       : refitter_(refitter),
         start_(std::move(start)),
+        corrections_(start_.corrections > 0.0 ? start_.corrections : refitter.corrections_),
         slopes_(std::move(start_.slopes)),
         made_(slopes_) {}
 
@@ -223,7 +231,7 @@ class Refitter::Search {
     ++share_;
     for (std::size_t i = 0; i < trying_.size(); ++i) {
       if (!seen[i]) continue;
-      Place there = refitter_.place(trying_[i], biased() ? kBiasMean : 0.0, *seen[i]);
+      Place there = refitter_.place(trying_[i], biased() ? kBiasMean : 0.0, *seen[i], corrections_);
       if (!here_ || there.residual.squaredNorm() < here_->residual.squaredNorm()) {
         here_ = std::move(there);
       }
@@ -237,7 +245,7 @@ class Refitter::Search {
       slopes_ = made_ = refitter_.slopes_at(here_->state, known());
       made_here_ = true;
     }
-    jacobian_ = refitter_.residual_slopes(slopes_);
+    jacobian_ = refitter_.residual_slopes(slopes_, corrections_);
   }
 
   /// Whether there was a renewal left. A search that is far off gains much by each. Slopes that
@@ -246,7 +254,7 @@ class Refitter::Search {
     if (fresh_) return false;
     if (made_here_) {
       slopes_ = made_;
-      jacobian_ = refitter_.residual_slopes(slopes_);
+      jacobian_ = refitter_.residual_slopes(slopes_, corrections_);
       return false;
     }
     const RefitOptions& options = refitter_.options_;
@@ -257,7 +265,7 @@ class Refitter::Search {
     }
     renewed_at_ = now;
     slopes_ = made_ = refitter_.slopes_at(here_->state, known());
-    jacobian_ = refitter_.residual_slopes(slopes_);
+    jacobian_ = refitter_.residual_slopes(slopes_, corrections_);
     fresh_ = true;
     made_here_ = true;
     return true;
@@ -315,7 +323,7 @@ class Refitter::Search {
   void take_step(const std::optional<VectorXd>& seen) {
     const double next_bias = here_->bias + (biased() ? step_[scales_.size()] : 0.0);
     std::optional<Place> there;
-    if (seen) there = refitter_.place(next_, next_bias, *seen);
+    if (seen) there = refitter_.place(next_, next_bias, *seen, corrections_);
     const double gained =
         there ? here_->residual.squaredNorm() - there->residual.squaredNorm() : -1.0;
     if (there) learn(*there);
@@ -342,12 +350,13 @@ class Refitter::Search {
     VectorXd surprise = there.prediction - here_->prediction - slopes_ * moved;
     if (biased()) surprise -= (there.bias - here_->bias) * refitter_.bias_;
     slopes_ += surprise * moved.transpose() / length;
-    jacobian_ = refitter_.residual_slopes(slopes_);
+    jacobian_ = refitter_.residual_slopes(slopes_, corrections_);
     fresh_ = false;
   }
 
   const Refitter& refitter_;
   RefitStart start_;
+  double corrections_;
   std::vector<State> trying_;
   std::size_t share_ = 0;
   std::optional<Place> here_;
@@ -375,6 +384,7 @@ std::optional<Refit> Refitter::Search::result(const std::optional<VectorXd>& see
   const Index numbers = scales_.size();
   Refit result;
   result.converged = converged_;
+  result.corrections = corrections_;
   result.state = here_->state;
   result.bias = here_->bias;
   result.chi_square = here_->chi_square;

@@ -23,7 +23,9 @@ struct Refit {
   Eigen::VectorXd prediction;  ///< stacked, with the bias [m]
   Eigen::VectorXd error;       ///< of the active causes' numbers, physical, linearised
   Eigen::MatrixXd slopes;      ///< [θ | α] derivatives about there, in scales, of the used rows
-  bool at_bound = false;       ///< a number of a cause lies at its bound
+  /// By what the stated deviations of Model::corrections() were multiplied in this search.
+  double corrections = 1.0;
+  bool at_bound = false;  ///< a number of a cause lies at its bound
   bool converged = false;
 };
 
@@ -51,7 +53,8 @@ struct RefitStart {
   bool made_there = false;  ///< `slopes` were made by differences at the only state
   /// Slopes of nuisances of known times are made anew as the others are: for a search from far off.
   bool whole = false;
-  bool rough = false;  ///< only on the way: ends where a step promises less than a hundredth
+  bool rough = false;        ///< only on the way: ends where a step promises less than a hundredth
+  double corrections = 0.0;  ///< Refit::corrections; 0: Noise::corrections
 };
 
 /// Diagonal of the inverse of an information matrix; what nothing tells comes out large.
@@ -72,13 +75,19 @@ class Refitter {
   [[nodiscard]] Refit fit(RefitStart start) const;
 
   [[nodiscard]] const Whitening& whitening() const { return whitening_; }
-  /// By what the stated deviations of Model::corrections() are to be multiplied for those of a
-  /// refit to be usual ones (a step of EM from those at work): a cause that explains what they made
-  /// up for leaves small ones, and what nothing explains is the solver's. 1 without any.
-  [[nodiscard]] double corrections_of(const Refit& refit) const;
-  /// Term that makes a refit's deviance count its corrections by their own deviations in place of
-  /// those at work, which serve all models: −2 ln of the ratio of their priors.
-  [[nodiscard]] double own_corrections(const Refit& refit) const;
+  /// How large a model's corrections are.
+  struct Corrections {
+    /// By what the stated deviations of Model::corrections() are to be multiplied to be likeliest:
+    /// a cause that explains what they made up for leaves small ones, and what nothing explains is
+    /// the solver's. 1 without any.
+    double size = 1.0;
+    /// −2 ln of the model's evidence with that size over that with Noise::corrections, which serve
+    /// all models, beside the refit's deviance.
+    double term = 0.0;
+  };
+  /// By the evidence with all numbers integrated out about the refit (Laplace; MacKay 1992), to
+  /// first order, so that it may have been searched with another size.
+  [[nodiscard]] Corrections corrections_of(const Refit& refit) const;
   /// Derivative of the prediction by the bias's amplitude, stacked; no rows where there is none.
   [[nodiscard]] const Eigen::VectorXd& bias() const { return bias_; }
   [[nodiscard]] const Study& study() const { return *study_; }
@@ -86,21 +95,21 @@ class Refitter {
  private:
   struct Place;
   class Search;
-  /// The model's corrections that move any used sample.
-  [[nodiscard]] std::vector<Eigen::Index> told_corrections(const Refit& refit) const;
-  /// Sum of squares of a refit's corrections `told` over their stated deviations.
-  [[nodiscard]] double correction_squares(const Refit& refit,
-                                          const std::vector<Eigen::Index>& told) const;
-  [[nodiscard]] Place place(const State& state, double bias, const Eigen::VectorXd& seen) const;
+  /// `corrections`: Refit::corrections.
+  [[nodiscard]] Place place(const State& state, double bias, const Eigen::VectorXd& seen,
+                            double corrections) const;
+  /// What whitened rows, then priors leave at a place; `white`: of the rows.
+  [[nodiscard]] Eigen::VectorXd with_priors(const Eigen::VectorXd& white, const State& state,
+                                            double bias, double corrections) const;
   /// [θ | α] derivatives at a state, in scales. Columns of nuisances of known times are taken from
   /// `known` where it has any: they are the dearest and change least.
   [[nodiscard]] Eigen::MatrixXd slopes_at(const State& state, const Eigen::MatrixXd& known) const;
-  [[nodiscard]] Eigen::MatrixXd residual_slopes(const Eigen::MatrixXd& slopes) const;
+  [[nodiscard]] Eigen::MatrixXd residual_slopes(const Eigen::MatrixXd& slopes,
+                                                double corrections) const;
 
   const Study* study_;
   RefitOptions options_;
   double corrections_;  ///< Noise::corrections
-  ThetaPrior prior_;
   Whitening whitening_;
   Eigen::VectorXd bias_;
 };

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "diagnose/refit.hpp"
@@ -14,9 +14,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Bounds of corrections_of().
+/// Sizes of corrections that are compared: half of what is stated to eight times that.
 constexpr double kLeastCorrections = 0.5;
 constexpr double kMostCorrections = 8.0;
+constexpr int kSizes = 25;
 
 }  // namespace
 
@@ -27,38 +28,53 @@ VectorXd variances_of(MatrixXd information) {
   return information.ldlt().solve(MatrixXd::Identity(size, size)).diagonal().cwiseMax(0.0);
 }
 
-std::vector<Index> Refitter::told_corrections(const Refit& refit) const {
+Refitter::Corrections Refitter::corrections_of(const Refit& refit) const {
+  const Index used = study_->used().size();
   std::vector<Index> told = study_->model().corrections();
-  std::erase_if(
-      told, [&](Index p) { return refit.slopes.col(p).head(study_->used().size()).isZero(0.0); });
-  return told;
-}
-
-double Refitter::correction_squares(const Refit& refit, const std::vector<Index>& told) const {
-  double sum = 0.0;
-  for (const Index p : told) {
-    const double size = refit.state.theta[p] / study_->model().parameters()[std::size_t(p)].scale;
-    sum += size * size;
+  std::erase_if(told, [&](Index p) { return refit.slopes.col(p).head(used).isZero(0.0); });
+  if (told.empty()) return {};
+  const VectorXd white = whitening_.apply((study_->measured() - refit.prediction).head(used));
+  const VectorXd residual = with_priors(white, refit.state, refit.bias, refit.corrections);
+  const MatrixXd slopes = residual_slopes(refit.slopes, refit.corrections);
+  const MatrixXd hessian = slopes.transpose() * slopes;
+  const VectorXd gradient = slopes.transpose() * residual;
+  const VectorXd stated = theta_prior(study_->model()).precision;
+  // −2 ln of the evidence at a size, but for what is the same at all; and without what the model
+  // has to gain there.
+  struct Evidence {
+    double whole = 0.0;
+    double width = 0.0;
+  };
+  const auto evidence_at = [&](double size) {
+    const double change = 1.0 / (size * size) - 1.0 / (refit.corrections * refit.corrections);
+    MatrixXd h = hessian;
+    VectorXd g = gradient;
+    double deviance = residual.squaredNorm();
+    for (const Index k : told) {
+      const double x = refit.state.theta[k] / study_->model().parameters()[std::size_t(k)].scale;
+      h(k, k) += change * stated[k];
+      g[k] += change * stated[k] * x;
+      deviance += change * stated[k] * x * x;
+    }
+    h.diagonal() *= 1.0 + 1e-9;
+    h.diagonal().array() += 1e-12 * std::max(h.diagonal().maxCoeff(), 1e-300);
+    const Eigen::LDLT<MatrixXd> factors(h);
+    const double width = factors.vectorD().array().abs().max(1e-300).log().sum() +
+                         2.0 * double(told.size()) * std::log(size);
+    return Evidence{deviance - g.dot(factors.solve(g)) + width, width};
+  };
+  Corrections best;
+  std::optional<double> least;
+  for (int i = 0; i < kSizes; ++i) {
+    const double size = kLeastCorrections * std::pow(kMostCorrections / kLeastCorrections,
+                                                     double(i) / double(kSizes - 1));
+    const double evidence = evidence_at(size).whole;
+    if (least && !(evidence < *least)) continue;
+    least = evidence;
+    best.size = size;
   }
-  return sum;
-}
-
-double Refitter::corrections_of(const Refit& refit) const {
-  const std::vector<Index> told = told_corrections(refit);
-  if (told.empty()) return 1.0;
-  const MatrixXd slopes = residual_slopes(refit.slopes);
-  const VectorXd variance = variances_of(slopes.transpose() * slopes);
-  const double sum = correction_squares(refit, told) + variance(told).sum();
-  return std::clamp(std::sqrt(sum / double(told.size())), kLeastCorrections, kMostCorrections);
-}
-
-double Refitter::own_corrections(const Refit& refit) const {
-  const double own = corrections_of(refit);
-  const std::vector<Index> told = told_corrections(refit);
-  const double count = double(told.size());
-  return correction_squares(refit, told) *
-             (1.0 / (own * own) - 1.0 / (corrections_ * corrections_)) +
-         2.0 * count * std::log(own / corrections_);
+  best.term = *least - evidence_at(corrections_).width - residual.squaredNorm();
+  return best;
 }
 
 }  // namespace matterfit::diagnose

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -24,6 +25,11 @@ namespace {
 /// elements across a body, whose pattern is nearly, but not quite, symmetric.
 constexpr double kLumpingSlope = 0.02;
 constexpr double kLumpingBend = 0.08;
+
+/// Members' contacts: to what power of e their stiffness is another one, and what their damping has
+/// more of at most, as a share of critical.
+constexpr double kContactStiffness = 1.0;
+constexpr double kContactDamping = 0.3;
 
 /// Runs that lump masses by one standard deviation otherwise, one for each way.
 std::vector<Numerics> ways_to_lump() {
@@ -47,31 +53,111 @@ MatrixXd deviations(const std::vector<std::optional<VectorXd>>& runs, std::size_
   return result;
 }
 
+constexpr Index kRigid = 6;
+constexpr double kUsualNoise = 5e-4;  // [m]
+
+/// Stated noise of each of the rows, or a usual one [m].
+VectorXd stated_noise(const Model& model, const Rows& rows) {
+  VectorXd noise(rows.size());
+  for (const Series& series : rows.series()) {
+    const double stated = model.captures()[std::size_t(series.capture)].noise;
+    noise.segment(series.begin, series.end - series.begin)
+        .setConstant(stated > 0.0 ? stated : kUsualNoise);
+  }
+  return noise;
+}
+
+/// The rigid motion in each frame of contact, off by one standard deviation along and about each
+/// axis; stacked rows × 6 a frame.
+MatrixXd rigid_errors_in_contact(const Study& study) {
+  const Model& model = study.model();
+  const std::vector<ContactFrame> contacts = model.contact_frames();
+  MatrixXd result = MatrixXd::Zero(study.size(), kRigid * Index(contacts.size()));
+  std::map<std::pair<int, Index>, std::pair<Index, Vec3d>> columns;  // and the tracks' centre
+  for (std::size_t k = 0; k < contacts.size(); ++k) {
+    const Capture& capture = model.captures()[std::size_t(contacts[k].capture)];
+    Vec3d sum = Vec3d::Zero();
+    double seen = 0.0;
+    for (Index i = 0; i < capture.tracks(); ++i) {
+      const Index sample = contacts[k].frame * capture.tracks() + i;
+      if (capture.use[std::size_t(sample)] == Use::kIgnored) continue;
+      sum += capture.positions.segment<3>(3 * sample);
+      seen += 1.0;
+    }
+    columns[{contacts[k].capture, contacts[k].frame}] = {kRigid * Index(k),
+                                                         sum / std::max(seen, 1.0)};
+  }
+  const auto fill = [&](const Rows& rows, Index first) {
+    for (const Series& series : rows.series()) {
+      const Capture& capture = model.captures()[std::size_t(series.capture)];
+      for (Index i = series.begin; i < series.end; ++i) {
+        const auto found = columns.find({series.capture, rows.frame(i)});
+        if (found == columns.end()) continue;
+        const auto& [column, center] = found->second;
+        const ContactFrame& contact = contacts[std::size_t(column / kRigid)];
+        const Index sample = rows.frame(i) * capture.tracks() + series.track;
+        const Vec3d arm = capture.positions.segment<3>(3 * sample) - center;
+        result(first + i, column + series.axis) = contact.place;
+        for (int axis = 0; axis < 3; ++axis) {
+          result(first + i, column + 3 + axis) =
+              contact.turn * Vec3d::Unit(axis).cross(arm)[series.axis];
+        }
+      }
+    }
+  };
+  fill(study.used(), 0);
+  fill(study.held(), study.used().size());
+  return result;
+}
+
+/// By what those errors are to be multiplied for what a simulation misses in the used frames of
+/// contact to be usual: how otherwise another solver holds a body is seen there at once.
+double size_of_contacts(const Study& study, const MatrixXd& errors, const VectorXd& prediction) {
+  constexpr double kLeast = 0.05;
+  const Index used = study.used().size();
+  const VectorXd noise = stated_noise(study.model(), study.used());
+  const VectorXd missed =
+      noise.cwiseInverse().asDiagonal() * (study.measured() - prediction).head(used);
+  double sum = 0.0;
+  double count = 0.0;
+  for (Index k = 0; k + kRigid <= errors.cols(); k += kRigid) {
+    const MatrixXd columns =
+        noise.cwiseInverse().asDiagonal() * errors.middleCols(k, kRigid).topRows(used);
+    const MatrixXd information = columns.transpose() * columns;
+    const Eigen::LDLT<MatrixXd> factors(information);
+    if (factors.vectorD().minCoeff() <= 1e-9 * factors.vectorD().maxCoeff()) continue;
+    const VectorXd found = factors.solve(columns.transpose() * missed);
+    sum += found.squaredNorm() - factors.solve(MatrixXd::Identity(kRigid, kRigid)).trace();
+    count += double(kRigid);
+  }
+  return count > 0.0 ? std::clamp(std::sqrt(std::max(0.0, sum / count)), kLeast, 1.0) : 1.0;
+}
+
 }  // namespace
 
 Spread Spread::none(Index rows) { return {MatrixXd(rows, 0), MatrixXd(rows, 0), {}}; }
 
 Spread Spread::at(const std::vector<Index>& places) const {
-  Spread result{members(places, Eigen::all), lumping(places, Eigen::all), {}};
+  Spread result{members(places, Eigen::all), directions(places, Eigen::all), {}};
   if (bias.size() > 0) result.bias = bias(places);
   return result;
 }
 
 Spread Spread::top(Index rows) const {
-  Spread result{members.topRows(rows), lumping.topRows(rows), {}};
+  Spread result{members.topRows(rows), directions.topRows(rows), {}};
   if (bias.size() > 0) result.bias = bias.head(rows);
   return result;
 }
 
 Spread Spread::bottom(Index rows) const {
-  Spread result{members.bottomRows(rows), lumping.bottomRows(rows), {}};
+  Spread result{members.bottomRows(rows), directions.bottomRows(rows), {}};
   if (bias.size() > 0) result.bias = bias.tail(rows);
   return result;
 }
 
 MatrixXd Spread::deviations() const {
-  MatrixXd result(members.rows(), members.cols() + lumping.cols());
-  result << members / std::sqrt(std::max(1.0, double(members.cols()))), lumping;
+  MatrixXd result(members.rows(), members.cols() + directions.cols());
+  result << members / std::sqrt(std::max(1.0, double(members.cols()))), directions;
   return result;
 }
 
@@ -82,18 +168,12 @@ namespace {
 /// one impact's error is not multiplied at the next, and what the slopes promise is believed.
 void correct(const Study& study, const State& state, const MatrixXd& theta,
              const std::vector<Numerics>& variants, std::vector<std::optional<VectorXd>>& runs) {
-  constexpr int kRounds = 2;            // a third gained nothing (docs/dev/impacts.md)
-  constexpr double kWorthARun = 0.9;    // of the misfit before
-  constexpr double kUsualNoise = 5e-4;  // [m]
+  constexpr int kRounds = 2;          // a third gained nothing (docs/dev/impacts.md)
+  constexpr double kWorthARun = 0.9;  // of the misfit before
   const std::vector<Index> corrections = nuisances_of_times(study.model());
   if (corrections.empty()) return;
   const Index used = study.used().size();
-  VectorXd noise(used);
-  for (const Series& series : study.used().series()) {
-    const double stated = study.model().captures()[std::size_t(series.capture)].noise;
-    noise.segment(series.begin, series.end - series.begin)
-        .setConstant(stated > 0.0 ? stated : kUsualNoise);
-  }
+  const VectorXd noise = stated_noise(study.model(), study.used());
   const MatrixXd slopes =
       noise.cwiseInverse().asDiagonal() * theta(Eigen::all, corrections).topRows(used);
   MatrixXd normal = slopes.transpose() * slopes;
@@ -179,16 +259,24 @@ Spread numerical_spread(const Study& study, const State& state, const MatrixXd& 
     numerics.offset = Vec3d(part(2), part(3), part(4));
     numerics.step = m % 4 == 0 ? 0.5 : 1.0;  // half of dt costs twice the time
     numerics.seed = m;
+    const auto golden = [&](double root) { return 0.5 + m * root - std::floor(0.5 + m * root); };
+    numerics.contact_stiffness =
+        std::exp(kContactStiffness * (2.0 * golden(std::numbers::sqrt2) - 1.0));
+    numerics.contact_damping = kContactDamping * golden(std::numbers::sqrt3);
     variants.push_back(numerics);
   }
   const std::size_t sampled = variants.size();
-  if (which.lumping) std::ranges::copy(ways_to_lump(), std::back_inserter(variants));
+  if (which.directions) std::ranges::copy(ways_to_lump(), std::back_inserter(variants));
   auto runs = study.predict_variants(std::vector<State>(variants.size(), state), variants);
   if (!runs[0]) return spread;
   correct(study, state, theta, variants, runs);
   if (runs[1] && runs[2]) spread.bias = (*runs[2] - *runs[1]) / (kRatio - 1.0 / kRatio);
   spread.members = deviations(runs, 3, sampled);
-  spread.lumping = deviations(runs, sampled, runs.size());
+  const MatrixXd lumping = deviations(runs, sampled, runs.size());
+  MatrixXd contact = which.directions ? rigid_errors_in_contact(study) : MatrixXd(study.size(), 0);
+  contact *= size_of_contacts(study, contact, *runs[0]);
+  spread.directions.resize(study.size(), lumping.cols() + contact.cols());
+  spread.directions << lumping, contact;
   return spread;
 }
 
@@ -225,8 +313,8 @@ SolverColumns solver_columns(const Rows& rows, const std::vector<Capture>& captu
   }
   const double share = 1.0 / std::sqrt(std::max(1.0, double(count)));
   const double first = std::sqrt(1.0 - kOwnPattern + kOwnPattern * kTimes[0] * kPlaces[0]);
-  result.values.resize(rows.size(), count * modes + spread.lumping.cols());
-  result.values.rightCols(spread.lumping.cols()) = spread.lumping;
+  result.values.resize(rows.size(), count * modes + spread.directions.cols());
+  result.values.rightCols(spread.directions.cols()) = spread.directions;
   result.member.reserve(std::size_t(result.values.cols()));
   for (Index m = 0; m < count; ++m) {
     for (Index k = 0; k < modes; ++k) {

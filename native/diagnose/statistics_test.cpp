@@ -146,22 +146,22 @@ TEST(Whitening, MakesTheCovarianceTheIdentity) {
   EXPECT_LT((products - columns.transpose() * columns).cwiseAbs().maxCoeff(), 1e-9);
 }
 
-TEST(SolverColumns, EveryWayToLumpMassesIsAColumnOfItsOwn) {
+TEST(SolverColumns, EveryDirectionIsAColumnOfItsOwn) {
   const ThrownModel model({Vec3d(2.0, 0.5, 1.0)}, 12);
   const Rows rows(model.captures(), [](int, Index, Index) { return true; });
   Spread spread = Spread::none(rows.size());
-  spread.lumping = MatrixXd::Random(rows.size(), 2);
+  spread.directions = MatrixXd::Random(rows.size(), 2);
   const SolverColumns alone = solver_columns(rows, model.captures(), spread);
-  EXPECT_EQ(alone.values, spread.lumping);
+  EXPECT_EQ(alone.values, spread.directions);
   EXPECT_EQ(alone.member, (std::vector<int>{-1, -1}));
   spread.members = MatrixXd::Random(rows.size(), 5);
   const SolverColumns all = solver_columns(rows, model.captures(), spread);
-  EXPECT_EQ(all.values.rightCols(2), spread.lumping);
+  EXPECT_EQ(all.values.rightCols(2), spread.directions);
   ASSERT_EQ(Index(all.member.size()), all.values.cols());
   EXPECT_EQ(all.member.front(), 0);
   EXPECT_EQ(all.member.back(), -1);
   EXPECT_NEAR(spread.deviations().squaredNorm(),
-              spread.members.squaredNorm() / 5.0 + spread.lumping.squaredNorm(), 1e-9);
+              spread.members.squaredNorm() / 5.0 + spread.directions.squaredNorm(), 1e-9);
 }
 
 TEST(ScoreTest, IsWhatARefitGains) {

@@ -81,12 +81,17 @@ std::vector<Trial> Trials::tried(std::vector<Attempt> attempts, const std::strin
 }
 
 void Trials::weigh(Trial& trial) const {
-  trial.evidence = trial.refit.deviance + refitter_.own_corrections(trial.refit) +
-                   trial.opinion.deviance + kPrice * trial.numbers;
+  trial.evidence = trial.refit.deviance + refitter_.corrections_of(trial.refit).term +
+                   trial.opinion.deviance / held_looseness_ + kPrice * trial.numbers;
   const VectorXd white = refitter_.whitening().apply(
       (study_.measured() - trial.refit.prediction).head(study_.used().size()));
   trial.blocks = trial.opinion.blocks;
   add_by_block(study_.used(), study_.model().captures(), white, trial.blocks);
+}
+
+void Trials::temper(const Trial& base) {
+  const double rows = double(judge_.rows().size());
+  if (rows > 0.0) held_looseness_ = std::max(1.0, base.opinion.deviance / rows);
 }
 
 bool Trials::better(const Trial& fewer, const Trial& more) const {

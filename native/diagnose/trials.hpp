@@ -24,8 +24,9 @@ struct Trial {
   Judge::Opinion opinion;
   Gain gain;        ///< over nothing added
   int numbers = 0;  ///< that the causes have
-  /// −2 ln of its evidence: χ² and priors of what was fitted, χ² of what was held out, and 2 for
-  /// each number of its causes (Akaike 1974). Smaller is better.
+  /// −2 ln of its evidence: χ² and priors of what was fitted, χ² of what was held out (over the
+  /// base's looseness there), and 2 for each number of its causes (Akaike 1974). Smaller is
+  /// better.
   double evidence = 0.0;
   /// χ² of used and held-out rows by block, for how far blocks agree on which model is better.
   std::map<BlockKey, double> blocks;
@@ -65,6 +66,9 @@ class Trials {
                                          const std::string& stage) const;
   /// Sets evidence and blocks from the refit and the opinion.
   void weigh(Trial& trial) const;
+  /// Held-out samples count by what the base leaves of them from now on: where errors there are
+  /// larger than their covariance says, differences between models are so as well.
+  void temper(const Trial& base);
   /// Whether `more` is worth its causes over `fewer`.
   [[nodiscard]] bool better(const Trial& fewer, const Trial& more) const;
 
@@ -72,6 +76,7 @@ class Trials {
   const Study& study_;
   const Refitter& refitter_;
   const Judge& judge_;
+  double held_looseness_ = 1.0;
 };
 
 }  // namespace matterfit::diagnose

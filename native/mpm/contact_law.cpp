@@ -111,7 +111,7 @@ ContactLaw resolve_contact(const shape::Contact& contact, const Body& body, doub
   ContactLaw law;
   law.kind = contact.kind;
   law.mu = contact.mu;
-  law.damping = contact.damping >= 0.0 ? contact.damping : kContactDamping;
+  law.damping = contact_damping(contact);
   law.stiffness = contact.stiffness;
   if (!(law.stiffness > 0.0)) {
     const double modulus = contact_modulus(body);

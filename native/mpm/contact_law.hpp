@@ -85,4 +85,9 @@ struct Firmness {
 /// (docs/validation.md).
 inline constexpr double kContactDamping = 0.05;
 
+/// A contact's own, else the default.
+[[nodiscard]] inline double contact_damping(const shape::Contact& contact) {
+  return contact.damping >= 0.0 ? contact.damping : kContactDamping;
+}
+
 }  // namespace matterfit::mpm

@@ -31,10 +31,6 @@ using diagnose::Observation;
 constexpr std::array<double, 5> kRelaxationShares = {0.003, 0.01, 0.03, 0.1, 0.3};
 
 /// A contact's share of critical damping: the solver's own where the document says nothing.
-double damping_of(const shape::Contact& contact) {
-  return contact.damping >= 0.0 ? contact.damping : mpm::kContactDamping;
-}
-
 Json& first_body(Json& scene) { return scene.at("bodies").at(0); }
 
 Number number(const char* name, const char* unit, double scale, bool one_sided = false) {
@@ -200,12 +196,12 @@ class Causes {
       Cause& bounce = add("restitution", "contact", "");
       bounce.row.sentence =
           "Contact with '" + doc.name + "' loses {value} of critical damping more.";
-      const double damping = damping_of(contact);
+      const double damping = mpm::contact_damping(contact);
       bounce.row.numbers = {number("damping", "", 0.05)};
       bounce.row.numbers[0].low = -damping;
       bounce.row.confused_with = {"damping_shear", "damping_bulk"};
       bounce.apply = with([](shape::Contact& moved, double v) {
-        moved.damping = std::max(0.0, damping_of(moved) + v);
+        moved.damping = std::max(0.0, mpm::contact_damping(moved) + v);
       });
       bounce.write = [c, damping](std::span<const double> v, int, Json& scene) {
         scene.at("colliders").at(c)["contact"]["damping"] = damping + v[0];

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "job/diagnosis/extent.hpp"
+#include "mpm/contact_law.hpp"
 #include "mpm/default_stiffness.hpp"
 
 namespace matterfit::job {
@@ -31,6 +32,17 @@ fit::Parameter nuisance(std::string name, const char* unit, double sigma, double
   parameter.high = most;
   parameter.prior = fit::Prior{0.0, sigma};
   return parameter;
+}
+
+void with_other_contacts(const diagnose::Numerics& numerics, mpm::Scene& scene) {
+  if (numerics.contact_stiffness == 1.0 && numerics.contact_damping == 0.0) return;
+  const std::vector<double> stiffnesses = mpm::contact_stiffnesses(scene, scene.bodies.front());
+  for (std::size_t c = 0; c < scene.colliders.size(); ++c) {
+    shape::Contact contact = scene.colliders[c]->contact();
+    contact.stiffness = numerics.contact_stiffness * stiffnesses[c];
+    contact.damping = mpm::contact_damping(contact) + numerics.contact_damping;
+    scene.colliders[c] = mpm::with_contact(scene.colliders[c], contact);
+  }
 }
 
 ContactNuisances::ContactNuisances(const std::vector<ContactRun>& runs,

@@ -21,6 +21,9 @@ using Eigen::Index;
 /// at 9 to 20 cells across, over offsets and spacings, is off by .5 to 1.5 %, in its spin up to 2
 /// %.
 constexpr double kImpulseShare = 0.015;
+/// Standard deviation of the time for which a body is held, in transits of a wave through it: how
+/// a corner gives way depends on the elements or particles that it is made of.
+constexpr double kHoldTransits = 0.15;
 /// Accelerations beside gravity that count as contact, in gravities: a body at rest has 1.
 constexpr double kContactGravities = 0.5;
 /// How near a collider the nearest track is in contact, in the body's size. Tracks may be few.
@@ -135,6 +138,7 @@ std::vector<Impact> impacts(const diagnose::Capture& capture, const mpm::Scene& 
   const SeenTracks samples{capture};
   const std::vector<RateChange> seen = rate_changes(samples, scene, struck);
   const double size = extent_of(struck).size;
+  const double held = kHoldTransits * size / struck.material.wave_speed(struck.density);
   std::vector<Impact> result;
   for (std::size_t begin = 0; begin < seen.size();) {
     if (!seen[begin].contact) {
@@ -156,10 +160,16 @@ std::vector<Impact> impacts(const diagnose::Capture& capture, const mpm::Scene& 
       // The first frame of the scene that begins after it.
       impact.frame =
           scene.first_frame + static_cast<int>(std::ceil(capture.times[to - 1] * scene.fps - 1e-6));
+      double velocity = 0.0;
+      double spin = 0.0;
       for (std::size_t f = from; f < to; ++f) {
-        impact.speed += kImpulseShare * seen[f].velocity.norm();
-        impact.turn += kImpulseShare * seen[f].spin.norm();
+        velocity += seen[f].velocity.norm();
+        spin += seen[f].spin.norm();
       }
+      impact.speed = kImpulseShare * velocity;
+      impact.turn = kImpulseShare * spin;
+      impact.place = held * velocity;
+      impact.angle = held * spin;
       // A hit in the middle turns a body hardly, but may as well do so.
       impact.turn += impact.speed / size;
       const bool taken = !result.empty() && result.back().frame >= impact.frame;

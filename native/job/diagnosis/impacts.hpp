@@ -19,6 +19,8 @@ struct Impact {
   Eigen::Index end = 0;                        ///< and the first after it
   double speed = 0.0;  ///< standard deviation of each component of the velocity after it [m/s]
   double turn = 0.0;   ///< of the spin [rad/s]
+  double place = 0.0;  ///< and of the place in a frame of the contact [m]
+  double angle = 0.0;  ///< about each axis [rad]
 };
 
 /// The impacts that a capture shows, held-out samples included, by time: where its rigid motion (of

@@ -41,8 +41,8 @@ fs::path MotionStore::path_of(const diagnose::Point& point) const {
     add(cause.values, hasher);
   }
   const diagnose::Numerics& n = point.numerics;
-  for (const double value :
-       {n.spacing, n.step, n.offset.x(), n.offset.y(), n.offset.z(), n.particles}) {
+  for (const double value : {n.spacing, n.step, n.offset.x(), n.offset.y(), n.offset.z(),
+                             n.particles, n.contact_stiffness, n.contact_damping}) {
     add(value, hasher);
   }
   for (const double slope : n.lumping_slope) add(slope, hasher);

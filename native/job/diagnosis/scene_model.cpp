@@ -239,6 +239,17 @@ std::vector<Eigen::Index> SceneModel::state_errors() const {
   return numbers_between(first_of_states(), listed_.size());
 }
 
+std::vector<diagnose::ContactFrame> SceneModel::contact_frames() const {
+  std::vector<diagnose::ContactFrame> result;
+  for (const Impact& impact : nuisances_.impacts()) {
+    const auto capture = static_cast<int>(impact.capture - captures_.data());
+    for (Eigen::Index frame = impact.begin; frame < impact.end; ++frame) {
+      result.push_back({capture, frame, impact.place, impact.angle});
+    }
+  }
+  return result;
+}
+
 std::vector<double> SceneModel::fitted_values(const diagnose::Point& point) const {
   std::vector<double> values;
   values.reserve(fitted_count_);

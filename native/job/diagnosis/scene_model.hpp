@@ -57,6 +57,7 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] std::vector<Eigen::Index> corrections() const override;
   [[nodiscard]] std::vector<Eigen::Index> state_errors() const override;
   [[nodiscard]] bool follows_recordings() const override { return !nodes_.empty(); }
+  [[nodiscard]] std::vector<diagnose::ContactFrame> contact_frames() const override;
   [[nodiscard]] const std::vector<diagnose::Effect>& effects() const override { return rows_; }
   [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate(
       const std::vector<diagnose::Point>& points) const override;

@@ -5,6 +5,7 @@ import functools
 import shutil
 import subprocess
 import sys
+import threading
 
 from parts import BUILD, run, say
 
@@ -12,10 +13,17 @@ from parts import BUILD, run, say
 VERSIONS = {"4.2": "bpy==4.2.23", "4.5": "bpy==4.5.15", "5.0": "bpy==5.0.1"}
 GIGABYTES_EACH = 1.4
 
+_one_at_a_time = threading.Lock()
 
-@functools.cache
+
 def bpy_python(version):
     """(interpreter, "") of an environment that has this bpy, made on first use; or (None, reason)."""
+    with _one_at_a_time:
+        return _bpy_python(version)
+
+
+@functools.cache
+def _bpy_python(version):
     folder = BUILD / f"venv-bpy-{version}"
     python = folder / "bin" / "python"
     pin = VERSIONS[version]

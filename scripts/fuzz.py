@@ -5,37 +5,45 @@ Saved inputs lie in seeds/NAME/ beside it; what a run adds to the corpus stays b
 """
 
 import argparse
+import os
 import shutil
 import sys
 
 from native_build import build_sanitized
 from parts import BUILD, ROOT, Tally, require_in_tree, run, say
+from work_queue import QUEUE
 
 
 def fuzzers():
     return sorted((ROOT / "native").rglob("*_fuzz.cpp"))
 
 
-def fuzz(seconds):
+def fuzz(seconds, weight=0):
     tally = Tally()
-    for source in fuzzers():
-        program = BUILD / "sanitize" / "bin" / source.stem
-        name = f"fuzz: {source.stem}"
-        if not program.exists():
-            tally.failed.append((name, "was not built"))
-            continue
-        corpus = BUILD / "fuzz" / source.stem
-        corpus.mkdir(parents=True, exist_ok=True)
-        finding = BUILD / "fuzz" / f"{source.stem}-finding-"
-        seeds = source.parent / "seeds" / source.stem.removesuffix("_fuzz")
-        command = [program, f"-max_total_time={seconds}", "-timeout=10", "-rss_limit_mb=2560"]
-        command += ["-print_final_stats=1", f"-artifact_prefix={finding}", corpus]
-        if seeds.is_dir():
-            command.append(seeds)
-        done = run(f"fuzz-{source.stem}", command, limit=seconds + 120)
-        if tally.check(name, done.status == 0, done.reason() + "\n" + done.tail(30)):
-            runs = [line for line in done.tail().splitlines() if "number_of_executed_units" in line]
-            say(f"  {source.stem}: {runs[0].split()[-1] if runs else '?'} inputs in {done.seconds:.0f} s")
+    for part in QUEUE.map(weight, lambda source: fuzz_one(source, seconds), fuzzers()):
+        tally.add(part)
+    return tally
+
+
+def fuzz_one(source, seconds):
+    tally = Tally()
+    program = BUILD / "sanitize" / "bin" / source.stem
+    name = f"fuzz: {source.stem}"
+    if not program.exists():
+        tally.failed.append((name, "was not built"))
+        return tally
+    corpus = BUILD / "fuzz" / source.stem
+    corpus.mkdir(parents=True, exist_ok=True)
+    finding = BUILD / "fuzz" / f"{source.stem}-finding-"
+    seeds = source.parent / "seeds" / source.stem.removesuffix("_fuzz")
+    command = [program, f"-max_total_time={seconds}", "-timeout=10", "-rss_limit_mb=2560"]
+    command += ["-print_final_stats=1", f"-artifact_prefix={finding}", corpus]
+    if seeds.is_dir():
+        command.append(seeds)
+    done = run(f"fuzz-{source.stem}", command, limit=seconds + 120)
+    if tally.check(name, done.status == 0, done.reason() + "\n" + done.tail(30)):
+        runs = [line for line in done.tail().splitlines() if "number_of_executed_units" in line]
+        say(f"  {source.stem}: {runs[0].split()[-1] if runs else '?'} inputs in {done.seconds:.0f} s")
     return tally
 
 
@@ -48,7 +56,7 @@ def main():
     if options.clean:
         shutil.rmtree(BUILD / "fuzz", ignore_errors=True)
     say("Building the fuzzers (clang, ASan, UBSan; log: build/logs/build-sanitize.log)")
-    built = build_sanitized(fuzzers_only=True)
+    built = build_sanitized(os.cpu_count() or 1, fuzzers_only=True)
     if built.status != 0:
         say(built.tail())
         return 1

@@ -7,14 +7,13 @@ panel's messages in docs/errors.md, make in a folder whose path has a space.
 """
 
 import argparse
-import concurrent.futures
-import os
 import shutil
 import subprocess
 import sys
 
 import messages
 from parts import BUILD, ROOT, Tally, require_in_tree, run, say
+from work_queue import QUEUE
 
 RUFF = "ruff==0.12.12"
 CLANG_FORMAT = "clang-format-14"
@@ -140,9 +139,8 @@ def check_tidy(tally, everything):
                    "--extra-arg=-Wno-unknown-warning-option", file]
         return run(f"lint-tidy-{file.parent.name}-{file.stem}", command)
 
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        for file, done in zip(files, pool.map(tidy, files), strict=True):
-            tally.check(f"lint: clang-tidy {file.relative_to(ROOT)}", done.status == 0, done.tail(30))
+    for file, done in zip(files, QUEUE.map(30, tidy, files), strict=True):
+        tally.check(f"lint: clang-tidy {file.relative_to(ROOT)}", done.status == 0, done.tail(30))
 
 
 def lint(everything=False):

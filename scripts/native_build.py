@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The two native builds that the tests run: build/release and build/sanitize."""
 
-import concurrent.futures
 import json
+import math
 import os
 import pathlib
 import subprocess
 
 from parts import BUILD, ROOT, Finished, Tally, run
+from work_queue import QUEUE
 
 # What a sanitized program needs to hear. Blender's own libraries leak at exit; ours must not.
 SANITIZER_ENVIRONMENT = {
@@ -24,6 +25,9 @@ SANITIZER_ENVIRONMENT = {
 LONG_TESTS = ["FitLatent.FindsPlasticine", "FitNeural.FindsAFluidWithoutBeingToldThatItFlows",
               "FitCorrection.OfTwoBodies*"]
 
+# Tests that run one after another in one process, so that a piece takes about half a minute.
+TESTS_A_PIECE = {"test_job": 6, "test_mpm": 12, "test_fit": 20}
+
 # What runs under the sanitizers: the solver, every parser, the fits' core and the job documents.
 SANITIZED = ["test_mpm", "test_base", "test_math", "test_capture_readers", "test_fit",
              "test_job_documents"]
@@ -37,13 +41,13 @@ UNSANITIZED = {
 }
 
 
-def _configure_and_build(name, settings, targets, limit):
+def _configure_and_build(name, settings, targets, limit, jobs):
     folder = BUILD / name
     configure = ["cmake", "-S", ROOT, "-B", folder, "-G", "Ninja", *settings]
     done = run(f"configure-{name}", configure)
     if done.status != 0:
         return done
-    return run(f"build-{name}", ["ninja", "-C", folder, *targets], limit=limit)
+    return run(f"build-{name}", ["ninja", f"-j{jobs}", "-C", folder, *targets], limit=limit)
 
 
 def build_release() -> Finished:
@@ -51,7 +55,7 @@ def build_release() -> Finished:
     return run("build-release", ["bash", ROOT / "scripts" / "build.sh", "all"], limit=2400)
 
 
-def build_sanitized(fuzzers_only=False) -> Finished:
+def build_sanitized(jobs, fuzzers_only=False) -> Finished:
     """Tests and fuzzers with clang, AddressSanitizer and UBSan; the second compiler's warnings too."""
     settings = [
         "-DCMAKE_C_COMPILER=clang-14",
@@ -67,7 +71,7 @@ def build_sanitized(fuzzers_only=False) -> Finished:
     targets = [f.stem for f in sorted((ROOT / "native").rglob("*_fuzz.cpp"))]
     if not fuzzers_only:
         targets += SANITIZED
-    return _configure_and_build("sanitize", settings, targets, limit=2400)
+    return _configure_and_build("sanitize", settings, targets, 3600, jobs)
 
 
 def release_tests():
@@ -85,25 +89,52 @@ def release_tests():
     )
 
 
-def run_gtests(programs, prefix, *, limit, env=None) -> Tally:
-    """Runs the programs side by side, as many as there are processors; most have one thread's work."""
+def run_gtests(programs, prefix, *, weight, limit, env=None) -> Tally:
+    """Runs the programs' tests in pieces; most tests have one thread's work."""
     tally = Tally()
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        for part in pool.map(lambda program: run_gtest(program, prefix, limit=limit, env=env), programs):
-            tally.add(part)
+    running = []
+    for program in programs:
+        count = _count_tests(program, env)
+        pieces = max(1, math.ceil(count / TESTS_A_PIECE.get(program.name, 40)))
+        futures = [
+            QUEUE.submit(weight, run_gtest, program, prefix, limit=limit, env=env, piece=(k, pieces))
+            for k in range(pieces)
+        ]
+        running.append((program, count, futures))
+    for program, count, futures in running:
+        part = Tally()
+        for future in futures:
+            part.add(future.result())
+        ran = len(part.passed) + len(part.failed) + len(part.skipped)
+        if not part.failed and ran != count:
+            part.failed.append((f"{prefix}: {program.name}", f"ran {ran} of its {count} tests"))
+        tally.add(part)
     return tally
 
 
-def run_gtest(program, prefix, *, limit, env=None) -> Tally:
-    """Runs one GoogleTest program and counts its tests; a crash counts the program as failed."""
+def _count_tests(program, env):
+    """How many tests a program has that the filter lets through; 0 where it cannot be started."""
+    if not program.exists():
+        return 0
+    command = [program, "--gtest_list_tests"]
+    whole = {**os.environ, **(env or {})}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=whole)
+    return sum(line.startswith("  ") for line in done.stdout.splitlines()) if done.returncode == 0 else 0
+
+
+def run_gtest(program, prefix, *, limit, env=None, piece=(0, 1)) -> Tally:
+    """Runs every n-th test of a GoogleTest program and counts them; a crash counts the program as failed."""
     tally = Tally()
+    index, pieces = piece
     name = f"{prefix}: {program.name}"
-    report = BUILD / "logs" / f"{prefix}-{program.name}.json"
+    slug = f"{prefix}-{program.name}" + (f"-{index + 1}" if pieces > 1 else "")
+    report = BUILD / "logs" / f"{slug}.json"
     report.unlink(missing_ok=True)
     if not program.exists():
         tally.failed.append((name, "was not built"))
         return tally
-    done = run(f"{prefix}-{program.name}", [program, f"--gtest_output=json:{report}"], limit=limit, env=env)
+    env = {**(env or {}), "GTEST_TOTAL_SHARDS": str(pieces), "GTEST_SHARD_INDEX": str(index)}
+    done = run(slug, [program, f"--gtest_output=json:{report}"], limit=limit, env=env)
     if report.exists():
         for suite in json.loads(report.read_text(encoding="utf-8"))["testsuites"]:
             for test in suite["testsuite"]:

@@ -12,6 +12,7 @@ import json
 import os
 import shutil
 import sys
+import threading
 import time
 
 import fuzz
@@ -28,7 +29,8 @@ from native_build import (
     release_tests,
     run_gtests,
 )
-from parts import BUILD, LOGS, ROOT, Tally, require_in_tree, run, say
+from parts import BUILD, LOGS, ROOT, SPENT, Tally, require_in_tree, run, say
+from work_queue import QUEUE
 
 RUNNER = ROOT / "blender_tests" / "run.py"
 # The last two: tests that need the library, or Slurm, fail without it, where a person's own run would
@@ -38,6 +40,10 @@ LIBRARY = {
     "MATTERFIT_REQUIRE_LIBRARY": "1",
     "MATTERFIT_REQUIRE_SLURM": "1",
 }
+# What a piece of a part's work weighs in the queue: first the instrumented build, which others wait for,
+# on half of the processors, and what runs one after another for minutes; then what others wait for.
+BUILD_WEIGHT, WINDOW_WEIGHT, BLENDER_WEIGHT, SANITIZED_WEIGHT, PIECE_WEIGHT = 5000, 600, 500, 200, 100
+BUILDS = {}  # futures of what parts wait for
 
 
 def part_build():
@@ -59,7 +65,7 @@ def part_native():
     programs = release_tests()
     tally.check("native: test programs", bool(programs), "CTest lists none in build/release")
     env = {} if os.environ.get("LONG") else {"GTEST_FILTER": "-" + ":".join(LONG_TESTS)}
-    tally.add(run_gtests(programs, "native", limit=900, env=env))
+    tally.add(run_gtests(programs, "native", weight=PIECE_WEIGHT, limit=900, env=env))
     if env:
         tally.skipped += [(f"native: {name}", "takes a minute (make test LONG=1)") for name in LONG_TESTS]
     return tally
@@ -68,11 +74,12 @@ def part_native():
 def part_sanitize():
     """the same native tests under ASan and UBSan (clang)"""
     tally = Tally()
-    done = build_sanitized()
+    done = BUILDS["sanitize"].result()
     if not tally.check("build: sanitize", done.status == 0, done.tail(60)):
         return tally
     programs = [BUILD / "sanitize" / "bin" / name for name in SANITIZED]
-    tally.add(run_gtests(programs, "sanitize", limit=1500, env=SANITIZER_ENVIRONMENT))
+    tally.add(run_gtests(programs, "sanitize", weight=SANITIZED_WEIGHT, limit=1500,
+                         env=SANITIZER_ENVIRONMENT))
     tally.skipped += [(f"sanitize: {name}", reason) for name, reason in UNSANITIZED.items()]
     return tally
 
@@ -80,7 +87,8 @@ def part_sanitize():
 def part_blind():
     """the blind benchmark's scorer, seal and finite elements"""
     tally = Tally()
-    done = run("blind", [sys.executable, "-B", ROOT / "scripts" / "test_blind.py", "-v"], limit=900)
+    command = [sys.executable, "-B", ROOT / "scripts" / "test_blind.py", "-v"]
+    done = QUEUE.submit(PIECE_WEIGHT, run, "blind", command, limit=900).result()
     lines = done.log.read_text(encoding="utf-8", errors="replace").splitlines()
     tally.passed += [f"blind: {line.split(' ')[0]}" for line in lines if line.endswith(" ... ok")]
     tally.check("blind: all", done.status == 0, f"{done.reason()}\n{done.tail(40)}")
@@ -89,7 +97,8 @@ def part_blind():
 
 def part_fuzz():
     """each parser five seconds of libFuzzer from its saved seeds"""
-    return fuzz.fuzz(5)
+    BUILDS["sanitize"].result()
+    return fuzz.fuzz(5, SANITIZED_WEIGHT)
 
 
 def read_record(prefix, done, report):
@@ -128,11 +137,15 @@ BLENDER = ["blender", "-b", "--factory-startup", "--python-exit-code", "1", "-P"
 
 def part_blender():
     """blender_tests under `blender -b`"""
-    return run_blender_tests("blender", BLENDER)
+    return QUEUE.submit(BLENDER_WEIGHT, run_blender_tests, "blender", BLENDER).result()
 
 
 def part_window():
     """the panel in a real window under Xvfb, with a screenshot; docs/start.md followed there"""
+    return QUEUE.submit(WINDOW_WEIGHT, run_windows).result()
+
+
+def run_windows():
     tally = Tally()
     script = ROOT / "blender_tests" / "window.py"
     picture = BUILD / "screenshots" / "panel.png"
@@ -161,12 +174,13 @@ def part_package():
     """the zip: built, carrying its own libraries, installed in a bare user folder, a job run with it"""
     tally = Tally()
     try:
-        archive = package.build_package()
+        archive = QUEUE.submit(BLENDER_WEIGHT, package.build_package).result()
     except package.PackageError as error:
         tally.failed.append(("package: build", str(error)))
         return tally
     tally.passed.append("package: build")
-    tally.check("package: same bytes again", package.is_deterministic(archive), "two builds of it differ")
+    same = QUEUE.submit(BLENDER_WEIGHT, package.is_deterministic, archive).result()
+    tally.check("package: same bytes again", same, "two builds of it differ")
     script = ROOT / "scripts" / "check_package.py"
     programs = {"3.4": ["blender", "-b", "--factory-startup", "--python-exit-code", "1", "-P", script, "--"]}
     for version in VERSIONS:
@@ -175,10 +189,12 @@ def part_package():
             programs[f"bpy {version}"] = [python, script]
         else:
             tally.skipped.append((f"package: bpy {version}", reason))
-    for name, program in programs.items():
+
+    def installed(name):
         slug = "package-" + name.replace(" ", "-")
-        env = user_folder(slug)
-        done = run(slug, [*program, archive], limit=300, env=env)
+        return run(slug, [*programs[name], archive], limit=300, env=user_folder(slug))
+
+    for name, done in zip(programs, QUEUE.map(PIECE_WEIGHT, installed, programs), strict=True):
         ok = done.status == 0 and "package works" in done.tail(20)
         tally.check(f"package: installed and run in {name}", ok, f"{done.reason()}\n{done.tail(40)}")
     return tally
@@ -206,9 +222,9 @@ def part_bpy():
     def tested(name):
         return run_blender_tests(name, programs[name], *([] if name == f"bpy-{WHOLE}" else BETWEEN))
 
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        for part in pool.map(tested, programs):
-            tally.add(part)
+    # The newest, which runs all of them, first.
+    for part in QUEUE.map(BLENDER_WEIGHT, tested, reversed(programs)):
+        tally.add(part)
     return tally
 
 
@@ -227,8 +243,12 @@ PARTS = {
 # What a part runs with must be built in this run, not be what an earlier one left.
 NEEDS_BUILD = {"native", "blender", "window", "package", "bpy", "lint"}
 NEEDS_SANITIZE = {"fuzz"}
-# Compiled and run beside the other parts, most of which keep one core busy.
-SANITIZED_LANE = {"sanitize", "fuzz"}
+ON_SANITIZED = {"sanitize", "fuzz"}
+# The bpy wheels are fetched for these while the compiler is busy.
+NEEDS_BPY = {"package", "bpy"}
+
+
+LISTED = 20  # commands that took the most processor time
 
 
 def chosen_parts(names):
@@ -240,6 +260,11 @@ def chosen_parts(names):
     if NEEDS_SANITIZE & set(parts) and "sanitize" not in parts:
         parts.insert(parts.index("fuzz"), "sanitize")
     return parts
+
+
+def fetch_bpy():
+    for version in VERSIONS:
+        bpy_python(version)
 
 
 def run_part(name):
@@ -270,19 +295,26 @@ def main():
     total = Tally()
     parts = chosen_parts(options.parts)
     say(f"Testing {ROOT} in {len(parts)} parts; logs in {LOGS.relative_to(ROOT)}/")
+    if NEEDS_BPY & set(parts):
+        threading.Thread(target=fetch_bpy, daemon=True).start()
     if "build" in parts:
         parts.remove("build")
         total.add(run_part("build"))
     if total.failed:
         say("Nothing else can run without the build.")
-    else:
-        lanes = [[name for name in parts if (name in SANITIZED_LANE) == sanitized] for sanitized in (True, False)]
-        with concurrent.futures.ThreadPoolExecutor(len(lanes)) as pool:
-            for tallies in pool.map(lambda lane: [run_part(name) for name in lane], lanes):
-                for tally in tallies:
-                    total.add(tally)
+    elif parts:
+        if ON_SANITIZED & set(parts):
+            cores = os.cpu_count() or 1
+            jobs = cores if ON_SANITIZED >= set(parts) else max(1, cores // 2)
+            BUILDS["sanitize"] = QUEUE.submit(BUILD_WEIGHT, build_sanitized, jobs)
+        # A thread a part hands its pieces to the queue, in which the processors are the parts' common.
+        with concurrent.futures.ThreadPoolExecutor(len(parts)) as pool:
+            for tally in pool.map(run_part, parts):
+                total.add(tally)
     took = datetime.timedelta(seconds=round(time.monotonic() - started))
-    say(f"Took {took}.")
+    say(f"Took {took}; {sum(spent for spent, _, _ in SPENT) / 60:.0f} minutes of processor time, the most in:")
+    for spent, seconds, name in sorted(SPENT, reverse=True)[:LISTED]:
+        say(f"  {name:28} {spent:6.0f} s, {seconds:6.0f} s by the clock")
     if total.failed:
         say("Failed: " + ", ".join(test for test, _ in total.failed))
     say(str(total))

@@ -25,7 +25,7 @@ SANITIZER_ENVIRONMENT = {
 LONG_TESTS = ["FitLatent.FindsPlasticine", "FitNeural.FindsAFluidWithoutBeingToldThatItFlows",
               "FitCorrection.OfTwoBodies*"]
 
-# Tests that run one after another in one process, so that a piece takes about half a minute.
+# How many tests run one after another in one process, so that a piece takes about half a minute.
 TESTS_A_PIECE = {"test_job": 6, "test_mpm": 12, "test_fit": 20}
 
 # What runs under the sanitizers: the solver, every parser, the fits' core and the job documents.

@@ -40,8 +40,8 @@ LIBRARY = {
     "MATTERFIT_REQUIRE_LIBRARY": "1",
     "MATTERFIT_REQUIRE_SLURM": "1",
 }
-# What a piece of a part's work weighs in the queue: first the instrumented build, which others wait for,
-# on half of the processors, and what runs one after another for minutes; then what others wait for.
+# What a piece of a part's work weighs in the queue: first the instrumented build, which two parts wait for,
+# then what takes minutes in one process, then the tests that had to wait.
 BUILD_WEIGHT, WINDOW_WEIGHT, BLENDER_WEIGHT, SANITIZED_WEIGHT, PIECE_WEIGHT = 5000, 600, 500, 200, 100
 BUILDS = {}  # futures of what parts wait for
 
@@ -247,7 +247,6 @@ ON_SANITIZED = {"sanitize", "fuzz"}
 # The bpy wheels are fetched for these while the compiler is busy.
 NEEDS_BPY = {"package", "bpy"}
 
-
 LISTED = 20  # commands that took the most processor time
 
 
@@ -305,7 +304,8 @@ def main():
     elif parts:
         if ON_SANITIZED & set(parts):
             cores = os.cpu_count() or 1
-            jobs = cores if ON_SANITIZED >= set(parts) else max(1, cores // 2)
+            # Half of the processors, and one more, so that none waits should the others' work end first.
+            jobs = cores if ON_SANITIZED >= set(parts) else cores // 2 + 1
             BUILDS["sanitize"] = QUEUE.submit(BUILD_WEIGHT, build_sanitized, jobs)
         # A thread a part hands its pieces to the queue, in which the processors are the parts' common.
         with concurrent.futures.ThreadPoolExecutor(len(parts)) as pool:

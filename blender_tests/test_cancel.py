@@ -71,6 +71,32 @@ class CancelTest(WithClip):
         job = self.cancelled("bake", filling)
         self.assertEqual(job.snapshot.stage, "Filling bodies")
 
+    def test_while_a_mesh_is_analysed(self):
+        """Of two million triangles, before anything of it is filled."""
+        self.settings.bodies.clear()
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700, size=2.0,
+                                        location=(0.0, 0.0, 2.0))
+        item = bpy.context.active_object
+        item.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.3
+        self.body(item)
+        self.settings.solver.particle_separation = 0.05
+        began = []
+
+        def analysing(job):
+            if job.begun and job.snapshot.stage == "Filling bodies" and not began:
+                began.append(time.process_time())
+            return bool(began) and time.process_time() - began[0] > 0.3
+
+        job = self.cancelled("bake", analysing)
+        self.assertEqual(job.snapshot.stage, "Filling bodies")
+
+    def test_while_the_simulation_is_prepared(self):
+        """Of half a million particles, which takes a second."""
+        self.settings.output.mesh = False
+        self.settings.solver.particle_separation = 0.0025
+        job = self.cancelled("bake", lambda job: job.snapshot.stage == "Preparing")
+        self.assertEqual(job.snapshot.stage, "Preparing")
+
     def test_preview_and_compare(self):
         self.cancelled("preview", lambda job: job.snapshot.frame >= 2)
         self.assertFalse(self.settings.preview.baked)

@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "base/cancel_check.hpp"
 #include "base/error.hpp"
 #include "capture/point_tree.hpp"
 
@@ -118,8 +119,10 @@ MeshBinding::MeshBinding(std::span<const Vec3d> points, std::span<const Vec3d> r
   const Tree tree(3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams(16));
   std::vector<PointBinding> bindings(points.size());
   arena.parallel_for(0, points.size(), 64, [&](std::size_t i) {
+    if (options.interrupter != nullptr && options.interrupter->cancelled()) return;
     bindings[i] = bind_point(points_[i], rest_, tree, separation, options);
   });
+  check_cancel(options.interrupter);
   first_.assign(1, 0);
   for (std::size_t i = 0; i < bindings.size(); ++i) {
     const PointBinding& binding = bindings[i];

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
 #include "capture/particles.hpp"
@@ -27,6 +28,7 @@ struct BindingOptions {
   double radius = 2.0;          ///< of the kernel, in particle separations
   std::size_t neighbours = 64;  ///< at most, the nearest
   BindingGradient gradient = BindingGradient::kParticle;
+  const Interrupter* interrupter = nullptr;  ///< asked meanwhile, if given: Error(kCancelled)
 };
 
 /// Binds points X (vertices of render meshes, markers, splats; inside, on or outside the body) to

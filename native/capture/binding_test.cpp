@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 
+#include "base/error.hpp"
 #include "base/message_for_test.hpp"
 #include "capture/specimens_for_test.hpp"
 
@@ -196,6 +197,23 @@ TEST(Binding, RefusesWhatCannotBeBound) {
   EXPECT_NE(
       message_of(ErrorKind::kInput, [&] { (void)b.positions(body.view(), arena); }).find("64"),
       std::string::npos);
+}
+
+TEST(Binding, AnswersCancel) {
+  Arena arena(2);
+  Interrupter interrupter;
+  BindingOptions options;
+  options.interrupter = &interrupter;
+  const std::vector<Vec3d> points(1000, Vec3d(0.1, 0.2, 0.3));
+  const std::vector<Vec3d> rest{Vec3d::Zero(), Vec3d::UnitX(), Vec3d::UnitY(), Vec3d::UnitZ()};
+  EXPECT_EQ(MeshBinding(points, rest, 1.0, options, arena).points(), 1000U);
+  interrupter.cancel();
+  try {
+    const MeshBinding binding(points, rest, 1.0, options, arena);
+    FAIL() << "it was bound in spite of Cancel";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kCancelled) << error.what();
+  }
 }
 
 TEST(Binding, LocalSpaceIsTheObjects) {

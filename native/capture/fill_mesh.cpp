@@ -16,9 +16,10 @@ namespace {
 
 class MeshShape final : public FillShape {
  public:
-  MeshShape(std::vector<shape::Triangle> triangles, std::vector<Vec3f> vertices)
-      : mesh_(std::move(triangles), {std::move(vertices)},
-              std::numeric_limits<double>::infinity()) {}
+  MeshShape(std::vector<shape::Triangle> triangles, std::vector<Vec3f> vertices,
+            const Interrupter* interrupter)
+      : mesh_(std::move(triangles), {std::move(vertices)}, std::numeric_limits<double>::infinity(),
+              interrupter) {}
 
   [[nodiscard]] Surface at(const Vec3d& x) const override {
     const auto hit = mesh_.at(x);
@@ -136,7 +137,7 @@ FilledBody fill_polygons(const Mesh& mesh, const FillOptions& options, std::stri
       shape::triangulate("Mesh to fill", mesh.vertices, mesh.face_sizes, mesh.face_vertices);
   std::vector<std::vector<Vec3f>> frames{mesh.vertices};
   look_at_cancel(options);
-  const shape::MeshTopology found = shape::analyse_topology(triangles, frames);
+  const shape::MeshTopology found = shape::analyse_topology(triangles, frames, options.interrupter);
   look_at_cancel(options);
   const auto note = [&](const std::string& text) { notes += (notes.empty() ? "" : " ") + text; };
   if (found.triangles.empty()) {
@@ -162,7 +163,7 @@ FilledBody fill_polygons(const Mesh& mesh, const FillOptions& options, std::stri
                      plural(found.non_manifold_edges)));
   }
   look_at_cancel(options);
-  const MeshShape shape(std::move(closed), std::move(frames[0]));
+  const MeshShape shape(std::move(closed), std::move(frames[0]), options.interrupter);
   look_at_cancel(options);
   if (shape.mesh().turned_shells() > 0) {
     note(fmt::format("{} of {} shell{} faced inward and was turned.", shape.mesh().turned_shells(),

@@ -73,6 +73,7 @@ class Simulation {
     /// run must be of the same kind. For one body without pins, masses and branches, in a scene
     /// without updated bodies.
     bool hand_over = false;
+    const Interrupter* interrupter = nullptr;  ///< asked while the simulation is prepared, if given
   };
 
   Simulation(Scene scene, std::shared_ptr<Arena> arena, Options options);

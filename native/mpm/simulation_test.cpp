@@ -311,6 +311,29 @@ TEST(Simulation, BodyInsideAColliderIsRefusedByName) {
   }
 }
 
+TEST(Simulation, CancelEndsItsPreparation) {
+  const Scene solid = scene_with(block("cube", Vec3d::Zero(), Vec3i(4, 4, 4), 0.01), 0.02);
+  Scene flow = scene_with(block("cube", Vec3d::Zero(), Vec3i(30, 30, 30), 0.01), 0.02);
+  flow.bodies[0].formulation = Formulation::kUpdated;
+  Interrupter interrupter;
+  Simulation::Options options;
+  options.interrupter = &interrupter;
+  const auto prepare = [&](const Scene& scene) {
+    const Simulation simulation(scene, std::make_shared<Arena>(1), options);
+  };
+  prepare(solid);
+  prepare(flow);
+  interrupter.cancel();
+  for (const Scene& scene : {solid, flow}) {
+    try {
+      prepare(scene);
+      ADD_FAILURE() << "it was prepared in spite of Cancel";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kCancelled) << error.what();
+    }
+  }
+}
+
 TEST(Simulation, CancelEndsAFrame) {
   Simulation simulation(scene_with(block("cube", Vec3d::Zero(), Vec3i(4, 4, 4), 0.01), 0.02),
                         std::make_shared<Arena>(1));

@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "base/cancel_check.hpp"
 #include "base/clock.hpp"
 #include "base/error.hpp"
 #include "mpm/body_terms.hpp"
@@ -39,9 +40,12 @@ Stepper<S>::Stepper(Scene scene, std::shared_ptr<Arena> arena, const Simulation:
   }
   frame_ = scene_.first_frame;
   if (scene_.walls) add_walls();
+  check_cancel(options.interrupter);
   add_inertia(scene_);
   check_start();
+  check_cancel(options.interrupter);
   build_groups();
+  options_.interrupter = nullptr;  // it may not live on
 }
 
 template <class S>
@@ -51,7 +55,7 @@ void Stepper<S>::build_groups() {
   body_contacts_.reset();
   updated_.reset();
   renewed_.reset();
-  total_ = std::make_unique<TotalGroup<S>>(scene_, table);
+  total_ = std::make_unique<TotalGroup<S>>(scene_, table, options_.interrupter);
   std::vector<std::size_t> renewed;
   for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
     if (is_renewed(scene_.bodies[i])) {
@@ -65,9 +69,10 @@ void Stepper<S>::build_groups() {
         scene_, renewed, renewed_kernels<S>(options_.target), options_.memory_limit);
   }
   if (!updated_bodies_.empty()) {
-    updated_ =
-        std::make_unique<UpdatedGroup<S>>(scene_, updated_bodies_, table, options_.memory_limit);
+    updated_ = std::make_unique<UpdatedGroup<S>>(scene_, updated_bodies_, table,
+                                                 options_.memory_limit, options_.interrupter);
   }
+  check_cancel(options_.interrupter);
   if constexpr (std::is_same_v<S, float>) {
     std::vector<BodyContacts::Member> members;
     for (std::size_t m = 0; m < total_->size(); ++m) {

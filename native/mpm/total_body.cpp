@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/cancel_check.hpp"
 #include "base/error.hpp"
 #include "mpm/total_block_field.hpp"
 #include "mpm/total_pins.hpp"
@@ -20,13 +21,14 @@ constexpr double kSeenShare = 0.1;
 }  // namespace
 
 template <class S>
-TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& kernels)
+TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& kernels,
+                        const Interrupter* interrupter)
     : name_(body.name),
       density_(body.density),
       law_(material::law_constants<S>(body.material)),
       energy_law_(material::law_constants<double>(body.material)),
       kernels_(&kernels),
-      grid_(body, scene),
+      grid_(body, scene, interrupter),
       pins_(std::make_unique<TotalPins>(body, grid_)) {
   displacement_.assign(grid_.node_blocks() * kNodeBlock, 0.0);
   velocity_.assign(grid_.node_blocks() * kNodeBlock, 0.0);
@@ -65,9 +67,12 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   maxwell_.assign(grid_.chunks() * 12 * kLanes * law_.maxwell_count, S(0));
   acceleration_.assign(displacement_.size(), 0.0);
   free_.assign(displacement_.size(), 0.0);
+  check_cancel(interrupter);
   share_masses();
+  check_cancel(interrupter);
   if (!law_.plastic) ties_ = std::make_unique<SkinTies>(grid_, density_, pins_->deferred());
 
+  check_cancel(interrupter);
   const Vec3d velocity = grid_.axes().transpose() * body.velocity;
   const Vec3d spin = grid_.axes().transpose() * body.spin;
   std::vector<Vec3d> extra(grid_.mass().size(), Vec3d::Zero());

@@ -56,7 +56,8 @@ struct TotalSubstep {
 template <class S>
 class TotalBody {
  public:
-  TotalBody(const Body& body, const Scene& scene, const Kernels<S>& kernels);
+  TotalBody(const Body& body, const Scene& scene, const Kernels<S>& kernels,
+            const Interrupter* interrupter = nullptr);
   ~TotalBody();
   TotalBody(const TotalBody&) = delete;
   TotalBody& operator=(const TotalBody&) = delete;

@@ -7,6 +7,7 @@
 #include <set>
 #include <string>
 
+#include "base/cancel_check.hpp"
 #include "base/error.hpp"
 #include "mpm/spline_weights.hpp"
 
@@ -55,7 +56,7 @@ Vec3d grid_phase(const Body& body, double dx, const Mat3d& axes, const Vec3d& or
 
 }  // namespace
 
-TotalGrid::TotalGrid(const Body& body, const Scene& scene)
+TotalGrid::TotalGrid(const Body& body, const Scene& scene, const Interrupter* interrupter)
     : dx_(scene.dx),
       axes_(body.lattice.axes.normalized().toRotationMatrix()),
       origin_(body.lattice.origin),
@@ -72,15 +73,20 @@ TotalGrid::TotalGrid(const Body& body, const Scene& scene)
                   " is too far from the others for this particle separation. Is the unit right?");
     }
   }
+  check_cancel(interrupter);
   find_surface(body.lattice);
+  check_cancel(interrupter);
   index_skin(body.skin);
+  check_cancel(interrupter);
   Points coordinates(rest_.size());
   for (std::size_t p = 0; p < rest_.size(); ++p) {
     for (int axis = 0; axis < 3; ++axis) coordinates[p][axis] = node_coordinate(rest_[p], axis);
   }
   const double edge = body.lattice.regular ? body.lattice.spacing / dx_ : 0.0;
   quadrature_ = cell_quadrature(coordinates, volumes_, edge);
+  check_cancel(interrupter);
   place_points();
+  check_cancel(interrupter);
   link_blocks();
   lump_mass(body.density);
 }

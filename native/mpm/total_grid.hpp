@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/interrupter.hpp"
 #include "base/vec.hpp"
 #include "mpm/kernels.hpp"
 #include "mpm/layout.hpp"
@@ -33,7 +34,7 @@ struct CellPoint {
 /// origin).
 class TotalGrid {
  public:
-  TotalGrid(const Body& body, const Scene& scene);
+  TotalGrid(const Body& body, const Scene& scene, const Interrupter* interrupter = nullptr);
 
   [[nodiscard]] std::size_t particles() const { return rest_.size(); }
   [[nodiscard]] std::size_t blocks() const { return block_nodes_.size(); }

@@ -6,6 +6,7 @@
 #include <sstream>
 #include <utility>
 
+#include "base/cancel_check.hpp"
 #include "mpm/scene_check.hpp"
 #include "mpm/unstable_error.hpp"
 
@@ -47,13 +48,17 @@ bool TotalGroup<S>::Member::needs_probe() const {
 }
 
 template <class S>
-TotalGroup<S>::TotalGroup(const Scene& scene, const Kernels<S>& kernels) : scene_(scene) {
+TotalGroup<S>::TotalGroup(const Scene& scene, const Kernels<S>& kernels,
+                          const Interrupter* interrupter)
+    : scene_(scene) {
   for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
     if (!is_total(scene.bodies[i])) continue;
     Member member;
     member.index = i;
-    member.body = std::make_unique<TotalBody<S>>(scene.bodies[i], scene, kernels);
+    member.body = std::make_unique<TotalBody<S>>(scene.bodies[i], scene, kernels, interrupter);
+    check_cancel(interrupter);
     member.contact = std::make_unique<TotalContact<S>>(scene.bodies[i], scene, *member.body);
+    check_cancel(interrupter);
     member.terms = std::make_unique<TotalTerms<S>>(scene, scene.bodies[i], *member.body);
     member.start = member.body->mass_moment(0.0);
     member.budget = member.body->kinetic_energy();

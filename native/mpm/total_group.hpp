@@ -47,7 +47,8 @@ struct TotalMemberState {
 template <class S>
 class TotalGroup {
  public:
-  TotalGroup(const Scene& scene, const Kernels<S>& kernels);
+  TotalGroup(const Scene& scene, const Kernels<S>& kernels,
+             const Interrupter* interrupter = nullptr);
 
   [[nodiscard]] std::size_t size() const { return members_.size(); }
   /// Into scene.bodies.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "base/cancel_check.hpp"
 #include "base/error.hpp"
 #include "mpm/halo.hpp"
 #include "mpm/initial_velocity.hpp"
@@ -48,7 +49,7 @@ struct UpdatedGroup<S>::Impl {
   };
 
   Impl(const Scene& s, const std::vector<std::size_t>& bodies, const Kernels<S>& k,
-       std::size_t limit)
+       std::size_t limit, const Interrupter* interrupter)
       : scene(&s),
         kernels(&k),
         memory_limit(limit),
@@ -59,15 +60,17 @@ struct UpdatedGroup<S>::Impl {
         grid(s.dx, bodies.size()),
         blocks(grid.blocks) {
     frame_seconds = 1.0 / s.fps;
-    for (const std::size_t index : bodies) add_member(s.bodies[index], index);
-    scatter_all();
+    CancelCheck check(interrupter);
+    for (const std::size_t index : bodies) add_member(s.bodies[index], index, check);
+    scatter_all(check);
   }
 
-  void add_member(const Body& body, std::size_t index) {
+  void add_member(const Body& body, std::size_t index, CancelCheck& check) {
     members.push_back(make_updated_member<S>(body, index, contact.colliders(), dx));
     const std::size_t slot = members.size() - 1;
     const Vec3d center = center_of_volume(body);
     for (std::size_t p = 0; p < body.rest.size(); ++p) {
+      check();
       contact.allow(std::cbrt(body.volumes[p]));
       max_speed = std::max(max_speed, start_velocity(body, p, center).norm());
       const UpdatedStart<S> start = updated_start<S>(body, p, dx, center);
@@ -78,10 +81,11 @@ struct UpdatedGroup<S>::Impl {
   }
 
   /// The first transfer: every particle enters its block.
-  void scatter_all() {
+  void scatter_all(CancelCheck& check) {
     for (std::size_t b = 0; b < blocks.size(); ++b) {
       for (std::size_t m = 0; m < members.size(); ++m) {
         for (const Crosser<S>& particle : blocks[b].leaving[m]) {
+          check();
           blocks[b].bodies[m].insert(particle);
           scatter(blocks[b], m, particle, S(0));
         }
@@ -246,8 +250,9 @@ struct UpdatedGroup<S>::Impl {
 
 template <class S>
 UpdatedGroup<S>::UpdatedGroup(const Scene& scene, const std::vector<std::size_t>& bodies,
-                              const Kernels<S>& kernels, std::size_t memory_limit)
-    : impl_(std::make_unique<Impl>(scene, bodies, kernels, memory_limit)) {}
+                              const Kernels<S>& kernels, std::size_t memory_limit,
+                              const Interrupter* interrupter)
+    : impl_(std::make_unique<Impl>(scene, bodies, kernels, memory_limit, interrupter)) {}
 template <class S>
 UpdatedGroup<S>::~UpdatedGroup() = default;
 

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "mpm/kernels.hpp"
 #include "mpm/scene.hpp"
@@ -24,7 +25,8 @@ template <class S>
 class UpdatedGroup {
  public:
   UpdatedGroup(const Scene& scene, const std::vector<std::size_t>& bodies,
-               const Kernels<S>& kernels, std::size_t memory_limit);
+               const Kernels<S>& kernels, std::size_t memory_limit,
+               const Interrupter* interrupter = nullptr);
   ~UpdatedGroup();
   UpdatedGroup(const UpdatedGroup&) = delete;
   UpdatedGroup& operator=(const UpdatedGroup&) = delete;

@@ -30,7 +30,7 @@ class MeshCollider final : public Collider {
         motion_(what_, std::move(pose)),
         times_(std::move(times)),
         options_(resolve(frames, options)),
-        mesh_(std::move(triangles), std::move(frames), options_.band) {
+        mesh_(std::move(triangles), std::move(frames), options_.band, options_.interrupter) {
     if (mesh_.shell_count() == 0) {
       throw_input(what_ + ": every face of the mesh is degenerate (two corners are the same).");
     }

@@ -4,10 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
+#include <numeric>
 #include <random>
 #include <thread>
 
 #include "base/error.hpp"
+#include "shape/mesh_distance.hpp"
 #include "shape/mesh_shapes_for_test.hpp"
 
 namespace matterfit::shape {
@@ -74,6 +77,29 @@ TEST(MeshCollider, IsCancelledWhileItIsMade) {
     FAIL() << "it was made in spite of Cancel";
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::kCancelled);
+  }
+}
+
+TEST(MeshCollider, CancelEndsTheAnalysisOfAMesh) {
+  // Each of its steps looks by itself: what comes first would hide that the next does not.
+  const PolygonArrays mesh = sphere(Vec3f::Zero(), 1.0F, 100);
+  const auto triangles = triangulate("sphere", mesh.vertices, mesh.face_sizes, mesh.face_vertices);
+  const std::vector<std::vector<Vec3f>> frames{mesh.vertices};
+  Interrupter interrupter;
+  const MeshTopology topology = analyse_topology(triangles, frames, &interrupter);
+  std::vector<std::int32_t> members(topology.triangles.size());
+  std::iota(members.begin(), members.end(), 0);
+  interrupter.cancel();
+  for (const std::function<void()>& step : std::vector<std::function<void()>>{
+           [&] { (void)analyse_topology(triangles, frames, &interrupter); },
+           [&] { const TriangleTree tree(topology, members, frames, &interrupter); },
+           [&] { const MeshDistance distance(triangles, frames, 0.1, &interrupter); }}) {
+    try {
+      step();
+      ADD_FAILURE() << "it went on";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kCancelled) << error.what();
+    }
   }
 }
 

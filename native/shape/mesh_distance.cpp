@@ -15,9 +15,9 @@ Vec3d triangle_normal(const Triangle& t, const VertexView& at) {
 }  // namespace
 
 MeshDistance::MeshDistance(std::vector<Triangle> triangles, std::vector<std::vector<Vec3f>> frames,
-                           double sheet_thickness)
+                           double sheet_thickness, const Interrupter* interrupter)
     : frames_(std::move(frames)),
-      topology_(analyse_topology(std::move(triangles), frames_)),
+      topology_(analyse_topology(std::move(triangles), frames_, interrupter)),
       sheet_thickness_(sheet_thickness) {
   const std::size_t shells = topology_.shell_count();
   std::vector<std::vector<std::int32_t>> members(shells);
@@ -27,7 +27,8 @@ MeshDistance::MeshDistance(std::vector<Triangle> triangles, std::vector<std::vec
   volumes_ = shell_volumes(topology_, frames_[0]);
   for (std::size_t s = 0; s < shells; ++s) {
     kinds_.push_back(topology_.shell_boundary[s] > 0 ? Kind::kSheet : Kind::kSolid);
-    trees_.push_back(std::make_unique<TriangleTree>(topology_, std::move(members[s]), frames_));
+    trees_.push_back(
+        std::make_unique<TriangleTree>(topology_, std::move(members[s]), frames_, interrupter));
   }
   order_.resize(shells);
   std::iota(order_.begin(), order_.end(), std::size_t{0});
@@ -53,7 +54,8 @@ MeshDistance::MeshDistance(std::vector<Triangle> triangles, std::vector<std::vec
     volumes_[s] = -volumes_[s];
     ++turned_shells_;
     // Its dipoles have turned too.
-    trees_[s] = std::make_unique<TriangleTree>(topology_, trees_[s]->members(), frames_);
+    trees_[s] =
+        std::make_unique<TriangleTree>(topology_, trees_[s]->members(), frames_, interrupter);
   }
 }
 

@@ -32,9 +32,10 @@ class MeshDistance {
     std::int32_t triangle = -1;  ///< −1: nothing within reach
   };
 
-  /// `frames` must not be empty; all have equally many vertices.
+  /// `frames` must not be empty; all have equally many vertices. Throws Error(kCancelled) soon
+  /// after that was asked of `interrupter`.
   MeshDistance(std::vector<Triangle> triangles, std::vector<std::vector<Vec3f>> frames,
-               double sheet_thickness);
+               double sheet_thickness, const Interrupter* interrupter = nullptr);
   MeshDistance(const MeshDistance&) = delete;
   MeshDistance& operator=(const MeshDistance&) = delete;
 

@@ -7,6 +7,8 @@
 #include <numeric>
 #include <tuple>
 
+#include "base/cancel_check.hpp"
+
 namespace matterfit::shape {
 namespace {
 
@@ -18,7 +20,7 @@ struct Side {
   bool forward;  ///< runs low → high
 };
 
-std::vector<Side> sorted_sides(const std::vector<Triangle>& triangles) {
+std::vector<Side> sorted_sides(const std::vector<Triangle>& triangles, CancelCheck& check) {
   std::vector<Side> sides;
   sides.reserve(3 * triangles.size());
   for (std::size_t t = 0; t < triangles.size(); ++t) {
@@ -29,7 +31,8 @@ std::vector<Side> sorted_sides(const std::vector<Triangle>& triangles) {
                        static_cast<std::int8_t>(e), a < b});
     }
   }
-  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
+  std::sort(sides.begin(), sides.end(), [&](const Side& a, const Side& b) {
+    check();
     return std::tie(a.low, a.high, a.triangle, a.edge) <
            std::tie(b.low, b.high, b.triangle, b.edge);
   });
@@ -66,7 +69,8 @@ std::size_t drop_degenerate(std::vector<Triangle>& triangles) {
 }
 
 /// For each vertex the first one that coincides with it in every frame.
-std::vector<std::int32_t> coincident(std::span<const std::vector<Vec3f>> frames) {
+std::vector<std::int32_t> coincident(std::span<const std::vector<Vec3f>> frames,
+                                     CancelCheck& check) {
   const std::size_t count = frames[0].size();
   std::vector<std::int32_t> order(count);
   std::iota(order.begin(), order.end(), 0);
@@ -81,6 +85,7 @@ std::vector<std::int32_t> coincident(std::span<const std::vector<Vec3f>> frames)
     return 0;
   };
   std::sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) {
+    check();
     const int side = compare(a, b);
     return side != 0 ? side < 0 : a < b;
   });
@@ -96,19 +101,21 @@ std::vector<std::int32_t> coincident(std::span<const std::vector<Vec3f>> frames)
 }  // namespace
 
 MeshTopology analyse_topology(std::vector<Triangle> triangles,
-                              std::span<const std::vector<Vec3f>> frames) {
+                              std::span<const std::vector<Vec3f>> frames,
+                              const Interrupter* interrupter) {
+  CancelCheck check(interrupter);
   MeshTopology out;
   out.degenerate_triangles = drop_degenerate(triangles);
-  std::vector<Side> sides = sorted_sides(triangles);
+  std::vector<Side> sides = sorted_sides(triangles, check);
   const std::size_t boundary = count_boundary(sides);
   if (boundary > 0) {
-    const std::vector<std::int32_t> map = coincident(frames);
+    const std::vector<std::int32_t> map = coincident(frames, check);
     std::vector<Triangle> welded = triangles;
     for (Triangle& t : welded) {
       for (std::int32_t& corner : t) corner = map[static_cast<std::size_t>(corner)];
     }
     const std::size_t collapsed = drop_degenerate(welded);
-    std::vector<Side> welded_sides = sorted_sides(welded);
+    std::vector<Side> welded_sides = sorted_sides(welded, check);
     if (count_boundary(welded_sides) < boundary) {
       for (std::size_t i = 0; i < map.size(); ++i) {
         out.welded_vertices += map[i] != static_cast<std::int32_t>(i);
@@ -124,6 +131,7 @@ MeshTopology analyse_topology(std::vector<Triangle> triangles,
   std::vector<std::uint8_t> agrees(3 * count, 1);  // does the neighbour face the same way?
   std::vector<std::vector<std::int32_t>> fans;     // triangles around each non-manifold edge
   for_each_edge(sides, [&](std::size_t first, std::size_t last) {
+    check();
     if (last - first == 1) {
       ++out.boundary_edges;
     } else if (last - first == 2) {
@@ -157,6 +165,7 @@ MeshTopology analyse_topology(std::vector<Triangle> triangles,
     out.shells[seed] = shell_count;
     std::size_t turns = 0;
     while (!stack.empty()) {
+      check();
       const auto t = static_cast<std::size_t>(stack.back());
       stack.pop_back();
       members.push_back(static_cast<std::int32_t>(t));
@@ -197,6 +206,7 @@ MeshTopology analyse_topology(std::vector<Triangle> triangles,
 
   out.shell_boundary.assign(static_cast<std::size_t>(merged), 0);
   for (std::size_t t = 0; t < count; ++t) {
+    check();
     for (std::size_t e = 0; e < 3; ++e) {
       out.shell_boundary[static_cast<std::size_t>(out.shells[t])] +=
           out.twins[3 * t + e] == MeshTopology::kBoundary;
@@ -219,6 +229,7 @@ MeshTopology analyse_topology(std::vector<Triangle> triangles,
   out.vertex_triangles.resize(3 * count);
   std::vector<std::int32_t> next(out.vertex_offsets.begin(), out.vertex_offsets.end() - 1);
   for (std::size_t t = 0; t < count; ++t) {
+    check();
     for (const std::int32_t v : triangles[t]) {
       out.vertex_triangles[static_cast<std::size_t>(next[static_cast<std::size_t>(v)]++)] =
           static_cast<std::int32_t>(t);

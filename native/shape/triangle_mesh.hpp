@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "base/interrupter.hpp"
 #include "base/vec.hpp"
 
 namespace matterfit::shape {
@@ -45,9 +46,11 @@ struct MeshTopology {
 
 /// Finds edges, shells and consistent orientation (each shell keeps that of the majority). Where
 /// the mesh has boundary edges, corners that coincide in every one of `frames` (arrays of equally
-/// many vertices) are joined first if that closes any.
+/// many vertices) are joined first if that closes any. Throws Error(kCancelled) soon after that was
+/// asked of `interrupter`.
 [[nodiscard]] MeshTopology analyse_topology(std::vector<Triangle> triangles,
-                                            std::span<const std::vector<Vec3f>> frames);
+                                            std::span<const std::vector<Vec3f>> frames,
+                                            const Interrupter* interrupter = nullptr);
 
 /// Reverses every triangle of `shell`.
 void turn_shell(MeshTopology& topology, std::int32_t shell);

@@ -67,8 +67,10 @@ NearestTriangle nearest_on_triangle(const Vec3d& x, const Vec3d& a, const Vec3d&
 }
 
 TriangleTree::TriangleTree(const MeshTopology& topology, std::vector<std::int32_t> members,
-                           std::span<const std::vector<Vec3f>> frames)
+                           std::span<const std::vector<Vec3f>> frames,
+                           const Interrupter* interrupter)
     : topology_(topology), frames_(frames), members_(std::move(members)) {
+  CancelCheck check(interrupter);
   std::vector<Vec3f> centroids(topology.triangles.size());
   for (const std::int32_t t : members_) {
     Vec3f sum = Vec3f::Zero();
@@ -78,12 +80,13 @@ TriangleTree::TriangleTree(const MeshTopology& topology, std::vector<std::int32_
     centroids[static_cast<std::size_t>(t)] = sum;
   }
   nodes_.reserve(members_.size());
-  build(0, members_.size(), centroids);
+  build(0, members_.size(), centroids, check);
 
   boxes_.resize(frames.size());
   for (std::size_t f = 0; f < frames.size(); ++f) {
     boxes_[f].resize(nodes_.size());
     for (std::size_t n = nodes_.size(); n-- > 0;) {
+      check();
       Box& box = boxes_[f][n];
       if (nodes_[n].count == 0) {
         const Box& left = boxes_[f][n + 1];
@@ -110,6 +113,7 @@ TriangleTree::TriangleTree(const MeshTopology& topology, std::vector<std::int32_
   std::vector<double> weight(nodes_.size(), 0.0);
   const VertexView at = view(0, 0.0);
   for (std::size_t n = nodes_.size(); n-- > 0;) {
+    check();
     Dipole& dipole = dipoles_[n];
     dipole.area.setZero();
     dipole.centre.setZero();
@@ -138,7 +142,7 @@ TriangleTree::TriangleTree(const MeshTopology& topology, std::vector<std::int32_
 }
 
 std::int32_t TriangleTree::build(std::size_t begin, std::size_t end,
-                                 const std::vector<Vec3f>& centroids) {
+                                 const std::vector<Vec3f>& centroids, CancelCheck& check) {
   const std::size_t index = nodes_.size();
   nodes_.push_back({static_cast<std::int32_t>(begin), static_cast<std::int32_t>(end - begin)});
   if (end - begin <= kLeafSize) return static_cast<std::int32_t>(index);
@@ -154,12 +158,13 @@ std::int32_t TriangleTree::build(std::size_t begin, std::size_t end,
   const std::size_t middle = (begin + end) / 2;
   const auto at = [&](std::size_t i) { return members_.begin() + static_cast<std::ptrdiff_t>(i); };
   std::nth_element(at(begin), at(middle), at(end), [&](std::int32_t a, std::int32_t b) {
+    check();
     const float x = centroids[static_cast<std::size_t>(a)][axis];
     const float y = centroids[static_cast<std::size_t>(b)][axis];
     return x != y ? x < y : a < b;
   });
-  build(begin, middle, centroids);
-  const std::int32_t right = build(middle, end, centroids);
+  build(begin, middle, centroids, check);
+  const std::int32_t right = build(middle, end, centroids, check);
   nodes_[index] = {right, 0};
   return static_cast<std::int32_t>(index);
 }

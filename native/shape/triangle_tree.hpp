@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "base/cancel_check.hpp"
 #include "base/vec.hpp"
 #include "shape/triangle_mesh.hpp"
 
@@ -41,9 +42,11 @@ struct NearestTriangle {
 /// is that of the first frame, the boxes follow the vertices. Immutable.
 class TriangleTree {
  public:
-  /// `members` must not be empty; `topology` and `frames` must outlive the tree.
+  /// `members` must not be empty; `topology` and `frames` must outlive the tree. Throws
+  /// Error(kCancelled) soon after that was asked of `interrupter`.
   TriangleTree(const MeshTopology& topology, std::vector<std::int32_t> members,
-               std::span<const std::vector<Vec3f>> frames);
+               std::span<const std::vector<Vec3f>> frames,
+               const Interrupter* interrupter = nullptr);
 
   /// Exact nearest point nearer than √nearest.distance2 of the mesh between `frame` (s = 0) and the
   /// next one (s = 1). Leaves `nearest` alone if there is none.
@@ -69,7 +72,8 @@ class TriangleTree {
     double radius;
   };
 
-  std::int32_t build(std::size_t begin, std::size_t end, const std::vector<Vec3f>& centroids);
+  std::int32_t build(std::size_t begin, std::size_t end, const std::vector<Vec3f>& centroids,
+                     CancelCheck& check);
   [[nodiscard]] VertexView view(std::size_t frame, double s) const;
   [[nodiscard]] double box_distance2(std::size_t node, const Vec3d& x, std::size_t frame,
                                      double s) const;

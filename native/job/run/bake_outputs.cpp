@@ -26,8 +26,9 @@ std::size_t index_of(const mpm::Scene& scene, const std::string& name) {
   throw_input("there is no body '" + name + "' in the scene.");
 }
 
-capture::BindingOptions binding_options(const mpm::Body& body) {
+capture::BindingOptions binding_options(const mpm::Body& body, const Interrupter& interrupter) {
   capture::BindingOptions options;
+  options.interrupter = &interrupter;
   options.gradient = body.material.traits().elastic() ? capture::BindingGradient::kParticle
                                                       : capture::BindingGradient::kFitted;
   return options;
@@ -120,14 +121,15 @@ void BakeOutputs::add_mesh(std::size_t index) {
     const mpm::Body& body = scene_.bodies[bound->body];
     if (doc.cage) {
       bake::CageOptions options;
-      options.binding = binding_options(body);
+      options.binding = binding_options(body, interrupter_);
       bound->cage.emplace(mesh, body.rest, separation_, options, arena_);
       const auto farthest = bound->cage->farthest();
       if (farthest.distance > 2.0 * separation_) {
         note_distance(path, doc.body, farthest.distance, 1);
       }
     } else {
-      bound->mesh.emplace(points, body.rest, separation_, binding_options(body), arena_);
+      bound->mesh.emplace(points, body.rest, separation_, binding_options(body, interrupter_),
+                          arena_);
       const std::size_t far = bound->mesh->count_beyond(2.0 * separation_);
       if (far > 0) note_distance(path, doc.body, bound->mesh->farthest().distance, far);
     }
@@ -160,7 +162,7 @@ void BakeOutputs::add_splats(std::size_t index) {
     }
     const std::size_t body = index_of(scene_, doc.body);
     capture::MeshBinding binding(points, scene_.bodies[body].rest, separation_,
-                                 binding_options(scene_.bodies[body]), arena_);
+                                 binding_options(scene_.bodies[body], interrupter_), arena_);
     const std::size_t far = binding.count_beyond(2.0 * separation_);
     if (far > 0) note_distance(path, doc.body, binding.farthest().distance, far);
     splats_.push_back(std::make_unique<BoundSplats>(

@@ -160,12 +160,12 @@ class Run {
   void find_start() {
     sound_ = cache_->sound_states();
     if (sound_ == count_) return;
-    const MemoryRefusal refusal{*this};
-    refusal.check();
-    mpm::Simulation::Options options;
-    options.hand_over = true;
-    options.target = target_;
-    options.memory_limit = static_cast<std::size_t>(1e9 * job_.scene.solver.memory_limit_gb);
+    MemoryRefusal{*this}.check();
+    const mpm::Simulation::Options options{
+        .target = target_,
+        .memory_limit = static_cast<std::size_t>(1e9 * job_.scene.solver.memory_limit_gb),
+        .hand_over = true,
+        .interrupter = &interrupter_};
     report(0.0, "Preparing");
     simulation_ = std::make_unique<mpm::Simulation>(scene(), arena_, options);
     std::size_t start = 0;

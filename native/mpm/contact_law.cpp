@@ -11,6 +11,11 @@ namespace {
 /// Of the body's size: where a default spring is twice as stiff. What it holds: docs/validation.md.
 constexpr double kFirmAt = 0.05;
 
+/// A liquid has no size of its own once it is poured, and its modulus is chosen low: with a cell of
+/// it as a spring two metres of water sank in by 22 cm. A quarter of a cell: 13 cm, less than a
+/// particle separation, for a third more substeps.
+constexpr double kOfLiquid = 4.0;
+
 /// By which default contacts go [Pa].
 double contact_modulus(const Body& body) {
   const double modulus = body.material.p_wave_modulus();
@@ -116,7 +121,11 @@ ContactLaw resolve_contact(const shape::Contact& contact, const Body& body, doub
   if (!(law.stiffness > 0.0)) {
     const double modulus = contact_modulus(body);
     const double size = size_of(body);
-    law.stiffness = std::min(8.0 * modulus / size, modulus / dx);
+    if (body.material.law == material::Law::kNewtonian) {
+      law.stiffness = kOfLiquid * modulus / dx;
+    } else {
+      law.stiffness = std::min(8.0 * modulus / size, modulus / dx);
+    }
     if (body.material.traits().elastic()) law.firm_at = kFirmAt * size;
   }
   return law;

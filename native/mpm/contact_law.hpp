@@ -74,9 +74,9 @@ struct Firmness {
 /// by which defaults go (of resolve_contact()'s M), and that of its own weight under `pull` [m/s²].
 [[nodiscard]] double meeting_pressure(const Body& body, double speed, double pull);
 
-/// Fills in the defaults: stiffness 8 M/size, at most M/dx, with M = λ+2μ, of a solid at most 4μ;
-/// of an elastic body it doubles at a depth of a 20th of the size. The size is the diameter of
-/// the ball of equal volume.
+/// Fills in the defaults: stiffness 8 M/size, at most M/dx, with M = λ+2μ, of a solid at most 4μ,
+/// of a liquid 4 M/dx; of an elastic body it doubles at a depth of a 20th of the size. The size is
+/// the diameter of the ball of equal volume.
 [[nodiscard]] ContactLaw resolve_contact(const shape::Contact& contact, const Body& body,
                                          double dx);
 

@@ -187,17 +187,37 @@ class CompareTest(RecordedBatch):
             self.assertAlmostEqual(self.settings.compare.mean_mm, self.batch.results[index].error,
                                    places=3)
 
-    def test_pressed_again_nothing_is_simulated_anew(self):
+    def test_pressed_again_what_is_finished_is_left_alone(self):
+        """It is not read either: a run that only reads states writes its result anew."""
         self.vary("Cube", "velocity[2]", "-1")
         bpy.ops.matterfit.run_batch()
         folder = takes.locate(self.settings.takes[1]).folder
-        states = {name: os.stat(os.path.join(folder, "state", name)).st_mtime_ns
-                  for name in os.listdir(os.path.join(folder, "state"))}
+        before = self.stamps(folder)
+        self.assertLessEqual({"result.json", "report.json", "manifest.json", "state"}, set(before))
+        error = self.listed()[0][1]
         self.batch.axes[0].values = "-1,-2"
         bpy.ops.matterfit.run_batch()
-        self.assertEqual(len(self.listed()), 2)
-        self.assertEqual({name: os.stat(os.path.join(folder, "state", name)).st_mtime_ns
-                          for name in states}, states)
+        self.assertEqual([name for name, _error in self.listed()], ["-2", "-1"])
+        self.assertEqual(self.listed()[1][1], error)
+        self.assertEqual(self.stamps(folder), before)
+
+    def test_another_recording_is_compared_with(self):
+        """Under the name of the one before."""
+        self.vary("Cube", "velocity[2]", "-2")
+        bpy.ops.matterfit.run_batch()
+        path = os.path.join(self.folder, "clip.npz")
+        with numpy.load(path) as arrays:
+            clip = {name: arrays[name] for name in arrays}
+        clip["positions"] = clip["positions"] + [0.02, 0.0, 0.0]
+        clip["positions"][0, :, 0] -= 0.02
+        files.write_npz(path, clip)
+        bpy.ops.matterfit.run_batch()
+        self.assertAlmostEqual(self.listed()[0][1], 20.0 * 2.0 / 3.0, delta=1.0)
+
+    @staticmethod
+    def stamps(folder):
+        return {name: os.stat(os.path.join(folder, name)).st_mtime_ns for name in os.listdir(folder)
+                if name != "job.json"}
 
     def test_one_that_fails_leaves_the_others_compared(self):
         self.settings.solver.memory_limit = 0.1
@@ -238,7 +258,10 @@ class CompareTest(RecordedBatch):
             self.assertEqual(done.returncode, 0, done.stderr)
         bpy.ops.matterfit.show_batch()
         self.assertEqual([name for name, _error in self.listed()], ["-2", "-1"])
-        self.assertEqual(len(self.settings.takes), 1, "nothing was baked")
+        # Each was baked and compared: takes that can be seen, with their heat-map.
+        self.assertEqual([(take.name, take.baked, take.compared) for take in self.settings.takes][1:],
+                         [("Velocity Z = -1", True, True), ("Velocity Z = -2", True, True)])
+        self.assertTrue(all(take.collection.all_objects for take in list(self.settings.takes)[1:]))
 
     def test_free(self):
         self.vary("Cube", "velocity[2]", "-1")

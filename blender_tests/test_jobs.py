@@ -208,22 +208,22 @@ class ThenRunTest(unittest.TestCase):
         self.first, self.second = Part(result={"n": 1}), Part(result={"n": 2})
         self.seen = []
 
-    def job(self, go_on=None, share=0.4):
+    def job(self, go_on=None):
         def second(outcome):
             self.seen.append(outcome.result)
             return self.second
 
-        return Job("two", lambda: jobs.ThenRun(self.first, go_on or second, share)).start()
+        return Job("two", lambda: jobs.ThenRun(self.first, go_on or second)).start()
 
     def test_one_after_the_other(self):
         job = self.job()
         job.tick()
-        self.assertAlmostEqual(job.fraction, 0.2)
+        self.assertEqual(job.fraction, 0.0)
         self.first.done = True
         job.tick()
         self.assertEqual((job.state, self.seen), (State.RUNNING, [{"n": 1}]))
         job.tick()
-        self.assertAlmostEqual(job.fraction, 0.7)
+        self.assertAlmostEqual(job.fraction, 0.5)
         self.second.done = True
         job.tick()
         self.assertEqual((job.state, job.result), (State.DONE, {"n": 2}))

@@ -94,7 +94,7 @@ class WordsTest(SceneCase):
             self.assertEqual(self.said(text), wanted)
 
     def test_stages(self):
-        for text, wanted in (("Filling", "Filling"), ("Compare: Wedge, 2 of 12 done", "Compare: 2 of 12 done"),
+        for text, wanted in (("Filling", "Filling"), ("Wedge, 2 of 12 done", "2 of 12 done"),
                              ("Checking: Differentiating", "Checking: Trying each value")):
             self.assertEqual(words.stage(text), wanted)
 

@@ -255,7 +255,7 @@ mf_status mf_estimate(const char* json, const char* base_folder, const mf_job_op
   return guarded([&] {
     const job::Job made = read(json, base_folder, given);
     // Before a run only memory is asked for; who asks what baking takes wants to know the time.
-    const bool closely = made.task == job::Task::kBake;
+    const bool closely = made.bakes();
     return give(dump(job::estimate_job(made, run_options(given), closely)), text);
   });
 }

@@ -37,6 +37,8 @@ bool is_finished(const job::WedgeFolder& wedge, std::size_t m, mpm::SimdTarget t
     const auto manifest = job::read_manifest(job.output.folder);
     return manifest && manifest->complete && manifest->task == job::task_name(job.task) &&
            manifest->input_hash == job::hash_inputs(job::simulation_inputs(job, target)) &&
+           (job.task != job::Task::kCompare ||
+            manifest->compared_hash == job::hash_inputs(job::capture_inputs(job))) &&
            std::all_of(manifest->files.begin(), manifest->files.end(), [&](const auto& file) {
              std::error_code code;
              return file.second.hash.empty() ||

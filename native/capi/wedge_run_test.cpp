@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "base/folder_for_test.hpp"
+#include "capture/npz.hpp"
 
 namespace matterfit::capi {
 namespace {
@@ -56,6 +57,34 @@ TEST(RunWedge, AMemberWhoseFilesAreLostIsComputedAgain) {
   }
   const Outcome again = run_wedge(wedge(folder, {"density=900"}), {}, 1, interrupter);
   EXPECT_EQ(job::Json::parse(again.result)["members"][0]["status"], "done");
+}
+
+TEST(RunWedge, AComparedMemberIsSkippedUntilItsRecordingChanges) {
+  const Folder folder;
+  const auto record = [&](double x) {
+    capture::Arrays arrays;
+    arrays["positions"] =
+        capture::Array({3, 1, 3}, std::vector<double>{x, 0.2, 1.2, x, 0.2, 1.2, x, 0.2, 1.2});
+    arrays["times"] = capture::Array({3}, std::vector<double>{0.0, 1.0 / 24.0, 2.0 / 24.0});
+    capture::write_npz(folder.path / "clip.npz", arrays);
+  };
+  const auto status = [&] {
+    job::Json document = job::Json::parse(kDocument);
+    document["task"] = "compare";
+    document["captures"] = {{{"tracks", "clip.npz"}}};
+    Interrupter interrupter;
+    const Outcome outcome =
+        run_wedge(job::write_wedge(document.dump(), {folder.path, "job", {}, {}}, {"density=900"},
+                                   folder.path / "wedge"),
+                  {}, 1, interrupter);
+    EXPECT_EQ(outcome.exit_status, 0) << outcome.error;
+    return job::Json::parse(outcome.result)["members"][0]["status"].get<std::string>();
+  };
+  record(0.2);
+  EXPECT_EQ(status(), "done");
+  EXPECT_EQ(status(), "skipped");
+  record(0.25);
+  EXPECT_EQ(status(), "done");
 }
 
 TEST(RunWedge, OneThatFailsDoesNotStopTheOthers) {

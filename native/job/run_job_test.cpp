@@ -216,6 +216,29 @@ TEST(Run, ComparesAtTheCapturesOwnPoints) {
   EXPECT_EQ(run(document, folder.path)["result_hash"], result["result_hash"]);
 }
 
+TEST(Run, AComparisonBakesWhereItIsAsked) {
+  const Folder folder;
+  write_fall(folder.path / "fall.npz", 24, 8, 2e-3);
+  Json document = falling_cube();
+  document["task"] = "compare";
+  document["captures"] = {{{"tracks", "fall.npz"}}};
+  document["output"]["points"] = true;
+  const Json compared = run(document, folder.path);
+  EXPECT_FALSE(fs::exists(folder.path / "out/points"));
+  document["output"]["bake"] = true;
+  const Json both = run(document, folder.path);
+  EXPECT_EQ(both["compare"], compared["compare"]);
+  EXPECT_EQ(both["frames_reused"], 8);
+  EXPECT_TRUE(fs::exists(folder.path / "out/points/cube.pc2"));
+  const auto manifest = read_manifest(folder.path / "out");
+  EXPECT_EQ(manifest->frames_baked, 8);
+  // A bake finds what the comparison has baked.
+  document["task"] = "bake";
+  const auto written = fs::last_write_time(folder.path / "out/points/cube.pc2");
+  EXPECT_EQ(run(document, folder.path)["result_hash"], both["result_hash"]);
+  EXPECT_EQ(fs::last_write_time(folder.path / "out/points/cube.pc2"), written);
+}
+
 TEST(Run, CapturesAtAnotherRateAreInterpolatedAndSaidSo) {
   const Folder folder;
   write_fall(folder.path / "fall.npz", 60, 30, 0.0);

@@ -9,16 +9,13 @@ from .outcome import EXIT_CANCELLED, EXIT_COMPUTE, JobError, Outcome, Snapshot
 class ThenRun:
     """Runs the backend `first`. When that has ended, `go_on(outcome)` says what comes next: a
     backend, or None where its outcome is that of the whole; it may raise JobError, which ends the
-    run. It is called in the thread that polls, and not after Cancel.
-
-    `share` is the part of the bar that `first` takes, `names` stand before the stages of the two.
+    run. It is called in the thread that polls, and not after Cancel. The bar is that of what comes
+    next.
     """
 
-    def __init__(self, first, go_on, share=0.0, names=("", "")):
+    def __init__(self, first, go_on):
         self._backend = first
         self._go_on = go_on
-        self._share = share
-        self._names = names
         self._cancelled = False
         self._outcome = None  # of the whole, once it is known
         self._last = Snapshot()
@@ -27,16 +24,10 @@ class ThenRun:
         if self._outcome is not None:
             return replace(self._last, finished=True)
         snapshot = self._backend.poll()
-        if self._go_on is None:
-            fraction = self._share + (1.0 - self._share) * snapshot.fraction
-        else:
-            fraction = self._share * snapshot.fraction
-        name = self._names[self._go_on is None]
-        stage = f"{name}: {snapshot.stage}" if name and snapshot.stage else snapshot.stage
+        fraction = snapshot.fraction if self._go_on is None else 0.0
         if snapshot.finished:
             self._ended()
-        self._last = replace(snapshot, fraction=fraction, stage=stage,
-                             finished=self._outcome is not None)
+        self._last = replace(snapshot, fraction=fraction, finished=self._outcome is not None)
         return self._last
 
     def cancel(self):

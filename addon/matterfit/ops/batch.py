@@ -63,11 +63,6 @@ class MATTERFIT_OT_remove_axis(PlainOperator, bpy.types.Operator):
         remove_active(context.scene.matterfit.batch, "axes", "axis_index")
 
 
-# The task of a combination's document. A comparison bakes first, so that there is something to see.
-_TASKS = {"BAKE": "bake", "COMPARE": "compare", "FIT": "fit"}
-_SHARE = 0.8  # of the bar that the bakes take where a comparison follows
-
-
 def prepared_base(context):
     """(document that is varied, assignments, the batch's folder); its inputs are written there."""
     takes.require_saved()
@@ -82,7 +77,9 @@ def prepared_base(context):
     run.name = source.name
     takes.copy_settings(source, run)
     folder = takes.claim(run)
-    document, replaced = prepare(context, run, folder, "fit" if task == "FIT" else "bake")
+    document, replaced = prepare(context, run, folder, task.lower())
+    if task == "COMPARE":
+        document["output"]["bake"] = True  # so that there is something to see
     try:
         axes = batch.assignments(settings, document["scene"])
     except JobError:
@@ -110,18 +107,10 @@ class MATTERFIT_OT_run_batch(JobOperator, bpy.types.Operator):
         settings = context.scene.matterfit
         at_once, threads = settings.batch.at_once, settings.solver.threads
         self._task = settings.batch.task
-        compared = self._task == "COMPARE"
-
-        def run(task):
-            path = job_document.write({**document, "task": task}, folder)
-            return native.wedge_start(path, axes, folder, at_once, threads)
 
         def start():
-            if not compared:
-                return run(document["task"])
-            # One that failed fails again, and does not keep the others from being compared.
-            return jobs.ThenRun(run("bake"), lambda baked: run("compare") if baked.result else None,
-                                _SHARE, (translate("Bake"), translate("Compare")))
+            path = job_document.write(document, folder)
+            return native.wedge_start(path, axes, folder, at_once, threads)
 
         # What a batch varies moves no body, so that the base tells it of all.
         return jobs.Job(translate("Batch"), lambda: apart(document, folder, threads, start),
@@ -164,7 +153,7 @@ class MATTERFIT_OT_write_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
     def act(self, context):
         document, axes, folder = prepared_base(context)
         settings = context.scene.matterfit.batch
-        path = job_document.write({**document, "task": _TASKS[settings.task]}, folder)
+        path = job_document.write(document, folder)
         found = native.wedge_write(path, axes, folder,
                                    "" if settings.farm == "NONE" else settings.farm.lower(),
                                    machine.tool())

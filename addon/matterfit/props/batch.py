@@ -15,8 +15,8 @@ from . import reactions
 from .take import MatterfitTake
 
 TASKS = (("BAKE", "Bake", "Each combination is baked, and becomes a take"),
-         ("COMPARE", "Compare", "Each is baked and compared with the captures: takes with their "
-                                "mean error, the best first"),
+         ("COMPARE", "Compare", "Each is baked and compared with the captures, here and on a farm: "
+                                "takes with their mean error, the best first"),
          ("FIT", "Fit", "Each is where a fit of its own begins, as the Fit panel is set"))
 
 FARMS = (("NONE", "This Machine", "The documents alone, for the matterfit tool"),

@@ -241,6 +241,7 @@ struct OutputDoc {
   std::vector<SplatOutput> splats;
   std::vector<std::string> attributes;
   bool overlays = false;  ///< of a comparison with images
+  bool bake = false;      ///< a comparison bakes too
   std::string report = "report.json";
   int checkpoint_frames = 10;        ///< a checkpoint after this many frames …
   double checkpoint_seconds = 30.0;  ///< … or this many seconds, whichever comes first
@@ -258,6 +259,11 @@ struct Job {
   Json diagnose;                      ///< as given; read by the diagnosis
   Json document;  ///< the whole document after migration and overrides, paths as given
   std::filesystem::path base_folder;
+
+  /// Whether it writes the caches that `output` names.
+  [[nodiscard]] bool bakes() const {
+    return task == Task::kBake || (task == Task::kCompare && output.bake);
+  }
 };
 
 struct ReadOptions {

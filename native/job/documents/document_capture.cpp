@@ -219,6 +219,7 @@ OutputDoc read_output(const JsonValue& value, const ReadContext& context, const 
     }
   }
   output.overlays = object.boolean("overlays", false);
+  output.bake = object.boolean("bake", false);
   if (const auto report = object.find("report")) {
     output.report = report->string();
     if (!stays_inside(output.report)) {

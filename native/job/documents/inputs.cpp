@@ -115,8 +115,7 @@ Inputs simulation_inputs(const Job& job, mpm::SimdTarget target) {
   return flattening.inputs;
 }
 
-Inputs fit_inputs(const Job& job, mpm::SimdTarget target) {
-  Inputs inputs = simulation_inputs(job, target);
+Inputs capture_inputs(const Job& job) {
   Flattening flattening{{}, job.base_folder};
   for (std::size_t i = 0; i < job.captures.size(); ++i) {
     Json capture = job.document.at("captures").at(job.captures[i].place);
@@ -138,6 +137,13 @@ Inputs fit_inputs(const Job& job, mpm::SimdTarget target) {
     }
     flattening.inputs[images.path + ".content"] = "content " + content.hex();
   }
+  return flattening.inputs;
+}
+
+Inputs fit_inputs(const Job& job, mpm::SimdTarget target) {
+  Inputs inputs = simulation_inputs(job, target);
+  inputs.merge(capture_inputs(job));
+  Flattening flattening{{}, job.base_folder};
   flattening.add(job.document.at("fit"), "fit", "");
   inputs.insert(flattening.inputs.begin(), flattening.inputs.end());
   inputs["version"] += std::string(", fit ") + kFitSources;
@@ -148,7 +154,7 @@ Inputs output_inputs(const Job& job) {
   Flattening flattening{{}, job.base_folder};
   if (job.document.contains("output")) {
     Json output = job.document["output"];
-    for (const char* key : {"folder", "report", "checkpoint"}) output.erase(key);
+    for (const char* key : {"folder", "report", "checkpoint", "bake"}) output.erase(key);
     flattening.add(output, "output", "output");
     flattening.inputs["version"] = MATTERFIT_VERSION;
   }

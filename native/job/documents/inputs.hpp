@@ -20,6 +20,9 @@ using Inputs = std::map<std::string, std::string>;
 /// one is missing.
 [[nodiscard]] Inputs simulation_inputs(const Job& job, mpm::SimdTarget target);
 
+/// The captures with the contents of their files. Throws Error(kInput) if a file is missing.
+[[nodiscard]] Inputs capture_inputs(const Job& job);
+
 /// Everything that a fit depends on: the scene, the captures with the contents of their files, and
 /// the section `fit`. Throws Error(kInput) if a file is missing.
 [[nodiscard]] Inputs fit_inputs(const Job& job, mpm::SimdTarget target);

@@ -54,6 +54,7 @@ std::string format_manifest(const Manifest& manifest) {
                      {"input_hash", manifest.input_hash},
                      {"inputs", manifest.inputs},
                      {"output_hash", manifest.output_hash},
+                     {"compared_hash", manifest.compared_hash},
                      {"units", {{"length", "m"}, {"mass", "kg"}, {"time", "s"}}},
                      {"up", "z"},
                      {"fps", manifest.fps_given},
@@ -79,6 +80,7 @@ Manifest parse_manifest(std::string_view text, const std::string& name) {
   manifest.task = object.string("task", "");
   manifest.input_hash = object.require("input_hash").string();
   manifest.output_hash = object.string("output_hash", "");
+  manifest.compared_hash = object.string("compared_hash", "");
   const JsonValue inputs = object.require("inputs");
   if (!inputs.json().is_object()) inputs.fail("an object { … }");
   for (const auto& [path, value] : inputs.json().items()) {

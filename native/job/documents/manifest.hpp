@@ -30,6 +30,7 @@ struct Manifest {
   std::string input_hash;
   Inputs inputs;
   std::string output_hash;
+  std::string compared_hash;  ///< of the recordings (capture_inputs()); empty: none
   std::string task;
   double fps = 24.0;
   Json fps_given;  ///< as in the document

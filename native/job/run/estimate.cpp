@@ -63,7 +63,7 @@ Json estimate_job(const Job& job, const RunOptions& options, bool closely) {
   BakeCost bake;
   if (fits && memory.particles <= kMostMeasured) {
     mpm::Simulation simulation(built.scene, arena, {options.target});
-    if (job.task == Task::kBake) {
+    if (job.bakes()) {
       bake = measure_bake(job, built.scene, simulation.state(), *arena, interrupter);
     }
     cost = simulation.measure(kMeasureSeconds, interrupter);

@@ -52,7 +52,7 @@ std::optional<Rehearsal> rehearse(const Job& job, std::size_t particles, double 
                              .seconds;
     mpm::Simulation simulation(scene, arena, {.target = target, .hand_over = true});
     double before = 0.0;
-    if (job.task == Task::kBake) {
+    if (job.bakes()) {
       before = measure_bake(job, scene, simulation.state(), *arena, interrupter).seconds;
     }
     const auto begin = Clock::now();
@@ -68,7 +68,7 @@ std::optional<Rehearsal> rehearse(const Job& job, std::size_t particles, double 
     const double substeps = over_all_frames(done.substeps, frames);
     result.substeps = job.scene.solver.dt > 0.0 ? substeps : substeps * level;
     result.dearer = std::max(1.0, over_all_frames(done.seconds, frames) / substeps / first);
-    if (job.task == Task::kBake && before > 0.0) {
+    if (job.bakes() && before > 0.0) {
       const double after =
           measure_bake(job, scene, simulation.state(), *arena, interrupter).seconds;
       result.baking = 0.5 * (before + after) / before;

@@ -74,7 +74,7 @@ class Run {
       images_.emplace(job_, scene(), notes_, interrupter_);
     }
     excited_.emplace(job_.scene, bool(extras_.strained));
-    if (job_.task == Task::kBake) {
+    if (job_.bakes()) {
       report(0.0, "Binding meshes");
       bake_.emplace(job_, scene(), *arena_, interrupter_);
     }
@@ -305,6 +305,7 @@ class Run {
       compare_["images"] = images_->run(cache_->folder(), arena_, target_);
       for (const std::string& file : images_->files()) cache_->record(file, false);
     }
+    cache_->manifest().compared_hash = hash_inputs(capture_inputs(job_));
     for (const char* key : {"mean_mm", "p95_mm", "max_mm", "rms_mm", "mean_percent"}) {
       if (list.size() == 1 && list[0].contains(key)) compare_[key] = list[0][key];
     }

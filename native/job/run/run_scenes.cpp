@@ -45,6 +45,7 @@ Json run_scenes(const Job& job, const RunOptions& options, Interrupter& interrup
     for (std::size_t g = 1; g < groups.size(); ++g) {
       Job& own = jobs[g];
       if (own.task == Task::kBake) own.task = Task::kSimulate;
+      own.output.bake = false;
       RunExtras inner;
       inner.begin = extras.begin + (1.0 - extras.begin) * double(g) / double(groups.size());
       inner.compared = extras.compared;

@@ -56,6 +56,65 @@ class ResolutionTest(SceneCase):
         self.assertAlmostEqual(resolution.thinnest(self.scene), 0.05, places=5)
         self.assertTrue(item.hide_viewport)
 
+    @needs_library
+    def test_what_pours_gets_many_particles(self):
+        """As soon as a body pours: 40 000 in all, as a sheet of water needs; the thin parts of others
+        still count, and so does the limit."""
+        body = self.body(self.cube(size=0.4, location=(0.0, 0.0, 0.6)))
+        solver = self.settings.solver
+        solid = solver.particle_separation
+        self.assertAlmostEqual(solid, 0.4 / 12, places=5)
+        for preset in ("WATER", "HONEY", "SAND", "TOOTHPASTE"):
+            body.material.preset = preset
+            document, folder = self.document("simulate")
+            count = native.estimate(document, folder)["particles"]
+            self.assertTrue(35000 < count < 45000, (preset, count))
+        self.assertEqual(solver.quality, "STANDARD")
+        solver.quality = "PREVIEW"
+        self.assertAlmostEqual(solver.particle_separation, (0.064 / 5000) ** (1 / 3), places=4)
+        solver.quality = "FINE"
+        self.assertAlmostEqual(solver.particle_separation, (0.064 / 100000) ** (1 / 3), delta=3e-4)
+        solver.quality, solver.most_particles = "STANDARD", 10000
+        self.assertGreaterEqual(solver.particle_separation, (0.064 / 10000) ** (1 / 3))
+        solver.most_particles = 100000
+        body.material.preset = "JELLY"
+        self.assertAlmostEqual(solver.particle_separation, solid, places=5)
+        # Beside a solid the count is of both; with a thinner one its cells ask for more.
+        other = self.cube("Other", size=0.4, location=(1.0, 0.0, 0.6))
+        other.scale.z = 0.5
+        bpy.context.view_layer.update()
+        self.body(other)
+        self.assertAlmostEqual(solver.particle_separation, 0.2 / 12, places=5)
+        body.material.preset = "WATER"
+        self.assertAlmostEqual(solver.particle_separation, (0.096 / 40000) ** (1 / 3), places=4)
+        other.scale.z = 0.35
+        bpy.context.view_layer.update()
+        bpy.ops.matterfit.set_resolution()
+        self.assertAlmostEqual(solver.particle_separation, 0.14 / 12, places=5)
+
+    def test_what_was_typed_stays(self):
+        """Another material does not measure anew what is Custom, nor one that pours as little."""
+        body = self.body(self.cube(size=0.4))
+        solver = self.settings.solver
+        body.object.scale.x = 2.0  # not measured: it is not asked for
+        found = solver.particle_separation
+        body.material.preset = "RUBBER"
+        self.assertEqual(solver.particle_separation, found)
+        solver.particle_separation = 0.05
+        body.material.preset = "WATER"
+        self.assertAlmostEqual(solver.particle_separation, 0.05)
+
+    def test_a_mesh_of_a_million_faces(self):
+        """Its size is that of a coarse one."""
+        sizes = []
+        for cuts in (10, 500):
+            bpy.ops.mesh.primitive_grid_add(x_subdivisions=cuts, y_subdivisions=cuts, size=1.0)
+            item = bpy.context.active_object
+            item.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.1
+            sizes.append(resolution._measure(item))
+        self.assertAlmostEqual(sizes[0].thickness, sizes[1].thickness, places=4)
+        self.assertAlmostEqual(sizes[0].volume, sizes[1].volume, places=3)
+
     def test_the_panel_measures_what_changed(self):
         """Also where the box and the number of vertices stay: what a modifier does, what was sculpted."""
         bpy.ops.mesh.primitive_grid_add(x_subdivisions=6, y_subdivisions=6, size=0.2)

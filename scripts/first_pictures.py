@@ -168,7 +168,6 @@ def water():
     only(jet)
     press("add_body", role="BODY")
     choose(bpy.context.scene.matterfit.bodies[0].material, "preset", "WATER")
-    choose(bpy.context.scene.matterfit.solver, "particle_separation", 0.008)
     output = bpy.context.scene.matterfit.output
     choose(output, "surface_smoothing", 20)
     choose(output, "surface_offset", 0.6)
@@ -192,7 +191,6 @@ def sand():
     only(column)
     press("add_body", role="BODY")
     choose(bpy.context.scene.matterfit.bodies[0].material, "preset", "SAND")
-    choose(bpy.context.scene.matterfit.solver, "particle_separation", 0.007)
     only(ring)
     press("add_body", role="COLLIDER")
     press("bake")

@@ -148,8 +148,17 @@ def write(path, document, name):
 
 def cells_across(quality):
     """Cells across the thinnest part for a quality ('STANDARD')."""
+    return _quality(quality)["cells_across"]
+
+
+def poured_particles(quality):
+    """Particles of a scene in which something pours, at least, for a quality."""
+    return _quality(quality)["poured_particles"]
+
+
+def _quality(quality):
     document = files.read_json(os.path.join(folder(), "quality.json"))
-    return document["presets"][quality.lower()]["cells_across"]
+    return document["presets"][quality.lower()]
 
 
 @reactions.preset_items.done_by

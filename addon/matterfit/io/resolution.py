@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The quality presets: how many cells lie across the thinnest part that matters, and how many
-particles that makes. What is measured is the shape that is simulated (shapes.py)."""
+particles that makes; a scene in which something pours has many particles at least, since what pours
+is sheets and drops that its shape at rest tells nothing of. What is measured is the shape that is
+simulated (shapes.py)."""
 
+import contextlib
 from dataclasses import dataclass
 
 import bpy
@@ -11,6 +14,7 @@ from mathutils.bvhtree import BVHTree
 
 from .. import laws
 from ..compat import translate
+from ..jobs import JobError
 from ..props import reactions
 from . import meshes, plain, presets, shapes, transforms
 
@@ -55,10 +59,30 @@ def apply_quality(solver, scene):
     with meshes.shown(items):
         sizes = [size for size in (_measure(item) for item in items) if size is not None]
     if sizes:
+        solver.for_flows = pours(scene)
         wanted = separation(min(size.thickness for size in sizes), solver.quality)
+        if solver.for_flows:
+            volume = sum(size.volume for size in sizes)
+            wanted = min(wanted, (volume / presets.poured_particles(solver.quality)) ** (1.0 / 3.0))
         # Four digits: a thickness measured in floats must not leave 0.0024999 m.
         _set(solver, "particle_separation",
              float(f"{_limited(sizes, wanted, solver.most_particles):.4g}"))
+
+
+@reactions.law_chosen.done_by
+def law_chosen(scene):
+    """Another material is measured anew where it pours and the others did not, or the reverse."""
+    solver = scene.matterfit.solver
+    if pours(scene) != solver.for_flows:
+        # Of an object that is not there any more a run tells.
+        with contextlib.suppress(JobError):
+            apply_quality(solver, scene)
+
+
+def pours(scene):
+    """Whether anything that is simulated does."""
+    return any(body.enabled and body.role == "BODY" and laws.material_flows(body.material)
+               for body in scene.matterfit.bodies)
 
 
 def _limited(sizes, wanted, limit):
@@ -179,14 +203,18 @@ def size_of(arrays):
     if not sides:
         return None
     box = float(numpy.prod(numpy.maximum(extent, 1e-9)))
-    ends = numpy.cumsum(arrays["face_sizes"])
-    polygons = [tuple(int(corner) for corner in face)
-                for face in numpy.split(arrays["face_vertices"], ends[:-1])] if len(ends) else []
-    distances = _distances([Vector(vertex) for vertex in vertices], polygons, float(max(extent)))
+    distances = _distances(vertices.tolist(), _polygons(arrays), float(max(extent)))
     volume = abs(meshes.volume(arrays))
     return Size(float(numpy.percentile(distances, 5.0)) if distances else min(sides),
                 volume if distances and volume > 1e-6 * box else box,
                 tuple(max(float(side), 1e-9) for side in extent))
+
+
+def _polygons(arrays):
+    """The faces as lists of corners; of millions of them in a second."""
+    corners = arrays["face_vertices"].tolist()
+    ends = numpy.cumsum(arrays["face_sizes"]).tolist()
+    return [corners[first:end] for first, end in zip([0, *ends], ends, strict=False)]
 
 
 def _distances(vertices, polygons, extent):
@@ -196,7 +224,7 @@ def _distances(vertices, polygons, extent):
     step = max(1, len(polygons) // RAYS)
     distances = []
     for index in range(0, len(polygons), step):
-        corners = [vertices[vertex] for vertex in polygons[index]]
+        corners = [Vector(vertices[vertex]) for vertex in polygons[index]]
         center = sum(corners, Vector()) / len(corners)
         normal = (corners[1] - corners[0]).cross(corners[-1] - corners[0])
         if normal.length < 1e-12:

@@ -17,9 +17,12 @@ CONTACT_KINDS = (
 )
 
 QUALITIES = (
-    ("PREVIEW", "Preview", "3 cells across the thinnest part: seconds, for staging"),
-    ("STANDARD", "Standard", "6 cells across the thinnest part: frequencies right to a few percent"),
-    ("FINE", "Fine", "9 cells across the thinnest part: for final bakes"),
+    ("PREVIEW", "Preview", "3 cells across the thinnest part, 5 000 particles where something pours: "
+     "for staging"),
+    ("STANDARD", "Standard", "6 cells across the thinnest part: frequencies right to a few percent; 40 000 "
+     "particles where something pours"),
+    ("FINE", "Fine", "9 cells across the thinnest part, 100 000 particles where something pours: for final "
+     "bakes"),
     ("CUSTOM", "Custom", "The particle separation typed below"),
 )
 

@@ -29,6 +29,11 @@ def _law_changed(self, _context):
     # Another law was not seen at anything, and its values are of no preset.
     self.excited, self.source = (0.0,) * 5, ""
     reactions.fit_list_outdated(self.id_data.matterfit)
+    reactions.law_chosen(self.id_data)
+
+
+def _pours_changed(self, _context):
+    reactions.law_chosen(self.id_data)
 
 
 def _weights_changed(self, _context):
@@ -98,7 +103,7 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
         description="A file *.safetensors that matterfit pretrain --latent wrote; empty: the weights "
                     "that come with Matterfit")
     pours: BoolProperty(
-        name="Pours", default=False,
+        name="Pours", default=False, update=_pours_changed,
         description="It pours like sand or water, so that its surface is shown and not the object's "
                     "own mesh; a fitted material says it by the known law that it is most like")
     correction: vector("material.correction")

@@ -27,6 +27,7 @@ fit_list_outdated = Reaction()  # (settings): what a fit can move is not what it
 fit_row_switched = Reaction()  # (row, what): 'start', 'bounds' or 'prior' of a row was switched on
 preset_items = Reaction()  # (): items of the enumeration of material presets
 preset_chosen = Reaction()  # (material)
+law_chosen = Reaction()  # (scene): the law of a material, or whether it pours
 quality_chosen = Reaction()  # (solver, scene)
 separation_typed = Reaction()  # (solver)
 surface_restyled = Reaction()  # (settings): smoothing or offset of surfaces

@@ -34,6 +34,9 @@ class MatterfitSolver(bpy.types.PropertyGroup):
         precision=4, step=0.1, unit="LENGTH", update=_separation_changed,
         description="Distance between particles: the one resolution knob. A grid cell is twice "
                     "as wide")
+    for_flows: BoolProperty(
+        name="For What Pours", default=False, options={"HIDDEN"},
+        description="The separation was set for a scene in which something pours")
     most_particles: IntProperty(
         name="Most Particles", default=100000, min=1000, soft_min=10000, max=100000000,
         soft_max=5000000, update=_quality_changed,

@@ -30,6 +30,16 @@ TEXTS = {
     "Its keys are not used: it starts with the velocity that is typed.":
         "Seine Keyframes bleiben unbenutzt: es startet mit der eingetippten Geschwindigkeit.",
     "Start as Keyed": "Start wie animiert",
+    "Its keys hold still from frame {first} on: it starts at rest.":
+        "Seine Keyframes ruhen ab Bild {first}: es startet aus der Ruhe.",
+    "Its keys hardly turn it at frame {first}, where the simulation begins, and fastest at frame {frame}. "
+    "Make them linear, or begin there: Solver > Own Range.":
+        "Seine Keyframes drehen es bei Bild {first}, wo die Simulation beginnt, kaum, und bei Bild {frame} am "
+        "schnellsten. Linear machen, oder dort beginnen: Solver > Own Range.",
+    "Its keys set off slowly: {speed} m/s at frame {first}, where the simulation begins, {fastest} m/s at "
+    "frame {frame}. Make them linear, or begin there: Solver > Own Range.":
+        "Seine Keyframes setzen langsam ein: {speed} m/s bei Bild {first}, wo die Simulation beginnt, "
+        "{fastest} m/s bei Bild {frame}. Linear machen, oder dort beginnen: Solver > Own Range.",
     "Select an object that is to be simulated, and press Add Body.":
         "Ein Objekt auswählen, das simuliert werden soll, und Körper hinzufügen drücken.",
     "Frame {n}: {error} mm": "Bild {n}: {error} mm",

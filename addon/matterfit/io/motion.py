@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What Blender itself moves: whether an object's transform or its mesh changes from frame to frame."""
 
+from dataclasses import dataclass
+
 from mathutils import Euler, Matrix, Quaternion, Vector
 
-from . import shapes
+from . import shapes, transforms
 
 # Modifiers that move a mesh in time by themselves.
 _MOVING = frozenset({"ARMATURE", "CLOTH", "MESH_CACHE", "MESH_SEQUENCE_CACHE", "SOFT_BODY", "WAVE",
@@ -94,6 +96,38 @@ def keyed_matrices(item, frames):
 
     return [Matrix.LocRotScale(Vector(values("location", frame)), rotation(frame),
                                Vector(values("scale", frame))) for frame in frames]
+
+
+MOST_FRAMES = 100  # that slow_start() looks at
+SLOW = 0.05  # of the fastest motion: hardly any
+
+
+@dataclass(frozen=True)
+class SlowStart:
+    """Speeds [Blender units a frame] where the simulation begins, and the fastest from there on, with
+    the frame of that; 0 where nothing moves later either."""
+
+    speed: float
+    fastest: float
+    frame: int
+
+
+def slow_start(item, first, end):
+    """A SlowStart where the keys of the object let it rest at the frame `first`, or hardly move, as keys
+    that ease in do; None where it moves or turns at once, or anything but its keys moves it."""
+    near = keyed_matrices(item, transforms.velocity_times(first))
+    if near is None:
+        return None
+    later = keyed_matrices(item, range(first, min(end, first + MOST_FRAMES) + 1))
+    steps = [transforms.velocity_between(before, after, 1.0, 1.0)
+             for before, after in zip(later, later[1:], strict=False)]
+    now = transforms.motion_velocity(near, 1.0, 1.0)
+    fastest = [max((step[part].length for step in steps), default=0.0) for part in (0, 1)]
+    if any(now[part].length > max(SLOW * fastest[part], 1e-6) for part in (0, 1)):
+        return None
+    part = 0 if fastest[0] > 1e-6 else 1
+    frame = max(range(len(steps)), key=lambda index: steps[index][part].length, default=0)
+    return SlowStart(now[0].length, 0.0 if part else fastest[0], first + frame)
 
 
 def collider_kind(body):

@@ -59,19 +59,21 @@ def motion_velocity(matrices, scale_length, fps):
     The steeper of the differences before and after the frame: a throw either begins there or has
     been going on until there, and keys hold still on the other side.
     """
-    poses = [(matrix.translation * scale_length, matrix.decompose()[1].normalized())
-             for matrix in matrices]
-    seconds = VELOCITY_STEP / fps
     best = (Vector(), Vector())
-    for (position_a, rotation_a), (position_b, rotation_b) in zip(poses, poses[1:], strict=False):
-        linear = (position_b - position_a) / seconds
-        turn = rotation_b @ rotation_a.conjugated()
-        if turn.w < 0.0:
-            turn = -turn
-        angular = turn.axis * (turn.angle / seconds) if turn.angle > 1e-9 else Vector()
+    for before, after in zip(matrices, matrices[1:], strict=False):
+        linear, angular = velocity_between(before, after, scale_length, VELOCITY_STEP / fps)
         if linear.length + angular.length > best[0].length + best[1].length:
             best = (linear, angular)
     return best
+
+
+def velocity_between(before, after, scale_length, seconds):
+    """(linear [m/s], angular [rad/s]) that takes an object's origin from one matrix to the other."""
+    turn = after.decompose()[1].normalized() @ before.decompose()[1].normalized().conjugated()
+    if turn.w < 0.0:
+        turn = -turn
+    angular = turn.axis * (turn.angle / seconds) if turn.angle > 1e-9 else Vector()
+    return (after.translation - before.translation) * (scale_length / seconds), angular
 
 
 def take_placement(throw, scale_length):

@@ -3,7 +3,7 @@ import bpy
 
 from .. import laws
 from ..compat import translate
-from ..io import motion, presets, shapes
+from ..io import frames, motion, presets, shapes, transforms
 from ..props import scene as scene_props
 from .common import MatterfitPanel, contact, form, lines, menu, quantity, switched
 
@@ -58,7 +58,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
         if body.role == "COLLIDER":
             self._collider(layout, body)
         else:
-            self._body(layout, settings, body)
+            self._body(context, layout, settings, body)
 
     def _collider(self, layout, body):
         column = form(layout)
@@ -70,7 +70,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
             column.prop(body, "collider_shape")
         contact(layout, body.contact)
 
-    def _body(self, layout, settings, body):
+    def _body(self, context, layout, settings, body):
         column = form(layout)
         column.prop(body, "source")
         if body.source == "OBJECT":
@@ -78,6 +78,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
             if body.object is not None:
                 lines(column, _shape_text(body.object), icon="INFO")
                 _offer_animation(column, body)
+                _slow_start(column, context.scene, body)
         else:
             column.prop(body, "filepath")
             if body.source == "GAUSSIANS":
@@ -117,6 +118,27 @@ def _offer_animation(column, body):
         lines(column, translate("Its keys are not used: it starts with the velocity that is typed."),
               icon="QUESTION")
         column.prop_enum(body, "velocity_from", "ANIMATION", text="Start as Keyed")
+
+
+def _slow_start(column, scene, body):
+    """What is thrown by its keys begins with the velocity of one frame, which may be none."""
+    if body.velocity_from != "ANIMATION":
+        return
+    first, end = frames.frame_range(scene)
+    found = motion.slow_start(body.object, first, end)
+    if found is None:
+        return
+    unit = transforms.metres(scene) * scene.render.fps / scene.render.fps_base
+    text = translate("Its keys hold still from frame {first} on: it starts at rest.")
+    if found.fastest > 0.0:
+        text = translate("Its keys set off slowly: {speed} m/s at frame {first}, where the simulation "
+                         "begins, {fastest} m/s at frame {frame}. Make them linear, or begin there: Solver "
+                         "> Own Range.")
+    elif found.frame > first:
+        text = translate("Its keys hardly turn it at frame {first}, where the simulation begins, and "
+                         "fastest at frame {frame}. Make them linear, or begin there: Solver > Own Range.")
+    lines(column, text.format(first=first, frame=found.frame, speed=f"{unit * found.speed:.2g}",
+                              fastest=f"{unit * found.fastest:.2g}"), icon="QUESTION")
 
 
 def _unknown(column, material):

@@ -37,13 +37,16 @@ def write_exr(path, values, width):
 
 
 def write_vdb(path, radius):
-    """A fog sphere 'density' and its level set 'surface'."""
+    """A fog sphere 'density' and its level set 'surface', whose voxels are half as wide."""
     pyopenvdb = openvdb_module()
     os.makedirs(os.path.dirname(path), exist_ok=True)
     surface = pyopenvdb.createLevelSetSphere(radius=radius, center=(0, 0, 1), voxelSize=0.02)
     surface.name = "surface"
-    density = pyopenvdb.createLevelSetSphere(radius=radius, center=(0, 0, 1), voxelSize=0.02)
+    density = pyopenvdb.FloatGrid()
     density.name = "density"
+    density.transform = pyopenvdb.createLinearTransform(0.04)
+    places = 0.04 * numpy.stack(numpy.meshgrid(*[numpy.arange(-15, 16)] * 3, indexing="ij"), axis=-1)
+    density.copyFromArray(numpy.float32(numpy.linalg.norm(places, axis=-1) < radius), ijk=(-15, -15, 10))
     pyopenvdb.write(path, grids=[density, surface])
 
 

@@ -36,9 +36,10 @@ class PictureTest(AttachCase):
 
     def test_of_a_solid(self):
         items = self.attach(volume=["density", "surface"])
-        self.assertEqual(set(items), {"mesh:Cube", "points:Cube", "surface:Cube", "volume:Cube"})
+        self.assertEqual(set(items), {"level:Cube", "mesh:Cube", "points:Cube", "surface:Cube",
+                                      "volume:Cube"})
         self.assertEqual(self.seen(items), {"mesh"})
-        self.assertEqual(self.seen(items, "hide_viewport") - {"volume"}, {"mesh"})
+        self.assertEqual(self.seen(items, "hide_viewport") - {"level", "volume"}, {"mesh"})
         self.assertTrue(self.item.hide_render and self.item.hide_viewport)
 
     def test_of_any_name(self):
@@ -51,7 +52,7 @@ class PictureTest(AttachCase):
                     self.body_row.material.preset = preset
                     items = self.attach(volume=["density", "surface"])
                     self.assertEqual(self.seen(items), {wanted})
-                    self.assertEqual(self.seen(items, "hide_viewport") - {"volume"}, {wanted})
+                    self.assertEqual(self.seen(items, "hide_viewport") - {"level", "volume"}, {wanted})
 
     def test_of_what_pours(self):
         """Water and sand are their surface; the mesh is neither asked for nor seen."""
@@ -62,7 +63,7 @@ class PictureTest(AttachCase):
                 self.assertNotIn("mesh", document["output"])
                 items = self.attach(volume=["density", "surface"])
                 self.assertEqual(self.seen(items), {"surface"})
-                self.assertEqual(self.seen(items, "hide_viewport") - {"volume"}, {"surface"})
+                self.assertEqual(self.seen(items, "hide_viewport") - {"level", "volume"}, {"surface"})
                 self.assertTrue(self.item.hide_render)
 
     def test_the_level_set_does_not_glow(self):
@@ -154,6 +155,22 @@ class VolumeTest(AttachCase):
                 middle = 0.5 * (middle.min(axis=0) + middle.max(axis=0))
                 numpy.testing.assert_allclose(middle, (0, 0, 1), atol=0.1 * 0.02)
 
+    def test_fog_is_where_the_surface_is(self):
+        """Its voxels are twice as wide, and Blender shifts each grid by half a voxel of its own."""
+        for scale_length in (1.0, 0.01):
+            self.scene.unit_settings.scale_length = scale_length
+            items = self.attach(volume=["density", "surface"])
+            shape = bpy.data.objects.new("Fog", bpy.data.meshes.new("Fog"))
+            self.scene.collection.objects.link(shape)
+            modifier = shape.modifiers.new("Fog", "VOLUME_TO_MESH")
+            modifier.object, modifier.grid_name = items["volume:Cube"], "density"
+            modifier.resolution_mode, modifier.threshold = "GRID", 0.5
+            for frame in (FRAMES[0], FRAMES[-1]):
+                places = evaluated_points(shape, frame) * scale_length
+                middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
+                numpy.testing.assert_allclose(middle, (0, 0, 1), atol=0.1 * 0.02)
+            bpy.data.objects.remove(shape)
+
     def test_renders_without_us(self):
         """`-a` of the saved file in a bare Blender: pictures that differ from frame to frame."""
         self.attach(volume=["surface"])
@@ -199,6 +216,7 @@ class SurfaceTest(AttachCase):
                       numpy.array([(1.0, 2.0, float(k))] * 2 + [(-1.0, 2.0, float(k))] * 2), 2)
 
     def surface(self, **output):
+        self.settings.solver.particle_separation = 0.02  # typed: water asks for a finer one
         self.body_row.material.preset = "WATER"
         return self.attach(volume=["surface"], attributes=["velocity"], **output)["surface:Cube"]
 

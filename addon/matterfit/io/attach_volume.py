@@ -14,9 +14,18 @@ VELOCITY = "Matterfit Velocity"
 
 def volume(work, name, sequence, grids):
     """Shows a body's volumes; `work` is the Attachment. Returns how many frames there are."""
-    count = sequence.last - sequence.first + 1
+    fog = next((grid for grid in grids if grid != "surface"), None)
+    item = _object(work, "volume", name, sequence, fog or "surface")
+    if "surface" in grids:
+        # Its voxels are smaller than those of fog, so that the two are shifted apart.
+        _surface(work, name, _object(work, "level", name, sequence, "surface") if fog else item)
+    return sequence.last - sequence.first + 1
+
+
+def _object(work, kind, name, sequence, grid):
+    """The Volume object of that kind, placed so that `grid` lies where the file has it."""
     item = work.object(
-        f"volume:{name}", f"{name} volume",
+        f"{kind}:{name}", f"{name} {kind}",
         lambda label: bpy.data.objects.new(label, bpy.data.volumes.new(label)))
     item.scale = (work.unit,) * 3
     volume = item.data
@@ -24,25 +33,22 @@ def volume(work, name, sequence, grids):
     volume.is_sequence = True
     volume.frame_start = sequence.first
     volume.frame_offset = sequence.first - 1
-    volume.frame_duration = count
+    volume.frame_duration = sequence.last - sequence.first + 1
     volume.sequence_mode = "EXTEND"
     if hasattr(volume, "velocity_unit"):
         volume.velocity_unit = "SECOND"
-    item.delta_location = (-0.5 * _voxel(sequence.path(sequence.first), grids) * work.unit,) * 3
+    item.delta_location = (-0.5 * _voxel(sequence.path(sequence.first), grid) * work.unit,) * 3
     if not volume.materials:
         index, _body = work.body(name)
         volume.materials.append(nodes.volume_material(f"Matterfit {name} Volume",
                                                       nodes.COLORS[index % len(nodes.COLORS)]))
-    if "surface" in grids:
-        _surface(work, name, item)
-    return count
+    return item
 
 
-def _voxel(path, grids):
-    """Width [m] of the voxels of a file, of its level set where there is one. Blender takes the value
-    of a voxel for that of a cube from its place on, and shifts fog and Volume to Mesh by half a voxel;
-    in the files the place is the middle of the cube, as everywhere else."""
-    wanted = "surface" if "surface" in grids else grids[0]
+def _voxel(path, wanted):
+    """Width [m] of the voxels of a file's grid of that name. Blender takes the value of a voxel for that
+    of a cube from its place on, and shifts fog and Volume to Mesh by half a voxel; in the files the place
+    is the middle of the cube, as everywhere else."""
     # A sequence knows its file only where it is evaluated.
     single = bpy.data.volumes.new("Matterfit")
     try:

@@ -50,7 +50,7 @@ def mark(items, folder):
 
 
 # Which objects show the files of a folder of the cache.
-KIND_TAGS = {"volume": ("volume:", "surface:"), "mesh": ("mesh:",), "points": ("points:",)}
+KIND_TAGS = {"volume": ("volume:", "level:", "surface:"), "mesh": ("mesh:",), "points": ("points:",)}
 
 
 def detach_kind(take, kind):

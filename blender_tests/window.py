@@ -33,7 +33,7 @@ from matterfit.ops import base
 from matterfit.ui import fit_overlay, overlay
 from window_background import cancel, modal_check, modal_filling
 from window_scene import build_scene, fake_comparison, fake_report, fake_result, fake_results, record_fall
-from window_support import modal, only_ours, other_tab, undo, view, wait_for
+from window_support import crop, modal, only_ours, other_tab, undo, view, wait_for
 
 PICTURE = os.path.abspath(sys.argv[sys.argv.index("--") + 1])
 LIMIT = 450.0  # seconds for everything
@@ -72,6 +72,7 @@ def watch_handler(name):
 
 
 shown = set()  # names of panels; empty: all
+whole = True  # with the panels below them
 
 
 def limit_to(cls):
@@ -80,7 +81,7 @@ def limit_to(cls):
 
     @classmethod
     def poll(klass, context):
-        names = {klass.__name__, getattr(klass, "bl_parent_id", "")}
+        names = {klass.__name__, getattr(klass, "bl_parent_id", "") if whole else ""}
         return (not shown or bool(names & shown)) and original(klass, context)
 
     cls.poll = poll
@@ -122,30 +123,6 @@ def picture(name, sidebar=False):
         faults.append(f"{path}: no picture was taken")
     elif sidebar:
         crop(path, area)
-
-
-def crop(path, area):
-    """Keeps the sidebar's part of the picture, without the empty space below the panel."""
-    region = next(region for region in area.regions if region.type == "UI")
-    image = bpy.data.images.load(path)
-    width, height = image.size
-    pixels = numpy.empty(width * height * 4, dtype=numpy.float32)
-    image.pixels.foreach_get(pixels)
-    bpy.data.images.remove(image)
-    pixels = pixels.reshape(height, width, 4)
-    left = region.x
-    part = pixels[region.y:region.y + region.height, left:left + region.width]
-    # Rows that hold text are bright in all colours; the viewport behind an empty sidebar is not, nor
-    # its axes.
-    busy = numpy.nonzero(part[:, :-40, :3].min(axis=2).max(axis=1) > 0.45)[0]
-    low = max(int(busy.min()) - 16, 0) if busy.size else 0
-    part = numpy.ascontiguousarray(part[low:])
-    result = bpy.data.images.new("crop", part.shape[1], part.shape[0])
-    result.pixels.foreach_set(part.ravel())
-    result.filepath_raw = path
-    result.file_format = "PNG"
-    result.save()
-    bpy.data.images.remove(result)
 
 
 def legend_pixels():
@@ -204,7 +181,9 @@ def look_at_all():
     bpy.context.view_layer.objects.active = None
 
 
-def show(*names):
+def show(*names, below=True):
+    global whole
+    whole = below
     shown.clear()
     shown.update(names)
     window, area = view()
@@ -233,6 +212,10 @@ def script(folder):
         show("MATTERFIT_PT_" + part)
         yield
         yield
+        if part == "bodies":  # with all below it, which was drawn now, it is higher than the window
+            show("MATTERFIT_PT_bodies", below=False)
+            yield
+            yield
         picture(part, sidebar=True)
     fake_comparison(positions, times)
     show("MATTERFIT_PT_compare")
@@ -267,12 +250,13 @@ def script(folder):
     picture("fit_laws")
     bpy.context.scene.matterfit.show_curves = False
     fake_report()
+    settings = bpy.context.scene.matterfit
+    settings.compare.done = False  # so that nothing above it is half in the picture
     show("MATTERFIT_PT_compare")
-    scroll_to_end()
     yield
     yield
     picture("diagnose", sidebar=True)
-    settings = bpy.context.scene.matterfit
+    settings.compare.done = True
     settings.compare.worst_index = 0
     if bpy.context.scene.frame_current != settings.compare.worst[0].frame:
         faults.append("the list of worst frames did not jump")

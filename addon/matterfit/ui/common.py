@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What all panels share."""
 
+import re
+
 import bpy
 
 from .. import quantities
@@ -11,6 +13,10 @@ TABS = 20.0  # of it, that the tabs at its edge take [pixels]
 EDGES = 46.0  # of it, that the panel's edges and a label's own take
 ICON = 20.0  # before a label
 BOX = 12.0  # of it, that the edges of a box take
+
+
+_UNITS = r"s|min|h|nm|mm|cm|m|km|g|kg|N|Hz|%|B|kB|MB|GB|K?Pa|MPa|GPa|mm/s|cm/s|m/s|Pa/m"
+_WORD = re.compile(rf"[^\s]*\d (?:{_UNITS})(?![^\s.,;:)])[.,;:)]*|\S+")
 
 
 class MatterfitPanel:
@@ -47,14 +53,15 @@ def lines(layout, text, icon="NONE", taken=0.0):
     for paragraph in text.split("\n"):
         for line in wrapped(paragraph, width):
             # Already translated; it must not be looked up again.
-            column.label(text=line, icon=icon if first else "NONE", translate=False)
+            column.label(text=line, icon=icon if first or icon == "NONE" else "BLANK1", translate=False)
             first = False
 
 
 def wrapped(paragraph, width):
-    """The lines of a paragraph that are at most `width` pixels wide; longer words are broken."""
+    """The lines of a paragraph that are at most `width` pixels wide; a number and its unit stay on one,
+    longer words are broken."""
     found, line = [], ""
-    for word in paragraph.split():
+    for word in _WORD.findall(paragraph):
         longer = f"{line} {word}" if line else word
         if _width(longer) <= width:
             line = longer

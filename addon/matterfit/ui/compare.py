@@ -2,6 +2,7 @@
 import bpy
 
 from ..compat import translate
+from ..io import number_text
 from .common import MatterfitPanel, form, lines
 
 
@@ -9,8 +10,8 @@ class MATTERFIT_UL_worst(bpy.types.UIList):
     def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
         row = layout.row()
         row.label(text=str(item.frame), icon="TIME", translate=False)
-        row.label(text=f"{item.mean:.3g} mm", translate=False)
-        row.label(text=f"{item.largest:.3g} mm", translate=False)
+        row.label(text=_digits(item.mean), translate=False)
+        row.label(text=_digits(item.largest), translate=False)
 
 
 class MATTERFIT_UL_worst_images(bpy.types.UIList):
@@ -51,7 +52,7 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
             if compare.range_mode == "FIXED":
                 column.prop(compare, "range_mm", text="Red At")
             column.prop(compare, "point_size", text="Point Size")
-        layout.label(text="Worst Frames")
+        layout.label(text="Worst Frames [mm]")
         row = layout.row()
         for title in ("Frame", "Mean", "Largest"):
             row.label(text=title)
@@ -80,6 +81,11 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
             image = compare.worst_images[compare.worst_image]
             lines(layout, translate("{image}: {outside} pixels outside, {missing} missing").format(
                 image=image.name, outside=image.outside, missing=image.missing))
+
+
+def _digits(error):
+    """Three of an error, in the room of a list: 0.0312, 22.9, 1234."""
+    return f"{error:.0f}" if error >= 100.0 else number_text.short(error, 3)
 
 
 def _error(compare, error):

@@ -120,6 +120,9 @@ struct Numerics {
   /// added to the share of critical damping.
   double contact_stiffness = 1.0;
   double contact_damping = 0.0;
+  /// Loss factor of the first shear mode of a body that is struck, beside the material's own: what
+  /// another discretisation passes on from there to modes that nobody sees.
+  double loss = 0.0;
   /// What each part of a body weighs in sums over it, mass and stiffness alike, is multiplied by
   /// 1 + c·x + Σ b_k q_k(x) and then scaled to the same total: x the place over the body's half
   /// sizes, q = (3x²−1)/2, (3y²−1)/2, (3z²−1)/2, xy, yz, zx. Another solver lumps masses and

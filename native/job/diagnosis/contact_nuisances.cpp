@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "job/diagnosis/extent.hpp"
 #include "mpm/contact_law.hpp"
@@ -34,7 +35,14 @@ fit::Parameter nuisance(std::string name, const char* unit, double sigma, double
   return parameter;
 }
 
-void with_other_contacts(const diagnose::Numerics& numerics, mpm::Scene& scene) {
+void struck_by_another_solver(const diagnose::Numerics& numerics, mpm::Scene& scene) {
+  if (numerics.loss > 0.0 && scene.bodies.front().material.mu() > 0.0) {
+    mpm::Body& body = scene.bodies.front();
+    // tan δ = η ω/μ, at half a wave through the body.
+    const double speed = std::sqrt(body.material.mu() / body.density);
+    body.material.damping_shear +=
+        numerics.loss * body.material.mu() * extent_of(body).size / (std::numbers::pi * speed);
+  }
   if (numerics.contact_stiffness == 1.0 && numerics.contact_damping == 0.0) return;
   const std::vector<double> stiffnesses = mpm::contact_stiffnesses(scene, scene.bodies.front());
   for (std::size_t c = 0; c < scene.colliders.size(); ++c) {

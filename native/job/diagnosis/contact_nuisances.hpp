@@ -19,9 +19,9 @@ namespace matterfit::job {
 [[nodiscard]] fit::Parameter nuisance(std::string name, const char* unit, double sigma,
                                       double most);
 
-/// Gives a scene's colliders the contacts that another solver has (Numerics::contact_stiffness and
-/// contact_damping).
-void with_other_contacts(const diagnose::Numerics& numerics, mpm::Scene& scene);
+/// Gives a scene's colliders the contacts that another solver has, and its first body what is lost
+/// in it there (Numerics::contact_stiffness, contact_damping and loss).
+void struck_by_another_solver(const diagnose::Numerics& numerics, mpm::Scene& scene);
 
 /// One run of a diagnosis as its contacts are looked at.
 struct ContactRun {

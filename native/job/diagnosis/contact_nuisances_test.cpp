@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <numbers>
+
 #include "mpm/contact_law.hpp"
 #include "mpm/default_stiffness.hpp"
 #include "shape/collider.hpp"
@@ -36,20 +39,32 @@ TEST(OtherContacts, AreAsStiffAsAnotherSolverHasThem) {
   diagnose::Numerics numerics;
   numerics.contact_stiffness = 3.0;
   numerics.contact_damping = 0.1;
-  with_other_contacts(numerics, scene);
+  struck_by_another_solver(numerics, scene);
   EXPECT_DOUBLE_EQ(scene.colliders[0]->contact().stiffness, 3.0 * usual);
   EXPECT_DOUBLE_EQ(scene.colliders[0]->contact().damping, mpm::kContactDamping + 0.1);
   EXPECT_DOUBLE_EQ(scene.colliders[1]->contact().stiffness, 6e6);
   EXPECT_DOUBLE_EQ(scene.colliders[1]->contact().damping, 0.2 + 0.1);
   EXPECT_DOUBLE_EQ(scene.colliders[1]->contact().mu, 0.7);
   EXPECT_EQ(scene.colliders[1]->name(), "wall");
+  EXPECT_EQ(scene.bodies.front().material.damping_shear, 0.0);
   EXPECT_NEAR(scene.colliders[1]->closest(Vec3d(0.3, 0.0, 0.0), 0.0).distance, 0.3, 1e-12);
+}
+
+TEST(OtherContacts, LoseWhatTheyPassOn) {
+  mpm::Scene scene = two_floors();
+  diagnose::Numerics numerics;
+  numerics.loss = 0.02;
+  struck_by_another_solver(numerics, scene);
+  const mpm::Body& body = scene.bodies.front();
+  const double mu = 1e5 / 2.6;
+  const double omega = std::numbers::pi * std::sqrt(mu / body.density) / 0.2;
+  EXPECT_NEAR(body.material.damping_shear * omega / mu, 0.02, 1e-12);
 }
 
 TEST(OtherContacts, AreTheScenesOwnWhereNothingIsSaid) {
   mpm::Scene scene = two_floors();
   const std::vector<shape::ColliderPtr> before = scene.colliders;
-  with_other_contacts({}, scene);
+  struck_by_another_solver({}, scene);
   EXPECT_EQ(scene.colliders, before);
 }
 

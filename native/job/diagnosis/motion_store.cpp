@@ -42,7 +42,7 @@ fs::path MotionStore::path_of(const diagnose::Point& point) const {
   }
   const diagnose::Numerics& n = point.numerics;
   for (const double value : {n.spacing, n.step, n.offset.x(), n.offset.y(), n.offset.z(),
-                             n.particles, n.contact_stiffness, n.contact_damping}) {
+                             n.particles, n.contact_stiffness, n.contact_damping, n.loss}) {
     add(value, hasher);
   }
   for (const double slope : n.lumping_slope) add(slope, hasher);

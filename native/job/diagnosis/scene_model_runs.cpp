@@ -30,7 +30,7 @@ constexpr double kNoiseMargin = 1.1;
 /// Whether the fitted values' substeps serve: what lumping alone changes is then no other step.
 bool has_own_steps(const diagnose::Numerics& n) {
   return n.spacing == 1.0 && n.step == 1.0 && n.offset.isZero(0.0) && n.particles == 1.0 &&
-         n.seed == 0 && n.contact_stiffness == 1.0 && n.contact_damping == 0.0;
+         n.seed == 0 && n.contact_stiffness == 1.0 && n.contact_damping == 0.0 && n.loss == 0.0;
 }
 
 }  // namespace
@@ -122,7 +122,7 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
   const std::shared_ptr<const Built> base = built(point.numerics, run);
   const std::vector<double> values = fitted_values(point);
   mpm::Scene scene = scene_at(point, *base, values, run);
-  with_other_contacts(point.numerics, scene);
+  if (!nuisances_.impacts().empty()) struck_by_another_solver(point.numerics, scene);
   nuisances_.add_impacts(nuisance_values(point), run, scene);
   scene.end_frame = end_frame(point, values, run);
   const Watch watch{*base, values, run, arena, targets_of(point, run)};

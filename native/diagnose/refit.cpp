@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "base/error.hpp"
 #include "fit/numerics/bounded_step.hpp"
@@ -229,12 +231,15 @@ class Refitter::Search {
 
   void take_start(std::span<const std::optional<VectorXd>> seen) {
     ++share_;
+    const auto left = left_once_adapted();
+    double least = std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < trying_.size(); ++i) {
       if (!seen[i]) continue;
       Place there = refitter_.place(trying_[i], biased() ? kBiasMean : 0.0, *seen[i], corrections_);
-      if (!here_ || there.residual.squaredNorm() < here_->residual.squaredNorm()) {
-        here_ = std::move(there);
-      }
+      const double deviance = left(there.residual);
+      if (here_ && !(deviance < least)) continue;
+      least = deviance;
+      here_ = std::move(there);
     }
     if (!here_) return;
     renewed_at_ = here_->residual.squaredNorm();
@@ -246,6 +251,24 @@ class Refitter::Search {
       made_here_ = true;
     }
     jacobian_ = refitter_.residual_slopes(slopes_, corrections_);
+  }
+
+  /// What a residual's deviance is once nuisances of known times have adapted to first order, where
+  /// there are slopes: at the base they have made up for what a cause at a set value then does a
+  /// second time.
+  [[nodiscard]] std::function<double(const VectorXd&)> left_once_adapted() const {
+    const std::vector<Index> adapting = nuisances_of_times(model());
+    if (trying_.size() < 2 || adapting.empty() || slopes_.cols() == 0) {
+      return [](const VectorXd& residual) { return residual.squaredNorm(); };
+    }
+    const MatrixXd columns = refitter_.residual_slopes(slopes_, corrections_)(Eigen::all, adapting);
+    MatrixXd h = columns.transpose() * columns;
+    h.diagonal() *= 1.0 + 1e-9;
+    h.diagonal().array() += 1e-300;
+    return [columns, factors = Eigen::LDLT<MatrixXd>(h)](const VectorXd& residual) {
+      const VectorXd gradient = columns.transpose() * residual;
+      return residual.squaredNorm() - gradient.dot(factors.solve(gradient));
+    };
   }
 
   /// Whether there was a renewal left. A search that is far off gains much by each. Slopes that

@@ -115,7 +115,8 @@ MatrixXd rigid_errors_in_contact(const Study& study) {
 /// By what those errors are to be multiplied for what a simulation misses in the used frames of
 /// contact to be usual: how otherwise another solver holds a body is seen there at once.
 double size_of_contacts(const Study& study, const MatrixXd& errors, const VectorXd& prediction) {
-  constexpr double kLeast = 0.05;
+  constexpr double kLeast = 0.15;
+  constexpr double kMost = 3.0;
   const Index used = study.used().size();
   const VectorXd noise = stated_noise(study.model(), study.used());
   const VectorXd missed =
@@ -132,7 +133,7 @@ double size_of_contacts(const Study& study, const MatrixXd& errors, const Vector
     sum += found.squaredNorm() - factors.solve(MatrixXd::Identity(kRigid, kRigid)).trace();
     count += double(kRigid);
   }
-  return count > 0.0 ? std::clamp(std::sqrt(std::max(0.0, sum / count)), kLeast, 1.0) : 1.0;
+  return count > 0.0 ? std::clamp(std::sqrt(std::max(0.0, sum / count)), kLeast, kMost) : 1.0;
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ using Eigen::Index;
 constexpr double kImpulseShare = 0.015;
 /// Standard deviation of the time for which a body is held, in transits of a wave through it: how
 /// a corner gives way depends on the elements or particles that it is made of.
-constexpr double kHoldTransits = 0.15;
+constexpr double kHoldTransits = 0.05;
 /// Accelerations beside gravity that count as contact, in gravities: a body at rest has 1.
 constexpr double kContactGravities = 0.5;
 /// How near a collider the nearest track is in contact, in the body's size. Tracks may be few.

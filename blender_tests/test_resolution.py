@@ -19,7 +19,7 @@ class ResolutionTest(SceneCase):
                 if vertex.co.x > 0.0 and side * vertex.co.y > 0.0:
                     vertex.co.z *= 1.2
             self.body(item)
-            found = resolution.sizes(self.scene)[-1]
+            found = list(resolution.seen(self.scene).values())[-1]
             self.assertAlmostEqual(found.thickness, 1.0, delta=0.15)
             self.assertAlmostEqual(found.volume, 1.0, delta=0.15)
 
@@ -76,7 +76,9 @@ class ResolutionTest(SceneCase):
         self.assertAlmostEqual(solver.particle_separation, (0.064 / 100000) ** (1 / 3), delta=3e-4)
         solver.quality, solver.most_particles = "STANDARD", 10000
         self.assertGreaterEqual(solver.particle_separation, (0.064 / 10000) ** (1 / 3))
+        self.assertEqual(resolution.limited_to(self.scene), (10000, "40 000 particles"))
         solver.most_particles = 100000
+        self.assertIsNone(resolution.limited_to(self.scene))
         body.material.preset = "JELLY"
         self.assertAlmostEqual(solver.particle_separation, solid, places=5)
         # Beside a solid the count is of both; with a thinner one its cells ask for more.
@@ -124,9 +126,9 @@ class ResolutionTest(SceneCase):
 
         def measured():
             bpy.context.view_layer.update()
-            with mock.patch.object(resolution, "cells_across", return_value=4.0) as across:
-                panel._cells(bpy.context)
-            return across.called
+            with mock.patch.object(resolution, "seen", wraps=resolution.seen) as seen:
+                panel._known(bpy.context)
+            return seen.called
 
         def peak(*index):
             for vertex in item.data.vertices:
@@ -145,13 +147,17 @@ class ResolutionTest(SceneCase):
         self.assertTrue(measured())
         self.assertEqual(tuple(item.dimensions), box)
         self.assertFalse(measured())
+        # What is typed changes no shape: a dense mesh is not measured at each step of a slider.
+        self.settings.solver.particle_separation *= 0.5
+        self.settings.bodies[0].material.preset = "WATER"
+        self.assertFalse(measured())
 
     def test_another_file(self):
         """A hidden object is not what one of that name was in the file before."""
         item = self.cube(size=0.1)
         self.body(item)
         self.assertAlmostEqual(resolution.thinnest(self.scene), 0.1, places=5)
-        panel._cells(bpy.context)
+        panel._known(bpy.context)
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self.assertEqual((resolution._known, panel._measured), ({}, {}))
 
@@ -167,7 +173,7 @@ class ResolutionTest(SceneCase):
         document, folder = self.document("simulate")
         count = native.estimate(document, folder)["particles"]
         self.assertTrue(70000 < count <= 100000, count)
-        self.assertEqual(resolution.limited_to(self.scene), (100000, 6))
+        self.assertEqual(resolution.limited_to(self.scene), (100000, "6 cells"))
         solver.most_particles = 10000000
         self.assertAlmostEqual(solver.particle_separation, 0.02 / 12, places=5)
         self.assertIsNone(resolution.limited_to(self.scene))

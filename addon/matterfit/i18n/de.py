@@ -72,6 +72,8 @@ TEXTS = {
     "{n} particles": "{n} Teilchen",
     "{n} frame": "{n} Bild",
     "{n} frames": "{n} Bilder",
+    "{n} cell": "{n} Zelle",
+    "{n} cells": "{n} Zellen",
     "{n} layer": "{n} Lage",
     "{n} layers": "{n} Lagen",
     "Particle Separation is {now}, and nothing can be simulated below {least}: what is simulated is "

@@ -112,48 +112,56 @@ def bodies(scene):
             and body.object.name in scene.objects]
 
 
-def sizes(scene):
-    """Size of each body that can be measured, as a panel may: nothing is changed, and a hidden
-    object is what it was when it was seen last."""
-    found = [_seen(item) for item in bodies(scene)]
-    return [size for size in found if size is not None]
+def seen(scene):
+    """{object's name: Size} of each body that can be measured, as a panel may: nothing is changed, and
+    a hidden object is what it was when it was seen last. It casts rays: who draws hands it on to the
+    functions below, which else look themselves."""
+    found = {item.name: _seen(item) for item in bodies(scene)}
+    return {name: size for name, size in found.items() if size is not None}
 
 
-def thinnest(scene):
+def thinnest(scene, known=None):
     """Thickness of the thinnest body in Blender units, or None where there is no body."""
-    return min((size.thickness for size in sizes(scene)), default=None)
+    known = seen(scene) if known is None else known
+    return min((size.thickness for size in known.values()), default=None)
 
 
-def cells_across(scene):
+def cells_across(scene, known=None):
     """Cells across the thinnest part with the present separation, or None."""
-    thickness = thinnest(scene)
+    thickness = thinnest(scene, known)
     return None if thickness is None else thickness / (
         2.0 * scene.matterfit.solver.particle_separation)
 
 
-def limited_to(scene):
-    """(particles, cells) where the quality asks for more cells than the limit of particles allows,
-    else None."""
+def limited_to(scene, known=None):
+    """(particles, what the quality asks for: 6 cells) where the limit of particles allows less, else
+    None."""
     solver = scene.matterfit.solver
-    if solver.quality == "CUSTOM":
+    cells = None if solver.quality == "CUSTOM" else cells_across(scene, known)
+    if cells is None:
         return None
-    cells, wanted = cells_across(scene), presets.cells_across(solver.quality)
-    return (solver.most_particles, wanted) if cells is not None and cells < 0.98 * wanted else None
+    wanted = presets.cells_across(solver.quality)
+    if cells < 0.98 * wanted:
+        return solver.most_particles, plain.counted(wanted, "cell")
+    wanted = presets.poured_particles(solver.quality)
+    if pours(scene) and solver.most_particles < wanted:
+        return solver.most_particles, plain.counted(wanted, "particle")
+    return None
 
 
-def advice(scene):
+def advice(scene, known=None):
     """What is to be said of a thin part of a solid that too few particles share; "" where all have
     enough."""
     solver = scene.matterfit.solver
-    solid = {body.object for body in scene.matterfit.bodies
-             if body.role == "BODY" and not laws.material_flows(body.material)}
-    known = [_seen(item) for item in bodies(scene) if item in solid]
-    cells = min((size.thickness for size in known if size is not None), default=numpy.inf) / (
-        2.0 * solver.particle_separation)
+    known = seen(scene) if known is None else known
+    solid = [known[body.object.name].thickness for body in scene.matterfit.bodies
+             if body.role == "BODY" and body.object is not None and body.object.name in known
+             and not laws.material_flows(body.material)]
+    cells = min(solid, default=numpy.inf) / (2.0 * solver.particle_separation)
     if cells >= FEWEST_CELLS:
         return ""
     metres = transforms.metres(scene)
-    more = (translate("raise Most Particles") if limited_to(scene) is not None
+    more = (translate("raise Most Particles") if limited_to(scene, known) is not None
             else translate("lower Particle Separation"))
     return translate(
         "The thinnest part is {thickness}, as thick as {layers}: it bends and breaks too easily. Make it "

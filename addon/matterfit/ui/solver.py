@@ -5,7 +5,7 @@ import bpy
 import numpy
 
 from ..compat import translate, translate_label
-from ..io import resolution
+from ..io import plain, resolution
 from ..props import scene as scene_props
 from .common import MatterfitPanel, contact, form, lines
 
@@ -20,16 +20,18 @@ class MATTERFIT_PT_solver(MatterfitPanel, bpy.types.Panel):
         column = form(layout)
         column.prop(solver, "quality")
         column.prop(solver, "particle_separation", text="Separation")
-        cells = _cells(context)
+        known = _known(context)
+        cells = resolution.cells_across(context.scene, known)
         if cells is not None:
             lines(layout, translate("{n} cells across the thinnest part").format(
                 n=f"{cells:.1f}"), icon="ERROR" if cells < 2.95 else "INFO")
-        if _measured.get("advice"):
-            lines(layout, _measured["advice"], icon="ERROR")
-        limit = _measured.get("limit")
+        advice = resolution.advice(context.scene, known)
+        if advice:
+            lines(layout, advice, icon="ERROR")
+        limit = resolution.limited_to(context.scene, known)
         if limit is not None:
-            lines(layout, translate("Limited to {n} particles; {quality} asks for {cells} cells").format(
-                n=f"{limit[0]:,}".replace(",", " "), cells=limit[1], quality=translate_label(
+            lines(layout, translate("Limited to {n}; {quality} asks for {wanted}").format(
+                n=plain.counted(limit[0], "particle"), wanted=limit[1], quality=translate_label(
                     solver.bl_rna.properties["quality"].enum_items[solver.quality].name)),
                   icon="INFO")
         if solver.quality != "CUSTOM":
@@ -51,17 +53,14 @@ def forget():
     _measured.clear()
 
 
-def _cells(context):
-    """Measuring casts rays, so it is not done at every redraw: only after a change."""
+def _known(context):
+    """Measuring casts rays, so it is not done at every redraw: only after a change of a shape."""
     scene = context.scene
-    solver = scene.matterfit.solver
     graph = context.evaluated_depsgraph_get()
-    key = (solver.quality, solver.particle_separation, solver.most_particles,
-           tuple(_key(item, graph) for item in resolution.bodies(scene)))
+    key = tuple(_key(item, graph) for item in resolution.bodies(scene))
     if _measured.get("key") != key:
-        _measured.update(key=key, cells=resolution.cells_across(scene),
-                         limit=resolution.limited_to(scene), advice=resolution.advice(scene))
-    return _measured["cells"]
+        _measured.update(key=key, sizes=resolution.seen(scene))
+    return _measured["sizes"]
 
 
 def _key(item, graph):

@@ -94,6 +94,35 @@ class ResolutionTest(SceneCase):
         bpy.ops.matterfit.set_resolution()
         self.assertAlmostEqual(solver.particle_separation, 0.14 / 12, places=5)
 
+    def test_whatever_begins_or_ends_to_pour(self):
+        """The weights of a law, a number of it, a body that is switched off, that collides, that goes."""
+        body = self.body(self.cube(size=0.4, location=(0.0, 0.0, 0.6)))
+        self.body(self.cube("Other", size=0.4, location=(1.0, 0.0, 0.6)))
+        solver, material = self.settings.solver, body.material
+        both, solid = (0.128 / 40000) ** (1 / 3), 0.4 / 12
+
+        def check(wanted):
+            self.assertAlmostEqual(solver.particle_separation, wanted, places=5)
+
+        material.law = "NEURAL_ISOTROPIC"
+        check(solid)
+        for weights, wanted in (("WATER", both), ("PLASTICINE", solid), ("SAND", both), ("JELLY", solid)):
+            material.weights = weights
+            check(wanted)
+        material.tear_strain = 0.1
+        check(both)
+        body.enabled = False
+        check(solid)
+        body.enabled = True
+        check(both)
+        body.role = "COLLIDER"
+        check(solid)
+        body.role = "BODY"
+        check(both)
+        self.settings.body_index = 0
+        bpy.ops.matterfit.remove_body()
+        check(solid)
+
     def test_what_was_typed_stays(self):
         """Another material does not measure anew what is Custom, nor one that pours as little."""
         body = self.body(self.cube(size=0.4))

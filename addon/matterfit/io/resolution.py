@@ -69,9 +69,9 @@ def apply_quality(solver, scene):
              float(f"{_limited(sizes, wanted, solver.most_particles):.4g}"))
 
 
-@reactions.law_chosen.done_by
-def law_chosen(scene):
-    """Another material is measured anew where it pours and the others did not, or the reverse."""
+@reactions.flow_changed.done_by
+def flow_changed(scene):
+    """A scene is measured anew where something pours and nothing did, or the reverse."""
     solver = scene.matterfit.solver
     if pours(scene) != solver.for_flows:
         # Of an object that is not there any more a run tells.

@@ -85,6 +85,7 @@ class MATTERFIT_OT_remove_body(_ActiveBody, PlainOperator, bpy.types.Operator):
             visibility.show_original(body.object)
         remove_active(settings, "bodies", "body_index")
         fit_rows.refresh(settings)
+        resolution.flow_changed(context.scene)
 
 
 class MATTERFIT_OT_move_body(PlainOperator, bpy.types.Operator):

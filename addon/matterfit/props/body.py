@@ -23,6 +23,15 @@ def list_changed(self, _context):
     reactions.fit_list_outdated(self.id_data.matterfit)
 
 
+def _role_changed(self, context):
+    list_changed(self, context)
+    reactions.flow_changed(self.id_data)
+
+
+def _enabled_changed(self, _context):
+    reactions.flow_changed(self.id_data)
+
+
 class MatterfitContact(bpy.types.PropertyGroup):
     """How a body touches a surface."""
 
@@ -106,12 +115,13 @@ class MatterfitBody(bpy.types.PropertyGroup):
     name: StringProperty(name="Name", default="Body", update=list_changed,
                          description="The name in the job document")
     role: EnumProperty(
-        name="Role", default="BODY", update=list_changed,
+        name="Role", default="BODY", update=_role_changed,
         items=(("BODY", "Body", "Simulated", "MESH_ICOSPHERE", 0),
                ("COLLIDER", "Collider", "Bodies run into it", "MOD_PHYSICS", 1)),
         description="Simulated, or something that bodies run into")
     enabled: BoolProperty(
-        name="Enabled", default=True, description="Takes part in the simulation")
+        name="Enabled", default=True, update=_enabled_changed,
+        description="Takes part in the simulation")
 
     source: EnumProperty(
         name="Source", default="OBJECT",

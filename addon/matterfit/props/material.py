@@ -29,11 +29,12 @@ def _law_changed(self, _context):
     # Another law was not seen at anything, and its values are of no preset.
     self.excited, self.source = (0.0,) * 5, ""
     reactions.fit_list_outdated(self.id_data.matterfit)
-    reactions.law_chosen(self.id_data)
+    reactions.flow_changed(self.id_data)
 
 
 def _pours_changed(self, _context):
-    reactions.law_chosen(self.id_data)
+    """A number, or a switch, that may decide whether the material pours."""
+    reactions.flow_changed(self.id_data)
 
 
 def _weights_changed(self, _context):
@@ -84,10 +85,10 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
     form_2: number("material.form_2")
     form_3: number("material.form_3")
     form_4: number("material.form_4")
-    yield_strain: number("material.yield_strain")
+    yield_strain: number("material.yield_strain", update=_pours_changed)
     internal_friction: number("material.internal_friction")
     strain_hardening: number("material.strain_hardening")
-    tear_strain: number("material.tear_strain")
+    tear_strain: number("material.tear_strain", update=_pours_changed)
     flow_rate: number("material.flow_rate")
     flow_thinning: number("material.flow_thinning")
     use_latent: BoolProperty(

@@ -15,6 +15,10 @@ ICON = 20.0  # also what the dot of a property takes that can be keyed
 MARGIN = 10.0
 MENU = 30.0  # what a menu takes beside the name of its choice
 FIELD = 45.0  # what a field with name and value takes beside both
+LIST = 12.0  # the edges of a list
+SCROLL = 18.0  # its bar, where it has more rows than it shows
+# Lists of numbers; others show names, which are as long as the artist makes them.
+NUMBERS = {"MATTERFIT_UL_worst", "MATTERFIT_UL_worst_images"}
 
 
 def text_width(text):
@@ -134,8 +138,14 @@ class Layout:
     def prop_search(self, item, name, _owner, _list, **options):
         self.prop(item, name, **options)
 
-    def template_list(self, *_arguments, **_options):
-        self._children.append((None, lambda _width: None))
+    def template_list(self, kind, _identifier, owner, items, *_active, rows=5, **_options):
+        if kind not in NUMBERS:
+            self._children.append((None, lambda _width: None))
+            return
+        found = getattr(owner, items)
+        part = self._part(False, shrink=LIST + (SCROLL if len(found) > rows else 0.0))
+        for index, item in enumerate(found):
+            getattr(bpy.types, kind).draw_item(None, None, part, owner, item, "NONE", None, "", index)
 
     def progress(self, **_options):
         pass

@@ -167,7 +167,11 @@ class CutTest(SceneCase):
             self.check(f", {source}")
         self.settings.compare.done = True
         self.settings.compare.range_mode = "FIXED"
-        for frame, error in enumerate((1234.5, 123.45, 22.94, 0.03125, 0.0, 21.0)):
+        for frame, error in enumerate((1234.5, 98765.4, 1.2345e6, 22.94, 0.03125, 0.0)):
             row = self.settings.compare.worst.add()
-            row.frame, row.mean, row.largest = 100 + frame, error, 2.0 * error
+            row.frame, row.mean, row.largest = 1000 + frame, error, 2.0 * error
+        self.settings.compare.images_done = True
+        for frame in range(5):
+            row = self.settings.compare.worst_images.add()
+            row.frame, row.camera, row.iou = 1000 + frame, 100, 1.0
         self.check(", compared")

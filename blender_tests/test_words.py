@@ -6,7 +6,7 @@ import unittest
 
 from matterfit.i18n import de
 from matterfit.io import number_text, plain, words
-from matterfit.ui import diagnose, drawing
+from matterfit.ui import common, compare, diagnose, drawing
 from support import SceneCase
 
 
@@ -19,6 +19,23 @@ class TranslationTest(unittest.TestCase):
                  and isinstance(node.args[0], ast.Constant)]
         self.assertGreater(len(texts), 10)
         self.assertEqual([text for text in texts if text not in de.TEXTS], [])
+
+
+class LinesTest(unittest.TestCase):
+    def test_a_number_keeps_its_unit(self):
+        """Wherever a line ends."""
+        units = ("kPa", "MPa", "Pa/m", "m/s", "mm", "%", "s", "min", "GB", "rad/s", "kg")
+        text = "Between " + ", ".join(f"12.5 {unit} and" for unit in units) + " 4.0e6 Pa."
+        wanted = {*units, "Pa"}
+        for width in range(90, 400, 7):
+            found = common.wrapped(text, width)
+            self.assertEqual(" ".join(found), text)
+            self.assertFalse([line for line in found if line.split()[0].strip(",.") in wanted], width)
+
+    def test_errors_in_the_room_of_a_list(self):
+        for error, wanted in ((0.03125, "0.031"), (22.94, "22.9"), (99.96, "100"), (1234.5, "1234"),
+                              (2.4e9, "2e+09"), (0.0, "0"), (1e-7, "0")):
+            self.assertEqual(compare._digits(error), wanted)
 
 
 class WordsTest(SceneCase):

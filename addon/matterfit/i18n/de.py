@@ -12,7 +12,7 @@ TEXTS = {
     "Simulate": "Simulieren",
     "Compare": "Vergleichen",
     "Overlap": "Überdeckung",
-    "Outlines Apart": "Abstand der Umrisse",
+    "Outlines Off": "Abstand der Umrisse",
     "Worst Images": "Schlechteste Bilder",
     "Show in Cameras": "In den Kameras zeigen",
     "Press Compare first": "Zuerst Vergleichen drücken",

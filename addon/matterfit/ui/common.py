@@ -15,7 +15,8 @@ ICON = 20.0  # before a label
 BOX = 12.0  # of it, that the edges of a box take
 
 
-_UNITS = r"s|min|h|nm|mm|cm|m|km|g|kg|N|Hz|%|B|kB|MB|GB|K?Pa|MPa|GPa|mm/s|cm/s|m/s|Pa/m"
+_UNITS = (r"s|min|h|%|px|[kMG]?B|[kM]?Hz|[nµmck]?m(?:/s²?)?|rad/s|[mk]?g(?:/m³)?|[mk]?N(?:/m)?|"
+          r"[mkMG]?Pa(?:/m| s)?")
 _WORD = re.compile(rf"[^\s]*\d (?:{_UNITS})(?![^\s.,;:)])[.,;:)]*|\S+")
 
 

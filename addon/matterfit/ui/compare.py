@@ -9,7 +9,7 @@ from .common import MatterfitPanel, form, lines
 class MATTERFIT_UL_worst(bpy.types.UIList):
     def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
         row = layout.row()
-        row.label(text=str(item.frame), icon="TIME", translate=False)
+        row.label(text=str(item.frame), translate=False)
         row.label(text=_digits(item.mean), translate=False)
         row.label(text=_digits(item.largest), translate=False)
 
@@ -17,9 +17,9 @@ class MATTERFIT_UL_worst(bpy.types.UIList):
 class MATTERFIT_UL_worst_images(bpy.types.UIList):
     def draw_item(self, _context, layout, _data, item, _icon, _active, _name, _index=0):
         row = layout.row()
-        row.label(text=str(item.frame), icon="TIME", translate=False)
-        row.label(text=str(item.camera), icon="CAMERA_DATA", translate=False)
-        row.label(text=f"{100.0 * item.iou:.1f} %", translate=False)
+        row.label(text=str(item.frame), translate=False)
+        row.label(text=str(item.camera), translate=False)
+        row.label(text=f"{100.0 * item.iou:.1f}", translate=False)
 
 
 class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
@@ -67,11 +67,11 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
         row.label(text="Overlap")
         row.label(text=f"{100.0 * compare.iou:.1f} %", translate=False)
         row = box.row()
-        row.label(text="Outlines Apart")
+        row.label(text="Outlines Off")
         row.label(text=f"{compare.contour_px:.2f} px" if compare.contour_px >= 0.0 else "–",
                   translate=False)
         layout.operator("matterfit.show_overlays", icon="IMAGE_BACKGROUND")
-        layout.label(text="Worst Images")
+        layout.label(text="Worst Images, Overlap [%]")
         row = layout.row()
         for title in ("Frame", "Camera", "Overlap"):
             row.label(text=title)
@@ -84,8 +84,10 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
 
 
 def _digits(error):
-    """Three of an error, in the room of a list: 0.0312, 22.9, 1234."""
-    return f"{error:.0f}" if error >= 100.0 else number_text.short(error, 3)
+    """An error in the room of a list, a third of the sidebar: 0.031, 22.9, 1234, 2e+06."""
+    if error >= 1e5:
+        return f"{error:.0e}"
+    return f"{error:.0f}" if error >= 100.0 else number_text.short(round(error, 3), 3)
 
 
 def _error(compare, error):

@@ -12,9 +12,10 @@ def number(value, unit="", error=None):
 
 
 def cause(effect, parameters, probability=0.9, accepted=True, **other):
+    words = effect.replace("_", " ")  # as the library's sentences have it
     entry = {
         "effect": effect, "scope": "shared", "group": "outside",
-        "sentence": f"The recording shows {effect}.", "evidence": f"Why {effect} is believed.",
+        "sentence": f"The recording shows {words}.", "evidence": f"Why {words} is believed.",
         "probability": probability, "score": 812.4, "p": 1e-4, "keep": 0.4, "observable": True,
         "refitted": True, "accepted": accepted, "explained": 0.9, "holdout_before": 0.0061,
         "holdout_after": 0.0011, "holdout_floor": 0.0005, "last_residual": 0.005,

@@ -130,6 +130,13 @@ class ReportTest(DiagnoseCase):
         self.assertEqual(report.worst[0].where, (0.1, 0.0, 0.3))
         self.assertIsNotNone(report.model)
 
+    def test_causes_that_stay_alike_have_their_labels(self):
+        alike = "{} and {} stay alike in each recording that was tried."
+        self.diagnosed([self.DRAG], next_recording="Throw it fast. " + alike.format(
+            "gravity_size", "drag_quadratic"))
+        self.assertEqual(diagnosis.load(self.run_folder).next_recording,
+                         "Throw it fast. " + alike.format("Gravity", "Air Drag"))
+
     def test_none_where_there_is_none(self):
         self.assertIsNone(diagnosis.load(self.folder))
         self.assertIsNone(diagnosis.load_quietly(self.folder))
@@ -173,10 +180,10 @@ class PanelTest(DiagnoseCase):
         self.assertIn("best of 24 causes tested", said)
         self.assertIn("Not observable: Time Offset, Linear Drag", said)
         self.assertIn("Throw it fast and sideways.", said)
-        self.assertIn("Why drag_quadratic is believed.", said)
+        self.assertIn("Why drag quadratic is believed.", said)
         self.assertNotIn("earlier fit", said)
         bpy.ops.matterfit.diagnosis_cause(index=1)
-        self.assertIn("Why time_offset is believed.", " ".join(self.texts()))
+        self.assertIn("Why time offset is believed.", " ".join(self.texts()))
 
     def test_many_causes_are_folded(self):
         self.diagnosed([self.DRAG, *[self.OTHER] * 9])
@@ -342,7 +349,7 @@ class ExtendTest(DiagnoseCase):
 
     def test_what_was_not_accepted_is_refused(self):
         self.diagnosed([self.OTHER], model=None)
-        self.fails(bpy.ops.matterfit.extend_model, ["was not accepted", "Why time_offset"])
+        self.fails(bpy.ops.matterfit.extend_model, ["was not accepted", "Why time offset"])
 
     def test_a_body_that_is_gone(self):
         self.diagnosed([cause("damping_bulk", {})], lambda scene: None)

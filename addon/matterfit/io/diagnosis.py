@@ -3,6 +3,7 @@
 «The report of a diagnosis»)."""
 
 import os
+import re
 from dataclasses import dataclass, field
 
 from .. import effects
@@ -100,6 +101,15 @@ def label_of(effect):
     return _LABELS.get(effect) or effect.replace("_", " ").title()
 
 
+# In it the library names causes as the report does: gravity_size and frame_rate stay alike …
+_ALIKE = re.compile(r"\b(\w+) and (\w+)(?= stay alike in each recording that was tried\.)")
+
+
+def _with_labels(text):
+    """What the next recording would be, with causes called as in the panel."""
+    return _ALIKE.sub(lambda match: f"{label_of(match[1])} and {label_of(match[2])}", text)
+
+
 def stamp(folder):
     """Changes whenever a report is written; None where there is none."""
     return files.stamp(os.path.join(folder, REPORT_FILE))
@@ -133,7 +143,7 @@ def _report(document):
                                float(entry["size"]))
                     for entry in document["residual"]["worst"]),
         not_observable=tuple(str(name) for name in document.get("not_observable") or ()),
-        next_recording=str(document.get("next_recording") or ""),
+        next_recording=_with_labels(str(document.get("next_recording") or "")),
         statements=tuple(str(text) for text in document.get("statements") or ()),
         model=dict(document["model"]) if document.get("model") else None,
         fitted={entry["path"]: float(entry["value"])

@@ -105,11 +105,12 @@ SLOW = 0.05  # of the fastest motion: hardly any
 @dataclass(frozen=True)
 class SlowStart:
     """Speeds [Blender units a frame] where the simulation begins, and the fastest from there on, with
-    the frame of that; 0 where nothing moves later either."""
+    the frame of that; 0 where nothing moves later either, or where it only turns."""
 
     speed: float
     fastest: float
     frame: int
+    turns: bool = False
 
 
 def slow_start(item, first, end):
@@ -126,8 +127,10 @@ def slow_start(item, first, end):
     if any(now[part].length > max(SLOW * fastest[part], 1e-6) for part in (0, 1)):
         return None
     part = 0 if fastest[0] > 1e-6 else 1
-    frame = max(range(len(steps)), key=lambda index: steps[index][part].length, default=0)
-    return SlowStart(now[0].length, 0.0 if part else fastest[0], first + frame)
+    if fastest[part] <= 1e-6:
+        return SlowStart(now[0].length, 0.0, first)
+    step = max(range(len(steps)), key=lambda index: steps[index][part].length)
+    return SlowStart(now[0].length, 0.0 if part else fastest[0], first + step, bool(part))
 
 
 def collider_kind(body):

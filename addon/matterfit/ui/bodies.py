@@ -134,7 +134,7 @@ def _slow_start(column, scene, body):
         text = translate("Its keys set off slowly: {speed} m/s at frame {first}, where the simulation "
                          "begins, {fastest} m/s at frame {frame}. Make them linear, or begin there: Solver "
                          "> Own Range.")
-    elif found.frame > first:
+    elif found.turns:
         text = translate("Its keys hardly turn it at frame {first}, where the simulation begins, and "
                          "fastest at frame {frame}. Make them linear, or begin there: Solver > Own Range.")
     lines(column, text.format(first=first, frame=found.frame, speed=f"{unit * found.speed:.2g}",

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What every script here needs: the tree's folders, a logged command, and a tally of tests."""
 
+import contextlib
 import dataclasses
 import os
 import pathlib
+import signal
 import subprocess
 import sys
 import time
@@ -12,6 +14,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build"
 LOGS = BUILD / "logs"
 SPENT = []  # (processor seconds, seconds, name) of each command that was run
+_running = set()  # process groups of the commands that run now
 
 
 def say(text):
@@ -82,6 +85,7 @@ def run(name, command, *, limit=600, env=None, cwd=ROOT):
             env={**os.environ, **(env or {})},
             start_new_session=True,
         )
+        _running.add(process.pid)
         # Not Popen.wait(), which does not say what processor time the command took.
         ended, status, usage = os.wait4(process.pid, os.WNOHANG)
         out_of_time = False
@@ -91,11 +95,19 @@ def run(name, command, *, limit=600, env=None, cwd=ROOT):
                 os.killpg(process.pid, 9)
                 out_of_time = True
             ended, status, usage = os.wait4(process.pid, os.WNOHANG)
+        _running.discard(process.pid)
         process.returncode = os.waitstatus_to_exitcode(status)
     status = 124 if out_of_time else process.returncode
     done = Finished(status, log, time.monotonic() - started, usage.ru_utime + usage.ru_stime)
     SPENT.append((done.processor_seconds, done.seconds, name))
     return done
+
+
+def end_all():
+    """Ends what run() has started, each in a session of its own that hears of no Ctrl-C."""
+    for group in list(_running):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(group, signal.SIGTERM)
 
 
 def require_in_tree():

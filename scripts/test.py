@@ -14,6 +14,7 @@ import shutil
 import sys
 import threading
 import time
+import traceback
 
 import fuzz
 import lint
@@ -29,7 +30,7 @@ from native_build import (
     release_tests,
     run_gtests,
 )
-from parts import BUILD, LOGS, ROOT, SPENT, Tally, require_in_tree, run, say
+from parts import BUILD, LOGS, ROOT, SPENT, Tally, end_all, require_in_tree, run, say
 from work_queue import QUEUE
 
 RUNNER = ROOT / "blender_tests" / "run.py"
@@ -270,7 +271,10 @@ def run_part(name):
     """Runs one part and says what came of it."""
     say(f"[{name}] {PARTS[name].__doc__}")
     begun = time.monotonic()
-    tally = PARTS[name]()
+    try:
+        tally = PARTS[name]()
+    except Exception:  # the other parts go on, and their tests count
+        tally = Tally(failed=[(f"{name}: the part itself", traceback.format_exc())])
     lines = [f"  FAILED {test}\n    " + detail.strip().replace("\n", "\n    ") for test, detail in tally.failed]
     lines += [f"  skipped {test}: {reason}" for test, reason in tally.skipped]
     took = datetime.timedelta(seconds=round(time.monotonic() - begun))
@@ -308,9 +312,9 @@ def main():
             jobs = cores if ON_SANITIZED >= set(parts) else cores // 2 + 1
             BUILDS["sanitize"] = QUEUE.submit(BUILD_WEIGHT, build_sanitized, jobs)
         # A thread a part hands its pieces to the queue, in which the processors are the parts' common.
-        with concurrent.futures.ThreadPoolExecutor(len(parts)) as pool:
-            for tally in pool.map(run_part, parts):
-                total.add(tally)
+        pool = concurrent.futures.ThreadPoolExecutor(len(parts))
+        for tally in pool.map(run_part, parts):
+            total.add(tally)
     took = datetime.timedelta(seconds=round(time.monotonic() - started))
     say(f"Took {took}; {sum(spent for spent, _, _ in SPENT) / 60:.0f} minutes of processor time, the most in:")
     for spent, seconds, name in sorted(SPENT, reverse=True)[:LISTED]:
@@ -322,4 +326,9 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        end_all()
+        say("Interrupted.")
+        os._exit(130)  # not to wait for the parts' threads

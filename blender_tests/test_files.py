@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Names of files, and bodies named in any script."""
+"""Names of files, bodies named in any script, and what a refused run leaves."""
 
 import os
 
 import bpy
 from matterfit.io import files, takes
-from support import SceneCase, needs_library
+from support import SceneCase, needs_library, tree
 
 
 class NameTest(SceneCase):
@@ -51,3 +51,39 @@ class NameTest(SceneCase):
         self.assertTrue(os.path.isfile(os.path.join(folder, "mesh", "球.pc2")))
         bpy.ops.matterfit.free()
         self.assertFalse(os.path.exists(folder))
+
+
+class RefusedTest(SceneCase):
+    """A collider that has no surface from frame 4 on: three frames of it were written by then."""
+
+    def setUp(self):
+        super().setUp()
+        self.jelly(location=(0.0, 0.0, 2.0))
+        item = self.cube("Wall")
+        group = item.vertex_groups.new(name="all")
+        group.add(range(8), 1.0, "REPLACE")
+        mask = item.modifiers.new("Mask", "MASK")
+        mask.vertex_group, mask.invert_vertex_group = group.name, True
+        for frame, shown in ((1, False), (4, True)):
+            mask.show_viewport = shown
+            mask.keyframe_insert("show_viewport", frame=frame)
+        self.body(item, "COLLIDER").collider_kind = "DEFORMING"
+
+    @needs_library
+    def test_the_first_bake(self):
+        self.fails(bpy.ops.matterfit.bake, ["leaves no surface"])
+        folder = takes.locate(self.settings.takes[0]).folder
+        self.assertEqual(tree(folder), {})
+        bpy.ops.matterfit.free()
+        self.assertFalse(os.path.exists(folder))
+
+    @needs_library
+    def test_after_one_that_was_done(self):
+        """What it has written stays, byte for byte."""
+        self.scene.frame_end = 2
+        self.assertEqual(bpy.ops.matterfit.bake(), {"FINISHED"}, self.error())
+        folder = takes.locate(self.settings.takes[0]).folder
+        before = tree(folder)
+        self.scene.frame_end = 6
+        self.fails(bpy.ops.matterfit.bake, ["leaves no surface"], onto="REPLACE")
+        self.assertEqual(tree(folder), before)

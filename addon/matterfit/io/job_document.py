@@ -33,10 +33,19 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     """Samples the scene, writes <folder>/input/, returns the document.
 
     `separation` [m] overrides the solver's (Preview); without `outputs` nothing but the particles
-    is baked; a fit and a diagnosis bake nothing. Raises JobError with what to change.
+    is baked; a fit and a diagnosis bake nothing. Raises JobError with what to change, and leaves no
+    new file then.
     """
-    settings = scene.matterfit
     writer = job_writer.JobWriter(scene, take, folder)
+    try:
+        return _build(writer, task, quality, separation, outputs)
+    except Exception:
+        writer.discard()
+        raise
+
+
+def _build(writer, task, quality, separation, outputs):
+    take, settings = writer.take, writer.settings
     job_checks.scene(writer)
     bodies, colliders = [], []
     for body in settings.bodies:

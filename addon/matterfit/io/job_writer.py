@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the parts of a job document share while it is written."""
 
+import contextlib
 import os
 
 from mathutils import Matrix, Vector
@@ -166,6 +167,16 @@ class JobWriter:
             return os.path.relpath(absolute, self.folder).replace(os.sep, "/")
         except ValueError:  # another drive on Windows
             return absolute.replace(os.sep, "/")
+
+    def discard(self):
+        """Takes back what was written so far and no list names: Free would take it for a stranger's."""
+        # What is reported is why the document was not written.
+        with contextlib.suppress(JobError):
+            for relative in set(self.written) - set(listed_inputs(self.folder)):
+                with contextlib.suppress(OSError):
+                    os.remove(os.path.join(self.folder, relative))
+        with contextlib.suppress(OSError):
+            os.rmdir(os.path.join(self.folder, INPUT_FOLDER))
 
     def finish_inputs(self):
         """Lists our input files for Free, and removes those of an older run that are not used."""

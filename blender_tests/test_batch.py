@@ -22,6 +22,12 @@ class BatchCase(SceneCase):
         self.scene.frame_end = 3
         self.batch = self.settings.batch
 
+    @staticmethod
+    def stamps(folder):
+        """When each file was written, without the document, which every run writes."""
+        return {name: os.stat(os.path.join(folder, name)).st_mtime_ns for name in os.listdir(folder)
+                if name != "job.json"}
+
     def vary(self, owner, key, values):
         bpy.ops.matterfit.add_axis(quantity=f"{owner}\t{key}")
         self.batch.axes[len(self.batch.axes) - 1].values = values
@@ -214,11 +220,6 @@ class CompareTest(RecordedBatch):
         bpy.ops.matterfit.run_batch()
         self.assertAlmostEqual(self.listed()[0][1], 20.0 * 2.0 / 3.0, delta=1.0)
 
-    @staticmethod
-    def stamps(folder):
-        return {name: os.stat(os.path.join(folder, name)).st_mtime_ns for name in os.listdir(folder)
-                if name != "job.json"}
-
     def test_one_that_fails_leaves_the_others_compared(self):
         self.settings.solver.memory_limit = 0.1
         self.vary("", "particle_separation", "0.0028,0.05")
@@ -371,8 +372,11 @@ class SlurmTest(BatchCase):
         self.assertEqual(members[1].name, "Velocity Z = -1, Young's Modulus = 2e4")
         self.assertEqual(len({take.collection for take in members}), 8)
         # What Slurm made is what the panel would: nothing is left to do.
+        folders = [takes.locate(take).folder for take in members]
+        before = [self.stamps(folder) for folder in folders]
         bpy.ops.matterfit.run_batch()
         self.assertEqual(len(self.settings.takes), 9)
+        self.assertEqual([self.stamps(folder) for folder in folders], before)
 
 
 @unittest.skipUnless(native.load(), native.load_error())

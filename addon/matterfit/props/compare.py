@@ -122,7 +122,7 @@ class MatterfitCompare(bpy.types.PropertyGroup):
     capture: StringProperty(name="Capture", description="Whose images were compared")
     iou: FloatProperty(name="Overlap", default=0.0, min=0.0, max=1.0, precision=3,
                        description="Mean of the area of both outlines over that of either")
-    contour_px: FloatProperty(name="Outlines Apart [px]", default=0.0, min=-1.0, max=1e6,
+    contour_px: FloatProperty(name="Outlines Off [px]", default=0.0, min=-1.0, max=1e6,
                               soft_max=100.0, precision=2,
                               description="Mean distance between the outlines, in pixels; negative: "
                                           "none was seen")

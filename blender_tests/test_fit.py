@@ -403,6 +403,17 @@ class ApplyTest(FakeFitCase):
         self.assertAlmostEqual(material.maxwell[0].time, 0.2, places=6)
         self.assertIn("material.maxwell[0].time", [row.key for row in self.fit.parameters])
 
+    def test_what_pours_is_as_fine_as_it_was_fitted(self):
+        """A fit that finds a liquid leaves the separation, so that Compare repeats its error."""
+        self.fit.law = "FIND"
+        self.fitted(law={"law": "newtonian", "bulk_modulus": 2e5, "viscosity": 3.0})
+        solver = self.settings.solver
+        before = (solver.quality, solver.particle_separation)
+        bpy.ops.matterfit.apply_fit()
+        self.assertEqual(self.settings.bodies[0].material.law, "NEWTONIAN")
+        self.assertEqual((solver.quality, solver.particle_separation), before)
+        self.assertTrue(solver.for_flows)
+
     def test_the_throw_of_the_take(self):
         """A velocity that came from a throw goes back to it."""
         bpy.ops.matterfit.add_take()

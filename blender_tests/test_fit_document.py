@@ -6,7 +6,7 @@ import os
 import bpy
 import numpy
 from matterfit import native, quantities
-from matterfit.io import files, fit_rows, fit_values, job_fit
+from matterfit.io import files, fit_rows, fit_values, job_fit, resolution
 from matterfit.jobs import JobError
 from matterfit.props import migration
 from support import SceneCase, needs_library, select
@@ -157,6 +157,23 @@ class ListTest(FitCase):
         self.reopen()
         self.assertEqual(self.settings.schema_version, migration.SCHEMA_VERSION)
         self.assertTrue(self.row("material.E").enabled)
+
+    def test_older_scenes_that_pour(self):
+        """Version 3 had one separation for what pours and what does not: it stays when a law is
+        changed that pours too."""
+        solver, material = self.settings.solver, self.settings.bodies[0].material
+        material.law = "NEWTONIAN"
+        with resolution.kept(self.scene):
+            solver.quality, solver.particle_separation = "STANDARD", 0.04
+        solver.for_flows = False
+        self.settings.schema_version = 3
+        self.save("scene.blend")
+        self.reopen()
+        solver, material = self.settings.solver, self.settings.bodies[0].material
+        self.assertEqual(self.settings.schema_version, migration.SCHEMA_VERSION)
+        self.assertTrue(solver.for_flows)
+        material.law = "DRUCKER_PRAGER"
+        self.assertAlmostEqual(solver.particle_separation, 0.04, places=6)
 
     def test_settings_survive(self):
         self.row("material.E").enabled = False

@@ -68,6 +68,12 @@ def flows(law):
     return law.upper() in FLOWING
 
 
+def any_flows(bodies):
+    """Whether any of the bodies that are simulated pours."""
+    return any(body.enabled and body.role == "BODY" and material_flows(body.material)
+               for body in bodies)
+
+
 def material_flows(material):
     """The same of a material, whose numbers may decide it."""
     if material.law == "LATENT":

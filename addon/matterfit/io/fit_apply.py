@@ -20,6 +20,7 @@ from . import (
     job_fit,
     material_values,
     presets,
+    resolution,
     transforms,
 )
 
@@ -52,7 +53,8 @@ def apply(scene, result, folder, fitted_take, take, given=()):
     if not (work.wanted or work.starts or work.posed):
         raise JobError(translate("The fit found no value that could be applied. Fit again."))
     work.check()
-    work.materials(folder)
+    with resolution.kept(scene):
+        work.materials(folder)
     work.motions()
     work.surroundings()
     work.captures()

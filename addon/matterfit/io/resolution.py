@@ -81,8 +81,18 @@ def flow_changed(scene):
 
 def pours(scene):
     """Whether anything that is simulated does."""
-    return any(body.enabled and body.role == "BODY" and laws.material_flows(body.material)
-               for body in scene.matterfit.bodies)
+    return laws.any_flows(scene.matterfit.bodies)
+
+
+@contextlib.contextmanager
+def kept(scene):
+    """The separation stays as it is inside: a material that was fitted at it comes back."""
+    _applying.append("kept")
+    try:
+        yield
+    finally:
+        _applying.pop()
+        scene.matterfit.solver.for_flows = pours(scene)
 
 
 def _limited(sizes, wanted, limit):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Brings the settings of older files up to date: property defaults are not stored in a .blend."""
 
+from .. import laws
 from . import reactions
 from .scene import SCHEMA_VERSION
 
@@ -21,7 +22,12 @@ def _from_2(settings):
     reactions.fit_list_outdated(settings)
 
 
-STEPS = {1: _from_1, 2: _from_2}
+def _from_3(settings):
+    """Version 3 chose the separation of what pours as of any other body; what its file says stays."""
+    settings.solver.for_flows = laws.any_flows(settings.bodies)
+
+
+STEPS = {1: _from_1, 2: _from_2, 3: _from_3}
 
 
 def is_used(settings):

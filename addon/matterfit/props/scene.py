@@ -23,7 +23,7 @@ from .solver import MatterfitOutput, MatterfitSolver
 from .take import MatterfitTake
 
 # Raised with every change of the properties that an older file needs help with (migration.py).
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 
 def _take_switched(self, context):

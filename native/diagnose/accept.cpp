@@ -20,7 +20,7 @@ constexpr double kTold = 2.0;
 /// The same for a cause that leaves nothing to the solver.
 constexpr double kSure = 5.0;
 /// Share of the excess that such a cause explains at least.
-constexpr double kNearlyAll = 0.8;
+constexpr double kNearlyAll = 0.6;
 /// The same of one that takes away as much as this share of what the solver's error explains where
 /// the cause is not there.
 constexpr double kMostly = 0.5;

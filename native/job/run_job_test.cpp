@@ -14,6 +14,7 @@
 #include "base/folder_for_test.hpp"
 #include "base/message_for_test.hpp"
 #include "capture/npz.hpp"
+#include "job/documents/inputs.hpp"
 #include "job/documents/manifest.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/checkpoint.hpp"
@@ -346,6 +347,20 @@ TEST(BuildScene, ThePinnedPlaneIsAFaceOfTheLattice) {
   ASSERT_TRUE(lattice.regular);
   const double cells = (lattice.axes * Vec3d::UnitX()).dot(point - lattice.origin) / 0.05;
   EXPECT_NEAR(cells, std::round(cells), 1e-5);
+}
+
+TEST(Targets, ThatNobodyKnowsAreRefusedByName) {
+  EXPECT_EQ(target_from_name("auto"), mpm::SimdTarget::kAuto);
+  EXPECT_EQ(target_from_name(""), mpm::SimdTarget::kAuto);
+  for (const char* bad : {"avx9", "AVX2", "sse"}) {
+    try {
+      (void)target_from_name(bad);
+      FAIL() << bad;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr(bad));
+      EXPECT_THAT(error.what(), HasSubstr("expected auto, sse4, avx2 or avx512"));
+    }
+  }
 }
 
 }  // namespace

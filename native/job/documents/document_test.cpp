@@ -8,7 +8,6 @@
 #include <functional>
 
 #include "base/error.hpp"
-#include "job/documents/inputs.hpp"
 #include "job/documents/override.hpp"
 
 namespace matterfit::job {
@@ -252,20 +251,6 @@ TEST(Override, WhatItRefuses) {
     FAIL();
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("did you mean 'gravity'?"));
-  }
-}
-
-TEST(Targets, ThatNobodyKnowsAreRefusedByName) {
-  EXPECT_EQ(target_from_name("auto"), mpm::SimdTarget::kAuto);
-  EXPECT_EQ(target_from_name(""), mpm::SimdTarget::kAuto);
-  for (const char* bad : {"avx9", "AVX2", "sse"}) {
-    try {
-      (void)target_from_name(bad);
-      FAIL() << bad;
-    } catch (const Error& error) {
-      EXPECT_THAT(error.what(), HasSubstr(bad));
-      EXPECT_THAT(error.what(), HasSubstr("expected auto, sse4, avx2 or avx512"));
-    }
   }
 }
 

@@ -41,6 +41,19 @@ class CancelTest(WithClip):
         self.assertEqual(self.error(), "")
         return job
 
+    def cancelled_while_filling(self, spent):
+        """A bake that is cancelled when the library has filled bodies for `spent` seconds of the
+        processor, analysis of meshes in it."""
+        began = []
+
+        def filling(job):
+            if job.begun and job.snapshot.stage == "Filling bodies" and not began:
+                began.append(time.process_time())
+            return bool(began) and time.process_time() - began[0] > spent
+
+        job = self.cancelled("bake", filling)
+        self.assertEqual(job.snapshot.stage, "Filling bodies")
+
     def test_bake_and_resume(self):
         """Each keeps its frames."""
         job = self.cancelled("bake", lambda job: job.snapshot.frame >= 4)
@@ -61,15 +74,7 @@ class CancelTest(WithClip):
         item.modifiers.new("Subdivision", "SUBSURF")
         self.body(item)
         self.settings.solver.particle_separation = 0.03
-        began = []
-
-        def filling(job):
-            if job.begun and job.snapshot.stage == "Filling bodies" and not began:
-                began.append(time.process_time())
-            return bool(began) and time.process_time() - began[0] > 0.5
-
-        job = self.cancelled("bake", filling)
-        self.assertEqual(job.snapshot.stage, "Filling bodies")
+        self.cancelled_while_filling(0.5)
 
     def test_while_a_mesh_is_analysed(self):
         """Of two million triangles, before anything of it is filled."""
@@ -80,15 +85,7 @@ class CancelTest(WithClip):
         item.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.3
         self.body(item)
         self.settings.solver.particle_separation = 0.05
-        began = []
-
-        def analysing(job):
-            if job.begun and job.snapshot.stage == "Filling bodies" and not began:
-                began.append(time.process_time())
-            return bool(began) and time.process_time() - began[0] > 0.3
-
-        job = self.cancelled("bake", analysing)
-        self.assertEqual(job.snapshot.stage, "Filling bodies")
+        self.cancelled_while_filling(0.3)
 
     def test_while_the_simulation_is_prepared(self):
         """Of half a million particles, which takes a second."""

@@ -56,11 +56,11 @@ class Search {
     if (!out_.singles.empty() || corrected) {
       const Noise before = out_.noise;
       const bool plain = out_.singles.empty() || out_.base.evidence < out_.singles.front().evidence;
-      const Refit& best = plain ? out_.base.refit : out_.singles.front().refit;
-      estimate_from(study_.measured() - best.prediction);
+      const Trial& best = plain ? out_.base : out_.singles.front();
+      estimate_from(study_.measured() - best.refit.prediction);
       // Wide enough for both; each is searched, and its evidence counted, by its own.
-      base_corrections_ = refitter_->corrections_of(out_.base.refit).size;
-      out_.noise.corrections = std::max(base_corrections_, refitter_->corrections_of(best).size);
+      base_corrections_ = out_.base.corrections;
+      out_.noise.corrections = std::max(base_corrections_, best.corrections);
       if (changed(before, out_.noise)) {
         fit_base(false);
         fit_together();
@@ -285,7 +285,7 @@ class Search {
       std::vector<State> states{{theta, own.causes}};
       if (own.theta != theta) states.push_back(own);
       attempts.push_back({trial.causes, {std::move(states), trial.refit.slopes, 0, true}});
-      attempts.back().start.corrections = refitter_->corrections_of(trial.refit).size;
+      attempts.back().start.corrections = trial.corrections;
       of.push_back(k);
     }
     bool gained = false;

@@ -23,11 +23,9 @@ constexpr double kEarlyShare = 0.75;
 MatrixXd root_of_covariance(const MatrixXd& white, const VectorXd& precision) {
   MatrixXd h = white.transpose() * white;
   h.diagonal() += precision;
-  h.diagonal() *= 1.0 + 1e-9;
-  h.diagonal().array() += 1e-12 * std::max(h.diagonal().maxCoeff(), 1e-300);
-  const MatrixXd lower = h.llt().matrixL();
+  const MatrixXd lower = regularised(std::move(h)).llt().matrixL();
   return lower.transpose().triangularView<Eigen::Upper>().solve(
-      MatrixXd::Identity(h.cols(), h.cols()));
+      MatrixXd::Identity(lower.cols(), lower.cols()));
 }
 
 }  // namespace

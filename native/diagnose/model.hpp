@@ -116,8 +116,8 @@ struct Numerics {
   double particles = 1.0;        ///< factor of particles per cell
   int transfer = 0;              ///< 0: the scene's own; others as the implementer numbers them
   int seed = 0;                  ///< of particle placement; 0: the scene's own
-  /// Of contacts, as another solver or another skin has them: factor of the stiffness, and what is
-  /// added to the share of critical damping.
+  /// How another solver, or another skin, has contacts: a factor of their stiffness, and what is
+  /// added to their share of critical damping.
   double contact_stiffness = 1.0;
   double contact_damping = 0.0;
   /// Loss factor of the first shear mode of a body that is struck, beside the material's own: what

@@ -253,7 +253,7 @@ class Refitter::Search {
     jacobian_ = refitter_.residual_slopes(slopes_, corrections_);
   }
 
-  /// What a residual's deviance is once nuisances of known times have adapted to first order, where
+  /// The deviance of a residual once nuisances of known times have adapted to first order, where
   /// there are slopes: at the base they have made up for what a cause at a set value then does a
   /// second time.
   [[nodiscard]] std::function<double(const VectorXd&)> left_once_adapted() const {

@@ -57,6 +57,9 @@ struct RefitStart {
   double corrections = 0.0;  ///< Refit::corrections; 0: Noise::corrections
 };
 
+/// An information matrix that can be inverted where nothing tells of a number.
+[[nodiscard]] Eigen::MatrixXd regularised(Eigen::MatrixXd information);
+
 /// Diagonal of the inverse of an information matrix; what nothing tells comes out large.
 [[nodiscard]] Eigen::VectorXd variances_of(Eigen::MatrixXd information);
 
@@ -98,7 +101,7 @@ class Refitter {
   /// `corrections`: Refit::corrections.
   [[nodiscard]] Place place(const State& state, double bias, const Eigen::VectorXd& seen,
                             double corrections) const;
-  /// What whitened rows, then priors leave at a place; `white`: of the rows.
+  /// The residual at a place: `white`, the whitened one of the rows, then the priors'.
   [[nodiscard]] Eigen::VectorXd with_priors(const Eigen::VectorXd& white, const State& state,
                                             double bias, double corrections) const;
   /// [θ | α] derivatives at a state, in scales. Columns of nuisances of known times are taken from

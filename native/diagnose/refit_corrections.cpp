@@ -2,6 +2,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "diagnose/refit.hpp"
@@ -21,11 +22,16 @@ constexpr int kSizes = 25;
 
 }  // namespace
 
-VectorXd variances_of(MatrixXd information) {
+MatrixXd regularised(MatrixXd information) {
   information.diagonal() *= 1.0 + 1e-9;
   information.diagonal().array() += 1e-12 * std::max(information.diagonal().maxCoeff(), 1e-300);
+  return information;
+}
+
+VectorXd variances_of(MatrixXd information) {
   const Index size = information.rows();
-  return information.ldlt().solve(MatrixXd::Identity(size, size)).diagonal().cwiseMax(0.0);
+  const Eigen::LDLT<MatrixXd> factors(regularised(std::move(information)));
+  return factors.solve(MatrixXd::Identity(size, size)).diagonal().cwiseMax(0.0);
 }
 
 Refitter::Corrections Refitter::corrections_of(const Refit& refit) const {
@@ -56,9 +62,7 @@ Refitter::Corrections Refitter::corrections_of(const Refit& refit) const {
       g[k] += change * stated[k] * x;
       deviance += change * stated[k] * x * x;
     }
-    h.diagonal() *= 1.0 + 1e-9;
-    h.diagonal().array() += 1e-12 * std::max(h.diagonal().maxCoeff(), 1e-300);
-    const Eigen::LDLT<MatrixXd> factors(h);
+    const Eigen::LDLT<MatrixXd> factors(regularised(std::move(h)));
     const double width = factors.vectorD().array().abs().max(1e-300).log().sum() +
                          2.0 * double(told.size()) * std::log(size);
     return Evidence{deviance - g.dot(factors.solve(g)) + width, width};

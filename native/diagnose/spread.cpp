@@ -253,20 +253,19 @@ Spread numerical_spread(const Study& study, const State& state, const MatrixXd& 
     // The additive recurrence of the plastic number and its powers: evenly spread in four
     // dimensions for any count (Roberts 2018; root of x⁵ = x + 1).
     constexpr double kRoot = 1.1673039782614187;
-    const auto part = [&](int power) {
-      const double x = 0.5 + m / std::pow(kRoot, power);
-      return x - std::floor(x);
-    };
+    const auto fraction = [](double x) { return x - std::floor(x); };
+    const auto part = [&](int power) { return fraction(0.5 + m / std::pow(kRoot, power)); };
     Numerics numerics;
     numerics.spacing = 0.85 * std::pow(kRatio / 0.85, part(1));
     numerics.offset = Vec3d(part(2), part(3), part(4));
     numerics.step = m % 4 == 0 ? 0.5 : 1.0;  // half of dt costs twice the time
     numerics.seed = m;
-    const auto golden = [&](double root) { return 0.5 + m * root - std::floor(0.5 + m * root); };
+    // Further dimensions by other irrational numbers (Weyl).
+    const auto along = [&](double root) { return fraction(0.5 + m * root); };
     numerics.contact_stiffness =
-        std::exp(kContactStiffness * (2.0 * golden(std::numbers::sqrt2) - 1.0));
-    numerics.contact_damping = kContactDamping * golden(std::numbers::sqrt3);
-    numerics.loss = kLoss * golden(std::sqrt(5.0));
+        std::exp(kContactStiffness * (2.0 * along(std::numbers::sqrt2) - 1.0));
+    numerics.contact_damping = kContactDamping * along(std::numbers::sqrt3);
+    numerics.loss = kLoss * along(std::sqrt(5.0));
     variants.push_back(numerics);
   }
   const std::size_t sampled = variants.size();

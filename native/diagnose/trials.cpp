@@ -81,7 +81,9 @@ std::vector<Trial> Trials::tried(std::vector<Attempt> attempts, const std::strin
 }
 
 void Trials::weigh(Trial& trial) const {
-  trial.evidence = trial.refit.deviance + refitter_.corrections_of(trial.refit).term +
+  const Refitter::Corrections corrections = refitter_.corrections_of(trial.refit);
+  trial.corrections = corrections.size;
+  trial.evidence = trial.refit.deviance + corrections.term +
                    trial.opinion.deviance / held_looseness_ + kPrice * trial.numbers;
   const VectorXd white = refitter_.whitening().apply(
       (study_.measured() - trial.refit.prediction).head(study_.used().size()));

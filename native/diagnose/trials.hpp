@@ -22,8 +22,9 @@ struct Trial {
   std::vector<Candidate> causes;  ///< empty: nothing added
   Refit refit;
   Judge::Opinion opinion;
-  Gain gain;        ///< over nothing added
-  int numbers = 0;  ///< that the causes have
+  Gain gain;                 ///< over nothing added
+  int numbers = 0;           ///< that the causes have
+  double corrections = 1.0;  ///< Refitter::Corrections::size
   /// −2 ln of its evidence: χ² and priors of what was fitted, χ² of what was held out (over the
   /// base's looseness there), and 2 for each number of its causes (Akaike 1974). Smaller is
   /// better.
@@ -64,7 +65,7 @@ class Trials {
   /// `stage`.
   [[nodiscard]] std::vector<Trial> tried(std::vector<Attempt> attempts,
                                          const std::string& stage) const;
-  /// Sets evidence and blocks from the refit and the opinion.
+  /// Sets evidence, corrections and blocks from the refit and the opinion.
   void weigh(Trial& trial) const;
   /// Held-out samples count by what the base leaves of them from now on: where errors there are
   /// larger than their covariance says, differences between models are so as well.

@@ -170,7 +170,7 @@ class JobWriter:
 
     def discard(self):
         """Takes back what was written so far and no list names: Free would take it for a stranger's."""
-        # What is reported is why the document was not written.
+        # The refusal is reported, not a list that cannot be read.
         with contextlib.suppress(JobError):
             for relative in set(self.written) - set(listed_inputs(self.folder)):
                 with contextlib.suppress(OSError):

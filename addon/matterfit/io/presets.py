@@ -3,6 +3,7 @@
 those that the user adds lie in Blender's folder for data files."""
 
 import contextlib
+import functools
 import os
 import zlib
 
@@ -157,8 +158,12 @@ def poured_particles(quality):
 
 
 def _quality(quality):
-    document = files.read_json(os.path.join(folder(), "quality.json"))
-    return document["presets"][quality.lower()]
+    return _qualities()[quality.lower()]
+
+
+@functools.cache  # panels ask for it at every redraw
+def _qualities():
+    return files.read_json(os.path.join(folder(), "quality.json"))["presets"]
 
 
 @reactions.preset_items.done_by

@@ -74,7 +74,7 @@ def flow_changed(scene):
     """A scene is measured anew where something pours and nothing did, or the reverse."""
     solver = scene.matterfit.solver
     if pours(scene) != solver.for_flows:
-        # Of an object that is not there any more a run tells.
+        # A run reports an object that is not there any more.
         with contextlib.suppress(JobError):
             apply_quality(solver, scene)
 

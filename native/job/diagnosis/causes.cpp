@@ -30,7 +30,6 @@ using diagnose::Observation;
 /// duration.
 constexpr std::array<double, 5> kRelaxationShares = {0.003, 0.01, 0.03, 0.1, 0.3};
 
-/// A contact's share of critical damping: the solver's own where the document says nothing.
 Json& first_body(Json& scene) { return scene.at("bodies").at(0); }
 
 Number number(const char* name, const char* unit, double scale, bool one_sided = false) {

@@ -159,9 +159,34 @@ fit::ImageProblem ImageExperiment::problem(const std::vector<double>& values, do
 }
 
 fit::ImageProblem ImageExperiment::first_frame(const std::vector<double>& values, double blur) {
+  return beginning(values, blur, 0.0);
+}
+
+fit::ImageProblem ImageExperiment::beginning(const std::vector<double>& values, double blur,
+                                             double until) {
   fit::ImageProblem::Parts parts;
   parts.window.until.assign(runs().size(), -1.0);
-  return problem(values, blur, std::move(parts), 0.0);
+  parts.colours = colours_ ? &*colours_ : nullptr;
+  return problem(values, blur, std::move(parts), until);
+}
+
+bool ImageExperiment::finds_throw() const {
+  for (std::size_t k = 0; k < parameters_->size(); ++k) {
+    const std::string& path = parameters_->path(k).quantity->path;
+    if (path == "velocity" || path == "spin") return true;
+  }
+  return false;
+}
+
+std::vector<double> ImageExperiment::later_times() const {
+  std::vector<double> times;
+  for (const ImageSighting& sighting : films_.sightings) {
+    const fit::Sighting& reduced = sighting.reduced;
+    if (!reduced.held_out && reduced.view.time > 0.0) times.push_back(reduced.view.time);
+  }
+  std::ranges::sort(times);
+  times.erase(std::unique(times.begin(), times.end()), times.end());
+  return times;
 }
 
 bool ImageExperiment::sees_first_frame() const {

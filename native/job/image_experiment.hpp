@@ -58,6 +58,13 @@ class ImageExperiment {
   [[nodiscard]] fit::ImageProblem problem(const std::vector<double>& values, double blur);
   /// The same of images at the scene's first frame alone, which cost no simulation.
   [[nodiscard]] fit::ImageProblem first_frame(const std::vector<double>& values, double blur);
+  /// Whether a velocity or a spin is among the parameters.
+  [[nodiscard]] bool finds_throw() const;
+  /// Of images up to a time [s] alone, without tracks.
+  [[nodiscard]] fit::ImageProblem beginning(const std::vector<double>& values, double blur,
+                                            double until);
+  /// Times of the fitted images after the scene's first frame, ascending, each once [s].
+  [[nodiscard]] std::vector<double> later_times() const;
   /// Whether an image of that frame is fitted.
   [[nodiscard]] bool sees_first_frame() const;
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -33,6 +34,10 @@ namespace {
 constexpr double kImageFitShare = 0.9;
 constexpr double kNarrow = 1.0;  ///< blurs [reduced pixels]
 constexpr double kWide = 4.0;
+/// By how much of the images after the scene's first frame the throw is looked for, one after
+/// another; at least so many times.
+constexpr double kBeginnings[] = {0.1, 0.2, 0.35};
+constexpr std::size_t kFewestTimes = 2;
 /// Factors at which a stiffness is tried that nothing is known of.
 constexpr double kScan[] = {1.0 / 64, 1.0 / 16, 0.25, 4.0, 16.0, 64.0};
 
@@ -167,8 +172,11 @@ class ImageFit {
       case ImagePhase::kPosesNarrow:
         find_poses(kNarrow);
         break;
-      case ImagePhase::kScan:
+      case ImagePhase::kThrow:
         learn_colours();
+        find_throw();
+        break;
+      case ImagePhase::kScan:
         scan();
         break;
       case ImagePhase::kWide:
@@ -197,6 +205,23 @@ class ImageFit {
     if (!scene_->sees_first_frame() || !scene_->moves_cameras()) return;
     search(watched(scene_->first_frame(state_.values, blur)), "poses");
     settle_sizes();
+  }
+
+  /// The throw from the images after the first: with few cameras a wrong one leads all later images
+  /// astray, and what it displaces is then taken for the material. Tracks tell it themselves.
+  void find_throw() {
+    const std::vector<double> times = scene_->later_times();
+    if (scene_->has_tracks() || !scene_->finds_throw() || times.empty()) return;
+    while (state_.beginnings < static_cast<int>(std::size(kBeginnings))) {
+      const double share = kBeginnings[state_.beginnings];
+      const auto wanted = static_cast<std::size_t>(std::ceil(share * double(times.size())));
+      const std::size_t count = std::min(std::max(wanted, kFewestTimes), times.size());
+      search(watched(scene_->beginning(state_.values, kWide, times[count - 1])), "throw");
+      ++state_.beginnings;
+      state_.search.reset();
+      state_.refinements.clear();
+      save();
+    }
   }
 
   /// Starts of stiffness that nothing is known of: the best of some factors off the scene's.

@@ -7,7 +7,7 @@
 namespace matterfit::job {
 namespace {
 
-constexpr const char* kImageSchema = "matterfit.image-fit-checkpoint/1";
+constexpr const char* kImageSchema = "matterfit.image-fit-checkpoint/2";
 
 }  // namespace
 
@@ -17,7 +17,8 @@ std::string format_image_fit_state(const ImageFitState& state) {
                {"sized_at", state.sized_at},       {"coloured_at", state.coloured_at},
                {"refinements", state.refinements}, {"before", state.before},
                {"history", state.history},         {"evaluations", state.evaluations},
-               {"iterations", state.iterations},   {"seconds", state.seconds}};
+               {"iterations", state.iterations},   {"seconds", state.seconds},
+               {"beginnings", state.beginnings}};
   if (state.search) body["search"] = search_json(*state.search);
   return format_checkpoint(kImageSchema, state.input_hash, body);
 }
@@ -43,6 +44,7 @@ std::optional<ImageFitState> read_image_fit_state(const std::filesystem::path& f
     json.at("evaluations").get_to(state.evaluations);
     json.at("iterations").get_to(state.iterations);
     json.at("seconds").get_to(state.seconds);
+    json.at("beginnings").get_to(state.beginnings);
     if (json.contains("search")) state.search = search_of(json.at("search"));
     return state;
   } catch (const Json::exception&) {

@@ -16,6 +16,7 @@ namespace matterfit::job {
 enum class ImagePhase : int {
   kPosesWide,    ///< poses of cameras by the first frame, images blurred widely
   kPosesNarrow,  ///< the same, blurred narrowly
+  kThrow,        ///< the throw, by the first images
   kScan,         ///< starts of what is scanned
   kWide,         ///< everything, by all images blurred widely
   kNarrow,       ///< the same, blurred narrowly
@@ -33,6 +34,7 @@ struct ImageFitState {
   std::vector<double> sized_at;     ///< values by which images were reduced last
   std::vector<double> coloured_at;  ///< values at which colours were learnt last; empty: none were
   std::vector<int> refinements;     ///< of the substeps, in the phase's search
+  int beginnings = 0;               ///< that the throw was looked for in
   std::optional<fit::LeastSquaresState> search;  ///< of the phase
   Json before;                                   ///< agreement at the start values
   std::vector<Json> history;

@@ -70,6 +70,26 @@ TEST(ImageFit, StiffnessAndThrowFromMattesAlone) {
   EXPECT_TRUE(fs::exists(folder.path / "out/material.json"));
 }
 
+/// From a start that is six times too stiff and thrown otherwise: what the throw displaces is not
+/// taken for the material.
+TEST(ImageFit, OneCameraTellsTheThrowBeforeTheStiffness) {
+  const Folder folder;
+  film(filmed_cube(), folder.path, {two_cameras().front()});
+  Json document = fit_to_clip({"velocity", "material.E"});
+  Json& body = document["scene"]["bodies"][0];
+  body["material"]["E"] = 1.8e5;
+  body["velocity"] = {-1.2, -0.9, 0.5};
+  document["captures"][0]["holdout"] = {{"frames", {11, 14}}};
+  const Json result = run(document, folder.path);
+  const Json& fit = result.at("fit");
+  EXPECT_NEAR(std::log(value_of(result, "bodies.cube.material.E") / 3e4), 0.0, std::log(2.0))
+      << fit.dump(1);
+  EXPECT_NEAR(value_of(result, "bodies.cube.velocity[0]"), 0.8, 0.2);
+  EXPECT_NEAR(value_of(result, "bodies.cube.velocity[1]"), 0.3, 0.2);
+  EXPECT_NEAR(value_of(result, "bodies.cube.velocity[2]"), -1.5, 0.2);
+  EXPECT_EQ(fit.at("history").front().at("stage"), "throw");
+}
+
 /// The images as a lens takes them, by the inverse of its distortion, which the reader does not use
 /// for this.
 TEST(ImageFit, WhatALensDistortsIsUndistorted) {

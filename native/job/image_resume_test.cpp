@@ -113,7 +113,7 @@ TEST(ImageResume, ADamagedCheckpointIsNone) {
   std::string text = format_image_fit_state(state);
   write_file(folder.path / kFitCheckpointPath, text);
   ASSERT_TRUE(read_image_fit_state(folder.path));
-  text[text.find("\"phase\":2") + 8] = '3';
+  text[text.find("\"phase\":3") + 8] = '4';
   write_file(folder.path / kFitCheckpointPath, text);
   EXPECT_FALSE(read_image_fit_state(folder.path));
 }

@@ -110,7 +110,8 @@ std::string images_text(const Json& images) {
     text += fmt::format(", outlines {:.2f} pixels apart", images["contour_px"].get<double>());
   }
   if (images.contains("psnr_db") && images["psnr_db"].is_number()) {
-    text += fmt::format(", colours {:.1f} dB", images["psnr_db"].get<double>());
+    text += fmt::format(", colours {:.1f} dB, SSIM {:.3f}", images["psnr_db"].get<double>(),
+                        images["ssim"].get<double>());
   }
   const Json& worst = images["worst"];
   return text +

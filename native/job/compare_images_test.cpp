@@ -85,10 +85,12 @@ TEST(CompareImages, ColoursOfALaterImageAreMeasured) {
   document["captures"][0]["colours"] = true;
   const Json right = run(document, folder.path).at("compare").at("images")[0];
   EXPECT_GT(right.at("psnr_db").get<double>(), 18.0) << right.dump(1);
+  EXPECT_GT(right.at("ssim").get<double>(), 0.6);
   document["scene"]["bodies"][0]["spin"] = {0.0, 0.0, 4.0};
   document["output"]["folder"] = "wrong";
   const Json other = run(document, folder.path).at("compare").at("images")[0];
   EXPECT_LT(other.at("psnr_db").get<double>(), right.at("psnr_db").get<double>() - 3.0);
+  EXPECT_LT(other.at("ssim").get<double>(), right.at("ssim").get<double>() - 0.2);
 }
 
 /// Poses of the document, of a comparison and of pictures.

@@ -4,8 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "bake/overlay.hpp"
@@ -17,7 +17,6 @@
 namespace matterfit::job {
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 /// Coverage from which on a pixel is all body, and how well its colour must be known.
 constexpr float kAllBody = 0.95F;
 constexpr float kWellKnown = 0.5F;
@@ -36,22 +35,20 @@ mpm::ObservedFrame observed(const mpm::FrameState& state) {
   return frame;
 }
 
-/// Peak signal to noise of the colours that both show and that are known [dB].
-double colour_ratio(const fit::Sighting& sighting, const fit::Drawn& drawn) {
+/// Of the colours that both show and that are known.
+fit::ColourAgreement agreement_of_colours(const fit::Sighting& sighting, const fit::Drawn& drawn) {
   const std::size_t pixels = drawn.mask.size();
-  double squares = 0.0;
-  double count = 0.0;
+  fit::Coverage compared = sighting.matte;
+  std::array<fit::Coverage, 3> colours = {compared, compared, compared};
   for (std::size_t i = 0; i < pixels; ++i) {
-    if (!(drawn.mask[i] > kAllBody && sighting.matte.values[i] > kAllBody)) continue;
-    if (!(drawn.known[i] > kWellKnown)) continue;
+    const bool shown = drawn.mask[i] > kAllBody && sighting.matte.values[i] > kAllBody &&
+                       drawn.known[i] > kWellKnown;
+    compared.values[i] = shown ? 1.0F : 0.0F;
     for (std::size_t c = 0; c < 3; ++c) {
-      const double apart = double(drawn.colour[c * pixels + i] / drawn.known[i]) -
-                           double(sighting.colours[c].values[i]);
-      squares += apart * apart;
-      count += 1.0;
+      colours[c].values[i] = shown ? drawn.colour[c * pixels + i] / drawn.known[i] : 0.0F;
     }
   }
-  return count > 0.0 ? -10.0 * std::log10(std::max(1e-12, squares / count)) : kNone;
+  return fit::colour_agreement(colours, sighting.colours, compared);
 }
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
@@ -145,9 +142,9 @@ std::vector<fit::Agreement> ImageComparison::agreements(const Stage& stage) {
   return result;
 }
 
-std::vector<double> ImageComparison::colour_ratios(const Stage& stage) {
+std::vector<fit::ColourAgreement> ImageComparison::colour_agreements(const Stage& stage) {
   const std::vector<ImageSighting>& all = films_.sightings;
-  std::vector<double> result(all.size(), kNone);
+  std::vector<fit::ColourAgreement> result(all.size());
   std::vector<fit::Sighting> first;
   fit::Filming filming;
   std::vector<std::size_t> of;
@@ -169,7 +166,7 @@ std::vector<double> ImageComparison::colour_ratios(const Stage& stage) {
       fit::learn_colours(scene_, first, stage.arena, stage.target, interrupter_);
   filming.colours = &colours;
   filming.see = [&](std::size_t, std::size_t v, const fit::Drawn& drawn) {
-    result[of[v]] = colour_ratio(all[of[v]].reduced, drawn);
+    result[of[v]] = agreement_of_colours(all[of[v]].reduced, drawn);
   };
   film(stage, filming);
   return result;
@@ -180,7 +177,7 @@ Json ImageComparison::run(const std::filesystem::path& folder, const std::shared
   const Stage stage{folder, arena, target};
   settle_sizes(stage);
   const std::vector<fit::Agreement> agreed = agreements(stage);
-  const std::vector<double> ratios = colour_ratios(stage);
+  const std::vector<fit::ColourAgreement> coloured = colour_agreements(stage);
   const std::vector<ImageSighting>& all = films_.sightings;
   Json cameras = cameras_json(films_, agreed);
   Json list = Json::array();
@@ -210,7 +207,8 @@ Json ImageComparison::run(const std::filesystem::path& folder, const std::shared
       of["particle_size"] = camera.at("particle_size");
       one["cameras"].push_back(std::move(of));
     }
-    std::vector<double> later;
+    std::vector<double> ratios;
+    std::vector<double> similarities;
     one["frames"] = Json::array();
     for (std::size_t k = 0; k < all.size(); ++k) {
       const fit::Sighting& sighting = all[k].reduced;
@@ -223,11 +221,20 @@ Json ImageComparison::run(const std::filesystem::path& folder, const std::shared
                     {"outside_px", agreed[k].outside},
                     {"missing_px", agreed[k].missing}};
       if (sighting.held_out) frame["held_out"] = true;
-      if (sighting.has_colours()) frame["psnr_db"] = number(ratios[k]);
-      if (sighting.has_colours() && sighting.view.time > 0.0) later.push_back(ratios[k]);
+      if (sighting.has_colours()) {
+        frame["psnr_db"] = number(coloured[k].psnr_db);
+        frame["ssim"] = number(coloured[k].ssim);
+      }
+      if (sighting.has_colours() && sighting.view.time > 0.0) {
+        ratios.push_back(coloured[k].psnr_db);
+        similarities.push_back(coloured[k].ssim);
+      }
       one["frames"].push_back(std::move(frame));
     }
-    if (!later.empty()) one["psnr_db"] = mean(later);
+    if (!ratios.empty()) {
+      one["psnr_db"] = mean(ratios);
+      one["ssim"] = mean(similarities);
+    }
     list.push_back(std::move(one));
   }
   return list;

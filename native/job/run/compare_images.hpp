@@ -8,6 +8,7 @@
 
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
+#include "fit/data/colour_agreement.hpp"
 #include "fit/model/filming.hpp"
 #include "job/run/image_sightings.hpp"
 
@@ -39,8 +40,8 @@ class ImageComparison {
   void film(const Stage& stage, const fit::Filming& filming) const;
   void settle_sizes(const Stage& stage);
   [[nodiscard]] std::vector<fit::Agreement> agreements(const Stage& stage);
-  /// Of each image with colours [dB]; NaN where nothing is known to be compared.
-  [[nodiscard]] std::vector<double> colour_ratios(const Stage& stage);
+  /// Of each image; NaN where it has no colours or nothing is known to be compared.
+  [[nodiscard]] std::vector<fit::ColourAgreement> colour_agreements(const Stage& stage);
   void write_overlay(const Stage& stage, std::size_t sighting, const std::vector<float>& mask);
 
   const Job& job_;

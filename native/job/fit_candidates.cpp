@@ -8,9 +8,10 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/parallel.hpp"
+#include "fit/search/race.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_laws.hpp"
-#include "job/fit_race.hpp"
+#include "job/fit_progress.hpp"
 #include "job/fit_report.hpp"
 #include "job/run/stage.hpp"
 
@@ -18,12 +19,12 @@ namespace matterfit::job {
 namespace {
 
 /// A candidate's entry of `models`.
-void measure(LawState& law, LawFit& fit) {
+Json measured(fit::LawState& law, fit::LawFit& fit) {
   std::string failure;
-  const auto errors = fit.errors(law, true, failure);
+  const auto errors = errors_of(fit, law, true, failure);
   if (!errors) {
     law.failed = "The fitted scene could not be simulated: " + failure;
-    return;
+    return {};
   }
   Json parameters = Json::object();
   for (std::size_t k = 0; k < law.values.size(); ++k) {
@@ -31,10 +32,10 @@ void measure(LawState& law, LawFit& fit) {
   }
   const auto held = errors->mean(true);
   const auto seen = errors->mean(false);
-  law.model = {{"held_out_mm", held ? Json(*held) : Json()},
-               {"fitted_mm", seen ? Json(*seen) : Json()},
-               {"frames", errors->frames(held.has_value())},
-               {"parameters", parameters}};
+  return {{"held_out_mm", held ? Json(*held) : Json()},
+          {"fitted_mm", seen ? Json(*seen) : Json()},
+          {"frames", errors->frames(held.has_value())},
+          {"parameters", parameters}};
 }
 
 }  // namespace
@@ -55,36 +56,37 @@ FitCandidates::FitCandidates(const Job& job, mpm::SimdTarget target, int threads
   laws_ = doc_.laws.empty() ? std::vector<material::Law>{own_law_} : doc_.laws;
   fractions_.assign(laws_.size(), 0.0);
   enter_stage(interrupter_, "Filling bodies", 0.0);
-  const LawFit& own = law_fit(own_law_, interrupter_);
+  const fit::LawFit& own = law_fit(own_law_, interrupter_);
   Arena arena(threads_);
   settle_captures(loaded_.experiment, own.scenes(), arena, statements);
   if (state_.laws.empty()) {
     for (const material::Law law : laws_) {
-      LawState state;
+      fit::LawState state;
       state.law = material::traits(law).name;
       state_.laws.push_back(std::move(state));
     }
   }
+  state_.models.resize(state_.laws.size());
   started_ = Clock::now();
 }
 
-LawFit& FitCandidates::fit(std::size_t law) { return law_fit(laws_[law], interrupter_); }
+fit::LawFit& FitCandidates::fit(std::size_t law) { return law_fit(laws_[law], interrupter_); }
 
-LawFit& FitCandidates::fit(std::size_t law, const Interrupter& interrupter) {
+fit::LawFit& FitCandidates::fit(std::size_t law, const Interrupter& interrupter) {
   return law_fit(laws_[law], interrupter);
 }
 
-LawFit& FitCandidates::law_fit(material::Law law, const Interrupter& interrupter) {
-  std::unique_ptr<LawFit>& made = fits_[law];
+fit::LawFit& FitCandidates::law_fit(material::Law law, const Interrupter& interrupter) {
+  std::unique_ptr<fit::LawFit>& made = fits_[law];
   if (made) return *made;
-  made = std::make_unique<LawFit>(setup_of(law), interrupter, law_statements_);
-  made->report = [this](const FitReport& report) { show(report); };
+  made = std::make_unique<fit::LawFit>(setup_of(law), interrupter, law_statements_);
+  made->report = [this](const fit::SearchProgress& report) { show(report); };
   return *made;
 }
 
-FitSetup FitCandidates::setup_of(material::Law law) const {
-  FitSetup setup;
-  setup.fit = &doc_;
+fit::SearchSetup FitCandidates::setup_of(material::Law law) const {
+  fit::SearchSetup setup;
+  setup.options = doc_;
   setup.experiment = &loaded_.experiment;
   setup.law = law;
   setup.target = target_;
@@ -103,7 +105,7 @@ FitSetup FitCandidates::setup_of(material::Law law) const {
   return setup;
 }
 
-void FitCandidates::show(const FitReport& report) {
+void FitCandidates::show(const fit::SearchProgress& report) {
   Progress progress;
   const bool several = laws_.size() > 1 && state_.law < laws_.size();
   {
@@ -131,8 +133,8 @@ void FitCandidates::save() {
 
 void FitCandidates::search() {
   if (!state_.measured_before) {
-    LawFit& own = law_fit(own_law_, interrupter_);
-    if (const auto errors = own.errors(own.start(), false, state_.before_failed)) {
+    fit::LawFit& own = law_fit(own_law_, interrupter_);
+    if (const auto errors = errors_of(own, own.start(), false, state_.before_failed)) {
       state_.before = errors->json();
     }
     state_.measured_before = true;
@@ -140,16 +142,16 @@ void FitCandidates::search() {
   }
   if (std::find(laws_.begin(), laws_.end(), own_law_) == laws_.end()) fits_.erase(own_law_);
   for (;;) {
-    const auto next = next_law(state_.laws);
+    const auto next = fit::next_law(state_.laws);
     if (!next) {
-      LawState& best = state_.laws[winner()];
+      fit::LawState& best = state_.laws[winner()];
       if (!best.left) break;
       best.left = best.finished = false;
       best.spared = true;
       continue;
     }
     state_.law = *next;
-    LawState& law = state_.laws[*next];
+    fit::LawState& law = state_.laws[*next];
     try {
       advance(law);
     } catch (const Error& error) {
@@ -166,13 +168,17 @@ void FitCandidates::search() {
   }
 }
 
-void FitCandidates::advance(LawState& law) {
-  LawFit& fit = this->fit(state_.law);
+void FitCandidates::advance(fit::LawState& law) {
+  fit::LawFit& fit = this->fit(state_.law);
   if (law.values.empty()) law = fit.start();
-  fit.advance(law, state_.history);
+  std::vector<fit::SearchStep> steps;
+  fit.advance(law, steps);
+  for (const fit::SearchStep& step : steps) {
+    state_.history.push_back(step_json(step, fit.parameters().parameters()));
+  }
   if (law.finished) finish_law(state_.law);
-  for (const LeftLaw& left : hopeless_laws(state_.laws)) {
-    LawState& one = state_.laws[left.law];
+  for (const fit::LeftLaw& left : fit::hopeless_laws(state_.laws)) {
+    fit::LawState& one = state_.laws[left.law];
     one.finished = one.left = true;
     one.reason = left.reason;
     finish_law(left.law);
@@ -183,9 +189,9 @@ void FitCandidates::advance(LawState& law) {
 void FitCandidates::finish_law(std::size_t k) {
   if (doc_.laws.empty()) return;
   state_.law = k;
-  LawState& law = state_.laws[k];
+  fit::LawState& law = state_.laws[k];
   try {
-    measure(law, fit(k));
+    state_.models[k] = measured(law, fit(k));
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kCompute && error.kind() != ErrorKind::kInput) throw;
     law.failed = error.what();
@@ -194,15 +200,15 @@ void FitCandidates::finish_law(std::size_t k) {
 }
 
 std::size_t FitCandidates::winner() const {
-  if (laws_.size() > 1 && !next_law(state_.laws)) {
-    const Json models = ranked_models(state_.laws);
+  if (laws_.size() > 1 && !fit::next_law(state_.laws)) {
+    const Json models = ranked_models(state_.laws, state_.models);
     if (models[0].at("probability").is_number()) {
       for (std::size_t k = 0; k < state_.laws.size(); ++k) {
         if (models[0].at("law") == state_.laws[k].law) return k;
       }
     }
   }
-  return leading_law(state_.laws).value_or(std::min(state_.law, laws_.size() - 1));
+  return fit::leading_law(state_.laws).value_or(std::min(state_.law, laws_.size() - 1));
 }
 
 }  // namespace matterfit::job

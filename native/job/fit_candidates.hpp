@@ -10,9 +10,9 @@
 
 #include "base/clock.hpp"
 #include "base/interrupter.hpp"
+#include "fit/search/law_fit.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/fit_experiment.hpp"
-#include "job/fit_search.hpp"
 #include "job/fit_state.hpp"
 
 namespace matterfit::job {
@@ -20,8 +20,8 @@ namespace matterfit::job {
 /// Share of the whole that the fit takes; the rest is the fitted scene's simulation.
 inline constexpr double kFitShare = 0.9;
 
-/// The candidate laws of a fit, searched side by side (job/fit_race.hpp); where the document names
-/// none, the body's own alone. Every step is on disk, as `fit/checkpoint.json` and
+/// The candidate laws of a fit, searched side by side (fit/search/race.hpp); where the document
+/// names none, the body's own alone. Every step is on disk, as `fit/checkpoint.json` and
 /// `fit/history.jsonl` in the job's output folder.
 class FitCandidates {
  public:
@@ -43,19 +43,19 @@ class FitCandidates {
   /// Made along the way; FitState::statements once it is saved.
   [[nodiscard]] std::vector<std::string>& law_statements() { return law_statements_; }
   /// The fit of a law, made where it is not yet.
-  [[nodiscard]] LawFit& fit(std::size_t law);
-  [[nodiscard]] LawFit& fit(std::size_t law, const Interrupter& interrupter);
-  [[nodiscard]] FitSetup setup_of(material::Law law) const;
+  [[nodiscard]] fit::LawFit& fit(std::size_t law);
+  [[nodiscard]] fit::LawFit& fit(std::size_t law, const Interrupter& interrupter);
+  [[nodiscard]] fit::SearchSetup setup_of(material::Law law) const;
   /// Tells the progress of the law that is being fitted. From any thread.
-  void show(const FitReport& report);
+  void show(const fit::SearchProgress& report);
   /// Writes the state to disk.
   void save();
 
  private:
   /// The body's own law where none is sought.
-  LawFit& law_fit(material::Law law, const Interrupter& interrupter);
+  fit::LawFit& law_fit(material::Law law, const Interrupter& interrupter);
   /// One step of a law, and the end of those that have no hope after it.
-  void advance(LawState& law);
+  void advance(fit::LawState& law);
   /// What is to be told of a candidate; its scenes go, as there may be many.
   void finish_law(std::size_t k);
 
@@ -70,7 +70,7 @@ class FitCandidates {
   material::Law own_law_ = material::Law::kFixedCorotated;
   std::vector<material::Law> laws_;
   /// Of laws that are being fitted, and of the document's while the start is looked at.
-  std::map<material::Law, std::unique_ptr<LawFit>> fits_;
+  std::map<material::Law, std::unique_ptr<fit::LawFit>> fits_;
   std::vector<double> fractions_;  ///< of each law's fit, for progress
   std::mutex fractions_mutex_;
   Clock::time_point started_;

@@ -25,7 +25,8 @@ constexpr std::size_t kAsymmetry = 3;
 constexpr std::array<double, 2> kAsymmetryBounds = {-0.3, 0.3};
 
 /// Those of the body's numbers that the document does not fit already.
-std::vector<fit::ParameterSpec> all_numbers(const FitSetup& setup, const std::string& body) {
+std::vector<fit::ParameterSpec> all_numbers(const fit::SearchSetup& setup,
+                                            const std::string& body) {
   std::vector<fit::ParameterSpec> specs;
   for (std::size_t i = 0; i < material::kCorrectionSize; ++i) {
     fit::ParameterSpec spec;
@@ -47,9 +48,9 @@ std::vector<fit::ParameterSpec> excited_numbers(const FurtherStart& from,
                                                 const std::vector<fit::ParameterSpec>& specs,
                                                 const Interrupter& interrupter,
                                                 std::vector<std::string>& statements) {
-  FitSetup setup = from.setup;
+  fit::SearchSetup setup = from.setup;
   setup.parameters.insert(setup.parameters.end(), specs.begin(), specs.end());
-  LawFit probe(std::move(setup), interrupter, statements);
+  fit::LawFit probe(std::move(setup), interrupter, statements);
   probe.report = from.tell;
   std::vector<double> values = probe.start().values;
   const std::size_t first = from.before.values.size();
@@ -62,7 +63,7 @@ std::vector<fit::ParameterSpec> excited_numbers(const FurtherStart& from,
 }
 
 /// The material of the body in the scene of the first run that has it, at a state's values.
-material::Material material_at(const LawFit& fit, const std::vector<double>& values,
+material::Material material_at(const fit::LawFit& fit, const std::vector<double>& values,
                                const std::string& body) {
   for (std::size_t r = 0; r < fit.scenes().size(); ++r) {
     mpm::Scene scene = fit.scenes()[r];

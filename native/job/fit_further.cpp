@@ -4,15 +4,17 @@
 #include <algorithm>
 #include <utility>
 
+#include "job/fit_report.hpp"
+
 namespace matterfit::job {
 namespace {
 
 /// So many steps that predict worse end the search.
 constexpr int kMostWorse = 4;
 
-FurtherMeans means_of(LawFit& fit, const LawState& state) {
+FurtherMeans means_of(fit::LawFit& fit, const fit::LawState& state) {
   std::string failure;
-  const auto errors = fit.errors(state, true, failure);
+  const auto errors = errors_of(fit, state, true, failure);
   if (!errors) return {};
   return {errors->mean(true), errors->mean(false)};
 }
@@ -31,22 +33,26 @@ FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more, double
                  std::vector<Json>& history) {
   for (fit::ParameterSpec& spec : more) from.setup.parameters.push_back(std::move(spec));
   FurtherFit result;
-  result.fit = std::make_unique<LawFit>(std::move(from.setup), interrupter, statements);
-  LawFit& fit = *result.fit;
+  result.fit = std::make_unique<fit::LawFit>(std::move(from.setup), interrupter, statements);
+  fit::LawFit& fit = *result.fit;
   fit.report = std::move(from.tell);
-  const LawState& before = from.before;
+  const fit::LawState& before = from.before;
   std::vector<double> values = fit.start().values;
   std::copy(before.values.begin(), before.values.end(), values.begin());
-  LawState state = fit.at_last_stage(std::move(values));
+  fit::LawState state = fit.at_last_stage(std::move(values));
   const FurtherMeans without = means_of(fit, state);
   const bool judged = without.held.has_value();
   FurtherMeans best = without;
-  LawState nearest;
+  fit::LawState nearest;
   int worse = 0;
   while (without.seen && !state.finished && state.iterations < from.iterations &&
          worse < kMostWorse) {
     const int known = state.iterations;
-    fit.advance(state, history);
+    std::vector<fit::SearchStep> steps;
+    fit.advance(state, steps);
+    for (const fit::SearchStep& step : steps) {
+      history.push_back(step_json(step, fit.parameters().parameters()));
+    }
     if (state.iterations == known) continue;
     const FurtherMeans now = means_of(fit, state);
     const bool nearer = judged ? now.held && *now.held < *best.held : now.seen.has_value();

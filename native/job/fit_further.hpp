@@ -7,25 +7,26 @@
 #include <string>
 #include <vector>
 
-#include "job/fit_search.hpp"
+#include "fit/search/law_fit.hpp"
+#include "job/documents/json_reader.hpp"
 
 namespace matterfit::job {
 
 /// Where a fit goes on that has ended.
 struct FurtherStart {
-  FitSetup setup;  ///< of the fit before
-  LawState before;
+  fit::SearchSetup setup;  ///< of the fit before
+  fit::LawState before;
   std::string body;    ///< whose material gets further numbers
   int iterations = 0;  ///< accepted steps at most
-  std::function<void(const FitReport&)> tell;
+  std::function<void(const fit::SearchProgress&)> tell;
 };
 
 /// A fit that went on with further numbers beside its own.
 struct FurtherFit {
-  std::unique_ptr<LawFit> fit;  ///< of the parameters before and of the further ones
-  LawState state;               ///< the best of its iterations
-  bool taken = false;           ///< it is nearer than the fit before
-  std::string key;              ///< `report`'s in the result's `fit`, and that of the document
+  std::unique_ptr<fit::LawFit> fit;  ///< of the parameters before and of the further ones
+  fit::LawState state;               ///< the best of its iterations
+  bool taken = false;                ///< it is nearer than the fit before
+  std::string key;                   ///< `report`'s in the result's `fit`, and that of the document
   /// `body`, `taken`, `iterations`, `evaluations`, `held_out_mm` and `fitted_mm` with `without` and
   /// `with` each, null where not known.
   Json report;
@@ -43,7 +44,7 @@ struct FurtherMeans {
 /// out; without a hold-out the last; none where the fit before cannot be simulated. `taken` only
 /// where that is less than the fit before has, by more than `least_gain` of it: what is held out
 /// then chooses, and its error is no longer that of something unseen. A step whose simulation
-/// cannot be completed is refused. Throws as LawFit does.
+/// cannot be completed is refused. Throws as fit::LawFit does.
 [[nodiscard]] FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more,
                                double least_gain, const Interrupter& interrupter,
                                std::vector<std::string>& statements, std::vector<Json>& history);

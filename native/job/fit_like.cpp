@@ -11,8 +11,8 @@
 #include "capture/thin.hpp"
 #include "fit/data/excitation.hpp"
 #include "fit/data/follow.hpp"
+#include "fit/search/equation_start.hpp"
 #include "job/documents/excitation_document.hpp"
-#include "job/fit_equation_start.hpp"
 #include "job/fit_laws.hpp"
 #include "job/material_file.hpp"
 
@@ -62,7 +62,7 @@ std::optional<material::Excitation> excitation_of(const std::vector<fit::Run>& r
       const mpm::Body& of = scenes[r].bodies[fit::body_index(scenes[r], body)];
       double volume = 0.0;
       for (const double part : of.volumes) volume += part;
-      const fit::InteriorTracks tracks = interior_tracks(capture, volume);
+      const fit::InteriorTracks tracks = fit::interior_tracks(capture, volume);
       if (tracks.frames() < 2) continue;
       Points places = of.rest;
       std::vector<double> volumes = of.volumes;

@@ -8,7 +8,7 @@
 
 namespace matterfit::job {
 
-std::string fit_label(const FitReport& report, const std::string& law) {
+std::string fit_label(const fit::SearchProgress& report, const std::string& law) {
   constexpr std::size_t kMost = 63;
   const std::string iteration =
       report.iteration > 0 ? ", iteration " + std::to_string(report.iteration) : "";

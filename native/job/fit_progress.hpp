@@ -3,18 +3,12 @@
 
 #include <string>
 
-namespace matterfit::job {
+#include "fit/search/search_progress.hpp"
 
-/// Where a search stands, for progress.
-struct FitReport {
-  std::string stage;
-  double fraction = 0.0;  ///< of this law's fit, a guess
-  int iteration = 0;
-  double rms = 0.0;  ///< [m]; NaN: not known
-};
+namespace matterfit::job {
 
 /// As a label of progress, of 63 bytes at most (capi/matterfit.h): where that is too little the
 /// iteration is left out, then the law. `law` empty: the only one.
-[[nodiscard]] std::string fit_label(const FitReport& report, const std::string& law);
+[[nodiscard]] std::string fit_label(const fit::SearchProgress& report, const std::string& law);
 
 }  // namespace matterfit::job

@@ -20,7 +20,7 @@ namespace {
 Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
 /// What the rank of a model is by: the logarithm of its weight.
-double log_weight(const Json& model) {
+double weight_of(const Json& model) {
   const bool held = model.at("held_out_mm").is_number();
   const double mean = model.at(held ? "held_out_mm" : "fitted_mm").get<double>();
   const double frames = model.at("frames").get<double>();
@@ -29,9 +29,18 @@ double log_weight(const Json& model) {
   return -frames * std::log(std::max(mean, 1e-12)) - penalty;
 }
 
-bool usable(const LawState& law) {
-  return law.failed.empty() && law.model.is_object() && law.model.at("fitted_mm").is_number();
-}
+/// A candidate with its entry of FitState::models.
+struct Candidate {
+  const fit::LawState& law;
+  const Json& model;
+
+  [[nodiscard]] bool usable() const {
+    return law.failed.empty() && model.is_object() && model.at("fitted_mm").is_number();
+  }
+  [[nodiscard]] double log_weight() const {
+    return usable() ? weight_of(model) : -std::numeric_limits<double>::infinity();
+  }
+};
 
 }  // namespace
 
@@ -178,29 +187,51 @@ Json correlation_json(const fit::Uncertainty& uncertainty) {
   return rows;
 }
 
-Json ranked_models(const std::vector<LawState>& laws) {
-  std::vector<const LawState*> order;
+std::optional<ErrorPool> errors_of(fit::LawFit& fit, const fit::LawState& state, bool fitted,
+                                   std::string& failure) {
+  const auto outcome = fit.predict(state, fitted, failure);
+  if (!outcome) return std::nullopt;
+  return errors_of(fit.runs(), fit.model(), fit.loss(), *outcome);
+}
+
+Json step_json(const fit::SearchStep& step, const std::vector<fit::Parameter>& parameters) {
+  Json values;
+  for (std::size_t p = 0; p < step.values.size(); ++p) {
+    values[parameters[p].name] = step.values[p];
+  }
+  return {{"stage", step.stage},
+          {"law", step.law},
+          {"iteration", step.iteration},
+          {"cost", step.cost},
+          {"rms_mm", finite(1e3 * step.rms)},
+          {"accepted", step.accepted},
+          {"evaluations", step.evaluations},
+          {"values", values}};
+}
+
+Json ranked_models(const std::vector<fit::LawState>& laws, const std::vector<Json>& models) {
+  std::vector<Candidate> order;
   order.reserve(laws.size());
-  for (const LawState& law : laws) order.push_back(&law);
-  const auto weight = [](const LawState* law) {
-    return usable(*law) ? log_weight(law->model) : -std::numeric_limits<double>::infinity();
-  };
-  std::stable_sort(order.begin(), order.end(),
-                   [&](const LawState* a, const LawState* b) { return weight(a) > weight(b); });
-  const double best = order.empty() ? 0.0 : weight(order.front());
+  for (std::size_t k = 0; k < laws.size(); ++k) order.push_back({laws[k], models[k]});
+  std::vector<const Candidate*> ranked;
+  for (const Candidate& one : order) ranked.push_back(&one);
+  std::ranges::stable_sort(ranked, [](const Candidate* a, const Candidate* b) {
+    return a->log_weight() > b->log_weight();
+  });
+  const double best = ranked.empty() ? 0.0 : ranked.front()->log_weight();
   double sum = 0.0;
-  for (const LawState* law : order) {
-    if (usable(*law)) sum += std::exp(weight(law) - best);
+  for (const Candidate* one : ranked) {
+    if (one->usable()) sum += std::exp(one->log_weight() - best);
   }
   Json list = Json::array();
-  for (const LawState* law : order) {
-    Json json = law->model.is_object() ? law->model : Json::object();
+  for (const Candidate* one : ranked) {
+    Json json = one->model.is_object() ? one->model : Json::object();
     json.erase("frames");
-    json["law"] = law->law;
-    json["failed"] = law->failed;
-    json["reason"] = law->reason;
-    json["left"] = law->left;
-    json["probability"] = usable(*law) ? Json(std::exp(weight(law) - best) / sum) : Json();
+    json["law"] = one->law.law;
+    json["failed"] = one->law.failed;
+    json["reason"] = one->law.reason;
+    json["left"] = one->law.left;
+    json["probability"] = one->usable() ? Json(std::exp(one->log_weight() - best) / sum) : Json();
     for (const char* key : {"held_out_mm", "fitted_mm", "parameters"}) {
       if (!json.contains(key)) json[key] = nullptr;
     }

@@ -7,8 +7,8 @@
 
 #include "fit/model/model.hpp"
 #include "fit/numerics/uncertainty.hpp"
+#include "fit/search/law_fit.hpp"
 #include "job/documents/fit_document.hpp"
-#include "job/fit_state.hpp"
 #include "job/run/capture_input.hpp"
 
 /// What a fit says when it is done (docs/formats.md, "fit").
@@ -40,6 +40,13 @@ class ErrorPool {
 /// captured point are apart.
 [[nodiscard]] ErrorPool errors_of(const std::vector<fit::Run>& runs, const fit::Model& model,
                                   FitDoc::Loss loss, const fit::Outcome& outcome);
+/// Of the simulation at a law's values, which is fit::LawFit::predict().
+[[nodiscard]] std::optional<ErrorPool> errors_of(fit::LawFit& fit, const fit::LawState& state,
+                                                 bool fitted, std::string& failure);
+
+/// An entry of `fit.history` and fit/history.jsonl.
+[[nodiscard]] Json step_json(const fit::SearchStep& step,
+                             const std::vector<fit::Parameter>& parameters);
 
 /// One entry a number of `fit.parameters`. Without an uncertainty (a fit that was cancelled) errors
 /// and intervals are null.
@@ -51,11 +58,12 @@ class ErrorPool {
 
 /// The models of a search for the law, the best first, with how sure that is: weights ∝ mean
 /// error^(−n) on what is held out, n its frames; without a hold-out on what was fitted, times
-/// n^(−k/2) for k parameters. Failed ones at the end.
-[[nodiscard]] Json ranked_models(const std::vector<LawState>& laws);
+/// n^(−k/2) for k parameters. Failed ones at the end. `models`: FitState::models.
+[[nodiscard]] Json ranked_models(const std::vector<fit::LawState>& laws,
+                                 const std::vector<Json>& models);
 
 /// Why a result is not to be used as it stands: its search did not end at a minimum, or `far` from
-/// the capture (LawFit::is_far()); else empty. `fit` is the result's object `fit`.
+/// the capture (fit::LawFit::is_far()); else empty. `fit` is the result's object `fit`.
 [[nodiscard]] std::string fit_warning(const Json& fit, bool far);
 /// The same of a fit that does not predict what it was not shown; else empty. `after` is the
 /// result's object of that name.

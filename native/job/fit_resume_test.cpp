@@ -148,7 +148,7 @@ TEST(Fit, ARaceOfLawsGoesOnToTheSameBitsAndKeepsTheBestWhenCancelled) {
 TEST(Fit, TheStateIsKeptToTheLastBit) {
   FitState state;
   state.input_hash = "abc";
-  LawState law;
+  fit::LawState law;
   law.law = "neo_hookean";
   law.values = {1.0 / 3.0, 1e-300, 12345.678901234567};
   law.steps = {{{7, 8}, 2.0 / 7.0}};

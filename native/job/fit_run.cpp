@@ -98,7 +98,7 @@ class FitJob {
   }
 
   /// The document with the fitted values, as a job that `simulate` takes.
-  [[nodiscard]] Json fitted_document(const LawState& law, LawFit& of) {
+  [[nodiscard]] Json fitted_document(const fit::LawState& law, fit::LawFit& of) {
     Json document = document_to_simulate(job_, folder_);
     if (!doc_.laws.empty()) {
       const material::Material& own = body_named(job_.scene, doc_.body).material;
@@ -115,12 +115,12 @@ class FitJob {
   }
 
   /// The search goes on with numbers beside the parameters, where the document asks for it.
-  [[nodiscard]] std::optional<FurtherFit> further(const LawState& law) {
+  [[nodiscard]] std::optional<FurtherFit> further(const fit::LawState& law) {
     if (doc_.weights == 0 && doc_.correction == 0) return std::nullopt;
     const material::Law of = material::law_from_name(law.law);
     const auto from = [&](const std::string& body, int iterations) {
       return FurtherStart{laws_->setup_of(of), law, body, iterations,
-                          [this](const FitReport& report) { laws_->show(report); }};
+                          [this](const fit::SearchProgress& report) { laws_->show(report); }};
     };
     if (doc_.correction > 0) {
       return fit_correction(from(bodies().front(), doc_.correction), bodies(), interrupter_,
@@ -138,7 +138,7 @@ class FitJob {
     return std::nullopt;
   }
 
-  [[nodiscard]] Json fit_json(const LawState& law, const LawFit& of,
+  [[nodiscard]] Json fit_json(const fit::LawState& law, const fit::LawFit& of,
                               const std::optional<fit::Uncertainty>& uncertainty) {
     std::vector<std::string> statements = statements_;
     statements.insert(statements.end(), law.statements.begin(), law.statements.end());
@@ -160,7 +160,7 @@ class FitJob {
     }
     int iterations = 0;
     int evaluations = 0;
-    for (const LawState& one : laws_->state().laws) {
+    for (const fit::LawState& one : laws_->state().laws) {
       iterations += one.iterations;
       evaluations += one.evaluations;
     }
@@ -180,22 +180,23 @@ class FitJob {
         {"after", {{"fitted", nullptr}, {"held_out", nullptr}}},
         {"history", laws_->state().history}};
     if (json["before"].is_null()) json["before"] = {{"fitted", nullptr}, {"held_out", nullptr}};
-    if (!doc_.laws.empty()) json["models"] = ranked_models(laws_->state().laws);
+    if (!doc_.laws.empty())
+      json["models"] = ranked_models(laws_->state().laws, laws_->state().models);
     return json;
   }
 
   /// The end of the search: errors of the values, and all of it on disk in place of the checkpoint.
   Json finish(Json& document) {
     const std::size_t best = laws_->winner();
-    const LawState& found = laws_->state().laws[best];
+    const fit::LawState& found = laws_->state().laws[best];
     if (!found.failed.empty()) {
       throw_compute("fit.laws: none of the laws could be fitted. " + found.law + ": " +
                     found.failed);
     }
     const std::optional<FurtherFit> more = further(found);
     const bool moved = more && more->taken;
-    const LawState& law = moved ? more->state : found;
-    LawFit& of = moved ? *more->fit : laws_->fit(best);
+    const fit::LawState& law = moved ? more->state : found;
+    fit::LawFit& of = moved ? *more->fit : laws_->fit(best);
     std::optional<fit::Uncertainty> uncertainty;
     if (law.search) {
       say("Fitting: errors of the values", kFitShare);
@@ -217,7 +218,7 @@ class FitJob {
     if (doc_.loss != FitDoc::Loss::kTracks) {
       // The run that follows compares point by point, which means nothing for clouds.
       std::string failure;
-      if (const auto errors = of.errors(law, true, failure)) after = errors->json();
+      if (const auto errors = errors_of(of, law, true, failure)) after = errors->json();
     }
     laws_->save();
     Json fit = fit_json(law, of, uncertainty);
@@ -337,8 +338,8 @@ class FitJob {
   /// The best so far of a search that was broken off; the checkpoint stays.
   Json cancelled() {
     const std::size_t best = laws_->winner();
-    LawState& law = laws_->state().laws[best];
-    LawFit& of = laws_->fit(best, undisturbed_);
+    fit::LawState& law = laws_->state().laws[best];
+    fit::LawFit& of = laws_->fit(best, undisturbed_);
     if (law.values.empty()) law = of.start();
     if (!law.finished) law.reason = "Cancelled; these are the best values so far.";
     ErrorPool after;

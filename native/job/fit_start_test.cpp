@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_start.hpp"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,10 +8,11 @@
 #include <vector>
 
 #include "fit/data/capture_noise.hpp"
+#include "fit/search/start.hpp"
+#include "fit/search/start_limit.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/fit_experiment.hpp"
 #include "job/fit_fixture_for_test.hpp"
-#include "job/fit_start_limit.hpp"
 #include "job/run/build_scene.hpp"
 
 namespace matterfit::job {
@@ -74,7 +73,7 @@ std::vector<double> scanned_from(double youngs_modulus, double poisson_ratio,
     return all;
   };
   const std::vector<double> start = parameters.starts();
-  return scanned(parameters, start, cost(start), costs).values;
+  return fit::scanned(parameters, start, cost(start), costs).values;
 }
 
 TEST(FitStart, AScanFindsShearAndBulkApart) {
@@ -105,7 +104,8 @@ TEST(FitStart, AScanLooksBothWaysWhereNothingCouldBeSimulated) {
       }
       return all;
     };
-    EXPECT_NEAR(scanned(built.parameters, {1e6}, infinite, costs, 7).values[0] / truth, 1.0, 1e-6);
+    EXPECT_NEAR(fit::scanned(built.parameters, {1e6}, infinite, costs, 7).values[0] / truth, 1.0,
+                1e-6);
     EXPECT_LT(farthest, 3.6);
   }
 }
@@ -121,7 +121,7 @@ TEST(FitStart, AScanSeesWhatLiesBehindAHill) {
     }
     return all;
   };
-  EXPECT_NEAR(scanned(built.parameters, {3e6}, costs({{3e6}}).front(), costs).values[0], 3e4,
+  EXPECT_NEAR(fit::scanned(built.parameters, {3e6}, costs({{3e6}}).front(), costs).values[0], 3e4,
               300.0);
 }
 
@@ -140,8 +140,9 @@ TEST(FitStart, AFineScanSeesTheValleyBetweenHalfDecades) {
     return all;
   };
   const double start = 7e4;
-  EXPECT_EQ(scanned(built.parameters, {start}, cost(start), costs, 8, false).values[0], start);
-  EXPECT_NEAR(scanned(built.parameters, {start}, cost(start), costs, 8, true).values[0], 3e4, 2e3);
+  EXPECT_EQ(fit::scanned(built.parameters, {start}, cost(start), costs, 8, false).values[0], start);
+  EXPECT_NEAR(fit::scanned(built.parameters, {start}, cost(start), costs, 8, true).values[0], 3e4,
+              2e3);
 }
 
 /// A rigid flight of the cube's markers with (1, 2, 3) m/s; `bounce`: until the first frame only,
@@ -167,7 +168,8 @@ void write_flight(const fs::path& path, std::size_t frames, double noise, bool b
 }
 
 /// Of captures in the folder that are named after their files.
-MotionStart motion_from(const Folder& folder, const std::vector<std::string>& names, double noise) {
+fit::MotionStart motion_from(const Folder& folder, const std::vector<std::string>& names,
+                             double noise) {
   Json document = fit_with({"velocity", "spin"});
   document["captures"] = Json::array();
   for (const std::string& name : names) {
@@ -177,14 +179,14 @@ MotionStart motion_from(const Folder& folder, const std::vector<std::string>& na
   std::vector<std::string> statements;
   std::vector<fit::Run> runs = load_experiment(built.job, statements).experiment.runs;
   fit::settle_noise(runs.front().captures, built.scenes.front(), statements);
-  return with_initial_motion(runs, built.scenes, built.parameters, built.parameters.starts());
+  return fit::with_initial_motion(runs, built.scenes, built.parameters, built.parameters.starts());
 }
 
 TEST(FitStart, NoiseDoesNotHideAFlight) {
   for (const double noise : {1e-4, 0.02 * kSize}) {
     const Folder folder;
     write_flight(folder.path / "a.npz", 12, noise, false);
-    const MotionStart start = motion_from(folder, {"a"}, noise);
+    const fit::MotionStart start = motion_from(folder, {"a"}, noise);
     EXPECT_TRUE(start.contradicted.empty());
     EXPECT_EQ(start.guesses, start.flights);
     // Of all twelve frames: those of two would be known ten times worse.
@@ -198,13 +200,13 @@ TEST(FitStart, ABounceWithinTheFirstFramesIsOnlyAGuess) {
   const Folder folder;
   write_flight(folder.path / "a.npz", 8, 1e-4, true);
   write_flight(folder.path / "b.npz", 8, 1e-4, false);
-  const MotionStart alone = motion_from(folder, {"a"}, 1e-4);
+  const fit::MotionStart alone = motion_from(folder, {"a"}, 1e-4);
   EXPECT_EQ(alone.contradicted, std::vector<std::string>{"a"});
   EXPECT_EQ(alone.flights[0], 0.8);  // the document's
   EXPECT_NEAR(alone.guesses[0], 1.0, 0.01);
   // Where another recording of the body shows a flight that one counts, whichever comes first.
   for (const auto& names : {std::vector<std::string>{"a", "b"}, {"b", "a"}}) {
-    const MotionStart both = motion_from(folder, names, 1e-4);
+    const fit::MotionStart both = motion_from(folder, names, 1e-4);
     EXPECT_TRUE(both.contradicted.empty());
     EXPECT_NEAR(both.flights[0], 1.0, 0.01);
     EXPECT_EQ(both.guesses, both.flights);
@@ -218,7 +220,7 @@ TEST(FitStart, TheStiffestIsWhatCanBeSimulated) {
     const BuiltFit built(fit_with({"material.E", "material.nu", "velocity"}, start), folder.path);
     std::vector<std::string> statements;
     const std::vector<fit::Run> runs = load_experiment(built.job, statements).experiment.runs;
-    const StartLimit limit(runs, built.scenes, built.parameters);
+    const fit::StartLimit limit(runs, built.scenes, built.parameters);
     std::vector<double> values = built.parameters.starts();
     EXPECT_TRUE(limit.allows(values));
     EXPECT_EQ(limit.softened(values), values);

@@ -31,11 +31,11 @@ std::vector<fit::RunSteps> to_steps(const Json& json) {
   return steps;
 }
 
-Json to_json(const std::vector<std::vector<Standing>>& all) {
+Json to_json(const std::vector<std::vector<fit::Standing>>& all) {
   Json stages = Json::array();
   for (const auto& stage : all) {
     Json standings = Json::array();
-    for (const Standing& standing : stage) {
+    for (const fit::Standing& standing : stage) {
       standings.push_back({standing.rms, standing.firm, standing.far});
     }
     stages.push_back(std::move(standings));
@@ -43,10 +43,10 @@ Json to_json(const std::vector<std::vector<Standing>>& all) {
   return stages;
 }
 
-std::vector<std::vector<Standing>> to_standings(const Json& json) {
-  std::vector<std::vector<Standing>> stages;
+std::vector<std::vector<fit::Standing>> to_standings(const Json& json) {
+  std::vector<std::vector<fit::Standing>> stages;
   for (const Json& stage : json) {
-    std::vector<Standing>& standings = stages.emplace_back();
+    std::vector<fit::Standing>& standings = stages.emplace_back();
     for (const Json& one : stage) {
       standings.push_back({one.at(0).get<double>(), one.at(1).get<bool>(), one.at(2).get<bool>()});
     }
@@ -54,7 +54,7 @@ std::vector<std::vector<Standing>> to_standings(const Json& json) {
   return stages;
 }
 
-Json to_json(const LawState& law) {
+Json to_json(const fit::LawState& law) {
   Json json = {{"law", law.law},
                {"values", law.values},
                {"begun", law.begun},
@@ -81,14 +81,13 @@ Json to_json(const LawState& law) {
                {"spared", law.spared},
                {"iterations", law.iterations},
                {"evaluations", law.evaluations},
-               {"statements", law.statements},
-               {"model", law.model}};
+               {"statements", law.statements}};
   if (law.search) json["search"] = search_json(*law.search);
   return json;
 }
 
-LawState to_law(const Json& json) {
-  LawState law;
+fit::LawState to_law(const Json& json) {
+  fit::LawState law;
   json.at("law").get_to(law.law);
   json.at("values").get_to(law.values);
   json.at("begun").get_to(law.begun);
@@ -117,7 +116,6 @@ LawState to_law(const Json& json) {
   json.at("iterations").get_to(law.iterations);
   json.at("evaluations").get_to(law.evaluations);
   law.statements = json.value("statements", law.statements);
-  law.model = json.at("model");
   if (json.contains("search")) law.search = search_of(json.at("search"));
   return law;
 }
@@ -178,7 +176,10 @@ fit::LeastSquaresState search_of(const Json& json) {
 
 std::string format_fit_state(const FitState& state) {
   Json laws = Json::array();
-  for (const LawState& law : state.laws) laws.push_back(to_json(law));
+  for (std::size_t k = 0; k < state.laws.size(); ++k) {
+    laws.push_back(to_json(state.laws[k]));
+    laws.back()["model"] = k < state.models.size() ? state.models[k] : Json();
+  }
   const Json body = {{"inputs", state.inputs},
                      {"laws", laws},
                      {"law", state.law},
@@ -201,7 +202,10 @@ std::optional<FitState> read_fit_state(const std::filesystem::path& folder,
     file.at("input_hash").get_to(state.input_hash);
     if (!input_hash.empty() && state.input_hash != input_hash) return std::nullopt;
     json.at("inputs").get_to(state.inputs);
-    for (const Json& law : json.at("laws")) state.laws.push_back(to_law(law));
+    for (const Json& law : json.at("laws")) {
+      state.laws.push_back(to_law(law));
+      state.models.push_back(law.at("model"));
+    }
     json.at("law").get_to(state.law);
     state.before = json.at("before");
     json.at("before_failed").get_to(state.before_failed);

@@ -342,7 +342,7 @@ TEST(Fit, WhatTheDocumentMakesImpossibleIsAnInputError) {
 }
 
 TEST(Fit, LabelsFitTheirField) {
-  FitReport report;
+  fit::SearchProgress report;
   report.stage = "frames 1-13, separation ×1.6";
   report.iteration = 4;
   report.rms = 12.34e-3;

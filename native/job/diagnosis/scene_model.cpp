@@ -14,7 +14,7 @@
 #include "fit/data/capture_noise.hpp"
 #include "job/diagnosis/hidden_collider.hpp"
 #include "job/documents/fit_document.hpp"
-#include "job/fit_start.hpp"
+#include "fit/search/start.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/scene_at_level.hpp"
 
@@ -105,7 +105,7 @@ SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
   fitted_count_ = listed_.size();
   if (!fitted) {
     const std::vector<double> starts =
-        with_initial_motion(runs(), scenes, *parameters_, parameters_->starts()).guesses;
+        fit::with_initial_motion(runs(), scenes, *parameters_, parameters_->starts()).guesses;
     for (std::size_t k = 0; k < listed_.size(); ++k) {
       listed_[k].start = std::clamp(starts[k], listed_[k].low, listed_[k].high);
     }

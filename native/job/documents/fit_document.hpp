@@ -9,6 +9,7 @@
 
 #include "fit/data/losses.hpp"
 #include "fit/model/parameters.hpp"
+#include "fit/search/search_options.hpp"
 #include "material/material.hpp"
 
 namespace matterfit::job {
@@ -16,17 +17,11 @@ namespace matterfit::job {
 struct Job;  // job/documents/document.hpp
 
 /// The section `fit` of a job (docs/formats.md).
-struct FitDoc {
+struct FitDoc : fit::SearchOptions {
   using Loss = fit::Loss;
   std::vector<fit::ParameterSpec> parameters;
   std::vector<material::Law> laws;  ///< candidates; empty: the document's own law
   std::string body;                 ///< whose law is sought, with `laws`
-  Loss loss = Loss::kTracks;
-  double huber = 0.0;   ///< [standard deviations]; 0: off
-  int iterations = 30;  ///< at most, a stage
-  bool windows = true;
-  /// Particle separations as multiples of the scene's, coarse first; empty: as many as pay.
-  std::vector<double> levels;
   /// At the end, accepted steps with all weights of a neural law's energy at most (job/
   /// fit_weights.hpp); 0: none.
   int weights = 0;

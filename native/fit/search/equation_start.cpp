@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_equation_start.hpp"
+#include "fit/search/equation_start.hpp"
 
 #include <fmt/format.h>
 
@@ -16,7 +16,7 @@
 #include "fit/numerics/uncertainty.hpp"
 #include "mpm/pin_region.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 constexpr double kUneven = 0.01;      // of the time between frames
@@ -29,13 +29,13 @@ constexpr double kTold = 1.1;
 constexpr double kToldAngle = 10.0;
 constexpr int kIterations = 15;
 
-void keep_nearer(fit::Clearance& least, double distance, const Vec3d& normal, bool at_rest) {
+void keep_nearer(Clearance& least, double distance, const Vec3d& normal, bool at_rest) {
   if (distance < least.distance) least = {distance, normal, at_rest};
 }
 
-fit::Clearance clearance_in(const mpm::Scene& scene, const mpm::Body& body, const Vec3d& rest,
-                            const Vec3d& position, double time) {
-  fit::Clearance least;
+Clearance clearance_in(const mpm::Scene& scene, const mpm::Body& body, const Vec3d& rest,
+                       const Vec3d& position, double time) {
+  Clearance least;
   for (const shape::ColliderPtr& collider : scene.colliders) {
     const shape::SurfacePoint surface = collider->closest(position, time);
     keep_nearer(least, surface.distance, surface.normal, false);
@@ -57,11 +57,10 @@ fit::Clearance clearance_in(const mpm::Scene& scene, const mpm::Body& body, cons
 }
 
 /// Keeps the scene.
-fit::Balance balance_of(const fit::Capture& capture,
-                        const std::shared_ptr<const mpm::Scene>& held) {
+Balance balance_of(const Capture& capture, const std::shared_ptr<const mpm::Scene>& held) {
   const mpm::Scene& scene = *held;
   const mpm::Body& body = scene.bodies.front();
-  fit::Balance balance;
+  Balance balance;
   double volume = 0.0;
   for (const double part : body.volumes) volume += part;
   balance.places = body.rest;
@@ -84,9 +83,9 @@ fit::Balance balance_of(const fit::Capture& capture,
 }
 
 /// The balances of all captures of one body, by the parameters of its material.
-class BalanceProblem final : public fit::Problem {
+class BalanceProblem final : public Problem {
  public:
-  BalanceProblem(const fit::Parameters& parameters, std::vector<std::size_t> numbers,
+  BalanceProblem(const Parameters& parameters, std::vector<std::size_t> numbers,
                  std::vector<double> values, Arena& arena, const Interrupter& interrupter)
       : parameters_(parameters),
         numbers_(std::move(numbers)),
@@ -94,7 +93,7 @@ class BalanceProblem final : public fit::Problem {
         arena_(arena),
         interrupter_(interrupter) {}
 
-  void add(std::size_t run, const mpm::Scene& scene, const fit::Capture& capture) {
+  void add(std::size_t run, const mpm::Scene& scene, const Capture& capture) {
     // Density, gravity, heights of colliders and what else is fitted as the fit begins.
     const auto start = std::make_shared<mpm::Scene>(scene);
     parameters_.apply(values_, run, *start);
@@ -110,8 +109,8 @@ class BalanceProblem final : public fit::Problem {
   [[nodiscard]] std::vector<double> physical(const Eigen::VectorXd& point) const {
     std::vector<double> values = values_;
     for (std::size_t k = 0; k < numbers_.size(); ++k) {
-      const fit::Parameter& parameter = parameters_.parameters()[numbers_[k]];
-      values[numbers_[k]] = fit::value_within_bounds(parameter, point[Eigen::Index(k)]);
+      const Parameter& parameter = parameters_.parameters()[numbers_[k]];
+      values[numbers_[k]] = value_within_bounds(parameter, point[Eigen::Index(k)]);
     }
     return values;
   }
@@ -145,12 +144,12 @@ class BalanceProblem final : public fit::Problem {
     std::size_t run;
     mpm::Scene scene;
   };
-  const fit::Parameters& parameters_;
+  const Parameters& parameters_;
   std::vector<std::size_t> numbers_;
   std::vector<double> values_;
   Arena& arena_;
   const Interrupter& interrupter_;
-  std::vector<fit::EquationError> errors_;
+  std::vector<EquationError> errors_;
   std::vector<Part> parts_;
 };
 
@@ -161,42 +160,41 @@ struct Found {
   bool told = false;
 };
 
-std::vector<Found> search(BalanceProblem& problem, const fit::Parameters& parameters,
+std::vector<Found> search(BalanceProblem& problem, const Parameters& parameters,
                           const std::vector<std::size_t>& numbers, std::span<const double> values) {
-  std::vector<fit::Parameter> sought;
+  std::vector<Parameter> sought;
   for (const std::size_t number : numbers) {
     sought.push_back(parameters.parameters()[number]);
     sought.back().start = values[number];
     sought.back().prior.reset();
   }
-  fit::LeastSquaresOptions options;
+  LeastSquaresOptions options;
   options.iterations = kIterations;
   options.step_tolerance = 2e-2;
   options.cost_tolerance = 1e-4;
   options.difference = 2e-2;
-  const fit::LeastSquares least_squares(sought, options);
-  fit::LeastSquaresState state = least_squares.start();
+  const LeastSquares least_squares(sought, options);
+  LeastSquaresState state = least_squares.start();
   while (!state.finished) least_squares.iterate(problem, state);
   least_squares.linearise(problem, state);
   // Test functions overlap: about one residual of three counts.
-  const fit::Uncertainty known =
-      fit::uncertainty(sought, state, double(state.residual.size()) / 3.0);
+  const Uncertainty known = uncertainty(sought, state, double(state.residual.size()) / 3.0);
   std::vector<Found> found;
   for (std::size_t k = 0; k < numbers.size(); ++k) {
-    const fit::Coordinate coordinate = sought[k].coordinate;
+    const Coordinate coordinate = sought[k].coordinate;
     Found one;
     one.value = known.estimates[k].value;
-    one.error = known.estimates[k].standard_error /
-                fit::derivative(coordinate, state.point[Eigen::Index(k)]);
+    one.error =
+        known.estimates[k].standard_error / derivative(coordinate, state.point[Eigen::Index(k)]);
     one.told = !known.estimates[k].at_bound &&
-               one.error < (coordinate == fit::Coordinate::kLinear ? kToldAngle : kTold);
+               one.error < (coordinate == Coordinate::kLinear ? kToldAngle : kTold);
     found.push_back(one);
   }
   return found;
 }
 
 /// Why a run's scene cannot be looked at; empty: it can.
-std::string obstacle(const mpm::Scene& scene, const fit::Parameters& parameters, std::size_t run) {
+std::string obstacle(const mpm::Scene& scene, const Parameters& parameters, std::size_t run) {
   if (scene.bodies.size() != 1) {
     return "there are other bodies, whose contact forces are not known.";
   }
@@ -210,7 +208,7 @@ std::string obstacle(const mpm::Scene& scene, const fit::Parameters& parameters,
 
 }  // namespace
 
-fit::InteriorTracks interior_tracks(const fit::Capture& capture, double volume) {
+InteriorTracks interior_tracks(const Capture& capture, double volume) {
   const capture::Tracks& all = capture.input.tracks;
   std::vector<std::size_t> points;
   for (std::size_t i = 0; i < all.points; ++i) {
@@ -218,7 +216,7 @@ fit::InteriorTracks interior_tracks(const fit::Capture& capture, double volume) 
       points.push_back(i);
     }
   }
-  fit::InteriorTracks tracks;
+  InteriorTracks tracks;
   for (const std::size_t i : points) {
     tracks.rest.push_back(capture.input.rest[i]);
     tracks.sigma += capture.sigma[i] / double(points.size());
@@ -241,9 +239,8 @@ fit::InteriorTracks interior_tracks(const fit::Capture& capture, double volume) 
   return tracks;
 }
 
-EquationStart equation_start(const std::vector<fit::Run>& runs,
-                             const std::vector<mpm::Scene>& scenes,
-                             const fit::Parameters& parameters, std::span<const double> values,
+EquationStart equation_start(const std::vector<Run>& runs, const std::vector<mpm::Scene>& scenes,
+                             const Parameters& parameters, std::span<const double> values,
                              int threads, const Interrupter& interrupter) {
   EquationStart result;
   std::vector<std::size_t> numbers;
@@ -257,7 +254,7 @@ EquationStart equation_start(const std::vector<fit::Run>& runs,
   std::string why = "no capture can be used.";
   for (std::size_t r = 0; r < runs.size(); ++r) {
     const std::string in_the_way = obstacle(scenes[r], parameters, r);
-    for (const fit::Capture& capture : runs[r].captures) {
+    for (const Capture& capture : runs[r].captures) {
       if (capture.used_count == 0) continue;
       try {
         if (!in_the_way.empty()) throw_input(in_the_way);
@@ -286,7 +283,7 @@ EquationStart equation_start(const std::vector<fit::Run>& runs,
   std::string rest;
   std::vector<std::size_t> moved;
   for (std::size_t k = 0; k < numbers.size(); ++k) {
-    const fit::Parameter& parameter = parameters.parameters()[numbers[k]];
+    const Parameter& parameter = parameters.parameters()[numbers[k]];
     if (!found[k].told) {
       rest += (rest.empty() ? "" : ", ") + parameter.name;
       continue;
@@ -314,4 +311,4 @@ EquationStart equation_start(const std::vector<fit::Run>& runs,
   return result;
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -6,12 +6,12 @@
 #include <string>
 #include <vector>
 
-#include "job/fit_state.hpp"
+#include "fit/search/law_state.hpp"
 
 /// The order in which the candidate laws of a fit are fitted, and which of them are left early: all
 /// of them go on side by side, from one standing to the next, and a law that misses the capture by
 /// far more than another at the same standing is not followed further.
-namespace matterfit::job {
+namespace matterfit::fit {
 
 /// Adds to the standings of its present stage.
 void add_standing(LawState& law, const Standing& standing);
@@ -32,4 +32,4 @@ struct LeftLaw {
 /// one has come so far. Nothing if none has a standing.
 [[nodiscard]] std::optional<std::size_t> leading_law(const std::vector<LawState>& laws);
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_levels.hpp"
+#include "fit/search/levels.hpp"
 
 #include <algorithm>
 #include <limits>
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 /// Fewer particles than this are not worth a coarser level.
@@ -55,4 +55,4 @@ std::vector<double> usual_levels(const std::vector<mpm::Scene>& scenes) {
   return levels;
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

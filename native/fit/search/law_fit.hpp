@@ -9,14 +9,13 @@
 
 #include "base/interrupter.hpp"
 #include "fit/numerics/uncertainty.hpp"
-#include "job/fit_problems.hpp"
-#include "job/fit_progress.hpp"
-#include "job/fit_report.hpp"
-#include "job/fit_stages.hpp"
-#include "job/fit_start_search.hpp"
-#include "job/fit_state.hpp"
+#include "fit/search/law_state.hpp"
+#include "fit/search/problems.hpp"
+#include "fit/search/search_progress.hpp"
+#include "fit/search/stages.hpp"
+#include "fit/search/start_search.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 
 /// The fit of one law, one step at a time: the initial motion in closed form; where the start is
 /// poor the momentum balance of the tracks and, if that leaves it poor, a scan of simulations; then
@@ -27,14 +26,18 @@ namespace matterfit::job {
 class LawFit {
  public:
   /// Builds the scenes at the document's resolution. Throws Error(kInput), Error(kCancelled).
-  LawFit(FitSetup setup, const Interrupter& interrupter, std::vector<std::string>& statements);
+  LawFit(SearchSetup setup, const Interrupter& interrupter, std::vector<std::string>& statements);
   ~LawFit();
   LawFit(const LawFit&) = delete;
   LawFit& operator=(const LawFit&) = delete;
 
-  [[nodiscard]] const fit::Parameters& parameters() const { return problems_.parameters(); }
+  [[nodiscard]] const Parameters& parameters() const { return problems_.parameters(); }
   /// The scenes of the runs at the document's resolution.
   [[nodiscard]] const std::vector<mpm::Scene>& scenes() const { return problems_.scenes(); }
+  [[nodiscard]] const std::vector<Run>& runs() const { return problems_.runs(); }
+  /// Of those scenes.
+  [[nodiscard]] const Model& model() { return problems_.model(1.0); }
+  [[nodiscard]] Loss loss() const { return problems_.setup().options.loss; }
   [[nodiscard]] LawState start() const;
   /// In the last stage, with nothing looked for before it.
   [[nodiscard]] LawState at_last_stage(std::vector<double> values) const;
@@ -43,10 +46,10 @@ class LawFit {
   /// simulation at the start cannot be completed, Error(kInput) if the document is why,
   /// Error(kCancelled); the state is then as before. Where a later one cannot be completed the
   /// search ends with the values so far.
-  void advance(LawState& state, std::vector<Json>& history);
+  void advance(LawState& state, std::vector<SearchStep>& history);
 
   /// At the end: standard errors and correlations; linearises once more.
-  [[nodiscard]] fit::Uncertainty uncertainty(const LawState& state);
+  [[nodiscard]] Uncertainty uncertainty(const LawState& state);
   /// Of the parameters from `first` on, those that the capture excites (fit/numerics/excited.hpp)
   /// at the values where a stage begins. Throws Error(kCompute) where it cannot be simulated.
   [[nodiscard]] std::vector<std::size_t> excited(const LawState& state, std::size_t first);
@@ -56,13 +59,13 @@ class LawFit {
   [[nodiscard]] bool is_far(const LawState& state);
   /// Distances [m] of the samples that the present stage compares, at the state's values.
   [[nodiscard]] std::vector<double> distances(const LawState& state);
-  /// Errors over all runs and frames, held-out ones too, as a simulation outside of the fit has
-  /// them; nothing if it could not be completed (`failure`). `fitted`: of values that
-  /// were found; else Error(kInput) if the document is why it could not.
-  [[nodiscard]] std::optional<ErrorPool> errors(const LawState& state, bool fitted,
-                                                std::string& failure);
+  /// All runs and frames, held-out ones too, as a simulation outside of the fit has them; nothing
+  /// if it could not be completed (`failure`). `fitted`: of values that were found; else
+  /// Error(kInput) if the document is why it could not.
+  [[nodiscard]] std::optional<Outcome> predict(const LawState& state, bool fitted,
+                                               std::string& failure);
 
-  std::function<void(const FitReport&)> report;
+  std::function<void(const SearchProgress&)> report;
 
  private:
   struct Context;
@@ -82,18 +85,17 @@ class LawFit {
   void take_standing(LawState& state, int iterations_before);
   void settle(LawState& state);
   /// The substeps of a level at the start of a stage; nothing if it cannot be run.
-  [[nodiscard]] std::optional<std::vector<fit::RunSteps>> fix(double level, LawState& state,
-                                                              const fit::Window& window,
-                                                              fit::Failure& failure);
+  [[nodiscard]] std::optional<std::vector<RunSteps>> fix(double level, LawState& state,
+                                                         const Window& window, Failure& failure);
   Context& context(const LawState& state);
-  [[nodiscard]] std::vector<fit::Parameter> stage_parameters(const LawState& state) const;
+  [[nodiscard]] std::vector<Parameter> stage_parameters(const LawState& state) const;
   void tell(const LawState& state, const std::string& stage, double part, double rms) const;
 
   std::vector<std::string>& statements_;
-  FitProblems problems_;
-  std::vector<FitStage> stages_;
+  SearchProblems problems_;
+  std::vector<SearchStage> stages_;
   StartSearch starts_;  ///< of the two above
   std::unique_ptr<Context> context_;
 };
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_flow_start.hpp"
+#include "fit/search/flow_start.hpp"
 
 #include <fmt/format.h>
 
@@ -17,7 +17,7 @@
 #include "material/neural/latent.hpp"
 #include "material/neural/start_laws.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 constexpr double kYieldStrain = 0.02;
@@ -29,12 +29,12 @@ constexpr double kFrictionAngle = std::numbers::pi / 6;  // [rad]
 /// The flow's numbers of one body, where they are among the parameters.
 class FlowNumbers {
  public:
-  FlowNumbers(const fit::Parameters& parameters, const std::string& body)
+  FlowNumbers(const Parameters& parameters, const std::string& body)
       : parameters_(parameters), body_(body) {}
 
   [[nodiscard]] std::optional<std::size_t> number(std::string_view key) const {
     for (std::size_t i = 0; i < parameters_.size(); ++i) {
-      const fit::Address& path = parameters_.path(i);
+      const Address& path = parameters_.path(i);
       if (path.owner == body_ && path.capture.empty() && path.quantity->law_parameter() == key) {
         return i;
       }
@@ -47,21 +47,21 @@ class FlowNumbers {
   void set(std::string_view key, double value, FlowStart& start) const {
     const auto at = number(key);
     if (!at) return;
-    const fit::Parameter& parameter = parameters_.parameters()[*at];
+    const Parameter& parameter = parameters_.parameters()[*at];
     start.values[*at] = std::clamp(value, parameter.low, parameter.high);
   }
 
  private:
-  const fit::Parameters& parameters_;
+  const Parameters& parameters_;
   const std::string& body_;
 };
 
 /// A body's material at the values.
-material::Material material_at(const fit::Parameters& parameters, const mpm::Body& body,
+material::Material material_at(const Parameters& parameters, const mpm::Body& body,
                                std::span<const double> values) {
   material::Material material = body.material;
   for (std::size_t i = 0; i < parameters.size(); ++i) {
-    const fit::Address& path = parameters.path(i);
+    const Address& path = parameters.path(i);
     if (path.owner != body.name || path.quantity->member == nullptr) continue;
     material.*path.quantity->member = values[i];
   }
@@ -80,12 +80,12 @@ double cone(const material::Material& m) {
 constexpr std::array<double, 4> kAlongClass{-1.5, -0.75, 0.75, 1.5};
 
 /// The numbers of a body's code among the parameters; empty where they are not all there.
-std::vector<std::size_t> code_of(const fit::Parameters& parameters, const std::string& body) {
-  const fit::Quantity& row = fit::row_named(fit::Owner::kBody, "material.latent[#]");
+std::vector<std::size_t> code_of(const Parameters& parameters, const std::string& body) {
+  const Quantity& row = row_named(Owner::kBody, "material.latent[#]");
   std::vector<std::size_t> numbers;
   for (std::size_t k = 0; k < material::kLatentSize; ++k) {
     for (std::size_t i = 0; i < parameters.size(); ++i) {
-      const fit::Address& path = parameters.path(i);
+      const Address& path = parameters.path(i);
       if (path.quantity == &row && path.owner == body && path.index == k && path.capture.empty()) {
         numbers.push_back(i);
       }
@@ -97,8 +97,7 @@ std::vector<std::size_t> code_of(const fit::Parameters& parameters, const std::s
 /// Places of fluids in the space of the latent law with their stiffness: Young's modulus says
 /// there how viscous a liquid is and the code how stiff against a change of volume, so that neither
 /// can be looked for without the other. None where E is no parameter.
-std::vector<std::vector<double>> liquid_places(const fit::Parameters& parameters,
-                                               const mpm::Body& body,
+std::vector<std::vector<double>> liquid_places(const Parameters& parameters, const mpm::Body& body,
                                                const std::vector<std::size_t>& code,
                                                std::span<const double> values) {
   constexpr std::array kViscosities = {1.0, 3.0, 10.0, 30.0, 100.0, 300.0};  // [Pa s]
@@ -110,7 +109,7 @@ std::vector<std::vector<double>> liquid_places(const fit::Parameters& parameters
   constexpr double kUsualRatio = 0.3;
   const double bulk = values[*youngs] / (3.0 * (1.0 - 2.0 * kUsualRatio));
   const auto within = [&](std::size_t number, double value) {
-    const fit::Parameter& parameter = parameters.parameters()[number];
+    const Parameter& parameter = parameters.parameters()[number];
     return std::clamp(value, parameter.low, parameter.high);
   };
   std::vector<std::vector<double>> places;
@@ -134,7 +133,7 @@ std::vector<std::vector<double>> liquid_places(const fit::Parameters& parameters
   return places;
 }
 
-std::vector<FlowStart> latent_starts(const fit::Parameters& parameters,
+std::vector<FlowStart> latent_starts(const Parameters& parameters,
                                      const std::vector<mpm::Scene>& scenes,
                                      std::span<const double> values) {
   for (const mpm::Scene& scene : scenes) {
@@ -150,7 +149,7 @@ std::vector<FlowStart> latent_starts(const fit::Parameters& parameters,
           std::vector<double> point(values.begin(), values.end());
           for (std::size_t k = 0; k < material::kLatentSize; ++k) {
             const auto column = static_cast<Eigen::Index>(k);
-            const fit::Parameter& parameter = parameters.parameters()[numbers[k]];
+            const Parameter& parameter = parameters.parameters()[numbers[k]];
             point[numbers[k]] =
                 std::clamp(decoder.classes(row, column) + along * decoder.spreads(row, column),
                            parameter.low, parameter.high);
@@ -175,7 +174,7 @@ std::vector<FlowStart> latent_starts(const fit::Parameters& parameters,
 
 }  // namespace
 
-std::vector<FlowStart> flow_starts(const fit::Parameters& parameters,
+std::vector<FlowStart> flow_starts(const Parameters& parameters,
                                    const std::vector<mpm::Scene>& scenes,
                                    std::span<const double> values) {
   const mpm::Body* body = nullptr;
@@ -230,12 +229,12 @@ std::vector<FlowStart> flow_starts(const fit::Parameters& parameters,
   return starts;
 }
 
-std::vector<FlowFound> search_flows(const fit::Parameters& parameters,
-                                    const std::vector<FlowStart>& starts, const FitCost& costs,
+std::vector<FlowFound> search_flows(const Parameters& parameters,
+                                    const std::vector<FlowStart>& starts, const Costs& costs,
                                     bool finely) {
-  const fit::Quantity& youngs = fit::row_named(fit::Owner::kBody, "material.E");
+  const Quantity& youngs = row_named(Owner::kBody, "material.E");
   const auto moved = [&](std::vector<double> values, std::size_t number, double factor) {
-    const fit::Parameter& parameter = parameters.parameters()[number];
+    const Parameter& parameter = parameters.parameters()[number];
     values[number] = std::clamp(factor * values[number], parameter.low, parameter.high);
     return values;
   };
@@ -297,4 +296,4 @@ std::string flow_statement(const std::vector<FlowFound>& found) {
   return "Looked for as each class of flow, it misses the capture: " + list + ".";
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

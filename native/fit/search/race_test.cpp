@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_race.hpp"
+#include "fit/search/race.hpp"
 
 #include <gtest/gtest.h>
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 LawState law_at(const char* name, std::size_t stage,
@@ -91,4 +91,4 @@ TEST(FitRace, TheLeaderIsWhatCameNearest) {
 }
 
 }  // namespace
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

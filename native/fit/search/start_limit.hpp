@@ -9,7 +9,7 @@
 #include "fit/model/experiment.hpp"
 #include "fit/model/parameters.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 
 /// How stiff a start of a fit may be. What flows, or hardly deforms, looks the same at any
 /// stiffness above some, and a simulation takes the longer the stiffer it is: a scan that follows
@@ -18,8 +18,8 @@ namespace matterfit::job {
 class StartLimit {
  public:
   /// `scenes` one a run; only runs that are fitted count.
-  StartLimit(const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
-             const fit::Parameters& parameters);
+  StartLimit(const std::vector<Run>& runs, const std::vector<mpm::Scene>& scenes,
+             const Parameters& parameters);
 
   /// Whether a scan may try these values.
   [[nodiscard]] bool allows(std::span<const double> values) const;
@@ -35,9 +35,9 @@ class StartLimit {
   };
   [[nodiscard]] double substeps(std::span<const double> values, const Entry& entry) const;
 
-  const fit::Parameters& parameters_;
+  const Parameters& parameters_;
   std::vector<mpm::Scene> scenes_;  ///< without particles
   std::vector<Entry> entries_;      ///< bodies whose material is moved
 };
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

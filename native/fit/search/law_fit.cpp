@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_search.hpp"
+#include "fit/search/law_fit.hpp"
 
 #include <fmt/format.h>
 
@@ -11,11 +11,11 @@
 
 #include "base/error.hpp"
 #include "fit/numerics/excited.hpp"
-#include "job/fit_errors.hpp"
-#include "job/fit_levels.hpp"
-#include "job/fit_race.hpp"
+#include "fit/search/levels.hpp"
+#include "fit/search/race.hpp"
+#include "fit/search/value_errors.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 /// Stages before the last: how far is far enough.
@@ -31,8 +31,8 @@ constexpr int kMostRepeats = 1;
 constexpr int kIterationsToStanding = 5;
 
 /// The document's levels, or the usual ones.
-std::vector<double> levels_of(const FitProblems& problems) {
-  std::vector<double> levels = problems.setup().fit->levels;
+std::vector<double> levels_of(const SearchProblems& problems) {
+  std::vector<double> levels = problems.setup().options.levels;
   if (levels.empty()) levels = usual_levels(problems.scenes());
   return levels;
 }
@@ -40,7 +40,7 @@ std::vector<double> levels_of(const FitProblems& problems) {
 /// Has a problem tell its progress for as long as this stands.
 class Told {
  public:
-  Told(fit::CaptureProblem& problem, std::function<void(double)> tell) : problem_(problem) {
+  Told(CaptureProblem& problem, std::function<void(double)> tell) : problem_(problem) {
     tell(0.0);
     problem_.progress = std::move(tell);
   }
@@ -49,7 +49,7 @@ class Told {
   Told& operator=(const Told&) = delete;
 
  private:
-  fit::CaptureProblem& problem_;
+  CaptureProblem& problem_;
 };
 
 }  // namespace
@@ -57,16 +57,17 @@ class Told {
 struct LawFit::Context {
   std::size_t stage;
   int repeats;
-  fit::CaptureProblem problem;
-  fit::LeastSquares search;
-  std::optional<fit::CaptureProblem> stand_in;
+  CaptureProblem problem;
+  LeastSquares search;
+  std::optional<CaptureProblem> stand_in;
 };
 
-LawFit::LawFit(FitSetup setup, const Interrupter& interrupter, std::vector<std::string>& statements)
+LawFit::LawFit(SearchSetup setup, const Interrupter& interrupter,
+               std::vector<std::string>& statements)
     : statements_(statements),
       problems_(std::move(setup), interrupter),
       stages_(stages_of(levels_of(problems_),
-                        fit::growing_windows(problems_.runs(), problems_.setup().fit->windows))),
+                        growing_windows(problems_.runs(), problems_.setup().options.windows))),
       starts_(problems_, stages_, interrupter,
               [this](const LawState& state, const std::string& what, double part, double rms) {
                 tell(state, what, part, rms);
@@ -91,7 +92,7 @@ LawState LawFit::at_last_stage(std::vector<double> values) const {
 
 void LawFit::tell(const LawState& state, const std::string& stage, double part, double rms) const {
   if (!report) return;
-  FitReport said;
+  SearchProgress said;
   said.stage = stage;
   said.fraction = fraction_done(stages_, state, part);
   said.iteration = state.search ? state.search->iteration + 1 : 0;
@@ -107,7 +108,7 @@ double LawFit::mean_missed(const LawState& state) {
 bool LawFit::is_far(const LawState& state) {
   const double mean = mean_missed(state);
   if (!std::isfinite(mean)) return false;
-  if (problems_.setup().fit->loss == FitDoc::Loss::kTracks) return mean > problems_.far();
+  if (problems_.setup().options.loss == Loss::kTracks) return mean > problems_.far();
   // With what no captured point is near to.
   const Eigen::VectorXd& residual = state.search->residual;
   const double entries = 0.5 * double(residual.size());
@@ -154,42 +155,42 @@ bool LawFit::back_to_first_start(LawState& state) const {
   return true;
 }
 
-std::vector<fit::Parameter> LawFit::stage_parameters(const LawState& state) const {
-  std::vector<fit::Parameter> parameters = this->parameters().parameters();
+std::vector<Parameter> LawFit::stage_parameters(const LawState& state) const {
+  std::vector<Parameter> parameters = this->parameters().parameters();
   const bool last = stages_[state.stage].last;
   for (std::size_t k = 0; k < parameters.size(); ++k) {
-    fit::Parameter& parameter = parameters[k];
+    Parameter& parameter = parameters[k];
     parameter.start = std::clamp(state.stage_start[k], parameter.low, parameter.high);
     if (last || parameter.prior) continue;
-    parameter.prior = fit::Prior{fit::to_natural(parameter.coordinate, parameter.start),
-                                 kLeash * parameter.scale};
+    parameter.prior =
+        Prior{to_natural(parameter.coordinate, parameter.start), kLeash * parameter.scale};
   }
   return parameters;
 }
 
 LawFit::Context& LawFit::context(const LawState& state) {
-  const FitStage& stage = stages_[state.stage];
+  const SearchStage& stage = stages_[state.stage];
   if (context_ && context_->stage == state.stage && context_->repeats == state.repeats) {
     return *context_;
   }
-  const std::vector<fit::Parameter> of_stage = stage_parameters(state);
-  fit::LeastSquaresOptions options;
-  options.iterations = problems_.setup().fit->iterations;
-  options.huber = problems_.setup().fit->huber;
+  const std::vector<Parameter> of_stage = stage_parameters(state);
+  LeastSquaresOptions options;
+  options.iterations = problems_.setup().options.iterations;
+  options.huber = problems_.setup().options.huber;
   if (!stage.last) {
     options.iterations = std::min(options.iterations, kShortStage);
     options.step_tolerance = kCoarseStep;
     options.cost_tolerance = kCoarseCost;
     options.thorough = false;
   }
-  const auto stepped = [&](double level, const std::vector<fit::RunSteps>& steps) {
-    fit::CaptureProblem at_level = problems_.problem(level, stage.window, of_stage);
-    at_level.set_plan(fit::StepPlan(steps));
+  const auto stepped = [&](double level, const std::vector<RunSteps>& steps) {
+    CaptureProblem at_level = problems_.problem(level, stage.window, of_stage);
+    at_level.set_plan(StepPlan(steps));
     return at_level;
   };
   context_ = std::make_unique<Context>(Context{state.stage, state.repeats,
                                                stepped(stage.level, state.steps),
-                                               fit::LeastSquares(of_stage, options), std::nullopt});
+                                               LeastSquares(of_stage, options), std::nullopt});
   if (stage.stand_in && !state.stand_in_steps.empty()) {
     context_->stand_in.emplace(stepped(*stage.stand_in, state.stand_in_steps));
     context_->problem.set_stand_in(&*context_->stand_in);
@@ -197,11 +198,10 @@ LawFit::Context& LawFit::context(const LawState& state) {
   return *context_;
 }
 
-std::optional<std::vector<fit::RunSteps>> LawFit::fix(double level, LawState& state,
-                                                      const fit::Window& window,
-                                                      fit::Failure& failure) {
+std::optional<std::vector<RunSteps>> LawFit::fix(double level, LawState& state,
+                                                 const Window& window, Failure& failure) {
   const std::vector<std::vector<double>> here{state.values};
-  fit::Evaluation found = problems_.model(level).evaluate(here, {window.until});
+  Evaluation found = problems_.model(level).evaluate(here, {window.until});
   ++state.evaluations;
   failure = std::move(found.failure);
   if (!found.outcomes.front()) return std::nullopt;
@@ -209,11 +209,11 @@ std::optional<std::vector<fit::RunSteps>> LawFit::fix(double level, LawState& st
 }
 
 void LawFit::set_stage(LawState& state) {
-  const FitStage& stage = stages_[state.stage];
+  const SearchStage& stage = stages_[state.stage];
   context_.reset();
   tell(state, stage.name, 0.0, std::numeric_limits<double>::quiet_NaN());
   starts_.choose_material(state);
-  fit::Failure failure;
+  Failure failure;
   const auto steps = fix(stage.level, state, stage.window, failure);
   if (!steps) {
     const std::string why = "The simulation could not be completed: " + failure.message;
@@ -256,7 +256,7 @@ void LawFit::end_stage(LawState& state) {
   // Substeps are to be those that the solver takes at the end.
   const bool other_steps =
       std::any_of(state.refinements.begin(), state.refinements.end(),
-                  [](int power) { return power != 0 && power != fit::StepPlan::kUnsettled; });
+                  [](int power) { return power != 0 && power != StepPlan::kUnsettled; });
   if (other_steps && state.repeats < kMostRepeats) {
     ++state.repeats;
     state.search.reset();
@@ -268,20 +268,20 @@ void LawFit::end_stage(LawState& state) {
 }
 
 void LawFit::take_standing(LawState& state, int iterations_before) {
-  const fit::LeastSquaresState& search = *state.search;
+  const LeastSquaresState& search = *state.search;
   const bool due = search.finished || search.iteration / kIterationsToStanding >
                                           iterations_before / kIterationsToStanding;
   if (!due || search.residual.size() == 0) return;
-  const fit::CaptureProblem& problem = context(state).problem;
+  const CaptureProblem& problem = context(state).problem;
   const bool far = is_far(state);
-  const FitStage& stage = stages_[state.stage];
+  const SearchStage& stage = stages_[state.stage];
   const bool early = far && may_rescan(state);
   // A coarse grid may be why.
   if (early && stage.level != stages_.back().level) return;
   add_standing(state, {problem.rms(search.residual), stage.whole && !early, far});
 }
 
-void LawFit::advance(LawState& state, std::vector<Json>& history) {
+void LawFit::advance(LawState& state, std::vector<SearchStep>& history) {
   if (state.finished) return;
   if (parameters().size() == 0) {
     state.finished = true;
@@ -326,7 +326,7 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
   LawState next = state;
   Context& at = context(next);
   const std::string& name = stages_[next.stage].name;
-  fit::LeastSquaresState& search = *next.search;
+  LeastSquaresState& search = *next.search;
   const auto rms_now = [&] {
     return search.residual.size() > 0 ? at.problem.rms(search.residual)
                                       : std::numeric_limits<double>::quiet_NaN();
@@ -354,25 +354,20 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
   next.iterations += search.iteration - iterations;
   next.values = at.problem.physical(search.point);
   for (std::size_t k = known; k < search.history.size(); ++k) {
-    const fit::LeastSquaresStep& step = search.history[k];
+    const LeastSquaresStep& step = search.history[k];
     const bool moved = step.iteration > iterations;
     const double rms = !step.accepted ? std::numeric_limits<double>::quiet_NaN()
                        : moved        ? rms_now()
                                       : at.problem.rms_seen(from);
-    Json values;
-    if (step.accepted && moved) {
-      for (std::size_t p = 0; p < next.values.size(); ++p) {
-        values[parameters().parameters()[p].name] = next.values[p];
-      }
-    }
-    history.push_back({{"stage", name},
-                       {"law", next.law},
-                       {"iteration", step.iteration},
-                       {"cost", step.cost},
-                       {"rms_mm", std::isfinite(rms) ? Json(1e3 * rms) : Json()},
-                       {"accepted", step.accepted},
-                       {"evaluations", next.evaluations},
-                       {"values", values}});
+    SearchStep& taken = history.emplace_back();
+    taken.stage = name;
+    taken.law = next.law;
+    taken.iteration = step.iteration;
+    taken.cost = step.cost;
+    taken.rms = rms;
+    taken.accepted = step.accepted;
+    taken.evaluations = next.evaluations;
+    if (step.accepted && moved) taken.values = next.values;
   }
   take_standing(next, iterations);
   if (search.finished) end_stage(next);
@@ -380,11 +375,11 @@ void LawFit::advance(LawState& state, std::vector<Json>& history) {
 }
 
 void LawFit::settle(LawState& state) {
-  const FitStage& stage = stages_[state.stage];
+  const SearchStage& stage = stages_[state.stage];
   Context& at = context(state);
   const std::vector<double> values = at.problem.physical(state.search->point);
-  const auto settled = [&](double level, fit::CaptureProblem& of, std::span<const int> before) {
-    fit::StepPlan plan = of.plan();
+  const auto settled = [&](double level, CaptureProblem& of, std::span<const int> before) {
+    StepPlan plan = of.plan();
     problems_.model(level).settle(plan, values, before);
     of.set_plan(std::move(plan));
   };
@@ -398,7 +393,7 @@ void LawFit::settle(LawState& state) {
   state.search->forget_slopes();
 }
 
-fit::Uncertainty LawFit::uncertainty(const LawState& state) {
+Uncertainty LawFit::uncertainty(const LawState& state) {
   LawState at_end = state;
   Context& at = context(at_end);
   settle(at_end);
@@ -422,22 +417,21 @@ std::vector<double> LawFit::distances(const LawState& state) {
   return context(state).problem.distances(state.search->residual);
 }
 
-std::optional<ErrorPool> LawFit::errors(const LawState& state, bool fitted, std::string& failure) {
+std::optional<Outcome> LawFit::predict(const LawState& state, bool fitted, std::string& failure) {
   context_.reset();
   const auto progress = [&](double part) {
     tell(state, fitted ? "predicting" : "the start", part,
          std::numeric_limits<double>::quiet_NaN());
   };
-  fit::Ask ask;
+  Ask ask;
   ask.query.values = state.values;
-  fit::Evaluation found = problems_.predictor().predict({ask}, false, progress);
+  Evaluation found = problems_.predictor().predict({ask}, false, progress);
   if (!found.outcomes.front()) {
     failure = found.failure.message;
     if (!fitted && found.failure.by_input) throw_input(failure);
     return std::nullopt;
   }
-  return errors_of(problems_.runs(), problems_.model(1.0), problems_.setup().fit->loss,
-                   *found.outcomes.front());
+  return std::move(found.outcomes.front());
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -10,7 +10,7 @@
 #include "fit/model/experiment.hpp"
 #include "fit/model/parameters.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 
 /// Where a fit may begin by the momentum balance of its tracks, without a simulation.
 struct EquationStart {
@@ -22,7 +22,7 @@ struct EquationStart {
 
 /// Frames in a row and evenly spaced, from where the body begins to move, that the fit may see of a
 /// capture with tracks of a body of that volume [m³].
-[[nodiscard]] fit::InteriorTracks interior_tracks(const fit::Capture& capture, double volume);
+[[nodiscard]] InteriorTracks interior_tracks(const Capture& capture, double volume);
 
 /// The parameters of the body's material at which the momentum balance along its interior tracks
 /// (fit/data/equation_error.hpp) is missed least, by Levenberg–Marquardt from `values`. What the
@@ -30,10 +30,10 @@ struct EquationStart {
 /// applies to captures of the only body of a scene, without attached masses, that is not placed
 /// anew, with tracks all through it at even times. `scenes` one a run; same result for any number
 /// of threads. Throws Error(kCancelled).
-[[nodiscard]] EquationStart equation_start(const std::vector<fit::Run>& runs,
+[[nodiscard]] EquationStart equation_start(const std::vector<Run>& runs,
                                            const std::vector<mpm::Scene>& scenes,
-                                           const fit::Parameters& parameters,
+                                           const Parameters& parameters,
                                            std::span<const double> values, int threads,
                                            const Interrupter& interrupter);
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_problems.hpp"
+#include "fit/search/problems.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -7,7 +7,7 @@
 
 #include "fit/data/metrics.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 /// A start is poor where it misses the capture by so many times the noise, and by this part of the
@@ -23,39 +23,39 @@ constexpr double kFarSurface = 1.3;
 
 }  // namespace
 
-FitProblems::FitProblems(FitSetup setup, const Interrupter& interrupter)
+SearchProblems::SearchProblems(SearchSetup setup, const Interrupter& interrupter)
     : setup_(std::move(setup)),
       predictor_(*setup_.experiment, setup_.parameters,
-                 {setup_.fit->loss, setup_.target, setup_.threads, setup_.memory_limit_gb},
+                 {setup_.options.loss, setup_.target, setup_.threads, setup_.memory_limit_gb},
                  interrupter, setup_.builders) {}
 
-fit::CaptureProblem FitProblems::problem(double level, const fit::Window& window,
-                                         const std::vector<fit::Parameter>& parameters) {
-  return {model(level), runs(), parameters, setup_.fit->loss, window, fit::used_samples(runs())};
+CaptureProblem SearchProblems::problem(double level, const Window& window,
+                                       const std::vector<Parameter>& parameters) {
+  return {model(level), runs(), parameters, setup_.options.loss, window, used_samples(runs())};
 }
 
-double FitProblems::alike() const {
+double SearchProblems::alike() const {
   double sigma = 0.0;
-  for (const fit::Run& run : runs()) {
-    for (const fit::Capture& capture : run.captures) {
+  for (const Run& run : runs()) {
+    for (const Capture& capture : run.captures) {
       if (capture.used_count > 0) sigma = std::max(sigma, capture.cloud_scale().sigma);
     }
   }
-  return fit::mean_length(sigma);
+  return mean_length(sigma);
 }
 
-double FitProblems::far() const {
-  if (setup_.fit->loss == FitDoc::Loss::kTracks) return poor();
-  return alike() * (setup_.fit->loss == FitDoc::Loss::kSurface ? kFarSurface : kFarCloud);
+double SearchProblems::far() const {
+  if (setup_.options.loss == Loss::kTracks) return poor();
+  return alike() * (setup_.options.loss == Loss::kSurface ? kFarSurface : kFarCloud);
 }
 
-double FitProblems::poor() const {
-  if (setup_.fit->loss != FitDoc::Loss::kTracks) return kPoorCloud * alike();
+double SearchProblems::poor() const {
+  if (setup_.options.loss != Loss::kTracks) return kPoorCloud * alike();
   const auto& runs = this->runs();
   double sigma = 0.0;
   double size = 0.0;
   for (std::size_t r = 0; r < runs.size(); ++r) {
-    for (const fit::Capture& capture : runs[r].captures) {
+    for (const Capture& capture : runs[r].captures) {
       if (capture.used_count == 0) continue;
       double mean = 0.0;
       for (std::size_t i = 0; i < capture.sigma.size(); ++i) {
@@ -63,8 +63,7 @@ double FitProblems::poor() const {
       }
       sigma = std::max(sigma, mean);
       const mpm::Scene& scene = scenes()[r];
-      size = std::max(
-          size, fit::body_size(scene.bodies[fit::body_index(scene, capture.input.body)].rest));
+      size = std::max(size, body_size(scene.bodies[body_index(scene, capture.input.body)].rest));
     }
   }
   return std::max(kPoorNoise * sigma, kPoorSize * size);
@@ -76,4 +75,4 @@ double mean_value(const std::vector<double>& distances) {
   return distances.empty() ? 0.0 : sum / double(distances.size());
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -7,14 +7,14 @@
 #include <vector>
 
 #include "base/interrupter.hpp"
-#include "job/fit_equation_start.hpp"
-#include "job/fit_flow_start.hpp"
-#include "job/fit_problems.hpp"
-#include "job/fit_stages.hpp"
-#include "job/fit_start_limit.hpp"
-#include "job/fit_state.hpp"
+#include "fit/search/equation_start.hpp"
+#include "fit/search/flow_start.hpp"
+#include "fit/search/law_state.hpp"
+#include "fit/search/problems.hpp"
+#include "fit/search/stages.hpp"
+#include "fit/search/start_limit.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 
 /// Looks for the values where a search begins: the initial motion in closed form; where that start
 /// is poor the momentum balance of the tracks and, if that leaves it poor, a scan of simulations.
@@ -27,7 +27,7 @@ class StartSearch {
       std::function<void(const LawState& state, const std::string& what, double part, double rms)>;
 
   /// All but `tell` is borrowed.
-  StartSearch(FitProblems& problems, const std::vector<FitStage>& stages,
+  StartSearch(SearchProblems& problems, const std::vector<SearchStage>& stages,
               const Interrupter& interrupter, Tell tell);
 
   /// Where the search begins, and at which level.
@@ -56,7 +56,7 @@ class StartSearch {
 
   /// Replaces the material of a start by one that misses less: of the momentum balance or, if that
   /// is poor, of a scan.
-  void find_material(LawState& state, const fit::Window& window, const StartLimit& limit,
+  void find_material(LawState& state, const Window& window, const StartLimit& limit,
                      const EquationStart& balance, Start& start);
   /// A start in the nearest class of flow; the second one is for a search that ends far off.
   void take_flow(LawState& state, std::vector<FlowFound> found, Start& start) const;
@@ -66,21 +66,21 @@ class StartSearch {
   /// Of simulations at a level (that of the first stage) [m].
   [[nodiscard]] std::vector<double> mean_distances(LawState& state,
                                                    const std::vector<std::vector<double>>& points,
-                                                   const fit::Window& window, double level);
+                                                   const Window& window, double level);
   [[nodiscard]] std::vector<double> mean_distances(LawState& state,
                                                    const std::vector<std::vector<double>>& points,
-                                                   const fit::Window& window);
+                                                   const Window& window);
   /// mean_distances() of a scan; infinite, without a simulation, beyond the limit.
   [[nodiscard]] std::vector<double> start_distances(LawState& state, const StartLimit& limit,
                                                     const std::vector<std::vector<double>>& points,
-                                                    const fit::Window& window);
+                                                    const Window& window);
 
-  FitProblems& problems_;
-  const std::vector<FitStage>& stages_;
+  SearchProblems& problems_;
+  const std::vector<SearchStage>& stages_;
   const Interrupter& interrupter_;
   Tell tell_;
   /// The best of the points that mean_distances() tried last [m], for progress.
   double told_ = std::numeric_limits<double>::quiet_NaN();
 };
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

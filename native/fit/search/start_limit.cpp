@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_start_limit.hpp"
+#include "fit/search/start_limit.hpp"
 
 #include <algorithm>
 
 #include "fit/data/follow.hpp"
 #include "mpm/step_limit.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 constexpr double kMostFromStart = 300.0;
@@ -14,8 +14,8 @@ constexpr double kMoreThanStart = 10.0;
 
 }  // namespace
 
-StartLimit::StartLimit(const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
-                       const fit::Parameters& parameters)
+StartLimit::StartLimit(const std::vector<Run>& runs, const std::vector<mpm::Scene>& scenes,
+                       const Parameters& parameters)
     : parameters_(parameters), scenes_(scenes) {
   const std::vector<double> starts = parameters.starts();
   for (std::size_t r = 0; r < scenes_.size(); ++r) {
@@ -35,7 +35,7 @@ StartLimit::StartLimit(const std::vector<fit::Run>& runs, const std::vector<mpm:
 double StartLimit::substeps(std::span<const double> values, const Entry& entry) const {
   mpm::Scene scene = scenes_[entry.run];
   parameters_.apply(values, entry.run, scene);
-  const mpm::Body& body = scene.bodies[fit::body_index(scene, entry.body)];
+  const mpm::Body& body = scene.bodies[body_index(scene, entry.body)];
   return 1.0 / (scene.fps * scene.dt_safety * mpm::step_limit(scene, body));
 }
 
@@ -53,10 +53,10 @@ std::vector<double> StartLimit::softened(std::vector<double> values) const {
       if (entry.body != parameters_.path(i).owner || !parameters_.acts_on(i, entry.run)) continue;
       ratio = std::min(ratio, entry.most / substeps(given, entry));
     }
-    const fit::Parameter& parameter = parameters_.parameters()[i];
+    const Parameter& parameter = parameters_.parameters()[i];
     values[i] = std::clamp(ratio * ratio * given[i], parameter.low, parameter.high);
   }
   return values;
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

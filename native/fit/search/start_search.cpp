@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_start_search.hpp"
+#include "fit/search/start_search.hpp"
 
 #include <fmt/format.h>
 
@@ -8,9 +8,9 @@
 #include <cstddef>
 #include <utility>
 
-#include "job/fit_start.hpp"
+#include "fit/search/start.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 constexpr std::size_t kScanSamples = 32;
@@ -24,18 +24,18 @@ constexpr double kLevelGap = 0.7;
 
 }  // namespace
 
-StartSearch::StartSearch(FitProblems& problems, const std::vector<FitStage>& stages,
+StartSearch::StartSearch(SearchProblems& problems, const std::vector<SearchStage>& stages,
                          const Interrupter& interrupter, Tell tell)
     : problems_(problems), stages_(stages), interrupter_(interrupter), tell_(std::move(tell)) {}
 
 std::vector<double> StartSearch::mean_distances(LawState& state,
                                                 const std::vector<std::vector<double>>& points,
-                                                const fit::Window& window, double level) {
-  const fit::CaptureProblem at_level = problems_.problem(level, window);
+                                                const Window& window, double level) {
+  const CaptureProblem at_level = problems_.problem(level, window);
   const auto progress = [&](double part) { tell_(state, "looking for a start", part, told_); };
   progress(0.0);
   std::vector<double> means;
-  const fit::Evaluation found = problems_.model(level).evaluate(points, {window.until}, progress);
+  const Evaluation found = problems_.model(level).evaluate(points, {window.until}, progress);
   for (const auto& outcome : found.outcomes) {
     const double mean = outcome ? mean_value(at_level.distances(at_level.residuals(*outcome)))
                                 : std::numeric_limits<double>::infinity();
@@ -48,13 +48,13 @@ std::vector<double> StartSearch::mean_distances(LawState& state,
 
 std::vector<double> StartSearch::mean_distances(LawState& state,
                                                 const std::vector<std::vector<double>>& points,
-                                                const fit::Window& window) {
+                                                const Window& window) {
   return mean_distances(state, points, window, stages_[state.first_stage].level);
 }
 
 std::vector<double> StartSearch::start_distances(LawState& state, const StartLimit& limit,
                                                  const std::vector<std::vector<double>>& points,
-                                                 const fit::Window& window) {
+                                                 const Window& window) {
   std::vector<double> all(points.size(), std::numeric_limits<double>::infinity());
   std::vector<std::vector<double>> tried;
   std::vector<std::size_t> places;
@@ -70,7 +70,7 @@ std::vector<double> StartSearch::start_distances(LawState& state, const StartLim
 }
 
 void StartSearch::choose_material(LawState& state) {
-  const FitStage& stage = stages_[state.stage];
+  const SearchStage& stage = stages_[state.stage];
   const bool finer = state.stage > 0 && stages_[state.stage - 1].level != stage.level;
   if (!finer || state.repeats > 0) return;
   std::vector<std::vector<double>> points{state.values};
@@ -99,12 +99,12 @@ void StartSearch::begin(LawState& state) {
   }
   state.torn = !motion.contradicted.empty();
   // What a motion that is not quite right leads to later is no judge of a material.
-  const fit::Window window = fit::first_window(runs, state.torn ? kFirstSamples : kScanSamples);
+  const Window window = first_window(runs, state.torn ? kFirstSamples : kScanSamples);
   best.mean = mean_distances(state, {best.values}, window).front();
   if (best.mean > problems_.poor()) {
     const StartLimit limit(runs, problems_.scenes(), problems_.parameters());
     EquationStart balance;
-    if (problems_.setup().fit->loss == FitDoc::Loss::kTracks) {
+    if (problems_.setup().options.loss == Loss::kTracks) {
       balance = equation_start(runs, problems_.scenes(), problems_.parameters(), best.values,
                                problems_.setup().threads, interrupter_);
       bool softer = false;
@@ -145,7 +145,7 @@ void StartSearch::begin(LawState& state) {
   }
 }
 
-void StartSearch::find_material(LawState& state, const fit::Window& window, const StartLimit& limit,
+void StartSearch::find_material(LawState& state, const Window& window, const StartLimit& limit,
                                 const EquationStart& balance, Start& start) {
   start.statement = balance.statement;
   if (!balance.candidates.empty()) {
@@ -175,7 +175,7 @@ void StartSearch::find_material(LawState& state, const fit::Window& window, cons
     return start_distances(state, limit, points, window);
   };
   constexpr int kFar = 8;
-  const bool finely = problems_.setup().fit->loss != FitDoc::Loss::kTracks;
+  const bool finely = problems_.setup().options.loss != Loss::kTracks;
   if (const auto flows = flow_starts(problems_.parameters(), problems_.scenes(), start.values);
       !flows.empty()) {
     take_flow(state, search_flows(problems_.parameters(), flows, costs, finely), start);
@@ -212,11 +212,11 @@ std::vector<double> StartSearch::with_law_of(std::vector<double> values,
 bool StartSearch::skip_level(LawState& state) {
   const double level = stages_[state.first_stage].level;
   const auto next = std::find_if(stages_.begin(), stages_.end(),
-                                 [&](const FitStage& stage) { return stage.level < level; });
+                                 [&](const SearchStage& stage) { return stage.level < level; });
   const bool free =
-      problems_.setup().fit->levels.empty() && problems_.setup().fit->loss == FitDoc::Loss::kTracks;
+      problems_.setup().options.levels.empty() && problems_.setup().options.loss == Loss::kTracks;
   if (next == stages_.end() || !free) return false;
-  const fit::Window window = fit::first_window(problems_.runs(), kScanSamples);
+  const Window window = first_window(problems_.runs(), kScanSamples);
   const auto residuals = [&](double at) -> std::optional<Eigen::VectorXd> {
     ++state.evaluations;
     const std::vector<std::vector<double>> here{state.values};
@@ -226,7 +226,7 @@ bool StartSearch::skip_level(LawState& state) {
   };
   const auto coarse = residuals(level);
   if (!coarse) return false;
-  const fit::CaptureProblem at_level = problems_.problem(level, window);
+  const CaptureProblem at_level = problems_.problem(level, window);
   const double missed = mean_value(at_level.distances(*coarse));
   if (missed <= problems_.far()) return false;
   const auto fine = residuals(next->level);
@@ -237,14 +237,14 @@ bool StartSearch::skip_level(LawState& state) {
 }
 
 bool StartSearch::rescan(LawState& state) {
-  const fit::Window window = fit::first_window(problems_.runs(), kScanSamples);
+  const Window window = first_window(problems_.runs(), kScanSamples);
   const double mean = mean_distances(state, {state.values}, window).front();
   const StartLimit limit(problems_.runs(), problems_.scenes(), problems_.parameters());
   const auto costs = [&](const auto& points) {
     return start_distances(state, limit, points, window);
   };
   std::vector<double> found = scanned(problems_.parameters(), state.values, mean, costs, kNear,
-                                      problems_.setup().fit->loss != FitDoc::Loss::kTracks)
+                                      problems_.setup().options.loss != Loss::kTracks)
                                   .values;
   if (found == state.values) return false;
   state.values = std::move(found);
@@ -252,4 +252,4 @@ bool StartSearch::rescan(LawState& state) {
   return true;
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "fit/model/parameters.hpp"
-#include "job/fit_start.hpp"
+#include "fit/search/start.hpp"
 #include "mpm/scene.hpp"
 
 /// Where the search for a law that spans the classes begins: once as each class.
-namespace matterfit::job {
+namespace matterfit::fit {
 
 /// The isotropic neural law, or the latent one, as a material of one class: its flow's numbers, or
 /// its code, say which, the rest of the values is left.
@@ -36,7 +36,7 @@ struct FlowStart {
 /// Where the first body whose code is among the parameters is of the latent law: the mean of each
 /// class in its space, and places along the class's longest axis; liquid, whose stiffness says how
 /// viscous it is: the places of fluids of 1 to 300 Pa s and two bulk moduli, with their stiffness.
-[[nodiscard]] std::vector<FlowStart> flow_starts(const fit::Parameters& parameters,
+[[nodiscard]] std::vector<FlowStart> flow_starts(const Parameters& parameters,
                                                  const std::vector<mpm::Scene>& scenes,
                                                  std::span<const double> values);
 
@@ -49,11 +49,11 @@ struct FlowFound {
 /// The best of each class, nearest first: of three stiffnesses a decade apart (where the start has
 /// none of its own) times five of the class's numbers half a decade apart, or of its places; the
 /// two nearest classes by scanned() along their own numbers too.
-[[nodiscard]] std::vector<FlowFound> search_flows(const fit::Parameters& parameters,
+[[nodiscard]] std::vector<FlowFound> search_flows(const Parameters& parameters,
                                                   const std::vector<FlowStart>& starts,
-                                                  const FitCost& costs, bool finely);
+                                                  const Costs& costs, bool finely);
 
 /// A sentence: how near each class comes.
 [[nodiscard]] std::string flow_statement(const std::vector<FlowFound>& found);
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_race.hpp"
+#include "fit/search/race.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <utility>
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 /// Far more: a law that is right passes a wrong one within a few iterations of the whole clip, and
@@ -88,4 +88,4 @@ std::optional<std::size_t> leading_law(const std::vector<LawState>& laws) {
   return leader;
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_stages.hpp"
+#include "fit/search/stages.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <utility>
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 /// What the start takes of the whole, about.
@@ -18,12 +18,12 @@ constexpr double kLedShare = 0.3;
 
 }  // namespace
 
-std::vector<FitStage> stages_of(const std::vector<double>& levels,
-                                const std::vector<fit::Window>& windows) {
-  std::vector<FitStage> stages;
+std::vector<SearchStage> stages_of(const std::vector<double>& levels,
+                                   const std::vector<Window>& windows) {
+  std::vector<SearchStage> stages;
   for (std::size_t l = 0; l < levels.size(); ++l) {
     for (std::size_t w = l == 0 ? 0 : windows.size() - 1; w < windows.size(); ++w) {
-      FitStage stage;
+      SearchStage stage;
       stage.level = levels[l];
       if (l > 0) stage.stand_in = levels[l - 1];
       stage.window = windows[w];
@@ -38,7 +38,7 @@ std::vector<FitStage> stages_of(const std::vector<double>& levels,
   return stages;
 }
 
-double fraction_done(const std::vector<FitStage>& stages, const LawState& state, double part) {
+double fraction_done(const std::vector<SearchStage>& stages, const LawState& state, double part) {
   // The start takes as long as a stage or longer; iterations go quicker at a stage's end.
   double before = 0.0;
   double all = 0.0;
@@ -58,4 +58,4 @@ double fraction_done(const std::vector<FitStage>& stages, const LawState& state,
                      : kStartShare * state.evaluations / (state.evaluations + 10.0);
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -5,11 +5,11 @@
 
 #include "mpm/scene.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 
 /// The coarser resolutions at which a fit of these scenes is worth beginning, as multiples of their
 /// particle separation, coarse first; the last is 1. One halves the resolution where the bodies are
 /// many particles and keep three cells across.
 [[nodiscard]] std::vector<double> usual_levels(const std::vector<mpm::Scene>& scenes);
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_start.hpp"
+#include "fit/search/start.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -14,7 +14,7 @@
 #include "fit/data/metrics.hpp"
 #include "mpm/initial_velocity.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 constexpr std::size_t kFewestStartFrames = 3;
@@ -33,7 +33,7 @@ constexpr int kFineParts = 4;
 const std::vector<int> kFineSteps{-3, -2, -1, 1, 2, 3};
 
 /// Of the points of one frame that the fit may see; NaN without any.
-Vec3d mean_seen(const fit::Capture& capture, std::size_t frame) {
+Vec3d mean_seen(const Capture& capture, std::size_t frame) {
   Vec3d sum = Vec3d::Zero();
   double count = 0.0;
   for (std::size_t i = 0; i < capture.input.tracks.points; ++i) {
@@ -45,20 +45,20 @@ Vec3d mean_seen(const fit::Capture& capture, std::size_t frame) {
 }
 
 struct FirstFrames {
-  fit::InitialMotion motion;
+  InitialMotion motion;
   bool flight = true;  ///< false: that of two frames, as no flight explains a third
 };
 
 /// What noise alone leaves over of a flight [m]: root mean square distance over `frames` frames, of
 /// which the first says where the points are at rest unless that is given.
-double left_by_noise(const fit::Capture& capture, std::size_t frames) {
+double left_by_noise(const Capture& capture, std::size_t frames) {
   double sigma = 0.0;
   for (const double s : capture.sigma) sigma += s / double(capture.sigma.size());
   const double first = capture.places_given ? 1.0 : 2.0 * (1.0 - 1.0 / double(frames));
   return sigma * std::sqrt(3.0 * first);
 }
 
-std::optional<FirstFrames> motion_of(const fit::Capture& capture, const mpm::Body& body,
+std::optional<FirstFrames> motion_of(const Capture& capture, const mpm::Body& body,
                                      const Vec3d& gravity) {
   const Vec3d centre = mpm::center_of_volume(body);
   const capture::Tracks& tracks = capture.input.tracks;
@@ -73,7 +73,7 @@ std::optional<FirstFrames> motion_of(const fit::Capture& capture, const mpm::Bod
   std::vector<Vec3d> positions;
   std::optional<FirstFrames> best;
   std::optional<double> shortest;  // left over of the fewest frames that tell
-  const double rigid = kRigid * fit::body_size(body.rest);
+  const double rigid = kRigid * body_size(body.rest);
   for (std::size_t t = 0; t < tracks.frames() && times.size() < kMostStartFrames; ++t) {
     if (tracks.times[t] < -1e-9 || capture.input.held_out_frames[t] != 0) continue;
     times.push_back(tracks.times[t]);
@@ -87,7 +87,7 @@ std::optional<FirstFrames> motion_of(const fit::Capture& capture, const mpm::Bod
     }
     if (times.size() < 2) continue;
     try {
-      const auto motion = fit::initial_motion(rest, centre, times, positions, gravity);
+      const auto motion = initial_motion(rest, centre, times, positions, gravity);
       if (times.size() >= kFewestStartFrames) {
         const double noise = left_by_noise(capture, times.size());
         const double limit = shortest ? kStillBallistic * std::max(noise, *shortest)
@@ -114,14 +114,13 @@ struct Direction {
   int parts = 1;  ///< of half a decade (of a step of an angle)
 };
 
-bool inside(const fit::Parameter& parameter, double value) {
+bool inside(const Parameter& parameter, double value) {
   return value >= parameter.low && value <= parameter.high;
 }
 
 /// The values `step` steps along; nothing where that is out of bounds.
-std::optional<std::vector<double>> stepped(const fit::Parameters& parameters,
-                                           const Direction& direction, std::vector<double> values,
-                                           int step) {
+std::optional<std::vector<double>> stepped(const Parameters& parameters, const Direction& direction,
+                                           std::vector<double> values, int step) {
   const auto& all = parameters.parameters();
   double& value = values[direction.number];
   const double steps = double(step) / double(direction.parts);
@@ -133,7 +132,7 @@ std::optional<std::vector<double>> stepped(const fit::Parameters& parameters,
     value = 9.0 * bulk * shear / (3.0 * bulk + shear);
     nu = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear));
     if (!inside(all[*direction.poisson], nu)) return std::nullopt;
-  } else if (all[direction.number].coordinate == fit::Coordinate::kLinear) {
+  } else if (all[direction.number].coordinate == Coordinate::kLinear) {
     value += kAngleStep * steps;
   } else {
     value *= factor;
@@ -143,9 +142,8 @@ std::optional<std::vector<double>> stepped(const fit::Parameters& parameters,
 }
 
 /// Along one direction; true if other values than the present ones are the best.
-bool scan(const fit::Parameters& parameters, const Direction& direction,
-          const std::vector<int>& first, const FitCost& costs, int farthest,
-          std::vector<double>& values, double& cost) {
+bool scan(const Parameters& parameters, const Direction& direction, const std::vector<int>& first,
+          const Costs& costs, int farthest, std::vector<double>& values, double& cost) {
   std::map<int, double> known{{0, cost}};
   const auto try_steps = [&](const std::vector<int>& steps) {
     std::vector<int> tried;
@@ -191,11 +189,11 @@ bool scan(const fit::Parameters& parameters, const Direction& direction,
 }
 
 /// Poisson's ratio of the same body, if it too is fitted.
-std::optional<std::size_t> poisson_beside(const fit::Parameters& parameters, std::size_t number) {
-  const fit::Address& own = parameters.path(number);
-  const fit::Quantity& poisson = fit::row_named(fit::Owner::kBody, "material.nu");
+std::optional<std::size_t> poisson_beside(const Parameters& parameters, std::size_t number) {
+  const Address& own = parameters.path(number);
+  const Quantity& poisson = row_named(Owner::kBody, "material.nu");
   for (std::size_t i = 0; i < parameters.size(); ++i) {
-    const fit::Address& path = parameters.path(i);
+    const Address& path = parameters.path(i);
     if (path.quantity == &poisson && path.owner == own.owner && path.capture == own.capture) {
       return i;
     }
@@ -205,11 +203,10 @@ std::optional<std::size_t> poisson_beside(const fit::Parameters& parameters, std
 
 }  // namespace
 
-MotionStart with_initial_motion(const std::vector<fit::Run>& runs,
-                                const std::vector<mpm::Scene>& scenes,
-                                const fit::Parameters& parameters, std::span<const double> values) {
-  const fit::Quantity& velocity = fit::row_named(fit::Owner::kBody, "velocity");
-  const fit::Quantity& spin_row = fit::row_named(fit::Owner::kBody, "spin");
+MotionStart with_initial_motion(const std::vector<Run>& runs, const std::vector<mpm::Scene>& scenes,
+                                const Parameters& parameters, std::span<const double> values) {
+  const Quantity& velocity = row_named(Owner::kBody, "velocity");
+  const Quantity& spin_row = row_named(Owner::kBody, "spin");
   MotionStart start;
   start.flights.assign(values.begin(), values.end());
   std::vector<std::uint8_t> done(values.size(), 0);
@@ -219,12 +216,12 @@ MotionStart with_initial_motion(const std::vector<fit::Run>& runs,
   };
   std::vector<Guess> guesses;
   for (std::size_t r = 0; r < runs.size(); ++r) {
-    for (const fit::Capture& capture : runs[r].captures) {
-      const mpm::Body& body = scenes[r].bodies[fit::body_index(scenes[r], capture.input.body)];
+    for (const Capture& capture : runs[r].captures) {
+      const mpm::Body& body = scenes[r].bodies[body_index(scenes[r], capture.input.body)];
       if (capture.used_count == 0 || !body.pins.empty()) continue;
       std::vector<std::size_t> wanted;
       for (std::size_t i = 0; i < values.size(); ++i) {
-        const fit::Address& path = parameters.path(i);
+        const Address& path = parameters.path(i);
         const bool motion = path.quantity == &velocity || path.quantity == &spin_row;
         if (motion && path.owner == body.name && done[i] == 0 && parameters.acts_on(i, r)) {
           wanted.push_back(i);
@@ -235,10 +232,10 @@ MotionStart with_initial_motion(const std::vector<fit::Run>& runs,
       if (!first) continue;
       Guess found{capture.input.name, {}};
       for (const std::size_t i : wanted) {
-        const fit::Address& path = parameters.path(i);
+        const Address& path = parameters.path(i);
         const bool spin = path.quantity == &spin_row;
         if (spin && !first->motion.spin_observable) continue;
-        const fit::Parameter& parameter = parameters.parameters()[i];
+        const Parameter& parameter = parameters.parameters()[i];
         found.values.emplace_back(
             i, std::clamp((spin ? first->motion.spin : first->motion.velocity)[*path.component],
                           parameter.low, parameter.high));
@@ -267,13 +264,12 @@ MotionStart with_initial_motion(const std::vector<fit::Run>& runs,
   return start;
 }
 
-Scanned scanned(const fit::Parameters& parameters, std::vector<double> values, double cost,
-                const FitCost& costs, int farthest, bool finely,
-                std::span<const std::size_t> also) {
+Scanned scanned(const Parameters& parameters, std::vector<double> values, double cost,
+                const Costs& costs, int farthest, bool finely, std::span<const std::size_t> also) {
   std::vector<Direction> directions;
-  const fit::Quantity& youngs = fit::row_named(fit::Owner::kBody, "material.E");
+  const Quantity& youngs = row_named(Owner::kBody, "material.E");
   for (std::size_t i = 0; i < parameters.size(); ++i) {
-    const fit::Quantity* quantity = parameters.path(i).quantity;
+    const Quantity* quantity = parameters.path(i).quantity;
     if (!quantity->scanned && std::find(also.begin(), also.end(), i) == also.end()) continue;
     directions.push_back({i, std::nullopt});
     if (quantity != &youngs) continue;
@@ -301,4 +297,4 @@ Scanned scanned(const fit::Parameters& parameters, std::vector<double> values, d
   return {values, cost};
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

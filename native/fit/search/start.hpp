@@ -10,7 +10,7 @@
 #include "fit/model/parameters.hpp"
 
 /// Where a fit begins.
-namespace matterfit::job {
+namespace matterfit::fit {
 
 /// Values that begin with the motion of the first frames.
 struct MotionStart {
@@ -27,13 +27,13 @@ struct MotionStart {
 /// velocity alone, by the mean of a frame's points. A later capture of the body counts where an
 /// earlier one shows no flight. Bodies with pins stay. `scenes` one a run; noise settled
 /// (settle_noise()).
-[[nodiscard]] MotionStart with_initial_motion(const std::vector<fit::Run>& runs,
+[[nodiscard]] MotionStart with_initial_motion(const std::vector<Run>& runs,
                                               const std::vector<mpm::Scene>& scenes,
-                                              const fit::Parameters& parameters,
+                                              const Parameters& parameters,
                                               std::span<const double> values);
 
 /// Cost of each of the points; infinite where a simulation could not be completed.
-using FitCost = std::function<std::vector<double>(const std::vector<std::vector<double>>&)>;
+using Costs = std::function<std::vector<double>(const std::vector<std::vector<double>>&)>;
 
 struct Scanned {
   std::vector<double> values;
@@ -46,8 +46,8 @@ struct Scanned {
 /// several. `cost` is that of `values`; it goes `farthest` steps either way at most, both ways as
 /// long as no simulation could be completed. `finely`: at the end by quarters of these steps.
 /// `also`: numbers of further parameters that are looked along.
-[[nodiscard]] Scanned scanned(const fit::Parameters& parameters, std::vector<double> values,
-                              double cost, const FitCost& costs, int farthest = 8,
-                              bool finely = false, std::span<const std::size_t> also = {});
+[[nodiscard]] Scanned scanned(const Parameters& parameters, std::vector<double> values, double cost,
+                              const Costs& costs, int farthest = 8, bool finely = false,
+                              std::span<const std::size_t> also = {});
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "job/fit_errors.hpp"
+#include "fit/search/value_errors.hpp"
 
 #include <cstddef>
 #include <optional>
 
 #include "base/error.hpp"
 
-namespace matterfit::job {
+namespace matterfit::fit {
 namespace {
 
 /// The grid that tells how much the values depend on it, and what it has of the difference itself:
@@ -15,12 +15,12 @@ constexpr double kCoarser = 2.0;
 constexpr double kOfCoarser = 1.0 / (kCoarser * kCoarser - 1.0);
 
 /// Of a capture of which the fit sees nothing.
-bool is_unseen(const fit::Address& path, const std::vector<fit::Run>& runs) {
-  const bool own = path.quantity->owner == fit::Owner::kCapture;
+bool is_unseen(const Address& path, const std::vector<Run>& runs) {
+  const bool own = path.quantity->owner == Owner::kCapture;
   const std::string& name = own ? path.owner : path.capture;
   if (name.empty()) return false;
-  for (const fit::Run& run : runs) {
-    for (const fit::Capture& capture : run.captures) {
+  for (const Run& run : runs) {
+    for (const Capture& capture : run.captures) {
       if (capture.input.name == name) return capture.used_count == 0;
     }
   }
@@ -29,13 +29,13 @@ bool is_unseen(const fit::Address& path, const std::vector<fit::Run>& runs) {
 
 /// What a coarser grid adds to the residuals of the last stage at its end; nothing where it cannot
 /// be told (the grid cannot be made; the simulation could not be completed).
-std::optional<Eigen::VectorXd> coarser(FitProblems& problems, const FitStage& stage,
+std::optional<Eigen::VectorXd> coarser(SearchProblems& problems, const SearchStage& stage,
                                        const LawState& state,
                                        std::vector<std::string>& statements) {
   try {
     const double level = kCoarser * stage.level;
     const std::vector<std::vector<double>> here{state.values};
-    const fit::Evaluation found = problems.model(level).evaluate(here, {stage.window.until});
+    const Evaluation found = problems.model(level).evaluate(here, {stage.window.until});
     if (!found.outcomes.front()) throw_compute(found.failure.message);
     return problems.problem(level, stage.window).residuals(*found.outcomes.front()) -
            state.search->residual;
@@ -51,14 +51,13 @@ std::optional<Eigen::VectorXd> coarser(FitProblems& problems, const FitStage& st
 
 }  // namespace
 
-fit::Uncertainty errors_of_values(FitProblems& problems, const FitStage& stage,
-                                  const fit::CaptureProblem& problem,
-                                  const std::vector<fit::Parameter>& parameters,
-                                  const LawState& at_end, bool far,
-                                  std::vector<std::string>& statements) {
-  const fit::LeastSquaresState& search = *at_end.search;
-  fit::Uncertainty known = fit::uncertainty(parameters, search, problem.effective(search.residual),
-                                            problems.setup().fit->huber, problem.blocks(), far);
+Uncertainty errors_of_values(SearchProblems& problems, const SearchStage& stage,
+                             const CaptureProblem& problem,
+                             const std::vector<Parameter>& parameters, const LawState& at_end,
+                             bool far, std::vector<std::string>& statements) {
+  const LeastSquaresState& search = *at_end.search;
+  Uncertainty known = uncertainty(parameters, search, problem.effective(search.residual),
+                                  problems.setup().options.huber, problem.blocks(), far);
   for (std::size_t k = 0; k < known.estimates.size(); ++k) {
     if (known.estimates[k].observable || !is_unseen(problems.parameters().path(k), problems.runs()))
       continue;
@@ -68,10 +67,9 @@ fit::Uncertainty errors_of_values(FitProblems& problems, const FitStage& stage,
                                    "start value.";
   }
   if (const auto change = coarser(problems, stage, at_end, statements)) {
-    fit::add_grid_error(parameters, search, *change, kOfCoarser, problems.setup().fit->huber,
-                        known);
+    add_grid_error(parameters, search, *change, kOfCoarser, problems.setup().options.huber, known);
   }
   return known;
 }
 
-}  // namespace matterfit::job
+}  // namespace matterfit::fit

@@ -2,11 +2,13 @@
 """Diagnoses the cases that blind_hide.py wrote: the second of the three programs of the blind benchmark.
 
     blind_find.py SET [--only CASE …] [--jobs N] [--threads N] [--tool FILE] [--again] [--limit SECONDS]
+                  [--particles N]
 
 Of each case of build/blind/SET/cases it sees the recording and what the scene is said to be (facts.json, or
 a document job.json), as a stranger would: `matterfit new-job` writes the document, `matterfit diagnose` the
 report. Never opens `sealed`. Writes build/blind/SET/found/CASE/found.json when a case is done; what is done
-by the same tool is not done again, what was broken off goes on.
+by the same tool is not done again, what was broken off goes on. With --particles the scene is taken that
+coarse or fine, whatever the facts say, and found_N is written: one recording at several resolutions.
 """
 
 import argparse
@@ -55,7 +57,8 @@ class Finder:
 
     def find(self, case):
         """What found.json says of a case; done before: that."""
-        work = self.folder / "found" / case.name
+        particles = self.options.particles
+        work = self.folder / (f"found_{particles}" if particles else "found") / case.name
         work.mkdir(parents=True, exist_ok=True)
         done = work / "found.json"
         if done.exists() and not self.options.again:
@@ -71,6 +74,8 @@ class Finder:
         if not job.exists():
             job = work / "job.json"
             facts = json.loads((case / "facts.json").read_text(encoding="utf-8"))
+            if particles:
+                facts["particles"] = particles
             given = [part for key, value in sorted(facts.items()) for part in (f"--{key}", value)]
             status, cpu, words = self.run_tool(log, "new-job", case / "capture.npz", "--output", job, *given)
         if status == 0:
@@ -125,6 +130,7 @@ def main():
     parser.add_argument("--jobs", type=int, default=1, help="cases at a time")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--limit", type=int, help="seconds of CPU that a case may take")
+    parser.add_argument("--particles", type=int, help="of the claimed scene, about, in place of the facts'")
     parser.add_argument("--again", action="store_true", help="diagnose again what is done")
     parser.add_argument("--tool", type=pathlib.Path, default=BUILD / "bin" / "matterfit")
     Finder(parser.parse_args()).run()

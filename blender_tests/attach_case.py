@@ -26,6 +26,7 @@ class AttachCase(SceneCase):
         super().setUp()
         self.item = self.cube(location=(0.0, 0.0, 1.0))
         self.body_row = self.body(self.item)
+        self.settings.solver.particle_separation = 0.2  # its faces are short enough
         self.scene.frame_start, self.scene.frame_end = FRAMES[0], FRAMES[-1]
         self.take = takes.ensure_active(self.settings)
 

@@ -33,6 +33,7 @@ class SamplingCase(SceneCase):
         super().setUp()
         self.item = self.cube(location=(0.0, 0.0, 1.0))
         self.row = self.body(self.item)
+        self.settings.solver.particle_separation = 0.1  # the cube's faces are short enough
 
     def empty(self, name, location, first=1, last=6, step=(1.0, 0.0, 0.0), **arguments):
         """An empty at `location` in the first frame, which has moved by `step` in the last."""
@@ -356,6 +357,7 @@ class ModifierTest(SamplingCase):
 
     def test_a_deformer_after_a_refiner(self):
         """What is refined and then deformed is the shape: deforming a moved mesh would distort it."""
+        self.settings.solver.particle_separation = 1.0  # the displaced faces are short, too
         for kind in ("SIMPLE_DEFORM", "CAST", "DISPLACE", "WAVE", "SMOOTH"):
             for refiner in ("SUBSURF", "BEVEL"):
                 with self.subTest(kind, refiner=refiner):

@@ -6,7 +6,7 @@ from mathutils import Matrix, Quaternion, Vector
 
 from .. import laws
 from ..jobs import JobError
-from . import attached, files, material_values, meshes, shapes, transforms
+from . import attached, files, material_values, meshes, refinement, shapes, transforms
 from .files import number, numbers
 
 
@@ -22,6 +22,7 @@ class BodyPart:
         self.arrays = None
         self.shape = None
         self.render = None
+        self.refined = False  # `render` is a finer mesh of ours
         self.position = Vector()
         self.rotation = Quaternion()
         self.object_position = Vector()
@@ -68,10 +69,17 @@ class BodyPart:
                                         creases=self.shape.kind == "cage")
         meshes.check_faces(item, self.arrays)
         meshes.check_solid(item, self.arrays)
-        if item.type == "MESH" and self._has_render_mesh():
-            self.render = meshes.read_shape(item, self.bound, stretch, 1.0,
-                                            creases=True)
+        if self._has_render_mesh():
+            self._sample_render_mesh(item, stretch)
         self._sample_pins(item, stretch)
+
+    def _sample_render_mesh(self, item, stretch):
+        separation = self.writer.separation / self.writer.scale
+        self.refined = refinement.is_bound_refined(item, stretch, separation)
+        if self.refined:
+            self.render = refinement.read_refined(item, stretch, separation)
+        else:
+            self.render = meshes.read_shape(item, self.bound, stretch, 1.0, creases=True)
 
     def _sample_pins(self, item, stretch):
         """Rest positions (source space) of the vertices of pinned vertex groups."""
@@ -220,7 +228,7 @@ class BodyPart:
             return None
         item = self.body.object
         stop = self.bound.stop
-        subdivided = (stop < len(item.modifiers) and item.modifiers[stop].type == "SUBSURF"
+        subdivided = (not self.refined and stop < len(item.modifiers) and item.modifiers[stop].type == "SUBSURF"
                       and item.modifiers[stop].subdivision_type == "CATMULL_CLARK")
         arrays = dict(self.render)
         if not subdivided:

@@ -37,16 +37,19 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     new file then.
     """
     writer = job_writer.JobWriter(scene, take, folder)
+    if separation is not None:
+        writer.separation = separation
     try:
-        return _build(writer, task, quality, separation, outputs)
+        return _build(writer, task, quality, outputs)
     except Exception:
         writer.discard()
         raise
 
 
-def _build(writer, task, quality, separation, outputs):
+def _build(writer, task, quality, outputs):
     take, settings = writer.take, writer.settings
     job_checks.scene(writer)
+    job_checks.separation(writer.separation)
     bodies, colliders = [], []
     for body in settings.bodies:
         if not body.enabled:
@@ -62,14 +65,12 @@ def _build(writer, task, quality, separation, outputs):
     writer.walk()
 
     solver = settings.solver
-    separation = solver.particle_separation * writer.scale if separation is None else separation
-    job_checks.separation(separation)
     document = {"schema": SCHEMA, "task": task}
     scene_document = {
         "fps": writer.fps_document,
         "frames": [writer.first, writer.end],
         "gravity": gravity(),
-        "particle_separation": number(separation),
+        "particle_separation": number(writer.separation),
         "quality": quality or solver.quality.lower(),
         "bodies": [part.document() for part in bodies],
         "colliders": [part.document() for part in colliders],

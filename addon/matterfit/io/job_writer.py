@@ -82,6 +82,7 @@ class JobWriter:
         self.take = take
         self.folder = folder
         self.scale = transforms.metres(scene)
+        self.separation = self.settings.solver.particle_separation * self.scale  # [m]
         self.first, self.end = frames.frame_range(scene)
         fps = frames.frames_per_second(scene)
         self.fps = fps[0] / fps[1] if isinstance(fps, list) else float(fps)

@@ -133,6 +133,16 @@ def bound_shape(item):
     return Shape("mesh", len(item.modifiers), 0, _deformed(item), bool(makers))
 
 
+def refined_shape(item):
+    """The mesh after what only refines it, too: what is bound where the mesh before that has faces too
+    long to bend. What is no mesh (text, curves) is one once it is evaluated."""
+    if item.type != "MESH":
+        return Shape("mesh", len(item.modifiers), 0, "the evaluated surface", True)
+    refiners = _split(item)[1]
+    stop = refiners[-1][0] + 1 if refiners else len(item.modifiers)
+    return Shape("mesh", stop, 0, body_shape(item).text, True)
+
+
 def cache_place(item):
     """Where in the stack of an object of ours its cache stands: after its deformers, before what
     refines the mesh and before hair, which grows on what moves."""
@@ -183,11 +193,12 @@ def emptied_by(item):
 
 
 @contextlib.contextmanager
-def modifiers_limited(item, stop):
+def modifiers_limited(item, stop, refined=False):
     """Our own modifiers and those from index `stop` on are off inside; what makes the shape in
-    renders only is on."""
+    renders only is on, and with `refined` what refines it too."""
     before = {}
-    makers = {modifier.name for _index, modifier in _split(item)[0]}
+    makers, refiners = _split(item)
+    makers = {modifier.name for _index, modifier in makers + (refiners if refined else [])}
     for index, modifier in enumerate(item.modifiers):
         seen = modifier.show_viewport or modifier.name in makers
         wanted = seen and index < stop and not is_own(modifier)

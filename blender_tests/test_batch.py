@@ -132,6 +132,21 @@ class RunTest(BatchCase):
         self.assertFalse(os.path.exists(folder))
         self.assertEqual(cache.name_of(self.batch.run), "")
 
+    def test_free_after_other_values(self):
+        """Those of the values before are the batch's too; what somebody laid there is not."""
+        self.vary("Cube", "velocity[2]", "-1")
+        bpy.ops.matterfit.run_batch()
+        self.batch.axes[0].values = "-2"
+        bpy.ops.matterfit.run_batch()
+        folder = takes.locate(self.batch.run).folder
+        os.makedirs(os.path.join(folder, "notes=mine"))
+        with open(os.path.join(folder, "notes=mine", "read me"), "w", encoding="utf-8") as stream:
+            stream.write("kept")
+        bpy.ops.matterfit.free_batch()
+        self.assertEqual([name for _base, _folders, names in os.walk(folder) for name in names],
+                         ["read me"])
+        self.assertEqual([take.name for take in self.settings.takes], ["Take 1"])
+
 
 class RecordedBatch(BatchCase):
     """With a recording of a free fall that begins at -2 m/s."""

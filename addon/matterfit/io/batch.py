@@ -4,7 +4,6 @@
 A cache folder of it holds job.json, which is what is varied, wedge.json, and a cache for each member.
 """
 
-import contextlib
 import math
 import os
 import re
@@ -125,6 +124,13 @@ def written(run):
     return location.folder, files.read_json(path)
 
 
+def _every_member(folder):
+    """The caches of all members that the batch ever had: wedge.json lists those of its last values. The
+    library calls them after their values, velocity.2=-1."""
+    return [entry.path for entry in os.scandir(folder) if "=" in entry.name and entry.is_dir()
+            and os.path.isfile(os.path.join(entry.path, "job.json"))]
+
+
 def free(scene):
     """Removes the batch's takes and deletes its caches. Returns the files that are not ours."""
     settings = scene.matterfit
@@ -141,9 +147,8 @@ def free(scene):
     for run in (batch.run, batch.fits):
         location, stays = takes.locate(run), []
         if location.exists and not location.linked:
-            with contextlib.suppress(JobError):
-                for member in written(run)[1]["members"]:
-                    cache.free(os.path.join(location.folder, member["folder"]))
+            for member in _every_member(location.folder):
+                cache.free(member)
             stays = cache.free(location.folder)
         if not stays:
             run.folder = ""

@@ -263,6 +263,34 @@ print(json.dumps(found))
         self.settings.solver.particle_separation = 0.002
         self.fails(bpy.ops.matterfit.bake, ["memory", "limit", "Particle Separation"])
 
+    def test_a_refused_bake_takes_no_result(self):
+        """After Save As, and in a copied scene, the take is that of another until a bake begins."""
+        bpy.ops.matterfit.bake()
+        self.save("scene.blend")
+        self.save("copy.blend")
+        for scene_of in (lambda: bpy.context.scene,
+                         lambda: bpy.ops.scene.new(type="FULL_COPY") and bpy.context.scene):
+            scene = scene_of()
+            take = scene.matterfit.takes[0]
+            kept = take.folder, take.owner, take.baked, take.frames_done
+            shown = len(attached.objects_of(scene, take))
+            folders = sorted(os.listdir(self.folder))
+            self.assertTrue(takes.locate(take).linked and take.baked and shown)
+            solver = scene.matterfit.solver
+            for name, value, words in (("particle_separation", 1e-6, "nothing can be simulated below"),
+                                       ("memory_limit", 0.1, "memory")):
+                before = getattr(solver, name)
+                if name == "memory_limit":
+                    solver.particle_separation = 0.002
+                setattr(solver, name, value)
+                self.fails(bpy.ops.matterfit.bake, [words])
+                setattr(solver, name, before)
+                self.assertEqual((take.folder, take.owner, take.baked, take.frames_done), kept)
+                self.assertEqual(len(attached.objects_of(scene, take)), shown)
+                self.assertFalse(take.collection.hide_viewport)
+                self.assertEqual(sorted(os.listdir(self.folder)), folders)
+            solver.particle_separation = 0.02
+
     def test_unsaved_is_refused(self):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self.settings = bpy.context.scene.matterfit

@@ -54,7 +54,7 @@ class JobCase(SceneCase):
 
     def setUp(self):
         super().setUp()
-        self.jelly(location=(0.0, 0.0, 0.3))
+        self.jelly(separation=0.1, location=(0.0, 0.0, 0.3))
         self.backend = Backend()
         self.started = []
 

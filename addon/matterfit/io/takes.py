@@ -14,6 +14,7 @@ from ..props import scene as scene_props
 from . import attached, cache, visibility
 
 PREFIX = "cache_matterfit_"
+CACHE_VALUES = ("folder", "owner", "baked", "compared", "frames_done")  # what a take says of its cache
 MOST_FRAMES = 1048574  # Blender's
 
 
@@ -190,8 +191,7 @@ class Kept:
 
     def __init__(self, take):
         self._values = {name: getattr(take, name)
-                        for name in ("name", "folder", "owner", "baked", "frames_done",
-                                     "use_gravity")}
+                        for name in ("name", *CACHE_VALUES, "use_gravity")}
         self._gravity = tuple(take.gravity)
         self._rows = {name: [_contents(row) for row in getattr(take, name)]
                       for name in ("throws", "colliders")}
@@ -200,12 +200,21 @@ class Kept:
         """Whether the take has the folder that it had."""
         return take.folder == self._values["folder"]
 
+    def put_back_cache(self, take):
+        """The take shows the cache again that it had; a folder that was claimed since is deleted."""
+        if self.is_in(take):
+            return
+        shown = attached.objects_of(take.id_data, take)
+        # What is reported is why nothing came of it.
+        with contextlib.suppress(JobError):
+            cache.free(locate(take).folder)
+        for name in CACHE_VALUES:
+            setattr(take, name, self._values[name])
+        attached.mark(shown, cache.name_of(take))
+
     def put_back(self, take):
-        """A folder that was claimed since is deleted."""
-        if not self.is_in(take):
-            # What is reported is why nothing came of it.
-            with contextlib.suppress(JobError):
-                cache.free(locate(take).folder)
+        """All of it."""
+        self.put_back_cache(take)
         for name, value in self._values.items():
             setattr(take, name, value)
         take.gravity = self._gravity

@@ -8,7 +8,7 @@ from bpy.props import EnumProperty
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import attach, cache, plain, resolution, shapes, takes, visibility, words
+from ..io import attach, attached, cache, plain, resolution, shapes, takes, visibility, words
 from ..jobs import EXIT_INPUT, JobError
 from ..props import scene as scene_props
 from .base import JobOperator, session
@@ -117,6 +117,7 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         description="Where the bake goes when the active take is finished")
 
     _stood_at = None  # the take that was active before one was added for this bake
+    _kept = None  # its take before it got a folder
 
     def invoke(self, context, event):
         take = scene_props.active_take(context.scene.matterfit)
@@ -133,6 +134,7 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         before, count = settings.take_index, len(settings.takes)
         take = takes.for_bake(settings, replace=self.onto == "REPLACE")
         self._stood_at = before if count and len(settings.takes) > count else None
+        self._kept = takes.Kept(take)
         try:
             discard_preview(scene)
             folder = takes.claim(take)
@@ -146,9 +148,17 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
                          resumable=True)
 
     def take_back(self, settings, take):
-        """Removes the take that was added for a bake of which nothing came."""
+        """Removes the take that was added for a bake of which nothing came; another one shows again what
+        it was linked to."""
         index = next((i for i, other in enumerate(settings.takes) if other == take), None)
-        if self._stood_at is None or index is None:
+        if self._stood_at is None:
+            self._kept.put_back_cache(take)
+            if take.frames_done and not attached.objects_of(settings.id_data, take):
+                folder = takes.locate(take).folder
+                attach.Attachment(settings.id_data, take, folder, written_document(folder)).update(True)
+            visibility.show_take(settings)
+            return
+        if index is None:
             return
         if take.folder:
             # What is reported is why the bake ended.

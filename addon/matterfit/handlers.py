@@ -5,7 +5,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import jobs
-from .io import comparison, lost, resolution, takes
+from .io import comparison, lost, moved_paths, resolution, takes
 from .props import migration
 from .ui import overlay, solver
 
@@ -20,6 +20,7 @@ def stop_jobs(*_arguments):
 def migrate_all(*_arguments):
     messages = [migration.migrate_scene(scene) for scene in bpy.data.scenes]
     for scene in bpy.data.scenes:
+        moved_paths.follow(scene.matterfit, moved_along=True)
         takes.look_at_disk(scene.matterfit)
         comparison.show_again(scene.matterfit)
     state = bpy.context.window_manager.matterfit
@@ -41,6 +42,14 @@ def stamp_version(*_arguments):
     for scene in bpy.data.scenes:
         if migration.is_used(scene.matterfit) and scene.matterfit.schema_version == 0:
             scene.matterfit.schema_version = migration.SCHEMA_VERSION
+        moved_paths.remember(scene.matterfit)
+
+
+@persistent
+def follow_paths(*_arguments):
+    """Save As to another folder: Blender rewrites the paths of images, and not ours."""
+    for scene in bpy.data.scenes:
+        moved_paths.follow(scene.matterfit)
 
 
 @persistent
@@ -51,6 +60,7 @@ def look_after_undo(*_arguments):
 
 
 _HANDLERS = (("load_pre", stop_jobs), ("load_post", migrate_all), ("save_pre", stamp_version),
+             ("save_post", follow_paths),
              ("undo_post", look_after_undo), ("redo_post", look_after_undo))
 
 

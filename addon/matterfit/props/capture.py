@@ -20,12 +20,16 @@ from .numbers import number
 
 def _reread(self, context):
     """For settings of how the file is read."""
+    if reactions.rewriting():
+        return
     self.summary = ""
     outdated(self, context)
 
 
 def _other_file(self, context):
     """Where cameras stand is found for one file."""
+    if reactions.rewriting():
+        return
     self.poses = ""
     _reread(self, context)
 

@@ -6,6 +6,8 @@ are read by io, and so cannot import it. The part of io that does it takes the r
     def show_take(settings): …
 """
 
+import contextlib
+
 
 class Reaction:
     """Called like a function; one function of io does what it stands for."""
@@ -34,3 +36,19 @@ surface_restyled = Reaction()  # (settings): smoothing or offset of surfaces
 take_switched = Reaction()  # (settings): another take is the active one
 comparison_switched = Reaction()  # (settings): another take or capture is the active one
 batch_result_chosen = Reaction()  # (settings): a row of a batch's results is the active one
+
+_rewriting = []
+
+
+@contextlib.contextmanager
+def paths_rewritten():
+    """Paths are written in another way inside, and name the same files: nothing follows from it."""
+    _rewriting.append(True)
+    try:
+        yield
+    finally:
+        _rewriting.pop()
+
+
+def rewriting():
+    return bool(_rewriting)

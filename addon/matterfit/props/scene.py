@@ -42,6 +42,8 @@ class MatterfitScene(bpy.types.PropertyGroup):
     schema_version: IntProperty(
         name="Schema Version", default=0, min=0, max=1000000, soft_max=100, options={"HIDDEN"},
         description="Version of these settings; 0 in a scene that was never used")
+    saved_in: StringProperty(name="Folder", options={"HIDDEN"},
+                             description="The folder that paths of ours which begin with // are relative to")
     captures: CollectionProperty(type=MatterfitCapture)
     capture_index: IntProperty(name="Active Capture", default=0, min=0, max=100000, soft_max=100,
                                update=_capture_switched,

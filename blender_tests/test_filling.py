@@ -28,7 +28,7 @@ def pressed(name, **properties):
                                     "bl_rna", "rna_type", "onto", "report")})
     stub = kind()
     stub.__dict__.update(given, report=mock.Mock())
-    return stub, jobs.registry.add(stub.begin(bpy.context)).start()
+    return stub, jobs.registry.add(jobs.drained(stub.begin_in_steps(bpy.context))).start()
 
 
 def tick_until(job, condition, seconds=60.0):

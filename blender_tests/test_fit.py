@@ -201,7 +201,7 @@ class RunTest(FakeFitCase):
         """The best so far is there when the file is opened again."""
         operator = next(cls for cls in ops.CLASSES if cls.bl_idname == "matterfit.fit")
         stub = mock.Mock(spec=operator)
-        stub.task, stub.resume_operator = operator.task, operator.resume_operator
+        stub.task, stub.resume_operator, stub._steps = operator.task, operator.resume_operator, None
         for name in ("begin_at_scene", "settings_of", "show_result", "start", "stopped",
                      "taken_away"):
             function = getattr(operator, name)
@@ -209,7 +209,7 @@ class RunTest(FakeFitCase):
         self.backend = Backend(frames=[0] * 1000)
         self.backend.wait = lambda: (self.backend.frames.clear(),
                                      fake_fit.write_cancelled(self.run_folder))
-        stub._job = operator.begin(stub, bpy.context).start()
+        stub._job = jobs.drained(operator.begin(stub, bpy.context)).start()
         while not stub._job.begun:
             stub._job.tick()
         operator.cancel(stub, bpy.context)

@@ -87,7 +87,7 @@ class ImportTest(unittest.TestCase):
         self.assertIn("io.cache", self.graph["io.takes"])
         self.assertIn("props.scene", self.graph["io.takes"])
         self.assertIn("props.reactions", self.graph["props.scene"])
-        self.assertIn("ops.base", self.graph["__init__"])
+        self.assertIn("ops.job_operator", self.graph["__init__"])
         self.assertEqual(circle({"a": {"b"}, "b": {"c"}, "c": {"b"}}), ["b", "c", "b"])
 
     def test_no_circle(self):

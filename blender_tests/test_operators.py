@@ -13,7 +13,7 @@ from mathutils import Vector
 from matterfit import jobs, native, ops, ui
 from matterfit.io import comparison, files, job_document, motion, takes
 from matterfit.jobs import JobError, Outcome, Snapshot
-from matterfit.ops import base
+from matterfit.ops import job_operator
 from matterfit.props.compare import store
 from support import SceneCase, read, tree
 
@@ -153,12 +153,12 @@ class EndTest(JobCase):
         found = {}
         for name in ("bake", "resume", "preview"):
             self.backend = Backend(status=jobs.EXIT_CANCELLED)
-            with mock.patch.object(base.JobOperator, "report", create=True) as report:
+            with mock.patch.object(job_operator.JobOperator, "report", create=True) as report:
                 operator = next(cls for cls in ops.CLASSES
                                 if cls.bl_idname == "matterfit." + name)
                 stub = mock.Mock(spec=operator, report=report, bl_options=operator.bl_options,
                                  onto="NEW")
-                job = operator.begin(stub, bpy.context).run(interval=0.0)
+                job = jobs.drained(operator.begin(stub, bpy.context)).run(interval=0.0)
                 operator._result(stub, bpy.context, job)
             found[name] = (job.resumable, "Resume goes on" in report.call_args[0][1])
         self.assertEqual(found, {"bake": (True, True), "resume": (True, True),
@@ -167,7 +167,7 @@ class EndTest(JobCase):
     def test_any_error_at_the_end_is_reported(self):
         """An exception that nobody foresaw ends the operator as an error with its text."""
         with mock.patch.object(ops.simulate.BakeJob, "show", side_effect=ValueError("odd mesh")), \
-                mock.patch.object(base.traceback, "print_exc"):
+                mock.patch.object(job_operator.traceback, "print_exc"):
             self.fails(bpy.ops.matterfit.bake, ["ValueError: odd mesh", "system console"])
         self.assertIsNone(jobs.registry.running)
 
@@ -183,7 +183,7 @@ class EndTest(JobCase):
                 cleared.append(workspace.name)
                 return bpy.context.temp_override(workspace=workspace)
 
-        base.status_text(Context, None)
+        ops.base.status_text(Context, None)
         self.assertEqual(cleared, [workspace.name for workspace in bpy.data.workspaces])
         self.assertTrue(cleared)
 
@@ -249,7 +249,7 @@ class PollTest(JobCase):
     def test_what_deletes_or_runs_is_not_repeated(self):
         """Repeat Last takes registered operators, and asks nothing."""
         for cls in ops.CLASSES:
-            if issubclass(cls, base.JobOperator) or cls.bl_idname in (
+            if issubclass(cls, job_operator.JobOperator) or cls.bl_idname in (
                     "matterfit.free", "matterfit.remove_take", "matterfit.remove_output",
                     "matterfit.write_job", "matterfit.estimate"):
                 self.assertNotIn("REGISTER", cls.bl_options, cls)
@@ -504,7 +504,7 @@ class ShownTest(unittest.TestCase):
     def test_the_window_is_left_alone_after_a_slow_frame(self):
         shown = []
 
-        class Operator(base.JobOperator):
+        class Operator(job_operator.JobOperator):
             def progressed(self, context, job):
                 shown.append(job.snapshot.frame)
 
@@ -514,7 +514,7 @@ class ShownTest(unittest.TestCase):
 
         def tick(frame, *clock):
             job.snapshot = Snapshot(frame=frame)
-            with mock.patch.object(base.time, "monotonic", side_effect=clock):
+            with mock.patch.object(job_operator.time, "monotonic", side_effect=clock):
                 operator._tick(context, job)
 
         tick(1, 0.0, 2.0)  # it took two seconds

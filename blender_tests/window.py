@@ -29,9 +29,9 @@ import numpy
 from matterfit import jobs, native, ui
 from matterfit.io import takes
 from matterfit.jobs import State
-from matterfit.ops import base
+from matterfit.ops import job_operator
 from matterfit.ui import fit_overlay, overlay
-from window_background import cancel, modal_check, modal_filling
+from window_background import cancel, modal_check, modal_filling, modal_reading
 from window_scene import build_scene, fake_comparison, fake_report, fake_result, fake_results, record_fall
 from window_support import crop, modal, only_ours, other_tab, undo, view, wait_for
 
@@ -268,6 +268,7 @@ def script(folder):
     let_go()
     show("MATTERFIT_PT_status", "MATTERFIT_PT_simulate")
     yield from modal_filling(picture, faults)
+    yield from modal_reading(faults)
     yield from modal_bake()
     yield from switched_off()
     yield from modal_fit()
@@ -359,13 +360,13 @@ def switched_off():
     """The add-on is disabled under a running bake: the job, the timer, the cursor and the text in
     the status bar end with it."""
     ended = []
-    original = base.JobOperator._remove_timer
+    original = job_operator.JobOperator._remove_timer
 
     def remove_timer(self, context):
         ended.append(self._timer is not None)
         original(self, context)
 
-    base.JobOperator._remove_timer = remove_timer
+    job_operator.JobOperator._remove_timer = remove_timer
     # Other inputs: what is baked already would be done before it can be disabled.
     bpy.context.scene.matterfit.solver.particle_separation = 0.014
     if modal("bake") != {"RUNNING_MODAL"}:

@@ -5,7 +5,7 @@ import time
 
 import bpy
 from matterfit import jobs, native
-from matterfit.io import check
+from matterfit.io import check, frames
 from matterfit.jobs import State
 from window_support import modal, view, wait_for
 
@@ -62,6 +62,55 @@ def modal_filling(picture, faults):
     if job.state is not State.CANCELLED or len(settings.takes) != count:
         faults.append(f"Cancel while filling gave {job.state} and {len(settings.takes)} takes")
     settings.solver.particle_separation = separation
+
+
+def modal_reading(faults):
+    """Bake with a collider that deforms, whose frames take .1 s to read: the window goes on being drawn,
+    Cancel answers and leaves frame and takes as they were; else the bake begins by itself."""
+    scene = bpy.context.scene
+    settings = scene.matterfit
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=20, y_subdivisions=20, location=(0.0, 0.0, -5.0))
+    grid = bpy.context.active_object
+    grid.modifiers.new("Wave", "WAVE")
+    bpy.context.view_layer.objects.active = None
+    row = settings.bodies.add()
+    row.name, row.role, row.object = "Grid", "COLLIDER", grid
+    frame, count = scene.frame_current, len(settings.takes)
+    visit = frames.visit
+
+    def slow(*arguments):
+        time.sleep(0.1)
+        visit(*arguments)
+
+    frames.visit = slow
+    for stop in (True, False):
+        if modal("bake") != {"RUNNING_MODAL"}:
+            raise AssertionError("Bake does not run modally")
+        job = jobs.registry.running
+        seen = set()
+        while len(seen) < DRAWS and not job.ended:
+            if job.snapshot.stage == "Reading the scene":
+                seen.add(job.snapshot.fraction)
+            view()[1].tag_redraw()
+            yield
+        if len(seen) < DRAWS:
+            raise AssertionError(f"{len(seen)} draws while reading, {DRAWS} are wanted: {job.state} {job.error}")
+        if stop:
+            yield from cancel(job, "reading the scene")
+            yield
+            scene = bpy.context.scene
+            if (job.state is not State.CANCELLED or scene.frame_current != frame
+                    or len(scene.matterfit.takes) != count):
+                faults.append(f"Cancel while reading gave {job.state} at frame {scene.frame_current}")
+    yield from wait_for(lambda: jobs.registry.running not in (None, job), 30.0, "the bake after reading")
+    if job.state is not State.DONE or bpy.context.scene.frame_current != frame:
+        faults.append(f"reading ended as {job.state} at frame {bpy.context.scene.frame_current}")
+    frames.visit = visit
+    yield from cancel(jobs.registry.running, "what was read")
+    yield
+    settings = bpy.context.scene.matterfit
+    settings.bodies.remove(len(settings.bodies) - 1)
+    bpy.data.objects.remove(bpy.data.objects[grid.name])
 
 
 def modal_check():

@@ -9,7 +9,7 @@ import atexit
 import bpy
 
 from . import handlers, i18n, jobs, native, ops, props, ui
-from .ops.base import cancel_modal_operators
+from .ops.job_operator import cancel_modal_operators
 
 bl_info = {
     "name": "Matterfit",

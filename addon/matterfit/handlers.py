@@ -5,7 +5,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import jobs
-from .io import comparison, lost, moved_paths, resolution, takes
+from .io import comparison, lost, moved_paths, resolution, still_there, takes
 from .props import migration
 from .ui import overlay, solver
 
@@ -55,6 +55,7 @@ def follow_paths(*_arguments):
 @persistent
 def look_after_undo(*_arguments):
     """Free and its like delete files, which undo cannot bring back."""
+    still_there.undone()
     for scene in bpy.data.scenes:
         lost.forget(scene)
 

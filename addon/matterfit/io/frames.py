@@ -9,23 +9,23 @@ import bpy
 
 @contextlib.contextmanager
 def frame_kept(scene):
-    """Restores the current frame and subframe on leaving."""
-    frame, subframe = scene.frame_current, scene.frame_subframe
+    """Restores the current frame and subframe on leaving, of a scene that is there still."""
+    name, frame, subframe = scene.name, scene.frame_current, scene.frame_subframe
     try:
         yield
     finally:
-        scene.frame_set(frame, subframe=subframe)
+        found = bpy.data.scenes.get(name)
+        if found is not None:
+            found.frame_set(frame, subframe=subframe)
 
 
-def walk(scene, frames, visitors):
-    """Calls every visitor(frame, depsgraph) at each of `frames`, whole or not, in order."""
-    with frame_kept(scene):
-        for frame in frames:
-            whole = math.floor(frame)
-            scene.frame_set(whole, subframe=frame - whole)
-            depsgraph = bpy.context.evaluated_depsgraph_get()
-            for visitor in visitors:
-                visitor(frame, depsgraph)
+def visit(scene, frame, visitors):
+    """Calls every visitor(frame, depsgraph) at `frame`, whole or not."""
+    whole = math.floor(frame)
+    scene.frame_set(whole, subframe=frame - whole)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    for visitor in visitors:
+        visitor(frame, depsgraph)
 
 
 def frame_range(scene):

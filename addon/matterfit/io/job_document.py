@@ -6,7 +6,7 @@ import contextlib
 import os
 import shutil
 
-from ..jobs import EXIT_COMPUTE, JobError
+from ..jobs import EXIT_COMPUTE, JobError, drained
 from . import (
     animation,
     cache,
@@ -29,8 +29,14 @@ JOB_FILE = "job.json"
 MANIFEST_FILE = "manifest.json"
 
 
-def build(scene, take, folder, task, quality=None, separation=None, outputs=True):
-    """Samples the scene, writes <folder>/input/, returns the document.
+def build(scene, take, folder, task, **options):
+    """building() at once."""
+    return drained(building(scene, take, folder, task, **options))
+
+
+def building(scene, take, folder, task, quality=None, separation=None, outputs=True):
+    """Samples the scene, writes <folder>/input/, returns the document; a generator that yields Snapshots
+    while it walks through the frames.
 
     `separation` [m] overrides the solver's (Preview); without `outputs` nothing but the particles
     is baked; a fit and a diagnosis bake nothing. Raises JobError with what to change, and leaves no
@@ -40,13 +46,13 @@ def build(scene, take, folder, task, quality=None, separation=None, outputs=True
     if separation is not None:
         writer.separation = separation
     try:
-        return _build(writer, task, quality, outputs)
-    except Exception:
+        return (yield from _building(writer, task, quality, outputs))
+    except BaseException:  # a generator that is left, too
         writer.discard()
         raise
 
 
-def _build(writer, task, quality, outputs):
+def _building(writer, task, quality, outputs):
     take, settings = writer.take, writer.settings
     job_checks.scene(writer)
     job_checks.separation(writer.separation)
@@ -62,7 +68,7 @@ def _build(writer, task, quality, outputs):
                 for capture in settings.captures if capture.enabled]
     gravity = _gravity(writer)
     effects = job_effects.parts(writer)
-    writer.walk()
+    yield from writer.walking()
 
     solver = settings.solver
     document = {"schema": SCHEMA, "task": task}

@@ -3,14 +3,16 @@
 
 import contextlib
 import os
+import time
 
 from mathutils import Matrix, Vector
 
-from ..jobs import JobError
+from ..jobs import JobError, Snapshot, drained
 from . import files, frames, meshes, transforms
 
 INPUT_FOLDER = "input"
 INPUT_LIST = "files.json"
+SLICE = 0.15  # [s] of sampling between two looks at the window
 KEPT_FOLDER = "input_before"  # the inputs that a run replaces, until it has results of its own
 
 
@@ -112,13 +114,27 @@ class JobWriter:
         return item
 
     def walk(self):
-        scene = self.scene
-        with meshes.shown(self._shown):
-            frames.walk(scene, [self.first], self._first_visitors)
-            if self._visitors:
-                frames.walk(scene, range(self.first, self.end), self._visitors)
-            for times, visitor in self._timed_visitors:
-                frames.walk(scene, times, [visitor])
+        """All at once."""
+        drained(self.walking())
+
+    def walking(self):
+        """In slices: yields Snapshots, and may be left for good at any of them."""
+        todo = [(self.first, self._first_visitors)]
+        if self._visitors:
+            todo += [(frame, self._visitors) for frame in self.frames]
+        todo += [(at, [visitor]) for times, visitor in self._timed_visitors for at in times]
+        done = 0
+        with frames.frame_kept(self.scene):
+            while done < len(todo):
+                with meshes.shown(self._shown):
+                    end = time.monotonic() + SLICE
+                    while True:
+                        frames.visit(self.scene, *todo[done])
+                        done += 1
+                        if done == len(todo) or time.monotonic() >= end:
+                            break
+                yield Snapshot(fraction=done / len(todo), stage="Reading the scene",
+                               frame=int(todo[done - 1][0]), last_frame=self.end - 1)
 
     def keyed_matrix(self, item):
         """A list that holds the object's world matrix at every frame after walk()."""

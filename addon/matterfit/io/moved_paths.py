@@ -11,6 +11,7 @@ import os
 import bpy
 
 from ..props import reactions
+from . import settings_tree
 
 _KINDS = {"FILE_PATH", "DIR_PATH"}
 
@@ -51,17 +52,9 @@ def _relative(path, folder):
         return path
 
 
-def _paths(group):
+def _paths(settings):
     """[(owner, name)] of every path in the settings that begins with //."""
-    found = []
-    for item in group.bl_rna.properties:
-        name = item.identifier
-        if item.type == "STRING" and item.subtype in _KINDS:
-            if getattr(group, name).startswith("//"):
-                found.append((group, name))
-        elif item.type in {"POINTER", "COLLECTION"} and name != "rna_type":
-            inside = getattr(group, name)
-            for row in inside if item.type == "COLLECTION" else (inside,):
-                if isinstance(row, bpy.types.PropertyGroup):
-                    found += _paths(row)
-    return found
+    return [(group, item.identifier) for group in settings_tree.groups(settings)
+            for item in group.bl_rna.properties
+            if item.type == "STRING" and item.subtype in _KINDS
+            and getattr(group, item.identifier).startswith("//")]

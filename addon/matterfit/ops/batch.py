@@ -14,9 +14,10 @@ from ..io import batch, batch_results, fit_apply, fit_rows, job_document, takes
 from ..jobs import EXIT_INPUT, JobError
 from ..props import compare
 from ..props import scene as scene_props
-from .base import JobOperator, NoJobRunning, PlainOperator, greyed, remove_active, session
+from .base import NoJobRunning, PlainOperator, greyed, remove_active, session
 from .compare import require_capture
-from .launch import apart, prepare
+from .job_operator import JobOperator
+from .launch import apart, preparing
 from .materials import tell
 
 _items = []  # Blender keeps no reference to the texts of an enumeration
@@ -63,8 +64,9 @@ class MATTERFIT_OT_remove_axis(PlainOperator, bpy.types.Operator):
         remove_active(context.scene.matterfit.batch, "axes", "axis_index")
 
 
-def prepared_base(context):
-    """(document that is varied, assignments, the batch's folder); its inputs are written there."""
+def preparing_base(context):
+    """(document that is varied, assignments, the batch's folder); its inputs are written there. A
+    generator as preparing() is."""
     takes.require_saved()
     native.require()
     settings = context.scene.matterfit
@@ -77,7 +79,7 @@ def prepared_base(context):
     run.name = source.name
     takes.copy_settings(source, run)
     folder = takes.claim(run)
-    document, replaced = prepare(context, run, folder, task.lower())
+    document, replaced = yield from preparing(context, run, folder, task.lower())
     if task == "COMPARE":
         document["output"]["bake"] = True  # so that there is something to see
     try:
@@ -103,7 +105,7 @@ class MATTERFIT_OT_run_batch(JobOperator, bpy.types.Operator):
             cls, not context.scene.matterfit.batch.axes, "Choose what is varied first")
 
     def begin(self, context):
-        document, axes, folder = prepared_base(context)
+        document, axes, folder = yield from preparing_base(context)
         settings = context.scene.matterfit
         at_once, threads = settings.batch.at_once, settings.solver.threads
         self._task = settings.batch.task
@@ -151,7 +153,7 @@ class MATTERFIT_OT_write_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
                       "the file that the farm takes; nothing is simulated")
 
     def act(self, context):
-        document, axes, folder = prepared_base(context)
+        document, axes, folder = jobs.drained(preparing_base(context))
         settings = context.scene.matterfit.batch
         path = job_document.write(document, folder)
         found = native.wedge_write(path, axes, folder,

@@ -10,7 +10,8 @@ from .. import jobs, native
 from ..compat import translate
 from ..io import attached, cache, job_boxes, job_document, takes
 from ..props import scene as scene_props
-from .base import JobOperator, NoJobRunning, PlainOperator, greyed, redraw, session
+from .base import NoJobRunning, PlainOperator, greyed, redraw, session
+from .job_operator import JobOperator
 from .launch import judge_estimate, memory_limit, prepare
 
 
@@ -110,8 +111,8 @@ class MATTERFIT_OT_estimate(JobOperator, bpy.types.Operator):
         try:
             folder = os.path.realpath(holder.name)  # the document's paths climb from it by ..
             take = scene_props.active_take(context.scene.matterfit)
-            self._document = job_document.build(context.scene, take, folder, "bake")
-        except Exception:
+            self._document = yield from job_document.building(context.scene, take, folder, "bake")
+        except BaseException:
             holder.cleanup()
             raise
         document, threads = self._document, context.scene.matterfit.solver.threads

@@ -11,7 +11,8 @@ from ..compat import translate
 from ..io import check, fit_rows, job_document, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
-from .base import JobOperator, greyed, session
+from .base import greyed, session
+from .job_operator import JobOperator
 from .launch import counted
 
 
@@ -41,9 +42,9 @@ class MATTERFIT_OT_check_fit(JobOperator, bpy.types.Operator):
         try:
             folder = os.path.realpath(holder.name)  # the document's paths climb from it by ..
             take = scene_props.active_take(settings)
-            document = job_document.build(scene, take, folder, "fit")
+            document = yield from job_document.building(scene, take, folder, "fit")
             path = job_document.write(document, folder)
-        except Exception:
+        except BaseException:
             holder.cleanup()
             raise
         self._scene, self._asked = scene.name, check.asked(scene)

@@ -9,8 +9,9 @@ from ..io import blender_cameras, comparison, image_comparison, takes, words
 from ..jobs import JobError
 from ..props import scene as scene_props
 from ..props.compare import store
-from .base import JobOperator, PlainOperator, greyed, session
-from .launch import AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job
+from .base import PlainOperator, greyed, session
+from .job_operator import JobOperator
+from .launch import AFRESH_WHERE_CHANGED, GO_ON, preparing, start_job
 
 
 def require_capture(settings):
@@ -34,7 +35,7 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         take = takes.ensure_active(settings)
         takes.require_own(take)
         folder = takes.claim(take)
-        prepared = prepare(context, take, folder, "compare")
+        prepared = yield from preparing(context, take, folder, "compare")
         # Frames that only a comparison simulated are nobody's result: after Apply to Body they are
         # simulated anew. Baked frames are kept, and the difference is told.
         restart = GO_ON if take.frames_done else AFRESH_WHERE_CHANGED

@@ -33,7 +33,7 @@ class MATTERFIT_OT_diagnose(FitJob, bpy.types.Operator):
             raise JobError(translate(
                 "Diagnose: needs recordings that follow the same points through time. Set Loss in "
                 "Fit to Tracks."))
-        return self.begin_at_scene(context, translate("Diagnose {name}"))
+        return (yield from self.begin_at_scene(context, translate("Diagnose {name}")))
 
     def ended(self, context, job):
         self.show_result(context, job)

@@ -10,8 +10,9 @@ from .. import jobs, native
 from ..compat import translate
 from ..io import cache, fit_results, fit_rows, job_document, takes, words
 from ..jobs import JobError, State
-from .base import JobOperator, NoJobRunning, PlainOperator, greyed, session
-from .launch import AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job
+from .base import NoJobRunning, PlainOperator, greyed, session
+from .job_operator import JobOperator
+from .launch import AFRESH_WHERE_CHANGED, GO_ON, prepare, preparing, start_job
 
 
 class FitJob(JobOperator):
@@ -35,7 +36,7 @@ class FitJob(JobOperator):
         try:
             takes.for_fit(settings)
             folder = takes.claim(run)
-            job = self.start(context, label, run, folder, AFRESH_WHERE_CHANGED)
+            job = yield from self.start(context, label, run, folder, AFRESH_WHERE_CHANGED)
         except JobError:
             self._before.put_back(run)
             raise
@@ -49,7 +50,7 @@ class FitJob(JobOperator):
 
     def start(self, context, label, run, folder, restart):
         """The job; JobError where it is refused before it starts."""
-        prepared = prepare(context, run, folder, self.task)
+        prepared = yield from preparing(context, run, folder, self.task)
         self._result_before = fit_results.stamp(folder)
         return start_job(context, label.format(name=run.name), prepared, folder, restart,
                          resumable=True, resume=self.resume_operator)
@@ -141,7 +142,7 @@ class MATTERFIT_OT_fit(FitJob, bpy.types.Operator):
                       "their uncertainty; Cancel keeps the best so far. The scene is not changed")
 
     def begin(self, context):
-        return self.begin_at_scene(context, translate("Fit {name}"))
+        return (yield from self.begin_at_scene(context, translate("Fit {name}")))
 
 
 class _HasFit(NoJobRunning):
@@ -167,7 +168,7 @@ class MATTERFIT_OT_resume_fit(_HasFit, FitJob, bpy.types.Operator):
         if not os.path.isfile(os.path.join(location.folder, job_document.JOB_FILE)):
             raise JobError(translate("{path} does not exist: nothing was fitted yet. Press Fit.")
                            .format(path=os.path.join(location.folder, job_document.JOB_FILE)))
-        return self.start(context, translate("Resume {name}"), run, location.folder, GO_ON)
+        return (yield from self.start(context, translate("Resume {name}"), run, location.folder, GO_ON))
 
 
 class MATTERFIT_OT_free_fit(_HasFit, PlainOperator, bpy.types.Operator):

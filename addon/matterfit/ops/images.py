@@ -15,8 +15,9 @@ from ..compat import translate
 from ..io import blender_cameras, files, job_images
 from ..jobs import JobError
 from ..props import choices
-from .base import JobOperator, PlainOperator
+from .base import PlainOperator
 from .capture import blend_relative, import_file
+from .job_operator import JobOperator
 
 SPLAT_KINDS = (".ply", ".splat", ".spz")
 # Maps a file's world to Blender's, by what points up in it.

@@ -62,12 +62,17 @@ def estimate_text(estimate):
 
 
 def prepare(context, take, folder, task, **options):
-    """(document, Replaced) of a run; `options` are those of job_document.build(). The folder stays
-    as it was where it raises."""
+    """preparing() at once."""
+    return jobs.drained(preparing(context, take, folder, task, **options))
+
+
+def preparing(context, take, folder, task, **options):
+    """(document, Replaced) of a run; `options` are those of job_document.building(), and a generator as
+    that is this. The folder stays as it was where it raises or is left."""
     replaced = job_document.Replaced(folder, task)
     try:
-        document = job_document.build(context.scene, take, folder, task, **options)
-    except Exception:
+        document = yield from job_document.building(context.scene, take, folder, task, **options)
+    except BaseException:
         replaced.put_back()
         raise
     return document, replaced

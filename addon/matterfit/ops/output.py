@@ -11,8 +11,9 @@ from ..compat import translate
 from ..io import attached, cache, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
-from .base import JobOperator, PlainOperator, redraw, report_error, session
+from .base import PlainOperator, redraw, report_error, session
 from .caches import HasCache
+from .job_operator import JobOperator
 
 KINDS = (
     ("volume", "Volumes", "OpenVDB files"),

@@ -11,9 +11,10 @@ from ..compat import translate
 from ..io import attach, attached, cache, plain, resolution, shapes, takes, visibility, words
 from ..jobs import EXIT_INPUT, JobError
 from ..props import scene as scene_props
-from .base import JobOperator, session
+from .base import session
 from .caches import HasCache, discard_preview
-from .launch import AFRESH, AFRESH_WHERE_CHANGED, GO_ON, prepare, start_job, written_document
+from .job_operator import JobOperator
+from .launch import AFRESH, AFRESH_WHERE_CHANGED, GO_ON, preparing, start_job, written_document
 
 ONTO = (("NEW", "New Take", "Into a new take with the same settings; the finished one stays"),
         ("REPLACE", "Replace", "Into this take: what it holds is baked anew where it has changed"))
@@ -138,7 +139,7 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         try:
             discard_preview(scene)
             folder = takes.claim(take)
-            prepared = prepare(context, take, folder, "bake")
+            prepared = yield from preparing(context, take, folder, "bake")
         except JobError:
             self.take_back(settings, take)
             raise
@@ -221,7 +222,7 @@ class MATTERFIT_OT_resume(HasCache, BakeJob, bpy.types.Operator):
         if location.linked:
             raise JobError(takes.linked_text(location))
         written_document(location.folder)
-        prepared = prepare(context, take, location.folder, "bake")
+        prepared = yield from preparing(context, take, location.folder, "bake")
         return start_job(context, translate("Resume {name}").format(name=take.name), prepared,
                          location.folder, GO_ON, resumable=True)
 
@@ -245,8 +246,8 @@ class MATTERFIT_OT_preview(BakeJob, bpy.types.Operator):
         folder = takes.claim(preview)
         separation = (settings.solver.particle_separation * scene.unit_settings.scale_length
                       * session(context).preview_scale)
-        prepared = prepare(context, preview, folder, "bake", quality="preview",
-                           separation=separation, outputs=False)
+        prepared = yield from preparing(context, preview, folder, "bake", quality="preview",
+                                        separation=separation, outputs=False)
         return start_job(context, translate("Preview"), prepared, folder, AFRESH)
 
 

@@ -4,7 +4,7 @@ import bpy
 from .. import compat, jobs, native
 from ..io import words
 from ..jobs import State
-from ..ops import base
+from ..ops import job_operator
 from .common import BOX, MatterfitPanel, lines
 
 
@@ -58,7 +58,7 @@ class MATTERFIT_PT_status(MatterfitPanel, bpy.types.Panel):
 
     def _ended(self, layout, job):
         if job.state is State.CANCELLED:
-            lines(layout, base.progress_text(job), icon="CANCEL")
+            lines(layout, job_operator.progress_text(job), icon="CANCEL")
             if job.resumable:
                 layout.operator(job.resume, icon="PLAY")
 

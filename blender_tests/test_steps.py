@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scene is read in slices, between which the window lives."""
+
+import os
+
+import bpy
+import numpy
+from matterfit import jobs
+from matterfit.io import job_document, job_writer, still_there, takes
+from matterfit.jobs import JobError, State
+from support import SceneCase
+
+
+class StepsCase(SceneCase):
+    """A jelly and a collider that deforms over 20 frames, one frame a slice."""
+
+    def setUp(self):
+        super().setUp()
+        self.jelly(separation=0.1)
+        self.wall = self.cube("Wall", location=(0.0, 0.0, 0.0))
+        self.wall.modifiers.new("Wave", "WAVE")
+        self.body(self.wall, "COLLIDER")
+        self.scene.frame_end = 20
+        self.scene.frame_set(7)
+        slices = job_writer.SLICE
+        job_writer.SLICE = 0.0
+        self.addCleanup(setattr, job_writer, "SLICE", slices)
+        self.take = takes.ensure_active(self.settings)
+        self.folder_of_cache = takes.claim(self.take)
+
+    def building(self):
+        return job_document.building(self.scene, self.take, self.folder_of_cache, "bake")
+
+
+class WalkTest(StepsCase):
+    def test_the_same_document(self):
+        """In slices as at once, and the frame is the one that it was."""
+        at_once, _folder = self.document()
+        shares = []
+        steps = self.building()
+        while True:
+            try:
+                shares.append(next(steps).fraction)
+            except StopIteration as end:
+                self.assertEqual(end.value, at_once)
+                break
+        self.assertEqual(len(shares), 21)  # once the first, then all
+        self.assertEqual((shares, shares[-1]), (sorted(shares), 1.0))
+        self.assertEqual(self.scene.frame_current, 7)
+
+    def test_hidden_objects_stay_hidden_in_between(self):
+        self.wall.hide_viewport = True
+        self.wall.hide_set(True)
+        for snapshot in self.building():
+            self.assertTrue(self.wall.hide_viewport and self.wall.hide_get())
+            self.assertEqual(snapshot.last_frame, 20)
+
+    def test_left(self):
+        """What was written by then is taken back, the frame too."""
+        for leave in (lambda steps: steps.close(),
+                      lambda steps: self.assertRaises(JobError, steps.throw, JobError("stop"))):
+            steps = self.building()
+            for _ in range(10):
+                next(steps)
+            self.assertNotEqual(self.scene.frame_current, 7)
+            self.assertGreater(len(os.listdir(os.path.join(self.folder_of_cache, "input"))), 3)
+            leave(steps)
+            self.assertEqual(self.scene.frame_current, 7)
+            self.assertFalse(os.path.exists(os.path.join(self.folder_of_cache, "input")))
+
+
+class StepRunTest(StepsCase):
+    def job(self):
+        self.run_of_steps = jobs.StepRun(self.building(), still_there.watch(), "changed")
+        return jobs.Job("Bake", lambda: self.run_of_steps).start()
+
+    def test_to_the_end(self):
+        job = self.job()
+        ticks = 0
+        while not job.ended:
+            job.tick()
+            ticks += 1
+        self.assertEqual((job.state, ticks), (State.DONE, 22))
+        self.assertEqual(self.run_of_steps.value["scene"]["frames"], [1, 21])
+
+    def test_cancel(self):
+        """One more slice, at most."""
+        job = self.job()
+        for _ in range(5):
+            job.tick()
+        job.cancel()
+        job.tick()
+        self.assertIs(job.state, State.CANCELLED)
+        self.assertEqual(self.scene.frame_current, 7)
+
+    def test_what_was_held_is_gone(self):
+        """An object or a row is removed in between, or undo was pressed."""
+        for change in (lambda: bpy.data.objects.remove(self.wall), still_there.undone,
+                       lambda: self.settings.bodies.remove(1)):
+            with self.subTest(change):
+                job = self.job()
+                job.tick()
+                self.assertIs(job.state, State.RUNNING)
+                change()
+                job.tick()
+                self.assertEqual((job.state, job.error), (State.FAILED, "changed"))
+                self.assertEqual(self.scene.frame_current, 7)
+                if "Wall" not in bpy.data.objects:
+                    self.settings.bodies[1].object = self.wall = self.cube("Wall")
+
+    def test_values_may_change(self):
+        """A place or a number that is typed meanwhile is no reason to stop."""
+        job = self.job()
+        job.tick()
+        self.wall.location.x = 1.0
+        self.settings.bodies[0].material.E *= 2.0
+        numpy.testing.assert_equal(self.wall.location.x, 1.0)
+        while not job.ended:
+            job.tick()
+        self.assertIs(job.state, State.DONE)
+
+    def test_a_refusal(self):
+        self.settings.solver.particle_separation = 1e-6
+        outcome = jobs.StepRun(self.building(), lambda: True, "").head_start(10.0)
+        self.assertEqual(outcome.status, jobs.EXIT_INPUT)
+        self.assertIn("nothing can be simulated below", outcome.error)
+
+    def test_an_error_that_nobody_foresaw(self):
+        def broken():
+            yield jobs.Snapshot()
+            raise ValueError("odd")
+
+        outcome = jobs.StepRun(broken(), lambda: True, "").head_start(10.0)
+        self.assertEqual((outcome.status, outcome.error), (jobs.EXIT_COMPUTE, "ValueError: odd"))

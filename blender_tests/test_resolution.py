@@ -248,3 +248,18 @@ class ResolutionTest(SceneCase):
                 document, folder = self.document("simulate")
                 count = native.estimate(document, folder)["particles"]
                 self.assertTrue(0.6 * limit < count <= limit, (kind, limit, count))
+
+
+class PreviewTest(SceneCase):
+    def test_thin_shapes(self):
+        """A hollow box of walls 5 cm thick has hundreds of thousands of particles at twice the separation:
+        its preview is coarser, with two layers across at least. A cube's is as it is asked for."""
+        item = self.cube(size=1.0)
+        self.body(item)
+        solver = self.settings.solver
+        self.assertAlmostEqual(resolution.for_preview(self.scene, 2.0 * solver.particle_separation),
+                               2.0 * solver.particle_separation)
+        item.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.05
+        bpy.context.view_layer.update()
+        solver.particle_separation = 0.005
+        self.assertAlmostEqual(resolution.for_preview(self.scene, 0.01), 0.025, places=3)

@@ -20,6 +20,7 @@ from . import meshes, plain, presets, shapes, transforms
 
 RAYS = 400
 HITS = 8
+PREVIEW_PARTICLES, PREVIEW_LAYERS = 4000, 2  # at most, and of these across the thinnest part at least
 FEWEST_CELLS = 1.5  # across a wall: three layers of particles, below which it is a hinge
 _applying = []
 _known = {}  # object's name: Size, for when the object is hidden
@@ -107,6 +108,17 @@ def _limited(sizes, wanted, limit):
             break
         wanted *= max((count / limit) ** (1.0 / 3.0), 1.0005)
     return wanted
+
+
+def for_preview(scene, wanted):
+    """The particle separation [Blender units] of a preview: `wanted`, or where that makes many particles,
+    as of thin shapes, a larger one, as far as the thinnest part leaves."""
+    known = seen(scene)
+    sizes = [size for size in known.values() if size is not None]
+    if not sizes:
+        return wanted
+    most = thinnest(scene, known) / PREVIEW_LAYERS
+    return max(wanted, min(_limited(sizes, wanted, PREVIEW_PARTICLES), most))
 
 
 def separation(thickness, quality):

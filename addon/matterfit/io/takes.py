@@ -147,6 +147,12 @@ def finished_frames(take):
     return 0
 
 
+def frames_on_disk(take):
+    """How many frames are whole in the take's cache."""
+    location = locate(take)
+    return cache.manifest(location.folder).get("frames_baked", 0) if location.exists else 0
+
+
 def for_bake(settings, replace):
     """The take that a bake goes to: the active one, or a new one like it where that is finished and
     nobody has said that it may be replaced."""

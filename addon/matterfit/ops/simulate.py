@@ -8,7 +8,7 @@ from bpy.props import EnumProperty
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import attach, attached, cache, plain, resolution, shapes, takes, visibility, words
+from ..io import attach, attached, cache, plain, resolution, shapes, takes, transforms, visibility, words
 from ..jobs import EXIT_INPUT, JobError
 from ..props import scene as scene_props
 from .base import session
@@ -61,7 +61,9 @@ class BakeJob(JobOperator):
             return
         # The reason why the job stopped is reported, not what could not be shown of it.
         with contextlib.suppress(Exception):
-            self.show(context, job)
+            take = self.show(context, job)
+            # Particles of a frame whose other files are not written yet are seen, and baked anew.
+            take.frames_done = min(take.frames_done, takes.frames_on_disk(take))
 
     def ended(self, context, job):
         take = self.show(context, job, final=True)
@@ -244,8 +246,8 @@ class MATTERFIT_OT_preview(BakeJob, bpy.types.Operator):
         preview.name = translate("Preview")
         takes.copy_settings(source, preview)
         folder = takes.claim(preview)
-        separation = (settings.solver.particle_separation * scene.unit_settings.scale_length
-                      * session(context).preview_scale)
+        separation = transforms.metres(scene) * resolution.for_preview(
+            scene, settings.solver.particle_separation * session(context).preview_scale)
         prepared = yield from preparing(context, preview, folder, "bake", quality="preview",
                                         separation=separation, outputs=False)
         return start_job(context, translate("Preview"), prepared, folder, AFRESH)

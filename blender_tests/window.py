@@ -33,7 +33,7 @@ from matterfit.ops import job_operator
 from matterfit.ui import fit_overlay, overlay
 from window_background import cancel, modal_check, modal_filling, modal_reading
 from window_scene import build_scene, fake_comparison, fake_report, fake_result, fake_results, record_fall
-from window_support import crop, modal, only_ours, other_tab, undo, view, wait_for
+from window_support import begun, crop, modal, only_ours, other_tab, undo, view, wait_for
 
 PICTURE = os.path.abspath(sys.argv[sys.argv.index("--") + 1])
 LIMIT = 450.0  # seconds for everything
@@ -290,7 +290,7 @@ def modal_bake():
     bpy.context.scene.frame_end = 40
     if modal("bake") != {"RUNNING_MODAL"}:
         raise AssertionError("Bake does not run modally")
-    job = jobs.registry.running
+    job = yield from begun()
     yield from wait_for(lambda: job.snapshot.frame >= 4 or job.ended, 90.0, "frame 4")
     picture("running")
     if job.ended:
@@ -306,7 +306,7 @@ def modal_bake():
         raise AssertionError("undo after Cancel took the take's cache folder away")
     if modal("resume") != {"RUNNING_MODAL"}:
         raise AssertionError("Resume does not run modally")
-    job = jobs.registry.running
+    job = yield from begun()
     yield from wait_for(lambda: job.ended, 150.0, "the end of Resume")
     yield
     if job.state is not State.DONE:
@@ -321,7 +321,7 @@ def modal_bake():
     picture("baked")
     if modal("verify") != {"RUNNING_MODAL"}:
         raise AssertionError("Verify does not run modally")
-    job = jobs.registry.running
+    job = yield from begun()
     yield from wait_for(lambda: job.ended, 60.0, "the end of Verify")
     yield
     if "as they were written" not in bpy.context.window_manager.matterfit.verify:
@@ -338,7 +338,7 @@ def undone_free():
     """Undo after Free brings the take back, without objects that would play deleted files."""
     if modal("bake", onto="REPLACE") != {"RUNNING_MODAL"}:
         raise AssertionError("Bake does not run modally")
-    job = jobs.registry.running
+    job = yield from begun()
     yield from wait_for(lambda: job.ended, 150.0, "the end of a bake of what is there")
     yield
     before = len(bpy.context.scene.matterfit.takes)
@@ -371,7 +371,7 @@ def switched_off():
     bpy.context.scene.matterfit.solver.particle_separation = 0.014
     if modal("bake") != {"RUNNING_MODAL"}:
         raise AssertionError("Bake does not run modally")
-    job = jobs.registry.running
+    job = yield from begun()
     yield from wait_for(lambda: job.snapshot.frame >= 2 or job.ended, 90.0, "frame 2")
     running = not job.ended
     other_tab(False)  # else it would be the active one from here on
@@ -413,7 +413,7 @@ def modal_fit():
     settings.bodies[0].velocity = (0.1, 0.0, -1.5)
     if modal("fit") != {"RUNNING_MODAL"}:
         raise AssertionError("Fit does not run modally")
-    job = jobs.registry.running
+    job = yield from begun()
     yield from wait_for(lambda: job.ended or any(
         len(segment.places) >= 2 for segment in fit_overlay.live_curve(job.folder)), 90.0,
         "the second iteration")
@@ -436,7 +436,7 @@ def modal_fit():
         faults.append("one undo did not take back what was applied")
     if modal("resume_fit") != {"RUNNING_MODAL"}:
         raise AssertionError("Resume of the fit does not run modally")
-    job = jobs.registry.running
+    job = yield from begun()
     yield from wait_for(lambda: job.ended, 120.0, "the end of the fit")
     yield
     yield

@@ -7,7 +7,7 @@ import bpy
 from matterfit import jobs, native
 from matterfit.io import check, frames
 from matterfit.jobs import State
-from window_support import modal, view, wait_for
+from window_support import begun, modal, view, wait_for
 
 DRAWS = 3  # of the window while the particles are counted, at least
 
@@ -40,7 +40,8 @@ def modal_filling(picture, faults):
     if modal("bake") != {"RUNNING_MODAL"}:
         raise AssertionError("Bake does not run modally")
     took = time.monotonic() - began
-    job = jobs.registry.running
+    job = yield from begun()
+    yield from wait_for(lambda: job.snapshot.stage, 30.0, "a stage")
     ticks = 0
     while ticks < DRAWS:
         yield
@@ -102,11 +103,11 @@ def modal_reading(faults):
             if (job.state is not State.CANCELLED or scene.frame_current != frame
                     or len(scene.matterfit.takes) != count):
                 faults.append(f"Cancel while reading gave {job.state} at frame {scene.frame_current}")
-    yield from wait_for(lambda: jobs.registry.running not in (None, job), 30.0, "the bake after reading")
+    baking = yield from begun()
     if job.state is not State.DONE or bpy.context.scene.frame_current != frame:
         faults.append(f"reading ended as {job.state} at frame {bpy.context.scene.frame_current}")
     frames.visit = visit
-    yield from cancel(jobs.registry.running, "what was read")
+    yield from cancel(baking, "what was read")
     yield
     settings = bpy.context.scene.matterfit
     settings.bodies.remove(len(settings.bodies) - 1)
@@ -117,7 +118,7 @@ def modal_check():
     """Check of the recording that is fitted afterwards."""
     if modal("check_fit") != {"RUNNING_MODAL"}:
         raise AssertionError("Check does not run modally")
-    job = jobs.registry.running
+    job = yield from begun()
     yield from wait_for(lambda: job.ended, 90.0, "the end of Check")
     yield
     report = check.read(bpy.context.scene.matterfit.fit.check)

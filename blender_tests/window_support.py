@@ -5,6 +5,7 @@ import time
 
 import bpy
 import numpy
+from matterfit import jobs
 
 
 class WINDOW_PT_other(bpy.types.Panel):
@@ -62,6 +63,12 @@ def wait_for(condition, seconds, what):
         if time.monotonic() > end:
             raise AssertionError(f"{what} did not happen within {seconds} s")
         yield
+
+
+def begun():
+    """The job of the button that was pressed, once the scene is read for it; use `yield from`."""
+    yield from wait_for(lambda: not jobs.registry.current.reading, 30.0, "the scene read")
+    return jobs.registry.current
 
 
 def undo():

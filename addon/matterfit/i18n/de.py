@@ -47,6 +47,9 @@ TEXTS = {
     "Before the Fit": "Vor der Anpassung",
     "Clear": "Ausblenden",
     "Filling": "Füllen",
+    "Reading the scene": "Szene lesen",
+    "{name}: the scene was changed while it was read. Press it again.":
+        "{name}: Die Szene wurde verändert, während sie gelesen wurde. Noch einmal drücken.",
     "{n} of {total} done": "{n} von {total} fertig",
     "This recording tells all of it:": "Diese Aufnahme verrät alles:",
     "This recording tells {n} of {total} values:":

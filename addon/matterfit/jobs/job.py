@@ -50,6 +50,7 @@ class Job:
         self.resume = resume
         self.stale = None  # what lies in the folder from before, for those who draw its progress
         self.untouched = False  # it ended, and the folder's results are those from before it
+        self.reading = False  # it reads the scene for the job that follows
         self.begun = False  # it was counted and found to fit into memory (ops.launch.start_job)
         self.state = State.IDLE
         self.snapshot = Snapshot()

@@ -18,6 +18,11 @@ INTERVAL = 0.1
 REST = 3.0  # times as long as showing a frame took, the window is left alone after it
 HEAD_START = 0.3  # [s] that begin() may take before the window looks up
 
+def forget_said(context):
+    """What was said of the run before is not of the one that begins."""
+    session(context).last_error = session(context).last_report = ""
+
+
 # The operators that run modally: Blender names them nowhere.
 _modal = []
 
@@ -63,6 +68,7 @@ class JobOperator(NoJobRunning):
         return (yield from found) if inspect.isgenerator(found) else found
 
     def execute(self, context):
+        forget_said(context)
         try:
             job = jobs.registry.add(jobs.drained(self.begin_in_steps(context)))
         except JobError as error:
@@ -81,13 +87,16 @@ class JobOperator(NoJobRunning):
     def invoke(self, context, _event):
         if bpy.app.background:
             return self.execute(context)
+        forget_said(context)
         steps = jobs.StepRun(self.begin_in_steps(context), still_there.watch(), translate(
             "{name}: the scene was changed while it was read. Press it again.").format(
                 name=translate_label(self.bl_label)))
         outcome = steps.head_start(HEAD_START)
         if outcome is None:
             self._steps = steps
-            self._job = jobs.registry.add(jobs.Job(translate_label(self.bl_label), lambda: steps)).start()
+            self._job = jobs.registry.add(jobs.Job(translate_label(self.bl_label), lambda: steps))
+            self._job.reading = True
+            self._job.start()
         elif outcome.status != EXIT_DONE:
             return report_error(self, context, outcome.error)
         else:
@@ -105,7 +114,6 @@ class JobOperator(NoJobRunning):
         # The take's folder is a step of its own: undoing the result keeps track of the cache.
         self._push_undo()
         self._job.start()
-        session(context).last_error = ""
         self._mark_shown = None
 
     def modal(self, context, event):

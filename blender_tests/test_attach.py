@@ -127,6 +127,10 @@ class MeshTest(AttachCase):
         result["matterfit"] = "points:Cube"
         with self.assertRaisesRegex(JobError, "'take'.*Choose the take's mesh"):
             self.document("compare")
+        self.settings.captures.clear()
+        select(result)
+        self.fails(bpy.ops.matterfit.add_capture_object, ["Choose the take's mesh"])
+        self.assertEqual(len(self.settings.captures), 0)
 
     def test_a_result_is_no_body(self):
         """It is refused when it is added, and where it was chosen in a row; a copy that holds the

@@ -48,6 +48,9 @@ class AxisTest(BatchCase):
         document, _folder = self.document()
         self.assertEqual(batch.assignments(self.settings, document["scene"]),
                          ["bodies.Cube.velocity[2]=-1,-2", "bodies.Cube.material.E=1e4"])
+        self.batch.axes[0].values = "-0, 1, -1e-3"
+        self.assertEqual(batch.assignments(self.settings, document["scene"])[0],
+                         "bodies.Cube.velocity[2]=0,1,-1e-3")
         # As people type them, and the document does not have them.
         self.batch.axes[0].values = ".5, -.25, +2, 3., 007"
         self.assertEqual(batch.assignments(self.settings, document["scene"])[0],
@@ -61,7 +64,9 @@ class AxisTest(BatchCase):
         with self.assertRaisesRegex(batch.JobError, "'two' among its values"):
             batch.assignments(self.settings, document["scene"])
         for values, words in ((" , ", "Cube Velocity Z has no values yet"), ("1, 2, 1.0", "the value 1.0 twice"),
-                              ("1, nan", "'nan' among"), ("1_0", "'1_0' among"),
+                              ("1, nan", "'nan' among"), ("1,,2", "a comma with nothing before it"),
+                              (",1", "a comma with nothing"), ("0, -0.0", "the value -0.0 twice"),
+                              ("1_0", "'1_0' among"),
                               (",".join(map(str, range(10001))), "10001 combinations are more than 10000")):
             self.batch.axes[0].values = values
             with self.assertRaisesRegex(batch.JobError, words):

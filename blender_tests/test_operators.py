@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the operators make of a job's end, with a backend that computes nothing."""
 
+import contextlib
 import os
 import tempfile
 import unittest
@@ -163,6 +164,16 @@ class EndTest(JobCase):
             found[name] = (job.resumable, "Resume goes on" in report.call_args[0][1])
         self.assertEqual(found, {"bake": (True, True), "resume": (True, True),
                                  "preview": (False, False)})
+
+    def test_a_run_forgets_what_was_said_of_the_one_before(self):
+        """Whether it is done, cancelled or refused."""
+        state = bpy.context.window_manager.matterfit
+        for backend in (Backend(), Backend(status=jobs.EXIT_CANCELLED), Backend(status=2, error="no")):
+            state.last_report, state.last_error = "said before", "failed before"
+            self.backend = backend
+            with contextlib.suppress(RuntimeError):
+                bpy.ops.matterfit.preview()
+            self.assertNotIn("before", state.last_report + state.last_error)
 
     def test_any_error_at_the_end_is_reported(self):
         """An exception that nobody foresaw ends the operator as an error with its text."""

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bodies that are thrown by keys which hardly move them where the simulation begins."""
 
-from matterfit.io import motion
+from unittest import mock
+
+from matterfit.io import motion, takes
+from matterfit.ui import bodies
 from support import SceneCase
 from test_sampling import curves_of
 
@@ -33,6 +36,21 @@ class SlowStartTest(SceneCase):
         self.linear()
         self.assertIsNone(motion.slow_start(self.item, 1, 7))
         self.assertEqual(motion.slow_start(self.item, 8, 20), motion.SlowStart(0.0, 0.0, 8))
+
+    def test_the_throw_of_the_take_says_it(self):
+        """The panel speaks of the keys where they are used."""
+        self.key("location", (1, (0.0, 0.0, 1.0)), (25, (2.0, 0.0, 1.0)))
+        row = self.body(self.item)
+        row.velocity_from = "ANIMATION"
+        take = takes.ensure_active(self.settings)
+        throw = take.throws.add()
+        throw.name = row.name
+        for body, thrown, said in (("ANIMATION", "BODY", True), ("ANIMATION", "VALUE", False),
+                                   ("VALUE", "ANIMATION", True), ("VALUE", "BODY", False)):
+            row.velocity_from, throw.velocity_from = body, thrown
+            with mock.patch.object(bodies, "lines") as lines:
+                bodies._slow_start(None, self.scene, row)
+            self.assertEqual(lines.called, said, (body, thrown))
 
     def key(self, name, *keys):
         for frame, value in keys:

@@ -49,4 +49,4 @@ class WorkQueue:
                 future.set_exception(error)
 
 
-QUEUE = WorkQueue(os.cpu_count() or 1)
+QUEUE = WorkQueue(len(os.sched_getaffinity(0)) or 1)

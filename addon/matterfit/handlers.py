@@ -24,6 +24,7 @@ def migrate_all(*_arguments):
         takes.look_at_disk(scene.matterfit)
         comparison.show_again(scene.matterfit)
     state = bpy.context.window_manager.matterfit
+    state.last_report = state.estimate = state.verify = ""  # of another file
     state.last_error = next((message for message in messages if message), "")
     overlay.forget()
     resolution.forget()

@@ -85,7 +85,13 @@ def combinations(settings):
 
 def _values(axis):
     known = {}
-    for text in value_texts(axis):
+    texts = [text.strip() for text in axis.values.split(",")]
+    while texts and not texts[-1]:
+        texts.pop()
+    if "" in texts:
+        raise JobError(translate("Batch: {name} has a comma with nothing before it. Type the value that is "
+                                 "missing, or remove the comma.").format(name=axis.name))
+    for text in texts:
         value = _number(text)
         if value is None:
             raise JobError(translate(
@@ -94,7 +100,8 @@ def _values(axis):
         if value in known:
             raise JobError(translate("Batch: {name} has the value {text} twice.").format(
                 name=axis.name, text=text))
-        known[value] = text if _IN_JSON.match(text) else repr(value)
+        # -0 would be a value and a take of its own name.
+        known[value] = "0" if value == 0.0 else text if _IN_JSON.match(text) else repr(value)
     if not known:
         raise JobError(translate("Batch: {name} has no values yet. Type numbers separated by commas, "
                                  "such as 1, 2, 3.").format(name=axis.name))

@@ -33,6 +33,13 @@ def is_numbered(path):
     return os.path.splitext(path)[1].lower() == ".ply"
 
 
+def refuse_result(item, where):
+    """JobError where the object shows a cache of other points at every frame."""
+    if not item.get(attached.TAG, "mesh:").startswith("mesh:"):
+        raise JobError(f"{where}: object '{item.name}' shows a cache whose points are others "
+                       "at every frame, or no mesh. Choose the take's mesh, or the file itself.")
+
+
 class ObjectTrack:
     """The world positions [m] of an object's vertices at every frame."""
 
@@ -43,9 +50,7 @@ class ObjectTrack:
         self.positions = []
         # The result of a take moves by modifiers of ours, which are off for all else.
         self.is_result = attached.TAG in item
-        if self.is_result and not item[attached.TAG].startswith("mesh:"):
-            raise JobError(f"{self.where}: object '{item.name}' shows a cache whose points are others "
-                           "at every frame, or no mesh. Choose the take's mesh, or the file itself.")
+        refuse_result(item, self.where)
         writer.show(item)
         writer.at_every(self._visit)
 

@@ -49,13 +49,21 @@ def scene(writer):
                        f"{writer.first}. Set another End.")
 
 
-def separation(metres):
+def separation(metres, typed=False):
     """JobError where particles this far apart [m] cannot be simulated."""
+    if metres < LEAST_SEPARATION and typed:
+        raise JobError(translate(
+            "Particle Separation is {now}, and nothing can be simulated below {least}. Type a larger one, or "
+            "choose a Quality.").format(now=_length(metres), least=_length(LEAST_SEPARATION)))
     if metres < LEAST_SEPARATION:
         raise JobError(translate(
             "Particle Separation is {now}, and nothing can be simulated below {least}: what is simulated "
             "is very small. Scale it up, or raise Unit Scale under Scene > Units.").format(
-                now=plain.length_text(metres), least=plain.length_text(LEAST_SEPARATION)))
+                now=_length(metres), least=_length(LEAST_SEPARATION)))
+
+
+def _length(metres):
+    return plain.length_text(metres) if metres >= 1e-5 else f"{1e6 * metres:.2g} µm"
 
 
 def _take(settings, take):

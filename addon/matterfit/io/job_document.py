@@ -55,7 +55,7 @@ def building(scene, take, folder, task, quality=None, separation=None, outputs=T
 def _building(writer, task, quality, outputs):
     take, settings = writer.take, writer.settings
     job_checks.scene(writer)
-    job_checks.separation(writer.separation)
+    job_checks.separation(writer.separation, settings.solver.quality == "CUSTOM")
     bodies, colliders = [], []
     for body in settings.bodies:
         if not body.enabled:

@@ -175,7 +175,8 @@ def check_solid(item, arrays):
     least = 1e-6 * float(numpy.abs(arrays["vertices"]).max())
     _values, axes = numpy.linalg.eigh(points.T @ points)
     if min(float(numpy.ptp(points @ axis)) for axis in axes.T) <= least:
-        raise JobError(f"'{item.name}' is flat: give it a thickness (Solidify).")
+        how = "Solidify" if item.type == "MESH" else "Geometry > Extrude"
+        raise JobError(f"'{item.name}' is flat: give it a thickness ({how}).")
 
 
 def _parts(arrays):

@@ -100,9 +100,9 @@ _SMALLER_OR_FLOWS = ("Use a smaller Particle Separation, gentler motion, or the 
 
 
 def counted(count, noun):
-    """How many of "layer", "cell", "frame" or "particle": 1 frame, 2 frames."""
+    """How many of "layer", "cell", "frame", "file" or "particle": 1 frame, 2 frames."""
     one, many = {"layer": ("{n} layer", "{n} layers"), "cell": ("{n} cell", "{n} cells"),
-                 "frame": ("{n} frame", "{n} frames"),
+                 "frame": ("{n} frame", "{n} frames"), "file": ("{n} file", "{n} files"),
                  "particle": ("{n} particle", "{n} particles")}[noun]
     return translate(one if count == 1 else many).format(n=f"{count:,}".replace(",", " "))
 

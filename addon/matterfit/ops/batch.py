@@ -219,8 +219,7 @@ class MATTERFIT_OT_free_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
         left = batch.free(context.scene)
         if left:
             self.report({"WARNING"}, translate(
-                "{n} files in {folder} are not ours and stay: {names}").format(
-                    n=len(left), folder=os.path.dirname(left[0]),
+                "Not ours, and kept in {folder}: {names}").format(folder=os.path.dirname(left[0]),
                     names=", ".join(os.path.basename(name) for name in left[:5])))
 
 

@@ -75,8 +75,7 @@ class MATTERFIT_OT_free(NoJobRunning, PlainOperator, bpy.types.Operator):
             take.folder = ""
         if left:
             self.report({"WARNING"}, translate(
-                "{n} files in {folder} are not ours and stay: {names}").format(
-                    n=len(left), folder=location.folder, names=", ".join(left[:5])))
+                "Not ours, and kept in {folder}: {names}").format(folder=location.folder, names=", ".join(left[:5])))
         return
 
 

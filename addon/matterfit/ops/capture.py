@@ -108,6 +108,7 @@ class MATTERFIT_OT_add_capture_object(PlainOperator, bpy.types.Operator):
 
     def act(self, context):
         item = context.active_object
+        job_captures.refuse_result(item, "Capture")
         capture = add_capture(context.scene.matterfit, item.name)
         capture.source = "OBJECT"
         capture.object = item

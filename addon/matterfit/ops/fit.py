@@ -192,8 +192,7 @@ class MATTERFIT_OT_free_fit(_HasFit, PlainOperator, bpy.types.Operator):
             fit.run.folder = ""
             return
         self.report({"WARNING"}, translate(
-            "{n} files in {folder} are not ours and stay: {names}").format(
-                n=len(left), folder=location.folder, names=", ".join(left[:5])))
+                "Not ours, and kept in {folder}: {names}").format(folder=location.folder, names=", ".join(left[:5])))
 
 
 class MATTERFIT_OT_write_fit_job(NoJobRunning, PlainOperator, bpy.types.Operator):

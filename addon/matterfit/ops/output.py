@@ -8,7 +8,7 @@ from bpy.props import EnumProperty, StringProperty
 
 from .. import compat, jobs, native
 from ..compat import translate
-from ..io import attached, cache, takes
+from ..io import attached, cache, plain, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
 from .base import PlainOperator, redraw, report_error, session
@@ -59,10 +59,10 @@ class MATTERFIT_OT_verify(HasCache, JobOperator, bpy.types.Operator):
         if faults:
             lines = [f"{fault['path']} {fault['what']}" for fault in faults]
             state.verify = "\n".join(lines)
-            raise JobError(translate("{n} files of {folder} are damaged: {first}. Bake again.")
-                           .format(n=len(faults), folder=job.folder, first=lines[0]))
-        state.verify = translate("{n} files are as they were written").format(
-            n=len(cache.manifest(job.folder).get("files", {})))
+            raise JobError(translate("Damaged in {folder}: {first}. Bake again.").format(
+                folder=job.folder, first=lines[0] + (", …" if len(lines) > 1 else "")))
+        state.verify = translate("All {files} are as they were written").format(
+            files=plain.counted(len(cache.manifest(job.folder).get("files", {})), "file"))
         self.report({"INFO"}, state.verify)
 
 

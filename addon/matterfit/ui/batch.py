@@ -16,7 +16,7 @@ class MATTERFIT_UL_batch_results(bpy.types.UIList):
     """The best first: rows lie in that order."""
 
     def draw_item(self, context, layout, _data, item, _icon, _active, _name, index=0):
-        row = layout.row()
+        row = layout.split(factor=0.68)
         row.label(text=item.name, translate=False,
                   icon="SOLO_ON" if index == 0 and item.error >= 0.0 else "BLANK1")
         row.label(text=batch_results.error_text(item.error), translate=False)

@@ -122,7 +122,11 @@ def _offer_animation(column, body):
 
 def _slow_start(column, scene, body):
     """What is thrown by its keys begins with the velocity of one frame, which may be none."""
-    if body.velocity_from != "ANIMATION":
+    take = scene_props.active_take(scene.matterfit)
+    throws = [row.velocity_from for row in take.throws if row.name == body.name] if take is not None else []
+    if (throws or ["BODY"])[0] not in {"BODY", "ANIMATION"}:
+        return  # the take's throw says it
+    if body.velocity_from != "ANIMATION" and throws[:1] != ["ANIMATION"]:
         return
     first, end = frames.frame_range(scene)
     found = motion.slow_start(body.object, first, end)

@@ -70,6 +70,19 @@ class RefinementTest(AttachCase):
         self.assertTrue(self.scene.render.use_simplify)
         self.assertEqual(len(evaluated_points(result, FRAMES[-1])), 386)
 
+    def test_a_smooth_cage(self):
+        """It is subdivided on, so that its outline is round: all vertices lie as far out as the limit
+        surface, none on a straight line between two of its points."""
+        self.item.modifiers.new("Subdivision", "SUBSURF").levels = 1
+        self.item.modifiers["Subdivision"].render_levels = 1
+        for polygon in self.item.data.polygons:
+            polygon.use_smooth = True
+        result = self.attach()["mesh:Cube"]
+        self.assertEqual(len(result.data.vertices), 386)
+        self.assertEqual(self.item.modifiers["Subdivision"].levels, 1)
+        ring = self.arrays["vertices"][numpy.abs(self.arrays["vertices"][:, 2]) < 1e-4]
+        self.assertLess(numpy.ptp(numpy.linalg.norm(ring, axis=1)), 0.01)
+
     def test_another_separation_binds_another_mesh(self):
         """The object of the bake before goes, with the modifiers of its kind."""
         modifier = self.item.modifiers.new("Subdivision", "SUBSURF")

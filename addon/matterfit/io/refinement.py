@@ -77,7 +77,7 @@ def how_refined(path):
 def refined_mesh(item, how):
     """The refined mesh of the object at the present frame."""
     shape = shapes.refined_shape(item)
-    with _levels(item, shape), shapes.modifiers_limited(item, shape.stop, refined=True):
+    with _levels(item, shape, _smooth_level(item, how)), shapes.modifiers_limited(item, shape.stop, refined=True):
         mesh = _evaluated(item)
     _halve(mesh, Matrix(how["stretch"].tolist()), float(how["longest_edge"][0]))
     return mesh
@@ -89,9 +89,22 @@ def _evaluated(item):
         item.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph)
 
 
+def _smooth_level(item, how):
+    """How often a cage that is shaded smooth is subdivided until its faces are short enough: halved
+    straight they would keep its corners, where the limit surface is what was simulated."""
+    stop = shapes.bound_shape(item).stop
+    if (item.type != "MESH" or stop == len(item.modifiers) or item.modifiers[stop].type != "SUBSURF"
+            or item.modifiers[stop].subdivision_type != "CATMULL_CLARK"
+            or not all(polygon.use_smooth for polygon in item.data.polygons)):
+        return 0
+    longest = _lengths(meshes.read_shape(item, shapes.bound_shape(item), how["stretch"], 1.0)).max()
+    return math.ceil(math.log2(max(longest / float(how["longest_edge"][0]), 1.0)))
+
+
 @contextlib.contextmanager
-def _levels(item, shape):
-    """Subdivision is as fine as a render has it inside, up to MOST_FACES; Simplify is off."""
+def _levels(item, shape, least):
+    """Subdivision is as fine as a render has it inside, and at least of the level `least`, up to
+    MOST_FACES; Simplify is off."""
     render = bpy.context.scene.render
     before, simplify = {}, render.use_simplify
     render.use_simplify = False
@@ -102,7 +115,8 @@ def _levels(item, shape):
             before[modifier.name] = modifier.levels
             shown = modifier.levels if modifier.show_viewport else 0
             rendered = modifier.render_levels if modifier.show_render else 0
-            modifier.levels = min(max(shown, rendered), most)
+            modifier.levels = min(max(shown, rendered, least), most)
+            least = 0
             corners *= 4 ** modifier.levels
     try:
         yield

@@ -71,7 +71,7 @@ class WalkTest(StepsCase):
 
 class StepRunTest(StepsCase):
     def job(self):
-        self.run_of_steps = jobs.StepRun(self.building(), still_there.watch(), "changed")
+        self.run_of_steps = jobs.StepRun(self.building(), still_there.watch, "changed")
         return jobs.Job("Bake", lambda: self.run_of_steps).start()
 
     def test_to_the_end(self):
@@ -108,6 +108,18 @@ class StepRunTest(StepsCase):
                 if "Wall" not in bpy.data.objects:
                     self.settings.bodies[1].object = self.wall = self.cube("Wall")
 
+    def test_what_it_changes_itself(self):
+        """The button adds a take, and with it a row, before anything is read."""
+        def steps():
+            self.settings.takes.add()
+            yield jobs.Snapshot()
+            self.cube("Another")
+            yield jobs.Snapshot()
+            return 3
+
+        run = jobs.StepRun(steps(), still_there.watch, "changed")
+        self.assertEqual((run.head_start(10.0).status, run.value), (jobs.EXIT_DONE, 3))
+
     def test_values_may_change(self):
         """A place or a number that is typed meanwhile is no reason to stop."""
         job = self.job()
@@ -121,7 +133,7 @@ class StepRunTest(StepsCase):
 
     def test_a_refusal(self):
         self.settings.solver.particle_separation = 1e-6
-        outcome = jobs.StepRun(self.building(), lambda: True, "").head_start(10.0)
+        outcome = jobs.StepRun(self.building(), lambda: lambda: True, "").head_start(10.0)
         self.assertEqual(outcome.status, jobs.EXIT_INPUT)
         self.assertIn("nothing can be simulated below", outcome.error)
 
@@ -130,5 +142,5 @@ class StepRunTest(StepsCase):
             yield jobs.Snapshot()
             raise ValueError("odd")
 
-        outcome = jobs.StepRun(broken(), lambda: True, "").head_start(10.0)
+        outcome = jobs.StepRun(broken(), lambda: lambda: True, "").head_start(10.0)
         self.assertEqual((outcome.status, outcome.error), (jobs.EXIT_COMPUTE, "ValueError: odd"))

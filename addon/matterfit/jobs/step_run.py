@@ -20,14 +20,16 @@ def drained(steps):
 class StepRun:
     """Runs a generator that yields Snapshots; what it returns is `value`. Cancel raises JobError in it.
 
-    Where `valid()` is false before a slice, what it holds is gone: it is closed where it stands, and the
-    run ends with the message `gone`.
+    `watch()`, called after each slice, returns a function that says before the next one whether all that
+    it holds is there still. Where not, it is closed where it stands, and the run ends with the message
+    `gone`.
     """
 
-    def __init__(self, steps, valid, gone):
+    def __init__(self, steps, watch, gone):
         self.value = None
         self._steps = steps
-        self._valid = valid
+        self._watch = watch
+        self._valid = lambda: True
         self._gone = gone
         self._cancelled = False
         self._outcome = None
@@ -67,6 +69,7 @@ class StepRun:
                 self._steps.throw(JobError("", EXIT_CANCELLED))
             else:
                 self._last = next(self._steps)
+                self._valid = self._watch()
         except StopIteration as end:
             self.value = end.value
             self._outcome = Outcome()

@@ -88,7 +88,7 @@ class JobOperator(NoJobRunning):
         if bpy.app.background:
             return self.execute(context)
         forget_said(context)
-        steps = jobs.StepRun(self.begin_in_steps(context), still_there.watch(), translate(
+        steps = jobs.StepRun(self.begin_in_steps(context), still_there.watch, translate(
             "{name}: the scene was changed while it was read. Press it again.").format(
                 name=translate_label(self.bl_label)))
         outcome = steps.head_start(HEAD_START)

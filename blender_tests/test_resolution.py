@@ -259,7 +259,8 @@ class PreviewTest(SceneCase):
         solver = self.settings.solver
         self.assertAlmostEqual(resolution.for_preview(self.scene, 2.0 * solver.particle_separation),
                                2.0 * solver.particle_separation)
-        item.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.05
+        modifier = item.modifiers.new("Solidify", "SOLIDIFY")
+        modifier.thickness, modifier.use_even_offset = 0.05, True
         bpy.context.view_layer.update()
         solver.particle_separation = 0.005
         self.assertAlmostEqual(resolution.for_preview(self.scene, 0.01), 0.025, places=3)

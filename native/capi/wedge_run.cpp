@@ -97,7 +97,7 @@ Outcome run_wedge(const job::WedgeFolder& wedge, const job::RunOptions& options,
     while (!stop && next < members.size() && running.size() < static_cast<std::size_t>(most)) {
       Member& member = members[next];
       if (options.restart == job::Restart::kNever && is_finished(wedge, next, options.target)) {
-        member.status = "skipped";
+        member.status = "done before";
         member.fraction = 1.0;
       } else {
         member.thread = std::make_unique<JobThread>(wedge.jobs[next], own);

@@ -10,9 +10,9 @@ namespace matterfit::capi {
 /// (0: as many as the machine has). A member whose folder holds the complete results of the same
 /// inputs is skipped; one that was stopped goes on. A member that fails does not stop the others.
 ///
-/// The result: {"status", "folder", "members": [{"folder", "label", "status": "done" | "skipped" |
-/// "failed" | "cancelled" | "waiting", "seconds", "error"?}]}. The exit status is 130 after
-/// `interrupter` was cancelled, else that of the first member that failed, else 0.
+/// The result: {"status", "folder", "members": [{"folder", "label", "status": "done" | "done
+/// before" | "failed" | "cancelled" | "waiting", "seconds", "error"?}]}. The exit status is 130
+/// after `interrupter` was cancelled, else that of the first member that failed, else 0.
 [[nodiscard]] Outcome run_wedge(const job::WedgeFolder& wedge, const job::RunOptions& options,
                                 int at_once, Interrupter& interrupter);
 

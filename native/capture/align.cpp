@@ -106,9 +106,8 @@ RigidFit fit_rigid(std::span<const Vec3d> from, std::span<const Vec3d> to,
 
 Points mean_positions(const Tracks& tracks, std::size_t begin, std::size_t end) {
   if (begin >= end || end > tracks.frames()) {
-    throw_input("frames " + std::to_string(begin) + " to " + std::to_string(end) +
-                " (half-open) do not lie in a capture of " + std::to_string(tracks.frames()) +
-                " frames.");
+    throw_input("frames " + std::to_string(begin) + " up to, and without, " + std::to_string(end) +
+                " do not lie in a capture of " + std::to_string(tracks.frames()) + " frames.");
   }
   Points means(tracks.points);
   for (std::size_t point = 0; point < tracks.points; ++point) {

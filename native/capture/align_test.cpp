@@ -92,7 +92,8 @@ TEST(AlignTest, WhatDoesNotDetermineAMotionIsRefused) {
   tracks.points = 1;
   tracks.times = {0.0};
   tracks.positions = {Vec3d::Zero()};
-  EXPECT_THAT(message_of([&] { (void)mean_positions(tracks, 0, 2); }), HasSubstr("half-open"));
+  EXPECT_THAT(message_of([&] { (void)mean_positions(tracks, 0, 2); }),
+              HasSubstr("frames 0 up to, and without, 2 do not lie"));
 }
 
 // The beam at rest, on the places that its data's notes give: they say that a rigid fit leaves .2

@@ -95,7 +95,7 @@ class Parser {
     }
     const auto block = std::to_integer<std::size_t>(bytes_[0]);
     if (std::to_integer<std::uint8_t>(bytes_[1]) != kC3dMagic || block < 2) {
-      fail("is not a C3D file (its second byte is not 0x50).");
+      fail("is not a C3D file.");
     }
     parameters_ = (block - 1) * kBlock;
     reader_.seek(parameters_, "the parameter section");

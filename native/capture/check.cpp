@@ -49,9 +49,14 @@ std::string print(const char* format, Arguments... arguments) {
   return line.data();
 }
 
-/// "0.014 mm", "6.2 mm", "1.25 m".
+/// "0.014 mm", "6.2 mm", "370 mm", "1.25 m".
 std::string length_text(double metres) {
   if (metres >= 1.0) return print("%.3g m", metres);
+  if (metres >= 9.95e-3) {  // two digits, as below
+    const double step = metres >= 0.0995 ? 10.0 : 1.0;
+    return print("%.0f mm", std::round(metres * 1e3 / step) * step);
+  }
+  if (metres < 9.5e-7) return "less than 0.001 mm";
   return print("%.2g mm", metres * 1e3);
 }
 
@@ -84,6 +89,11 @@ std::string unit_warning(const Vec3d& low, const Vec3d& high, bool several_point
     return print("only %.2g mm wide: is the unit of the capture right?", width * 1e3);
   }
   return {};
+}
+
+void warn_of_one_frame(std::size_t frames, std::vector<std::string>& text) {
+  if (frames == 1)
+    text.emplace_back("Warning: one frame shows no motion, so nothing can be fitted to it");
 }
 
 void write_times(double spacing, std::size_t irregular, const std::vector<TimeGap>& gaps,
@@ -352,6 +362,7 @@ class Summariser {
     text.push_back(print("%zu frame%s of %zu point%s over %.3g s", out_.frames,
                          out_.frames == 1 ? "" : "s", out_.points, out_.points == 1 ? "" : "s",
                          out_.duration));
+    warn_of_one_frame(out_.frames, text);
     write_times(out_.spacing, out_.irregular, out_.gaps, text);
     write_box(out_.low, out_.high, out_.unit_warning, text);
     if (out_.jump_count == 0) {
@@ -409,6 +420,7 @@ CloudSummary summarise(const PointCloudSequence& clouds) {
   out.unit_warning = unit_warning(out.low, out.high, out.most > 1);
   out.text.push_back(print("%zu frame%s of %zu to %zu points over %.3g s", out.frames,
                            out.frames == 1 ? "" : "s", out.fewest, out.most, out.duration));
+  warn_of_one_frame(out.frames, out.text);
   write_times(out.spacing, out.irregular, out.gaps, out.text);
   write_box(out.low, out.high, out.unit_warning, out.text);
   if (!out.empty_frames.empty()) {

@@ -92,7 +92,7 @@ TEST(CheckTest, JumpsAreNamedByPointFrameAndSize) {
   EXPECT_EQ(summary.jumps[1].point, 4U);
   EXPECT_EQ(summary.jumps[1].frame, 120U);
   EXPECT_NEAR(summary.jumps[1].size, 0.1, 0.02);
-  EXPECT_THAT(joined(summary), HasSubstr("2 jumps, the largest 2e+02 mm: point 2 (c) at frame 50"));
+  EXPECT_THAT(joined(summary), HasSubstr("2 jumps, the largest 200 mm: point 2 (c) at frame 50"));
 }
 
 TEST(CheckTest, GapsIrregularTimesAndMissingSamples) {
@@ -127,6 +127,7 @@ TEST(CheckTest, OneFrameIsEnough) {
   EXPECT_EQ(summary.frames, 1U);
   EXPECT_EQ(summary.jump_count, 0U);
   EXPECT_EQ(summary.noise, 0.0);
+  EXPECT_THAT(joined(summary), HasSubstr("one frame shows no motion"));
 }
 
 TEST(CheckTest, RefusesWhatCannotBeUsed) {

@@ -132,7 +132,7 @@ Arrays parse_npz(std::span<const std::byte> bytes, const std::string& name,
     if (arrays.contains(entry.key)) throw_input(what + " is in the archive twice.");
     arrays.emplace(entry.key, parse_npy(unpack(archive.get(), entry, what), what, limits));
   }
-  if (arrays.empty()) throw_input(name + ": holds no arrays (.npy entries).");
+  if (arrays.empty()) throw_input(name + ": is empty: it holds no arrays.");
   return arrays;
 }
 

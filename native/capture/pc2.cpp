@@ -14,7 +14,7 @@ PointCache parse_pc2(std::span<const std::byte> bytes, const std::string& name) 
   ByteReader reader(bytes, name);
   const auto magic = reader.take(12, "the signature");
   if (std::memcmp(magic.data(), "POINTCACHE2", 12) != 0) {
-    throw_input(name + ": is not a PC2 point cache (it does not begin with POINTCACHE2).");
+    throw_input(name + ": is not a PC2 point cache.");
   }
   const auto version = reader.read<std::int32_t>("the version");
   if (version != 1) {

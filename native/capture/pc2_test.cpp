@@ -66,7 +66,7 @@ TEST(Pc2Test, HostileHeaders) {
   EXPECT_THAT(refusal_of_pc2(pc2_header(1, 1, std::numeric_limits<float>::quiet_NaN())),
               HasSubstr("sample rate"));
   EXPECT_THAT(refusal_of_pc2(pc2_header(1, 1, 1.0F, 7)), HasSubstr("version 7"));
-  EXPECT_THAT(refusal_of_pc2(std::string(40, 'x')), HasSubstr("POINTCACHE2"));
+  EXPECT_THAT(refusal_of_pc2(std::string(40, 'x')), HasSubstr("is not a PC2 point cache"));
 }
 
 }  // namespace

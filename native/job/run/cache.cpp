@@ -73,6 +73,16 @@ void Cache::record_volatile(const std::string& path) {
   manifest_.files[path] = Manifest::File{0, "", false};
 }
 
+std::string Cache::begin_comparison(const Job& job) {
+  std::string recordings = hash_inputs(capture_inputs(job));
+  if (manifest_.compared_hash != recordings) {
+    manifest_.compared_hash.clear();
+    if (!job.output.report.empty()) remove(job.output.report);
+    save();
+  }
+  return recordings;
+}
+
 std::size_t Cache::sound_states() const {
   if (afresh_) return 0;
   std::size_t count = 0;

@@ -39,6 +39,9 @@ class Cache {
   /// A log or checkpoint: listed, so that it may be removed, but not checked.
   void record_volatile(const std::string& path);
   void remove(const std::string& path) { remove_file(manifest_, folder_, path); }
+  /// The hash of the job's recordings; where the folder's comparison is with others its report is
+  /// removed, which a run that is cancelled would leave.
+  [[nodiscard]] std::string begin_comparison(const Job& job);
   void save() const { write_manifest(folder_, manifest_); }
 
   /// Frames from the first whose state files are sound; none if they are to be removed.

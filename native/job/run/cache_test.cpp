@@ -212,6 +212,23 @@ TEST(Cache, RefusesChangedInputsAndNamesThem) {
   EXPECT_TRUE(fs::exists(folder.path / "out/mine.txt")) << "what we do not list stays";
 }
 
+TEST(Cache, ForgetsTheComparisonWithOtherRecordings) {
+  const Folder folder;
+  const Job job = job_in(folder.path);
+  const Inputs inputs = simulation_inputs(job, mpm::SimdTarget::kSse4);
+  Cache cache(job, inputs, Restart::kNever);
+  cache.begin(job, inputs);
+  const fs::path report = cache.folder() / job.output.report;
+  for (const bool other : {false, true}) {
+    cache.manifest().compared_hash = other ? "other" : hash_inputs(capture_inputs(job));
+    write_file(report, "{}");
+    cache.record_volatile(job.output.report);
+    EXPECT_EQ(cache.begin_comparison(job), hash_inputs(capture_inputs(job)));
+    EXPECT_EQ(fs::exists(report), !other);
+    EXPECT_EQ(cache.manifest().compared_hash.empty(), other);
+  }
+}
+
 TEST(Cache, TwoJobsCannotHaveOneFolder) {
   const Folder folder;
   const Job job = job_in(folder.path);

@@ -65,6 +65,16 @@ std::vector<std::uint8_t> held_out_points(const CaptureDoc& doc, const fit::Capt
   return held;
 }
 
+/// The markers of `align`; that one of them is missing is said of it, not of `markers`.
+capture::Tracks read_quiet(const std::filesystem::path& file,
+                           const capture::TracksOptions& options) {
+  try {
+    return capture::read_tracks(file, options);
+  } catch (const Error& error) {
+    throw Error(error.kind(), std::string("align: ") + error.what());
+  }
+}
+
 }  // namespace
 
 std::optional<double> body_release(const BodyDoc& body, const SceneDoc& scene) {
@@ -96,7 +106,7 @@ fit::CaptureInput load_capture(const Job& job, std::size_t index, bool clouds) {
     if (doc.align) {
       capture::TracksOptions quiet = options;
       quiet.markers = doc.align->markers;
-      const capture::Tracks markers = capture::read_tracks(doc.file, quiet);
+      const capture::Tracks markers = read_quiet(doc.file, quiet);
       std::vector<double> times = markers.times;
       for (double& time : times) time += input.start;
       const auto range = samples_between(times, scene.seconds(doc.align->begin) - slack,
@@ -105,9 +115,11 @@ fit::CaptureInput load_capture(const Job& job, std::size_t index, bool clouds) {
       align.begin = range[0];
       align.end = range[1];
       if (range[1] <= range[0]) {
-        throw_input("align.frames: the capture has no sample in the scene's frames [" +
-                    std::to_string(doc.align->begin) + ", " + std::to_string(doc.align->end) +
-                    ").");
+        const std::string last = doc.align->end > doc.align->begin + 1
+                                     ? "s " + std::to_string(doc.align->begin) + " to " +
+                                           std::to_string(doc.align->end - 1)
+                                     : " " + std::to_string(doc.align->begin);
+        throw_input("align.frames: the capture has no sample in the scene's frame" + last + ".");
       }
       const capture::RigidFit fit = capture::align_tracks(markers, doc.align->positions, align);
       input.aligned = true;

@@ -160,7 +160,7 @@ class Run {
   void find_start() {
     sound_ = cache_->sound_states();
     if (sound_ == count_) return;
-    MemoryRefusal{*this}.check();
+    check_memory();
     const mpm::Simulation::Options options{
         .target = target_,
         .memory_limit = static_cast<std::size_t>(1e9 * job_.scene.solver.memory_limit_gb),
@@ -183,20 +183,17 @@ class Run {
     sound_ = start;
   }
 
-  struct MemoryRefusal {
-    const Run& run;
-    void check() const {
-      const auto estimate = mpm::Simulation::estimate(run.scene());
-      const double needed = 1e-9 * double(estimate.bytes);
-      const double limit = run.job_.scene.solver.memory_limit_gb;
-      if (needed <= limit) return;
-      char text[160];
-      std::snprintf(text, sizeof text, "%zu particles need about %.3g GB, the limit is %.3g GB",
-                    estimate.particles, needed, limit);
-      throw_input(std::string("scene.solver.memory_limit_gb: ") + text +
-                  ". Use a larger scene.particle_separation, or raise the limit.");
-    }
-  };
+  void check_memory() const {
+    const auto estimate = mpm::Simulation::estimate(scene());
+    const double needed = 1e-9 * double(estimate.bytes);
+    const double limit = job_.scene.solver.memory_limit_gb;
+    if (needed <= limit) return;
+    char text[160];
+    std::snprintf(text, sizeof text, "%zu particles need about %.3g GB, the limit is %.3g GB",
+                  estimate.particles, needed, limit);
+    throw_input(std::string("scene.solver.memory_limit_gb: ") + text +
+                ". Use a larger scene.particle_separation, or raise the limit.");
+  }
 
   void begin_manifest() {
     Manifest& manifest = cache_->manifest();
@@ -204,6 +201,7 @@ class Run {
     if (bake_) manifest.grids = bake_->grids();
     reused_ = sound_;
     if (sound_ < count_) manifest.complete = false;
+    if (job_.task == Task::kCompare) recordings_ = cache_->begin_comparison(job_);
     cache_->record_volatile("stats.jsonl");
     last_checkpoint_ = Clock::now();
   }
@@ -305,7 +303,7 @@ class Run {
       compare_["images"] = images_->run(cache_->folder(), arena_, target_);
       for (const std::string& file : images_->files()) cache_->record(file, false);
     }
-    cache_->manifest().compared_hash = hash_inputs(capture_inputs(job_));
+    cache_->manifest().compared_hash = recordings_;
     for (const char* key : {"mean_mm", "p95_mm", "max_mm", "rms_mm", "mean_percent"}) {
       if (list.size() == 1 && list[0].contains(key)) compare_[key] = list[0][key];
     }
@@ -468,6 +466,7 @@ class Run {
   mpm::SimdTarget target_;
   Interrupter& interrupter_;
   std::shared_ptr<Arena> arena_;
+  std::string recordings_;  ///< hash of what is compared with, as it was before the run
   Clock::time_point start_ = Clock::now();
   std::vector<fit::CaptureInput> captures_;
   std::optional<Cache> cache_;

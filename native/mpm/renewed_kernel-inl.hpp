@@ -27,24 +27,6 @@ void expand_about(const mpm::RenewedView<S>& view, std::size_t block, const doub
   expand_nodes(field, view.block_nodes + block * 8, reference, expanded);
 }
 
-/// Zero where nobody is: what the nodes there hold must not make a NaN.
-template <class T, class Mask>
-HWY_INLINE void keep_present(Mask present, T m[3][3]) {
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) m[i][j] = select(present, m[i][j], scalar<T>(0));
-}
-
-/// L = Ḣ (I+H)⁻¹ = Ḣ cof(I+H)ᵀ / det.
-template <class T>
-HWY_INLINE Mat3<T> present_gradient(const Mat3<T>& rate, const Mat3<T>& cof, T inverse_j) {
-  Mat3<T> l;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      l[i][j] = inverse_j *
-                fma(rate[i][0], cof[j][0], fma(rate[i][1], cof[j][1], rate[i][2] * cof[j][2]));
-  return l;
-}
-
 /// The smallest and the largest lane; −infinity for the first if `broken` has anything but 0.
 template <class T, class S>
 mpm::BlockExtremes<S> extremes_of(T low, T high, T broken) {
@@ -65,34 +47,59 @@ mpm::BlockExtremes<S> extremes_of(T low, T high, T broken) {
   return out;
 }
 
-/// Elastic deformation at the end of a substep without flow, (I+H)(I+G) − I, its det − 1, and the
-/// stress; the flow goes into G.
-template <StressFamily kFamily, class T, class S>
-HWY_INLINE Sym3<T> renewed_stress(const mpm::RenewedView<S>& view, S* history, const Mat3<T>& h,
-                                  T jh, T dt, T& jm1) {
-  Sym3<T> flow{};
-  T strain = scalar<T>(0);
-  if constexpr (kFamily == StressFamily::kNewtonian) {
-    const T before = T::load(history);
-    jm1 = fma(jh, before, jh + before);
-    return kirchhoff_stress<kFamily, T>(view.law, h, jm1, jm1, dt, flow, strain);
-  } else {
-    const Mat3<T> g = load_mat3<T>(history);
-    const Mat3<T> trial = compose(h, g);
-    jm1 = determinant_minus_one(trial);
-    if (view.law.plastic) strain = T::load(history + 9 * kLanes);
-    const Sym3<T> tau = kirchhoff_stress<kFamily, T>(view.law, trial, jm1, jm1, dt, flow, strain);
-    if (view.law.plastic) {
-      // (I+H)(I+G)(I+flow): the flow is on the right, so it is G's.
-      Mat3<T> updated = multiply(plus_identity(g), flow);
-      for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j) updated[i][j] += g[i][j];
-      store_mat3(updated, history);
-      strain.store(history + 9 * kLanes);
+/// A register's particles in law_step().
+template <StressFamily kFamily, bool kDamped, class T, class S>
+struct RenewedPoint {
+  static constexpr bool kCrushes = false;
+  const mpm::RenewedView<S>& view;
+  const MaxwellStep<S>* relaxation;
+  const S* expanded_velocity;
+  const Stencil<T>& stencil;
+  const Mat3<T>& h;  ///< of the motion since the reference, gradient − I
+  T jh;              ///< its det − 1
+  T volume;
+  S* history;
+  std::uint32_t chunk;
+  std::size_t slab;
+  std::size_t lane;
+
+  /// (I+H)(I+G), of a fluid its J.
+  HWY_INLINE LawTrial<T> trial() const {
+    if constexpr (kFamily == StressFamily::kNewtonian) {
+      const T before = T::load(history);
+      const T jm1 = fma(jh, before, jh + before);
+      return {h, jm1, jm1, jm1, scalar<T>(0)};
+    } else {
+      const Mat3<T> elastic = compose(h, load_mat3<T>(history));
+      const T jm1 = determinant_minus_one(elastic);
+      T strain = scalar<T>(0);
+      if (view.law.plastic) strain = T::load(history + 9 * kLanes);
+      return {elastic, jm1, jm1, jm1, strain};
     }
-    return tau;
   }
-}
+  /// (I+H)(I+G)(I+flow): the flow is on the right, so it is G's.
+  template <StressFamily>
+  HWY_INLINE void keep(const LawStep<T>& taken) const {
+    if constexpr (kFamily == StressFamily::kNewtonian) return;
+    if (!view.law.plastic) return;
+    store_mat3(flowed(load_mat3<T>(history), taken.flow), history);
+    taken.strain.store(history + 9 * kLanes);
+  }
+  HWY_INLINE bool damped() const { return kDamped; }
+  HWY_INLINE Mat3<T> velocity_gradient() const {
+    Mat3<T> rate{};
+    if constexpr (kDamped) {
+      gather<3, false, T>(expanded_velocity, slab, lane, stencil, nullptr, rate.m);
+      keep_present(volume > scalar<T>(0), rate.m);
+    }
+    return present_gradient(rate, cofactor(plus_identity(h)), scalar<T>(1) / (jh + scalar<T>(1)));
+  }
+  HWY_INLINE void relax(Sym3<T>& tau) const {
+    if (view.maxwell == nullptr) return;
+    S* branch = view.maxwell + chunk * (12 * view.law.maxwell_count * kLanes) + lane;
+    add_maxwell_stress<T>(view.law, relaxation, h, jh, true, branch, kLanes, tau);
+  }
+};
 
 template <StressFamily kFamily, bool kDamped, class S>
 void renewed_forces_law(const mpm::RenewedView<S>& view, std::size_t block) {
@@ -109,7 +116,6 @@ void renewed_forces_law(const mpm::RenewedView<S>& view, std::size_t block) {
   }
   const T inverse_dx = T(S(1) / view.dx);
   const T dt = T(view.dt);
-  const std::size_t branches = view.law.maxwell_count;
   const std::size_t kept = mpm::renewed_history(view.law.law);
   MaxwellStep<S> relaxation[material::kMostMaxwellBranches];
   maxwell_steps(view.law, view.dt, relaxation);
@@ -130,26 +136,19 @@ void renewed_forces_law(const mpm::RenewedView<S>& view, std::size_t block) {
         gather<3, false, T>(expanded, slab, lane, stencil, nullptr, h.m);
         keep_present(present, h.m);
         const T jh = determinant_minus_one(h);
-        T jm1;
-        Sym3<T> tau = renewed_stress<kFamily, T>(
-            view, view.history + chunk * (kept * kLanes) + lane, h, jh, dt, jm1);
+        S* history = view.history + chunk * (kept * kLanes) + lane;
+        const RenewedPoint<kFamily, kDamped, T, S> point{
+            view, relaxation, expanded_velocity, stencil, h, jh, volume, history, chunk,
+            slab, lane};
+        const LawStep<T> taken = law_step<kFamily, T>(view.law, dt, point);
+        const T jm1 = taken.trial.jm1;
         low = min(low, jm1 + scalar<T>(1));
         high = max(high, jm1 + scalar<T>(1));
         broken = fma(scalar<T>(0), jm1, broken);  // NaN of what is not finite
-        if (view.maxwell != nullptr) {
-          S* branch = view.maxwell + chunk * (12 * branches * kLanes) + lane;
-          add_maxwell_stress<T>(view.law, relaxation, h, jh, true, branch, kLanes, tau);
-        }
         const Mat3<T> cof = cofactor(plus_identity(h));
         const T inverse_j = scalar<T>(1) / (jh + scalar<T>(1));
-        if constexpr (kDamped) {
-          Mat3<T> rate;
-          gather<3, false, T>(expanded_velocity, slab, lane, stencil, nullptr, rate.m);
-          keep_present(present, rate.m);
-          add_viscous_stress(view.law, present_gradient(rate, cof, inverse_j), jm1, tau);
-        }
         // −V τ (I+H)⁻ᵀ = −(V/det) τ cof(I+H); absent particles have V = 0.
-        Mat3<T> p = multiply(tau, cof);
+        Mat3<T> p = multiply(taken.tau, cof);
         const T factor = -volume * inverse_j;
         for (int i = 0; i < 3; ++i)
           for (int j = 0; j < 3; ++j) p[i][j] *= factor;

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "material/classical/law_step_adjoint-inl.hpp"
 #include "mpm/lane_sums-inl.hpp"
 #include "mpm/total_kernel-inl.hpp"
 
@@ -99,6 +100,110 @@ class TotalForcesAdjoint {
     }
   }
 
+  /// A register's particles in law_step() and back through it. Histories are those before the
+  /// substep, and stay.
+  struct Point {
+    static constexpr bool kCrushes = true;
+    TotalForcesAdjoint& of;
+    const S* geometry;
+    std::uint32_t chunk;
+    std::size_t slab;
+    std::size_t lane;
+    const Mat3<T>& h;  ///< F − I
+    T jm1;
+    T mean;
+    const Mat3<T>& f;
+    const Mat3<T>& cof;
+    T inverse_j;
+    Mat3<T> rate;  ///< Ḟ and
+    Mat3<T> l;     ///< Ḟ F⁻¹, where damped
+    Mat3<T> l_bar;
+    Mat3<T> cof_bar;
+
+    [[nodiscard]] HWY_INLINE const mpm::TotalView<S>& view() const { return of.view_.forward; }
+    [[nodiscard]] HWY_INLINE std::size_t branches() const {
+      return view().maxwell != nullptr ? of.law_.maxwell_count : 0;
+    }
+    [[nodiscard]] HWY_INLINE const S* history() const {
+      return view().maxwell + chunk * (12 * of.law_.maxwell_count * kLanes) + lane;
+    }
+    [[nodiscard]] HWY_INLINE LawTrial<T> trial() const {
+      return total_trial<T, S>(view(), chunk, lane, h, jm1, mean);
+    }
+    template <StressFamily>
+    HWY_INLINE void keep(const LawStep<T>& /*taken*/) const {}
+    [[nodiscard]] HWY_INLINE bool damped() const { return of.damped_; }
+    [[nodiscard]] HWY_INLINE const Mat3<T>& velocity_gradient() const { return l; }
+    HWY_INLINE void relax(Sym3<T>& tau) const {
+      if (branches() == 0) return;
+      HWY_ALIGN S scratch[12 * material::kMostMaxwellBranches * kLanes];
+      const S* from = history();
+      for (std::size_t i = 0; i < 12 * branches(); ++i) {
+        T::load(from + i * kLanes).store(scratch + i * kLanes);
+      }
+      add_maxwell_stress<T>(of.law_, of.relaxation_, h, jm1, true, scratch, kLanes, tau);
+    }
+
+    HWY_INLINE void relax_adjoint(const Sym3<T>& tau_bar, PointBar<T>& bar) {
+      if (branches() == 0) return;
+      Sym3<T> g_bar[material::kMostMaxwellBranches];
+      S* of_history = of.view_.maxwell_bar + chunk * (6 * branches() * kLanes) + lane;
+      for (std::size_t i = 0; i < branches(); ++i) {
+        g_bar[i] = load_sym3<T>(of_history + i * 6 * kLanes, kLanes);
+      }
+      maxwell_stress_adjoint<T>(of.law_, of.relaxation_, h, jm1, history(), kLanes, tau_bar, g_bar,
+                                bar, of.relaxation_bar_);
+      for (std::size_t i = 0; i < branches(); ++i) {
+        store_sym3(g_bar[i], of_history + i * 6 * kLanes, kLanes);
+      }
+    }
+    HWY_INLINE Mat3<T>& velocity_gradient_bar() { return l_bar; }
+    HWY_INLINE void velocity_gradient_adjoint(PointBar<T>& bar) {
+      Mat3<T> rate_bar{};
+      add_scaled(multiply(l_bar, cof), inverse_j, rate_bar);
+      add_scaled(transpose_multiply(l_bar, rate), inverse_j, cof_bar);
+      bar.jm1 -= inverse_j * contract(l_bar, l);
+      scatter<3, false, T>(of.out_velocity_, slab, lane,
+                           load_gradient_stencil<T>(geometry, of.inverse_dx()), nullptr,
+                           rate_bar.m);
+    }
+    /// History Fᵖ⁻¹ ← Fᵖ⁻¹ (I + flow).
+    [[nodiscard]] HWY_INLINE LawKeptBar<T> keep_adjoint(const LawTrial<T>& /*trial*/) const {
+      LawKeptBar<T> kept{};
+      if (view().plastic == nullptr) return kept;
+      const std::size_t at = chunk * (10 * kLanes) + lane;
+      const S* of_history = of.view_.plastic_bar + at;
+      const Mat3<T> before = plus_identity(load_mat3<T>(view().plastic + at));
+      kept.flow = symmetric_part(transpose_multiply(before, load_mat3<T>(of_history)));
+      kept.strain = T::load(of_history + 9 * kLanes);
+      return kept;
+    }
+    /// The law is taken of F Fᵖ⁻¹.
+    [[nodiscard]] HWY_INLINE bool own_elastic() const { return view().plastic != nullptr; }
+    template <StressFamily>
+    HWY_INLINE void trial_adjoint(const LawStep<T>& taken, PointBar<T> law, PointBar<T>& bar) {
+      if (view().plastic == nullptr) {
+        bar = law;
+        return;
+      }
+      const std::size_t at = chunk * (10 * kLanes) + lane;
+      S* of_history = of.view_.plastic_bar + at;
+      const Mat3<T> before = plus_identity(load_mat3<T>(view().plastic + at));
+      if (of.law_.own_volume) {
+        add_scaled(cofactor(plus_identity(taken.trial.h)), law.jm1, law.h);
+      } else {
+        bar.jm1 += law.jm1;
+      }
+      bar.mean += law.mean;
+      add(multiply_transpose(law.h, before), bar.h);
+      Mat3<T> before_bar =
+          multiply(load_mat3<T>(of_history), add_diagonal(taken.flow, scalar<T>(1)));
+      add(transpose_multiply(f, law.h), before_bar);
+      store_mat3(before_bar, of_history);
+      law.strain.store(of_history + 9 * kLanes);
+    }
+  };
+
   /// One particle a lane. Leaves the cotangents of H and J in `slot`; returns that of the mean.
   T point(std::size_t slab, std::size_t lane, std::uint32_t chunk, T mean_of_cell, S* slot) {
     const S* geometry = view_.forward.geometry + chunk * (4 * kLanes) + lane;
@@ -113,80 +218,23 @@ class TotalForcesAdjoint {
     const T inverse_j = scalar<T>(1) / (jm1 + scalar<T>(1));
 
     // Forward again.
-    const bool plastic = view_.forward.plastic != nullptr;
-    Mat3<T> inverse_plastic{};
-    T strain = scalar<T>(0);
-    if (plastic) {
-      const S* history = view_.forward.plastic + chunk * (10 * kLanes) + lane;
-      inverse_plastic = load_mat3<T>(history);
-      strain = T::load(history + 9 * kLanes);
-    }
-    const Mat3<T> trial = plastic ? compose(h, inverse_plastic) : h;
-    const bool own_volume = plastic && law_.own_volume;
-    const T elastic_jm1 = own_volume ? determinant_minus_one(trial) : jm1;
-    Sym3<T> flow{};
-    T strain_after = strain;
-    Sym3<T> tau =
-        kirchhoff_stress<kFamily, T>(law_, trial, elastic_jm1, mean, dt, flow, strain_after);
-    add_crush_pressure(law_, jm1, tau);
-    const std::size_t branches = view_.forward.maxwell != nullptr ? law_.maxwell_count : 0;
-    const std::size_t maxwell_at = chunk * (12 * branches * kLanes) + lane;
-    if (branches > 0) {
-      HWY_ALIGN S history[12 * material::kMostMaxwellBranches * kLanes];
-      const S* from = view_.forward.maxwell + maxwell_at;
-      for (std::size_t i = 0; i < 12 * branches; ++i) {
-        T::load(from + i * kLanes).store(history + i * kLanes);
-      }
-      add_maxwell_stress<T>(law_, relaxation_, h, jm1, true, history, kLanes, tau);
-    }
-    Mat3<T> rate{};
-    Mat3<T> l{};
+    Point at{*this, geometry, chunk, slab, lane, h, jm1, mean, f, cof, inverse_j, {}, {}, {}, {}};
     if (damped_) {
-      rate = gradient(velocity_, slab, lane, geometry);
-      add_scaled(multiply_transpose(rate, cof), inverse_j, l);
-      add_viscous_stress(law_, l, jm1, tau);
+      at.rate = gradient(velocity_, slab, lane, geometry);
+      add_scaled(multiply_transpose(at.rate, cof), inverse_j, at.l);
     }
+    LawStep<T> taken = law_step<kFamily, T>(law_, dt, at);
 
     // p = −(V/J) τ cof F.
     const T factor = -volume * inverse_j;
     const Sym3<T> tau_bar = scaled(symmetric_part(multiply_transpose(p_bar, cof)), factor);
-    Mat3<T> cof_bar{};
-    add_scaled(multiply(tau, p_bar), factor, cof_bar);
-    PointBar<T> bar{};  // of H, J and the mean, beside what the law itself takes
-    const T work = factor * contract(p_bar, multiply(tau, cof));
+    add_scaled(multiply(taken.tau, p_bar), factor, at.cof_bar);
+    PointBar<T> bar{};  // of H, J and the mean
+    const T work = factor * contract(p_bar, multiply(taken.tau, cof));
     work_ += work;
     bar.jm1 = -inverse_j * work;
-    if (damped_) {
-      Mat3<T> l_bar{};
-      viscous_stress_adjoint(law_, l, jm1, tau_bar, l_bar, bar, constants_bar_);
-      Mat3<T> rate_bar{};
-      add_scaled(multiply(l_bar, cof), inverse_j, rate_bar);
-      add_scaled(transpose_multiply(l_bar, rate), inverse_j, cof_bar);
-      bar.jm1 -= inverse_j * contract(l_bar, l);
-      scatter<3, false, T>(out_velocity_, slab, lane,
-                           load_gradient_stencil<T>(geometry, inverse_dx()), nullptr, rate_bar.m);
-    }
-    if (branches > 0) {
-      Sym3<T> g_bar[material::kMostMaxwellBranches];
-      S* of_history = view_.maxwell_bar + chunk * (6 * branches * kLanes) + lane;
-      for (std::size_t i = 0; i < branches; ++i) {
-        g_bar[i] = load_sym3<T>(of_history + i * 6 * kLanes, kLanes);
-      }
-      maxwell_stress_adjoint<T>(law_, relaxation_, h, jm1, view_.forward.maxwell + maxwell_at,
-                                kLanes, tau_bar, g_bar, bar, relaxation_bar_);
-      for (std::size_t i = 0; i < branches; ++i) {
-        store_sym3(g_bar[i], of_history + i * 6 * kLanes, kLanes);
-      }
-    }
-    crush_pressure_adjoint(law_, jm1, tau_bar, bar, constants_bar_);
-    if (plastic) {
-      plastic_point(chunk, lane, trial, f, inverse_plastic, flow, strain, elastic_jm1, mean, dt,
-                    tau_bar, own_volume, bar);
-    } else {
-      kirchhoff_stress_adjoint<kFamily, T>(law_, h, jm1, mean, dt, strain, tau_bar, flow,
-                                           scalar<T>(0), bar, constants_bar_);
-    }
-    add(tensor_cross(cof_bar, f), bar.h);
+    law_step_adjoint<kFamily, false, T>(law_, dt, tau_bar, at, taken, bar, constants_bar_);
+    add(tensor_cross(at.cof_bar, f), bar.h);
     store_mat3(bar.h, slot + 10 * kLanes);
     if (view_.forward.mean_dilatation) {
       bar.jm1.store(slot + 19 * kLanes);
@@ -194,31 +242,6 @@ class TotalForcesAdjoint {
     }
     (bar.jm1 + bar.mean).store(slot + 19 * kLanes);
     return scalar<T>(0);
-  }
-
-  /// The law at the trial state F Fᵖ⁻¹, and its history Fᵖ⁻¹ ← Fᵖ⁻¹ (I + flow).
-  void plastic_point(std::uint32_t chunk, std::size_t lane, const Mat3<T>& trial, const Mat3<T>& f,
-                     const Mat3<T>& inverse_plastic, const Sym3<T>& flow, T strain, T elastic_jm1,
-                     T mean, T dt, const Sym3<T>& tau_bar, bool own_volume, PointBar<T>& bar) {
-    S* of_history = view_.plastic_bar + chunk * (10 * kLanes) + lane;
-    const Mat3<T> after_bar = load_mat3<T>(of_history);
-    const T strain_bar = T::load(of_history + 9 * kLanes);
-    const Mat3<T> before = plus_identity(inverse_plastic);
-    const Sym3<T> flow_bar = symmetric_part(transpose_multiply(before, after_bar));
-    PointBar<T> own{};
-    kirchhoff_stress_adjoint<kFamily, T>(law_, trial, elastic_jm1, mean, dt, strain, tau_bar,
-                                         flow_bar, strain_bar, own, constants_bar_);
-    if (own_volume) {
-      add_scaled(cofactor(plus_identity(trial)), own.jm1, own.h);
-    } else {
-      bar.jm1 += own.jm1;
-    }
-    bar.mean += own.mean;
-    add(multiply_transpose(own.h, before), bar.h);
-    Mat3<T> before_bar = multiply(after_bar, add_diagonal(flow, scalar<T>(1)));
-    add(transpose_multiply(f, own.h), before_bar);
-    store_mat3(before_bar, of_history);
-    own.strain.store(of_history + 9 * kLanes);
   }
 
   [[nodiscard]] T inverse_dx() const { return T(S(1) / view_.forward.dx); }
@@ -229,9 +252,7 @@ class TotalForcesAdjoint {
     Mat3<T> g;
     gather<3, false, T>(expanded, slab, lane, load_gradient_stencil<T>(geometry, inverse_dx()),
                         nullptr, g.m);
-    const auto present = T::load(geometry + 3 * kLanes) > scalar<T>(0);
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) g[i][j] = select(present, g[i][j], scalar<T>(0));
+    keep_present(T::load(geometry + 3 * kLanes) > scalar<T>(0), g.m);
     return g;
   }
 

@@ -10,7 +10,7 @@
 #include <limits>
 #include <vector>
 
-#include "material/classical/maxwell-inl.hpp"
+#include "material/classical/law_step-inl.hpp"
 #include "mpm/kernels.hpp"
 #include "mpm/transfer-inl.hpp"
 
@@ -93,14 +93,79 @@ HWY_INLINE void store_mat3(const Mat3<T>& m, typename LaneTraits<T>::Scalar* p) 
   for (std::size_t i = 0; i < 9; ++i) LaneTraits<T>::store(m.m[i / 3][i % 3], p + i * kLanes);
 }
 
-/// (I + a)(I + b) − I.
-template <class T>
-HWY_INLINE Mat3<T> compose(const Mat3<T>& a, const Mat3<T>& b) {
-  Mat3<T> c = multiply(a, b);
+/// Zero where nobody is: what the nodes there hold must not make a NaN.
+template <class T, class Mask>
+HWY_INLINE void keep_present(Mask present, T m[3][3]) {
   for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) c[i][j] += a[i][j] + b[i][j];
-  return c;
+    for (int j = 0; j < 3; ++j) m[i][j] = select(present, m[i][j], scalar<T>(0));
 }
+
+/// L = Ḟ F⁻¹ = Ḟ cof(F)ᵀ / J.
+template <class T>
+HWY_INLINE Mat3<T> present_gradient(const Mat3<T>& rate, const Mat3<T>& cof, T inverse_j) {
+  Mat3<T> l;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      l[i][j] = inverse_j *
+                fma(rate[i][0], cof[j][0], fma(rate[i][1], cof[j][1], rate[i][2] * cof[j][2]));
+  return l;
+}
+
+/// The trial state of a register's particles, of which F = I + `h`: F Fᵖ⁻¹ where the law flows.
+template <class T, class S>
+HWY_INLINE LawTrial<T> total_trial(const mpm::TotalView<S>& view, std::uint32_t chunk,
+                                   std::size_t lane, const Mat3<T>& h, T jm1, T mean) {
+  LawTrial<T> trial{h, jm1, mean, jm1, scalar<T>(0)};
+  if (view.plastic != nullptr) {
+    const S* history = view.plastic + chunk * (10 * kLanes) + lane;
+    trial.h = compose(h, load_mat3<T>(history));
+    trial.strain = T::load(history + 9 * kLanes);
+    if (view.law.own_volume) trial.jm1 = determinant_minus_one(trial.h);
+  }
+  return trial;
+}
+
+/// A register's particles in law_step().
+template <bool kDamped, class T, class S>
+struct TotalPoint {
+  static constexpr bool kCrushes = true;
+  const mpm::TotalView<S>& view;
+  const MaxwellStep<S>* relaxation;
+  const S* expanded_velocity;
+  const Stencil<T>& stencil;
+  const Mat3<T>& h;  ///< F − I
+  T jm1;
+  T mean;
+  T volume;
+  std::uint32_t chunk;
+  std::size_t slab;
+  std::size_t lane;
+
+  HWY_INLINE LawTrial<T> trial() const {
+    return total_trial<T, S>(view, chunk, lane, h, jm1, mean);
+  }
+  template <StressFamily kFamily>
+  HWY_INLINE void keep(const LawStep<T>& taken) const {
+    if (view.plastic == nullptr || !view.commit) return;
+    S* history = view.plastic + chunk * (10 * kLanes) + lane;
+    store_mat3(flowed(load_mat3<T>(history), taken.flow), history);
+    taken.strain.store(history + 9 * kLanes);
+  }
+  HWY_INLINE bool damped() const { return kDamped; }
+  HWY_INLINE Mat3<T> velocity_gradient() const {
+    Mat3<T> rate{};
+    if constexpr (kDamped) {
+      gather<3, false, T>(expanded_velocity, slab, lane, stencil, nullptr, rate.m);
+      keep_present(volume > scalar<T>(0), rate.m);
+    }
+    return present_gradient(rate, cofactor(plus_identity(h)), scalar<T>(1) / (jm1 + scalar<T>(1)));
+  }
+  HWY_INLINE void relax(Sym3<T>& tau) const {
+    if (view.maxwell == nullptr) return;
+    S* history = view.maxwell + chunk * (12 * view.law.maxwell_count * kLanes) + lane;
+    add_maxwell_stress<T>(view.law, relaxation, h, jm1, view.commit, history, kLanes, tau);
+  }
+};
 
 template <StressFamily kFamily, bool kDamped, class S>
 void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
@@ -125,7 +190,6 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
 
   const T inverse_dx = T(S(1) / view.dx);
   const T dt = T(view.dt);
-  const std::size_t branches = view.law.maxwell_count;
   MaxwellStep<S> relaxation[material::kMostMaxwellBranches];
   maxwell_steps(view.law, view.dt, relaxation);
   T low = scalar<T>(1);
@@ -149,10 +213,7 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
         const Stencil<T> stencil = load_gradient_stencil<T>(geometry, inverse_dx);
         Mat3<T> h;
         gather<3, false, T>(expanded, slab, lane, stencil, nullptr, h.m);
-        // Nobody there, and perhaps no node with mass: whatever H is, it must not make a NaN.
-        const auto present = volume > scalar<T>(0);
-        for (int i = 0; i < 3; ++i)
-          for (int j = 0; j < 3; ++j) h[i][j] = select(present, h[i][j], scalar<T>(0));
+        keep_present(volume > scalar<T>(0), h.m);
         const T jm1 = determinant_minus_one(h);
         low = min(low, jm1 + scalar<T>(1));
         high = max(high, jm1 + scalar<T>(1));
@@ -181,48 +242,11 @@ void total_forces_law(const mpm::TotalView<S>& view, std::size_t block) {
         const Mat3<T> h = load_mat3<T>(slot);
         const T jm1 = T::load(slot + 9 * kLanes);
         const T mean = view.mean_dilatation ? mean_of_cell : jm1;
-        Sym3<T> tau;
-        Sym3<T> flow{};
-        T strain = scalar<T>(0);
-        if (view.plastic != nullptr) {
-          S* history = view.plastic + chunk * (10 * kLanes) + lane;
-          const Mat3<T> inverse_plastic = load_mat3<T>(history);
-          strain = T::load(history + 9 * kLanes);
-          const Mat3<T> trial = compose(h, inverse_plastic);
-          const T elastic_jm1 = view.law.own_volume ? determinant_minus_one(trial) : jm1;
-          tau = kirchhoff_stress<kFamily, T>(view.law, trial, elastic_jm1, mean, dt, flow, strain);
-          if (view.commit) {
-            Mat3<T> updated = multiply(plus_identity(inverse_plastic), flow);
-            for (int i = 0; i < 3; ++i)
-              for (int j = 0; j < 3; ++j) updated[i][j] += inverse_plastic[i][j];
-            store_mat3(updated, history);
-            strain.store(history + 9 * kLanes);
-          }
-        } else {
-          tau = kirchhoff_stress<kFamily, T>(view.law, h, jm1, mean, dt, flow, strain);
-        }
-        add_crush_pressure(view.law, jm1, tau);
-        if (view.maxwell != nullptr) {
-          S* history = view.maxwell + chunk * (12 * branches * kLanes) + lane;
-          add_maxwell_stress<T>(view.law, relaxation, h, jm1, view.commit, history, kLanes, tau);
-        }
-        const Mat3<T> f = plus_identity(h);
-        const Mat3<T> cof = cofactor(f);
+        const TotalPoint<kDamped, T, S> point{
+            view, relaxation, expanded_velocity, stencil, h, jm1, mean, volume, chunk, slab, lane};
+        const Sym3<T> tau = law_step<kFamily, T>(view.law, dt, point).tau;
+        const Mat3<T> cof = cofactor(plus_identity(h));
         const T inverse_j = scalar<T>(1) / (jm1 + scalar<T>(1));
-        if constexpr (kDamped) {
-          Mat3<T> rate;
-          gather<3, false, T>(expanded_velocity, slab, lane, stencil, nullptr, rate.m);
-          const auto present = volume > scalar<T>(0);
-          for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) rate[i][j] = select(present, rate[i][j], scalar<T>(0));
-          // L = Ḟ F⁻¹ = Ḟ cof(F)ᵀ / J.
-          Mat3<T> l;
-          for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j)
-              l[i][j] = inverse_j * fma(rate[i][0], cof[j][0],
-                                        fma(rate[i][1], cof[j][1], rate[i][2] * cof[j][2]));
-          add_viscous_stress(view.law, l, jm1, tau);
-        }
         // −V P = −V τ F⁻ᵀ = −(V/J) τ cof F; absent particles have V = 0.
         Mat3<T> p = multiply(tau, cof);
         const T factor = -volume * inverse_j;

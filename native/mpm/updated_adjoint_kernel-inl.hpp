@@ -13,6 +13,7 @@
 #include <array>
 #include <cstring>
 
+#include "material/classical/law_step_adjoint-inl.hpp"
 #include "mpm/lane_sums-inl.hpp"
 #include "mpm/spline_sums-inl.hpp"
 #include "mpm/total_kernel-inl.hpp"
@@ -100,6 +101,78 @@ class UpdatedBlockAdjoint {
   }
 
  private:
+  /// A register's particles in law_step_adjoint(), their history before the substep.
+  struct Point {
+    static constexpr bool kCrushes = false;
+    UpdatedBlockAdjoint& of;
+    const mpm::KeptChunk<S>& chunk;
+    std::size_t lane;
+    const S* bars;
+    const Mat3<T>& affine;  ///< C [1/s]
+    Mat3<T>& affine_bar;
+    const Mat3<T>& step;  ///< dt C
+    Mat3<T> step_bar;
+
+    [[nodiscard]] HWY_INLINE std::size_t branches() const {
+      return of.view_.maxwell != nullptr ? of.law_.maxwell_count : 0;
+    }
+    [[nodiscard]] HWY_INLINE bool damped() const { return of.law_.damped; }
+    [[nodiscard]] HWY_INLINE const Mat3<T>& velocity_gradient() const { return affine; }
+    HWY_INLINE void relax(Sym3<T>& tau) const {
+      for (std::size_t i = 0; i < branches(); ++i) {
+        const Sym3<T> held = of.load_branch(of.view_.maxwell, chunk, lane, i);
+        (void)carry_maxwell<T>(of.relaxation_[i], step, held, tau);
+      }
+    }
+
+    HWY_INLINE void relax_adjoint(const Sym3<T>& tau_bar, PointBar<T>& /*bar*/) {
+      for (std::size_t i = 0; i < branches(); ++i) {
+        const Sym3<T> held = of.load_branch(of.view_.maxwell, chunk, lane, i);
+        const Sym3<T> next_bar = of.load_branch(of.view_.maxwell_bar, chunk, lane, i);
+        of.store_branch(carry_maxwell_adjoint(of.relaxation_[i], step, held, tau_bar, next_bar,
+                                              step_bar, of.relaxation_bar_[i]),
+                        chunk, lane, i);
+      }
+    }
+    HWY_INLINE Mat3<T>& velocity_gradient_bar() { return affine_bar; }
+    HWY_INLINE void velocity_gradient_adjoint(PointBar<T>& /*bar*/) {}
+    [[nodiscard]] HWY_INLINE Mat3<T> after_bar() const {
+      Mat3<T> after;
+      for (int i = 0; i < 9; ++i) {
+        after[i / 3][i % 3] = bar(bars, kH + static_cast<std::size_t>(i));
+      }
+      return after;
+    }
+    [[nodiscard]] HWY_INLINE LawKeptBar<T> keep_adjoint(const LawTrial<T>& trial) const {
+      LawKeptBar<T> kept{};
+      if (!of.law_.plastic) return kept;
+      kept.flow = symmetric_part(transpose_multiply(plus_identity(trial.h), after_bar()));
+      kept.strain = bar(bars, kStrain);
+      return kept;
+    }
+    [[nodiscard]] HWY_INLINE bool own_elastic() const { return false; }
+    /// Of elastic_after(), and of J as that of I + h.
+    template <StressFamily>
+    HWY_INLINE void trial_adjoint(const LawStep<T>& taken, const PointBar<T>& law,
+                                  PointBar<T>& all) {
+      const T one = scalar<T>(1);
+      all = law;
+      Mat3<T> after = after_bar();
+      if constexpr (kFamily == StressFamily::kNewtonian) {
+        // F = J^⅓ I.
+        const T third = scalar<T>(1.0 / 3.0);
+        const T jm1 = taken.trial.jm1;
+        const T trace = after[0][0] + after[1][1] + after[2][2];
+        all.jm1 += trace * third * exp(third * log1p(jm1)) / (jm1 + one);
+      } else {
+        if (of.law_.plastic) after = multiply(after, add_diagonal(taken.flow, one));
+        add(after, all.h);
+      }
+      if (!of.law_.plastic) all.strain += bar(bars, kStrain);
+      add_scaled(cofactor(plus_identity(taken.trial.h)), all.jm1 + all.mean, all.h);
+    }
+  };
+
   /// Momentum and mass on the next grid, as seen from the particles' new places.
   struct Landing {
     SplineSums<T> momentum[3];
@@ -159,46 +232,13 @@ class UpdatedBlockAdjoint {
     const Sym3<T> tau_bar = scaled(symmetric_part(a_bar), -stress_factor);
 
     // Stress and flow, and τ again.
-    PointBar<T> point{};
-    Mat3<T> step_bar{};
-    Mat3<T> after_bar;
-    for (int i = 0; i < 9; ++i)
-      after_bar[i / 3][i % 3] = bar(bars, kH + static_cast<std::size_t>(i));
-    const T strain = T::load(&chunk.a[Chunk::kStrain][lane]);
-    const T strain_bar = bar(bars, kStrain);
-    Sym3<T> flow_bar{};
-    if (law_.plastic) {
-      flow_bar = symmetric_part(transpose_multiply(plus_identity(trial), after_bar));
-    }
-    LawAgain<T> again{};
-    kirchhoff_stress_adjoint<kFamily, T>(law_, trial, jm1, jm1, dt, strain, tau_bar, flow_bar,
-                                         law_.plastic ? strain_bar : zero, point, constants_bar_,
-                                         &again);
-    Sym3<T> tau = again.tau;
-    if (law_.damped) {
-      add_viscous_stress(law_, affine, jm1, tau);
-      viscous_stress_adjoint(law_, affine, jm1, tau_bar, affine_bar, point, constants_bar_);
-    }
-    const std::size_t branches = view_.maxwell != nullptr ? law_.maxwell_count : 0;
-    for (std::size_t i = 0; i < branches; ++i) {
-      const Sym3<T> held = load_branch(view_.maxwell, chunk, lane, i);
-      (void)carry_maxwell<T>(relaxation_[i], step, held, tau);
-      const Sym3<T> next_bar = load_branch(view_.maxwell_bar, chunk, lane, i);
-      store_branch(carry_maxwell_adjoint(relaxation_[i], step, held, tau_bar, next_bar, step_bar,
-                                         relaxation_bar_[i]),
-                   chunk, lane, i);
-    }
-    if constexpr (kFamily == StressFamily::kNewtonian) {
-      // F = J^⅓ I.
-      const T third = scalar<T>(1.0 / 3.0);
-      const T trace = after_bar[0][0] + after_bar[1][1] + after_bar[2][2];
-      point.jm1 += trace * third * exp(third * log1p(jm1)) / (jm1 + one);
-    } else {
-      if (law_.plastic) after_bar = multiply(after_bar, add_diagonal(again.plastic, one));
-      add(after_bar, point.h);
-    }
-    if (!law_.plastic) point.strain += strain_bar;
-    add_scaled(cofactor(plus_identity(trial)), point.jm1 + point.mean, point.h);
+    Point point{*this, chunk, lane, bars, affine, affine_bar, step, {}};
+    LawStep<T> taken;
+    taken.trial = {trial, jm1, jm1, jm1, T::load(&chunk.a[Chunk::kStrain][lane])};
+    PointBar<T> law_bar{};
+    law_step_adjoint<kFamily, true, T>(law_, dt, tau_bar, point, taken, law_bar, constants_bar_);
+    const Sym3<T>& tau = taken.tau;
+    Mat3<T>& step_bar = point.step_bar;
 
     // What the new place changes of the transfer.
     T velocity_bar[3];
@@ -223,8 +263,8 @@ class UpdatedBlockAdjoint {
     log_density_ = fma(mass, weight, log_density_);
 
     // F_trial = (I + dt C) F.
-    const Mat3<T> before_bar = transpose_multiply(plus_identity(step), point.h);
-    add(multiply_transpose(point.h, plus_identity(before)), step_bar);
+    const Mat3<T> before_bar = transpose_multiply(plus_identity(step), law_bar.h);
+    add(multiply_transpose(law_bar.h, plus_identity(before)), step_bar);
     add_scaled(step_bar, dt, affine_bar);
 
     // Grid to particles: f += dt v/dx, v = Σ w v_I, C = (4/dx) Σ w (x_I − x)/dx v_I.
@@ -252,7 +292,7 @@ class UpdatedBlockAdjoint {
     }
     for (int i = 0; i < 9; ++i)
       set_bar(bars, kH + static_cast<std::size_t>(i), before_bar[i / 3][i % 3]);
-    set_bar(bars, kStrain, point.strain);
+    set_bar(bars, kStrain, law_bar.strain);
     store_bars(chunk, lane, bars);
   }
 

@@ -24,7 +24,7 @@ HWY_INLINE void affine_momentum(const Mat3<T>& c, const Sym3<T>& tau, T mass_dx,
 
 /// Maxwell branches of a register's particles, whose state lies by particle, not by place.
 template <class T, class S>
-void relax_particles(mpm::UpdatedView<S>& view,
+void relax_particles(const mpm::UpdatedView<S>& view,
                      const MaxwellStep<S> relaxation[material::kMostMaxwellBranches],
                      const std::uint32_t* id, const S* volume, const Mat3<T>& step, Sym3<T>& tau) {
   constexpr std::size_t kWidth = LaneTraits<T>::kCount;
@@ -45,6 +45,41 @@ void relax_particles(mpm::UpdatedView<S>& view,
     }
   }
 }
+
+/// A register's particles in law_step(). Their history lies in the chunk.
+template <class T, class S>
+struct UpdatedPointOfLaw {
+  static constexpr bool kCrushes = false;
+  const mpm::UpdatedView<S>& view;
+  const MaxwellStep<S>* relaxation;
+  const Mat3<T>& affine;  ///< C [1/s]
+  const Mat3<T>& step;    ///< dt C
+  mpm::UpdatedChunk<S>& chunk;
+  std::size_t lane;
+
+  /// F_trial = (I + dt C) F.
+  HWY_INLINE LawTrial<T> trial() const {
+    using Chunk = mpm::UpdatedChunk<S>;
+    const Mat3<T> h = compose(step, load_mat3<T>(&chunk.a[Chunk::kH][lane]));
+    const T jm1 = determinant_minus_one(h);
+    return {h, jm1, jm1, jm1, T::load(&chunk.a[Chunk::kStrain][lane])};
+  }
+  template <StressFamily kFamily>
+  HWY_INLINE void keep(const LawStep<T>& taken) const {
+    using Chunk = mpm::UpdatedChunk<S>;
+    store_mat3(elastic_after<kFamily, T>(view.law, taken), &chunk.a[Chunk::kH][lane]);
+    if constexpr (kFamily == StressFamily::kHencky) {
+      if (view.law.plastic) taken.strain.store(&chunk.a[Chunk::kStrain][lane]);
+    }
+  }
+  HWY_INLINE bool damped() const { return view.law.damped; }
+  HWY_INLINE Mat3<T> velocity_gradient() const { return affine; }
+  HWY_INLINE void relax(Sym3<T>& tau) const {
+    if (view.maxwell == nullptr) return;
+    relax_particles<T>(view, relaxation, chunk.id + lane,
+                       &chunk.a[mpm::UpdatedChunk<S>::kVolume][lane], step, tau);
+  }
+};
 
 template <StressFamily kFamily, class S>
 void updated_block_law(mpm::UpdatedView<S>& view) {
@@ -105,38 +140,17 @@ void updated_block_law(mpm::UpdatedView<S>& view) {
           inside = hn::And(inside, hn::Not(f[c] < half));
           inside = hn::And(inside, f[c] < one_and_half);
         }
-        // F_trial = (I + dt C) F.
-        Mat3<T> h = load_mat3<T>(&chunk.a[Chunk::kH][lane]);
         Mat3<T> step;
         for (int i = 0; i < 3; ++i)
           for (int j = 0; j < 3; ++j) step[i][j] = dt * affine[i][j];
-        h = compose(step, h);
-        T jm1 = determinant_minus_one(h);
+        const UpdatedPointOfLaw<T, S> point{view, relaxation, affine, step, chunk, lane};
+        const LawStep<T> taken = law_step<kFamily, T>(view.law, dt, point);
+        const T jm1 = taken.trial.jm1;
+        const Sym3<T>& tau = taken.tau;
         low_j = min(low_j, select(present, jm1 + scalar<T>(1), scalar<T>(1)));
         high_j = max(high_j, select(present, jm1 + scalar<T>(1), scalar<T>(1)));
         broken =
             fma(scalar<T>(0), select(present, jm1, scalar<T>(0)), broken);  // NaN of infinity too
-        T strain = T::load(&chunk.a[Chunk::kStrain][lane]);
-        Sym3<T> flow{};
-        Sym3<T> tau = kirchhoff_stress<kFamily, T>(view.law, h, jm1, jm1, dt, flow, strain);
-        if constexpr (kFamily == StressFamily::kNewtonian) {
-          const T stretch = expm1_small(scalar<T>(1.0 / 3.0) * log1p(jm1));
-          for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) h[i][j] = i == j ? stretch : scalar<T>(0);
-        } else if constexpr (kFamily == StressFamily::kHencky) {
-          if (view.law.plastic) {
-            const Mat3<T> growth = multiply(plus_identity(h), flow);
-            for (int i = 0; i < 3; ++i)
-              for (int j = 0; j < 3; ++j) h[i][j] += growth[i][j];
-            strain.store(&chunk.a[Chunk::kStrain][lane]);
-          }
-        }
-        if (view.law.damped) add_viscous_stress(view.law, affine, jm1, tau);
-        if (view.maxwell != nullptr) {
-          relax_particles<T>(view, relaxation, chunk.id + lane, &chunk.a[Chunk::kVolume][lane],
-                             step, tau);
-        }
-        store_mat3(h, &chunk.a[Chunk::kH][lane]);
         for (std::size_t c = 0; c < 3; ++c) {
           f[c].store(&chunk.a[Chunk::kF + c][lane]);
           velocity[c].store(&chunk.a[Chunk::kVelocity + c][lane]);

@@ -4,34 +4,55 @@
 #include <cmath>
 
 #include "material/classical/law_at-inl.hpp"
-#include "material/classical/maxwell-inl.hpp"
+#include "material/classical/law_step-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {
 namespace {
 
-/// As the updated Lagrangian kernel takes one substep of a particle.
-Mat3d advance_point(const material::LawConstants<double>& c, double dt,
-                    const MaxwellStep<double>* over, const Mat3d& step,
-                    material::PointState& state) {
-  const Mat3d trial = step * state.elastic;
-  const Mat3<double> h = to_mat3(trial - Mat3d::Identity());
-  const double jm1 = determinant_minus_one(h);
-  Sym3<double> flow{};
-  Sym3<double> tau = kirchhoff_stress_at<double>(c, h, jm1, jm1, dt, flow, state.strain);
-  state.elastic = trial;
-  if (c.fluid) {
-    state.elastic = std::cbrt(jm1 + 1.0) * Mat3d::Identity();
-  } else if (c.plastic) {
-    state.elastic += trial * from_sym3(flow);
+/// A point that F ← step F takes along, its state in double.
+struct DrivenPoint {
+  static constexpr bool kCrushes = false;
+  const material::LawConstants<double>& law;
+  double dt;
+  const MaxwellStep<double>* over;
+  const Mat3d& step;
+  material::PointState& state;
+
+  [[nodiscard]] LawTrial<double> trial() const {
+    const Mat3<double> h = to_mat3(step * state.elastic - Mat3d::Identity());
+    const double jm1 = determinant_minus_one(h);
+    return {h, jm1, jm1, jm1, state.strain};
   }
-  const Mat3<double> moved = to_mat3(step - Mat3d::Identity());
-  if (c.damped) add_viscous_stress(c, to_mat3((step - Mat3d::Identity()) / dt), jm1, tau);
-  for (std::size_t i = 0; i < c.maxwell_count; ++i) {
-    double* at = state.branches[i].data();
-    store_sym3(carry_maxwell<double>(over[i], moved, load_sym3<double>(at, 1), tau), at, 1);
+  template <StressFamily kFamily>
+  void keep(const LawStep<double>& taken) const {
+    state.strain = taken.strain;
+    const Mat3d trial = step * state.elastic;
+    state.elastic = trial;
+    if constexpr (kFamily == StressFamily::kNewtonian) {
+      state.elastic = std::cbrt(taken.trial.jm1 + 1.0) * Mat3d::Identity();
+    } else if (law.plastic) {
+      state.elastic += trial * from_sym3(taken.flow);
+    }
   }
-  return from_sym3(tau);
+  [[nodiscard]] bool damped() const { return law.damped; }
+  [[nodiscard]] Mat3<double> velocity_gradient() const {
+    return to_mat3((step - Mat3d::Identity()) / dt);
+  }
+  void relax(Sym3<double>& tau) const {
+    const Mat3<double> moved = to_mat3(step - Mat3d::Identity());
+    for (std::size_t i = 0; i < law.maxwell_count; ++i) {
+      double* at = state.branches[i].data();
+      store_sym3(carry_maxwell<double>(over[i], moved, load_sym3<double>(at, 1), tau), at, 1);
+    }
+  }
+};
+
+Mat3d advance_point(const DrivenPoint& point) {
+  return material::dispatch(
+      material::traits(point.law.law).family, [&]<StressFamily kFamily>() HWY_ATTR {
+        return from_sym3(law_step<kFamily, double>(point.law, point.dt, point).tau);
+      });
 }
 
 }  // namespace
@@ -55,7 +76,7 @@ Mat3d PointLaw::advance(const Mat3d& step, PointState& state) const {
   for (std::size_t i = 0; i < constants_.maxwell_count; ++i) {
     over[i] = {stiffness_[i], relaxed_[i]};
   }
-  return HWY_NAMESPACE::advance_point(constants_, dt_, over, step, state);
+  return HWY_NAMESPACE::advance_point({constants_, dt_, over, step, state});
 }
 
 }  // namespace matterfit::material

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mpm/total_adjoint.hpp"
 
+#include <utility>
+
 #include "mpm/total_block_field.hpp"
-#include "mpm/total_pins.hpp"
+#include "mpm/total_node_term.hpp"
 #include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
@@ -31,7 +33,7 @@ template <class S>
 void TotalAdjoint<S>::smooth(Arena& arena, double share, std::vector<double>& velocity_bar) {
   const std::vector<double>& inverse = body_.grid_.inverse_mass();
   const std::vector<double>& lumped = body_.grid_.lumped_mass();
-  const std::vector<std::uint8_t>& skip = body_.pins_->deferred();
+  const std::vector<std::uint8_t>& skip = body_.node_terms_->deferred();
   node_field_.resize(velocity_bar.size());
   arena.parallel_for(0, body_.grid_.node_blocks(), 4, [&](std::size_t b) {
     for (std::size_t i = b * kNodeBlock; i < (b + 1) * kNodeBlock; ++i) {
@@ -62,7 +64,7 @@ std::vector<Vec3d> TotalAdjoint<S>::deferred_accelerations(Arena& arena,
   std::vector<Vec3d> accelerations;
   double force[kNodeBlock];
   std::size_t summed = ~std::size_t{0};
-  for (const std::uint32_t node : body_.pins_->deferred_nodes()) {
+  for (const std::uint32_t node : body_.node_terms_->deferred_nodes()) {
     if (node / kBlockNodes != summed) {
       summed = node / kBlockNodes;
       body_.sum_internal_forces(summed, force);
@@ -84,25 +86,27 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   std::vector<double>& u_bar = bar.state.displacement;
   std::vector<double>& v_bar = bar.state.velocity;
   if (substep.smoothing > 0.0) smooth(arena, substep.smoothing, v_bar);
-  if (!loads.empty() || body_.pins_->has_masses()) body_.restore(before);
+  if (!loads.empty() || body_.node_terms_->pushes()) body_.restore(before);
   body_.clear_loads();
-  for (TotalLoadsAdjoint<S>* load : loads) load->prepare(arena, substep);
+  const bool pushes = body_.node_terms_->pushes() && !substep.held;
+  for (TotalLoadsAdjoint<S>* load : loads) load->prepare(arena, substep, pushes);
 
   // u' = u + dt v', v' = v + kick a, a = f/m + g.
   const std::vector<double>& inverse = grid.inverse_mass();
-  const std::vector<std::uint8_t>& skip = body_.pins_->deferred();
+  const std::vector<std::uint8_t>& skip = body_.node_terms_->deferred();
   std::vector<double>& force_bar = node_field_;
   force_bar.resize(v_bar.size());
   Vec3d gravity_bar = Vec3d::Zero();  // body axes
-  std::vector<Vec3d> a_bar;           // of the nodes that pins and masses move
-  if (body_.pins_->any()) {
-    std::vector<Vec3d> accelerations(body_.pins_->deferred_nodes().size(), Vec3d::Zero());
-    if (body_.pins_->has_masses() && !substep.held) {
-      accelerations = deferred_accelerations(arena, substep);
-    }
-    body_.pins_->step_adjoint(substep.kick, substep.dt, substep.time,
-                              grid.axes().transpose() * substep.gravity, accelerations, u_bar,
-                              v_bar, a_bar, gravity_bar, bar.log_density);
+  std::vector<Vec3d> a_bar;           // of the nodes that terms move
+  if (body_.node_terms_->any()) {
+    std::vector<Vec3d> accelerations(body_.node_terms_->deferred_nodes().size(), Vec3d::Zero());
+    if (pushes) accelerations = deferred_accelerations(arena, substep);
+    NodeMotionBar motion = body_.node_terms_->step_adjoint(
+        {substep.kick, substep.dt, substep.time, grid.axes().transpose() * substep.gravity},
+        accelerations, u_bar, v_bar);
+    a_bar = std::move(motion.acceleration);
+    gravity_bar = motion.gravity;
+    bar.log_density += motion.log_density;
   }
   std::vector<Vec3d> block_gravity(grid.node_blocks());
   arena.parallel_for(0, grid.node_blocks(), 4, [&](std::size_t b) {
@@ -123,7 +127,7 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   for (const Vec3d& block : block_gravity) gravity_bar += block;
   // M⁻¹ + M⁻¹ (M − B) M⁻¹ is symmetric.
   if (substep.kick > 0.0) body_.correct_lumping(arena, force_bar);
-  const std::vector<std::uint32_t>& nodes = body_.pins_->deferred_nodes();
+  const std::vector<std::uint32_t>& nodes = body_.node_terms_->deferred_nodes();
   for (std::size_t i = 0; i < a_bar.size(); ++i) {
     gravity_bar += a_bar[i];
     set_field_value(force_bar, nodes[i], inverse[nodes[i]] * a_bar[i]);

@@ -35,9 +35,9 @@ class TotalLoadsAdjoint {
   virtual ~TotalLoadsAdjoint() = default;
   TotalLoadsAdjoint(const TotalLoadsAdjoint&) = delete;
   TotalLoadsAdjoint& operator=(const TotalLoadsAdjoint&) = delete;
-  /// The body is at the state before the substep, its loads are cleared: adds its own, which only
-  /// attached masses (TotalBody::has_attached_masses) ask for.
-  virtual void prepare(Arena& arena, const TotalSubstep& substep) = 0;
+  /// The body is at the state before the substep, its loads are cleared. `forces`: of nodes are
+  /// asked for (by TotalNodeTerm::pushes), so that the load adds its own again.
+  virtual void prepare(Arena& arena, const TotalSubstep& substep, bool forces) = 0;
   /// `force_bar`: cotangent of the node forces, per node block [3][64], body axes. Adds to `bar`.
   virtual void back(Arena& arena, const TotalSubstep& substep, const std::vector<double>& force_bar,
                     TotalCotangents<S>& bar) = 0;

@@ -3,11 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/cancel_check.hpp"
 #include "base/error.hpp"
 #include "mpm/total_block_field.hpp"
-#include "mpm/total_pins.hpp"
+#include "mpm/total_node_term.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -29,7 +30,7 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
       energy_law_(material::law_constants<double>(body.material)),
       kernels_(&kernels),
       grid_(body, scene, interrupter),
-      pins_(std::make_unique<TotalPins>(body, grid_)) {
+      node_terms_(std::make_unique<TotalNodeTerms>(body, grid_)) {
   displacement_.assign(grid_.node_blocks() * kNodeBlock, 0.0);
   velocity_.assign(grid_.node_blocks() * kNodeBlock, 0.0);
   force_.assign(grid_.blocks() * 3 * kHaloNodes, S(0));
@@ -70,7 +71,7 @@ TotalBody<S>::TotalBody(const Body& body, const Scene& scene, const Kernels<S>& 
   check_cancel(interrupter);
   share_masses();
   check_cancel(interrupter);
-  if (!law_.plastic) ties_ = std::make_unique<SkinTies>(grid_, density_, pins_->deferred());
+  if (!law_.plastic) ties_ = std::make_unique<SkinTies>(grid_, density_, node_terms_->deferred());
 
   check_cancel(interrupter);
   const Vec3d velocity = grid_.axes().transpose() * body.velocity;
@@ -181,8 +182,8 @@ void TotalBody<S>::step_nodes(Arena& arena, double kick, double dt, const Vec3d&
                               double time) {
   const Vec3d g = grid_.axes().transpose() * gravity;
   const std::vector<double>& inverse = grid_.inverse_mass();
-  const std::vector<std::uint8_t>& deferred = pins_->deferred();
-  const std::vector<std::uint32_t>& deferred_nodes = pins_->deferred_nodes();
+  const std::vector<std::uint8_t>& deferred = node_terms_->deferred();
+  const std::vector<std::uint32_t>& deferred_nodes = node_terms_->deferred_nodes();
   std::vector<Vec3d> deferred_acceleration(deferred_nodes.size());
   arena.parallel_for(0, grid_.node_blocks(), 4, [&](std::size_t b) {
     double* a = acceleration_.data() + b * kNodeBlock;
@@ -210,8 +211,9 @@ void TotalBody<S>::step_nodes(Arena& arena, double kick, double dt, const Vec3d&
       }
     }
   });
-  if (pins_->any()) {
-    pins_->step(kick, dt, time, g, deferred_acceleration, displacement_, velocity_);
+  if (node_terms_->any()) {
+    node_terms_->step({kick, dt, time, g}, std::move(deferred_acceleration), displacement_,
+                      velocity_);
   }
 }
 
@@ -224,7 +226,7 @@ void TotalBody<S>::smooth_velocities(Arena& arena, double share) {
     sum_forces(b, momentum);
     const double* inverse = grid_.inverse_mass().data() + b * kBlockNodes;
     const double* lumped = grid_.lumped_mass().data() + b * kBlockNodes;
-    const std::uint8_t* skip = pins_->deferred().data() + b * kBlockNodes;
+    const std::uint8_t* skip = node_terms_->deferred().data() + b * kBlockNodes;
     for (std::size_t c = 0; c < 3; ++c) {
       for (std::size_t n = 0; n < kBlockNodes; ++n) {
         if (!(inverse[n] > 0.0) || skip[n] != 0) continue;
@@ -245,7 +247,7 @@ void TotalBody<S>::share_masses() {
     sum_forces(b, momentum);
     for (std::size_t n = 0; n < kBlockNodes; ++n) {
       const std::size_t node = b * kBlockNodes + n;
-      if (pins_->deferred()[node] != 0) continue;
+      if (node_terms_->deferred()[node] != 0) continue;
       mass_share_[node] = grid_.inverse_mass()[node] * momentum[n];
     }
   }
@@ -254,7 +256,7 @@ void TotalBody<S>::share_masses() {
 template <class S>
 void TotalBody<S>::multiply_by_mass(Arena& arena, const std::vector<double>& field) {
   const std::vector<double>& inverse = grid_.inverse_mass();
-  const std::vector<std::uint8_t>& skip = pins_->deferred();
+  const std::vector<std::uint8_t>& skip = node_terms_->deferred();
   arena.parallel_for(0, grid_.node_blocks(), 4, [&](std::size_t b) {
     for (std::size_t i = b * kNodeBlock; i < (b + 1) * kNodeBlock; ++i) {
       const std::size_t n = node_of(i);
@@ -284,17 +286,12 @@ void TotalBody<S>::correct_lumping(Arena& arena, std::vector<double>& accelerati
 
 template <class S>
 bool TotalBody<S>::held(double time) const {
-  return pins_->held(time);
-}
-
-template <class S>
-bool TotalBody<S>::has_attached_masses() const {
-  return pins_->has_masses();
+  return node_terms_->held(time);
 }
 
 template <class S>
 bool TotalBody<S>::releases_between(double from, double to) const {
-  return pins_->releases_between(from, to);
+  return node_terms_->releases_between(from, to);
 }
 
 template <class S>

@@ -22,7 +22,7 @@
 namespace matterfit::mpm {
 
 class BlockField;
-class TotalPins;
+class TotalNodeTerms;
 template <class S>
 class TotalAdjoint;
 
@@ -78,7 +78,6 @@ class TotalBody {
   void correct_lumping(Arena& arena, std::vector<double>& acceleration);
   /// True while every node is prescribed: forces are not needed.
   [[nodiscard]] bool held(double time) const;
-  [[nodiscard]] bool has_attached_masses() const;
   /// True if a pin lets go in (from, to]: the step that follows starts with a half kick.
   [[nodiscard]] bool releases_between(double from, double to) const;
 
@@ -219,9 +218,9 @@ class TotalBody {
   std::vector<double> free_;                    ///< a field with zeros where nodes are not free
   std::vector<double> mass_share_;              ///< a node: Σ B of its row over free nodes, over m
   mutable std::vector<BlockExtremes<S>> extremes_;
-  std::vector<double> mode_;  ///< last vector of the power iteration
-  std::unique_ptr<TotalPins> pins_;
-  std::unique_ptr<SkinTies> ties_;  ///< null: what flows for good must not spring back
+  std::vector<double> mode_;                    ///< last vector of the power iteration
+  std::unique_ptr<TotalNodeTerms> node_terms_;  ///< pins and attached masses
+  std::unique_ptr<SkinTies> ties_;              ///< null: what flows for good must not spring back
 };
 
 extern template class TotalBody<float>;

@@ -41,8 +41,10 @@ void TotalContact<S>::wake(double frame_seconds, double acceleration) {
 }
 
 template <class S>
-void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, double time, double dt) {
+void TotalContact<S>::apply(Arena& arena, TotalBody<S>& body, const TotalSubstep& substep) {
   if (colliders_.empty()) return;
+  const double time = substep.time;
+  const double dt = substep.dt;
   arena.parallel_for(0, skin_.size(), 1, [&](std::size_t b) {
     if (skin_[b].empty() || time < wake_time_[b]) return;
     double gap = 1e30;     // least distance of any particle's surface to any collider

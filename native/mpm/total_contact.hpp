@@ -6,7 +6,7 @@
 
 #include "base/parallel.hpp"
 #include "mpm/contact_law.hpp"
-#include "mpm/total_body.hpp"
+#include "mpm/total_load.hpp"
 
 namespace matterfit::mpm {
 
@@ -21,15 +21,15 @@ struct ContactState {
   double acceleration = 0.0;
 };
 
-/// Contact of one total Lagrangian body with the scene's colliders. Blocks that cannot reach a
+/// Contact of one total Lagrangian body with the scene's colliders: forces on the particles of its
+/// surface. Blocks that cannot reach a
 /// surface sleep until they could.
 template <class S>
-class TotalContact {
+class TotalContact final : public TotalLoad<S> {
  public:
   TotalContact(const Body& body, const Scene& scene, const TotalBody<S>& total);
 
-  /// Adds the contact forces on the body's surface particles, at `time`, to the body's loads.
-  void apply(Arena& arena, TotalBody<S>& body, double time, double dt);
+  void apply(Arena& arena, TotalBody<S>& body, const TotalSubstep& substep) override;
   /// At the start of a frame: every block looks again.
   void wake(double frame_seconds, double acceleration);
   [[nodiscard]] bool any() const { return !colliders_.empty(); }

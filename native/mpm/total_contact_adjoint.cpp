@@ -82,10 +82,11 @@ void TotalContactAdjoint<S>::meet(Group& group, const TotalSubstep& substep) con
 }
 
 template <class S>
-void TotalContactAdjoint<S>::prepare(Arena& arena, const TotalSubstep& substep) {
+void TotalContactAdjoint<S>::prepare(Arena& arena, const TotalSubstep& substep, bool forces) {
   arena.parallel_for(0, group_count_, 1, [&](std::size_t g) {
     Group& group = groups_[g];
     meet(group, substep);
+    if (!forces) return;
     for (const Touch& touch : group.touches) {
       if (touch.force.isZero(0.0)) continue;
       body_.add_load(group.particles[touch.particle].particle, touch.face, touch.force);

@@ -23,7 +23,7 @@ class TotalContactAdjoint final : public TotalLoadsAdjoint<S> {
   /// What particles remember before and after the next substep to go back over
   /// (ContactState::memory): only they can have met a surface in it.
   void set_memory(const ContactMemories& before, const ContactMemories& after);
-  void prepare(Arena& arena, const TotalSubstep& substep) override;
+  void prepare(Arena& arena, const TotalSubstep& substep, bool forces) override;
   void back(Arena& arena, const TotalSubstep& substep, const std::vector<double>& force_bar,
             TotalCotangents<S>& bar) override;
   [[nodiscard]] const std::vector<shape::ColliderCotangents>& colliders() const { return bars_; }

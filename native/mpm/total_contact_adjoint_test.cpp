@@ -90,7 +90,7 @@ struct ContactRollout {
         record->touching += record->memories.back().size();
       }
       body.clear_loads();
-      contact.apply(arena, body, n * kContactDt, kContactDt);
+      contact.apply(arena, body, {.time = n * kContactDt, .dt = kContactDt});
       body.compute_forces(arena, kContactDt, true);
       body.step_nodes(arena, kick(n), kContactDt, s.gravity.at(0.0), n * kContactDt);
     }

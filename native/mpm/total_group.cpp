@@ -60,6 +60,8 @@ TotalGroup<S>::TotalGroup(const Scene& scene, const Kernels<S>& kernels,
     member.contact = std::make_unique<TotalContact<S>>(scene.bodies[i], scene, *member.body);
     check_cancel(interrupter);
     member.terms = std::make_unique<TotalTerms<S>>(scene, scene.bodies[i], *member.body);
+    if (member.contact->any()) member.loads.push_back(member.contact.get());
+    if (!member.terms->terms().empty()) member.loads.push_back(member.terms.get());
     member.start = member.body->mass_moment(0.0);
     member.budget = member.body->kinetic_energy();
     member.budget_known = true;
@@ -162,9 +164,9 @@ template <class S>
 void TotalGroup<S>::touch(Arena& arena, double time, double dt) {
   for (Member& member : members_) {
     member.body->clear_loads();
-    member.contact->apply(arena, *member.body, time, dt);
-    if (member.body->held(time)) continue;
-    member.terms->apply(arena, *member.body, {time, scene_.gravity.at(time)});
+    const TotalSubstep substep{
+        time, dt, 0.0, 0.0, scene_.gravity.at(time), member.body->held(time)};
+    for (TotalLoad<S>* load : member.loads) load->apply(arena, *member.body, substep);
   }
 }
 

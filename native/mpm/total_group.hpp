@@ -103,6 +103,7 @@ class TotalGroup {
     std::unique_ptr<TotalBody<S>> body;
     std::unique_ptr<TotalContact<S>> contact;
     std::unique_ptr<TotalTerms<S>> terms;
+    std::vector<TotalLoad<S>*> loads;  ///< those two, where they have something to act with
     double last_dt = 0.0;  ///< of the substep before; 0: the next one starts with a half kick
     double elastic_dt = 0.0;
     int unsmoothed = 0;   ///< substeps since the velocities were last smoothed

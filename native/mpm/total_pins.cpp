@@ -4,7 +4,11 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
+#include <string>
+#include <tuple>
+#include <utility>
 
 #include "base/error.hpp"
 #include "mpm/pin_region.hpp"
@@ -13,103 +17,185 @@
 namespace matterfit::mpm {
 namespace {
 
-void merge(std::vector<std::uint32_t>& sorted, const std::vector<std::uint32_t>& more) {
-  sorted.insert(sorted.end(), more.begin(), more.end());
-  std::sort(sorted.begin(), sorted.end());
-  sorted.erase(std::unique(sorted.begin(), sorted.end()), sorted.end());
+class TotalPin : public TotalNodeTerm {
+ public:
+  TotalPin(const Pin& pin, const TotalGrid& grid) : grid_(grid), pin_(pin) {}
+  [[nodiscard]] double release() const override { return pin_.release; }
+
+ protected:
+  /// The velocity that takes the material point at rest `local` from `present`, a displacement, to
+  /// where the pin has it at the end of the substep.
+  [[nodiscard]] Vec3d wanted(const NodeMoment& moment, const Vec3d& local,
+                             const Vec3d& present) const {
+    return (target(local, moment.time + moment.dt) - present) / moment.dt;
+  }
+  [[nodiscard]] const TotalGrid& grid() const { return grid_; }
+
+ private:
+  /// Displacement that the pin prescribes.
+  [[nodiscard]] Vec3d target(const Vec3d& local, double time) const;
+
+  const TotalGrid& grid_;
+  Pin pin_;
+};
+
+Vec3d TotalPin::target(const Vec3d& local, double time) const {
+  if (!pin_.motion.animated()) {
+    const shape::Pose still = pin_.motion.at(0.0);
+    if (still.position.isZero() && still.rotation.isApprox(Quatd::Identity(), 0.0)) {
+      return Vec3d::Zero();
+    }
+  }
+  const shape::Pose pose = pin_.motion.at(time);
+  const Vec3d world = grid_.to_world(local);
+  const Vec3d moved = pin_.pivot + pose.rotation * (world - pin_.pivot) + pose.position;
+  return grid_.axes().transpose() * (moved - world);
 }
 
-}  // namespace
+// --- every node
+// -----------------------------------------------------------------------------------
 
-TotalPins::TotalPins(const Body& body, const TotalGrid& grid) : grid_(grid) {
-  for (std::size_t i = 0; i < body.pins.size(); ++i) {
-    const Pin& pin = body.pins[i];
-    Clamp clamp;
-    clamp.pin = pin;
-    bool done = false;
-    if (pin.region == Pin::Region::kAll) {
-      for (std::uint32_t n = 0; n < grid.mass().size(); ++n) {
-        if (grid.mass()[n] > 0.0) clamp.prescribed.push_back(n);
-      }
-      done = true;
-    } else if (pin.region == Pin::Region::kPlane) {
-      const Vec3d normal = grid.axes().transpose() * pin.normal.normalized();
-      for (int axis = 0; axis < 3 && !done; ++axis) {
-        if (std::abs(std::abs(normal[axis]) - 1.0) > 1e-6) continue;
-        const double at = grid.node_coordinate(grid.to_local(pin.point), axis);
-        if (std::abs(at - std::floor(at) - 0.5) > 1e-6) continue;
-        done = add_plane(clamp, axis, normal[axis] > 0 ? 1 : -1);
-      }
-    }
-    if (!done) add_constraints(clamp, body);
-    if (clamp.prescribed.empty() && clamp.mirrors.empty() && clamp.constraints.rows.empty()) {
-      throw_input("Body '" + body.name + "': pin " + std::to_string(i) +
-                  " holds no part of the body. Move its region onto the body.");
-    }
-    merge(nodes_, clamp.prescribed);
-    for (const Mirror& m : clamp.mirrors) merge(nodes_, {m.free, m.ghost});
-    for (const NodeWeights& row : clamp.constraints.rows) merge(nodes_, row.nodes);
-    clamps_.push_back(std::move(clamp));
-  }
-  for (const AttachedMass& attached : body.masses) {
-    Mass mass{grid.point_weights(grid.to_local(attached.position)), attached.mass, attached.attach};
-    merge(nodes_, mass.weights.nodes);
-    masses_.push_back(std::move(mass));
-  }
-  couple_masses();
-  deferred_.assign(grid.mass().size(), 0);
-  for (const std::uint32_t n : nodes_) deferred_[n] = 1;
-}
+class WholePin final : public TotalPin {
+ public:
+  WholePin(const Pin& pin, const TotalGrid& grid);
+  [[nodiscard]] std::vector<std::uint32_t> nodes() const override { return nodes_; }
+  [[nodiscard]] bool holds_all() const override { return true; }
+  void move(const NodeMoment& moment, NodeMotion& motion) const override;
+  void move_adjoint(const NodeMoment& moment, NodeMotionBar& bar) const override;
 
-void TotalPins::couple_masses() {
-  std::stable_sort(masses_.begin(), masses_.end(),
-                   [](const Mass& a, const Mass& b) { return a.attach < b.attach; });
-  // Rows of W M^(−½).
-  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(masses_.size()),
-                                               static_cast<Eigen::Index>(nodes_.size()));
-  for (std::size_t k = 0; k < masses_.size(); ++k) {
-    const NodeWeights& w = masses_[k].weights;
-    for (std::size_t n = 0; n < w.nodes.size(); ++n) {
-      const auto at = std::lower_bound(nodes_.begin(), nodes_.end(), w.nodes[n]) - nodes_.begin();
-      rows(static_cast<Eigen::Index>(k), at) +=
-          w.weights[n] * std::sqrt(grid_.inverse_mass()[w.nodes[n]]);
-    }
-  }
-  for (std::size_t k = 0; k < masses_.size(); ++k) {
-    if (k + 1 < masses_.size() && masses_[k + 1].attach == masses_[k].attach) continue;
-    const auto count = static_cast<Eigen::Index>(k + 1);
-    MassGroup group;
-    group.count = k + 1;
-    group.from = masses_[k].attach;
-    group.compliance = rows.topRows(count) * rows.topRows(count).transpose();
-    Eigen::MatrixXd system = group.compliance;
-    for (Eigen::Index j = 0; j < count; ++j)
-      system.col(j) *= masses_[static_cast<std::size_t>(j)].mass;
-    system.diagonal().array() += 1.0;
-    group.inverse = system.inverse();
-    mass_groups_.push_back(std::move(group));
+ private:
+  std::vector<std::uint32_t> nodes_;
+};
+
+WholePin::WholePin(const Pin& pin, const TotalGrid& grid) : TotalPin(pin, grid) {
+  for (std::uint32_t n = 0; n < grid.mass().size(); ++n) {
+    if (grid.mass()[n] > 0.0) nodes_.push_back(n);
   }
 }
 
-bool TotalPins::add_plane(Clamp& clamp, int axis, int side) {
-  const double plane = grid_.node_coordinate(grid_.to_local(clamp.pin.point), axis);
+void WholePin::move(const NodeMoment& moment, NodeMotion& motion) const {
+  for (const std::uint32_t node : nodes_) {
+    motion.velocity[motion.list.index(node)] =
+        wanted(moment, grid().node_position(node), field_value(motion.displacement_was, node));
+  }
+}
+
+void WholePin::move_adjoint(const NodeMoment& moment, NodeMotionBar& bar) const {
+  for (const std::uint32_t node : nodes_) {
+    const std::size_t i = bar.list.index(node);
+    bar.displacement_was[i] -= bar.velocity[i] / moment.dt;
+    bar.velocity[i].setZero();
+  }
+}
+
+// --- a plane between nodes
+// ------------------------------------------------------------------------
+
+struct Mirror {
+  std::uint32_t free;
+  std::uint32_t ghost;
+};
+
+/// None if there is material behind the plane: then points are constrained.
+std::optional<std::vector<Mirror>> mirrors_of(const Pin& pin, const TotalGrid& grid, int axis,
+                                              int side) {
+  const double plane = grid.node_coordinate(grid.to_local(pin.point), axis);
   const int behind = static_cast<int>(std::lround(plane - 0.5 * side));
-  for (std::uint32_t p = 0; p < grid_.particles(); ++p) {
-    if (side * (grid_.node_coordinate(grid_.rest(p), axis) - plane) < -1e-9) return false;
+  for (std::uint32_t p = 0; p < grid.particles(); ++p) {
+    if (side * (grid.node_coordinate(grid.rest(p), axis) - plane) < -1e-9) return std::nullopt;
   }
-  for (std::uint32_t n = 0; n < grid_.mass().size(); ++n) {
-    Vec3i at = grid_.node_coordinates(n);
-    if (!(grid_.mass()[n] > 0.0) || at[axis] != behind) continue;
+  std::vector<Mirror> mirrors;
+  for (std::uint32_t n = 0; n < grid.mass().size(); ++n) {
+    Vec3i at = grid.node_coordinates(n);
+    if (!(grid.mass()[n] > 0.0) || at[axis] != behind) continue;
     at[axis] += side;
-    clamp.mirrors.push_back({grid_.find_node(at), n});
+    mirrors.push_back({grid.find_node(at), n});
   }
-  return true;
+  return mirrors;
 }
 
-void TotalPins::add_constraints(Clamp& clamp, const Body& body) {
+class PlanePin final : public TotalPin {
+ public:
+  PlanePin(const Pin& pin, const TotalGrid& grid, std::vector<Mirror> mirrors)
+      : TotalPin(pin, grid), mirrors_(std::move(mirrors)) {}
+  [[nodiscard]] std::vector<std::uint32_t> nodes() const override;
+  void move(const NodeMoment& moment, NodeMotion& motion) const override;
+  void move_adjoint(const NodeMoment& moment, NodeMotionBar& bar) const override;
+
+ private:
+  std::vector<Mirror> mirrors_;
+};
+
+std::vector<std::uint32_t> PlanePin::nodes() const {
+  std::vector<std::uint32_t> nodes;
+  for (const Mirror& m : mirrors_) nodes.insert(nodes.end(), {m.free, m.ghost});
+  return nodes;
+}
+
+// Relative to the plane the ghost moves opposite to the free node: one degree of freedom with both
+// masses, driven by the difference of both forces.
+void PlanePin::move(const NodeMoment& moment, NodeMotion& motion) const {
+  const std::vector<double>& displacement = motion.displacement_was;
+  const std::vector<double>& velocity = motion.velocity_was;
+  for (const Mirror& mirror : mirrors_) {
+    const std::size_t f = motion.list.index(mirror.free);
+    const std::size_t g = motion.list.index(mirror.ghost);
+    const Vec3d middle =
+        0.5 * (grid().node_position(mirror.free) + grid().node_position(mirror.ghost));
+    const Vec3d plane_now =
+        0.5 * (field_value(displacement, mirror.free) + field_value(displacement, mirror.ghost));
+    const Vec3d plane = wanted(moment, middle, plane_now);
+    const Vec3d plane_old =
+        0.5 * (field_value(velocity, mirror.free) + field_value(velocity, mirror.ghost));
+    const double mass_free = grid().mass()[mirror.free];
+    const double mass_ghost = grid().mass()[mirror.ghost];
+    const Vec3d impulse =
+        moment.kick * (mass_free * motion.acceleration[f] - mass_ghost * motion.acceleration[g]) -
+        (mass_free - mass_ghost) * (plane - plane_old);
+    const Vec3d relative =
+        0.5 * (field_value(velocity, mirror.free) - field_value(velocity, mirror.ghost)) +
+        impulse / (mass_free + mass_ghost);
+    motion.velocity[f] = plane + relative;
+    motion.velocity[g] = plane - relative;
+  }
+}
+
+void PlanePin::move_adjoint(const NodeMoment& moment, NodeMotionBar& bar) const {
+  for (auto mirror = mirrors_.rbegin(); mirror != mirrors_.rend(); ++mirror) {
+    const std::size_t f = bar.list.index(mirror->free);
+    const std::size_t g = bar.list.index(mirror->ghost);
+    const double mass_free = grid().mass()[mirror->free];
+    const double mass_ghost = grid().mass()[mirror->ghost];
+    const Vec3d relative = bar.velocity[f] - bar.velocity[g];
+    const Vec3d impulse = relative / (mass_free + mass_ghost);
+    const Vec3d plane_old = (mass_free - mass_ghost) * impulse;
+    const Vec3d plane = bar.velocity[f] + bar.velocity[g] - plane_old;
+    bar.velocity_was[f] += 0.5 * (relative + plane_old);
+    bar.velocity_was[g] += 0.5 * (plane_old - relative);
+    bar.acceleration[f] += moment.kick * mass_free * impulse;
+    bar.acceleration[g] -= moment.kick * mass_ghost * impulse;
+    bar.displacement_was[f] -= 0.5 / moment.dt * plane;
+    bar.displacement_was[g] -= 0.5 / moment.dt * plane;
+    bar.velocity[f].setZero();
+    bar.velocity[g].setZero();
+  }
+}
+
+// --- points
+// ---------------------------------------------------------------------------------------
+
+/// Rows of C, and the factor of C M⁻¹ Cᵀ.
+struct Constraints {
+  std::vector<Vec3d> points;  ///< local, at rest
+  std::vector<NodeWeights> rows;
+  Eigen::MatrixXd factor;  ///< lower Cholesky factor
+};
+
+/// None for a pin that holds nothing.
+Constraints constraints_of(const Pin& pin, const Body& body, const TotalGrid& grid) {
   // Candidates: points of the region's surface that lie in the body, first, because they are the
   // clamp; then the particles inside, which hold the rest of the region.
-  const double near = 0.5 * grid_.dx();
+  const double near = 0.5 * grid.dx();
   struct Candidate {
     std::uint32_t particle;  ///< in whose cell it lies, or nearly
     Vec3d point;
@@ -117,19 +203,19 @@ void TotalPins::add_constraints(Clamp& clamp, const Body& body) {
   std::vector<Candidate> surface;
   std::vector<Candidate> inside;
   for (std::uint32_t p = 0; p < body.rest.size(); ++p) {
-    const auto [d, nearest] = region_distance(clamp.pin, body.rest[p]);
-    if (std::abs(d) <= near && clamp.pin.region != Pin::Region::kPoints) {
-      surface.push_back({p, grid_.to_local(nearest)});
+    const auto [d, nearest] = region_distance(pin, body.rest[p]);
+    if (std::abs(d) <= near && pin.region != Pin::Region::kPoints) {
+      surface.push_back({p, grid.to_local(nearest)});
     }
-    if (d <= 0.0) inside.push_back({p, grid_.to_local(body.rest[p])});
+    if (d <= 0.0) inside.push_back({p, grid.to_local(body.rest[p])});
   }
-  if (inside.empty() && surface.empty()) return;
+  if (inside.empty() && surface.empty()) return {};
   // One candidate a half cell is plenty: nodes are a cell apart.
   std::vector<Candidate> candidates;
   std::set<std::tuple<long, long, long>> seen;
   for (const std::vector<Candidate>* group : {&surface, &inside}) {
     for (const Candidate& candidate : *group) {
-      const Vec3d q = candidate.point / (0.45 * grid_.dx());
+      const Vec3d q = candidate.point / (0.45 * grid.dx());
       if (seen.emplace(std::lround(q[0]), std::lround(q[1]), std::lround(q[2])).second) {
         candidates.push_back(candidate);
       }
@@ -145,13 +231,13 @@ void TotalPins::add_constraints(Clamp& clamp, const Body& body) {
   // surface free, and with them the clamp gives way by a tenth of a cantilever's frequency.
   std::vector<NodeWeights> rows;
   rows.reserve(candidates.size());
-  for (const Candidate& c : candidates) rows.push_back(grid_.field_weights(c.particle, c.point));
+  for (const Candidate& c : candidates) rows.push_back(grid.field_weights(c.particle, c.point));
   // Pivoted Cholesky of C M⁻¹ Cᵀ: keeps constraints that are independent of those kept already.
   std::vector<Eigen::VectorXd> dense;  // M^(−½) rows, on the nodes involved
-  std::vector<std::uint32_t> nodes;
-  for (const NodeWeights& row : rows) merge(nodes, row.nodes);
+  NodeList nodes;
+  for (const NodeWeights& row : rows) nodes.add(row.nodes);
   const auto column = [&](std::uint32_t node) {
-    return std::lower_bound(nodes.begin(), nodes.end(), node) - nodes.begin();
+    return static_cast<Eigen::Index>(nodes.index(node));
   };
   std::vector<Eigen::VectorXd> basis;
   std::vector<std::size_t> kept;
@@ -159,7 +245,7 @@ void TotalPins::add_constraints(Clamp& clamp, const Body& body) {
     Eigen::VectorXd v = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(nodes.size()));
     for (std::size_t n = 0; n < rows[r].nodes.size(); ++n) {
       v[column(rows[r].nodes[n])] +=
-          rows[r].weights[n] * std::sqrt(grid_.inverse_mass()[rows[r].nodes[n]]);
+          rows[r].weights[n] * std::sqrt(grid.inverse_mass()[rows[r].nodes[n]]);
     }
     Eigen::VectorXd rest = v;
     for (int pass = 0; pass < 2; ++pass) {
@@ -170,7 +256,7 @@ void TotalPins::add_constraints(Clamp& clamp, const Body& body) {
     dense.push_back(std::move(v));
     kept.push_back(r);
   }
-  PointConstraints& out = clamp.constraints;
+  Constraints out;
   Eigen::MatrixXd gram(static_cast<Eigen::Index>(kept.size()),
                        static_cast<Eigen::Index>(kept.size()));
   for (std::size_t i = 0; i < kept.size(); ++i) {
@@ -185,128 +271,112 @@ void TotalPins::add_constraints(Clamp& clamp, const Body& body) {
     throw_compute("Body '" + body.name + "': the constraints of a pin are dependent.");
   }
   out.factor = llt.matrixL();
+  return out;
 }
 
-bool TotalPins::held(double time) const {
-  return std::any_of(clamps_.begin(), clamps_.end(), [&](const Clamp& clamp) {
-    return clamp.pin.region == Pin::Region::kAll && time < clamp.pin.release - 1e-12;
-  });
+class PointsPin final : public TotalPin {
+ public:
+  PointsPin(const Pin& pin, const TotalGrid& grid, Constraints constraints)
+      : TotalPin(pin, grid), constraints_(std::move(constraints)) {}
+  [[nodiscard]] std::vector<std::uint32_t> nodes() const override;
+  void move(const NodeMoment& moment, NodeMotion& motion) const override;
+  void move_adjoint(const NodeMoment& moment, NodeMotionBar& bar) const override;
+
+ private:
+  /// Takes (C M⁻¹ Cᵀ)⁻¹ times it.
+  void solve(Eigen::MatrixXd& defect) const {
+    const auto lower = constraints_.factor.triangularView<Eigen::Lower>();
+    lower.solveInPlace(defect);
+    lower.transpose().solveInPlace(defect);
+  }
+  Constraints constraints_;
+};
+
+std::vector<std::uint32_t> PointsPin::nodes() const {
+  std::vector<std::uint32_t> nodes;
+  for (const NodeWeights& row : constraints_.rows) {
+    nodes.insert(nodes.end(), row.nodes.begin(), row.nodes.end());
+  }
+  return nodes;
 }
 
-bool TotalPins::releases_between(double from, double to) const {
-  return std::any_of(clamps_.begin(), clamps_.end(), [&](const Clamp& clamp) {
-    return clamp.pin.release - 1e-12 > from && clamp.pin.release - 1e-12 <= to;
-  });
+void PointsPin::move(const NodeMoment& moment, NodeMotion& motion) const {
+  const std::vector<NodeWeights>& rows = constraints_.rows;
+  std::vector<Vec3d>& v = motion.velocity;
+  Eigen::MatrixXd defect(static_cast<Eigen::Index>(rows.size()), 3);
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    const NodeWeights& row = rows[r];
+    Vec3d moving = Vec3d::Zero();
+    Vec3d present = Vec3d::Zero();
+    for (std::size_t n = 0; n < row.nodes.size(); ++n) {
+      moving += row.weights[n] * v[motion.list.index(row.nodes[n])];
+      present += row.weights[n] * field_value(motion.displacement_was, row.nodes[n]);
+    }
+    defect.row(static_cast<Eigen::Index>(r)) =
+        (moving - wanted(moment, constraints_.points[r], present)).transpose();
+  }
+  solve(defect);
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    const NodeWeights& row = rows[r];
+    for (std::size_t n = 0; n < row.nodes.size(); ++n) {
+      v[motion.list.index(row.nodes[n])] -= row.weights[n] * grid().inverse_mass()[row.nodes[n]] *
+                                            defect.row(static_cast<Eigen::Index>(r)).transpose();
+    }
+  }
 }
 
-Vec3d TotalPins::target(const Pin& pin, const Vec3d& local, double time) const {
-  if (!pin.motion.animated()) {
-    const shape::Pose still = pin.motion.at(0.0);
-    if (still.position.isZero() && still.rotation.isApprox(Quatd::Identity(), 0.0)) {
-      return Vec3d::Zero();
+void PointsPin::move_adjoint(const NodeMoment& moment, NodeMotionBar& bar) const {
+  const std::vector<NodeWeights>& rows = constraints_.rows;
+  Eigen::MatrixXd q(static_cast<Eigen::Index>(rows.size()), 3);
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    const NodeWeights& row = rows[r];
+    Vec3d sum = Vec3d::Zero();
+    for (std::size_t n = 0; n < row.nodes.size(); ++n) {
+      sum += row.weights[n] * grid().inverse_mass()[row.nodes[n]] *
+             bar.velocity[bar.list.index(row.nodes[n])];
+    }
+    q.row(static_cast<Eigen::Index>(r)) = sum.transpose();
+  }
+  solve(q);
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    const NodeWeights& row = rows[r];
+    const Vec3d back = q.row(static_cast<Eigen::Index>(r)).transpose();
+    for (std::size_t n = 0; n < row.nodes.size(); ++n) {
+      const std::size_t i = bar.list.index(row.nodes[n]);
+      bar.velocity[i] -= row.weights[n] * back;
+      bar.displacement_was[i] -= row.weights[n] / moment.dt * back;
     }
   }
-  const shape::Pose pose = pin.motion.at(time);
-  const Vec3d world = grid_.to_world(local);
-  const Vec3d moved = pin.pivot + pose.rotation * (world - pin.pivot) + pose.position;
-  return grid_.axes().transpose() * (moved - world);
 }
 
-void TotalPins::step(double kick, double dt, double time, const Vec3d& gravity,
-                     const std::vector<Vec3d>& acceleration, std::vector<double>& displacement,
-                     std::vector<double>& velocity) const {
-  const auto index = [&](std::uint32_t node) {
-    return static_cast<std::size_t>(std::lower_bound(nodes_.begin(), nodes_.end(), node) -
-                                    nodes_.begin());
-  };
+std::unique_ptr<TotalNodeTerm> find_total_pin(const Pin& pin, const Body& body,
+                                              const TotalGrid& grid) {
+  if (pin.region == Pin::Region::kAll) return std::make_unique<WholePin>(pin, grid);
+  if (pin.region == Pin::Region::kPlane) {
+    const Vec3d normal = grid.axes().transpose() * pin.normal.normalized();
+    for (int axis = 0; axis < 3; ++axis) {
+      if (std::abs(std::abs(normal[axis]) - 1.0) > 1e-6) continue;
+      const double at = grid.node_coordinate(grid.to_local(pin.point), axis);
+      if (std::abs(at - std::floor(at) - 0.5) > 1e-6) continue;
+      auto mirrors = mirrors_of(pin, grid, axis, normal[axis] > 0 ? 1 : -1);
+      if (mirrors) return std::make_unique<PlanePin>(pin, grid, std::move(*mirrors));
+    }
+  }
+  Constraints constraints = constraints_of(pin, body, grid);
+  if (constraints.rows.empty()) return nullptr;
+  return std::make_unique<PointsPin>(pin, grid, std::move(constraints));
+}
 
-  std::vector<Vec3d> a = acceleration;
-  // Attached masses: a_c − g = (I + W M⁻¹ Wᵀ m)⁻¹ (W a − g), and the body feels m (g − a_c) at
-  // each.
-  const MassGroup* group = nullptr;
-  for (const MassGroup& g : mass_groups_) {
-    if (time + 1e-12 >= g.from) group = &g;
-  }
-  if (group != nullptr) {
-    Eigen::MatrixX3d relative(static_cast<Eigen::Index>(group->count), 3);
-    for (std::size_t k = 0; k < group->count; ++k) {
-      const NodeWeights& w = masses_[k].weights;
-      Vec3d free = -gravity;
-      for (std::size_t n = 0; n < w.nodes.size(); ++n) free += w.weights[n] * a[index(w.nodes[n])];
-      relative.row(static_cast<Eigen::Index>(k)) = free.transpose();
-    }
-    const Eigen::MatrixX3d solved = group->inverse * relative;
-    for (std::size_t k = 0; k < group->count; ++k) {
-      const Vec3d force = -masses_[k].mass * solved.row(static_cast<Eigen::Index>(k)).transpose();
-      const NodeWeights& w = masses_[k].weights;
-      for (std::size_t n = 0; n < w.nodes.size(); ++n) {
-        a[index(w.nodes[n])] += w.weights[n] * grid_.inverse_mass()[w.nodes[n]] * force;
-      }
-    }
-  }
-  std::vector<Vec3d> v(nodes_.size());
-  for (std::size_t i = 0; i < nodes_.size(); ++i)
-    v[i] = field_value(velocity, nodes_[i]) + kick * a[i];
+}  // namespace
 
-  for (const Clamp& clamp : clamps_) {
-    if (time >= clamp.pin.release - 1e-12) continue;
-    const auto wanted = [&](const Vec3d& local, const Vec3d& present) -> Vec3d {
-      return (target(clamp.pin, local, time + dt) - present) / dt;
-    };
-    const PointConstraints& points = clamp.constraints;
-    if (!points.rows.empty()) {
-      Eigen::MatrixXd defect(static_cast<Eigen::Index>(points.rows.size()), 3);
-      for (std::size_t r = 0; r < points.rows.size(); ++r) {
-        const NodeWeights& row = points.rows[r];
-        Vec3d moving = Vec3d::Zero();
-        Vec3d present = Vec3d::Zero();
-        for (std::size_t n = 0; n < row.nodes.size(); ++n) {
-          moving += row.weights[n] * v[index(row.nodes[n])];
-          present += row.weights[n] * field_value(displacement, row.nodes[n]);
-        }
-        defect.row(static_cast<Eigen::Index>(r)) =
-            (moving - wanted(points.points[r], present)).transpose();
-      }
-      const auto lower = points.factor.triangularView<Eigen::Lower>();
-      lower.solveInPlace(defect);
-      lower.transpose().solveInPlace(defect);
-      for (std::size_t r = 0; r < points.rows.size(); ++r) {
-        const NodeWeights& row = points.rows[r];
-        for (std::size_t n = 0; n < row.nodes.size(); ++n) {
-          v[index(row.nodes[n])] -= row.weights[n] * grid_.inverse_mass()[row.nodes[n]] *
-                                    defect.row(static_cast<Eigen::Index>(r)).transpose();
-        }
-      }
-    }
-    for (const std::uint32_t node : clamp.prescribed) {
-      v[index(node)] = wanted(grid_.node_position(node), field_value(displacement, node));
-    }
-    for (const Mirror& mirror : clamp.mirrors) {
-      // Relative to the plane the ghost moves opposite to the free node: one degree of freedom
-      // with both masses, driven by the difference of both forces.
-      const Vec3d middle =
-          0.5 * (grid_.node_position(mirror.free) + grid_.node_position(mirror.ghost));
-      const Vec3d plane_now =
-          0.5 * (field_value(displacement, mirror.free) + field_value(displacement, mirror.ghost));
-      const Vec3d plane = wanted(middle, plane_now);
-      const Vec3d plane_old =
-          0.5 * (field_value(velocity, mirror.free) + field_value(velocity, mirror.ghost));
-      const double mass_free = grid_.mass()[mirror.free];
-      const double mass_ghost = grid_.mass()[mirror.ghost];
-      const Vec3d impulse =
-          kick * (mass_free * a[index(mirror.free)] - mass_ghost * a[index(mirror.ghost)]) -
-          (mass_free - mass_ghost) * (plane - plane_old);
-      const Vec3d relative =
-          0.5 * (field_value(velocity, mirror.free) - field_value(velocity, mirror.ghost)) +
-          impulse / (mass_free + mass_ghost);
-      v[index(mirror.free)] = plane + relative;
-      v[index(mirror.ghost)] = plane - relative;
-    }
+std::unique_ptr<TotalNodeTerm> make_total_pin(const Body& body, std::size_t i,
+                                              const TotalGrid& grid) {
+  std::unique_ptr<TotalNodeTerm> term = find_total_pin(body.pins[i], body, grid);
+  if (term == nullptr || term->nodes().empty()) {
+    throw_input("Body '" + body.name + "': pin " + std::to_string(i) +
+                " holds no part of the body. Move its region onto the body.");
   }
-  for (std::size_t i = 0; i < nodes_.size(); ++i) {
-    set_field_value(velocity, nodes_[i], v[i]);
-    set_field_value(displacement, nodes_[i], field_value(displacement, nodes_[i]) + dt * v[i]);
-  }
+  return term;
 }
 
 }  // namespace matterfit::mpm

@@ -46,8 +46,9 @@ effects::MaterialPoint TotalTerms<S>::seen(const TotalBody<S>& body, const Point
 }
 
 template <class S>
-void TotalTerms<S>::apply(Arena& arena, TotalBody<S>& body, const effects::Moment& moment) {
-  if (!terms_.act()) return;
+void TotalTerms<S>::apply(Arena& arena, TotalBody<S>& body, const TotalSubstep& substep) {
+  if (!terms_.act() || substep.held) return;
+  const effects::Moment moment{substep.time, substep.gravity};
   const Mat3d to_local = body.grid().axes().transpose();
   arena.parallel_for(0, points_.size(), 1, [&](std::size_t b) {
     forces_[b].clear();

@@ -3,23 +3,22 @@
 
 #include <vector>
 
-#include "base/parallel.hpp"
 #include "mpm/body_terms.hpp"
 #include "mpm/total_block_field.hpp"
-#include "mpm/total_body.hpp"
+#include "mpm/total_load.hpp"
 
 namespace matterfit::mpm {
 
 /// The terms on a total Lagrangian body: their forces at its quadrature points, on the nodes by the
 /// weights that the masses have too, so that a force per mass accelerates every node alike.
 template <class S>
-class TotalTerms {
+class TotalTerms final : public TotalLoad<S> {
  public:
   TotalTerms(const Scene& scene, const Body& body, const TotalBody<S>& total);
 
   [[nodiscard]] const BodyTerms& terms() const { return terms_; }
-  /// Sets the body's node forces to those of the terms, if any acts.
-  void apply(Arena& arena, TotalBody<S>& body, const effects::Moment& moment);
+  /// Sets the body's node forces to those of the terms, if any acts and nothing holds all of it.
+  void apply(Arena& arena, TotalBody<S>& body, const TotalSubstep& substep) override;
 
   /// A quadrature point of one of the body's blocks.
   struct Point {

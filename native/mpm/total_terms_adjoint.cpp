@@ -12,8 +12,8 @@ TotalTermsAdjoint<S>::TotalTermsAdjoint(const Scene& scene, const Body& body, To
 }
 
 template <class S>
-void TotalTermsAdjoint<S>::prepare(Arena& arena, const TotalSubstep& substep) {
-  if (body_.has_attached_masses()) terms_.apply(arena, body_, {substep.time, substep.gravity});
+void TotalTermsAdjoint<S>::prepare(Arena& arena, const TotalSubstep& substep, bool forces) {
+  if (forces) terms_.apply(arena, body_, substep);
 }
 
 template <class S>

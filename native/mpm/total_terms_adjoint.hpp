@@ -15,7 +15,7 @@ class TotalTermsAdjoint final : public TotalLoadsAdjoint<S> {
   TotalTermsAdjoint(const Scene& scene, const Body& body, TotalBody<S>& total);
 
   [[nodiscard]] const BodyTerms& terms() const { return terms_.terms(); }
-  void prepare(Arena& arena, const TotalSubstep& substep) override;
+  void prepare(Arena& arena, const TotalSubstep& substep, bool forces) override;
   void back(Arena& arena, const TotalSubstep& substep, const std::vector<double>& force_bar,
             TotalCotangents<S>& bar) override;
   [[nodiscard]] const TermCotangents& sums() const { return sums_; }

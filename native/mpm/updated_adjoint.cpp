@@ -3,15 +3,16 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <tuple>
 
 #include "mpm/halo.hpp"
 #include "mpm/initial_velocity.hpp"
 #include "mpm/node_contact.hpp"
 #include "mpm/node_contact_adjoint.hpp"
+#include "mpm/updated_back.hpp"
 #include "mpm/updated_contact.hpp"
-#include "mpm/updated_loads_adjoint.hpp"
-#include "mpm/updated_terms.hpp"
+#include "mpm/updated_loads.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -38,19 +39,6 @@ class TopologyIndex {
   std::map<Key, std::uint32_t> index_;
 };
 
-/// Places of `chosen` among all of the scene's colliders.
-std::vector<std::size_t> places_in(const std::vector<shape::ColliderPtr>& all,
-                                   const std::vector<shape::ColliderPtr>& chosen) {
-  std::vector<std::size_t> places;
-  std::size_t next = 0;
-  for (std::size_t c = 0; c < all.size() && next < chosen.size(); ++c) {
-    if (all[c] != chosen[next]) continue;
-    places.push_back(c);
-    ++next;
-  }
-  return places;
-}
-
 }  // namespace
 
 template <class S>
@@ -60,12 +48,9 @@ struct UpdatedAdjoint<S>::Impl {
   bool rates;
   double dx;
   std::vector<UpdatedMember<S>> members;
-  std::vector<shape::ColliderPtr> particle_colliders;
   std::vector<shape::ColliderPtr> node_colliders;
-  std::vector<std::size_t> particle_places;  ///< in scene.colliders
-  std::vector<std::size_t> node_places;
-  UpdatedLoadsAdjoint<S> loads;
-  UpdatedTerms<S> terms;
+  std::vector<std::size_t> node_places;  ///< in scene.colliders
+  std::optional<UpdatedLoads<S>> loads;  ///< of the members, when all are there
   // Kept between substeps for their memory alone.
   std::vector<S> velocity;            ///< per block [3][64], after node-wise contact
   std::vector<S> halos;               ///< per block [3][216]
@@ -79,15 +64,13 @@ struct UpdatedAdjoint<S>::Impl {
         kernels(&adjoint_kernels),
         rates(rates_of_all),
         dx(s.dx),
-        particle_colliders(colliders_met(s, false)),
         node_colliders(colliders_met(s, true)),
-        particle_places(places_in(s.colliders, particle_colliders)),
-        node_places(places_in(s.colliders, node_colliders)),
-        loads(s, members, particle_colliders),
-        terms(s, bodies) {
+        node_places(places_of_met(s, true)) {
+    const std::vector<shape::ColliderPtr> met = colliders_met(s, false);
     for (const std::size_t index : bodies) {
-      members.push_back(make_updated_member<S>(s.bodies[index], index, particle_colliders, dx));
+      members.push_back(make_updated_member<S>(s.bodies[index], index, met, dx));
     }
+    loads.emplace(s, bodies, members);
   }
 
   [[nodiscard]] Vec3d origin(const UpdatedTopology& topology, std::size_t block) const {
@@ -210,9 +193,8 @@ struct UpdatedAdjoint<S>::Impl {
     move_nodes(bar, record.after);
     const S* velocities_after = velocities(arena, record);
     load_velocity_bar.clear();
-    std::vector<shape::ColliderCotangents> touched(particle_colliders.size());
-    loads.back(arena, record, bar.nodes, velocities_after, bar.bodies, touched.data(),
-               load_velocity_bar);
+    loads->act_adjoint(arena, UpdatedBack<S>(record, bar.nodes, velocities_after, dx), record.acts,
+                       bar, load_velocity_bar);
 
     halos.resize(blocks * 3 * kHaloNodes);
     laws.resize(blocks * members.size());
@@ -243,28 +225,14 @@ struct UpdatedAdjoint<S>::Impl {
                                   met.data() + b * node_colliders.size());
     });
     for (const Vec3d& g : gravity) bar.gravity += g;
-    for (std::size_t c = 0; c < touched.size(); ++c) {
-      bar.colliders[particle_places[c]] += touched[c];
-    }
     for (std::size_t i = 0; i < met.size(); ++i) {
       bar.colliders[node_places[i % node_colliders.size()]] += met[i];
     }
-    if (terms.any()) terms_of_particles(arena, record, nodes_bar, bar);
+    for (auto load = loads->list().rbegin(); load != loads->list().rend(); ++load) {
+      (*load)->push_adjoint(arena, record, nodes_bar, bar);
+    }
     bar.nodes = std::move(nodes_bar);
     bar.topology = record.before;
-  }
-
-  void terms_of_particles(Arena& arena, const UpdatedRecord<S>& record,
-                          const std::vector<S>& nodes_bar, UpdatedCotangents<S>& bar) const {
-    std::vector<UpdatedParticleBar<S>*> particles;
-    particles.reserve(members.size());
-    for (UpdatedBodyCotangents<S>& body : bar.bodies) particles.push_back(body.particles.data());
-    const std::vector<TermCotangents> sums = terms.back(arena, record, nodes_bar, dx, particles);
-    for (std::size_t m = 0; m < members.size(); ++m) {
-      bar.bodies[m].terms += sums[m];
-      bar.bodies[m].log_density += sums[m].log_density;
-      bar.gravity += sums[m].gravity;
-    }
   }
 };
 
@@ -280,11 +248,12 @@ UpdatedCotangents<S> UpdatedAdjoint<S>::zero() const {
   UpdatedCotangents<S> bar;
   for (const UpdatedMember<S>& member : impl_->members) {
     UpdatedBodyCotangents<S> body;
-    body.terms = impl_->terms.of(bar.bodies.size()).zero();
+    body.terms = impl_->loads->terms().of(bar.bodies.size()).zero();
     body.particles.resize(member.particles);
     body.maxwell.assign(member.maxwell.size(), S(0));
     body.stretch.assign(member.memory.size(), Vec3d::Zero());
-    body.rest.assign(member.rest.size(), Vec3d::Zero());
+    const bool pinned = !impl_->scene->bodies[member.index].pins.empty();
+    body.rest.assign(pinned ? member.particles : 0, Vec3d::Zero());
     body.branches.assign(member.material.maxwell.size(), {0.0, 0.0});
     bar.bodies.push_back(std::move(body));
   }
@@ -399,7 +368,7 @@ template <class S>
 void UpdatedAdjoint<S>::add_terms(std::size_t body, const UpdatedCotangents<S>& bar,
                                   double density_bar, std::vector<std::vector<double>>& effects,
                                   material::MaterialGradient& material) const {
-  impl_->terms.of(body).add_to(bar.bodies[body].terms, density_bar, effects, material);
+  impl_->loads->terms().of(body).add_to(bar.bodies[body].terms, density_bar, effects, material);
 }
 
 template class UpdatedAdjoint<float>;

@@ -33,22 +33,48 @@ UpdatedTouch<S> touch_of(std::size_t member, std::size_t collider, const Updated
 
 }  // namespace
 
+std::vector<std::size_t> places_of_met(const Scene& scene, bool by_nodes) {
+  std::vector<std::size_t> places;
+  for (std::size_t c = 0; c < scene.colliders.size(); ++c) {
+    const shape::ContactMethod method = scene.colliders[c]->contact().method;
+    if ((method == shape::ContactMethod::kNode) == by_nodes) places.push_back(c);
+  }
+  return places;
+}
+
 std::vector<shape::ColliderPtr> colliders_met(const Scene& scene, bool by_nodes) {
   std::vector<shape::ColliderPtr> met;
-  for (const shape::ColliderPtr& collider : scene.colliders) {
-    if ((collider->contact().method == shape::ContactMethod::kNode) == by_nodes)
-      met.push_back(collider);
-  }
+  for (const std::size_t c : places_of_met(scene, by_nodes)) met.push_back(scene.colliders[c]);
   return met;
 }
 
 template <class S>
-void UpdatedContact<S>::apply(UpdatedGrid<S>& grid, std::vector<UpdatedMember<S>>& members,
-                              std::size_t b, double time, double dt, double max_speed,
-                              std::vector<UpdatedTouch<S>>* touches) const {
+UpdatedContact<S>::UpdatedContact(const Scene& scene, std::vector<UpdatedMember<S>>& members)
+    : members_(members),
+      colliders_(colliders_met(scene, false)),
+      places_(places_of_met(scene, false)) {
+  for (const UpdatedMember<S>& member : members) {
+    for (const double volume : scene.bodies[member.index].volumes) {
+      largest_edge_ = std::max(largest_edge_, std::cbrt(volume));
+    }
+  }
+}
+
+template <class S>
+void UpdatedContact<S>::begin_frame(double frame_seconds, double pull) {
+  frame_seconds_ = frame_seconds;
+  pull_ = pull;
+}
+
+template <class S>
+void UpdatedContact<S>::act(UpdatedGrid<S>& grid, std::size_t b, const UpdatedMoment& moment,
+                            UpdatedActsPtr* acts) const {
+  const double time = moment.time;
+  const double dt = moment.dt;
+  const double max_speed = moment.max_speed;
   using Chunk = UpdatedChunk<S>;
   UpdatedBlock<S>& block = grid.blocks[b];
-  if (colliders_.empty() || time < block.wake_time) return;
+  if (time < block.wake_time) return;
   Nearness found;
   // Distances change by no more than the way: one query rules out most colliders for a block.
   const Vec3d middle = grid.origin(b) + Vec3d::Constant(2.5 * grid.dx);
@@ -65,8 +91,8 @@ void UpdatedContact<S>::apply(UpdatedGrid<S>& grid, std::vector<UpdatedMember<S>
       near.push_back(c);
     }
   }
-  for (std::size_t m = 0; m < members.size() && !near.empty(); ++m) {
-    UpdatedMember<S>& member = members[m];
+  for (std::size_t m = 0; m < members_.size() && !near.empty(); ++m) {
+    UpdatedMember<S>& member = members_[m];
     const bool fluid = member.wets();
     block.bodies[m].for_each([&](std::size_t s, const Chunk& chunk, std::size_t l) {
       const UpdatedPlace<S> place = grid.place(b, s, chunk, l);
@@ -91,8 +117,8 @@ void UpdatedContact<S>::apply(UpdatedGrid<S>& grid, std::vector<UpdatedMember<S>
         }
         const ContactMemory before = memory;
         const Vec3d force = contact_force(member.contacts[c], point, id, dt, memory);
-        if (touches != nullptr && (before.surface == id || memory.surface == id)) {
-          touches->push_back(touch_of(m, c, place, chunk, l, before));
+        if (acts != nullptr && (before.surface == id || memory.surface == id)) {
+          UpdatedActsOf<UpdatedTouch<S>>::add(*acts, touch_of(m, c, place, chunk, l, before));
         }
         if (!force.isZero(0.0)) {
           const Vec3d impulse = dt * force;

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <sstream>
+#include <utility>
 
 #include "base/cancel_check.hpp"
 #include "base/error.hpp"
@@ -14,10 +16,8 @@
 #include "mpm/updated_contact.hpp"
 #include "mpm/updated_grid.hpp"
 #include "mpm/updated_limit.hpp"
-#include "mpm/updated_masses.hpp"
-#include "mpm/updated_pins.hpp"
+#include "mpm/updated_loads.hpp"
 #include "mpm/updated_record.hpp"
-#include "mpm/updated_terms.hpp"
 
 namespace matterfit::mpm {
 
@@ -29,9 +29,8 @@ struct UpdatedGroup<S>::Impl {
   std::size_t memory_limit;
   double dx;
   std::vector<UpdatedMember<S>> members;
-  UpdatedContact<S> contact;
   std::vector<shape::ColliderPtr> node_colliders;
-  UpdatedTerms<S> terms;
+  std::optional<UpdatedLoads<S>> loads;  ///< of the members, when all are there
   UpdatedGrid<S> grid;
   UpdatedBlocks<S>& blocks;
   std::shared_ptr<const UpdatedTopology> topology;  ///< of `blocks`, or null: not taken yet
@@ -39,14 +38,8 @@ struct UpdatedGroup<S>::Impl {
   double max_speed = 0.0;
   double min_j = 1.0;
   double frame_seconds = 0.0;
+  double pull = 0.0;  ///< the largest acceleration by gravity and terms in this frame [m/s²]
   double term_acceleration = 0.0;
-
-  /// What acts on a block's particles after a substep.
-  struct Loads {
-    std::vector<UpdatedTouch<S>> touches;
-    std::vector<UpdatedHold<S>> holds;
-    std::vector<UpdatedCarry<S>> carries;
-  };
 
   Impl(const Scene& s, const std::vector<std::size_t>& bodies, const Kernels<S>& k,
        std::size_t limit, const Interrupter* interrupter)
@@ -54,24 +47,24 @@ struct UpdatedGroup<S>::Impl {
         kernels(&k),
         memory_limit(limit),
         dx(s.dx),
-        contact(colliders_met(s, false)),
         node_colliders(colliders_met(s, true)),
-        terms(s, bodies),
         grid(s.dx, bodies.size()),
         blocks(grid.blocks) {
     frame_seconds = 1.0 / s.fps;
     CancelCheck check(interrupter);
-    for (const std::size_t index : bodies) add_member(s.bodies[index], index, check);
+    const std::vector<shape::ColliderPtr> met = colliders_met(s, false);
+    for (const std::size_t index : bodies) add_member(s.bodies[index], index, met, check);
+    loads.emplace(s, bodies, members);
     scatter_all(check);
   }
 
-  void add_member(const Body& body, std::size_t index, CancelCheck& check) {
-    members.push_back(make_updated_member<S>(body, index, contact.colliders(), dx));
+  void add_member(const Body& body, std::size_t index, const std::vector<shape::ColliderPtr>& met,
+                  CancelCheck& check) {
+    members.push_back(make_updated_member<S>(body, index, met, dx));
     const std::size_t slot = members.size() - 1;
     const Vec3d center = center_of_volume(body);
     for (std::size_t p = 0; p < body.rest.size(); ++p) {
       check();
-      contact.allow(std::cbrt(body.volumes[p]));
       max_speed = std::max(max_speed, start_velocity(body, p, center).norm());
       const UpdatedStart<S> start = updated_start<S>(body, p, dx, center);
       const std::uint32_t at = blocks.ensure(start.block);
@@ -261,16 +254,16 @@ std::pair<double, std::string> UpdatedGroup<S>::begin_frame(double time) {
   Impl& s = *impl_;
   s.blocks.tidy();
   s.topology.reset();
-  s.term_acceleration = s.terms.acceleration_bound(s.max_speed);
-  const double pull = std::max(s.scene->gravity.at(time).norm(),
-                               s.scene->gravity.at(time + s.frame_seconds).norm()) +
-                      s.term_acceleration;
-  s.contact.wake(s.frame_seconds, pull);
+  s.term_acceleration = s.loads->terms().acceleration_bound(s.max_speed);
+  s.pull = std::max(s.scene->gravity.at(time).norm(),
+                    s.scene->gravity.at(time + s.frame_seconds).norm()) +
+           s.term_acceleration;
+  s.loads->begin_frame(s.frame_seconds, s.pull);
   for (std::size_t b = 0; b < s.blocks.size(); ++b) {
     s.blocks[b].wake_time = -1e30;
     s.blocks[b].penetration = 0.0;
   }
-  return updated_limit(*s.scene, s.members, s.terms, s.min_j, s.max_speed, pull);
+  return updated_limit(*s.scene, s.members, s.loads->terms(), s.min_j, s.max_speed, s.pull);
 }
 
 template <class S>
@@ -287,9 +280,9 @@ std::pair<double, double> UpdatedGroup<S>::step(Arena& arena, double time, doubl
     record->before = s.present_topology();
     record->node_mass.resize(count * kBlockNodes);
     record->node_velocity.resize(count * 3 * kBlockNodes);
-    keep_particles(arena, s.blocks, s.members, s.terms.any(), *record);
+    keep_particles(arena, s.blocks, s.members, s.loads->push_by_velocity(), *record);
   }
-  s.terms.apply(arena, s.grid, {time, gravity}, kick);
+  s.loads->push(arena, s.grid, {time, gravity}, kick);
   s.update_grid(arena, time, kick, gravity, record);
   arena.parallel_for(0, count, 1, [&](std::size_t b) { s.move_block(b, dt); });
   double least = 1.0;
@@ -306,30 +299,17 @@ std::pair<double, double> UpdatedGroup<S>::step(Arena& arena, double time, doubl
   s.min_j = least;
   s.max_speed = static_cast<double>(fastest) * s.dx / dt * std::sqrt(3.0);
   s.make_room();
-  std::vector<typename Impl::Loads> loads(record != nullptr ? s.blocks.size() : 0);
+  const UpdatedMoment moment{time + dt, dt, s.max_speed};
+  std::vector<std::vector<UpdatedActsPtr>> acts(record != nullptr ? s.blocks.size() : 0);
   arena.parallel_for(0, s.blocks.size(), 1, [&](std::size_t b) {
     if (!s.blocks[b].occupied) return;
     s.take_in(b, dt);
-    auto* of_block = record != nullptr ? &loads[b] : nullptr;
-    s.contact.apply(s.grid, s.members, b, time + dt, dt, s.max_speed,
-                    of_block != nullptr ? &of_block->touches : nullptr);
-    apply_updated_pins(s.grid, s.members, b, time + dt, dt,
-                       of_block != nullptr ? &of_block->holds : nullptr);
-    apply_attached_masses(s.grid, s.members, b, time + dt,
-                          of_block != nullptr ? &of_block->carries : nullptr);
+    s.loads->act(s.grid, b, moment, record != nullptr ? &acts[b] : nullptr);
   });
   if (record != nullptr) {
     record->after = s.present_topology();
-    record->touches.clear();
-    record->holds.clear();
-    record->carries.clear();
-    for (const auto& of_block : loads) {
-      record->touches.insert(record->touches.end(), of_block.touches.begin(),
-                             of_block.touches.end());
-      record->holds.insert(record->holds.end(), of_block.holds.begin(), of_block.holds.end());
-      record->carries.insert(record->carries.end(), of_block.carries.begin(),
-                             of_block.carries.end());
-    }
+    record->acts.clear();
+    for (std::vector<UpdatedActsPtr>& of_block : acts) record->add_acts(std::move(of_block));
   }
   s.last_dt = dt;
   return {least, most};
@@ -413,7 +393,7 @@ void UpdatedGroup<S>::save_sleep(ByteWriter& out) const {
     wake_times.push_back(impl_->blocks[b].wake_time);
   }
   out.put(wake_times);
-  out.put(impl_->contact.pull());
+  out.put(impl_->pull);
 }
 
 template <class S>
@@ -421,9 +401,8 @@ void UpdatedGroup<S>::load_sleep(ByteReader& in) {
   std::vector<double> wake_times(impl_->blocks.size());
   in.get_same_size(wake_times);
   for (std::size_t b = 0; b < wake_times.size(); ++b) impl_->blocks[b].wake_time = wake_times[b];
-  double pull = 0.0;
-  in.get(pull);
-  impl_->contact.wake(impl_->frame_seconds, pull);
+  in.get(impl_->pull);
+  impl_->loads->begin_frame(impl_->frame_seconds, impl_->pull);
 }
 
 template class UpdatedGroup<float>;

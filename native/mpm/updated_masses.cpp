@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "mpm/updated_back.hpp"
 
 namespace matterfit::mpm {
 namespace {
@@ -104,30 +105,67 @@ CarriedMasses carried_masses(const Body& body, double dx) {
 }
 
 template <class S>
-void apply_attached_masses(UpdatedGrid<S>& grid, const std::vector<UpdatedMember<S>>& members,
-                           std::size_t b, double time, std::vector<UpdatedCarry<S>>* carries) {
+UpdatedMasses<S>::UpdatedMasses(const Scene& scene, const std::vector<UpdatedMember<S>>& members) {
+  for (const UpdatedMember<S>& member : members) {
+    carried_.push_back(carried_masses(scene.bodies[member.index], scene.dx));
+  }
+}
+
+template <class S>
+bool UpdatedMasses<S>::any() const {
+  return std::any_of(carried_.begin(), carried_.end(),
+                     [](const CarriedMasses& carried) { return !carried.masses.empty(); });
+}
+
+template <class S>
+void UpdatedMasses<S>::act(UpdatedGrid<S>& grid, std::size_t b, const UpdatedMoment& moment,
+                           UpdatedActsPtr* acts) const {
   using Chunk = UpdatedChunk<S>;
-  for (std::size_t m = 0; m < members.size(); ++m) {
-    const UpdatedMember<S>& member = members[m];
-    if (member.carried.masses.empty()) continue;
+  for (std::size_t m = 0; m < carried_.size(); ++m) {
+    const CarriedMasses& carried = carried_[m];
+    if (carried.masses.empty()) continue;
     grid.blocks[b].bodies[m].for_each([&](std::size_t s, const Chunk& chunk, std::size_t l) {
-      const double mass = member.carried.at(chunk.id[l], time);
+      const double mass = carried.at(chunk.id[l], moment.time);
       if (!(mass > 0.0)) return;
       const UpdatedPlace<S> place = grid.place(b, s, chunk, l);
       const Vec3d velocity = particle_velocity(chunk, l);
       grid.add_affine_momentum(place, mass, velocity, grid.velocity_gradient(place));
-      if (carries != nullptr) {
-        carries->push_back({static_cast<std::uint32_t>(m), chunk.id[l], place, mass, velocity});
-      }
+      if (acts == nullptr) return;
+      UpdatedActsOf<UpdatedCarry<S>>::add(
+          *acts, {static_cast<std::uint32_t>(m), chunk.id[l], place, mass, velocity});
     });
   }
 }
 
-template void apply_attached_masses<float>(UpdatedGrid<float>&,
-                                           const std::vector<UpdatedMember<float>>&, std::size_t,
-                                           double, std::vector<UpdatedCarry<float>>*);
-template void apply_attached_masses<double>(UpdatedGrid<double>&,
-                                            const std::vector<UpdatedMember<double>>&, std::size_t,
-                                            double, std::vector<UpdatedCarry<double>>*);
+// Momentum m (v + G (x_I − x)) and mass m, G = Σ v_I ∇w_I.
+template <class S>
+void UpdatedMasses<S>::act_adjoint(Arena& /*arena*/, const UpdatedBack<S>& at,
+                                   const UpdatedActs& acts, UpdatedCotangents<S>& bar,
+                                   std::vector<double>& velocity_bar) const {
+  for (const UpdatedCarry<S>& carry : UpdatedActsOf<UpdatedCarry<S>>::of(acts)) {
+    const Vec3d f = carry.place.fraction();
+    const PointStencil s(f, at.dx());
+    const Mat3d gradient = at.velocity_gradient(carry.place, s);
+    Vec3d v_bar = Vec3d::Zero();
+    Vec3d x_bar = Vec3d::Zero();
+    Mat3d gradient_bar = Mat3d::Zero();
+    at.for_each_cotangent(carry.place, [&](const Vec3d& momentum, double mass, std::size_t i,
+                                           std::size_t j, std::size_t k) {
+      const double share = carry.mass * s.weight(i, j, k);
+      const Vec3d arm = at.dx() * (stencil_node(i, j, k) - f);
+      v_bar += share * momentum;
+      gradient_bar += share * momentum * arm.transpose();
+      const double all = momentum.dot(carry.velocity + gradient * arm) + mass;
+      x_bar += carry.mass * all * s.gradient(i, j, k) - share * (gradient.transpose() * momentum);
+    });
+    at.velocity_gradient_adjoint(carry.place, s, gradient_bar, velocity_bar, x_bar);
+    UpdatedParticleBar<S>& own = bar.bodies[carry.member].particles[carry.particle];
+    add_to<S>(v_bar, own.velocity);
+    add_to<S>(x_bar, own.position);
+  }
+}
+
+template class UpdatedMasses<float>;
+template class UpdatedMasses<double>;
 
 }  // namespace matterfit::mpm

@@ -5,8 +5,6 @@
 
 #include "base/error.hpp"
 #include "mpm/initial_velocity.hpp"
-#include "mpm/updated_masses.hpp"
-#include "mpm/updated_pins.hpp"
 
 namespace matterfit::mpm {
 
@@ -25,12 +23,6 @@ UpdatedMember<S> make_updated_member(const Body& body, std::size_t index,
   for (const shape::ColliderPtr& collider : colliders) {
     m.contacts.push_back(resolve_contact(collider->contact(), body, dx));
   }
-  if (!body.pins.empty()) {
-    m.pins = body.pins;
-    m.rest = body.rest;
-    m.pin_of = particles_of_pins(body);
-  }
-  m.carried = carried_masses(body, dx);
   return m;
 }
 

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mpm/updated_pins.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/error.hpp"
 #include "mpm/pin_region.hpp"
+#include "mpm/updated_back.hpp"
 
 namespace matterfit::mpm {
 
@@ -43,34 +45,81 @@ Vec3d pin_target(const Pin& pin, const Vec3d& rest, double time) {
 }
 
 template <class S>
-void apply_updated_pins(UpdatedGrid<S>& grid, const std::vector<UpdatedMember<S>>& members,
-                        std::size_t b, double time, double dt, std::vector<UpdatedHold<S>>* holds) {
+UpdatedPins<S>::UpdatedPins(const Scene& scene, const std::vector<UpdatedMember<S>>& members) {
+  for (const UpdatedMember<S>& member : members) {
+    const Body& body = scene.bodies[member.index];
+    Held& held = held_.emplace_back();
+    if (body.pins.empty()) continue;
+    held = {body.pins, particles_of_pins(body), body.rest, member.density};
+  }
+}
+
+template <class S>
+bool UpdatedPins<S>::any() const {
+  return std::any_of(held_.begin(), held_.end(),
+                     [](const Held& held) { return !held.pins.empty(); });
+}
+
+template <class S>
+const Pin* UpdatedPins<S>::Held::pin(std::uint32_t particle, double time) const {
+  const std::uint8_t k = pin_of[particle];
+  if (k == 0 || time >= pins[k - 1U].release - 1e-12) return nullptr;
+  return &pins[k - 1U];
+}
+
+template <class S>
+void UpdatedPins<S>::act(UpdatedGrid<S>& grid, std::size_t b, const UpdatedMoment& moment,
+                         UpdatedActsPtr* acts) const {
   using Chunk = UpdatedChunk<S>;
-  for (std::size_t m = 0; m < members.size(); ++m) {
-    const UpdatedMember<S>& member = members[m];
-    if (member.pin_of.empty()) continue;
+  const double dt = moment.dt;
+  for (std::size_t m = 0; m < held_.size(); ++m) {
+    const Held& held = held_[m];
+    if (held.pins.empty()) continue;
     grid.blocks[b].bodies[m].for_each([&](std::size_t s, const Chunk& chunk, std::size_t l) {
-      const Pin* p = holding_pin(member, chunk.id[l], time);
+      const Pin* p = held.pin(chunk.id[l], moment.time);
       if (p == nullptr) return;
       const UpdatedPlace<S> place = grid.place(b, s, chunk, l);
-      const Vec3d target = pin_target(*p, member.rest[chunk.id[l]], time + dt);
+      const Vec3d target = pin_target(*p, held.rest[chunk.id[l]], moment.time + dt);
       const Vec3d velocity = (target - grid.position(place)) / dt;
       const S mass =
-          static_cast<S>(kPinWeight) * static_cast<S>(member.density) * chunk.a[Chunk::kVolume][l];
+          static_cast<S>(kPinWeight) * static_cast<S>(held.density) * chunk.a[Chunk::kVolume][l];
       grid.add_momentum(place, mass * velocity.cast<S>(), mass);
-      if (holds != nullptr) {
-        holds->push_back(
-            {static_cast<std::uint32_t>(m), chunk.id[l], place, chunk.a[Chunk::kVolume][l]});
-      }
+      if (acts == nullptr) return;
+      UpdatedActsOf<UpdatedHold<S>>::add(
+          *acts, {static_cast<std::uint32_t>(m), chunk.id[l], place, chunk.a[Chunk::kVolume][l]});
     });
   }
 }
 
-template void apply_updated_pins<float>(UpdatedGrid<float>&,
-                                        const std::vector<UpdatedMember<float>>&, std::size_t,
-                                        double, double, std::vector<UpdatedHold<float>>*);
-template void apply_updated_pins<double>(UpdatedGrid<double>&,
-                                         const std::vector<UpdatedMember<double>>&, std::size_t,
-                                         double, double, std::vector<UpdatedHold<double>>*);
+// Momentum M (target − x)/dt and mass M, M = weight · ρ V.
+template <class S>
+void UpdatedPins<S>::act_adjoint(Arena& /*arena*/, const UpdatedBack<S>& at,
+                                 const UpdatedActs& acts, UpdatedCotangents<S>& bar,
+                                 std::vector<double>& /*velocity_bar*/) const {
+  const double dt = at.dt();
+  const double time = at.time();
+  for (const UpdatedHold<S>& hold : UpdatedActsOf<UpdatedHold<S>>::of(acts)) {
+    const Held& held = held_[hold.member];
+    const Pin* pin = held.pin(hold.particle, time);
+    if (pin == nullptr) continue;
+    UpdatedBodyCotangents<S>& body = bar.bodies[hold.member];
+    const Vec3d& rest = held.rest[hold.particle];
+    const Vec3d target = pin_target(*pin, rest, time + dt);
+    const Vec3d velocity = (target - at.position(hold.place)) / dt;
+    const double mass = kPinWeight * held.density * static_cast<double>(hold.volume);
+    const GridSums sums = at.sums(hold.place, hold.place.fraction());
+    const Vec3d target_bar = mass / dt * sums.momentum;
+    const Vec3d rest_bar = pin->motion.at(time + dt).rotation.conjugate() * target_bar;
+    body.rest[hold.particle] += rest_bar;
+    body.pivots += target_bar - rest_bar;
+    body.turn += target.cross(target_bar) - rest.cross(rest_bar);
+    body.log_density += mass * (velocity.dot(sums.momentum) + sums.mass);
+    add_to<S>(mass * (sums.momentum_by.transpose() * velocity + sums.mass_by) - target_bar,
+              body.particles[hold.particle].position);
+  }
+}
+
+template class UpdatedPins<float>;
+template class UpdatedPins<double>;
 
 }  // namespace matterfit::mpm

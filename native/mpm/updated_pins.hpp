@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "mpm/updated_grid.hpp"
+#include "mpm/scene.hpp"
+#include "mpm/updated_load.hpp"
 #include "mpm/updated_member.hpp"
-#include "mpm/updated_record.hpp"
 
 namespace matterfit::mpm {
 
@@ -20,20 +20,43 @@ inline constexpr double kPinWeight = 1e4;
 /// Where a pin takes what lies at `rest` (world) by `time`.
 [[nodiscard]] Vec3d pin_target(const Pin& pin, const Vec3d& rest, double time);
 
-/// The pin that holds a particle at `time`, or null.
+/// A pinned particle, at the start of a substep.
 template <class S>
-[[nodiscard]] const Pin* holding_pin(const UpdatedMember<S>& member, std::uint32_t particle,
-                                     double time) {
-  if (member.pin_of.empty()) return nullptr;
-  const std::uint8_t k = member.pin_of[particle];
-  if (k == 0 || time >= member.pins[k - 1U].release - 1e-12) return nullptr;
-  return &member.pins[k - 1U];
-}
+struct UpdatedHold {
+  std::uint32_t member;
+  std::uint32_t particle;
+  UpdatedPlace<S> place;
+  S volume;  ///< at rest [m³]
+};
 
-/// The pinned particles of block `b` at `time`: adds to its halo what takes them to their places in
-/// the substep that follows. `holds` gets each of them, if not null.
+/// The pins of a group's bodies: each pinned particle takes to the grid what carries it to its
+/// place in the substep that follows.
 template <class S>
-void apply_updated_pins(UpdatedGrid<S>& grid, const std::vector<UpdatedMember<S>>& members,
-                        std::size_t b, double time, double dt, std::vector<UpdatedHold<S>>* holds);
+class UpdatedPins final : public UpdatedLoad<S> {
+ public:
+  UpdatedPins(const Scene& scene, const std::vector<UpdatedMember<S>>& members);
+
+  [[nodiscard]] bool any() const;
+  void act(UpdatedGrid<S>& grid, std::size_t b, const UpdatedMoment& moment,
+           UpdatedActsPtr* acts) const override;
+  void act_adjoint(Arena& arena, const UpdatedBack<S>& at, const UpdatedActs& acts,
+                   UpdatedCotangents<S>& bar, std::vector<double>& velocity_bar) const override;
+
+ private:
+  /// A body with pins.
+  struct Held {
+    std::vector<Pin> pins;
+    std::vector<std::uint8_t> pin_of;  ///< per particle: pin + 1, 0: free; empty without pins
+    Points rest;
+    double density = 0.0;
+
+    /// The pin that holds a particle at `time`, or null.
+    [[nodiscard]] const Pin* pin(std::uint32_t particle, double time) const;
+  };
+  std::vector<Held> held_;  ///< of each member
+};
+
+extern template class UpdatedPins<float>;
+extern template class UpdatedPins<double>;
 
 }  // namespace matterfit::mpm

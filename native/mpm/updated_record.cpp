@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mpm/updated_record.hpp"
 
+#include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "mpm/state_bytes.hpp"
 
@@ -11,10 +13,23 @@ template <class S>
 std::size_t UpdatedRecord<S>::bytes() const {
   std::size_t sum = bytes_of(node_mass) + bytes_of(node_velocity) + bytes_of(slab_chunks) +
                     chunks.size() * sizeof(KeptChunk<S>) +
-                    velocities.size() * sizeof(KeptVelocity<S>) + bytes_of(touches) +
-                    bytes_of(holds) + bytes_of(carries);
+                    velocities.size() * sizeof(KeptVelocity<S>);
+  for (const UpdatedActsPtr& of_load : acts) sum += of_load ? of_load->bytes() : 0;
   for (const std::vector<S>& of_body : maxwell) sum += bytes_of(of_body);
   return sum;
+}
+
+template <class S>
+void UpdatedRecord<S>::add_acts(std::vector<UpdatedActsPtr>&& of_block) {
+  acts.resize(std::max(acts.size(), of_block.size()));
+  for (std::size_t k = 0; k < of_block.size(); ++k) {
+    if (!of_block[k]) continue;
+    if (acts[k]) {
+      acts[k]->append(*of_block[k]);
+    } else {
+      acts[k] = std::move(of_block[k]);
+    }
+  }
 }
 
 template <class S>

@@ -8,7 +8,6 @@
 
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
-#include "mpm/contact_law.hpp"
 #include "mpm/kernels.hpp"
 #include "mpm/updated_blocks.hpp"
 #include "mpm/updated_member.hpp"
@@ -22,36 +21,41 @@ struct UpdatedTopology {
   std::vector<std::array<std::uint32_t, 27>> neighbours;  ///< as UpdatedBlock's
 };
 
-/// A pinned particle, after a substep.
-template <class S>
-struct UpdatedHold {
-  std::uint32_t member;
-  std::uint32_t particle;
-  UpdatedPlace<S> place;
-  S volume;  ///< at rest [m³]
+/// What a load (updated_load.hpp) did to single particles in one substep, as its adjoint needs it.
+class UpdatedActs {
+ public:
+  UpdatedActs() = default;
+  virtual ~UpdatedActs() = default;
+  UpdatedActs(const UpdatedActs&) = delete;
+  UpdatedActs& operator=(const UpdatedActs&) = delete;
+  /// Adds those of the same load in another block at the end.
+  virtual void append(const UpdatedActs& other) = 0;
+  [[nodiscard]] virtual std::size_t bytes() const = 0;
 };
+/// Null: nothing.
+using UpdatedActsPtr = std::unique_ptr<UpdatedActs>;
 
-/// A particle that carries part of an attached mass, after a substep.
-template <class S>
-struct UpdatedCarry {
-  std::uint32_t member;
-  std::uint32_t particle;
-  UpdatedPlace<S> place;
-  double mass;     ///< [kg]
-  Vec3d velocity;  ///< [m/s]
-};
+/// Those of a load that keeps an Act for each.
+template <class Act>
+class UpdatedActsOf final : public UpdatedActs {
+ public:
+  void append(const UpdatedActs& other) override {
+    const std::vector<Act>& more = of(other);
+    list_.insert(list_.end(), more.begin(), more.end());
+  }
+  [[nodiscard]] std::size_t bytes() const override { return list_.size() * sizeof(Act); }
 
-/// A particle that touches a collider after a substep, as contact_force() met it.
-template <class S>
-struct UpdatedTouch {
-  std::uint32_t member;
-  std::uint32_t particle;
-  std::uint32_t collider;  ///< of the particle-wise ones
-  UpdatedPlace<S> place;
-  S volume;
-  S velocity[3];
-  S h[9];                ///< F − I
-  ContactMemory memory;  ///< before
+  /// `acts` must be of this kind, or null; then they are made.
+  static void add(UpdatedActsPtr& acts, const Act& act) {
+    if (!acts) acts = std::make_unique<UpdatedActsOf>();
+    static_cast<UpdatedActsOf&>(*acts).list_.push_back(act);
+  }
+  [[nodiscard]] static const std::vector<Act>& of(const UpdatedActs& acts) {
+    return static_cast<const UpdatedActsOf&>(acts).list_;
+  }
+
+ private:
+  std::vector<Act> list_;
 };
 
 /// What is kept of an UpdatedChunk: its attributes up to the velocity, which the grid has.
@@ -62,7 +66,7 @@ struct KeptChunk {
   std::uint32_t id[kLanes];
 };
 
-/// The velocities of a chunk's particles, for terms [m/s].
+/// The velocities of a chunk's particles [m/s].
 template <class S>
 struct KeptVelocity {
   S v[3][kLanes];
@@ -89,8 +93,8 @@ class RawArray {
 };
 
 /// What the adjoint needs of one substep (updated_adjoint.hpp): the particles and the grid before
-/// it, in storage order, and the contacts, pins and attached masses after it. Some 75 bytes a
-/// particle in float where cells are evenly filled, and 24 more for each Maxwell branch.
+/// it, in storage order, and what loads did after it. Some 75 bytes a particle in float where cells
+/// are evenly filled, and 24 more for each Maxwell branch.
 template <class S>
 struct UpdatedRecord {
   double time = 0.0;  ///< of the state before [s]
@@ -104,12 +108,12 @@ struct UpdatedRecord {
   /// First of `chunks` of each block, body and slab, in this order, and the end.
   std::vector<std::uint32_t> slab_chunks;
   RawArray<KeptChunk<S>> chunks;
-  RawArray<KeptVelocity<S>> velocities;  ///< as `chunks`; empty where no effect acts
+  RawArray<KeptVelocity<S>> velocities;  ///< as `chunks`; empty where no load asks
   std::vector<std::vector<S>> maxwell;   ///< per body, as UpdatedView::maxwell
-  std::vector<UpdatedTouch<S>> touches;
-  std::vector<UpdatedHold<S>> holds;
-  std::vector<UpdatedCarry<S>> carries;
+  std::vector<UpdatedActsPtr> acts;      ///< after it, of each of the loads' list
 
+  /// Those of one more block.
+  void add_acts(std::vector<UpdatedActsPtr>&& of_block);
   /// Bytes of it [B], without the topologies, which substeps share.
   [[nodiscard]] std::size_t bytes() const;
 };

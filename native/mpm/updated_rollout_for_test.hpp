@@ -25,6 +25,17 @@ inline void record_worst(const std::string& name, double worst) {
   testing::Test::RecordProperty(name, text.str());
 }
 
+/// How many acts of a kind a substep has on record.
+template <class Act, class S>
+[[nodiscard]] std::size_t count_acts(const UpdatedRecord<S>& record) {
+  std::size_t sum = 0;
+  for (const UpdatedActsPtr& acts : record.acts) {
+    if (dynamic_cast<const UpdatedActsOf<Act>*>(acts.get()) == nullptr) continue;
+    sum += UpdatedActsOf<Act>::of(*acts).size();
+  }
+  return sum;
+}
+
 struct UpdatedRollout {
   struct Gradient {
     std::vector<UpdatedStartCotangents> start;

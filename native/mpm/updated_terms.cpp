@@ -3,12 +3,13 @@
 
 #include <algorithm>
 
-#include "mpm/updated_loads_adjoint.hpp"
+#include "mpm/updated_back.hpp"
 
 namespace matterfit::mpm {
 
 template <class S>
-UpdatedTerms<S>::UpdatedTerms(const Scene& scene, const std::vector<std::size_t>& bodies) {
+UpdatedTerms<S>::UpdatedTerms(const Scene& scene, const std::vector<std::size_t>& bodies)
+    : dx_(scene.dx) {
   terms_.reserve(bodies.size());
   for (const std::size_t index : bodies) {
     terms_.push_back(std::make_unique<BodyTerms>(scene, scene.bodies[index]));
@@ -18,8 +19,8 @@ UpdatedTerms<S>::UpdatedTerms(const Scene& scene, const std::vector<std::size_t>
 }
 
 template <class S>
-void UpdatedTerms<S>::apply(Arena& arena, UpdatedGrid<S>& grid, const effects::Moment& moment,
-                            double kick) const {
+void UpdatedTerms<S>::push(Arena& arena, UpdatedGrid<S>& grid, const effects::Moment& moment,
+                           double kick) const {
   using Chunk = UpdatedChunk<S>;
   if (!act_) return;
   arena.parallel_for(0, grid.blocks.size(), 1, [&](std::size_t b) {
@@ -45,9 +46,8 @@ void UpdatedTerms<S>::apply(Arena& arena, UpdatedGrid<S>& grid, const effects::M
 }
 
 template <class S>
-std::vector<TermCotangents> UpdatedTerms<S>::back(
-    Arena& arena, const UpdatedRecord<S>& record, const std::vector<S>& nodes, double dx,
-    const std::vector<UpdatedParticleBar<S>*>& particles) const {
+void UpdatedTerms<S>::push_adjoint(Arena& arena, const UpdatedRecord<S>& record,
+                                   const std::vector<S>& nodes, UpdatedCotangents<S>& bar) const {
   using Chunk = UpdatedChunk<S>;
   const std::size_t blocks = record.before->coordinates.size();
   const std::size_t members = terms_.size();
@@ -60,7 +60,7 @@ std::vector<TermCotangents> UpdatedTerms<S>::back(
     TermCotangents& sums = of_block[at];
     sums = terms.zero();
     if (terms.empty()) return;
-    const Vec3d origin = record.before->coordinates[b].template cast<double>() * (4.0 * dx);
+    const Vec3d origin = record.before->coordinates[b].template cast<double>() * (4.0 * dx_);
     const std::uint32_t* first = record.slab_chunks.data() + at * kSlabs;
     for (std::size_t s = 0; s < kSlabs; ++s) {
       for (std::uint32_t c = first[s]; c < first[s + 1]; ++c) {
@@ -73,7 +73,7 @@ std::vector<TermCotangents> UpdatedTerms<S>::back(
               {chunk.a[Chunk::kF][l], chunk.a[Chunk::kF + 1][l], chunk.a[Chunk::kF + 2][l]}};
           effects::MaterialPoint seen =
               terms.point(chunk.id[l], static_cast<double>(chunk.a[Chunk::kVolume][l]));
-          seen.position = place.position(origin, dx);
+          seen.position = place.position(origin, dx_);
           const KeptVelocity<S>& kept = record.velocities[c];
           for (int axis = 0; axis < 3; ++axis) {
             seen.velocity[axis] = static_cast<double>(kept.v[axis][l]);
@@ -81,15 +81,15 @@ std::vector<TermCotangents> UpdatedTerms<S>::back(
           // Momentum Σ w_I kick f.
           Vec3d momentum_bar = Vec3d::Zero();
           Mat3d momentum_by = Mat3d::Zero();
-          const PointStencil stencil(place.fraction(), dx);
+          const PointStencil stencil(place.fraction(), dx_);
           for_each_cotangent(*record.before, nodes, place,
                              [&](const Vec3d& momentum, double /*mass*/, std::size_t i,
                                  std::size_t j, std::size_t k) {
                                momentum_bar += stencil.weight(i, j, k) * momentum;
                                momentum_by += momentum * stencil.gradient(i, j, k).transpose();
                              });
-          effects::MaterialPointBar bar;
-          bar.position = record.kick * (momentum_by.transpose() * terms.force(seen, moment));
+          effects::MaterialPointBar point_bar;
+          point_bar.position = record.kick * (momentum_by.transpose() * terms.force(seen, moment));
           Mat3d stress_bar = Mat3d::Zero();
           if (terms.stress()) {
             for (int i = 0; i < 9; ++i) {
@@ -102,31 +102,31 @@ std::vector<TermCotangents> UpdatedTerms<S>::back(
             for_each_cotangent(*record.before, nodes, place,
                                [&](const Vec3d& momentum, double /*mass*/, std::size_t i,
                                    std::size_t j, std::size_t k) {
-                                 bar.position +=
-                                     stencil.curvature(i, j, k, dx) * (tau.transpose() * momentum);
+                                 point_bar.position +=
+                                     stencil.curvature(i, j, k, dx_) * (tau.transpose() * momentum);
                                });
           }
-          terms.adjoint(seen, moment, record.kick * momentum_bar, stress_bar, bar, sums);
-          UpdatedParticleBar<S>& own = particles[m][chunk.id[l]];
+          terms.adjoint(seen, moment, record.kick * momentum_bar, stress_bar, point_bar, sums);
+          UpdatedParticleBar<S>& own = bar.bodies[m].particles[chunk.id[l]];
           for (std::size_t axis = 0; axis < 3; ++axis) {
-            own.position[axis] += static_cast<S>(bar.position[static_cast<int>(axis)]);
-            own.velocity[axis] += static_cast<S>(bar.velocity[static_cast<int>(axis)]);
+            own.position[axis] += static_cast<S>(point_bar.position[static_cast<int>(axis)]);
+            own.velocity[axis] += static_cast<S>(point_bar.velocity[static_cast<int>(axis)]);
           }
           for (std::size_t i = 0; i < 9; ++i) {
             own.h[i] += static_cast<S>(
-                bar.deformation_gradient(static_cast<int>(i / 3), static_cast<int>(i % 3)));
+                point_bar.deformation_gradient(static_cast<int>(i / 3), static_cast<int>(i % 3)));
           }
         }
       }
     }
   });
-  std::vector<TermCotangents> sums;
-  sums.reserve(members);
   for (std::size_t m = 0; m < members; ++m) {
-    sums.push_back(terms_[m]->zero());
-    for (std::size_t b = 0; b < blocks; ++b) sums[m] += of_block[b * members + m];
+    TermCotangents sums = terms_[m]->zero();
+    for (std::size_t b = 0; b < blocks; ++b) sums += of_block[b * members + m];
+    bar.bodies[m].terms += sums;
+    bar.bodies[m].log_density += sums.log_density;
+    bar.gravity += sums.gravity;
   }
-  return sums;
 }
 
 template <class S>

@@ -11,7 +11,7 @@
 #include <optional>
 #include <utility>
 
-#include "diagnose/theta_prior.hpp"
+#include "diagnose/members.hpp"
 
 namespace matterfit::diagnose {
 
@@ -56,19 +56,6 @@ MatrixXd deviations(const std::vector<std::optional<VectorXd>>& runs, std::size_
 }
 
 constexpr Index kRigid = 6;
-constexpr double kUsualNoise = 5e-4;  // [m]
-
-/// Stated noise of each of the rows, or a usual one [m].
-VectorXd stated_noise(const Model& model, const Rows& rows) {
-  VectorXd noise(rows.size());
-  for (const Series& series : rows.series()) {
-    const double stated = model.captures()[std::size_t(series.capture)].noise;
-    noise.segment(series.begin, series.end - series.begin)
-        .setConstant(stated > 0.0 ? stated : kUsualNoise);
-  }
-  return noise;
-}
-
 /// The rigid motion in each frame of contact, off by one standard deviation along and about each
 /// axis; stacked rows × 6 a frame.
 MatrixXd rigid_errors_in_contact(const Study& study) {
@@ -164,83 +151,6 @@ MatrixXd Spread::deviations() const {
   return result;
 }
 
-namespace {
-
-/// Other numerics' runs with their corrections set so that they come nearest to the first run's
-/// used rows: Gauss–Newton with the slopes of the state. Where simulations follow the recordings
-/// one impact's error is not multiplied at the next, and what the slopes promise is believed.
-void correct(const Study& study, const State& state, const MatrixXd& theta,
-             const std::vector<Numerics>& variants, std::vector<std::optional<VectorXd>>& runs) {
-  constexpr int kRounds = 2;          // a third gained nothing (docs/dev/impacts.md)
-  constexpr double kWorthARun = 0.9;  // of the misfit before
-  const std::vector<Index> corrections = nuisances_of_times(study.model());
-  if (corrections.empty()) return;
-  const Index used = study.used().size();
-  const VectorXd noise = stated_noise(study.model(), study.used());
-  const MatrixXd slopes =
-      noise.cwiseInverse().asDiagonal() * theta(Eigen::all, corrections).topRows(used);
-  MatrixXd normal = slopes.transpose() * slopes;
-  const VectorXd precision = theta_prior(study.model()).precision(corrections);
-  normal.diagonal() += precision;
-  const Eigen::LDLT<MatrixXd> factors(normal);
-  const Index count = Index(corrections.size());
-  VectorXd scales(count);
-  for (Index k = 0; k < count; ++k) {
-    scales[k] = study.model().parameters()[std::size_t(corrections[std::size_t(k)])].scale;
-  }
-  struct Member {
-    std::size_t variant;
-    VectorXd offset;  ///< of the corrections, in scales
-  };
-  std::vector<Member> going;
-  for (std::size_t m = 1; m < variants.size(); ++m) {
-    if (runs[m]) going.push_back({m, VectorXd::Zero(count)});
-  }
-  const auto apart = [&](const VectorXd& run) -> VectorXd {
-    return noise.cwiseInverse().asDiagonal() * (*runs[0] - run).head(used);
-  };
-  if (study.model().follows_recordings()) {
-    for (const Member& member : going) {
-      VectorXd& run = *runs[member.variant];
-      const VectorXd step = factors.solve(slopes.transpose() * apart(run));
-      run += theta(Eigen::all, corrections) * step;
-    }
-    return;
-  }
-  for (int round = 0; round < kRounds && !going.empty(); ++round) {
-    std::vector<State> states;
-    std::vector<Numerics> numerics;
-    std::vector<VectorXd> offsets;
-    for (const Member& member : going) {
-      const VectorXd step = factors.solve(slopes.transpose() * apart(*runs[member.variant]) -
-                                          precision.cwiseProduct(member.offset));
-      offsets.emplace_back(member.offset + step);
-      State& there = states.emplace_back(state);
-      for (Index k = 0; k < count; ++k) {
-        there.theta[corrections[std::size_t(k)]] += scales[k] * offsets.back()[k];
-      }
-      numerics.push_back(variants[member.variant]);
-    }
-    auto again = study.predict_variants(states, numerics);
-    std::vector<Member> gaining;
-    for (std::size_t k = 0; k < going.size(); ++k) {
-      std::optional<VectorXd>& before = runs[going[k].variant];
-      if (!again[k]) continue;
-      const auto misfit = [&](const VectorXd& run, const VectorXd& offset) {
-        return apart(run).squaredNorm() + offset.dot(precision.cwiseProduct(offset));
-      };
-      const double was = misfit(*before, going[k].offset);
-      const double is = misfit(*again[k], offsets[k]);
-      if (!(is < was)) continue;
-      before = std::move(again[k]);
-      if (is < kWorthARun * was) gaining.push_back({going[k].variant, offsets[k]});
-    }
-    going = std::move(gaining);
-  }
-}
-
-}  // namespace
-
 Spread numerical_spread(const Study& study, const State& state, const MatrixXd& theta,
                         const SpreadRuns& which) {
   Spread spread = Spread::none(study.size());
@@ -272,7 +182,7 @@ Spread numerical_spread(const Study& study, const State& state, const MatrixXd& 
   if (which.directions) std::ranges::copy(ways_to_lump(), std::back_inserter(variants));
   auto runs = study.predict_variants(std::vector<State>(variants.size(), state), variants);
   if (!runs[0]) return spread;
-  correct(study, state, theta, variants, runs);
+  bring_near(study, state, theta, variants, runs);
   if (runs[1] && runs[2]) spread.bias = (*runs[2] - *runs[1]) / (kRatio - 1.0 / kRatio);
   spread.members = deviations(runs, 3, sampled);
   const MatrixXd lumping = deviations(runs, sampled, runs.size());

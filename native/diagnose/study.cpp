@@ -203,12 +203,14 @@ std::vector<std::optional<VectorXd>> Study::predict(const std::vector<State>& st
 }
 
 std::vector<std::optional<VectorXd>> Study::predict_variants(
-    const std::vector<State>& states, const std::vector<Numerics>& variants) const {
+    const std::vector<State>& states, const std::vector<Numerics>& variants,
+    const std::vector<std::vector<double>>& until) const {
   std::vector<Point> points;
   points.reserve(variants.size());
   for (std::size_t i = 0; i < variants.size(); ++i) {
     points.push_back(point_of(states[i], Wanted::kAll));
     points.back().numerics = variants[i];
+    if (!until.empty()) points.back().until = until[i];
   }
   ledger_->stages[ledger_->current].runs += int(points.size());
   const auto runs = model_->simulate(points);

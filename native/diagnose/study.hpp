@@ -70,9 +70,10 @@ class Study {
   /// Both in one.
   [[nodiscard]] std::vector<std::optional<Eigen::VectorXd>> predict(
       const std::vector<State>& states, Wanted wanted = Wanted::kAll) const;
-  /// Each state in its numerics, in one batch.
+  /// Each state in its numerics, in one batch. `until`: Point::until of each; empty: of all rows.
   [[nodiscard]] std::vector<std::optional<Eigen::VectorXd>> predict_variants(
-      const std::vector<State>& states, const std::vector<Numerics>& variants) const;
+      const std::vector<State>& states, const std::vector<Numerics>& variants,
+      const std::vector<std::vector<double>>& until = {}) const;
   /// Simulations asked for so far, and the same by what they were for, in order.
   [[nodiscard]] int runs() const;
   [[nodiscard]] const std::vector<Ledger::Stage>& stages() const { return ledger_->stages; }

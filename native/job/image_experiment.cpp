@@ -19,6 +19,10 @@ namespace {
 
 bool is_of_camera(const fit::Address& path) { return path.quantity->path.starts_with("poses"); }
 
+bool is_of_throw(const fit::Address& path) {
+  return path.quantity->path == "velocity" || path.quantity->path == "spin";
+}
+
 }  // namespace
 
 ImageExperiment::ImageExperiment(const Job& job, const FitDoc& fit, const RunOptions& options,
@@ -150,6 +154,19 @@ std::vector<fit::Parameter> ImageExperiment::parameters_from(
   return parameters;
 }
 
+std::vector<fit::Parameter> ImageExperiment::motion_from(const std::vector<double>& values) const {
+  constexpr double kHeld = 0.02;  // scales
+  std::vector<fit::Parameter> parameters = parameters_from(values);
+  for (std::size_t k = 0; k < parameters.size(); ++k) {
+    if (is_of_throw(parameters_->path(k)) || is_of_camera(parameters_->path(k))) continue;
+    fit::Parameter& parameter = parameters[k];
+    const double start = std::clamp(parameter.start, parameter.low, parameter.high);
+    parameter.prior =
+        fit::Prior{fit::to_natural(parameter.coordinate, start), kHeld * parameter.scale};
+  }
+  return parameters;
+}
+
 fit::ImageProblem ImageExperiment::problem(const std::vector<double>& values, double blur) {
   fit::ImageProblem::Parts parts;
   parts.tracks = tracks_ ? &*tracks_ : nullptr;
@@ -172,8 +189,7 @@ fit::ImageProblem ImageExperiment::beginning(const std::vector<double>& values, 
 
 bool ImageExperiment::finds_throw() const {
   for (std::size_t k = 0; k < parameters_->size(); ++k) {
-    const std::string& path = parameters_->path(k).quantity->path;
-    if (path == "velocity" || path == "spin") return true;
+    if (is_of_throw(parameters_->path(k))) return true;
   }
   return false;
 }

@@ -54,6 +54,8 @@ class ImageExperiment {
   /// The parameters with these values as their starts.
   [[nodiscard]] std::vector<fit::Parameter> parameters_from(
       const std::vector<double>& values) const;
+  /// The same, all but velocities, spins and poses held near these values.
+  [[nodiscard]] std::vector<fit::Parameter> motion_from(const std::vector<double>& values) const;
   /// Of all that is fitted, from these values on, images blurred [reduced pixels].
   [[nodiscard]] fit::ImageProblem problem(const std::vector<double>& values, double blur);
   /// The same of images at the scene's first frame alone, which cost no simulation.

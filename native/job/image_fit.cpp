@@ -203,7 +203,8 @@ class ImageFit {
   /// tell of poses and of where the bodies stand alone, and cost no simulation.
   void find_poses(double blur) {
     if (!scene_->sees_first_frame() || !scene_->moves_cameras()) return;
-    search(watched(scene_->first_frame(state_.values, blur)), "poses");
+    search(watched(scene_->first_frame(state_.values, blur)), "poses",
+           scene_->parameters_from(state_.values));
     settle_sizes();
   }
 
@@ -216,7 +217,8 @@ class ImageFit {
       const double share = kBeginnings[state_.beginnings];
       const auto wanted = static_cast<std::size_t>(std::ceil(share * double(times.size())));
       const std::size_t count = std::min(std::max(wanted, kFewestTimes), times.size());
-      search(watched(scene_->beginning(state_.values, kWide, times[count - 1])), "throw");
+      search(watched(scene_->beginning(state_.values, kWide, times[count - 1])), "throw",
+             scene_->motion_from(state_.values));
       ++state_.beginnings;
       state_.search.reset();
       state_.refinements.clear();
@@ -279,14 +281,14 @@ class ImageFit {
   void search(double blur, const char* stage) {
     // A search that is taken up has its substeps.
     if (!state_.search) settle_steps();
-    search(problem(blur), stage);
+    search(problem(blur), stage, scene_->parameters_from(state_.values));
   }
 
-  void search(fit::ImageProblem at, const char* stage) {
+  void search(fit::ImageProblem at, const char* stage, std::vector<fit::Parameter> parameters) {
     fit::LeastSquaresOptions options;
     options.huber = doc_.huber;
     options.iterations = doc_.iterations;
-    search_.emplace(scene_->parameters_from(state_.values), options);
+    search_.emplace(std::move(parameters), options);
     if (state_.search) {
       fit::StepPlan plan = at.plan();
       if (state_.refinements.size() == plan.refinements.size()) {

@@ -173,7 +173,8 @@ class ImageFit {
         find_poses(kNarrow);
         break;
       case ImagePhase::kThrow:
-        learn_colours();
+        // Taken up later, they are those of where it began.
+        if (state_.beginnings == 0 && !state_.search) learn_colours();
         find_throw();
         break;
       case ImagePhase::kScan:
@@ -213,10 +214,17 @@ class ImageFit {
   void find_throw() {
     const std::vector<double> times = scene_->later_times();
     if (scene_->has_tracks() || !scene_->finds_throw() || times.empty()) return;
+    const auto count_of = [&](int beginning) {
+      const auto wanted =
+          static_cast<std::size_t>(std::ceil(kBeginnings[beginning] * double(times.size())));
+      return std::min(std::max(wanted, kFewestTimes), times.size());
+    };
     while (state_.beginnings < static_cast<int>(std::size(kBeginnings))) {
-      const double share = kBeginnings[state_.beginnings];
-      const auto wanted = static_cast<std::size_t>(std::ceil(share * double(times.size())));
-      const std::size_t count = std::min(std::max(wanted, kFewestTimes), times.size());
+      const std::size_t count = count_of(state_.beginnings);
+      if (state_.beginnings > 0 && count == count_of(state_.beginnings - 1)) {
+        ++state_.beginnings;
+        continue;
+      }
       search(watched(scene_->beginning(state_.values, kWide, times[count - 1])), "throw",
              scene_->motion_from(state_.values));
       ++state_.beginnings;

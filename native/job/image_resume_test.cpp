@@ -29,8 +29,26 @@ Json stiffness_from_film(const fs::path& folder) {
   return document;
 }
 
+/// The same of its throw too, by colours.
+Json throw_from_colours(const fs::path& folder) {
+  film(filmed_cube(), folder, two_cameras(),
+       [](const auto& scene, const auto& state, const auto& camera) {
+         return paint(scene, state, camera, [](const Vec3d& rest) {
+           return rest.x() > 0.2 ? Vec3d(0.8, 0.3, 0.2) : Vec3d(0.2, 0.6, 0.7);
+         });
+       });
+  Json document = thrown_cube();
+  document["task"] = "fit";
+  document["scene"]["bodies"][0]["velocity"] = {0.6, 0.4, -1.3};
+  document["captures"] = Json::array(
+      {{{"cameras", "clip/transforms.json"}, {"noise", 0.3}, {"colours", {{"noise", 0.05}}}}});
+  document["fit"] = {{"parameters", {"velocity"}}};
+  return document;
+}
+
 /// Cancels a fit to images when its search has taken a step.
-void cancel_in_search(const Json& document, const fs::path& folder) {
+void cancel_in_search(const Json& document, const fs::path& folder,
+                      ImagePhase phase = ImagePhase::kWide) {
   RunOptions options;
   options.threads = 2;
   Interrupter interrupter;
@@ -44,7 +62,7 @@ void cancel_in_search(const Json& document, const fs::path& folder) {
   });
   for (int wait = 0; wait < 60'000; ++wait) {
     const auto state = read_image_fit_state(folder / "out");
-    if (state && state->phase == ImagePhase::kWide && state->search) break;
+    if (state && state->phase == phase && state->search) break;
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   interrupter.cancel();
@@ -101,6 +119,19 @@ TEST(ImageResume, GoesOnToTheSameBits) {
     ADD_FAILURE() << "a fit to other images was taken for this one";
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("captures[0].content"));
+  }
+}
+
+TEST(ImageResume, GoesOnWhereTheThrowIsLookedFor) {
+  const Folder whole;
+  const Folder broken;
+  const Json document = throw_from_colours(whole.path);
+  (void)throw_from_colours(broken.path);
+  const Json expected = run(document, whole.path);
+  cancel_in_search(document, broken.path, ImagePhase::kThrow);
+  const Json result = run(document, broken.path);
+  for (const char* key : {"parameters", "silhouettes", "iterations", "history", "evaluations"}) {
+    EXPECT_EQ(result["fit"][key], expected["fit"][key]) << key;
   }
 }
 

@@ -86,6 +86,7 @@ class Members {
 
   void search(const std::vector<std::size_t>& members, int rounds) {
     std::vector<Member> going;
+    going.reserve(members.size());
     for (const std::size_t m : members) going.push_back({m, VectorXd::Zero(Index(scales_.size()))});
     for (int round = 0; round < rounds && !going.empty(); ++round) going = stepped(going);
   }
@@ -93,6 +94,7 @@ class Members {
   /// The same from the beginning of the used rows on, damped where a step leads nowhere.
   void search_growing(const std::vector<std::size_t>& members) {
     std::vector<Window> windows;
+    windows.reserve(kGrowing.size());
     for (const double share : kGrowing) windows.push_back(window_of(share));
     std::vector<Growing> going;
     for (const std::size_t m : members) {

@@ -23,7 +23,8 @@ class VibratingModel : public HiddenModel {
     for (int f = 0; f < 150; ++f) capture.times.push_back(f / 100.0);
     for (int i = 0; i < 4; ++i) capture.rest.emplace_back(0.03 * (i + 1), 0.0, 0.0);
     capture.use.assign(std::size_t(capture.samples()), Use::kUsed);
-    for (std::size_t s = 100 * 4; s < capture.use.size(); ++s) capture.use[s] = Use::kHeldOut;
+    const std::size_t later = 100 * capture.rest.size();
+    for (std::size_t s = later; s < capture.use.size(); ++s) capture.use[s] = Use::kHeldOut;
     capture.noise = 2e-4;
     captures_ = {std::move(capture)};
     parameters_ = {parameter("stiffness", 1.0, 0.2, 0.01, 100.0, fit::Coordinate::kLog),

@@ -182,6 +182,12 @@ void UpdatedContact<S>::back(const UpdatedBack<S>& at, const UpdatedTouch<S>& to
   }
 }
 
+template void UpdatedContact<float>::back(const UpdatedBack<float>&, const UpdatedTouch<float>&,
+                                          UpdatedBodyCotangents<float>&, Sums&,
+                                          std::vector<double>&) const;
+template void UpdatedContact<double>::back(const UpdatedBack<double>&, const UpdatedTouch<double>&,
+                                           UpdatedBodyCotangents<double>&, Sums&,
+                                           std::vector<double>&) const;
 template void UpdatedContact<float>::act_adjoint(Arena&, const UpdatedBack<float>&,
                                                  const UpdatedActs&, UpdatedCotangents<float>&,
                                                  std::vector<double>&) const;

@@ -11,14 +11,17 @@ namespace {
 
 constexpr int kEdge = 48;
 
+/// The pixel at (x, y).
+std::size_t pixel(int x, int y) { return std::size_t(y) * std::size_t(kEdge) + std::size_t(x); }
+
 std::array<Coverage, 3> picture(const std::function<double(int, int, int)>& value) {
   std::array<Coverage, 3> result;
   for (int c = 0; c < 3; ++c) {
     Coverage& channel = result[std::size_t(c)];
-    channel = {kEdge, kEdge, std::vector<float>(std::size_t(kEdge * kEdge))};
+    channel = {kEdge, kEdge, std::vector<float>(pixel(0, kEdge))};
     for (int y = 0; y < kEdge; ++y) {
       for (int x = 0; x < kEdge; ++x) {
-        channel.values[std::size_t(y * kEdge + x)] = float(value(c, x, y));
+        channel.values[pixel(x, y)] = float(value(c, x, y));
       }
     }
   }
@@ -57,7 +60,7 @@ TEST(ColourAgreement, ABrighterImageIsMoreAlikeThanAnotherPattern) {
 TEST(ColourAgreement, LooksAtNothingElse) {
   const Coverage compared = disc();
   const auto framed = picture([&](int c, int x, int y) {
-    return compared.values[std::size_t(y * kEdge + x)] > 0.0F ? waves(c, x, y) : 1.0;
+    return compared.values[pixel(x, y)] > 0.0F ? waves(c, x, y) : 1.0;
   });
   const ColourAgreement same = colour_agreement(picture(waves), framed, compared);
   EXPECT_NEAR(same.ssim, 1.0, 1e-5);

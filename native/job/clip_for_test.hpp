@@ -68,7 +68,7 @@ inline capture::Bitmap paint(const mpm::Scene& scene, const mpm::FrameState& sta
   constexpr int kSamples = 4;
   const int width = kSamples * camera.width;
   const int height = kSamples * camera.height;
-  const auto samples = std::size_t(width * height);
+  const std::size_t samples = std::size_t(width) * std::size_t(height);
   std::vector<double> depth(samples, std::numeric_limits<double>::infinity());
   std::vector<Vec3d> colours(samples, Vec3d::Zero());
   const double separation = 0.5 * scene.dx;
@@ -89,7 +89,7 @@ inline capture::Bitmap paint(const mpm::Scene& scene, const mpm::FrameState& sta
       };
       for (int j = low(1); j <= high(1, height); ++j) {
         for (int i = low(0); i <= high(0, width); ++i) {
-          const auto at = std::size_t(j * width + i);
+          const std::size_t at = std::size_t(j) * std::size_t(width) + std::size_t(i);
           if (!(t.z() < depth[at])) continue;
           depth[at] = t.z();
           colours[at] = colour;
@@ -105,7 +105,8 @@ inline capture::Bitmap paint(const mpm::Scene& scene, const mpm::FrameState& sta
       Vec3d sum = Vec3d::Zero();
       for (int j = 0; j < kSamples; ++j) {
         for (int i = 0; i < kSamples; ++i) {
-          const auto at = std::size_t((kSamples * y + j) * width + kSamples * x + i);
+          const std::size_t at =
+              std::size_t(kSamples * y + j) * std::size_t(width) + std::size_t(kSamples * x + i);
           if (!std::isfinite(depth[at])) continue;
           ++covered;
           sum += colours[at];

@@ -56,7 +56,7 @@ TEST(CompareImages, ATakeIsPredictedAndJudged) {
   std::size_t missing = 0;
   const int corner = kClipHeight - 7;  // the number is written below
   for (int i = 0; i < kClipWidth * corner; ++i) {
-    const std::uint8_t* rgba = overlay.rgba.data() + 4 * i;
+    const std::uint8_t* rgba = overlay.rgba.data() + 4 * std::size_t(i);
     outside += rgba[3] > 100 && rgba[0] == 255 && rgba[2] == 0 ? 1 : 0;
     missing += rgba[3] > 100 && rgba[0] == 0 && rgba[2] == 255 ? 1 : 0;
   }

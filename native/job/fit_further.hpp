@@ -22,6 +22,7 @@ struct FurtherStart {
 };
 
 /// A fit that went on with further numbers beside its own.
+// NOLINTNEXTLINE(bugprone-exception-escape): of the JSON library's moves it cannot tell
 struct FurtherFit {
   std::unique_ptr<fit::LawFit> fit;  ///< of the parameters before and of the further ones
   fit::LawState state;               ///< the best of its iterations

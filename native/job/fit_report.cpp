@@ -214,6 +214,7 @@ Json ranked_models(const std::vector<fit::LawState>& laws, const std::vector<Jso
   order.reserve(laws.size());
   for (std::size_t k = 0; k < laws.size(); ++k) order.push_back({laws[k], models[k]});
   std::vector<const Candidate*> ranked;
+  ranked.reserve(order.size());
   for (const Candidate& one : order) ranked.push_back(&one);
   std::ranges::stable_sort(ranked, [](const Candidate* a, const Candidate* b) {
     return a->log_weight() > b->log_weight();

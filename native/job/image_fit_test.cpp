@@ -32,8 +32,10 @@ capture::Bitmap through_lens(const capture::Bitmap& ideal, const splat::Camera& 
       const int i = int(std::floor(camera.fx * place->x() + camera.cx));
       const int j = int(std::floor(camera.fy * place->y() + camera.cy));
       if (i < 0 || j < 0 || i >= ideal.width || j >= ideal.height) continue;
-      taken.rgba[std::size_t(4 * (y * taken.width + x) + 3)] =
-          ideal.rgba[std::size_t(4 * (j * ideal.width + i) + 3)];
+      const auto alpha = [](const capture::Bitmap& image, int row, int column) {
+        return 4 * (std::size_t(row) * std::size_t(image.width) + std::size_t(column)) + 3;
+      };
+      taken.rgba[alpha(taken, y, x)] = ideal.rgba[alpha(ideal, j, i)];
     }
   }
   return taken;

@@ -17,17 +17,22 @@ from test_operators import JobCase
 BUTTONS = ("bake", "preview", "compare", "fit", "diagnose")
 
 
-def pressed(name, **properties):
-    """(stub of the operator, its job, started): what a button does before the window is drawn
-    again."""
+def operator_stub(name, **properties):
+    """What has the methods of an operator, and no window: Blender makes operators itself."""
     operator = next(cls for cls in ops.CLASSES if cls.bl_idname == "matterfit." + name)
     given = {"onto": "NEW", "bl_options": operator.bl_options, **properties}
-    # Blender makes operators itself; this one has the methods and no window.
     kind = type("Pressed", (), {key: getattr(operator, key) for key in dir(operator)
                                 if not key.startswith("__") and key not in (
                                     "bl_rna", "rna_type", "onto", "report")})
     stub = kind()
     stub.__dict__.update(given, report=mock.Mock())
+    return stub
+
+
+def pressed(name, **properties):
+    """(stub of the operator, its job, started): what a button does before the window is drawn
+    again."""
+    stub = operator_stub(name, **properties)
     return stub, jobs.registry.add(jobs.drained(stub.begin_in_steps(bpy.context))).start()
 
 

@@ -3,12 +3,15 @@
 
 import os
 
+from unittest import mock
+
 import bpy
 import numpy
-from matterfit import jobs
-from matterfit.io import job_document, job_writer, still_there, takes
+from matterfit import jobs, native
+from matterfit.io import files, fit_rows, job_document, job_writer, still_there, takes
 from matterfit.jobs import JobError, State
-from support import SceneCase
+from support import SceneCase, tree
+from test_filling import operator_stub
 
 
 class StepsCase(SceneCase):
@@ -144,3 +147,74 @@ class StepRunTest(StepsCase):
 
         outcome = jobs.StepRun(broken(), lambda: lambda: True, "").head_start(10.0)
         self.assertEqual((outcome.status, outcome.error), (jobs.EXIT_COMPUTE, "ValueError: odd"))
+
+
+class LinkedTest(StepsCase):
+    """A take, or a fit, that another .blend file made, and reading that ends without a job."""
+
+    def setUp(self):
+        super().setUp()
+        patch = mock.patch.object(native, "require", lambda: None)
+        patch.start()
+        self.addCleanup(patch.stop)
+
+    def link(self, run):
+        """`run` shows what it did in another file, with results there; what it says of that."""
+        folder = takes.claim(run)
+        files.write_json(os.path.join(folder, "manifest.json"),
+                         {"files": {}, "frames_baked": 3, "complete": True})
+        run.baked, run.frames_done = True, 3
+        self.save("scene.blend")
+        self.save("copy.blend")
+        self.assertTrue(takes.locate(run).linked)
+        return run.folder, run.owner, run.baked, run.frames_done
+
+    def ends(self):
+        """The ways in which reading ends: the scene was changed, cancelled, an unforeseen error."""
+        def broken(_writer):
+            yield jobs.Snapshot()
+            raise ValueError("odd")
+
+        return ((still_there.undone, None, jobs.EXIT_INPUT), (None, None, jobs.EXIT_CANCELLED),
+                (lambda: None, broken, jobs.EXIT_COMPUTE))
+
+    def check(self, name, run):
+        kept, before = self.link(run), tree(self.folder)
+        for change, walking, status in self.ends():
+            with self.subTest(status), mock.patch.object(
+                    job_writer.JobWriter, "walking", walking or job_writer.JobWriter.walking):
+                steps = jobs.StepRun(operator_stub(name).begin_in_steps(bpy.context), still_there.watch, "changed")
+                steps.poll()
+                self.assertNotEqual(run.folder, kept[0])
+                steps.cancel() if change is None else change()
+                steps.wait()
+                self.assertEqual(steps.outcome().status, status, steps.outcome().error)
+                self.assertEqual((run.folder, run.owner, run.baked, run.frames_done), kept)
+                self.assertEqual(tree(self.folder), before)
+                self.assertEqual(len(self.settings.takes), 1)
+
+    def test_bake(self):
+        self.check("bake", self.take)
+
+    def test_fit(self):
+        files.write_npz(os.path.join(self.folder, "clip.npz"),
+                        {"positions": numpy.zeros((6, 8, 3)), "times": numpy.arange(6) / 24.0})
+        capture = self.settings.captures.add()
+        capture.name, capture.filepath = "clip", "//clip.npz"
+        fit_rows.refresh(self.settings)
+        self.check("fit", self.settings.fit.run)
+
+    def test_a_take_that_was_added(self):
+        """For a bake that keeps the finished one: it goes."""
+        self.take.baked, self.take.frames_done = True, 3
+        files.write_json(os.path.join(self.folder_of_cache, "manifest.json"),
+                         {"files": {}, "frames_baked": 3, "complete": True})
+        before = tree(self.folder)
+        steps = jobs.StepRun(operator_stub("bake").begin_in_steps(bpy.context), still_there.watch, "changed")
+        steps.poll()
+        self.assertEqual((len(self.settings.takes), self.settings.take_index), (2, 1))
+        still_there.undone()
+        steps.wait()
+        self.assertEqual((steps.outcome().error, len(self.settings.takes), self.settings.take_index),
+                         ("changed", 1, 0))
+        self.assertEqual(tree(self.folder), before)

@@ -247,6 +247,12 @@ def _contents(row):
     return found
 
 
+def still(scene, take, folder):
+    """find() of the folder that was claimed for a take, after which much may have happened; (scene, take)
+    as they are where none was yet, ""."""
+    return find(folder) if folder else (scene, take)
+
+
 def find(folder):
     """(scene, take) whose cache is `folder`, looked up anew at every tick of a job: the artist may
     have switched scenes, undone, or removed the take. (None, None) where it is gone."""

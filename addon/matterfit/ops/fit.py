@@ -33,12 +33,15 @@ class FitJob(JobOperator):
         fit_rows.refresh(settings)
         run = settings.fit.run
         self._before = takes.Kept(run)
+        folder = ""
         try:
             takes.for_fit(settings)
             folder = takes.claim(run)
             job = yield from self.start(context, label, run, folder, AFRESH_WHERE_CHANGED)
-        except JobError:
-            self._before.put_back(run)
+        except BaseException:  # a generator that is left, too
+            _scene, run = takes.still(context.scene, run, folder)
+            if run is not None:
+                self._before.put_back(run)
             raise
         job.stale = fit_results.history_stamp(folder)
         session(context).last_report = ""
@@ -213,7 +216,7 @@ class MATTERFIT_OT_write_fit_job(NoJobRunning, PlainOperator, bpy.types.Operator
             takes.for_fit(settings)
             folder = takes.claim(fit.run)
             document, replaced = prepare(context, fit.run, folder, "fit")
-        except JobError:
+        except BaseException:
             before.put_back(fit.run)
             raise
         # A result that lies there is of another job, unless that is still the same.

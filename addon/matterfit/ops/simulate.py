@@ -138,12 +138,15 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         take = takes.for_bake(settings, replace=self.onto == "REPLACE")
         self._stood_at = before if count and len(settings.takes) > count else None
         self._kept = takes.Kept(take)
+        folder = ""
         try:
             discard_preview(scene)
             folder = takes.claim(take)
             prepared = yield from preparing(context, take, folder, "bake")
-        except JobError:
-            self.take_back(settings, take)
+        except BaseException:  # a generator that is left, too
+            scene, take = takes.still(scene, take, folder)
+            if take is not None:
+                self.take_back(scene.matterfit, take)
             raise
         # States of the very same inputs are used again: another output bakes without simulating.
         return start_job(context, translate("Bake {name}").format(name=take.name), prepared,
@@ -157,8 +160,10 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         if self._stood_at is None:
             self._kept.put_back_cache(take)
             if take.frames_done and not attached.objects_of(settings.id_data, take):
-                folder = takes.locate(take).folder
-                attach.Attachment(settings.id_data, take, folder, written_document(folder)).update(True)
+                # What is reported is why the bake ended.
+                with contextlib.suppress(JobError):
+                    folder = takes.locate(take).folder
+                    attach.Attachment(settings.id_data, take, folder, written_document(folder)).update(True)
             visibility.show_take(settings)
             return
         if index is None:

@@ -2,7 +2,6 @@
 """The scene is read in slices, between which the window lives."""
 
 import os
-
 from unittest import mock
 
 import bpy

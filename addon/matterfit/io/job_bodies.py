@@ -74,12 +74,8 @@ class BodyPart:
         self._sample_pins(item, stretch)
 
     def _sample_render_mesh(self, item, stretch):
-        separation = self.writer.separation / self.writer.scale
-        self.refined = refinement.is_bound_refined(item, stretch, separation)
-        if self.refined:
-            self.render = refinement.read_refined(item, stretch, separation)
-        else:
-            self.render = meshes.read_shape(item, self.bound, stretch, 1.0, creases=True)
+        self.render, self.refined = refinement.read(
+            item, stretch, self.writer.separation / self.writer.scale)
 
     def _sample_pins(self, item, stretch):
         """Rest positions (source space) of the vertices of pinned vertex groups."""
@@ -219,7 +215,7 @@ class BodyPart:
 
     def _has_render_mesh(self):
         """What pours has left its mesh behind: its surface is the picture."""
-        return self.writer.settings.output.mesh and not laws.material_flows(self.body.material)
+        return self.writer.bakes_meshes and not laws.material_flows(self.body.material)
 
     def mesh_output(self):
         """The entry of output.mesh, or None. PC2 is in Blender units, without the pose."""
@@ -228,8 +224,8 @@ class BodyPart:
             return None
         item = self.body.object
         stop = self.bound.stop
-        subdivided = (not self.refined and stop < len(item.modifiers) and item.modifiers[stop].type == "SUBSURF"
-                      and item.modifiers[stop].subdivision_type == "CATMULL_CLARK")
+        subdivided = (not self.refined and stop < len(item.modifiers)
+                      and shapes.makes_limit_surface(item.modifiers[stop]))
         arrays = dict(self.render)
         if not subdivided:
             del arrays["crease_edges"], arrays["crease_sharpness"]

@@ -45,6 +45,8 @@ def building(scene, take, folder, task, quality=None, separation=None, outputs=T
     writer = job_writer.JobWriter(scene, take, folder)
     if separation is not None:
         writer.separation = separation
+    if not outputs or task in cache.FIT_TASKS:
+        writer.bakes_meshes = False
     try:
         return (yield from _building(writer, task, quality, outputs))
     except BaseException:  # a generator that is left, too

@@ -81,6 +81,7 @@ class JobWriter:
     def __init__(self, scene, take, folder):
         self.scene = scene
         self.settings = scene.matterfit
+        self.bakes_meshes = self.settings.output.mesh  # what is not written need not be sampled
         self.take = take
         self.folder = folder
         self.scale = transforms.metres(scene)

@@ -142,6 +142,13 @@ def evaluated_mesh(item, depsgraph):
         evaluated.to_mesh_clear()
 
 
+def evaluated_copy(item):
+    """The object's evaluated mesh as one of its own, with all of its layers and materials."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    return bpy.data.meshes.new_from_object(
+        item.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph)
+
+
 def group_points(item, shape, group):
     """(N, 3) float64, local: vertices of the shape that weigh at least one half in a vertex group."""
     with modifiers_limited(item, shape.stop):

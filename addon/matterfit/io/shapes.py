@@ -54,6 +54,11 @@ def is_used(modifier):
     return modifier.show_viewport or modifier.show_render
 
 
+def makes_limit_surface(modifier):
+    """Whether the modifier subdivides a cage towards a smooth limit surface."""
+    return modifier.type == "SUBSURF" and modifier.subdivision_type == "CATMULL_CLARK"
+
+
 def subdivision_level(modifier):
     """The level of a Subdivision modifier where it is seen, at least 1."""
     return max(modifier.levels if modifier.show_viewport else modifier.render_levels, 1)
@@ -115,7 +120,7 @@ def body_shape(item):
     makers, refiners = _split(item)
     if refiners:
         index, last = refiners[-1]
-        if last.type == "SUBSURF" and last.subdivision_type == "CATMULL_CLARK":
+        if makes_limit_surface(last):
             return Shape("cage", index, subdivision_level(last),
                          f"the limit surface of the cage before '{last.name}'", bool(makers))
         return Shape("mesh", everything, 0, f"the mesh after '{last.name}'", True)

@@ -437,4 +437,8 @@ TEXTS = {
     "one of its own.":
         "Dieser Take gehört der kopierten Szene und ist nur lesend verknüpft. Backen drücken, um "
         "einen eigenen zu machen.",
+    "'{name}' was changed while it was simulated: the result has the shape that was, but may "
+    "lack UVs and colours. Bake again to have all of it.":
+        "'{name}' wurde während der Simulation geändert: Das Ergebnis hat die frühere Form, und UVs oder "
+        "Farben können fehlen. Noch einmal backen, um alles zu haben.",
 }

@@ -36,6 +36,7 @@ class Attachment:
         self.items = []
         self.kept = set()
         self.made = False
+        self.notes = []  # what is to be said of what is shown
 
     def update(self, final=False, live=False):
         """Everything that the cache holds by now. Returns how many frames play.

@@ -1,45 +1,46 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The artist's own mesh, moved with the material of its body."""
 
+import contextlib
 import os
 
 import bpy
 from mathutils import Quaternion, Vector
 
+from .. import compat
 from ..jobs import JobError
-from . import attached, frames, meshes, point_cache, refinement, shapes
-from .attached import TAG
+from . import point_cache, refinement, result_mesh, shapes
+from .attached import CACHE_TAG, TAG
 from .visibility import CHOSEN_TAG, HIDDEN_TAG
+
+# What an object that is made anew, of text or curves, takes over from the artist's.
+LOOKS = ("color", "pass_index", "visible_camera", "visible_diffuse", "visible_glossy", "visible_transmission",
+         "visible_volume_scatter", "visible_shadow", "is_holdout", "is_shadow_catcher")
 
 
 def render_mesh(work, entry, points):
-    """A copy of the artist's object, without its animation: the cache holds it all. It shows the
-    artist's own mesh, or what modifiers have made of it, and keeps what refines either; where that was
-    refined before it was bound, the finer mesh."""
+    """A copy of the artist's object, without its animation: the cache holds it all. It keeps what
+    refines the mesh that it shows (result_mesh); what the artist has done to it stays as it is baked
+    again."""
     _index, body = work.body(entry["body"])
     if body is None or body.object is None:
         return
     source = body.object
-    how = refinement.how_refined(os.path.join(work.folder, entry.get("mesh", "")))
-    bound = shapes.bound_shape(source) if how is None else shapes.refined_shape(source)
+    path = os.path.join(work.folder, entry.get("mesh") or entry.get("cage", ""))
+    how = refinement.how_refined(path)
+    bound = (shapes.bound_shape(source) if how is None and source.type == "MESH"
+             else shapes.refined_shape(source))
 
     def make(label):
         if source.type != "MESH":
-            mesh = bpy.data.meshes.new(label)
-            mesh[TAG] = _kind(bound, how)
-            return bpy.data.objects.new(label, mesh)
+            return _bare(source, label, result_mesh.kind(bound, how))
         copy = source.copy()
         copy.name = label
         copy.animation_data_clear()
         copy.constraints.clear()
         copy.parent = None
-        for modifier in [other for other in copy.modifiers
-                         if shapes.is_own(other) or other.type == "PARTICLE_SYSTEM"
-                         and not (shapes.is_hair(other) and not bound.made)]:
+        for modifier in [other for other in copy.modifiers if _left_out(other, bound)]:
             copy.modifiers.remove(modifier)
-        for modifier in list(source.modifiers)[:bound.stop] if bound.made else ():
-            if modifier.name in copy.modifiers:
-                copy.modifiers.remove(copy.modifiers[modifier.name])
         copy.hide_render = False
         copy.hide_viewport = False
         for tag in (HIDDEN_TAG, CHOSEN_TAG):
@@ -47,7 +48,6 @@ def render_mesh(work, entry, points):
                 del copy[tag]
         return copy
 
-    _remove_other_kind(work, f"mesh:{entry['name']}", _kind(bound, how))
     item = work.object(f"mesh:{entry['name']}", f"{body.name} mesh", make)
     place = entry["transform"]
     item.rotation_mode = "QUATERNION"
@@ -58,7 +58,9 @@ def render_mesh(work, entry, points):
         setattr(item, name, (0.0, 0.0, 0.0))
     item.delta_rotation_quaternion = (1.0, 0.0, 0.0, 0.0)
     item.delta_scale = (1.0, 1.0, 1.0)
-    _give_mesh(work, item, source, bound, how)
+    if item.data.get(TAG, 0) != result_mesh.kind(bound, how):
+        _modifiers(item, source, bound)
+    result_mesh.give(work, item, source, bound, how, path, points.points)
     count = len(item.data.vertices)
     if count != points.points:
         raise JobError(f"{points.path}: holds {points.points} points, but the mesh of "
@@ -68,38 +70,51 @@ def render_mesh(work, entry, points):
     point_cache.play(item, points, work.first)
 
 
-def _give_mesh(work, item, source, bound, how):
-    """The artist's mesh itself; a mesh of ours where modifiers have made other vertices, or we have."""
-    before = item.data
-    if bound.made:
-        item.data = _made_mesh(work, source, bound, how)
-    elif before is not source.data:
-        item.data = source.data
-    if before is not item.data and before.get(TAG) and before.users == 0:
-        bpy.data.meshes.remove(before)
+def _bare(source, label, kind):
+    """An object with a mesh of ours, which looks as the artist's does."""
+    mesh = bpy.data.meshes.new(label)
+    mesh[TAG] = kind
+    item = bpy.data.objects.new(label, mesh)
+    for name in LOOKS:
+        setattr(item, name, getattr(source, name))
+    for key, value in source.items():
+        if key not in {TAG, CACHE_TAG, HIDDEN_TAG, CHOSEN_TAG}:
+            with contextlib.suppress(TypeError):  # what other add-ons keep there may be of their own kinds
+                item[key] = value
+    return item
 
 
-def _made_mesh(work, source, bound, how):
-    """What the modifiers before `bound` make of the object at the first frame."""
-    with meshes.shown([source]), frames.frame_kept(work.scene):
-        work.scene.frame_set(work.first)
-        if how is None:
-            mesh = refinement.made_mesh(source, bound)
-        else:
-            mesh = refinement.refined_mesh(source, how)
-    mesh.name = f"{source.name} {work.take.name}"
-    mesh[TAG] = _kind(bound, how)
-    return mesh
+def _modifiers(item, source, bound):
+    """For another kind of mesh: of the modifiers of the artist's object those that follow what the cache
+    moves, in its order; what he has added to the result since stays behind them."""
+    wanted = [modifier for index, modifier in enumerate(source.modifiers)
+              if not (bound.made and index < bound.stop) and not _left_out(modifier, bound)]
+    names = {modifier.name for modifier in wanted}
+    for modifier in [other for other in item.modifiers
+                     if other.name in source.modifiers and other.name not in names and not shapes.is_own(other)]:
+        item.modifiers.remove(modifier)
+    # Deformers go before the cache, what refines after it.
+    cut, place, cache = shapes.cache_place(source), 0, item.modifiers.find(point_cache.NAME)
+    for modifier in wanted:
+        if modifier.name not in item.modifiers and modifier.type != "PARTICLE_SYSTEM":
+            if cache >= 0 and source.modifiers.find(modifier.name) >= cut:
+                place = max(place, item.modifiers.find(point_cache.NAME) + 1)
+            _copied(item, modifier)
+            compat.move_modifier(item, modifier.name, place)
+        place = item.modifiers.find(modifier.name) + 1
 
 
-def _kind(bound, how):
-    """Which mesh is shown: 0 the object's own, 1 what modifiers have made of it, 2 a refined one."""
-    return 2 if how is not None else int(bound.made)
+def _left_out(modifier, bound):
+    return shapes.is_own(modifier) or (modifier.type == "PARTICLE_SYSTEM"
+                                       and (bound.made or not shapes.is_hair(modifier)))
 
 
-def _remove_other_kind(work, tag, kind):
-    """An object that shows another kind has other modifiers: it is made anew."""
-    for item in [item for item in work.items
-                 if item[TAG] == tag and item.data.get(TAG, 0) != kind]:
-        work.items.remove(item)
-        attached.remove([item])
+def _copied(item, modifier):
+    """Blender copies modifiers with their object alone."""
+    copy = item.modifiers.new(modifier.name, modifier.type)
+    for row in modifier.bl_rna.properties:
+        if not row.is_readonly and row.identifier not in {"name", "is_active"}:
+            with contextlib.suppress(AttributeError, TypeError):  # what another value does not allow
+                setattr(copy, row.identifier, getattr(modifier, row.identifier))
+    for key, value in modifier.items() if modifier.type == "NODES" else ():
+        copy[key] = value

@@ -4,16 +4,17 @@
 from .. import compat
 from . import nodes, shapes
 
+NAME = "Matterfit Cache"
+
 
 def play(item, points, first):
     """Moves the vertices of `item` by a PointCache whose first sample is at scene frame `first`."""
-    name = "Matterfit Cache"
-    modifier = item.modifiers.get(name)
+    modifier = item.modifiers.get(NAME)
     if modifier is None:
         stop = shapes.cache_place(item)
-        modifier = item.modifiers.new(name, "MESH_CACHE")
-        compat.move_modifier(item, name, stop)
-        modifier = item.modifiers[name]
+        modifier = item.modifiers.new(NAME, "MESH_CACHE")
+        compat.move_modifier(item, NAME, stop)
+        modifier = item.modifiers[NAME]
     modifier.cache_format = "PC2"
     modifier.filepath = nodes.relative_path(points.path)
     modifier.interpolation = "LINEAR"

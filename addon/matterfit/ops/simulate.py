@@ -46,6 +46,7 @@ class BakeJob(JobOperator):
 
     _followed = None  # the frame that the playhead was put to last
     _stood = 0  # and where it was before
+    _notes = ()  # what is to be said of what is shown
 
     def progressed(self, context, job):
         # Until its first frame is done the job may be refused, and what is shown stays.
@@ -74,7 +75,7 @@ class BakeJob(JobOperator):
             take.baked = True
         settings = context.scene.matterfit
         said = [words.in_panel(report_text(job), settings), resolution.advice(context.scene),
-                *lost_hair(settings)]
+                *lost_hair(settings), *self._notes]
         session(context).last_report = "\n".join(filter(None, said))
 
     def take_back(self, settings, take):
@@ -102,6 +103,7 @@ class BakeJob(JobOperator):
         take.first_frame, take.frame_count = first, end - first
         shown = attach.Attachment(scene, take, job.folder, document)
         take.frames_done = shown.update(final, live)
+        self._notes = shown.notes
         if take == scene.matterfit.preview:
             visibility.show_only(scene.matterfit, take)
         else:

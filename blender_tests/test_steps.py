@@ -57,6 +57,21 @@ class WalkTest(StepsCase):
             self.assertTrue(self.wall.hide_viewport and self.wall.hide_get())
             self.assertEqual(snapshot.last_frame, 20)
 
+    def test_the_playhead_stays(self):
+        """It is the artist's in between, who may move it."""
+        for snapshot in self.building():
+            self.assertEqual(self.scene.frame_current, 7 if snapshot.frame < 10 else 3)
+            if snapshot.frame == 9:
+                self.scene.frame_set(3)
+        self.assertEqual(self.scene.frame_current, 3)
+
+    def test_a_simulation_of_blenders(self):
+        """Cloth goes on from the frame before only: the playhead goes with it until all is read."""
+        self.cube("Cloth", location=(3.0, 0.0, 0.0)).modifiers.new("Cloth", "CLOTH")
+        found = [self.scene.frame_current for _snapshot in self.building()]
+        self.assertEqual(found, [1, *range(1, 21)])
+        self.assertEqual(self.scene.frame_current, 7)
+
     def test_left(self):
         """What was written by then is taken back, the frame too."""
         for leave in (lambda steps: steps.close(),
@@ -64,7 +79,6 @@ class WalkTest(StepsCase):
             steps = self.building()
             for _ in range(10):
                 next(steps)
-            self.assertNotEqual(self.scene.frame_current, 7)
             self.assertGreater(len(os.listdir(os.path.join(self.folder_of_cache, "input"))), 3)
             leave(steps)
             self.assertEqual(self.scene.frame_current, 7)
@@ -96,9 +110,13 @@ class StepRunTest(StepsCase):
         self.assertEqual(self.scene.frame_current, 7)
 
     def test_what_was_held_is_gone(self):
-        """An object or a row is removed in between, or undo was pressed."""
+        """An object or a row is removed in between, undo was pressed, or another scene is shown."""
+        other = bpy.data.scenes.new("Other")
+        layer = self.scene.view_layers.new("Layer")
         for change in (lambda: bpy.data.objects.remove(self.wall), still_there.undone,
-                       lambda: self.settings.bodies.remove(1)):
+                       lambda: self.settings.bodies.remove(1), self.settings.takes.add,
+                       lambda: setattr(bpy.context.window, "scene", other),
+                       lambda: setattr(bpy.context.window, "view_layer", layer)):
             with self.subTest(change):
                 job = self.job()
                 job.tick()
@@ -107,6 +125,9 @@ class StepRunTest(StepsCase):
                 job.tick()
                 self.assertEqual((job.state, job.error), (State.FAILED, "changed"))
                 self.assertEqual(self.scene.frame_current, 7)
+                bpy.context.window.scene = self.scene
+                bpy.context.window.view_layer = self.scene.view_layers[0]
+                self.take = self.settings.takes[0]
                 if "Wall" not in bpy.data.objects:
                     self.settings.bodies[1].object = self.wall = self.cube("Wall")
 
@@ -121,6 +142,19 @@ class StepRunTest(StepsCase):
 
         run = jobs.StepRun(steps(), still_there.watch, "changed")
         self.assertEqual((run.head_start(10.0).status, run.value), (jobs.EXIT_DONE, 3))
+
+    def test_what_does_not_matter(self):
+        """Objects that are added or renamed, and what a batch lists."""
+        job = self.job()
+        job.tick()
+        for change in (lambda: self.cube("Another"), lambda: setattr(self.wall, "name", "Rock"),
+                       self.settings.batch.results.add):
+            change()
+            job.tick()
+            self.assertIs(job.state, State.RUNNING)
+        while not job.ended:
+            job.tick()
+        self.assertIs(job.state, State.DONE)
 
     def test_values_may_change(self):
         """A place or a number that is typed meanwhile is no reason to stop."""

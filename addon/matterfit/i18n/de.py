@@ -48,8 +48,10 @@ TEXTS = {
     "Clear": "Ausblenden",
     "Filling": "Füllen",
     "Reading the scene": "Szene lesen",
-    "{name}: the scene was changed while it was read. Press it again.":
-        "{name}: Die Szene wurde verändert, während sie gelesen wurde. Noch einmal drücken.",
+    "{name}: while the scene was read, an object or a row was removed, a row was added, another scene was "
+    "shown, or Undo was pressed. Press it again.":
+        "{name}: Während die Szene gelesen wurde, wurde ein Objekt oder eine Zeile entfernt, eine Zeile "
+        "hinzugefügt, eine andere Szene gezeigt oder Rückgängig gedrückt. Noch einmal drücken.",
     "{n} of {total} done": "{n} von {total} fertig",
     "This recording tells all of it:": "Diese Aufnahme verrät alles:",
     "This recording tells {n} of {total} values:":

@@ -6,6 +6,8 @@ import math
 
 import bpy
 
+_SIMULATED = {"CLOTH", "SOFT_BODY", "PARTICLE_SYSTEM", "DYNAMIC_PAINT", "FLUID"}
+
 
 @contextlib.contextmanager
 def frame_kept(scene):
@@ -17,6 +19,20 @@ def frame_kept(scene):
         found = bpy.data.scenes.get(name)
         if found is not None:
             found.frame_set(frame, subframe=subframe)
+
+
+def follow_each_other(scene):
+    """Whether what is at a frame depends on the frames before having been visited in order: simulations
+    of Blender's that are not baked."""
+    return scene.rigidbody_world is not None or any(
+        modifier.type in _SIMULATED or modifier.type == "NODES" and _has_memory(modifier.node_group)
+        for item in scene.objects for modifier in item.modifiers)
+
+
+def _has_memory(tree):
+    return tree is not None and any(
+        node.bl_idname == "GeometryNodeSimulationInput"
+        or node.type == "GROUP" and _has_memory(node.node_tree) for node in tree.nodes)
 
 
 def visit(scene, frame, visitors):

@@ -119,15 +119,18 @@ class JobWriter:
         drained(self.walking())
 
     def walking(self):
-        """In slices: yields Snapshots, and may be left for good at any of them."""
+        """In slices: yields Snapshots, and may be left for good at any of them. The playhead is where it
+        was in between, unless that would break a simulation of Blender's off."""
         todo = [(self.first, self._first_visitors)]
         if self._visitors:
             todo += [(frame, self._visitors) for frame in self.frames]
         todo += [(at, [visitor]) for times, visitor in self._timed_visitors for at in times]
         done = 0
-        with frames.frame_kept(self.scene):
+        running = frames.follow_each_other(self.scene)
+        with frames.frame_kept(self.scene) if running else contextlib.nullcontext():
             while done < len(todo):
-                with meshes.shown(self._shown):
+                with (contextlib.nullcontext() if running else frames.frame_kept(self.scene),
+                      meshes.shown(self._shown)):
                     end = time.monotonic() + SLICE
                     while True:
                         frames.visit(self.scene, *todo[done])

@@ -89,8 +89,8 @@ class JobOperator(NoJobRunning):
             return self.execute(context)
         forget_said(context)
         steps = jobs.StepRun(self.begin_in_steps(context), still_there.watch, translate(
-            "{name}: the scene was changed while it was read. Press it again.").format(
-                name=translate_label(self.bl_label)))
+            "{name}: while the scene was read, an object or a row was removed, a row was added, another "
+            "scene was shown, or Undo was pressed. Press it again.").format(name=translate_label(self.bl_label)))
         outcome = steps.head_start(HEAD_START)
         if outcome is None:
             self._steps = steps

@@ -5,6 +5,7 @@ import os
 import shutil
 
 import bpy
+from matterfit import handlers
 from matterfit.io import files
 from support import SceneCase
 
@@ -22,11 +23,11 @@ class MovedPathsTest(SceneCase):
             self.file("clips", name)
         self.save("scene.blend")
 
-    def file(self, *path):
+    def file(self, *path, content=b"1"):
         path = os.path.join(self.folder, *path)
         os.makedirs(os.path.dirname(path), exist_ok=True)
         with open(path, "wb") as stream:
-            stream.write(b"1")
+            stream.write(content)
 
     def check(self, folder):
         """All paths name the files in that folder, and nothing was forgotten of them."""
@@ -72,6 +73,31 @@ class MovedPathsTest(SceneCase):
         self.reopen("moved/scene.blend")
         self.check("moved/clips")
         self.assertEqual(self.settings.captures[0].filepath, "//clips/a.npz")
+
+    def test_another_file_of_that_name(self):
+        """It lies beside the new place: the path names the first one, at once and after opening again."""
+        self.file("versions", "clips", "a.npz", content=b"another")
+        self.file("versions", "clips", "b.npz")  # another list of images
+        for name in ("body.npz", "weights.safetensors"):
+            self.file("versions", "clips", name, content=b"2")
+        self.save("versions/scene.blend")
+        self.check("clips")
+        self.reopen("versions/scene.blend")
+        self.check("clips")
+
+    def test_where_blender_says_the_target(self):
+        """From 4.0 on: the file is written with paths that hold there; a copy, or a save that failed,
+        leaves the open one as it was."""
+        os.makedirs(os.path.join(self.folder, "versions"))
+        handlers.stamp_version(os.path.join(self.folder, "versions", "scene.blend"), None)
+        self.assertEqual(self.capture.filepath, "//../clips/a.npz")
+        self.assertEqual(self.settings.saved_in, os.path.join(self.folder, "versions"))
+        handlers.follow_paths()
+        self.assertEqual((self.capture.filepath, self.capture.images), ("//clips/a.npz", "//clips/"))
+        self.check("clips")
+        handlers.stamp_version(bpy.data.filepath, None)
+        handlers.stamp_version("", None)
+        self.assertEqual(self.capture.filepath, "//clips/a.npz")
 
     def test_what_is_nowhere_stays(self):
         shutil.rmtree(os.path.join(self.folder, "clips"))

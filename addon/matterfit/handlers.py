@@ -38,12 +38,14 @@ def migrate_open_file():
 
 
 @persistent
-def stamp_version(*_arguments):
-    """Scenes made since the file was opened get the version before they are saved."""
+def stamp_version(*arguments):
+    """Scenes made since the file was opened get the version before they are saved. From 4.0 on Blender
+    says to which file."""
+    target = arguments[0] if arguments and isinstance(arguments[0], str) else ""
     for scene in bpy.data.scenes:
         if migration.is_used(scene.matterfit) and scene.matterfit.schema_version == 0:
             scene.matterfit.schema_version = migration.SCHEMA_VERSION
-        moved_paths.remember(scene.matterfit)
+        moved_paths.remember(scene.matterfit, target)
 
 
 @persistent
@@ -62,17 +64,17 @@ def look_after_undo(*_arguments):
 
 
 _HANDLERS = (("load_pre", stop_jobs), ("load_post", migrate_all), ("save_pre", stamp_version),
-             ("save_post", follow_paths),
+             ("save_post", follow_paths), ("save_post_fail", follow_paths),
              ("undo_post", look_after_undo), ("redo_post", look_after_undo))
 
 
 def register():
     for name, function in _HANDLERS:
-        getattr(bpy.app.handlers, name).append(function)
+        getattr(bpy.app.handlers, name, []).append(function)  # that of a failure came with 4.0
 
 
 def unregister():
     for name, function in _HANDLERS:
-        handlers = getattr(bpy.app.handlers, name)
+        handlers = getattr(bpy.app.handlers, name, [])
         if function in handlers:
             handlers.remove(function)

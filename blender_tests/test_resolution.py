@@ -259,6 +259,7 @@ class PreviewTest(SceneCase):
         solver = self.settings.solver
         self.assertAlmostEqual(resolution.for_preview(self.scene, 2.0 * solver.particle_separation),
                                2.0 * solver.particle_separation)
+        self.assertAlmostEqual(resolution.for_preview(self.scene, 0.01), 0.01)  # a million, as typed
         modifier = item.modifiers.new("Solidify", "SOLIDIFY")
         modifier.thickness, modifier.use_even_offset = 0.05, True
         bpy.context.view_layer.update()

@@ -21,6 +21,7 @@ from . import meshes, plain, presets, shapes, transforms
 RAYS = 400
 HITS = 8
 PREVIEW_PARTICLES, PREVIEW_LAYERS = 4000, 2  # at most, and of these across the thinnest part at least
+THIN = 0.25  # of a body's box, its longest side and its shortest left out: walls and plates
 FEWEST_CELLS = 1.5  # across a wall: three layers of particles, below which it is a hinge
 _applying = []
 _known = {}  # object's name: Size, for when the object is hidden
@@ -111,11 +112,11 @@ def _limited(sizes, wanted, limit):
 
 
 def for_preview(scene, wanted):
-    """The particle separation [Blender units] of a preview: `wanted`, or where that makes many particles,
-    as of thin shapes, a larger one, as far as the thinnest part leaves."""
+    """The particle separation [Blender units] of a preview: `wanted`, or where a thin shape would have many
+    particles, a larger one, as far as the thinnest part leaves."""
     known = seen(scene)
-    sizes = [size for size in known.values() if size is not None]
-    if not sizes:
+    sizes = list(known.values())
+    if not any(size.thickness < THIN * sorted(size.sides)[1] for size in sizes):
         return wanted
     most = thinnest(scene, known) / PREVIEW_LAYERS
     return max(wanted, min(_limited(sizes, wanted, PREVIEW_PARTICLES), most))

@@ -6,7 +6,7 @@ from mathutils import Matrix, Quaternion, Vector
 
 from .. import laws
 from ..jobs import JobError
-from . import attached, files, material_values, meshes, refinement, shapes, transforms
+from . import attached, files, material_values, meshes, refinement, shapes, throws, transforms
 from .files import number, numbers
 
 
@@ -55,7 +55,7 @@ class BodyPart:
         self.shape, self.bound = shapes.body_shape(item), shapes.bound_shape(item)
         self.writer.show(item)
         self.writer.at_first(self._sample)
-        if self._velocity_from() == "ANIMATION":
+        if throws.velocity_from(self.body, self.throw) == "ANIMATION":
             self._motion = self.writer.timed_matrix(
                 item, transforms.velocity_times(self.writer.first))
 
@@ -144,15 +144,10 @@ class BodyPart:
             return {"cage": path, "level": self.shape.level}
         return {"mesh": path}
 
-    def _velocity_from(self):
-        if self.throw is None or self.throw.velocity_from == "BODY":
-            return self.body.velocity_from
-        return self.throw.velocity_from
-
     def _velocity(self):
-        body, throw, writer = self.body, self.throw, self.writer
-        if self._velocity_from() == "VALUE":
-            thrown = body if throw is None or throw.velocity_from == "BODY" else throw
+        body, writer = self.body, self.writer
+        thrown = throws.thrown(body, self.throw)
+        if thrown.velocity_from == "VALUE":
             return Vector(thrown.velocity) * writer.scale, Vector(thrown.spin)
         if body.source != "OBJECT":
             raise JobError(f"{self.where}: is made from a file and has no animation. Set its "

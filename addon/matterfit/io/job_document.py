@@ -20,6 +20,7 @@ from . import (
     job_fit,
     job_images,
     job_writer,
+    throws,
     transforms,
 )
 from .files import number, numbers
@@ -63,7 +64,7 @@ def _building(writer, task, quality, outputs):
         if not body.enabled:
             continue
         if body.role == "BODY":
-            bodies.append(job_bodies.BodyPart(writer, body, _throw(take, body.name)))
+            bodies.append(job_bodies.BodyPart(writer, body, throws.of(take, body.name)))
         elif _collider_on(take, body.name):
             colliders.append(job_colliders.ColliderPart(writer, body))
     captures = [_capture_part(writer, capture)
@@ -200,14 +201,6 @@ class Replaced:
                 os.remove(job_writer.kept_input(self._folder, relative))
         with contextlib.suppress(OSError):
             os.rmdir(os.path.join(self._folder, job_writer.KEPT_FOLDER))
-
-
-def _throw(take, name):
-    if take is not None:
-        for throw in take.throws:
-            if throw.name == name:
-                return throw
-    return None
 
 
 def _collider_on(take, name):

@@ -3,7 +3,7 @@ import bpy
 
 from .. import laws
 from ..compat import translate
-from ..io import frames, motion, presets, shapes, transforms
+from ..io import frames, motion, presets, shapes, throws, transforms
 from ..props import scene as scene_props
 from .common import MatterfitPanel, contact, form, lines, menu, quantity, switched
 
@@ -123,10 +123,7 @@ def _offer_animation(column, body):
 def _slow_start(column, scene, body):
     """What is thrown by its keys begins with the velocity of one frame, which may be none."""
     take = scene_props.active_take(scene.matterfit)
-    throws = [row.velocity_from for row in take.throws if row.name == body.name] if take is not None else []
-    if (throws or ["BODY"])[0] not in {"BODY", "ANIMATION"}:
-        return  # the take's throw says it
-    if body.velocity_from != "ANIMATION" and throws[:1] != ["ANIMATION"]:
+    if throws.velocity_from(body, throws.of(take, body.name)) != "ANIMATION":
         return
     first, end = frames.frame_range(scene)
     found = motion.slow_start(body.object, first, end)

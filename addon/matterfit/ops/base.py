@@ -5,6 +5,7 @@
 import bpy
 
 from .. import jobs
+from ..compat import translate
 from ..io import words
 from ..jobs import JobError
 
@@ -58,6 +59,13 @@ def remove_active(owner, items, index):
     collection, at = getattr(owner, items), getattr(owner, index)
     collection.remove(at)
     setattr(owner, index, max(0, min(at, len(collection) - 1)))
+
+
+def report_left(operator, folder, names):
+    """What a folder holds that is not ours, and so was not deleted."""
+    if names:
+        operator.report({"WARNING"}, translate("Not ours, and kept in {folder}: {names}").format(
+            folder=folder, names=", ".join(names[:5]) + (", …" if len(names) > 5 else "")))
 
 
 def greyed(cls, condition, reason):

@@ -10,7 +10,7 @@ from .. import jobs, native
 from ..compat import translate
 from ..io import attached, cache, job_boxes, job_document, takes
 from ..props import scene as scene_props
-from .base import NoJobRunning, PlainOperator, greyed, redraw, session
+from .base import NoJobRunning, PlainOperator, greyed, redraw, report_left, session
 from .job_operator import JobOperator
 from .launch import judge_estimate, memory_limit, prepare
 
@@ -73,10 +73,7 @@ class MATTERFIT_OT_free(NoJobRunning, PlainOperator, bpy.types.Operator):
         take.compared = compare.done = compare.images_done = False
         if not location.linked and not left:
             take.folder = ""
-        if left:
-            self.report({"WARNING"}, translate(
-                "Not ours, and kept in {folder}: {names}").format(folder=location.folder, names=", ".join(left[:5])))
-        return
+        report_left(self, location.folder, left)
 
 
 class MATTERFIT_OT_cancel(bpy.types.Operator):

@@ -10,7 +10,7 @@ from .. import jobs, native
 from ..compat import translate
 from ..io import cache, fit_results, fit_rows, job_document, takes, words
 from ..jobs import JobError, State
-from .base import NoJobRunning, PlainOperator, greyed, session
+from .base import NoJobRunning, PlainOperator, greyed, report_left, session
 from .job_operator import JobOperator
 from .launch import AFRESH_WHERE_CHANGED, GO_ON, prepare, preparing, start_job
 
@@ -194,8 +194,7 @@ class MATTERFIT_OT_free_fit(_HasFit, PlainOperator, bpy.types.Operator):
         if not left:
             fit.run.folder = ""
             return
-        self.report({"WARNING"}, translate(
-                "Not ours, and kept in {folder}: {names}").format(folder=location.folder, names=", ".join(left[:5])))
+        report_left(self, location.folder, left)
 
 
 class MATTERFIT_OT_write_fit_job(NoJobRunning, PlainOperator, bpy.types.Operator):

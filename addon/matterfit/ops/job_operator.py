@@ -18,13 +18,13 @@ INTERVAL = 0.1
 REST = 3.0  # times as long as showing a frame took, the window is left alone after it
 HEAD_START = 0.3  # [s] that begin() may take before the window looks up
 
+# The operators that run modally: Blender names them nowhere.
+_modal = []
+
+
 def forget_said(context):
     """What was said of the run before is not of the one that begins."""
     session(context).last_error = session(context).last_report = ""
-
-
-# The operators that run modally: Blender names them nowhere.
-_modal = []
 
 
 def cancel_modal_operators(context):

@@ -215,7 +215,7 @@ print(json.dumps(found))
         with open(os.path.join(folder, volume), "r+b") as stream:
             stream.truncate(100)
         os.remove(os.path.join(folder, "mesh", "Cube.pc2"))
-        self.fails(bpy.ops.matterfit.verify, ["2 files", "damaged", "Bake again"])
+        self.fails(bpy.ops.matterfit.verify, ["Damaged in", "mesh/Cube.pc2 is missing, …", "Bake again"])
         report = bpy.context.window_manager.matterfit.verify
         self.assertIn(volume.replace(os.sep, "/"), report)
         self.assertIn("truncated", report)

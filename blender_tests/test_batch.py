@@ -3,6 +3,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import unittest
 
@@ -11,7 +12,7 @@ import numpy
 import slurm_machine
 from matterfit import machine, native
 from matterfit.io import batch, batch_results, cache, files, fit_rows, job_document, takes
-from support import SceneCase, printed_json, read, run_cli
+from support import SceneCase, printed_json, read, run_cli, tree
 from test_filling import pressed
 
 
@@ -151,6 +152,38 @@ class RunTest(BatchCase):
         self.assertEqual([name for _base, _folders, names in os.walk(folder) for name in names],
                          ["read me"])
         self.assertEqual([take.name for take in self.settings.takes], ["Take 1"])
+
+
+    def test_free_what_is_damaged_or_a_copy(self):
+        """A member whose manifest is broken keeps what it has, the others go; a copy made by hand is
+        nobody's but who made it."""
+        self.vary("Cube", "velocity[2]", "-1,-2")
+        bpy.ops.matterfit.run_batch()
+        folder = takes.locate(self.batch.run).folder
+        broken, copy = (os.path.join(folder, f"bodies.Cube.velocity.2={name}") for name in ("-1", "-2 kept"))
+        shutil.copytree(os.path.join(folder, "bodies.Cube.velocity.2=-2"), copy)
+        before = tree(copy)
+        with open(os.path.join(broken, "manifest.json"), "r+b") as stream:
+            stream.truncate(40)
+        for _press in range(2):
+            self.assertEqual(bpy.ops.matterfit.free_batch(), {"FINISHED"}, self.error())
+            self.assertEqual(tree(copy), before)
+            self.assertEqual(sorted(os.listdir(folder)), list(map(os.path.basename, (broken, copy))))
+        self.assertEqual([take.name for take in self.settings.takes], ["Take 1"])
+
+    def test_names_of_members(self):
+        """Those that the library gives, also where they are long."""
+        long = "bodies.Cube.material.E=" + "1" * 97
+        for name in ("bodies.Cube.velocity.2=-1", "a=1e-3_b.c=2.5", "a=.5", long, long + "_2"):
+            self.assertTrue(batch._is_member(name), name)
+        for name in ("a=1 copy", "a=1_old", "a=1.bak", "notes=mine", "a=1_2", "velocity", long + " copy"):
+            self.assertFalse(batch._is_member(name), name)
+        self.vary("Cube", "material.E", "1e4,2.5e4")
+        self.vary("Cube", "velocity[2]", "-1,-.5")
+        self.assertEqual(bpy.ops.matterfit.write_batch(), {"FINISHED"}, self.error())
+        folder, wedge = batch.written(self.batch.run)
+        self.assertEqual(sorted(map(os.path.basename, batch._every_member(folder))),
+                         sorted(member["folder"] for member in wedge["members"]))
 
 
 class RecordedBatch(BatchCase):

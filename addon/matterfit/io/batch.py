@@ -4,6 +4,7 @@
 A cache folder of it holds job.json, which is what is varied, wedge.json, and a cache for each member.
 """
 
+import contextlib
 import math
 import os
 import re
@@ -19,6 +20,9 @@ AXES = "XYZ"
 _NOT_VARIED = {"material.latent", "start_frame", "height", "placement.position", "placement.rotation"}
 _COMPONENT = re.compile(r"^(?P<key>.+)\[(?P<axis>[012])\]$")
 _IN_JSON = re.compile(r"-?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?$")  # not so .5 and +2
+_LONGEST = 120  # characters of the name that the library gives to a member's folder
+_ASSIGNMENT = r"[A-Za-z0-9.+-]+=[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
+_MEMBER = re.compile(rf"{_ASSIGNMENT}(_{_ASSIGNMENT})*$", re.ASCII)
 SEPARATION = "particle_separation"
 MOST = 10000  # combinations, as the library takes them
 
@@ -133,9 +137,15 @@ def written(run):
 
 def _every_member(folder):
     """The caches of all members that the batch ever had: wedge.json lists those of its last values. The
-    library calls them after their values, velocity.2=-1."""
-    return [entry.path for entry in os.scandir(folder) if "=" in entry.name and entry.is_dir()
+    library calls them after these and nothing else, velocity.2=-1; a copy under another name is of who
+    made it."""
+    return [entry.path for entry in os.scandir(folder) if entry.is_dir() and _is_member(entry.name)
             and os.path.isfile(os.path.join(entry.path, "job.json"))]
+
+
+def _is_member(name):
+    # Long ones are cut, and numbered where that makes them alike.
+    return bool(_MEMBER.match(name) or len(name) >= _LONGEST and re.match(r"[\w.+=-]+$", name, re.ASCII))
 
 
 def free(scene):
@@ -155,7 +165,9 @@ def free(scene):
         location, stays = takes.locate(run), []
         if location.exists and not location.linked:
             for member in _every_member(location.folder):
-                cache.free(member)
+                # What is left of one that is damaged is named; the others go.
+                with contextlib.suppress(JobError):
+                    cache.free(member)
             stays = cache.free(location.folder)
         if not stays:
             run.folder = ""

@@ -14,7 +14,7 @@ from ..io import batch, batch_results, fit_apply, fit_rows, job_document, takes
 from ..jobs import EXIT_INPUT, JobError
 from ..props import compare
 from ..props import scene as scene_props
-from .base import NoJobRunning, PlainOperator, greyed, remove_active, session
+from .base import NoJobRunning, PlainOperator, greyed, remove_active, report_left, session
 from .compare import require_capture
 from .job_operator import JobOperator
 from .launch import apart, preparing
@@ -218,9 +218,8 @@ class MATTERFIT_OT_free_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
     def act(self, context):
         left = batch.free(context.scene)
         if left:
-            self.report({"WARNING"}, translate(
-                "Not ours, and kept in {folder}: {names}").format(folder=os.path.dirname(left[0]),
-                    names=", ".join(os.path.basename(name) for name in left[:5])))
+            folder = os.path.commonpath([os.path.dirname(name) for name in left])
+            report_left(self, folder, [os.path.relpath(name, folder) for name in left])
 
 
 CLASSES = (MATTERFIT_OT_add_axis, MATTERFIT_OT_remove_axis, MATTERFIT_OT_run_batch,

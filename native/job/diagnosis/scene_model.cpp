@@ -12,9 +12,9 @@
 
 #include "base/error.hpp"
 #include "fit/data/capture_noise.hpp"
+#include "fit/search/start.hpp"
 #include "job/diagnosis/hidden_collider.hpp"
 #include "job/documents/fit_document.hpp"
-#include "fit/search/start.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/scene_at_level.hpp"
 

@@ -8,6 +8,7 @@
 #include <numeric>
 #include <utility>
 
+#include "diagnose/refit.hpp"
 #include "diagnose/theta_prior.hpp"
 
 namespace matterfit::diagnose {
@@ -53,10 +54,8 @@ class Members {
         precision_(theta_prior(study.model()).precision(numbers_)) {
     if (leashed) precision_ = precision_.cwiseMax(1.0 / (kLeashOfMember * kLeashOfMember));
     MatrixXd normal = slopes_.transpose() * slopes_;
-    normal.diagonal() *= 1.0 + 1e-9;
     normal.diagonal() += precision_;
-    normal.diagonal().array() += 1e-300;
-    factors_.compute(normal);
+    factors_.compute(regularised(std::move(normal)));
     for (const Index number : numbers_) {
       scales_.push_back(study.model().parameters()[std::size_t(number)].scale);
     }
@@ -124,17 +123,14 @@ class Members {
           continue;
         if (one.window < windows.size()) {
           on.push_back(std::move(one));
-        } else if (apart(*one.run).squaredNorm() < apart(*runs_[one.variant]).squaredNorm()) {
-          runs_[one.variant] = std::move(one.run);
+        } else {
+          keep_if_nearer(one);
         }
       }
       going = std::move(on);
     }
     for (Growing& one : going) {
-      const bool whole = one.run && one.window + 1 == windows.size();
-      if (whole && apart(*one.run).squaredNorm() < apart(*runs_[one.variant]).squaredNorm()) {
-        runs_[one.variant] = std::move(one.run);
-      }
+      if (one.run && one.window + 1 == windows.size()) keep_if_nearer(one);
     }
   }
 
@@ -162,10 +158,9 @@ class Members {
     [[nodiscard]] VectorXd step(const VectorXd& apart, const Growing& one,
                                 const VectorXd& precision) const {
       MatrixXd damped = normal;
-      damped.diagonal() *= 1.0 + one.damping + 1e-9;
-      damped.diagonal().array() += 1e-12 * normal.diagonal().maxCoeff() + 1e-300;
-      return Eigen::LDLT<MatrixXd>(damped).solve(slopes.transpose() * apart -
-                                                 precision.cwiseProduct(one.offset));
+      damped.diagonal() *= 1.0 + one.damping;
+      const Eigen::LDLT<MatrixXd> factors(regularised(std::move(damped)));
+      return factors.solve(slopes.transpose() * apart - precision.cwiseProduct(one.offset));
     }
     [[nodiscard]] double misfit(const VectorXd& apart, const VectorXd& offset,
                                 const VectorXd& precision) const {
@@ -228,6 +223,11 @@ class Members {
     // What is beyond this window was not looked at.
     if (!window.until.empty()) one.run.reset();
     return true;
+  }
+
+  void keep_if_nearer(Growing& one) {
+    std::optional<VectorXd>& before = runs_[one.variant];
+    if (apart(*one.run).squaredNorm() < apart(*before).squaredNorm()) before = std::move(one.run);
   }
 
   [[nodiscard]] State moved(const VectorXd& offset) const {

@@ -171,11 +171,7 @@ void FitCandidates::search() {
 void FitCandidates::advance(fit::LawState& law) {
   fit::LawFit& fit = this->fit(state_.law);
   if (law.values.empty()) law = fit.start();
-  std::vector<fit::SearchStep> steps;
-  fit.advance(law, steps);
-  for (const fit::SearchStep& step : steps) {
-    state_.history.push_back(step_json(step, fit.parameters().parameters()));
-  }
+  job::advance(fit, law, state_.history);
   if (law.finished) finish_law(state_.law);
   for (const fit::LeftLaw& left : fit::hopeless_laws(state_.laws)) {
     fit::LawState& one = state_.laws[left.law];

@@ -48,11 +48,7 @@ FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more, double
   while (without.seen && !state.finished && state.iterations < from.iterations &&
          worse < kMostWorse) {
     const int known = state.iterations;
-    std::vector<fit::SearchStep> steps;
-    fit.advance(state, steps);
-    for (const fit::SearchStep& step : steps) {
-      history.push_back(step_json(step, fit.parameters().parameters()));
-    }
+    advance(fit, state, history);
     if (state.iterations == known) continue;
     const FurtherMeans now = means_of(fit, state);
     const bool nearer = judged ? now.held && *now.held < *best.held : now.seen.has_value();

@@ -194,19 +194,24 @@ std::optional<ErrorPool> errors_of(fit::LawFit& fit, const fit::LawState& state,
   return errors_of(fit.runs(), fit.model(), fit.loss(), *outcome);
 }
 
-Json step_json(const fit::SearchStep& step, const std::vector<fit::Parameter>& parameters) {
-  Json values;
-  for (std::size_t p = 0; p < step.values.size(); ++p) {
-    values[parameters[p].name] = step.values[p];
+void advance(fit::LawFit& fit, fit::LawState& state, std::vector<Json>& history) {
+  std::vector<fit::SearchStep> steps;
+  fit.advance(state, steps);
+  const std::vector<fit::Parameter>& parameters = fit.parameters().parameters();
+  for (const fit::SearchStep& step : steps) {
+    Json values;
+    for (std::size_t p = 0; p < step.values.size(); ++p) {
+      values[parameters[p].name] = step.values[p];
+    }
+    history.push_back({{"stage", step.stage},
+                       {"law", step.law},
+                       {"iteration", step.iteration},
+                       {"cost", step.cost},
+                       {"rms_mm", finite(1e3 * step.rms)},
+                       {"accepted", step.accepted},
+                       {"evaluations", step.evaluations},
+                       {"values", values}});
   }
-  return {{"stage", step.stage},
-          {"law", step.law},
-          {"iteration", step.iteration},
-          {"cost", step.cost},
-          {"rms_mm", finite(1e3 * step.rms)},
-          {"accepted", step.accepted},
-          {"evaluations", step.evaluations},
-          {"values", values}};
 }
 
 Json ranked_models(const std::vector<fit::LawState>& laws, const std::vector<Json>& models) {

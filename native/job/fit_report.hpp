@@ -44,9 +44,8 @@ class ErrorPool {
 [[nodiscard]] std::optional<ErrorPool> errors_of(fit::LawFit& fit, const fit::LawState& state,
                                                  bool fitted, std::string& failure);
 
-/// An entry of `fit.history` and fit/history.jsonl.
-[[nodiscard]] Json step_json(const fit::SearchStep& step,
-                             const std::vector<fit::Parameter>& parameters);
+/// fit::LawFit::advance(), its steps as entries of `fit.history` and fit/history.jsonl.
+void advance(fit::LawFit& fit, fit::LawState& state, std::vector<Json>& history);
 
 /// One entry a number of `fit.parameters`. Without an uncertainty (a fit that was cancelled) errors
 /// and intervals are null.

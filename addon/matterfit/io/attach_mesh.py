@@ -13,7 +13,7 @@ from . import point_cache, refinement, result_mesh, shapes
 from .attached import CACHE_TAG, TAG
 from .visibility import CHOSEN_TAG, HIDDEN_TAG
 
-# What an object that is made anew, of text or curves, takes over from the artist's.
+# Settings that the object made of text or curves takes over from the artist's.
 LOOKS = ("color", "pass_index", "visible_camera", "visible_diffuse", "visible_glossy", "visible_transmission",
          "visible_volume_scatter", "visible_shadow", "is_holdout", "is_shadow_catcher")
 

@@ -165,7 +165,7 @@ def free(scene):
         location, stays = takes.locate(run), []
         if location.exists and not location.linked:
             for member in _every_member(location.folder):
-                # What is left of one that is damaged is named; the others go.
+                # The others go; the rest of a damaged one is named.
                 with contextlib.suppress(JobError):
                     cache.free(member)
             stays = cache.free(location.folder)

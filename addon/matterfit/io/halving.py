@@ -56,7 +56,7 @@ def halve(mesh, stretch, longest, most):
         if not len(wide) and not len(long):
             return
         if (arrays["face_sizes"][wide] - 3 if len(wide) else _added(mesh, arrays, long)).sum() > left:
-            # What is left then is too little for another look at all edges.
+            # The faces that may still be added are too few for another look at all edges.
             if len(wide) or left < most / 8:
                 return
             long = long[numpy.argsort(-edges[long], kind="stable")[:left // _OF_AN_EDGE]]

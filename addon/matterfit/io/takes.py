@@ -211,7 +211,7 @@ class Kept:
         if self.is_in(take):
             return
         shown = attached.objects_of(take.id_data, take)
-        # What is reported is why nothing came of it.
+        # The reason why nothing came of it is reported.
         with contextlib.suppress(JobError):
             cache.free(locate(take).folder)
         for name in CACHE_VALUES:

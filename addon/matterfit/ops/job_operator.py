@@ -50,7 +50,7 @@ class JobOperator(NoJobRunning):
     _steps = None  # while begin() goes on: its jobs.StepRun
     _mark_shown = None
     _rests_until = 0.0  # by time.monotonic()
-    # What replaces the tool's advice to run with --restart.
+    # Panel's words in place of the tool's advice to run with --restart.
     restart_advice = "Press Bake, and choose a new take or this one."
 
     def progress_mark(self, context, job):

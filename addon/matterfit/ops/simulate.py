@@ -162,7 +162,7 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         if self._stood_at is None:
             self._kept.put_back_cache(take)
             if take.frames_done and not attached.objects_of(settings.id_data, take):
-                # What is reported is why the bake ended.
+                # The reason why the bake ended is reported.
                 with contextlib.suppress(JobError):
                     folder = takes.locate(take).folder
                     attach.Attachment(settings.id_data, take, folder, written_document(folder)).update(True)
@@ -171,7 +171,7 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         if index is None:
             return
         if take.folder:
-            # What is reported is why the bake ended.
+            # The reason why the bake ended is reported.
             with contextlib.suppress(JobError):
                 cache.free(takes.locate(take).folder)
         settings.takes.remove(index)

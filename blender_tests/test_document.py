@@ -79,6 +79,7 @@ class BodyTest(SceneCase):
         """Before a Subdivision modifier the cage is used; sharpness is 10 c²."""
         item = self.cube()
         self.body(item)
+        self.settings.solver.particle_separation = 0.07  # edges of .2 m bend with that
         item.modifiers.new("Subdivision", "SUBSURF").levels = 2
         if "crease" in item.data.edges[0].bl_rna.properties:
             item.data.edges[3].crease = 0.5
@@ -475,7 +476,7 @@ class RefusalTest(SceneCase):
     def test_a_tenth_of_a_millimetre(self):
         self.body(self.cube(size=1e-4))
         with self.assertRaisesRegex(
-                JobError, "Particle Separation is 0.0083 mm, .* below 0.03 mm.*Unit Scale"):
+                JobError, "Particle Separation is 8.3 µm, .* below 0.03 mm.*Unit Scale"):
             self.document()
         self.scene.unit_settings.scale_length = 4.0
         self.document()

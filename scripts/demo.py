@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The demonstration: what a person does in the panel, done by the same operators.
 
-1. A recording of a silicone beam is imported and the beam's material fitted to its first part; the
-   rest, which the fit does not see, says how well that predicts. The material is saved.
+1. Two recordings of a silicone beam are imported. An elastic material is fitted to the first part of
+   one; what that gets wrong is diagnosed, the cause named and tested on the other recording, which
+   nothing was fitted to; the model is extended by it, fitted again, compared and saved.
 2. A cube of that material is thrown, and once more, elsewhere and over a collider; both takes are
    baked to volumes, mesh caches and attribute textures, which play without the add-on.
 Each is rendered. Run by demo.sh.
@@ -21,6 +22,9 @@ ROOT = os.environ["MATTERFIT_ROOT"]
 FOLDER = os.path.join(ROOT, "build", "demo")
 EXAMPLE = os.path.join(ROOT, "docs", "examples", "beam.blend")
 SAMPLE = os.path.join(ROOT, "docs", "examples", "beam_gravity_V2_a.npz")
+REPEAT = os.path.join(ROOT, "docs", "examples", "beam_gravity_V2_b.npz")
+REPEAT_START = 6.5  # it was let go at its own frame 64.5, the first one at 71
+FIRST_FRAME, LAST_FRAME = 66, 140  # the beam is held still until 71
 STARTED = time.monotonic()
 
 MATERIAL = os.path.join(FOLDER, "silicone.json")
@@ -177,8 +181,11 @@ def open_beam():
     folder = os.path.join(FOLDER, "beam")
     os.makedirs(folder)
     bpy.ops.wm.save_as_mainfile(filepath=os.path.join(folder, "beam.blend"))
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = FIRST_FRAME, LAST_FRAME
     capture = settings().captures[0]
     capture.filepath = SAMPLE
+    capture.use_start_frame, capture.start_frame = True, 0.0
     call(bpy.ops.matterfit.check_capture)
     for line in capture.summary.splitlines():
         say(f"  {line}")
@@ -203,14 +210,55 @@ def show_errors(folder, frame):
             bpy.context.object.data.materials.append(material(f"Marker {point}", tint, 0.3))
 
 
+def import_repeat():
+    """The second recording, on the same beam, kept for testing."""
+    call(bpy.ops.matterfit.import_capture, filepath=REPEAT)
+    first, repeat = settings().captures
+    for name in ("markers", "use_noise", "noise", "align", "use_release", "release"):
+        setattr(repeat, name, getattr(first, name))
+    repeat.use_start_frame, repeat.start_frame = True, REPEAT_START
+    repeat.holdout = "CAPTURE"
+    call(bpy.ops.matterfit.check_capture)
+
+
+def without_relaxation():
+    """Elastic alone: what that cannot do is to be found."""
+    settings().bodies[0].material.maxwell.clear()
+    first = settings().captures[0].name
+    for row in settings().fit.parameters:
+        row.enabled = row.key == "material.E" or (row.key == "start_frame" and row.owner == first)
+
+
+def diagnose_beam():
+    from matterfit.io import diagnosis
+
+    fit, capture = settings().fit, settings().captures[0]
+    say(f"fitting an elastic law to the frames {capture.release + 1} to {capture.holdout_start - 1}, "
+        f"particles {1e3 * settings().solver.particle_separation:.2g} mm apart, and asking what it "
+        "gets wrong …")
+    call(bpy.ops.matterfit.diagnose)
+    folder = take_folder(fit.run)
+    report = diagnosis.load(folder)
+    say(f"  {report.sentence}")
+    accepted = [cause for cause in report.causes if cause.accepted]
+    if not accepted:
+        raise RuntimeError(f"the diagnosis names no cause ({report.verdict})")
+    cause = accepted[0]
+    numbers = ", ".join(number.text for number in cause.numbers)
+    say(f"  {cause.label}, {numbers}: {100 * cause.probability:.3g} % of all that was tried; on what was "
+        f"held out, the repeat included, {1e3 * cause.holdout_before:.2f} mm become "
+        f"{1e3 * cause.holdout_after:.2f} mm")
+    say(f"  the page: {os.path.relpath(os.path.join(folder, diagnosis.PAGE_FILE), ROOT)}")
+    call(bpy.ops.matterfit.extend_model)
+
+
 def fit_beam():
-    """Stiffness and relaxation, and when within a frame the beam was let go."""
+    """Stiffness, what the model was extended by, and when within a frame the beam was let go."""
     from matterfit import quantities
     from matterfit.io import fit_results
 
-    fit, capture = settings().fit, settings().captures[0]
-    say(f"fitting to the frames {capture.release + 1} to {capture.holdout_start - 1}, particles "
-        f"{1e3 * settings().solver.particle_separation:.2g} mm apart …")
+    fit = settings().fit
+    say("fitting the extended model …")
     call(bpy.ops.matterfit.fit)
     for line in bpy.context.window_manager.matterfit.last_report.splitlines()[:1]:
         say("  " + line)
@@ -227,11 +275,14 @@ def fit_beam():
 
 
 def demonstrate_beam():
-    say("1. A silicone beam, clamped at one end, held straight and let go: recorded, fitted, compared.")
+    say("1. A silicone beam, clamped at one end, held straight and let go: recorded twice, fitted, "
+        "diagnosed, compared.")
     open_beam()
-    last = bpy.context.scene.frame_end
+    import_repeat()
+    without_relaxation()
+    diagnose_beam()
     fit_beam()
-    say(f"comparing frames 0 to {last} at 100 per second with the recording …")
+    say(f"comparing frames {FIRST_FRAME} to {LAST_FRAME} at 100 per second with the recording …")
     call(bpy.ops.matterfit.compare)
     found = settings().compare
     say(f"  mean error {found.mean_mm:.2f} mm, 95 % below {found.p95_mm:.2f} mm")
@@ -239,7 +290,7 @@ def demonstrate_beam():
     output = settings().output
     output.surface = output.velocity_attribute = False
     call(bpy.ops.matterfit.bake)
-    worst = found.worst[0].frame if found.worst else last
+    worst = found.worst[0].frame if found.worst else LAST_FRAME
     floor = stage((-0.05, 0.015, 0.01), 0.28, math.radians(-62), 0.45)
     floor.location.z = -0.06
     show_errors(take_folder(settings().takes[0]), worst)

@@ -80,8 +80,8 @@ class Check {
     const Index used = study_.used().size();
     MatrixXd members(used, 0);
     tell(0.8, "Measuring the solver's own error");
-    const Spread spread =
-        numerical_spread(study_, state, slopes_.theta, {.members = 2, .directions = false});
+    const Spread spread = numerical_spread(study_, state, slopes_.theta,
+                                           {.members = 2, .directions = false, .adapted = false});
     if (spread.members.cols() > 0) members = spread.members.topRows(used);
     if (spread.bias.size() > 0) {
       members.conservativeResize(used, members.cols() + 1);

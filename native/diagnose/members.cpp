@@ -70,7 +70,7 @@ class Members {
   }
 
   /// What slopes promise, believed.
-  void step_without_runs(const std::vector<std::size_t>& members) {
+  void step_without_runs(const std::vector<std::size_t>& members) const {
     for (const std::size_t m : members) {
       *runs_[m] += theta_ * factors_.solve(slopes_.transpose() * apart(*runs_[m]));
     }
@@ -296,8 +296,16 @@ VectorXd stated_noise(const Model& model, const Rows& rows) {
   return noise;
 }
 
-void bring_near(const Study& study, const State& state, const MatrixXd& theta,
-                const std::vector<Numerics>& variants, std::vector<std::optional<VectorXd>>& runs) {
+namespace {
+
+std::vector<Index> all_of(const MatrixXd& theta) {
+  std::vector<Index> numbers(std::size_t(theta.cols()));
+  std::iota(numbers.begin(), numbers.end(), Index(0));
+  return numbers;
+}
+
+void adapt(const Study& study, const State& state, const MatrixXd& theta,
+           const std::vector<Numerics>& variants, std::vector<std::optional<VectorXd>>& runs) {
   const std::vector<Index> times = nuisances_of_times(study.model());
   if (!times.empty()) {
     Members members(study, state, theta, variants, times, false, runs);
@@ -310,10 +318,7 @@ void bring_near(const Study& study, const State& state, const MatrixXd& theta,
     }
     return;
   }
-  if (theta.cols() == 0) return;
-  std::vector<Index> numbers(std::size_t(theta.cols()));
-  std::iota(numbers.begin(), numbers.end(), Index(0));
-  Members members(study, state, theta, variants, std::move(numbers), true, runs);
+  Members members(study, state, theta, variants, all_of(theta), true, runs);
   // The two of another separation tell for all.
   constexpr std::size_t kTold = 3;
   const auto two = members.that_ran(1, kTold);
@@ -328,14 +333,32 @@ void bring_near(const Study& study, const State& state, const MatrixXd& theta,
   if (!matters) return;
   members.search_growing(two);
   bool beyond = false;
+  double left = 1e300;
   for (std::size_t k = 0; k < two.size(); ++k) {
-    beyond = beyond || members.misfit_and_promise(two[k]).first < kBeyondLinear * promised[k];
+    const double found = members.misfit_and_promise(two[k]).first;
+    beyond = beyond || found < kBeyondLinear * promised[k];
+    left = std::min(left, found);
   }
-  if (beyond) {
-    members.search_growing(members.that_ran(kTold, runs.size()));
-  } else {
+  if (!beyond) {
     runs = before;
+    return;
   }
+  std::vector<std::size_t> others = members.that_ran(kTold, runs.size());
+  // What slopes leave less of than a search does is linear enough.
+  std::erase_if(others, [&](std::size_t m) { return members.misfit_and_promise(m).second < left; });
+  members.search_growing(others);
+}
+
+}  // namespace
+
+void bring_near(const Study& study, const State& state, const MatrixXd& theta,
+                const std::vector<Numerics>& variants, bool linear,
+                std::vector<std::optional<VectorXd>>& runs) {
+  if (theta.cols() == 0) return;
+  adapt(study, state, theta, variants, runs);
+  if (!linear) return;
+  const Members members(study, state, theta, variants, all_of(theta), true, runs);
+  members.step_without_runs(members.that_ran(1, runs.size()));
 }
 
 }  // namespace matterfit::diagnose

@@ -18,9 +18,11 @@ namespace matterfit::diagnose {
 /// parameters, whose adaptation a covariance needs only where it is beyond what is linear (a grid
 /// that makes a beam softer shifts its phase by more than a radian): there slopes alone leave the
 /// deviation of another vibration. `runs`: one a variant, stacked, or nothing; `theta`: derivatives
-/// at the state, in scales. Throws Error(kCancelled).
+/// at the state, in scales. With `linear`, what slopes by all of the parameters promise is taken in
+/// the end, also where nothing was run for it: whatever varies a deviation further, or compares its
+/// size with a residual, is then to do with what is left. Throws Error(kCancelled).
 void bring_near(const Study& study, const State& state, const Eigen::MatrixXd& theta,
-                const std::vector<Numerics>& variants,
+                const std::vector<Numerics>& variants, bool linear,
                 std::vector<std::optional<Eigen::VectorXd>>& runs);
 
 }  // namespace matterfit::diagnose

@@ -182,7 +182,7 @@ Spread numerical_spread(const Study& study, const State& state, const MatrixXd& 
   if (which.directions) std::ranges::copy(ways_to_lump(), std::back_inserter(variants));
   auto runs = study.predict_variants(std::vector<State>(variants.size(), state), variants);
   if (!runs[0]) return spread;
-  bring_near(study, state, theta, variants, runs);
+  bring_near(study, state, theta, variants, which.adapted, runs);
   if (runs[1] && runs[2]) spread.bias = (*runs[2] - *runs[1]) / (kRatio - 1.0 / kRatio);
   spread.members = deviations(runs, 3, sampled);
   const MatrixXd lumping = deviations(runs, sampled, runs.size());

@@ -31,6 +31,8 @@ struct Spread {
 struct SpreadRuns {
   int members = 24;
   bool directions = true;
+  /// What the parameters take up is taken out (bring_near); for their own errors it is to stay.
+  bool adapted = true;
 };
 
 /// `members` runs with dx × 0.85 … 1.26, quasi-random offsets in the cell, dt × 1 or ½, other

@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <numeric>
@@ -17,6 +18,7 @@
 #include "job/documents/fit_document.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/scene_at_level.hpp"
+#include "mpm/grid_alignment.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -128,6 +130,19 @@ SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
 
 SceneModel::~SceneModel() = default;
 
+Vec3d SceneModel::free_offset(const Vec3d& offset, std::size_t run) const {
+  Vec3d result = offset;
+  if (offset.isZero(0.0)) return result;
+  const std::shared_ptr<const Built> own = built({}, run);
+  for (const mpm::Body& body : own->scene.bodies) {
+    const std::array<bool, 3> aligned = mpm::aligned_axes(body, own->scene.dx);
+    for (int axis = 0; axis < 3; ++axis) {
+      if (aligned[std::size_t(axis)]) result[axis] = 0.0;
+    }
+  }
+  return result;
+}
+
 std::shared_ptr<const SceneModel::Built> SceneModel::built(const diagnose::Numerics& numerics,
                                                            std::size_t run) const {
   const std::string key = key_of(numerics, run);
@@ -143,7 +158,7 @@ std::shared_ptr<const SceneModel::Built> SceneModel::built(const diagnose::Numer
   }
   // Particles per cell by their number: the grid follows the separation.
   made->scene = scene_at_level(job, numerics.spacing, arena, interrupter_);
-  made->scene.grid_shift += numerics.offset;
+  made->scene.grid_shift += free_offset(numerics.offset, run);
   for (mpm::Body& body : made->scene.bodies) lump(numerics, body);
   for (const fit::Capture& capture : runs()[run].captures) {
     const std::size_t body = fit::body_index(made->scene, capture.input.body);

@@ -103,6 +103,9 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] const std::vector<fit::Run>& runs() const { return loaded_.experiment.runs; }
   /// The number of a run's first capture.
   [[nodiscard]] std::size_t first_capture(std::size_t run) const;
+  /// An offset of the grid without the axes along which a body's grid fits its shape: there the
+  /// scene's own solver has none.
+  [[nodiscard]] Vec3d free_offset(const Vec3d& offset, std::size_t run) const;
   [[nodiscard]] std::shared_ptr<const Built> built(const diagnose::Numerics& numerics,
                                                    std::size_t run) const;
   [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> simulate_run(

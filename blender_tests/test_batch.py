@@ -124,6 +124,21 @@ class RunTest(BatchCase):
         bpy.ops.matterfit.free_batch()
         self.assertFalse(os.path.exists(folder))
 
+    def test_refused_it_claims_no_folder(self):
+        self.vary("Cube", "velocity[2]", "two")
+        for press in (bpy.ops.matterfit.run_batch, bpy.ops.matterfit.write_batch):
+            self.fails(press, ["'two' among its values"])
+            self.assertEqual(self.batch.run.folder, "")
+            self.assertFalse(bpy.ops.matterfit.free_batch.poll(), "there is no batch to delete")
+        self.assertEqual([name for name in os.listdir(self.folder) if name.startswith("cache_")], [])
+        self.batch.axes[0].values = "-1"
+        bpy.ops.matterfit.write_batch()
+        folder = takes.locate(self.batch.run).folder
+        before = tree(folder)
+        self.batch.axes[0].values = "two"
+        self.fails(bpy.ops.matterfit.write_batch, ["'two' among its values"])
+        self.assertEqual((takes.locate(self.batch.run).folder, tree(folder)), (folder, before))
+
     def test_all_are_checked_before_any_runs(self):
         self.vary("Cube", "material.nu", "0.3,0.7")
         self.fails(bpy.ops.matterfit.run_batch, ["Poisson's Ratio = 0.7"])

@@ -473,6 +473,17 @@ class RefusalTest(SceneCase):
         with self.assertRaisesRegex(JobError, "has no surface"):
             self.document()
 
+    def test_refused_a_take_claims_no_folder(self):
+        body = self.jelly()
+        track = self.cube("Track")
+        capture = self.settings.captures.add()
+        capture.name, capture.source, capture.object = "Track", "OBJECT", track
+        body.object = None
+        for press in (bpy.ops.matterfit.write_job, bpy.ops.matterfit.compare):
+            self.fails(press, ["no object is chosen"])
+            self.assertEqual([take.folder for take in self.settings.takes], [""])
+            self.assertEqual([name for name in os.listdir(self.folder) if name.startswith("cache_")], [])
+
     def test_a_tenth_of_a_millimetre(self):
         self.body(self.cube(size=1e-4))
         with self.assertRaisesRegex(

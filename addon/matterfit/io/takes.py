@@ -228,6 +228,24 @@ class Kept:
             _fill(getattr(take, name), rows)
 
 
+@contextlib.contextmanager
+def claiming(scene, take, like=None):
+    """The folder that is claimed for a take, which gets the settings of `like`. Where what follows
+    raises, or is left, the take is as it was."""
+    before, folder = Kept(take), ""
+    try:
+        if like is not None:
+            take.name = like.name
+            copy_settings(like, take)
+        folder = claim(take)
+        yield folder
+    except BaseException:  # a generator that is left, too
+        _scene, take = still(scene, take, folder)
+        if take is not None:
+            (before.put_back_cache if like is None else before.put_back)(take)
+        raise
+
+
 def _fill(rows, contents):
     """Puts rows of these _contents() in place of what is there."""
     rows.clear()

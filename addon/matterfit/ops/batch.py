@@ -76,17 +76,15 @@ def preparing_base(context):
     if task == "FIT":
         fit_rows.refresh(settings)
     source, run = takes.ensure_active(settings), batch.home(settings, task)
-    run.name = source.name
-    takes.copy_settings(source, run)
-    folder = takes.claim(run)
-    document, replaced = yield from preparing(context, run, folder, task.lower())
-    if task == "COMPARE":
-        document["output"]["bake"] = True  # so that there is something to see
-    try:
-        axes = batch.assignments(settings, document["scene"])
-    except JobError:
-        replaced.put_back()
-        raise
+    with takes.claiming(context.scene, run, like=source) as folder:
+        document, replaced = yield from preparing(context, run, folder, task.lower())
+        if task == "COMPARE":
+            document["output"]["bake"] = True  # so that there is something to see
+        try:
+            axes = batch.assignments(settings, document["scene"])
+        except JobError:
+            replaced.put_back()
+            raise
     replaced.end()
     return document, axes, folder
 

@@ -138,8 +138,8 @@ class MATTERFIT_OT_write_job(NoJobRunning, PlainOperator, bpy.types.Operator):
         takes.require_saved()
         take = takes.ensure_active(context.scene.matterfit)
         takes.require_own(take)
-        folder = takes.claim(take)
-        document, replaced = prepare(context, take, folder, "bake")
+        with takes.claiming(context.scene, take) as folder:
+            document, replaced = prepare(context, take, folder, "bake")
         replaced.end()
         path = job_document.write(document, folder)
         session(context).last_report = path

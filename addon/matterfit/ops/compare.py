@@ -34,8 +34,8 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         require_capture(settings)
         take = takes.ensure_active(settings)
         takes.require_own(take)
-        folder = takes.claim(take)
-        prepared = yield from preparing(context, take, folder, "compare")
+        with takes.claiming(context.scene, take) as folder:
+            prepared = yield from preparing(context, take, folder, "compare")
         # Frames that only a comparison simulated are nobody's result: after Apply to Body they are
         # simulated anew. Baked frames are kept, and the difference is told.
         restart = GO_ON if take.frames_done else AFRESH_WHERE_CHANGED

@@ -11,6 +11,8 @@ from matterfit.io import files, job_captures, job_document
 from matterfit.jobs import JobError
 from support import SceneCase, read, select, tree
 
+NAN = float("nan")
+
 
 def load(folder, relative):
     with numpy.load(os.path.join(folder, relative), allow_pickle=False) as arrays:
@@ -472,6 +474,26 @@ class RefusalTest(SceneCase):
         body.object = flat
         with self.assertRaisesRegex(JobError, "has no surface"):
             self.document()
+
+    def test_what_is_no_number(self):
+        """A driver that divides by zero gives a field none."""
+        body = self.jelly()
+        fields = ((body, "velocity", (0.0, NAN, 0.0), "'Cube', Velocity Y"),
+                  (body.material, "E", NAN, "'Cube', Young's Modulus"),
+                  (self.settings.solver, "gravity", (0.0, 0.0, NAN), "Gravity Z"),
+                  (self.settings.solver, "cfl", NAN, "CFL"),
+                  (self.settings.solver, "particle_separation", NAN, "Particle Separation"))
+        for owner, name, value, words in fields:
+            with self.subTest(name):
+                before = getattr(owner, name)
+                before = before if isinstance(before, float) else tuple(before)
+                setattr(owner, name, value)
+                message = self.fails(bpy.ops.matterfit.bake, [f"{words} is not a number. Type one"])
+                self.assertNotIn("nan", message.lower())
+                self.assertNotIn("Traceback", message)
+                setattr(owner, name, before)
+        body.object.location.x = NAN
+        self.fails(bpy.ops.matterfit.bake, ["object 'Cube': its location, rotation or scale is not a number"])
 
     def test_refused_a_take_claims_no_folder(self):
         body = self.jelly()

@@ -478,10 +478,10 @@ class PinnedGroupTest(SamplingCase):
 class FlatTest(SceneCase):
     """What lies in one plane has nothing that could be filled."""
 
-    def refused(self, item):
+    def refused(self, item, advice="give it a thickness"):
         self.settings.bodies.clear()
         self.body(item)
-        with self.assertRaisesRegex(JobError, f"^'{item.name}' is flat: give it a thickness"):
+        with self.assertRaisesRegex(JobError, f"^'{item.name}' is flat: {advice}"):
             self.document()
 
     def test_flat(self):
@@ -495,7 +495,7 @@ class FlatTest(SceneCase):
         self.refused(bpy.context.active_object)
         item = self.cube("Pressed")
         item.scale.z = 0.0
-        self.refused(item)
+        self.refused(item, "its Scale, or a parent's, is 0")  # no thickness helps there
 
     def test_thin_is_not_flat(self):
         item = self.cube("Thin")

@@ -402,6 +402,16 @@ TEXTS = {
         "Dieser Take ist noch nicht gebacken: Backen drücken",
     "Add a body first": "Zuerst einen Körper hinzufügen",
     "of the animation": "aus der Animation",
+    "object '{name}': its location, rotation or scale is not a number. Look at its keys, drivers and "
+    "constraints.":
+        "Objekt „{name}“: Position, Rotation oder Skalierung ist keine Zahl. Keyframes, Treiber und "
+        "Constraints ansehen.",
+    "'{name}' is flat: its Scale, or a parent's, is 0 along an axis. Give it another one.":
+        "„{name}“ ist flach: seine Skalierung oder die eines Elternobjekts ist entlang einer Achse 0. Eine "
+        "andere eintragen.",
+    "{path} is not a number. Type one; where a driver or an expression sets it, mend that.":
+        "{path} ist keine Zahl. Eine eintippen; wo ein Treiber oder ein Ausdruck den Wert setzt, diesen "
+        "richtigstellen.",
     "Cancelled: the best so far.": "Abgebrochen: das Beste bis dahin.",
     "The fit is unfinished, and begins at other values now: undo this before Resume":
         "Die Anpassung ist unfertig und beginnt jetzt bei anderen Werten: vor Fortsetzen dies "

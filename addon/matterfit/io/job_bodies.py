@@ -2,11 +2,11 @@
 """Bodies of the job document: shape, material, throw, pins, masses, render mesh."""
 
 import numpy
-from mathutils import Matrix, Quaternion, Vector
+from mathutils import Quaternion, Vector
 
 from .. import laws
 from ..jobs import JobError
-from . import attached, files, material_values, meshes, refinement, shapes, throws, transforms
+from . import attached, files, job_writer, material_values, meshes, refinement, shapes, throws, transforms
 from .files import number, numbers
 
 
@@ -62,7 +62,7 @@ class BodyPart:
     def _sample(self, _frame, depsgraph):
         item = self.body.object
         shapes.check(item, depsgraph)
-        matrix = Matrix(item.evaluated_get(depsgraph).matrix_world)
+        matrix = job_writer.world_matrix(item, depsgraph)
         scale = self.writer.scale
         self.object_position, self.object_rotation, stretch = transforms.split(matrix, scale)
         self.arrays = meshes.read_shape(item, self.shape, stretch, scale,

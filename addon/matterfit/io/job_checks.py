@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be said against a scene before anything of it is sampled."""
 
+import math
+
 from ..compat import translate
 from ..jobs import JobError
 from . import files, plain
@@ -51,6 +53,7 @@ def scene(writer):
 
 def separation(metres, typed=False):
     """JobError where particles this far apart [m] cannot be simulated."""
+    finite(metres, "scene.particle_separation")
     if metres < LEAST_SEPARATION and typed:
         raise JobError(translate(
             "Particle Separation is {now}, and nothing can be simulated below {least}. Type a larger one, or "
@@ -60,6 +63,21 @@ def separation(metres, typed=False):
             "Particle Separation is {now}, and nothing can be simulated below {least}: what is simulated "
             "is very small. Scale it up, or raise Unit Scale under Scene > Units.").format(
                 now=_length(metres), least=_length(LEAST_SEPARATION)))
+
+
+def finite(part, path=""):
+    """JobError where a number of the document is none that JSON has: a field takes one from a driver or
+    a script."""
+    if isinstance(part, float) and not math.isfinite(part):
+        raise JobError(translate(
+            "{path} is not a number. Type one; where a driver or an expression sets it, mend that.").format(
+                path=path))
+    if isinstance(part, dict):
+        for key, value in part.items():
+            finite(value, f"{path}.{key}" if path else key)
+    elif isinstance(part, list):
+        for index, value in enumerate(part):
+            finite(value, f"{path}[{index}]")
 
 
 def _length(metres):

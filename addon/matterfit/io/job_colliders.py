@@ -3,7 +3,7 @@
 
 import bpy
 import numpy
-from mathutils import Matrix, Vector
+from mathutils import Vector
 
 from ..jobs import JobError
 from . import attached, files, job_writer, meshes, motion, transforms
@@ -95,7 +95,7 @@ class ColliderPart:
 
     def _sample_static(self, _frame, depsgraph):
         item = self.body.object
-        matrix = Matrix(item.evaluated_get(depsgraph).matrix_world)
+        matrix = job_writer.world_matrix(item, depsgraph)
         if self.kind == "STATIC":
             self.matrices = [matrix]
         if item.type != "EMPTY":
@@ -103,7 +103,7 @@ class ColliderPart:
             self.arrays = self._read(self.stretch)
 
     def _sample_deforming(self, frame, depsgraph):
-        matrix = Matrix(self.body.object.evaluated_get(depsgraph).matrix_world)
+        matrix = job_writer.world_matrix(self.body.object, depsgraph)
         arrays = self._read(matrix.to_3x3())
         shift = numpy.array(matrix.translation, dtype=numpy.float64) * self.writer.scale
         arrays["vertices"] = (arrays["vertices"] + shift).astype(numpy.float32)

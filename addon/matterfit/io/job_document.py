@@ -107,6 +107,7 @@ def _building(writer, task, quality, outputs):
         if task == "compare" and any("cameras" in capture
                                      for capture in document.get("captures", [])):
             document["output"]["overlays"] = True
+    job_checks.finite(document)
     writer.finish_inputs()
     return document
 

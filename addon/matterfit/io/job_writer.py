@@ -2,11 +2,13 @@
 """What the parts of a job document share while it is written."""
 
 import contextlib
+import math
 import os
 import time
 
 from mathutils import Matrix, Vector
 
+from ..compat import translate
 from ..jobs import JobError, Snapshot, drained
 from . import files, frames, meshes, transforms
 
@@ -43,7 +45,11 @@ def kept_inputs(folder):
 
 
 def world_matrix(item, depsgraph):
-    return Matrix(item.evaluated_get(depsgraph).matrix_world)
+    matrix = Matrix(item.evaluated_get(depsgraph).matrix_world)
+    if not all(math.isfinite(value) for row in matrix for value in row):
+        raise JobError(translate("object '{name}': its location, rotation or scale is not a number. Look at "
+                                 "its keys, drivers and constraints.").format(name=item.name))
+    return matrix
 
 
 class Place:

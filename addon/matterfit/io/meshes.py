@@ -6,6 +6,7 @@ import contextlib
 import bpy
 import numpy
 
+from ..compat import translate
 from ..jobs import JobError
 from .shapes import emptied_by, modifiers_limited
 
@@ -182,6 +183,10 @@ def check_solid(item, arrays):
     least = 1e-6 * float(numpy.abs(arrays["vertices"]).max())
     _values, axes = numpy.linalg.eigh(points.T @ points)
     if min(float(numpy.ptp(points @ axis)) for axis in axes.T) <= least:
+        scale = item.matrix_world.to_scale()
+        if min(map(abs, scale)) <= 1e-6 * max(map(abs, scale)):
+            raise JobError(translate("'{name}' is flat: its Scale, or a parent's, is 0 along an axis. Give it "
+                                     "another one.").format(name=item.name))
         how = "Solidify" if item.type == "MESH" else "Geometry > Extrude"
         raise JobError(f"'{item.name}' is flat: give it a thickness ({how}).")
 

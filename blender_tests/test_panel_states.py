@@ -71,7 +71,7 @@ class StateTest(FakeFitCase):
         job.start().tick()
         job.snapshot = Snapshot(fraction=0.5, stage="Measuring the solver's own error", frame=1240,
                                 last_frame=1250, memory=12_300_000_000)
-        self.check("12.3 GB of memory")
+        self.check("Blender uses 12.3 GB")
 
     def test_a_cancelled_job(self):
         """What it did, over the whole width, above the button that goes on."""
@@ -83,7 +83,8 @@ class StateTest(FakeFitCase):
                                     memory=12_300_000_000)
             job.cancel()
             job.join()
-            self.check("Bake Take of the third bounce")
+            self.check("Cancelled: Bake Take of the third bounce", "frame 1 of 6")
+            self.assertNotIn("12.3 GB", self.texts())
 
     def test_an_error(self):
         state = bpy.context.window_manager.matterfit

@@ -233,15 +233,29 @@ def progress_text(job):
     parts = [job.label]
     if job.state is State.CANCELLING:
         parts.append(translate("cancelling"))
-    snapshot = job.snapshot
-    if snapshot.stage:
-        parts.append(words.stage(snapshot.stage))
-    if snapshot.last_frame:
-        parts.append(translate("frame {n} of {total}").format(n=snapshot.frame,
-                                                              total=snapshot.last_frame))
+    parts += _place(job.snapshot)
     left = jobs.duration_text(job.seconds_left)
     if left:
         parts.append(translate("{time} left").format(time=left))
-    if snapshot.memory:
-        parts.append(jobs.size_text(snapshot.memory))
+    if job.snapshot.memory:
+        parts.append(memory_text(job.snapshot))
     return " · ".join(parts)
+
+
+def cancelled_text(job):
+    """What Status says of a job that was cancelled: where it stopped."""
+    return " · ".join([translate("Cancelled: {name}").format(name=job.label), *_place(job.snapshot)])
+
+
+def memory_text(snapshot):
+    """The library measures the process, of which the scene and the window take a part: an estimate has
+    the job's own share."""
+    return translate("Blender uses {size}").format(size=jobs.size_text(snapshot.memory))
+
+
+def _place(snapshot):
+    """What is done, and at which frame."""
+    parts = [words.stage(snapshot.stage)] if snapshot.stage else []
+    if snapshot.last_frame:
+        parts.append(translate("frame {n} of {total}").format(n=snapshot.frame, total=snapshot.last_frame))
+    return parts

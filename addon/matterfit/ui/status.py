@@ -50,15 +50,14 @@ class MATTERFIT_PT_status(MatterfitPanel, bpy.types.Panel):
         if left:
             column.label(text=compat.translate("{time} left").format(time=left), translate=False)
         if snapshot.memory:
-            column.label(text=compat.translate("{size} of memory").format(
-                size=jobs.size_text(snapshot.memory)), translate=False)
+            lines(column, job_operator.memory_text(snapshot))
         row = box.row()
         row.enabled = job.state is State.RUNNING
         row.operator("matterfit.cancel", icon="CANCEL")
 
     def _ended(self, layout, job):
         if job.state is State.CANCELLED:
-            lines(layout, job_operator.progress_text(job), icon="CANCEL")
+            lines(layout, job_operator.cancelled_text(job), icon="CANCEL")
             if job.resumable:
                 layout.operator(job.resume, icon="PLAY")
 

@@ -4,8 +4,9 @@
 import ast
 import unittest
 
+import numpy
 from matterfit.i18n import de
-from matterfit.io import number_text, plain, words
+from matterfit.io import comparison, number_text, plain, words
 from matterfit.ui import common, compare, diagnose, drawing
 from support import SceneCase
 
@@ -86,8 +87,8 @@ class WordsTest(SceneCase):
                  "Rotation and Start Frame right?"),
                 ("captures.clip: samples lie between frames and are interpolated; simulate at the "
                  "capture's rate to avoid it",
-                 "'clip': samples lie between frames and are interpolated. The recording's rate as the "
-                 "scene's Frame Rate avoids it."),
+                 "'clip': samples lie between frames and are interpolated: Start Frame lies between "
+                 "two, or the recording's rate is not the scene's Frame Rate."),
                 ("no usable checkpoint: simulated from the first frame",
                  "No checkpoint was found: simulated from the first frame."),
                 ("resumed after frame 12", "Went on after frame 12.")):
@@ -156,6 +157,17 @@ class WordsTest(SceneCase):
                  "if the body flows or tears."),
                 ("Use other start values or narrower bounds, or a lower solver.dt_safety.",
                  "Use other start values or narrower bounds."),
+                ("captures: every sample is held out, not seen, or outside the scene's frames; nothing is left to "
+                 "fit to (clip: its 500 frames go from 0 to 4.99 s of the scene, which ends at 0.3 s). Shorten a "
+                 "'holdout', or look at start_frame, scene.frames and the file's times, which are in seconds.",
+                 "Every sample is held out, not seen, before the end of Quiet Start, or outside the frame "
+                 "range; nothing is left to fit to (clip: its 500 frames go from 0 to 4.99 s of the scene, which "
+                 "ends at 0.3 s). Hold out less, or look at Quiet Start, Start Frame, the frame range and the "
+                 "file's times, which are in seconds."),
+                ("captures: every image is held out or outside of the scene's frames; nothing is left to fit "
+                 "to. Shorten a 'holdout', or look at start_frame, fps and scene.frames.",
+                 "Every image is held out, or lies outside the frame range; nothing is left to fit to. Hold out "
+                 "less, or look at Start Frame, Rate and the frame range."),
                 ("mf_job_options.threads: -1, expected a number of threads, or 0.",
                  "Threads: -1, expected a number of threads, or 0."),
                 ("Bodies 'A' and 'B' lie in each other, about (4.21e-17, 0.1, 0) m. Move one so that "
@@ -214,6 +226,16 @@ class WordsTest(SceneCase):
         self.assertEqual(number_text.short(-0.0, 3), "0")
         self.assertEqual([drawing.frame_text(frame) for frame in (-1e-9, 0.0, 499.0000001, -3.0)],
                          ["0", "0", "499", "-3"])
+
+    def test_a_graph_ends_where_what_is_compared_does(self):
+        """A recording of 500 frames, of which a scene simulates 20."""
+        def compared(errors):
+            places = numpy.zeros((len(errors), 1, 3))
+            return comparison.Comparison(numpy.arange(float(len(errors))), places, places,
+                                         numpy.reshape(errors, (-1, 1)), ["a"])
+        nan = float("nan")
+        self.assertEqual(drawing.frames_compared(compared([nan, nan, 1.0, nan, 2.0, nan, nan, nan])), (2.0, 4.0))
+        self.assertEqual(drawing.frames_compared(compared([nan, nan, nan])), (0.0, 2.0))
 
     def test_files_and_sentences_stay(self):
         for text in ("/home/me/scene.bodies/cache: could not be read", "All bodies. None of it moves",

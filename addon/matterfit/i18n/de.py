@@ -386,6 +386,7 @@ TEXTS = {
         "Was ein Gesetz von dem des Körpers unterscheidet, wird mit gesucht.",
     "Press Fit to begin afresh.": "Anpassen drücken, um neu zu beginnen.",
     "cancelling": "wird abgebrochen",
+    "Blender uses {size}": "Blender belegt {size}",
     "frame {n} of {total}": "Bild {n} von {total}",
     "{time} left": "noch {time}",
     "The .blend file is not saved, so there is no folder for the cache. Save the file first "
@@ -431,10 +432,24 @@ TEXTS = {
     "and Start Frame right?":
         "Punkte liegen in Ruhe bis zu {distance} neben {body}. Stimmen Einheit, Position, "
         "Rotation und Startbild der Aufnahme?",
-    "samples lie between frames and are interpolated. The recording's rate as the scene's Frame "
-    "Rate avoids it.":
-        "Abtastungen liegen zwischen Bildern und werden interpoliert. Mit der Rate der Aufnahme "
-        "als Bildrate der Szene nicht.",
+    "samples lie between frames and are interpolated: Start Frame lies between two, or the recording's "
+    "rate is not the scene's Frame Rate.":
+        "Abtastungen liegen zwischen Bildern und werden interpoliert: das Startbild liegt zwischen zweien, "
+        "oder die Rate der Aufnahme ist nicht die Bildrate der Szene.",
+    "Every sample is held out, not seen, before the end of Quiet Start, or outside the frame range; nothing "
+    "is left to fit to ({covered}). Hold out less, or look at Quiet Start, Start Frame, the frame range and "
+    "the file's times, which are in seconds.":
+        "Jede Abtastung ist zurückgehalten, nicht zu sehen, vor dem Ende der Ruhe zu Beginn oder außerhalb des "
+        "Bildbereichs; nichts bleibt zum Anpassen ({covered}). Weniger zurückhalten, oder Ruhe zu Beginn, "
+        "Startbild, Bildbereich und die Zeiten der Datei ansehen, die in Sekunden sind.",
+    "Every image is held out, or lies outside the frame range; nothing is left to fit to. Hold out less, or "
+    "look at Start Frame, Rate and the frame range.":
+        "Jedes Bild ist zurückgehalten oder liegt außerhalb des Bildbereichs; nichts bleibt zum Anpassen. "
+        "Weniger zurückhalten, oder Startbild, Rate und Bildbereich ansehen.",
+    "{where}: the hold-out starts at frame {n}, after the last frame {last}. Set From, below Hold-out, to an "
+    "earlier frame, or let the frame range reach further.":
+        "{where}: das Zurückgehaltene beginnt bei Bild {n}, nach dem letzten Bild {last}. Von, unter "
+        "Zurückhalten, auf ein früheres Bild setzen, oder den Bildbereich weiter reichen lassen.",
     "No checkpoint was found: simulated from the first frame.":
         "Kein Sicherungspunkt gefunden: vom ersten Bild an simuliert.",
     "Went on after frame {n}.": "Nach Bild {n} fortgesetzt.",

@@ -9,6 +9,7 @@ import bpy
 import numpy
 from mathutils import Euler, Vector
 
+from ..compat import translate
 from ..jobs import JobError
 from . import attached, files, meshes, shapes, transforms
 from .files import number, numbers
@@ -118,10 +119,7 @@ class CapturePart:
         if capture.use_noise:
             document["noise"] = number(capture.noise * writer.scale)
         if capture.holdout == "FRAMES":
-            if capture.holdout_start >= writer.end:
-                raise JobError(f"{self.where}: the hold-out starts at frame "
-                               f"{capture.holdout_start}, after the last frame {writer.end - 1}.")
-            document["holdout"] = {"frames": [capture.holdout_start, writer.end]}
+            document["holdout"] = held_out_frames(capture, writer, self.where)
         elif capture.holdout == "CAPTURE":
             document["holdout"] = {"capture": True}
         elif capture.holdout == "TRACKS":
@@ -161,6 +159,16 @@ def reading_options(capture):
     if markers:
         document["markers"] = markers
     return document
+
+
+def held_out_frames(capture, writer, where):
+    """From the frame that is typed to the last one; JobError where that is none."""
+    if capture.holdout_start >= writer.end:
+        raise JobError(translate(
+            "{where}: the hold-out starts at frame {n}, after the last frame {last}. Set From, below "
+            "Hold-out, to an earlier frame, or let the frame range reach further.").format(
+                where=where, n=capture.holdout_start, last=writer.end - 1))
+    return {"frames": [capture.holdout_start, writer.end]}
 
 
 def point_names(text):

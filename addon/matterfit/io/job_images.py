@@ -114,10 +114,7 @@ class ImagePart:
     def _holdout(self):
         capture, writer = self.capture, self.writer
         if capture.holdout == "FRAMES":
-            if capture.holdout_start >= writer.end:
-                raise JobError(f"{self.where}: the hold-out starts at frame "
-                               f"{capture.holdout_start}, after the last frame {writer.end - 1}.")
-            return {"frames": [capture.holdout_start, writer.end]}
+            return job_captures.held_out_frames(capture, writer, self.where)
         if capture.holdout == "TRACKS":
             return {"cameras": camera_numbers(capture.holdout_tracks, self.where)}
         if capture.holdout == "CAPTURE":

@@ -82,6 +82,13 @@ def _far_off(match):
         "Start Frame right?").format(distance=length_text(float(match["distance"])), body=match["body"])
 
 
+def _nothing_left(match):
+    return translate(
+        "Every sample is held out, not seen, before the end of Quiet Start, or outside the frame range; "
+        "nothing is left to fit to ({covered}). Hold out less, or look at Quiet Start, Start Frame, the frame "
+        "range and the file's times, which are in seconds.").format(covered=match["covered"])
+
+
 def _resumed(match):
     return translate("Went on after frame {n}.").format(n=match["n"])
 
@@ -159,9 +166,16 @@ _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
      r"simulated\.npz", _outside),
     (rf"points lie up to (?P<distance>{_NUMBER}) m off (?P<body>'[^'\n]+') at rest; are unit, transform "
      r"and start_frame right\?", _far_off),
+    # After a fit of the start frame that is so at the recording's own rate too.
     (r"samples lie between frames and are interpolated; simulate at the capture's rate to avoid it",
-     _fixed("samples lie between frames and are interpolated. The recording's rate as the scene's Frame "
-            "Rate avoids it.")),
+     _fixed("samples lie between frames and are interpolated: Start Frame lies between two, or the "
+            "recording's rate is not the scene's Frame Rate.")),
+    (r"captures: every sample is held out, not seen, or outside the scene's frames; nothing is left to fit "
+     r"to \((?P<covered>[^\n]+)\)\. Shorten a 'holdout', [^\n]*?in seconds\.", _nothing_left),
+    (r"captures: every image is held out or outside of the scene's frames; nothing is left to fit to\. "
+     r"Shorten a 'holdout', or look at start_frame, fps and scene\.frames\.",
+     _fixed("Every image is held out, or lies outside the frame range; nothing is left to fit to. Hold out "
+            "less, or look at Start Frame, Rate and the frame range.")),
     (r"no usable checkpoint: simulated from the first frame",
      _fixed("No checkpoint was found: simulated from the first frame.")),
     (r"resumed after frame (?P<n>\d+)", _resumed),

@@ -122,15 +122,23 @@ def largest_of(found):
     return float(numpy.nanmax(found.largest)) if found.is_seen else 0.0
 
 
+def frames_compared(found):
+    """(first, last) frame of an io.comparison.Comparison that has an error: a recording may be much longer
+    than what was simulated."""
+    seen = found.frames[numpy.isfinite(found.means)] if found.is_seen else found.frames
+    return float(seen[0]), float(seen[-1])
+
+
 def error_over_time(rectangle, scale, found, frame, title, held_out=None):
     """Mean and largest error of an io.comparison.Comparison, the present frame as an upright;
     `held_out` [a, b) is shaded."""
     frames = found.frames
+    first, last = frames_compared(found)
     largest = max(largest_of(found), 1e-9)
-    graph = Graph(rectangle, scale, (float(frames[0]), float(frames[-1])), (0.0, largest))
+    graph = Graph(rectangle, scale, (first, last), (0.0, largest))
     if held_out is not None:
         graph.shade(held_out[0], held_out[1] - 1, HELD_OUT)
     graph.curve(frames, found.largest, RED)
     graph.curve(frames, found.means, WHITE)
     graph.upright(frame, BLUE)
-    graph.labels(title, f"{largest:.3g} mm" if found.is_seen else "–", frame_text(frames[0]), frame_text(frames[-1]))
+    graph.labels(title, f"{largest:.3g} mm" if found.is_seen else "–", frame_text(first), frame_text(last))

@@ -4,8 +4,9 @@
 import os
 
 import bpy
+from matterfit import laws, native, quantities
 from matterfit.jobs import JobError
-from support import SceneCase
+from support import SceneCase, needs_library
 
 NAN = float("nan")
 
@@ -100,3 +101,23 @@ class RefusalTest(SceneCase):
         pin.kind, pin.vertex_group = "VERTEX_GROUP", "nowhere"
         with self.assertRaisesRegex(JobError, "no vertex group 'nowhere'"):
             self.document()
+
+    @needs_library
+    def test_what_a_field_takes_the_library_takes(self):
+        """A field that is dragged to its end is not refused at the bake."""
+        material = self.jelly(separation=0.05).material
+        for law, names in laws.PARAMETERS.items():
+            material.law = law
+            for name in (*names, *laws.DAMPING):
+                row = quantities.find(f"material.{name}")
+                if row.size > 1:
+                    continue
+                before = getattr(material, name)
+                for value in (row.least, row.most):
+                    if value == 0.0 and row.positive:
+                        continue
+                    with self.subTest(law=law, name=name, value=value):
+                        setattr(material, name, value)
+                        document, folder = self.document()
+                        native.validate(document, folder, 1)
+                setattr(material, name, before)

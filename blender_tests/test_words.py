@@ -168,6 +168,9 @@ class WordsTest(SceneCase):
                  "to. Shorten a 'holdout', or look at start_frame, fps and scene.frames.",
                  "Every image is held out, or lies outside the frame range; nothing is left to fit to. Hold out "
                  "less, or look at Start Frame, Rate and the frame range."),
+                ("clip.npz: no point is visible in any frame.",
+                 "clip.npz: no point is seen in any frame: every place is missing. Export the recording again, "
+                 "or choose another file."),
                 ("mf_job_options.threads: -1, expected a number of threads, or 0.",
                  "Threads: -1, expected a number of threads, or 0."),
                 ("Bodies 'A' and 'B' lie in each other, about (4.21e-17, 0.1, 0) m. Move one so that "

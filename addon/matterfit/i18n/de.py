@@ -442,6 +442,10 @@ TEXTS = {
         "Jede Abtastung ist zurückgehalten, nicht zu sehen, vor dem Ende der Ruhe zu Beginn oder außerhalb des "
         "Bildbereichs; nichts bleibt zum Anpassen ({covered}). Weniger zurückhalten, oder Ruhe zu Beginn, "
         "Startbild, Bildbereich und die Zeiten der Datei ansehen, die in Sekunden sind.",
+    "no point is seen in any frame: every place is missing. Export the recording again, or choose another "
+    "file.":
+        "kein Punkt ist in irgendeinem Bild zu sehen: jeder Ort fehlt. Die Aufnahme noch einmal exportieren "
+        "oder eine andere Datei wählen.",
     "Every image is held out, or lies outside the frame range; nothing is left to fit to. Hold out less, or "
     "look at Start Frame, Rate and the frame range.":
         "Jedes Bild ist zurückgehalten oder liegt außerhalb des Bildbereichs; nichts bleibt zum Anpassen. "

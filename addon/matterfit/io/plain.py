@@ -166,6 +166,9 @@ _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
      r"simulated\.npz", _outside),
     (rf"points lie up to (?P<distance>{_NUMBER}) m off (?P<body>'[^'\n]+') at rest; are unit, transform "
      r"and start_frame right\?", _far_off),
+    (r"no point is visible in any frame\.",
+     _fixed("no point is seen in any frame: every place is missing. Export the recording again, or choose "
+            "another file.")),
     # After a fit of the start frame that is so at the recording's own rate too.
     (r"samples lie between frames and are interpolated; simulate at the capture's rate to avoid it",
      _fixed("samples lie between frames and are interpolated: Start Frame lies between two, or the "

@@ -220,6 +220,7 @@ def open_beam():
     yield from open_tab()
     # As after the plane: with an active object the sidebar would open its tab Item.
     bpy.context.view_layer.objects.active = None
+    scene_3d(lambda: bpy.ops.view3d.view_all())
     require(settings().captures[0].summary, "Capture says nothing of the recording")
 
 
@@ -268,7 +269,7 @@ FOLLOWED = {
         (["Batch > Vary > Velocity Z", "1, 2, 3, 4, 5, 6, 7, 8", "Run Batch", "Compare", "Bake"],
          eight_throws)],
     "A recording": [
-        (["File > Open", "docs/examples/beam.blend", "Capture"], open_beam),
+        (["File > Open", "docs/examples/beam.blend", "Home", "Capture"], open_beam),
         (["Compare > Compare"], compare), (["Fit > Check"], check), (["Fit > Fit"], fit),
         (["Fit > Apply to Body"], apply), (["Compare > Compare"], compare_again)],
 }

@@ -168,6 +168,10 @@ class WordsTest(SceneCase):
                  "to. Shorten a 'holdout', or look at start_frame, fps and scene.frames.",
                  "Every image is held out, or lies outside the frame range; nothing is left to fit to. Hold out "
                  "less, or look at Start Frame, Rate and the frame range."),
+                ("Frame 1 would need -9223372036854775808 substeps (CFL). Soften the material, use a larger "
+                 "particle separation, or override scene.solver.dt.",
+                 "Frame 1 would need too many steps in time (CFL). Soften the material or what it touches, slow "
+                 "it down, or use a larger Particle Separation."),
                 ("clip.npz: no point is visible in any frame.",
                  "clip.npz: no point is seen in any frame: every place is missing. Export the recording again, "
                  "or choose another file."),

@@ -446,6 +446,10 @@ TEXTS = {
     "file.":
         "kein Punkt ist in irgendeinem Bild zu sehen: jeder Ort fehlt. Die Aufnahme noch einmal exportieren "
         "oder eine andere Datei wählen.",
+    "Frame {n} would need too many steps in time ({why}). Soften the material or what it touches, slow it "
+    "down, or use a larger Particle Separation.":
+        "Bild {n} brauchte zu viele Zeitschritte ({why}). Das Material oder was es berührt weicher machen, "
+        "langsamer werfen, oder einen größeren Partikelabstand nehmen.",
     "Every image is held out, or lies outside the frame range; nothing is left to fit to. Hold out less, or "
     "look at Start Frame, Rate and the frame range.":
         "Jedes Bild ist zurückgehalten oder liegt außerhalb des Bildbereichs; nichts bleibt zum Anpassen. "

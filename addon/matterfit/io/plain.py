@@ -82,6 +82,12 @@ def _far_off(match):
         "Start Frame right?").format(distance=length_text(float(match["distance"])), body=match["body"])
 
 
+def _too_many_substeps(match):
+    return translate(
+        "Frame {n} would need too many steps in time ({why}). Soften the material or what it touches, slow it "
+        "down, or use a larger Particle Separation.").format(n=match["n"], why=match["why"])
+
+
 def _nothing_left(match):
     return translate(
         "Every sample is held out, not seen, before the end of Quiet Start, or outside the frame range; "
@@ -166,6 +172,9 @@ _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
      r"simulated\.npz", _outside),
     (rf"points lie up to (?P<distance>{_NUMBER}) m off (?P<body>'[^'\n]+') at rest; are unit, transform "
      r"and start_frame right\?", _far_off),
+    # Their number may be beyond all counting, and the panel has no time step.
+    (r"Frame (?P<n>\d+) would need -?\d+ substeps \((?P<why>[^)\n]*)\)\. Soften the material, use a larger "
+     r"particle separation, or override scene\.solver\.dt\.", _too_many_substeps),
     (r"no point is visible in any frame\.",
      _fixed("no point is seen in any frame: every place is missing. Export the recording again, or choose "
             "another file.")),

@@ -143,6 +143,9 @@ CLI::App* add_wedge(CLI::App& app, Arguments& arguments) {
   CLI::App* verb = app.add_subcommand(
       "wedge", "run a document once for each combination of the values given with --set");
   add_common(*verb, arguments);
+  verb->get_option("--set")->description(
+      "PATH=VALUE,VALUE,…: one member for each value, and for each combination where it is "
+      "repeated");
   verb->add_option("--output", arguments.folder, "folder of the members, one each")->required();
   verb->add_option("--task", arguments.task, "what each member does; without it the document's");
   verb->add_option("--jobs", arguments.at_once, "members that run side by side")

@@ -10,6 +10,7 @@
 
 #include "diagnose/accept.hpp"
 #include "diagnose/further.hpp"
+#include "diagnose/mates.hpp"
 #include "diagnose/onset.hpp"
 #include "diagnose/starts.hpp"
 
@@ -72,6 +73,7 @@ class Search {
       linearise_base(out_.base.refit.state, all_candidates(), 0.82);
       score_all(0.84);
     }
+    try_mates();
     choose();
     add_further_causes(study_, *trials_, *judge_, options_, out_);
     accept(study_, *refitter_, *judge_, options_, out_);
@@ -334,6 +336,30 @@ class Search {
     if (attempts.empty()) return;
     tell(0.5, fmt::format("Refitting with {} causes", attempts.size()));
     out_.singles = trials_->tried(std::move(attempts), "refits");
+    std::ranges::stable_sort(out_.singles, {}, &Trial::evidence);
+  }
+
+  /// A base that is far off has scores of another motion: what is known to be like the best cause
+  /// is refitted from there, whatever its score says.
+  void try_mates() {
+    if (out_.singles.empty() || looseness_of(out_.base.refit) < kFarOff) return;
+    const Trial& best = out_.singles.front();
+    std::vector<int> known;
+    for (const Trial& trial : out_.singles) known.push_back(trial.causes.front().effect);
+    const std::vector<Candidate> mates =
+        mates_of(study_.model(), out_.first->scores, best.causes.front(), known);
+    if (mates.empty()) return;
+    tell(0.82, "Refitting with causes that are like the best");
+    study_.begin("refits");
+    std::vector<Attempt> attempts;
+    for (auto& [mate, start] : starts_beside(study_, refitter_->whitening(), best.refit, mates,
+                                             options_.refit.differences)) {
+      start.corrections = best.corrections;
+      attempts.push_back({{mate}, std::move(start)});
+    }
+    for (Trial& trial : trials_->tried(std::move(attempts), "refits")) {
+      out_.singles.push_back(std::move(trial));
+    }
     std::ranges::stable_sort(out_.singles, {}, &Trial::evidence);
   }
 

@@ -30,8 +30,6 @@ constexpr double kFirstDampingOfMember = 0.3;
 /// Standard deviation of what a number adapts by, in scales: what the used rows hardly tell is not
 /// to move far.
 constexpr double kLeashOfMember = 2.0;
-/// Of what slopes promise to leave: a run that leaves less is beyond what is linear.
-constexpr double kBeyondLinear = 0.5;
 /// Of the members' variance beside the stated noise, below which nothing depends on it.
 constexpr double kMatters = 1.0;
 
@@ -304,60 +302,45 @@ std::vector<Index> all_of(const MatrixXd& theta) {
   return numbers;
 }
 
-void adapt(const Study& study, const State& state, const MatrixXd& theta,
-           const std::vector<Numerics>& variants, std::vector<std::optional<VectorXd>>& runs) {
-  const std::vector<Index> times = nuisances_of_times(study.model());
-  if (!times.empty()) {
-    Members members(study, state, theta, variants, times, false, runs);
-    const auto all = members.that_ran(1, runs.size());
-    // One impact's error is not multiplied at the next there.
-    if (study.model().follows_recordings()) {
-      members.step_without_runs(all);
-    } else {
-      members.search(all, kRoundsOfTimes);
-    }
-    return;
+/// Of the worst member's misfit, below which what is left of another one is small beside it.
+constexpr double kSmallBeside = 0.002;
+
+void adapt_times(const Study& study, Members& members, std::size_t runs) {
+  const auto all = members.that_ran(1, runs);
+  // One impact's error is not multiplied at the next there.
+  if (study.model().follows_recordings()) {
+    members.step_without_runs(all);
+  } else {
+    members.search(all, kRoundsOfTimes);
   }
-  Members members(study, state, theta, variants, all_of(theta), true, runs);
-  // The two of another separation tell for all.
-  constexpr std::size_t kTold = 3;
-  const auto two = members.that_ran(1, kTold);
-  const auto before = runs;
-  bool matters = false;
-  std::vector<double> promised;
-  for (const std::size_t m : two) {
-    const auto [misfit, promise] = members.misfit_and_promise(m);
-    matters = matters || promise > kMatters * double(study.used().size());
-    promised.push_back(promise);
+}
+
+/// Those of which slopes leave something, each by its own: how far slopes hold is not alike.
+void adapt_all(const Study& study, Members& members, std::size_t runs) {
+  std::vector<std::size_t> far = members.that_ran(1, runs);
+  double worst = 0.0;
+  for (const std::size_t m : far) {
+    worst = std::max(worst, members.misfit_and_promise(m).second);
   }
-  if (!matters) return;
-  members.search_growing(two);
-  bool beyond = false;
-  double left = 1e300;
-  for (std::size_t k = 0; k < two.size(); ++k) {
-    const double found = members.misfit_and_promise(two[k]).first;
-    beyond = beyond || found < kBeyondLinear * promised[k];
-    left = std::min(left, found);
-  }
-  if (!beyond) {
-    runs = before;
-    return;
-  }
-  std::vector<std::size_t> others = members.that_ran(kTold, runs.size());
-  // What slopes leave less of than a search does is linear enough.
-  std::erase_if(others, [&](std::size_t m) { return members.misfit_and_promise(m).second < left; });
-  members.search_growing(others);
+  const double small = std::max(kMatters * double(study.used().size()), kSmallBeside * worst);
+  std::erase_if(far, [&](std::size_t m) { return members.misfit_and_promise(m).second <= small; });
+  members.search_growing(far);
 }
 
 }  // namespace
 
 void bring_near(const Study& study, const State& state, const MatrixXd& theta,
-                const std::vector<Numerics>& variants, bool linear,
+                const std::vector<Numerics>& variants, bool all,
                 std::vector<std::optional<VectorXd>>& runs) {
   if (theta.cols() == 0) return;
-  adapt(study, state, theta, variants, runs);
-  if (!linear) return;
-  const Members members(study, state, theta, variants, all_of(theta), true, runs);
+  const std::vector<Index> times = nuisances_of_times(study.model());
+  if (!times.empty()) {
+    Members members(study, state, theta, variants, times, false, runs);
+    adapt_times(study, members, runs.size());
+  }
+  if (!all) return;
+  Members members(study, state, theta, variants, all_of(theta), true, runs);
+  if (times.empty()) adapt_all(study, members, runs.size());
   members.step_without_runs(members.that_ran(1, runs.size()));
 }
 

@@ -14,15 +14,14 @@ namespace matterfit::diagnose {
 
 /// Moves the runs of other numerics to where they come nearest to the first one, `runs[0]` at
 /// `state`, in the used rows: what a solver gets wrong is what is left once its free numbers have
-/// adapted. These are the model's nuisances of known times or, where it has none, all of its
-/// parameters, whose adaptation a covariance needs only where it is beyond what is linear (a grid
-/// that makes a beam softer shifts its phase by more than a radian): there slopes alone leave the
-/// deviation of another vibration. `runs`: one a variant, stacked, or nothing; `theta`: derivatives
-/// at the state, in scales. With `linear`, what slopes by all of the parameters promise is taken in
-/// the end, also where nothing was run for it: whatever varies a deviation further, or compares its
-/// size with a residual, is then to do with what is left. Throws Error(kCancelled).
+/// adapted. These are the model's nuisances of known times, if it has any. With `all` they are its
+/// parameters: by searches where it has no nuisances of times and slopes leave something (a grid
+/// that makes a beam softer shifts its phase by more than a radian, and slopes alone leave the
+/// deviation of another vibration), and in the end by slopes, which whatever varies a deviation
+/// further, or compares its size with a residual, must be rid of. `runs`: one a variant, stacked,
+/// or nothing; `theta`: derivatives at the state, in scales. Throws Error(kCancelled).
 void bring_near(const Study& study, const State& state, const Eigen::MatrixXd& theta,
-                const std::vector<Numerics>& variants, bool linear,
+                const std::vector<Numerics>& variants, bool all,
                 std::vector<std::optional<Eigen::VectorXd>>& runs);
 
 }  // namespace matterfit::diagnose

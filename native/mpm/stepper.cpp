@@ -307,8 +307,11 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
   double count = fixed > 0 ? fixed : substeps(step);
   if (may_retry && renewed_) count = renewed_->whole_substeps(time_of(frame_), count);
   if (!(count < kMostSubsteps)) {
+    // No whole number holds what a modulus of 1e30 asks for.
     throw_compute("Frame " + std::to_string(frame_) + " would need " +
-                  std::to_string(std::llround(count)) + " substeps (" + step.reason +
+                  (count < 1e15 ? std::to_string(std::llround(count))
+                                : "more than " + std::to_string(std::llround(kMostSubsteps))) +
+                  " substeps (" + step.reason +
                   "). Soften the material, use a larger particle separation, or override "
                   "scene.solver.dt.");
   }

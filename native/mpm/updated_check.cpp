@@ -28,7 +28,7 @@ constexpr const char* kNoNumber = "is not a number";
 std::string wrong(const Mat3d& f, const Vec3d& v, double too_fast) {
   const double j = f.determinant();
   if (!std::isfinite(j) || !v.allFinite()) return kNoNumber;
-  if (!(j > 0.0)) return "is turned inside out (volume ratio " + std::to_string(j) + ")";
+  if (!(j > 0.0)) return "is turned inside out";
   if (v.cwiseAbs().maxCoeff() >= too_fast) {
     return "moves more than a cell in one substep, at " + std::to_string(v.norm()) + " m/s";
   }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/documents/json_reader.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -242,7 +244,17 @@ namespace {
 std::string reason(const Json::exception& error) {
   const std::string_view said = error.what();
   const std::size_t end = said.find("] ");
-  return std::string(end == std::string_view::npos ? said : said.substr(end + 2));
+  // It quotes what was read last, which need not be text.
+  std::string result;
+  for (const char c : end == std::string_view::npos ? said : said.substr(end + 2)) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte >= 0x20 && byte < 0x7f) {
+      result += c;
+    } else {
+      result += fmt::format("\\x{:02x}", byte);
+    }
+  }
+  return result;
 }
 
 }  // namespace

@@ -109,7 +109,7 @@ class TableTest(SceneCase):
         """Files hold the number of a law: new ones come last."""
         self.assertEqual([law[0] for law in laws.LAWS], [
             "FIXED_COROTATED", "NEO_HOOKEAN", "STVK_HENCKY", "VON_MISES", "HERSCHEL_BULKLEY",
-            "DRUCKER_PRAGER", "NEWTONIAN", "NEURAL_ISOTROPIC", "LATENT"])
+            "DRUCKER_PRAGER", "NEWTONIAN", "NEURAL_ISOTROPIC", "LATENT", "NEURAL"])
 
     @needs_library
     def test_same_as_the_library(self):

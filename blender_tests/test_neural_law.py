@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The isotropic neural law in the panel: weights, numbers, document, presets, rows of a fit."""
 
+import os
+
 from matterfit import laws
 from matterfit.io import fit_rows, material_check, material_values
 from support import SceneCase
@@ -49,3 +51,46 @@ class NeuralLawTest(SceneCase):
                 if owner == self.row.name}
         self.assertLessEqual({"material.form_4", "material.flow_rate"}, keys)
         self.assertNotIn("material.yield_stress", keys)
+
+
+class PublishedLawTest(SceneCase):
+    """The two networks of a file: no numbers, and nothing that a fit could look for."""
+
+    def setUp(self):
+        super().setUp()
+        self.row = self.body(self.cube(size=0.2))
+        self.row.material.law = "NEURAL"
+
+    def written(self):
+        return self.document()[0]["scene"]["bodies"][0]["material"]
+
+    def test_its_document_names_the_file(self):
+        self.assertEqual(set(self.written()) - set(laws.DAMPING), {"law"})
+        for file in ("/data/mine.safetensors", "/data/jelly_0300.pt"):
+            self.row.material.published_file = file
+            written = self.written()
+            self.assertEqual((written["law"], written["weights"]), ("neural", file))
+
+    def test_a_saved_material_has_its_weights_beside_it(self):
+        weights = os.path.join(self.folder, "theirs.pt")
+        with open(weights, "wb") as stream:
+            stream.write(b"weights")
+        self.row.material.published_file = weights
+        saved = {"schema": material_check.SCHEMA, "name": "x", "source": "NCLaw", "density": 900.0,
+                 "material": self.written()}
+        material_check.check(saved, "x.json")
+        path = os.path.join(self.folder, "kept.json")
+        beside = material_values.with_weights_beside(saved["material"], path)
+        self.assertEqual(beside["weights"], "kept.pt")
+        self.assertTrue(os.path.exists(os.path.join(self.folder, "kept.pt")))
+        material_values.resolve(beside, self.folder)
+        self.row.material.law = "NEO_HOOKEAN"
+        material_values.fill(self.row.material, beside)
+        self.assertEqual(self.row.material.law, "NEURAL")
+        self.assertFalse(material_values.differ(self.row.material, beside))
+
+    def test_no_candidate_of_a_fit(self):
+        self.assertNotIn("NEURAL", self.settings.fit.laws)
+        keys = {quantity.key for owner, quantity in fit_rows.candidates(self.settings)
+                if owner == self.row.name}
+        self.assertNotIn("material.E", keys)

@@ -16,7 +16,12 @@ LAWS = (
     ("LATENT", "Unknown",
      "No class is given: eight numbers, which a fit finds, say where the material lies among elastic "
      "solids, plastic ones, pastes, grains and liquids"),
+    ("NEURAL", "Neural (published)",
+     "Two networks of a file, as NCLaw publishes and trains them: what they learned is simulated as it "
+     "is, and nothing of it is fitted"),
 )
+# Those that a fit can look for.
+CANDIDATES = tuple(law for law in LAWS if law[0] != "NEURAL")
 
 # Parameters of each law in the job document's words, in the panel's order; quantities.py says what
 # they are.
@@ -32,8 +37,9 @@ PARAMETERS = {
                          "internal_friction", "strain_hardening", "tear_strain", "flow_rate",
                          "flow_thinning"),
     "LATENT": ("E", "latent"),
+    "NEURAL": (),
 }
-NEURAL = frozenset({"NEURAL_ISOTROPIC", "LATENT"})
+NEURAL = frozenset({"NEURAL_ISOTROPIC", "LATENT", "NEURAL"})
 # The neural law's start weights that the library carries, and the numbers that each stands for; other
 # numbers have their defaults.
 STARTS = (

@@ -84,7 +84,8 @@ Json curve_entry(const CurveExtent& extent, const std::optional<material::Excita
 }
 
 Json curves_of(const NamedMaterial& one, const CurveOptions& options) {
-  const CurveExtent extent = curve_extent(options, one.excited, kUsualRate);
+  const CurveExtent extent =
+      curve_extent(options, one.excited, one.material.published ? kUsualPublishedRate : kUsualRate);
   Json json = curve_entry(extent, one.excited);
   Json& faults = json["faults"];
   const auto add = [&](const material::Material& material, const char* what,

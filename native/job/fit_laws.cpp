@@ -11,6 +11,7 @@
 #include "material/neural/isotropic_material.hpp"
 #include "material/neural/latent.hpp"
 #include "material/neural/pretrain.hpp"
+#include "material/neural/published_material.hpp"
 #include "material/neural/start_laws.hpp"
 
 namespace matterfit::job {
@@ -91,6 +92,12 @@ bool tells_laws_apart(const fit::Quantity& row, Law own, Law law) {
 }  // namespace
 
 Material with_law(const Material& material, Law law) {
+  if (material.published && law != material.law) {  // of its moduli
+    Material elastic = material;
+    elastic.law = Law::kFixedCorotated;
+    elastic.published.reset();
+    return with_law(elastic, law);
+  }
   if (law == Law::kLatent && material.law != law) return as_latent(material);
   if (law == Law::kNeuralIsotropic && material.law != law) return as_neural(material);
   Material result = material;
@@ -163,6 +170,8 @@ Json material_json(const Material& material) {
   if (latent) {
     json["weights"] = material.decoder->name;
     json["latent"] = material.latent;
+  } else if (material.published) {
+    json["weights"] = material.published->name;
   } else if (material.start) {
     json["weights"] = material.start->name;
   }

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 
+#include "base/error.hpp"
+
 namespace matterfit::material {
 namespace {
 
@@ -53,7 +55,7 @@ constexpr std::array<LawTraits, 4> of_each_class(Law law) {
 constexpr std::array<LawTraits, 4> kNeuralLaws = of_each_class(Law::kNeuralIsotropic);
 constexpr std::array<LawTraits, 4> kLatentLaws = of_each_class(Law::kLatent);
 
-constexpr std::array<LawTraits, 9> kLaws = {{
+constexpr std::array<LawTraits, 10> kLaws = {{
     {.law = Law::kFixedCorotated,
      .name = "fixed_corotated",
      .label = "Fixed Corotated",
@@ -102,6 +104,13 @@ constexpr std::array<LawTraits, 9> kLaws = {{
      .wets = true},
     neural(Law::kNeuralIsotropic, FlowClass::kPlastic),
     neural(Law::kLatent, FlowClass::kPlastic),
+    {.law = Law::kPublished,
+     .name = "neural",
+     .label = "Neural (published)",
+     .family = StressFamily::kPublished,
+     .parameters = {},
+     .plastic = true,
+     .mean_dilatation = false},
 }};
 
 constexpr bool in_order() {
@@ -113,6 +122,11 @@ constexpr bool in_order() {
 static_assert(in_order());
 
 }  // namespace
+
+void refuse_published() {
+  throw_compute(
+      "the law neural is simulated in the formulation 'updated' alone; here it has no stress.");
+}
 
 bool LawTraits::uses(std::string_view key) const {
   return std::find(parameters.begin(), parameters.end(), key) != parameters.end();

@@ -16,6 +16,7 @@ enum class Law {
   kNewtonian,
   kNeuralIsotropic,
   kLatent,
+  kPublished,
 };
 
 /// Whether the kernels simulate it as the isotropic neural law.
@@ -25,12 +26,14 @@ enum class Law {
 
 /// The elasticity under a law: laws of one family share their stress, and differ by what they keep
 /// of a trial strain. kHencky: energies of Hencky strains, a quadratic one or our net's, which the
-/// kernels tell apart at run time.
+/// kernels tell apart at run time. kPublished: the published neural law, which takes panels of
+/// points (neural/published-inl.hpp) and has no part in dispatch().
 enum class StressFamily {
   kFixedCorotated,
   kNeoHookean,
   kHencky,
   kNewtonian,
+  kPublished,
 };
 
 /// What the rest of the program asks of a law, in place of its name. A new law is a row of the
@@ -70,8 +73,12 @@ enum class FlowClass { kElastic, kPlastic, kGranular, kLiquid };
 /// has those of kPlastic.
 [[nodiscard]] const LawTraits& neural_traits(Law law, FlowClass flow);
 
+/// Throws Error(kCompute): the published law has no stress of a register alone.
+[[noreturn]] void refuse_published();
+
 /// Calls f.operator()<family>() for the family of a law. Every switch over families is here, so
-/// that a new one is a compiler's error where it is forgotten and not another law's stress.
+/// that a new one is a compiler's error where it is forgotten and not another law's stress. What
+/// simulates the published law asks for it before; else refuse_published().
 template <class F>
 decltype(auto) dispatch(StressFamily family, F&& f) {
   switch (family) {
@@ -83,6 +90,8 @@ decltype(auto) dispatch(StressFamily family, F&& f) {
       return f.template operator()<StressFamily::kHencky>();
     case StressFamily::kNewtonian:
       break;
+    case StressFamily::kPublished:
+      refuse_published();
   }
   return f.template operator()<StressFamily::kNewtonian>();
 }

@@ -8,6 +8,7 @@
 #include "material/correction.hpp"
 #include "material/neural/isotropic_material.hpp"
 #include "material/neural/latent.hpp"
+#include "material/neural/published_material.hpp"
 
 namespace matterfit::material {
 namespace {
@@ -36,9 +37,10 @@ double Material::lambda() const {
 double Material::p_wave_modulus() const { return lambda() + 2.0 * mu(); }
 
 double Material::stiffest_modulus() const {
-  if (!is_isotropic(law)) return p_wave_modulus();
+  if (!is_isotropic(law) && !published) return p_wave_modulus();
   double relaxing = 0.0;
   for (const MaxwellBranch& branch : maxwell) relaxing += 2.0 * branch.modulus;
+  if (published) return published->wave_modulus + relaxing;
   return usual_wave_modulus(isotropic_constants(*this)) + relaxing;
 }
 
@@ -110,6 +112,9 @@ void validate(const Material& m, const std::string& where) {
     }
     require(m.flow_thinning >= 0 && m.flow_thinning <= 1e12, where, "flow_thinning",
             m.flow_thinning, "[0, 1e12] 1/s");
+  }
+  if ((m.law == Law::kPublished) != (m.published != nullptr)) {
+    throw_input(where + ": the law neural, and no other, has the weights of a file.");
   }
   if (m.law == Law::kLatent) {
     if (m.latent.size() != kLatentSize) {

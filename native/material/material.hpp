@@ -26,6 +26,7 @@ inline constexpr std::size_t kCorrectionSize = 5;
 
 struct IsotropicStart;
 struct LatentDecoder;
+struct PublishedLaw;
 
 /// From this strain on a limit of the isotropic neural law's flow counts as never met.
 inline constexpr double kNeverStrain = 100.0;
@@ -70,6 +71,10 @@ struct Material {
   /// ratio, start and flow above (set_latent()).
   std::shared_ptr<const LatentDecoder> decoder;
   std::vector<double> latent;
+
+  /// Published neural law (neural/published_material.hpp), of whose nets E and ν above are the
+  /// moduli at rest (published_material()).
+  std::shared_ptr<const PublishedLaw> published;
 
   /// Lamé's first parameter and the shear modulus of the instantaneous response [Pa].
   [[nodiscard]] double lambda() const;

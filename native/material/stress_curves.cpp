@@ -14,6 +14,7 @@
 #include "material/classical/point_law.hpp"
 #include "material/correction.hpp"
 #include "material/neural/published_law.hpp"
+#include "material/neural/published_material.hpp"
 
 namespace matterfit::material {
 namespace {
@@ -215,6 +216,7 @@ double pull_at(Pull pull, double strain) {
 
 std::vector<CurvePoint> stress_curve(const Material& material, Pull pull,
                                      std::span<const double> stops, double rate) {
+  if (material.published) return stress_curve(material.published->weights, pull, stops, rate);
   const Correction correction(material);
   const bool corrected = !correction.neutral();
   const AdvanceOver over = [&](double dt) -> Advance {

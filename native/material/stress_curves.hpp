@@ -39,12 +39,11 @@ struct CurvePoint {
                                                    std::span<const double> stops, double rate);
 
 /// The same of the published law (neural/published_law.hpp), whose plastic net acts once in a
-/// substep of kPublishedSubstep. Its sides y and z need not move alike; `across` is that of z.
-/// Throws Error(kInput) besides where the rate asks for more than kMostPublishedSubsteps.
+/// substep of kPublishedSubstep; a material of it goes the same way, without what acts beside it.
+/// Its sides y and z need not move alike; `across` is that of z. Throws Error(kInput) besides where
+/// the rate asks for more than kMostPublishedSubsteps.
 [[nodiscard]] std::vector<CurvePoint> stress_curve(const PublishedWeights& weights, Pull pull,
                                                    std::span<const double> stops, double rate);
-/// As it was trained with (Ma et al., ICML 2023) [s].
-inline constexpr double kPublishedSubstep = 5e-4;
 inline constexpr std::size_t kMostPublishedSubsteps = 20000;
 
 /// `count` points either way of rest and rest itself, in the order of the stretches: up to where

@@ -8,14 +8,16 @@
 // After foreach_target, so that each is compiled once per target.
 #include "mpm/total_kernel-inl.hpp"
 #include "mpm/updated_kernel-inl.hpp"
+#include "mpm/updated_published-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {
 
 template <class S>
 const mpm::Kernels<S>& table() {
-  static const mpm::Kernels<S> kTable{updated_block<S>, updated_scatter<S>, total_forces<S>,
-                                      total_smooth<S>, total_mass<S>};
+  static const mpm::Kernels<S> kTable{updated_block<S>,   updated_published_block<S>,
+                                      updated_scatter<S>, total_forces<S>,
+                                      total_smooth<S>,    total_mass<S>};
   return kTable;
 }
 const mpm::Kernels<float>& table_float() { return table<float>(); }

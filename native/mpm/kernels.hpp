@@ -86,6 +86,7 @@ struct UpdatedView {
   S* halo;  ///< in and out: [4][216] momentum (3) and mass, added to
   S* maxwell;  ///< per particle and branch [6]: F̄ G F̄ᵀ − I (material/classical/maxwell-inl.hpp); or
                ///< null
+  const S* published;  ///< both nets' weights (material::joined_weights); null: another law
   std::vector<Crosser<S>>* crossers;
   BlockExtremes<S> extremes;  ///< out
   S fastest;                  ///< out: largest displacement along an axis, in cells
@@ -96,6 +97,9 @@ struct Kernels {
   /// Grid to particles, stress and flow, particles to grid (of the next substep), fused: C and τ
   /// never leave the registers. Particles that change cell go to `crossers` instead of the grid.
   void (*updated_block)(UpdatedView<S>& view);
+  /// The same of the published law, in phases: so many registers go from the grid to their trial
+  /// states, then through the nets together, then back. A leaver's stress lies in its `affine`.
+  void (*updated_published_block)(UpdatedView<S>& view);
   /// Adds one particle to a halo: `cell` is its cell in the block, 0…3 each.
   void (*updated_scatter)(const Crosser<S>& particle, const int cell[3], S density, S dx, S dt,
                           S* halo);

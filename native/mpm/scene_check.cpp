@@ -76,6 +76,12 @@ void check_scene(const Scene& scene) {
                   " m. Is the unit right? Scale the body, or set the separation to theirs.");
     }
     material::validate(body.material, where + ".material");
+    if (body.material.published && (is_total(body) || is_renewed(body))) {
+      throw_input(
+          where +
+          ": the law neural flows and does not say how much of a deformation is elastic, so "
+          "it is simulated in the formulation 'updated' alone. Use 'auto' or 'updated'.");
+    }
     if (body.formulation == Formulation::kTotal && body.material.traits().fluid) {
       throw_input(where +
                   ": a fluid flows; formulation 'total' is for bodies that stay solid. Use "

@@ -9,6 +9,7 @@
 #define MATTERFIT_MPM_TRANSFER_INL_HPP
 #endif
 
+#include <algorithm>
 #include <cstring>
 
 #include "math/mat3-inl.hpp"
@@ -191,6 +192,23 @@ HWY_INLINE void expand_row(const S row[6], S* HWY_RESTRICT expanded, std::size_t
     if (y < j || y - j > 3) continue;
     for (std::size_t k = 0; k < 3; ++k) {
       std::memcpy(expanded + mpm::expanded_index(x, j, k) + 4 * (y - j), row + k, 4 * sizeof(S));
+    }
+  }
+}
+
+/// Expands `components` of eight node blocks, some of which may not be there.
+template <class S>
+void expand_blocks(const S* const nodes[8], std::size_t components, S* expanded) {
+  for (std::size_t c = 0; c < components; ++c) {
+    for (std::size_t x = 0; x < 6; ++x) {
+      for (std::size_t y = 0; y < 6; ++y) {
+        const std::size_t corner = (x / 4) * 4 + (y / 4) * 2;
+        const std::size_t at = c * mpm::kBlockNodes + mpm::node_index(x % 4, y % 4, 0);
+        S row[6] = {};
+        if (nodes[corner] != nullptr) std::copy_n(nodes[corner] + at, 4, row);
+        if (nodes[corner + 1] != nullptr) std::copy_n(nodes[corner + 1] + at, 2, row + 4);
+        expand_row(row, expanded + c * mpm::kExpanded, x, y);
+      }
     }
   }
 }

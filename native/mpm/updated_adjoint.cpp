@@ -6,6 +6,7 @@
 #include <optional>
 #include <tuple>
 
+#include "material/neural/published_weights.hpp"
 #include "mpm/halo.hpp"
 #include "mpm/initial_velocity.hpp"
 #include "mpm/node_contact.hpp"
@@ -19,6 +20,9 @@ namespace {
 
 constexpr std::size_t kNodes = 4 * kBlockNodes;     ///< of a block: momentum and mass
 constexpr std::size_t kVelocity = 3 * kBlockNodes;  ///< of a block
+constexpr std::size_t kPublished = 2 * material::kNetWeights;
+/// Blocks are dealt into so many sums at most, whatever the number of threads.
+constexpr std::size_t kWeightPartitions = 32;
 
 /// Blocks by their coordinates.
 class TopologyIndex {
@@ -57,6 +61,7 @@ struct UpdatedAdjoint<S>::Impl {
   std::vector<LawCotangents> laws;    ///< per block and body
   std::vector<double> log_densities;  ///< as `laws`
   std::vector<double> load_velocity_bar;
+  std::vector<S> published_sums;  ///< per partition and body [kPublished]
 
   Impl(const Scene& s, const std::vector<std::size_t>& bodies,
        const UpdatedAdjointKernels<S>& adjoint_kernels, bool rates_of_all)
@@ -110,7 +115,7 @@ struct UpdatedAdjoint<S>::Impl {
   }
 
   void particles_of_block(std::size_t b, const UpdatedRecord<S>& record, const S* velocities_after,
-                          UpdatedCotangents<S>& bar) {
+                          UpdatedCotangents<S>& bar, S* published_sums) {
     S* halo = halos.data() + b * 3 * kHaloNodes;
     std::fill(halo, halo + 3 * kHaloNodes, S(0));
     UpdatedAdjointView<S> view{};
@@ -143,7 +148,9 @@ struct UpdatedAdjoint<S>::Impl {
       view.maxwell = record.maxwell[m].empty() ? nullptr : record.maxwell[m].data();
       view.maxwell_bar = body.maxwell.data();
       view.particle_bar = body.particles.data();
-      kernels->updated_block(view);
+      view.published_bar = body.published.empty() ? nullptr : published_sums + m * kPublished;
+      view.published = members[m].published.empty() ? nullptr : members[m].published.data();
+      (view.published != nullptr ? kernels->updated_published_block : kernels->updated_block)(view);
       laws[at] = view.law_bar;
       log_densities[at] = view.log_density;
     }
@@ -199,8 +206,17 @@ struct UpdatedAdjoint<S>::Impl {
     halos.resize(blocks * 3 * kHaloNodes);
     laws.resize(blocks * members.size());
     log_densities.resize(laws.size());
-    arena.parallel_for(
-        0, blocks, 1, [&](std::size_t b) { particles_of_block(b, record, velocities_after, bar); });
+    const bool by_weights =
+        std::any_of(bar.bodies.begin(), bar.bodies.end(),
+                    [](const UpdatedBodyCotangents<S>& body) { return !body.published.empty(); });
+    const std::size_t parts = by_weights ? std::min(kWeightPartitions, blocks) : blocks;
+    published_sums.assign(by_weights ? parts * members.size() * kPublished : 0, S(0));
+    arena.parallel_for(0, parts, 1, [&](std::size_t part) {
+      S* sums = published_sums.data() + (by_weights ? part * members.size() * kPublished : 0);
+      for (std::size_t b = blocks * part / parts; b < blocks * (part + 1) / parts; ++b) {
+        particles_of_block(b, record, velocities_after, bar, sums);
+      }
+    });
     for (std::size_t m = 0; m < members.size(); ++m) {
       LawCotangents all;
       UpdatedBodyCotangents<S>& body = bar.bodies[m];
@@ -209,6 +225,12 @@ struct UpdatedAdjoint<S>::Impl {
         body.log_density += log_densities[b * members.size() + m];
       }
       body.law += all;
+      for (std::size_t part = 0; part < parts && !body.published.empty(); ++part) {
+        const S* sums = published_sums.data() + (part * members.size() + m) * kPublished;
+        for (std::size_t i = 0; i < kPublished; ++i) {
+          body.published[i] += static_cast<double>(sums[i]);
+        }
+      }
       for (std::size_t i = 0; i < body.branches.size(); ++i) {
         const material::MaxwellBranch g = material::maxwell_gradient(
             members[m].material.maxwell[i], record.dt, all.stiffness[i], all.relaxed[i]);
@@ -244,12 +266,13 @@ template <class S>
 UpdatedAdjoint<S>::~UpdatedAdjoint() = default;
 
 template <class S>
-UpdatedCotangents<S> UpdatedAdjoint<S>::zero() const {
+UpdatedCotangents<S> UpdatedAdjoint<S>::zero(bool published) const {
   UpdatedCotangents<S> bar;
   for (const UpdatedMember<S>& member : impl_->members) {
     UpdatedBodyCotangents<S> body;
     body.terms = impl_->loads->terms().of(bar.bodies.size()).zero();
     body.particles.resize(member.particles);
+    body.published.assign(published ? member.published.size() : 0, 0.0);
     body.maxwell.assign(member.maxwell.size(), S(0));
     body.stretch.assign(member.memory.size(), Vec3d::Zero());
     const bool pinned = !impl_->scene->bodies[member.index].pins.empty();
@@ -361,6 +384,7 @@ material::MaterialGradient UpdatedAdjoint<S>::material_gradient(
   material::MaterialGradient out =
       material::material_gradient(impl_->members[body].material, bar.bodies[body].law.constants);
   out.maxwell = bar.bodies[body].branches;
+  out.published = bar.bodies[body].published;
   return out;
 }
 

@@ -26,6 +26,7 @@ struct UpdatedBodyCotangents {
   /// Of all pins turned with their motion about the world's origin, less what `rest` has of it.
   Vec3d turn = Vec3d::Zero();
   LawCotangents law;                              ///< sums over substeps
+  std::vector<double> published;                  ///< of UpdatedMember::published, sums; or empty
   std::vector<material::MaxwellBranch> branches;  ///< by modulus and time, sums
   double log_density = 0.0;                       ///< ∂/∂ln ρ, sum
   TermCotangents terms;                           ///< sums
@@ -71,7 +72,8 @@ class UpdatedAdjoint {
   UpdatedAdjoint(const UpdatedAdjoint&) = delete;
   UpdatedAdjoint& operator=(const UpdatedAdjoint&) = delete;
 
-  [[nodiscard]] UpdatedCotangents<S> zero() const;
+  /// `published`: also by the published law's weights, which costs about half as much again.
+  [[nodiscard]] UpdatedCotangents<S> zero(bool published = false) const;
   /// Takes `bar` from after the substep to before it.
   void substep(Arena& arena, const UpdatedRecord<S>& record, UpdatedCotangents<S>& bar);
   /// Of the n-th body, with `bar` taken back to before the first substep.

@@ -12,55 +12,18 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <type_traits>
 
 #include "material/classical/law_step_adjoint-inl.hpp"
+#include "math/transpose-inl.hpp"
 #include "mpm/lane_sums-inl.hpp"
 #include "mpm/spline_sums-inl.hpp"
 #include "mpm/total_kernel-inl.hpp"
 #include "mpm/updated_adjoint_kernels.hpp"
+#include "mpm/updated_published_back-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {
-
-/// Expands `components` of eight node blocks, some of which may not be there.
-template <class S>
-void expand_blocks(const S* const nodes[8], std::size_t components, S* expanded) {
-  for (std::size_t c = 0; c < components; ++c) {
-    for (std::size_t x = 0; x < 6; ++x) {
-      for (std::size_t y = 0; y < 6; ++y) {
-        const std::size_t corner = (x / 4) * 4 + (y / 4) * 2;
-        const std::size_t at = c * kBlockNodes + mpm::node_index(x % 4, y % 4, 0);
-        S row[6] = {};
-        if (nodes[corner] != nullptr) std::copy_n(nodes[corner] + at, 4, row);
-        if (nodes[corner + 1] != nullptr) std::copy_n(nodes[corner + 1] + at, 2, row + 4);
-        expand_row(row, expanded + c * kExpanded, x, y);
-      }
-    }
-  }
-}
-
-/// to[n][m] = from[m][n]ᵀ, at most 4 × 4 numbers, rows so many numbers apart.
-template <std::size_t m, std::size_t n, class S>
-HWY_INLINE void transpose(const S* from, std::size_t from_row, S* to, std::size_t to_row) {
-  if constexpr (m == 4 && n == 4 && sizeof(S) == 4) {
-    const hn::FixedTag<S, 4> d;
-    const auto a = hn::LoadU(d, from);
-    const auto b = hn::LoadU(d, from + from_row);
-    const auto c = hn::LoadU(d, from + 2 * from_row);
-    const auto e = hn::LoadU(d, from + 3 * from_row);
-    const auto ac_low = hn::InterleaveLower(d, a, c);
-    const auto be_low = hn::InterleaveLower(d, b, e);
-    const auto ac_high = hn::InterleaveUpper(d, a, c);
-    const auto be_high = hn::InterleaveUpper(d, b, e);
-    hn::StoreU(hn::InterleaveLower(d, ac_low, be_low), d, to);
-    hn::StoreU(hn::InterleaveUpper(d, ac_low, be_low), d, to + to_row);
-    hn::StoreU(hn::InterleaveLower(d, ac_high, be_high), d, to + 2 * to_row);
-    hn::StoreU(hn::InterleaveUpper(d, ac_high, be_high), d, to + 3 * to_row);
-  } else {
-    for (std::size_t i = 0; i < m; ++i)
-      for (std::size_t j = 0; j < n; ++j) to[j * to_row + i] = from[i * from_row + j];
-  }
-}
 
 template <StressFamily kFamily, class S>
 class UpdatedBlockAdjoint {
@@ -69,9 +32,11 @@ class UpdatedBlockAdjoint {
   using Chunk = mpm::UpdatedChunk<S>;
   static constexpr std::size_t kWidth = hn::MaxLanes(D());
   static constexpr std::size_t kBars = 16;  ///< numbers of an UpdatedParticleBar
+  static constexpr bool kPublished = kFamily == StressFamily::kPublished;
 
  public:
   explicit UpdatedBlockAdjoint(mpm::UpdatedAdjointView<S>& view) : view_(view), law_(view.law) {
+    if constexpr (kPublished) published_.begin(view.published, view.dt);
     maxwell_steps(law_, view.dt, relaxation_);
     expand_blocks(view.node_velocity, 3, velocity_);
     const S* bars[8];
@@ -87,9 +52,13 @@ class UpdatedBlockAdjoint {
         if (k + 1 < view_.chunks[slab]) fetch_bars(view_.slab[slab][k + 1]);
         for (std::size_t lane = 0; lane < kLanes; lane += kWidth) {
           particles(slab, view_.slab[slab][k], lane);
+          if constexpr (kPublished) {
+            if (published_.full()) through_nets();
+          }
         }
       }
     }
+    if constexpr (kPublished) through_nets();
     HWY_ALIGN S folded[kHaloNodes];
     for (std::size_t c = 0; c < 3; ++c) {
       fold(out_ + c * kExpanded, folded);
@@ -173,6 +142,15 @@ class UpdatedBlockAdjoint {
     }
   };
 
+  /// The registers that wait for the nets: through them, and the rest of their way.
+  void through_nets() {
+    published_.run(view_.published_bar);
+    for (const auto& register_of : published_) {
+      particles(register_of.slab, *register_of.chunk, register_of.lane);
+    }
+    published_.clear();
+  }
+
   /// Momentum and mass on the next grid, as seen from the particles' new places.
   struct Landing {
     SplineSums<T> momentum[3];
@@ -229,15 +207,25 @@ class UpdatedBlockAdjoint {
     Mat3<T> affine_bar;
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) affine_bar[i][j] = mass_dx * a_bar[i][j];
-    const Sym3<T> tau_bar = scaled(symmetric_part(a_bar), -stress_factor);
 
     // Stress and flow, and τ again.
     Point point{*this, chunk, lane, bars, affine, affine_bar, step, {}};
     LawStep<T> taken;
     taken.trial = {trial, jm1, jm1, jm1, T::load(&chunk.a[Chunk::kStrain][lane])};
     PointBar<T> law_bar{};
-    law_step_adjoint<kFamily, true, T>(law_, dt, tau_bar, point, taken, law_bar, constants_bar_);
-    const Sym3<T>& tau = taken.tau;
+    Mat3<T> stress;
+    if constexpr (kPublished) {
+      if (!published_.through) {  // the nets are yet to be gone through
+        published_.put({slab, &chunk, lane}, trial, point.after_bar(), a_bar, stress_factor);
+        return;
+      }
+      published_.law_adjoint(law_, point, taken.trial, stress, law_bar, constants_bar_);
+      law_bar.strain = bar(bars, kStrain);
+    } else {
+      const Sym3<T> tau_bar = scaled(symmetric_part(a_bar), -stress_factor);
+      law_step_adjoint<kFamily, true, T>(law_, dt, tau_bar, point, taken, law_bar, constants_bar_);
+      stress = to_matrix(taken.tau);
+    }
     Mat3<T>& step_bar = point.step_bar;
 
     // What the new place changes of the transfer.
@@ -247,7 +235,6 @@ class UpdatedBlockAdjoint {
     for (std::size_t c = 0; c < 3; ++c) {
       place_bar[c] = fma(T(view_.dx), bar(bars, kPosition + c), mass * landing.mass_by[c]);
     }
-    const Mat3<T> stress = to_matrix(tau);
     for (int c = 0; c < 3; ++c) {
       const Transferred<T> n = transferred(new_place, landing.momentum[c]);
       velocity_bar[c] = fma(mass, n.value, bar(bars, kVelocity + static_cast<std::size_t>(c)));
@@ -477,6 +464,7 @@ class UpdatedBlockAdjoint {
   MaxwellStepBar<T> relaxation_bar_[material::kMostMaxwellBranches] = {};
   ConstantsBar<T> constants_bar_{};
   T log_density_ = scalar<T>(0);
+  std::conditional_t<kPublished, PublishedBack<T, S>, NotPublished> published_;
   HWY_ALIGN S velocity_[3 * kExpanded];
   HWY_ALIGN S node_bar_[4 * kExpanded];
   HWY_ALIGN S out_[3 * kExpanded] = {};

@@ -7,13 +7,15 @@
 #include <hwy/highway.h>
 // After foreach_target, so that each is compiled once per target.
 #include "mpm/updated_adjoint_kernel-inl.hpp"
+#include "mpm/updated_published-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {
 
 template <class S>
 const mpm::UpdatedAdjointKernels<S>& updated_adjoint_table() {
-  static const mpm::UpdatedAdjointKernels<S> kTable{updated_block_adjoint<S>};
+  static const mpm::UpdatedAdjointKernels<S> kTable{updated_block_adjoint<S>,
+                                                    updated_published_block_adjoint<S>};
   return kTable;
 }
 const mpm::UpdatedAdjointKernels<float>& updated_adjoint_table_float() {

@@ -31,6 +31,8 @@ struct UpdatedAdjointView {
   S density;
   S dx;
   S dt;
+  const S* published;                   ///< as UpdatedView
+  S* published_bar;                     ///< as `published`, added to; or null: not asked for
   const S* maxwell;                     ///< before the substep, as UpdatedView; or null
   S* maxwell_bar;                       ///< in and out, as `maxwell`
   UpdatedParticleBar<S>* particle_bar;  ///< in and out, by particle
@@ -42,6 +44,8 @@ struct UpdatedAdjointView {
 template <class S>
 struct UpdatedAdjointKernels {
   void (*updated_block)(UpdatedAdjointView<S>& view);
+  /// Of the published law, a panel of registers at a time.
+  void (*updated_published_block)(UpdatedAdjointView<S>& view);
 };
 
 /// As kernels().

@@ -165,7 +165,8 @@ struct UpdatedGroup<S>::Impl {
       view.density = static_cast<S>(members[m].density);
       view.maxwell = members[m].maxwell.empty() ? nullptr : members[m].maxwell.data();
       view.crossers = &leaving;
-      kernels->updated_block(view);
+      view.published = members[m].published.empty() ? nullptr : members[m].published.data();
+      (view.published != nullptr ? kernels->updated_published_block : kernels->updated_block)(view);
       block.extremes.min_volume_ratio =
           std::min(block.extremes.min_volume_ratio, view.extremes.min_volume_ratio);
       block.extremes.max_volume_ratio =

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <limits>
 
+#include "material/neural/published_weights.hpp"
 #include "mpm/contact_law.hpp"
 #include "mpm/updated_contact.hpp"
 
@@ -45,6 +46,11 @@ std::pair<double, std::string> updated_limit(const Scene& scene,
       contact = std::max(contact, law.stiffness * firmness(law, pressure) / (m.density * 0.5 * dx));
     }
     rate = std::sqrt(rate * rate + 0.5 * contact);
+    // A longer one would overshoot what the plastic net was trained to take away at once.
+    if (m.material.published) {
+      limit(material::kPublishedSubstep / scene.dt_safety,
+            "the substep that " + m.name + " learned");
+    }
     limit(1.0 / rate, (contact > rate * rate ? "contact of " : "elastic wave of ") + m.name);
     double viscosity = 2.0 * m.material.damping_shear + m.material.damping_bulk;
     if (m.material.traits().fluid) viscosity += 2.0 * m.material.viscosity;

@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "material/neural/published_law.hpp"
+#include "material/neural/published_material.hpp"
 #include "mpm/initial_velocity.hpp"
 
 namespace matterfit::mpm {
@@ -20,6 +22,9 @@ UpdatedMember<S> make_updated_member(const Body& body, std::size_t index,
   m.particles = body.rest.size();
   m.memory.resize(colliders.empty() ? 0 : m.particles);
   m.maxwell.assign(m.particles * m.law.maxwell_count * 6, S(0));
+  if (body.material.published) {
+    m.published = material::joined_weights<S>(body.material.published->weights);
+  }
   for (const shape::ColliderPtr& collider : colliders) {
     m.contacts.push_back(resolve_contact(collider->contact(), body, dx));
   }

@@ -25,6 +25,7 @@ struct UpdatedMember {
   std::vector<ContactLaw> contacts;   ///< per particle-wise collider
   std::vector<ContactMemory> memory;  ///< per particle; empty without such colliders
   std::vector<S> maxwell;             ///< per particle and branch [6] (UpdatedView)
+  std::vector<S> published;           ///< weights of the published law (UpdatedView); else empty
 
   /// Sticks to surfaces by its particles' faces, not their centres.
   [[nodiscard]] bool wets() const { return material.traits().wets; }

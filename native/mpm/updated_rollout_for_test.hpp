@@ -48,8 +48,9 @@ struct UpdatedRollout {
   int steps = 16;
   int second_frame = 9;  ///< substep that begins another frame
   double dt = 3e-4;
-  double scale = 1e3;  ///< of the weights of positions
-  double worst = 0.0;  ///< of all checks so far: relative error
+  double scale = 1e3;         ///< of the weights of positions
+  double worst = 0.0;         ///< of all checks so far: relative error
+  bool of_published = false;  ///< gradients by the published law's weights too
 
   explicit UpdatedRollout(Scene s) : scene(std::move(s)) {}
 
@@ -100,7 +101,7 @@ struct UpdatedRollout {
   Gradient gradient(const std::vector<UpdatedRecord<S>>& records, int threads = 1) const {
     Arena arena(threads);
     UpdatedAdjoint<S> adjoint(scene, bodies(), updated_adjoint_kernels<S>(SimdTarget::kAuto));
-    UpdatedCotangents<S> bar = adjoint.zero();
+    UpdatedCotangents<S> bar = adjoint.zero(of_published);
     for (int n = steps - 1; n >= 0; --n) {
       if (observes_positions(n)) observe(n, bar);
       adjoint.substep(arena, records[static_cast<std::size_t>(n)], bar);

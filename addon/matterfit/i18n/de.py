@@ -295,6 +295,8 @@ TEXTS = {
     "Hardening [Pa]": "Verfestigung [Pa]",
     "Flow Exponent": "Fließexponent",
     "Unknown": "Unbekannt",
+    "Choose a file of weights for this law.":
+        "Für dieses Gesetz eine Datei mit Gewichten wählen.",
     "Kind of Material": "Art des Materials",
     "Pours": "Fließt",
     "Numbers": "Zahlen",

@@ -47,7 +47,7 @@ def document(settings, scene_document, captures):
     if fit.levels:
         found["levels"] = [2**level for level in reversed(range(fit.levels))]
     if tried:
-        found["laws"] = "all" if len(tried) == len(laws.LAWS) else [law.lower() for law in tried]
+        found["laws"] = "all" if len(tried) == len(laws.CANDIDATES) else [law.lower() for law in tried]
     if fit.weight_steps and has_weights(settings):
         found["weights"] = fit.weight_steps
     elif fit.correction_steps:
@@ -88,7 +88,7 @@ def tried_laws(fit):
     """The candidates; none where the body's own law is fitted."""
     if fit.law == "UNKNOWN":
         return ["LATENT"]
-    return [law[0] for law in laws.LAWS if law[0] in fit.laws] if fit.law == "FIND" else []
+    return [law[0] for law in laws.CANDIDATES if law[0] in fit.laws] if fit.law == "FIND" else []
 
 
 def takes_part(fit, key):

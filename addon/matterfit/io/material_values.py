@@ -12,7 +12,7 @@ from ..jobs import EXIT_COMPUTE, JobError
 from . import files
 from .files import number, numbers
 
-WEIGHTS_SUFFIX = ".safetensors"
+WEIGHTS_SUFFIXES = (".safetensors", ".pt")  # the second of the published law alone
 _NO_CORRECTION = (0.0,) * quantities.material("correction").size
 _LATENT = "latent"  # the weights that the library carries for the law of that name
 
@@ -59,6 +59,8 @@ def fill(material, values, like="", seen=None):
     elif law == "LATENT":
         _fill_latent(material, values)
         material.pours = laws.flows(like)
+    elif law == "NEURAL":
+        material.published_file = values.get("weights", "")
     for name in laws.PARAMETERS[law]:
         if name != "latent":
             setattr(material, name, values.get(name, quantities.material(name).absent))
@@ -126,6 +128,8 @@ def weights_of(material):
     """The weights of a neural law in the document's words: a name, or a file; "" of other laws."""
     if material.law == "LATENT":
         return bpy.path.abspath(material.decoder_file) or _LATENT
+    if material.law == "NEURAL":
+        return bpy.path.abspath(material.published_file)
     if material.law != "NEURAL_ISOTROPIC":
         return ""
     weights = material.weights
@@ -135,7 +139,7 @@ def weights_of(material):
 def _weights_file(values):
     """The file that `values` name, "" where their weights have a name."""
     weights = str(values.get("weights", ""))
-    return weights if weights.endswith(WEIGHTS_SUFFIX) else ""
+    return weights if weights.endswith(WEIGHTS_SUFFIXES) else ""
 
 
 def resolve(values, folder):
@@ -145,9 +149,9 @@ def resolve(values, folder):
         values["weights"] = os.path.normpath(os.path.join(folder, file))
 
 
-def weights_path(path):
-    """Where the weights of the material in the file `path` lie."""
-    return os.path.splitext(path)[0] + WEIGHTS_SUFFIX
+def weights_paths(path):
+    """Where the weights of the material in the file `path` may lie."""
+    return [os.path.splitext(path)[0] + suffix for suffix in WEIGHTS_SUFFIXES]
 
 
 def with_weights_beside(values, path):
@@ -155,8 +159,9 @@ def with_weights_beside(values, path):
     file = _weights_file(values)
     if not file:
         return values
-    _copy(file, weights_path(path))
-    return {**values, "weights": os.path.basename(weights_path(path))}
+    beside = os.path.splitext(path)[0] + os.path.splitext(file)[1]
+    _copy(file, beside)
+    return {**values, "weights": os.path.basename(beside)}
 
 
 def with_weights_kept(values, folder):
@@ -166,7 +171,7 @@ def with_weights_kept(values, folder):
     file = _weights_file(values)
     if os.path.dirname(file) != os.path.normpath(folder):
         return values
-    kept = f"//matterfit_weights_{zlib.crc32(_read(file)):08x}{WEIGHTS_SUFFIX}"
+    kept = f"//matterfit_weights_{zlib.crc32(_read(file)):08x}{os.path.splitext(file)[1]}"
     _copy(file, bpy.path.abspath(kept))
     return {**values, "weights": kept}
 

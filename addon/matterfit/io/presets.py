@@ -117,7 +117,7 @@ def remove(identifier):
     """Deletes a preset of the user; materials that had it keep their values."""
     path = materials()[identifier]["path"]
     try:
-        for one in (material_values.weights_path(path), path):
+        for one in (*material_values.weights_paths(path), path):
             with contextlib.suppress(FileNotFoundError):
                 os.remove(one)
     except OSError as error:

@@ -100,8 +100,8 @@ class MatterfitFit(bpy.types.PropertyGroup):
                                       "liquids, and are looked for with its stiffness")),
         description="Whether the constitutive law itself is looked for")
     laws: EnumProperty(
-        name="Candidates", items=laws.LAWS, options={"ENUM_FLAG"},
-        default={item[0] for item in laws.LAWS},
+        name="Candidates", items=laws.CANDIDATES, options={"ENUM_FLAG"},
+        default={item[0] for item in laws.CANDIDATES},
         description="The laws that are fitted and ranked")
     parameters: CollectionProperty(type=MatterfitFitParameter)
     parameter_index: IntProperty(

@@ -103,6 +103,10 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
         name="Weights File", subtype="FILE_PATH", options=PATH_OPTIONS,
         description="A file *.safetensors that matterfit pretrain --latent wrote; empty: the weights "
                     "that come with Matterfit")
+    published_file: StringProperty(
+        name="Weights File", subtype="FILE_PATH", options=PATH_OPTIONS,
+        description="The two networks of the published law: a file *.safetensors, or *.pt as PyTorch "
+                    "saves it")
     pours: BoolProperty(
         name="Pours", default=False, update=_pours_changed,
         description="It pours like sand or water, so that its surface is shown and not the object's "

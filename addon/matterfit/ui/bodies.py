@@ -101,6 +101,10 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
             column.prop(material, "weights")
             if material.weights == "FILE":
                 column.prop(material, "weights_file", text="File")
+        elif material.law == "NEURAL":
+            column.prop(material, "published_file", text="File")
+            if not material.published_file:
+                lines(column, translate("Choose a file of weights for this law."), icon="ERROR")
         for name in laws.PARAMETERS[material.law]:
             if name != "latent":
                 quantity(column, material, "material." + name)

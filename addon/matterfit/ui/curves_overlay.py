@@ -91,6 +91,8 @@ def of_body(settings):
     body = scene_props.active_body(settings)
     if not settings.show_curves or body is None or body.role != "BODY":
         return None
+    if body.material.law == "NEURAL" and not body.material.published_file:
+        return None
     document = {"material": material_values.document(body.material)}
     seen = material_values.excited(body.material)
     if seen is not None:

@@ -184,6 +184,27 @@ std::shared_ptr<const material::LatentDecoder> read_decoder(const std::optional<
   return latent_preset();
 }
 
+/// Of the published law, which has none of its own.
+std::shared_ptr<const material::PublishedLaw> read_published(const JsonValue& material,
+                                                             const std::optional<JsonValue>& value,
+                                                             const ReadContext& context) {
+  if (!value) {
+    material.refuse(
+        "'weights' is missing; the law neural needs a file of the published law's two nets, "
+        "*.safetensors or *.pt as PyTorch saves them.");
+  }
+  if (!is_weights_file(value->string())) {
+    value->refuse(
+        "is the name of no file of weights, *.safetensors or *.pt. The weights that the library "
+        "carries are of the law neural_isotropic.");
+  }
+  try {
+    return read_published_file(context.file(*value));
+  } catch (const Error& error) {
+    value->refuse(error.what());
+  }
+}
+
 /// The code of the latent law; empty: the document has none.
 std::vector<double> read_code(JsonObject& object) {
   std::vector<double> code;
@@ -203,11 +224,6 @@ material::Material read_material(const JsonValue& value, const ReadContext& cont
   JsonObject object(value);
   const JsonValue law = object.require("law");
   const std::string name = law.string();
-  if (name == "neural") {
-    law.refuse(
-        "the published neural law cannot be simulated in this version; use "
-        "neural_isotropic.");
-  }
   material::Material material;
   try {
     material.law = material::law_from_name(name);
@@ -221,6 +237,8 @@ material::Material read_material(const JsonValue& value, const ReadContext& cont
   } else if (material.law == material::Law::kLatent) {
     const auto decoder = read_decoder(object.find("weights"), context);
     set_latent(material, decoder, read_code(object));
+  } else if (material.law == material::Law::kPublished) {
+    material = material::published_material(read_published(value, object.find("weights"), context));
   } else if (object.has("weights")) {
     value.refuse("the law " + name + " has no weights; leave 'weights' out.");
   }
@@ -232,6 +250,7 @@ material::Material read_material(const JsonValue& value, const ReadContext& cont
         std::string message = "the law ";
         message.append(name).append(" does not use '").append(key).append("'; it takes");
         for (const auto& used : material.traits().parameters) message.append(" ").append(used);
+        if (material.traits().parameters.empty()) message += " none";
         value.refuse(message + ".");
       }
       continue;

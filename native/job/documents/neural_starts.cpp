@@ -8,11 +8,13 @@
 #include "base/file.hpp"
 #include "job/documents/safetensors.hpp"
 #include "job/neural_start_files.hpp"
+#include "material/neural/published_file.hpp"
 
 namespace matterfit::job {
 namespace {
 
 constexpr std::string_view kSuffix = ".safetensors";
+constexpr std::string_view kPublishedSuffix = ".pt";
 constexpr std::uint64_t kLargestFile = std::uint64_t{1} << 20U;
 
 using Starts = std::map<std::string, std::shared_ptr<const material::IsotropicStart>>;
@@ -72,7 +74,9 @@ std::shared_ptr<const material::LatentDecoder> read_latent_file(const std::files
   return material::latent_decoder(tensors, path.generic_string());
 }
 
-bool is_weights_file(std::string_view text) { return text.ends_with(kSuffix); }
+bool is_weights_file(std::string_view text) {
+  return text.ends_with(kSuffix) || text.ends_with(kPublishedSuffix);
+}
 
 std::shared_ptr<const material::IsotropicStart> read_weights_file(
     const std::filesystem::path& path) {
@@ -80,6 +84,17 @@ std::shared_ptr<const material::IsotropicStart> read_weights_file(
   const Tensors tensors = parse_safetensors(bytes, path.filename().string());
   // The name is what a fitted document writes.
   return material::isotropic_start(tensors, path.generic_string());
+}
+
+std::shared_ptr<const material::PublishedLaw> read_published_file(
+    const std::filesystem::path& path) {
+  const std::string name = path.generic_string();
+  if (name.ends_with(kPublishedSuffix)) {
+    return material::make_published_law(material::read_published_pt(path), name);
+  }
+  const auto bytes = read_file(path, kLargestFile);
+  const Tensors tensors = parse_safetensors(bytes, path.filename().string());
+  return material::make_published_law(material::published_weights(tensors, name), name);
 }
 
 }  // namespace matterfit::job

@@ -9,8 +9,9 @@
 
 #include "material/neural/isotropic_material.hpp"
 #include "material/neural/latent.hpp"
+#include "material/neural/published_material.hpp"
 
-/// Weights of the isotropic neural law: the shipped start laws, which the library carries
+/// Weights of neural laws: the shipped start laws, which the library carries
 /// (presets/neural/*.safetensors, compiled in), and files.
 namespace matterfit::job {
 
@@ -29,10 +30,16 @@ inline constexpr const char* kLatentName = "latent";
 /// Throws Error(kInput) that lists the names. Each is read once a process.
 [[nodiscard]] std::shared_ptr<const material::IsotropicStart> neural_start(const std::string& name);
 
-/// Whether `weights` of a document are a file rather than a name.
+/// Whether `weights` of a document are a file rather than a name: *.safetensors, and *.pt of the
+/// published law as PyTorch saves it.
 [[nodiscard]] bool is_weights_file(std::string_view text);
 /// Throws Error(kInput) that names the file and what is wrong with it.
 [[nodiscard]] std::shared_ptr<const material::IsotropicStart> read_weights_file(
+    const std::filesystem::path& path);
+
+/// Of the published law, of either kind. Throws Error(kInput) that names the file and what is wrong
+/// with it.
+[[nodiscard]] std::shared_ptr<const material::PublishedLaw> read_published_file(
     const std::filesystem::path& path);
 
 }  // namespace matterfit::job

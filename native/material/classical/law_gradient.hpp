@@ -32,8 +32,10 @@ struct MaterialGradient {
   double tear_strain = 0.0;
   double flow_rate = 0.0;
   double flow_thinning = 0.0;
-  std::vector<double> weight_moves;    ///< as many as the material has
-  std::vector<double> latent;          ///< by the code of the latent law; empty: of another one
+  std::vector<double> weight_moves;  ///< as many as the material has
+  std::vector<double> latent;        ///< by the code of the latent law; empty: of another one
+  /// By the published law's weights (joined_weights()), where they were asked for; else empty.
+  std::vector<double> published;
   std::vector<MaxwellBranch> maxwell;  ///< by modulus and by time
   /// By the numbers of a correction (material/correction.hpp); empty: the material has none.
   std::vector<double> correction;

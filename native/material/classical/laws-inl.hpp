@@ -155,6 +155,7 @@ HWY_INLINE void hencky_return(const Constants<T>& c, T norm, T trace, T stretch,
     case Law::kNewtonian:
     case Law::kNeuralIsotropic:
     case Law::kLatent:
+    case Law::kPublished:
       break;
   }
 }

@@ -389,6 +389,7 @@ HWY_INLINE void stress_hencky_adjoint(const Constants<T>& c, const Mat3<T>& h, T
     case Law::kNewtonian:
     case Law::kNeuralIsotropic:
     case Law::kLatent:
+    case Law::kPublished:
       flow_bar.trace += flow_bar.new_trace;
       break;
   }

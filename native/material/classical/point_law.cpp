@@ -5,6 +5,8 @@
 
 #include "material/classical/law_at-inl.hpp"
 #include "material/classical/law_step-inl.hpp"
+#include "material/neural/published_law.hpp"
+#include "material/neural/published_material.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {
@@ -55,6 +57,16 @@ Mat3d advance_point(const DrivenPoint& point) {
       });
 }
 
+/// Of the published law, whose stress is not symmetric, with what acts beside it.
+Mat3d advance_published(const DrivenPoint& point, const material::PublishedWeights& weights) {
+  const LawTrial<double> trial = point.trial();
+  Sym3<double> beside{};
+  add_stress_beside<double>(point.law, trial, point, beside);
+  const Mat3d deformed = point.step * point.state.elastic;
+  return material::published_point(weights, point.dt, deformed, point.state.elastic) +
+         from_sym3(beside);
+}
+
 }  // namespace
 }  // namespace matterfit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -62,7 +74,7 @@ HWY_AFTER_NAMESPACE();
 namespace matterfit::material {
 
 PointLaw::PointLaw(const Material& material, double dt)
-    : constants_(law_constants<double>(material)), dt_(dt) {
+    : constants_(law_constants<double>(material)), published_(material.published), dt_(dt) {
   HWY_NAMESPACE::MaxwellStep<double> over[kMostMaxwellBranches] = {};
   HWY_NAMESPACE::maxwell_steps(constants_, dt, over);
   for (std::size_t i = 0; i < constants_.maxwell_count; ++i) {
@@ -76,7 +88,9 @@ Mat3d PointLaw::advance(const Mat3d& step, PointState& state) const {
   for (std::size_t i = 0; i < constants_.maxwell_count; ++i) {
     over[i] = {stiffness_[i], relaxed_[i]};
   }
-  return HWY_NAMESPACE::advance_point({constants_, dt_, over, step, state});
+  const HWY_NAMESPACE::DrivenPoint point{constants_, dt_, over, step, state};
+  if (published_) return HWY_NAMESPACE::advance_published(point, published_->weights);
+  return HWY_NAMESPACE::advance_point(point);
 }
 
 }  // namespace matterfit::material

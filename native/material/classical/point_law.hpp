@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <memory>
 
 #include "base/vec.hpp"
 #include "material/classical/law_constants.hpp"
@@ -35,6 +36,7 @@ class PointLaw {
 
  private:
   LawConstants<double> constants_;
+  std::shared_ptr<const PublishedLaw> published_;
   double dt_;
   /// Of each Maxwell branch over a step: mean stiffness [Pa] and relaxed share.
   std::array<double, kMostMaxwellBranches> stiffness_{};

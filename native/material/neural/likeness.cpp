@@ -389,6 +389,7 @@ std::string likeness_sentence(const Likeness& like, const Excitation& over) {
       break;
     case Law::kNeuralIsotropic:
     case Law::kLatent:
+    case Law::kPublished:
       break;
   }
   std::string numbers;

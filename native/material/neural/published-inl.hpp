@@ -19,6 +19,7 @@ template <class S>
 struct PublishedView {
   NetView<S> elastic;
   NetView<S> plastic;
+  S flow;  ///< α of the substep (published_flow())
 };
 
 /// A deformation as a net sees it.
@@ -101,8 +102,7 @@ void published_forward_panel(const PublishedView<S>& law, const Mat3<T>* h_trial
   net_forward<kExact, false>(law.plastic, panel);
   for (int g = 0; g < kRegs; ++g) {
     h[g] = points[g].h;
-    add_scaled(multiply(points[g].r, leave_net(panel, g)), scalar<T>(material::kPublishedFlowScale),
-               h[g]);
+    add_scaled(multiply(points[g].r, leave_net(panel, g)), T(law.flow), h[g]);
     points[g] = enter_net(h[g], panel, g);
   }
   net_forward<kExact, false>(law.elastic, panel);
@@ -112,14 +112,14 @@ void published_forward_panel(const PublishedView<S>& law, const Mat3<T>* h_trial
   }
 }
 
-/// The cotangent of `h_trial` from those of what published_forward_panel gives; the panels are left
-/// for add_weight_cotangents.
+/// The cotangent of `h_trial` from those of what published_forward_panel gives, and τ again if not
+/// null; the panels are left for add_weight_cotangents.
 template <bool kExact, class T, class S = typename LaneTraits<T>::Scalar>
 void published_backward_panel(const PublishedView<S>& law, const Mat3<T>* h_trial,
                               const Mat3<T>* h_bar, const Mat3<T>* tau_bar, Mat3<T>* trial_bar,
-                              NetPanel<T>& elastic, NetPanel<T>& plastic) {
+                              NetPanel<T>& elastic, NetPanel<T>& plastic, Mat3<T>* tau = nullptr) {
   constexpr int kRegs = kPanelRegisters<T>;
-  const T alpha = scalar<T>(material::kPublishedFlowScale);
+  const T alpha = T(law.flow);
   NetPoint<T> trial[kRegs];
   NetPoint<T> flowed[kRegs];
   Sym3<T> step[kRegs];
@@ -139,8 +139,10 @@ void published_backward_panel(const PublishedView<S>& law, const Mat3<T>* h_tria
     const Sym3<T> x = leave_net(elastic, g);
     const Mat3<T> f = plus_identity(flowed[g].h);
     const Mat3<T> tf = multiply(tau_bar[g], f);
+    const Mat3<T> rx = multiply(flowed[g].r, x);
     r_bar[g] = multiply(tf, x);
-    f_bar[g] = transpose_multiply(tau_bar[g], multiply(flowed[g].r, x));
+    f_bar[g] = transpose_multiply(tau_bar[g], rx);
+    if (tau != nullptr) tau[g] = multiply_transpose(rx, f);
     return_to_net(symmetric_part(transpose_multiply(flowed[g].r, tf)), elastic, g);
   }
   alignas(64) S x_bar[kNetFeatures * kPanel<T>];

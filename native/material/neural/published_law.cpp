@@ -23,7 +23,7 @@ namespace matterfit::HWY_NAMESPACE {
 template <class T, class S = typename LaneTraits<T>::Scalar>
 void published_forward_points(const S* weights, bool exact, std::size_t begin, std::size_t end,
                               const S* trial, S* elastic, S* tau) {
-  const PublishedView<S> law{{weights}, {weights + kNetWeights}};
+  const PublishedView<S> law{{weights}, {weights + kNetWeights}, S(material::kPublishedFlowScale)};
   const auto panel = std::make_unique<NetPanel<T>>();
   Mat3<T> h[kPanelRegisters<T>];
   Mat3<T> flowed[kPanelRegisters<T>];
@@ -50,7 +50,7 @@ void published_backward_points(const S* weights, bool exact, std::size_t begin, 
                                const S* trial, const S* elastic_bar, const S* tau_bar, S* trial_bar,
                                S* weights_bar) {
   constexpr std::size_t kPanels = kBatchPoints / kPanel<T>;
-  const PublishedView<S> law{{weights}, {weights + kNetWeights}};
+  const PublishedView<S> law{{weights}, {weights + kNetWeights}, S(material::kPublishedFlowScale)};
   const auto elastic = std::make_unique<NetPanel<T>[]>(kPanels);
   const auto plastic = std::make_unique<NetPanel<T>[]>(kPanels);
   Mat3<T> h[kPanelRegisters<T>];
@@ -101,6 +101,17 @@ void published_backward_double(const double* weights, bool exact, std::size_t be
   published_backward_points<double>(weights, exact, begin, end, trial, elastic_bar, tau_bar,
                                     trial_bar, weights_bar);
 }
+void published_point_double(const double* weights, double flow, const Mat3<double>& trial,
+                            Mat3<double>& elastic, Mat3<double>& tau) {
+  const PublishedView<double> law{{weights}, {weights + kNetWeights}, flow};
+  NetPanel<double> panel;
+  Mat3<double> h[kPanelRegisters<double>] = {trial};
+  Mat3<double> flowed[kPanelRegisters<double>];
+  Mat3<double> stress[kPanelRegisters<double>];
+  published_forward_panel<false>(law, h, flowed, stress, panel);
+  elastic = flowed[0];
+  tau = stress[0];
+}
 #endif
 
 }  // namespace matterfit::HWY_NAMESPACE
@@ -115,16 +126,6 @@ HWY_EXPORT(published_backward_float);
 namespace material {
 namespace {
 
-template <class S>
-std::vector<S> joined(const PublishedWeights& weights) {
-  check_published_weights(weights, "published law");
-  std::vector<S> out;
-  out.reserve(2 * kNetWeights);
-  out.insert(out.end(), weights.elastic.begin(), weights.elastic.end());
-  out.insert(out.end(), weights.plastic.begin(), weights.plastic.end());
-  return out;
-}
-
 void check_size(std::size_t have, std::size_t want, const char* what) {
   if (have != want) {
     throw_input(std::string("published law: ") + what + " has " + std::to_string(have) +
@@ -133,6 +134,34 @@ void check_size(std::size_t have, std::size_t want, const char* what) {
 }
 
 }  // namespace
+
+template <class S>
+std::vector<S> joined_weights(const PublishedWeights& weights) {
+  check_published_weights(weights, "published law");
+  std::vector<S> out;
+  out.reserve(2 * kNetWeights);
+  out.insert(out.end(), weights.elastic.begin(), weights.elastic.end());
+  out.insert(out.end(), weights.plastic.begin(), weights.plastic.end());
+  return out;
+}
+
+Mat3d published_point(const PublishedWeights& weights, double dt, const Mat3d& trial,
+                      Mat3d& elastic) {
+  const std::vector<double> w = joined_weights<double>(weights);
+  N_SSE4::Mat3<double> h;
+  N_SSE4::Mat3<double> after;
+  N_SSE4::Mat3<double> stress;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) h[i][j] = trial(i, j) - (i == j ? 1.0 : 0.0);
+  N_SSE4::published_point_double(w.data(), published_flow(dt), h, after, stress);
+  Mat3d tau;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      elastic(i, j) = after[i][j] + (i == j ? 1.0 : 0.0);
+      tau(i, j) = stress[i][j];
+    }
+  return tau;
+}
 
 void check_published_weights(const PublishedWeights& weights, const char* name) {
   const auto check = [&](const std::vector<float>& net, const char* which) {
@@ -156,7 +185,7 @@ void published_forward(const PublishedWeights& weights, GeluMode mode, std::span
                        std::span<S> elastic, std::span<S> tau, Arena& arena) {
   check_size(elastic.size(), trial.size(), "elastic");
   check_size(tau.size(), trial.size(), "tau");
-  const std::vector<S> w = joined<S>(weights);
+  const std::vector<S> w = joined_weights<S>(weights);
   const bool exact = mode == GeluMode::kExact;
   for_partitions(trial.size() / 9, arena, [&](std::size_t, std::size_t begin, std::size_t end) {
     if constexpr (sizeof(S) == 4) {
@@ -177,7 +206,7 @@ void published_backward(const PublishedWeights& weights, GeluMode mode, std::spa
   check_size(tau_bar.size(), trial.size(), "tau_bar");
   check_size(trial_bar.size(), trial.size(), "trial_bar");
   check_size(weights_bar.size(), 2 * kNetWeights, "weights_bar");
-  const std::vector<S> w = joined<S>(weights);
+  const std::vector<S> w = joined_weights<S>(weights);
   const bool exact = mode == GeluMode::kExact;
   std::vector<S> partial(partition_count(trial.size() / 9) * 2 * kNetWeights, S(0));
   for_partitions(trial.size() / 9, arena,
@@ -196,6 +225,8 @@ void published_backward(const PublishedWeights& weights, GeluMode mode, std::spa
   sum_partitions<S>(partial, weights_bar);
 }
 
+template std::vector<float> joined_weights<float>(const PublishedWeights&);
+template std::vector<double> joined_weights<double>(const PublishedWeights&);
 template void published_forward<float>(const PublishedWeights&, GeluMode, std::span<const float>,
                                        std::span<float>, std::span<float>, Arena&);
 template void published_forward<double>(const PublishedWeights&, GeluMode, std::span<const double>,

@@ -3,8 +3,10 @@
 
 #include <cstddef>
 #include <span>
+#include <vector>
 
 #include "base/parallel.hpp"
+#include "base/vec.hpp"
 #include "material/neural/published_weights.hpp"
 
 namespace matterfit::material {
@@ -26,5 +28,16 @@ template <class S>
 void published_backward(const PublishedWeights& weights, GeluMode mode, std::span<const S> trial,
                         std::span<const S> elastic_bar, std::span<const S> tau_bar,
                         std::span<S> trial_bar, std::span<double> weights_bar, Arena& arena);
+
+/// One substep of `dt` [s] of one point as the solver's kernels take it, in double: the polynomial
+/// activation, and a flow in proportion to `dt`. Returns the Kirchhoff stress [Pa]; `elastic`: F
+/// after the flow.
+[[nodiscard]] Mat3d published_point(const PublishedWeights& weights, double dt, const Mat3d& trial,
+                                    Mat3d& elastic);
+
+/// Both nets, one after the other, as the kernels read them. Throws Error(kInput) as
+/// check_published_weights().
+template <class S>
+[[nodiscard]] std::vector<S> joined_weights(const PublishedWeights& weights);
 
 }  // namespace matterfit::material

@@ -16,6 +16,14 @@ inline constexpr std::size_t kNetWeights =
 
 /// Scale of the plastic net's step: F = F_trial + α R X.
 inline constexpr double kPublishedFlowScale = 1e-3;
+/// The substep that it was trained with (Ma et al., ICML 2023) [s].
+inline constexpr double kPublishedSubstep = 5e-4;
+
+/// α of a substep of `dt` [s]: in proportion, so that what flows in a second is the weights' and
+/// not the solver's; kPublishedFlowScale at kPublishedSubstep.
+[[nodiscard]] constexpr double published_flow(double dt) {
+  return kPublishedFlowScale * (dt / kPublishedSubstep);
+}
 
 /// Of both nets, each kNetWeights long: the three matrices one after another, (out × in) row-major.
 struct PublishedWeights {

@@ -117,6 +117,9 @@ TEST(NewJob, NamesWhatIsWrong) {
   arrays.emplace("times", Array({2}, std::vector<double>{0.0, 0.1}));
   capture::write_npz(folder.path / "cube.npz", arrays);
   EXPECT_THAT(message_of([&] { write_new_job(options_in(folder)); }), HasSubstr("has 2 frames"));
+  NewJobOptions published = options_in(folder);
+  published.law = material::Law::kPublished;
+  EXPECT_THAT(message_of([&] { write_new_job(published); }), HasSubstr("the law neural has no"));
 }
 
 }  // namespace

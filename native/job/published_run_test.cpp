@@ -25,7 +25,7 @@ Json published_cube() {
       "bodies": [ { "name": "cube", "density": 1000, "velocity": [1, 0, -2],
         "source": { "box": { "low": [0,0,0.1], "high": [0.4,0.4,0.5] } },
         "material": { "law": "neural", "weights": "mine.safetensors" } } ],
-      "colliders": [ { "name": "ground", "plane": { "point": [0,0,0], "normal": [0,0,1] } } ] },
+      "colliders": [ { "name": "ground", "shape": "ground" } ] },
     "output": { "checkpoint": { "frames": 3 } } })");
 }
 

@@ -18,7 +18,7 @@ help: ## Say what each target does (the default)
 	@grep -hE '^[a-z-]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | \
 	  while IFS="$$(printf '\t')" read -r name text; do printf '  make %-14s %s\n' "$$name" "$$text"; done
 
-demo: ## The main job on the sample under `blender -b`: capture, simulate, compare, throw, rerun, bake, render
+demo: ## The main job on the sample under `blender -b`: capture, fit, diagnose, extend, compare, throw, rerun, bake, render
 	@bash $(ROOT)/scripts/dependencies.sh demo
 	@$(RUN) bash $(ROOT)/scripts/build.sh
 	@$(RUN) bash $(ROOT)/scripts/demo.sh

@@ -249,9 +249,9 @@ def diagnose_beam():
         raise RuntimeError(f"the diagnosis names no cause ({report.verdict})")
     cause = accepted[0]
     numbers = ", ".join(number.text for number in cause.numbers)
-    say(f"  {cause.label}, {numbers}: {100 * cause.probability:.3g} % of all that was tried; on what was "
-        f"held out, the repeat included, {1e3 * cause.holdout_before:.2f} mm become "
-        f"{1e3 * cause.holdout_after:.2f} mm")
+    say(f"  {cause.label}, {numbers}: probability {100 * cause.probability:.3g} %; what was held out, the "
+        f"repeat included, is predicted to {1e3 * cause.holdout_after:.2f} mm in place of "
+        f"{1e3 * cause.holdout_before:.2f} mm")
     say(f"  the page: {os.path.relpath(os.path.join(folder, diagnosis.PAGE_FILE), ROOT)}")
     call(bpy.ops.matterfit.extend_model)
 

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The isotropic neural law in the panel: weights, numbers, document, presets, rows of a fit."""
 
+import json
 import os
 
-from matterfit import laws
+from matterfit import laws, native
 from matterfit.io import fit_rows, material_check, material_values
-from support import SceneCase
+from matterfit.jobs import JobError
+from support import SceneCase, needs_library
 
 
 class NeuralLawTest(SceneCase):
@@ -88,6 +90,30 @@ class PublishedLawTest(SceneCase):
         material_values.fill(self.row.material, beside)
         self.assertEqual(self.row.material.law, "NEURAL")
         self.assertFalse(material_values.differ(self.row.material, beside))
+
+    @needs_library
+    def test_the_library_reads_its_file(self):
+        """Nets of nothing but zeros are read whole, and found to hold no body together."""
+        header, size = {}, 0
+        for net in ("elastic", "plastic"):
+            for layer, shape in enumerate(((64, 13), (64, 64), (9, 64))):
+                end = size + 4 * shape[0] * shape[1]
+                header[f"{net}.{layer}"] = {"dtype": "F32", "shape": shape,
+                                            "data_offsets": (size, end)}
+                size = end
+        text = json.dumps(header).encode()
+        text += b" " * (-len(text) % 8)
+        path = os.path.join(self.folder, "none.safetensors")
+        with open(path, "wb") as stream:
+            stream.write(len(text).to_bytes(8, "little") + text + bytes(size))
+        self.row.material.published_file = path
+        document, folder = self.document()
+        with self.assertRaisesRegex(JobError, "none.safetensors: these weights hold no body"):
+            native.validate(json.dumps(document), folder)
+        self.row.material.published_file = ""
+        document, folder = self.document()
+        with self.assertRaisesRegex(JobError, "'weights' is missing"):
+            native.validate(json.dumps(document), folder)
 
     def test_no_candidate_of_a_fit(self):
         self.assertNotIn("NEURAL", self.settings.fit.laws)

@@ -64,7 +64,7 @@ double shear_at_rest(const ElasticNet& net) {
 double steepest_pull(const ElasticNet& net) {
   double steepest = 0.0;
   for (int k = 14; k < 27; ++k) {
-    const Vec3d n = Vec3d(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1).normalized();
+    const Vec3d n = Vec3i(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1).cast<double>().normalized();
     const Mat3d pull = n * n.transpose();
     double before = 0.0;
     double at = 0.0;

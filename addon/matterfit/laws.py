@@ -20,8 +20,6 @@ LAWS = (
      "Two networks of a file, as NCLaw publishes and trains them: what they learned is simulated as it "
      "is, and nothing of it is fitted"),
 )
-# Those that a fit can look for.
-CANDIDATES = tuple(law for law in LAWS if law[0] != "NEURAL")
 
 # Parameters of each law in the job document's words, in the panel's order; quantities.py says what
 # they are.
@@ -39,6 +37,8 @@ PARAMETERS = {
     "LATENT": ("E", "latent"),
     "NEURAL": (),
 }
+# A fit can look for laws that have numbers.
+CANDIDATES = tuple(law for law in LAWS if PARAMETERS[law[0]])
 NEURAL = frozenset({"NEURAL_ISOTROPIC", "LATENT", "NEURAL"})
 # The neural law's start weights that the library carries, and the numbers that each stands for; other
 # numbers have their defaults.

@@ -17,7 +17,7 @@ namespace matterfit::diagnose {
                                               const Candidate& cause,
                                               const std::vector<int>& known);
 
-/// Where refits with each of the candidates in place of a refit's causes may begin. Far from a
+/// Starts of refits with each of the candidates in place of a refit's causes. Far from a
 /// motion slopes say little of what a cause would do to it: an oscillation that should die away and
 /// has another frequency meanwhile. So they are taken at the refit's own parameters, and each
 /// candidate has the numbers that by them come nearest to what the refit's causes change, and twice

@@ -6,15 +6,13 @@
 #include <cmath>
 #include <numbers>
 
-#include "diagnose/diagnose.hpp"
 #include "diagnose/models_for_test.hpp"
 
 namespace matterfit::diagnose {
 namespace {
 
-/// Points that swing about a slowly sinking place and lose it: in proportion to their speed
-/// (`thick`), or also to where along the body they are (`inner`), which is confused with that.
-/// Others can do a little of either.
+/// Points that swing, and lose it in proportion to their speed (`thick`) or also to where along the
+/// body they are (`inner`), which is confused with that.
 class SwingingModel : public HiddenModel {
  public:
   SwingingModel() {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <iterator>
 #include <numeric>
 #include <utility>
 
@@ -74,11 +75,11 @@ class Members {
     }
   }
 
-  /// Squares over the stated noise of a run, and what slopes promise to leave of them.
-  [[nodiscard]] std::pair<double, double> misfit_and_promise(std::size_t member) const {
+  /// What slopes promise to leave of a run's squares over the stated noise.
+  [[nodiscard]] double promised(std::size_t member) const {
     const VectorXd left = apart(*runs_[member]);
     const VectorXd gradient = slopes_.transpose() * left;
-    return {left.squaredNorm(), left.squaredNorm() - gradient.dot(factors_.solve(gradient))};
+    return left.squaredNorm() - gradient.dot(factors_.solve(gradient));
   }
 
   void search(const std::vector<std::size_t>& members, int rounds) {
@@ -302,7 +303,8 @@ std::vector<Index> all_of(const MatrixXd& theta) {
   return numbers;
 }
 
-/// Of the worst member's misfit, below which what is left of another one is small beside it.
+/// A member of which slopes leave less than this share of what they leave of the worst is small
+/// beside that.
 constexpr double kSmallBeside = 0.002;
 
 void adapt_times(const Study& study, Members& members, std::size_t runs) {
@@ -315,15 +317,17 @@ void adapt_times(const Study& study, Members& members, std::size_t runs) {
   }
 }
 
-/// Those of which slopes leave something, each by its own: how far slopes hold is not alike.
+/// Searches the members of which slopes leave something, each by its own: how far slopes hold is
+/// not alike.
 void adapt_all(const Study& study, Members& members, std::size_t runs) {
-  std::vector<std::size_t> far = members.that_ran(1, runs);
-  double worst = 0.0;
-  for (const std::size_t m : far) {
-    worst = std::max(worst, members.misfit_and_promise(m).second);
-  }
-  const double small = std::max(kMatters * double(study.used().size()), kSmallBeside * worst);
-  std::erase_if(far, [&](std::size_t m) { return members.misfit_and_promise(m).second <= small; });
+  std::vector<double> left(runs, 0.0);
+  const std::vector<std::size_t> ran = members.that_ran(1, runs);
+  for (const std::size_t m : ran) left[m] = members.promised(m);
+  const double small = std::max(kMatters * double(study.used().size()),
+                                kSmallBeside * *std::ranges::max_element(left));
+  std::vector<std::size_t> far;
+  std::ranges::copy_if(ran, std::back_inserter(far),
+                       [&](std::size_t m) { return left[m] > small; });
   members.search_growing(far);
 }
 

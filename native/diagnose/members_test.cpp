@@ -77,7 +77,7 @@ double left_of(double softening) {
                    double(spread.members.cols() * study.used().size()));
 }
 
-/// What is left is far below the noise of .2 mm, where nothing depends on it.
+/// Deviations that are left are far below the noise of .2 mm, where nothing depends on them.
 TEST(Members, AnotherFrequencyIsNoErrorOfASolverWhoseStiffnessIsFree) {
   EXPECT_LT(left_of(0.3), 1e-4);
 }

@@ -31,7 +31,8 @@ struct Spread {
 struct SpreadRuns {
   int members = 24;
   bool directions = true;
-  /// What the parameters take up is taken out (bring_near); for their own errors it is to stay.
+  /// Whether deviations lose what the parameters take up (bring_near); an estimate of the
+  /// parameters' own errors needs it.
   bool adapted = true;
 };
 

@@ -179,8 +179,9 @@ Json material_of(material::Law law, double density) {
 }  // namespace
 
 void write_new_job(const NewJobOptions& options) {
-  if (options.law == material::Law::kPublished) {
-    throw_input("a new job is a fit, and the law neural has no numbers that could be fitted.");
+  if (const material::LawTraits& law = material::traits(options.law); law.parameters.empty()) {
+    throw_input("a new job is a fit, and the law " + std::string(law.name) +
+                " has no numbers that could be fitted.");
   }
   const std::string name = options.capture.filename().string();
   capture::TracksOptions reading;

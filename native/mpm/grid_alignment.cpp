@@ -28,15 +28,20 @@ bool fits(const std::map<long, std::size_t>& layers, double cells_per_layer) {
 
 }  // namespace
 
+std::optional<int> held_axis(const Pin& pin, const Mat3d& axes) {
+  if (pin.region != Pin::Region::kPlane) return std::nullopt;
+  const Vec3d normal = axes.transpose() * pin.normal.normalized();
+  for (int axis = 0; axis < 3; ++axis) {
+    if (std::abs(std::abs(normal[axis]) - 1.0) <= 1e-6) return axis;
+  }
+  return std::nullopt;
+}
+
 std::array<bool, 3> aligned_axes(const Body& body, double dx) {
   std::array<bool, 3> aligned{};
   const Mat3d axes = body.lattice.axes.normalized().toRotationMatrix();
   for (const Pin& pin : body.pins) {
-    if (pin.region != Pin::Region::kPlane) continue;
-    const Vec3d normal = axes.transpose() * pin.normal.normalized();
-    for (int axis = 0; axis < 3; ++axis) {
-      if (std::abs(std::abs(normal[axis]) - 1.0) < 1e-6) aligned[std::size_t(axis)] = true;
-    }
+    if (const std::optional<int> axis = held_axis(pin, axes)) aligned[std::size_t(*axis)] = true;
   }
   if (!body.lattice.regular || body.rest.empty()) return aligned;
   for (int axis = 0; axis < 3; ++axis) {

@@ -4,11 +4,13 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 #include <string>
 
 #include "base/cancel_check.hpp"
 #include "base/error.hpp"
+#include "mpm/grid_alignment.hpp"
 #include "mpm/spline_weights.hpp"
 
 namespace matterfit::mpm {
@@ -40,11 +42,8 @@ Vec3d grid_phase(const Body& body, double dx, const Mat3d& axes, const Vec3d& or
   Vec3d phase;
   for (int axis = 0; axis < 3; ++axis) phase[axis] = (low[axis] - half) / dx - 0.5;
   for (const Pin& pin : body.pins) {
-    if (pin.region != Pin::Region::kPlane) continue;
-    const Vec3d normal = axes.transpose() * pin.normal.normalized();
-    for (int axis = 0; axis < 3; ++axis) {
-      if (std::abs(std::abs(normal[axis]) - 1.0) > 1e-6) continue;
-      phase[axis] = (axes.transpose() * (pin.point - origin))[axis] / dx - 0.5;
+    if (const std::optional<int> axis = held_axis(pin, axes)) {
+      phase[*axis] = (axes.transpose() * (pin.point - origin))[*axis] / dx - 0.5;
     }
   }
   // The lowest cell is cell 0, so that a small body touches as few blocks as it can.

@@ -15,23 +15,6 @@
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {
 
-/// The node velocities around a block, expanded.
-template <class S>
-HWY_INLINE void expand_velocities(const mpm::UpdatedView<S>& view, S* expanded) {
-  for (std::size_t c = 0; c < 3; ++c) {
-    for (std::size_t x = 0; x < 6; ++x) {
-      for (std::size_t y = 0; y < 6; ++y) {
-        const std::size_t corner = (x / 4) * 4 + (y / 4) * 2;
-        const std::size_t row_in_block = c * kBlockNodes + mpm::node_index(x % 4, y % 4, 0);
-        const S* low = view.node_velocity[corner] + row_in_block;
-        const S* high = view.node_velocity[corner + 1] + row_in_block;
-        const S row[6] = {low[0], low[1], low[2], low[3], high[0], high[1]};
-        expand_row(row, expanded + c * kExpanded, x, y);
-      }
-    }
-  }
-}
-
 /// Hands on the particles of a register that leave their cells: lanes where `gone` > 0. `affine`
 /// [9] and `stress` [6] lie kLanes apart.
 template <class S>
@@ -119,7 +102,7 @@ class UpdatedPublishedBlock {
     const T zero = scalar<T>(0);
     seen_ = {one, one, zero, zero};
     maxwell_steps(view.law, view.dt, relaxation_);
-    expand_velocities(view, expanded_);
+    expand_blocks(view.node_velocity, 3, expanded_);
   }
 
   void run() {

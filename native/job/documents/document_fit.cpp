@@ -14,11 +14,13 @@ namespace {
 constexpr double kCoarsest = 8.0;
 constexpr std::string_view kLossNames[] = {"tracks", "chamfer", "surface"};
 
-/// That a fit can look for.
+/// A fit can look for laws that have numbers.
+bool has_numbers(const material::LawTraits& law) { return !law.parameters.empty(); }
+
 std::vector<material::Law> all_laws() {
   std::vector<material::Law> laws;
   for (const material::LawTraits& row : material::all_laws()) {
-    if (row.law != material::Law::kPublished) laws.push_back(row.law);
+    if (has_numbers(row)) laws.push_back(row.law);
   }
   return laws;
 }
@@ -133,8 +135,9 @@ std::vector<material::Law> read_laws(const JsonValue& value) {
       if (std::string(error.what()).rfind(item.path(), 0) == 0) throw;
       item.refuse(error.what());
     }
-    if (laws.back() == material::Law::kPublished) {
-      item.refuse("the law neural has no numbers that could be fitted; it is simulated as it is.");
+    if (const material::LawTraits& law = material::traits(laws.back()); !has_numbers(law)) {
+      item.refuse("the law " + std::string(law.name) +
+                  " has no numbers that could be fitted; it is simulated as it is.");
     }
     if (std::count(laws.begin(), laws.end(), laws.back()) > 1) {
       item.refuse("this law is in the list already.");

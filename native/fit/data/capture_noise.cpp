@@ -82,6 +82,7 @@ void check_places(const std::vector<Capture>& captures, const mpm::Scene& scene,
   const double separation = 0.5 * scene.dx;
   for (const Capture& capture : captures) {
     // A cloud that begins in the middle of the motion says nothing of the body at rest.
+    if (capture.input.front) continue;  // no place on the body
     const capture::Tracks& tracks = capture.input.tracks;
     const std::size_t first = first_frame(tracks);
     if (capture.clouds && first < tracks.frames() &&

@@ -71,20 +71,39 @@ PointFollower::PointFollower(const mpm::Body& body, Points rest, double separati
   if (!known.empty()) binding_.emplace(known, body.rest, separation, options, arena);
 }
 
+PointFollower::PointFollower(const mpm::Body& body, const CaptureInput& capture, Points rest,
+                             double separation, Arena& arena)
+    : PointFollower(body, capture.front ? Points() : rest, separation, arena) {
+  if (!capture.front) return;
+  rest_ = std::move(rest);
+  front_.emplace(*capture.front, separation);
+}
+
 Points PointFollower::positions(const mpm::Body& body, const mpm::BodyState& state,
                                 Arena& arena) const {
+  if (front_) {
+    Points places;
+    places.reserve(state.positions.size());
+    for (const Vec3f& x : state.positions) places.push_back(x.cast<double>());
+    return {front_->moved(rest_.front(), front_->reach(places))};
+  }
   if (!binding_) return among_all({});
   return among_all(binding_->positions(capture::particle_view(body, state, separation_), arena));
 }
 
 Points PointFollower::positions(const mpm::Body& body, const mpm::ObservedFrame::Body& state,
                                 Arena& arena) const {
+  if (front_) {
+    check_finite(body.name, state);
+    return {front_->moved(rest_.front(), front_->reach(state.positions))};
+  }
   if (!binding_) return among_all({});
   check_finite(body.name, state);
   return among_all(binding_->positions(state.positions, state.deformation_gradients, arena));
 }
 
 Points PointFollower::velocities(const mpm::ObservedFrame::Body& state, Arena& arena) const {
+  if (front_) return {front_->speed(state.positions, state.velocities) * front_->direction()};
   if (!binding_) return among_all({});
   return among_all(binding_->velocities(state.velocities, arena));
 }
@@ -95,8 +114,13 @@ Points PointFollower::among_all(const Points& followed) const {
   return all;
 }
 
-void PointFollower::spread(const Points& bar, std::span<Vec3d> particle_bar,
+void PointFollower::spread(const Points& bar, const mpm::ObservedFrame::Body& state,
+                           std::span<Vec3d> particle_bar,
                            std::span<Mat3d> deformation_gradient_bar) const {
+  if (front_) {
+    front_->spread(bar.front().dot(front_->direction()), state.positions, particle_bar);
+    return;
+  }
   if (!binding_) return;
   Points known;
   known.reserve(bound_.size());

@@ -9,6 +9,8 @@
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
 #include "capture/binding.hpp"
+#include "fit/data/capture.hpp"
+#include "fit/data/front.hpp"
 #include "mpm/simulation.hpp"
 
 namespace matterfit::fit {
@@ -23,12 +25,16 @@ struct SimulatedCapture {
 };
 
 /// Points that move with one body, bound to it by their rest position (capture/binding.hpp), so
-/// that markers that stand off the body turn with it. Immutable: safe to use from any thread.
+/// that markers that stand off the body turn with it; or the place of its front (front.hpp).
+/// Immutable: safe to use from any thread.
 class PointFollower {
  public:
   /// `rest` (N) where the points are on the body at rest, world; a point that is not finite is not
   /// followed. `separation` of the particles [m].
   PointFollower(const mpm::Body& body, Points rest, double separation, Arena& arena);
+  /// What a capture sees of the body, its points at `rest`.
+  PointFollower(const mpm::Body& body, const CaptureInput& capture, Points rest, double separation,
+                Arena& arena);
 
   [[nodiscard]] std::size_t size() const { return rest_.size(); }
   /// (N) at a state of the body; NaN where a point is not followed.
@@ -40,10 +46,11 @@ class PointFollower {
                                  Arena& arena) const;
   /// (N) [m/s]; NaN where a point is not followed.
   [[nodiscard]] Points velocities(const mpm::ObservedFrame::Body& state, Arena& arena) const;
-  /// The transpose: adds the cotangents of positions() (N) to those of the particles' positions and
-  /// deformation gradients, one each. Those of points that are not followed are ignored.
-  void spread(const Points& bar, std::span<Vec3d> particle_bar,
-              std::span<Mat3d> deformation_gradient_bar) const;
+  /// The transpose: adds the cotangents of positions() (N) at `state` to those of the particles'
+  /// positions and deformation gradients, one each. Those of points that are not followed are
+  /// ignored.
+  void spread(const Points& bar, const mpm::ObservedFrame::Body& state,
+              std::span<Vec3d> particle_bar, std::span<Mat3d> deformation_gradient_bar) const;
   /// How far the farthest point lies from the body's nearest particle at rest [m].
   [[nodiscard]] double farthest() const;
 
@@ -55,6 +62,7 @@ class PointFollower {
   double separation_;
   std::vector<std::size_t> bound_;  ///< points that are followed
   std::optional<capture::MeshBinding> binding_;
+  std::optional<Front> front_;
 };
 
 /// Positions at `times` [s] from those of whole frames, the first at time 0: `frames` (F) of

@@ -82,7 +82,7 @@ Model::Model(const std::vector<Run>& runs, std::vector<mpm::Scene> scenes,
     model->scene = std::move(scenes[r]);
     for (const Capture& capture : runs[r].captures) {
       Points rest = watched_points(model->scene, capture, options_.loss, arena);
-      model->watchers.emplace_back(model->scene, capture.input.body, options_.loss, rest, arena);
+      model->watchers.emplace_back(model->scene, capture.input, options_.loss, rest, arena);
       model->watched.push_back(std::move(rest));
     }
     bytes_ = std::max(bytes_, mpm::Simulation::estimate(model->scene).bytes);
@@ -157,7 +157,7 @@ Model::Trial Model::trial(std::size_t run, const Query& query, const Scope& scop
       if (!trial.shift.isZero(0.0)) {
         for (Vec3d& x : rest) x += trial.shift;
       }
-      trial.moved.emplace_back(scene, capture.input.body, options_.loss, std::move(rest), arena);
+      trial.moved.emplace_back(scene, capture.input, options_.loss, std::move(rest), arena);
     }
     trial.watchers = trial.moved;
   }
@@ -357,7 +357,8 @@ std::optional<std::vector<double>> Model::pull_back(
           const std::size_t particles = scene.bodies[watcher.body()].rest.size();
           of.positions.resize(particles, Vec3d::Zero());
           of.deformation_gradients.resize(particles, Mat3d::Zero());
-          watcher.points().spread(bar, of.positions, of.deformation_gradients);
+          watcher.points().spread(bar, frame.bodies[watcher.body()], of.positions,
+                                  of.deformation_gradients);
         }
       };
       mpm::GradientOptions options;

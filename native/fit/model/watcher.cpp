@@ -42,14 +42,14 @@ Points watched_points(const mpm::Scene& scene, const Capture& capture, Loss loss
   return surface_of(scene.bodies[body_index(scene, capture.input.body)], arena);
 }
 
-Watcher::Watcher(const mpm::Scene& scene, const std::string& body, Loss loss, Points rest,
+Watcher::Watcher(const mpm::Scene& scene, const CaptureInput& capture, Loss loss, Points rest,
                  Arena& arena)
-    : body_(body_index(scene, body)) {
+    : body_(body_index(scene, capture.body)) {
   const mpm::Body& of = scene.bodies[body_];
   if (loss == Loss::kChamfer) {
     particles_ = drawn(of.rest.size());
   } else {
-    points_.emplace(of, std::move(rest), 0.5 * scene.dx, arena);
+    points_.emplace(of, capture, std::move(rest), 0.5 * scene.dx, arena);
   }
 }
 

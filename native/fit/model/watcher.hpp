@@ -20,7 +20,8 @@ namespace matterfit::fit {
 class Watcher {
  public:
   /// `rest`: the points (watched_points()); of the Chamfer loss none.
-  Watcher(const mpm::Scene& scene, const std::string& body, Loss loss, Points rest, Arena& arena);
+  Watcher(const mpm::Scene& scene, const CaptureInput& capture, Loss loss, Points rest,
+          Arena& arena);
 
   [[nodiscard]] std::size_t body() const { return body_; }
   [[nodiscard]] std::size_t size() const { return points_ ? points_->size() : particles_.size(); }

@@ -258,6 +258,7 @@ EquationStart equation_start(const std::vector<Run>& runs, const std::vector<mpm
       if (capture.used_count == 0) continue;
       try {
         if (!in_the_way.empty()) throw_input(in_the_way);
+        if (capture.input.front) throw_input("a front is no place of the material.");
         problem.add(r, scenes[r], capture);
       } catch (const Error& error) {
         if (error.kind() != ErrorKind::kInput) throw;

@@ -218,7 +218,7 @@ MotionStart with_initial_motion(const std::vector<Run>& runs, const std::vector<
   for (std::size_t r = 0; r < runs.size(); ++r) {
     for (const Capture& capture : runs[r].captures) {
       const mpm::Body& body = scenes[r].bodies[body_index(scenes[r], capture.input.body)];
-      if (capture.used_count == 0 || !body.pins.empty()) continue;
+      if (capture.used_count == 0 || !body.pins.empty() || capture.input.front) continue;
       std::vector<std::size_t> wanted;
       for (std::size_t i = 0; i < values.size(); ++i) {
         const Address& path = parameters.path(i);

@@ -6,18 +6,17 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <iterator>
 
 #include "effects/catalogue.hpp"
 #include "effects/effect_type.hpp"
+#include "job/diagnosis/cause_row.hpp"
+#include "job/diagnosis/contact_causes.hpp"
 #include "job/diagnosis/effect_entry.hpp"
 #include "job/diagnosis/extent.hpp"
 #include "job/diagnosis/hidden_collider.hpp"
+#include "job/diagnosis/material_causes.hpp"
 #include "job/diagnosis/stiffness_causes.hpp"
-#include "mpm/contact_law.hpp"
-#include "mpm/default_stiffness.hpp"
-#include "shape/collider.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -26,21 +25,8 @@ using diagnose::Effect;
 using diagnose::Number;
 using diagnose::Observation;
 
-/// Times of a Maxwell branch that are scanned, as shares of the recording's
-/// duration.
-constexpr std::array<double, 5> kRelaxationShares = {0.003, 0.01, 0.03, 0.1, 0.3};
-
-Json& first_body(Json& scene) { return scene.at("bodies").at(0); }
-
-Number number(const char* name, const char* unit, double scale, bool one_sided = false) {
-  Number result;
-  result.name = name;
-  result.unit = unit;
-  result.scale = scale;
-  result.one_sided = one_sided;
-  if (one_sided) result.low = 0.0;
-  return result;
-}
+/// Runs up to which each capture with a scene of its own has causes of its own: each costs slopes.
+constexpr std::size_t kMostRuns = 4;
 
 class Causes {
  public:
@@ -50,11 +36,11 @@ class Causes {
   std::vector<Cause> all() {
     gravity();
     terms();
-    contact();
+    std::ranges::move(contact_causes(job_, scene_, options_.fitted), std::back_inserter(causes_));
     if (auto cause = hidden_collider(options_.encounters, scene_)) {
       causes_.push_back(std::move(*cause));
     }
-    material();
+    std::ranges::move(material_causes(scene_, options_), std::back_inserter(causes_));
     std::ranges::move(stiffness_causes(scene_), std::back_inserter(causes_));
     masses();
     motion();
@@ -64,17 +50,11 @@ class Causes {
 
  private:
   [[nodiscard]] bool fitted(const std::string& key) const {
-    return std::any_of(options_.fitted.begin(), options_.fitted.end(),
-                       [&](const auto& path) { return path.find(key) != std::string::npos; });
+    return is_fitted(options_.fitted, key);
   }
 
   Cause& add(const char* name, const char* group, const char* sentence) {
-    Cause& cause = causes_.emplace_back();
-    cause.row.name = name;
-    cause.row.scope = "shared";
-    cause.row.group = group;
-    cause.row.sentence = sentence;
-    return cause;
+    return add_cause(causes_, name, group, sentence);
   }
 
   void gravity() {
@@ -166,121 +146,21 @@ class Causes {
     causes_.push_back(std::move(cause));
   }
 
-  void contact() {
-    for (std::size_t c = 0; c < job_.scene.colliders.size(); ++c) {
-      const ColliderDoc& doc = job_.scene.colliders[c];
-      const shape::Contact contact = scene_.colliders[c]->contact();
-      const auto with = [c](auto change) {
-        return [c, change](std::span<const double> v, int, mpm::Scene& scene) {
-          if (c >= scene.colliders.size()) return;  // not in this capture's own scene
-          shape::Contact moved = scene.colliders[c]->contact();
-          change(moved, v[0]);
-          scene.colliders[c] = mpm::with_contact(scene.colliders[c], moved);
-        };
-      };
-      if (contact.kind == shape::ContactKind::kFriction &&
-          !fitted("colliders." + doc.name + ".contact.mu")) {
-        Cause& cause = add("friction", "contact", "");
-        cause.row.sentence = "The friction coefficient of '" + doc.name + "' differs by {value}.";
-        cause.row.numbers = {number("added", "", 0.05)};
-        cause.row.numbers[0].low = -contact.mu;
-        cause.row.tries = {-0.6 * contact.mu, -0.3 * contact.mu, 0.3 * contact.mu};
-        const double mu = contact.mu;
-        cause.apply =
-            with([](shape::Contact& moved, double v) { moved.mu = std::max(0.0, moved.mu + v); });
-        cause.write = [c, mu](std::span<const double> v, int, Json& scene) {
-          scene.at("colliders").at(c)["contact"]["mu"] = mu + v[0];
-        };
-      }
-      Cause& bounce = add("restitution", "contact", "");
-      bounce.row.sentence =
-          "Contact with '" + doc.name + "' loses {value} of critical damping more.";
-      const double damping = mpm::contact_damping(contact);
-      bounce.row.numbers = {number("damping", "", 0.05)};
-      bounce.row.numbers[0].low = -damping;
-      bounce.row.confused_with = {"damping_shear", "damping_bulk"};
-      bounce.apply = with([](shape::Contact& moved, double v) {
-        moved.damping = std::max(0.0, mpm::contact_damping(moved) + v);
-      });
-      bounce.write = [c, damping](std::span<const double> v, int, Json& scene) {
-        scene.at("colliders").at(c)["contact"]["damping"] = damping + v[0];
-      };
-      if (doc.shape == ColliderDoc::Shape::kGround) ground(c, doc);
-    }
-  }
-
-  void ground(std::size_t c, const ColliderDoc& doc) {
-    Cause& tilt = add("ground_tilt", "contact", "");
-    tilt.row.sentence = "'" + doc.name + "' slopes by {value}.";
-    tilt.row.numbers = {number("x", "", 0.02), number("y", "", 0.02)};
-    tilt.row.confused_with = {"gravity_direction", "camera_roll"};
-    const Vec3d foot(body_.center.x(), body_.center.y(), doc.height);
-    tilt.apply = [c, foot](std::span<const double> v, int, mpm::Scene& scene) {
-      if (c >= scene.colliders.size()) return;
-      const shape::ColliderPtr old = scene.colliders[c];
-      // Where it lies now, under the body.
-      const Vec3d below = foot - Vec3d(0.0, 0.0, old->closest(foot, 0.0).distance);
-      scene.colliders[c] = shape::make_plane(old->name(), old->contact(), below,
-                                             Vec3d(-v[0], -v[1], 1.0).normalized());
-    };
-    tilt.write = [c, foot](std::span<const double> v, int, Json& scene) {
-      Json& collider = scene.at("colliders").at(c);
-      const Vec3d normal = Vec3d(-v[0], -v[1], 1.0).normalized();
-      collider["shape"] = "plane";
-      collider.erase("height");
-      collider["point"] = {foot.x(), foot.y(), foot.z()};
-      collider["normal"] = {normal.x(), normal.y(), normal.z()};
-    };
-  }
-
-  void material() {
-    const material::Material& m = scene_.bodies.front().material;
-    const double modulus = m.traits().fluid ? m.bulk_modulus : m.youngs_modulus;
-    const auto damping = [&](const char* name, double material::Material::*member,
-                             const char* sentence) {
-      if (fitted(name)) return;
-      const double now = m.*member;
-      Cause& cause = add(name, "material", sentence);
-      cause.row.numbers = {number("added", "Pa s", 1e-3 * modulus, true)};
-      cause.row.confused_with = {"drag_linear", "drag_quadratic", "relaxation", "friction"};
-      cause.apply = [member](std::span<const double> v, int, mpm::Scene& scene) {
-        scene.bodies.front().material.*member += v[0];
-      };
-      cause.write = [name, now](std::span<const double> v, int, Json& scene) {
-        first_body(scene)["material"][name] = now + v[0];
-      };
-    };
-    damping("damping_shear", &material::Material::damping_shear,
-            "The material damps: {value} of viscosity against shear.");
-    damping("damping_bulk", &material::Material::damping_bulk,
-            "The material damps: {value} of viscosity against compression.");
-    if (!fitted("maxwell") && m.maxwell.size() < material::kMostMaxwellBranches)
-      relaxation(modulus);
-  }
-
-  void relaxation(double modulus) {
-    Cause& cause =
-        add("relaxation", "material", "The material relaxes: a branch of {value} {variant}.");
-    cause.row.numbers = {number("modulus", "Pa", 0.1 * modulus, true)};
-    cause.row.confused_with = {"damping_shear", "drag_linear", "drag_quadratic"};
-    std::vector<double> times;
-    for (const double share : kRelaxationShares) {
-      times.push_back(share * options_.duration);
-      cause.row.variants.push_back(fmt::format("with a time of {:.3g} s", times.back()));
-    }
-    cause.apply = [times](std::span<const double> v, int variant, mpm::Scene& scene) {
-      scene.bodies.front().material.maxwell.push_back(
-          {v[0], times[static_cast<std::size_t>(variant)]});
-    };
-    cause.write = [times](std::span<const double> v, int variant, Json& scene) {
-      first_body(scene)["material"]["maxwell"].push_back(
-          {{"modulus", v[0]}, {"time", times[static_cast<std::size_t>(variant)]}});
-    };
-  }
-
   void masses() {
     if (fitted("masses")) return;
+    mass(nullptr);
+    if (options_.own_scenes.size() >= kMostRuns) return;
+    for (const OwnScene& own : options_.own_scenes) mass(&own);
+  }
+
+  /// In all scenes, or in that of some captures alone.
+  void mass(const OwnScene* own) {
     Cause& cause = add("attached_mass", "state", "A mass of {value} is attached {variant}.");
+    if (own != nullptr) {
+      cause.row.scope = "capture " + own->capture;
+      cause.row.sentence = "In '" + own->capture + "' a mass of {value} is attached {variant}.";
+      cause.run = own->run;
+    }
     const double mass = body_.volume * scene_.bodies.front().density;
     cause.row.numbers = {number("mass", "kg", 0.05 * mass, true)};
     cause.row.confused_with = {"density", "gravity_size"};
@@ -303,10 +183,14 @@ class Causes {
       attached.mass = v[0];
       scene.bodies.front().masses.push_back(attached);
     };
-    cause.write = [places](std::span<const double> v, int variant, Json& scene) {
+    // A scene that is laid over another replaces its list.
+    const Json there = own != nullptr ? own->masses : Json();
+    cause.write = [places, there, name = scene_.bodies.front().name](std::span<const double> v,
+                                                                     int variant, Json& scene) {
       const Vec3d& at = places[static_cast<std::size_t>(variant)];
-      first_body(scene)["masses"].push_back(
-          {{"position", {at.x(), at.y(), at.z()}}, {"mass", v[0]}});
+      Json& masses = body_named(name, scene)["masses"];
+      if (masses.is_null()) masses = there;
+      masses.push_back({{"position", {at.x(), at.y(), at.z()}}, {"mass", v[0]}});
     };
   }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -22,6 +23,16 @@ struct Cause {
   /// Puts it into the scene of a document, so that the extended model runs with
   /// it; empty for observations.
   std::function<void(std::span<const double> values, int variant, Json& scene)> write;
+  /// The run whose scene alone it changes, as a load that only one recording has; empty: every
+  /// scene.
+  std::optional<std::size_t> run = {};
+};
+
+/// A scene of its own that used captures have.
+struct OwnScene {
+  std::size_t run = 0;
+  std::string capture;  ///< the first of them
+  Json masses;          ///< that its body has there, a list
 };
 
 /// Where a recording shows that a body ran into something that the simulation passes through.
@@ -37,6 +48,7 @@ struct CauseOptions {
   std::vector<std::string> fitted;    ///< document paths that a fit moves: no causes of their own
   double duration = 1.0;              ///< of the longest recording [s]
   std::vector<Encounter> encounters;  ///< places of a collider that nobody listed
+  std::vector<OwnScene> own_scenes;   ///< beside the first run's
 };
 
 /// Every cause that makes sense of the first body of a scene: the catalogue's

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <memory>
+#include <stdexcept>
+#include <tuple>
 
 #include "job/fit_fixture_for_test.hpp"
 #include "job/run/build_scene.hpp"
@@ -95,6 +97,87 @@ TEST(Causes, AreWrittenAsTheyAct) {
     acting += apart(applied, without) > 1e-4 * kSize ? 1 : 0;
   }
   EXPECT_GT(acting, 10);
+}
+
+const Cause& named(const std::vector<Cause>& causes, const std::string& name) {
+  const auto found =
+      std::ranges::find_if(causes, [&](const Cause& cause) { return cause.row.name == name; });
+  if (found == causes.end()) throw std::runtime_error(name);
+  return *found;
+}
+
+/// A floor that holds what touches it may let go, one that is free of friction may rub; both become
+/// a contact with friction, in the scene and in the document.
+TEST(Causes, AContactMayBeOfAnotherKind) {
+  for (const auto& [kind, value, mu] : {std::tuple{"sticky", 0.8, 0.25}, {"slip", 0.25, 0.25}}) {
+    Json document = sliding_cube();
+    document["scene"]["colliders"][0]["contact"] = {{"kind", kind}};
+    const std::vector<Cause> causes = causes_of(document);
+    const Cause& cause = named(causes, "contact_kind");
+    for (const double start : cause.row.tries) {
+      EXPECT_GT(start, 0.0);
+      EXPECT_LE(start, cause.row.numbers[0].high);
+    }
+    mpm::Scene scene = scene_of(document);
+    cause.apply(std::vector{value}, 0, scene);
+    EXPECT_EQ(scene.colliders.front()->contact().kind, shape::ContactKind::kFriction);
+    EXPECT_NEAR(scene.colliders.front()->contact().mu, mu, 1e-12);
+    cause.write(std::vector{value}, 0, document["scene"]);
+    const mpm::Scene written = scene_of(document);
+    EXPECT_EQ(written.colliders.front()->contact().kind, shape::ContactKind::kFriction);
+    EXPECT_NEAR(written.colliders.front()->contact().mu, mu, 1e-12);
+  }
+}
+
+/// A parameter of the law is a cause where no fit moves it, and none where one does.
+TEST(Causes, WhatTheSceneStatesOfAMaterialMayBeWrong) {
+  const Json document = sliding_cube();
+  const mpm::Scene scene = scene_of(document);
+  const Cause stiffness = named(causes_of(document), "material.E");
+  mpm::Scene there = scene;
+  stiffness.apply(std::vector{500.0}, 0, there);
+  const double before = scene.bodies.front().material.youngs_modulus;
+  EXPECT_NEAR(there.bodies.front().material.youngs_modulus, before + 500.0, 1e-9);
+  CauseOptions options;
+  options.fitted = {"bodies.cube.material.E"};
+  const std::vector<Cause> others = scene_causes(job_of(document, {}), scene, options);
+  EXPECT_THROW((void)named(others, "material.E"), std::runtime_error);
+  EXPECT_NO_THROW((void)named(others, "material.nu"));
+}
+
+/// An elastic body that yields is one of von Mises in its own formulation: far above what the
+/// motion reaches it moves as before but for the elastic law's own form, low it keeps a dent.
+TEST(Causes, AYieldingBodyKeepsItsFormulation) {
+  const Json document = sliding_cube();
+  const mpm::Scene scene = scene_of(document);
+  const Cause cause = named(causes_of(document), "yield");
+  mpm::Scene there = scene;
+  const double modulus = scene.bodies.front().material.youngs_modulus;
+  cause.apply(std::vector{0.01 * modulus}, 0, there);
+  EXPECT_EQ(there.bodies.front().formulation, mpm::Formulation::kTotal);
+  EXPECT_EQ(there.bodies.front().material.law, material::Law::kVonMises);
+  Json extended = document;
+  cause.write(std::vector{0.01 * modulus}, 0, extended["scene"]);
+  EXPECT_LT(apart(moved(there, kStepsAFrame), moved(scene_of(extended), kStepsAFrame)),
+            1e-4 * kSize);
+}
+
+/// A load that only one recording has acts in its scene alone, and is written there.
+TEST(Causes, AMassMayHangInOneRecordingAlone) {
+  const Json document = sliding_cube();
+  CauseOptions options;
+  options.own_scenes = {{1, "second", Json::array({{{"position", {0, 0, 0}}, {"mass", 1.0}}})}};
+  const std::vector<Cause> causes = scene_causes(job_of(document, {}), scene_of(document), options);
+  const auto found =
+      std::ranges::find_if(causes, [](const Cause& cause) { return cause.run.has_value(); });
+  ASSERT_NE(found, causes.end());
+  EXPECT_EQ(found->row.scope, "capture second");
+  Json laid_over = {{"gravity", {0, 0, -3}}};
+  found->write(std::vector{0.5}, 0, laid_over);
+  ASSERT_EQ(laid_over["bodies"].size(), 1U);
+  EXPECT_EQ(laid_over["bodies"][0]["name"], document["scene"]["bodies"][0]["name"]);
+  ASSERT_EQ(laid_over["bodies"][0]["masses"].size(), 2U);
+  EXPECT_EQ(laid_over["bodies"][0]["masses"][1]["mass"], 0.5);
 }
 
 /// A capture may have a scene of its own: what a cause adds is added to what that says.

@@ -13,6 +13,7 @@
 #include "job/diagnosis/page.hpp"
 #include "job/diagnosis/report_json.hpp"
 #include "job/diagnosis/scene_model.hpp"
+#include "job/diagnosis/swapped_tracks.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/documents/override.hpp"
@@ -170,6 +171,13 @@ Job read_again(const Job& job, const Json& document) {
   return read_job(document.dump(), reading);
 }
 
+/// The job with tracks that were taken for each other put right.
+Job without_swaps(const Job& job, const std::vector<SwappedTracks>& swapped) {
+  Json document = job.document;
+  write_swaps(swapped, document);
+  return read_again(job, document);
+}
+
 /// The job with fewer particles, in which causes are sought.
 Job coarse_job(const Job& job, double factor) {
   Json document = job.document;
@@ -179,16 +187,18 @@ Job coarse_job(const Job& job, double factor) {
 
 }  // namespace
 
-Json run_diagnose(const Job& job, const RunOptions& options, Interrupter& interrupter) {
-  if (!job.fit) {
+Json run_diagnose(const Job& given, const RunOptions& options, Interrupter& interrupter) {
+  if (!given.fit) {
     throw_input(
         "fit: a diagnosis says what a fitted model gets wrong; add a section 'fit' with the "
         "parameters that are to be found first.");
   }
-  if (job.fit->loss != FitDoc::Loss::kTracks) {
+  if (given.fit->loss != FitDoc::Loss::kTracks) {
     throw_input("fit.loss: a diagnosis needs tracks; clouds without correspondence have none.");
   }
-  Settings settings = read_settings(job.diagnose);
+  Settings settings = read_settings(given.diagnose);
+  const std::vector<SwappedTracks> swapped = find_swapped_tracks(given);
+  const Job job = swapped.empty() ? given : without_swaps(given, swapped);
   const std::filesystem::path folder = job.output.folder;
   const double factor = coarsening_of(job, settings.particles, interrupter);
   // A fit that was done at the job's own resolution is not done again.
@@ -228,12 +238,13 @@ Json run_diagnose(const Job& job, const RunOptions& options, Interrupter& interr
   const diagnose::Report report = diagnose::diagnose(model, settings.engine);
 
   Json json = report_json(report, model.captures());
+  report_swaps(swapped, json);
   json["status"] = "done";
   json["task"] = "diagnose";
   json["version"] = MATTERFIT_VERSION;
   json["folder"] = folder.generic_string();
   json["fit"] = fitted->fit;
-  if (!report.extended.causes.empty()) {
+  if (!report.extended.causes.empty() || !swapped.empty()) {
     diagnose::Point point;
     point.theta = report.extended.theta;
     for (const diagnose::Active& active : report.extended.causes) {

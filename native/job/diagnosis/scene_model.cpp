@@ -121,6 +121,12 @@ SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
   for (const diagnose::Capture& capture : captures_) {
     about.duration = std::max(about.duration, capture.times.back() - capture.times.front());
   }
+  for (std::size_t r = 1; r < runs().size(); ++r) {
+    if (!runs()[r].own || !runs()[r].fitted) continue;
+    const RunSource& source = loaded_.sources[r];
+    const Json& body = source.job.document.at("scene").at("bodies").at(0);
+    about.own_scenes.push_back({r, source.group.name, body.value("masses", Json::array())});
+  }
   if (fitted) about.encounters = encounters_with(scenes.front().gravity);
   causes_ = scene_causes(loaded_.sources.front().job, scenes.front(), about);
   for (const Cause& cause : causes_) rows_.push_back(cause.row);
@@ -163,8 +169,8 @@ std::shared_ptr<const SceneModel::Built> SceneModel::built(const diagnose::Numer
   for (const fit::Capture& capture : runs()[run].captures) {
     const std::size_t body = fit::body_index(made->scene, capture.input.body);
     made->bodies.push_back(body);
-    made->followers.emplace_back(made->scene.bodies[body], capture.input.rest, 0.5 * made->scene.dx,
-                                 arena);
+    made->followers.emplace_back(made->scene.bodies[body], capture.input, capture.input.rest,
+                                 0.5 * made->scene.dx, arena);
   }
   const std::lock_guard lock(mutex_);
   return built_.emplace(key, std::move(made)).first->second;

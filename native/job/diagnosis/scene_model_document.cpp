@@ -15,12 +15,19 @@ void SceneModel::write(const diagnose::Point& point, Json& document,
   write_values(*parameters_, fitted_values(point), loaded_.sources, job_, document);
   write_nuisances(point, document, statements);
   for (const diagnose::Point::Cause& cause : point.causes) {
-    const auto& put = causes_[static_cast<std::size_t>(cause.effect)].write;
-    if (put) {
-      put({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
-          document.at("scene"));
-    } else {
+    const Cause& known = causes_[static_cast<std::size_t>(cause.effect)];
+    if (!known.write) {
       write_observed(cause, document, statements);
+      continue;
+    }
+    const std::span<const double> values{cause.values.data(),
+                                         static_cast<std::size_t>(cause.values.size())};
+    if (!known.run) {
+      known.write(values, cause.variant, document.at("scene"));
+      continue;
+    }
+    for (const std::size_t capture : loaded_.sources[*known.run].group.captures) {
+      known.write(values, cause.variant, document.at("captures").at(capture).at("scene"));
     }
   }
 }

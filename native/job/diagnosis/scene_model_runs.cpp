@@ -41,10 +41,10 @@ mpm::Scene SceneModel::scene_at(const diagnose::Point& point, const Built& base,
   parameters_->apply(values, run, scene);
   nuisances_.set_grounds(nuisance_values(point), scene);
   for (const diagnose::Point::Cause& cause : point.causes) {
-    const auto& apply = causes_[static_cast<std::size_t>(cause.effect)].apply;
-    if (!apply) continue;
-    apply({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
-          scene);
+    const Cause& known = causes_[static_cast<std::size_t>(cause.effect)];
+    if (!known.apply || known.run.value_or(run) != run) continue;
+    known.apply({cause.values.data(), static_cast<std::size_t>(cause.values.size())}, cause.variant,
+                scene);
   }
   return scene;
 }
@@ -191,7 +191,8 @@ SceneModel::Seen SceneModel::watched(const mpm::Scene& scene, const Watch& watch
         points.rest = std::move(rest);
         rest = parameters_->placed(watch.values, watch.run, std::move(points)).rest;
       }
-      moved.emplace_back(scene.bodies[base.bodies[c]], std::move(rest), 0.5 * scene.dx, arena);
+      moved.emplace_back(scene.bodies[base.bodies[c]], capture.input, std::move(rest),
+                         0.5 * scene.dx, arena);
     }
   }
   const std::vector<fit::PointFollower>& followers = moved.empty() ? base.followers : moved;

@@ -31,8 +31,9 @@ constexpr double kLost = 0.05;
 /// What the truth has and the scene does not.
 struct Hidden {
   double gravity = 9.81;
-  double drag = 0.0;   // of |v| v, a mass [1/m]
-  double delay = 0.0;  // of all frames but the first [frames]
+  double drag = 0.0;             // of |v| v, a mass [1/m]
+  double delay = 0.0;            // of all frames but the first [frames]
+  std::size_t swapped_from = 0;  // frame from which two vertices go on as each other; 0: none
 };
 
 /// A cube of masses on a lattice, springs between neighbours along edges and diagonals.
@@ -145,6 +146,14 @@ void record_stranger(const fs::path& file, const Hidden& hidden, unsigned seed) 
   }
   const std::size_t frames = times.size();
   const std::size_t points = skin.masses.size();
+  if (hidden.swapped_from > 0) {
+    for (std::size_t f = hidden.swapped_from; f < frames; ++f) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        std::swap(positions[3 * (points * f + 7) + axis], positions[3 * (points * f + 30) + axis]);
+      }
+      std::swap(visible[points * f + 7], visible[points * f + 30]);
+    }
+  }
   capture::Arrays arrays;
   arrays["positions"] = capture::Array({frames, points, 3}, positions);
   arrays["times"] = capture::Array({frames}, times);
@@ -184,6 +193,22 @@ TEST(Strangers, AirIsFoundAndPaysOnWhatWasHeldOut) {
   ASSERT_TRUE(report.contains("model")) << report.at("sentence");
   const Json& cause = cause_of(report, report.at("class").at(0).get<std::string>());
   EXPECT_GT(cause.at("gain").get<double>(), 0.5) << report.at("sentence");
+}
+
+/// They are put right before anything is fitted, and said.
+TEST(Strangers, SwappedTracksAreFoundAndExchanged) {
+  const Folder folder;
+  Hidden hidden;
+  hidden.swapped_from = 9;
+  const Json report = diagnosed(folder, hidden, 1);
+  EXPECT_EQ(report.at("verdict"), "measurement") << report.at("sentence");
+  EXPECT_EQ(report.at("class"), Json({"swapped_tracks"}));
+  EXPECT_LT(report.at("residual").at("train").at("rms").get<double>(), 3.0 * kSigma);
+  const Json extended = read_json(folder.path / "job_out/extended.json");
+  const Json& swaps = extended.at("captures").at(0).at("swaps");
+  ASSERT_EQ(swaps.size(), 1U);
+  EXPECT_NEAR(swaps[0].at("sample").get<double>(), 9.0, 2.0);  // where both are seen
+  EXPECT_EQ(swaps[0].at("tracks"), Json({7, 30}));
 }
 
 /// What a camera did becomes a key of the capture.

@@ -187,6 +187,12 @@ struct HoldoutDoc {
   bool capture = false;                      ///< all of it
 };
 
+/// Two tracks that go on as each other from a sample of the recording on.
+struct SwapDoc {
+  std::size_t sample = 0;  ///< counted from 0
+  std::array<std::string, 2> tracks;
+};
+
 struct CaptureDoc {
   std::string path;            ///< in the document: "captures[2]"
   std::size_t place = 0;       ///< in the document's list, where captures by images stand too
@@ -205,6 +211,8 @@ struct CaptureDoc {
   HoldoutDoc holdout;
   Points positions;  ///< rest positions of the points on the body; empty: from the capture
   std::optional<AlignDoc> align;
+  std::vector<SwapDoc> swaps;
+  std::optional<Vec3d> front;     ///< unit: the one point is how far the body reaches that way
   std::optional<double> release;  ///< scene frame after which the motion starts
 };
 

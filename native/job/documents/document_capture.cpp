@@ -27,6 +27,18 @@ HoldoutDoc read_holdout(const JsonValue& value) {
   return holdout;
 }
 
+SwapDoc read_swap(const JsonValue& value) {
+  JsonObject object(value);
+  SwapDoc swap;
+  swap.sample = static_cast<std::size_t>(object.require("sample").integer(0, 1'000'000'000));
+  const JsonValue tracks = object.require("tracks");
+  const std::vector<std::string> names = read_markers(tracks);
+  if (names.size() != 2 || names[0] == names[1]) tracks.fail("two tracks");
+  swap.tracks = {names[0], names[1]};
+  object.finish();
+  return swap;
+}
+
 AlignDoc read_align(const JsonValue& value) {
   JsonObject object(value);
   AlignDoc align;
@@ -142,6 +154,10 @@ CaptureDoc read_capture(const JsonValue& value, const ReadContext& context,
       value.refuse("has both 'transform' and 'align'; keep one.");
     }
   }
+  if (const auto swaps = object.find("swaps")) {
+    for (const JsonValue& item : swaps->items()) capture.swaps.push_back(read_swap(item));
+  }
+  if (const auto front = object.find("front")) capture.front = front->unit_vec3();
   if (const auto release = object.find("release")) capture.release = release->number();
   object.finish();
   return capture;

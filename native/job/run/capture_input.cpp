@@ -7,6 +7,7 @@
 
 #include "base/error.hpp"
 #include "capture/align.hpp"
+#include "capture/swaps.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -63,6 +64,20 @@ std::vector<std::uint8_t> held_out_points(const CaptureDoc& doc, const fit::Capt
     }
   }
   return held;
+}
+
+std::vector<capture::Swap> swaps_of(const CaptureDoc& doc, const capture::Tracks& tracks) {
+  std::vector<capture::Swap> swaps;
+  for (const SwapDoc& given : doc.swaps) {
+    std::array<std::size_t, 2> tracked{};
+    for (std::size_t k = 0; k < 2; ++k) {
+      const auto found = capture::find_marker(tracks, given.tracks[k]);
+      if (!found) throw_input("swaps: the capture has no point '" + given.tracks[k] + "'.");
+      tracked[k] = *found;
+    }
+    swaps.push_back({given.sample, tracked[0], tracked[1]});
+  }
+  return swaps;
 }
 
 /// The markers of `align`; that one of them is missing is said of it, not of `markers`.
@@ -133,6 +148,7 @@ fit::CaptureInput load_capture(const Job& job, std::size_t index, bool clouds) {
     options.clouds = clouds;
     input.tracks = capture::read_tracks(doc.file, options);
     for (double& time : input.tracks.times) time += input.start;
+    capture::apply_swaps(swaps_of(doc, input.tracks), input.tracks);
 
     if (doc.release) {
       input.release = scene.seconds(*doc.release);
@@ -149,6 +165,12 @@ fit::CaptureInput load_capture(const Job& job, std::size_t index, bool clouds) {
                 input.held_out_frames.begin() + static_cast<std::ptrdiff_t>(range[1]),
                 std::uint8_t{1});
     }
+    if (doc.front && (clouds || input.tracks.points != 1)) {
+      throw_input("front: the capture has " + std::to_string(input.tracks.points) +
+                  " points; how far a body reaches is one track (name it in 'markers'), fitted "
+                  "with the loss \"tracks\".");
+    }
+    input.front = doc.front;
     input.rest_samples.assign(input.tracks.points, 0);
     if (doc.positions.empty()) {
       take_rest(input, slack);

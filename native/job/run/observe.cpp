@@ -60,20 +60,22 @@ Observations::Observations(const Job& job, const mpm::Scene& scene,
                            const std::vector<fit::CaptureInput>& captures, Arena& arena)
     : job_(job), scene_(scene), captures_(captures), arena_(arena) {
   const double separation = 0.5 * scene.dx;
-  const auto follow = [&](std::size_t body, Points rest) {
+  const auto follow = [&](std::size_t body, fit::PointFollower points) {
     auto follower = std::make_unique<Follower>();
     follower->body = body;
-    follower->points.emplace(scene.bodies[body], std::move(rest), separation, arena);
+    follower->points.emplace(std::move(points));
     followers_.push_back(std::move(follower));
   };
   for (const fit::CaptureInput& capture : captures) {
-    follow(fit::body_index(scene, capture.body), capture.rest);
+    const std::size_t body = fit::body_index(scene, capture.body);
+    follow(body, {scene.bodies[body], capture, capture.rest, separation, arena});
     followers_.back()->keeps_positions = true;
   }
   for (std::size_t i = 0; i < job.probes.size(); ++i) {
     const std::size_t body = fit::body_index(scene, job.probes[i].body);
-    follow(body, probe_points(job.probes[i], "probes[" + std::to_string(i) + "]",
-                              scene.bodies[body], separation));
+    Points points = probe_points(job.probes[i], "probes[" + std::to_string(i) + "]",
+                                 scene.bodies[body], separation);
+    follow(body, {scene.bodies[body], std::move(points), separation, arena});
   }
   if (!followers_.empty()) return;
   // Nothing asks for it, but a body that is let go may ring: the particles that no pin holds on to.

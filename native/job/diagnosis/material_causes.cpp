@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/diagnosis/material_causes.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cctype>
+#include <string>
+
+#include "fit/model/quantity.hpp"
+#include "job/diagnosis/cause_row.hpp"
+#include "mpm/scene_check.hpp"
+
+namespace matterfit::job {
+namespace {
+
+/// Times of a Maxwell branch that are scanned, as shares of the recording's
+/// duration.
+constexpr std::array<double, 5> kRelaxationShares = {0.003, 0.01, 0.03, 0.1, 0.3};
+/// In Young's modulus: a yield stress that no body reaches, and those at which searches begin.
+constexpr double kNeverYields = 1.0;
+constexpr std::array<double, 2> kTriedYields = {0.1, 0.03};
+constexpr double kLeastYield = 1e-4;
+/// Of a number that a fit does not move: a change at which one would care for it, and the farthest
+/// that a search goes, as factors of its value.
+constexpr double kShareOfValue = 0.1;
+constexpr double kFarthest = 10.0;
+/// Of the same: where it is searched for because its slope says little of what is far off.
+constexpr std::array<double, 2> kTriedFactors = {0.6, 1.5};
+
+class MaterialCauses {
+ public:
+  MaterialCauses(const mpm::Scene& scene, const CauseOptions& options)
+      : scene_(scene), options_(options), material_(scene.bodies.front().material) {}
+
+  std::vector<Cause> all() {
+    damping("damping_shear", &material::Material::damping_shear,
+            "The material damps: {value} of viscosity against shear.");
+    damping("damping_bulk", &material::Material::damping_bulk,
+            "The material damps: {value} of viscosity against compression.");
+    if (!is_fitted(options_.fitted, "maxwell") &&
+        material_.maxwell.size() < material::kMostMaxwellBranches) {
+      relaxation();
+    }
+    yield();
+    for (const fit::Quantity& row : fit::quantities()) {
+      if (row.owner == fit::Owner::kBody && row.of_law && row.member) stated(row);
+    }
+    return std::move(causes_);
+  }
+
+ private:
+  [[nodiscard]] double modulus() const {
+    return material_.traits().fluid ? material_.bulk_modulus : material_.youngs_modulus;
+  }
+
+  void damping(const char* name, double material::Material::*member, const char* sentence) {
+    if (is_fitted(options_.fitted, name)) return;
+    const double now = material_.*member;
+    Cause& cause = add_cause(causes_, name, "material", sentence);
+    cause.row.numbers = {number("added", "Pa s", 1e-3 * modulus(), true)};
+    cause.row.confused_with = {"drag_linear", "drag_quadratic", "relaxation", "friction"};
+    cause.apply = [member](std::span<const double> v, int, mpm::Scene& scene) {
+      scene.bodies.front().material.*member += v[0];
+    };
+    cause.write = [name, now](std::span<const double> v, int, Json& scene) {
+      first_body(scene)["material"][name] = now + v[0];
+    };
+  }
+
+  void relaxation() {
+    Cause& cause = add_cause(causes_, "relaxation", "material",
+                             "The material relaxes: a branch of {value} {variant}.");
+    cause.row.numbers = {number("modulus", "Pa", 0.1 * modulus(), true)};
+    cause.row.confused_with = {"damping_shear", "drag_linear", "drag_quadratic"};
+    std::vector<double> times;
+    for (const double share : kRelaxationShares) {
+      times.push_back(share * options_.duration);
+      cause.row.variants.push_back(fmt::format("with a time of {:.3g} s", times.back()));
+    }
+    cause.apply = [times](std::span<const double> v, int variant, mpm::Scene& scene) {
+      scene.bodies.front().material.maxwell.push_back(
+          {v[0], times[static_cast<std::size_t>(variant)]});
+    };
+    cause.write = [times](std::span<const double> v, int variant, Json& scene) {
+      first_body(scene)["material"]["maxwell"].push_back(
+          {{"modulus", v[0]}, {"time", times[static_cast<std::size_t>(variant)]}});
+    };
+  }
+
+  /// An elastic body that keeps a dent is one of von Mises, in the same formulation.
+  void yield() {
+    const mpm::Body& body = scene_.bodies.front();
+    const bool quadratic = material_.law == material::Law::kStvkHencky ||
+                           material_.law == material::Law::kFixedCorotated ||
+                           material_.law == material::Law::kNeoHookean;
+    if (!quadratic) return;
+    const double never = kNeverYields * material_.youngs_modulus;
+    Cause& cause = add_cause(causes_, "yield", "material",
+                             "The material yields at {value} and keeps its new shape.");
+    diagnose::Number stress = number("yield_stress", "Pa", 0.02 * material_.youngs_modulus);
+    stress.neutral = never;
+    stress.high = never;
+    stress.low = kLeastYield * material_.youngs_modulus;
+    cause.row.numbers = {stress};
+    cause.row.confused_with = {"damping_shear", "restitution", "relaxation"};
+    for (const double share : kTriedYields) {
+      cause.row.tries.push_back(share * material_.youngs_modulus);
+    }
+    const bool total = mpm::is_total(body);
+    cause.apply = [never, total](std::span<const double> v, int, mpm::Scene& scene) {
+      if (!(v[0] < never)) return;
+      mpm::Body& first = scene.bodies.front();
+      if (total) first.formulation = mpm::Formulation::kTotal;
+      first.material.law = material::Law::kVonMises;
+      first.material.yield_stress = v[0];
+      first.material.hardening = 0.0;
+    };
+    cause.write = [never, total](std::span<const double> v, int, Json& scene) {
+      if (!(v[0] < never)) return;
+      if (total) first_body(scene)["formulation"] = "total";
+      Json& material = first_body(scene)["material"];
+      material["law"] = "von_mises";
+      material["yield_stress"] = v[0];
+    };
+  }
+
+  /// A parameter of the law that the scene states.
+  void stated(const fit::Quantity& row) {
+    const std::string key(row.key());
+    if (!material_.traits().uses(key) || is_fitted(options_.fitted, row.path)) return;
+    const double value = material_.*row.member;
+    const double usual = fit::usual_start(row, material_);
+    const double of = value > 0.0 ? value : usual;
+    if (!(of > 0.0) || (row.never > 0.0 && value >= row.never)) return;
+    std::string words(row.words);
+    if (words.empty()) return;
+    words.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(words.front())));
+    const bool bounded = row.high > row.low && !row.around;
+    Cause& cause = add_cause(causes_, row.path, "material",
+                             words + " differs from what the scene says by {value}.");
+    diagnose::Number added = number("added", "", kShareOfValue * of, !(value > 0.0));
+    added.unit = row.unit;
+    added.low = std::min(0.0, std::max(bounded ? row.low - value : -1e300,
+                                       value > 0.0 ? value / kFarthest - value : 0.0));
+    added.high =
+        std::max(0.0, std::min(bounded ? row.high - value : 1e300, kFarthest * of - value));
+    if (!(added.high > 0.0)) added.one_sided = false;
+    cause.row.numbers = {added};
+    if (row.scanned && value > 0.0) {
+      for (const double factor : kTriedFactors) {
+        const double there = (factor - 1.0) * value;
+        if (there > added.low && there < added.high) cause.row.tries.push_back(there);
+      }
+    }
+    cause.row.confused_with = {"density", "gravity_size"};
+    cause.apply = [member = row.member](std::span<const double> v, int, mpm::Scene& scene) {
+      scene.bodies.front().material.*member += v[0];
+    };
+    cause.write = [key, value](std::span<const double> v, int, Json& scene) {
+      first_body(scene)["material"][key] = value + v[0];
+    };
+  }
+
+  const mpm::Scene& scene_;
+  const CauseOptions& options_;
+  const material::Material& material_;
+  std::vector<Cause> causes_;
+};
+
+}  // namespace
+
+std::vector<Cause> material_causes(const mpm::Scene& scene, const CauseOptions& options) {
+  return MaterialCauses(scene, options).all();
+}
+
+}  // namespace matterfit::job

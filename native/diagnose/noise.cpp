@@ -20,6 +20,9 @@ using Eigen::VectorXd;
 constexpr double kOutlier = 4.0;
 /// Beyond it a stationary part cannot be told from a constant within a clip.
 constexpr double kHighestCorrelation = 0.98;
+/// Samples of a capture, in all its series, from which slow noise can be told from a motion that is
+/// wrong; with fewer the stated noise is taken, white, where there is one.
+constexpr std::size_t kSamplesForNoise = 30;
 /// A shared part is looked for from so many tracks on: with fewer the mean is mostly the own parts.
 constexpr Index kTracksForCommon = 4;
 
@@ -378,6 +381,12 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
     const auto chains = chains_of(rows, int(c), track.interval);
     if (chains.empty()) {
       unseen.push_back(c);
+      continue;
+    }
+    std::size_t samples = 0;
+    for (const auto& chain : chains) samples += chain.size();
+    if (samples < kSamplesForNoise && captures[c].noise > 0.0) {
+      track.freedom = double(samples);
       continue;
     }
     const auto frames = frames_of(rows, int(c));

@@ -76,6 +76,7 @@ PointFollower::PointFollower(const mpm::Body& body, const CaptureInput& capture,
     : PointFollower(body, capture.front ? Points() : rest, separation, arena) {
   if (!capture.front) return;
   rest_ = std::move(rest);
+  anchor_ = body.rest.front();
   front_.emplace(*capture.front, separation);
 }
 
@@ -85,7 +86,7 @@ Points PointFollower::positions(const mpm::Body& body, const mpm::BodyState& sta
     Points places;
     places.reserve(state.positions.size());
     for (const Vec3f& x : state.positions) places.push_back(x.cast<double>());
-    return {front_->moved(rest_.front(), front_->reach(places))};
+    return {front_at(body, front_->reach(places))};
   }
   if (!binding_) return among_all({});
   return among_all(binding_->positions(capture::particle_view(body, state, separation_), arena));
@@ -95,11 +96,15 @@ Points PointFollower::positions(const mpm::Body& body, const mpm::ObservedFrame:
                                 Arena& arena) const {
   if (front_) {
     check_finite(body.name, state);
-    return {front_->moved(rest_.front(), front_->reach(state.positions))};
+    return {front_at(body, front_->reach(state.positions))};
   }
   if (!binding_) return among_all({});
   check_finite(body.name, state);
   return among_all(binding_->positions(state.positions, state.deformation_gradients, arena));
+}
+
+Vec3d PointFollower::front_at(const mpm::Body& body, double reach) const {
+  return front_->moved(rest_.front() + body.rest.front() - anchor_, reach);
 }
 
 Points PointFollower::velocities(const mpm::ObservedFrame::Body& state, Arena& arena) const {

@@ -57,12 +57,15 @@ class PointFollower {
  private:
   /// The values of followed points at their places among all, NaN elsewhere.
   [[nodiscard]] Points among_all(const Points& followed) const;
+  /// The front's point, which lies across as it did at rest.
+  [[nodiscard]] Vec3d front_at(const mpm::Body& body, double reach) const;
 
   Points rest_;
   double separation_;
   std::vector<std::size_t> bound_;  ///< points that are followed
   std::optional<capture::MeshBinding> binding_;
   std::optional<Front> front_;
+  Vec3d anchor_ = Vec3d::Zero();  ///< a particle at rest as the body was when it was bound
 };
 
 /// Positions at `times` [s] from those of whole frames, the first at time 0: `frames` (F) of

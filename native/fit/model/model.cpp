@@ -140,7 +140,7 @@ Model::Trial Model::trial(std::size_t run, const Query& query, const Scope& scop
   trial.scene = scene_at(query.values, run);
   mpm::Scene& scene = trial.scene;
   trial.watchers = model.watchers;
-  trial.shift = world_shift(query.variation, scene);
+  trial.shift = world_shift(query.variation.grid_shift, scene);
   vary(query.variation, of, scene);
   const bool placed =
       std::any_of(scene.bodies.begin(), scene.bodies.end(), [&](const mpm::Body& body) {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/error.hpp"
+#include "effects/effect_type.hpp"
 #include "mpm/scene_check.hpp"
 
 namespace matterfit::fit {
@@ -38,7 +39,20 @@ void move_pin(mpm::Pin& pin, const Vec3d& by) {
   for (Vec3d& x : pin.points) x += by;
 }
 
-void move_world(mpm::Scene& scene, const Vec3d& by) {
+void move_effect(effects::Effect& effect, const Vec3d& by) {
+  const auto center = effect.type->find("center");
+  if (!center) return;
+  const std::size_t first = effect.type->offset(*center);
+  effects::add_vector(by, effect.values.data() + first);
+  for (std::size_t c = 0; c < 3; ++c) {
+    if (!effect.keyed(first + c)) continue;
+    for (double& value : effect.keys[first + c].values) value += by[static_cast<int>(c)];
+  }
+}
+
+}  // namespace
+
+void move_world(const Vec3d& by, mpm::Scene& scene) {
   for (mpm::Body& body : scene.bodies) {
     place(body, Vec3d::Zero(), by, Quatd::Identity());
     for (mpm::Pin& pin : body.pins) move_pin(pin, by);
@@ -47,11 +61,14 @@ void move_world(mpm::Scene& scene, const Vec3d& by) {
   for (shape::ColliderPtr& collider : scene.colliders) {
     collider = std::make_shared<Moved>(collider, by);
   }
+  for (effects::Effect& effect : scene.effects) move_effect(effect, by);
   if (scene.walls) {
     scene.walls->low += by;
     scene.walls->high += by;
   }
 }
+
+namespace {
 
 /// Whether an assignment is about this run at all.
 bool is_of(const Assignment& assignment, const Run& run) {
@@ -91,8 +108,8 @@ void vary(const Variation& variation, const Run& run, mpm::Scene& scene) {
   scene.dt_safety *= factor;
   scene.cfl *= factor;
   scene.grid_shift += variation.grid_shift;
-  const Vec3d by = world_shift(variation, scene);
-  if (!by.isZero(0.0)) move_world(scene, by);
+  const Vec3d by = world_shift(variation.grid_shift, scene);
+  if (!by.isZero(0.0)) move_world(by, scene);
 }
 
 void vary_places(const Variation& variation, const Run& run, mpm::Scene& scene) {
@@ -119,9 +136,9 @@ bool places(const Variation& variation, const mpm::Body& body) {
   });
 }
 
-Vec3d world_shift(const Variation& variation, const mpm::Scene& scene) {
+Vec3d world_shift(const Vec3d& cells, const mpm::Scene& scene) {
   const bool updated = !std::all_of(scene.bodies.begin(), scene.bodies.end(), mpm::is_total);
-  return updated ? Vec3d(scene.dx * variation.grid_shift) : Vec3d(Vec3d::Zero());
+  return updated ? Vec3d(scene.dx * cells) : Vec3d(Vec3d::Zero());
 }
 
 }  // namespace matterfit::fit

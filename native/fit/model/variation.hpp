@@ -40,8 +40,12 @@ void vary_places(const Variation& variation, const Run& run, mpm::Scene& scene);
 /// Whether the variation moves the body itself, so that points must be bound to it anew.
 [[nodiscard]] bool places(const Variation& variation, const mpm::Body& body);
 
-/// How far a scene was moved as a whole [m]: the grid of updated Lagrangian bodies lies in the
-/// world, so its offset is one of everything else. To be taken off what is seen.
-[[nodiscard]] Vec3d world_shift(const Variation& variation, const mpm::Scene& scene);
+/// How far a scene is moved as a whole [m] for an offset of the grid in cells: the grid of updated
+/// Lagrangian bodies lies in the world, so its offset is one of everything else. To be taken off
+/// what is seen.
+[[nodiscard]] Vec3d world_shift(const Vec3d& cells, const mpm::Scene& scene);
+
+/// Moves all that a scene holds: bodies, pins, masses, colliders, walls, centres of effects.
+void move_world(const Vec3d& by, mpm::Scene& scene);
 
 }  // namespace matterfit::fit

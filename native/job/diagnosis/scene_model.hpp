@@ -99,6 +99,7 @@ class SceneModel final : public diagnose::Model {
     std::size_t run;
     const std::shared_ptr<Arena>& arena;
     std::vector<Target> targets;
+    Vec3d shift = Vec3d::Zero();  ///< by which the scene was moved (fit::world_shift())
   };
   [[nodiscard]] const std::vector<fit::Run>& runs() const { return loaded_.experiment.runs; }
   /// The number of a run's first capture.

@@ -7,6 +7,7 @@
 
 #include "base/error.hpp"
 #include "base/side_by_side.hpp"
+#include "fit/model/variation.hpp"
 #include "job/diagnosis/scene_model.hpp"
 #include "mpm/simulation.hpp"
 #include "mpm/step_limit.hpp"
@@ -125,7 +126,9 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
   if (!nuisances_.impacts().empty()) struck_by_another_solver(point.numerics, scene);
   nuisances_.add_impacts(nuisance_values(point), run, scene);
   scene.end_frame = end_frame(point, values, run);
-  const Watch watch{*base, values, run, arena, targets_of(point, run)};
+  const Vec3d shift = fit::world_shift(scene.grid_shift, scene);
+  if (!shift.isZero(0.0)) fit::move_world(shift, scene);
+  const Watch watch{*base, values, run, arena, targets_of(point, run), shift};
   std::optional<Seen> seen;
   if (has_own_steps(point.numerics)) {
     seen = watch_in_steps(scene, steps_[run], watch);
@@ -191,6 +194,7 @@ SceneModel::Seen SceneModel::watched(const mpm::Scene& scene, const Watch& watch
         points.rest = std::move(rest);
         rest = parameters_->placed(watch.values, watch.run, std::move(points)).rest;
       }
+      for (Vec3d& x : rest) x += watch.shift;
       moved.emplace_back(scene.bodies[base.bodies[c]], capture.input, std::move(rest),
                          0.5 * scene.dx, arena);
     }
@@ -202,6 +206,7 @@ SceneModel::Seen SceneModel::watched(const mpm::Scene& scene, const Watch& watch
     for (std::size_t c = 0; c < seen.size(); ++c) {
       const std::size_t body = base.bodies[c];
       seen[c].push_back(followers[c].positions(scene.bodies[body], frame.bodies[body], arena));
+      for (Vec3d& x : seen[c].back()) x -= watch.shift;
     }
     take_up(watch, scene, seen, frame, simulation);
   };

@@ -38,12 +38,12 @@ struct CaptureInput {
   capture::Tracks tracks;  ///< times are seconds after the scene's first frame
   Points rest;             ///< (N) where the points are on the body at rest; NaN: not known
   std::vector<std::size_t>
-      rest_samples;               ///< (N) that `rest` is the mean of; 0: given, or not known
+      rest_samples;  ///< (N) that `rest` is the mean of; 0: given, or not known
   /// Unit: the one point is no place on the body, but the farthest of it that way; what is across
   /// was not measured and stays as in `rest`.
   std::optional<Vec3d> front;
-  std::optional<double> release;  ///< [s]; before it is the quiet time
-  double start = 0.0;             ///< scene seconds of the recording's time 0
+  std::optional<double> release;              ///< [s]; before it is the quiet time
+  double start = 0.0;                         ///< scene seconds of the recording's time 0
   std::vector<std::uint8_t> held_out_points;  ///< (N)
   std::vector<std::uint8_t> held_out_frames;  ///< (T)
   bool aligned = false;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Form and static checks: clang-format, ruff, clang-tidy on changed files, the licence line, the
+"""Form and static checks: clang-format, ruff, clang-tidy on changed files, licence line and length, the
 panel's messages in docs/errors.md, make in a folder whose path has a space.
 
     lint.py            check; --all: clang-tidy on the whole tree, not only on what changed
@@ -21,6 +21,7 @@ CLANG_TIDY = "clang-tidy-14"
 PYTHON_FOLDERS = ["addon", "scripts", "blender_tests"]
 # clang-tidy parses OpenVDB and Eigen anew for every file, 10 to 40 s each.
 TIDY_AT_MOST = 8
+MOST_LINES = 500
 
 
 def native_sources():
@@ -59,10 +60,25 @@ def check_form(tally):
     tally.check("lint: clang-format", done.status == 0, "run `make format`\n" + done.tail(10))
 
 
+def sources():
+    python = (f for folder in PYTHON_FOLDERS for f in (ROOT / folder).rglob("*.py"))
+    return [*native_sources(), *python]
+
+
+def check_lengths(tally):
+    """A file has one subject; those of the add-on have a shorter limit (blender_tests/test_house.py)."""
+    long = []
+    for file in sources():
+        with open(file, encoding="utf-8") as text:
+            lines = sum(1 for _line in text)
+        if lines > MOST_LINES:
+            long.append(f"{file.relative_to(ROOT)} has {lines}")
+    tally.check("lint: lines of a file", not long, f"more than {MOST_LINES}: " + ", ".join(long))
+
+
 def check_licence(tally):
     bare = []
-    python = (f for folder in PYTHON_FOLDERS for f in (ROOT / folder).rglob("*.py"))
-    for file in [*native_sources(), *python]:
+    for file in sources():
         with open(file, encoding="utf-8") as text:
             head = text.readline() + text.readline()
         if "SPDX-License-Identifier: GPL-3.0-or-later" not in head:
@@ -147,6 +163,7 @@ def lint(everything=False):
     tally = Tally()
     check_form(tally)
     check_licence(tally)
+    check_lengths(tally)
     check_python(tally)
     check_messages(tally)
     check_makefile(tally)

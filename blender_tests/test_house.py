@@ -12,8 +12,8 @@ from matterfit.props import reactions
 
 PACKAGE = os.path.dirname(matterfit.__file__)
 # From below to above; a room imports from itself and from those before it.
-ROOMS = ("jobs", "compat", "i18n", "machine", "native", "effects", "laws", "quantities", "names", "props", "io", "ops",
-         "ui", "scene_job", "handlers", "__init__", "cli")
+ROOMS = ("jobs", "compat", "i18n", "machine", "native", "library", "effects", "laws", "quantities", "names",
+         "props", "io", "ops", "ui", "scene_job", "handlers", "__init__", "cli")
 MOST_LINES = 300
 
 

@@ -2,6 +2,8 @@
 """The constitutive laws: names, and which numbers each of them takes. Identifiers are upper case, as
 in the panel; the job document's words come from lower-casing them."""
 
+from . import library
+
 LAWS = (
     ("FIXED_COROTATED", "Fixed Corotated", "Elastic; robust at large rotation"),
     ("NEO_HOOKEAN", "Neo-Hookean", "Elastic rubber, nearly incompressible if wished"),
@@ -23,20 +25,8 @@ LAWS = (
 
 # Parameters of each law in the job document's words, in the panel's order; quantities.py says what
 # they are.
-PARAMETERS = {
-    "FIXED_COROTATED": ("E", "nu"),
-    "NEO_HOOKEAN": ("E", "nu"),
-    "STVK_HENCKY": ("E", "nu"),
-    "VON_MISES": ("E", "nu", "yield_stress", "hardening"),
-    "HERSCHEL_BULKLEY": ("E", "nu", "yield_stress", "viscosity", "exponent"),
-    "DRUCKER_PRAGER": ("E", "nu", "friction_angle", "cohesion"),
-    "NEWTONIAN": ("bulk_modulus", "viscosity"),
-    "NEURAL_ISOTROPIC": ("E", "nu", "form_1", "form_2", "form_3", "form_4", "yield_strain",
-                         "internal_friction", "strain_hardening", "tear_strain", "flow_rate",
-                         "flow_thinning"),
-    "LATENT": ("E", "latent"),
-    "NEURAL": (),
-}
+PARAMETERS = {name.upper(): keys for name, keys in library.PARAMETERS.items()}
+PARAMETERS["LATENT"] += ("latent",)  # its code, a list and no number in a document
 # A fit can look for laws that have numbers.
 CANDIDATES = tuple(law for law in LAWS if PARAMETERS[law[0]])
 NEURAL = frozenset({"NEURAL_ISOTROPIC", "LATENT", "NEURAL"})

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the library says of its numbers and its laws: library.json, which scripts/addon_tables.py
+writes and a test compares with the library. Properties are registered without the library, so they
+cannot ask it."""
+
+import json
+import os
+
+with open(os.path.join(os.path.dirname(__file__), "library.json"), encoding="utf-8") as _stream:
+    _TABLES = json.load(_stream)
+
+# A quantity that has no bounds is looked for this factor either side of its start.
+USUAL_FACTOR = _TABLES["usual_factor"]
+# {"material.maxwell.time": row}: a key without the number in its brackets.
+QUANTITIES = {row["path"].replace("[#]", ""): row for row in _TABLES["quantities"]}
+# {"von_mises": ("E", "nu", "yield_stress", "hardening")}, in the library's order.
+PARAMETERS = {law["name"]: tuple(law["parameters"]) for law in _TABLES["laws"]}

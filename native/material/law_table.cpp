@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <string>
 
 #include "base/error.hpp"
 
@@ -121,20 +122,61 @@ constexpr bool in_order() {
 }
 static_assert(in_order());
 
+constexpr std::size_t kMostAdded = 4;
+
+/// The laws of the library and those that were added.
+struct Table {
+  std::array<LawTraits, kLaws.size() + kMostAdded> rows;
+  std::size_t size;
+};
+
+constexpr Table own_laws() {
+  Table table{{}, kLaws.size()};
+  std::copy(kLaws.begin(), kLaws.end(), table.rows.begin());
+  return table;
+}
+constinit Table law_rows = own_laws();
+
 }  // namespace
 
-void refuse_published() {
+void refuse_family(StressFamily family) {
   throw_compute(
-      "the law neural is simulated in the formulation 'updated' alone; here it has no stress.");
+      is_added(family)
+          ? "a law that was added to the table is simulated in the formulations 'total' and "
+            "'updated' alone; here it has no stress."
+          : "the law neural is simulated in the formulation 'updated' alone; here it has no "
+            "stress.");
 }
 
 bool LawTraits::uses(std::string_view key) const {
   return std::find(parameters.begin(), parameters.end(), key) != parameters.end();
 }
 
-std::span<const LawTraits> all_laws() { return kLaws; }
+std::span<const LawTraits> all_laws() { return {law_rows.rows.data(), law_rows.size}; }
 
-const LawTraits& traits(Law law) { return kLaws.at(static_cast<std::size_t>(law)); }
+const LawTraits& traits(Law law) {
+  const auto row = static_cast<std::size_t>(law);
+  if (row >= law_rows.size) throw_compute("a law is used that is not in the table.");
+  return law_rows.rows[row];
+}
+
+AddedLaw::AddedLaw(const LawTraits& row) : law_(static_cast<Law>(law_rows.size)) {
+  const std::string name = "the law '" + std::string(row.name) + "'";
+  for (const LawTraits& other : all_laws()) {
+    if (other.name == row.name) throw_input(name + " is in the table already.");
+  }
+  if (!is_added(row.family)) throw_input(name + " is added with a family of the library's.");
+  if (row.elastic() && (row.energy.shape == nullptr || row.energy.volume == nullptr)) {
+    throw_input(name + " is elastic and does not say its energy.");
+  }
+  if (law_rows.size == law_rows.rows.size()) {
+    throw_input(name + ": the table takes " + std::to_string(kMostAdded) + " added laws.");
+  }
+  law_rows.rows[law_rows.size] = row;
+  law_rows.rows[law_rows.size++].law = law_;
+}
+
+AddedLaw::~AddedLaw() { --law_rows.size; }
 
 const LawTraits& neural_traits(Law law, FlowClass flow) {
   return (law == Law::kLatent ? kLatentLaws : kNeuralLaws).at(static_cast<std::size_t>(flow));

@@ -76,6 +76,8 @@ void validate(const Material& m, const std::string& where) {
             "[0, 1e13) Pa");
     require(m.hardening >= 0 && m.hardening < 1e13, where, "hardening", m.hardening,
             "[0, 1e13) Pa");
+  }
+  if (law.uses("yield_stress") || law.uses("exponent")) {
     require(m.exponent > 0.05 && m.exponent <= 5, where, "exponent", m.exponent, "(0.05, 5]");
   }
   require(m.viscosity >= 0 && m.viscosity < 1e9, where, "viscosity", m.viscosity, "[0, 1e9) Pa s");

@@ -82,6 +82,10 @@ void check_scene(const Scene& scene) {
           ": the law neural flows and does not say how much of a deformation is elastic, so "
           "it is simulated in the formulation 'updated' alone. Use 'auto' or 'updated'.");
     }
+    if (is_added(body.material.traits().family) && is_renewed(body)) {
+      throw_input(where + ": the law " + std::string(body.material.traits().name) +
+                  " has no kernels for the formulation 'renewed'. Use 'total' or 'updated'.");
+    }
     if (body.formulation == Formulation::kTotal && body.material.traits().fluid) {
       throw_input(where +
                   ": a fluid flows; formulation 'total' is for bodies that stay solid. Use "

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "mpm/law_kernels.hpp"
 #include "mpm/total_block_field.hpp"
 #include "mpm/total_node_term.hpp"
 #include "mpm/total_stencil.hpp"
@@ -152,7 +153,8 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   view.plastic_bar = bar.state.plastic.data();
   view.maxwell_bar = bar.state.maxwell.data();
   view.law_bar = block_law_.data();
-  arena.parallel_for(0, grid.blocks(), 1, [&](std::size_t b) { kernels_.total_forces(view, b); });
+  const auto forces = total_forces_of(kernels_, body_.law_.law);
+  arena.parallel_for(0, grid.blocks(), 1, [&](std::size_t b) { forces(view, b); });
   const bool damped = view.forward.law.damped;
   const double modulus = static_cast<double>(body_.law_.mu);
   std::vector<double> block_work(body_.ties_ ? grid.node_blocks() : 0, 0.0);

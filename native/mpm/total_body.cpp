@@ -7,6 +7,7 @@
 
 #include "base/cancel_check.hpp"
 #include "base/error.hpp"
+#include "mpm/law_kernels.hpp"
 #include "mpm/total_block_field.hpp"
 #include "mpm/total_node_term.hpp"
 
@@ -129,8 +130,9 @@ void TotalBody<S>::compute_forces(Arena& arena, double dt, bool commit) {
   const TotalView<S> v = view(dt, commit);
   // The stability estimate is of the unforced body, whatever touched it last.
   if (commit) sort_loads();
+  const auto forces = total_forces_of(*kernels_, law_.law);
   arena.parallel_for(0, grid_.blocks(), 1, [&](std::size_t b) {
-    kernels_->total_forces(v, b);
+    forces(v, b);
     if (!commit) return;
     apply_loads(b);
     if (node_forces_ != nullptr) {

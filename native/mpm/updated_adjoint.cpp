@@ -9,6 +9,7 @@
 #include "material/neural/published_weights.hpp"
 #include "mpm/halo.hpp"
 #include "mpm/initial_velocity.hpp"
+#include "mpm/law_kernels.hpp"
 #include "mpm/node_contact.hpp"
 #include "mpm/node_contact_adjoint.hpp"
 #include "mpm/updated_back.hpp"
@@ -150,7 +151,7 @@ struct UpdatedAdjoint<S>::Impl {
       view.particle_bar = body.particles.data();
       view.published_bar = body.published.empty() ? nullptr : published_sums + m * kPublished;
       view.published = members[m].published.empty() ? nullptr : members[m].published.data();
-      (view.published != nullptr ? kernels->updated_published_block : kernels->updated_block)(view);
+      updated_block_of(*kernels, view.law.law)(view);
       laws[at] = view.law_bar;
       log_densities[at] = view.log_density;
     }

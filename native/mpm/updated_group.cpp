@@ -11,6 +11,7 @@
 #include "base/error.hpp"
 #include "mpm/halo.hpp"
 #include "mpm/initial_velocity.hpp"
+#include "mpm/law_kernels.hpp"
 #include "mpm/node_contact.hpp"
 #include "mpm/updated_check.hpp"
 #include "mpm/updated_contact.hpp"
@@ -166,7 +167,7 @@ struct UpdatedGroup<S>::Impl {
       view.maxwell = members[m].maxwell.empty() ? nullptr : members[m].maxwell.data();
       view.crossers = &leaving;
       view.published = members[m].published.empty() ? nullptr : members[m].published.data();
-      (view.published != nullptr ? kernels->updated_published_block : kernels->updated_block)(view);
+      updated_block_of(*kernels, view.law.law)(view);
       block.extremes.min_volume_ratio =
           std::min(block.extremes.min_volume_ratio, view.extremes.min_volume_ratio);
       block.extremes.max_volume_ratio =

@@ -68,7 +68,7 @@ struct UpdatedPointOfLaw {
   HWY_INLINE void keep(const LawStep<T>& taken) const {
     using Chunk = mpm::UpdatedChunk<S>;
     store_mat3(elastic_after<kFamily, T>(view.law, taken), &chunk.a[Chunk::kH][lane]);
-    if constexpr (kFamily == StressFamily::kHencky) {
+    if constexpr (material::has_flow(kFamily)) {
       if (view.law.plastic) taken.strain.store(&chunk.a[Chunk::kStrain][lane]);
     }
   }

@@ -52,11 +52,17 @@ double shape_energy(const LawConstants<double>& law, const Mat3d& f) {
       }
       return energy;
     }
-    default: {
+    case Law::kStvkHencky:
+    case Law::kVonMises:
+    case Law::kHerschelBulkley:
+    case Law::kDruckerPrager:
+    case Law::kLatent:
+    case Law::kPublished: {
       const Vec3d strain = stretches(f).array().log();
       return mu * (strain - Vec3d::Constant(strain.mean())).squaredNorm();
     }
   }
+  return traits(law.law).energy.shape(law, f);
 }
 
 double volume_energy(const LawConstants<double>& law, double j) {
@@ -79,9 +85,15 @@ double volume_energy(const LawConstants<double>& law, double j) {
       }
       return energy;
     }
-    default:
+    case Law::kStvkHencky:
+    case Law::kVonMises:
+    case Law::kHerschelBulkley:
+    case Law::kDruckerPrager:
+    case Law::kLatent:
+    case Law::kPublished:
       return 0.5 * law.kappa * std::log(j) * std::log(j);
   }
+  return traits(law.law).energy.volume(law, j);
 }
 
 double crush_energy(const LawConstants<double>& law, double j) {

@@ -62,12 +62,13 @@ MaterialGradient material_gradient(const Material& m, const ConstantsAdjoint<dou
   const double bulk = 1.0 - 2.0 * nu;
   out.poisson_ratio = of_lambda * e * (1.0 + 2.0 * nu * nu) / (shear * shear * bulk * bulk) -
                       of_mu * e / (2.0 * shear * shear);
-  if (m.traits().uses("yield_stress")) {
+  const LawTraits& law = m.traits();
+  if (law.uses("yield_stress")) {
     out.yield_stress = std::sqrt(2.0 / 3.0) * c.yield;
     out.hardening = c.hardening;
-    out.viscosity = m.law == Law::kHerschelBulkley ? 2.0 * c.eta : 0.0;
-    out.exponent = c.exponent;
   }
+  if (law.uses("viscosity")) out.viscosity = (m.law == Law::kHerschelBulkley ? 2.0 : 1.0) * c.eta;
+  if (law.uses("exponent")) out.exponent = c.exponent;
   if (m.law == Law::kLatent) out.latent = latent_gradient(m, out);
   return out;
 }

@@ -72,7 +72,7 @@ HWY_INLINE Mat3<T> elastic_after(const Constants<T>& c, const LawStep<T>& taken)
     const T stretch = expm1_small(scalar<T>(1.0 / 3.0) * log1p(taken.trial.jm1));
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) h[i][j] = i == j ? stretch : scalar<T>(0);
-  } else if constexpr (kFamily == StressFamily::kHencky) {
+  } else if constexpr (material::has_flow(kFamily)) {
     if (c.plastic) h = flowed(h, taken.flow);
   }
   return h;

@@ -249,6 +249,12 @@ HWY_INLINE void add_viscous_stress(const Constants<T>& c, const Mat3<T>& l, T jm
   tau.xy += shear * (l[0][1] + l[1][0]);
 }
 
+/// Stress and flow of an added family (material::AddedLaw). The file that adds it specialises this
+/// with the static functions stress() and adjoint(), of the arguments of kirchhoff_stress() and of
+/// kirchhoff_stress_adjoint() without the last.
+template <StressFamily kFamily>
+struct AddedStress;
+
 /// Kirchhoff stress [Pa] of the trial elastic deformation I + `h`, jm1 = det − 1, `mean` = J̄ − 1
 /// (jm1 itself without mean dilatation). See stress_hencky for `plastic` and `strain`.
 template <StressFamily kFamily, class T>
@@ -261,8 +267,10 @@ HWY_INLINE Sym3<T> kirchhoff_stress(const Constants<T>& c, const Mat3<T>& h, T j
     return stress_neo_hookean(c, h, jm1, mean);
   } else if constexpr (kFamily == StressFamily::kNewtonian) {
     return stress_newtonian(c, jm1);
-  } else {
+  } else if constexpr (kFamily == StressFamily::kHencky) {
     return stress_hencky(c, h, jm1, mean, dt, plastic, strain);
+  } else {
+    return AddedStress<kFamily>::template stress<T>(c, h, jm1, mean, dt, plastic, strain);
   }
 }
 

@@ -417,9 +417,16 @@ HWY_INLINE void kirchhoff_stress_adjoint(const Constants<T>& c, const Mat3<T>& h
   } else if constexpr (kFamily == StressFamily::kNewtonian) {
     stress_newtonian_adjoint(c, jm1, tau_bar, bar, c_bar);
     if (again != nullptr) again->tau = stress_newtonian(c, jm1);
-  } else {
+  } else if constexpr (kFamily == StressFamily::kHencky) {
     stress_hencky_adjoint(c, h, jm1, mean, dt, strain, tau_bar, plastic_bar, strain_bar, bar, c_bar,
                           again);
+  } else {
+    using Added = AddedStress<kFamily>;
+    Added::template adjoint<T>(c, h, jm1, mean, dt, strain, tau_bar, plastic_bar, strain_bar, bar,
+                               c_bar);
+    if (again != nullptr) {
+      again->tau = Added::template stress<T>(c, h, jm1, mean, dt, again->plastic, strain);
+    }
   }
 }
 

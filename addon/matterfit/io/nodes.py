@@ -13,6 +13,7 @@ COLORS = ((0.80, 0.36, 0.22), (0.24, 0.50, 0.72), (0.45, 0.62, 0.28), (0.74, 0.6
 COLOR_OF_LAW = {"NEWTONIAN": 1, "DRUCKER_PRAGER": 3}  # liquids are blue, grains sandy
 # Scalar attributes live in the red channel, vectors in red, green, blue.
 VECTOR_ATTRIBUTES = frozenset({"velocity"})
+BLENDINGS = 4  # of a surface's velocity: over about a particle separation
 
 
 class _Builder:
@@ -71,9 +72,11 @@ def particles_tree(name, radius, material, attributes):
 
 
 def velocity_tree(name, points, unit):
-    """A mesh with the attribute `velocity` of the nearest of an object's points: what Cycles blurs by,
-    since the mesh of a level set has other vertices at every frame. The points have it in metres a
-    second, the mesh in Blender units, of which a metre has `unit`."""
+    """A mesh with the attribute `velocity` of an object's points: what Cycles blurs by, since the mesh
+    of a level set has other vertices at every frame. The points have it in metres a second, the mesh in
+    Blender units, of which a metre has `unit`. A vertex takes that of the nearest point; where the nearest
+    is another one the velocity jumps, and blur would tear the faces there into streaks, so it is averaged
+    over neighbouring faces `BLENDINGS` times."""
     tree = bpy.data.node_groups.get(name)
     if tree is None or tree.type != "GEOMETRY":
         tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
@@ -94,9 +97,15 @@ def velocity_tree(name, points, unit):
     builder.link(compat.socket(known.outputs, "Attribute", "VECTOR"),
                  compat.socket(sample.inputs, "Value", "VECTOR"))
     builder.link(nearest.outputs[0], compat.socket(sample.inputs, "Index"))
+    velocity = compat.socket(sample.outputs, "Value", "VECTOR")
+    for _time in range(BLENDINGS):
+        for domain in ("FACE", "POINT"):  # a face has the mean of its corners, a vertex that of its faces
+            mean = builder.add("GeometryNodeFieldOnDomain", data_type="FLOAT_VECTOR", domain=domain)
+            builder.link(velocity, compat.socket(mean.inputs, "Value", "VECTOR"))
+            velocity = compat.socket(mean.outputs, "Value", "VECTOR")
     scaled = builder.add("ShaderNodeVectorMath", operation="SCALE")
     scaled.inputs["Scale"].default_value = unit
-    builder.link(compat.socket(sample.outputs, "Value", "VECTOR"), scaled.inputs[0])
+    builder.link(velocity, scaled.inputs[0])
     store = builder.add("GeometryNodeStoreNamedAttribute", data_type="FLOAT_VECTOR")
     store.domain = "POINT"
     compat.socket(store.inputs, "Name").default_value = "velocity"

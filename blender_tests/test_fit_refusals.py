@@ -23,6 +23,19 @@ class RefusalTest(FitCase):
             capture.enabled = False
         self.refused("no capture to fit to.*Import one")
 
+    def test_the_start_of_what_is_only_tested(self):
+        """Nothing tells a fit when a capture began that is held out as a whole."""
+        self.recording("second")
+
+        def listed():
+            return {row.owner for row in self.fit.parameters if row.key == "start_frame"}
+
+        self.assertEqual(listed(), {"clip", "second"})
+        self.settings.captures["second"].holdout = "CAPTURE"
+        self.assertEqual(listed(), {"clip"})
+        self.settings.captures["second"].holdout = "NONE"
+        self.assertEqual(listed(), {"clip", "second"})
+
     def test_nothing_to_find(self):
         self.only()
         self.refused("no parameter is switched on")

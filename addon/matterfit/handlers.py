@@ -57,8 +57,10 @@ def follow_paths(*_arguments):
 
 @persistent
 def look_after_undo(*_arguments):
-    """Free and its like delete files, which undo cannot bring back."""
+    """Free and its like delete files, which undo cannot bring back; what was said of a bake is not so of
+    what undo leaves of it."""
     still_there.undone()
+    bpy.context.window_manager.matterfit.last_report = ""
     for scene in bpy.data.scenes:
         lost.forget(scene)
 

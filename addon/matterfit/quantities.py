@@ -60,6 +60,11 @@ class Quantity:
     share: float = 0.0
     short: str = ""
 
+    def takes(self, value):
+        """Whether its field holds the value, which it would clamp otherwise."""
+        slack = 1e-6 * abs(value)  # fields have single precision
+        return self.least - slack <= value <= self.most + slack and not (self.positive and value == 0.0)
+
     @property
     def caption(self):
         """What a panel has room for; the tooltip has unit and sentence."""

@@ -4,10 +4,12 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
+#include <charconv>
 #include <csignal>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -68,6 +70,21 @@ struct Arguments {
   bool quiet = false;
 };
 
+/// Checked before CLI11 converts the text, which says no more than that it could not.
+CLI::Validator whole_number(int low, int high) {
+  return CLI::Validator(
+      [low, high](const std::string& text) -> std::string {
+        int value = 0;
+        const auto end = text.data() + text.size();
+        const auto [stop, fault] = std::from_chars(text.data(), end, value);
+        if (fault == std::errc{} && stop == end && value >= low && value <= high) return {};
+        const std::string most =
+            high == std::numeric_limits<int>::max() ? " or more" : " to " + std::to_string(high);
+        return "'" + text + "' is not a whole number, " + std::to_string(low) + most;
+      },
+      "");
+}
+
 void add_common(CLI::App& app, Arguments& arguments) {
   app.add_option("JOB", arguments.job, "job document (docs/formats.md)")->required();
   app.add_option("--set", arguments.set,
@@ -75,7 +92,8 @@ void add_common(CLI::App& app, Arguments& arguments) {
       ->expected(1)
       ->take_all()
       ->allow_extra_args(false);
-  app.add_option("--threads", arguments.threads, "threads; 0: as many as the machine has");
+  app.add_option("--threads", arguments.threads, "threads; 0: as many as the machine has")
+      ->check(whole_number(0, std::numeric_limits<int>::max()));
   app.add_option("--target", arguments.target, "instruction set: auto, sse4, avx2, avx512");
   app.add_option("--report", arguments.report, "write the result to this file too");
   app.add_flag("--json", arguments.json, "print the result as JSON on standard output");
@@ -102,10 +120,6 @@ job::Job read(const Arguments& arguments, const std::string& verb) {
 }
 
 job::RunOptions run_options(const Arguments& arguments) {
-  if (arguments.threads < 0) {
-    matterfit::throw_input("--threads " + std::to_string(arguments.threads) +
-                           ": expected a number of threads, or 0 for as many as the machine has.");
-  }
   job::RunOptions options;
   options.threads = arguments.threads;
   options.target = job::target_from_name(arguments.target);
@@ -144,12 +158,12 @@ CLI::App* add_wedge(CLI::App& app, Arguments& arguments) {
       "wedge", "run a document once for each combination of the values given with --set");
   add_common(*verb, arguments);
   verb->get_option("--set")->description(
-      "PATH=VALUE,VALUE,…: one member for each value, and for each combination where it is "
+      "PATH=VALUE,VALUE,…: one member for each value, and for each combination where --set is "
       "repeated");
   verb->add_option("--output", arguments.folder, "folder of the members, one each")->required();
   verb->add_option("--task", arguments.task, "what each member does; without it the document's");
   verb->add_option("--jobs", arguments.at_once, "members that run side by side")
-      ->check(CLI::Range(1, 1024));
+      ->check(whole_number(1, 1024));
   verb->add_option("--write", arguments.write,
                    "run nothing, write the file of a farm beside the members: slurm, flamenco");
   return verb;
@@ -329,6 +343,16 @@ void check_verb(const CLI::App& app, int argc, char** argv) {
                          (near ? " Did you mean '" + *near + "'?" : " There are:" + list + "."));
 }
 
+std::string said_of(const CLI::ParseError& error) {
+  const std::string text = error.what();
+  if (error.get_name() == "ConversionError") {
+    const std::size_t colon = text.find(": ");
+    if (colon != std::string::npos) return text.substr(colon + 2) + " is not a number.";
+  }
+  if (text == "A subcommand is required") return "what is to be done is missing.";
+  return text + ".";
+}
+
 int command(int argc, char** argv, Arguments& arguments) {
   CLI::App app(
       "Matterfit: simulates, fits materials to captures, compares, and bakes what Blender plays.",
@@ -366,8 +390,10 @@ int command(int argc, char** argv, Arguments& arguments) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    const int status = app.exit(error);
-    return status == 0 ? 0 : matterfit::exit_status(ErrorKind::kInput);
+    if (error.get_exit_code() == 0) return app.exit(error);  // help, version
+    std::string verb = "matterfit";
+    for (const CLI::App* given : app.get_subcommands()) verb += " " + given->get_name();
+    matterfit::throw_input(said_of(error) + "\n" + verb + " --help lists what there is.");
   }
   if (look->parsed()) return inspect(arguments);
   if (fresh->parsed()) return new_job(arguments);

@@ -116,8 +116,8 @@ Json likes_of_file(const std::filesystem::path& file, const material::Excitation
   if (likes.empty()) {
     throw_input(
         file.generic_string() +
-        ": no body is of the law neural_isotropic or latent; the others have a formula of their "
-        "own.");
+        ": no body is of the law neural_isotropic or latent, of which alone it can be said what they "
+        "are like.");
   }
   return likes;
 }

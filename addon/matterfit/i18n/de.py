@@ -43,6 +43,16 @@ TEXTS = {
     "Select an object that is to be simulated, and press Add Body.":
         "Ein Objekt auswählen, das simuliert werden soll, und Körper hinzufügen drücken.",
     "Frame {n}: {error} mm": "Bild {n}: {error} mm",
+    "Particle Separation is {now}, and nothing can be simulated above {most}. Use a smaller one, or lower Unit "
+    "Scale under Scene > Units.":
+        "Der Partikelabstand ist {now}, und über {most} lässt sich nichts simulieren. Einen kleineren nehmen, "
+        "oder Unit Scale unter Scene > Units senken.",
+    "Batch: {name} has the value {text}; its field takes from {least} to {most}.":
+        "Stapel: {name} hat den Wert {text}; sein Feld nimmt Werte von {least} bis {most}.",
+    "{name}: {key} is {value}, and the panel takes from {least} to {most}.":
+        "{name}: {key} ist {value}, und das Panel nimmt Werte von {least} bis {most}.",
+    "'{name}': {label} is {found} in the fit; its field takes from {least} to {most}":
+        "„{name}“: {label} ist in der Anpassung {found}; sein Feld nimmt Werte von {least} bis {most}",
     "Check": "Prüfen",
     "Before the Fit": "Vor der Anpassung",
     "Clear": "Ausblenden",

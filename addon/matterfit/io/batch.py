@@ -12,7 +12,7 @@ import re
 from .. import quantities
 from ..compat import translate, translate_label
 from ..jobs import JobError
-from . import attached, cache, files, fit_rows, job_fit, takes, visibility
+from . import attached, cache, files, fit_rows, job_checks, job_fit, number_text, takes, visibility
 
 WEDGE_FILE = "wedge.json"
 AXES = "XYZ"
@@ -45,9 +45,14 @@ def candidates(settings):
 
 def unit(key):
     """The unit of a quantity, "" without one."""
-    match = _COMPONENT.match(key)
-    row = quantities.find(match.group("key") if match else key)
+    row = _row(key)
     return "m" if key == SEPARATION else row.unit if row is not None else ""
+
+
+def _row(key):
+    """The Quantity of a key, or of the vector that it is a component of; None where there is none."""
+    match = _COMPONENT.match(key)
+    return quantities.find(match.group("key") if match else key)
 
 
 def assignments(settings, scene_document):
@@ -101,6 +106,14 @@ def _values(axis):
             raise JobError(translate(
                 "Batch: {name} has '{text}' among its values; numbers separated by commas are "
                 "expected, such as 1, 2, 3.").format(name=axis.name, text=text))
+        row = _row(axis.key)
+        if row is not None and not row.takes(value):
+            raise JobError(translate("Batch: {name} has the value {text}; its field takes from {least} to "
+                                     "{most}.").format(name=axis.name, text=text,
+                                                       least=number_text.short(row.least, 6),
+                                                       most=number_text.short(row.most, 6)))
+        if axis.key == SEPARATION:
+            job_checks.separation(value, typed=True)
         if value in known:
             raise JobError(translate("Batch: {name} has the value {text} twice.").format(
                 name=axis.name, text=text))

@@ -9,7 +9,7 @@ import os
 from mathutils import Matrix, Quaternion, Vector
 
 from .. import quantities
-from ..compat import translate
+from ..compat import translate, translate_label
 from ..jobs import JobError
 from . import (
     blender_cameras,
@@ -19,6 +19,7 @@ from . import (
     fit_values,
     job_fit,
     material_values,
+    number_text,
     presets,
     resolution,
     transforms,
@@ -58,6 +59,7 @@ def apply(scene, result, folder, fitted_take, take, given=()):
     work.motions()
     work.surroundings()
     work.captures()
+    work.say_clamped()
     return work.left
 
 
@@ -214,6 +216,31 @@ class Application:
                 contact.stiffness = item["contact"]["stiffness"]
             if "height" in keys:
                 solver.ground_height = item["height"] / self.scale
+
+    def say_clamped(self):
+        """What fields could not hold: they end at their bounds."""
+        for owner, keys in self.wanted.items():
+            for key in keys:
+                row = quantities.find(key)
+                if row is None or row.size > 1:
+                    continue
+                found = self._number(owner, key)
+                if found is not None and not row.takes(found):
+                    self.left.append(translate(
+                        "'{name}': {label} is {found} in the fit; its field takes from {least} to {most}").format(
+                            name=owner, label=translate_label(row.title), found=number_text.short(found, 6),
+                            least=number_text.short(row.least, 6), most=number_text.short(row.most, 6)))
+
+    def _number(self, owner, key):
+        """What the fit's scene has of a quantity that is one number; None where it has none."""
+        branch = quantities.branch_of(key)
+        part = self._item(owner, "colliders" if _is_surface(key) else "bodies")
+        if branch is not None:
+            branches = (part or {}).get("material", {}).get("maxwell", [])
+            part, key = (branches[branch[0]] if branch[0] < len(branches) else {}), branch[1]
+        for step in key.split("."):
+            part = part.get(step) if isinstance(part, dict) else None
+        return part
 
     def captures(self):
         for name, frame in self.starts.items():

@@ -45,8 +45,10 @@ def candidates(settings):
     for body in settings.bodies:
         if body.role == "COLLIDER":
             found += [(body.name, quantity) for quantity in _of_contact(body.contact)]
-    # Rows that are switched off are kept too: their settings stay until they are on again.
-    found += [(capture.name, quantities.START_FRAME) for capture in settings.captures]
+    # Rows of captures that are switched off are kept: their settings stay until they are on again. One that
+    # is held out as a whole tells nothing of its own start.
+    found += [(capture.name, quantities.START_FRAME) for capture in settings.captures
+              if capture.holdout != "CAPTURE"]
     seen = set()
     return [(owner, quantity) for owner, quantity in found
             if (owner, quantity.key) not in seen and not seen.add((owner, quantity.key))]

@@ -9,6 +9,7 @@ from . import files, plain
 
 MAX_FRAME = 9_999_999
 LEAST_SEPARATION = 3e-5  # [m]; OpenVDB takes no voxel below 14 µm, and distances have half of it
+MOST_SEPARATION = 1e3  # [m], as the library has it
 
 
 def scene(writer):
@@ -54,6 +55,10 @@ def scene(writer):
 def separation(metres, typed=False):
     """JobError where particles this far apart [m] cannot be simulated."""
     finite(metres, "scene.particle_separation")
+    if metres > MOST_SEPARATION:
+        raise JobError(translate(
+            "Particle Separation is {now}, and nothing can be simulated above {most}. Use a smaller one, or "
+            "lower Unit Scale under Scene > Units.").format(now=_length(metres), most=_length(MOST_SEPARATION)))
     if metres < LEAST_SEPARATION and typed:
         raise JobError(translate(
             "Particle Separation is {now}, and nothing can be simulated below {least}. Type a larger one, or "

@@ -6,6 +6,7 @@ import math
 from .. import laws, quantities
 from ..compat import translate
 from ..jobs import JobError
+from . import number_text
 
 SCHEMA = "matterfit.material/1"
 
@@ -76,6 +77,10 @@ def _check_number(name, quantity, key, value):
     if value < 0.0 <= quantity.least or value == 0.0 and quantity.positive:
         raise JobError(translate("{name}: {key} is {value}, expected a number above 0.").format(
             name=name, key=key, value=repr(value)))
+    if not quantity.takes(value):
+        raise JobError(translate("{name}: {key} is {value}, and the panel takes from {least} to {most}.").format(
+            name=name, key=key, value=repr(value), least=number_text.short(quantity.least, 6),
+            most=number_text.short(quantity.most, 6)))
 
 
 def _check_code(name, key, code):

@@ -138,7 +138,7 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         settings = scene.matterfit
         before, count = settings.take_index, len(settings.takes)
         take = takes.for_bake(settings, replace=self.onto == "REPLACE")
-        self._stood_at = before if count and len(settings.takes) > count else None
+        self._stood_at = before if len(settings.takes) > count else None
         self._kept = takes.Kept(take)
         folder = ""
         try:
@@ -176,7 +176,7 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
                 cache.free(takes.locate(take).folder)
         settings.takes.remove(index)
         if settings.take_index == index:
-            settings.take_index = min(self._stood_at, len(settings.takes) - 1)
+            settings.take_index = max(min(self._stood_at, len(settings.takes) - 1), 0)
         elif settings.take_index > index:
             settings.take_index -= 1
 

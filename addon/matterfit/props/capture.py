@@ -34,9 +34,13 @@ def _other_file(self, context):
     _reread(self, context)
 
 
+def _list_outdated(self, _context):
+    reactions.fit_list_outdated(self.id_data.matterfit)
+
+
 def _renamed(self, context):
     outdated(self, context)
-    reactions.fit_list_outdated(self.id_data.matterfit)
+    _list_outdated(self, context)
 
 
 class MatterfitCapture(bpy.types.PropertyGroup):
@@ -161,7 +165,7 @@ class MatterfitCapture(bpy.types.PropertyGroup):
         description="Where the images lie; empty: beside the file, of a COLMAP model where it is "
                     "usual")
     holdout: EnumProperty(
-        name="Hold-out", default="NONE",
+        name="Hold-out", default="NONE", update=_list_outdated,
         items=(("NONE", "Nothing", "Everything is used"),
                ("FRAMES", "Last Frames", "The frames at the end are kept for testing"),
                ("CAPTURE", "Whole Capture", "This capture is only used for testing"),

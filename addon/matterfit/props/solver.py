@@ -30,7 +30,7 @@ class MatterfitSolver(bpy.types.PropertyGroup):
         name="Quality", items=choices.QUALITIES, default="STANDARD", update=_quality_changed,
         description="How many cells lie across the thinnest part of the bodies")
     particle_separation: FloatProperty(
-        name="Particle Separation", default=0.01, min=1e-6, soft_min=1e-3, max=1e4, soft_max=0.5,
+        name="Particle Separation", default=0.01, min=1e-6, soft_min=1e-3, max=1e3, soft_max=0.5,
         precision=4, step=0.1, unit="LENGTH", update=_separation_changed,
         description="Distance between particles: the one resolution knob. A grid cell is twice "
                     "as wide")

@@ -87,7 +87,7 @@ Region read_region(const JsonValue& value, const ReadContext& context) {
 Placement read_placement(const JsonValue& value) {
   JsonObject object(value);
   Placement placement;
-  placement.position = object.vec3("position", placement.position);
+  placement.position = object.vec3("position", placement.position, kPlaceRange);
   if (const auto rotation = object.find("rotation")) placement.rotation = rotation->quaternion();
   placement.scale = object.number("scale", 1.0, positive());
   object.finish();
@@ -120,8 +120,8 @@ Source read_source(const JsonValue& value, const ReadContext& context) {
     case Kind::kBox: {
       const JsonValue given = object.require("box");
       JsonObject box(given);
-      source.low = box.require("low").vec3();
-      source.high = box.require("high").vec3();
+      source.low = box.require("low").vec3(kPlaceRange);
+      source.high = box.require("high").vec3(kPlaceRange);
       box.finish();
       if (!(source.low.array() < source.high.array()).all()) {
         given.refuse("'low' must lie below 'high' on every axis.");
@@ -130,14 +130,14 @@ Source read_source(const JsonValue& value, const ReadContext& context) {
     }
     case Kind::kSphere: {
       JsonObject sphere(object.require("sphere"));
-      source.center = sphere.vec3("center", source.center);
+      source.center = sphere.vec3("center", source.center, kPlaceRange);
       source.radius = sphere.require("radius").number(positive("m"));
       sphere.finish();
       break;
     }
     case Kind::kCylinder: {
       JsonObject cylinder(object.require("cylinder"));
-      source.center = cylinder.vec3("center", source.center);
+      source.center = cylinder.vec3("center", source.center, kPlaceRange);
       source.radius = cylinder.require("radius").number(positive("m"));
       source.height = cylinder.require("height").number(positive("m"));
       if (const auto axis = cylinder.find("axis")) source.axis = axis->unit_vec3();
@@ -304,8 +304,8 @@ BodyDoc read_body(const JsonValue& value, const ReadContext& context) {
     body.formulation =
         static_cast<mpm::Formulation>(formulation->choice({"auto", "total", "updated", "renewed"}));
   }
-  body.velocity = object.vec3("velocity", body.velocity);
-  body.spin = object.vec3("spin", body.spin);
+  body.velocity = object.vec3("velocity", body.velocity, kSpeedRange);
+  body.spin = object.vec3("spin", body.spin, kSpinRange);
   if (const auto placement = object.find("placement")) {
     body.placement = read_placement(*placement);
   }

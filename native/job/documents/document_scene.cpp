@@ -197,7 +197,8 @@ SceneDoc read_scene(const JsonValue& value, const ReadContext& context) {
   if (const auto fps = object.find("fps")) read_fps(*fps, scene);
   read_frames(object.require("frames"), scene.first_frame, scene.end_frame);
   if (const auto gravity = object.find("gravity")) {
-    scene.gravity = read_keyed<Vec3d>(*gravity, [](const JsonValue& item) { return item.vec3(); });
+    scene.gravity = read_keyed<Vec3d>(
+        *gravity, [](const JsonValue& item) { return item.vec3(kAccelerationRange); });
   }
   scene.particle_separation = object.require("particle_separation").number({1e-6, 1e3, false, "m"});
   scene.quality = object.string("quality", "");

@@ -88,7 +88,24 @@ TEST(JobDocument, ErrorsNameThePathTheValueAndWhatIsExpected) {
   EXPECT_EQ(refusal([](Json& d) {
               d["scene"]["gravity"] = {1, 2, "3"};
             }),
-            "scene.gravity[2] is \"3\", expected a number.");
+            "scene.gravity[2] is \"3\", expected a number from -100000 to 100000 [m/s²].");
+  EXPECT_EQ(refusal([](Json& d) {
+              d["scene"]["gravity"] = {0, 0, -1e200};
+            }),
+            "scene.gravity[2] is -1e+200, expected a number from -100000 to 100000 [m/s²].");
+  EXPECT_THAT(refusal([](Json& d) {
+                d["scene"]["gravity"] = {{"frames", {1, 2}}, {"values", {{0, 0, 0}, {0, 0, 1e6}}}};
+              }),
+              HasSubstr("scene.gravity.values[1][2] is 1000000.0, expected a number from"));
+  EXPECT_EQ(refusal([](Json& d) {
+              d["scene"]["bodies"][0]["placement"]["position"] = {1e12, 0, 0};
+            }),
+            "scene.bodies[0].placement.position[0] is 1000000000000.0, expected a number from "
+            "-1000000 to 1000000 [m].");
+  EXPECT_THAT(refusal([](Json& d) {
+                d["scene"]["bodies"][0]["spin"] = {0, 1e6, 0};
+              }),
+              HasSubstr("spin[1] is 1000000.0, expected a number from -100000 to 100000 [rad/s]"));
   EXPECT_EQ(refusal([](Json& d) { d["scene"].erase("particle_separation"); }),
             "scene: 'particle_separation' is missing.");
   EXPECT_THAT(refusal([](Json& d) {

@@ -102,11 +102,11 @@ std::size_t JsonValue::choice(std::initializer_list<std::string_view> choices) c
   fail(expected);
 }
 
-Vec3d JsonValue::vec3() const {
+Vec3d JsonValue::vec3(const Range& range) const {
   if (!json_->is_array() || json_->size() != 3) fail("three numbers [x, y, z]");
   Vec3d result;
   const auto values = items();
-  for (int i = 0; i < 3; ++i) result[i] = values[static_cast<std::size_t>(i)].number();
+  for (int i = 0; i < 3; ++i) result[i] = values[static_cast<std::size_t>(i)].number(range);
   return result;
 }
 
@@ -181,9 +181,9 @@ std::string JsonObject::string(const char* key, const std::string& fallback) {
   return found ? found->string() : fallback;
 }
 
-Vec3d JsonObject::vec3(const char* key, const Vec3d& fallback) {
+Vec3d JsonObject::vec3(const char* key, const Vec3d& fallback, const Range& range) {
   const auto found = find(key);
-  return found ? found->vec3() : fallback;
+  return found ? found->vec3(range) : fallback;
 }
 
 std::size_t JsonObject::one_of(std::initializer_list<const char*> keys) {

@@ -47,7 +47,8 @@ class JsonValue {
   [[nodiscard]] std::string string() const;
   /// A string out of `choices`; returns its index.
   [[nodiscard]] std::size_t choice(std::initializer_list<std::string_view> choices) const;
-  [[nodiscard]] Vec3d vec3() const;
+  /// `range` is that of each component.
+  [[nodiscard]] Vec3d vec3(const Range& range = kAny) const;
   [[nodiscard]] Vec3d unit_vec3() const;
   /// [w, x, y, z], normalised; a length off 1 by more than 1 % is refused.
   [[nodiscard]] Quatd quaternion() const;
@@ -77,7 +78,7 @@ class JsonObject {
   [[nodiscard]] int integer(const char* key, int fallback, int low, int high);
   [[nodiscard]] bool boolean(const char* key, bool fallback);
   [[nodiscard]] std::string string(const char* key, const std::string& fallback);
-  [[nodiscard]] Vec3d vec3(const char* key, const Vec3d& fallback);
+  [[nodiscard]] Vec3d vec3(const char* key, const Vec3d& fallback, const Range& range = kAny);
   /// Throws if exactly one of `keys` is not present; returns its index.
   [[nodiscard]] std::size_t one_of(std::initializer_list<const char*> keys);
 

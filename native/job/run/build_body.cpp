@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "base/error.hpp"
 #include "capture/fill.hpp"
@@ -49,6 +53,18 @@ struct FilledShape {
       default:
         break;
     }
+  }
+
+  /// Throws where vertices lie where single precision has no millimetres left.
+  void check_places(const std::string& path) const {
+    constexpr float kFarthest = 1e6F;  // m, as a document's own places
+    float farthest = 0.0F;
+    for (const Vec3f& x : mesh.vertices) farthest = std::max(farthest, x.cwiseAbs().maxCoeff());
+    if (farthest <= kFarthest) return;
+    throw_input(
+        path + ".source: its shape lies up to " + fmt::format("{:.2g}", farthest) +
+        " m from its origin, and nothing can be simulated beyond 1000 km. Move its vertices "
+        "to the origin, or look at its unit.");
   }
 
   [[nodiscard]] capture::FilledBody fill(const capture::FillOptions& options) const {
@@ -127,6 +143,7 @@ mpm::Body build_body(const BodyDoc& doc, const SceneDoc& scene, const std::strin
   const bool hull = doc.source.sampling == Source::Sampling::kLattice ||
                     (doc.source.sampling == Source::Sampling::kAuto && mpm::is_total(body));
   const FilledShape shape(doc.source, doc.placement.scale, hull);
+  shape.check_places(path);
   interrupter.check();
   capture::FilledBody filled;
   arena.execute([&] {

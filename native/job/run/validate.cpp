@@ -93,6 +93,9 @@ std::vector<Overlap> find_overlaps(const mpm::Scene& scene) {
                                   kSmallestShare * double(std::min(first.size(), second.size())));
       if (double(overlap.particles) <= few) continue;
       overlap.place /= double(overlap.particles);
+      // To a tenth of a separation: a middle that is 0 is not told as 4e-17.
+      const double step = 0.1 * separation;
+      overlap.place = (overlap.place.array() / step).round().matrix() * step;
       found.push_back(overlap);
     }
   }

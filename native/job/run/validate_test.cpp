@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/run/validate.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
 
 #include "base/error.hpp"
 
@@ -38,7 +43,8 @@ TEST(Validate, BodiesThatTouchAreSound) {
 
 TEST(Validate, RefusesWhatLiesInEachOther) {
   EXPECT_THAT(said(two_cubes(0.3)), HasSubstr("Bodies 'left' and 'right' lie in each other"));
-  EXPECT_THAT(said(two_cubes(0.0)), HasSubstr("lie in each other"));
+  // The same place: its middle is at .2, .205, .3 m, told to a tenth of a separation.
+  EXPECT_THAT(said(two_cubes(0.0)), HasSubstr("lie in each other, about (0.2, 0.205, 0.3) m."));
   EXPECT_THAT(said(two_cubes(0.7), {"bodies[0].source.box.low[2]=-0.2"}),
               HasSubstr("inside 'ground'"));
 }
@@ -71,6 +77,17 @@ TEST(Validate, ABodyMayRestInAColliderByAFractionOfAParticle) {
   EXPECT_EQ(sunk("0.13"), "");
   EXPECT_THAT(sunk("0.15"), HasSubstr("Body 'left' starts up to 0.05 m inside 'ground'"));
   EXPECT_THAT(sunk("0.2"), HasSubstr("starts up to 0.1 m inside 'ground'"));
+}
+
+TEST(Validate, RefusesAMeshThatIsFarFromItsOrigin) {
+  const auto file = std::filesystem::temp_directory_path() /
+                    fmt::format("matterfit_far_{}.obj", static_cast<long>(getpid()));
+  std::ofstream(file) << "v 1e12 0 0\nv 1.1e12 0 0\nv 1e12 1e11 0\nv 1e12 0 1e11\n"
+                         "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+  EXPECT_THAT(
+      said(two_cubes(0.7), {R"(bodies[1].source={"mesh":")" + file.generic_string() + R"("})"}),
+      HasSubstr("scene.bodies[1].source: its shape lies up to 1.1e+12 m from its origin"));
+  std::filesystem::remove(file);
 }
 
 TEST(Validate, RefusesAFitWithoutItsSection) {

@@ -326,8 +326,7 @@ std::vector<Likeness> likenesses(const Material& neural, const Excitation& over,
                                  std::uint64_t seed) {
   if (!is_isotropic(neural.law)) {
     throw_input("the material is of the law " + std::string(traits(neural.law).name) +
-                ", which has a formula of its own. What it is like can be said of "
-                "neural_isotropic and latent.");
+                ". What a material is like can be said of neural_isotropic and latent alone.");
   }
   const bool sound = over.strain > 0.0 && over.strain < 3.0 && over.compression >= 0.0 &&
                      over.compression < 2.0 && over.expansion >= 0.0 && over.expansion < 2.0 &&

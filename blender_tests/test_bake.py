@@ -230,6 +230,7 @@ print(json.dumps(found))
         self.assertFalse(self.settings.takes[0].baked)
         self.assertFalse(bpy.data.objects["Cube"].hide_render)
         self.assertEqual([item.name for item in self.scene.objects], ["Cube"])
+        self.assertEqual(bpy.context.window_manager.matterfit.last_report, "", "that it was baked")
 
     def test_remove_output(self):
         bpy.ops.matterfit.bake()

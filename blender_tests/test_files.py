@@ -5,7 +5,7 @@ import os
 
 import bpy
 from matterfit.io import files, takes
-from support import SceneCase, needs_library, tree
+from support import SceneCase, needs_library, select, tree
 
 
 class NameTest(SceneCase):
@@ -25,6 +25,17 @@ class NameTest(SceneCase):
     def test_names_without_letters_differ(self):
         names = ["🔴", "🔵", "?", "!", "", "…"]
         self.assertEqual(len({files.safe_name(name) for name in names}), len(names))
+
+    @needs_library
+    def test_of_an_object_with_slashes(self):
+        """Its row is named without them; a row that is renamed so is refused in the panel's words."""
+        select(self.cube("left/upper\\arm"))
+        bpy.ops.matterfit.add_body(role="BODY")
+        body = self.settings.bodies[0]
+        self.assertEqual(body.name, "left_upper_arm")
+        self.assertEqual(bpy.ops.matterfit.write_job(), {"FINISHED"})
+        body.name = "left/arm"
+        self.fails(bpy.ops.matterfit.write_job, ["files are called after 'left/arm'", "Rename the row"])
 
     def test_two_bodies(self):
         """Names that had been one and the same file."""

@@ -223,6 +223,11 @@ class ResolutionTest(SceneCase):
         self.assertEqual(resolution.advice(self.scene), (
             "The thinnest part is 2 cm, as thick as 1 layer: it bends and breaks too easily. Make it 6 cm "
             "thick, or lower Particle Separation."))
+        # Nearly three layers are never said to be three, nor advised to be as thick as they are.
+        for share in (0.93, 0.97):
+            solver.particle_separation = 0.02 / (2.0 * share * resolution.FEWEST_CELLS)
+            self.assertEqual("2 layers: " in resolution.advice(self.scene), share < 0.95)
+            self.assertNotIn("Make it 2 cm", resolution.advice(self.scene))
         body.material.preset = "WATER"
         self.assertEqual(resolution.advice(self.scene), "")
 

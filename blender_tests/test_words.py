@@ -172,6 +172,12 @@ class WordsTest(SceneCase):
                  "particle separation, or override scene.solver.dt.",
                  "Frame 1 would need too many steps in time (CFL). Soften the material or what it touches, slow "
                  "it down, or use a larger Particle Separation."),
+                ("Frame 1 would need more than 5000000 substeps (CFL). Soften the material, use a larger "
+                 "particle separation, or override scene.solver.dt.",
+                 "Frame 1 would need too many steps in time (CFL). Soften the material or what it touches, slow "
+                 "it down, or use a larger Particle Separation."),
+                ("/a b/manifest.json: not valid JSON at line 1: parse error at line 1, column 2: unexpected end.",
+                 "/a b/manifest.json is damaged: it is no whole JSON file."),
                 ("clip.npz: no point is visible in any frame.",
                  "clip.npz: no point is seen in any frame: every place is missing. Export the recording again, "
                  "or choose another file."),

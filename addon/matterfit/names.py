@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Names of rows in lists."""
 
+import re
+
+_NO_FILE = re.compile(r"[/\\\x00-\x1f]")
+
 
 def unique(base, others):
     """`base`, with a number behind it where one of the other rows has that name."""
@@ -10,3 +14,9 @@ def unique(base, others):
         name = f"{base} {number}"
         number += 1
     return name
+
+
+def for_file(name):
+    """`name` as files can be called after it: without / and \\, and not of dots alone."""
+    found = _NO_FILE.sub("_", name)
+    return found if found.strip(".") else "_"

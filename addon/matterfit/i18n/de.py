@@ -43,6 +43,9 @@ TEXTS = {
     "Select an object that is to be simulated, and press Add Body.":
         "Ein Objekt auswählen, das simuliert werden soll, und Körper hinzufügen drücken.",
     "Frame {n}: {error} mm": "Bild {n}: {error} mm",
+    "{path} is damaged: it is no whole JSON file.": "{path} ist beschädigt: keine ganze JSON-Datei.",
+    "Bodies: files are called after '{name}', and cannot have / or \\ in their names. Rename the row.":
+        "Körper: Dateien heißen nach „{name}“, und ihre Namen können kein / und \\ enthalten. Die Zeile umbenennen.",
     "Particle Separation is {now}, and nothing can be simulated above {most}. Use a smaller one, or lower Unit "
     "Scale under Scene > Units.":
         "Der Partikelabstand ist {now}, und über {most} lässt sich nichts simulieren. Einen kleineren nehmen, "

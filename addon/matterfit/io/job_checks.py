@@ -5,6 +5,7 @@ import math
 
 from ..compat import translate
 from ..jobs import JobError
+from ..names import for_file
 from . import files, plain
 
 MAX_FRAME = 9_999_999
@@ -26,6 +27,9 @@ def scene(writer):
         name = files.safe_name(body.name)
         if not body.name:
             raise JobError("Bodies: a row has no name. Give it one.")
+        if body.role == "BODY" and body.name != for_file(body.name):
+            raise JobError(translate("Bodies: files are called after '{name}', and cannot have / or \\ in their "
+                                     "names. Rename the row.").format(name=body.name))
         if name in seen:
             raise JobError(f"Bodies: '{body.name}' and '{seen[name]}' have the same name, or "
                            "names that would give the same file. Rename one.")

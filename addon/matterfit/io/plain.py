@@ -95,6 +95,10 @@ def _nothing_left(match):
         "range and the file's times, which are in seconds.").format(covered=match["covered"])
 
 
+def _damaged(match):
+    return translate("{path} is damaged: it is no whole JSON file.").format(path=match["path"])
+
+
 def _resumed(match):
     return translate("Went on after frame {n}.").format(n=match["n"])
 
@@ -173,7 +177,7 @@ _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
     (rf"points lie up to (?P<distance>{_NUMBER}) m off (?P<body>'[^'\n]+') at rest; are unit, transform "
      r"and start_frame right\?", _far_off),
     # Their number may be beyond all counting, and the panel has no time step.
-    (r"Frame (?P<n>\d+) would need -?\d+ substeps \((?P<why>[^)\n]*)\)\. Soften the material, use a larger "
+    (r"Frame (?P<n>\d+) would need (?:more than )?-?\d+ substeps \((?P<why>[^)\n]*)\)\. Soften the material, use a larger "
      r"particle separation, or override scene\.solver\.dt\.", _too_many_substeps),
     (r"no point is visible in any frame\.",
      _fixed("no point is seen in any frame: every place is missing. Export the recording again, or choose "
@@ -188,6 +192,7 @@ _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
      r"Shorten a 'holdout', or look at start_frame, fps and scene\.frames\.",
      _fixed("Every image is held out, or lies outside the frame range; nothing is left to fit to. Hold out "
             "less, or look at Start Frame, Rate and the frame range.")),
+    (r"(?P<path>[^\n]+\.json): not valid JSON[^\n]*", _damaged),
     (r"no usable checkpoint: simulated from the first frame",
      _fixed("No checkpoint was found: simulated from the first frame.")),
     (r"resumed after frame (?P<n>\d+)", _resumed),

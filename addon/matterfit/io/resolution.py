@@ -181,7 +181,7 @@ def advice(scene, known=None):
              if body.role == "BODY" and body.object is not None and body.object.name in known
              and not laws.material_flows(body.material)]
     cells = min(solid, default=numpy.inf) / (2.0 * solver.particle_separation)
-    if cells >= FEWEST_CELLS:
+    if cells >= 0.95 * FEWEST_CELLS:  # nearer than that it would be advised to be as thick as it is
         return ""
     metres = transforms.metres(scene)
     more = (translate("raise Most Particles") if limited_to(scene, known) is not None
@@ -190,7 +190,7 @@ def advice(scene, known=None):
         "The thinnest part is {thickness}, as thick as {layers}: it bends and breaks too easily. Make it "
         "{least} thick, or {more}.").format(
             thickness=plain.length_text(metres * 2.0 * cells * solver.particle_separation),
-            layers=plain.counted(max(round(2.0 * cells), 1), "layer"),
+            layers=plain.counted(max(int(2.0 * cells + 0.05), 1), "layer"),
             least=plain.length_text(metres * 2.0 * FEWEST_CELLS * solver.particle_separation), more=more)
 
 

@@ -7,7 +7,7 @@ from bpy.props import EnumProperty, IntProperty
 from ..compat import translate
 from ..io import attached, fit_rows, motion, presets, resolution, visibility
 from ..jobs import JobError
-from ..names import unique
+from ..names import for_file, unique
 from ..props import scene as scene_props
 from .base import PlainOperator, greyed, remove_active
 
@@ -16,7 +16,7 @@ USABLE = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 def add_body(settings, item, role):
     """A row for the object; the first preset is Jelly, so that it moves at once."""
-    name = unique(item.name if item is not None else translate("Body"), settings.bodies)
+    name = unique(for_file(item.name) if item is not None else translate("Body"), settings.bodies)
     body = settings.bodies.add()
     body.name = name
     body.role = role

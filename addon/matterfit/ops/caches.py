@@ -69,6 +69,7 @@ class MATTERFIT_OT_free(NoJobRunning, PlainOperator, bpy.types.Operator):
             left = cache.free(location.folder)
         take.baked = False
         take.frames_done = 0
+        session(context).last_report = ""  # of the bake that was there
         compare = scene.matterfit.compare
         take.compared = compare.done = compare.images_done = False
         if not location.linked and not left:

@@ -163,6 +163,9 @@ def floor():
 def render():
     scene = bpy.context.scene
     scene.render.resolution_percentage = 40
+    for item in dir(scene.render):  # no place of this machine goes into the picture
+        if item.startswith("use_stamp_"):
+            setattr(scene.render, item, False)
     bpy.ops.render.render()
     path = os.path.join(PICTURES, "start_jelly.jpg")
     scene.render.image_settings.file_format, scene.render.image_settings.quality = "JPEG", 85

@@ -339,6 +339,7 @@ class CompareTest(RecordedBatch):
         bpy.ops.matterfit.free_batch()
         self.assertFalse(os.path.exists(folder))
         self.assertEqual(len(self.batch.results), 0)
+        self.assertEqual(bpy.context.window_manager.matterfit.last_report, "", "what it had said of them")
 
 
 @unittest.skipUnless(native.load(), native.load_error())

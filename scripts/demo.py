@@ -145,6 +145,9 @@ def render(path, frame, width=800, height=450):
     scene.render.resolution_x, scene.render.resolution_y = width, height
     scene.render.resolution_percentage = 100
     scene.render.filepath = path
+    for item in dir(scene.render):  # no place of this machine goes into the picture
+        if item.startswith("use_stamp_"):
+            setattr(scene.render, item, False)
     scene.frame_set(frame)
     bpy.ops.render.render(write_still=True)
     say(f"picture: {os.path.relpath(path, ROOT)} (frame {frame})")

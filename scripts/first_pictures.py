@@ -288,6 +288,9 @@ def render(name, frame):
     scene.render.image_settings.file_format = "JPEG"
     scene.render.image_settings.quality = 90
     scene.render.filepath = os.path.join(FOLDER, f"{name}.jpg")
+    for item in dir(scene.render):  # no place of this machine goes into the picture
+        if item.startswith("use_stamp_"):
+            setattr(scene.render, item, False)
     scene.view_settings.view_transform = "Standard"
     scene.frame_set(frame)
     bpy.ops.render.render(write_still=True)

@@ -177,8 +177,8 @@ _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
     (rf"points lie up to (?P<distance>{_NUMBER}) m off (?P<body>'[^'\n]+') at rest; are unit, transform "
      r"and start_frame right\?", _far_off),
     # Their number may be beyond all counting, and the panel has no time step.
-    (r"Frame (?P<n>\d+) would need (?:more than )?-?\d+ substeps \((?P<why>[^)\n]*)\)\. Soften the material, use a larger "
-     r"particle separation, or override scene\.solver\.dt\.", _too_many_substeps),
+    (r"Frame (?P<n>\d+) would need (?:more than )?-?\d+ substeps \((?P<why>[^)\n]*)\)\. Soften the material, "
+     r"use a larger particle separation, or override scene\.solver\.dt\.", _too_many_substeps),
     (r"no point is visible in any frame\.",
      _fixed("no point is seen in any frame: every place is missing. Export the recording again, or choose "
             "another file.")),

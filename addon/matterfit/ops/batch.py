@@ -215,6 +215,7 @@ class MATTERFIT_OT_free_batch(NoJobRunning, PlainOperator, bpy.types.Operator):
 
     def act(self, context):
         left = batch.free(context.scene)
+        session(context).last_report = ""  # that its results are takes
         if left:
             folder = os.path.commonpath([os.path.dirname(name) for name in left])
             report_left(self, folder, [os.path.relpath(name, folder) for name in left])

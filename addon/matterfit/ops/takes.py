@@ -51,6 +51,7 @@ class MATTERFIT_OT_remove_take(NoJobRunning, PlainOperator, bpy.types.Operator):
         if location.exists and not location.linked:
             cache.free(location.folder)
         remove_active(settings, "takes", "take_index")
+        session(context).last_report = ""  # of its bake
 
 
 class MATTERFIT_OT_add_throw(PlainOperator, bpy.types.Operator):

@@ -324,6 +324,39 @@ class ExtendTest(DiagnoseCase):
         bpy.ops.matterfit.extend_model()
         self.assertEqual((ground.use_damping, ground.damping), (True, 0.125))
 
+    def test_another_kind_of_contact(self):
+        self.settings.solver.ground.kind = "STICKY"
+
+        def change(scene):
+            ground = next(item for item in scene["colliders"] if item["name"] == "ground")
+            ground["contact"] = {"kind": "friction", "mu": 0.125}
+
+        self.extended(cause("contact_kind", {}), change=change)
+        ground = self.settings.solver.ground
+        self.assertEqual((ground.kind, ground.mu), ("FRICTION", 0.125))
+
+    def test_the_law(self):
+        """A body that yields has another law; what the scene states of it is a number of its own."""
+        def change(scene):
+            body = scene["bodies"][0]
+            body["formulation"] = "total"
+            body["material"] = {"law": "von_mises", "E": 2e4, "nu": 0.25, "yield_stress": 500.0}
+
+        self.diagnosed([cause("yield", {}), cause("material.nu", {})], change)
+        self.assertEqual(bpy.ops.matterfit.extend_model(), {"FINISHED"}, self.error())
+        body = self.settings.bodies[0]
+        self.assertEqual((body.material.law, body.formulation), ("VON_MISES", "TOTAL"))
+        self.assertEqual(body.material.yield_stress, 500.0)
+        body.material.nu = 0.4
+        self.settings.diagnosis.cause_index = 1
+        self.assertEqual(bpy.ops.matterfit.extend_model(), {"FINISHED"}, self.error())
+        self.assertEqual(body.material.nu, 0.25)
+
+    def test_what_one_recording_has_alone_is_refused(self):
+        self.diagnosed([cause("attached_mass", {}, scope="capture second")],
+                       lambda scene: scene["bodies"][0].update(masses=[]))
+        self.fails(bpy.ops.matterfit.extend_model, ["no setting in the panel", "extended.json"])
+
     def test_relaxation_and_mass(self):
         def change(scene):
             body = scene["bodies"][0]

@@ -9,7 +9,6 @@ Z = front/a.
 """
 
 import numpy as np
-
 from parts import ROOT
 
 WIDTH = 0.05715

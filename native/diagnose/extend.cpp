@@ -34,6 +34,8 @@ constexpr double kNoiseFloor = 1e-7;
 /// imitate.
 constexpr std::size_t kTogether = 6;
 constexpr double kAlike = 0.9;
+/// χ²/dof of the base beyond which causes with set values are tried whatever the scores are.
+constexpr double kMuchLeft = 2.0;
 
 class Search {
  public:
@@ -315,7 +317,9 @@ class Search {
     const Score& top = scores[order.front()];
     std::vector<Attempt> attempts;
     add_onsets(scores, known, attempts);
-    if (out_.first->placebo.p(top.equivalent) < options_.analysis.placebo.level) {
+    // Scores say nothing of what is seen at set values only.
+    if (out_.first->placebo.p(top.equivalent) < options_.analysis.placebo.level ||
+        looseness_of(out_.base.refit) > kMuchLeft) {
       for (const Score& score : scores) {
         if (effect_of(score).tries.empty()) continue;
         attempts.push_back({{score.candidate}, single_start(score, known)});

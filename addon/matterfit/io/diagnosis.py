@@ -6,7 +6,7 @@ import os
 import re
 from dataclasses import dataclass, field
 
-from .. import effects
+from .. import effects, quantities
 from ..compat import translate
 from ..jobs import JobError
 from . import files, number_text
@@ -24,6 +24,7 @@ _LABELS = {
     "attached_mass": "Attached Mass", "velocity": "Velocity", "spin": "Spin",
     "time_offset": "Time Offset", "frame_rate": "Frame Rate", "scale": "Scale",
     "camera_drift": "Camera Drift", "camera_roll": "Camera Roll", "tracker_lag": "Tracker Lag",
+    "contact_kind": "Kind of Contact", "yield": "Yielding", "swapped_tracks": "Swapped Tracks",
 }
 
 
@@ -53,6 +54,7 @@ class Cause:
     its floor that the cause takes away, None where it could not be measured."""
 
     effect: str
+    scope: str = "shared"  # or "body NAME", "capture NAME"
     where: str = ""
     sentence: str = ""
     evidence: str = ""
@@ -98,6 +100,9 @@ def label_of(effect):
     """The panel's words for a cause, in English."""
     if any(kind.name == effect for kind in effects.KINDS):
         return effects.find(effect).title
+    stated = quantities.find(effect)  # a number of the material, by its document path
+    if stated is not None:
+        return stated.title
     return _LABELS.get(effect) or effect.replace("_", " ").title()
 
 
@@ -154,6 +159,7 @@ def _cause(entry):
     interval = entry.get("gain_interval")
     return Cause(
         effect=str(entry["effect"]),
+        scope=str(entry.get("scope") or "shared"),
         where=str(entry.get("where") or ""),
         sentence=str(entry.get("sentence") or ""),
         evidence=str(entry.get("evidence") or ""),

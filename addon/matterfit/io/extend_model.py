@@ -11,7 +11,15 @@ from mathutils import Vector
 from .. import effects
 from ..compat import translate, translate_label
 from ..jobs import JobError
-from . import diagnosis, files, fit_results, fit_values, job_fit, transforms
+from . import (
+    diagnosis,
+    files,
+    fit_results,
+    fit_values,
+    job_fit,
+    material_values,
+    transforms,
+)
 from .fit_apply import Application
 
 # Quantities of the scene and of the body that a cause changes, applied as those of a fit are.
@@ -19,13 +27,17 @@ _OF_SCENE = {"gravity_size": "gravity", "gravity_direction": "gravity"}
 _OF_BODY = {"velocity": "velocity", "spin": "spin"}
 _CONTACT = {"friction": "mu", "restitution": "damping"}
 _MATERIAL = ("damping_shear", "damping_bulk")
+_STATED = "material."  # parameters of the law, by their document paths
 _MASS = "Attached Mass"  # the row's name, by which it is found again
 
 
 def has_place(cause):
     """Whether the panel has a setting for the cause."""
-    return (cause.effect in {*_OF_SCENE, *_OF_BODY, *_CONTACT, *_MATERIAL, "relaxation",
-                             "attached_mass"}
+    if cause.scope.startswith("capture "):  # a scene of its own is the document's alone
+        return False
+    return (cause.effect in {*_OF_SCENE, *_OF_BODY, *_CONTACT, *_MATERIAL, "contact_kind", "yield",
+                             "relaxation", "attached_mass"}
+            or cause.effect.startswith(_STATED)
             or any(kind.name == cause.effect for kind in effects.KINDS))
 
 
@@ -62,6 +74,10 @@ class _Extension:
                 self._as_fitted(self._body_document()["name"], _OF_BODY[effect])
             elif effect in _CONTACT:
                 self._contact(_CONTACT[effect])
+            elif effect == "contact_kind":
+                self._contact("mu")
+            elif effect == "yield" or effect.startswith(_STATED):
+                self._law()
             elif effect in _MATERIAL:
                 setattr(self._body().material, effect, self._body_document()["material"][effect])
             elif effect == "relaxation":
@@ -118,12 +134,22 @@ class _Extension:
                 raise JobError(translate(
                     "The diagnosis is of the collider '{name}', which is not in the scene any "
                     "more. Name it so again, or diagnose again.").format(name=name))
+            contact.kind = item["contact"].get("kind", contact.kind).upper()
             setattr(contact, key, now)
             if key == "damping":
                 contact.use_damping = True
             found += 1
         if not found:
             raise KeyError(key)
+
+    def _law(self):
+        """The law and its parameters as the extended model has them."""
+        given, body = self._body_document(), self._body()
+        values = dict(given["material"])
+        material_values.resolve(values, self.folder)
+        body.material.preset = "CUSTOM"
+        material_values.fill(body.material, values)
+        body.formulation = given.get("formulation", body.formulation).upper()
 
     def _relaxation(self):
         """The last branch of the extended model is the one that was found."""

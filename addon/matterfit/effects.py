@@ -1,30 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The kinds of effects that the panel offers: what a scene's model is extended by.
 
-Their numbers are those of `scene.effects[]` in docs/formats.md, by the same words; a test compares
-this table with what the library reads.
+Their numbers are those of `scene.effects[]` in docs/formats.md, by the same words, as the library
+has them (library.py).
 """
 
 from dataclasses import dataclass
 
+from . import library
+
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind. `numbers` are the keys of its numbers in the panel's order; those of PLACED come
-    from an object where one is chosen. `at_rest`: it is a part of the body, told where the body
-    starts, so that none of its numbers may be keyed."""
+    """One kind. `at_rest`: it is a part of the body, told where the body starts."""
 
     name: str
     title: str
     about: str
-    numbers: tuple
     icon: str
     at_rest: bool = False
 
     @property
+    def numbers(self):
+        """The keys of its numbers; those of PLACED come from an object where one is chosen."""
+        return tuple(library.EFFECTS[self.name])
+
+    @property
     def keyed(self):
         """The numbers that a document may give a value of at every frame."""
-        return frozenset() if self.at_rest else KEYED.intersection(self.numbers)
+        return frozenset(key for key, row in library.EFFECTS[self.name].items() if row["keyed"])
 
     @property
     def identifier(self):
@@ -35,38 +39,29 @@ class Kind:
         return not PLACED.isdisjoint(self.numbers)
 
 
-_AIR = ("drag_coefficient", "area", "air_density")
-
 KINDS = (
     Kind("drag_linear", "Linear Drag",
-         "Takes speed from the bodies in proportion to it: a thick medium", ("rate",),
-         "FORCE_DRAG"),
+         "Takes speed from the bodies in proportion to it: a thick medium", "FORCE_DRAG"),
     Kind("drag_quadratic", "Air Drag",
-         "The air brakes the bodies: twice the speed, four times the force", _AIR, "FORCE_DRAG"),
+         "The air brakes the bodies: twice the speed, four times the force", "FORCE_DRAG"),
     Kind("wind", "Wind",
-         "What moving air adds to still air; Air Drag beside it brakes", ("velocity", *_AIR),
-         "FORCE_WIND"),
+         "What moving air adds to still air; Air Drag beside it brakes", "FORCE_WIND"),
     Kind("buoyancy", "Buoyancy",
-         "Air or water carries a part of the weight, and has to be moved aside",
-         ("medium_density", "added_mass"), "MOD_FLUIDSIM"),
-    Kind("force_field", "Force Field", "An acceleration around a place",
-         ("center", "radius", "acceleration"), "FORCE_FORCE"),
-    Kind("vortex", "Vortex", "An acceleration around an axis",
-         ("center", "axis", "radius", "strength"), "FORCE_VORTEX"),
+         "Air or water carries a part of the weight, and has to be moved aside", "MOD_FLUIDSIM"),
+    Kind("force_field", "Force Field", "An acceleration around a place", "FORCE_FORCE"),
+    Kind("vortex", "Vortex", "An acceleration around an axis", "FORCE_VORTEX"),
     Kind("frame_acceleration", "Shaking",
-         "What the bodies are seen from is accelerated, or shaken",
-         ("acceleration", "frequency", "phase"), "FORCE_TURBULENCE"),
+         "What the bodies are seen from is accelerated, or shaken", "FORCE_TURBULENCE"),
     Kind("stiffness_inclusion", "Inclusion",
-         "A stiffer or softer place inside a body, told where the body starts",
-         ("center", "radius", "modulus", "nu"), "META_BALL", at_rest=True),
-    Kind("stiffness_gradient", "Stiffness Gradient",
-         "One end of a body is stiffer than the other", ("center", "slope", "nu"), "IPO_LINEAR",
+         "A stiffer or softer place inside a body, told where the body starts", "META_BALL",
          at_rest=True),
+    Kind("stiffness_gradient", "Stiffness Gradient",
+         "One end of a body is stiffer than the other", "IPO_LINEAR", at_rest=True),
     Kind("fibres", "Fibres", "The material is stiffer along one direction: a grain, print lines",
-         ("direction", "modulus"), "STRANDS", at_rest=True),
+         "STRANDS", at_rest=True),
     Kind("strain_stiffening", "Strain Stiffening",
-         "The material becomes stiffer the farther it is stretched, as rubber does",
-         ("modulus", "exponent"), "IPO_EXPO", at_rest=True),
+         "The material becomes stiffer the farther it is stretched, as rubber does", "IPO_EXPO",
+         at_rest=True),
 )
 
 # Parameters that an object in the scene gives: by its origin, or by its local Z.
@@ -76,9 +71,6 @@ PLACED = frozenset({"center", "axis", "direction"})
 LENGTHS = frozenset({"center", "radius"})
 # Areas likewise, by the unit squared.
 AREAS = frozenset({"area"})
-# Numbers that a document may give a value of at every frame, of kinds that are not at rest.
-KEYED = frozenset({"rate", "drag_coefficient", "air_density", "velocity", "center", "radius",
-                   "acceleration", "axis", "strength"})
 
 
 def find(identifier):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the library says of its numbers and its laws: library.json, which scripts/addon_tables.py
+"""What the library says of its numbers, laws and effects: library.json, which scripts/addon_tables.py
 writes and a test compares with the library. Properties are registered without the library, so they
 cannot ask it."""
 
@@ -15,3 +15,6 @@ USUAL_FACTOR = _TABLES["usual_factor"]
 QUANTITIES = {row["path"].replace("[#]", ""): row for row in _TABLES["quantities"]}
 # {"von_mises": ("E", "nu", "yield_stress", "hardening")}, in the library's order.
 PARAMETERS = {law["name"]: tuple(law["parameters"]) for law in _TABLES["laws"]}
+# {"vortex": {"center": row, …}}, in the library's order.
+EFFECTS = {effect["name"]: {row["key"]: row for row in effect["parameters"]}
+           for effect in _TABLES["effects"]}

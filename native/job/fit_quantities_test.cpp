@@ -123,6 +123,11 @@ TEST(FitQuantities, AreHandedOutWhole) {
   const Json table = quantities_json();
   ASSERT_EQ(table["quantities"].size(), fit::quantities().size());
   EXPECT_EQ(table["laws"].size(), material::all_laws().size());
+  for (const Json& effect : table["effects"]) EXPECT_FALSE(effect["parameters"].empty()) << effect;
+  EXPECT_EQ(
+      table["effects"][0]["parameters"][0],
+      (Json{
+          {"key", "rate"}, {"unit", "1/s"}, {"size", 1}, {"bounds", {0.0, 1e3}}, {"keyed", true}}));
   const Json& first = table["quantities"][0];
   EXPECT_EQ(first["path"], "material.E");
   EXPECT_EQ(first["list"], "bodies");

@@ -4,6 +4,7 @@
 #include <string>
 #include <string_view>
 
+#include "effects/catalogue.hpp"
 #include "fit/model/quantity.hpp"
 #include "material/law_table.hpp"
 
@@ -60,6 +61,18 @@ Json row_json(const fit::Quantity& row) {
           {"sentence", row.sentence}};
 }
 
+Json effect_json(const effects::EffectType& row) {
+  Json parameters = Json::array();
+  for (const effects::EffectParameter& parameter : row.parameters) {
+    parameters.push_back({{"key", parameter.key},
+                          {"unit", parameter.unit},
+                          {"size", parameter.size},
+                          {"bounds", {parameter.low, parameter.high}},
+                          {"keyed", parameter.may_be_keyed}});
+  }
+  return {{"name", row.name}, {"parameters", parameters}};
+}
+
 }  // namespace
 
 Json quantities_json() {
@@ -71,7 +84,14 @@ Json quantities_json() {
     for (const std::string_view key : law.parameters) parameters.push_back(key);
     laws.push_back({{"name", law.name}, {"label", law.label}, {"parameters", parameters}});
   }
-  return {{"quantities", rows}, {"laws", laws}, {"usual_factor", fit::kUsualFactor}};
+  Json effects = Json::array();
+  for (const effects::EffectType* row : effects::catalogue()) {
+    if (row->way == effects::Way::kTerm) effects.push_back(effect_json(*row));
+  }
+  return {{"quantities", rows},
+          {"laws", laws},
+          {"effects", effects},
+          {"usual_factor", fit::kUsualFactor}};
 }
 
 }  // namespace matterfit::job

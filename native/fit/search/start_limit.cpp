@@ -2,6 +2,7 @@
 #include "fit/search/start_limit.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 #include "fit/data/follow.hpp"
 #include "mpm/step_limit.hpp"
@@ -21,7 +22,8 @@ StartLimit::StartLimit(const std::vector<Run>& runs, const std::vector<mpm::Scen
   for (std::size_t r = 0; r < scenes_.size(); ++r) {
     for (mpm::Body& body : scenes_[r].bodies) {
       body.rest.clear();
-      body.volumes.clear();
+      // Contact's default stiffness follows the body's size.
+      body.volumes = {std::accumulate(body.volumes.begin(), body.volumes.end(), 0.0)};
     }
     if (!runs[r].fitted) continue;
     for (const std::string& name : parameters.moved_materials(r)) {

@@ -114,10 +114,10 @@ Json likes_of_file(const std::filesystem::path& file, const material::Excitation
     likes[one.name] = like_json(one.material, over);
   }
   if (likes.empty()) {
-    throw_input(
-        file.generic_string() +
-        ": no body is of the law neural_isotropic or latent, of which alone it can be said what they "
-        "are like.");
+    throw_input(file.generic_string() +
+                ": no body is of the law neural_isotropic or latent, of which alone it can be said "
+                "what they "
+                "are like.");
   }
   return likes;
 }

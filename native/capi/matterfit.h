@@ -116,7 +116,7 @@ MF_API mf_status mf_capture_summary(const char* path, const char* options_json, 
 /* What a cache folder holds, its result hash, and each file that is missing or damaged. */
 MF_API mf_status mf_inspect(const char* folder, char** text);
 /* The numbers of a scene that can be fitted or shown, with unit, bounds, label and a sentence each,
- * the constitutive laws and the effects with their parameters (job/documents/quantities_json.hpp). */
+ * the constitutive laws and the effects with theirs (job/documents/quantities_json.hpp). */
 MF_API mf_status mf_quantities(char** text);
 /* Stress against stretch of the materials of a document, or of a material as a fit writes it
  * (`matterfit.material/1`), whose files lie in `base_folder`: job/curves.hpp says what the text

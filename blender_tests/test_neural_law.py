@@ -56,7 +56,7 @@ class NeuralLawTest(SceneCase):
 
 
 class PublishedLawTest(SceneCase):
-    """The two networks of a file: no numbers, and nothing that a fit could look for."""
+    """Two networks, the library's or a file's: no numbers, and nothing that a fit could look for."""
 
     def setUp(self):
         super().setUp()
@@ -66,12 +66,19 @@ class PublishedLawTest(SceneCase):
     def written(self):
         return self.document()[0]["scene"]["bodies"][0]["material"]
 
-    def test_its_document_names_the_file(self):
-        self.assertEqual(set(self.written()) - set(laws.DAMPING), {"law"})
+    def test_its_document_names_a_start_or_a_file(self):
+        self.assertEqual(self.written()["weights"], "jelly")
+        self.row.material.published_weights = "WATER"
+        self.assertEqual(self.written()["weights"], "water")
+        self.assertTrue(laws.material_flows(self.row.material))
+        self.assertFalse(material_values.differ(self.row.material, self.written()))
         for file in ("/data/mine.safetensors", "/data/jelly_0300.pt"):
             self.row.material.published_file = file
             written = self.written()
             self.assertEqual((written["law"], written["weights"]), ("neural", file))
+        self.assertEqual(self.row.material.published_weights, "FILE")
+        self.row.material.property_unset("published_weights")  # as a scene of before has it
+        self.assertEqual(self.written()["weights"], file)
 
     def test_a_saved_material_has_its_weights_beside_it(self):
         weights = os.path.join(self.folder, "theirs.pt")
@@ -110,9 +117,9 @@ class PublishedLawTest(SceneCase):
         document, folder = self.document()
         with self.assertRaisesRegex(JobError, "none.safetensors: these weights hold no body"):
             native.validate(json.dumps(document), folder)
-        self.row.material.published_file = ""
-        document, folder = self.document()
-        with self.assertRaisesRegex(JobError, "'weights' is missing"):
+        for start in laws.START_NUMBERS:
+            self.row.material.published_weights = start
+            document, folder = self.document()
             native.validate(json.dumps(document), folder)
 
     def test_no_candidate_of_a_fit(self):

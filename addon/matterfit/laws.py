@@ -46,6 +46,7 @@ START_NUMBERS = {
              "tear_strain": 0.0},
     "WATER": {"E": 250.0, "nu": 0.4995, "yield_strain": 0.0},
 }
+_POURING_STARTS = frozenset({"SAND", "WATER"})  # of the published law
 NEVER = 100.0  # a yield or tear strain from here up is never met
 _LIQUID_YIELD = 1e-3
 # Laws of what pours: a mesh bound to such a body is torn to shreds, its surface is the picture.
@@ -70,10 +71,20 @@ def any_flows(bodies):
                for body in bodies)
 
 
+def published_weights(material):
+    """Which weights the published law has: a start's name, or "FILE". A file that an older scene
+    names counts."""
+    if material.published_file and not material.is_property_set("published_weights"):
+        return "FILE"
+    return material.published_weights
+
+
 def material_flows(material):
     """The same of a material, whose numbers may decide it."""
     if material.law == "LATENT":
         return material.pours
+    if material.law == "NEURAL":
+        return published_weights(material) in _POURING_STARTS
     if material.law != "NEURAL_ISOTROPIC":
         return flows(material.law)
     return material.tear_strain < NEVER or material.yield_strain < _LIQUID_YIELD

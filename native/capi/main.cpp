@@ -247,6 +247,9 @@ CLI::App* add_pretrain(CLI::App& app, Arguments& arguments) {
                    "job documents or material files of classical laws, which it is made like");
   verb->add_option("--tests", pretrain.tests,
                    "stresses that a testing machine measured of a rubber (docs/formats.md)");
+  verb->add_flag("--published", pretrain.published,
+                 "the published law's two nets in place of the isotropic law's weights: "
+                 "published_LAW.safetensors each");
   verb->add_flag("--latent", pretrain.latent,
                  "the latent law's decoder, latent.safetensors (about a minute)");
   verb->add_option("--seed", pretrain.seed, "of the samples");

@@ -6,6 +6,7 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/parallel.hpp"
+#include "job/documents/neural_starts.hpp"
 #include "job/documents/safetensors.hpp"
 #include "job/documents/tests_document.hpp"
 #include "job/fit_laws.hpp"
@@ -14,6 +15,8 @@
 #include "material/neural/machine_tests.hpp"
 #include "material/neural/pretrain.hpp"
 #include "material/neural/pretrain_latent.hpp"
+#include "material/neural/pretrain_published.hpp"
+#include "material/neural/published_file.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -62,6 +65,38 @@ Json write_latent(const PretrainOptions& options) {
                       {"source", "matterfit pretrain --latent"}};
   write_file(options.folder / "latent.safetensors", format_safetensors(tensors));
   return classes;
+}
+
+Json write_published(const std::string& name, const material::Material& classical,
+                     const PretrainOptions& options) {
+  Arena arena(0);
+  material::PublishedPretraining training;
+  training.seed = options.seed;
+  const material::PublishedWeights weights = pretrain_published(classical, training, arena);
+  const material::PublishedAccuracy found =
+      published_accuracy(weights, classical, options.seed + kAccuracySeed, arena);
+  Json uniaxial = Json::object();
+  Json worst = Json::object();
+  for (std::size_t i = 0; i < found.uniaxial.size(); ++i) {
+    const std::string stretch = Json(material::PublishedAccuracy::kStretches[i]).dump();
+    uniaxial[stretch] = found.uniaxial[i];
+    worst[stretch] = found.uniaxial_worst[i];
+  }
+  const Json accuracy = {
+      {"uniaxial", uniaxial},   {"uniaxial_worst", worst},          {"stress_rms", found.stress},
+      {"flow_rms", found.flow}, {"flow_step_rms", found.flow_step}, {"creep_rms", found.creep}};
+  Tensors tensors = material::published_tensors(weights);
+  tensors.metadata = {{"law", "neural"},
+                      {"name", name},
+                      {"pretrained_on", material_json(classical).dump()},
+                      {"seed", std::to_string(options.seed)},
+                      {"accuracy", accuracy.dump()},
+                      {"version", MATTERFIT_VERSION},
+                      {"licence", "CC0-1.0"},
+                      {"source", "matterfit pretrain --published"}};
+  const std::string file = std::string(kPublishedPrefix) + name + ".safetensors";
+  write_file(options.folder / file, format_safetensors(tensors));
+  return accuracy;
 }
 
 /// R² of each test, and of the neo-Hookean of shear modulus `shear`.
@@ -118,7 +153,7 @@ Json write_start_laws(const PretrainOptions& options) {
   for (const std::string& name : options.laws) add(material::start_law_from_name(name));
   for (const std::filesystem::path& file : options.materials) {
     for (NamedMaterial& one : materials_of_file(file)) {
-      if (material::is_isotropic(one.material.law)) {
+      if (material::is_isotropic(one.material.law) || one.material.published) {
         throw_input(file.generic_string() + ": '" + one.name +
                     "' is of the neural law already; its weights are a start as they are.");
       }
@@ -131,6 +166,10 @@ Json write_start_laws(const PretrainOptions& options) {
   Arena arena(1);
   Json report = Json::object();
   for (const auto& [name, classical, excited] : wanted) {
+    if (options.published) {
+      report[name] = write_published(name, classical, options);
+      continue;
+    }
     material::Pretraining training;
     training.seed = options.seed;
     const material::IsotropicWeights weights = pretrain_isotropic(classical, training);

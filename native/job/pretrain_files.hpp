@@ -17,6 +17,9 @@ struct PretrainOptions {
   std::vector<std::filesystem::path> materials;
   /// Files of tests of a rubber (job/documents/tests_document.hpp) that it is regressed to.
   std::vector<std::filesystem::path> tests;
+  /// The published law's two nets (material/neural/pretrain_published.hpp) in place of the
+  /// isotropic law's weights; its files are published_NAME.safetensors.
+  bool published = false;
   bool latent = false;  ///< the latent law's decoder; alone where nothing else is named
   std::uint64_t seed = 1;
 };

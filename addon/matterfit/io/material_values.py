@@ -60,7 +60,10 @@ def fill(material, values, like="", seen=None):
         _fill_latent(material, values)
         material.pours = laws.flows(like)
     elif law == "NEURAL":
-        material.published_file = values.get("weights", "")
+        weights = values.get("weights", laws.STARTS[0][0].lower())
+        is_start = weights.upper() in laws.START_NUMBERS
+        material.published_file = "" if is_start else weights
+        material.published_weights = weights.upper() if is_start else "FILE"
     for name in laws.PARAMETERS[law]:
         if name != "latent":
             setattr(material, name, values.get(name, quantities.material(name).absent))
@@ -129,7 +132,8 @@ def weights_of(material):
     if material.law == "LATENT":
         return bpy.path.abspath(material.decoder_file) or _LATENT
     if material.law == "NEURAL":
-        return bpy.path.abspath(material.published_file)
+        weights = laws.published_weights(material)
+        return bpy.path.abspath(material.published_file) if weights == "FILE" else weights.lower()
     if material.law != "NEURAL_ISOTROPIC":
         return ""
     weights = material.weights

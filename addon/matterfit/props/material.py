@@ -46,6 +46,10 @@ def _weights_changed(self, _context):
         setattr(self, name, numbers.get(name, quantities.material(name).default))
 
 
+def _published_file_changed(self, _context):
+    self.published_weights = "FILE" if self.published_file else "JELLY"
+
+
 class MatterfitMaxwell(bpy.types.PropertyGroup):
     """A Maxwell branch: a spring that relaxes, beside the law."""
 
@@ -103,8 +107,12 @@ class MatterfitMaterial(bpy.types.PropertyGroup):
         name="Weights File", subtype="FILE_PATH", options=PATH_OPTIONS,
         description="A file *.safetensors that matterfit pretrain --latent wrote; empty: the weights "
                     "that come with Matterfit")
+    published_weights: EnumProperty(
+        name="Weights", items=laws.STARTS, default="JELLY", update=_pours_changed,
+        description="The weights of the published law's two networks")
     published_file: StringProperty(
         name="Weights File", subtype="FILE_PATH", options=PATH_OPTIONS,
+        update=_published_file_changed,
         description="The two networks of the published law: a file *.safetensors, or *.pt as PyTorch "
                     "saves it")
     pours: BoolProperty(

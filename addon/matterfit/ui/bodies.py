@@ -102,9 +102,11 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
             if material.weights == "FILE":
                 column.prop(material, "weights_file", text="File")
         elif material.law == "NEURAL":
-            column.prop(material, "published_file", text="File")
-            if not material.published_file:
-                lines(column, translate("Choose a file of weights for this law."), icon="ERROR")
+            column.prop(material, "published_weights")
+            if laws.published_weights(material) == "FILE":
+                column.prop(material, "published_file", text="File")
+                if not material.published_file:
+                    lines(column, translate("Choose a file of weights for this law."), icon="ERROR")
         for name in laws.PARAMETERS[material.law]:
             if name != "latent":
                 quantity(column, material, "material." + name)

@@ -91,7 +91,7 @@ def of_body(settings):
     body = scene_props.active_body(settings)
     if not settings.show_curves or body is None or body.role != "BODY":
         return None
-    if body.material.law == "NEURAL" and not body.material.published_file:
+    if body.material.law == "NEURAL" and not material_values.weights_of(body.material):
         return None
     document = {"material": material_values.document(body.material)}
     seen = material_values.excited(body.material)

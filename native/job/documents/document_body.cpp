@@ -184,22 +184,14 @@ std::shared_ptr<const material::LatentDecoder> read_decoder(const std::optional<
   return latent_preset();
 }
 
-/// Of the published law, which has none of its own.
-std::shared_ptr<const material::PublishedLaw> read_published(const JsonValue& material,
-                                                             const std::optional<JsonValue>& value,
+/// Of the published law.
+std::shared_ptr<const material::PublishedLaw> read_published(const std::optional<JsonValue>& value,
                                                              const ReadContext& context) {
-  if (!value) {
-    material.refuse(
-        "'weights' is missing; the law neural needs a file of the published law's two nets, "
-        "*.safetensors or *.pt as PyTorch saves them.");
-  }
-  if (!is_weights_file(value->string())) {
-    value->refuse(
-        "is the name of no file of weights, *.safetensors or *.pt. The weights that the library "
-        "carries are of the law neural_isotropic.");
-  }
+  if (!value) return published_start(kDefaultNeuralStart);
+  const std::string text = value->string();
   try {
-    return read_published_file(context.file(*value));
+    return is_weights_file(text) ? read_published_file(context.file(*value))
+                                 : published_start(text);
   } catch (const Error& error) {
     value->refuse(error.what());
   }
@@ -238,7 +230,7 @@ material::Material read_material(const JsonValue& value, const ReadContext& cont
     const auto decoder = read_decoder(object.find("weights"), context);
     set_latent(material, decoder, read_code(object));
   } else if (material.law == material::Law::kPublished) {
-    material = material::published_material(read_published(value, object.find("weights"), context));
+    material = material::published_material(read_published(object.find("weights"), context));
   } else if (object.has("weights")) {
     value.refuse("the law " + name + " has no weights; leave 'weights' out.");
   }

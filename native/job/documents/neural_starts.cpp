@@ -23,7 +23,7 @@ Starts shipped() {
   Starts starts;
   for (const NeuralStartFile& file : kNeuralStartFiles) {
     const std::string name(file.name);
-    if (name == kLatentName) continue;
+    if (name == kLatentName || name.starts_with(kPublishedPrefix)) continue;
     starts[name] = material::isotropic_start(
         parse_safetensors(std::as_bytes(std::span(file.bytes, file.size)), name), name);
   }
@@ -35,22 +35,56 @@ const Starts& starts() {
   return all;
 }
 
-}  // namespace
+using PublishedStarts = std::map<std::string, std::shared_ptr<const material::PublishedLaw>>;
 
-std::vector<std::string> neural_start_names() {
+PublishedStarts shipped_published() {
+  PublishedStarts starts;
+  for (const NeuralStartFile& file : kNeuralStartFiles) {
+    if (!file.name.starts_with(kPublishedPrefix)) continue;
+    const std::string name(file.name.substr(kPublishedPrefix.size()));
+    const Tensors tensors =
+        parse_safetensors(std::as_bytes(std::span(file.bytes, file.size)), name);
+    starts[name] = material::make_published_law(material::published_weights(tensors, name), name);
+  }
+  return starts;
+}
+
+const PublishedStarts& published_starts() {
+  static const PublishedStarts all = shipped_published();
+  return all;
+}
+
+/// Of either map. Throws Error(kInput) that lists the names.
+template <class Map>
+typename Map::mapped_type start_named(const Map& starts, const std::string& name,
+                                      const char* file) {
+  const auto found = starts.find(name);
+  if (found != starts.end()) return found->second;
+  std::string known;
+  for (const auto& [other, start] : starts) known += (known.empty() ? "" : ", ") + other;
+  throw_input("there are no weights '" + name + "'. Use " + known + ", or a file " + file);
+}
+
+template <class Map>
+std::vector<std::string> names_of(const Map& starts) {
   std::vector<std::string> names;
-  names.reserve(starts().size());
-  for (const auto& [name, start] : starts()) names.push_back(name);
+  names.reserve(starts.size());
+  for (const auto& [name, start] : starts) names.push_back(name);
   return names;
 }
 
+}  // namespace
+
+std::vector<std::string> neural_start_names() { return names_of(starts()); }
+
 std::shared_ptr<const material::IsotropicStart> neural_start(const std::string& name) {
-  const auto found = starts().find(name);
-  if (found != starts().end()) return found->second;
-  std::string known;
-  for (const auto& [other, start] : starts()) known += (known.empty() ? "" : ", ") + other;
-  throw_input("there are no weights '" + name + "'. Use " + known + ", or a file *" +
-              std::string(kSuffix) + ".");
+  return start_named(starts(), name, "*.safetensors.");
+}
+
+std::vector<std::string> published_start_names() { return names_of(published_starts()); }
+
+std::shared_ptr<const material::PublishedLaw> published_start(const std::string& name) {
+  return start_named(published_starts(), name, "*.safetensors, or *.pt as PyTorch saves it.");
 }
 
 std::shared_ptr<const material::LatentDecoder> latent_preset() {

@@ -37,6 +37,14 @@ inline constexpr const char* kLatentName = "latent";
 [[nodiscard]] std::shared_ptr<const material::IsotropicStart> read_weights_file(
     const std::filesystem::path& path);
 
+/// The shipped ones of the published law: presets/neural/published_NAME.safetensors.
+[[nodiscard]] std::vector<std::string> published_start_names();
+/// Throws Error(kInput) that lists the names. Each is read once a process.
+[[nodiscard]] std::shared_ptr<const material::PublishedLaw> published_start(
+    const std::string& name);
+/// What their files' names begin with.
+inline constexpr std::string_view kPublishedPrefix = "published_";
+
 /// Of the published law, of either kind. Throws Error(kInput) that names the file and what is wrong
 /// with it.
 [[nodiscard]] std::shared_ptr<const material::PublishedLaw> read_published_file(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The published law in documents: its weights come of a file, and of nothing else.
+// The published law in documents: the weights that the library carries, and those of a file.
 #include "job/documents/neural_starts.hpp"
 
 #include <gmock/gmock.h>
@@ -12,6 +12,7 @@
 #include "base/message_for_test.hpp"
 #include "job/documents/document.hpp"
 #include "job/documents/safetensors.hpp"
+#include "material/neural/pretrain_published.hpp"
 #include "material/neural/published_file.hpp"
 #include "material/neural/published_for_test.hpp"
 
@@ -64,10 +65,8 @@ TEST(PublishedDocument, WeightsThatAreNoneAreNamed) {
   const auto refused = [&](const Json& material) {
     return matterfit::message_of([&] { (void)neural_job(neural_document(material), folder.path); });
   };
-  EXPECT_THAT(refused({{"law", "neural"}}),
-              HasSubstr("'weights' is missing; the law neural needs"));
-  EXPECT_THAT(refused({{"law", "neural"}, {"weights", "jelly"}}),
-              HasSubstr("bodies[0].material.weights: is the name of no file"));
+  EXPECT_THAT(refused({{"law", "neural"}, {"weights", "jam"}}),
+              HasSubstr("there are no weights 'jam'. Use jelly, plasticine, sand, water"));
   EXPECT_THAT(refused({{"law", "neural"}, {"weights", "gone.safetensors"}}),
               HasSubstr("gone.safetensors"));
   write_weights(folder.path / "mine.safetensors", linear_published(4e4, 3e4, 40.0));
@@ -92,6 +91,37 @@ TEST(PublishedDocument, WeightsThatAreNoneAreNamed) {
               HasSubstr("the law neural does not use 'E'"));
   EXPECT_THAT(refused({{"law", "neural_isotropic"}, {"weights", "mine.safetensors"}}),
               HasSubstr("isotropic"));
+}
+
+TEST(PublishedDocument, HasTheShippedWeightsByName) {
+  const material::Material jelly =
+      neural_job(neural_document({{"law", "neural"}}), {}).scene.bodies[0].material;
+  EXPECT_EQ(jelly.published, published_start("jelly"));
+  const material::Material sand =
+      neural_job(neural_document({{"law", "neural"}, {"weights", "sand"}}), {})
+          .scene.bodies[0]
+          .material;
+  EXPECT_EQ(sand.published, published_start("sand"));
+  EXPECT_EQ(published_start_names(), neural_start_names());
+}
+
+/// On other samples than they were regressed to.
+TEST(PublishedDocument, ShippedWeightsAreThoseOfTheirClassicalLaws) {
+  Arena arena(2);
+  for (const material::StartLaw law : material::kStartLaws) {
+    const std::string name(start_law_name(law));
+    const material::Material classical = start_material(law);
+    const auto start = published_start(name);
+    const material::PublishedAccuracy found =
+        published_accuracy(start->weights, classical, 31, arena);
+    for (std::size_t i = 0; i < found.uniaxial.size(); ++i) {
+      EXPECT_LT(std::abs(found.uniaxial[i]), 0.01) << name << ", stretch " << found.kStretches[i];
+    }
+    EXPECT_LT(found.flow, 0.2 * found.flow_step + 1e-12) << name;
+    if (classical.traits().fluid) continue;  // has no modulus against shear
+    EXPECT_NEAR(start->youngs_modulus, classical.youngs_modulus, 0.01 * classical.youngs_modulus);
+    EXPECT_NEAR(start->poisson_ratio, classical.poisson_ratio, 0.01);
+  }
 }
 
 TEST(PublishedDocument, NoFitLooksForIt) {

@@ -46,7 +46,7 @@ class Run {
   Run(const Scene& scene, const std::shared_ptr<Arena>& arena, const Observer& observer,
       const GradientOptions& options, const Interrupter& interrupter)
       : stepper_(scene, arena, options.simulation),
-        tape_(stepper_, options.simulation.target, options.of_no_damping),
+        tape_(stepper_, options),
         scene_(stepper_.scene()),
         observer_(observer),
         options_(options),

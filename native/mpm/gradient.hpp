@@ -79,6 +79,9 @@ struct GradientOptions {
   /// Derivatives by damping also where there is none, and by a fluid's viscosity where that is 0:
   /// takes the velocity gradients of materials that do not need them. Else those are given as 0.
   bool of_no_damping = true;
+  /// Derivatives by the published law's weights (material::MaterialGradient::published), which take
+  /// the way back of its bodies half as long again.
+  bool published_weights = false;
   /// Observers see deformation gradients, as points bound beside particles follow them
   /// (capture/binding.hpp).
   bool deformation_gradients = false;

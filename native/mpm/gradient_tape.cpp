@@ -106,7 +106,7 @@ template <class S>
 void UpdatedTape<S>::turn() {
   adjoint_ = std::make_unique<UpdatedAdjoint<S>>(stepper_.scene(), stepper_.updated_bodies(),
                                                  updated_adjoint_kernels<S>(target_), rates_);
-  bar_ = adjoint_->zero();
+  bar_ = adjoint_->zero(published_);
 }
 
 template <class S>

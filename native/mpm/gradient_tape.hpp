@@ -28,9 +28,8 @@ class TotalTape {
   using State = std::vector<TotalMemberState<S>>;  ///< before a substep
   static constexpr std::size_t kFirstInterval = 1;
 
-  /// `rates`: GradientOptions::of_no_damping.
-  TotalTape(Stepper<S>& stepper, SimdTarget target, bool rates)
-      : stepper_(stepper), target_(target), rates_(rates) {}
+  TotalTape(Stepper<S>& stepper, const GradientOptions& options)
+      : stepper_(stepper), target_(options.simulation.target), rates_(options.of_no_damping) {}
 
   [[nodiscard]] State state() const { return stepper_.total().record(); }
   /// Of what is kept of a substep [bytes].
@@ -79,8 +78,11 @@ class UpdatedTape {
   using State = std::string;  ///< before a substep, bytes
   static constexpr std::size_t kFirstInterval = 16;
 
-  UpdatedTape(Stepper<S>& stepper, SimdTarget target, bool rates)
-      : stepper_(stepper), target_(target), rates_(rates) {}
+  UpdatedTape(Stepper<S>& stepper, const GradientOptions& options)
+      : stepper_(stepper),
+        target_(options.simulation.target),
+        rates_(options.of_no_damping),
+        published_(options.published_weights) {}
 
   [[nodiscard]] State state() const;
   [[nodiscard]] std::size_t bytes(const State& state) const;
@@ -102,6 +104,7 @@ class UpdatedTape {
   Stepper<S>& stepper_;
   SimdTarget target_;
   bool rates_;
+  bool published_;  ///< also by the published law's weights
   bool keeps_ = true;
   std::deque<UpdatedRecord<S>> records_;
   std::size_t finished_ = 0;  ///< of them in the forward pass; one more may have been begun

@@ -23,7 +23,7 @@ UpdatedMember<S> make_updated_member(const Body& body, std::size_t index,
   m.memory.resize(colliders.empty() ? 0 : m.particles);
   m.maxwell.assign(m.particles * m.law.maxwell_count * 6, S(0));
   if (body.material.published) {
-    m.published = material::joined_weights<S>(body.material.published->weights);
+    m.published = material::joined_weights<S>(material::moved_published(body.material));
   }
   for (const shape::ColliderPtr& collider : colliders) {
     m.contacts.push_back(resolve_contact(collider->contact(), body, dx));

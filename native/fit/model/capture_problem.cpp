@@ -148,9 +148,7 @@ double CaptureProblem::transposed_cost() const {
   return cost;
 }
 
-std::optional<Eigen::VectorXd> CaptureProblem::transposed(const Eigen::VectorXd& point,
-                                                          const Eigen::VectorXd& weights) {
-  if (!model_.has_gradient()) return std::nullopt;
+std::vector<std::vector<Points>> CaptureProblem::seen_bars(const Eigen::VectorXd& weights) const {
   std::vector<std::vector<Points>> bars(runs_.size());
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     for (const Capture& capture : runs_[r].captures) {
@@ -169,7 +167,19 @@ std::optional<Eigen::VectorXd> CaptureProblem::transposed(const Eigen::VectorXd&
       }
     }
   }
-  const auto sum = model_.pull_back(physical(point), scope(), bars, progress);
+  return bars;
+}
+
+std::optional<std::vector<double>> CaptureProblem::transposed_published(
+    const Eigen::VectorXd& point, const Eigen::VectorXd& weights, const std::string& body) const {
+  if (loss_ != Loss::kTracks) return std::nullopt;
+  return model_.pull_back_published(physical(point), scope(), seen_bars(weights), body, progress);
+}
+
+std::optional<Eigen::VectorXd> CaptureProblem::transposed(const Eigen::VectorXd& point,
+                                                          const Eigen::VectorXd& weights) {
+  if (!model_.has_gradient()) return std::nullopt;
+  const auto sum = model_.pull_back(physical(point), scope(), seen_bars(weights), progress);
   if (!sum) return std::nullopt;
   Eigen::VectorXd result(point.size());
   for (Eigen::Index k = 0; k < point.size(); ++k) {

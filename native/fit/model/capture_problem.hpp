@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -34,6 +35,9 @@ class CaptureProblem final : public Problem {
   std::optional<Eigen::VectorXd> transposed(const Eigen::VectorXd& point,
                                             const Eigen::VectorXd& weights) override;
   [[nodiscard]] double transposed_cost() const override;
+  /// The same by the weights of a body's published law (Model::pull_back_published()).
+  [[nodiscard]] std::optional<std::vector<double>> transposed_published(
+      const Eigen::VectorXd& point, const Eigen::VectorXd& weights, const std::string& body) const;
   /// Borrowed: the same captures against a coarser model.
   void set_stand_in(CaptureProblem* problem) { stand_in_ = problem; }
 
@@ -81,6 +85,8 @@ class CaptureProblem final : public Problem {
   }
 
   [[nodiscard]] Scope scope() const;
+  /// Cotangents of what is seen, from those of the residuals of tracks.
+  [[nodiscard]] std::vector<std::vector<Points>> seen_bars(const Eigen::VectorXd& weights) const;
 
   const Model& model_;
   const std::vector<Run>& runs_;

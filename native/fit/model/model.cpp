@@ -11,6 +11,7 @@
 #include "base/side_by_side.hpp"
 #include "fit/model/gradient_chain.hpp"
 #include "fit/model/watcher.hpp"
+#include "material/neural/published_material.hpp"
 #include "mpm/default_stiffness.hpp"
 #include "mpm/gradient.hpp"
 #include "mpm/step_limit.hpp"
@@ -97,6 +98,10 @@ const mpm::Scene& Model::scene(std::size_t run) const { return models_[run]->sce
 mpm::Scene Model::scene_at(std::span<const double> values, std::size_t run) const {
   mpm::Scene scene = models_[run]->scene;
   parameters_.apply(values, run, scene);
+  for (mpm::Body& body : scene.bodies) {
+    // Contact and the substep are to follow.
+    if (body.material.published) material::settle_moves(body.material);
+  }
   return scene;
 }
 
@@ -330,6 +335,40 @@ std::optional<std::vector<double>> Model::pull_back(
     const std::function<void(double)>& progress) const {
   if (!has_gradient()) return std::nullopt;
   std::vector<double> sum(parameters_.size(), 0.0);
+  bool weights = false;
+  for (std::size_t i = 0; i < parameters_.size(); ++i) {
+    weights = weights || parameters_.path(i).quantity->path == "material.weight_moves[#]";
+  }
+  const bool found =
+      each_gradient(values, scope, bars, weights, progress,
+                    [&](std::size_t run, const mpm::Scene& scene, const mpm::Gradient& gradient) {
+                      add_slopes(parameters_, run, scene, gradient, sum);
+                      add_through_contacts(run, values, gradient, sum);
+                    });
+  if (!found) return std::nullopt;
+  return sum;
+}
+
+std::optional<std::vector<double>> Model::pull_back_published(
+    const std::vector<double>& values, const Scope& scope,
+    const std::vector<std::vector<Points>>& bars, const std::string& body,
+    const std::function<void(double)>& progress) const {
+  std::vector<double> sum;
+  const bool found = each_gradient(
+      values, scope, bars, true, progress,
+      [&](std::size_t, const mpm::Scene& scene, const mpm::Gradient& gradient) {
+        const std::vector<double>& of = gradient.bodies[body_index(scene, body)].material.published;
+        sum.resize(std::max(sum.size(), of.size()), 0.0);
+        for (std::size_t i = 0; i < of.size(); ++i) sum[i] += of[i];
+      });
+  if (!found || sum.empty()) return std::nullopt;
+  return sum;
+}
+
+bool Model::each_gradient(const std::vector<double>& values, const Scope& scope,
+                          const std::vector<std::vector<Points>>& bars, bool published_weights,
+                          const std::function<void(double)>& progress,
+                          const UseGradient& use) const {
   const auto arena = std::make_shared<Arena>(options_.threads);
   try {
     for (std::size_t r = 0; r < models_.size(); ++r) {
@@ -365,20 +404,20 @@ std::optional<std::vector<double>> Model::pull_back(
       options.simulation = simulation_options();
       options.memory_budget = kAdjointBudget;
       options.of_no_damping = false;
+      options.published_weights = published_weights;
       options.deformation_gradients = true;
       options.progress = progress;
       const mpm::Gradient gradient =
           mpm::gradient<float>(scene, arena, observer, options, interrupter_);
-      add_slopes(parameters_, r, scene, gradient, sum);
-      add_through_contacts(r, values, gradient, sum);
+      use(r, scene, gradient);
     }
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
-    return std::nullopt;
+    return false;
   } catch (const std::bad_alloc&) {
-    return std::nullopt;
+    return false;
   }
-  return sum;
+  return true;
 }
 
 Evaluation Model::evaluate(const std::vector<std::vector<double>>& points, const Scope& scope,

@@ -123,10 +123,25 @@ class Model {
       const std::vector<std::vector<Points>>& bars,
       const std::function<void(double)>& progress = {}) const;
 
+  /// The same by the weights of the published law of a body, 2 · material::kNetWeights; the
+  /// parameters need no derivative. Nothing also where no such body takes part.
+  [[nodiscard]] std::optional<std::vector<double>> pull_back_published(
+      const std::vector<double>& values, const Scope& scope,
+      const std::vector<std::vector<Points>>& bars, const std::string& body,
+      const std::function<void(double)>& progress = {}) const;
+
  private:
   struct RunModel;
   struct Trial;
   struct Listener;
+  /// Hands the gradient of each run that is simulated to `use`; false where there is none.
+  using UseGradient =
+      std::function<void(std::size_t run, const mpm::Scene& scene, const mpm::Gradient& gradient)>;
+  [[nodiscard]] bool each_gradient(const std::vector<double>& values, const Scope& scope,
+                                   const std::vector<std::vector<Points>>& bars,
+                                   bool published_weights,
+                                   const std::function<void(double)>& progress,
+                                   const UseGradient& use) const;
   /// What the values of a run do by way of contacts that follow the material.
   void add_through_contacts(std::size_t run, std::span<const double> values,
                             const mpm::Gradient& gradient, std::span<double> sum) const;

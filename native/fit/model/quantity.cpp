@@ -120,11 +120,14 @@ std::string obstacle(const Address& address, const Bearer& bearer) {
   }
   const material::LawTraits& law = bearer.material->traits();
   if (row.path.starts_with("material.weight_moves")) {
-    if (law.law != material::Law::kNeuralIsotropic) {
+    if (law.law != material::Law::kNeuralIsotropic && law.law != material::Law::kPublished) {
       return "the law " + std::string(law.name) + " has no weights.";
     }
     const std::size_t moves = bearer.material->weight_moves.size();
     if (address.index < moves) return {};
+    if (law.law == material::Law::kPublished) {
+      return "the weights of the law neural are fitted together: give fit.weights.";
+    }
     return "the material has " + std::to_string(moves) + " 'weight_moves'; give it " +
            std::to_string(material::kIsotropicElastic) + " zeros for the fit to start from.";
   }

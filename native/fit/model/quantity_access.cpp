@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "fit/model/quantity_access.hpp"
 
+#include <numeric>
+
 #include "base/error.hpp"
 #include "fit/data/follow.hpp"
 #include "material/neural/isotropic_weights.hpp"
 #include "material/neural/latent.hpp"
+#include "material/neural/published_material.hpp"
 #include "mpm/contact_law.hpp"
 #include "mpm/default_stiffness.hpp"
 
@@ -126,7 +129,12 @@ Access weight_move_access() {
     moves.at(at.index) = values[0];
   };
   access.slope = [](const mpm::Gradient& gradient, const mpm::Scene& scene, const Address& at) {
-    return entry(body_of(gradient, scene, at).material.weight_moves, at.index);
+    const Material& material = body_of(scene, at).material;
+    const MaterialGradient& of = body_of(gradient, scene, at).material;
+    if (!material.published) return entry(of.weight_moves, at.index);
+    const std::vector<float>& along = material.published->directions.at(at.index);
+    if (of.published.size() != along.size()) return 0.0;  // were not asked for
+    return std::inner_product(along.begin(), along.end(), of.published.begin(), 0.0);
   };
   return access;
 }

@@ -402,6 +402,28 @@ Uncertainty LawFit::uncertainty(const LawState& state) {
                           at_end, is_far(at_end), statements_);
 }
 
+void LawFit::compare(LawState& state) {
+  if (!state.search) set_stage(state);
+  if (!state.search) throw_compute(state.reason);
+  Context& at = context(state);
+  settle(state);
+  if (state.search->residual.size() > 0) return;
+  const auto found = at.problem.evaluate({state.search->point});
+  ++state.evaluations;
+  if (!found.front()) throw_compute("fit: the simulation could not be completed.");
+  state.search->residual = *found.front();
+}
+
+std::optional<std::vector<double>> LawFit::published_slope(const LawState& state,
+                                                           const std::string& body) {
+  if (!state.search || state.search->residual.size() == 0) return std::nullopt;
+  CaptureProblem& problem = context(state).problem;
+  const Told told(problem, [&](double part) {
+    tell(state, "weights", part, problem.rms(state.search->residual));
+  });
+  return problem.transposed_published(state.search->point, state.search->residual, body);
+}
+
 std::vector<std::size_t> LawFit::excited(const LawState& state, std::size_t first) {
   LawState begun = state;
   if (!begun.search) set_stage(begun);

@@ -57,6 +57,13 @@ class LawFit {
   [[nodiscard]] double mean_missed(const LawState& state);
   /// Whether the present stage misses what it compares by more than noise and grid explain.
   [[nodiscard]] bool is_far(const LawState& state);
+  /// Compares at the state's values, with no step: begins the stage where it is not begun. Throws
+  /// as advance() does.
+  void compare(LawState& state);
+  /// After compare() or an iteration: derivatives of half the sum of squared residuals that the
+  /// stage compares, by the weights of a body's published law; nothing where they are not known.
+  [[nodiscard]] std::optional<std::vector<double>> published_slope(const LawState& state,
+                                                                   const std::string& body);
   /// Distances [m] of the samples that the present stage compares, at the state's values.
   [[nodiscard]] std::vector<double> distances(const LawState& state);
   /// All runs and frames, held-out ones too, as a simulation outside of the fit has them; nothing

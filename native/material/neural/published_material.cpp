@@ -103,6 +103,34 @@ std::shared_ptr<const PublishedLaw> make_published_law(PublishedWeights weights,
   return law;
 }
 
+PublishedWeights moved_published(const Material& material) {
+  PublishedWeights moved = material.published->weights;
+  const std::size_t count =
+      std::min(material.weight_moves.size(), material.published->directions.size());
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto by = static_cast<float>(material.weight_moves[k]);
+    if (by == 0.0F) continue;
+    const std::vector<float>& along = material.published->directions[k];
+    for (std::size_t i = 0; i < kNetWeights; ++i) {
+      moved.elastic[i] += by * along[i];
+      moved.plastic[i] += by * along[kNetWeights + i];
+    }
+  }
+  return moved;
+}
+
+void settle_moves(Material& material) {
+  const std::vector<double>& moves = material.weight_moves;
+  if (std::all_of(moves.begin(), moves.end(), [](double by) { return by == 0.0; })) return;
+  auto law = std::make_shared<PublishedLaw>(
+      *make_published_law(moved_published(material), material.published->name));
+  law->directions = material.published->directions;
+  material.youngs_modulus = law->youngs_modulus;
+  material.poisson_ratio = law->poisson_ratio;
+  material.published = std::move(law);
+  material.weight_moves.assign(moves.size(), 0.0);
+}
+
 Material published_material(std::shared_ptr<const PublishedLaw> law) {
   Material m;
   m.law = Law::kPublished;

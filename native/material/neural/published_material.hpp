@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "material/material.hpp"
 #include "material/neural/published_weights.hpp"
@@ -14,6 +15,9 @@ namespace matterfit::material {
 struct PublishedLaw {
   std::string name;  ///< as documents have it
   PublishedWeights weights;
+  /// Ways that a material's weight_moves go from these, each 2 · kNetWeights as joined_weights();
+  /// empty: none.
+  std::vector<std::vector<float>> directions;
   // The elastic net's at rest, which need not be isotropic: those of the isotropic material that is
   // nearest to it.
   double youngs_modulus = 0.0;  ///< [Pa]
@@ -26,6 +30,13 @@ struct PublishedLaw {
 /// the weights are none, or hold nothing at rest against shear or against a change of volume.
 [[nodiscard]] std::shared_ptr<const PublishedLaw> make_published_law(PublishedWeights weights,
                                                                      std::string name);
+
+/// The weights of a material of this law: those of its law and, along the law's directions, its
+/// weight_moves.
+[[nodiscard]] PublishedWeights moved_published(const Material& material);
+/// Takes the moves of a material of this law into weights of its own, with their moduli, and sets
+/// them to 0; the directions stay. Throws Error(kInput) as make_published_law().
+void settle_moves(Material& material);
 
 /// A material of it, its E and ν the measured ones.
 [[nodiscard]] Material published_material(std::shared_ptr<const PublishedLaw> law);

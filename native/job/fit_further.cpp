@@ -12,13 +12,6 @@ namespace {
 /// So many steps that predict worse end the search.
 constexpr int kMostWorse = 4;
 
-FurtherMeans means_of(fit::LawFit& fit, const fit::LawState& state) {
-  std::string failure;
-  const auto errors = errors_of(fit, state, true, failure);
-  if (!errors) return {};
-  return {errors->mean(true), errors->mean(false)};
-}
-
 Json both(const std::optional<double>& without, const std::optional<double>& with) {
   const auto number = [](const std::optional<double>& value) {
     return value ? Json(*value) : Json();
@@ -27,6 +20,23 @@ Json both(const std::optional<double>& without, const std::optional<double>& wit
 }
 
 }  // namespace
+
+FurtherMeans means_of(fit::LawFit& fit, const fit::LawState& state) {
+  std::string failure;
+  const auto errors = errors_of(fit, state, true, failure);
+  if (!errors) return {};
+  return {errors->mean(true), errors->mean(false)};
+}
+
+Json further_report(const std::string& body, bool taken, int iterations, int evaluations,
+                    const FurtherMeans& without, const FurtherMeans& with) {
+  return {{"body", body},
+          {"taken", taken},
+          {"iterations", iterations},
+          {"evaluations", evaluations},
+          {"held_out_mm", both(without.held, with.held)},
+          {"fitted_mm", both(without.seen, with.seen)}};
+}
 
 FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more, double least_gain,
                  const Interrupter& interrupter, std::vector<std::string>& statements,
@@ -67,12 +77,8 @@ FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more, double
     result.state.reason = before.reason;
     result.state.statements = before.statements;
   }
-  result.report = {{"body", from.body},
-                   {"taken", result.taken},
-                   {"iterations", state.iterations},
-                   {"evaluations", state.evaluations},
-                   {"held_out_mm", both(without.held, best.held)},
-                   {"fitted_mm", both(without.seen, best.seen)}};
+  result.report =
+      further_report(from.body, result.taken, state.iterations, state.evaluations, without, best);
   return result;
 }
 

@@ -40,6 +40,14 @@ struct FurtherMeans {
   std::optional<double> seen;
 };
 
+/// Of a fit at a state's values.
+[[nodiscard]] FurtherMeans means_of(fit::LawFit& fit, const fit::LawState& state);
+
+/// FurtherFit::report.
+[[nodiscard]] Json further_report(const std::string& body, bool taken, int iterations,
+                                  int evaluations, const FurtherMeans& without,
+                                  const FurtherMeans& with);
+
 /// From where a fit ended, with the parameters `more` after its own: Levenberg–Marquardt as in the
 /// last stage of any fit. The best iterate is the one with the least mean error on what is held
 /// out; without a hold-out the last; none where the fit before cannot be simulated. `taken` only

@@ -96,6 +96,7 @@ Material with_law(const Material& material, Law law) {
     Material elastic = material;
     elastic.law = Law::kFixedCorotated;
     elastic.published.reset();
+    elastic.weight_moves.clear();
     return with_law(elastic, law);
   }
   if (law == Law::kLatent && material.law != law) return as_latent(material);

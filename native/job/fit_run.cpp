@@ -20,6 +20,7 @@
 #include "job/fit_files.hpp"
 #include "job/fit_laws.hpp"
 #include "job/fit_like.hpp"
+#include "job/fit_published.hpp"
 #include "job/fit_report.hpp"
 #include "job/fit_state.hpp"
 #include "job/fit_values.hpp"
@@ -27,6 +28,7 @@
 #include "job/run/folder_lock.hpp"
 #include "job/run/run_scene.hpp"
 #include "job/run/stage.hpp"
+#include "material/neural/published_material.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -129,12 +131,18 @@ class FitJob {
     for (const std::string& name : bodies()) {
       const bool sought = !doc_.laws.empty() && name == doc_.body;
       const material::Law own = body_named(job_.scene, name).material.law;
-      if ((sought ? of : own) != material::Law::kNeuralIsotropic) continue;
+      const material::Law law_of_body = sought ? of : own;
+      if (law_of_body == material::Law::kPublished) {
+        return fit_published_weights(from(name, doc_.weights), interrupter_,
+                                     laws_->law_statements(), laws_->state().history);
+      }
+      if (law_of_body != material::Law::kNeuralIsotropic) continue;
       return fit_weights(from(name, doc_.weights), interrupter_, laws_->law_statements(),
                          laws_->state().history);
     }
     statements_.push_back(
-        "fit.weights: no fitted body is of the law neural_isotropic, so no weights were moved.");
+        "fit.weights: no fitted body is of the law neural_isotropic or neural, so no weights were "
+        "moved.");
     return std::nullopt;
   }
 
@@ -211,8 +219,14 @@ class FitJob {
     document = fitted_document(law, of);
     if (moved && doc_.weights > 0) {
       const std::string name = more->report.at("body").get<std::string>();
-      const material::Material material = body_named(job_from(document).scene, name).material;
-      write_weights(material, name, folder_, document);
+      const mpm::Scene& scene = of.scenes().front();
+      const material::Material& moved_law = scene.bodies[fit::body_index(scene, name)].material;
+      if (moved_law.published) {
+        write_published_weights(moved_law.published->weights, name, folder_, document);
+      } else {
+        const material::Material material = body_named(job_from(document).scene, name).material;
+        write_weights(material, name, folder_, document);
+      }
     }
     Json after;
     if (doc_.loss != FitDoc::Loss::kTracks) {

@@ -49,19 +49,22 @@ FurtherFit fit_weights(FurtherStart from, const Interrupter& interrupter,
   FurtherFit result =
       go_on(std::move(from), std::move(weights), 0.0, interrupter, statements, history);
   result.key = "weights";
+  add_weights_statement(body, "all weights of its energy", result, statements);
+  return result;
+}
+
+void add_weights_statement(const std::string& body, const char* what, const FurtherFit& result,
+                           std::vector<std::string>& statements) {
   const bool judged = result.report.at("held_out_mm").at("without").is_number();
   const Json& means = result.report.at(judged ? "held_out_mm" : "fitted_mm");
   statements.push_back(
       result.taken
-          ? fmt::format("{}: with all weights of its energy moved, what {} is missed by {:.3g} mm "
-                        "in the mean, without by {:.3g}.{}",
-                        body, judged ? "was held out" : "was fitted",
+          ? fmt::format("{}: with {} moved, what {} is missed by {:.3g} mm in the mean, "
+                        "without by {:.3g}.{}",
+                        body, what, judged ? "was held out" : "was fitted",
                         means.at("with").get<double>(), means.at("without").get<double>(),
                         judged ? " What was held out has chosen among the iterations." : "")
-          : fmt::format("{}: moving all weights of its energy predicts no better than without; "
-                        "they stay.",
-                        body));
-  return result;
+          : fmt::format("{}: moving {} predicts no better than without; they stay.", body, what));
 }
 
 std::string weights_file_name(const std::string& body) {

@@ -15,6 +15,10 @@ namespace matterfit::job {
                                      std::vector<std::string>& statements,
                                      std::vector<Json>& history);
 
+/// Says of a further fit with `what` moved whether that predicts better.
+void add_weights_statement(const std::string& body, const char* what, const FurtherFit& result,
+                           std::vector<std::string>& statements);
+
 /// The name of the file in a fit's folder that holds a body's weights.
 [[nodiscard]] std::string weights_file_name(const std::string& body);
 

@@ -61,7 +61,7 @@ def has_weights(settings):
     if fit.law == "FIND":
         return "NEURAL_ISOTROPIC" in fit.laws
     return fit.law == "BODY" and any(
-        body.material.law == "NEURAL_ISOTROPIC" for body in settings.bodies
+        body.material.law in ("NEURAL_ISOTROPIC", "NEURAL") for body in settings.bodies
         if body.enabled and body.role == "BODY")
 
 

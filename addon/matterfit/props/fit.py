@@ -135,9 +135,10 @@ class MatterfitFit(bpy.types.PropertyGroup):
 
     weight_steps: IntProperty(
         name="All Weights", default=0, min=0, soft_max=30, max=1000,
-        description="Of the law Neural (isotropic): at most so many further steps at the end, with all "
-                    "weights of its energy. Of these the one that predicts best what is held out is "
-                    "taken, none where that is no better than without")
+        description="Of the laws Neural (isotropic), whose energy has the weights, and Neural "
+                    "(published): at most so many further steps at the end, with all weights. Of "
+                    "these the one that predicts best what is held out is taken, none where that is no "
+                    "better than without")
     correction_steps: IntProperty(
         name="Correction", default=0, min=0, soft_max=30, max=1000,
         description="At most so many further steps at the end with a correction of five numbers "

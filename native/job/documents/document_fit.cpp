@@ -159,7 +159,6 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
     check_twice(item, parameter.path, fit.parameters);
     fit.parameters.push_back(std::move(parameter));
   }
-  if (fit.parameters.empty()) parameters.fail("at least one parameter");
   if (const auto laws = object.find("laws")) {
     fit.laws = read_laws(*laws);
     fit.body = sought_body(*laws, fit, scene);
@@ -182,6 +181,8 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
   fit.iterations = object.integer("iterations", fit.iterations, 1, 100'000);
   fit.windows = object.boolean("windows", fit.windows);
   fit.weights = object.integer("weights", fit.weights, 0, 1000);
+  // Weights are enough.
+  if (fit.parameters.empty() && fit.weights == 0) parameters.fail("at least one parameter");
   fit.correction = object.integer("correction", fit.correction, 0, 1000);
   if (fit.weights > 0 && fit.correction > 0) {
     value.refuse("'weights' and 'correction' both go on from the fitted law; give one of them.");

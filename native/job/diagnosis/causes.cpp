@@ -163,7 +163,7 @@ class Causes {
     }
     const double mass = body_.volume * scene_.bodies.front().density;
     cause.row.numbers = {number("mass", "kg", 0.05 * mass, true)};
-    cause.row.confused_with = {"density", "gravity_size"};
+    cause.row.confused_with = {"material.E", "gravity_size"};
     std::vector<Vec3d> places;
     for (int axis = 0; axis < 3; ++axis) {
       for (const bool high : {false, true}) {

@@ -153,7 +153,7 @@ class MaterialCauses {
         if (there > added.low && there < added.high) cause.row.tries.push_back(there);
       }
     }
-    cause.row.confused_with = {"density", "gravity_size"};
+    cause.row.confused_with = {"attached_mass", "gravity_size"};
     cause.apply = [member = row.member](std::span<const double> v, int, mpm::Scene& scene) {
       scene.bodies.front().material.*member += v[0];
     };

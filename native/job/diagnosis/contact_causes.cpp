@@ -2,6 +2,7 @@
 #include "job/diagnosis/contact_causes.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include "job/diagnosis/cause_row.hpp"
 #include "job/diagnosis/extent.hpp"

@@ -9,10 +9,7 @@
 #include <utility>
 
 #include "base/error.hpp"
-#include "base/file.hpp"
 #include "fit/data/follow.hpp"
-#include "job/documents/fit_path.hpp"
-#include "job/documents/safetensors.hpp"
 #include "job/fit_report.hpp"
 #include "job/fit_weights.hpp"
 #include "material/neural/published_file.hpp"
@@ -119,19 +116,6 @@ fit::SceneBuilder with_published(fit::SceneBuilder build, std::string body,
   };
 }
 
-std::vector<fit::ParameterSpec> moves_of(const std::string& body, std::size_t count) {
-  std::vector<fit::ParameterSpec> moves;
-  for (std::size_t i = 0; i < count; ++i) {
-    fit::ParameterSpec move;
-    move.where = "fit.weights";
-    move.path.quantity = &fit::row_named(fit::Owner::kBody, "material.weight_moves[#]");
-    move.path.owner = body;
-    move.path.index = i;
-    moves.push_back(std::move(move));
-  }
-  return moves;
-}
-
 /// The search: weights and values as they are, and what is known of where to go.
 class PublishedSearch {
  public:
@@ -196,7 +180,7 @@ class PublishedSearch {
     for (fit::SceneBuilder& builder : setup.builders) {
       builder = with_published(std::move(builder), from_.body, law);
     }
-    for (fit::ParameterSpec& move : moves_of(from_.body, law->directions.size())) {
+    for (fit::ParameterSpec& move : weight_moves_of(from_.body, 0, law->directions.size())) {
       setup.parameters.push_back(std::move(move));
     }
     auto fit = std::make_unique<fit::LawFit>(std::move(setup), interrupter_, statements_);
@@ -293,15 +277,7 @@ FurtherFit fit_published_weights(const FurtherStart& from, const Interrupter& in
 
 void write_published_weights(const PublishedWeights& weights, const std::string& body,
                              const std::filesystem::path& folder, Json& document) {
-  const std::filesystem::path file = folder / weights_file_name(body);
-  Tensors tensors = material::published_tensors(weights);
-  tensors.metadata = {{"law", "neural"},
-                      {"name", body + ", fitted"},
-                      {"version", MATTERFIT_VERSION},
-                      {"source", "matterfit fit"}};
-  write_file(file, format_safetensors(tensors));
-  Json& material = (*find_named(document.at("scene"), "bodies", body))["material"];
-  material["weights"] = file.generic_string();
+  write_weights_file(material::published_tensors(weights), "neural", body, folder, document);
 }
 
 }  // namespace matterfit::job

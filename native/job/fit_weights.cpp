@@ -37,17 +37,8 @@ FurtherFit fit_weights(FurtherStart from, const Interrupter& interrupter,
   for (fit::SceneBuilder& builder : from.setup.builders) {
     builder = with_weights(std::move(builder), body);
   }
-  std::vector<fit::ParameterSpec> weights;
-  for (std::size_t i = 1; i < material::kIsotropicElastic; ++i) {
-    fit::ParameterSpec weight;
-    weight.where = "fit.weights";
-    weight.path.quantity = &fit::row_named(fit::Owner::kBody, kRow);
-    weight.path.owner = body;
-    weight.path.index = i;
-    weights.push_back(std::move(weight));
-  }
-  FurtherFit result =
-      go_on(std::move(from), std::move(weights), 0.0, interrupter, statements, history);
+  FurtherFit result = go_on(std::move(from), weight_moves_of(body, 1, material::kIsotropicElastic),
+                            0.0, interrupter, statements, history);
   result.key = "weights";
   add_weights_statement(body, "all weights of its energy", result, statements);
   return result;
@@ -71,18 +62,39 @@ std::string weights_file_name(const std::string& body) {
   return "weights_" + body + ".safetensors";
 }
 
-void write_weights(const material::Material& fitted, const std::string& body,
-                   const std::filesystem::path& folder, Json& document) {
+std::vector<fit::ParameterSpec> weight_moves_of(const std::string& body, std::size_t first,
+                                                std::size_t end) {
+  std::vector<fit::ParameterSpec> moves;
+  for (std::size_t i = first; i < end; ++i) {
+    fit::ParameterSpec move;
+    move.where = "fit.weights";
+    move.path.quantity = &fit::row_named(fit::Owner::kBody, kRow);
+    move.path.owner = body;
+    move.path.index = i;
+    moves.push_back(std::move(move));
+  }
+  return moves;
+}
+
+Json& write_weights_file(Tensors weights, const char* law, const std::string& body,
+                         const std::filesystem::path& folder, Json& document) {
   const std::filesystem::path file = folder / weights_file_name(body);
-  Tensors tensors = start_tensors(*moved_start(fitted, file.generic_string()));
-  tensors.metadata = {{"law", "neural_isotropic"},
+  weights.metadata = {{"law", law},
                       {"name", body + ", fitted"},
                       {"version", MATTERFIT_VERSION},
                       {"source", "matterfit fit"}};
-  write_file(file, format_safetensors(tensors));
+  write_file(file, format_safetensors(weights));
   Json& material = (*find_named(document.at("scene"), "bodies", body))["material"];
   material["weights"] = file.generic_string();
-  material.erase("weight_moves");
+  return material;
+}
+
+void write_weights(const material::Material& fitted, const std::string& body,
+                   const std::filesystem::path& folder, Json& document) {
+  const std::string name = (folder / weights_file_name(body)).generic_string();
+  write_weights_file(start_tensors(*moved_start(fitted, name)), "neural_isotropic", body, folder,
+                     document)
+      .erase("weight_moves");
 }
 
 }  // namespace matterfit::job

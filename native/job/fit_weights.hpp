@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "job/documents/safetensors.hpp"
 #include "job/fit_further.hpp"
 
 namespace matterfit::job {
@@ -21,6 +22,15 @@ void add_weights_statement(const std::string& body, const char* what, const Furt
 
 /// The name of the file in a fit's folder that holds a body's weights.
 [[nodiscard]] std::string weights_file_name(const std::string& body);
+
+/// A body's weight_moves from `first` to `end`, as parameters of a further fit.
+[[nodiscard]] std::vector<fit::ParameterSpec> weight_moves_of(const std::string& body,
+                                                              std::size_t first, std::size_t end);
+
+/// Writes fitted weights of a law to that file of the folder and has the body of `document` name
+/// it; gives the body's material there.
+Json& write_weights_file(Tensors weights, const char* law, const std::string& body,
+                         const std::filesystem::path& folder, Json& document);
 
 /// Writes a fitted material's weights, its weight_moves in them, to that file of the folder, and
 /// has the body of `document` name it in place of the moves.

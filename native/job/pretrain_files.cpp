@@ -41,6 +41,19 @@ constexpr double kTestRate = 1.0;
 /// Classical materials of a class that the latent law's accuracy is measured on.
 constexpr std::size_t kOfEachClass = 60;
 
+/// What a file of weights that the library carries says of itself.
+auto shipped_metadata(const char* law, const std::string& name, const std::string& pretrained_on,
+                      const Json& accuracy, const PretrainOptions& options, const char* source) {
+  return decltype(Tensors::metadata){{"law", law},
+                                     {"name", name},
+                                     {"pretrained_on", pretrained_on},
+                                     {"seed", std::to_string(options.seed)},
+                                     {"accuracy", accuracy.dump()},
+                                     {"version", MATTERFIT_VERSION},
+                                     {"licence", "CC0-1.0"},
+                                     {"source", source}};
+}
+
 Json write_latent(const PretrainOptions& options) {
   Arena arena(0);
   material::LatentPretraining training;
@@ -55,14 +68,9 @@ Json write_latent(const PretrainOptions& options) {
         {"rate_log_rms", one.rate},   {"of_class", one.of_class}};
   }
   Tensors tensors = latent_tensors(*decoder);
-  tensors.metadata = {{"law", "latent"},
-                      {"name", "latent"},
-                      {"pretrained_on", "all classical laws over the ranges of their numbers"},
-                      {"seed", std::to_string(options.seed)},
-                      {"accuracy", classes.dump()},
-                      {"version", MATTERFIT_VERSION},
-                      {"licence", "CC0-1.0"},
-                      {"source", "matterfit pretrain --latent"}};
+  tensors.metadata =
+      shipped_metadata("latent", "latent", "all classical laws over the ranges of their numbers",
+                       classes, options, "matterfit pretrain --latent");
   write_file(options.folder / "latent.safetensors", format_safetensors(tensors));
   return classes;
 }
@@ -86,14 +94,8 @@ Json write_published(const std::string& name, const material::Material& classica
       {"uniaxial", uniaxial},   {"uniaxial_worst", worst},          {"stress_rms", found.stress},
       {"flow_rms", found.flow}, {"flow_step_rms", found.flow_step}, {"creep_rms", found.creep}};
   Tensors tensors = material::published_tensors(weights);
-  tensors.metadata = {{"law", "neural"},
-                      {"name", name},
-                      {"pretrained_on", material_json(classical).dump()},
-                      {"seed", std::to_string(options.seed)},
-                      {"accuracy", accuracy.dump()},
-                      {"version", MATTERFIT_VERSION},
-                      {"licence", "CC0-1.0"},
-                      {"source", "matterfit pretrain --published"}};
+  tensors.metadata = shipped_metadata("neural", name, material_json(classical).dump(), accuracy,
+                                      options, "matterfit pretrain --published");
   const std::string file = std::string(kPublishedPrefix) + name + ".safetensors";
   write_file(options.folder / file, format_safetensors(tensors));
   return accuracy;
@@ -176,14 +178,8 @@ Json write_start_laws(const PretrainOptions& options) {
     const Json accuracy =
         accuracy_json(material::accuracy(weights, classical, options.seed + kAccuracySeed, arena));
     Tensors tensors = start_tensors(*material::with_directions(name, weights, options.seed));
-    tensors.metadata = {{"law", "neural_isotropic"},
-                        {"name", name},
-                        {"pretrained_on", material_json(classical).dump()},
-                        {"seed", std::to_string(options.seed)},
-                        {"accuracy", accuracy.dump()},
-                        {"version", MATTERFIT_VERSION},
-                        {"licence", "CC0-1.0"},
-                        {"source", "matterfit pretrain"}};
+    tensors.metadata = shipped_metadata("neural_isotropic", name, material_json(classical).dump(),
+                                        accuracy, options, "matterfit pretrain");
     write_file(options.folder / (name + ".safetensors"), format_safetensors(tensors));
     report[name] = accuracy;
   }

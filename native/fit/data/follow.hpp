@@ -32,7 +32,7 @@ class PointFollower {
   /// `rest` (N) where the points are on the body at rest, world; a point that is not finite is not
   /// followed. `separation` of the particles [m].
   PointFollower(const mpm::Body& body, Points rest, double separation, Arena& arena);
-  /// What a capture sees of the body, its points at `rest`.
+  /// The points of a capture, at `rest`, or its front.
   PointFollower(const mpm::Body& body, const CaptureInput& capture, Points rest, double separation,
                 Arena& arena);
 

@@ -18,7 +18,7 @@ class Front {
   Front(const Vec3d& direction, double separation)
       : direction_(direction), width_(0.5 * separation) {}
 
-  /// What it reaches along the direction [m]; `positions` is not empty.
+  /// How far the front reaches along the direction [m]; `positions` is not empty.
   [[nodiscard]] double reach(std::span<const Vec3d> positions) const;
   /// How fast that moves [m/s].
   [[nodiscard]] double speed(std::span<const Vec3d> positions,

@@ -7,7 +7,7 @@
 
 #include "job/diagnosis/causes.hpp"
 
-/// What the lists of causes write their rows with.
+/// Helpers with which contact_causes, material_causes and causes write their rows.
 namespace matterfit::job {
 
 /// A number that is 0 where its cause is not there; `one_sided`: never below.

@@ -148,7 +148,7 @@ class ContactCauses {
     cause.apply = [c, foot](std::span<const double> v, int, mpm::Scene& scene) {
       if (c >= scene.colliders.size()) return;
       const shape::ColliderPtr old = scene.colliders[c];
-      // Where it lies now, under the body.
+      // The ground turns about the point below the body, at its present height.
       const Vec3d below = foot - Vec3d(0.0, 0.0, old->closest(foot, 0.0).distance);
       scene.colliders[c] = shape::make_plane(old->name(), old->contact(), below,
                                              Vec3d(-v[0], -v[1], 1.0).normalized());

@@ -91,10 +91,7 @@ class MaterialCauses {
   /// An elastic body that keeps a dent is one of von Mises, in the same formulation.
   void yield() {
     const mpm::Body& body = scene_.bodies.front();
-    const bool quadratic = material_.law == material::Law::kStvkHencky ||
-                           material_.law == material::Law::kFixedCorotated ||
-                           material_.law == material::Law::kNeoHookean;
-    if (!quadratic) return;
+    if (!material_.traits().elastic() || material::is_isotropic(material_.law)) return;
     const double never = kNeverYields * material_.youngs_modulus;
     Cause& cause = add_cause(causes_, "yield", "material",
                              "The material yields at {value} and keeps its new shape.");

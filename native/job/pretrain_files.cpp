@@ -90,7 +90,7 @@ Json write_published(const std::string& name, const material::Material& classica
     uniaxial[stretch] = found.uniaxial[i];
     worst[stretch] = found.uniaxial_worst[i];
   }
-  const Json accuracy = {
+  Json accuracy = {
       {"uniaxial", uniaxial},   {"uniaxial_worst", worst},          {"stress_rms", found.stress},
       {"flow_rms", found.flow}, {"flow_step_rms", found.flow_step}, {"creep_rms", found.creep}};
   Tensors tensors = material::published_tensors(weights);

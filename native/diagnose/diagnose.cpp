@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include "diagnose/extend.hpp"
@@ -54,9 +55,12 @@ class Writer {
     causes();
     decide();
     probabilities();
-    std::ranges::stable_sort(report_.causes, [](const Cause& a, const Cause& b) {
-      return a.accepted != b.accepted ? a.accepted : a.probability > b.probability;
-    });
+    // Where none but the first are likely at all, what was refitted says more than a score.
+    const auto rank = [](const Cause& cause) {
+      return std::tuple(!cause.accepted, -std::floor(1e6 * cause.probability), !cause.refitted,
+                        -cause.probability);
+    };
+    std::ranges::stable_sort(report_.causes, {}, rank);
     if (report_.causes.size() > std::size_t(options_.listed)) {
       report_.causes.resize(std::size_t(options_.listed));
     }
@@ -195,7 +199,7 @@ class Writer {
     cause.keep = score.keep;
     cause.observable = score.observable || trial;
     cause.refitted = trial != nullptr;
-    if (trial && !(e.onsets.empty() && e.tries.empty())) {
+    if (trial && !(e.onsets.empty() && e.tries.empty() && e.far_tries.empty())) {
       cause.p = found_.first->placebo.p(found_.base.evidence - trial->evidence);
     }
     if (acts(score.candidate)) {

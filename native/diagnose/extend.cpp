@@ -5,10 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <utility>
 
 #include "diagnose/accept.hpp"
+#include "diagnose/far_starts.hpp"
 #include "diagnose/further.hpp"
 #include "diagnose/mates.hpp"
 #include "diagnose/onset.hpp"
@@ -64,7 +66,7 @@ class Search {
       // Wide enough for both; each is searched, and its evidence counted, by its own.
       base_corrections_ = out_.base.corrections;
       out_.noise.corrections = std::max(base_corrections_, best.corrections);
-      if (changed(before, out_.noise)) {
+      if (differ(before, out_.noise)) {
         fit_base(false);
         fit_together();
         try_singles();
@@ -142,22 +144,6 @@ class Search {
     const double corrections = out_.noise.corrections;
     out_.noise = noise_of(stacked, out_.slopes, out_.spread);
     out_.noise.corrections = corrections;
-  }
-
-  static bool changed(const Noise& a, const Noise& b) {
-    if (std::abs(std::log(a.corrections / b.corrections)) > 0.1) return true;
-    for (std::size_t c = 0; c < a.captures.size(); ++c) {
-      const TrackNoise& x = a.captures[c];
-      const TrackNoise& y = b.captures[c];
-      // A tenth in size or in correlation shifts thresholds by as much.
-      if (std::abs(std::log(x.sigma / y.sigma)) > 0.1 ||
-          std::abs(x.correlation - y.correlation) > 0.1 ||
-          std::abs(x.common_sigma - y.common_sigma) > 0.1 * (x.sigma + y.sigma) ||
-          std::abs(x.place_sigma - y.place_sigma) > 0.1 * (x.sigma + y.sigma)) {
-        return true;
-      }
-    }
-    return false;
   }
 
   [[nodiscard]] RefitStart base_start() const {
@@ -325,11 +311,13 @@ class Search {
         attempts.push_back({{score.candidate}, single_start(score, known)});
       }
     }
+    add_far_tries(known, attempts);
     const std::size_t set = attempts.size();
     for (const std::size_t k : order) {
       if (int(attempts.size() - set) >= options_.refits) break;
       const Score& score = scores[k];
       if (!effect_of(score).onsets.empty() || !effect_of(score).tries.empty()) continue;
+      if (is_attempted(score.candidate.effect, attempts)) continue;
       if (out_.first->placebo.p(score.equivalent) >= options_.analysis.placebo.level) break;
       const double imitates = out_.first->test.imitation(order.front(), top.estimate, k);
       const bool like = top.statistic * (1.0 - imitates) < kExcluded ||
@@ -395,6 +383,34 @@ class Search {
     }
   }
 
+  /// Adds causes that name sizes to be looked for from far off, where the base is.
+  void add_far_tries(std::vector<Trial>& known, std::vector<Attempt>& attempts) const {
+    if (looseness_of(out_.base.refit) < kMuchLeft) return;
+    std::vector<int> begun;
+    for (Trial& trial : known) {
+      const Candidate cause = trial.causes.front();
+      if (study_.model().effects()[std::size_t(cause.effect)].far_tries.empty()) continue;
+      begun.push_back(cause.effect);
+      attempts.push_back({{cause}, again(trial)});
+    }
+    study_.begin("refits");
+    std::vector<Attempt> looked = far_starts(*refitter_, out_.base_state, out_.slopes.theta, begun);
+    std::ranges::move(looked, std::back_inserter(attempts));
+  }
+
+  static bool is_attempted(int effect, const std::vector<Attempt>& attempts) {
+    return std::ranges::any_of(
+        attempts, [&](const Attempt& attempt) { return attempt.causes.front().effect == effect; });
+  }
+
+  /// Where a trial of the pass before ended.
+  [[nodiscard]] RefitStart again(Trial& trial) const {
+    RefitStart start{{trial.refit.state}, {}};
+    start.corrections = refitter_->corrections_of(trial.refit).size;
+    start.slopes = std::move(trial.refit.slopes);
+    return start;
+  }
+
   /// The refit of a candidate in the pass before; null without any.
   static Trial* known_of(const Score& score, std::vector<Trial>& known) {
     const auto found = std::ranges::find_if(
@@ -414,12 +430,7 @@ class Search {
   }
 
   [[nodiscard]] RefitStart single_start(const Score& score, std::vector<Trial>& known) const {
-    if (Trial* trial = known_of(score, known)) {
-      RefitStart start{{trial->refit.state}, {}};
-      start.corrections = refitter_->corrections_of(trial->refit).size;
-      start.slopes = std::move(trial->refit.slopes);
-      return start;
-    }
+    if (Trial* trial = known_of(score, known)) return again(*trial);
     // A first estimate may be far off, so the base itself is a start.
     RefitStart start{{}, beside(out_.slopes.theta, columns_of(out_.slopes, score.candidate))};
     for (const double share : {1.0, 0.5, 0.0}) {

@@ -469,4 +469,19 @@ Noise for_rows(const Noise& noise, const Rows& rows) {
   return Noise{noise.captures, VectorXd::Ones(rows.size()), noise.turns, noise.corrections};
 }
 
+bool differ(const Noise& a, const Noise& b) {
+  if (std::abs(std::log(a.corrections / b.corrections)) > 0.1) return true;
+  for (std::size_t c = 0; c < a.captures.size(); ++c) {
+    const TrackNoise& x = a.captures[c];
+    const TrackNoise& y = b.captures[c];
+    if (std::abs(std::log(x.sigma / y.sigma)) > 0.1 ||
+        std::abs(x.correlation - y.correlation) > 0.1 ||
+        std::abs(x.common_sigma - y.common_sigma) > 0.1 * (x.sigma + y.sigma) ||
+        std::abs(x.place_sigma - y.place_sigma) > 0.1 * (x.sigma + y.sigma)) {
+      return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace matterfit::diagnose

@@ -55,6 +55,10 @@ struct Noise {
                                    const Eigen::MatrixXd& explained, double floor,
                                    const Turns& turns = {});
 
+/// Whether two estimates, of the same captures, differ by more than a tenth in size or correlation,
+/// so that thresholds shift by as much.
+[[nodiscard]] bool differ(const Noise& a, const Noise& b);
+
 /// The same noise for other rows of the captures (held out), without outliers.
 [[nodiscard]] Noise for_rows(const Noise& noise, const Rows& rows);
 

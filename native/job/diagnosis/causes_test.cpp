@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <stdexcept>
 #include <tuple>
@@ -172,6 +173,12 @@ TEST(Causes, AMassMayHangInOneRecordingAlone) {
       std::ranges::find_if(causes, [](const Cause& cause) { return cause.run.has_value(); });
   ASSERT_NE(found, causes.end());
   EXPECT_EQ(found->row.scope, "capture second");
+  // Looked for at sizes about the body's own.
+  const mpm::Scene scene = scene_of(document);
+  const double own = std::pow(kSize, 3.0) * scene.bodies.front().density;
+  ASSERT_FALSE(found->row.far_tries.empty());
+  EXPECT_GT(found->row.far_tries.front(), 0.05 * own);
+  EXPECT_LT(found->row.far_tries.back(), 3.0 * own);
   Json laid_over = {{"gravity", {0, 0, -3}}};
   found->write(std::vector{0.5}, 0, laid_over);
   ASSERT_EQ(laid_over["bodies"].size(), 1U);

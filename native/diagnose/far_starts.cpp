@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "diagnose/far_starts.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <iterator>
+#include <map>
+#include <utility>
+
+#include "diagnose/starts.hpp"
+#include "fit/numerics/bounded_step.hpp"
+
+namespace matterfit::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// What is left of a residual once parameters have adapted to first order.
+class Adapted {
+ public:
+  Adapted(const Refitter& refitter, const State& base, const MatrixXd& slopes)
+      : refitter_(refitter), used_(refitter.study().used().size()) {
+    const Model& model = refitter.study().model();
+    const Index count = base.theta.size();
+    const ThetaPrior prior = theta_prior(model);
+    white_ = refitter.whitening().apply(slopes.topRows(used_));
+    hessian_ = white_.transpose() * white_;
+    hessian_.diagonal() += prior.precision;
+    hessian_ = regularised(std::move(hessian_));
+    pull_.resize(count);
+    box_ = {VectorXd(count), VectorXd(count)};
+    for (Index p = 0; p < count; ++p) {
+      const fit::Parameter& parameter = model.parameters()[std::size_t(p)];
+      const double here = base.theta[p];
+      pull_[p] = prior.precision[p] * (here - prior.mean[p]) / parameter.scale;
+      const auto room = [&](double bound) {
+        return (fit::to_natural(parameter.coordinate, bound) - here) / parameter.scale;
+      };
+      box_.low[p] = std::min(0.0, room(parameter.low));
+      box_.high[p] = std::max(0.0, room(parameter.high));
+    }
+  }
+
+  /// Half of χ² and priors, less what the priors are without adapting.
+  [[nodiscard]] double left(const VectorXd& prediction) const {
+    const VectorXd residual =
+        refitter_.whitening().apply((refitter_.study().measured() - prediction).head(used_));
+    const VectorXd gradient = pull_ - white_.transpose() * residual;
+    const VectorXd step = fit::bounded_step(hessian_, gradient, box_);
+    return 0.5 * residual.squaredNorm() + gradient.dot(step) + 0.5 * step.dot(hessian_ * step);
+  }
+
+ private:
+  const Refitter& refitter_;
+  Index used_;
+  MatrixXd white_;
+  MatrixXd hessian_;
+  VectorXd pull_;
+  fit::Box box_;
+};
+
+/// One shape of an effect, and what is left beside it at the sizes that were looked at.
+struct Shape {
+  Candidate candidate;
+  std::map<double, double> left;  ///< by size, of those that could be simulated
+  [[nodiscard]] std::map<double, double>::const_iterator best() const {
+    return std::ranges::min_element(left, {}, [](const auto& size) { return size.second; });
+  }
+};
+
+/// Halfway to the sizes on either side of the best one; sizes are apart by factors.
+std::vector<double> between(const Shape& shape) {
+  const auto best = shape.best();
+  std::vector<double> sizes;
+  const auto halfway = [&](double other) {
+    const bool factors = best->first * other > 0.0;
+    sizes.push_back(factors ? std::copysign(std::sqrt(best->first * other), other)
+                            : 0.5 * (best->first + other));
+  };
+  if (best != shape.left.begin()) halfway(std::prev(best)->first);
+  if (std::next(best) != shape.left.end()) halfway(std::next(best)->first);
+  return sizes;
+}
+
+class Looking {
+ public:
+  Looking(const Refitter& refitter, const State& base, const MatrixXd& slopes,
+          const std::vector<int>& known)
+      : study_(refitter.study()), base_(base), adapted_(refitter, base, slopes) {
+    for (const Candidate& candidate : candidates_of(study_.model(), base)) {
+      if (effect_of(candidate).far_tries.empty()) continue;
+      if (std::ranges::count(known, candidate.effect) == 0) shapes_.push_back({candidate, {}});
+    }
+  }
+
+  std::vector<Attempt> run() {
+    look([&](const Shape& shape) { return effect_of(shape.candidate).far_tries; });
+    for (int round = 0; round < kRounds; ++round) {
+      look([&](const Shape& shape) {
+        return may_be_best(shape) ? between(shape) : std::vector<double>();
+      });
+    }
+    std::vector<Attempt> attempts;
+    for (const Shape& shape : shapes_) {
+      if (shape.left.empty() || best_of(shape.candidate.effect) != &shape) continue;
+      Attempt attempt;
+      attempt.causes = {shape.candidate};
+      // Slopes at the base are of another motion: the refit makes its own.
+      attempt.start.states = {with(shape, shape.best()->first)};
+      attempts.push_back(std::move(attempt));
+    }
+    return attempts;
+  }
+
+ private:
+  /// Twice halves what lies between the sizes that are named.
+  static constexpr int kRounds = 2;
+  /// Shapes that leave more than so many times what the best one does are out.
+  static constexpr double kOut = 4.0;
+
+  [[nodiscard]] const Effect& effect_of(const Candidate& candidate) const {
+    return study_.model().effects()[std::size_t(candidate.effect)];
+  }
+
+  [[nodiscard]] State with(const Shape& shape, double size) const {
+    const Effect& effect = effect_of(shape.candidate);
+    VectorXd there = VectorXd::Zero(Index(effect.numbers.size()));
+    there[0] = (size - effect.numbers[0].neutral) / effect.numbers[0].scale;
+    return extended(study_.model(), base_, shape.candidate, there, 1.0);
+  }
+
+  /// The effect's first shape that leaves least; null where none could be simulated.
+  [[nodiscard]] const Shape* best_of(int effect) const {
+    const Shape* best = nullptr;
+    for (const Shape& shape : shapes_) {
+      if (shape.candidate.effect != effect || shape.left.empty()) continue;
+      if (best == nullptr || shape.best()->second < best->best()->second) best = &shape;
+    }
+    return best;
+  }
+
+  [[nodiscard]] bool may_be_best(const Shape& shape) const {
+    if (shape.left.empty()) return false;
+    return shape.best()->second < kOut * best_of(shape.candidate.effect)->best()->second;
+  }
+
+  void look(const std::function<std::vector<double>(const Shape&)>& sizes) {
+    std::vector<State> states;
+    std::vector<std::pair<std::size_t, double>> of;
+    for (std::size_t i = 0; i < shapes_.size(); ++i) {
+      for (const double size : sizes(shapes_[i])) {
+        states.push_back(with(shapes_[i], size));
+        of.emplace_back(i, size);
+      }
+    }
+    if (states.empty()) return;
+    const auto seen = study_.predict(states, Study::Wanted::kUsed);
+    for (std::size_t k = 0; k < of.size(); ++k) {
+      if (seen[k]) shapes_[of[k].first].left[of[k].second] = adapted_.left(*seen[k]);
+    }
+  }
+
+  const Study& study_;
+  const State& base_;
+  Adapted adapted_;
+  std::vector<Shape> shapes_;
+};
+
+}  // namespace
+
+std::vector<Attempt> far_starts(const Refitter& refitter, const State& base, const MatrixXd& slopes,
+                                const std::vector<int>& known) {
+  return Looking(refitter, base, slopes, known).run();
+}
+
+}  // namespace matterfit::diagnose

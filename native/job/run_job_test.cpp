@@ -324,9 +324,24 @@ TEST(Probe, OnAFaceIsTheFace) {
   for (const Vec3d& x : face) EXPECT_DOUBLE_EQ(x.x(), 0.4);
   probe.region.point = Vec3d(0.3, 0, 0);
   EXPECT_EQ(probe_points(probe, "probes[0]", body, 0.1)[0].x(), body.rest[12].x());
+  // A body that is no whole number of separations long.
+  probe.region.point = Vec3d(0.43, 0, 0);
+  ASSERT_EQ(probe_points(probe, "probes[0]", body, 0.1).size(), 4U);
   probe.region.point = Vec3d(0.6, 0, 0);
   EXPECT_THAT(message_of([&] { (void)probe_points(probe, "probes[0]", body, 0.1); }),
               HasSubstr("touches no particle of 'b'"));
+}
+
+/// Before anything is simulated or searched.
+TEST(BuildScene, RefusesAProbeThatTouchesNothing) {
+  Json document = falling_cube();
+  document["probes"] = {
+      {{"name", "far"},
+       {"body", document["scene"]["bodies"][0]["name"]},
+       {"region", {{"shape", "plane"}, {"point", {50, 0, 0}}, {"normal", {-1, 0, 0}}}}}};
+  Arena arena(1);
+  EXPECT_THAT(message_of([&] { (void)build_scene(job_of(document, {}), arena, Interrupter{}); }),
+              HasSubstr("probes[0].region: touches no particle"));
 }
 
 TEST(BuildScene, ThePinnedPlaneIsAFaceOfTheLattice) {

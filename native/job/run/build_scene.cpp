@@ -8,6 +8,8 @@
 #include "capture/mesh.hpp"
 #include "capture/npz.hpp"
 #include "capture/ply.hpp"
+#include "fit/data/follow.hpp"
+#include "job/run/observe.hpp"
 #include "shape/collider_mesh.hpp"
 
 namespace matterfit::job {
@@ -230,6 +232,12 @@ BuiltScene build_scene(const Job& job, Arena& arena, const Interrupter& interrup
   scene.dt = doc.solver.dt;
   scene.dt_safety = doc.solver.dt_safety;
   scene.grid_shift = doc.solver.grid_shift;
+  for (std::size_t i = 0; i < job.probes.size(); ++i) {
+    // Here, not where they are looked at: after a fit.
+    (void)probe_points(job.probes[i], "probes[" + std::to_string(i) + "]",
+                       scene.bodies[fit::body_index(scene, job.probes[i].body)],
+                       doc.particle_separation);
+  }
   return built;
 }
 

@@ -189,20 +189,31 @@ Points probe_points(const ProbeDoc& probe, const std::string& path, const mpm::B
                     double separation) {
   const mpm::Pin region = pin_region(probe.region);
   Points inside;
-  Points touching;
-  constexpr double kSlack = 1.01;
+  std::vector<mpm::RegionDistance> outside;
+  double least = std::numeric_limits<double>::infinity();
   for (const Vec3d& x : body.rest) {
     const mpm::RegionDistance distance = region_distance(region, x);
-    if (distance.distance <= 0.0) inside.push_back(x);
-    if (distance.distance > 0.0 && distance.distance <= 0.5 * kSlack * separation) {
-      touching.push_back(distance.nearest);
+    if (distance.distance <= 0.0) {
+      inside.push_back(x);
+    } else {
+      least = std::min(least, distance.distance);
+      outside.push_back(distance);
     }
   }
   if (!inside.empty()) return inside;
-  if (touching.empty()) {
+  constexpr double kSlack = 1.01;
+  // Of a body that is no whole number of separations long the last layer stands up to a separation
+  // off its face.
+  if (!(least <= kSlack * separation)) {
     throw_input(path + ".region: touches no particle of '" + body.name +
                 "'. Regions are in world "
                 "space, where the body starts.");
+  }
+  Points touching;
+  for (const mpm::RegionDistance& distance : outside) {
+    if (distance.distance <= kSlack * std::max(least, 0.5 * separation)) {
+      touching.push_back(distance.nearest);
+    }
   }
   return touching;
 }

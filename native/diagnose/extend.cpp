@@ -230,6 +230,7 @@ class Search {
           extended(study_.model(), start.states.front(), score.candidate, score.estimate, 0.0);
       start.slopes = beside(start.slopes, columns_of(out_.slopes, score.candidate));
     }
+    start.rough = true;
     std::vector<RefitStart> starts;
     starts.push_back(std::move(start));
     const std::vector<std::optional<Refit>> refits = refitter_->fit_all(std::move(starts));

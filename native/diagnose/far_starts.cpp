@@ -98,6 +98,11 @@ class Looking {
   }
 
   std::vector<Attempt> run() {
+    look([&](const Shape& shape) {
+      const std::vector<double>& sizes = effect_of(shape.candidate).far_tries;
+      return std::vector{sizes[sizes.size() / 2]};
+    });
+    leave_the_worst();
     look([&](const Shape& shape) { return effect_of(shape.candidate).far_tries; });
     for (int round = 0; round < kRounds; ++round) {
       look([&](const Shape& shape) {
@@ -119,8 +124,10 @@ class Looking {
  private:
   /// Twice halves what lies between the sizes that are named.
   static constexpr int kRounds = 2;
-  /// Shapes that leave more than so many times what the best one does are out.
+  /// Shapes that leave more than so many times what the best one does are out, but for a share of
+  /// an effect's shapes: one size says little of another.
   static constexpr double kOut = 4.0;
+  static constexpr double kShare = 1.0 / 3.0;
 
   [[nodiscard]] const Effect& effect_of(const Candidate& candidate) const {
     return study_.model().effects()[std::size_t(candidate.effect)];
@@ -148,11 +155,31 @@ class Looking {
     return shape.best()->second < kOut * best_of(shape.candidate.effect)->best()->second;
   }
 
+  /// Of each effect, shapes that hardly come into question by the size that all were looked at.
+  void leave_the_worst() {
+    std::vector<Shape> kept;
+    for (const Shape& shape : shapes_) {
+      if (shape.left.empty()) continue;
+      const auto better = [&](const Shape& other) {
+        return other.candidate.effect == shape.candidate.effect && !other.left.empty() &&
+               other.best()->second < shape.best()->second;
+      };
+      const auto same = [&](const Shape& other) {
+        return other.candidate.effect == shape.candidate.effect;
+      };
+      const auto rank = double(std::ranges::count_if(shapes_, better));
+      const auto all = double(std::ranges::count_if(shapes_, same));
+      if (rank < std::max(1.0, kShare * all) || may_be_best(shape)) kept.push_back(shape);
+    }
+    shapes_ = std::move(kept);
+  }
+
   void look(const std::function<std::vector<double>(const Shape&)>& sizes) {
     std::vector<State> states;
     std::vector<std::pair<std::size_t, double>> of;
     for (std::size_t i = 0; i < shapes_.size(); ++i) {
       for (const double size : sizes(shapes_[i])) {
+        if (shapes_[i].left.contains(size)) continue;
         states.push_back(with(shapes_[i], size));
         of.emplace_back(i, size);
       }

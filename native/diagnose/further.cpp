@@ -14,6 +14,8 @@ using Eigen::MatrixXd;
 
 /// Of the further causes that are tried beside those that are there.
 constexpr std::size_t kFurther = 3;
+/// Share of the excess that a runner-up explains, beside which others are sought too.
+constexpr double kMost = 0.5;
 
 class Further {
  public:
@@ -27,21 +29,12 @@ class Further {
     while (int(out_.best->causes.size()) < options_.most_causes) {
       if (!further_seen(*out_.last) || predicts_to_the_floor(*out_.best)) return;
       if (options_.progress) options_.progress(0.85, "Looking for a further cause");
-      const std::vector<std::size_t> order = best_shapes(out_.last->scores);
       std::vector<Attempt> attempts;
-      for (std::size_t i = 0; i < std::min(kFurther, order.size()); ++i) {
-        const Score& score = out_.last->scores[order[i]];
-        std::vector<Candidate> causes = out_.best->causes;
-        causes.push_back(score.candidate);
-        const State& state = out_.best->refit.state;
-        attempts.push_back(
-            {std::move(causes),
-             {{extended(study_.model(), state, score.candidate, score.estimate, 1.0),
-               extended(study_.model(), state, score.candidate, score.estimate, 0.5)},
-              beside(beside(slopes.theta, slopes.active), columns_of(slopes, score.candidate))}});
-        attempts.back().start.corrections = out_.best->refit.corrections;
+      extend(*out_.best, *out_.last, slopes, attempts);
+      if (out_.best->causes.size() == 1) {
+        add_pairs(attempts);
+        extend_runner_up(attempts);
       }
-      if (out_.best->causes.size() == 1) add_pairs(attempts);
       std::optional<Trial> next;
       for (Trial& trial : trials_.tried(std::move(attempts), "further refits")) {
         if (!next || trial.evidence < next->evidence) next = std::move(trial);
@@ -59,6 +52,38 @@ class Further {
   }
 
  private:
+  /// Attempts with each of the best few causes beside those of `trial`, by what was seen there.
+  void extend(const Trial& trial, const Analysis& seen, const Linearised& slopes,
+              std::vector<Attempt>& attempts) const {
+    const std::vector<std::size_t> order = best_shapes(seen.scores);
+    for (std::size_t i = 0; i < std::min(kFurther, order.size()); ++i) {
+      const Score& score = seen.scores[order[i]];
+      std::vector<Candidate> causes = trial.causes;
+      causes.push_back(score.candidate);
+      const State& state = trial.refit.state;
+      attempts.push_back(
+          {std::move(causes),
+           {{extended(study_.model(), state, score.candidate, score.estimate, 1.0),
+             extended(study_.model(), state, score.candidate, score.estimate, 0.5)},
+            beside(beside(slopes.theta, slopes.active), columns_of(slopes, score.candidate))}});
+      attempts.back().start.corrections = trial.refit.corrections;
+    }
+  }
+
+  /// Where even the best cause leaves much, another one that explains most by itself may be the one
+  /// that is there beside something else, while the best does a little of both.
+  void extend_runner_up(std::vector<Attempt>& attempts) const {
+    if (looseness_of(out_.best->refit) < kFarOff) return;
+    const auto second = std::ranges::find_if(out_.singles, [&](const Trial& trial) {
+      return trial.causes.front().effect != out_.best->causes.front().effect;
+    });
+    if (second == out_.singles.end()) return;
+    if (share_of_excess(out_.base.refit, second->refit) < kMost) return;
+    Linearised slopes;
+    const Analysis seen = analyse_at(*second, slopes);
+    if (further_seen(seen)) extend(*second, seen, slopes, attempts);
+  }
+
   /// What is left beside `trial`: first with the derivatives that are there, which cost nothing;
   /// where those see something, with new ones. `slopes` are those that were used.
   [[nodiscard]] Analysis analyse_at(const Trial& trial, Linearised& slopes) const {

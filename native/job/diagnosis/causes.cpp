@@ -17,6 +17,7 @@
 #include "job/diagnosis/hidden_collider.hpp"
 #include "job/diagnosis/material_causes.hpp"
 #include "job/diagnosis/stiffness_causes.hpp"
+#include "job/diagnosis/surface_places.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -151,6 +152,7 @@ class Causes {
 
   void masses() {
     if (fitted("masses")) return;
+    places_ = surface_places(scene_.bodies.front(), job_.scene.particle_separation);
     mass(nullptr);
     if (options_.own_scenes.size() >= kMostRuns) return;
     for (const OwnScene& own : options_.own_scenes) mass(&own);
@@ -169,14 +171,9 @@ class Causes {
     for (const double share : kTriedMasses) cause.row.far_tries.push_back(share * mass);
     cause.row.confused_with = {"material.E", "gravity_size"};
     std::vector<Vec3d> places;
-    for (int axis = 0; axis < 3; ++axis) {
-      for (const bool high : {false, true}) {
-        Vec3d place = body_.center;
-        place[axis] = high ? body_.high[axis] : body_.low[axis];
-        places.push_back(place);
-        cause.row.variants.push_back(
-            fmt::format("at the end towards {}{}", high ? '+' : '-', "xyz"[axis]));
-      }
+    for (const SurfacePlace& place : places_) {
+      places.push_back(place.position);
+      cause.row.variants.push_back(place.words);
     }
     places.push_back(body_.center);
     cause.row.variants.emplace_back("at the centre");
@@ -254,6 +251,7 @@ class Causes {
   const mpm::Scene& scene_;
   const CauseOptions& options_;
   Extent body_;
+  std::vector<SurfacePlace> places_;  ///< of an attached mass
   std::vector<Cause> causes_;
 };
 

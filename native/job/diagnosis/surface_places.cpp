@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/diagnosis/surface_places.hpp"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+
+#include "job/diagnosis/extent.hpp"
+
+namespace matterfit::job {
+namespace {
+
+/// The mean of the particles that are outermost along `direction`, to within `slack` of the last.
+Vec3d outermost(const mpm::Body& body, const Vec3d& direction, double slack) {
+  double most = -std::numeric_limits<double>::infinity();
+  for (const Vec3d& x : body.rest) most = std::max(most, direction.dot(x));
+  Vec3d sum = Vec3d::Zero();
+  double count = 0.0;
+  for (const Vec3d& x : body.rest) {
+    if (direction.dot(x) < most - slack) continue;
+    sum += x;
+    count += 1.0;
+  }
+  return sum / count;
+}
+
+}  // namespace
+
+std::vector<SurfacePlace> surface_places(const mpm::Body& body, double separation) {
+  constexpr std::array<const char*, 4> kKinds = {"", "end", "edge", "corner"};
+  constexpr std::array<char, 3> kAxes = {'x', 'y', 'z'};
+  const Extent extent = extent_of(body);
+  const Vec3d half = 0.5 * (extent.high - extent.low).cwiseMax(separation);
+  std::vector<SurfacePlace> places;
+  for (std::size_t wanted = 1; wanted <= 3; ++wanted) {
+    for (int code = 0; code < 27; ++code) {
+      const Vec3d sign(code / 9 - 1, code / 3 % 3 - 1, code % 3 - 1);
+      if (std::size_t(sign.cwiseAbs().sum()) != wanted) continue;
+      SurfacePlace& place = places.emplace_back();
+      // In the body's own proportions, so that an edge of a long body is one; half a step along its
+      // longest side counts as the same layer.
+      const Vec3d direction = sign.cwiseQuotient(half);
+      const double slack = 0.5 * separation / sign.cwiseAbs().cwiseProduct(half).maxCoeff();
+      place.position = outermost(body, direction, slack) + 0.5 * separation * sign;
+      place.words = std::string("at the ") + kKinds[wanted] + " towards";
+      std::size_t said = 0;
+      for (int axis = 0; axis < 3; ++axis) {
+        if (sign[axis] == 0.0) continue;
+        if (said > 0) place.words += said + 1 == wanted ? " and" : ",";
+        place.words += sign[axis] > 0.0 ? " +" : " -";
+        place.words += kAxes[std::size_t(axis)];
+        ++said;
+      }
+    }
+  }
+  return places;
+}
+
+}  // namespace matterfit::job

@@ -36,6 +36,7 @@ ExtendOptions extend_options(const DiagnoseOptions& o) {
   result.analysis.placebo.level = o.level;
   result.analysis.placebo.seed = o.seed;
   result.refit.iterations = o.iterations;
+  result.refit.most_runs = o.most_runs;
   result.refit.differences.central = o.central;
   result.gain.seed = o.seed + 3;
   result.refits = o.refits;
@@ -66,6 +67,7 @@ class Writer {
     }
     next();
     report_.runs = study_.runs();
+    report_.cut = found_.cut;
     report_.by_stage.reserve(study_.stages().size());
     for (const Ledger::Stage& stage : study_.stages()) {
       report_.by_stage.emplace_back(stage.name, stage.runs);

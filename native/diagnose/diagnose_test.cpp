@@ -169,6 +169,20 @@ TEST(Diagnose, TheSameModelGivesTheSameReport) {
   }
 }
 
+TEST(Diagnose, EndsWhereItsSimulationsAreUsedUpAndSaysSo) {
+  ThrownModel model = two_throws();
+  model.record({cause_of(model, {"drag_linear", {0.1}})}, {});
+  const Report whole = diagnose(model);
+  EXPECT_FALSE(whole.cut);
+  DiagnoseOptions options;
+  options.most_runs = 10;
+  const Report report = diagnose(model, options);
+  EXPECT_TRUE(report.cut);
+  // Each search that had not begun still looks where it would begin.
+  EXPECT_LT(report.runs, 2 * whole.runs / 3);
+  EXPECT_FALSE(report.causes.empty());
+}
+
 TEST(Diagnose, ProposesTheThrowThatSeparatesAClass) {
   // Slow throws cannot tell the laws of drag apart.
   ThrownModel model({Vec3d(3.0, 0.0, 1.0)});

@@ -450,7 +450,9 @@ std::vector<std::optional<Refit>> Refitter::fit_all(std::vector<RefitStart> star
     std::vector<State> states;
     std::vector<std::size_t> first(searches.size() + 1, 0);
     for (std::size_t i = 0; i < searches.size(); ++i) {
-      const std::vector<State> wanted = searches[i].wanted();
+      // A search that has begun may end anywhere.
+      const bool ends = spent() && searches[i].end();
+      const std::vector<State> wanted = ends ? std::vector<State>() : searches[i].wanted();
       states.insert(states.end(), wanted.begin(), wanted.end());
       first[i + 1] = states.size();
     }

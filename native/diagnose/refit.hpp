@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -40,6 +41,8 @@ struct RefitOptions {
   /// far below what excludes a rival.
   double tolerance = 0.1;
   double share = 1e-4;
+  /// Simulations of the study, all its stages together, after which searches end where they are.
+  int most_runs = std::numeric_limits<int>::max();
   DifferenceOptions differences;
 };
 
@@ -94,6 +97,8 @@ class Refitter {
   /// Derivative of the prediction by the bias's amplitude, stacked; no rows where there is none.
   [[nodiscard]] const Eigen::VectorXd& bias() const { return bias_; }
   [[nodiscard]] const Study& study() const { return *study_; }
+  /// Whether RefitOptions::most_runs are used up.
+  [[nodiscard]] bool spent() const { return study_->runs() >= options_.most_runs; }
 
  private:
   struct Place;

@@ -138,8 +138,9 @@ struct Report {
   double explained = 0.0;       ///< share of the smooth excess that the best extension explains
   double probability_nothing = 0.0;
   double probability_unknown = 0.0;
-  State extended;  ///< the model to go on with: fitted values, and the causes that act
-  int runs = 0;    ///< simulations
+  State extended;    ///< the model to go on with: fitted values, and the causes that act
+  int runs = 0;      ///< simulations
+  bool cut = false;  ///< searches ended since DiagnoseOptions::most_runs were used up
   std::vector<std::pair<std::string, int>> by_stage;  ///< the same by what they were for
 };
 

@@ -65,6 +65,8 @@ class Trials {
   /// `stage`.
   [[nodiscard]] std::vector<Trial> tried(std::vector<Attempt> attempts,
                                          const std::string& stage) const;
+  /// Refitter::spent().
+  [[nodiscard]] bool spent() const { return refitter_.spent(); }
   /// Sets evidence, corrections and blocks from the refit and the opinion.
   void weigh(Trial& trial) const;
   /// Held-out samples count by what the base leaves of them from now on: where errors there are

@@ -28,10 +28,16 @@ namespace {
 /// Share of the whole that the fit takes.
 constexpr double kDiagnosedFitShare = 0.3;
 
+/// Particles times substeps of all simulations together, some eight minutes of two cores, after
+/// which searches end; but not before so many simulations.
+constexpr double kMostWork = 3e9;
+constexpr int kFewestRuns = 400;
+
 /// What the section `diagnose` of a document asks for.
 struct Settings {
   diagnose::DiagnoseOptions engine;
-  int particles = 4000;  ///< of all bodies together, with which causes are sought; about
+  int particles = 1500;  ///< of all bodies together, with which causes are sought; about
+  int runs = 0;          ///< DiagnoseOptions::most_runs; 0: as many as kMostWork allows
   bool shooting = true;  ///< SceneModel
 };
 
@@ -61,6 +67,8 @@ Settings read_settings(const Json& given) {
       options.seed = static_cast<std::uint64_t>(whole(key, value, 0, 1 << 30));
     } else if (key == "particles") {
       settings.particles = whole(key, value, 100, 10'000'000);
+    } else if (key == "runs") {
+      settings.runs = whole(key, value, 100, 1'000'000);
     } else if (key == "central") {
       if (!value.is_boolean()) throw_input("diagnose.central: expected true or false.");
       options.central = value.get<bool>();
@@ -69,7 +77,8 @@ Settings read_settings(const Json& given) {
       settings.shooting = value.get<bool>();
     } else {
       throw_input("diagnose: unknown key '" + key +
-                  "'. Known: members, refits, most_causes, seed, central, particles, shooting.");
+                  "'. Known: members, refits, most_causes, seed, central, particles, runs, "
+                  "shooting.");
     }
   }
   return settings;
@@ -231,12 +240,23 @@ Json run_diagnose(const Job& given, const RunOptions& options, Interrupter& inte
   const MotionStore store(folder / "diagnosis",
                           hash_inputs(fit_inputs(base, resolve_target(options.target))));
   model.keep_in(&store);
+  settings.engine.most_runs = settings.runs;
+  if (settings.runs == 0) {
+    const double affordable = kMostWork / std::max(1.0, model.work());
+    settings.engine.most_runs = std::max(kFewestRuns, int(std::min(1e6, affordable)));
+  }
   settings.engine.progress = [&](double part, const std::string& what) {
     enter_stage(interrupter, "Diagnosing: " + what,
                 kDiagnosedFitShare + (1.0 - kDiagnosedFitShare) * part);
   };
   const diagnose::Report report = diagnose::diagnose(model, settings.engine);
 
+  if (report.cut) {
+    statements.push_back(
+        fmt::format("The search for causes ended after {} simulations, before it was done: what is "
+                    "named may be missing something. \"diagnose\": {{\"runs\": {}}} looks longer.",
+                    report.runs, 3 * settings.engine.most_runs));
+  }
   Json json = report_json(report, model.captures());
   report_swaps(swapped, json);
   json["status"] = "done";

@@ -359,6 +359,16 @@ void SceneModel::settle_steps() {
   }
 }
 
+double SceneModel::work() const {
+  double work = 0.0;
+  for (std::size_t r = 0; r < runs().size(); ++r) {
+    double particles = 0.0;
+    for (const mpm::Body& body : built({}, r)->scene.bodies) particles += double(body.rest.size());
+    work += particles * std::accumulate(steps_[r].substeps.begin(), steps_[r].substeps.end(), 0.0);
+  }
+  return work;
+}
+
 void SceneModel::list_experiments() {
   std::vector<std::string> grounds;
   for (const ColliderDoc& doc : loaded_.sources.front().job.scene.colliders) {

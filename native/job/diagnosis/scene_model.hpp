@@ -69,6 +69,9 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate_experiment(
       int experiment, const std::vector<diagnose::Point>& points) const override;
 
+  /// Particles times substeps of all runs at the fitted values.
+  [[nodiscard]] double work() const;
+
   /// Keeps what is simulated from now on, and takes what was kept (for parameters that were fitted
   /// alike, of the same inputs). It outlives the model.
   void keep_in(const MotionStore* store) { store_ = store; }

@@ -113,7 +113,7 @@ void FitCandidates::show(const fit::SearchProgress& report) {
     if (state_.law < laws_.size()) fractions_[state_.law] = report.fraction;
     double done = 0.0;
     for (std::size_t k = 0; k < laws_.size(); ++k) {
-      done += state_.laws[k].finished ? 1.0 : fractions_[k];
+      done += state_.laws[k].finished() ? 1.0 : fractions_[k];
     }
     progress.fraction = kFitShare * done / double(laws_.size());
   }
@@ -145,9 +145,8 @@ void FitCandidates::search() {
     const auto next = fit::next_law(state_.laws);
     if (!next) {
       fit::LawState& best = state_.laws[winner()];
-      if (!best.left) break;
-      best.left = best.finished = false;
-      best.spared = true;
+      if (!best.left()) break;
+      fit::spare(best);
       continue;
     }
     state_.law = *next;
@@ -160,7 +159,7 @@ void FitCandidates::search() {
         throw;
       }
       law.failed = error.what();
-      law.finished = true;
+      law.phase = fit::Finished{};
       law.search.reset();
       fits_.erase(laws_[*next]);
       save();
@@ -172,11 +171,9 @@ void FitCandidates::advance(fit::LawState& law) {
   fit::LawFit& fit = this->fit(state_.law);
   if (law.values.empty()) law = fit.start();
   job::advance(fit, law, state_.history);
-  if (law.finished) finish_law(state_.law);
+  if (law.finished()) finish_law(state_.law);
   for (const fit::LeftLaw& left : fit::hopeless_laws(state_.laws)) {
-    fit::LawState& one = state_.laws[left.law];
-    one.finished = one.left = true;
-    one.reason = left.reason;
+    fit::leave(state_.laws[left.law], left.reason);
     finish_law(left.law);
   }
   save();

@@ -55,7 +55,7 @@ FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more, double
   FurtherMeans best = without;
   fit::LawState nearest;
   int worse = 0;
-  while (without.seen && !state.finished && state.iterations < from.iterations &&
+  while (without.seen && !state.finished() && state.iterations < from.iterations &&
          worse < kMostWorse) {
     const int known = state.iterations;
     advance(fit, state, history);
@@ -73,8 +73,7 @@ FurtherFit go_on(FurtherStart from, std::vector<fit::ParameterSpec> more, double
     result.state = std::move(nearest);
     result.state.iterations = before.iterations + state.iterations;
     result.state.evaluations = before.evaluations + state.evaluations;
-    result.state.converged = before.converged;
-    result.state.reason = before.reason;
+    result.state.phase = before.phase;
     result.state.statements = before.statements;
   }
   result.report =

@@ -197,7 +197,7 @@ class PublishedSearch {
 
   int take_steps(fit::LawFit& fit, fit::LawState& state) {
     const int most = std::min(kStepsOfDirections, from_.iterations - steps_);
-    while (!state.finished && state.iterations < most) advance(fit, state, history_);
+    while (!state.finished() && state.iterations < most) advance(fit, state, history_);
     steps_ += state.iterations;
     return state.iterations;
   }
@@ -241,8 +241,7 @@ class PublishedSearch {
       result.taken = true;
       result.state.iterations = from_.before.iterations + steps_;
       result.state.evaluations = from_.before.evaluations + evaluations_;
-      result.state.converged = from_.before.converged;
-      result.state.reason = from_.before.reason;
+      result.state.phase = from_.before.phase;
       result.state.statements = from_.before.statements;
     }
     result.report =

@@ -235,8 +235,8 @@ Json ranked_models(const std::vector<fit::LawState>& laws, const std::vector<Jso
     json.erase("frames");
     json["law"] = one->law.law;
     json["failed"] = one->law.failed;
-    json["reason"] = one->law.reason;
-    json["left"] = one->law.left;
+    json["reason"] = one->law.reason();
+    json["left"] = one->law.left();
     json["probability"] = one->usable() ? Json(std::exp(one->log_weight() - best) / sum) : Json();
     for (const char* key : {"held_out_mm", "fitted_mm", "parameters"}) {
       if (!json.contains(key)) json[key] = nullptr;

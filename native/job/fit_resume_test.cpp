@@ -6,6 +6,7 @@
 #include <cmath>
 #include <string>
 #include <thread>
+#include <variant>
 #include <vector>
 
 #include "base/file.hpp"
@@ -152,7 +153,9 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   law.law = "neo_hookean";
   law.values = {1.0 / 3.0, 1e-300, 12345.678901234567};
   law.steps = {{{7, 8}, 2.0 / 7.0}};
-  law.scan_due = law.rescanned = law.left = law.spared = true;
+  law.phase = fit::LeftEarly{"it missed by more", fit::FarOff{}};
+  law.second = fit::FirstEnd{{0.1, 0.2}, 1.0 / 7.0};
+  law.rescanned = law.spared = true;
   law.first_stage = 2;
   law.standings = {{}, {{1.0 / 3.0, true, false}, {0.1, false, true}}};
   law.search.emplace();
@@ -171,8 +174,15 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   const auto read = read_fit_state(folder.path, "abc");
   ASSERT_TRUE(read);
   EXPECT_EQ(read->laws[0].values, law.values);
-  EXPECT_TRUE(read->laws[0].scan_due && read->laws[0].rescanned);
-  EXPECT_TRUE(read->laws[0].left && read->laws[0].spared);
+  EXPECT_TRUE(read->laws[0].rescanned && read->laws[0].spared);
+  ASSERT_TRUE(read->laws[0].left());
+  EXPECT_EQ(read->laws[0].reason(), "it missed by more");
+  const auto& left = std::get<fit::LeftEarly>(read->laws[0].phase);
+  EXPECT_TRUE(std::holds_alternative<fit::FarOff>(left.then));
+  const auto* first = std::get_if<fit::FirstEnd>(&read->laws[0].second);
+  ASSERT_TRUE(first != nullptr);
+  EXPECT_EQ(first->values, (std::vector<double>{0.1, 0.2}));
+  EXPECT_EQ(first->mean, 1.0 / 7.0);
   EXPECT_EQ(read->laws[0].first_stage, 2U);
   ASSERT_EQ(read->laws[0].standings.size(), 2U);
   EXPECT_EQ(read->laws[0].standings[1].at(0).rms, 1.0 / 3.0);
@@ -195,6 +205,33 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
     write_file(folder.path / kFitCheckpointPath, other);
     EXPECT_FALSE(read_fit_state(folder.path, "abc")) << other;
   }
+}
+
+TEST(Fit, EveryPhaseOfASearchIsKept) {
+  FitState state;
+  state.input_hash = "abc";
+  for (const fit::SearchPhase& phase :
+       {fit::SearchPhase(fit::NotBegun{}), fit::SearchPhase(fit::InStage{}),
+        fit::SearchPhase(fit::FarOff{}), fit::SearchPhase(fit::Finished{true, "no step helps"}),
+        fit::SearchPhase(fit::LeftEarly{"far", fit::InStage{}}),
+        fit::SearchPhase(fit::LeftEarly{"far", fit::FarOff{}})}) {
+    state.laws.emplace_back().phase = phase;
+  }
+  state.laws[0].second = fit::OtherStart{{0.1, 0.2}};
+  const Folder folder;
+  write_file(folder.path / kFitCheckpointPath, format_fit_state(state));
+  const auto read = read_fit_state(folder.path, "abc");
+  ASSERT_TRUE(read);
+  ASSERT_EQ(read->laws.size(), state.laws.size());
+  for (std::size_t k = 0; k < state.laws.size(); ++k) {
+    EXPECT_EQ(read->laws[k].phase.index(), state.laws[k].phase.index()) << k;
+    EXPECT_EQ(read->laws[k].second.index(), state.laws[k].second.index()) << k;
+  }
+  EXPECT_TRUE(read->laws[3].converged());
+  EXPECT_EQ(read->laws[3].reason(), "no step helps");
+  EXPECT_EQ(std::get<fit::OtherStart>(read->laws[0].second).values,
+            (std::vector<double>{0.1, 0.2}));
+  EXPECT_EQ(format_fit_state(*read), format_fit_state(state));
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "base/error.hpp"
@@ -174,8 +175,8 @@ class FitJob {
     }
     Json json = {
         {"law", law.law},
-        {"converged", law.converged},
-        {"reason", law.reason},
+        {"converged", law.converged()},
+        {"reason", law.reason()},
         {"loss", loss_name(doc_.loss)},
         {"iterations", iterations},
         {"evaluations", evaluations},
@@ -355,7 +356,9 @@ class FitJob {
     fit::LawState& law = laws_->state().laws[best];
     fit::LawFit& of = laws_->fit(best, undisturbed_);
     if (law.values.empty()) law = of.start();
-    if (!law.finished) law.reason = "Cancelled; these are the best values so far.";
+    if (!law.finished()) {
+      law.phase = fit::Finished{false, "Cancelled; these are the best values so far."};
+    }
     ErrorPool after;
     try {
       double size = 0.0;
@@ -367,10 +370,11 @@ class FitJob {
           if (capture.used_count > 0) size = std::max(size, fit::body_size(body.rest));
         }
       }
-      if (law.ended.empty() || of.mean_missed(law) <= law.ended_mean) {
+      const auto* first = std::get_if<fit::FirstEnd>(&law.second);
+      if (first == nullptr || of.mean_missed(law) <= first->mean) {
         after.add(of.distances(law), size, 0, false);
       } else {
-        law.values = law.ended;  // of the first start, while the search goes on from the second
+        law.values = first->values;  // of the first start, while the search goes on from the second
       }
     } catch (const Error& error) {
       // The stage's scenes are not built, as after a fit that was taken up and broken off at once.

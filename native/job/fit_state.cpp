@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/fit_state.hpp"
 
+#include <variant>
+
 #include "job/fit_checkpoint.hpp"
 
 namespace matterfit::job {
 namespace {
 
-constexpr const char* kSchemaName = "matterfit.fit-checkpoint/1";
+constexpr const char* kSchemaName = "matterfit.fit-checkpoint/2";
 
 Json to_json(const Eigen::VectorXd& vector) {
   return std::vector<double>(vector.data(), vector.data() + vector.size());
@@ -54,16 +56,61 @@ std::vector<std::vector<fit::Standing>> to_standings(const Json& json) {
   return stages;
 }
 
+constexpr const char* kNotBegun = "not begun";
+constexpr const char* kInStage = "in stage";
+constexpr const char* kFarOff = "far off";
+constexpr const char* kFinished = "finished";
+constexpr const char* kLeft = "left";
+
+Json to_json(const fit::NotBegun& /*phase*/) { return {{"name", kNotBegun}}; }
+Json to_json(const fit::InStage& /*phase*/) { return {{"name", kInStage}}; }
+Json to_json(const fit::FarOff& /*phase*/) { return {{"name", kFarOff}}; }
+Json to_json(const fit::Finished& phase) {
+  return {{"name", kFinished}, {"converged", phase.converged}, {"reason", phase.reason}};
+}
+Json to_json(const fit::LeftEarly& phase) {
+  const bool far = std::holds_alternative<fit::FarOff>(phase.then);
+  return {{"name", kLeft}, {"reason", phase.reason}, {"then", far ? kFarOff : kInStage}};
+}
+
+fit::SearchPhase to_phase(const Json& json) {
+  const auto name = json.at("name").get<std::string>();
+  if (name == kInStage) return fit::InStage{};
+  if (name == kFarOff) return fit::FarOff{};
+  if (name == kFinished) {
+    return fit::Finished{json.at("converged").get<bool>(), json.at("reason").get<std::string>()};
+  }
+  if (name == kLeft) {
+    fit::LeftEarly left{json.at("reason").get<std::string>(), fit::InStage{}};
+    if (json.at("then") == kFarOff) left.then = fit::FarOff{};
+    return left;
+  }
+  return fit::NotBegun{};
+}
+
+Json to_json(const std::monostate& /*second*/) { return Json::object(); }
+Json to_json(const fit::OtherStart& second) { return {{"other", second.values}}; }
+Json to_json(const fit::FirstEnd& second) {
+  return {{"first_end", second.values}, {"mean", second.mean}};
+}
+
+fit::SecondStart to_second(const Json& json) {
+  if (json.contains("other")) return fit::OtherStart{json.at("other").get<std::vector<double>>()};
+  if (json.contains("first_end")) {
+    return fit::FirstEnd{json.at("first_end").get<std::vector<double>>(),
+                         json.at("mean").get<double>()};
+  }
+  return std::monostate{};
+}
+
 Json to_json(const fit::LawState& law) {
+  const auto as_json = [](const auto& alternative) { return to_json(alternative); };
   Json json = {{"law", law.law},
                {"values", law.values},
-               {"begun", law.begun},
+               {"phase", std::visit(as_json, law.phase)},
+               {"second", std::visit(as_json, law.second)},
                {"candidates", law.candidates},
                {"torn", law.torn},
-               {"other", law.other},
-               {"ended", law.ended},
-               {"ended_mean", law.ended_mean},
-               {"scan_due", law.scan_due},
                {"rescanned", law.rescanned},
                {"stage", law.stage},
                {"first_stage", law.first_stage},
@@ -73,11 +120,7 @@ Json to_json(const fit::LawState& law) {
                {"stand_in_steps", to_json(law.stand_in_steps)},
                {"refinements", law.refinements},
                {"standings", to_json(law.standings)},
-               {"finished", law.finished},
-               {"converged", law.converged},
-               {"reason", law.reason},
                {"failed", law.failed},
-               {"left", law.left},
                {"spared", law.spared},
                {"iterations", law.iterations},
                {"evaluations", law.evaluations},
@@ -90,32 +133,24 @@ fit::LawState to_law(const Json& json) {
   fit::LawState law;
   json.at("law").get_to(law.law);
   json.at("values").get_to(law.values);
-  json.at("begun").get_to(law.begun);
-  // Not in states from before there were any.
-  law.candidates = json.value("candidates", law.candidates);
-  law.torn = json.value("torn", false);
-  law.other = json.value("other", law.other);
-  law.ended = json.value("ended", law.ended);
-  law.ended_mean = json.value("ended_mean", 0.0);
-  law.scan_due = json.value("scan_due", false);
-  law.rescanned = json.value("rescanned", false);
+  law.phase = to_phase(json.at("phase"));
+  law.second = to_second(json.at("second"));
+  json.at("candidates").get_to(law.candidates);
+  json.at("torn").get_to(law.torn);
+  json.at("rescanned").get_to(law.rescanned);
+  json.at("spared").get_to(law.spared);
   json.at("stage").get_to(law.stage);
-  law.first_stage = json.value("first_stage", law.first_stage);
+  json.at("first_stage").get_to(law.first_stage);
   json.at("repeats").get_to(law.repeats);
   json.at("stage_start").get_to(law.stage_start);
   law.steps = to_steps(json.at("steps"));
   law.stand_in_steps = to_steps(json.at("stand_in_steps"));
   json.at("refinements").get_to(law.refinements);
-  law.standings = to_standings(json.value("standings", Json::array()));
-  json.at("finished").get_to(law.finished);
-  json.at("converged").get_to(law.converged);
-  json.at("reason").get_to(law.reason);
+  law.standings = to_standings(json.at("standings"));
   json.at("failed").get_to(law.failed);
-  law.left = json.value("left", false);
-  law.spared = json.value("spared", false);
   json.at("iterations").get_to(law.iterations);
   json.at("evaluations").get_to(law.evaluations);
-  law.statements = json.value("statements", law.statements);
+  json.at("statements").get_to(law.statements);
   if (json.contains("search")) law.search = search_of(json.at("search"));
   return law;
 }
@@ -160,13 +195,10 @@ fit::LeastSquaresState search_of(const Json& json) {
   json.at("reason").get_to(state.reason);
   json.at("own").get_to(state.own);
   state.anchor = to_vector(json.at("anchor"));
-  // Not in states from before there were any.
-  state.central = json.value("central", false);
-  for (const Json& point : json.value("trail", Json::array())) {
-    state.trail.push_back(to_vector(point));
-  }
-  state.corrected = json.value("corrected", state.corrected);
-  state.vain = json.value("vain", 0);
+  json.at("central").get_to(state.central);
+  for (const Json& point : json.at("trail")) state.trail.push_back(to_vector(point));
+  json.at("corrected").get_to(state.corrected);
+  json.at("vain").get_to(state.vain);
   for (const Json& step : json.at("history")) {
     state.history.push_back({step.at(0).get<int>(), step.at(1).get<double>(),
                              step.at(2).get<double>(), step.at(3).get<bool>()});

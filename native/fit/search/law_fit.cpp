@@ -12,7 +12,6 @@
 #include "base/error.hpp"
 #include "fit/numerics/excited.hpp"
 #include "fit/search/levels.hpp"
-#include "fit/search/race.hpp"
 #include "fit/search/value_errors.hpp"
 
 namespace matterfit::fit {
@@ -22,13 +21,10 @@ namespace {
 constexpr int kShortStage = 8;
 constexpr double kCoarseStep = 2e-2;
 constexpr double kCoarseCost = 1e-3;
-/// Until the last stage what a short clip hardly shows stays near where it was: the standard
-/// deviation of that, in scales of the parameters.
+/// All stages but the last add a Gaussian prior about the stage's start, so that parameters that a
+/// short window does not constrain do not drift. Its standard deviation, in units of
+/// Parameter::scale.
 constexpr double kLeash = 2.0;
-/// Of the last stage, with the substeps that the solver takes at its end.
-constexpr int kMostRepeats = 1;
-/// Iterations from one comparison of candidate laws to the next.
-constexpr int kIterationsToStanding = 5;
 
 /// The document's levels, or the usual ones.
 std::vector<double> levels_of(const SearchProblems& problems) {
@@ -71,7 +67,8 @@ LawFit::LawFit(SearchSetup setup, const Interrupter& interrupter,
       starts_(problems_, stages_, interrupter,
               [this](const LawState& state, const std::string& what, double part, double rms) {
                 tell(state, what, part, rms);
-              }) {}
+              }),
+      phases_(stages_, *this) {}
 
 LawFit::~LawFit() = default;
 
@@ -85,7 +82,8 @@ LawState LawFit::start() const {
 LawState LawFit::at_last_stage(std::vector<double> values) const {
   LawState state = start();
   state.values = std::move(values);
-  state.begun = state.rescanned = true;
+  state.phase = InStage{};
+  state.rescanned = true;
   state.stage = state.first_stage = stages_.size() - 1;
   return state;
 }
@@ -109,50 +107,15 @@ bool LawFit::is_far(const LawState& state) {
   const double mean = mean_missed(state);
   if (!std::isfinite(mean)) return false;
   if (problems_.setup().options.loss == Loss::kTracks) return mean > problems_.far();
-  // With what no captured point is near to.
+  // The whole residual, with rows for simulated points far from every captured one, which
+  // distances() omits.
   const Eigen::VectorXd& residual = state.search->residual;
   const double entries = 0.5 * double(residual.size());
   return std::sqrt(residual.squaredNorm() / entries) > problems_.far() / problems_.alike();
 }
 
-bool LawFit::at_first_level(const LawState& state) const {
-  return stages_[state.stage].level == stages_[state.first_stage].level;
-}
-
-bool LawFit::may_rescan(const LawState& state) const {
-  if (state.rescanned) return false;
-  return state.torn ? at_first_level(state) : state.stage == state.first_stage;
-}
-
-bool LawFit::try_other_start(LawState& state) {
-  if (state.other.empty() && state.ended.empty()) return false;
-  const double mean = mean_missed(state);
-  if (!state.other.empty()) {
-    const std::vector<double> other = std::exchange(state.other, {});
-    if (mean <= problems_.far()) return false;
-    state.ended = std::exchange(state.values, other);
-    state.ended_mean = mean;
-    state.stage = state.first_stage;
-    state.search.reset();
-    return true;
-  }
-  const bool nearer = mean <= state.ended_mean;
-  state.statements.push_back(
-      fmt::format("That search ended {:.3g} mm off on the mean, and one that began with the other "
-                  "{} {:.3g} mm: the {} is taken.",
-                  1e3 * state.ended_mean, state.torn ? "motion" : "class", 1e3 * mean,
-                  nearer ? "second" : "first"));
-  if (!nearer) return back_to_first_start(state);
-  state.ended.clear();
-  return false;
-}
-
-bool LawFit::back_to_first_start(LawState& state) const {
-  if (state.ended.empty()) return false;
-  state.values = std::exchange(state.ended, {});
-  while (!stages_[state.stage].whole) ++state.stage;
-  state.search.reset();
-  return true;
+double LawFit::rms_missed(const LawState& state) {
+  return context(state).problem.rms(state.search->residual);
 }
 
 std::vector<Parameter> LawFit::stage_parameters(const LawState& state) const {
@@ -208,25 +171,26 @@ std::optional<std::vector<RunSteps>> LawFit::fix(double level, LawState& state,
   return problems_.model(level).plan_of(state.values, *found.outcomes.front()).runs;
 }
 
-void LawFit::set_stage(LawState& state) {
+void LawFit::find_start(LawState& state) {
+  context_.reset();
+  starts_.begin(state);
+}
+
+bool LawFit::skip_level(LawState& state) {
+  context_.reset();  // what follows simulates without it
+  return starts_.skip_level(state);
+}
+
+bool LawFit::rescan(LawState& state) { return starts_.rescan(state); }
+
+std::optional<Failure> LawFit::begin_stage(LawState& state) {
   const SearchStage& stage = stages_[state.stage];
   context_.reset();
   tell(state, stage.name, 0.0, std::numeric_limits<double>::quiet_NaN());
   starts_.choose_material(state);
   Failure failure;
   const auto steps = fix(stage.level, state, stage.window, failure);
-  if (!steps) {
-    const std::string why = "The simulation could not be completed: " + failure.message;
-    if (state.iterations == 0) {
-      if (failure.by_input) throw_input(failure.message);
-      throw_compute("the fit cannot begin at these values. " + why);
-    }
-    if (back_to_first_start(state)) return;
-    state.finished = true;
-    state.converged = false;
-    state.reason = "Stopped before the stage " + stage.name + ". " + why;
-    return;
-  }
+  if (!steps) return failure;
   state.steps = *steps;
   state.stand_in_steps.clear();
   if (stage.stand_in && stages_[state.first_stage].level > stage.level) {
@@ -237,92 +201,11 @@ void LawFit::set_stage(LawState& state) {
   state.stage_start = state.values;
   state.refinements.clear();
   state.search = context(state).search.start();
+  return std::nullopt;
 }
 
-void LawFit::end_stage(LawState& state) {
-  // Where the first motion or the class was not known the whole clip is what tells a wrong valley.
-  const bool one = !state.torn && state.other.empty() && state.ended.empty();
-  const bool judged = one || (stages_[state.stage].whole && at_first_level(state));
-  if (judged && try_other_start(state)) return;
-  if (judged && may_rescan(state) && is_far(state)) {
-    state.scan_due = true;
-    return;
-  }
-  if (!stages_[state.stage].last) {
-    ++state.stage;
-    state.search.reset();
-    return;
-  }
-  // Substeps are to be those that the solver takes at the end.
-  const bool other_steps =
-      std::any_of(state.refinements.begin(), state.refinements.end(),
-                  [](int power) { return power != 0 && power != StepPlan::kUnsettled; });
-  if (other_steps && state.repeats < kMostRepeats) {
-    ++state.repeats;
-    state.search.reset();
-    return;
-  }
-  state.finished = true;
-  state.converged = state.search->converged;
-  state.reason = state.search->reason;
-}
-
-void LawFit::take_standing(LawState& state, int iterations_before) {
-  const LeastSquaresState& search = *state.search;
-  const bool due = search.finished || search.iteration / kIterationsToStanding >
-                                          iterations_before / kIterationsToStanding;
-  if (!due || search.residual.size() == 0) return;
-  const CaptureProblem& problem = context(state).problem;
-  const bool far = is_far(state);
-  const SearchStage& stage = stages_[state.stage];
-  const bool early = far && may_rescan(state);
-  // A coarse grid may be why.
-  if (early && stage.level != stages_.back().level) return;
-  add_standing(state, {problem.rms(search.residual), stage.whole && !early, far});
-}
-
-void LawFit::advance(LawState& state, std::vector<SearchStep>& history) {
-  if (state.finished) return;
-  if (parameters().size() == 0) {
-    state.finished = true;
-    state.converged = true;
-    state.reason = "No parameter is of this law: it is taken as the document has it.";
-    return;
-  }
-  if (!state.begun) {
-    LawState next = state;
-    context_.reset();
-    starts_.begin(next);
-    next.begun = true;
-    next.candidates.push_back(next.values);
-    state = std::move(next);
-    return;
-  }
-  if (state.scan_due) {
-    LawState next = state;
-    context_.reset();  // what follows simulates without it
-    next.scan_due = false;
-    if (starts_.skip_level(next)) {
-      next.candidates.push_back(next.values);
-      next.search.reset();
-      state = std::move(next);
-      return;
-    }
-    next.rescanned = true;
-    if (starts_.rescan(next)) {
-      next.search.reset();
-    } else {
-      end_stage(next);
-    }
-    state = std::move(next);
-    return;
-  }
-  if (!state.search) {
-    LawState next = state;
-    set_stage(next);
-    state = std::move(next);
-    return;
-  }
+std::optional<LawState> LawFit::iterated(const LawState& state, std::vector<SearchStep>& history,
+                                         std::string& failure) {
   LawState next = state;
   Context& at = context(next);
   const std::string& name = stages_[next.stage].name;
@@ -343,12 +226,8 @@ void LawFit::advance(LawState& state, std::vector<SearchStep>& history) {
     at.search.iterate(at.problem, search);
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kCompute) throw;
-    if (state.iterations == 0) throw_compute(std::string("fit: ") + error.what());
-    if (back_to_first_start(state)) return;
-    state.finished = true;
-    state.converged = false;
-    state.reason = "Stopped in the stage " + name + ": " + error.what();
-    return;
+    failure = error.what();
+    return std::nullopt;
   }
   next.evaluations += search.evaluations - evaluations;
   next.iterations += search.iteration - iterations;
@@ -369,9 +248,7 @@ void LawFit::advance(LawState& state, std::vector<SearchStep>& history) {
     taken.evaluations = next.evaluations;
     if (step.accepted && moved) taken.values = next.values;
   }
-  take_standing(next, iterations);
-  if (search.finished) end_stage(next);
-  state = std::move(next);
+  return next;
 }
 
 void LawFit::settle(LawState& state) {
@@ -403,8 +280,8 @@ Uncertainty LawFit::uncertainty(const LawState& state) {
 }
 
 void LawFit::compare(LawState& state) {
-  if (!state.search) set_stage(state);
-  if (!state.search) throw_compute(state.reason);
+  if (!state.search) phases_.begin_stage(state);
+  if (!state.search) throw_compute(state.reason());
   Context& at = context(state);
   settle(state);
   if (state.search->residual.size() > 0) return;
@@ -426,8 +303,8 @@ std::optional<std::vector<double>> LawFit::published_slope(const LawState& state
 
 std::vector<std::size_t> LawFit::excited(const LawState& state, std::size_t first) {
   LawState begun = state;
-  if (!begun.search) set_stage(begun);
-  if (!begun.search) throw_compute(begun.reason);
+  if (!begun.search) phases_.begin_stage(begun);
+  if (!begun.search) throw_compute(begun.reason());
   Context& at = context(begun);
   settle(begun);
   at.search.linearise(at.problem, *begun.search);

@@ -11,6 +11,7 @@
 #include "fit/numerics/uncertainty.hpp"
 #include "fit/search/law_state.hpp"
 #include "fit/search/problems.hpp"
+#include "fit/search/search_phases.hpp"
 #include "fit/search/search_progress.hpp"
 #include "fit/search/stages.hpp"
 #include "fit/search/start_search.hpp"
@@ -22,14 +23,13 @@ namespace matterfit::fit {
 /// windows that grow, at the coarsest level that shows the motion (the whole clip at once at others
 /// than the first); then the whole clip, level by level to the finest, each led by the Jacobian of
 /// the one before. Where the first of these stages ends far off, the scan is made once more and the
-/// stage again. In each stage Levenberg–Marquardt with substeps held.
-class LawFit {
+/// stage again. In each stage Levenberg–Marquardt with substeps held. SearchPhases has the order of
+/// all this; here is what each step does to the simulations.
+class LawFit final : private SearchWork {
  public:
   /// Builds the scenes at the document's resolution. Throws Error(kInput), Error(kCancelled).
   LawFit(SearchSetup setup, const Interrupter& interrupter, std::vector<std::string>& statements);
-  ~LawFit();
-  LawFit(const LawFit&) = delete;
-  LawFit& operator=(const LawFit&) = delete;
+  ~LawFit() override;
 
   [[nodiscard]] const Parameters& parameters() const { return problems_.parameters(); }
   /// The scenes of the runs at the document's resolution.
@@ -42,11 +42,10 @@ class LawFit {
   /// In the last stage, with nothing looked for before it.
   [[nodiscard]] LawState at_last_stage(std::vector<double> values) const;
 
-  /// One step: the start, or one iteration. Adds lines to `history`. Throws Error(kCompute) if the
-  /// simulation at the start cannot be completed, Error(kInput) if the document is why,
-  /// Error(kCancelled); the state is then as before. Where a later one cannot be completed the
-  /// search ends with the values so far.
-  void advance(LawState& state, std::vector<SearchStep>& history);
+  /// SearchPhases::advance(). Throws Error(kCancelled) too.
+  void advance(LawState& state, std::vector<SearchStep>& history) {
+    phases_.advance(state, history);
+  }
 
   /// At the end: standard errors and correlations; linearises once more.
   [[nodiscard]] Uncertainty uncertainty(const LawState& state);
@@ -54,9 +53,9 @@ class LawFit {
   /// at the values where a stage begins. Throws Error(kCompute) where it cannot be simulated.
   [[nodiscard]] std::vector<std::size_t> excited(const LawState& state, std::size_t first);
   /// Their mean; infinite where the stage has compared nothing yet.
-  [[nodiscard]] double mean_missed(const LawState& state);
+  [[nodiscard]] double mean_missed(const LawState& state) override;
   /// Whether the present stage misses what it compares by more than noise and grid explain.
-  [[nodiscard]] bool is_far(const LawState& state);
+  [[nodiscard]] bool is_far(const LawState& state) override;
   /// Compares at the state's values, with no step: begins the stage where it is not begun. Throws
   /// as advance() does.
   void compare(LawState& state);
@@ -77,19 +76,16 @@ class LawFit {
  private:
   struct Context;
 
-  [[nodiscard]] bool at_first_level(const LawState& state) const;
-  /// At the end of the first level's last stage, far off, with two starts: goes to the second, and
-  /// after that back to the first if the second ended farther off. True where a stage begins anew.
-  [[nodiscard]] bool try_other_start(LawState& state);
-  /// To where the first of two starts ended, at the end of its last stage; false if it was no
-  /// second that was searched from.
-  [[nodiscard]] bool back_to_first_start(LawState& state) const;
-  /// Whether the present stage is one after which StartSearch::rescan() may be due.
-  [[nodiscard]] bool may_rescan(const LawState& state) const;
-  void set_stage(LawState& state);
-  void end_stage(LawState& state);
-  /// Notes every few iterations how far the capture is missed.
-  void take_standing(LawState& state, int iterations_before);
+  void find_start(LawState& state) override;
+  [[nodiscard]] bool skip_level(LawState& state) override;
+  [[nodiscard]] bool rescan(LawState& state) override;
+  [[nodiscard]] std::optional<Failure> begin_stage(LawState& state) override;
+  [[nodiscard]] std::optional<LawState> iterated(const LawState& state,
+                                                 std::vector<SearchStep>& history,
+                                                 std::string& failure) override;
+  [[nodiscard]] double rms_missed(const LawState& state) override;
+  [[nodiscard]] double far() override { return problems_.far(); }
+
   void settle(LawState& state);
   /// The substeps of a level at the start of a stage; nothing if it cannot be run.
   [[nodiscard]] std::optional<std::vector<RunSteps>> fix(double level, LawState& state,
@@ -101,7 +97,8 @@ class LawFit {
   std::vector<std::string>& statements_;
   SearchProblems problems_;
   std::vector<SearchStage> stages_;
-  StartSearch starts_;  ///< of the two above
+  StartSearch starts_;   ///< of the two above
+  SearchPhases phases_;  ///< of the stages, and of this object
   std::unique_ptr<Context> context_;
 };
 

@@ -65,7 +65,7 @@ TEST(FitStages, HowMuchIsDoneNeverFalls) {
   state.evaluations = 40;
   EXPECT_GT(fraction_done(stages, state, 0.0), before);
   before = fraction_done(stages, state, 0.0);
-  state.begun = true;
+  state.phase = InStage{};
   for (state.stage = 0; state.stage < stages.size(); ++state.stage) {
     state.search.emplace();
     for (state.search->iteration = 0; state.search->iteration < 5; ++state.search->iteration) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <utility>
+#include <variant>
 
 namespace matterfit::fit {
 namespace {
@@ -28,7 +29,7 @@ std::optional<double> standing_at(const LawState& law, std::size_t stage, std::s
   if (!law.failed.empty() || stage >= law.standings.size()) return std::nullopt;
   const std::vector<Standing>& there = law.standings[stage];
   if (there.size() >= count) return there[count - 1].rms;
-  const bool passed = law.finished || law.stage > stage;
+  const bool passed = law.finished() || law.stage > stage;
   if (!passed || there.empty()) return std::nullopt;
   return there.back().rms;
 }
@@ -43,7 +44,7 @@ void add_standing(LawState& law, const Standing& standing) {
 std::optional<std::size_t> next_law(const std::vector<LawState>& laws) {
   std::optional<std::size_t> next;
   for (std::size_t k = 0; k < laws.size(); ++k) {
-    if (laws[k].finished) continue;
+    if (laws[k].finished()) continue;
     if (!next || place(laws[k]) < place(laws[*next])) next = k;
   }
   return next;
@@ -52,7 +53,7 @@ std::optional<std::size_t> next_law(const std::vector<LawState>& laws) {
 std::vector<LeftLaw> hopeless_laws(const std::vector<LawState>& laws) {
   std::vector<LeftLaw> left;
   for (std::size_t k = 0; k < laws.size(); ++k) {
-    if (laws[k].finished || laws[k].spared || laws[k].standings.empty()) continue;
+    if (laws[k].finished() || laws[k].spared || laws[k].standings.empty()) continue;
     const std::size_t stage = laws[k].standings.size() - 1;
     const std::size_t count = laws[k].standings.back().size();
     if (count == 0) continue;
@@ -71,12 +72,25 @@ std::vector<LeftLaw> hopeless_laws(const std::vector<LawState>& laws) {
   return left;
 }
 
+void leave(LawState& law, std::string reason) {
+  LeftEarly left{std::move(reason), InStage{}};
+  if (std::holds_alternative<FarOff>(law.phase)) left.then = FarOff{};
+  law.phase = std::move(left);
+}
+
+void spare(LawState& law) {
+  const auto then = std::get<LeftEarly>(law.phase).then;
+  std::visit([&](auto phase) { law.phase = phase; }, then);
+  law.spared = true;
+}
+
 std::optional<std::size_t> leading_law(const std::vector<LawState>& laws) {
   std::optional<std::size_t> leader;
   Standing nearest;
   for (std::size_t k = 0; k < laws.size(); ++k) {
     const LawState& law = laws[k];
-    if (!law.failed.empty() || law.left || law.standings.empty() || law.standings.back().empty()) {
+    if (!law.failed.empty() || law.left() || law.standings.empty() ||
+        law.standings.back().empty()) {
       continue;
     }
     const Standing& newest = law.standings.back().back();

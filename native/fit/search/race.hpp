@@ -28,6 +28,11 @@ struct LeftLaw {
 /// standing, and by more than noise and grid explain. Those that were spared are not among them.
 [[nodiscard]] std::vector<LeftLaw> hopeless_laws(const std::vector<LawState>& laws);
 
+/// Ends the search of an unfinished law early.
+void leave(LawState& law, std::string reason);
+/// Has a law that was left go on where it was, to its end.
+void spare(LawState& law);
+
 /// The law that came nearest, of those that were neither left nor failed: over the whole clip where
 /// one has come so far. Nothing if none has a standing.
 [[nodiscard]] std::optional<std::size_t> leading_law(const std::vector<LawState>& laws);

@@ -28,9 +28,9 @@ TEST(FitRace, GoesFromStandingToStandingSideBySide) {
   EXPECT_EQ(next_law(laws), 1U);
   add_standing(laws[1], {0.01, true, true});
   EXPECT_EQ(next_law(laws), 0U);
-  laws[0].finished = true;
+  laws[0].phase = Finished{};
   EXPECT_EQ(next_law(laws), 1U);
-  laws[1].finished = true;
+  laws[1].phase = Finished{};
   EXPECT_FALSE(next_law(laws));
 }
 
@@ -60,7 +60,7 @@ TEST(FitRace, WhatEndedAStageBeforeCountsWithWhatItEndedWith) {
   // One that is still on its way to that standing says nothing.
   laws[0].stage = 1;
   EXPECT_TRUE(hopeless_laws(laws).empty());
-  laws[0].finished = true;
+  laws[0].phase = Finished{};
   EXPECT_EQ(hopeless_laws(laws).size(), 1U);
   laws[0].failed = "it burst";
   EXPECT_TRUE(hopeless_laws(laws).empty());
@@ -79,7 +79,7 @@ TEST(FitRace, WhatIsWithinTheNoiseOrWasSparedIsNotLeft) {
 
 TEST(FitRace, TheLeaderIsWhatCameNearest) {
   LawState left = law_at("left", 1, {{}, {0.0001}});
-  left.left = true;
+  leave(left, "far off");
   EXPECT_FALSE(leading_law({left}));
   EXPECT_EQ(leading_law({left, law_at("first frames", 0, {{0.0005}}, false),
                          law_at("whole clip", 1, {{}, {0.002}})}),

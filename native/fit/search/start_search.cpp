@@ -136,7 +136,7 @@ void StartSearch::begin(LawState& state) {
               : "With neither the document's motion nor that from the first frame to the second "
                 "could anything be simulated."));
       if (better) std::swap(best, other);
-      if (std::isfinite(other.mean)) state.other = std::move(other.values);
+      if (std::isfinite(other.mean)) state.second = OtherStart{std::move(other.values)};
     }
     if (!best.statement.empty()) state.statements.push_back(std::move(best.statement));
   }
@@ -197,7 +197,7 @@ void StartSearch::take_flow(LawState& state, std::vector<FlowFound> found, Start
   // A class that is nearly as near may be the right one.
   constexpr double kNearlyAsNear = 1.5;
   if (found.size() > 1 && !state.torn && found[1].at.cost < kNearlyAsNear * start.mean) {
-    state.other = std::move(found[1].at.values);
+    state.second = OtherStart{std::move(found[1].at.values)};
   }
 }
 

@@ -43,7 +43,7 @@ class CageBinding {
                                                   Arena& arena) const;
   /// L c: the limit points of the cage's vertices at `cage_positions`.
   [[nodiscard]] std::vector<Vec3d> limit_positions(std::span<const Vec3d> cage_positions) const;
-  /// Of the limit points.
+  /// The limit point that is farthest from its nearest particle.
   [[nodiscard]] capture::MeshBinding::Farthest farthest() const;
 
  private:

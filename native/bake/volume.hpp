@@ -44,7 +44,7 @@ struct VolumeReport {
   std::uint64_t bytes = 0;  ///< of the file
 };
 
-/// The grids in memory, in the order density, velocity, surface. Of no particles: empty grids.
+/// The grids in memory, in the order density, velocity, surface; empty ones without particles.
 /// Throws Error(kInput), Error(kCompute) and Error(kCancelled) as rasterize() does.
 [[nodiscard]] openvdb::GridPtrVec make_volume(std::span<const capture::ParticleView> bodies,
                                               const VolumeOptions& options, Arena& arena,

@@ -31,7 +31,7 @@ namespace fs = std::filesystem;
 
 constexpr double kGravity = -9.81;
 constexpr double kDensity = 1000.0;
-/// Of the wave's way through a cell; cubic B-splines bear up to about 1.
+/// The wave's way in a substep, in cells; cubic B-splines bear up to about 1.
 constexpr double kCourant = 0.4;
 constexpr std::size_t kTracks = 2000;
 /// Points a set of a Chamfer distance.

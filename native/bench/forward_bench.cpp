@@ -25,8 +25,8 @@
 namespace matterfit::bench {
 namespace {
 
-// Of one particle and substep, counted on paper for quadratic 3D transfers with fixed corotated
-// elasticity: 27 nodes × (22 to scatter + 24 to gather) + weights, F, R, stress.
+// Operations a particle and substep, counted on paper for quadratic 3D transfers with fixed
+// corotated elasticity: 27 nodes × (22 to scatter + 24 to gather) + weights, F, R, stress.
 constexpr double kFlopsPerParticleStep = 1350.0;
 
 void print(const std::string& name, const std::string& formulation, int threads,

@@ -25,7 +25,7 @@ using Clock = std::chrono::steady_clock;
 constexpr int kFrames = 2;
 constexpr int kSubsteps = 50;  ///< a frame
 
-/// Of one repetition: seconds of a run, without setting it up.
+/// Seconds of a run, without setting it up, in one repetition.
 struct Times {
   double forward = 0.0;
   double stored = 0.0;
@@ -46,7 +46,7 @@ class GradientBench {
     // The material has no damping, and none is looked for.
     stored_.of_no_damping = false;
     checkpointed_.of_no_damping = false;
-    // Of a run of which at most one state in four can be kept.
+    // A budget with which at most one state in four can be kept.
     checkpointed_.memory_budget = g.peak_bytes - g.substeps * g.state_bytes * 3 / 4;
     const mpm::Gradient checked = differentiate(checkpointed_);
     peak_bytes_ = checked.peak_bytes;
@@ -56,9 +56,9 @@ class GradientBench {
   [[nodiscard]] double particle_steps() const {
     return static_cast<double>(scene_.bodies[0].rest.size()) * kFrames * kSubsteps;
   }
-  /// Of one state [bytes a particle].
+  /// The size of one state [bytes a particle].
   [[nodiscard]] double state_bytes() const { return per_particle(state_bytes_); }
-  /// Of a whole run with checkpoints [bytes a particle and substep].
+  /// The memory of a whole run with checkpoints [bytes a particle and substep].
   [[nodiscard]] double checkpoint_bytes() const {
     return per_particle(peak_bytes_) / (kFrames * kSubsteps);
   }

@@ -12,7 +12,7 @@
 namespace matterfit::bench {
 
 /// A closed mesh about the origin, turned and scaled unevenly: blob, bevelled box, thin plate,
-/// torus, cross or cylinder. Of one seed always the same.
+/// torus, cross or cylinder. The same for the same seed.
 struct RandomMesh {
   capture::Mesh mesh;
   std::string shape;

@@ -67,8 +67,8 @@ TEST(SerialMpmTest, KeepsMomentumAndAngularMomentumWhileItRings) {
   }
   const auto angular = [](const std::vector<SerialMpm::Particle>& all) {
     double sum = 0.0;
-    // Of the particles and of their affine fields: APIC conserves the two together, m(x×v + C
-    // terms).
+    // Angular momentum of the particles and of their affine fields: APIC conserves the two
+    // together, m(x×v + C terms).
     for (const auto& p : all) {
       const double inertia = 0.25 * 0.02 * 0.02;
       sum += p.mass * (p.x[0] * p.v[1] - p.x[1] * p.v[0] + inertia * (p.C[3] - p.C[1]));

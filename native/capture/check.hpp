@@ -37,7 +37,7 @@ struct CaptureSummary {
   std::vector<Jump> jumps;   ///< the largest first, 20 at most
   std::size_t jump_count = 0;
   /// Frames that move smoothly once each is exchanged with the one after it, and do not as they
-  /// are; not told of the first frame and the last.
+  /// are; not known for the first frame and the last.
   std::vector<std::size_t> exchanged;
   std::string exchanged_warning;           ///< a sentence, or empty
   double missing = 0.0;                    ///< fraction of samples that are not visible

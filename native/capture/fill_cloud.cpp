@@ -158,7 +158,7 @@ struct Hull {
   double volume = 0.0;
 };
 
-/// Of the body whose particles are `points` about `spacing` apart.
+/// The hull of the body whose particles are `points` about `spacing` apart.
 Hull closed_hull(const Points& points, double spacing) {
   const double voxel = 0.25 * spacing;
   const double radius = 1.5 * spacing;

@@ -167,7 +167,7 @@ TEST(Fill, SkinIsTheSurfaceThatWasFilled) {
     EXPECT_NEAR(arm.dot(plane.normal) + plane.depth, 0.05, 5e-5);
     EXPECT_GT(plane.normal.dot(arm.normalized()), 0.9);
   }
-  // Of a box between lattice planes: each particle in a corner knows its three faces.
+  // A box between lattice planes: each particle in a corner knows its three faces.
   const auto box = fill_box(Vec3d::Zero(), Vec3d(0.0231, 0.0231, 0.0231), spaced(0.005));
   std::vector<int> planes(box.positions.size(), 0);
   for (const mpm::SkinPlane& plane : box.skin) {

@@ -37,7 +37,7 @@ struct Sight {
 /// files' sizes.
 struct ImageClip {
   std::vector<splat::Camera> cameras;
-  /// Of each camera: 255 where its lens saw what its pinhole would, else 0, and the mattes are 0
+  /// For each camera: 255 where its lens saw what its pinhole would, else 0, and the mattes are 0
   /// there too. Empty: it saw all of it.
   std::vector<std::vector<std::uint8_t>> seen;
   std::vector<double> times;  ///< [s], strictly ascending

@@ -11,8 +11,8 @@
 
 namespace matterfit::capture {
 
-/// An image of any format that is read, told by its first bytes and not by its name: PNG, JPEG,
-/// OpenEXR. Throws Error(kInput) beginning with `name`.
+/// An image of any format that is read, recognised by its first bytes and not by its name: PNG,
+/// JPEG, OpenEXR. Throws Error(kInput) beginning with `name`.
 [[nodiscard]] Bitmap parse_image(std::span<const std::byte> bytes, const std::string& name);
 [[nodiscard]] Bitmap read_image(const std::filesystem::path& path);
 

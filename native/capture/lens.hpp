@@ -34,9 +34,9 @@ struct Distortion {
 /// ∂(x', y')/∂(x, y).
 [[nodiscard]] Eigen::Matrix2d distortion_slope(const Distortion& lens,
                                                const Eigen::Vector2d& ideal);
-/// (x, y) of (x', y'), by Newton's method in double to 1e-14 of its size. Of the places that the
-/// model maps there it is the one that belongs to the axis: between it and the axis the model does
-/// not fold over (the determinant of its slope is above 0). Nothing where there is none.
+/// (x, y) of (x', y'), by Newton's method in double to 1e-14 of its size. Where the model maps
+/// several places there, it is the one that belongs to the axis: between it and the axis the model
+/// does not fold over (the determinant of its Jacobian is above 0). Nothing where there is none.
 [[nodiscard]] std::optional<Eigen::Vector2d> undistorted(const Distortion& lens,
                                                          const Eigen::Vector2d& seen);
 

@@ -127,7 +127,7 @@ class Writer {
     return nullptr;
   }
 
-  /// Of the best extension, where it has several causes; otherwise of the cause's own refit.
+  /// Whether the best extension has this cause.
   [[nodiscard]] bool acts(const Candidate& candidate) const {
     return found_.best && std::ranges::count(found_.best->causes, candidate) > 0;
   }

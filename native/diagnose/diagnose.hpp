@@ -14,10 +14,10 @@ namespace matterfit::diagnose {
 struct DiagnoseOptions {
   /// Runs of the solver's ensemble; 0: the solver counts as exact.
   int members = 24;
-  /// Of false alarms over all causes together. Smaller than the 5 % that are promised: two more
-  /// tests (the smooth residual's, the exact solver's) take the rest.
+  /// The rate of false alarms over all causes together. Smaller than the 5 % that are promised: two
+  /// more tests (the smooth residual's, the exact solver's) take the rest.
   double level = 0.03;
-  /// Of the smooth residual's test for something unknown.
+  /// The level of the smooth residual's test for something unknown.
   double smooth_level = 0.01;
   int draws = 1000;     ///< of the placebo
   bool central = true;  ///< two runs a derivative; one where runs are dear

@@ -12,7 +12,7 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-/// Of the further causes that are tried beside those that are there.
+/// How many further causes are tried beside those that are there.
 constexpr std::size_t kFurther = 3;
 /// Share of the excess that a runner-up explains, beside which others are sought too.
 constexpr double kMost = 0.5;

@@ -9,17 +9,17 @@
 
 namespace matterfit::diagnose {
 
-/// What a recording will tell of one parameter.
+/// How well a recording determines one parameter.
 struct Identifiable {
   std::string name;
   std::string unit;
   double value = 0.0;  ///< physical, at the start
-  double error = 0.0;  ///< physical, standard, that a fit will have; infinite where nothing tells
+  double error = 0.0;  ///< physical, standard, that a fit will have; infinite if not identifiable
   double keep = 0.0;   ///< share of its signature that the others cannot imitate
   bool known = false;  ///< its error is below Parameter::scale
 };
 
-/// Parameters of which the recording tells only a combination.
+/// Parameters of which the recording determines only a combination.
 struct Tie {
   std::vector<std::string> names;
   double keep = 0.0;  ///< of the direction: √ of its information over that of its members alone
@@ -64,9 +64,9 @@ struct IdentifyOptions {
 
 /// Before anything is fitted: the information matrix at the start values from a handful of runs,
 /// noise as stated or as the recording shows it beside smooth motion, the solver's error from two
-/// resolutions. Says which parameters the recording will tell and how well, which are tied, whether
-/// frame rate, duration and noise suffice, what an error in what is taken as given would do, and
-/// which of Model::experiments() would help. Throws like diagnose().
+/// resolutions. Says which parameters the recording determines and how well, which are tied,
+/// whether frame rate, duration and noise suffice, what an error in what is taken as given would
+/// do, and which of Model::experiments() would help. Throws like diagnose().
 [[nodiscard]] BeforeFit identify(const Model& model, const IdentifyOptions& options = {});
 
 }  // namespace matterfit::diagnose

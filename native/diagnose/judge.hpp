@@ -32,7 +32,7 @@ class Judge {
     std::map<BlockKey, double> blocks;  ///< that χ² by block; empty where it is 0
     Eigen::VectorXd stacked;            ///< the residual of the rows fitted to, then that
   };
-  /// Of each model, in order.
+  /// An opinion of each model, in order.
   [[nodiscard]] std::vector<Opinion> judge(std::span<const Refit* const> refits) const;
 
   /// Gain of `after` over `before`; the free field has `numbers` numbers.
@@ -42,7 +42,7 @@ class Judge {
 
  private:
   [[nodiscard]] State settle(const State& state) const;
-  /// Of the rows fitted to, then of those kept back.
+  /// Predictions of the rows fitted to, then of those kept back.
   [[nodiscard]] std::vector<Eigen::VectorXd> predictions(
       std::span<const Refit* const> refits) const;
   std::unique_ptr<Study> split_;        ///< where nothing was held out

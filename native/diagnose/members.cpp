@@ -31,7 +31,8 @@ constexpr double kFirstDampingOfMember = 0.3;
 /// Standard deviation of what a number adapts by, in scales: what the used rows hardly tell is not
 /// to move far.
 constexpr double kLeashOfMember = 2.0;
-/// Of the members' variance beside the stated noise, below which nothing depends on it.
+/// The ratio of the members' variance to that of the stated noise below which nothing depends on
+/// it.
 constexpr double kMatters = 1.0;
 
 /// Gauss–Newton of some numbers of the members, with the slopes of the state.

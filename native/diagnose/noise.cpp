@@ -131,7 +131,8 @@ struct Autoregression {
 
 /// A tracker's own errors last; those that seem to alternate are a fit that took their slow part.
 constexpr double kLowestOwn = 0.0;
-/// Of the shared part, which is seen in few values: their scatter reaches below 0.
+/// The lowest correlation of the shared part, which is seen in few values: their scatter reaches
+/// below 0.
 constexpr double kLowestShared = -0.4;
 
 Autoregression fit_autoregression(const Moments& moments, double lowest) {
@@ -246,7 +247,8 @@ Cleaned clean(const VectorXd& residual, const MatrixXd& explained) {
   return result;
 }
 
-/// Of smooth displacements: as many as the tracks can tell from their own errors.
+/// How many smooth displacements there are: as many as the tracks can distinguish from their
+/// errors.
 int smooth_shapes(const Capture& capture) {
   const Index tracks = capture.tracks();
   return tracks >= 30 ? 10 : (tracks >= 8 ? 4 : 1);
@@ -293,7 +295,7 @@ double square_of_noise(const Places& places, double sigma, double correlation) {
 }
 
 /// Whether tracks' places are farther off than noise that is correlated in time would make them.
-/// Of them `smooth` combinations were taken out before.
+/// `smooth` combinations of the places were taken out before.
 bool places_are_wrong(const Places& places, const Autoregression& fit, double smooth) {
   const double free = 3.0 * (places.count - smooth);
   if (!(free > 3.0)) return false;

@@ -25,7 +25,7 @@ struct TrackNoise {
   double kurtosis = 0.0;  ///< excess, of innovations; 0: normal
 };
 
-/// Of all captures, and which rows are outliers.
+/// The noise of all captures, and which rows are outliers.
 struct Noise {
   std::vector<TrackNoise> captures;
   /// One a row, in (0, 1]: rows whose innovation lies beyond four robust standard deviations are

@@ -60,10 +60,10 @@ struct RefitStart {
   double corrections = 0.0;  ///< Refit::corrections; 0: Noise::corrections
 };
 
-/// An information matrix that can be inverted where nothing tells of a number.
+/// An information matrix that can be inverted although a number is not identifiable.
 [[nodiscard]] Eigen::MatrixXd regularised(Eigen::MatrixXd information);
 
-/// Diagonal of the inverse of an information matrix; what nothing tells comes out large.
+/// Diagonal of the inverse of an information matrix; large for numbers that are not identifiable.
 [[nodiscard]] Eigen::VectorXd variances_of(Eigen::MatrixXd information);
 
 /// Refits everything, θ, α and the bias's amplitude, under one covariance.

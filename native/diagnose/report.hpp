@@ -14,7 +14,7 @@ namespace matterfit::diagnose {
 enum class Verdict {
   kNothing,      ///< nothing beyond noise and the solver's own error
   kCause,        ///< one cause
-  kClass,        ///< one of several that this recording cannot tell apart
+  kClass,        ///< one of several that this recording cannot distinguish
   kSeveral,      ///< several causes act
   kUnknown,      ///< something, but none of the causes known
   kNumerical,    ///< the grid's error, not physics
@@ -126,8 +126,9 @@ struct Report {
   std::vector<FrameError> by_frame;
   std::vector<WorstFrame> worst;
   std::vector<WrongPlace> wrong;
-  std::vector<std::string> classes;  ///< "class": names that cannot be told apart, or all that act
-  std::vector<Cause> causes;         ///< the most probable first
+  /// "class": names that the recording cannot distinguish, or all that act.
+  std::vector<std::string> classes;
+  std::vector<Cause> causes;  ///< the most probable first
   std::vector<std::string> not_observable;
   std::vector<DetectionLimit> detection_limits;
   std::string next_recording;

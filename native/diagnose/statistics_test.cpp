@@ -87,7 +87,7 @@ TEST(Noise, TellsWrongPlacesFromNoise) {
   EXPECT_NEAR(found.captures[0].place_sigma, 2e-3, 6e-4);
 }
 
-/// Of one capture with given noise, all rows.
+/// The noise of one capture, all rows.
 Noise noise_of(const Rows& rows, double sigma, double correlation, double common) {
   Noise noise;
   TrackNoise track;

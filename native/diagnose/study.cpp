@@ -71,7 +71,7 @@ Difference theta_difference(const Model& model, const State& state, Index p,
   return result;
 }
 
-/// Of number k of the cause `c` of a state that has it.
+/// The difference by number k of the cause `c`, of a state that has it.
 Difference cause_difference(const Model& model, const State& state, std::size_t c, Index k,
                             bool central) {
   const Active& cause = state.causes[c];

@@ -55,7 +55,7 @@ class Study {
   [[nodiscard]] const Rows& held() const { return held_; }
   [[nodiscard]] Eigen::Index size() const { return used_.size() + held_.size(); }
   [[nodiscard]] const Eigen::VectorXd& measured() const { return measured_; }
-  /// Of the used samples, in the tracks that the limit has left, those of some frames.
+  /// The used samples of some frames, in the tracks that the limit has left.
   [[nodiscard]] Rows used_in(
       const std::function<bool(int capture, Eigen::Index frame)>& selected) const;
   [[nodiscard]] Eigen::VectorXd stack(const Eigen::VectorXd& motion) const;

@@ -24,11 +24,11 @@ struct CurveOptions {
 /// Error(kInput).
 [[nodiscard]] CurveOptions curve_options(const Json& json);
 
-/// Of each material by its name {"strain", "rate", "excited" or null, "sentence" (of a neural law:
-/// what it is like), "distance", "faults", "curves": [{"what": "material" | "nearest" | "alone",
-/// "law", "label", "uniaxial": {"stretch", "nominal", "true", "across"}, "equibiaxial": the same,
-/// "shear": {"shear", "nominal", "true", "across"}}]}; stresses in Pa. A pull that cannot be
-/// followed is null and among the faults. The file is a job document, a material, or weights:
+/// For each material, by its name: {"strain", "rate", "excited" or null, "sentence" (of a neural
+/// law: what it is like), "distance", "faults", "curves": [{"what": "material" | "nearest" |
+/// "alone", "law", "label", "uniaxial": {"stretch", "nominal", "true", "across"}, "equibiaxial":
+/// the same, "shear": {"shear", "nominal", "true", "across"}}]}; stresses in Pa. A pull that cannot
+/// be followed is null and among the faults. The file is a job document, a material, or weights:
 /// *.safetensors of the isotropic law or of the published one, *.pt of that as PyTorch saves it.
 /// Throws Error(kInput) where it is none.
 [[nodiscard]] Json curves_of_file(const std::filesystem::path& file, const CurveOptions& options);

@@ -22,7 +22,7 @@ constexpr double kGraphTop = 52.0;
 constexpr double kGraphGap = 72.0;
 constexpr double kPictureWidth = kGraphLeft + 3.0 * kGraphWidth + 2.0 * kGraphGap + 20.0;
 constexpr double kLegendLine = 18.0;
-/// Of the curves: the material's own first. Distinct in grey too.
+/// Inks of the curves, the material's own first. Distinct in grey too.
 constexpr std::array kInks = {"#1f5fa8", "#d1741b", "#4d8f3a"};
 constexpr std::array kDashes = {"", " stroke-dasharray='7 4'", " stroke-dasharray='2 3'"};
 

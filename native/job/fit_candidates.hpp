@@ -46,7 +46,7 @@ class FitCandidates {
   [[nodiscard]] fit::LawFit& fit(std::size_t law);
   [[nodiscard]] fit::LawFit& fit(std::size_t law, const Interrupter& interrupter);
   [[nodiscard]] fit::SearchSetup setup_of(material::Law law) const;
-  /// Tells the progress of the law that is being fitted. From any thread.
+  /// Reports the progress of the law that is being fitted. From any thread.
   void show(const fit::SearchProgress& report);
   /// Writes the state to disk.
   void save();
@@ -56,7 +56,7 @@ class FitCandidates {
   fit::LawFit& law_fit(material::Law law, const Interrupter& interrupter);
   /// One step of a law, and the end of those that have no hope after it.
   void advance(fit::LawState& law);
-  /// What is to be told of a candidate; its scenes go, as there may be many.
+  /// Measures a candidate for the report and releases its scenes, as there may be many.
   void finish_law(std::size_t k);
 
   const Job& job_;
@@ -69,7 +69,8 @@ class FitCandidates {
   std::vector<std::string> law_statements_;
   material::Law own_law_ = material::Law::kFixedCorotated;
   std::vector<material::Law> laws_;
-  /// Of laws that are being fitted, and of the document's while the start is looked at.
+  /// The fits of the laws that are still searched, and that of the document's law while the start
+  /// is looked at.
   std::map<material::Law, std::unique_ptr<fit::LawFit>> fits_;
   std::vector<double> fractions_;  ///< of each law's fit, for progress
   std::mutex fractions_mutex_;

@@ -43,7 +43,7 @@ std::vector<fit::ParameterSpec> all_numbers(const fit::SearchSetup& setup,
   return specs;
 }
 
-/// Of `specs` those that the capture excites where the fit before ended.
+/// Those of `specs` that the capture excites where the fit before ended.
 std::vector<fit::ParameterSpec> excited_numbers(const FurtherStart& from,
                                                 const std::vector<fit::ParameterSpec>& specs,
                                                 const Interrupter& interrupter,

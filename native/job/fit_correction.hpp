@@ -9,7 +9,7 @@
 
 namespace matterfit::job {
 
-/// Throws Error(kInput) where no sample is held out: nothing could then tell whether a correction
+/// Throws Error(kInput) where no sample is held out: nothing could then show whether a correction
 /// predicts or only imitates.
 void require_hold_out(const fit::Experiment& experiment);
 

@@ -47,7 +47,7 @@ void remove_others(const fs::path& folder, const std::vector<std::string>& files
   }
 }
 
-/// Of a checkpoint, whatever kind of fit it is of; nothing where it is missing or damaged.
+/// The inputs of a checkpoint of any kind of fit; nothing where it is missing or damaged.
 std::optional<Inputs> unfinished_inputs(const fs::path& folder) {
   const Json file = read_checkpoint(folder);
   try {

@@ -142,7 +142,7 @@ inline Json poor_start() {
   return document;
 }
 
-/// Of a plastic body, by an elastic law: however stiff, it stays far off.
+/// A fit of a plastic body by an elastic law: however stiff, it stays far off.
 inline Json of_the_wrong_law() {
   Json document = fit_of(thrown_cube(), {"material.E"});
   document["scene"]["bodies"][0]["material"] = {{"law", "neo_hookean"}, {"E", 1e5}, {"nu", 0.3}};

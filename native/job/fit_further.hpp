@@ -40,7 +40,7 @@ struct FurtherMeans {
   std::optional<double> seen;
 };
 
-/// Of a fit at a state's values.
+/// The mean errors of a fit at a state's values.
 [[nodiscard]] FurtherMeans means_of(fit::LawFit& fit, const fit::LawState& state);
 
 /// FurtherFit::report.

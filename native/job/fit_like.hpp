@@ -22,7 +22,7 @@ namespace matterfit::job {
 void widen(material::Excitation& all, const material::Excitation& by);
 
 /// What the captures of a body that the fit sees excite (fit/data/excitation.hpp), of several the
-/// most; nothing where their tracks do not tell. `flows`: its neighbourhoods change.
+/// most; nothing where their tracks do not show it. `flows`: its neighbourhoods change.
 [[nodiscard]] std::optional<material::Excitation> excitation_of(
     const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
     const std::string& body, bool flows, Arena& arena);
@@ -33,7 +33,8 @@ void add_likes(const Job& fitted, const std::vector<std::string>& bodies,
                const std::vector<fit::Run>& runs, const std::vector<mpm::Scene>& scenes,
                int threads, Json& fit);
 
-/// Of every body of the neural law in a file: a job document, or a material as a fit writes it.
+/// The likeness of every body of the neural law in a file: a job document, or a material as a fit
+/// writes it.
 /// Throws Error(kInput) where the file is neither, or no body is of that law.
 [[nodiscard]] Json likes_of_file(const std::filesystem::path& file,
                                  const material::Excitation& over);

@@ -43,8 +43,9 @@ constexpr double kLeastSize = 0.1;
 
 using Direction = std::vector<float>;
 
-/// Of the weights of one net that begin at `net`: its stress or flow, less and by its mean over the
-/// diagonal, and the strains that it answers to, each by a factor. None that are 0.
+/// Adds factors as directions of the weights of the net that begins at `net`: of its stress or flow
+/// without its mean over the diagonal, of that mean, and of the strains that it answers to. None
+/// that are 0.
 void add_factors(const std::vector<float>& weights, std::size_t net, std::vector<Direction>& out) {
   Direction shape(kBothNets, 0.0F);
   Direction volume(kBothNets, 0.0F);

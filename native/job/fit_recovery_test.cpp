@@ -21,7 +21,7 @@ struct Wanted {
   bool relative = true;
 };
 
-/// Of the fixture's cube, of another material and thrown down at `speed` [m/s].
+/// A fit of the fixture's cube, of another material and thrown down at `speed` [m/s].
 void recovers(const Json& material, double speed, const std::vector<Wanted>& wanted) {
   Json truth = thrown_cube();
   truth["scene"]["bodies"][0]["material"] = material;

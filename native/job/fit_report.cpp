@@ -100,7 +100,7 @@ double size_of(const mpm::Scene& scene, const fit::Capture& capture) {
   return fit::body_size(body.rest) + 0.5 * scene.dx;
 }
 
-/// Of clouds: each capture alone, first what is used of it, then what is held out.
+/// Errors of clouds: of each capture alone, first of what is used, then of what is held out.
 ErrorPool cloud_errors(const std::vector<fit::Run>& runs, const fit::Model& model, fit::Loss loss,
                        const fit::Outcome& outcome) {
   ErrorPool pool;

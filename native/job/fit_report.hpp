@@ -17,9 +17,9 @@ namespace matterfit::job {
 /// Errors of several captures together, what is held out apart.
 class ErrorPool {
  public:
-  /// Of the samples that a fit uses or predicts. `error_mm` (T, N); not finite: left out.
+  /// Adds the samples that a fit uses or predicts. `error_mm` (T, N); not finite: left out.
   void add(const fit::Capture& capture, const std::vector<double>& error_mm, double body_size);
-  /// Of samples of so many frames whose error is known without their place [m].
+  /// Adds samples of so many frames whose error is known without their place [m].
   void add(const std::vector<double>& distances, double body_size, std::size_t frames,
            bool held_out);
 
@@ -36,11 +36,11 @@ class ErrorPool {
   std::size_t frames_[2] = {0, 0};
 };
 
-/// Of an outcome of the whole clip, point by point; of clouds what the means around each
-/// captured point are apart.
+/// The errors of an outcome of the whole clip, point by point; for clouds, how far apart the means
+/// around each captured point are.
 [[nodiscard]] ErrorPool errors_of(const std::vector<fit::Run>& runs, const fit::Model& model,
                                   FitDoc::Loss loss, const fit::Outcome& outcome);
-/// Of the simulation at a law's values, which is fit::LawFit::predict().
+/// The errors of the simulation at a law's values, which is fit::LawFit::predict().
 [[nodiscard]] std::optional<ErrorPool> errors_of(fit::LawFit& fit, const fit::LawState& state,
                                                  bool fitted, std::string& failure);
 

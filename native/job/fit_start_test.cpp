@@ -167,7 +167,7 @@ void write_flight(const fs::path& path, std::size_t frames, double noise, bool b
   write_tracks(path, positions, frames, 24);
 }
 
-/// Of captures in the folder that are named after their files.
+/// The motion in captures of the folder, which are named after their files.
 fit::MotionStart motion_from(const Folder& folder, const std::vector<std::string>& names,
                              double noise) {
   Json document = fit_with({"velocity", "spin"});
@@ -189,7 +189,7 @@ TEST(FitStart, NoiseDoesNotHideAFlight) {
     const fit::MotionStart start = motion_from(folder, {"a"}, noise);
     EXPECT_TRUE(start.contradicted.empty());
     EXPECT_EQ(start.guesses, start.flights);
-    // Of all twelve frames: those of two would be known ten times worse.
+    // From all twelve frames: from two they would be known ten times worse.
     EXPECT_NEAR(start.flights[0], 1.0, noise);
     EXPECT_NEAR(start.flights[1], 2.0, noise);
     EXPECT_NEAR(start.flights[2], 3.0, noise);

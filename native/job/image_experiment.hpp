@@ -47,8 +47,8 @@ class ImageExperiment {
   void settle_steps(const std::vector<double>& values);
   /// Chooses how large particles are drawn, as they stand at these values.
   void settle_sizes(const std::vector<double>& values);
-  /// Of the particles, from the images at the scene's first frame as these values have them. False:
-  /// no image tells any.
+  /// Takes the particles' colours from the images at the scene's first frame, with these values.
+  /// False: no image shows any.
   bool learn_colours(const std::vector<double>& values);
 
   /// The parameters with these values as their starts.
@@ -56,13 +56,13 @@ class ImageExperiment {
       const std::vector<double>& values) const;
   /// The same, all but velocities, spins and poses held near these values.
   [[nodiscard]] std::vector<fit::Parameter> motion_from(const std::vector<double>& values) const;
-  /// Of all that is fitted, from these values on, images blurred [reduced pixels].
+  /// The problem of all that is fitted, from these values on, images blurred [reduced pixels].
   [[nodiscard]] fit::ImageProblem problem(const std::vector<double>& values, double blur);
   /// The same of images at the scene's first frame alone, which cost no simulation.
   [[nodiscard]] fit::ImageProblem first_frame(const std::vector<double>& values, double blur);
   /// Whether a velocity or a spin is among the parameters.
   [[nodiscard]] bool finds_throw() const;
-  /// Of images up to a time [s] alone, without tracks.
+  /// The problem of the images up to a time [s] alone, without tracks.
   [[nodiscard]] fit::ImageProblem beginning(const std::vector<double>& values, double blur,
                                             double until);
   /// Times of the fitted images after the scene's first frame, ascending, each once [s].
@@ -70,7 +70,7 @@ class ImageExperiment {
   /// Whether an image of that frame is fitted.
   [[nodiscard]] bool sees_first_frame() const;
 
-  /// Of all images, in their own pixels, and of all tracks, held-out ones too.
+  /// The errors of all images, in their own pixels, and of all tracks, held-out ones too.
   [[nodiscard]] ImageStanding standing(const std::vector<double>& values);
 
  private:

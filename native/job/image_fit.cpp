@@ -150,7 +150,7 @@ class ImageFit {
     if (scene_->learn_colours(state_.values)) state_.coloured_at = state_.values;
   }
 
-  /// Of all that is fitted, from the present values on.
+  /// The problem of all that is fitted, from the present values on.
   [[nodiscard]] fit::ImageProblem problem(double blur) {
     return watched(scene_->problem(state_.values, blur));
   }

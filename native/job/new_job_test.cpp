@@ -76,7 +76,7 @@ TEST(NewJob, MeshOfTheFileBecomesTheBody) {
   ASSERT_EQ(job.scene.colliders.size(), 1U);
   EXPECT_EQ(job.scene.colliders.front().height, 0.1);
   EXPECT_EQ(job.scene.colliders.front().contact.mu, 0.5);
-  // Of 0.008 m³ and 4000 particles at most.
+  // 0.008 m³ in 4000 particles at most.
   EXPECT_GT(job.scene.particle_separation, 0.0124);
   EXPECT_LT(job.scene.particle_separation, 0.02);
   ASSERT_TRUE(job.fit);

@@ -88,7 +88,7 @@ TEST(PublishedRun, AMaterialGoesThroughItsDocument) {
   const Job other = read_job(again.dump(), read);
   EXPECT_EQ(other.scene.bodies[0].material.published->weights.elastic,
             m.published->weights.elastic);
-  // Of its moduli, where a fit looks for another law.
+  // A law of its moduli, where a fit looks for another law.
   const material::Material elastic = with_law(m, material::Law::kNeoHookean);
   EXPECT_EQ(elastic.published, nullptr);
   EXPECT_EQ(elastic.youngs_modulus, m.youngs_modulus);

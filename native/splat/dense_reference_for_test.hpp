@@ -16,8 +16,8 @@
 
 namespace matterfit::splat {
 
-/// Of one Gaussian: mean 3, log scales 3, quaternion 4, opacity 1, F 9 (row-major), then its
-/// coefficients; and (ω, τ) of the camera.
+/// The parameters of one Gaussian: mean 3, log scales 3, quaternion 4, opacity 1, F 9 (row-major),
+/// then its coefficients; and (ω, τ) of the camera.
 inline constexpr int kShapeParameters = 20;
 inline constexpr int kPoseParameters = 6;
 /// Mean 2, Σ₂ (xx, xy, yy), opacity, colour 3 before it is cut off at 0, depth.

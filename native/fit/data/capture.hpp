@@ -72,7 +72,7 @@ struct Capture {
     return input.held_out_points[point] != 0 || input.held_out_frames[frame] != 0;
   }
   /// Standard deviation of a coordinate of what a simulation of the truth misses a point by [m]:
-  /// its noise and, where that point's place on the body is told by noisy samples, theirs.
+  /// its noise and, where that point's place on the body is known from noisy samples, theirs.
   [[nodiscard]] double deviation(std::size_t point) const;
   /// Frames with a used sample, ascending.
   [[nodiscard]] std::vector<std::size_t> used_frames() const { return frames_in(used); }

@@ -16,7 +16,7 @@
 namespace matterfit::fit {
 namespace {
 
-/// Of the points of a capture, that may lie off the body.
+/// The share of a capture's points that may lie off the body.
 constexpr double kStray = 0.05;
 constexpr double kStrayDistance = 2.0;  // particle separations
 constexpr double kOtherBody = 0.25;     // of the body's size

@@ -22,7 +22,8 @@ struct CloudScale {
 /// captured point is finite, and for a noise that is not above 0.
 [[nodiscard]] CloudScale cloud_scale(std::span<const Vec3d> captured, double noise, Arena& arena);
 
-/// Of a vector whose coordinates have the standard deviation `sigma` (Maxwell's distribution).
+/// The mean length of a vector whose coordinates have the standard deviation `sigma` (Maxwell's
+/// distribution).
 [[nodiscard]] double mean_length(double sigma);
 
 /// At each captured point the weighted mean of those around it (below), less it [m]; 0 where it is
@@ -39,7 +40,7 @@ struct CloudScale {
 /// their number, weighed so that all simulated points count as much as all captured ones. Not a
 /// number where a simulated point is not finite, 0 for a captured one that is not.
 ///
-/// Inside a body two samplings have nothing to tell: their nearest points are half a spacing apart
+/// Inside a body two samplings carry no information: their nearest points are half a spacing apart
 /// whatever the body does, and least squares over those vectors, as iterated closest points do it,
 /// takes that for stiffness and creeps. The two means cancel there. They differ as the gradients of
 /// the logarithms of the two densities do (mean shift: Comaniciu and Meer 2002); taking off a set's

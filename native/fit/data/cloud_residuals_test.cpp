@@ -67,7 +67,7 @@ TEST(CloudScale, IsWhatSamplingsOfOneBodyMissEachOtherBy) {
       const CloudScale scale = cloud_scale(captured, kNoise, arena);
       const Eigen::VectorXd residual = residuals_of(dense, captured, scale, arena);
       EXPECT_EQ(residual.size(), Eigen::Index(6 * count));
-      // Of what no captured point is near, next to nothing.
+      // Next to nothing for what no captured point is near.
       EXPECT_LT(residual.tail(Eigen::Index(3 * count)).norm(), 0.01);
       sum += residual.squaredNorm();
       entries += 3.0 * double(count);

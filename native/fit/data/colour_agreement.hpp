@@ -17,9 +17,9 @@ struct ColourAgreement {
   double ssim = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// Of the pixels that `compared` marks (1: is; 0: is not); windows hold only those (normalised
-/// convolution), so that what lies around a body is no part of it. All images are of one size,
-/// values 0 to 1. NaN where no pixel is compared.
+/// The agreement in the pixels that `compared` marks (1: is; 0: is not); windows hold only those
+/// (normalised convolution), so that what lies around a body is no part of it. All images are of
+/// one size, values 0 to 1. NaN where no pixel is compared.
 [[nodiscard]] ColourAgreement colour_agreement(const std::array<Coverage, 3>& one,
                                                const std::array<Coverage, 3>& other,
                                                const Coverage& compared);

@@ -58,7 +58,7 @@ struct Spline {
       }
     }
   }
-  /// Of one node.
+  /// The weight of one node.
   struct At {
     const Spline& of;
     std::size_t i, j, k;
@@ -90,7 +90,7 @@ struct EquationError::HatNodes {
   }
 };
 
-/// Of a place over a hat, and its derivative in space at the hat's centre.
+/// The weight of a place in a hat, and its derivative in space at the hat's centre.
 struct EquationError::Ramp {
   double value = 0.0;
   Vec3d slope = Vec3d::Zero();

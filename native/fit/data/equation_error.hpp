@@ -46,7 +46,8 @@ struct Balance {
 /// The fields are frozen in the body at the hat's centre: quadratic B-splines N of a grid in space,
 /// a cell 1½ track spacings wide, times a ramp s that is 0 where unknown forces act at a frame of
 /// the hat. Two families: s N eᵢ, and ∇(s² N) × eᵢ, free of divergence, so that pressure, which the
-/// noisy volume of a stiff body does not tell, has no part in it (only the deviator counts there).
+/// noisy volume of a stiff body does not determine, has no part in it (only the deviator counts
+/// there).
 ///
 /// Residuals are divided by their standard deviation at these very parameters: what noise makes of
 /// them, through accelerations and stresses, from repeats with as much noise again (effective
@@ -80,7 +81,7 @@ class EquationError {
   [[nodiscard]] bool known(const TrackMotion& motion, std::size_t hat, std::size_t place) const;
   void follow(const material::Material& material, const TrackMotion& motion, std::size_t place,
               std::vector<MeanStress>& stress) const;
-  /// Of the captured motion (0) or a repeat. `material` null: without stress.
+  /// The balance of the captured motion (0) or of a repeat. `material` null: without stress.
   [[nodiscard]] Eigen::VectorXd balance_of(const material::Material* material, std::size_t motion,
                                            Arena& arena) const;
   void add_hat(std::size_t hat, std::size_t motion, const std::vector<MeanStress>& stress,

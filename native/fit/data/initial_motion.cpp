@@ -76,7 +76,7 @@ Spread spread_of(const Points& points) {
   return {std::sqrt(values[2]), std::sqrt(values[1]), eigen.eigenvectors().col(2)};
 }
 
-/// Of points whose distance from the centre is about 1.
+/// The shape of points whose distance from the centre is about 1.
 CloudShape shape_of(const Spread& spread) {
   if (!(spread.along > 1e-9)) return CloudShape::kPoint;
   return spread.across > kOnALine * spread.along ? CloudShape::kSolid : CloudShape::kLine;

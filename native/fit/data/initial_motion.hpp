@@ -21,8 +21,8 @@ struct InitialMotion {
 /// gives a start in closed form, the spin from the turns between frames; then
 /// least squares over all seen points of x(t) = c + v t + ½ g t² + exp(ω t) R (rest − center), so
 /// that frames in which few points are seen count too. The spin is taken to be constant, and below
-/// half a turn between frames in which three points are seen. Of points on a line the spin about it
-/// is 0, of one point all spin. `times` [s] after the rest state, ascending; `positions`
+/// half a turn between frames in which three points are seen. For points on a line the spin about
+/// it is 0, for one point all spin. `times` [s] after the rest state, ascending; `positions`
 /// (frames × points), not finite where not seen; `center` of mass at rest; `gravity` [m/s²]. Throws
 /// Error(kInput) with fewer than two frames or without a point seen in two.
 [[nodiscard]] InitialMotion initial_motion(std::span<const Vec3d> rest, const Vec3d& center,

@@ -53,7 +53,7 @@ void blur_lines(const std::vector<float>& from, std::vector<float>& into,
 
 using OutlinePoints = std::vector<Eigen::Vector2f>;
 
-/// Of an outline, for a tree.
+/// The points of an outline, for a tree.
 struct Outline {
   const OutlinePoints& points;
 

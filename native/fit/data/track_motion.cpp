@@ -45,7 +45,8 @@ struct Stencil {
   std::array<Vec3d, kMotionNeighbours> gradient;
 };
 
-/// Of the nearest tracks that are `seen(track)`; count 0: too few, or all near one plane.
+/// The stencil of the nearest tracks that are `seen(track)`; count 0: too few, or all near one
+/// plane.
 template <class Seen>
 Stencil stencil_at(const Neighbourhood& near, const Vec3d& x, double reach, const Seen& seen) {
   Stencil stencil;

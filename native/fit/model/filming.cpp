@@ -14,9 +14,9 @@ namespace matterfit::fit {
 namespace {
 
 constexpr double kSameFrame = 1e-6;  // frames
-/// Of drawing a particle: four frames of position and F in double, both between them, the Gaussian,
-/// its footprint, and a few tiles that it touches. Of a pixel: the rasteriser's five channels and
-/// what is handed on of them.
+/// Memory to draw a particle: four frames of position and F in double, both between them, the
+/// Gaussian, its footprint, and a few tiles that it touches; and to draw a pixel: the rasteriser's
+/// five channels and what is handed on of them.
 constexpr double kBytesAParticle = 4 * 96 + 2 * 96 + 100 + 150 + 4 * 32;
 constexpr double kBytesAPixel = 2 * 5 * 4 + 4;
 

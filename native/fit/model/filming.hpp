@@ -31,7 +31,7 @@ struct View {
   int oversample = 1;
 };
 
-/// Colours of a scene's particles, as far as a recording tells them.
+/// Colours of a scene's particles, as far as a recording shows them.
 struct ParticleColours {
   struct OfBody {
     std::vector<Vec3f> colours;  ///< (N) sRGB, 0 to 1

@@ -11,7 +11,7 @@ namespace matterfit::fit {
 namespace {
 
 constexpr std::size_t kStretches = 8;
-/// Of what is not blurred: a pixel's own width.
+/// The blur of an image that is not blurred: a pixel's own width.
 constexpr double kPixel = 0.5;
 
 /// Pixels that a blur mixes: over the squares of its weights; at least one.

@@ -34,9 +34,9 @@ struct Sighting {
 
 /// Residuals of images and, after them, of tracks, each divided by its own standard deviation, so
 /// that half the sum of all squares is minus the logarithm of the likelihood of both together.
-/// Of images (simulated − captured coverage) / σ, pixel by pixel, both blurred by `blur` pixels; σ
-/// is coverage_deviation(), so that half the sum of squares is that of outlines displaced by
-/// independent errors of the stated noise. A wide blur leads from farther away.
+/// Those of images are (simulated − captured coverage) / σ, pixel by pixel, both blurred by `blur`
+/// pixels; σ is coverage_deviation(), so that half the sum of squares is that of outlines displaced
+/// by independent errors of the stated noise. A wide blur leads from farther away.
 ///
 /// With colours, of those sightings that have some, behind the coverage and channel by channel
 ///   m (Σ T α k c − (Σ T α k) c') / σ',
@@ -98,7 +98,7 @@ class ImageProblem final : public Problem {
   [[nodiscard]] bool compares_colours(const Sighting& sighting) const {
     return parts_.colours != nullptr && sighting.has_colours() && sighting.view.time > 0.0;
   }
-  /// Of one sighting, into its part of the residual.
+  /// Writes the residuals of one sighting into its part of the residual.
   void compare(std::size_t sighting, const Drawn& drawn, Eigen::Ref<Eigen::VectorXd> into) const;
   /// Those of the tracks.
   [[nodiscard]] Eigen::VectorXd tail(const Eigen::VectorXd& residual) const;

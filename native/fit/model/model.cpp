@@ -307,7 +307,7 @@ bool Model::has_gradient() const {
 void Model::add_through_contacts(std::size_t run, std::span<const double> values,
                                  const mpm::Gradient& gradient, std::span<double> sum) const {
   constexpr double kDifference = 1e-4;
-  // Of several bodies those that are fitted have no contact that follows: has_gradient().
+  // With several bodies, those that are fitted have no contact that follows: has_gradient().
   if (models_[run]->scene.bodies.size() > 1) return;
   const auto stiffnesses = [&](std::size_t i, double value) {
     std::vector<double> moved(values.begin(), values.end());

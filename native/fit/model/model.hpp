@@ -30,7 +30,7 @@ struct Observation {
   std::vector<SimulatedCapture> captures;  ///< in the run's order; empty: was not simulated
   std::vector<int> substeps;               ///< of each frame
 };
-/// Of all runs.
+/// What was observed in all runs.
 using Outcome = std::vector<Observation>;
 
 /// What is simulated: values of the parameters (physical), and what is otherwise.
@@ -108,9 +108,9 @@ class Model {
                                     const Scope& scope,
                                     const std::function<void(double)>& progress = {}) const;
 
-  /// Whether pull_back() can tell: not with a loss between clouds, whose nearest neighbours change,
-  /// nor by a quantity that has no slope, nor where the scenes have no adjoint or contacts of
-  /// several bodies follow a material that is fitted.
+  /// Whether pull_back() has the gradient: not with a loss between clouds, whose nearest neighbours
+  /// change, nor by a quantity that has no slope, nor where the scenes have no adjoint or contacts
+  /// of several bodies follow a material that is fitted.
   [[nodiscard]] bool has_gradient() const;
   /// The derivative by each parameter (physical values) of Σ bar·x over what the captures see of a
   /// simulation: `bars` run by run and capture by capture, (T, N), none of a run that is not

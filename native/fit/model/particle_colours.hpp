@@ -16,7 +16,7 @@ namespace matterfit::fit {
 /// start as `start` has them and cameras as they stand: those with which the drawn images are
 /// nearest to the seen ones where both are all body, in least squares, by the simultaneous
 /// algebraic reconstruction technique (SIRT: Gilbert, Journal of Theoretical Biology 36, 1972) on
-/// the rasteriser and its adjoint. Sightings that are held out or have no colours tell nothing.
+/// the rasteriser and its adjoint. Sightings that are held out or have no colours are left out.
 /// `known` is s / (s + ½) for a particle that s pixels see. Equal bits for any number of threads.
 /// Throws Error(kInput) where no sighting with colours shows the first frame.
 [[nodiscard]] ParticleColours learn_colours(const mpm::Scene& start,

@@ -89,7 +89,7 @@ void settle_sizes(const std::function<void(const Filming&)>& film,
     }
   }
   if (sizes.empty() && fault) std::rethrow_exception(fault);
-  /// Of a film's cameras, or of all; of those that are not moved, or of all.
+  /// The mean over a film's cameras, or over all; over those that are not moved, or over all.
   const auto mean = [&](std::optional<std::size_t> film, bool all) -> std::optional<double> {
     double sum = 0.0;
     double count = 0.0;

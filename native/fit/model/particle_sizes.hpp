@@ -10,19 +10,19 @@
 
 namespace matterfit::fit {
 
-/// A particle's size where no image tells it [particle separations]: neighbours overlap, and an
-/// outline stands half a separation outside its particles.
+/// A particle's size where no image determines it [particle separations]: neighbours overlap, and
+/// an outline stands half a separation outside its particles.
 inline constexpr double kUsualSize = 0.4;
 
 /// The size of the particles with which each camera's first sighting that is not held out covers as
 /// much of its image as the matte does: what a Gaussian's soft edge adds to a body, and what
 /// matting takes from it, is then in no residual but as a constant. Sets it in all sightings of
 /// that camera. A camera without one takes the mean of its film's others. So does one whose pose is
-/// fitted (`moved`, by film and camera; empty: none is), for its area tells how near it stands: the
-/// mean of those that stay or, where none does, of all; where none has a size, kUsualSize. `names`
-/// of the films begin messages. `film` draws what it is given, of its first query. Throws what that
-/// does, and Error(kInput) naming the camera that sees nothing of the body where its matte does, or
-/// whose matte no size explains.
+/// fitted (`moved`, by film and camera; empty: none is), for its area depends on how near it
+/// stands: the mean of those that stay or, where none does, of all; where none has a size,
+/// kUsualSize. `names` of the films begin messages. `film` draws what it is given, of its first
+/// query. Throws what that does, and Error(kInput) naming the camera that sees nothing of the body
+/// where its matte does, or whose matte no size explains.
 void settle_sizes(const std::function<void(const Filming&)>& film,
                   const std::vector<std::string>& names,
                   const std::vector<std::vector<std::uint8_t>>& moved,

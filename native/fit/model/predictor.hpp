@@ -33,7 +33,7 @@ class Predictor {
 
   [[nodiscard]] const std::vector<Run>& runs() const { return experiment_.runs; }
   [[nodiscard]] const Parameters& parameters() const { return *parameters_; }
-  /// Of level 1, as they were built.
+  /// The scenes of level 1, as they were built.
   [[nodiscard]] const std::vector<mpm::Scene>& scenes() const { return scenes_; }
   /// The model of a level, which is made at the first call: not to be called from several threads
   /// at once. What it returns stays.

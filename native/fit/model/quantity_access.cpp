@@ -32,7 +32,7 @@ std::size_t component_of(const Address& address) {
   return static_cast<std::size_t>(address.component.value_or(0));
 }
 
-/// Of a list that may be shorter, or empty.
+/// An entry of a list that may be shorter, or empty: 0 beyond its end.
 double entry(const std::vector<double>& list, std::size_t index) {
   return index < list.size() ? list[index] : 0.0;
 }

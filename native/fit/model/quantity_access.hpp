@@ -9,7 +9,7 @@ namespace matterfit::fit {
 [[nodiscard]] Access material_access(double material::Material::*member,
                                      double material::MaterialGradient::*slope);
 [[nodiscard]] Access maxwell_access(double material::MaxwellBranch::*member);
-/// Of the isotropic neural law; 0 where the material has none.
+/// A move of the isotropic neural law's weights; 0 where the material has none.
 [[nodiscard]] Access weight_move_access();
 /// A number of the latent law's code; 0 where the material has none.
 [[nodiscard]] Access latent_access();

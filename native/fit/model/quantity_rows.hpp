@@ -9,8 +9,8 @@
 /// them.
 namespace matterfit::fit {
 
-/// Of a body's material: what its law takes, and damping, relaxation and a correction, which every
-/// law does (quantity_rows_material.cpp).
+/// The numbers of a body's material: what its law takes, and damping, relaxation and a correction,
+/// which every law takes (quantity_rows_material.cpp).
 [[nodiscard]] std::vector<Quantity> material_rows();
 
 /// A body's density, motion and placement; gravity; colliders and their contact; how a capture is

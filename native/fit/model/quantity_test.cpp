@@ -101,10 +101,10 @@ mpm::Scene scene_of(material::Law law, Formulation formulation) {
   return scene;
 }
 
-/// Of the neural law alone, of whose weights the first does nothing.
+/// Whether the row is of the neural law alone, the first of whose weights does nothing.
 bool is_weight(const Quantity& row) { return row.path == "material.weight_moves[#]"; }
 
-/// Of the latent law alone.
+/// Whether the row is of the latent law alone.
 bool is_code(const Quantity& row) { return row.path == "material.latent[#]"; }
 
 /// The last component of vectors.

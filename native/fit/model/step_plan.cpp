@@ -10,8 +10,8 @@
 namespace matterfit::fit {
 namespace {
 
-/// Of the solver's margin (dt_safety), that values beside the ones whose substeps are taken may
-/// use.
+/// The share of the solver's margin (dt_safety) that values beside the ones whose substeps are
+/// taken may use.
 constexpr double kMargin = 1.1;
 /// Steps in which substeps are made more or fewer: a quarter of an octave.
 constexpr double kFiner = 1.189207115002721;

@@ -18,7 +18,7 @@ struct RunSteps {
 
 /// How every run of an evaluation is stepped. The solver chooses where there is no plan.
 struct StepPlan {
-  /// Of a run whose substeps were never settled.
+  /// The refinement of a run whose substeps were never settled.
   static constexpr int kUnsettled = -64;
 
   std::vector<RunSteps> runs;    ///< one a run
@@ -40,8 +40,8 @@ struct StepPlan {
   void settle(std::size_t run, const mpm::Scene& scene, const int* before);
 };
 
-/// Of each frame as many as of those beside it at most: values a little off touch a collider a
-/// frame earlier or later, where contact asks for many more.
+/// Each frame gets the most substeps of itself and the frames beside it: with values a little off a
+/// body touches a collider a frame earlier or later, where contact asks for many more.
 [[nodiscard]] std::vector<int> with_neighbours(const std::vector<int>& substeps);
 
 /// Substeps times a factor, rounded up, at least one each.

@@ -22,7 +22,7 @@ struct Variation {
   /// The grid is moved against the bodies by these fractions of a cell; what is seen stays in
   /// place.
   Vec3d grid_shift = Vec3d::Zero();
-  /// Substeps are so many times as long, in (0, 1]: shorter ones tell the error of the time step.
+  /// Substeps are so many times as long, in (0, 1]: shorter ones show the error of the time step.
   double dt_factor = 1.0;
 };
 

@@ -15,7 +15,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Of a matrix with a unit diagonal.
+/// Smaller eigenvalues of a matrix with a unit diagonal count as this much.
 constexpr double kLeastEigenvalue = 1e-13;
 
 /// The diagonal of the inverse of a Hessian without zeros on its own.

@@ -9,8 +9,8 @@
 
 namespace matterfit::fit {
 
-/// Of the parameters from `first` on, each of which has a prior, those that data of the stated
-/// noise know at least as well as their priors do, with all that are kept, and those before
+/// Those of the parameters from `first` on, each of which has a prior, that data of the stated
+/// noise determine at least as well as their priors do, with all that are kept, and those before
 /// `first`, fitted beside them: the one whose error (of JᵀJ + priors) is largest against its prior
 /// is left out, until all that are left have at most 1/√2 of theirs. Ascending. `jacobian` is that
 /// of the residuals divided by their noise, by natural coordinates (LeastSquaresState::jacobian).

@@ -83,8 +83,8 @@ struct LeastSquaresState {
   /// Where an adjoint has corrected it: 0 at the anchor, i at the i-th point of the trail.
   std::vector<int> corrected;
   int vain = 0;  ///< corrections of this search that led nowhere
-  /// Of the last linearisation, residuals × parameters. With an anchor it goes into the next
-  /// iteration, which makes it again, to the same bits, where it is empty.
+  /// The Jacobian of the last linearisation, residuals × parameters. With an anchor it goes into
+  /// the next iteration, which makes it again, to the same bits, where it is empty.
   Eigen::MatrixXd jacobian;
   /// Parameters of that linearisation whose column is 0 because every evaluation beside the point
   /// failed. Goes with the Jacobian.

@@ -27,7 +27,7 @@ void bring_up_to_date(const std::vector<Parameter>& parameters, const Eigen::Vec
                       const Eigen::VectorXd& change, Eigen::MatrixXd& jacobian);
 
 /// The adjoint Broyden update: the least change of the Jacobian with which it gives the cost's
-/// exact gradient. False, and no change, where the problem does not tell that, or not plausibly.
+/// exact gradient. False, and no change, where the problem has no gradient, or not a plausible one.
 [[nodiscard]] bool correct(Problem& problem, const Eigen::VectorXd& point,
                            const Eigen::VectorXd& residual, double huber,
                            const std::vector<std::uint8_t>& unknown, Eigen::MatrixXd& jacobian);

@@ -45,7 +45,7 @@ struct Uncertainty {
 /// fit: errors are then those of Huber's estimator (Huber, Robust Statistics, ch. 7.6). With
 /// `blocks` (Problem::blocks()) an error is at least what the blocks' disagreement about the value
 /// makes it, H⁻¹ M H⁻¹ with M from the gradients of the blocks (Liang and Zeger 1986): under a
-/// wrong law residuals hang together in ways that no count of independent ones tells. What is
+/// wrong law residuals are correlated in ways that no count of independent ones describes. What is
 /// observable and the correlations stay those of the noise. `far`: the fit may have ended in a
 /// wrong place, and statements say so before they say what to record. Throws Error(kInput) where
 /// the sizes differ.

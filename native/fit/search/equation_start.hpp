@@ -26,8 +26,8 @@ struct EquationStart {
 
 /// The parameters of the body's material at which the momentum balance along its interior tracks
 /// (fit/data/equation_error.hpp) is missed least, by Levenberg–Marquardt from `values`. What the
-/// balance does not tell to a factor of three, or where it runs into a bound, stays as it is. It
-/// applies to captures of the only body of a scene, without attached masses, that is not placed
+/// balance does not determine to a factor of three, or where it runs into a bound, stays as it is.
+/// It applies to captures of the only body of a scene, without attached masses, that is not placed
 /// anew, with tracks all through it at even times. `scenes` one a run; same result for any number
 /// of threads. Throws Error(kCancelled).
 [[nodiscard]] EquationStart equation_start(const std::vector<Run>& runs,

@@ -102,7 +102,7 @@ std::vector<std::vector<double>> liquid_places(const Parameters& parameters, con
                                                std::span<const double> values) {
   constexpr std::array kViscosities = {1.0, 3.0, 10.0, 30.0, 100.0, 300.0};  // [Pa s]
   constexpr std::array kBulks = {0.3, 3.0};  ///< of the material's that is searched from
-  /// Of η/K [s], beyond which the space has no liquids.
+  /// The η/K [s] beyond which the space has no liquids.
   constexpr double kSoftest = 2e-4;
   const auto youngs = FlowNumbers(parameters, body.name).number("E");
   if (!youngs) return {};
@@ -189,7 +189,7 @@ std::vector<FlowStart> flow_starts(const Parameters& parameters,
   if (body == nullptr) return latent_starts(parameters, scenes, values);
   const FlowNumbers numbers(parameters, body->name);
   const material::Material material = material_at(parameters, *body, values);
-  // Of the deviatoric strain at a rate: η = G/ρ of a Maxwell fluid.
+  // The relaxation rate of the deviatoric strain: η = G/ρ of a Maxwell fluid.
   const double rate = material.youngs_modulus / (2.0 * (1.0 + material.poisson_ratio)) / kViscosity;
   constexpr double kNever = 1e3;
   constexpr double kAtOnce = 1e9;

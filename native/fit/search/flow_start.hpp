@@ -28,8 +28,8 @@ struct FlowStart {
 /// The classes that the flow's numbers among the parameters can reach, for the first body of that
 /// law that has its `yield_strain` among them; none: there is no such body, or the elastic class
 /// alone is left. A number that is not among the parameters stays, and with it the classes that it
-/// would tell: internal_friction granular, flow_rate paste and liquid. Numbers that a class has no
-/// use for go to the bound where they do nothing: yield_strain and tear_strain to the upper,
+/// would determine: internal_friction granular, flow_rate paste and liquid. Numbers that a class
+/// has no use for go to the bound where they do nothing: yield_strain and tear_strain to the upper,
 /// internal_friction to the lower one. Plastic: from a strain of .02; paste: the same, flowing with
 /// 10 Pa s; granular: a friction angle of 30° at Poisson's ratio, without cohesion; liquid: 10 Pa
 /// s.

@@ -35,7 +35,7 @@ class LawFit final : private SearchWork {
   /// The scenes of the runs at the document's resolution.
   [[nodiscard]] const std::vector<mpm::Scene>& scenes() const { return problems_.scenes(); }
   [[nodiscard]] const std::vector<Run>& runs() const { return problems_.runs(); }
-  /// Of those scenes.
+  /// The model of those scenes.
   [[nodiscard]] const Model& model() { return problems_.model(1.0); }
   [[nodiscard]] Loss loss() const { return problems_.setup().options.loss; }
   [[nodiscard]] LawState start() const;
@@ -49,7 +49,7 @@ class LawFit final : private SearchWork {
 
   /// At the end: standard errors and correlations; linearises once more.
   [[nodiscard]] Uncertainty uncertainty(const LawState& state);
-  /// Of the parameters from `first` on, those that the capture excites (fit/numerics/excited.hpp)
+  /// Those of the parameters from `first` on that the capture excites (fit/numerics/excited.hpp),
   /// at the values where a stage begins. Throws Error(kCompute) where it cannot be simulated.
   [[nodiscard]] std::vector<std::size_t> excited(const LawState& state, std::size_t first);
   /// Their mean; infinite where the stage has compared nothing yet.

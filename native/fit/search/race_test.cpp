@@ -37,7 +37,7 @@ TEST(FitRace, GoesFromStandingToStandingSideBySide) {
 TEST(FitRace, LeavesALawThatMissesByFarAtTheSameStanding) {
   std::vector<LawState> laws{law_at("near", 1, {{}, {0.002, 0.001}}),
                              law_at("far", 1, {{}, {0.005}})};
-  // Of the first standings one is two and a half times the other.
+  // One of the first standings is two and a half times the other.
   EXPECT_TRUE(hopeless_laws(laws).empty());
   add_standing(laws[1], {0.0035, true, true});
   const auto left = hopeless_laws(laws);

@@ -21,7 +21,7 @@ constexpr std::size_t kFewestStartFrames = 3;
 constexpr std::size_t kMostStartFrames = 12;
 /// How much more than noise leaves over, or than the fewest frames did, a flight may leave over.
 constexpr double kStillBallistic = 2.0;
-/// Of the fewest frames this part of the body's size too.
+/// A motion from the fewest frames may be off by this part of the body's size too.
 constexpr double kRigid = 0.005;
 constexpr double kHalfDecade = 3.1622776601683795;
 constexpr double kAngleStep = 8.0;  // [degrees]
@@ -32,7 +32,7 @@ const std::vector<int> kFirstSteps = {-4, -3, -2, -1, 1, 2};
 constexpr int kFineParts = 4;
 const std::vector<int> kFineSteps{-3, -2, -1, 1, 2, 3};
 
-/// Of the points of one frame that the fit may see; NaN without any.
+/// The mean of the points of one frame that the fit may see; NaN without any.
 Vec3d mean_seen(const Capture& capture, std::size_t frame) {
   Vec3d sum = Vec3d::Zero();
   double count = 0.0;
@@ -64,7 +64,7 @@ std::optional<FirstFrames> motion_of(const Capture& capture, const mpm::Body& bo
   const capture::Tracks& tracks = capture.input.tracks;
   const Vec3d unseen = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
   Points rest = capture.input.rest;
-  // Of a cloud nothing but its mean goes on from frame to frame.
+  // Nothing of a cloud but its mean goes on from frame to frame.
   if (capture.clouds) rest = {centre};
   for (std::size_t i = 0; i < tracks.points; ++i) {
     if (!capture.clouds && capture.input.held_out_points[i] != 0) rest[i] = unseen;

@@ -63,7 +63,7 @@ class StartSearch {
   /// `values` with the law's parameters of `material`.
   [[nodiscard]] std::vector<double> with_law_of(std::vector<double> values,
                                                 const std::vector<double>& material) const;
-  /// Of simulations at a level (that of the first stage) [m].
+  /// Mean distances of simulations at a level (without one: that of the first stage) [m].
   [[nodiscard]] std::vector<double> mean_distances(LawState& state,
                                                    const std::vector<std::vector<double>>& points,
                                                    const Window& window, double level);

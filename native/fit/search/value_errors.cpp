@@ -14,7 +14,7 @@ namespace {
 constexpr double kCoarser = 2.0;
 constexpr double kOfCoarser = 1.0 / (kCoarser * kCoarser - 1.0);
 
-/// Of a capture of which the fit sees nothing.
+/// Whether the path is of a capture of which the fit sees nothing.
 bool is_unseen(const Address& path, const std::vector<Run>& runs) {
   const bool own = path.quantity->owner == Owner::kCapture;
   const std::string& name = own ? path.owner : path.capture;

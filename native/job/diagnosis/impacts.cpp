@@ -119,7 +119,7 @@ std::vector<RateChange> rate_changes(const SeenTracks& samples, const mpm::Scene
     const double span = 0.5 * (times[f + 1] - times[f - 1]);
     const double pushed =
         kContactGravities * std::max(scene.gravity.at(times[f]).norm(), 1.0) * span;
-    // Of means over three frames of second differences of the tracks' mean.
+    // The noise of means over three frames of second differences of the tracks' mean.
     const double noise = kAboveNoise * samples.capture.noise * std::sqrt(3.0 * 0.375) /
                          (std::sqrt(double(poses[f]->tracks)) * span);
     means[f].contact =

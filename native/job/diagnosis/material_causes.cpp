@@ -21,11 +21,11 @@ constexpr std::array<double, 5> kRelaxationShares = {0.003, 0.01, 0.03, 0.1, 0.3
 constexpr double kNeverYields = 1.0;
 constexpr std::array<double, 2> kTriedYields = {0.1, 0.03};
 constexpr double kLeastYield = 1e-4;
-/// Of a number that a fit does not move: a change at which one would care for it, and the farthest
+/// For a number that a fit does not move: a change at which one would care for it, and the farthest
 /// that a search goes, as factors of its value.
 constexpr double kShareOfValue = 0.1;
 constexpr double kFarthest = 10.0;
-/// Of the same: where it is searched for because its slope says little of what is far off.
+/// Where such a number is searched for because its slope says little of values that are far off.
 constexpr std::array<double, 2> kTriedFactors = {0.6, 1.5};
 
 class MaterialCauses {

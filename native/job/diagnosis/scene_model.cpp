@@ -200,8 +200,8 @@ void SceneModel::add_nuisances() {
   add_state_errors();
 }
 
-/// Of a scene's only body: another would be struck otherwise. Not where the fit moves the time that
-/// the recording began at.
+/// Nodes for a scene's only body: another would be struck otherwise. Not where the fit moves the
+/// time at which the recording began.
 void SceneModel::add_shooting_nodes() {
   const bool times_move = std::ranges::any_of(listed_, [](const fit::Parameter& parameter) {
     return parameter.name.find("start_frame") != std::string::npos;

@@ -88,7 +88,7 @@ class SceneModel final : public diagnose::Model {
     std::vector<std::size_t> bodies;  ///< of each capture
     std::vector<fit::PointFollower> followers;
   };
-  /// Of each capture of a run its points, frame by frame.
+  /// The points of each capture of a run, frame by frame.
   using Seen = std::vector<std::vector<Points>>;
   /// A node and the state that it takes, by what cameras are thought to have done.
   struct Target {

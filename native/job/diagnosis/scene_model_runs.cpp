@@ -24,8 +24,7 @@ constexpr double kFiner = 1.189207115002721;
 constexpr double kMostFiner = 10.0;
 /// With so many times twice the substeps a point is tried again that failed.
 constexpr int kMoreTries = 2;
-/// Of the solver's margin (dt_safety), that a point beside the fitted values
-/// may use.
+/// The share of the solver's margin (dt_safety) that a point beside the fitted values may use.
 constexpr double kNoiseMargin = 1.1;
 
 /// Whether the fitted values' substeps serve: what lumping alone changes is then no other step.

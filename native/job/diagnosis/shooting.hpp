@@ -17,7 +17,7 @@ namespace matterfit::job {
 
 /// A frame in flight, just before an impact, at which a simulation takes up the rigid motion that
 /// the recording shows there. What a solver gets wrong at one impact is then not multiplied at the
-/// next: multiple shooting (Bock and Plitt 1984), with states that the tracks tell.
+/// next: multiple shooting (Bock and Plitt 1984), with states taken from the tracks.
 struct ShootingNode {
   std::size_t run = 0;
   std::size_t body = 0;                        ///< into Scene::bodies

@@ -17,7 +17,7 @@ namespace {
 
 using diagnose::Number;
 
-/// Of an inclusion's place towards the surface, and of its radius, in longest sides: two neighbours
+/// How far towards the surface an inclusion lies, and its radius, in longest sides: two neighbours
 /// overlap by half.
 constexpr double kTowardsSurface = 0.6;
 constexpr double kRadius = 0.35;

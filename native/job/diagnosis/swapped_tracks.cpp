@@ -10,7 +10,7 @@ namespace matterfit::job {
 namespace {
 
 constexpr const char* kName = "swapped_tracks";
-/// Of a long list the rest is counted.
+/// Entries of a long list that are named; the rest is counted.
 constexpr std::size_t kListed = 3;
 
 std::string listed(const std::vector<std::string>& labels) {

@@ -168,7 +168,7 @@ std::shared_ptr<const material::IsotropicStart> read_weights(const JsonValue& va
   }
 }
 
-/// Of the latent law.
+/// The decoder of the latent law.
 std::shared_ptr<const material::LatentDecoder> read_decoder(const std::optional<JsonValue>& value,
                                                             const ReadContext& context) {
   if (!value) return latent_preset();
@@ -184,7 +184,7 @@ std::shared_ptr<const material::LatentDecoder> read_decoder(const std::optional<
   return latent_preset();
 }
 
-/// Of the published law.
+/// The weights of the published law.
 std::shared_ptr<const material::PublishedLaw> read_published(const std::optional<JsonValue>& value,
                                                              const ReadContext& context) {
   if (!value) return published_start(kDefaultNeuralStart);

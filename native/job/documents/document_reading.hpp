@@ -11,7 +11,7 @@ namespace matterfit::job {
 struct ImagesDoc;  // job/documents/images_document.hpp
 struct RenderDoc;
 
-/// Of each component. The panel's fields end there too.
+/// Limits of each component. The panel's fields end there too.
 inline constexpr Range kPlaceRange{-1e6, 1e6, false, "m"};
 inline constexpr Range kSpeedRange{-1e5, 1e5, false, "m/s"};
 inline constexpr Range kSpinRange{-1e5, 1e5, false, "rad/s"};

@@ -54,7 +54,7 @@ const PublishedStarts& published_starts() {
   return all;
 }
 
-/// Of either map. Throws Error(kInput) that lists the names.
+/// A start law of either map, by its name. Throws Error(kInput) that lists the names.
 template <class Map>
 typename Map::mapped_type start_named(const Map& starts, const std::string& name,
                                       const char* file) {

@@ -20,7 +20,8 @@ inline constexpr const char* kDefaultNeuralStart = "jelly";
 
 /// The shipped decoder of the latent law, of presets/neural/latent.safetensors.
 [[nodiscard]] std::shared_ptr<const material::LatentDecoder> latent_preset();
-/// Of a file. Throws Error(kInput) that names the file and what is wrong with it.
+/// The latent law's decoder in a file. Throws Error(kInput) that names the file and what is wrong
+/// with it.
 [[nodiscard]] std::shared_ptr<const material::LatentDecoder> read_latent_file(
     const std::filesystem::path& path);
 inline constexpr const char* kLatentName = "latent";
@@ -45,8 +46,8 @@ inline constexpr const char* kLatentName = "latent";
 /// What their files' names begin with.
 inline constexpr std::string_view kPublishedPrefix = "published_";
 
-/// Of the published law, of either kind. Throws Error(kInput) that names the file and what is wrong
-/// with it.
+/// Weights of the published law, of either kind. Throws Error(kInput) that names the file and what
+/// is wrong with it.
 [[nodiscard]] std::shared_ptr<const material::PublishedLaw> read_published_file(
     const std::filesystem::path& path);
 

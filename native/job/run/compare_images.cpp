@@ -35,7 +35,7 @@ mpm::ObservedFrame observed(const mpm::FrameState& state) {
   return frame;
 }
 
-/// Of the colours that both show and that are known.
+/// The agreement of the colours that both show and that are known.
 fit::ColourAgreement agreement_of_colours(const fit::Sighting& sighting, const fit::Drawn& drawn) {
   const std::size_t pixels = drawn.mask.size();
   fit::Coverage compared = sighting.matte;

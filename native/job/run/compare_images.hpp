@@ -40,7 +40,7 @@ class ImageComparison {
   void film(const Stage& stage, const fit::Filming& filming) const;
   void settle_sizes(const Stage& stage);
   [[nodiscard]] std::vector<fit::Agreement> agreements(const Stage& stage);
-  /// Of each image; NaN where it has no colours or nothing is known to be compared.
+  /// One for each image; NaN where it has no colours or nothing is known to be compared.
   [[nodiscard]] std::vector<fit::ColourAgreement> colour_agreements(const Stage& stage);
   void write_overlay(const Stage& stage, std::size_t sighting, const std::vector<float>& mask);
 

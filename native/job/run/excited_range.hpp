@@ -19,8 +19,8 @@ class ExcitedRange {
 
   /// Some body is watched.
   [[nodiscard]] bool any() const;
-  /// Frames in their order. Of each body what 95 % of its particles stay within: |dev ε| of the
-  /// total strain, as far as the plastic strain tells (its elastic part and √(3/2) of the
+  /// Frames in their order. What 95 % of each body's particles stay within: |dev ε| of the total
+  /// strain, as far as the plastic strain shows it (its elastic part and √(3/2) of the
   /// equivalent plastic strain, which a flow back and forth makes too large); ln J; and |dev D|
   /// between this frame and the one before.
   void record(const mpm::FrameState& state);

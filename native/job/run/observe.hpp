@@ -36,7 +36,7 @@ class Observations {
   /// Ring-down of the mean of the capture's points, simulated.
   [[nodiscard]] std::optional<fit::Ringdown> capture_ringdown(std::size_t capture) const;
   [[nodiscard]] std::optional<fit::Ringdown> probe_ringdown(std::size_t probe) const;
-  /// Of a body that is let go, when there are neither captures nor probes.
+  /// The ringdown of a body that is let go, when there are neither captures nor probes.
   [[nodiscard]] std::optional<fit::Ringdown> body_ringdown() const;
 
   /// Writes `simulated.npz` (of several captures `simulated_NAME.npz`) and `probes.npz`; returns

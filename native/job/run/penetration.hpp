@@ -16,7 +16,7 @@ struct Penetration {
   double stiffness = 0.0;  ///< of that collider's contact [Pa/m]; 0: the solver's own
 };
 
-/// Of the particles of one frame; depth 0 where none is inside a collider.
+/// The deepest of the particles of one frame; depth 0 where none is inside a collider.
 [[nodiscard]] Penetration deepest(const mpm::Scene& scene, const mpm::FrameState& state);
 
 /// "'cube' sank 26 cm into 'ground'. Raise scene.colliders.ground.contact.stiffness (now …) …".

@@ -14,7 +14,7 @@ namespace matterfit::job {
 namespace {
 
 constexpr double kRehearsed = 1500.0;  ///< particles, about
-/// Of the job, below which the job itself is run.
+/// Ratio of the particle separations below which the job itself is run.
 constexpr double kHardlyFewer = 1.2;
 constexpr double kFirstSubsteps = 0.05;  ///< of the time, to see what the first ones take
 /// Share of the frames done that those to come are like.

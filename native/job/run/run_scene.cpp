@@ -38,7 +38,7 @@ Json to_json(const fit::Ringdown& ring) {
           {"direction", {ring.direction.x(), ring.direction.y(), ring.direction.z()}}};
 }
 
-/// Of the simulation against the recording, in per cent of what was recorded.
+/// The error of the simulated ringdown, in per cent of what was recorded.
 Json ringdown_error(const fit::Ringdown& ring, const fit::Ringdown& measured) {
   return {{"drop_percent", 100.0 * (ring.drop_m / measured.drop_m - 1.0)},
           {"frequency_percent", 100.0 * (ring.frequency_hz / measured.frequency_hz - 1.0)},

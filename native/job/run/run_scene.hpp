@@ -20,11 +20,12 @@ struct RunExtras {
   double begin = 0.0;     ///< where the progress of this run begins
   /// Files that stay in the folder although an earlier manifest lists them.
   std::vector<std::string> kept;
-  /// Of every capture of a comparison; `body_size` [m].
+  /// Called with the errors of every capture of a comparison; `body_size` [m].
   std::function<void(const fit::CaptureInput&, const std::vector<double>& error_mm,
                      double body_size)>
       compared;
-  /// Of the run, and of each run of a capture's own scene: what its bodies go through.
+  /// Called for the run, and for each run of a capture's own scene, with what its bodies go
+  /// through.
   std::function<void(const Job&, const ExcitedRange&)> strained;
   /// Called with the result before it is written; returns files in the folder that are then listed
   /// in the manifest.

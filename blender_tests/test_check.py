@@ -87,11 +87,11 @@ class WordsTest(CheckCase):
                  for each, label in check.rows(self.settings, report)]
         self.assertEqual(shown, [
             ("Young's Modulus", "± 440 Pa (0.44 %)", True),
-            ("Poisson's Ratio", "nothing recorded tells it", False),
+            ("Poisson's Ratio", "nothing recorded shows it", False),
             ("Velocity", "± 0.00050 m/s", True),
             ("Spin X", "± 0.0020 rad/s", True),
             ("Spin Z", "± 0.0020 rad/s", True),
-            ("Spin Y", "not told: ± 12 rad/s", False)])
+            ("Spin Y", "unknown: ± 12 rad/s", False)])
 
     def test_people_read_it(self):
         """No path of the document, no NaN, no power of ten; all that the brief of a check holds."""

@@ -69,8 +69,8 @@ TEXTS = {
     "This recording tells all of it:": "Diese Aufnahme verrät alles:",
     "This recording tells {n} of {total} values:":
         "Diese Aufnahme verrät {n} von {total} Werten:",
-    "nothing recorded tells it": "nichts Aufgenommenes verrät ihn",
-    "not told: {error}": "unbekannt: {error}",
+    "nothing recorded shows it": "nichts Aufgenommenes zeigt ihn",
+    "unknown: {error}": "unbekannt: {error}",
     "Tied: {names}. Only a combination is told: set one of them, and switch it off in the list.":
         "Gekoppelt: {names}. Nur eine Verbindung ist bekannt: einen davon eintragen und in der "
         "Liste ausschalten.",

@@ -163,14 +163,14 @@ def _of_code(settings, parameters, path):
 def error_text(settings, parameter):
     """To what error a parameter is told: ± 440 Pa (0.44 %)."""
     if parameter.error is None:
-        return translate("nothing recorded tells it")
+        return translate("nothing recorded shows it")
     unit = f" {parameter.unit}" if parameter.unit else ""
     text = f"± {number_text.rounded(parameter.error, parameter.error)}{unit}"
     key = words.split(settings, parameter.path)[1]
     row = quantities.find(key)
     if row is not None and row.scale == LOG and parameter.start:
         text += f" ({percent(parameter.error / abs(parameter.start))})"
-    return text if parameter.known else translate("not told: {error}").format(error=text)
+    return text if parameter.known else translate("unknown: {error}").format(error=text)
 
 
 def percent(share):

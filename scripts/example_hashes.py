@@ -37,7 +37,7 @@ def outcome(tool, document, verb, folder, options):
     found = {"name": document.stem, "task": verb,
              "hash": json_of([tool, "inspect", folder, "--json"])["result_hash"]}
     if verb == "fit":
-        found["values"] = {one["name"]: one["value"].hex() if isinstance(one["value"], float) else one["value"]
+        found["values"] = {one["path"]: one["value"].hex() if isinstance(one["value"], float) else one["value"]
                            for one in result["fit"]["parameters"]}
         found["evaluations"] = result["fit"]["evaluations"]
     shutil.rmtree(folder)

@@ -55,7 +55,7 @@ double fraction_done(const std::vector<SearchStage>& stages, const LawState& sta
     }
   }
   return state.begun() ? kStartShare + (1.0 - kStartShare) * std::clamp(before / all, 0.0, 1.0)
-                     : kStartShare * state.evaluations / (state.evaluations + 10.0);
+                       : kStartShare * state.evaluations / (state.evaluations + 10.0);
 }
 
 }  // namespace matterfit::fit

@@ -2,14 +2,13 @@
 #include "job/documents/document.hpp"
 
 #include <algorithm>
-#include <set>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "job/documents/document_reading.hpp"
+#include "job/documents/file_keys.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/images_document.hpp"
-#include "job/documents/neural_starts.hpp"
 #include "job/documents/override.hpp"
 
 namespace matterfit::job {
@@ -19,13 +18,6 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kTaskNames[] = {"simulate", "fit",    "diagnose", "compare",
                                            "bake",     "render", "check"};
-
-bool is_path_key(const std::string& key) {
-  static const std::set<std::string> keys = {"points", "mesh",    "cage",   "gaussians",
-                                             "file",   "meshes",  "tracks", "pattern",
-                                             "folder", "cameras", "images"};
-  return keys.count(key) > 0;
-}
 
 std::string rewritten(const std::string& text, const fs::path& base, const fs::path& folder) {
   const fs::path absolute = (base / text).lexically_normal();
@@ -42,11 +34,9 @@ void rewrite_paths(Json& json, const fs::path& base, const fs::path& folder) {
   if (!json.is_object()) return;
   for (auto& [key, value] : json.items()) {
     if (key == "holdout" || key == "fit" || key == "diagnose") continue;
-    const bool weights = key == "weights" && value.is_string() &&
-                         is_weights_file(value.get_ref<const std::string&>());
-    if (weights || (is_path_key(key) && value.is_string())) {
+    if (file_key(key, value) != FileKey::kNone) {
       value = rewritten(value.get<std::string>(), base, folder);
-    } else if (is_path_key(key) && value.is_array() && !value.empty() && value[0].is_string()) {
+    } else if (value.is_array() && !value.empty() && file_key(key, value[0]) != FileKey::kNone) {
       for (Json& item : value) item = rewritten(item.get<std::string>(), base, folder);
     } else {
       rewrite_paths(value, base, folder);

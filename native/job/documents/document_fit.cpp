@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "base/error.hpp"
+#include "job/documents/document_error.hpp"
 #include "job/documents/document_reading.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/fit_path.hpp"
@@ -129,12 +130,7 @@ std::vector<material::Law> read_laws(const JsonValue& value) {
   }
   std::vector<material::Law> laws;
   for (const JsonValue& item : value.items()) {
-    try {
-      laws.push_back(material::law_from_name(item.string()));
-    } catch (const Error& error) {
-      if (std::string(error.what()).rfind(item.path(), 0) == 0) throw;
-      item.refuse(error.what());
-    }
+    laws.push_back(at_place(item.path(), [&] { return material::law_from_name(item.string()); }));
     if (const material::LawTraits& law = material::traits(laws.back()); !has_numbers(law)) {
       item.refuse("the law " + std::string(law.name) +
                   " has no numbers that could be fitted; it is simulated as it is.");

@@ -4,15 +4,14 @@
 #include <hwy/targets.h>
 
 #include <algorithm>
-#include <set>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/hash.hpp"
 #include "capture/image_clip.hpp"
 #include "capture/tracks.hpp"
+#include "job/documents/file_keys.hpp"
 #include "job/documents/images_document.hpp"
-#include "job/documents/neural_starts.hpp"
 #include "job/fit_sources.hpp"
 #include "job/solver_sources.hpp"
 
@@ -24,10 +23,8 @@ namespace fs = std::filesystem;
 /// Lists longer than this are compared as a whole.
 constexpr std::size_t kLongList = 24;
 
-bool names_a_file(const std::string& key) {
-  static const std::set<std::string> keys = {"points",    "mesh", "cage",
-                                             "gaussians", "file", "meshes"};
-  return keys.count(key) > 0;
+bool names_a_file(const std::string& key, const Json& value) {
+  return file_key(key, value) == FileKey::kSimulated;
 }
 
 std::string file_hash(const fs::path& path) {
@@ -45,9 +42,7 @@ struct Flattening {
   fs::path base;
 
   void add(const Json& json, const std::string& path, const std::string& key) {
-    const bool weights =
-        key == "weights" && json.is_string() && is_weights_file(json.get_ref<const std::string&>());
-    if (weights || (names_a_file(key) && json.is_string())) {
+    if (names_a_file(key, json)) {
       inputs[path] = file_hash((base / json.get<std::string>()).lexically_normal());
     } else if (json.is_object()) {
       if (json.empty()) inputs[path] = "{}";
@@ -55,7 +50,7 @@ struct Flattening {
         if (!value.is_null()) add(value, path + "." + name, name);
       }
     } else if (json.is_array()) {
-      const bool files = names_a_file(key) && !json.empty() && json[0].is_string();
+      const bool files = !json.empty() && names_a_file(key, json[0]);
       if (json.size() > kLongList && !files) {
         Flattening inside{{}, base};
         for (std::size_t i = 0; i < json.size(); ++i) inside.add(json[i], std::to_string(i), "");
@@ -82,7 +77,7 @@ void require_named(const Json& json, const std::string& path, const std::string&
     for (std::size_t i = 0; i < json.size(); ++i) {
       require_named(json[i], path + "[" + std::to_string(i) + "]", key, base);
     }
-  } else if (names_a_file(key) && json.is_string()) {
+  } else if (names_a_file(key, json)) {
     const fs::path file = (base / json.get<std::string>()).lexically_normal();
     if (fs::is_directory(file)) {
       throw_input(path + ": " + file.string() + " is a folder. Name a file.");

@@ -8,6 +8,7 @@
 #include <cstdio>
 
 #include "base/error.hpp"
+#include "job/documents/document_error.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -60,10 +61,13 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 }  // namespace
 
 void JsonValue::fail(const std::string& expected) const {
-  throw_input(path_ + " is " + shown(*json_) + ", expected " + expected + ".");
+  throw DocumentError(ErrorKind::kInput, path_,
+                      " is " + shown(*json_) + ", expected " + expected + ".");
 }
 
-void JsonValue::refuse(const std::string& message) const { throw_input(path_ + ": " + message); }
+void JsonValue::refuse(const std::string& message) const {
+  throw DocumentError(ErrorKind::kInput, path_, ": " + message);
+}
 
 double JsonValue::number(const Range& range) const {
   if (!json_->is_number()) fail(range_text(range));

@@ -9,6 +9,7 @@
 #include "capture/fill.hpp"
 #include "capture/mesh.hpp"
 #include "capture/splats.hpp"
+#include "job/documents/document_error.hpp"
 #include "job/run/build_scene.hpp"
 #include "mpm/scene_check.hpp"
 
@@ -61,10 +62,11 @@ struct FilledShape {
     float farthest = 0.0F;
     for (const Vec3f& x : mesh.vertices) farthest = std::max(farthest, x.cwiseAbs().maxCoeff());
     if (farthest <= kFarthest) return;
-    throw_input(
-        path + ".source: its shape lies up to " + fmt::format("{:.2g}", farthest) +
-        " m from its origin, and nothing can be simulated beyond 1000 km. Move its vertices "
-        "to the origin, or look at its unit.");
+    throw DocumentError(
+        ErrorKind::kInput, path,
+        ".source: its shape lies up to " + fmt::format("{:.2g}", farthest) +
+            " m from its origin, and nothing can be simulated beyond 1000 km. Move its vertices "
+            "to the origin, or look at its unit.");
   }
 
   [[nodiscard]] capture::FilledBody fill(const capture::FillOptions& options) const {
@@ -173,7 +175,8 @@ mpm::Body build_body(const BodyDoc& doc, const SceneDoc& scene, const std::strin
     if (mass_doc.attach) mass.attach = scene.seconds(*mass_doc.attach);
     body.masses.push_back(mass);
   }
-  if (body.rest.empty()) throw_input(path + ".source: nothing was filled.");
+  if (body.rest.empty())
+    throw DocumentError(ErrorKind::kInput, path, ".source: nothing was filled.");
   return body;
 }
 

@@ -9,23 +9,12 @@
 #include "capture/npz.hpp"
 #include "capture/ply.hpp"
 #include "fit/data/follow.hpp"
+#include "job/documents/document_error.hpp"
 #include "job/run/observe.hpp"
 #include "shape/collider_mesh.hpp"
 
 namespace matterfit::job {
 namespace {
-
-/// An error of a room below begins with the file; the document's path goes before it.
-template <class Work>
-auto at_path(const std::string& path, const Work& work) {
-  try {
-    return work();
-  } catch (const Error& error) {
-    const std::string message = error.what();
-    if (message.rfind(path, 0) == 0) throw;
-    throw Error(error.kind(), path + ": " + message);
-  }
-}
 
 shape::PolygonArrays arrays(const capture::Mesh& mesh) {
   return {mesh.vertices, mesh.face_sizes, mesh.face_vertices};
@@ -208,13 +197,13 @@ BuiltScene build_scene(const Job& job, Arena& arena, const Interrupter& interrup
     interrupter.check();
     const std::string path = "scene.bodies[" + std::to_string(i) + "]";
     std::string report;
-    scene.bodies.push_back(at_path(
+    scene.bodies.push_back(at_place(
         path, [&] { return build_body(doc.bodies[i], doc, path, report, arena, interrupter); }));
     built.fill_reports.push_back(report);
   }
   for (std::size_t i = 0; i < doc.colliders.size(); ++i) {
     interrupter.check();
-    scene.colliders.push_back(at_path("scene.colliders[" + std::to_string(i) + "]", [&] {
+    scene.colliders.push_back(at_place("scene.colliders[" + std::to_string(i) + "]", [&] {
       return build_collider(doc.colliders[i], doc, interrupter);
     }));
     if (!is_thin(doc.colliders[i], *scene.colliders.back(), doc)) continue;

@@ -8,6 +8,7 @@
 #include "base/error.hpp"
 #include "capture/align.hpp"
 #include "capture/swaps.hpp"
+#include "job/documents/document_error.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -58,9 +59,8 @@ std::vector<std::uint8_t> held_out_points(const CaptureDoc& doc, const fit::Capt
       }
     }
     if (!found) {
-      throw_input(
-          std::string(path).append(".holdout.tracks: the capture has no point '").append(wanted) +
-          "'.");
+      throw DocumentError(ErrorKind::kInput, path,
+                          ".holdout.tracks: the capture has no point '" + wanted + "'.");
     }
   }
   return held;
@@ -105,7 +105,7 @@ fit::CaptureInput load_capture(const Job& job, std::size_t index, bool clouds) {
   const CaptureDoc& doc = job.captures[index];
   const SceneDoc& scene = job.scene;
   const std::string& path = doc.path;
-  try {
+  return at_place(path, [&] {
     fit::CaptureInput input;
     input.name = doc.name;
     input.body = doc.body;
@@ -181,11 +181,7 @@ fit::CaptureInput load_capture(const Job& job, std::size_t index, bool clouds) {
       input.rest = doc.positions;
     }
     return input;
-  } catch (const Error& error) {
-    const std::string message = error.what();
-    if (message.rfind(path, 0) == 0) throw;
-    throw Error(error.kind(), path + ": " + message);
-  }
+  });
 }
 
 }  // namespace matterfit::job

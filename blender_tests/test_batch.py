@@ -393,7 +393,7 @@ class FitTest(RecordedBatch):
 
 class ErrorTest(BatchCase):
     def test_of_several_captures(self):
-        """Of all samples, not of the captures' means."""
+        """The error is that of all samples, not of the captures' means."""
         files.write_json(os.path.join(self.folder, "report.json"), {"compare": {"captures": [
             {"mean_mm": 1.0, "samples": 30}, {"mean_mm": 5.0, "samples": 10}, {"samples": 0}]}})
         self.assertAlmostEqual(batch_results.compare_error(self.folder), 2.0)

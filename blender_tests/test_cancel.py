@@ -66,7 +66,7 @@ class CancelTest(WithClip):
         self.assertFalse(self.settings.takes[0].baked)
 
     def test_while_a_mesh_is_filled(self):
-        """Of a million triangles, filled for seconds."""
+        """A mesh of a million triangles, filled for seconds."""
         self.settings.bodies.clear()
         bpy.ops.mesh.primitive_monkey_add(size=2.0, location=(0.0, 0.0, 2.0))
         item = bpy.context.active_object
@@ -77,7 +77,7 @@ class CancelTest(WithClip):
         self.cancelled_while_filling(0.5)
 
     def test_while_a_mesh_is_analysed(self):
-        """Of two million triangles, before anything of it is filled."""
+        """A mesh of two million triangles, before anything of it is filled."""
         self.settings.bodies.clear()
         bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700, size=2.0,
                                         location=(0.0, 0.0, 2.0))
@@ -88,7 +88,7 @@ class CancelTest(WithClip):
         self.cancelled_while_filling(0.3)
 
     def test_while_the_simulation_is_prepared(self):
-        """Of half a million particles, which takes a second."""
+        """Half a million particles, which takes a second."""
         self.settings.output.mesh = False
         self.settings.solver.particle_separation = 0.0025
         job = self.cancelled("bake", lambda job: job.snapshot.stage == "Preparing")

@@ -287,7 +287,7 @@ class DocumentTest(FitCase):
             self.written()
 
     def test_when_a_capture_begins(self):
-        """Of the capture, from where it begins in the scene."""
+        """Its bounds are counted from where the capture begins in the scene."""
         fit_rows.refresh(self.settings)
         self.only("start_frame", owner="clip")
         self.assertEqual(self.written()["parameters"], ["captures.clip.start_frame"])

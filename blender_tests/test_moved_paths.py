@@ -62,7 +62,7 @@ class MovedPathsTest(SceneCase):
         self.check("clips")
 
     def test_moved_along(self):
-        """Of a project that was copied whole the copies are used."""
+        """In a project that was copied whole the copies are used."""
         for name in ("scene.blend", "clips"):
             source, target = (os.path.join(self.folder, *way, name) for way in ((), ("moved",)))
             if name == "clips":

@@ -396,7 +396,7 @@ class VerifyTest(JobCase):
             self.fails(bpy.ops.matterfit.verify, ["manifest.json: is damaged"])
 
     def test_an_error_goes_with_the_next_success(self):
-        """Of any operator: what is shown is of what was pressed last."""
+        """Whatever the operator, what is shown is of what was pressed last."""
         self.cached()
         with mock.patch.object(native, "inspect", side_effect=JobError("manifest.json: is damaged")):
             self.fails(bpy.ops.matterfit.verify, ["manifest.json: is damaged"])

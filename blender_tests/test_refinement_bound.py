@@ -29,7 +29,7 @@ class BoundTest(SceneCase):
         modifier.levels = modifier.render_levels = level
 
     def test_what_modifiers_make_counts(self):
-        """Of an array, or of what nodes make of an empty mesh, and not only of the object's own mesh."""
+        """The faces of an array, or what nodes make of an empty mesh, and not only the object's own mesh."""
         array = self.item.modifiers.new("Array", "ARRAY")
         array.count = 50
         self.subdivided(5)

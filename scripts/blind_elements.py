@@ -13,9 +13,9 @@ import itertools
 
 import numpy as np
 
-# Of the longest stable step by the highest frequencies of elements and contacts.
+# Share of the longest stable step by the highest frequencies of elements and contacts.
 COURANT = 0.8
-# Of a contact, as the stiffness of so many elements' faces.
+# Stiffness of a contact, in that of an element's face.
 CONTACT = 2.0
 CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
 # Five tetrahedra of a cube: one inside, four at every second corner. The neighbours' are mirrored.

@@ -4,7 +4,7 @@
     blind_find.py SET [--only CASE …] [--jobs N] [--threads N] [--tool FILE] [--again] [--limit SECONDS]
                   [--particles N]
 
-Of each case of build/blind/SET/cases it sees the recording and what the scene is said to be (facts.json, or
+It sees of each case of build/blind/SET/cases the recording and what the scene is said to be (facts.json, or
 a document job.json), as a stranger would: `matterfit new-job` writes the document, `matterfit diagnose` the
 report. Never opens `sealed`. Writes build/blind/SET/found/CASE/found.json when a case is done; what is done
 by the same tool is not done again, what was broken off goes on. With --particles the scene is taken that

@@ -57,7 +57,8 @@ SMALL = [
     ("T2", ["kick"], "air", "white", 10), ("T2", ["breath"], "floor", "white", 10),
     ("T4", ["golf_ball_1"], "", "", 0), ("T4", ["bowling_ball_1"], "", "", 0),
 ]
-# Of a hundred cases of `full`: nothing hidden, outside the catalogue, two at once; the rest hide one.
+# How many in a hundred cases of `full` have nothing hidden, something outside the catalogue, two effects at
+# once; the rest hide one.
 SHARES = {"nothing": 27, "outside": 11, "pair": 11}
 
 

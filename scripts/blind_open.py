@@ -20,7 +20,7 @@ import blind_scoring as scoring
 import numpy as np
 from parts import BUILD, require_in_tree, say
 
-# Of each figure: what is asked at least (or at most), by the tier where it differs.
+# What is asked of each figure at least (or at most), by the tier where it differs.
 ASKED = {
     "false_alarms": "≤ 5 % (T0), ≤ 10 %",
     "first": "≥ 98 % (T0), 90 % (T1), 80 % (T2)",

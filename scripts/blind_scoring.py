@@ -104,8 +104,8 @@ def parameter_error(label, accepted):
 
 
 def bias_left(label, report):
-    """Of the error of the fitted start velocity, where that was beyond three of its standard errors, the
-    share that the extended model has; None where it cannot be said."""
+    """The share of the error of the fitted start velocity that the extended model still has, where that
+    error was beyond three of its standard errors; None where it cannot be said."""
     if "model" not in report or "truth" not in label:
         return None
     truth, before, noise = label["truth"]["velocity"], [], []

@@ -22,9 +22,9 @@ FPS = 24
 FRAMES = 20
 TRACKS = 2000
 GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s²]
-# Of the pressure waves' time along the shortest edge.
+# Share of the pressure waves' time along the shortest edge.
 COURANT = 0.2
-# Of the ground, as the stiffness of so many elements' faces.
+# Stiffness of the ground, in that of an element's face.
 GROUND = 4.0
 CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 SIGNS = 2 * CORNERS - 1  # their natural coordinates

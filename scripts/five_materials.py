@@ -29,8 +29,8 @@ FITS = SET / "fits"
 # newtonian/default.py, non_newtonian/default.py, plasticine/default.py, sand/default.py), in our
 # units: its fluid's kappa 1e4 and mu 10 are K = 7 kappa and eta = mu/2; its kappa 1e5 and mu 100 of
 # the non-Newtonian solid are E = 9 kappa mu/(3 kappa + mu) = 300 and nu .4995, of which we take .49
-# (a fit's nu ends at .495); its plastic viscosity 1 is twice ours. Of sand it knows E and nu, and
-# seeks the angle.
+# (a fit's nu ends at .495); its plastic viscosity 1 is twice ours. For sand it knows E and nu,
+# and seeks the angle.
 MATERIALS = {
     "elastic": {"law": "neo_hookean", "E": 316228, "nu": 0.25},
     "newtonian": {"law": "newtonian", "bulk_modulus": 7e4, "viscosity": 5},

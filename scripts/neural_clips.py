@@ -3,7 +3,7 @@
 
     neural_clips.py [FOLDER] [--only NAME …] [--separation M] [--weights N] [--threads N] [--again]
 
-FOLDER (../shared/data/other_simulators) as in other_simulators.py. Of each clip 400 tracks with .5 mm
+FOLDER (../shared/data/other_simulators) as in other_simulators.py. Each clip has 400 tracks with .5 mm
 of noise, the first seven tenths of the frames to fit; the throw is fitted too. The neural law begins
 as jelly, with its moduli, two form numbers and its flow; beside it the law that the clip was made
 with, from the poor guesses of other_simulators.py. Both at the same particle separation.

@@ -33,7 +33,7 @@ STARTS = {
     "drucker_prager": {"E": 1e5, "nu": 0.4, "friction_angle": 45.0},
 }
 ITERATIONS = 8
-# Of a body of a simulator without a grid.
+# Across a body of a simulator without a grid.
 PARTICLES_ACROSS = 14
 
 

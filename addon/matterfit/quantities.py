@@ -163,7 +163,7 @@ _MATERIAL = (
     _row("material.damping_bulk", short="Bulk", most=9.9e8, soft=(0.0, 1e4), precision=3, step=10,
          share=1e-4),
 )
-# Of one Maxwell branch; its key in a document has the branch's number.
+# The rows of one Maxwell branch; its key in a document has the branch's number.
 _MAXWELL = (
     _row("material.maxwell.modulus",
          about="Shear modulus that the branch adds before it relaxes; the law's own stiffness is what "

@@ -174,7 +174,7 @@ def fitted_bodies(folder):
 
 
 def material(folder, body):
-    """The document of a body's fitted material; "" is the only one. Of a law without a formula its
+    """The document of a body's fitted material; "" is the only one. For a law without a formula its
     source says what it is like, and its provenance too. JobError where it was not fitted."""
     path, name = _material_file(folder, body)
     document = presets.read(path)

@@ -30,7 +30,7 @@ def _first(arrays):
 
 
 def area(arrays):
-    """Of all faces."""
+    """The area of all faces."""
     if not len(arrays["face_sizes"]):
         return 0.0
     first = _first(arrays)

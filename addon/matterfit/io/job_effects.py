@@ -79,6 +79,6 @@ class EffectPart:
 
 
 def parts(writer):
-    """Of the effects that are switched on."""
+    """The parts of the effects that are switched on."""
     return [EffectPart(writer, index) for index, effect in enumerate(writer.settings.effects)
             if effect.enabled]

@@ -22,8 +22,8 @@ def _here():
 
 
 def remember(settings, target=""):
-    """Before the file is written, to `target` where that is known. Of a copy, after which the open file
-    is where it was, follow() takes it back."""
+    """Before the file is written, to `target` where that is known. After a copy the open file is where it
+    was: follow() takes this back."""
     if not settings.saved_in:
         settings.saved_in = _here()
     if target and settings.saved_in:

@@ -29,7 +29,7 @@ _known = {}  # object's name: Size, for when the object is hidden
 
 @dataclass(frozen=True)
 class Size:
-    """Of one body in Blender units: `thickness` of its thin parts, `volume`, `sides` of its box."""
+    """The size of a body in Blender units: `thickness` of its thin parts, `volume`, `sides` of its box."""
 
     thickness: float
     volume: float

@@ -135,14 +135,14 @@ class MatterfitFit(bpy.types.PropertyGroup):
 
     weight_steps: IntProperty(
         name="All Weights", default=0, min=0, soft_max=30, max=1000,
-        description="Of the laws Neural (isotropic), whose energy has the weights, and Neural "
-                    "(published): at most so many further steps at the end, with all weights. Of "
-                    "these the one that predicts best what is held out is taken, none where that is no "
+        description="For the laws Neural (isotropic), whose energy has the weights, and Neural "
+                    "(published): at most so many further steps at the end, with all weights. The "
+                    "step that predicts best what is held out is taken, none where that is no "
                     "better than without")
     correction_steps: IntProperty(
         name="Correction", default=0, min=0, soft_max=30, max=1000,
         description="At most so many further steps at the end with a correction of five numbers "
-                    "beside the law, whatever the law. Of these the one that predicts best what is "
+                    "beside the law, whatever the law. The step that predicts best what is "
                     "held out is taken, none where that is no better than without")
 
     check: StringProperty(name="Check", description="What the last Check found, as JSON")

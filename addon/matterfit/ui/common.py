@@ -78,7 +78,7 @@ def wrapped(paragraph, width):
 
 
 def _width(text):
-    """Of a label [pixels]; a Blender without a window may have no font to ask."""
+    """The width of a label [pixels]; a Blender without a window may have no font to ask."""
     return drawing.text_width(text, 1.0) or 6.6 * len(text)
 
 

@@ -20,7 +20,8 @@ COLOR = (1.0, 0.6, 0.2, 1.0)
 
 @dataclass
 class Flight:
-    """Of one body, in Blender units: `start`, `velocity` a second, `path` (N, 3) from the start."""
+    """The flight of one body, in Blender units: `start`, `velocity` a second, `path` (N, 3) from the
+    start."""
 
     name: str
     start: Vector
@@ -29,7 +30,7 @@ class Flight:
 
 
 def flights(scene):
-    """Of every body that is thrown: with typed values, or by keys of its own. Where more than those
+    """The flight of every body that is thrown: with typed values, or by keys of its own. Where more than those
     moves it, that is not known before the frames are played."""
     settings = scene.matterfit
     take = scene_props.active_take(settings)

@@ -26,6 +26,8 @@ constexpr double kExplainsEnough = 0.8;
 constexpr double kLeavesNothing = 0.95;
 /// The first on what was kept back, which is farther from what was fitted to.
 constexpr double kPredictsEnough = 0.6;
+/// The least gain, of its interval, at which a share kExplainsEnough of the whole misfit is enough.
+constexpr double kSurelyPredicts = 0.5;
 /// Power .8 of the detection limit: Φ⁻¹(.8).
 constexpr double kPower = 0.84;
 constexpr std::size_t kWorstFrames = 5;
@@ -297,7 +299,10 @@ class Writer {
       const bool left = report_.smooth_p_after < options_.smooth_level &&
                         (exceeds_solver(found_.best->refit) || !predicts);
       const double share = share_of_excess(found_.base.refit, found_.best->refit);
-      const bool explains = report_.explained >= kExplainsEnough || share >= kLeavesNothing;
+      const bool mostly = share >= kExplainsEnough && g.measurable && g.low >= kSurelyPredicts;
+      const bool explains =
+          report_.explained >= kExplainsEnough || share >= kLeavesNothing || mostly;
+      report_.remains = left;
       if (left && (!explains || !predicts)) {
         report_.verdict = Verdict::kUnknown;
         report_.classes.clear();

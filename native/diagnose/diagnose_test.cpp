@@ -155,6 +155,18 @@ TEST(Diagnose, WhatNoEffectKnowsIsUnknown) {
   EXPECT_NEAR(report.wrong.front().frame, 10, 4);
 }
 
+/// What is known and explains nearly all is named although something smaller is not.
+TEST(Diagnose, WhatIsKnownIsNamedBesideWhatIsNot) {
+  ThrownModel model = two_throws();
+  model.unknown_push = 0.01;
+  model.record({cause_of(model, {"drag_linear", {0.6}})}, {});
+  const Report report = diagnose(model);
+  EXPECT_EQ(report.verdict, Verdict::kCause) << told_by_report(report);
+  EXPECT_EQ(report.causes.front().effect, "drag_linear");
+  EXPECT_TRUE(report.remains);
+  EXPECT_THAT(report.headline, testing::HasSubstr("something else is missing too"));
+}
+
 TEST(Diagnose, TheSameModelGivesTheSameReport) {
   ThrownModel model = two_throws();
   model.record({cause_of(model, {"scale", {0.02}})}, {});

@@ -136,6 +136,7 @@ struct Report {
   double p = 1.0;               ///< of the largest score
   double smooth_p = 1.0;        ///< of the smooth residual, before any extension
   double smooth_p_after = 1.0;  ///< after the best extension
+  bool remains = false;         ///< the best extension leaves more than noise and solver make
   double explained = 0.0;       ///< share of the smooth excess that the best extension explains
   double probability_nothing = 0.0;
   double probability_unknown = 0.0;

@@ -143,13 +143,18 @@ const char* name(Verdict verdict) {
 }
 
 std::string headline(const Report& report) {
+  const std::string more =
+      report.remains
+          ? " What is left beside it is still more than noise and the grid make: something "
+            "else is missing too."
+          : "";
   switch (report.verdict) {
     case Verdict::kCause:
-      return cause(report);
+      return cause(report) + more;
     case Verdict::kClass:
-      return one_of(report);
+      return one_of(report) + more;
     case Verdict::kSeveral:
-      return several(report);
+      return several(report) + more;
     case Verdict::kUnknown:
       return unknown(report);
     case Verdict::kNumerical:

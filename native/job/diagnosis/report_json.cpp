@@ -75,6 +75,8 @@ Json report_json(const diagnose::Report& report, const std::vector<diagnose::Cap
                {"smooth_p", number_json(report.smooth_p)},
                {"smooth_p_after", number_json(report.smooth_p_after)},
                {"explained", number_json(report.explained)},
+               {"remains", report.remains},
+               {"cut", report.cut},
                {"probability",
                 {{"nothing", number_json(report.probability_nothing)},
                  {"unknown", number_json(report.probability_unknown)}}},

@@ -343,11 +343,13 @@ TEST(Fit, WhatTheDocumentMakesImpossibleIsAnInputError) {
 
 TEST(Fit, LabelsFitTheirField) {
   fit::SearchProgress report;
-  report.stage = "frames 1-13, separation ×1.6";
+  report.stage = "frames 1-13";
+  report.level = 1.6;
   report.iteration = 4;
   report.rms = 12.34e-3;
   EXPECT_EQ(fit_label(report, ""), "Fitting: frames 1-13 ×1.6, iteration 4, rms 12.34 mm");
-  report.stage = "frames 1000-1130, separation ×2";
+  report.stage = "frames 1000-1130";
+  report.level = 2.0;
   report.iteration = 12;
   const std::string label = fit_label(report, "herschel_bulkley");
   EXPECT_LE(label.size(), 63U);

@@ -88,13 +88,25 @@ LawState LawFit::at_last_stage(std::vector<double> values) const {
   return state;
 }
 
-void LawFit::tell(const LawState& state, const std::string& stage, double part, double rms) const {
-  if (!report) return;
+void LawFit::tell(const LawState& state, const std::string& what, double part, double rms) const {
   SearchProgress said;
-  said.stage = stage;
+  said.stage = what;
+  said.rms = rms;
+  tell(state, std::move(said), part);
+}
+
+void LawFit::tell_stage(const LawState& state, double part, double rms) const {
+  SearchProgress said;
+  said.stage = stages_[state.stage].frames;
+  said.level = stages_[state.stage].level;
+  said.rms = rms;
+  tell(state, std::move(said), part);
+}
+
+void LawFit::tell(const LawState& state, SearchProgress said, double part) const {
+  if (!report) return;
   said.fraction = fraction_done(stages_, state, part);
   said.iteration = state.search ? state.search->iteration + 1 : 0;
-  said.rms = rms;
   report(said);
 }
 
@@ -186,7 +198,7 @@ bool LawFit::rescan(LawState& state) { return starts_.rescan(state); }
 std::optional<Failure> LawFit::begin_stage(LawState& state) {
   const SearchStage& stage = stages_[state.stage];
   context_.reset();
-  tell(state, stage.name, 0.0, std::numeric_limits<double>::quiet_NaN());
+  tell_stage(state, 0.0, std::numeric_limits<double>::quiet_NaN());
   starts_.choose_material(state);
   Failure failure;
   const auto steps = fix(stage.level, state, stage.window, failure);
@@ -222,7 +234,7 @@ std::optional<LawState> LawFit::iterated(const LawState& state, std::vector<Sear
   const int iterations = search.iteration;
   const Eigen::VectorXd from = search.point;
   try {
-    const Told told(at.problem, [&](double part) { tell(state, name, part, before_rms); });
+    const Told told(at.problem, [&](double part) { tell_stage(state, part, before_rms); });
     at.search.iterate(at.problem, search);
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kCompute) throw;

@@ -92,7 +92,10 @@ class LawFit final : private SearchWork {
                                                          const Window& window, Failure& failure);
   Context& context(const LawState& state);
   [[nodiscard]] std::vector<Parameter> stage_parameters(const LawState& state) const;
-  void tell(const LawState& state, const std::string& stage, double part, double rms) const;
+  void tell(const LawState& state, const std::string& what, double part, double rms) const;
+  /// tell() of the state's stage.
+  void tell_stage(const LawState& state, double part, double rms) const;
+  void tell(const LawState& state, SearchProgress said, double part) const;
 
   std::vector<std::string>& statements_;
   SearchProblems problems_;

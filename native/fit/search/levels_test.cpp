@@ -47,6 +47,7 @@ TEST(FitStages, WindowsGrowAtTheFirstLevelAndTheOthersSeeTheWholeClip) {
   EXPECT_EQ(stages[0].name, "frames 3-6, separation ×2");
   EXPECT_EQ(stages[1].name, "frames 3-12, separation ×2");
   EXPECT_EQ(stages[2].name, "frames 3-12");
+  EXPECT_EQ(stages[0].frames, "frames 3-6");
   EXPECT_FALSE(stages[0].whole);
   EXPECT_TRUE(stages[1].whole);
   EXPECT_FALSE(stages[1].last);

@@ -9,7 +9,8 @@ namespace matterfit::fit {
 
 /// Where a search stands, for progress.
 struct SearchProgress {
-  std::string stage;
+  std::string stage;      ///< its frames, or what is done beside the stages
+  double level = 1.0;     ///< of its particle separation
   double fraction = 0.0;  ///< of this law's fit, a guess
   int iteration = 0;
   double rms = 0.0;  ///< [m]; NaN: not known

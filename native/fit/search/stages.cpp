@@ -29,8 +29,9 @@ std::vector<SearchStage> stages_of(const std::vector<double>& levels,
       stage.window = windows[w];
       stage.whole = w + 1 == windows.size();
       stage.last = stage.whole && l + 1 == levels.size();
-      stage.name = "frames " + std::to_string(windows[w].first_frame) + "-" +
-                   std::to_string(windows[w].last_frame);
+      stage.frames = "frames " + std::to_string(windows[w].first_frame) + "-" +
+                     std::to_string(windows[w].last_frame);
+      stage.name = stage.frames;
       if (levels[l] != 1.0) stage.name += fmt::format(", separation ×{:g}", levels[l]);
       stages.push_back(std::move(stage));
     }

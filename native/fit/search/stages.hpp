@@ -12,7 +12,8 @@ namespace matterfit::fit {
 
 /// One part of a search: a window of the captures at a level.
 struct SearchStage {
-  std::string name;
+  std::string frames;  ///< "frames 1-13"
+  std::string name;    ///< those, with the level where that is not 1
   double level = 1.0;
   std::optional<double> stand_in;  ///< the level that Jacobians come from at first
   Window window;

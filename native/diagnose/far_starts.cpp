@@ -22,60 +22,69 @@ using Eigen::VectorXd;
 /// What is left of a residual once parameters have adapted to first order.
 class Adapted {
  public:
-  Adapted(const Refitter& refitter, const State& base, const MatrixXd& slopes)
-      : refitter_(refitter), used_(refitter.study().used().size()) {
-    const Model& model = refitter.study().model();
-    const Index count = base.theta.size();
-    const ThetaPrior prior = theta_prior(model);
-    white_ = refitter.whitening().apply(slopes.topRows(used_));
+  Adapted(const Refitter& refitter, const MatrixXd& slopes)
+      : refitter_(refitter),
+        prior_(theta_prior(refitter.study().model())),
+        used_(refitter.study().used().size()),
+        white_(refitter.whitening().apply(slopes.topRows(used_))) {
     hessian_ = white_.transpose() * white_;
-    hessian_.diagonal() += prior.precision;
+    hessian_.diagonal() += prior_.precision;
     hessian_ = regularised(std::move(hessian_));
-    pull_.resize(count);
-    box_ = {VectorXd(count), VectorXd(count)};
-    for (Index p = 0; p < count; ++p) {
-      const fit::Parameter& parameter = model.parameters()[std::size_t(p)];
-      const double here = base.theta[p];
-      pull_[p] = prior.precision[p] * (here - prior.mean[p]) / parameter.scale;
-      const auto room = [&](double bound) {
-        return (fit::to_natural(parameter.coordinate, bound) - here) / parameter.scale;
-      };
-      box_.low[p] = std::min(0.0, room(parameter.low));
-      box_.high[p] = std::max(0.0, room(parameter.high));
-    }
   }
 
-  /// Half of χ² and priors, less what the priors are without adapting.
-  [[nodiscard]] double left(const VectorXd& prediction) const {
+  struct Left {
+    double half = 0.0;  ///< half of χ² and priors
+    VectorXd theta;     ///< the parameters, adapted
+  };
+
+  /// Of what was simulated at `theta`.
+  [[nodiscard]] Left left(const VectorXd& prediction, const VectorXd& theta) const {
+    const std::vector<fit::Parameter>& parameters = refitter_.study().model().parameters();
+    const Index count = theta.size();
+    VectorXd scales(count);
+    fit::Box box{VectorXd(count), VectorXd(count)};
+    for (Index p = 0; p < count; ++p) {
+      const fit::Parameter& parameter = parameters[std::size_t(p)];
+      scales[p] = parameter.scale;
+      const auto room = [&](double bound) {
+        return (fit::to_natural(parameter.coordinate, bound) - theta[p]) / parameter.scale;
+      };
+      box.low[p] = std::min(0.0, room(parameter.low));
+      box.high[p] = std::max(0.0, room(parameter.high));
+    }
     const VectorXd residual =
         refitter_.whitening().apply((refitter_.study().measured() - prediction).head(used_));
-    const VectorXd gradient = pull_ - white_.transpose() * residual;
-    const VectorXd step = fit::bounded_step(hessian_, gradient, box_);
-    return 0.5 * residual.squaredNorm() + gradient.dot(step) + 0.5 * step.dot(hessian_ * step);
+    const VectorXd off = (theta - prior_.mean).cwiseQuotient(scales);
+    const VectorXd pull = prior_.precision.cwiseProduct(off);
+    const VectorXd gradient = pull - white_.transpose() * residual;
+    const VectorXd step = fit::bounded_step(hessian_, gradient, box);
+    const double here = 0.5 * (residual.squaredNorm() + off.dot(pull));
+    return {here + gradient.dot(step) + 0.5 * step.dot(hessian_ * step),
+            theta + scales.cwiseProduct(step)};
   }
 
  private:
   const Refitter& refitter_;
+  ThetaPrior prior_;
   Index used_;
   MatrixXd white_;
   MatrixXd hessian_;
-  VectorXd pull_;
-  fit::Box box_;
 };
 
 /// One shape of an effect, and what is left beside it at the sizes that were looked at.
 struct Shape {
   Candidate candidate;
   std::map<double, double> left;  ///< by size, of those that could be simulated
+  VectorXd theta;                 ///< parameters as they adapt to the best of them
   [[nodiscard]] std::map<double, double>::const_iterator best() const {
     return std::ranges::min_element(left, {}, [](const auto& size) { return size.second; });
   }
 };
 
-/// Halfway to the sizes on either side of the best one; sizes are apart by factors.
-std::vector<double> between(const Shape& shape) {
+/// The best size again, and halfway to those on either side of it; sizes are apart by factors.
+std::vector<double> about_best(const Shape& shape) {
   const auto best = shape.best();
-  std::vector<double> sizes;
+  std::vector<double> sizes = {best->first};
   const auto halfway = [&](double other) {
     const bool factors = best->first * other > 0.0;
     sizes.push_back(factors ? std::copysign(std::sqrt(best->first * other), other)
@@ -90,10 +99,11 @@ class Looking {
  public:
   Looking(const Refitter& refitter, const State& base, const MatrixXd& slopes,
           const std::vector<int>& known)
-      : study_(refitter.study()), base_(base), adapted_(refitter, base, slopes) {
+      : study_(refitter.study()), base_(base), adapted_(refitter, slopes) {
     for (const Candidate& candidate : candidates_of(study_.model(), base)) {
       if (effect_of(candidate).far_tries.empty()) continue;
-      if (std::ranges::count(known, candidate.effect) == 0) shapes_.push_back({candidate, {}});
+      if (std::ranges::count(known, candidate.effect) == 0)
+        shapes_.push_back({candidate, {}, base.theta});
     }
   }
 
@@ -106,7 +116,7 @@ class Looking {
     look([&](const Shape& shape) { return effect_of(shape.candidate).far_tries; });
     for (int round = 0; round < kRounds; ++round) {
       look([&](const Shape& shape) {
-        return may_be_best(shape) ? between(shape) : std::vector<double>();
+        return may_be_best(shape) ? about_best(shape) : std::vector<double>();
       });
     }
     std::vector<Attempt> attempts;
@@ -137,7 +147,9 @@ class Looking {
     const Effect& effect = effect_of(shape.candidate);
     VectorXd there = VectorXd::Zero(Index(effect.numbers.size()));
     there[0] = (size - effect.numbers[0].neutral) / effect.numbers[0].scale;
-    return extended(study_.model(), base_, shape.candidate, there, 1.0);
+    State state = extended(study_.model(), base_, shape.candidate, there, 1.0);
+    state.theta = shape.theta;
+    return state;
   }
 
   /// The effect's first shape that leaves least; null where none could be simulated.
@@ -179,7 +191,6 @@ class Looking {
     std::vector<std::pair<std::size_t, double>> of;
     for (std::size_t i = 0; i < shapes_.size(); ++i) {
       for (const double size : sizes(shapes_[i])) {
-        if (shapes_[i].left.contains(size)) continue;
         states.push_back(with(shapes_[i], size));
         of.emplace_back(i, size);
       }
@@ -187,7 +198,13 @@ class Looking {
     if (states.empty()) return;
     const auto seen = study_.predict(states, Study::Wanted::kUsed);
     for (std::size_t k = 0; k < of.size(); ++k) {
-      if (seen[k]) shapes_[of[k].first].left[of[k].second] = adapted_.left(*seen[k]);
+      if (!seen[k]) continue;
+      const auto [i, size] = of[k];
+      Shape& shape = shapes_[i];
+      // Where it was simulated before it was by another promise of how parameters adapt.
+      Adapted::Left left = adapted_.left(*seen[k], states[k].theta);
+      shape.left[size] = left.half;
+      if (shape.best()->first == size) shape.theta = std::move(left.theta);
     }
   }
 

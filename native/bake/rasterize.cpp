@@ -6,8 +6,10 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "bake/flow_kernels.hpp"
 #include "base/error.hpp"
 
 namespace matterfit::bake {
@@ -31,12 +33,19 @@ struct Kernel {
   Vec3i high;
 };
 
-Kernel make_kernel(const capture::ParticleView& body, std::size_t i, double voxel_size) {
+/// `flow`: of the body, or null.
+Kernel make_kernel(const capture::ParticleView& body, const FlowKernels* flow, std::size_t i,
+                   double voxel_size) {
   Kernel kernel;
   kernel.centre = body.positions[i].cast<double>() / voxel_size;
   Mat3d shape = body.axes.toRotationMatrix();
   double ratio = 1.0;
-  if (!body.deformation_gradients.empty()) {
+  double spread = 1.0;  // of a kernel's volume, over the particle's own
+  if (flow != nullptr) {
+    kernel.centre = flow->centres[i] / voxel_size;
+    shape = flow->shapes[i] * shape;
+    spread = flow->shapes[i].determinant();
+  } else if (!body.deformation_gradients.empty()) {
     const capture::Stretch stretch =
         capture::principal_stretches(body.deformation_gradients[i].cast<double>());
     const Vec3d clamped =
@@ -48,7 +57,7 @@ Kernel make_kernel(const capture::ParticleView& body, std::size_t i, double voxe
   shape *= h / voxel_size;  // y → voxels
   kernel.to_rest = shape.inverse().cast<float>();
   const double fill = body.volumes[i] / (h * h * h);
-  kernel.weight = static_cast<float>(fill);
+  kernel.weight = static_cast<float>(fill / spread);
   kernel.density = static_cast<float>(fill / ratio);
   kernel.droplet_radius = static_cast<float>(0.5 * std::cbrt(fill));
   if (!body.velocities.empty()) kernel.velocity = body.velocities[i];
@@ -68,15 +77,18 @@ Kernel make_kernel(const capture::ParticleView& body, std::size_t i, double voxe
   return kernel;
 }
 
-std::vector<Kernel> make_kernels(std::span<const capture::ParticleView> bodies, double voxel_size,
-                                 Arena& arena) {
+std::vector<Kernel> make_kernels(std::span<const capture::ParticleView> bodies,
+                                 const RasterOptions& options, Arena& arena,
+                                 const Interrupter& interrupter) {
   std::size_t count = 0;
   for (const capture::ParticleView& body : bodies) count += body.size();
   std::vector<Kernel> kernels(count);
   std::size_t first = 0;
   for (const capture::ParticleView& body : bodies) {
+    std::optional<FlowKernels> flow;
+    if (options.flows) flow = flow_kernels(body, arena, interrupter);
     arena.parallel_for(0, body.size(), 1024, [&](std::size_t i) {
-      kernels[first + i] = make_kernel(body, i, voxel_size);
+      kernels[first + i] = make_kernel(body, flow ? &*flow : nullptr, i, options.voxel_size);
     });
     first += body.size();
   }
@@ -212,7 +224,7 @@ Raster rasterize(std::span<const capture::ParticleView> bodies, const RasterOpti
                 " m, expected more than 0.");
   }
   for (const capture::ParticleView& body : bodies) check(body);
-  const std::vector<Kernel> kernels = make_kernels(bodies, options.voxel_size, arena);
+  const std::vector<Kernel> kernels = make_kernels(bodies, options, arena, interrupter);
   interrupter.check();
   const Blocks blocks = make_blocks(kernels, options.voxel_size);
   interrupter.check();

@@ -22,9 +22,10 @@ namespace matterfit::bake {
 /// This is the anisotropic kernel of Yu & Turk 2013 ("Reconstructing surfaces of particle-based
 /// fluids using anisotropic kernels") with the axes from F in place of the covariance of the
 /// neighbours. The principal stretches used are clamped to [1/kStretchLimit, kStretchLimit].
-/// Weakness: where F is not the gradient of the whole motion (flows, plastic materials keep only
-/// the elastic part), kernels stay nearly round, and material thinned below one particle has holes;
-/// `droplets` closes them at each particle.
+/// Where F is not the gradient of the whole motion (plastic materials keep only the elastic part),
+/// kernels stay nearly round, and material thinned below one particle has holes, which `droplets`
+/// closes at each particle; `flows` takes centres and stretches from the neighbours instead
+/// (flow_kernels.hpp), with Σ W_p = 1 in the bulk only nearly.
 inline constexpr double kStretchLimit = 5.0;
 
 struct RasterOptions {
@@ -35,6 +36,7 @@ struct RasterOptions {
   /// Colour is at least that of an ellipsoid of the particle's own size, F · (sphere of diameter
   /// (V)^⅓), so that single particles and sheets one particle thick are seen.
   bool droplets = true;
+  bool flows = false;  ///< kernels of flow_kernels.hpp: for a surface, not for what conserves mass
 };
 
 struct Raster {

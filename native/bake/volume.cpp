@@ -144,6 +144,7 @@ openvdb::GridPtrVec make_volume(std::span<const capture::ParticleView> bodies,
     raster_options.voxel_size = surface_voxel_size;
     raster_options.colour = true;
     raster_options.droplets = options.droplets;
+    raster_options.flows = options.flows;
     const Raster raster = rasterize(bodies, raster_options, arena, interrupter);
     openvdb::FloatGrid::Ptr surface;
     arena.execute(

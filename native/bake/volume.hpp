@@ -32,6 +32,7 @@ struct VolumeOptions {
   double band = 3.0;                ///< half width of the level set's band, in voxels
   bool half_float = true;           ///< values in the file as 16-bit floats
   bool droplets = true;             ///< single particles have a surface (rasterize.hpp)
+  bool flows = false;               ///< the surface is that of a fluid or paste (rasterize.hpp)
   VdbCompression compression = VdbCompression::kBlosc;
 };
 

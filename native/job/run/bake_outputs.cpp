@@ -272,6 +272,7 @@ void BakeOutputs::bake_volume(const mpm::FrameState& state) {
   for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
     const capture::ParticleView view =
         capture::particle_view(scene_.bodies[b], state.bodies[b], separation_);
+    options.flows = scene_.bodies[b].material.traits().wets;
     bake::write_volume(
         job_.output.folder / ("volume/" + scene_.bodies[b].name + "_" + digits + ".vdb"),
         std::span(&view, 1), options, arena_, interrupter_);

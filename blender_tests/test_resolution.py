@@ -270,3 +270,85 @@ class PreviewTest(SceneCase):
         bpy.context.view_layer.update()
         solver.particle_separation = 0.005
         self.assertAlmostEqual(resolution.for_preview(self.scene, 0.01), 0.025, places=3)
+
+
+class LimitTest(SceneCase):
+    """No bake of a quality has more particles than Most Particles, whatever was measured when."""
+
+    def count(self):
+        document, folder = self.document("simulate")
+        return native.estimate(document, folder)["particles"]
+
+    @needs_library
+    def test_wires(self):
+        """Of a Wireframe each wire is filled, in as many particles as the limit leaves; it is refused where
+        most of it is thinner than any particle."""
+        bpy.ops.mesh.primitive_monkey_add(size=0.5, location=(0.0, 0.0, 0.5))
+        item = bpy.context.active_object
+        wires = item.modifiers.new("Wireframe", "WIREFRAME")
+        wires.thickness = 0.01
+        bpy.context.view_layer.update()
+        solver = self.settings.solver
+        solver.most_particles = 3000
+        self.body(item)
+        self.assertTrue(1000 < self.count() <= 3000, self.count())
+        self.assertIn("The thinnest part is ", resolution.advice(self.scene))
+        self.assertIsNotNone(resolution.limited_to(self.scene))
+        wires.thickness = 0.0005
+        solver.particle_separation = 0.02
+        self.fails(bpy.ops.matterfit.bake, ["'Suzanne': A Particle Separation of 2 cm is too large for the wires",
+                                            "raise Most Particles"])
+
+    @needs_library
+    def test_wires_of_one_thickness(self):
+        """Thin across as well as through, whichever way they lie to the lattice."""
+        solver = self.settings.solver
+        for thickness in (0.02, 0.005):
+            self.settings.bodies.clear()
+            item = self.cube(size=0.3)
+            item.modifiers.new("Wireframe", "WIREFRAME").thickness = thickness
+            bpy.context.view_layer.update()
+            self.body(item)
+            self.assertTrue(resolution.seen(self.scene)[item.name].wires)
+            for limit in (1000, 3000):
+                solver.most_particles = limit
+                bpy.ops.matterfit.set_resolution()
+                count = self.count()
+                self.assertTrue(0.15 * limit < count <= limit, (thickness, limit, count))
+
+    @needs_library
+    def test_added_under_build(self):
+        """A Build modifier leaves nothing at the first frame: measured is what stays once it is off."""
+        for hidden in (False, True):
+            self.settings.bodies.clear()
+            item = self.cube(size=1.0, location=(0.0, 0.0, 1.0))
+            item.modifiers.new("Build", "BUILD")
+            bpy.context.view_layer.update()
+            solver = self.settings.solver
+            self.body(item)
+            item.hide_set(hidden)
+            self.fails(bpy.ops.matterfit.bake, ["its modifier 'Build' makes another mesh at every frame"])
+            self.assertAlmostEqual(solver.particle_separation, 1.0 / 12, places=4)
+            modifier = item.modifiers["Build"]
+            self.assertTrue(modifier.show_viewport and modifier.show_render)
+            modifier.show_viewport = modifier.show_render = False
+            self.assertEqual(self.count(), 1728)
+
+    @needs_library
+    def test_shapes_that_have_grown(self):
+        """A body that is scaled after it was added: the bake says what to press."""
+        item = self.cube(size=0.2)
+        solver = self.settings.solver
+        solver.most_particles = 2000
+        self.body(item)
+        item.scale = (2.0, 2.0, 2.0)
+        bpy.context.view_layer.update()
+        self.assertEqual(self.count(), 13824)
+        for press in (bpy.ops.matterfit.bake, bpy.ops.matterfit.estimate):
+            self.fails(press, ["This makes 13 824 particles, more than Most Particles", "Press Set from Quality"])
+        bpy.ops.matterfit.set_resolution()
+        self.assertLessEqual(self.count(), 2000)
+        bpy.ops.matterfit.estimate()
+        # What is typed is meant.
+        solver.particle_separation = 0.4 / 24
+        bpy.ops.matterfit.estimate()

@@ -203,7 +203,12 @@ class WordsTest(SceneCase):
                  "m, holds no cell of which a part is inside. Use a smaller separation, or check that "
                  "the shape is closed and its unit.",
                  "'Soft': A Particle Separation of 10 m is too large for this shape. Use a smaller one, "
-                 "or check that the shape is closed and its size is right.")):
+                 "or check that the shape is closed and its size is right."),
+                ("'Soft': At a particle_separation of 0.02 m particles hold only 8 % of the shape: the rest is "
+                 "wires and walls that are far thinner. Use a smaller separation, or make them thicker.",
+                 "'Soft': A Particle Separation of 2 cm is too large for the wires and walls of this shape: "
+                 "particles would hold 8 % of it. Use a smaller one, raise Most Particles, or make them "
+                 "thicker.")):
             self.assertEqual(self.said(text), wanted)
         self.assertEqual(self.said("Volume matched. Limit surface of the cage at level 5."), "Volume matched.")
 

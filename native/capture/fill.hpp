@@ -44,7 +44,8 @@ struct FilledBody {
 /// edges, else corners); one that has no such neighbour (parts thinner than the lattice) is kept
 /// itself from 5 % up. Cells within 1e-4 of empty or full count as such. The volumes of cut cells
 /// are scaled to the shape's exact volume where that is known. Same result for any number of
-/// threads. Throws Error(kInput) if nothing is inside, or for more than `limit` particles.
+/// threads. Throws Error(kInput) if nothing is inside, where more than half of the volume is in
+/// parts too thin for any particle, or for more than `limit` particles.
 
 /// A polygon mesh. Unwelded corners are joined, faces turned to agree, a shell that faces inward by
 /// itself is turned; overlapping shells join, inward shells within another are cavities. Holes are

@@ -18,10 +18,11 @@ using openvdb::Coord;
 using DistanceTree = openvdb::FloatTree;
 using Leaf = DistanceTree::LeafNodeType;
 
-constexpr int kBlock = 8;         // cells along a side of an OpenVDB leaf
-constexpr double kFlat = 0.9986;  // cosine of 3°
-constexpr float kKeep = 0.5F;     // part inside from which a cell gets a particle
-constexpr float kCrumb = 0.05F;   // … if none of its neighbours has one
+constexpr int kBlock = 8;          // cells along a side of an OpenVDB leaf
+constexpr double kFlat = 0.9986;   // cosine of 3°
+constexpr float kKeep = 0.5F;      // part inside from which a cell gets a particle
+constexpr float kCrumb = 0.05F;    // … if none of its neighbours has one
+constexpr double kMostLost = 0.5;  // of the volume, in cells that no particle has
 constexpr double kSnap = 1e-4;
 constexpr double kSamePlane = 0.95;  // cosine: another tangent plane than those seen
 constexpr double kDeepest = 2.0;     // of a particle below its surface, in separations
@@ -290,6 +291,13 @@ class LatticeFill {
     double cut = 0;
     for (auto value = volumes_->cbeginValueOn(); value; ++value) {
       (*value == 1.0F ? whole : cut) += static_cast<double>(*value);
+    }
+    if (whole + cut < (1 - kMostLost) * inside_) {
+      throw_input(fmt::format(
+          "At a particle_separation of {:.6g} m particles hold only {:.0f} % of the shape: the "
+          "rest is "
+          "wires and walls that are far thinner. Use a smaller separation, or make them thicker.",
+          h_, 100.0 * (whole + cut) / inside_));
     }
     FilledBody body;
     body.volume = inside_ * cube;

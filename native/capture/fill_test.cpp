@@ -21,6 +21,7 @@ namespace {
 
 using shape::PolygonArrays;
 using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
 namespace shapes = shape::test_shapes;
 
 Mesh mesh_of(const PolygonArrays& arrays) {
@@ -371,6 +372,25 @@ TEST(Fill, ThinPlateHasOneLayer) {
   const auto mesh =
       fill_mesh(mesh_of(shapes::box(Vec3f(0, 0, 0), Vec3f(0.1F, 0.1F, 0.003F))), spaced(0.01));
   EXPECT_EQ(mesh.positions.size(), 100U);
+}
+
+// A cube of 8 cells beside a wire of 2 % of a cell, which no particle has.
+TEST(Fill, WiresThatWouldHoldMostOfItAreRefused) {
+  const auto with_wire = [](float length) {
+    return mesh_of(
+        shapes::joined(shapes::box(Vec3f(0, 0, 0), Vec3f(0.02F, 0.02F, 0.02F)),
+                       shapes::box(Vec3f(0.03F, 0, 0), Vec3f(0.03F + length, 0.0015F, 0.0015F))));
+  };
+  const auto most = fill_mesh(with_wire(1.0F), spaced(0.01));
+  EXPECT_EQ(most.positions.size(), 8U);
+  try {
+    (void)fill_mesh(with_wire(6.0F), spaced(0.01));
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kInput);
+    EXPECT_THAT(error.what(), MatchesRegex(".*hold only (2|3|4). % of the shape.*"));
+  }
+  EXPECT_GT(fill_mesh(with_wire(6.0F), spaced(0.002)).positions.size(), 2000U);
 }
 
 TEST(Fill, JitterStaysInItsCellAndDependsOnTheSeed) {

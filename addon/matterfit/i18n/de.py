@@ -17,8 +17,7 @@ TEXTS = {
     "Show in Cameras": "In den Kameras zeigen",
     "Press Compare first": "Zuerst Vergleichen drücken",
     "Outlines overlap by {share} %, in {time}": "Die Umrisse decken sich zu {share} %, in {time}",
-    "{image}: {outside} pixels outside, {missing} missing":
-        "{image}: {outside} Pixel außerhalb, {missing} fehlen",
+    "{image}: {outside} pixels outside, {missing} missing": "{image}: {outside} Pixel außerhalb, {missing} fehlen",
     "There are no overlays of '{name}' in the take's folder. Compare again.":
         "Im Ordner des Takes liegen keine Überlagerungen von „{name}“. Noch einmal vergleichen.",
     "The scene has no cameras of '{name}'. Import the images with Add Cameras.":
@@ -67,8 +66,7 @@ TEXTS = {
         "hinzugefügt, eine andere Szene gezeigt oder Rückgängig gedrückt. Noch einmal drücken.",
     "{n} of {total} done": "{n} von {total} fertig",
     "This recording tells all of it:": "Diese Aufnahme verrät alles:",
-    "This recording tells {n} of {total} values:":
-        "Diese Aufnahme verrät {n} von {total} Werten:",
+    "This recording tells {n} of {total} values:": "Diese Aufnahme verrät {n} von {total} Werten:",
     "nothing recorded shows it": "nichts Aufgenommenes zeigt ihn",
     "unknown: {error}": "unbekannt: {error}",
     "Tied: {names}. Only a combination is told: set one of them, and switch it off in the list.":
@@ -114,8 +112,7 @@ TEXTS = {
         "folgen ihr vielleicht nicht gut. Dann die Modifikatoren anwenden.",
     "The thinnest side holds only {layers} of particles: lower Particle Separation.":
         "In die dünnste Seite passen nur {layers} von Teilchen: Partikelabstand verringern.",
-    "The mesh had a hole, which was closed straight across.":
-        "Das Netz hatte ein Loch, das gerade geschlossen wurde.",
+    "The mesh had a hole, which was closed straight across.": "Das Netz hatte ein Loch, das gerade geschlossen wurde.",
     "The mesh had {n} holes, which were closed straight across.":
         "Das Netz hatte {n} Löcher, die gerade geschlossen wurden.",
     "A Particle Separation of {now} makes too many particles. Use at least {least}.":
@@ -124,9 +121,16 @@ TEXTS = {
     "shape is closed and its size is right.":
         "Ein Partikelabstand von {now} ist zu groß für diese Form. Einen kleineren nehmen, oder "
         "prüfen, ob die Form geschlossen und ihre Größe richtig ist.",
+    "A Particle Separation of {now} is too large for the wires and walls of this shape: particles would "
+    "hold {share} % of it. Use a smaller one, raise Most Particles, or make them thicker.":
+        "Ein Partikelabstand von {now} ist zu groß für die Drähte und Wände dieser Form: {share} % davon "
+        "hätten Partikel. Einen kleineren nehmen, Most Particles erhöhen oder sie dicker machen.",
+    "This makes {particles}, more than Most Particles in Solver: shapes have changed. Press Set from "
+    "Quality there, or type a Particle Separation.":
+        "Das macht {particles}, mehr als Most Particles im Löser: Die Formen haben sich geändert. Dort "
+        "Set from Quality drücken, oder einen Partikelabstand eingeben.",
     "The surface crosses itself in places.": "Die Oberfläche durchdringt sich stellenweise.",
-    "In places more than two faces share an edge.":
-        "Stellenweise teilen sich mehr als zwei Flächen eine Kante.",
+    "In places more than two faces share an edge.": "Stellenweise teilen sich mehr als zwei Flächen eine Kante.",
     "Faces looked inward and were turned outward.":
         "Flächen zeigten nach innen und wurden nach außen gewendet.",
     "Some faces looked the other way than their neighbours and were turned.":

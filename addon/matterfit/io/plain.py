@@ -52,6 +52,13 @@ def _nothing(match):
         "the shape is closed and its size is right.").format(now=length_text(float(match["now"])))
 
 
+def _too_thin(match):
+    return translate(
+        "A Particle Separation of {now} is too large for the wires and walls of this shape: particles would "
+        "hold {share} % of it. Use a smaller one, raise Most Particles, or make them thicker.").format(
+            now=length_text(float(match["now"])), share=match["share"])
+
+
 def _sank(match):
     where = translate("the ground") if match["other"] == "ground" else f"'{match['other']}'"
     panel = (translate_label("Solver"), translate_label("Ground"))
@@ -168,6 +175,9 @@ _SENTENCES = [(re.compile(pattern), said) for pattern, said in (
      rf"limit of \d+\. Use a separation of at least (?P<least>{_NUMBER}) m\.", _too_many),
     (rf"Nothing to fill at a particle_separation of (?P<now>{_NUMBER}) m: .*?Use a smaller separation, "
      r"or check that the shape is closed and its unit\.", _nothing),
+    (rf"At a particle_separation of (?P<now>{_NUMBER}) m particles hold only (?P<share>\d+) % of the shape: "
+     r"the rest is wires and walls that are far thinner\. Use a smaller separation, or make them thicker\.",
+     _too_thin),
     (r"(?P<body>'[^'\n]+') sank (?P<depth>[^\n]+?) into '(?P<other>[^'\n]+)'\. Raise [^\n]+?\.contact\."
      rf"stiffness(?: \(now (?P<now>{_NUMBER}) Pa/m\))? if it should not\.", _sank),
     (r"Starting guess estimated from the recording: [^\n]+", _starting_guess),

@@ -22,6 +22,7 @@ RAYS = 400
 HITS = 8
 PREVIEW_PARTICLES, PREVIEW_LAYERS = 4000, 2  # at most, and of these across the thinnest part at least
 THIN = 0.25  # of a body's box, its longest side and its shortest left out: walls and plates
+WIRES = 0.6  # twice the volume over thickness × area: 1 of a wall, 1/2 of a wire
 FEWEST_CELLS = 1.5  # across a wall: three layers of particles, below which it is a hinge
 _applying = []
 _known = {}  # object's name: Size, for when the object is hidden
@@ -29,18 +30,24 @@ _known = {}  # object's name: Size, for when the object is hidden
 
 @dataclass(frozen=True)
 class Size:
-    """The size of a body in Blender units: `thickness` of its thin parts, `volume`, `sides` of its box."""
+    """The size of a body in Blender units: `thickness` of its thin parts, `volume`, `sides` of its box;
+    `wires`: its thin parts are thin across as well."""
 
     thickness: float
     volume: float
     sides: tuple
+    wires: bool = False
 
     def most_particles(self, separation):
         """To how many particles the body is filled at most: part of a layer takes a whole one, across
-        a wall that is thin as across the two longer sides of the box."""
-        lengths = (min(self.thickness, *self.sides), *sorted(self.sides)[1:])
+        a wall or a wire that is thin as across the longer sides of the box."""
+        thickness, (_least, middle, longest) = min(self.thickness, *self.sides), sorted(self.sides)
+        lengths = (thickness, thickness if self.wires else middle, longest)
         layers = [max(length / separation, 1e-6) for length in lengths]
-        more = numpy.prod([numpy.ceil(count - 1e-3) / count for count in layers])
+        whole = [numpy.ceil(count - 1e-3) for count in layers]
+        if self.wires:  # where cells meet it is in both
+            whole[:2] = numpy.maximum(whole[:2], 2.0)
+        more = numpy.prod(numpy.divide(whole, layers))
         return self.volume * float(more) / separation**3
 
 
@@ -195,9 +202,12 @@ def advice(scene, known=None):
 
 
 def _measure(item):
-    """Size of the shape that is simulated; the object can be evaluated."""
+    """Size of the shape that is simulated, or will be once Build and its like are off; the object can be
+    evaluated."""
     everything = shapes.Shape("mesh", len(item.modifiers), 0, "")
-    _known[item.name] = size_of(meshes.read_shape(item, everything, item.matrix_world.to_3x3(), 1.0))
+    with shapes.restless_off(item):
+        _known[item.name] = size_of(
+            meshes.read_shape(item, everything, item.matrix_world.to_3x3(), 1.0))
     return _known[item.name]
 
 
@@ -236,9 +246,13 @@ def size_of(arrays):
     box = float(numpy.prod(numpy.maximum(extent, 1e-9)))
     distances = _distances(vertices.tolist(), _polygons(arrays), float(max(extent)))
     volume = abs(meshes.volume(arrays))
-    return Size(float(numpy.percentile(distances, 5.0)) if distances else min(sides),
-                volume if distances and volume > 1e-6 * box else box,
-                tuple(max(float(side), 1e-9) for side in extent))
+    lengths = tuple(max(float(side), 1e-9) for side in extent)
+    thickness = float(numpy.percentile(distances, 5.0)) if distances else min(sides)
+    if not distances or volume <= 1e-6 * box:
+        return Size(thickness, box, lengths)
+    wires = (thickness < THIN * sorted(lengths)[1]
+             and 2.0 * volume < WIRES * thickness * meshes.area(arrays))
+    return Size(thickness, volume, lengths, wires)
 
 
 def _polygons(arrays):

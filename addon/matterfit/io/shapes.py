@@ -185,6 +185,24 @@ def check(item, depsgraph):
             "surface. Add the node Realize Instances at its end.")
 
 
+@contextlib.contextmanager
+def restless_off(item):
+    """Modifiers that a simulated body cannot follow are switched off inside, as a person is told to."""
+    before = [(modifier.name, modifier.show_viewport, modifier.show_render)
+              for modifier in item.modifiers if modifier.type in RESTLESS]
+    for name, _viewport, _render in before:
+        item.modifiers[name].show_viewport = item.modifiers[name].show_render = False
+    try:
+        if before:
+            bpy.context.view_layer.update()
+        yield
+    finally:
+        for name, viewport, render in before:
+            item.modifiers[name].show_viewport, item.modifiers[name].show_render = viewport, render
+        if before:
+            bpy.context.view_layer.update()
+
+
 def emptied_by(item):
     """The name of the modifier after which nothing is left of a mesh that has faces; "" where the mesh
     itself has none, or something is left."""

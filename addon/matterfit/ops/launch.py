@@ -14,6 +14,7 @@ from .base import session
 
 # `restart` of a job: what becomes of results that the folder holds (native/capi/matterfit.h).
 GO_ON, AFRESH, AFRESH_WHERE_CHANGED = 0, 1, 2
+OVER = 1.25  # times Most Particles: how far the count of a shape that was measured may be off
 COUNTED = ("particles", "bytes")  # of an estimate, what is known without its outputs
 
 
@@ -24,9 +25,10 @@ def memory_limit(document):
 
 def judge_estimate(context, document, estimate):
     """Shows an estimate of native.estimate(); JobError with the numbers where the run will not
-    fit."""
+    fit, or has more particles than the quality may ask for."""
     state = session(context)
     state.estimate = estimate_text(estimate)
+    _check_most_particles(context.scene.matterfit, estimate.get("particles", 0))
     needed = estimate.get("bytes", 0)
     limit = memory_limit(document)
     free = machine.free_memory()
@@ -41,6 +43,19 @@ def judge_estimate(context, document, estimate):
             "This needs about {needed} of memory, and {free} are free. Raise Particle Separation, "
             "or close other programs.").format(needed=jobs.size_text(needed),
                                                free=jobs.size_text(free)))
+
+
+def _check_most_particles(settings, particles):
+    """The separation is that of the shapes when they were measured, which may have grown since.
+    Imported points are as many as they are, and what is typed is meant."""
+    solver = settings.solver
+    points = any(body.enabled and body.role == "BODY" and body.source != "OBJECT"
+                 for body in settings.bodies)
+    if solver.quality != "CUSTOM" and not points and particles > OVER * solver.most_particles:
+        raise JobError(translate(
+            "This makes {particles}, more than Most Particles in Solver: shapes have changed. Press Set from "
+            "Quality there, or type a Particle Separation.").format(
+                particles=plain.counted(particles, "particle")))
 
 
 def estimate_text(estimate):

@@ -76,6 +76,7 @@ Json estimate_job(const Job& job, const RunOptions& options, bool closely) {
       substeps = std::max(substeps, std::ceil(run->substeps));
       cost.seconds *= run->dearer;
       bake.seconds *= run->baking;
+      bake.bytes = static_cast<std::uint64_t>(double(bake.bytes) * run->size);
     }
   }
   return {{"particles", memory.particles},

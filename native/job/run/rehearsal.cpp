@@ -51,9 +51,9 @@ std::optional<Rehearsal> rehearse(const Job& job, std::size_t particles, double 
                              .measure(kFirstSubsteps * seconds, interrupter)
                              .seconds;
     mpm::Simulation simulation(scene, arena, {.target = target, .hand_over = true});
-    double before = 0.0;
+    BakeCost before;
     if (job.bakes()) {
-      before = measure_bake(job, scene, simulation.state(), *arena, interrupter).seconds;
+      before = measure_bake(job, scene, simulation.state(), *arena, interrupter);
     }
     const auto begin = Clock::now();
     RehearsedFrames done;
@@ -68,10 +68,10 @@ std::optional<Rehearsal> rehearse(const Job& job, std::size_t particles, double 
     const double substeps = over_all_frames(done.substeps, frames);
     result.substeps = job.scene.solver.dt > 0.0 ? substeps : substeps * level;
     result.dearer = std::max(1.0, over_all_frames(done.seconds, frames) / substeps / first);
-    if (job.bakes() && before > 0.0) {
-      const double after =
-          measure_bake(job, scene, simulation.state(), *arena, interrupter).seconds;
-      result.baking = 0.5 * (before + after) / before;
+    if (job.bakes() && before.seconds > 0.0 && before.bytes > 0) {
+      const BakeCost after = measure_bake(job, scene, simulation.state(), *arena, interrupter);
+      result.baking = 0.5 * (before.seconds + after.seconds) / before.seconds;
+      result.size = 0.5 * double(before.bytes + after.bytes) / double(before.bytes);
     }
     return result;
   } catch (const Error& error) {

@@ -18,6 +18,7 @@ struct Rehearsal {
   double substeps = 0.0;  ///< of all frames of the job, at its own resolution
   double dearer = 1.0;    ///< cost of a substep, mean of all over the first
   double baking = 1.0;    ///< cost of baking a frame, mean of first and last over the first
+  double size = 1.0;      ///< bytes of a frame, likewise
 };
 
 /// Runs the job with few particles, for `seconds` of wall clock at most; what it did not get to

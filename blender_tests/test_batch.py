@@ -4,7 +4,6 @@
 import json
 import os
 import shutil
-import subprocess
 import unittest
 
 import bpy
@@ -462,31 +461,3 @@ class CommandTest(BatchCase):
         self.assertEqual(done.returncode, 2)
         self.assertIn("velocity[2] = x", done.stderr)
         self.assertFalse(os.path.exists(os.path.join(self.folder, "other")))
-
-
-class FarmFileTest(BatchCase):
-    @unittest.skipUnless(native.load(), native.load_error())
-    def test_flamenco(self):
-        self.vary("Cube", "velocity[2]", "-1,-2")
-        self.batch.farm = "FLAMENCO"
-        bpy.ops.matterfit.write_batch()
-        folder = takes.locate(self.batch.run).folder
-        job = json.loads(read(folder, "flamenco.json"))
-        self.assertEqual(job["type"], "matterfit-wedge")
-        self.assertEqual(job["settings"]["folder"], folder)
-        members = json.loads(job["settings"]["members"])
-        for member in members:
-            self.assertTrue(os.path.isfile(os.path.join(folder, member, "job.json")))
-        self.assertEqual(len(members), 2)
-
-    @unittest.skipUnless(native.load(), native.load_error())
-    def test_slurm_script_alone(self):
-        """Without Slurm a member runs by its number; MATTERFIT names another program."""
-        self.vary("Cube", "velocity[2]", "-1,-2")
-        self.batch.farm = "SLURM"
-        bpy.ops.matterfit.write_batch()
-        folder = takes.locate(self.batch.run).folder
-        done = subprocess.run(["bash", os.path.join(folder, "slurm.sh"), "1"], capture_output=True,
-                              text=True, check=True, env={**os.environ, "MATTERFIT": "/bin/echo"})
-        self.assertEqual(done.stdout.split()[:2],
-                         ["bake", os.path.join(folder, "bodies.Cube.velocity.2=-2", "job.json")])

@@ -102,6 +102,20 @@ class SecondsTest(WithClip):
                 self.assertIs(job.state, State.CANCELLED)
                 self.assertLess(time.monotonic() - began, 0.5 * filling)
 
+    def test_estimate_does_not_wait(self):
+        """Nor does it when it is cancelled."""
+        filling = self.filling()
+        began = time.monotonic()
+        _stub, job = pressed("estimate")
+        job.tick()
+        self.assertLess(time.monotonic() - began, 0.5 * filling)
+        self.assertEqual((job.state, job.snapshot.stage), (State.RUNNING, "Counting particles"))
+        began = time.monotonic()
+        job.cancel()
+        tick_until(job, lambda: job.ended)
+        self.assertIs(job.state, State.CANCELLED)
+        self.assertLess(time.monotonic() - began, 0.5 * filling)
+
     def test_the_refusal_arrives_with_the_job(self):
         self.settings.solver.particle_separation = 0.2 / 60
         with mock.patch.object(machine, "free_memory", lambda: 2e6):

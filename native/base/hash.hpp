@@ -8,7 +8,8 @@
 
 namespace matterfit {
 
-/// 128-bit content hash (XXH3). Not cryptographic: it tells equal results from unequal ones.
+/// 128-bit content hash (XXH3). Not cryptographic: it distinguishes equal results from unequal
+/// ones.
 class Hasher {
  public:
   Hasher();

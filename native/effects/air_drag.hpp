@@ -36,7 +36,7 @@ struct AirDrag {
   /// Adds the cotangent of factor() to the effect's values.
   void factor_adjoint(const MaterialPoint& point, double time, double factor_bar,
                       double* values) const;
-  /// Of the body at a speed [m/s] in the medium [m/s²].
+  /// The largest acceleration [m/s²] of the body at a speed [m/s] in the medium.
   [[nodiscard]] double acceleration_bound(double speed) const;
   /// |∂a/∂u| there [1/s].
   [[nodiscard]] double rate_bound(double speed) const;

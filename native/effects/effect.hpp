@@ -17,7 +17,7 @@ struct Effect {
   const EffectType* type = nullptr;  ///< never null in a checked scene
   std::string name;                  ///< unique in the scene
   std::string body;                  ///< the one it acts on; empty: all
-  /// Of the type's parameters, one after another; a vector takes three. EffectType::offset().
+  /// The type's parameters, one after another; a vector takes three. EffectType::offset().
   std::vector<double> values;
   /// Empty, or one for each of `values`: what replaces it over time where it has keys [s after the
   /// scene's first frame].

@@ -25,7 +25,7 @@ struct Fade {
     Vec3d away;
     double radius;
   };
-  /// Of a number by d and r, from its derivative by the share.
+  /// The derivatives of a number by d and r, from its derivative by the share.
   [[nodiscard]] Bar adjoint(double share_bar) const {
     const double square_bar = -3.0 * left * left * share_bar;  // by q²
     return {2.0 / (radius * radius) * square_bar * away,

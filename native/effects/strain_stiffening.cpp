@@ -32,7 +32,7 @@ class StrainStiffening final : public Term {
     const double work = (stress_bar.array() * at.deviator.array()).sum();
     values[kModulus] += power * work;
     values[kExponent] += modulus * power * std::log(at.more) * work;
-    // Of b̄: the deviator is a projection, Ī₁ its trace.
+    // The derivative by b̄: the deviator is a projection, Ī₁ its trace.
     const Mat3d symmetric = 0.5 * (stress_bar + stress_bar.transpose());
     const Mat3d of_deviator = symmetric - symmetric.trace() / 3.0 * Mat3d::Identity();
     const Mat3d b_bar =

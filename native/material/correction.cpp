@@ -24,7 +24,7 @@ constexpr double kVolumeScale = 0.15;
 /// first is 5/4, at |x| = a; the second was found on a grid of strains.
 constexpr double kRampCurvature = 1.25;
 constexpr double kAsymmetryCurvature = 1.43;
-/// Of a stiffness that may be taken away.
+/// The largest share of a stiffness that may be taken away.
 constexpr double kMostSoftening = 0.9;
 constexpr double kLargestNumber = 50.0;
 /// Below this a squared stretch counts as this, so that a crushed point has a finite stress.

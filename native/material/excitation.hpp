@@ -3,7 +3,7 @@
 
 namespace matterfit::material {
 
-/// The strains and rates that a material was seen at, as far as a recording tells them: what laws
+/// The strains and rates that a material was seen at, as far as a recording shows them: what laws
 /// are compared over, and beyond which a fitted one is extrapolated.
 struct Excitation {
   double strain = 0.3;       ///< largest |dev ε|, Hencky

@@ -31,7 +31,7 @@ enum class Law {
 
 /// The elasticity under a law: laws of one family share their stress, and differ by what they keep
 /// of a trial strain. kHencky: energies of Hencky strains, a quadratic one or our net's, which the
-/// kernels tell apart at run time. kPublished: the published neural law, which takes panels of
+/// kernels distinguish at run time. kPublished: the published neural law, which takes panels of
 /// points (neural/published-inl.hpp) and has no part in dispatch(). Numbers beyond are families of
 /// laws that are added to the table (AddedLaw), which come with kernels of their own.
 enum class StressFamily {

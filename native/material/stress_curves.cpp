@@ -25,7 +25,7 @@ constexpr double kNoStress = 1e-9;
 /// The same where Newton's method comes to rest: the kinks of a flow.
 constexpr double kHardlyStress = 1e-5;
 constexpr double kSideDifference = 1e-6;
-/// Of |dev ε|: flows are solved implicitly, and are smooth in steps of this.
+/// Steps of |dev ε|: flows are solved implicitly, and are smooth in steps of this size.
 constexpr double kCurveStep = 2e-3;
 
 /// Kirchhoff stress after F ← step F, carrying the state along.

@@ -6,7 +6,7 @@
 
 namespace matterfit::mpm {
 
-/// Of the integer coordinates of a cell or a block.
+/// A hash of the integer coordinates of a cell or a block.
 struct CellHash {
   std::size_t operator()(const std::array<int, 3>& c) const {
     std::size_t h = static_cast<std::size_t>(c[0]) * 73856093U;

@@ -8,7 +8,8 @@
 namespace matterfit::mpm {
 namespace {
 
-/// Of the body's size: where a default spring is twice as stiff. What it holds: docs/validation.md.
+/// Penetration, as a share of the body's size, at which a default spring is twice as stiff. What it
+/// holds: docs/validation.md.
 constexpr double kFirmAt = 0.05;
 
 /// A liquid has no size of its own once it is poured, and its modulus is chosen low: with a cell of

@@ -141,7 +141,7 @@ class Run {
                 " particles of body '" + scene_.bodies[body].name + "'.");
   }
 
-  /// Of F turned, R F Rᵀ.
+  /// The derivative by a turn of F, R F Rᵀ.
   static Vec3d turn_of(const std::vector<Mat3d>& f, const std::vector<Mat3d>& bars) {
     Vec3d sum = Vec3d::Zero();
     for (std::size_t i = 0; i < bars.size(); ++i) {

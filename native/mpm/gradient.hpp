@@ -37,9 +37,10 @@ using Observer = std::function<void(const ObservedFrame& frame, FrameLoss& loss)
 struct BodyGradient {
   material::MaterialGradient material;
   double density = 0.0;
-  /// Of the whole body at the start, with its pins and masses, against colliders and the observer.
+  /// By a shift of the whole body at the start, with its pins and masses, against colliders and the
+  /// observer.
   Vec3d offset = Vec3d::Zero();
-  /// Of it turned about its centre of volume, with its pins, their motion and its masses; it is
+  /// By its turn about its centre of volume, with its pins, their motion and its masses; it is
   /// thrown as before [1/rad].
   Vec3d rotation = Vec3d::Zero();
   Vec3d velocity = Vec3d::Zero();  ///< by Body::velocity
@@ -58,8 +59,8 @@ struct Gradient {
   std::vector<BodyGradient> bodies;
   std::vector<ColliderGradient> colliders;  ///< the scene's, then its walls
   Vec3d gravity = Vec3d::Zero();            ///< by something added to it at all times
-  /// Of each of the scene's effects, by Effect::values (by something added at all times to what is
-  /// keyed); of neutral ones too.
+  /// For each of the scene's effects, by Effect::values (by something added at all times to what is
+  /// keyed); for neutral ones too.
   std::vector<std::vector<double>> effects;
   Schedule schedule;  ///< as the run was stepped
   std::size_t substeps = 0;

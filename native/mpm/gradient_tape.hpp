@@ -18,10 +18,10 @@ namespace matterfit::mpm {
 
 /// Takes the substep again that is given, from the state before it.
 using StepAgain = std::function<void(std::size_t substep)>;
-/// Told of each substep, last first, once it has been gone back over.
+/// Called with each substep, last first, once it has been gone back over.
 using SubstepPassed = std::function<void(std::size_t substep)>;
 
-/// Of total Lagrangian bodies: a state is what its substep goes back by.
+/// The tape of total Lagrangian bodies: a state is what its substep goes back by.
 template <class S>
 class TotalTape {
  public:
@@ -32,7 +32,7 @@ class TotalTape {
       : stepper_(stepper), target_(options.simulation.target), rates_(options.of_no_damping) {}
 
   [[nodiscard]] State state() const { return stepper_.total().record(); }
-  /// Of what is kept of a substep [bytes].
+  /// Size of what is kept of a substep [bytes].
   [[nodiscard]] static std::size_t bytes(const State& state);
   /// Around each substep of the forward pass.
   void before_substep() {}
@@ -43,7 +43,7 @@ class TotalTape {
   [[nodiscard]] std::size_t log_bytes() const {
     return log_.size() * stepper_.total().size() * sizeof(TotalSubstep);
   }
-  /// Of whole substeps that are kept as long as there is room, and how they are given up.
+  /// Size of whole substeps that are kept as long as there is room, and how they are given up.
   [[nodiscard]] static std::size_t spare_bytes() { return 0; }
   void give_up() {}
   [[nodiscard]] static bool has_all() { return false; }
@@ -70,8 +70,9 @@ class TotalTape {
   std::vector<ContactMemories> after_;          ///< the next substep to go back over
 };
 
-/// Of updated Lagrangian bodies: a substep goes back by a record of its own, with which none is run
-/// again as long as all records fit; else a few states, and the records of one segment at a time.
+/// The tape of updated Lagrangian bodies: a substep goes back by a record of its own, with which
+/// none is run again as long as all records fit; else a few states, and the records of one segment
+/// at a time.
 template <class S>
 class UpdatedTape {
  public:

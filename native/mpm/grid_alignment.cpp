@@ -11,7 +11,7 @@ namespace matterfit::mpm {
 namespace {
 
 constexpr double kAligned = 1e-3;  // cells
-/// Of the largest layer's particles, those of an outermost one that is a flat face.
+/// The share of the largest layer's particles that an outermost one has where it is a flat face.
 constexpr double kFlat = 0.9;
 
 /// Whether the first and the last layer of particles along an axis are flat faces a whole number of

@@ -7,7 +7,7 @@
 
 namespace matterfit::mpm {
 
-/// Of the particles' volumes, at rest.
+/// The centre of the particles' volumes, at rest.
 [[nodiscard]] Vec3d center_of_volume(const Body& body);
 /// Matrix of v = spin × x.
 [[nodiscard]] Mat3d spin_matrix(const Vec3d& spin);

@@ -17,7 +17,7 @@ std::vector<const AddedLaw*>& added_laws() {
   return laws;
 }
 
-/// Of an added law its own, else `usual`.
+/// An added law's own kernel, else `usual`.
 template <class S, class Kernel>
 Kernel kernel_of(Law law, Kernel usual, Kernel LawKernels<S>::*own) {
   const material::LawTraits& row = material::traits(law);

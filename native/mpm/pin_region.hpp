@@ -13,7 +13,7 @@ struct RegionDistance {
       Vec3d::Zero();  ///< on the region's surface; the point itself inside `all`, `points`
 };
 
-/// Of a world point of the body at rest.
+/// The distance of a world point of the body at rest from the region.
 [[nodiscard]] RegionDistance region_distance(const Pin& region, const Vec3d& point);
 
 }  // namespace matterfit::mpm

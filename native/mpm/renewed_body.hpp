@@ -36,7 +36,7 @@ template <class S>
 class RenewedBody {
  public:
   /// Throws Error(kInput) for pins, attached masses and a particle too far from the origin.
-  /// `common`: the velocity that those of particles are told relative to.
+  /// `common`: the velocity that those of particles are given relative to.
   RenewedBody(const Body& body, std::size_t index, double dx, const Vec3d& common);
 
   [[nodiscard]] std::size_t index() const { return index_; }  ///< into scene.bodies
@@ -50,7 +50,7 @@ class RenewedBody {
   [[nodiscard]] const RenewedStore<S>& store() const { return store_; }
   /// Sticks to surfaces by its particles' faces, not their centres.
   [[nodiscard]] bool wets() const { return material_.traits().wets; }
-  /// Of the elastic deformation only J is history.
+  /// Only J of the elastic deformation is history.
   [[nodiscard]] bool is_fluid() const { return material_.traits().fluid; }
 
   /// What kernels see; `nodes` as RenewedGrid::nodes_of.

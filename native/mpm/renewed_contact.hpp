@@ -80,7 +80,7 @@ class RenewedNodeContact {
     frame_seconds_ = frame_seconds;
     acceleration_ = acceleration;
   }
-  /// Of node block b at `coordinates`; fields [3][64], mass [64].
+  /// Applies contact to node block b at `coordinates`; fields [3][64], mass [64].
   void apply(std::size_t b, const Vec3i& coordinates, double dx, double time, const double* mass,
              const double* displacement, double* velocity);
 

@@ -117,7 +117,7 @@ struct RenewedGroup<S>::Impl {
     return sum / total_mass;
   }
 
-  /// Of any node that is not light [m/s].
+  /// The largest speed of any node that is not light [m/s].
   [[nodiscard]] double fastest() const {
     const double heavy = kLightNode * *std::max_element(mass.begin(), mass.end());
     double fastest = 0.0;

@@ -78,13 +78,13 @@ struct Body {
   Points rest;                  ///< particle positions at rest, where the body starts (world)
   std::vector<double> volumes;  ///< rest volume of each particle [m³]
   Lattice lattice;
-  /// Of the shape that was filled, by particle, ascending: contact meets these planes, and the
+  /// Planes of the shape that was filled, by particle, ascending: contact meets these, and the
   /// faces of the particles' boxes where there are none.
   std::vector<SkinPlane> skin;
   Vec3d velocity = Vec3d::Zero();  ///< initial, of the centre of mass [m/s]
   Vec3d spin = Vec3d::Zero();      ///< initial, world axes through the centre of mass [rad/s]
   std::vector<Vec3d> particle_velocities;  ///< optional, added to the rigid motion, one each
-  /// Of a body that is taken over in motion, in the updated formulation: F of each particle, and
+  /// For a body that is taken over in motion, in the updated formulation: F of each particle, and
   /// ∇v [1/s] in place of that of `spin`. Empty: at rest, `rest` is where it has no stress.
   std::vector<Mat3d> deformation_gradients;
   std::vector<Mat3d> velocity_gradients;

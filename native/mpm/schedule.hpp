@@ -13,7 +13,8 @@ struct FrameSchedule {
   std::vector<double> elastic_dt;
 };
 
-/// Of a run's frames, from the first on. A run with another's schedule takes the same steps.
+/// The schedules of a run's frames, from the first on. A run with another's schedule takes the same
+/// steps.
 using Schedule = std::vector<FrameSchedule>;
 
 }  // namespace matterfit::mpm

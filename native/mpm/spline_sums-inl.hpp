@@ -62,7 +62,7 @@ struct SplineSums {
 };
 inline constexpr std::size_t kSplineSums = 16;
 
-/// Of one component; load(i, j, k) is the value of a node of the stencil.
+/// The sums of one component; load(i, j, k) is the value of a node of the stencil.
 template <class T, class Load>
 HWY_INLINE SplineSums<T> spline_sums(const CellPlace<T>& p, const Load& load) {
   T ww[3], dw[3], sw[3], wd[3], dd[3], sd[3], ws[3], ds[3];  // along y, z

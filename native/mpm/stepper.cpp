@@ -18,7 +18,7 @@
 namespace matterfit::mpm {
 namespace {
 
-/// Of saved states.
+/// The version of saved states.
 constexpr std::uint32_t kStateVersion = 4;
 
 constexpr int kMostRetries = 3;
@@ -144,9 +144,9 @@ void Stepper<S>::add_walls() {
 template <class S>
 void Stepper<S>::check_start() const {
   constexpr std::size_t kMostQueries = 20'000;
-  // Of a cell. Particles lie a quarter of one, half their separation, inside the body's surface:
-  // a body may rest in a collider by five sixths of a particle, which takes many substeps; from
-  // nine tenths on it is torn.
+  // In cells. Particles lie a quarter of one, half their separation, inside the body's surface: a
+  // body may rest in a collider by five sixths of a particle, which takes many substeps; from nine
+  // tenths on it is torn.
   constexpr double kDeepestStart = 1.0 / 6.0;
   constexpr double kHalfParticle = 0.25;
   for (const Body& body : scene_.bodies) {
@@ -221,7 +221,7 @@ double Stepper<S>::substeps(const StepLimit& step) const {
   return std::max(1.0, std::ceil(1.0 / (scene_.fps * step.dt) * (1.0 - 1e-12)));
 }
 
-/// Of the present frame, where the scene says; else 0.
+/// The substeps of the present frame, where the scene sets them; else 0.
 template <class S>
 int Stepper<S>::fixed_substeps() const {
   const auto k = static_cast<std::size_t>(frame_ - scene_.first_frame);

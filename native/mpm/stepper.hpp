@@ -40,7 +40,7 @@ class Stepper {
   /// Null where no body is of that formulation.
   [[nodiscard]] UpdatedGroup<S>* updated() { return updated_.get(); }
   [[nodiscard]] RenewedGroup<S>* renewed() { return renewed_.get(); }
-  /// Of the updated bodies, into scene().bodies.
+  /// Indices of the updated bodies into scene().bodies.
   [[nodiscard]] const std::vector<std::size_t>& updated_bodies() const { return updated_bodies_; }
   /// From here on each substep of the updated bodies fills it; null: none.
   void keep(UpdatedRecord<S>* record) { record_ = record; }

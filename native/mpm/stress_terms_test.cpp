@@ -146,7 +146,7 @@ TEST_P(StressTerms, AStrongDragStopsAndDoesNotTurnAround) {
     way += (static_cast<double>(end.positions[p].x()) - scene.bodies[0].rest[p].x()) /
            static_cast<double>(end.positions.size());
   }
-  // Of 2 m/s; nodes whose mass was raised feel less of the drag and follow by their ties.
+  // From 2 m/s; nodes whose mass was raised feel less of the drag and follow by their ties.
   EXPECT_GT(low, -3e-3);
   EXPECT_LT(high, 3e-3);
   EXPECT_NEAR(way, 2.0 / 900.0, 1.5e-3);

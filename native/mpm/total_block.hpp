@@ -9,7 +9,7 @@
 namespace matterfit::mpm {
 
 /// A total Lagrangian body around one of its blocks, as it is now: for looking at many points
-/// there. Of points elsewhere it tells the same, more slowly.
+/// there. It gives the same for points elsewhere, more slowly.
 template <class S>
 class TotalBlock {
  public:

@@ -16,7 +16,7 @@ namespace matterfit::mpm {
 /// looking at many points of a block, or for adding at many of them.
 class BlockField {
  public:
-  /// Of a point in the block.
+  /// The stencil of a point in the block.
   struct Stencil {
     PointStencil spline;
     std::size_t first;  ///< node of its cell

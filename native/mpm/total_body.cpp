@@ -16,8 +16,8 @@ namespace {
 
 /// Amplitude of the noise in the probe for the fastest mode, whose own is 1.
 constexpr double kProbeNoise = 0.3;
-/// Of a full node's mass: what lighter ones do moves next to nothing of the body. After an impact
-/// they run at many times its speed (docs/dev/solids.md).
+/// The share of a full node's mass below which nodes move next to nothing of the body. After an
+/// impact they run at many times its speed (docs/dev/solids.md).
 constexpr double kSeenShare = 0.1;
 
 }  // namespace

@@ -71,7 +71,7 @@ class TotalBody {
   /// to the particles and back leaves of them. Affine motion is untouched, a smooth wave loses
   /// share · O((k dx)⁴), a node-to-node one most of it. An impact would ring for ever without.
   void smooth_velocities(Arena& arena, double share);
-  /// Of accelerations f/m [m/s²] with lumped masses those of the mass matrix, nearly:
+  /// Turns accelerations f/m [m/s²] with lumped masses into nearly those of the mass matrix:
   /// a ← a + M⁻¹ (M − B) a with M the lumped masses and B the consistent matrix, which is the first
   /// term of the series of B⁻¹ (Nairn and Hammerquist, FMPM of order 2, CMAME 2021). Waves then lag
   /// by O((k dx)⁴) in place of (k dx)²/8. Nodes that pins and masses hold neither get nor give.
@@ -150,11 +150,11 @@ class TotalBody {
 
   void sample(Arena& arena, BodyState& out) const;
   [[nodiscard]] BlockExtremes<S> extremes() const;
-  /// Of the nodes that carry a tenth of a full one's mass at least [m/s].
+  /// The largest speed [m/s] of the nodes that carry a tenth of a full one's mass at least.
   [[nodiscard]] double max_speed() const;
   [[nodiscard]] double kinetic_energy() const;
-  /// Of the shape half a substep before the displacements', where the velocities are [J]: of the
-  /// law and the skin's ties; branches left out.
+  /// The elastic energy [J] of the shape half a substep before the displacements', where the
+  /// velocities are: of the law and the skin's ties; branches left out.
   [[nodiscard]] double elastic_energy(Arena& arena, double dt) const;
   /// m x of the same time, world axes [kg m].
   [[nodiscard]] Vec3d mass_moment(double dt) const;

@@ -46,7 +46,7 @@ double momentum(const TotalGrid& grid, const std::vector<double>& field) {
   return sum;
 }
 
-/// Of a ball, whose skin has cells that are nearly empty.
+/// With a ball, whose skin has cells that are nearly empty.
 TEST(CorrectedLumping, KeepsUniformFieldsAndMomentum) {
   const Scene scene = scene_of(ball_body("ball", Vec3d(0.1, 0.2, 0.3), 0.07, 0.5 * kBodyDx));
   Arena arena(1);

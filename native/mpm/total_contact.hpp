@@ -10,7 +10,7 @@
 
 namespace matterfit::mpm {
 
-/// Of the particles that touch a surface, ascending; the others remember nothing.
+/// Memories of the particles that touch a surface, ascending; the others remember nothing.
 using ContactMemories = std::vector<std::pair<std::uint32_t, ContactMemory>>;
 
 /// What the contact of a body carries from one substep to the next.

@@ -206,7 +206,7 @@ typename TotalContactAdjoint<S>::TouchBar TotalContactAdjoint<S>::back(
                                         c.distance, c.normal + p.normal, -c.relative_velocity,
                                         substep.time, out.collider);
   out.face_velocity = to_local * c.relative_velocity;
-  // Of the face's place at rest, body axes.
+  // The cotangent of the face's place at rest, body axes.
   const Vec3d place_bar =
       out.face + gradient(block_force_bar, force_bar).transpose() * force +
       gradient(block.displacement(), body_.displacement()).transpose() * out.face +

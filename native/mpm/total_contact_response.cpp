@@ -9,8 +9,8 @@
 namespace matterfit::mpm {
 namespace {
 
-/// Of the power iteration, and by how much its result is raised: it comes from below, and a step
-/// close to the limit makes contact rough in the numbers that a fit differentiates by.
+/// Iterations of the power method, and by how much its result is raised: it comes from below, and a
+/// step close to the limit makes contact rough in the numbers that a fit differentiates by.
 constexpr int kIterations = 40;
 constexpr double kOverestimate = 1.5;
 

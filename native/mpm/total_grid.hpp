@@ -94,7 +94,7 @@ class TotalGrid {
   }
   /// Σ m w over the quadrature points [kg], node blocks × 64.
   [[nodiscard]] const std::vector<double>& lumped_mass() const { return lumped_mass_; }
-  /// Of the nodes [kg]: lumped, and raised where the body hardly reaches.
+  /// Masses of the nodes [kg]: lumped, and raised where the body hardly reaches.
   [[nodiscard]] const std::vector<double>& mass() const { return mass_; }
   [[nodiscard]] const std::vector<double>& inverse_mass() const { return inverse_mass_; }
   [[nodiscard]] double total_mass() const { return total_mass_; }

@@ -21,7 +21,7 @@ constexpr int kFrameIterations = 16;
 /// away, applied every few substeps (docs/why.md: what it costs a beam).
 constexpr double kSmoothing = 0.02;
 constexpr int kSmoothingInterval = 8;
-/// Of a frame's energies: what they may seem to grow by. A substep's work is that of its force at
+/// The share by which a frame's energies may seem to grow. A substep's work is that of its force at
 /// the velocity before, which is short by the square of the velocity's change in it, and the
 /// fastest modes, at velocities half a substep off their shape, show up to dt_safety² of their
 /// energy twice (docs/why.md): a cube of two cells that lands seems to gain 17 % in a frame. An

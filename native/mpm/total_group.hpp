@@ -86,8 +86,8 @@ class TotalGroup {
   [[nodiscard]] const std::vector<TotalSubstep>& last_substeps() const { return last_; }
 
   /// At the end of a frame that began at `time`: throws UnstableError for a body that has more
-  /// energy than it had and was given. Of elastic bodies that nothing holds and no term acts on, in
-  /// steady gravity, off moving surfaces; `alone`: no other body can touch them.
+  /// energy than it had and was given. Watches elastic bodies that nothing holds and no term acts
+  /// on, in steady gravity, off moving surfaces; `alone`: no other body can touch them.
   void watch_energy(Arena& arena, double time, bool alone, int frame);
 
   void sample(Arena& arena, std::vector<BodyState>& bodies) const;

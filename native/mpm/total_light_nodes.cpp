@@ -8,13 +8,13 @@
 namespace matterfit::mpm {
 namespace {
 
-/// Of a full node's mass: what each node that carries any is given at least. What more gains, and
-/// what it costs a block that sticks on a slope: docs/dev/solids.md. The corner of a single full
-/// cell has five times as much, so that bodies of full cells stay as they are.
+/// The share of a full node's mass that each node that carries any is given at least. What more
+/// gains, and what it costs a block that sticks on a slope: docs/dev/solids.md. The corner of a
+/// single full cell has five times as much, so that bodies of full cells stay as they are.
 constexpr double kLeastShare = 1e-3;
-/// Of a full node's mass: lighter ones neither give nor get.
+/// The share of a full node's mass below which nodes neither give nor get.
 constexpr double kHeavy = 0.1;
-/// Of its own mass: what a donor keeps.
+/// The share of its own mass that a donor keeps.
 constexpr double kKept = 0.7;
 
 /// Where mass comes from: steps from a light node along one direction, the lengths of which make

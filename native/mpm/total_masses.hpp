@@ -35,7 +35,7 @@ class TotalMasses final : public TotalNodeTerm {
     Eigen::MatrixXd inverse;
   };
   void couple();
-  /// Of the masses that are there at `time`, or null.
+  /// The group of the masses that are there at `time`, or null.
   [[nodiscard]] const Group* group(double time) const;
 
   const TotalGrid& grid_;

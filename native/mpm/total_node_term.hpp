@@ -25,7 +25,7 @@ struct NodeMoment {
 class NodeList {
  public:
   void add(std::vector<std::uint32_t> nodes);
-  /// Of a node that is in it.
+  /// The place of a node that is in it.
   [[nodiscard]] std::size_t index(std::uint32_t node) const;
   [[nodiscard]] const std::vector<std::uint32_t>& nodes() const { return nodes_; }
   [[nodiscard]] std::size_t size() const { return nodes_.size(); }

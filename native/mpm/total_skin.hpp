@@ -12,7 +12,7 @@ namespace matterfit::mpm {
 /// Holds the outer nodes of a total Lagrangian body's skin to the motion inside. A node of which
 /// the body fills little of the support carries little mass and next to no stiffness: after an
 /// impact it flaps, and takes energy from the bounce by an amount that depends on where the body
-/// lies in its grid. Of four nodes in a row along an axis, one of them lighter than half a full
+/// lies in its grid. For four nodes in a row along an axis, one of them lighter than half a full
 /// one, the third difference of displacements is the jump of their second derivative across the
 /// cells' boundary, and costs
 ///   ½ γ μ V ((u₃ − 3u₂ + 3u₁ − u₀)/dx)²,  V the volume of the lightest of the four,

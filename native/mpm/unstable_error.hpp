@@ -14,7 +14,7 @@ namespace matterfit::mpm {
 class UnstableError : public Error {
  public:
   explicit UnstableError(const std::string& message) : Error(ErrorKind::kCompute, message) {}
-  /// Of the total Lagrangian body `body`, into Scene::bodies.
+  /// `body`: the total Lagrangian body that became unstable, into Scene::bodies.
   UnstableError(const std::string& message, std::size_t body)
       : Error(ErrorKind::kCompute, message), body_(body) {}
 

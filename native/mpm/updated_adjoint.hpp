@@ -23,7 +23,8 @@ struct UpdatedBodyCotangents {
   std::vector<Vec3d> stretch;                    ///< of ContactMemory; empty without colliders
   Points rest;                                   ///< of Body::rest, through pins; sums
   Vec3d pivots = Vec3d::Zero();                  ///< of all pins' pivots together, sum
-  /// Of all pins turned with their motion about the world's origin, less what `rest` has of it.
+  /// Cotangent of all pins' turn with their motion about the world's origin, less what `rest` has
+  /// of it.
   Vec3d turn = Vec3d::Zero();
   LawCotangents law;                              ///< sums over substeps
   std::vector<double> published;                  ///< of UpdatedMember::published, sums; or empty
@@ -36,8 +37,8 @@ struct UpdatedBodyCotangents {
 template <class S>
 struct UpdatedCotangents {
   std::vector<UpdatedBodyCotangents<S>> bodies;
-  /// Of momentum (3) and mass at the nodes from which the next substep starts, per block [4][64];
-  /// empty at the end of a run.
+  /// Cotangents of momentum (3) and mass at the nodes from which the next substep starts, per block
+  /// [4][64]; empty at the end of a run.
   std::vector<S> nodes;
   std::shared_ptr<const UpdatedTopology> topology;  ///< of `nodes`
   Vec3d gravity = Vec3d::Zero();
@@ -76,7 +77,7 @@ class UpdatedAdjoint {
   [[nodiscard]] UpdatedCotangents<S> zero(bool published = false) const;
   /// Takes `bar` from after the substep to before it.
   void substep(Arena& arena, const UpdatedRecord<S>& record, UpdatedCotangents<S>& bar);
-  /// Of the n-th body, with `bar` taken back to before the first substep.
+  /// The cotangents of the n-th body's start, with `bar` taken back to before the first substep.
   [[nodiscard]] UpdatedStartCotangents start(Arena& arena, std::size_t body,
                                              const UpdatedCotangents<S>& bar) const;
   [[nodiscard]] material::MaterialGradient material_gradient(std::size_t body,

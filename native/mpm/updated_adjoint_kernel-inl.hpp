@@ -120,7 +120,7 @@ class UpdatedBlockAdjoint {
       return kept;
     }
     [[nodiscard]] HWY_INLINE bool own_elastic() const { return false; }
-    /// Of elastic_after(), and of J as that of I + h.
+    /// The adjoint of elastic_after(), and of J as that of I + h.
     template <StressFamily>
     HWY_INLINE void trial_adjoint(const LawStep<T>& taken, const PointBar<T>& law,
                                   PointBar<T>& all) {
@@ -283,7 +283,7 @@ class UpdatedBlockAdjoint {
     store_bars(chunk, lane, bars);
   }
 
-  /// The cotangents of the nodes around the particles' new places. Of the few that change cell, one
+  /// The cotangents of the nodes around the particles' new places; for the few that change cell one
   /// by one.
   template <class Mask>
   Landing land(std::size_t slab, std::size_t lane, const mpm::KeptChunk<S>& chunk, Mask present,

@@ -44,7 +44,7 @@ struct UpdatedAdjointView {
 template <class S>
 struct UpdatedAdjointKernels {
   void (*updated_block)(UpdatedAdjointView<S>& view);
-  /// Of the published law, a panel of registers at a time.
+  /// The kernel of the published law, a panel of registers at a time.
   void (*updated_published_block)(UpdatedAdjointView<S>& view);
 };
 

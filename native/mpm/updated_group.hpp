@@ -44,7 +44,7 @@ class UpdatedGroup {
   void add_impulse(const UpdatedPoint<S>& point, const Vec3d& impulse);
   /// The largest acceleration [m/s²] that terms give to a body in the frame that began last.
   [[nodiscard]] double term_acceleration() const;
-  /// Of any particle in the last substep [m/s].
+  /// The largest speed of any particle in the last substep [m/s].
   [[nodiscard]] double max_speed() const;
 
   /// Particles of the n-th of these bodies, in the order of Body::rest.

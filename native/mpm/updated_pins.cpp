@@ -25,7 +25,7 @@ std::vector<std::uint8_t> particles_of_pins(const Body& body) {
           body.pins[k].region == Pin::Region::kPlane ? 0.51 * std::cbrt(body.volumes[p]) : 0.0;
       if (region_distance(body.pins[k], body.rest[p]).distance > reach) continue;
       holds = true;
-      // Of pins that overlap the one that holds longest counts.
+      // Where pins overlap the one that holds longest counts.
       std::uint8_t& of = pin_of[p];
       if (of == 0 || body.pins[k].release >= body.pins[of - 1U].release) {
         of = static_cast<std::uint8_t>(k + 1);

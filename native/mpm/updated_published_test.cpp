@@ -97,7 +97,7 @@ class PlainMpm {
     last_ = dt;
   }
 
-  /// Of the particles and their affine velocities.
+  /// The angular momentum of the particles and of their affine velocities.
   [[nodiscard]] Vec3d angular_momentum() const {
     Vec3d sum = Vec3d::Zero();
     for (const Particle& p : particles_) {

@@ -222,7 +222,7 @@ struct Timoshenko {
     const double kappa = 10 * (1 + poisson_ratio) / (12 + 11 * poisson_ratio);
     return kappa * youngs_modulus / (2 * (1 + poisson_ratio));
   }
-  /// Of the tip under its own weight [m].
+  /// The deflection of the tip under the beam's own weight [m].
   [[nodiscard]] double sag() const {
     const double load = density * kGravity;  // per volume
     const double inertia = thickness * thickness / 12;

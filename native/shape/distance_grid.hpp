@@ -12,7 +12,7 @@
 namespace matterfit::shape {
 
 /// Signed distance of one shell of a mesh at one frame on a sparse OpenVDB grid: a fast first
-/// answer that tells whether the exact one is worth asking for.
+/// answer that decides whether the exact one is worth asking for.
 ///
 /// OpenVDB's mesh conversion finds the voxels near the surface; their values are then the exact
 /// distances of MeshDistance, and OpenVDB's flood fill carries their sign on. So the sign needs no

@@ -57,7 +57,7 @@ Mat3d advance_point(const DrivenPoint& point) {
       });
 }
 
-/// Of the published law, whose stress is not symmetric, with what acts beside it.
+/// A step of the published law, whose stress is not symmetric, with what acts beside it.
 Mat3d advance_published(const DrivenPoint& point, const material::PublishedWeights& weights) {
   const LawTrial<double> trial = point.trial();
   Sym3<double> beside{};

@@ -15,7 +15,7 @@ namespace matterfit::material {
 struct PointState {
   Mat3d elastic = Mat3d::Identity();  ///< elastic deformation gradient
   double strain = 0.0;                ///< equivalent plastic
-  /// Of each Maxwell branch F̄ G F̄ᵀ − I as xx, yy, zz, yz, xz, xy
+  /// F̄ G F̄ᵀ − I of each Maxwell branch as xx, yy, zz, yz, xz, xy
   /// (material/classical/maxwell-inl.hpp).
   std::array<Eigen::Matrix<double, 6, 1>, kMostMaxwellBranches> branches;
 
@@ -38,7 +38,7 @@ class PointLaw {
   LawConstants<double> constants_;
   std::shared_ptr<const PublishedLaw> published_;
   double dt_;
-  /// Of each Maxwell branch over a step: mean stiffness [Pa] and relaxed share.
+  /// Mean stiffness [Pa] and relaxed share of each Maxwell branch over a step.
   std::array<double, kMostMaxwellBranches> stiffness_{};
   std::array<double, kMostMaxwellBranches> relaxed_{};
 };

@@ -113,7 +113,7 @@ struct UnitRises {
   T volume[kVolumeUnits];
 };
 
-/// Of κ and the volume units, the same in all directions.
+/// The stress of κ and the volume units, the same in all directions.
 template <class T>
 HWY_INLINE T volume_stress(const Isotropic<T>& c, T theta, UnitRises<T>& rise) {
   T pressure = T(c.kappa) * theta;
@@ -185,7 +185,7 @@ struct IsotropicBar {
   T strain;
 };
 
-/// Of a unit's rise: by z, and by tanh(c).
+/// The derivative of a unit's rise: by z, and by tanh(c).
 template <class T>
 HWY_INLINE T rise_slope(T rise, T offset) {
   const T level = rise + offset;

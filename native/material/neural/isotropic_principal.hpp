@@ -11,7 +11,7 @@ namespace matterfit::material {
 /// The isotropic law in principal axes.
 struct PrincipalResponse {
   Vec3d tau;  ///< Kirchhoff stresses [Pa]
-  /// Of the stresses by the weights of the energy.
+  /// Derivatives of the stresses by the weights of the energy.
   Eigen::Matrix<double, 3, static_cast<int>(kIsotropicElastic)> by_weights;
 };
 

@@ -92,7 +92,7 @@ static_assert(kVolumeOffsetWeight + kVolumeUnits == kIsotropicElastic);
          (weight >= kVolumeGainWeight && weight < kVolumeTraceWeight);
 }
 
-/// Of the flow's weights.
+/// Indices of the flow's weights.
 inline constexpr std::size_t kYieldWeight = kIsotropicElastic;
 inline constexpr std::size_t kFrictionWeight = kIsotropicElastic + 1;
 inline constexpr std::size_t kHardeningWeight = kIsotropicElastic + 2;

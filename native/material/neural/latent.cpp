@@ -34,7 +34,7 @@ bool is_limit(std::size_t flow) {
 }
 
 double poisson(double ratio) { return (3.0 * ratio - 2.0) / (2.0 * (3.0 * ratio + 1.0)); }
-/// Of poisson() by ln K/G.
+/// The derivative of poisson() by ln K/G.
 double poisson_slope(double ratio) {
   const double below = 3.0 * ratio + 1.0;
   return 4.5 * ratio / (below * below);

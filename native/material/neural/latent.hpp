@@ -38,7 +38,7 @@ struct LatentBound {
   double low;
   double high;
 };
-/// Of K/G, yield and friction, hardening, tension, rate [1/s] and thinning [1/s].
+/// Bounds of K/G, yield and friction, hardening, tension, rate [1/s] and thinning [1/s].
 inline constexpr std::array<LatentBound, kLatentBounded> kLatentBounds{{{0.5, 4000.0},
                                                                         {1e-6, 1e3},
                                                                         {1e-6, 10.0},
@@ -101,7 +101,7 @@ struct BoundedOutput {
 void set_decoded(Material& material, const LatentOutput& output, const std::string& name);
 
 /// Makes the material of the latent law with that code: sets its law, decoder and code and what
-/// follows of them; E, damping and relaxation stay. Of no code: the mean of the elastic class.
+/// follows of them; E, damping and relaxation stay. An empty code: the mean of the elastic class.
 /// Throws Error(kCompute) for a code of another length.
 void set_latent(Material& material, std::shared_ptr<const LatentDecoder> decoder,
                 std::span<const double> code);

@@ -12,7 +12,7 @@
 namespace matterfit::material {
 namespace {
 
-/// Of the mean stress: below it errors count as they are, not by the stress.
+/// The share of the mean stress below which errors count as they are, not by the stress.
 constexpr double kSmallTestStress = 0.5;
 constexpr double kSmallGuardStress = 0.05;
 constexpr double kGuardWeight = 0.3;

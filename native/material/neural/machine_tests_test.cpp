@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kShear = 4e5;
 
-/// Of a neo-Hookean that stiffens besides: μ₁(λ − 1/λ²) and a term of Ogden's of α = 8.
+/// A test of a neo-Hookean that stiffens besides: μ₁(λ − 1/λ²) and a term of Ogden's of α = 8.
 MachineTest pulled(double most) {
   MachineTest test;
   for (int k = 0; k <= 20; ++k) {

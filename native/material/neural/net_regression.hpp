@@ -20,7 +20,7 @@ struct NetSamples {
 
   [[nodiscard]] std::size_t size() const { return weights.size(); }
   void clear();
-  /// Of S = Q diag(e^strain) Qᵀ and X = Q diag(`x`) Qᵀ.
+  /// Adds the sample S = Q diag(e^strain) Qᵀ, X = Q diag(`x`) Qᵀ.
   void add(const Mat3d& q, const Vec3d& strain, const Vec3d& x, double weight);
 };
 

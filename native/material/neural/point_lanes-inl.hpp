@@ -44,7 +44,7 @@ HWY_INLINE void store_rows(const T (&from)[kPanelRegisters<T>][kWidth], S* to, s
     for (std::size_t i = 0; i < kWidth; ++i) to[kWidth * (at + p) + i] = lanes[i][p];
 }
 
-/// Of [points, 9].
+/// Loads 3×3 matrices out of [points, 9].
 template <class T, class S = typename LaneTraits<T>::Scalar>
 void load_matrices(const S* from, std::size_t at, std::size_t end,
                    Mat3<T> (&to)[kPanelRegisters<T>]) {
@@ -76,7 +76,7 @@ void store_matrices(const Mat3<T> (&from)[kPanelRegisters<T>], S* to, std::size_
   store_rows<9, T>(rows, to, at, end);
 }
 
-/// Of [points, 6]: xx, yy, zz, yz, xz, xy.
+/// Loads symmetric matrices out of [points, 6]: xx, yy, zz, yz, xz, xy.
 template <class T, class S = typename LaneTraits<T>::Scalar>
 void load_symmetric(const S* from, std::size_t at, std::size_t end,
                     Sym3<T> (&to)[kPanelRegisters<T>]) {
@@ -100,7 +100,7 @@ void store_symmetric(const Sym3<T> (&from)[kPanelRegisters<T>], S* to, std::size
   store_rows<6, T>(rows, to, at, end);
 }
 
-/// Of [points].
+/// Loads numbers out of [points].
 template <class T, class S = typename LaneTraits<T>::Scalar>
 void load_numbers(const S* from, std::size_t at, std::size_t end, T (&to)[kPanelRegisters<T>]) {
   T rows[kPanelRegisters<T>][1];

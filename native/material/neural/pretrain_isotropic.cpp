@@ -18,7 +18,7 @@ constexpr int kMostSteps = 300;
 /// law does not need from drifting.
 constexpr double kPriorWidth = 30.0;
 
-/// Of the gains' logarithms: they are to stay heard.
+/// Width of the prior of the gains' logarithms: no unit is to fall silent.
 constexpr double kGainPriorWidth = 10.0;
 
 /// A law whose units share the stiffness with μ and κ, each in its own range of strains: the bumps

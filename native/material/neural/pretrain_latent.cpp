@@ -25,7 +25,7 @@ constexpr double kSmallStrain = 1e-4;
 constexpr double kNever = 10.0;
 /// A rate from here on is at once.
 constexpr double kAtOnce = 3e6;
-/// Of a logarithm of the flow, against the stress's relative error.
+/// What a logarithm of the flow counts, against the stress's relative error.
 constexpr double kYieldPart = 0.4;
 constexpr double kTearPart = 0.1;
 constexpr double kRatePart = 0.08;

@@ -110,7 +110,7 @@ std::vector<Vec3d> trial_strains(const Material& material, std::size_t count, Ra
 
 /// X = (S_kept − S)/α in units of `unit`.
 std::vector<NetState> plastic_states(const Material& material, double unit, Random& random) {
-  /// Of a step [strain].
+  /// Size of a step [strain].
   constexpr double kSmall = 1e-3;
   std::vector<NetState> states;
   for (const Vec3d& trial : trial_strains(material, kPrincipalStates, random)) {

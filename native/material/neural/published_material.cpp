@@ -45,7 +45,7 @@ double bulk_at_rest(const ElasticNet& net) {
   return slope_at_rest(net, Mat3d::Identity()).trace() / 9.0;
 }
 
-/// Of τ:e = 2G e:e over random e without trace.
+/// The mean G of τ:e = 2G e:e over random e without trace.
 double shear_at_rest(const ElasticNet& net) {
   Random random(20);
   double work = 0.0;

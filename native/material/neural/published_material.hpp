@@ -9,7 +9,7 @@
 #include "material/neural/published_weights.hpp"
 
 /// The published law as a material: its weights, and the moduli that the solver's step, its contact
-/// and what is told of a body go by.
+/// and what is reported of a body go by.
 namespace matterfit::material {
 
 struct PublishedLaw {

@@ -25,7 +25,8 @@ inline constexpr double kPublishedSubstep = 5e-4;
   return kPublishedFlowScale * (dt / kPublishedSubstep);
 }
 
-/// Of both nets, each kNetWeights long: the three matrices one after another, (out × in) row-major.
+/// Weights of both nets, each kNetWeights long: the three matrices one after another, (out × in)
+/// row-major.
 struct PublishedWeights {
   std::vector<float> elastic;
   std::vector<float> plastic;

@@ -29,7 +29,8 @@ HWY_INLINE T dot3(const T a[3], const T b[3]) {
   return fma(a[0], b[0], fma(a[1], b[1], a[2] * b[2]));
 }
 
-/// Of F = I + `h`. From the eigenvectors of FᵀF − I, so that σ − 1 keeps its digits.
+/// The decomposition of F = I + `h`, from the eigenvectors of FᵀF − I, so that σ − 1 keeps its
+/// digits.
 template <class T>
 HWY_INLINE SignedSvd<T> signed_svd(const Mat3<T>& h) {
   const T one = scalar<T>(1);

@@ -116,7 +116,7 @@ class Acceptance {
     for (const Trial& trial : out_.singles) {
       if (trial.causes.front().effect != score.candidate.effect) continue;
       return trial.causes.front().variant == score.candidate.variant && !trial.refit.at_bound &&
-             !excludes(best, trial);
+             !excludes(best, trial) && !falls_short(out_.base, best, trial);
     }
     // Not refitted: by what the linear theory promises it at most, on the samples fitted to.
     const bool best_shape = std::ranges::none_of(out_.first->scores, [&](const Score& other) {

@@ -51,6 +51,13 @@ bool excludes(const Trial& good, const Trial& worse) {
   return mean > kAgreement * wider * std::sqrt(variance / count);
 }
 
+bool falls_short(const Trial& base, const Trial& good, const Trial& trial) {
+  constexpr double kHalf = 0.5;
+  if (!good.gain.measurable || !trial.gain.measurable) return false;
+  return trial.gain.value < kHalf * good.gain.value &&
+         share_of_excess(base.refit, trial.refit) < kHalf * share_of_excess(base.refit, good.refit);
+}
+
 std::vector<Trial> Trials::tried(std::vector<Attempt> attempts, const std::string& stage) const {
   study_.begin(stage);
   std::vector<RefitStart> starts;

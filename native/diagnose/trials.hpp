@@ -54,6 +54,11 @@ inline constexpr double kFarOff = 1.2;
 /// against its spread (after Vuong 1989).
 [[nodiscard]] bool excludes(const Trial& good, const Trial& worse);
 
+/// Whether `trial` explains less than half of the excess that `good` does and predicts less than
+/// half of what that predicts (gains over `base`; where they can be measured): so little is no
+/// rival of it, whatever likelihoods say that mean little.
+[[nodiscard]] bool falls_short(const Trial& base, const Trial& good, const Trial& trial);
+
 /// Refits under one covariance and judges what they predict of what was kept back.
 class Trials {
  public:

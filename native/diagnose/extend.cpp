@@ -467,6 +467,7 @@ class Search {
 
   void choose() {
     if (out_.singles.empty()) return;
+    put_simplest_first(out_.singles);
     out_.best = out_.singles.front();
     out_.looseness = looseness_of(out_.best->refit);
   }

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -56,6 +58,16 @@ bool falls_short(const Trial& base, const Trial& good, const Trial& trial) {
   if (!good.gain.measurable || !trial.gain.measurable) return false;
   return trial.gain.value < kHalf * good.gain.value &&
          share_of_excess(base.refit, trial.refit) < kHalf * share_of_excess(base.refit, good.refit);
+}
+
+void put_simplest_first(std::vector<Trial>& trials) {
+  const Trial& first = trials.front();
+  const double limit = first.evidence + kExcluded * looseness_of(first.refit);
+  const auto best = std::ranges::min_element(trials, {}, [&](const Trial& trial) {
+    return trial.evidence < limit ? trial.evidence + kPrice * trial.numbers
+                                  : std::numeric_limits<double>::infinity();
+  });
+  std::rotate(trials.begin(), best, std::next(best));
 }
 
 std::vector<Trial> Trials::tried(std::vector<Attempt> attempts, const std::string& stage) const {

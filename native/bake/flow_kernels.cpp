@@ -62,7 +62,9 @@ class Neighbours {
   [[nodiscard]] Cell cell(std::size_t i) const {
     Cell result;
     for (int k = 0; k < 3; ++k) {
-      result[k] = std::llround(std::floor(static_cast<double>(positions_[i][k]) / reach_));
+      constexpr double kFarthest = 1e15;  // beyond it all lie in one cell, and are refused later
+      result[k] = std::llround(
+          std::clamp(std::floor(double(positions_[i][k]) / reach_), -kFarthest, kFarthest));
     }
     return result;
   }
@@ -118,8 +120,8 @@ FlowKernels flow_kernels(const capture::ParticleView& body, Arena& arena,
       weights += weight;
       mean += weight * towards[j];
     });
-    result.centres[i] =
-        body.positions[i].cast<double>() + kCentring * (towards[i] - mean / weights);
+    result.centres[i] = body.positions[i].cast<double>();
+    if (weights > 0.0) result.centres[i] += kCentring * (towards[i] - mean / weights);
   });
   interrupter.check();
   return result;

@@ -112,11 +112,13 @@ class Acceptance {
   [[nodiscard]] bool is_rival(const Score& score) const {
     if (!score.observable) return false;
     const Trial& best = out_.singles.front();
+    // Not the best where that is a simpler one that is nearly as likely.
+    const Trial& likeliest = *std::ranges::min_element(out_.singles, {}, &Trial::evidence);
     const double limit = kExcluded * looseness_of(best.refit);
     for (const Trial& trial : out_.singles) {
       if (trial.causes.front().effect != score.candidate.effect) continue;
       return trial.causes.front().variant == score.candidate.variant && !trial.refit.at_bound &&
-             !excludes(best, trial) && !falls_short(out_.base, best, trial);
+             !excludes(likeliest, trial) && !falls_short(out_.base, best, trial);
     }
     // Not refitted: by what the linear theory promises it at most, on the samples fitted to.
     const bool best_shape = std::ranges::none_of(out_.first->scores, [&](const Score& other) {

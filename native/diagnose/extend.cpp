@@ -81,7 +81,7 @@ class Search {
     choose();
     add_further_causes(study_, *trials_, *judge_, options_, out_);
     accept(study_, *refitter_, *judge_, options_, out_);
-    out_.cut = refitter_->spent();
+    out_.cut = study_.cut();
     return std::move(out_);
   }
 
@@ -245,7 +245,7 @@ class Search {
   bool settle() {
     bool base_moved = false;
     for (int round = 0; round < kMoreRounds && !out_.singles.empty(); ++round) {
-      if (refitter_->spent()) break;
+      if (trials_->cut()) break;
       tell(0.8, "Refitting with the best causes");
       const bool far_off = looseness_of(out_.singles.front().refit) > kFarOff;
       if (far_off) (void)go_on(out_.singles, out_.singles.front().refit.state.theta);
@@ -338,7 +338,7 @@ class Search {
   /// is refitted from there, whatever its score says.
   void try_mates() {
     if (out_.singles.empty() || looseness_of(out_.base.refit) < kFarOff) return;
-    if (refitter_->spent()) return;
+    if (trials_->cut()) return;
     const Trial& best = out_.singles.front();
     std::vector<int> known;
     for (const Trial& trial : out_.singles) known.push_back(trial.causes.front().effect);
@@ -397,6 +397,7 @@ class Search {
       begun.push_back(cause.effect);
       attempts.push_back({{cause}, again(trial)});
     }
+    if (trials_->cut()) return;
     study_.begin("refits");
     std::vector<Attempt> looked = far_starts(*refitter_, out_.base_state, out_.slopes.theta, begun);
     std::ranges::move(looked, std::back_inserter(attempts));

@@ -24,7 +24,7 @@ class Adapted {
  public:
   Adapted(const Refitter& refitter, const MatrixXd& slopes)
       : refitter_(refitter),
-        prior_(theta_prior(refitter.study().model())),
+        prior_(theta_prior(refitter.study().model(), refitter.corrections())),
         used_(refitter.study().used().size()),
         white_(refitter.whitening().apply(slopes.topRows(used_))) {
     hessian_ = white_.transpose() * white_;
@@ -52,8 +52,9 @@ class Adapted {
       box.low[p] = std::min(0.0, room(parameter.low));
       box.high[p] = std::max(0.0, room(parameter.high));
     }
-    const VectorXd residual =
-        refitter_.whitening().apply((refitter_.study().measured() - prediction).head(used_));
+    VectorXd missed = (refitter_.study().measured() - prediction).head(used_);
+    if (refitter_.bias().size() > 0) missed -= kBiasMean * refitter_.bias().head(used_);
+    const VectorXd residual = refitter_.whitening().apply(missed);
     const VectorXd off = (theta - prior_.mean).cwiseQuotient(scales);
     const VectorXd pull = prior_.precision.cwiseProduct(off);
     const VectorXd gradient = pull - white_.transpose() * residual;
@@ -74,10 +75,9 @@ class Adapted {
 /// One shape of an effect, and what is left beside it at the sizes that were looked at.
 struct Shape {
   Candidate candidate;
-  std::map<double, double> left;  ///< by size, of those that could be simulated
-  VectorXd theta;                 ///< parameters as they adapt to the best of them
-  [[nodiscard]] std::map<double, double>::const_iterator best() const {
-    return std::ranges::min_element(left, {}, [](const auto& size) { return size.second; });
+  std::map<double, Adapted::Left> left;  ///< by size, of those that could be simulated
+  [[nodiscard]] std::map<double, Adapted::Left>::const_iterator best() const {
+    return std::ranges::min_element(left, {}, [](const auto& size) { return size.second.half; });
   }
 };
 
@@ -102,8 +102,7 @@ class Looking {
       : study_(refitter.study()), base_(base), adapted_(refitter, slopes) {
     for (const Candidate& candidate : candidates_of(study_.model(), base)) {
       if (effect_of(candidate).far_tries.empty()) continue;
-      if (std::ranges::count(known, candidate.effect) == 0)
-        shapes_.push_back({candidate, {}, base.theta});
+      if (std::ranges::count(known, candidate.effect) == 0) shapes_.push_back({candidate, {}});
     }
   }
 
@@ -148,7 +147,7 @@ class Looking {
     VectorXd there = VectorXd::Zero(Index(effect.numbers.size()));
     there[0] = (size - effect.numbers[0].neutral) / effect.numbers[0].scale;
     State state = extended(study_.model(), base_, shape.candidate, there, 1.0);
-    state.theta = shape.theta;
+    if (!shape.left.empty()) state.theta = shape.best()->second.theta;
     return state;
   }
 
@@ -157,14 +156,14 @@ class Looking {
     const Shape* best = nullptr;
     for (const Shape& shape : shapes_) {
       if (shape.candidate.effect != effect || shape.left.empty()) continue;
-      if (best == nullptr || shape.best()->second < best->best()->second) best = &shape;
+      if (best == nullptr || shape.best()->second.half < best->best()->second.half) best = &shape;
     }
     return best;
   }
 
   [[nodiscard]] bool may_be_best(const Shape& shape) const {
     if (shape.left.empty()) return false;
-    return shape.best()->second < kOut * best_of(shape.candidate.effect)->best()->second;
+    return shape.best()->second.half < kOut * best_of(shape.candidate.effect)->best()->second.half;
   }
 
   /// Of each effect, shapes that hardly come into question by the size that all were looked at.
@@ -174,7 +173,7 @@ class Looking {
       if (shape.left.empty()) continue;
       const auto better = [&](const Shape& other) {
         return other.candidate.effect == shape.candidate.effect && !other.left.empty() &&
-               other.best()->second < shape.best()->second;
+               other.best()->second.half < shape.best()->second.half;
       };
       const auto same = [&](const Shape& other) {
         return other.candidate.effect == shape.candidate.effect;
@@ -202,9 +201,7 @@ class Looking {
       const auto [i, size] = of[k];
       Shape& shape = shapes_[i];
       // Where it was simulated before it was by another promise of how parameters adapt.
-      Adapted::Left left = adapted_.left(*seen[k], states[k].theta);
-      shape.left[size] = left.half;
-      if (shape.best()->first == size) shape.theta = std::move(left.theta);
+      shape.left[size] = adapted_.left(*seen[k], states[k].theta);
     }
   }
 

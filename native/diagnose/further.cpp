@@ -28,7 +28,7 @@ class Further {
     out_.last = analyse_at(*out_.best, slopes);
     while (int(out_.best->causes.size()) < options_.most_causes) {
       if (!further_seen(*out_.last) || predicts_to_the_floor(*out_.best)) return;
-      if (trials_.spent()) return;
+      if (trials_.cut()) return;
       if (options_.progress) options_.progress(0.85, "Looking for a further cause");
       std::vector<Attempt> attempts;
       extend(*out_.best, *out_.last, slopes, attempts);
@@ -104,7 +104,7 @@ class Further {
       if (!active) slopes.columns.push_back(column);
     }
     Analysis found = analysed();
-    if (!further_seen(found) || trials_.spent()) return found;
+    if (!further_seen(found) || trials_.cut()) return found;
     study_.begin("further derivatives");
     slopes = linearise_keeping(study_, trial.refit.state,
                                candidates_of(study_.model(), trial.refit.state),

@@ -97,8 +97,9 @@ struct Effect {
   /// Values of the first number at which searches begin too, because the derivative at the neutral
   /// value does not say what is far from it: a body that sticks does not feel the friction.
   std::vector<double> tries;
-  /// Values of the first number at which every shape is looked at where the model without causes is
-  /// far from the recording (far_starts.hpp); empty: searches begin by derivatives there too.
+  /// Values of the first number, ascending, at which shapes are looked at where the model without
+  /// causes is far from the recording (far_starts.hpp); empty: searches begin by derivatives there
+  /// too.
   std::vector<double> far_tries;
   /// For people: "{value} of air drag …"; {value} becomes value ± error with unit, or all of them
   /// with their names where there are several; {variant} the shape's description.

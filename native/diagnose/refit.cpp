@@ -205,6 +205,7 @@ class Refitter::Search {
     }
   }
 
+  [[nodiscard]] bool ended() const { return ended_; }
   /// The state that the search has come to; null where no start could be simulated.
   [[nodiscard]] const State* end() const { return here_ ? &here_->state : nullptr; }
   /// `seen`: what a simulation at end() shows of all rows.
@@ -452,6 +453,7 @@ std::vector<std::optional<Refit>> Refitter::fit_all(std::vector<RefitStart> star
     for (std::size_t i = 0; i < searches.size(); ++i) {
       // A search that has begun may end anywhere.
       const bool ends = spent() && searches[i].end();
+      if (ends && !searches[i].ended()) study_->mark_cut();
       const std::vector<State> wanted = ends ? std::vector<State>() : searches[i].wanted();
       states.insert(states.end(), wanted.begin(), wanted.end());
       first[i + 1] = states.size();

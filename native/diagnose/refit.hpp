@@ -41,7 +41,7 @@ struct RefitOptions {
   /// far below what excludes a rival.
   double tolerance = 0.1;
   double share = 1e-4;
-  /// Simulations of the study, all its stages together, after which searches end where they are.
+  /// Study::search_runs() after which searches end where they are.
   int most_runs = std::numeric_limits<int>::max();
   DifferenceOptions differences;
 };
@@ -97,8 +97,11 @@ class Refitter {
   /// Derivative of the prediction by the bias's amplitude, stacked; no rows where there is none.
   [[nodiscard]] const Eigen::VectorXd& bias() const { return bias_; }
   [[nodiscard]] const Study& study() const { return *study_; }
-  /// Whether RefitOptions::most_runs are used up.
-  [[nodiscard]] bool spent() const { return study_->runs() >= options_.most_runs; }
+  /// Whether RefitOptions::most_runs are used up. Who leaves something undone for it marks the
+  /// study as cut.
+  [[nodiscard]] bool spent() const { return study_->search_runs() >= options_.most_runs; }
+  /// Noise::corrections
+  [[nodiscard]] double corrections() const { return corrections_; }
 
  private:
   struct Place;

@@ -112,17 +112,17 @@ TEST(Rivals, ExplainOrPredictAtLeastHalfAsWell) {
 /// Those that are excluded stay behind, whatever they cost.
 TEST(Rivals, TheSimplestOfThoseThatAreAlikeComesFirst) {
   std::vector<Trial> trials(4);
-  const double evidences[] = {100.0, 101.5, 104.5, 200.0};
-  const int numbers[] = {3, 1, 3, 0};
+  const double evidences[] = {100.0, 103.0, 104.5, 109.5};
+  const int numbers[] = {9, 6, 9, 0};
   for (std::size_t k = 0; k < trials.size(); ++k) {
     trials[k].evidence = evidences[k];
     trials[k].numbers = numbers[k];
     trials[k].refit.chi_square = 1.0;
   }
   put_simplest_first(trials);
-  EXPECT_EQ(trials[0].evidence, 101.5);
+  EXPECT_EQ(trials[0].evidence, 103.0);
   EXPECT_EQ(trials[1].evidence, 100.0);
-  EXPECT_EQ(trials[3].evidence, 200.0);
+  EXPECT_EQ(trials[3].evidence, 109.5);
 }
 
 }  // namespace

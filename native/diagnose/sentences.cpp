@@ -46,9 +46,13 @@ std::string gain_of(const Cause& cause) {
 
 /// The next in probability, which a named cause is compared with.
 std::string next_best(const Report& report, const Cause& named) {
+  const Cause* next = nullptr;
   for (const Cause& other : report.causes) {
     if (&other == &named || std::ranges::count(report.classes, other.effect) > 0) continue;
-    const double ratio = other.probability / std::max(named.probability, 1e-12);
+    if (next == nullptr || other.probability > next->probability) next = &other;
+  }
+  if (next != nullptr) {
+    const double ratio = next->probability / std::max(named.probability, 1e-12);
     if (ratio < 1e-4) {
       return fmt::format(
           "It is the best of {} causes tested; no other is a ten-thousandth as "
@@ -56,7 +60,7 @@ std::string next_best(const Report& report, const Cause& named) {
           report.causes.size());
     }
     return fmt::format("It is the best of {} causes tested; the next, {}, is {:.2g} % as likely.",
-                       report.causes.size(), plain(other.effect), 100.0 * ratio);
+                       report.causes.size(), plain(next->effect), 100.0 * ratio);
   }
   return fmt::format("It is the best of {} causes tested.", report.causes.size());
 }
@@ -144,10 +148,9 @@ const char* name(Verdict verdict) {
 
 std::string headline(const Report& report) {
   const std::string more =
-      report.remains
-          ? " What is left beside it is still more than noise and the grid make: something "
-            "else is missing too."
-          : "";
+      report.remains ? " What is left is still more than noise and the grid make: something "
+                       "else is missing too."
+                     : "";
   switch (report.verdict) {
     case Verdict::kCause:
       return cause(report) + more;
@@ -160,7 +163,7 @@ std::string headline(const Report& report) {
     case Verdict::kNumerical:
       return numerical(report);
     case Verdict::kMeasurement:
-      return measurement(report);
+      return measurement(report) + more;
     case Verdict::kNothing:
       break;
   }

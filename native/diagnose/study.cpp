@@ -158,6 +158,14 @@ int Study::runs() const {
   return sum;
 }
 
+int Study::search_runs() const {
+  int sum = 0;
+  for (const Ledger::Stage& stage : ledger_->stages) {
+    sum += stage.name.ends_with("refits") ? stage.runs : 0;
+  }
+  return sum;
+}
+
 VectorXd Study::stack(const VectorXd& motion) const {
   VectorXd result(size());
   result << used_.gather(motion), held_.gather(motion);

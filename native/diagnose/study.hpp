@@ -36,6 +36,7 @@ struct Ledger {
   };
   std::vector<Stage> stages{{"all", 0}};
   std::size_t current = 0;
+  bool cut = false;  ///< searches were ended before they were done
 };
 
 /// The rows that a diagnosis works on, used ones first, held-out ones after them ("stacked"), and
@@ -76,6 +77,11 @@ class Study {
       const std::vector<std::vector<double>>& until = {}) const;
   /// Simulations asked for so far, and the same by what they were for, in order.
   [[nodiscard]] int runs() const;
+  /// Those of searches, of the stages "refits" and "further refits".
+  [[nodiscard]] int search_runs() const;
+  /// Ledger::cut
+  [[nodiscard]] bool cut() const { return ledger_->cut; }
+  void mark_cut() const { ledger_->cut = true; }
   [[nodiscard]] const std::vector<Ledger::Stage>& stages() const { return ledger_->stages; }
   /// What simulations from now on are for.
   void begin(const std::string& stage) const;

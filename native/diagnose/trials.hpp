@@ -60,8 +60,8 @@ inline constexpr double kFarOff = 1.2;
 [[nodiscard]] bool falls_short(const Trial& base, const Trial& good, const Trial& trial);
 
 /// Of trials in the order of their evidence, one at least, moves that to the front which is best
-/// among those that the first does not exclude when each number is paid for twice: chance makes a
-/// vector fit a little better than its size.
+/// among those whose evidence is within kExcluded of the first's when each number is paid for
+/// twice: chance makes a vector fit a little better than its size.
 void put_simplest_first(std::vector<Trial>& trials);
 
 /// Refits under one covariance and judges what they predict of what was kept back.
@@ -75,8 +75,12 @@ class Trials {
   /// `stage`.
   [[nodiscard]] std::vector<Trial> tried(std::vector<Attempt> attempts,
                                          const std::string& stage) const;
-  /// Refitter::spent().
-  [[nodiscard]] bool spent() const { return refitter_.spent(); }
+  /// Refitter::spent(); marks the study as cut if so.
+  [[nodiscard]] bool cut() const {
+    if (!refitter_.spent()) return false;
+    study_.mark_cut();
+    return true;
+  }
   /// Sets evidence, corrections and blocks from the refit and the opinion.
   void weigh(Trial& trial) const;
   /// Held-out samples count by what the base leaves of them from now on: where errors there are

@@ -20,6 +20,7 @@
 #include "job/run/checkpoint.hpp"
 #include "job/run/inspect.hpp"
 #include "job/run/observe.hpp"
+#include "job/run/scene_at_level.hpp"
 #include "job/run/state_file.hpp"
 
 namespace matterfit::job {
@@ -327,7 +328,7 @@ TEST(Probe, OnAFaceIsTheFace) {
   // A body that is no whole number of separations long.
   probe.region.point = Vec3d(0.43, 0, 0);
   ASSERT_EQ(probe_points(probe, "probes[0]", body, 0.1).size(), 4U);
-  probe.region.point = Vec3d(0.6, 0, 0);
+  probe.region.point = Vec3d(0.63, 0, 0);
   EXPECT_THAT(message_of([&] { (void)probe_points(probe, "probes[0]", body, 0.1); }),
               HasSubstr("touches no particle of 'b'"));
 }
@@ -342,6 +343,8 @@ TEST(BuildScene, RefusesAProbeThatTouchesNothing) {
   Arena arena(1);
   EXPECT_THAT(message_of([&] { (void)build_scene(job_of(document, {}), arena, Interrupter{}); }),
               HasSubstr("probes[0].region: touches no particle"));
+  // A coarse level of a fit need not have what the job's own scene has.
+  EXPECT_NO_THROW((void)scene_at_level(job_of(document, {}), 2.0, arena, Interrupter{}));
 }
 
 TEST(BuildScene, ThePinnedPlaneIsAFaceOfTheLattice) {

@@ -190,9 +190,9 @@ def restless_off(item):
     """Modifiers that a simulated body cannot follow are switched off inside, as a person is told to."""
     before = [(modifier.name, modifier.show_viewport, modifier.show_render)
               for modifier in item.modifiers if modifier.type in RESTLESS]
-    for name, _viewport, _render in before:
-        item.modifiers[name].show_viewport = item.modifiers[name].show_render = False
     try:
+        for name, _viewport, _render in before:
+            item.modifiers[name].show_viewport = item.modifiers[name].show_render = False
         if before:
             bpy.context.view_layer.update()
         yield

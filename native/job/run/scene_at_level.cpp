@@ -10,6 +10,7 @@ mpm::Scene scene_at_level(const Job& job, double level, Arena& arena,
                           const Interrupter& interrupter) {
   Job coarse = job;
   coarse.scene.particle_separation *= level;
+  coarse.probes.clear();  // looked at in the job's own scene
   mpm::Scene scene = build_scene(coarse, arena, interrupter).scene;
   for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
     if (job.scene.bodies[b].source.kind != Source::Kind::kPoints) continue;

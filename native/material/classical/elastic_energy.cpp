@@ -2,6 +2,7 @@
 #include "material/classical/elastic_energy.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <cmath>
 
 namespace matterfit::material {
@@ -11,6 +12,23 @@ namespace {
 Vec3d stretches(const Mat3d& f) {
   const Eigen::SelfAdjointEigenSolver<Mat3d> solver(f.transpose() * f, Eigen::EigenvaluesOnly);
   return solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+}
+
+/// Σ (σ_k − 1)² of the singular values of F, as |F − R|² with F = R S by Newton's iteration
+/// (Higham, SIAM J. Sci. Stat. Comput. 7, 1986); by eigenvalues where F is nearly singular.
+double squared_stretch(const Mat3d& f) {
+  constexpr int kMostSteps = 12;
+  constexpr double kConverged = 1e-24;  // of |ΔR|², whose next step is its square
+  Mat3d r = f;
+  for (int step = 0; step < kMostSteps; ++step) {
+    const double j = r.determinant();
+    if (!(j > 1e-6)) break;
+    const Mat3d next = 0.5 * (r + r.inverse().transpose());
+    const double moved = (next - r).squaredNorm();
+    r = next;
+    if (moved < kConverged) return (f - r).squaredNorm();
+  }
+  return (stretches(f) - Vec3d::Ones()).squaredNorm();
 }
 
 /// ln cosh(z + c) − ln cosh c − z tanh c with `offset` = tanh c.
@@ -28,7 +46,7 @@ double shape_energy(const LawConstants<double>& law, const Mat3d& f) {
   const double mu = law.mu;
   switch (law.law) {
     case Law::kFixedCorotated:
-      return mu * (stretches(f) - Vec3d::Ones()).squaredNorm();
+      return mu * squared_stretch(f);
     case Law::kNeoHookean: {
       const double j = f.determinant();
       if (!law.split) {

@@ -10,8 +10,8 @@
 
 namespace matterfit::bake {
 
-/// Where the kernels of a body that flows lie and how they are stretched, from where its particles'
-/// neighbours are: Yu & Turk 2013, "Reconstructing surfaces of particle-based fluids using
+/// Centres and stretches of the kernels of a body that flows, from where its particles' neighbours
+/// are: Yu & Turk 2013, "Reconstructing surfaces of particle-based fluids using
 /// anisotropic kernels". Deformation gradients of flows keep elastic parts alone and tell neither.
 ///
 /// Centres are x − λ (I − A)² x, with A the weighted mean over neighbours: the roughness of single

@@ -38,8 +38,8 @@ class FlowKernelsTest : public ::testing::Test {
   Interrupter interrupter_;
 };
 
-/// Where a level set is crossed on the way from `inside` (z) up to a separation of 5 more, above
-/// (x, y).
+/// The height at which a level set is crossed on the way from `inside` (z) up to a separation of 5
+/// more, above (x, y).
 double surface_height(const openvdb::FloatGrid& grid, double x, double y, double inside, double h) {
   const openvdb::tools::GridSampler<openvdb::FloatGrid, openvdb::tools::BoxSampler> sample(grid);
   double low = inside;

@@ -22,10 +22,10 @@ namespace matterfit::bake {
 /// This is the anisotropic kernel of Yu & Turk 2013 ("Reconstructing surfaces of particle-based
 /// fluids using anisotropic kernels") with the axes from F in place of the covariance of the
 /// neighbours. The principal stretches used are clamped to [1/kStretchLimit, kStretchLimit].
-/// Where F is not the gradient of the whole motion (plastic materials keep only the elastic part),
-/// kernels stay nearly round, and material thinned below one particle has holes, which `droplets`
-/// closes at each particle; `flows` takes centres and stretches from the neighbours instead
-/// (flow_kernels.hpp), with Σ W_p = 1 in the bulk only nearly.
+/// Kernels of a material whose F is not the gradient of the whole motion (a plastic one's is the
+/// elastic part) stay nearly round, and material thinned below one particle has holes, which
+/// `droplets` closes at each particle; `flows` takes centres and stretches from the neighbours
+/// instead (flow_kernels.hpp), with Σ W_p = 1 in the bulk only nearly.
 inline constexpr double kStretchLimit = 5.0;
 
 struct RasterOptions {

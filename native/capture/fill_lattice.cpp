@@ -295,8 +295,8 @@ class LatticeFill {
     if (whole + cut < (1 - kMostLost) * inside_) {
       throw_input(fmt::format(
           "At a particle_separation of {:.6g} m particles hold only {:.0f} % of the shape: the "
-          "rest is "
-          "wires and walls that are far thinner. Use a smaller separation, or make them thicker.",
+          "rest is wires and walls that are far thinner. Use a smaller separation, or make them "
+          "thicker.",
           h_, 100.0 * (whole + cut) / inside_));
     }
     FilledBody body;

@@ -112,7 +112,7 @@ class Acceptance {
   [[nodiscard]] bool is_rival(const Score& score) const {
     if (!score.observable) return false;
     const Trial& best = out_.singles.front();
-    // Not the best where that is a simpler one that is nearly as likely.
+    // The best may be a simpler cause that is only nearly as likely.
     const Trial& likeliest = *std::ranges::min_element(out_.singles, {}, &Trial::evidence);
     const double limit = kExcluded * looseness_of(best.refit);
     for (const Trial& trial : out_.singles) {

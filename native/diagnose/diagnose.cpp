@@ -58,7 +58,7 @@ class Writer {
     causes();
     decide();
     probabilities();
-    // Where none but the first are likely at all, what was refitted says more than a score.
+    // Of causes that are hardly likely at all, a refit says more than a score.
     const auto rank = [](const Cause& cause) {
       return std::tuple(!cause.accepted, -std::floor(1e6 * cause.probability), !cause.refitted,
                         -cause.probability);
@@ -69,7 +69,7 @@ class Writer {
     }
     next();
     report_.runs = study_.runs();
-    report_.cut = found_.cut;
+    report_.cut = study_.cut();
     report_.by_stage.reserve(study_.stages().size());
     for (const Ledger::Stage& stage : study_.stages()) {
       report_.by_stage.emplace_back(stage.name, stage.runs);

@@ -155,7 +155,7 @@ TEST(Diagnose, WhatNoEffectKnowsIsUnknown) {
   EXPECT_NEAR(report.wrong.front().frame, 10, 4);
 }
 
-/// What is known and explains nearly all is named although something smaller is not.
+/// A known cause that explains nearly all is named although something smaller remains unknown.
 TEST(Diagnose, WhatIsKnownIsNamedBesideWhatIsNot) {
   ThrownModel model = two_throws();
   model.unknown_push = 0.01;

@@ -81,7 +81,6 @@ class Search {
     choose();
     add_further_causes(study_, *trials_, *judge_, options_, out_);
     accept(study_, *refitter_, *judge_, options_, out_);
-    out_.cut = study_.cut();
     return std::move(out_);
   }
 
@@ -408,7 +407,7 @@ class Search {
         attempts, [&](const Attempt& attempt) { return attempt.causes.front().effect == effect; });
   }
 
-  /// Where a trial of the pass before ended.
+  /// A start where a trial of the pass before ended.
   [[nodiscard]] RefitStart again(Trial& trial) const {
     RefitStart start{{trial.refit.state}, {}};
     start.corrections = refitter_->corrections_of(trial.refit).size;

@@ -41,7 +41,6 @@ struct Extension {
   bool accepted = false;  ///< the best passes significance, gain, baselines and bounds
   /// The best extension takes away no more than the estimate of the solver's error may be off by.
   bool within_solver = false;
-  bool cut = false;                       ///< searches were ended by RefitOptions::most_runs
   bool exact_solver_significant = false;  ///< something is wrong if the solver counts as exact
 };
 

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "diagnose/starts.hpp"
-#include "fit/numerics/bounded_step.hpp"
+#include "diagnose/state_box.hpp"
 
 namespace matterfit::diagnose {
 namespace {
@@ -22,9 +22,11 @@ using Eigen::VectorXd;
 /// What is left of a residual once parameters have adapted to first order.
 class Adapted {
  public:
-  Adapted(const Refitter& refitter, const MatrixXd& slopes)
+  Adapted(const Refitter& refitter, const State& base, const MatrixXd& slopes)
       : refitter_(refitter),
         prior_(theta_prior(refitter.study().model(), refitter.corrections())),
+        bounds_(box_of(refitter.study().model(), base)),
+        scales_(scales_of(refitter.study().model(), base)),
         used_(refitter.study().used().size()),
         white_(refitter.whitening().apply(slopes.topRows(used_))) {
     hessian_ = white_.transpose() * white_;
@@ -37,36 +39,26 @@ class Adapted {
     VectorXd theta;     ///< the parameters, adapted
   };
 
-  /// Of what was simulated at `theta`.
+  /// What is left of `prediction`, which was simulated at `theta`.
   [[nodiscard]] Left left(const VectorXd& prediction, const VectorXd& theta) const {
-    const std::vector<fit::Parameter>& parameters = refitter_.study().model().parameters();
-    const Index count = theta.size();
-    VectorXd scales(count);
-    fit::Box box{VectorXd(count), VectorXd(count)};
-    for (Index p = 0; p < count; ++p) {
-      const fit::Parameter& parameter = parameters[std::size_t(p)];
-      scales[p] = parameter.scale;
-      const auto room = [&](double bound) {
-        return (fit::to_natural(parameter.coordinate, bound) - theta[p]) / parameter.scale;
-      };
-      box.low[p] = std::min(0.0, room(parameter.low));
-      box.high[p] = std::max(0.0, room(parameter.high));
-    }
     VectorXd missed = (refitter_.study().measured() - prediction).head(used_);
     if (refitter_.bias().size() > 0) missed -= kBiasMean * refitter_.bias().head(used_);
     const VectorXd residual = refitter_.whitening().apply(missed);
-    const VectorXd off = (theta - prior_.mean).cwiseQuotient(scales);
+    const VectorXd off = (theta - prior_.mean).cwiseQuotient(scales_);
     const VectorXd pull = prior_.precision.cwiseProduct(off);
     const VectorXd gradient = pull - white_.transpose() * residual;
-    const VectorXd step = fit::bounded_step(hessian_, gradient, box);
+    const VectorXd step =
+        fit::bounded_step(hessian_, gradient, room_about(theta, bounds_, scales_));
     const double here = 0.5 * (residual.squaredNorm() + off.dot(pull));
     return {here + gradient.dot(step) + 0.5 * step.dot(hessian_ * step),
-            theta + scales.cwiseProduct(step)};
+            theta + scales_.cwiseProduct(step)};
   }
 
  private:
   const Refitter& refitter_;
   ThetaPrior prior_;
+  fit::Box bounds_;
+  VectorXd scales_;
   Index used_;
   MatrixXd white_;
   MatrixXd hessian_;
@@ -99,7 +91,7 @@ class Looking {
  public:
   Looking(const Refitter& refitter, const State& base, const MatrixXd& slopes,
           const std::vector<int>& known)
-      : study_(refitter.study()), base_(base), adapted_(refitter, slopes) {
+      : study_(refitter.study()), base_(base), adapted_(refitter, base, slopes) {
     for (const Candidate& candidate : candidates_of(study_.model(), base)) {
       if (effect_of(candidate).far_tries.empty()) continue;
       if (std::ranges::count(known, candidate.effect) == 0) shapes_.push_back({candidate, {}});
@@ -166,7 +158,7 @@ class Looking {
     return shape.best()->second.half < kOut * best_of(shape.candidate.effect)->best()->second.half;
   }
 
-  /// Of each effect, shapes that hardly come into question by the size that all were looked at.
+  /// Leaves out shapes that hardly come into question by the size at which all were looked at.
   void leave_the_worst() {
     std::vector<Shape> kept;
     for (const Shape& shape : shapes_) {

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "base/error.hpp"
+#include "diagnose/state_box.hpp"
 #include "fit/numerics/bounded_step.hpp"
 
 namespace matterfit::diagnose {
@@ -24,36 +25,6 @@ using Eigen::VectorXd;
 
 constexpr double kFirstDamping = 1e-4;
 constexpr double kMostDamping = 1e6;
-
-/// [θ | α] in scales.
-VectorXd scales_of(const Model& model, const State& state) {
-  std::vector<double> scales;
-  for (const fit::Parameter& parameter : model.parameters()) scales.push_back(parameter.scale);
-  for (const Active& cause : state.causes) {
-    for (const Number& number : model.effects()[std::size_t(cause.effect)].numbers) {
-      scales.push_back(number.scale);
-    }
-  }
-  return Eigen::Map<const VectorXd>(scales.data(), Index(scales.size()));
-}
-
-/// Where [θ | α] may lie: natural coordinates and physical values.
-fit::Box box_of(const Model& model, const State& state) {
-  std::vector<double> low;
-  std::vector<double> high;
-  for (const fit::Parameter& parameter : model.parameters()) {
-    low.push_back(fit::to_natural(parameter.coordinate, parameter.low));
-    high.push_back(fit::to_natural(parameter.coordinate, parameter.high));
-  }
-  for (const Active& cause : state.causes) {
-    for (const Number& number : model.effects()[std::size_t(cause.effect)].numbers) {
-      low.push_back(number.one_sided ? std::max(number.neutral, number.low) : number.low);
-      high.push_back(number.high);
-    }
-  }
-  return {Eigen::Map<const VectorXd>(low.data(), Index(low.size())),
-          Eigen::Map<const VectorXd>(high.data(), Index(high.size()))};
-}
 
 VectorXd values_of(const State& state) {
   Index count = state.theta.size();
@@ -300,10 +271,9 @@ class Refitter::Search {
     const Index numbers = scales_.size();
     fit::Box box{VectorXd::Constant(jacobian_.cols(), -1e6),
                  VectorXd::Constant(jacobian_.cols(), 1e6)};
-    box.low.head(numbers) =
-        (bounds_.low - values).cwiseQuotient(scales_).cwiseMin(0.0).cwiseMax(-1e6);
-    box.high.head(numbers) =
-        (bounds_.high - values).cwiseQuotient(scales_).cwiseMax(0.0).cwiseMin(1e6);
+    const fit::Box room = room_about(values, bounds_, scales_);
+    box.low.head(numbers) = room.low;
+    box.high.head(numbers) = room.high;
     const MatrixXd hessian = jacobian_.transpose() * jacobian_;
     MatrixXd damped = hessian;
     damped.diagonal() +=

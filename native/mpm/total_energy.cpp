@@ -10,31 +10,6 @@
 #include "mpm/total_stencil.hpp"
 
 namespace matterfit::mpm {
-namespace {
-
-/// ∂u/∂X at a point of a cell whose 27 nodes have these values, an axis at a time.
-Mat3d gradient_of(const std::array<Vec3d, 27>& values, const PointStencil& s) {
-  Mat3d gradient = Mat3d::Zero();
-  for (std::size_t i = 0; i < 3; ++i) {
-    Vec3d value = Vec3d::Zero();
-    Vec3d by_y = Vec3d::Zero();
-    Vec3d by_z = Vec3d::Zero();
-    for (std::size_t j = 0; j < 3; ++j) {
-      const Vec3d* row = &values[9 * i + 3 * j];
-      const Vec3d at = s.w[2][0] * row[0] + s.w[2][1] * row[1] + s.w[2][2] * row[2];
-      value += s.w[1][j] * at;
-      by_y += s.g[1][j] * at;
-      by_z += s.w[1][j] * (s.g[2][0] * row[0] + s.g[2][1] * row[1] + s.g[2][2] * row[2]);
-    }
-    gradient.col(0) += s.g[0][i] * value;
-    gradient.col(1) += s.w[0][i] * by_y;
-    gradient.col(2) += s.w[0][i] * by_z;
-  }
-  return gradient;
-}
-
-}  // namespace
-
 template <class S>
 double TotalBody<S>::elastic_energy(Arena& arena, double dt) const {
   std::vector<double> shape(displacement_.size());
@@ -59,7 +34,9 @@ double TotalBody<S>::elastic_energy(Arena& arena, double dt) const {
     double sum = 0.0;
     for (std::size_t q = cells[c]; q < cells[c + 1]; ++q) {
       const PointStencil s(points[q].f, grid_.dx());
-      const Mat3d f = Mat3d::Identity() + gradient_of(values, s);
+      Mat3d f = Mat3d::Identity();
+      for (int k = 0; k < 3; ++k)
+        f.row(k) += gradient_of(s, [&](std::size_t n) { return values[n][k]; });
       const double j = f.determinant();
       volume += points[q].volume;
       change += points[q].volume * j;

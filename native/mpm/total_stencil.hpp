@@ -68,8 +68,8 @@ inline Vec3d field_at(const FieldStencil& s, const double* field) {
 
 /// Σ u_I ∇w_I of values at the nodes of a cell: value(n).
 template <class Value>
-Vec3d gradient_of(const FieldStencil& s, const Value& value) {
-  const auto& [w, g] = s.spline;
+Vec3d gradient_of(const PointStencil& s, const Value& value) {
+  const auto& [w, g] = s;
   Vec3d sum = Vec3d::Zero();
   for (std::size_t i = 0; i < 3; ++i)
     for (std::size_t j = 0; j < 3; ++j) {
@@ -89,7 +89,7 @@ inline Mat3d field_gradient(const FieldStencil& s, const double* field) {
   Mat3d h;
   for (int c = 0; c < 3; ++c) {
     const double* component = field + static_cast<std::size_t>(c) * kBlockNodes;
-    h.row(c) = gradient_of(s, [&](std::size_t n) { return component[s.node[n]]; });
+    h.row(c) = gradient_of(s.spline, [&](std::size_t n) { return component[s.node[n]]; });
   }
   return h;
 }

@@ -212,22 +212,6 @@ def volume(arrays):
     return float(_parts(arrays)[1].sum())
 
 
-def area(arrays):
-    """Area of the faces."""
-    vertices = arrays["vertices"].astype(numpy.float64)
-    sizes = arrays["face_sizes"].astype(numpy.int64)
-    first = numpy.cumsum(sizes) - sizes
-    place = numpy.arange(len(arrays["face_vertices"]))
-    last = place == numpy.repeat(first + sizes - 1, sizes)
-    after = numpy.where(last, numpy.repeat(first, sizes), place + 1)
-    corners = vertices[arrays["face_vertices"]]
-    start = numpy.repeat(corners[first], sizes, axis=0)
-    normals = numpy.zeros((len(sizes), 3))
-    numpy.add.at(normals, numpy.repeat(numpy.arange(len(sizes)), sizes),
-                 numpy.cross(corners - start, corners[after] - start))
-    return 0.5 * float(numpy.linalg.norm(normals, axis=1).sum())
-
-
 def center_of_mass(arrays):
     """Volume centroid of the triangulated faces [m]; the vertices' mean for an open mesh."""
     middle, volumes, centres = _parts(arrays)

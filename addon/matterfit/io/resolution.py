@@ -16,7 +16,7 @@ from .. import laws
 from ..compat import translate
 from ..jobs import JobError
 from ..props import reactions
-from . import meshes, plain, presets, shapes, transforms
+from . import halving, meshes, plain, presets, shapes, transforms
 
 RAYS = 400
 HITS = 8
@@ -251,7 +251,7 @@ def size_of(arrays):
     if not distances or volume <= 1e-6 * box:
         return Size(thickness, box, lengths)
     wires = (thickness < THIN * sorted(lengths)[1]
-             and 2.0 * volume < WIRES * thickness * meshes.area(arrays))
+             and 2.0 * volume < WIRES * thickness * halving.area(arrays))
     return Size(thickness, volume, lengths, wires)
 
 

@@ -186,21 +186,30 @@ def check(item, depsgraph):
 
 
 @contextlib.contextmanager
-def restless_off(item):
-    """Modifiers that a simulated body cannot follow are switched off inside, as a person is told to."""
-    before = [(modifier.name, modifier.show_viewport, modifier.show_render)
-              for modifier in item.modifiers if modifier.type in RESTLESS]
+def _switched(item, wanted):
+    """Modifiers are shown as `wanted` says, {(name, property): bool}, inside."""
+    before = {}
     try:
-        for name, _viewport, _render in before:
-            item.modifiers[name].show_viewport = item.modifiers[name].show_render = False
+        for (name, attribute), shown in wanted.items():
+            now = getattr(item.modifiers[name], attribute)
+            if now != shown:
+                before[name, attribute] = now
+                setattr(item.modifiers[name], attribute, shown)
         if before:
             bpy.context.view_layer.update()
         yield
     finally:
-        for name, viewport, render in before:
-            item.modifiers[name].show_viewport, item.modifiers[name].show_render = viewport, render
+        for (name, attribute), shown in before.items():
+            setattr(item.modifiers[name], attribute, shown)
         if before:
             bpy.context.view_layer.update()
+
+
+def restless_off(item):
+    """Modifiers that a simulated body cannot follow are switched off inside, as a person is told to."""
+    return _switched(item, {(modifier.name, attribute): False
+                            for modifier in item.modifiers if modifier.type in RESTLESS
+                            for attribute in ("show_viewport", "show_render")})
 
 
 def emptied_by(item):
@@ -215,25 +224,12 @@ def emptied_by(item):
     return ""
 
 
-@contextlib.contextmanager
 def modifiers_limited(item, stop, refined=False):
     """Our own modifiers and those from index `stop` on are off inside; what makes the shape in
     renders only is on, and with `refined` what refines it too."""
-    before = {}
     makers, refiners = _split(item)
     makers = {modifier.name for _index, modifier in makers + (refiners if refined else [])}
-    for index, modifier in enumerate(item.modifiers):
-        seen = modifier.show_viewport or modifier.name in makers
-        wanted = seen and index < stop and not is_own(modifier)
-        if wanted != modifier.show_viewport:
-            before[modifier.name] = modifier.show_viewport
-            modifier.show_viewport = wanted
-    try:
-        if before:
-            bpy.context.view_layer.update()
-        yield
-    finally:
-        for name, shown in before.items():
-            item.modifiers[name].show_viewport = shown
-        if before:
-            bpy.context.view_layer.update()
+    return _switched(item, {
+        (modifier.name, "show_viewport"):
+            (modifier.show_viewport or modifier.name in makers) and index < stop and not is_own(modifier)
+        for index, modifier in enumerate(item.modifiers)})

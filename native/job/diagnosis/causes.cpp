@@ -152,14 +152,16 @@ class Causes {
 
   void masses() {
     if (fitted("masses")) return;
-    places_ = surface_places(scene_.bodies.front(), job_.scene.particle_separation);
-    mass(nullptr);
+    std::vector<SurfacePlace> places =
+        surface_places(scene_.bodies.front(), job_.scene.particle_separation);
+    places.push_back({body_.center, "at the centre"});
+    mass(places, nullptr);
     if (options_.own_scenes.size() >= kMostRuns) return;
-    for (const OwnScene& own : options_.own_scenes) mass(&own);
+    for (const OwnScene& own : options_.own_scenes) mass(places, &own);
   }
 
   /// In all scenes, or in that of some captures alone.
-  void mass(const OwnScene* own) {
+  void mass(const std::vector<SurfacePlace>& places, const OwnScene* own) {
     Cause& cause = add("attached_mass", "state", "A mass of {value} is attached {variant}.");
     if (own != nullptr) {
       cause.row.scope = "capture " + own->capture;
@@ -170,17 +172,11 @@ class Causes {
     cause.row.numbers = {number("mass", "kg", 0.05 * mass, true)};
     for (const double share : kTriedMasses) cause.row.far_tries.push_back(share * mass);
     cause.row.confused_with = {"material.E", "gravity_size"};
-    std::vector<Vec3d> places;
-    for (const SurfacePlace& place : places_) {
-      places.push_back(place.position);
-      cause.row.variants.push_back(place.words);
-    }
-    places.push_back(body_.center);
-    cause.row.variants.emplace_back("at the centre");
+    for (const SurfacePlace& place : places) cause.row.variants.push_back(place.words);
     cause.apply = [places](std::span<const double> v, int variant, mpm::Scene& scene) {
       if (!(v[0] > 0.0)) return;
       mpm::AttachedMass attached;
-      attached.position = places[static_cast<std::size_t>(variant)];
+      attached.position = places[static_cast<std::size_t>(variant)].position;
       attached.mass = v[0];
       scene.bodies.front().masses.push_back(attached);
     };
@@ -188,7 +184,7 @@ class Causes {
     const Json there = own != nullptr ? own->masses : Json();
     cause.write = [places, there, name = scene_.bodies.front().name](std::span<const double> v,
                                                                      int variant, Json& scene) {
-      const Vec3d& at = places[static_cast<std::size_t>(variant)];
+      const Vec3d& at = places[static_cast<std::size_t>(variant)].position;
       Json& masses = body_named(name, scene)["masses"];
       if (masses.is_null()) masses = there;
       masses.push_back({{"position", {at.x(), at.y(), at.z()}}, {"mass", v[0]}});
@@ -251,7 +247,6 @@ class Causes {
   const mpm::Scene& scene_;
   const CauseOptions& options_;
   Extent body_;
-  std::vector<SurfacePlace> places_;  ///< of an attached mass
   std::vector<Cause> causes_;
 };
 

@@ -31,8 +31,8 @@ constexpr double kDiagnosedFitShare = 0.3;
 /// Particles times substeps of all searches together, some minutes of two cores, after which they
 /// end; but not before so many simulations.
 constexpr double kMostWork = 2e9;
-constexpr int kFewestRuns = 400;
-constexpr int kMostRuns = 1'000'000;
+constexpr int kFewestSimulations = 400;
+constexpr int kMostSimulations = 1'000'000;
 
 /// What the section `diagnose` of a document asks for.
 struct Settings {
@@ -69,7 +69,7 @@ Settings read_settings(const Json& given) {
     } else if (key == "particles") {
       settings.particles = whole(key, value, 100, 10'000'000);
     } else if (key == "runs") {
-      settings.runs = whole(key, value, 100, kMostRuns);
+      settings.runs = whole(key, value, 100, kMostSimulations);
     } else if (key == "central") {
       if (!value.is_boolean()) throw_input("diagnose.central: expected true or false.");
       options.central = value.get<bool>();
@@ -188,13 +188,17 @@ Job without_swaps(const Job& job, const std::vector<SwappedTracks>& swapped) {
   return read_again(job, document);
 }
 
+/// Probes are looked at in the job's own scene.
+Job without_probes(Job job) {
+  job.probes.clear();
+  return job;
+}
+
 /// The job with fewer particles, in which causes are sought.
 Job coarse_job(const Job& job, double factor) {
   Json document = job.document;
   set_separation(job.document, factor, document);
-  Job coarse = read_again(job, document);
-  coarse.probes.clear();  // looked at in the job's own scene
-  return coarse;
+  return without_probes(read_again(job, document));
 }
 
 }  // namespace
@@ -237,8 +241,7 @@ Json run_diagnose(const Job& given, const RunOptions& options, Interrupter& inte
     statements.push_back(fmt::format(
         "Causes were sought with particles {:.3g} times as far apart as the scene's.", factor));
   }
-  Job base = read_again(job, sought);
-  base.probes.clear();
+  const Job base = without_probes(read_again(job, sought));
   SceneModel model(base, SceneModel::From::kDocument, options, interrupter, statements,
                    settings.shooting);
   const MotionStore store(folder / "diagnosis",
@@ -247,7 +250,8 @@ Json run_diagnose(const Job& given, const RunOptions& options, Interrupter& inte
   settings.engine.most_runs = settings.runs;
   if (settings.runs == 0) {
     const double affordable = kMostWork / std::max(1.0, model.work());
-    settings.engine.most_runs = std::max(kFewestRuns, int(std::min(double(kMostRuns), affordable)));
+    settings.engine.most_runs =
+        std::max(kFewestSimulations, int(std::min(double(kMostSimulations), affordable)));
   }
   settings.engine.progress = [&](double part, const std::string& what) {
     enter_stage(interrupter, "Diagnosing: " + what,
@@ -259,7 +263,7 @@ Json run_diagnose(const Job& given, const RunOptions& options, Interrupter& inte
     statements.push_back(
         fmt::format("The search for causes ended after {} simulations, before it was done: what is "
                     "named may be missing something. \"diagnose\": {{\"runs\": {}}} looks longer.",
-                    report.runs, std::min(kMostRuns, 3 * settings.engine.most_runs)));
+                    report.runs, std::min(kMostSimulations, 3 * settings.engine.most_runs)));
   }
   Json json = report_json(report, model.captures());
   report_swaps(swapped, json);

@@ -8,7 +8,6 @@
 #include "capture/mesh.hpp"
 #include "capture/npz.hpp"
 #include "capture/ply.hpp"
-#include "fit/data/follow.hpp"
 #include "job/documents/document_error.hpp"
 #include "job/run/observe.hpp"
 #include "shape/collider_mesh.hpp"
@@ -223,9 +222,7 @@ BuiltScene build_scene(const Job& job, Arena& arena, const Interrupter& interrup
   scene.grid_shift = doc.solver.grid_shift;
   for (std::size_t i = 0; i < job.probes.size(); ++i) {
     // Here, not where they are looked at: after a fit.
-    (void)probe_points(job.probes[i], "probes[" + std::to_string(i) + "]",
-                       scene.bodies[fit::body_index(scene, job.probes[i].body)],
-                       doc.particle_separation);
+    (void)probe_points(job, i, scene);
   }
   return built;
 }

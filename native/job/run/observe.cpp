@@ -73,9 +73,7 @@ Observations::Observations(const Job& job, const mpm::Scene& scene,
   }
   for (std::size_t i = 0; i < job.probes.size(); ++i) {
     const std::size_t body = fit::body_index(scene, job.probes[i].body);
-    Points points = probe_points(job.probes[i], "probes[" + std::to_string(i) + "]",
-                                 scene.bodies[body], separation);
-    follow(body, {scene.bodies[body], std::move(points), separation, arena});
+    follow(body, {scene.bodies[body], probe_points(job, i, scene), separation, arena});
   }
   if (!followers_.empty()) return;
   // Nothing asks for it, but a body that is let go may ring: the particles that no pin holds on to.
@@ -216,6 +214,12 @@ Points probe_points(const ProbeDoc& probe, const std::string& path, const mpm::B
     }
   }
   return touching;
+}
+
+Points probe_points(const Job& job, std::size_t i, const mpm::Scene& scene) {
+  const ProbeDoc& probe = job.probes[i];
+  return probe_points(probe, "probes[" + std::to_string(i) + "]",
+                      scene.bodies[fit::body_index(scene, probe.body)], 0.5 * scene.dx);
 }
 
 std::optional<fit::Ringdown> measured_ringdown(const fit::CaptureInput& capture) {

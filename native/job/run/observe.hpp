@@ -59,6 +59,9 @@ class Observations {
 [[nodiscard]] Points probe_points(const ProbeDoc& probe, const std::string& path,
                                   const mpm::Body& body, double separation);
 
+/// The same of the job's probe `i`, whose body is in `scene`.
+[[nodiscard]] Points probe_points(const Job& job, std::size_t i, const mpm::Scene& scene);
+
 /// The quiet mean, drop and so on of the capture itself.
 [[nodiscard]] std::optional<fit::Ringdown> measured_ringdown(const fit::CaptureInput& capture);
 

@@ -113,11 +113,15 @@ Measurement measure_forward(int edge, mpm::Formulation formulation, int threads,
 int run(int argc, char** argv) {
   std::vector<std::size_t> sizes{10'000, 100'000, 1'000'000};
   std::vector<int> thread_counts{1, 2};
+  std::vector<std::string> chosen{"updated", "total", "renewed"};
   double seconds = 1.0;
   int repetitions = 5;
   CLI::App app("Forward speed of the solver in million particle-steps a second");
   app.add_option("--particles", sizes, "about how many particles")->capture_default_str();
   app.add_option("--threads", thread_counts)->capture_default_str();
+  app.add_option("--formulations", chosen)
+      ->capture_default_str()
+      ->check(CLI::IsMember(std::vector<std::string>{"updated", "total", "renewed"}));
   app.add_option("--seconds", seconds, "of one repetition, at least")->capture_default_str();
   app.add_option("--repetitions", repetitions)->capture_default_str()->check(CLI::Range(1, 99));
   CLI11_PARSE(app, argc, argv);
@@ -135,7 +139,8 @@ int run(int argc, char** argv) {
     std::fprintf(stderr, "%zu particles\n", count);
     const Measurement serial = measure_serial(edge, seconds, repetitions);
     print("serial", "updated", 1, count, serial, serial.mps);
-    for (const auto& [name, formulation] : formulations) {
+    for (const std::string& name : chosen) {
+      const mpm::Formulation formulation = formulations.at(name);
       for (const int threads : thread_counts) {
         const Measurement forward =
             measure_forward(edge, formulation, threads, seconds, repetitions);

@@ -268,6 +268,18 @@ Vec3d TotalGrid::node_position(std::uint32_t node) const {
   return (node_coordinates(node).cast<double>() + phase_) * dx_;
 }
 
+std::uint32_t TotalGrid::find_block(const Vec3i& coordinates) const {
+  return find(block_coordinates_, coordinates);
+}
+
+std::uint32_t TotalGrid::node_of_block(std::uint32_t block, const Vec3i& place) const {
+  const Vec3i b = floor_divide(place);
+  const Vec3i n = place - 4 * b;
+  return block_nodes_[block][static_cast<std::size_t>(4 * b[0] + 2 * b[1] + b[2])] *
+             static_cast<std::uint32_t>(kBlockNodes) +
+         static_cast<std::uint32_t>((n[0] * 4 + n[1]) * 4 + n[2]);
+}
+
 std::uint32_t TotalGrid::find_node(const Vec3i& coordinates) const {
   const Vec3i b = floor_divide(coordinates);
   const std::uint32_t block = find(node_block_coordinates_, b);
@@ -278,12 +290,16 @@ std::uint32_t TotalGrid::find_node(const Vec3i& coordinates) const {
 }
 
 const std::array<std::uint32_t, 27>& NodesOfCell::operator()(const Vec3i& cell) {
-  if (cell != cell_) {
-    cell_ = cell;
-    for (int i = 0; i < 27; ++i) {
-      const Vec3i step(i / 9, i / 3 % 3, i % 3);
-      nodes_[static_cast<std::size_t>(i)] = grid_.find_node(cell + step);
-    }
+  if (cell == cell_) return nodes_;
+  cell_ = cell;
+  const Vec3i at = floor_divide(cell);
+  if (at != at_) {
+    at_ = at;
+    block_ = grid_.find_block(at);
+  }
+  for (int i = 0; i < 27; ++i) {
+    const Vec3i step(i / 9, i / 3 % 3, i % 3);
+    nodes_[static_cast<std::size_t>(i)] = grid_.node_of_block(block_, cell + step - 4 * at);
   }
   return nodes_;
 }

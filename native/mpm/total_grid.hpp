@@ -105,6 +105,10 @@ class TotalGrid {
   [[nodiscard]] Vec3i node_coordinates(std::uint32_t node) const;
   /// The node with these coordinates, or kNoBlock.
   [[nodiscard]] std::uint32_t find_node(const Vec3i& coordinates) const;
+  /// The block of cells at these coordinates (of cells / 4, rounded down), or kNoBlock.
+  [[nodiscard]] std::uint32_t find_block(const Vec3i& coordinates) const;
+  /// The node at `place`, each 0…5, of what a block of cells touches.
+  [[nodiscard]] std::uint32_t node_of_block(std::uint32_t block, const Vec3i& place) const;
   /// Node coordinate (real-valued) of a local position along an axis: an integer is on a node.
   [[nodiscard]] double node_coordinate(const Vec3d& local, int axis) const {
     return local[axis] / dx_ - phase_[axis];
@@ -160,7 +164,8 @@ class TotalGrid {
   Vec3d center_ = Vec3d::Zero();
 };
 
-/// The 27 nodes of a cell, 9i + 3j + k; looked up where the cell is another than last time.
+/// The 27 nodes of a cell that holds quadrature points, 9i + 3j + k; looked up where the cell is
+/// another than last time.
 class NodesOfCell {
  public:
   explicit NodesOfCell(const TotalGrid& grid) : grid_(grid) {}
@@ -169,6 +174,8 @@ class NodesOfCell {
  private:
   const TotalGrid& grid_;
   Vec3i cell_ = Vec3i::Constant(std::numeric_limits<int>::min());
+  Vec3i at_ = cell_;  ///< of the block
+  std::uint32_t block_ = kNoBlock;
   std::array<std::uint32_t, 27> nodes_{};
 };
 

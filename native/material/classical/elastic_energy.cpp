@@ -18,7 +18,7 @@ Vec3d stretches(const Mat3d& f) {
 /// (Higham, SIAM J. Sci. Stat. Comput. 7, 1986); by eigenvalues where F is nearly singular.
 double squared_stretch(const Mat3d& f) {
   constexpr int kMostSteps = 12;
-  constexpr double kConverged = 1e-24;  // of |ΔR|², whose next step is its square
+  constexpr double kConverged = 1e-15;  // of |ΔR|², which is twice the error after that step
   Mat3d r = f;
   for (int step = 0; step < kMostSteps; ++step) {
     const double j = r.determinant();

@@ -62,6 +62,9 @@ KINDS = (
     Kind("strain_stiffening", "Strain Stiffening",
          "The material becomes stiffer the farther it is stretched, as rubber does", "IPO_EXPO",
          at_rest=True),
+    Kind("second_invariant", "Mooney Term",
+         "A rubber that softens when pulled along one axis, less when pulled along two", "IPO_QUAD",
+         at_rest=True),
 )
 
 # Parameters that an object in the scene gives: by its origin, or by its local Z.

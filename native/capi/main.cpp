@@ -19,10 +19,13 @@
 #include "capi/terminal.hpp"
 #include "capi/wedge_run.hpp"
 #include "job/curves.hpp"
+#include "job/diagnosis/diagnose_tests.hpp"
+#include "job/diagnosis/page.hpp"
 #include "job/documents/document.hpp"
 #include "job/documents/farm_files.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/documents/json_reader.hpp"
+#include "job/documents/tests_document.hpp"
 #include "job/documents/wedge.hpp"
 #include "job/fit_like.hpp"
 #include "job/new_job.hpp"
@@ -137,9 +140,8 @@ void watch(const Arguments& arguments, capi::JobThread& thread) {
   progress.finish();
 }
 
-int run(const Arguments& arguments, const std::string& verb) {
-  const job::RunOptions options = run_options(arguments);
-  capi::JobThread thread(read(arguments, verb), options);
+/// Shows a thread's work and what came of it; gives the exit status.
+int finish(const Arguments& arguments, capi::JobThread& thread) {
   watch(arguments, thread);
   const capi::Outcome& outcome = thread.outcome();
   if (!outcome.error.empty()) std::fprintf(stderr, "matterfit: %s\n", outcome.error.c_str());
@@ -151,6 +153,25 @@ int run(const Arguments& arguments, const std::string& verb) {
     std::fputs(capi::summary(result).c_str(), stdout);
   }
   return outcome.exit_status;
+}
+
+int run(const Arguments& arguments, const std::string& verb) {
+  capi::JobThread thread(read(arguments, verb), run_options(arguments));
+  return finish(arguments, thread);
+}
+
+/// Of what a testing machine measured; the page lies beside the report.
+int diagnose_tests(const Arguments& arguments) {
+  if (!arguments.set.empty()) matterfit::throw_input("--set changes jobs; these are tests.");
+  capi::JobThread thread([&](matterfit::Interrupter& interrupter) {
+    const job::Json report = job::diagnose_tests(arguments.job, arguments.threads, interrupter);
+    if (!arguments.report.empty()) {
+      std::filesystem::path page = arguments.report;
+      matterfit::write_file(page.replace_extension(".html"), job::report_page(report));
+    }
+    return capi::Outcome{0, report.dump(2, ' ', false, job::Json::error_handler_t::replace), {}};
+  });
+  return finish(arguments, thread);
 }
 
 CLI::App* add_wedge(CLI::App& app, Arguments& arguments) {
@@ -421,6 +442,9 @@ int command(int argc, char** argv, Arguments& arguments) {
           job::estimate_job(read(arguments, "estimate"), run_options(arguments), true);
       std::fputs((json.dump(2) + "\n").c_str(), stdout);
       return 0;
+    }
+    if (verb->get_name() == "diagnose" && job::is_tests_file(arguments.job)) {
+      return diagnose_tests(arguments);
     }
     return run(arguments, verb->get_name());
   }

@@ -194,8 +194,9 @@ std::string summary(const Json& result) {
     if (!result.contains(key)) return "";
     return result[key].is_string() ? result[key].get<std::string>() : result[key].dump();
   };
-  line(fmt::format("{}: {}{}in {}", field("task"), result.contains("frames") ? "frames " : "",
-                   result.contains("frames") ? field("frames") + " " : "", field("folder")));
+  line(fmt::format("{}:{}{}", field("task"),
+                   result.contains("frames") ? " frames " + field("frames") : "",
+                   result.contains("folder") ? " in " + field("folder") : ""));
   if (result.contains("particles")) {
     line(fmt::format("particles {}, dt {} s, substeps {}", field("particles"), field("dt"),
                      field("substeps")));

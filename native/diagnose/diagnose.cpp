@@ -84,6 +84,7 @@ class Writer {
   }
 
   void summarise() {
+    report_.shown = model_.shown();
     const Noise& noise = found_.noise;
     double variance = 0.0;
     double correlation = 0.0;

@@ -28,6 +28,8 @@ using Eigen::VectorXd;
 constexpr double kNearScore = 0.8;
 /// Refitted whatever their scores say of them, for the same reason.
 constexpr std::size_t kAlways = 3;
+/// Of the best cause's score: what the catalogue calls like it is refitted from there on.
+constexpr double kMateScore = 0.25;
 /// How often the searches of base and best causes may begin again.
 constexpr int kMoreRounds = 3;
 /// The smallest deviation that counts as noise: rounding of single precision at a metre.
@@ -334,15 +336,17 @@ class Search {
   }
 
   /// A base that is far off has scores of another motion: what is known to be like the best cause
-  /// is refitted from there, whatever its score says.
+  /// is refitted from there, whatever its score says; elsewhere what has a share of its score.
   void try_mates() {
-    if (out_.singles.empty() || looseness_of(out_.base.refit) < kFarOff) return;
-    if (trials_->cut()) return;
+    if (out_.singles.empty() || trials_->cut()) return;
     const Trial& best = out_.singles.front();
+    const double loose = looseness_of(out_.base.refit);
+    const bool far_off = loose >= kFarOff;
+    if (!far_off && out_.base.evidence - best.evidence < kExcluded * loose) return;
     std::vector<int> known;
     for (const Trial& trial : out_.singles) known.push_back(trial.causes.front().effect);
-    const std::vector<Candidate> mates =
-        mates_of(study_.model(), out_.first->scores, best.causes.front(), known);
+    const std::vector<Candidate> mates = mates_of(
+        study_.model(), out_.first->scores, best.causes.front(), known, far_off ? 0.0 : kMateScore);
     if (mates.empty()) return;
     tell(0.82, "Refitting with causes that are like the best");
     study_.begin("refits");

@@ -15,13 +15,17 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 std::vector<Candidate> mates_of(const Model& model, const std::vector<Score>& scores,
-                                const Candidate& cause, const std::vector<int>& known) {
+                                const Candidate& cause, const std::vector<int>& known,
+                                double share) {
+  const auto own = std::ranges::find(scores, cause, &Score::candidate);
+  const double least = own == scores.end() ? 0.0 : share * own->statistic;
   const std::vector<std::string>& names = model.effects()[std::size_t(cause.effect)].confused_with;
   std::vector<Candidate> result;
   for (const std::size_t k : best_shapes(scores)) {
     const Candidate& candidate = scores[k].candidate;
     const std::string& name = model.effects()[std::size_t(candidate.effect)].name;
     if (std::ranges::count(known, candidate.effect) > 0) continue;
+    if (scores[k].statistic < least) continue;
     if (std::ranges::count(names, name) > 0) result.push_back(candidate);
   }
   return result;

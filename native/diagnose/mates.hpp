@@ -12,10 +12,10 @@
 namespace matterfit::diagnose {
 
 /// Candidates that the catalogue says `cause` is confused with, in their best shapes and where they
-/// are observable, without those of `known` effects.
+/// are observable, without those of `known` effects and those with less than `share` of its score.
 [[nodiscard]] std::vector<Candidate> mates_of(const Model& model, const std::vector<Score>& scores,
-                                              const Candidate& cause,
-                                              const std::vector<int>& known);
+                                              const Candidate& cause, const std::vector<int>& known,
+                                              double share = 0.0);
 
 /// Starts of refits with each of the candidates in place of a refit's causes. Far from a
 /// motion slopes say little of what a cause would do to it: an oscillation that should die away and

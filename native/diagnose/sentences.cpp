@@ -25,7 +25,9 @@ std::string list(const std::vector<std::string>& names, const char* last) {
   return text;
 }
 
-std::string millimetres(double metres) { return fmt::format("{:.3g} mm", 1e3 * metres); }
+std::string shown(const Report& report, double size) {
+  return fmt::format("{:.3g} {}", report.shown.factor * size, report.shown.unit);
+}
 
 const Cause* best(const Report& report) {
   const auto found = std::ranges::find_if(report.causes, &Cause::accepted);
@@ -33,14 +35,14 @@ const Cause* best(const Report& report) {
   return report.causes.empty() ? nullptr : &report.causes.front();
 }
 
-std::string gain_of(const Cause& cause) {
+std::string gain_of(const Report& report, const Cause& cause) {
   if (!cause.gain_measurable) {
     return "Nothing that was held out is wrong enough to test it by.";
   }
   return fmt::format(
       "On samples kept back the error falls from {} to {} ({:.0f} % of what noise "
       "does not explain; between {:.0f} and {:.0f} %).",
-      millimetres(cause.holdout_before), millimetres(cause.holdout_after), 100.0 * cause.gain,
+      shown(report, cause.holdout_before), shown(report, cause.holdout_after), 100.0 * cause.gain,
       100.0 * cause.gain_low, 100.0 * cause.gain_high);
 }
 
@@ -66,23 +68,28 @@ std::string next_best(const Report& report, const Cause& named) {
 }
 
 std::string nothing(const Report& report) {
+  const std::string solver =
+      report.numerical > 0.0
+          ? fmt::format(" and the solver's own error ({})", shown(report, report.numerical))
+          : "";
   return fmt::format(
-      "The simulation agrees with the recording to within noise ({}) and the "
-      "solver's own error ({}). What would have been seen is listed with each cause.",
-      millimetres(report.noise.sigma), millimetres(report.numerical));
+      "The simulation agrees with the recording to within noise ({}){}. What would have been seen "
+      "is listed with each cause.",
+      shown(report, report.noise.sigma), solver);
 }
 
 std::string cause(const Report& report) {
   const Cause* named = best(report);
   if (!named) return "";
-  return fmt::format("{} {} {}", named->sentence, gain_of(*named), next_best(report, *named));
+  return fmt::format("{} {} {}", named->sentence, gain_of(report, *named),
+                     next_best(report, *named));
 }
 
 std::string one_of(const Report& report) {
   std::string text =
       fmt::format("One of these is missing, and this recording cannot tell which: {}.",
                   list(report.classes, "or"));
-  if (const Cause* named = best(report)) text += " " + gain_of(*named);
+  if (const Cause* named = best(report)) text += " " + gain_of(report, *named);
   if (!report.next_recording.empty()) text += " To tell them apart: " + report.next_recording;
   return text;
 }
@@ -93,7 +100,7 @@ std::string several(const Report& report) {
   for (const Cause& each : report.causes) {
     if (each.accepted) text += " " + each.sentence;
   }
-  if (const Cause* named = best(report)) text += " " + gain_of(*named);
+  if (const Cause* named = best(report)) text += " " + gain_of(report, *named);
   return text;
 }
 
@@ -105,9 +112,18 @@ std::string unknown(const Report& report) {
     text += fmt::format(" It is strongest in frame {}, {:.0f} times the noise.", worst->frame,
                         worst->sigmas);
   }
-  if (report.explained > 0.05 && !report.causes.empty()) {
+  if (report.causes.empty()) return text;
+  const Cause& nearest = report.causes.front();
+  const double lost = nearest.holdout_after - nearest.holdout_before;
+  if (report.explained > 0.8 && nearest.gain_measurable && lost > 0.0) {
+    text += fmt::format(
+        " The best known cause, {}, explains {:.0f} % of what is wrong in the samples fitted to, "
+        "but what was kept back gets worse with it, from {} to {}.",
+        plain(nearest.effect), 100.0 * report.explained, shown(report, nearest.holdout_before),
+        shown(report, nearest.holdout_after));
+  } else if (report.explained > 0.05) {
     text += fmt::format(" The best known cause, {}, explains {:.0f} % of it.",
-                        plain(report.causes.front().effect), 100.0 * report.explained);
+                        plain(nearest.effect), 100.0 * report.explained);
   }
   return text;
 }
@@ -116,7 +132,7 @@ std::string numerical(const Report& report) {
   return fmt::format(
       "The simulation is wrong by what another grid changes ({}), not by physics: "
       "make it finer before looking for causes.",
-      millimetres(report.numerical));
+      shown(report, report.numerical));
 }
 
 std::string measurement(const Report& report) {
@@ -147,9 +163,12 @@ const char* name(Verdict verdict) {
 }
 
 std::string headline(const Report& report) {
+  const bool exact = !(report.numerical > 0.0);
   const std::string more =
-      report.remains ? " What is left is still more than noise and the grid make: something "
-                       "else is missing too."
+      report.remains ? fmt::format(
+                           " What is left is still more than noise{} make{}: something else "
+                           "is missing too.",
+                           exact ? "" : " and the grid", exact ? "s" : "")
                      : "";
   switch (report.verdict) {
     case Verdict::kCause:

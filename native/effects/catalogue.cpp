@@ -20,6 +20,7 @@ const std::vector<const EffectType*>& catalogue() {
         &stiffness_gradient(),
         &fibres(),
         &strain_stiffening(),
+        &second_invariant(),
     };
     all.reserve(all.size() + scene_rows().size());
     for (const EffectType& row : scene_rows()) all.push_back(&row);

@@ -17,5 +17,6 @@ namespace matterfit::effects {
 [[nodiscard]] const EffectType& stiffness_gradient();
 [[nodiscard]] const EffectType& fibres();
 [[nodiscard]] const EffectType& strain_stiffening();
+[[nodiscard]] const EffectType& second_invariant();
 
 }  // namespace matterfit::effects

@@ -217,13 +217,21 @@ double pull_at(Pull pull, double strain) {
 std::vector<CurvePoint> stress_curve(const Material& material, Pull pull,
                                      std::span<const double> stops, double rate) {
   if (material.published) return stress_curve(material.published->weights, pull, stops, rate);
+  return stress_curve(material, pull, stops, rate, FurtherStress());
+}
+
+std::vector<CurvePoint> stress_curve(const Material& material, Pull pull,
+                                     std::span<const double> stops, double rate,
+                                     const FurtherStress& further) {
+  if (material.published) throw_input("nothing acts beside the published law in a stress curve.");
   const Correction correction(material);
   const bool corrected = !correction.neutral();
   const AdvanceOver over = [&](double dt) -> Advance {
-    return [law = PointLaw(material, dt), &correction, corrected](const Mat3d& step,
-                                                                  PointState& state) {
+    return [law = PointLaw(material, dt), &correction, &further, corrected](const Mat3d& step,
+                                                                            PointState& state) {
       Mat3d tau = law.advance(step, state);
       if (corrected) tau += correction.stress(state.elastic);
+      if (further) tau += further(state.elastic);
       return tau;
     };
   };

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <functional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -37,6 +38,14 @@ struct CurvePoint {
 /// Error(kCompute) where no free sides are found.
 [[nodiscard]] std::vector<CurvePoint> stress_curve(const Material& material, Pull pull,
                                                    std::span<const double> stops, double rate);
+
+/// Kirchhoff stress [Pa] that acts beside a law's, of its elastic deformation gradient, as
+/// effects::Term::stress() gives it.
+using FurtherStress = std::function<Mat3d(const Mat3d& elastic)>;
+/// The same with a further stress. A material of the published law has none: Error(kInput).
+[[nodiscard]] std::vector<CurvePoint> stress_curve(const Material& material, Pull pull,
+                                                   std::span<const double> stops, double rate,
+                                                   const FurtherStress& further);
 
 /// The same of the published law (neural/published_law.hpp), whose plastic net acts once in a
 /// substep of kPublishedSubstep; a material of it goes the same way, without what acts beside it.

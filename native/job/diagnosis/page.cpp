@@ -45,9 +45,22 @@ std::string shown(double value) {
   return std::isfinite(value) ? fmt::format("{:.3g}", value) : std::string("–");
 }
 
-std::string millimetres(double metres) {
-  return std::isfinite(metres) ? fmt::format("{:.3g} mm", 1e3 * metres) : std::string("–");
-}
+/// In which sizes of residuals are shown; of recordings of motion millimetres.
+struct ShownUnit {
+  std::string name = "mm";
+  double factor = 1e3;
+  explicit ShownUnit(const Json& report) {
+    const Json given = report.value("shown", Json::object());
+    if (!text_at(given, "unit").empty() && std::isfinite(number_at(given, "factor"))) {
+      name = text_at(given, "unit");
+      factor = number_at(given, "factor");
+    }
+  }
+  [[nodiscard]] std::string operator()(double size) const {
+    return std::isfinite(size) ? fmt::format("{:.3g} {}", factor * size, escaped(name))
+                               : std::string("–");
+  }
+};
 
 std::string percent(double share) {
   return std::isfinite(share) ? fmt::format("{:.0f} %", 100.0 * share) : std::string("–");
@@ -79,6 +92,7 @@ std::string parameters_of(const Json& cause) {
 std::string causes_table(const Json& report) {
   const Json causes = report.value("causes", Json::array());
   if (causes.empty()) return {};
+  const ShownUnit size(report);
   std::string html =
       "<h2>Causes</h2><div "
       "class=\"scroll\"><table><tr><th>Cause</th><th>Value</th>"
@@ -88,8 +102,8 @@ std::string causes_table(const Json& report) {
     html += "<tr><td><b>" + escaped(text_at(cause, "effect")) + "</b><br>" +
             escaped(text_at(cause, "evidence")) + "</td><td>" + parameters_of(cause) +
             "</td><td class=\"number\">" + percent(number_at(cause, "probability")) +
-            "</td><td class=\"number\">" + millimetres(number_at(cause, "holdout_before")) + " → " +
-            millimetres(number_at(cause, "holdout_after")) + "</td><td class=\"number\">" +
+            "</td><td class=\"number\">" + size(number_at(cause, "holdout_before")) + " → " +
+            size(number_at(cause, "holdout_after")) + "</td><td class=\"number\">" +
             percent(number_at(cause, "gain"));
     if (const Json interval = cause.value("gain_interval", Json()); interval.size() == 2) {
       html += "<br><span class=\"dim\">" + percent(interval[0].get<double>()) + " … " +
@@ -100,7 +114,7 @@ std::string causes_table(const Json& report) {
   return html + "</table></div>";
 }
 
-/// One curve over the frames of a capture [mm].
+/// One curve over the frames of a capture.
 struct Curve {
   const char* key;
   const char* label;
@@ -113,7 +127,8 @@ constexpr Curve kCurves[] = {{"noise", "noise of the recording", "#8a8a8a", true
                              {"before", "fitted model", "#c0392b", false},
                              {"after", "with the causes named", "#2a6fb0", false}};
 
-std::string chart(const std::string& name, const std::vector<const Json*>& rows) {
+std::string chart(const std::string& name, const std::vector<const Json*>& rows,
+                  const ShownUnit& unit) {
   double low = 1e300;
   double high = -1e300;
   double top = 0.0;
@@ -122,7 +137,7 @@ std::string chart(const std::string& name, const std::vector<const Json*>& rows)
     low = std::min(low, frame);
     high = std::max(high, frame);
     for (const Curve& curve : kCurves) {
-      const double value = 1e3 * number_at(*row, curve.key);
+      const double value = unit.factor * number_at(*row, curve.key);
       if (std::isfinite(value)) top = std::max(top, value);
     }
   }
@@ -143,7 +158,7 @@ std::string chart(const std::string& name, const std::vector<const Json*>& rows)
     std::string points;
     double last = low;
     for (const Json* row : rows) {
-      const double value = 1e3 * number_at(*row, curve.key);
+      const double value = unit.factor * number_at(*row, curve.key);
       if (!std::isfinite(value)) continue;
       last = number_at(*row, "frame");
       points += fmt::format("{:.1f},{:.1f} ", x(last), y(value));
@@ -166,8 +181,9 @@ std::string chart(const std::string& name, const std::vector<const Json*>& rows)
       "stroke=\"currentColor\"/>"
       "<text x=\"{0}\" y=\"{3}\">frame {4:.0f}</text>"
       "<text x=\"{2}\" y=\"{3}\" text-anchor=\"end\">{5:.0f}</text>"
-      "<text x=\"{6}\" y=\"{7:.1f}\" text-anchor=\"end\">{8:.3g} mm</text>",
-      kMargin, y(0.0), x(high), y(0.0) + 18.0, low, high, kMargin - 4.0, y(top) + 4.0, top);
+      "<text x=\"{6}\" y=\"{7:.1f}\" text-anchor=\"end\">{8:.3g} {9}</text>",
+      kMargin, y(0.0), x(high), y(0.0) + 18.0, low, high, kMargin - 4.0, y(top) + 4.0, top,
+      escaped(unit.name));
   double legend = kMargin;
   for (const Curve& curve : kCurves) {
     svg += fmt::format(
@@ -186,19 +202,20 @@ std::string charts(const Json& report) {
   if (rows == residual.end()) return {};
   for (const Json& row : *rows) captures[text_at(row, "capture")].push_back(&row);
   std::string html;
-  for (const auto& [name, list] : captures) html += chart(name, list);
+  for (const auto& [name, list] : captures) html += chart(name, list, ShownUnit(report));
   return html;
 }
 
 std::string residual_lines(const Json& report) {
   if (!report.contains("residual")) return {};
   const Json& residual = report["residual"];
+  const ShownUnit size(report);
   const auto line = [&](const char* key, const char* label) -> std::string {
     const Json part = residual.value(key, Json::object());
     if (!std::isfinite(number_at(part, "rms"))) return {};
     return std::string("<tr><td>") + label + "</td><td class=\"number\">" +
-           millimetres(number_at(part, "rms")) + "</td><td class=\"number\">" +
-           millimetres(number_at(part, "p95")) + "</td></tr>";
+           size(number_at(part, "rms")) + "</td><td class=\"number\">" +
+           size(number_at(part, "p95")) + "</td></tr>";
   };
   std::string html =
       "<h2>How far the fitted model is off</h2><div "
@@ -206,10 +223,12 @@ std::string residual_lines(const Json& report) {
       "<th>root mean square</th><th>95 %</th></tr>";
   html += line("train", "what the fit saw") + line("holdout", "what was held out");
   html += "</table></div><p class=\"dim\">Noise of the recording " +
-          millimetres(number_at(report.value("noise", Json::object()), "sigma")) +
-          ", autocorrelation " +
+          size(number_at(report.value("noise", Json::object()), "sigma")) + ", autocorrelation " +
           shown(number_at(report.value("noise", Json::object()), "autocorrelation")) +
-          "; the solver's own error " + millimetres(number_at(report, "numerical")) + ".</p>";
+          (number_at(report, "numerical") > 0.0
+               ? "; the solver's own error " + size(number_at(report, "numerical"))
+               : "") +
+          ".</p>";
   return html;
 }
 

@@ -62,6 +62,7 @@ Json report_json(const diagnose::Report& report, const std::vector<diagnose::Cap
                {"verdict", diagnose::name(report.verdict)},
                {"sentence", report.headline},
                {"class", report.classes},
+               {"shown", {{"unit", report.shown.unit}, {"factor", report.shown.factor}}},
                {"noise",
                 {{"sigma", number_json(report.noise.sigma)},
                  {"autocorrelation", number_json(report.noise.autocorrelation)},

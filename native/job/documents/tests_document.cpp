@@ -22,6 +22,16 @@ std::vector<double> numbers_of(const JsonValue& value) {
 
 }  // namespace
 
+bool is_tests_file(const std::filesystem::path& file) {
+  try {
+    const auto bytes = read_file(file, kLargestTests);
+    const Json json = Json::parse(bytes.begin(), bytes.end(), nullptr, false);
+    return json.is_object() && json.value("schema", Json()) == kTestsSchema;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
 TestsDoc read_tests_file(const std::filesystem::path& file) {
   const auto bytes = read_file(file, kLargestTests);
   const std::string name = file.generic_string();
@@ -38,6 +48,12 @@ TestsDoc read_tests_file(const std::filesystem::path& file) {
   doc.source = object.string("source", "");
   doc.poisson_ratio =
       object.number("poisson_ratio", doc.poisson_ratio, Range{0.0, 0.4999, true, {}});
+  doc.noise = object.number("noise", doc.noise, Range{0.0, 1.0, true, {}});
+  if (const auto law = object.find("law")) {
+    constexpr material::Law kLaws[] = {material::Law::kNeoHookean, material::Law::kFixedCorotated,
+                                       material::Law::kStvkHencky};
+    doc.law = kLaws[law->choice({"neo_hookean", "fixed_corotated", "stvk_hencky"})];
+  }
   for (const JsonValue& item : object.require("tests").items()) {
     JsonObject one(item);
     material::MachineTest test;

@@ -14,9 +14,16 @@ struct TestsDoc {
   std::string name;
   std::string source;
   double poisson_ratio = 0.4995;
+  /// Standard deviation of what is read, as a share of it: a diagnosis takes smaller ones for no
+  /// discrepancy. A machine of class 1 (ISO 7500-1) errs by .01.
+  double noise = 0.01;
+  material::Law law = material::Law::kNeoHookean;  ///< that a diagnosis begins with
   std::vector<material::MachineTest> fitted;
   std::vector<material::MachineTest> held_out;
 };
+
+/// Whether a file says of itself that it is one; false where it cannot be read.
+[[nodiscard]] bool is_tests_file(const std::filesystem::path& file);
 
 /// Throws Error(kInput) with the path of what is missing, unknown or of another kind.
 [[nodiscard]] TestsDoc read_tests_file(const std::filesystem::path& file);

@@ -31,9 +31,9 @@ build: ## build/bin/matterfit and build/lib/libmatterfit.so, optimised
 	@bash $(ROOT)/scripts/dependencies.sh build
 	@$(RUN) bash $(ROOT)/scripts/build.sh
 
-bench: ## Speed of the solver, one JSON object a line (OTHERS=1: Taichi and Genesis beside it, by pip)
+bench: ## Speed of the solver, one JSON object a line (NEURAL=1: of the neural laws; OTHERS=1: Taichi, Genesis, PyTorch beside, by pip)
 	@bash $(ROOT)/scripts/dependencies.sh build 1>&2
-	@$(PYTHON) $(ROOT)/scripts/bench.py $(if $(OTHERS),--others)
+	@$(PYTHON) $(ROOT)/scripts/bench.py $(if $(NEURAL),--neural) $(if $(OTHERS),--others)
 
 random-solids: ## Throw 200 random elastic bodies at random and say which ran (COUNT, SEED, MESH=file.ply for one mesh)
 	@bash $(ROOT)/scripts/dependencies.sh build 1>&2

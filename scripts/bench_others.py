@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Forward speed of other MPM codes on this machine's CPU, where they are installed.
+"""Speed of other MPM codes, and of the published neural law in PyTorch, on this machine's CPU, where
+they are installed.
 
     bench_others.py            those that build/venv-bench-NAME holds; says which are absent
-    bench_others.py --install  installs them there by pip first (Taichi 0.2 GB, Genesis with PyTorch 3 GB)
+    bench_others.py --install  installs them there by pip first (Taichi 0.2 GB, PyTorch 3 GB, Genesis with another)
 
 Each runs in a process of its own and prints one JSON object in the form of forward_bench. The
 scenes are ours, in the form of Taichi's own mpm3d example and of Genesis' MPM entity.
@@ -17,6 +18,7 @@ from parts import BUILD, ROOT, require_in_tree, run
 
 OTHERS = {
     "taichi": ["taichi==1.7.4", "numpy<2.3"],
+    "torch": ["torch==2.15.0", "numpy<2.3"],
     "genesis": ["torch==2.15.0", "genesis-world==1.4.5"],
 }
 
@@ -42,9 +44,10 @@ def main():
     require_in_tree()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--install", action="store_true")
+    parser.add_argument("--only", nargs="*", choices=sorted(OTHERS), help="of them")
     parser.add_argument("--threads", type=int, default=min(2, os.cpu_count() or 1))
     options = parser.parse_args()
-    for name in OTHERS:
+    for name in options.only or OTHERS:
         problem = install(name) if options.install else ""
         python = environment(name) / "bin" / "python"
         if not (environment(name) / "installed").exists():

@@ -31,6 +31,8 @@ constexpr std::size_t kMostRuns = 4;
 /// Attached masses that are looked at from far off, in the body's own: a third apart in the
 /// frequency of a beam that they hang on.
 constexpr std::array<double, 4> kTriedMasses = {0.15, 0.3, 0.6, 1.2};
+/// By which a material may differ between recordings, as a share of its stiffness.
+constexpr double kMostChange = 0.8;
 
 class Causes {
  public:
@@ -47,6 +49,7 @@ class Causes {
     std::ranges::move(material_causes(scene_, options_), std::back_inserter(causes_));
     std::ranges::move(stiffness_causes(scene_), std::back_inserter(causes_));
     masses();
+    changes();
     motion();
     measurement();
     return std::move(causes_);
@@ -180,15 +183,49 @@ class Causes {
       attached.mass = v[0];
       scene.bodies.front().masses.push_back(attached);
     };
-    // A scene that is laid over another replaces its list.
-    const Json there = own != nullptr ? own->masses : Json();
-    cause.write = [places, there, name = scene_.bodies.front().name](std::span<const double> v,
-                                                                     int variant, Json& scene) {
+    const auto entry = [places](std::span<const double> v, int variant) -> Json {
       const Vec3d& at = places[static_cast<std::size_t>(variant)].position;
-      Json& masses = body_named(name, scene)["masses"];
-      if (masses.is_null()) masses = there;
-      masses.push_back({{"position", {at.x(), at.y(), at.z()}}, {"mass", v[0]}});
+      return {{"position", {at.x(), at.y(), at.z()}}, {"mass", v[0]}};
     };
+    const std::string& name = scene_.bodies.front().name;
+    if (own == nullptr) {
+      cause.write = [entry, name](std::span<const double> v, int variant, Json& scene) {
+        body_named(name, scene)["masses"].push_back(entry(v, variant));
+      };
+      return;
+    }
+    // A scene that is laid over another replaces its list.
+    cause.write_over = [entry, name, there = own->masses](std::span<const double> v, int variant,
+                                                          const Json& /*scene*/, Json& over) {
+      Json& masses = body_named(name, over)["masses"];
+      if (masses.is_null()) masses = there;
+      masses.push_back(entry(v, variant));
+    };
+  }
+
+  /// A material that is another in one recording: warmer, older, another specimen.
+  void changes() {
+    const mpm::Body& body = scene_.bodies.front();
+    if (options_.own_scenes.size() >= kMostRuns || body.material.traits().fluid) return;
+    for (const OwnScene& own : options_.own_scenes) {
+      Cause& cause = add("stiffness_change", "material", "");
+      cause.row.scope = "capture " + own.capture;
+      cause.row.sentence =
+          "In '" + own.capture + "' the material is stiffer than elsewhere by a share of {value}.";
+      cause.run = own.run;
+      cause.row.numbers = {number("share", "", 0.02)};
+      cause.row.numbers[0].low = -kMostChange;
+      cause.row.numbers[0].high = kMostChange;
+      cause.row.confused_with = {"attached_mass", "frame_rate"};
+      cause.apply = [](std::span<const double> v, int, mpm::Scene& scene) {
+        scene.bodies.front().material.youngs_modulus *= 1.0 + v[0];
+      };
+      cause.write_over = [name = body.name, usual = body.material.youngs_modulus](
+                             std::span<const double> v, int, const Json& scene, Json& over) {
+        const double shared = scene.at("bodies").at(0).at("material").value("E", usual);
+        body_named(name, over)["material"]["E"] = (1.0 + v[0]) * shared;
+      };
+    }
   }
 
   void motion() {

@@ -21,11 +21,14 @@ struct Cause {
   /// number of the row.
   std::function<void(std::span<const double> values, int variant, mpm::Scene& scene)> apply;
   /// Puts it into the scene of a document, so that the extended model runs with
-  /// it; empty for observations.
+  /// it; empty for observations and with `run`.
   std::function<void(std::span<const double> values, int variant, Json& scene)> write;
   /// The run whose scene alone it changes, as a load that only one recording has; empty: every
   /// scene.
   std::optional<std::size_t> run = {};
+  /// With `run`: puts it into what the scene of its captures lays over the document's own.
+  std::function<void(std::span<const double> values, int variant, const Json& scene, Json& over)>
+      write_over = {};
 };
 
 /// A scene of its own that used captures have.

@@ -169,8 +169,9 @@ TEST(Causes, AMassMayHangInOneRecordingAlone) {
   CauseOptions options;
   options.own_scenes = {{1, "second", Json::array({{{"position", {0, 0, 0}}, {"mass", 1.0}}})}};
   const std::vector<Cause> causes = scene_causes(job_of(document, {}), scene_of(document), options);
-  const auto found =
-      std::ranges::find_if(causes, [](const Cause& cause) { return cause.run.has_value(); });
+  const auto found = std::ranges::find_if(causes, [](const Cause& cause) {
+    return cause.run.has_value() && cause.row.name == "attached_mass";
+  });
   ASSERT_NE(found, causes.end());
   EXPECT_EQ(found->row.scope, "capture second");
   // Looked for at sizes about the body's own.
@@ -180,11 +181,31 @@ TEST(Causes, AMassMayHangInOneRecordingAlone) {
   EXPECT_GT(found->row.far_tries.front(), 0.05 * own);
   EXPECT_LT(found->row.far_tries.back(), 3.0 * own);
   Json laid_over = {{"gravity", {0, 0, -3}}};
-  found->write(std::vector{0.5}, 0, laid_over);
+  found->write_over(std::vector{0.5}, 0, document["scene"], laid_over);
   ASSERT_EQ(laid_over["bodies"].size(), 1U);
   EXPECT_EQ(laid_over["bodies"][0]["name"], document["scene"]["bodies"][0]["name"]);
   ASSERT_EQ(laid_over["bodies"][0]["masses"].size(), 2U);
   EXPECT_EQ(laid_over["bodies"][0]["masses"][1]["mass"], 0.5);
+}
+
+/// Another specimen in one recording: its stiffness is the fitted one and a share of it.
+TEST(Causes, AMaterialMayBeAnotherInOneRecording) {
+  Json document = sliding_cube();
+  CauseOptions options;
+  options.own_scenes = {{1, "second", Json::array()}};
+  const std::vector<Cause> causes = scene_causes(job_of(document, {}), scene_of(document), options);
+  const Cause& cause = named(causes, "stiffness_change");
+  EXPECT_EQ(cause.row.scope, "capture second");
+  EXPECT_EQ(cause.run, 1U);
+  mpm::Scene scene = scene_of(document);
+  const double before = scene.bodies.front().material.youngs_modulus;
+  cause.apply(std::vector{-0.1}, 0, scene);
+  EXPECT_NEAR(scene.bodies.front().material.youngs_modulus, 0.9 * before, 1e-9 * before);
+  // What is written goes with what the refit has left in the document.
+  document["scene"]["bodies"][0]["material"]["E"] = 2.0 * before;
+  Json over = Json::object();
+  cause.write_over(std::vector{-0.1}, 0, document["scene"], over);
+  EXPECT_NEAR(over["bodies"][0]["material"]["E"].get<double>(), 1.8 * before, 1e-9 * before);
 }
 
 /// A capture may have a scene of its own: what a cause adds is added to what that says.

@@ -16,7 +16,7 @@ void SceneModel::write(const diagnose::Point& point, Json& document,
   write_nuisances(point, document, statements);
   for (const diagnose::Point::Cause& cause : point.causes) {
     const Cause& known = causes_[static_cast<std::size_t>(cause.effect)];
-    if (!known.write) {
+    if (!known.write && !known.write_over) {
       write_observed(cause, document, statements);
       continue;
     }
@@ -27,7 +27,8 @@ void SceneModel::write(const diagnose::Point& point, Json& document,
       continue;
     }
     for (const std::size_t capture : loaded_.sources[*known.run].group.captures) {
-      known.write(values, cause.variant, document.at("captures").at(capture).at("scene"));
+      known.write_over(values, cause.variant, document.at("scene"),
+                       document.at("captures").at(capture).at("scene"));
     }
   }
 }

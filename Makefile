@@ -31,7 +31,7 @@ build: ## build/bin/matterfit and build/lib/libmatterfit.so, optimised
 	@bash $(ROOT)/scripts/dependencies.sh build
 	@$(RUN) bash $(ROOT)/scripts/build.sh
 
-bench: ## Speed of the solver, one JSON object a line (NEURAL=1: of the neural laws; OTHERS=1: Taichi, Genesis, PyTorch beside, by pip)
+bench: ## Speed of the solver, one JSON object a line (NEURAL=1: of the neural laws; OTHERS=1: Taichi and Genesis, or PyTorch, beside it, by pip)
 	@bash $(ROOT)/scripts/dependencies.sh build 1>&2
 	@$(PYTHON) $(ROOT)/scripts/bench.py $(if $(NEURAL),--neural) $(if $(OTHERS),--others)
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Builds and runs the benchmarks: JSON lines on standard output, all else on standard error.
 
-    bench.py [--others] [--neural] [arguments of forward_bench and gradient_bench …]
+    bench.py [--others] [--neural] [arguments of forward_bench and gradient_bench, or of neural_bench …]
 """
 
 import argparse
@@ -25,8 +25,7 @@ def main():
         run = subprocess.run([BUILD / "release" / "bin" / bench, *rest], check=False)
         status = run.returncode or status
     others = [sys.executable, ROOT / "scripts" / "bench_others.py"]
-    if options.neural:
-        others += ["--only", "torch"]
+    others += ["--only", *(["torch"] if options.neural else ["taichi", "genesis"])]
     if options.others:
         others.append("--install")
     return subprocess.run(others, check=False).returncode or status

@@ -47,12 +47,7 @@ START_NUMBERS = {
     "WATER": {"E": 250.0, "nu": 0.4995, "yield_strain": 0.0},
 }
 _POURING_STARTS = frozenset({"SAND", "WATER"})  # of the published law
-NEVER = 100.0  # a yield or tear strain from here up is never met
-_LIQUID_YIELD = 1e-3
-# Laws of what pours: a mesh bound to such a body is torn to shreds, its surface is the picture.
-FLOWING = frozenset({"HERSCHEL_BULKLEY", "DRUCKER_PRAGER", "NEWTONIAN"})
 DAMPING = ("damping_shear", "damping_bulk")
-MOST_BRANCHES = 6  # Maxwell branches that the solver takes
 
 
 def name_of(law):
@@ -61,8 +56,9 @@ def name_of(law):
 
 
 def flows(law):
-    """Whether a body of this law (either case) pours, so that it has no mesh of its own."""
-    return law.upper() in FLOWING
+    """Whether a body of this law (either case) pours: a mesh that is bound to it is torn to shreds, its
+    surface is the picture."""
+    return law.lower() in library.FLOWING
 
 
 def any_flows(bodies):
@@ -87,4 +83,5 @@ def material_flows(material):
         return published_weights(material) in _POURING_STARTS
     if material.law != "NEURAL_ISOTROPIC":
         return flows(material.law)
-    return material.tear_strain < NEVER or material.yield_strain < _LIQUID_YIELD
+    liquid = max(material.yield_strain, material.internal_friction) < library.LIQUID_STRAIN
+    return material.tear_strain < library.NEVER_STRAIN or liquid

@@ -13,6 +13,14 @@ with open(os.path.join(os.path.dirname(__file__), "library.json"), encoding="utf
 USUAL_FACTOR = _TABLES["usual_factor"]
 # {"material.maxwell.time": row}: a key without the number in its brackets.
 QUANTITIES = {row["path"].replace("[#]", ""): row for row in _TABLES["quantities"]}
+# A yield or tear strain from here up is never met; below this one, with as little friction, nothing
+# holds a body together.
+NEVER_STRAIN = _TABLES["never_strain"]
+LIQUID_STRAIN = _TABLES["liquid_strain"]
+# Maxwell branches that a material takes.
+MOST_BRANCHES = _TABLES["most_branches"]
+# Laws of what pours.
+FLOWING = frozenset(law["name"] for law in _TABLES["laws"] if law["flows"])
 # {"von_mises": ("E", "nu", "yield_stress", "hardening")}, in the library's order.
 PARAMETERS = {law["name"]: tuple(law["parameters"]) for law in _TABLES["laws"]}
 # {"vortex": {"center": row, …}}, in the library's order.

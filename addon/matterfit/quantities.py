@@ -34,8 +34,7 @@ class Quantity:
 
     Fitted: `scale`; `low` and `high` are the bounds that it has by itself (0, 0: a factor RANGE
     either side of the start; `around`: about the start), `reach` that of vectors; `sigma` is the
-    deviation that a prior begins with; where the scene has 0, `share` of the body's stiffness is a
-    start, or .1 without one.
+    deviation that a prior begins with.
     """
 
     key: str
@@ -57,7 +56,6 @@ class Quantity:
     reach: float = 1.0
     around: bool = False
     sigma: float = 0.2
-    share: float = 0.0
     short: str = ""
 
     def takes(self, value):
@@ -120,15 +118,14 @@ _MATERIAL = (
     _row("material.nu", short="Poisson's", default=0.3, least=-0.89, most=0.4999, soft=(0.0, 0.499),
          precision=4, step=1, absent=None),
     _row("material.yield_stress", short="Yield", default=5e3, soft=(1.0, 1e6), precision=1, step=1000,
-         absent=None, share=1e-2),
-    _row("material.hardening", soft=(0.0, 1e6), precision=1, step=1000, share=1e-2),
-    _row("material.viscosity", default=1.0, most=9.9e8, soft=(1e-3, 1e4), precision=4, step=10,
-         share=1e-4),
+         absent=None),
+    _row("material.hardening", soft=(0.0, 1e6), precision=1, step=1000),
+    _row("material.viscosity", default=1.0, most=9.9e8, soft=(1e-3, 1e4), precision=4, step=10),
     _row("material.exponent", short="Exponent", default=1.0, least=0.1, most=4.0, soft=(0.3, 1.5),
          step=5, absent=1.0),
     _row("material.friction_angle", short="Friction", default=30.0, most=79.9, soft=(10.0, 50.0),
          precision=1, step=50, absent=None),
-    _row("material.cohesion", most=1e9, soft=(0.0, 1e5), precision=1, step=100, share=1e-3),
+    _row("material.cohesion", most=1e9, soft=(0.0, 1e5), precision=1, step=100),
     _row("material.bulk_modulus", short="Bulk",
          about="Resistance to compression; lower than real water (2.2e9 Pa) so that the time step stays "
                "practical",
@@ -158,10 +155,8 @@ _MATERIAL = (
                "about 0.15, 0.4 and 1 of shear strain on, pull against pressure, and the bulk modulus; "
                "0 is the law itself",
          least=-50.0, most=50.0, soft=(-0.3, 2.0), precision=3, step=1, size=5),
-    _row("material.damping_shear", short="Shear", most=9.9e8, soft=(0.0, 1e4), precision=3, step=10,
-         share=1e-4),
-    _row("material.damping_bulk", short="Bulk", most=9.9e8, soft=(0.0, 1e4), precision=3, step=10,
-         share=1e-4),
+    _row("material.damping_shear", short="Shear", most=9.9e8, soft=(0.0, 1e4), precision=3, step=10),
+    _row("material.damping_bulk", short="Bulk", most=9.9e8, soft=(0.0, 1e4), precision=3, step=10),
 )
 # The rows of one Maxwell branch; its key in a document has the branch's number.
 _MAXWELL = (

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Speed of the neural laws outside the solver, one JSON object a line on standard output; progress
 // on standard error. bench_torch.py measures the published law as PyTorch runs it.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cmath>
@@ -23,7 +25,7 @@ namespace {
 
 constexpr double kStrain = 0.1;  // of each entry of F − I
 constexpr double kSubstep = 5e-4;
-// Of both nets: a product and a sum a weight, twice as many back by points and by weights each.
+// Operations of both nets: a product and a sum a weight, and as many back by points and by weights.
 constexpr double kForwardFlops = 2.0 * 2.0 * double(material::kNetWeights);
 constexpr double kBothFlops = 3.0 * kForwardFlops;
 
@@ -61,7 +63,7 @@ std::vector<float> random_net(std::uint64_t seed) {
 
 struct Calls {
   std::string law;
-  double flops_share;  ///< 1 where kForwardFlops counts its operations, else 0
+  bool counted;  ///< kForwardFlops are its operations
   std::function<void()> forward;
   std::function<void()> backward;
 };
@@ -88,16 +90,18 @@ void measure_law(const Calls& calls, std::size_t points, int threads, double sec
   const Measurement forward = rate(false);
   const Measurement both = rate(true);
   const auto fraction = [&](const Measurement& m, double flops) {
-    return calls.flops_share * m.mps * 1e-3 * flops / m.probe_gflops;
+    return calls.counted ? fmt::format("{:.3f}", m.mps * 1e-3 * flops / m.probe_gflops)
+                         : std::string("null");
   };
   std::printf(
       "{\"name\": \"neural\", \"law\": \"%s\", \"points\": %zu, \"threads\": %d, "
       "\"forward_mps\": %.3f, \"forward_backward_mps\": %.3f, \"forward_ms\": %.3f, "
-      "\"probe_gflops\": %.1f, \"forward_probe_fraction\": %.3f, "
-      "\"forward_backward_probe_fraction\": %.3f, \"dropped\": %d}\n",
+      "\"probe_gflops\": %.1f, \"forward_probe_fraction\": %s, "
+      "\"forward_backward_probe_fraction\": %s, \"dropped\": %d}\n",
       calls.law.c_str(), points, threads, forward.mps, both.mps,
       static_cast<double>(points) / forward.mps * 1e-3, forward.probe_gflops,
-      fraction(forward, kForwardFlops), fraction(both, kBothFlops), forward.dropped + both.dropped);
+      fraction(forward, kForwardFlops).c_str(), fraction(both, kBothFlops).c_str(),
+      forward.dropped + both.dropped);
   std::fflush(stdout);
 }
 
@@ -113,7 +117,7 @@ void measure_all(std::size_t points, int threads, double seconds, int repetition
   const material::PublishedWeights nets{random_net(10), random_net(20)};
   for (const auto mode : {material::GeluMode::kExact, material::GeluMode::kPolynomial}) {
     const Calls published{
-        mode == material::GeluMode::kExact ? "published, exact GELU" : "published", 1.0,
+        mode == material::GeluMode::kExact ? "published, exact GELU" : "published", true,
         [&, mode] { material::published_forward<float>(nets, mode, trial, elastic, tau, arena); },
         [&, mode] {
           material::published_backward<float>(nets, mode, trial, elastic_bar, tau_bar, trial_bar,
@@ -129,7 +133,7 @@ void measure_all(std::size_t points, int threads, double seconds, int repetition
   std::vector<float> six(6 * points);
   std::vector<float> strain_bar(points);
   std::vector<double> isotropic_bar(material::kIsotropicWeights);
-  const Calls isotropic{"isotropic", 0.0,
+  const Calls isotropic{"isotropic", false,
                         [&] {
                           material::isotropic_forward<float>(law, kSubstep, {trial, strain},
                                                              {elastic, strain_after, six}, arena);

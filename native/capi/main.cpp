@@ -160,9 +160,12 @@ int run(const Arguments& arguments, const std::string& verb) {
   return finish(arguments, thread);
 }
 
-/// Of what a testing machine measured; the page lies beside the report.
+/// Diagnoses what a testing machine measured; the page lies beside the report.
 int diagnose_tests(const Arguments& arguments) {
   if (!arguments.set.empty()) matterfit::throw_input("--set changes jobs; these are tests.");
+  if (std::filesystem::path(arguments.report).extension() == ".html") {
+    matterfit::throw_input("--report is the JSON file; the page is written beside it as .html.");
+  }
   capi::JobThread thread([&](matterfit::Interrupter& interrupter) {
     const job::Json report = job::diagnose_tests(arguments.job, arguments.threads, interrupter);
     if (!arguments.report.empty()) {

@@ -65,6 +65,11 @@ TEST(Mates, AreThoseOfTheCatalogueThatWereNotTried) {
   ASSERT_EQ(mates.size(), 1U);
   EXPECT_EQ(mates[0].effect, 1);
   EXPECT_TRUE(mates_of(model, scores, {0, 0}, {0, 1}).empty());
+  // By a share of the cause's own score.
+  scores[0].statistic = 100.0;
+  scores[1].statistic = 30.0;
+  EXPECT_EQ(mates_of(model, scores, {0, 0}, {0}, 0.25).size(), 1U);
+  EXPECT_TRUE(mates_of(model, scores, {0, 0}, {0}, 0.5).empty());
   scores[1].observable = false;
   EXPECT_TRUE(mates_of(model, scores, {0, 0}, {0}).empty());
 }

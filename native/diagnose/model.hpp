@@ -181,16 +181,16 @@ struct Experiment {
   Capture layout;
 };
 
-/// What positions are called where they are shown to people.
+/// Unit and factor in which sizes of residuals are shown to people.
 struct Shown {
   std::string unit = "mm";
-  double factor = 1e3;  ///< shown numbers are as many times those of the samples
+  double factor = 1e3;
 };
 
 class Model {
  public:
   virtual ~Model() = default;
-  /// Of other measured quantities than places, which samples hold in their first coordinate alone.
+  /// Another unit where samples are no places; such quantities are their first coordinate.
   [[nodiscard]] virtual Shown shown() const { return {}; }
   [[nodiscard]] virtual const std::vector<Capture>& captures() const = 0;
   /// Everything refitted. `start` is the fitted value (for a check before a fit: the start).

@@ -118,7 +118,7 @@ struct NoiseSummary {
 struct Report {
   Verdict verdict = Verdict::kNothing;
   std::string headline;  ///< the verdict in a sentence for people
-  Shown shown;           ///< what is written [m] below, where it is another quantity
+  Shown shown;           ///< of sizes that are said to be in [m] below
   NoiseSummary noise;
   double numerical = 0.0;  ///< the solver's own spread, root mean square [m]
   double bias = 0.0;       ///< the fitted amplitude of the extrapolated grid error; 1: as expected

@@ -114,8 +114,8 @@ std::string unknown(const Report& report) {
   }
   if (report.causes.empty()) return text;
   const Cause& nearest = report.causes.front();
-  const double lost = nearest.holdout_after - nearest.holdout_before;
-  if (report.explained > 0.8 && nearest.gain_measurable && lost > 0.0) {
+  const bool worse = nearest.gain_measurable && nearest.gain_high < 0.0;
+  if (report.explained > 0.8 && worse) {
     text += fmt::format(
         " The best known cause, {}, explains {:.0f} % of what is wrong in the samples fitted to, "
         "but what was kept back gets worse with it, from {} to {}.",

@@ -33,9 +33,9 @@ class SecondInvariant final : public Term {
     bar.deformation_gradient += 2.0 * std::pow(f.determinant(), -2.0 / 3.0) * b_bar * f -
                                 2.0 / 3.0 * along * f.inverse().transpose();
   }
-  /// Along one axis, from half the length to twice: λ + 2/λ² there is 8.5 at most.
+  /// Up to a stretch of two along two axes: across them ∂²(½ Ī₂)/∂ε² = 2 · 16 · (⅔)² is 14.2.
   [[nodiscard]] double modulus_bound() const override {
-    return 8.5 * std::max(0.0, effect_.values[0]);
+    return 16.0 * std::max(0.0, effect_.values[0]);
   }
 
  private:
@@ -68,8 +68,8 @@ const EffectType& second_invariant() {
       .signature = "Pulled along two axes the body is stiffer than pulling it along one says.",
       .confused_with = {"strain_stiffening", "fibres"},
       .sentence =
-          "The material becomes softer as it is pulled along one axis, as rubbers do at "
-          "moderate stretches.",
+          "The material feels its second invariant, as rubbers do: pulled along one axis it "
+          "softens at moderate stretches.",
       .make = [](const Effect& effect, const BodyFacts& /*body*/) -> std::unique_ptr<Term> {
         return std::make_unique<SecondInvariant>(effect);
       }};

@@ -17,7 +17,7 @@
 namespace matterfit::job {
 namespace {
 
-bool is_of_camera(const fit::Address& path) { return path.quantity->path.starts_with("poses"); }
+bool is_of_camera(const fit::Address& path) { return path.quantity->is_pose(); }
 
 bool is_of_throw(const fit::Address& path) {
   return path.quantity->path == "velocity" || path.quantity->path == "spin";

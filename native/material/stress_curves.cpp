@@ -49,18 +49,6 @@ struct Drive {
                  std::exp(sides.z()))
         .asDiagonal();
   }
-  /// |dev ε| of a pull that preserves volume, with its sign.
-  [[nodiscard]] double strain(double by) const {
-    switch (pull) {
-      case Pull::kUniaxial:
-        return std::sqrt(1.5) * std::log(by);
-      case Pull::kEquibiaxial:
-        return std::sqrt(6.0) * std::log(by);
-      case Pull::kShear:
-        break;
-    }
-    return std::numbers::sqrt2 * std::asinh(0.5 * by);
-  }
 };
 
 /// Stretches the free sides of one step so that they are free; `sides` begins as a guess and ends
@@ -155,7 +143,7 @@ std::vector<CurvePoint> follow_pull(Pull pull, std::span<const double> stops, do
   double at = shear ? 0.0 : 1.0;
   Vec3d sides = Vec3d::Zero();
   for (const double stop : stops) {
-    const double strain = std::abs(drive.strain(stop) - drive.strain(at));
+    const double strain = std::abs(pull_strain(pull, stop) - pull_strain(pull, at));
     Mat3d tau = Mat3d::Zero();
     if (strain > 0.0) {
       const std::size_t steps = steps_of(strain, rate);
@@ -212,6 +200,18 @@ double pull_at(Pull pull, double strain) {
       break;
   }
   return 2.0 * std::sinh(strain / std::numbers::sqrt2);
+}
+
+double pull_strain(Pull pull, double by) {
+  switch (pull) {
+    case Pull::kUniaxial:
+      return std::sqrt(1.5) * std::log(by);
+    case Pull::kEquibiaxial:
+      return std::sqrt(6.0) * std::log(by);
+    case Pull::kShear:
+      break;
+  }
+  return std::numbers::sqrt2 * std::asinh(0.5 * by);
 }
 
 std::vector<CurvePoint> stress_curve(const Material& material, Pull pull,

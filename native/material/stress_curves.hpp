@@ -30,6 +30,8 @@ struct CurvePoint {
 
 /// Where |dev ε| of a volume-preserving pull is `strain`, with its sign: the stretch, or γ.
 [[nodiscard]] double pull_at(Pull pull, double strain);
+/// The opposite: |dev ε| of a pull that preserves volume, with its sign.
+[[nodiscard]] double pull_strain(Pull pull, double by);
 
 /// The law with its damping, its Maxwell branches and its correction, followed from rest through
 /// the stretches (γ) of `stops` one after the other, by the formulas of the solver's kernels

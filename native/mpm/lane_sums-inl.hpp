@@ -7,7 +7,8 @@
 #define MATTERFIT_MPM_LANE_SUMS_INL_HPP
 #endif
 
-#include <vector>
+#include <array>
+#include <cstddef>
 
 #include "material/classical/maxwell_adjoint-inl.hpp"
 #include "mpm/adjoint_kernels.hpp"
@@ -31,9 +32,10 @@ template <class T>
 void sum_law_cotangents(ConstantsBar<T>& constants, const MaxwellStepBar<T>* branches,
                         std::size_t branch_count, mpm::LawCotangents& sums) {
   sums = {};
-  std::vector<double*> to;
-  sums.constants.for_each([&](double& entry) { to.push_back(&entry); });
+  std::array<double*, material::ConstantsAdjoint<double>::kEntries> to;
   std::size_t i = 0;
+  sums.constants.for_each([&](double& entry) { to[i++] = &entry; });
+  i = 0;
   constants.for_each([&](T& entry) { *to[i++] = lane_sum(entry); });
   for (std::size_t b = 0; b < branch_count; ++b) {
     sums.stiffness[b] = lane_sum(branches[b].stiffness);

@@ -107,7 +107,8 @@ class TotalGrid {
   [[nodiscard]] std::uint32_t find_node(const Vec3i& coordinates) const;
   /// The block of cells at these coordinates (of cells / 4, rounded down), or kNoBlock.
   [[nodiscard]] std::uint32_t find_block(const Vec3i& coordinates) const;
-  /// The node at `place`, each 0…5, of what a block of cells touches.
+  /// The node at `place`, each 0…5, of what a block of cells touches; the block is one that is
+  /// there.
   [[nodiscard]] std::uint32_t node_of_block(std::uint32_t block, const Vec3i& place) const;
   /// Node coordinate (real-valued) of a local position along an axis: an integer is on a node.
   [[nodiscard]] double node_coordinate(const Vec3d& local, int axis) const {

@@ -175,8 +175,6 @@ void Rasteriser::backward(const Gaussians& gaussians, const Image& loss_gradient
   }
 }
 
-std::size_t Rasteriser::tile_pairs() const { return work_->frame.pairs.size(); }
-
 Image render(const Gaussians& gaussians, const Camera& camera, const RenderOptions& options,
              int threads) {
   Rasteriser rasteriser(std::make_shared<Arena>(threads));

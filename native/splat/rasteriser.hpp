@@ -75,9 +75,6 @@ class Rasteriser {
   void backward(const Gaussians& gaussians, const Image& loss_gradient,
                 GaussianGradients& gradients);
 
-  /// Pairs of a Gaussian and a tile of 16×16 pixels in the last image: what rendering costs.
-  [[nodiscard]] std::size_t tile_pairs() const;
-
  private:
   struct Work;
   std::unique_ptr<Work> work_;

@@ -25,7 +25,7 @@ _LABELS = {
     "time_offset": "Time Offset", "frame_rate": "Frame Rate", "scale": "Scale",
     "camera_drift": "Camera Drift", "camera_roll": "Camera Roll", "tracker_lag": "Tracker Lag",
     "contact_kind": "Kind of Contact", "yield": "Yielding", "swapped_tracks": "Swapped Tracks",
-    "stiffness_change": "Stiffness There",
+    "stiffness_change": "Other Stiffness",
 }
 
 

@@ -2,7 +2,7 @@
 """The rows of the Fit panel's list, one for each quantity that a fit can move, kept in step with
 bodies, colliders, ground and captures."""
 
-from .. import laws, quantities
+from .. import laws, library, quantities
 from ..props import reactions
 from ..quantities import LINEAR
 from . import fit_values
@@ -204,14 +204,14 @@ def reset_bounds(settings, row, quantity):
 
 
 def _guess(settings, row):
-    """A first value of something that is 0 now: of the size that matters beside the stiffness."""
+    """A first value of something that is 0 now, the usual start of the library."""
     body = fit_values.find_body(settings, row.owner)
     stiffness = 1e5
     if body is not None:
         material = body.material
         stiffness = material.bulk_modulus if material.law == "NEWTONIAN" else material.E
-    quantity = quantities.find(row.key)
-    return quantity.share * stiffness if quantity.share else 0.1
+    share, value = library.QUANTITIES[row.key]["usual"]
+    return share * stiffness if share else value or 0.1
 
 
 def _on(settings, row):
@@ -222,7 +222,7 @@ def _on(settings, row):
     if row.key in ("velocity", "spin"):
         return not body.pins
     if row.key in law_keys() and body.material.law == "NEURAL_ISOTROPIC":
-        yields = body.material.yield_strain < laws.NEVER
+        yields = body.material.yield_strain < library.NEVER_STRAIN
         return row.key in _NEURAL_FITTED or yields and row.key == "material.yield_strain"
     # What is 0 in the scene, as hardening and cohesion often are, is added on purpose only.
     return row.key in law_keys() and row.key != "material.exponent" and not row.use_start

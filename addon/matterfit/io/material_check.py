@@ -3,7 +3,7 @@
 
 import math
 
-from .. import laws, quantities
+from .. import laws, library, quantities
 from ..compat import translate
 from ..jobs import JobError
 from . import number_text
@@ -47,9 +47,9 @@ def check(document, name):
     if document.get("excited") is not None:
         _check_excited(name, document["excited"])
     branches = material.get("maxwell", [])
-    if not isinstance(branches, list) or len(branches) > laws.MOST_BRANCHES:
+    if not isinstance(branches, list) or len(branches) > library.MOST_BRANCHES:
         raise JobError(translate("{name}: 'maxwell' is not a list of at most {n} branches.").format(
-            name=name, n=laws.MOST_BRANCHES))
+            name=name, n=library.MOST_BRANCHES))
     for branch in branches:
         for key in ("modulus", "time"):
             _check_number(name, quantities.find(f"material.maxwell.{key}"), f"maxwell {key}",

@@ -7,7 +7,7 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from .. import laws
+from .. import library
 from ..compat import translate
 from ..io import files, fit_apply, fit_results, fit_rows, material_values, presets, takes
 from ..jobs import JobError
@@ -184,7 +184,7 @@ class MATTERFIT_OT_add_branch(PlainOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         body = scene_props.active_body(context.scene.matterfit)
-        return greyed(cls, body is None or len(body.material.maxwell) >= laws.MOST_BRANCHES,
+        return greyed(cls, body is None or len(body.material.maxwell) >= library.MOST_BRANCHES,
                       "The solver takes no more branches")
 
     def act(self, context):

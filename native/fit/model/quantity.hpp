@@ -114,6 +114,7 @@ struct Quantity {
   [[nodiscard]] std::string_view key() const;
   /// Part of a body's material.
   [[nodiscard]] bool is_material() const { return path.starts_with("material."); }
+  [[nodiscard]] bool is_pose() const { return path.starts_with("poses"); }  ///< of a camera
   /// The name that LawTraits::uses() knows, of a parameter of laws; else empty.
   [[nodiscard]] std::string_view law_parameter() const {
     return of_law ? key() : std::string_view();

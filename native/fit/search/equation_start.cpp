@@ -256,9 +256,11 @@ EquationStart equation_start(const std::vector<Run>& runs, const std::vector<mpm
     const std::string in_the_way = obstacle(scenes[r], parameters, r);
     for (const Capture& capture : runs[r].captures) {
       if (capture.used_count == 0) continue;
+      if (!in_the_way.empty() || capture.input.front) {
+        why = in_the_way.empty() ? "a front is no place of the material." : in_the_way;
+        continue;
+      }
       try {
-        if (!in_the_way.empty()) throw_input(in_the_way);
-        if (capture.input.front) throw_input("a front is no place of the material.");
         problem.add(r, scenes[r], capture);
       } catch (const Error& error) {
         if (error.kind() != ErrorKind::kInput) throw;

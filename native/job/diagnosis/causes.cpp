@@ -206,7 +206,7 @@ class Causes {
   /// A material that is another in one recording: warmer, older, another specimen.
   void changes() {
     const mpm::Body& body = scene_.bodies.front();
-    if (options_.own_scenes.size() >= kMostRuns || body.material.traits().fluid) return;
+    if (options_.own_scenes.size() >= kMostRuns || !body.material.traits().uses("E")) return;
     for (const OwnScene& own : options_.own_scenes) {
       Cause& cause = add("stiffness_change", "material", "");
       cause.row.scope = "capture " + own.capture;
@@ -222,8 +222,11 @@ class Causes {
       };
       cause.write_over = [name = body.name, usual = body.material.youngs_modulus](
                              std::span<const double> v, int, const Json& scene, Json& over) {
-        const double shared = scene.at("bodies").at(0).at("material").value("E", usual);
-        body_named(name, over)["material"]["E"] = (1.0 + v[0]) * shared;
+        const Json& body_there = scene.at("bodies").at(0);
+        const Json shared = body_there.value("material", Json::object());
+        Json& material = body_named(name, over)["material"];
+        if (material.is_null()) material = Json::object();
+        material["E"] = (1.0 + v[0]) * material.value("E", shared.value("E", usual));
       };
     }
   }

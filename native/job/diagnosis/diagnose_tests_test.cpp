@@ -79,12 +79,12 @@ Json machine_tests(const HiddenInTests& hidden, std::uint64_t seed) {
           {"tests", tests}};
 }
 
-Json diagnosed(const Json& tests) {
+Json diagnosed(const Json& tests, int threads = 1) {
   const Folder folder;
   const fs::path file = folder.path / "tests.json";
   std::ofstream(file) << tests.dump();
   Interrupter interrupter;
-  return diagnose_tests(file, 1, interrupter);
+  return diagnose_tests(file, threads, interrupter);
 }
 
 std::vector<std::string> classes_of(const Json& report) {
@@ -145,7 +145,8 @@ TEST(DiagnoseTests, TreloarsRubberStiffens) {
   EXPECT_THAT(both.at("sentence").get<std::string>(), ::testing::HasSubstr("gets worse with it"));
 }
 
-TEST(DiagnoseTests, ANewTestTellsCausesApart) {
+/// Tests that could be made reach as far as those that were, by their strain.
+TEST(DiagnoseTests, FurtherTestsReachAsFar) {
   Json tests = machine_tests({}, 1);
   tests["tests"].erase(1);
   const Folder folder;
@@ -155,18 +156,62 @@ TEST(DiagnoseTests, ANewTestTellsCausesApart) {
   ASSERT_EQ(model.experiments().size(), 2U);
   EXPECT_EQ(model.experiments()[0].name, "equibiaxial test");
   EXPECT_EQ(model.experiments()[1].name, "shear test");
+  diagnose::Point point;
+  point.theta = Eigen::VectorXd::Constant(1, std::log(kModulus));
+  const double strain = material::pull_strain(material::Pull::kUniaxial, 3.4);
+  const double stretch = material::pull_at(material::Pull::kEquibiaxial, strain);
+  const auto motion = model.simulate_experiment(0, {point});
+  ASSERT_TRUE(motion[0]);
+  // P = G (λ − λ⁻⁵), in shares of the largest stress and half of the mean.
+  double mean = 0.0;
+  for (const Json& stress : tests["tests"][0]["nominal"]) mean += stress.get<double>() / 24.0;
+  const double unit = tests["tests"][0]["nominal"].back().get<double>() + 0.5 * mean;
+  const double shear = kModulus / (2.0 * (1.0 + kPoisson));
+  const auto last = motion[0]->positions.size() - 3;
+  EXPECT_NEAR(motion[0]->positions[last] * unit, shear * (stretch - std::pow(stretch, -5.0)),
+              0.01 * shear * stretch);
 }
 
-TEST(DiagnoseTests, TooFewStretchesAreRefused) {
-  Json tests = machine_tests({}, 1);
-  tests["tests"][0]["by"] = {1.1, 1.2};
-  tests["tests"][0]["nominal"] = {1e4, 2e4};
-  try {
-    (void)diagnosed(tests);
-    ADD_FAILURE();
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), ::testing::HasSubstr("the uniaxial test has 2 stretches"));
+TEST(DiagnoseTests, TheOrderOfReadingsAndThreadsDoNotMatter) {
+  const Json tests = machine_tests({{effect_of("strain_stiffening", {4.0e4, 1.0})}, 1.0}, 7);
+  Json turned = tests;
+  for (Json& test : turned["tests"]) {
+    std::reverse(test["by"].begin(), test["by"].end());
+    std::reverse(test["nominal"].begin(), test["nominal"].end());
   }
+  EXPECT_EQ(diagnosed(tests), diagnosed(turned));
+  EXPECT_EQ(diagnosed(tests), diagnosed(tests, 4));
+}
+
+TEST(DiagnoseTests, ReadingsThatCannotBeAreRefusedWithTheirPlace) {
+  const auto refuses = [](const std::function<void(Json&)>& spoil, const std::string& words) {
+    Json tests = machine_tests({}, 1);
+    spoil(tests["tests"][1]);
+    try {
+      (void)diagnosed(tests);
+      ADD_FAILURE() << words;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInput);
+      EXPECT_THAT(error.what(), ::testing::HasSubstr(words));
+      EXPECT_THAT(error.what(), ::testing::HasSubstr("tests"));
+    }
+  };
+  refuses([](Json& test) { test["by"][3] = -1.0; }, "tests[1]: 'by' has a stretch");
+  refuses([](Json& test) { test["nominal"] = std::vector<double>(24, 0.0); },
+          "tests[1]: all of 'nominal' are 0");
+  refuses(
+      [](Json& test) {
+        test["by"] = std::vector<double>(3000, 1.1);
+        test["nominal"] = std::vector<double>(3000, 1e4);
+      },
+      "3000 readings");
+  refuses(
+      [](Json& test) {
+        test["by"] = {1.1, 1.2};
+        test["nominal"] = {1e4, 2e4};
+        test["held_out"] = true;
+      },
+      "the equibiaxial test has 2 readings");
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "base/cancel_check.hpp"
@@ -21,22 +22,25 @@ namespace {
 using diagnose::Number;
 
 constexpr std::size_t kFewestStretches = 6;
-/// Of each test's stretches, the farthest, where no test is held out.
+/// Share of each test's readings, the farthest, that is held out where no test is.
 constexpr double kKeptBack = 0.3;
 /// At which an elastic law is followed [1/s]; it does not feel it.
 constexpr double kPullRate = 1.0;
-/// Of the start, either way: how far Young's modulus may be.
+/// How far Young's modulus may be from its start, as a factor.
 constexpr double kMostModulus = 30.0;
 /// In the modulus: a size at which one would care for what is added to it.
 constexpr double kCare = 0.2;
-constexpr double kMostGain = 20.0;
+/// What may be added to it at most.
+constexpr double kMostAddedModulus = 20.0;
 constexpr std::size_t kExperimentStretches = 12;
+/// Ī₁ − 3 that a test is taken to reach at least.
+constexpr double kLeastInvariant = 1e-6;
 
 double size_of_pull(material::Pull pull, double by) {
   return pull == material::Pull::kShear ? by : by - 1.0;
 }
 
-/// What a machine reads by weight: nominal stresses over the measured ones and half their mean.
+/// Weights by which readings are shares of a stress: 1 over the measured one and half their mean.
 std::vector<double> weights_of(const std::vector<double>& nominal) {
   double mean = 0.0;
   for (const double stress : nominal) mean += std::abs(stress) / double(nominal.size());
@@ -103,15 +107,19 @@ TestsModel::TestsModel(const TestsDoc& doc, int threads, const Interrupter& inte
   add_readings();
 }
 
-void TestsModel::add_test(const material::MachineTest& test, bool held_out) {
-  std::string name(material::pull_name(test.pull));
-  const auto alike = std::ranges::count(tests_, test.pull, &Test::pull);
+void TestsModel::add_test(const material::MachineTest& given, bool held_out) {
+  std::string name(material::pull_name(given.pull));
+  const auto alike = std::ranges::count(tests_, given.pull, &Test::pull);
   if (alike > 0) name += fmt::format(" {}", alike + 1);
-  const std::size_t count = test.by.size();
-  if (count < kFewestStretches) {
-    throw_input(fmt::format("the {} test has {} stretches; a diagnosis needs {} at least.", name,
-                            count, kFewestStretches));
+  std::vector<std::size_t> order(given.by.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(order, {}, [&](std::size_t k) { return given.by[k]; });
+  material::MachineTest test{given.pull, {}, {}};
+  for (const std::size_t k : order) {
+    test.by.push_back(given.by[k]);
+    test.nominal.push_back(given.nominal[k]);
   }
+  const std::size_t count = test.by.size();
   diagnose::Capture capture;
   capture.name = name;
   capture.rest = {Vec3d::Zero()};
@@ -119,51 +127,58 @@ void TestsModel::add_test(const material::MachineTest& test, bool held_out) {
   capture.noise = noise_;
   capture.positions = Eigen::VectorXd::Zero(Eigen::Index(3 * count));
   const std::vector<double> weights = weights_of(test.nominal);
+  std::size_t readings = 0;
   for (std::size_t k = 0; k < count; ++k) {
     capture.times.push_back(double(k));
     capture.positions[Eigen::Index(3 * k)] = weights[k] * test.nominal[k];
-    // At rest nothing is measured but where the machine's zero is.
-    const bool rest = size_of_pull(test.pull, test.by[k]) == 0.0;
-    capture.use.push_back(rest       ? diagnose::Use::kIgnored
+    // A machine that is set to 0 without load says nothing there.
+    const bool zero = size_of_pull(test.pull, test.by[k]) == 0.0 && test.nominal[k] == 0.0;
+    readings += zero ? 0 : 1;
+    capture.use.push_back(zero       ? diagnose::Use::kIgnored
                           : held_out ? diagnose::Use::kHeldOut
                                      : diagnose::Use::kUsed);
+  }
+  if (readings < kFewestStretches) {
+    throw_input(
+        fmt::format("the {} test has {} readings under load; a diagnosis needs {} at least.", name,
+                    readings, kFewestStretches));
   }
   captures_.push_back(std::move(capture));
   tests_.push_back({test.pull, test.by, weights, tests_.size()});
 }
 
 void TestsModel::hold_back_ends() {
-  for (std::size_t t = 0; t < tests_.size(); ++t) {
-    std::vector<double> sizes;
-    for (const double by : tests_[t].by) {
-      sizes.push_back(std::abs(size_of_pull(tests_[t].pull, by)));
+  for (const Test& test : tests_) {
+    std::vector<diagnose::Use>& use = captures_[test.reader].use;
+    std::vector<std::size_t> order;
+    for (std::size_t k = 0; k < use.size(); ++k) {
+      if (use[k] == diagnose::Use::kUsed) order.push_back(k);
     }
-    std::vector<double> sorted = sizes;
-    std::ranges::sort(sorted);
-    const double limit = sorted[std::size_t((1.0 - kKeptBack) * double(sorted.size()))];
-    for (std::size_t k = 0; k < sizes.size(); ++k) {
-      diagnose::Use& use = captures_[t].use[k];
-      if (use == diagnose::Use::kUsed && sizes[k] >= limit) use = diagnose::Use::kHeldOut;
-    }
+    const auto strain = [&](std::size_t k) {
+      return std::abs(material::pull_strain(test.pull, test.by[k]));
+    };
+    std::ranges::stable_sort(order, {}, strain);
+    const auto kept = static_cast<std::size_t>((1.0 - kKeptBack) * double(order.size()));
+    for (std::size_t i = kept; i < order.size(); ++i) use[order[i]] = diagnose::Use::kHeldOut;
   }
 }
 
 void TestsModel::add_experiments() {
   double strain = 0.0;
-  double mean = 0.0;
+  double stress = 0.0;
   for (const Test& test : tests_) {
-    const auto most = std::ranges::max_element(test.by);
-    strain = std::max(strain, std::abs(test.pull == material::Pull::kShear ? std::asinh(0.5 * *most)
-                                                                           : std::log(*most)));
-    for (const double weight : test.weight) mean = std::max(mean, 0.5 / weight);
+    for (const double by : test.by) {
+      strain = std::max(strain, std::abs(material::pull_strain(test.pull, by)));
+    }
+    stress = std::max(stress, 1.0 / std::ranges::min(test.weight));
   }
   for (const material::Pull pull : material::kPulls) {
     if (std::ranges::count(tests_, pull, &Test::pull) > 0) continue;
-    Test test{pull, {}, {}, 0};
+    Test test{pull, {}, {}, tests_.size()};
     for (std::size_t k = 0; k < kExperimentStretches; ++k) {
       const double at = strain * double(k + 1) / double(kExperimentStretches);
       test.by.push_back(material::pull_at(pull, at));
-      test.weight.push_back(1.0 / mean);
+      test.weight.push_back(1.0 / stress);
     }
     further_.push_back(std::move(test));
   }
@@ -200,7 +215,7 @@ diagnose::Effect& TestsModel::add(std::string name, const char* group, std::stri
 
 void TestsModel::add_causes() {
   const double shear = material_.mu();
-  double most = 1.0;
+  double most = kLeastInvariant;
   for (const Test& test : tests_) {
     for (const double by : test.by) most = std::max(most, first_invariant(test.pull, by));
   }
@@ -217,8 +232,8 @@ void TestsModel::add_causes() {
               specimen.effects.push_back(std::move(effect));
             }
           });
-  stiffer.numbers = {reading("linear", "Pa", kCare * shear, kMostGain * shear),
-                     reading("quadratic", "Pa", kCare * shear, kMostGain * shear)};
+  stiffer.numbers = {reading("linear", "Pa", kCare * shear, kMostAddedModulus * shear),
+                     reading("quadratic", "Pa", kCare * shear, kMostAddedModulus * shear)};
   stiffer.confused_with = {"fibres", "poisson_ratio", "second_invariant"};
 
   diagnose::Effect& second =
@@ -229,7 +244,7 @@ void TestsModel::add_causes() {
             set_value(effect, "modulus", 0, v[0]);
             specimen.effects.push_back(std::move(effect));
           });
-  second.numbers = {reading("modulus", "Pa", kCare * shear, kMostGain * shear)};
+  second.numbers = {reading("modulus", "Pa", kCare * shear, kMostAddedModulus * shear)};
   second.numbers[0].low = -kCare * shear;
   second.confused_with = {"strain_stiffening"};
 
@@ -244,7 +259,7 @@ void TestsModel::add_causes() {
             specimen.effects.push_back(std::move(effect));
           });
   grain.variants = {"along the pull", "across it"};
-  grain.numbers = {reading("modulus", "Pa", kCare * shear, kMostGain * shear)};
+  grain.numbers = {reading("modulus", "Pa", kCare * shear, kMostAddedModulus * shear)};
   grain.numbers[0].low = 0.0;
   grain.numbers[0].one_sided = true;
   grain.confused_with = {"strain_stiffening"};
@@ -274,13 +289,12 @@ void TestsModel::add_readings() {
   for (const Test& test : tests_) {
     const std::size_t t = test.reader;
     if (std::ranges::count(captures_[t].use, diagnose::Use::kUsed) == 0) continue;
-    double mean = 0.0;
-    for (const double weight : test.weight) mean = std::max(mean, 0.5 / weight);
+    const double half = 0.5 / std::ranges::min(test.weight);  // of the largest stress, about
     diagnose::Effect& zero = add(
         "load_zero", "measurement", "The load cell reads {value} where there is no force.",
         [t](std::span<const double> v, int, Specimen& specimen) { specimen.load_zero[t] = v[0]; });
     zero.scope = "capture " + captures_[t].name;
-    zero.numbers = {reading("stress", "Pa", 0.1 * mean, 3.0 * mean)};
+    zero.numbers = {reading("stress", "Pa", 0.1 * half, 3.0 * half)};
     diagnose::Effect& cell = add("load_cell", "measurement",
                                  "The load cell reads forces too large by a share of {value}.",
                                  [t](std::span<const double> v, int, Specimen& specimen) {
@@ -295,8 +309,9 @@ Specimen TestsModel::specimen(const diagnose::Point& point) const {
   Specimen made;
   made.material = material_;
   made.material.youngs_modulus = fit::value_within_bounds(parameters_[0], point.theta[0]);
-  made.load_factor.assign(tests_.size(), 1.0);
-  made.load_zero.assign(tests_.size(), 0.0);
+  // One more, which reads as it should, for tests that could be made.
+  made.load_factor.assign(tests_.size() + 1, 1.0);
+  made.load_zero.assign(tests_.size() + 1, 0.0);
   for (const diagnose::Point::Cause& cause : point.causes) {
     apply_[std::size_t(cause.effect)]({cause.values.data(), std::size_t(cause.values.size())},
                                       cause.variant, made);
@@ -322,6 +337,7 @@ std::optional<diagnose::Motion> TestsModel::pull(const Specimen& specimen,
   }
   std::vector<double> read;
   for (const Test& test : tests) {
+    check_cancel(&interrupter_);
     std::vector<double> stops;
     for (const double by : test.by) {
       const double rest = by - size_of_pull(test.pull, by);
@@ -336,7 +352,7 @@ std::optional<diagnose::Motion> TestsModel::pull(const Specimen& specimen,
         read.insert(read.end(), {test.weight[k] * stress, 0.0, 0.0});
       }
     } catch (const Error& error) {
-      if (error.kind() == ErrorKind::kCancelled) throw;
+      if (error.kind() != ErrorKind::kCompute) throw;
       return std::nullopt;  // as a simulation that cannot be completed
     }
   }

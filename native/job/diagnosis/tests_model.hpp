@@ -23,17 +23,17 @@ struct Specimen {
   material::Material material;
   std::vector<effects::Effect> effects;
   double gauge = 1.0;               ///< true over read elongation
-  std::vector<double> load_factor;  ///< read over true force, one a test
-  std::vector<double> load_zero;    ///< what is read without force, nominal [Pa], one a test
+  std::vector<double> load_factor;  ///< read over true force, one a test and one that is right
+  std::vector<double> load_zero;    ///< what is read without force, nominal [Pa], likewise
 };
 
 /// Tests of a testing machine for the discrepancy engine: a law at one material point, its Young's
 /// modulus fitted, exact (no solver's error). A test is a capture of one track whose first
 /// coordinate is the nominal stress over the measured one and half of the test's mean, so that
-/// errors are shares of a stress; frames are the stretches in the file's order.
+/// errors are shares of a stress; frames are the readings by their stretch.
 class TestsModel final : public diagnose::Model {
  public:
-  /// Throws Error(kInput) where a test has too few stretches.
+  /// Throws Error(kInput) where a test has too few readings.
   TestsModel(const TestsDoc& doc, int threads, const Interrupter& interrupter);
   ~TestsModel() override;
   TestsModel(const TestsModel&) = delete;
@@ -61,7 +61,7 @@ class TestsModel final : public diagnose::Model {
   struct Test;
   using Apply = std::function<void(std::span<const double> values, int variant, Specimen&)>;
 
-  void add_test(const material::MachineTest& test, bool held_out);
+  void add_test(const material::MachineTest& given, bool held_out);
   void hold_back_ends();
   void add_experiments();
   diagnose::Effect& add(std::string name, const char* group, std::string sentence, Apply apply);

@@ -194,7 +194,7 @@ class Reader {
       if (step.is_index ? step.index != capture.place : capture.name != step.key) continue;
       if (begins(Owner::kCapture)) {
         read_viewing(address, capture.name);
-        if (address.quantity->path.starts_with("poses")) {
+        if (address.quantity->is_pose()) {
           refuse("'" + step.key + "' is a capture by tracks, which has no cameras.");
         }
         return true;

@@ -7,6 +7,8 @@
 #include "effects/catalogue.hpp"
 #include "fit/model/quantity.hpp"
 #include "material/law_table.hpp"
+#include "material/material.hpp"
+#include "material/neural/isotropic_material.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -54,6 +56,7 @@ Json row_json(const fit::Quantity& row) {
           {"bounds", bounded ? Json{row.low, row.high} : Json()},
           {"around", row.around},
           {"prior_sigma", row.prior_sigma},
+          {"usual", {row.usual.of_modulus, row.usual.value}},
           {"stiffness", row.stiffness},
           {"of_law", row.of_law},
           {"gradient", static_cast<bool>(row.access.slope)},
@@ -82,7 +85,10 @@ Json quantities_json() {
   for (const material::LawTraits& law : material::all_laws()) {
     Json parameters = Json::array();
     for (const std::string_view key : law.parameters) parameters.push_back(key);
-    laws.push_back({{"name", law.name}, {"label", law.label}, {"parameters", parameters}});
+    laws.push_back({{"name", law.name},
+                    {"label", law.label},
+                    {"parameters", parameters},
+                    {"flows", law.flows}});
   }
   Json effects = Json::array();
   for (const effects::EffectType* row : effects::catalogue()) {
@@ -91,7 +97,10 @@ Json quantities_json() {
   return {{"quantities", rows},
           {"laws", laws},
           {"effects", effects},
-          {"usual_factor", fit::kUsualFactor}};
+          {"usual_factor", fit::kUsualFactor},
+          {"never_strain", material::kNeverStrain},
+          {"liquid_strain", material::kLiquidStrain},
+          {"most_branches", material::kMostMaxwellBranches}};
 }
 
 }  // namespace matterfit::job

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/documents/tests_document.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <cstdint>
 #include <utility>
 
@@ -12,12 +15,29 @@ namespace matterfit::job {
 namespace {
 
 constexpr std::uint64_t kLargestTests = std::uint64_t{16} << 20U;
+constexpr std::size_t kMostReadings = 2000;  // of a test
 constexpr const char* kTestsSchema = "matterfit.tests/1";
 
 std::vector<double> numbers_of(const JsonValue& value) {
   std::vector<double> all;
   for (const JsonValue& item : value.items()) all.push_back(item.number());
   return all;
+}
+
+void check_readings(const JsonValue& item, const material::MachineTest& test) {
+  if (test.by.size() != test.nominal.size() || test.by.empty()) {
+    item.refuse("'by' and 'nominal' are not as long as each other, or empty.");
+  }
+  if (test.by.size() > kMostReadings) {
+    item.refuse(fmt::format("{} readings, {} at most are read: take every n-th.", test.by.size(),
+                            kMostReadings));
+  }
+  if (test.pull != material::Pull::kShear && !(std::ranges::min(test.by) > 0.0)) {
+    item.refuse("'by' has a stretch that is not above 0; without load it is 1.");
+  }
+  if (std::ranges::all_of(test.nominal, [](double stress) { return stress == 0.0; })) {
+    item.refuse("all of 'nominal' are 0.");
+  }
 }
 
 }  // namespace
@@ -48,7 +68,7 @@ TestsDoc read_tests_file(const std::filesystem::path& file) {
   doc.source = object.string("source", "");
   doc.poisson_ratio =
       object.number("poisson_ratio", doc.poisson_ratio, Range{0.0, 0.4999, true, {}});
-  doc.noise = object.number("noise", doc.noise, Range{0.0, 1.0, true, {}});
+  doc.noise = object.number("noise", doc.noise, Range{0.0, 0.2, true, {}});
   if (const auto law = object.find("law")) {
     constexpr material::Law kLaws[] = {material::Law::kNeoHookean, material::Law::kFixedCorotated,
                                        material::Law::kStvkHencky};
@@ -61,9 +81,7 @@ TestsDoc read_tests_file(const std::filesystem::path& file) {
         one.require("pull").choice({"uniaxial", "equibiaxial", "shear"}));
     test.by = numbers_of(one.require("by"));
     test.nominal = numbers_of(one.require("nominal"));
-    if (test.by.size() != test.nominal.size() || test.by.empty()) {
-      item.refuse("'by' and 'nominal' are not as long as each other, or empty.");
-    }
+    check_readings(item, test);
     (one.boolean("held_out", false) ? doc.held_out : doc.fitted).push_back(std::move(test));
     one.finish();
   }

@@ -14,8 +14,9 @@ struct TestsDoc {
   std::string name;
   std::string source;
   double poisson_ratio = 0.4995;
-  /// Standard deviation of what is read, as a share of it: a diagnosis takes smaller ones for no
-  /// discrepancy. A machine of class 1 (ISO 7500-1) errs by .01.
+  /// Standard deviation of what is read, as a share of the stress and half of its test's mean
+  /// together: what a diagnosis takes a test of fewer than thirty readings to err by. A machine of
+  /// class 1 (ISO 7500-1) errs by .01.
   double noise = 0.01;
   material::Law law = material::Law::kNeoHookean;  ///< that a diagnosis begins with
   std::vector<material::MachineTest> fitted;

@@ -209,7 +209,7 @@ std::vector<fit::ParameterSpec> with_poses(const Job& job, const LoadedFilms& fi
                                            std::vector<fit::ParameterSpec> specs) {
   const std::vector<ImagesDoc> docs = images_of(job);
   for (const fit::ParameterSpec& spec : specs) {
-    if (!spec.path.quantity->path.starts_with("poses")) continue;
+    if (!spec.path.quantity->is_pose()) continue;
     for (std::size_t f = 0; f < docs.size(); ++f) {
       if (docs[f].name != spec.path.owner) continue;
       const std::string what = spec.where + ": '" + spec.path.text() + "': ";

@@ -30,10 +30,10 @@ struct ConstantsAdjoint {
     return *this;
   }
 
- private:
   static constexpr std::size_t kOwn = 12;
   static constexpr std::size_t kEntries = kOwn + kIsotropicWeights;
 
+ private:
   [[nodiscard]] std::array<T*, kOwn> entries() {
     return {&lambda,   &mu,    &kappa, &yield,     &hardening,     &eta,
             &exponent, &alpha, &tip,   &alpha_tip, &damping_shear, &damping_bulk};

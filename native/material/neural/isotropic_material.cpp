@@ -12,7 +12,6 @@ namespace {
 
 /// Least share of the shear modulus that κ and the volume units keep.
 constexpr double kLeastVolume = 1e-3;
-constexpr double kLiquidYield = 1e-3;
 
 using Forms = std::array<double Material::*, kForms>;
 constexpr Forms kFormMembers = {&Material::form_1, &Material::form_2, &Material::form_3,
@@ -161,7 +160,7 @@ Material isotropic_material(std::shared_ptr<const IsotropicStart> start) {
 FlowClass flow_class(const Material& m) {
   if (m.tear_strain < kNeverStrain) return FlowClass::kGranular;
   if (m.yield_strain >= kNeverStrain) return FlowClass::kElastic;
-  const bool liquid = m.yield_strain < kLiquidYield && m.internal_friction < kLiquidYield;
+  const bool liquid = m.yield_strain < kLiquidStrain && m.internal_friction < kLiquidStrain;
   return liquid ? FlowClass::kLiquid : FlowClass::kPlastic;
 }
 

@@ -18,6 +18,9 @@
 /// four directions of its weights.
 namespace matterfit::material {
 
+/// Below this yield strain, and as little internal friction, nothing holds a body together.
+inline constexpr double kLiquidStrain = 1e-3;
+
 inline constexpr std::size_t kForms = 4;
 
 /// A law to start from, and the directions in the logarithms of its gains that change the stress

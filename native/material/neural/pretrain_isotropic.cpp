@@ -110,8 +110,13 @@ void set_classical_flow(const Material& material, double shear, IsotropicWeights
       set(kYieldWeight, 0.0);
       if (c.eta > 0.0) set(kRateWeight, shear / c.eta);
       break;
-    default:
-      break;
+    case Law::kFixedCorotated:
+    case Law::kNeoHookean:
+    case Law::kStvkHencky:
+    case Law::kNeuralIsotropic:
+    case Law::kLatent:
+    case Law::kPublished:
+      break;  // never flows
   }
 }
 

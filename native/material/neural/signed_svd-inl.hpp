@@ -14,7 +14,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {
 
-/// Singular values are clamped from below here before a net sees them (physics.md §3.1).
+/// Singular values are clamped from below here before a net sees them (as published).
 inline constexpr double kLeastStretch = 0.05;
 
 template <class T>

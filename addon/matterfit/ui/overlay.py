@@ -178,6 +178,7 @@ def compare_graph_shown(compare):
 def register():
     if bpy.app.background:
         return
+    unregister()  # a second handler would draw everything twice
     view = bpy.types.SpaceView3D
     _handles.append(view.draw_handler_add(draw_points, (), "WINDOW", "POST_VIEW"))
     _handles.append(view.draw_handler_add(draw_throws, (), "WINDOW", "POST_VIEW"))

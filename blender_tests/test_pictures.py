@@ -45,7 +45,7 @@ class PictureTest(AttachCase):
     def test_of_any_name(self):
         """Files of one body are called by two names where its own has a space or a dot."""
         for name in ("Cube.001", "Sand Pile", "a  b"):
-            for preset, wanted in (("JELLY", "mesh"), ("SAND", "surface")):
+            for preset, wanted in (("JELLY", "mesh"), ("WATER", "surface"), ("SAND", "points")):
                 with self.subTest(name, preset=preset):
                     self.setUp()
                     self.body_row.name = name
@@ -55,15 +55,15 @@ class PictureTest(AttachCase):
                     self.assertEqual(self.seen(items, "hide_viewport") - {"level", "volume"}, {wanted})
 
     def test_of_what_pours(self):
-        """Water and sand are their surface; the mesh is neither asked for nor seen."""
-        for preset in ("WATER", "SAND", "HONEY"):
+        """Fluids are their surface, sand its grains; the mesh is neither asked for nor seen."""
+        for preset, wanted in (("WATER", "surface"), ("SAND", "points"), ("HONEY", "surface")):
             with self.subTest(preset):
                 self.body_row.material.preset = preset
                 document, _folder = self.document()
                 self.assertNotIn("mesh", document["output"])
                 items = self.attach(volume=["density", "surface"])
-                self.assertEqual(self.seen(items), {"surface"})
-                self.assertEqual(self.seen(items, "hide_viewport") - {"level", "volume"}, {"surface"})
+                self.assertEqual(self.seen(items), {wanted})
+                self.assertEqual(self.seen(items, "hide_viewport") - {"level", "volume"}, {wanted})
                 self.assertTrue(self.item.hide_render)
 
     def test_the_level_set_does_not_glow(self):

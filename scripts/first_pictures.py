@@ -81,22 +81,13 @@ def lets_light_through(material, share):
     tree.links.new(mix.outputs[0], output.inputs["Surface"])
 
 
-def grained(material, shader, dark, light, size):
-    """Colour and relief of grains of about `size` [m]."""
+def grained(material, shader, dark, light):
+    """Each grain of a cloud in a colour of its own."""
     tree = material.node_tree
-    place = tree.nodes.new("ShaderNodeTexCoord")
-    cells, ramp = tree.nodes.new("ShaderNodeTexVoronoi"), tree.nodes.new("ShaderNodeValToRGB")
-    bump = tree.nodes.new("ShaderNodeBump")
-    cells.inputs["Scale"].default_value = 1.0 / size
-    bump.inputs["Distance"].default_value = 0.4 * size
-    bump.inputs["Strength"].default_value = 0.7
-    bump.invert = True
+    grain, ramp = tree.nodes.new("ShaderNodePointInfo"), tree.nodes.new("ShaderNodeValToRGB")
     ramp.color_ramp.elements[0].color, ramp.color_ramp.elements[1].color = (*dark, 1.0), (*light, 1.0)
-    tree.links.new(place.outputs["Object"], cells.inputs["Vector"])
-    tree.links.new(cells.outputs["Color"], ramp.inputs["Fac"])
+    tree.links.new(grain.outputs["Random"], ramp.inputs["Fac"])
     tree.links.new(ramp.outputs["Color"], shader.inputs["Base Color"])
-    tree.links.new(cells.outputs["Distance"], bump.inputs["Height"])
-    tree.links.new(bump.outputs["Normal"], shader.inputs["Normal"])
 
 
 def only(*objects):
@@ -182,7 +173,7 @@ def sand():
     column = bpy.context.active_object
     column.name = "Sand"
     material, shader = shaded("Sand", (0.8, 0.5, 0.2), 0.85)
-    grained(material, shader, (0.45, 0.22, 0.06), (0.95, 0.68, 0.34), 0.004)
+    grained(material, shader, (0.45, 0.22, 0.06), (0.95, 0.68, 0.34))
     bpy.ops.mesh.primitive_torus_add(location=(0.0, 0.0, 0.45), major_radius=0.18,
                                      minor_radius=0.06, major_segments=64, minor_segments=24)
     ring = bpy.context.active_object

@@ -47,6 +47,8 @@ START_NUMBERS = {
     "WATER": {"E": 250.0, "nu": 0.4995, "yield_strain": 0.0},
 }
 _POURING_STARTS = frozenset({"SAND", "WATER"})  # of the published law
+# Laws whose particles are shown, each as grains.
+GRANULAR = frozenset({"DRUCKER_PRAGER"})
 DAMPING = ("damping_shear", "damping_bulk")
 
 
@@ -59,6 +61,16 @@ def flows(law):
     """Whether a body of this law (either case) pours: a mesh that is bound to it is torn to shreds, its
     surface is the picture."""
     return law.lower() in library.FLOWING
+
+
+def granular(law):
+    """Whether a body of this law (either case) is shown as grains."""
+    return law.upper() in GRANULAR
+
+
+def any_granular(bodies):
+    """Whether any of the bodies that are simulated is shown as grains."""
+    return any(body.enabled and body.role == "BODY" and granular(body.material.law) for body in bodies)
 
 
 def any_flows(bodies):

@@ -8,7 +8,6 @@ import os
 
 import bpy
 
-from .. import laws
 from . import (
     attach_mesh,
     attach_particles,
@@ -106,6 +105,11 @@ class Attachment:
                 return index, body
         return 0, None
 
+    def law(self, name):
+        """The law of a body of the bake; "" where it has none of that name."""
+        return next((body["material"]["law"] for body in self.document["scene"]["bodies"]
+                     if files.safe_name(body["name"]) == files.safe_name(name)), "")
+
     def material(self, name):
         """The artist's own material where the body has one."""
         index, body = self.body(name)
@@ -130,8 +134,6 @@ class Attachment:
 
     def _visibility(self, live):
         """One picture of each body; what an earlier bake has left is none."""
-        laws_of = {files.safe_name(body["name"]): body["material"]["law"]
-                   for body in self.document["scene"]["bodies"]}
         kinds = {}
         for item in self.items:
             kind, name = attached.kind_and_body(item)
@@ -140,7 +142,7 @@ class Attachment:
             usable = {kind for kind, item in items.items() if item[attached.TAG] in self.kept}
             if "density" not in self.document.get("output", {}).get("volume", []):
                 usable.discard("volume")  # only a source for the surface
-            seen = visibility.picture(usable, laws.flows(laws_of.get(name, "")))
+            seen = visibility.picture(usable, self.law(name))
             if live and "points" in usable:
                 seen = "points"
             for kind, item in items.items():

@@ -4,7 +4,11 @@
 import bpy
 import numpy
 
-from . import cache, nodes, point_cache
+from .. import laws
+from ..props import reactions
+from . import attached, cache, nodes, point_cache
+
+NODES = "Matterfit Particles"
 
 
 def _cloud(work, name, points, sample):
@@ -31,7 +35,7 @@ def live_particles(work, name, points):
     modifier = item.modifiers.get("Matterfit Cache")
     if modifier is not None:
         item.modifiers.remove(modifier)
-    if "Matterfit Particles" not in item.modifiers:
+    if NODES not in item.modifiers:
         _points_nodes(work, item, name, [])
 
 
@@ -50,9 +54,19 @@ def particles(work, name, points, attributes):
 
 
 def _points_nodes(work, item, name, textures):
-    tree = nodes.particles_tree(f"Matterfit Particles {item.name}", 0.5 * work.separation,
-                                work.material(name), textures)
-    modifier = item.modifiers.get("Matterfit Particles")
+    grains = work.scene.matterfit.output.grains if laws.granular(work.law(name)) else 0
+    tree = nodes.particles_tree(f"{NODES} {item.name}", work.separation, work.material(name), textures,
+                                grains)
+    modifier = item.modifiers.get(NODES)
     if modifier is None:
-        modifier = item.modifiers.new("Matterfit Particles", "NODES")
+        modifier = item.modifiers.new(NODES, "NODES")
     modifier.node_group = tree
+
+
+@reactions.grains_restyled.done_by
+def restyle(settings):
+    """As many grains a particle as Output has now, in all takes of the scene."""
+    for item in settings.id_data.objects:
+        modifier = item.modifiers.get(NODES)
+        if item.get(attached.TAG, "").startswith("points:") and modifier and modifier.node_group:
+            nodes.set_grains(modifier.node_group, settings.output.grains)

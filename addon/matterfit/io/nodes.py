@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Node set-ups of attached caches. They use Blender's own nodes only, so they play without us."""
 
+import math
 import os
 
 import bpy
@@ -13,6 +14,11 @@ COLORS = ((0.80, 0.36, 0.22), (0.24, 0.50, 0.72), (0.45, 0.62, 0.28), (0.74, 0.6
 COLOR_OF_LAW = {"NEWTONIAN": 1, "DRUCKER_PRAGER": 3}  # liquids are blue, grains sandy
 # Scalar attributes live in the red channel, vectors in red, green, blue.
 VECTOR_ATTRIBUTES = frozenset({"velocity"})
+GRAINS = "Grains"
+VIEWPORT_GRAINS = 0.25  # of a render's grains
+SCATTER = 0.75  # of a grain about its particle, in separations; twice
+PACKING = 0.6  # volume of grains in that of sand
+SIZES = 0.25  # of grains, about their mean
 BLENDINGS = 4  # of a surface's velocity: over about a particle separation
 
 
@@ -44,8 +50,9 @@ class _Builder:
         return node.outputs[0]
 
 
-def particles_tree(name, radius, material, attributes):
-    """Vertices to points with a radius, a material and attributes from textures.
+def particles_tree(name, separation, material, attributes, grains=0):
+    """Vertices to points with a radius, a material and attributes from textures; of what is granular each
+    to `grains` points (0: it is not).
 
     `attributes`: [(name, image, (width, height), first frame, last frame)].
     """
@@ -58,17 +65,65 @@ def particles_tree(name, radius, material, attributes):
     builder = _Builder(tree)
     entry = builder.add("NodeGroupInput")
     points = builder.add("GeometryNodeMeshToPoints")
-    compat.socket(points.inputs, "Radius").default_value = radius
+    compat.socket(points.inputs, "Radius").default_value = 0.5 * separation
     builder.link(entry.outputs[0], points.inputs[0])
     geometry = points.outputs[0]
     for attribute in attributes:
         geometry = _stored_attribute(builder, geometry, *attribute)
+    if grains:
+        geometry = _grains(builder, geometry, separation)
+        set_grains(tree, grains)
     assign = builder.add("GeometryNodeSetMaterial")
     compat.socket(assign.inputs, "Material").default_value = material
     builder.link(geometry, assign.inputs[0])
     leave = builder.add("NodeGroupOutput")
     builder.link(assign.outputs[0], leave.inputs[0])
     return tree
+
+
+def _grains(builder, geometry, separation):
+    """Each point as several, scattered about it: what an MPM grid tears into clumps with holes a few cells
+    wide closes again, and a pile has no lattice. A grain keeps its place beside its particle and its number
+    from frame to frame, so that motion blur knows it, and has all attributes of the particle."""
+    entry = builder.add("FunctionNodeInputInt", name=GRAINS, label=GRAINS)
+    screen = builder.add("GeometryNodeIsViewport")
+    share = builder.math("SUBTRACT", 1.0, builder.math("MULTIPLY", screen.outputs[0],
+                                                       1.0 - VIEWPORT_GRAINS))
+    amount = builder.math("CEIL", builder.math("MULTIPLY", entry.outputs[0], share), None)
+    several = builder.add("GeometryNodeDuplicateElements", domain="POINT")
+    builder.link(geometry, several.inputs[0])
+    builder.link(amount, compat.socket(several.inputs, "Amount"))
+    # Two uniform steps a coordinate: dense about the particle, without an edge.
+    steps = builder.add("ShaderNodeVectorMath", operation="ADD")
+    for seed in (0, 1):
+        step = builder.add("FunctionNodeRandomValue", data_type="FLOAT_VECTOR")
+        compat.socket(step.inputs, "Min", "VECTOR").default_value = (-SCATTER * separation,) * 3
+        compat.socket(step.inputs, "Max", "VECTOR").default_value = (SCATTER * separation,) * 3
+        compat.socket(step.inputs, "Seed").default_value = seed
+        builder.link(compat.socket(step.outputs, "Value", "VECTOR"), steps.inputs[seed])
+    move = builder.add("GeometryNodeSetPosition")
+    builder.link(several.outputs[0], move.inputs[0])
+    builder.link(steps.outputs[0], compat.socket(move.inputs, "Offset"))
+    # All grains of a particle fill PACKING of its volume.
+    cube = 3.0 * PACKING / (4.0 * math.pi)
+    radius = builder.math("MULTIPLY", builder.math("POWER", amount, -1.0 / 3.0),
+                          separation * cube ** (1.0 / 3.0))
+    size = builder.add("FunctionNodeRandomValue", data_type="FLOAT")
+    compat.socket(size.inputs, "Min", "VALUE").default_value = 1.0 - SIZES
+    compat.socket(size.inputs, "Max", "VALUE").default_value = 1.0 + SIZES
+    compat.socket(size.inputs, "Seed").default_value = 2
+    sized = builder.add("GeometryNodeSetPointRadius")
+    builder.link(move.outputs[0], sized.inputs[0])
+    builder.link(builder.math("MULTIPLY", radius, compat.socket(size.outputs, "Value", "VALUE")),
+                 compat.socket(sized.inputs, "Radius"))
+    return sized.outputs[0]
+
+
+def set_grains(tree, count):
+    """How many grains each particle of a tree with grains is shown as."""
+    entry = tree.nodes.get(GRAINS)
+    if entry is not None:
+        entry.integer = count
 
 
 def velocity_tree(name, points, unit):

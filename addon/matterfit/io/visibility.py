@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is seen of a take: one picture of each body, and when the artist's own objects give way."""
 
+from .. import laws
 from ..props import reactions
 from . import nodes
 
@@ -10,11 +11,13 @@ SHOWN, HIDDEN, MIXED = 3, 2, 0
 # What shows a body, the best first: what pours has no mesh that could follow it.
 OF_SOLIDS = ("mesh", "surface", "volume", "points")
 OF_FLOWS = ("surface", "volume", "points", "mesh")
+OF_GRAINS = ("points", "surface", "volume", "mesh")  # what falls apart has no surface
 
 
-def picture(kinds, flows):
-    """The one of `kinds` ('mesh', 'surface', 'volume', 'points') that shows the body."""
-    return next((kind for kind in (OF_FLOWS if flows else OF_SOLIDS) if kind in kinds), None)
+def picture(kinds, law):
+    """The one of `kinds` ('mesh', 'surface', 'volume', 'points') that shows a body of that law."""
+    order = OF_GRAINS if laws.granular(law) else OF_FLOWS if laws.flows(law) else OF_SOLIDS
+    return next((kind for kind in order if kind in kinds), None)
 
 
 def decide(item, seen):

@@ -33,6 +33,7 @@ flow_changed = Reaction()  # (scene): whether anything pours may be otherwise no
 quality_chosen = Reaction()  # (solver, scene)
 separation_typed = Reaction()  # (solver)
 surface_restyled = Reaction()  # (settings): smoothing or offset of surfaces
+grains_restyled = Reaction()  # (settings): how many grains a particle of sand is shown as
 take_switched = Reaction()  # (settings): another take is the active one
 comparison_switched = Reaction()  # (settings): another take or capture is the active one
 batch_result_chosen = Reaction()  # (settings): a row of a batch's results is the active one

@@ -86,6 +86,10 @@ def _restyled(self, _context):
     reactions.surface_restyled(self.id_data.matterfit)
 
 
+def _regrained(self, _context):
+    reactions.grains_restyled(self.id_data.matterfit)
+
+
 class MatterfitOutput(bpy.types.PropertyGroup):
     """Which caches a bake writes."""
 
@@ -113,6 +117,10 @@ class MatterfitOutput(bpy.types.PropertyGroup):
         precision=4, unit="LENGTH", description="Width of a voxel of the volumes")
     points: BoolProperty(
         name="Particles", default=True, description="The particles as a PC2 point cache")
+    grains: IntProperty(
+        name="Grains", default=16, min=1, soft_min=1, max=1000, soft_max=64, update=_regrained,
+        description="How many grains each particle of sand is shown as, in renders; the viewport shows a "
+                    "quarter of them")
     mesh: BoolProperty(
         name="Meshes", default=True,
         description="The bodies' own meshes, moved with the material, as Mesh Cache")

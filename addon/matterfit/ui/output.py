@@ -3,7 +3,7 @@ import os
 
 import bpy
 
-from .. import jobs
+from .. import jobs, laws
 from ..compat import translate, translate_label
 from ..io import attached, cache, takes
 from ..props import scene as scene_props
@@ -34,6 +34,8 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
         column.use_property_decorate = False
         for name in ("mesh", "points", "splats"):
             column.prop(output, name)
+            if name == "points" and output.points and laws.any_granular(settings.bodies):
+                column.prop(output, "grains")
         column = layout.column(heading="Attributes")
         column.use_property_split = True
         column.use_property_decorate = False

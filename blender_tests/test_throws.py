@@ -91,6 +91,18 @@ class ThrowTest(JobCase):
         numpy.testing.assert_allclose(ends[3] + ends[5], (2.0, 0.0, 0.8), atol=1e-6)
         self.assertGreater(abs(ends[3][0] - ends[5][0]), 0.05)
 
+    def test_the_arrow_leaves_the_body(self):
+        """It begins outside of the box, turned as the throw has it."""
+        take = takes.ensure_active(self.settings)
+        bpy.ops.matterfit.add_throw()
+        throw = take.throws[0]
+        throw.velocity, throw.use_placement, throw.location = (4.0, 0.0, 0.0), True, (1.0, 0.0, 2.0)
+        for turned, half in ((0.0, 0.1), (numpy.pi / 4.0, 0.1 * 2.0**0.5)):
+            throw.rotation = (0.0, 0.0, turned)
+            ends = ui.throw_overlay.arrow(self.flight(), Vector((0, 1, 0)))
+            numpy.testing.assert_allclose(ends[0], (1.0 + half, 0.0, 2.0), atol=1e-5)
+            numpy.testing.assert_allclose(ends[1], (1.4 + half, 0.0, 2.0), atol=1e-5)
+
 
 class ThrowListTest(JobCase):
     def test_the_name_cannot_be_edited(self):

@@ -12,7 +12,7 @@ from .. import compat
 from ..io import frames, motion, transforms
 from ..props import scene as scene_props
 
-ARROW_SECONDS = 0.1  # an arrow is as long as the way of this time
+ARROW_SECONDS = 0.1  # an arrow is as long as the way of this time, from the body's box on
 HEAD = 0.2  # of its length
 MOST_POINTS = 250
 COLOR = (1.0, 0.6, 0.2, 1.0)
@@ -21,12 +21,13 @@ COLOR = (1.0, 0.6, 0.2, 1.0)
 @dataclass
 class Flight:
     """The flight of one body, in Blender units: `start`, `velocity` a second, `path` (N, 3) from the
-    start."""
+    start; how far the body's box `reaches` along the velocity."""
 
     name: str
     start: Vector
     velocity: Vector
     path: numpy.ndarray
+    reaches: float = 0.0
 
 
 def flights(scene):
@@ -51,16 +52,18 @@ def flights(scene):
         thrown_at = _start(body.object, throw, source, first, fps)
         if thrown_at is None or thrown_at[1].length == 0.0:
             continue
-        start, velocity, half = thrown_at
+        start, velocity, around = thrown_at
+        half = max(abs(corner.z) for corner in around)
+        reaches = max(corner.dot(velocity.normalized()) for corner in around)
         path = numpy.array(start) + times[:, None] * numpy.array(velocity) + (
             0.5 * times[:, None] ** 2 * numpy.array(gravity))
-        found.append(Flight(body.name, start, velocity, _until(path, ground, half)))
+        found.append(Flight(body.name, start, velocity, _until(path, ground, half), reaches))
     return found
 
 
 def _start(item, throw, source, first, fps):
-    """(middle of the object's box, its velocity, half the box's height) where the throw begins; None
-    where that is not known."""
+    """(middle of the object's box, its velocity, the box's corners from the middle) where the throw begins;
+    None where that is not known."""
     matrix, spin, velocity = item.matrix_world, Vector(), Vector(source.velocity)
     if source.velocity_from == "ANIMATION":
         found = motion.keyed_matrices(item, transforms.velocity_times(first))
@@ -70,12 +73,13 @@ def _start(item, throw, source, first, fps):
         velocity, spin = transforms.motion_velocity(found, 1.0, fps)
     corners = [matrix @ Vector(corner) for corner in item.bound_box]
     middle = sum(corners, Vector()) / 8.0
-    half = max(abs(corner.z - middle.z) for corner in corners)
+    around = [corner - middle for corner in corners]
     origin = matrix.translation
     if throw is not None and throw.use_placement:
         turn = Euler(throw.rotation).to_matrix() @ matrix.to_3x3().normalized().inverted()
         middle, origin = Vector(throw.location) + turn @ (middle - origin), Vector(throw.location)
-    return middle, velocity + spin.cross(middle - origin), half
+        around = [turn @ corner for corner in around]
+    return middle, velocity + spin.cross(middle - origin), around
 
 
 def _until(path, ground, half):
@@ -92,8 +96,10 @@ def _until(path, ground, half):
 
 
 def arrow(flight, facing):
-    """(6, 3) ends of the three lines of an arrow whose head lies across `facing`."""
-    start, tip = flight.start, flight.start + ARROW_SECONDS * flight.velocity
+    """(6, 3) ends of the three lines of an arrow whose head lies across `facing`; it begins where it can be
+    seen, outside of the body."""
+    start = flight.start + flight.reaches * flight.velocity.normalized()
+    tip = start + ARROW_SECONDS * flight.velocity
     along = (tip - start) * HEAD
     side = along.cross(facing)
     side = side.normalized() * (0.5 * along.length) if side.length > 1e-12 else Vector()

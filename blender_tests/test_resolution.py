@@ -335,6 +335,24 @@ class LimitTest(SceneCase):
             self.assertEqual(self.count(), 1728)
 
     @needs_library
+    def test_where_the_simulation_begins(self):
+        """An animated shape is measured as it is at the first frame, whichever is shown."""
+        item = self.cube(size=0.2)
+        self.body(item)
+        solver = self.settings.solver
+        solver.most_particles = 3000
+        for frame, scale in ((1, 2.0), (6, 1.0)):
+            item.scale = (scale,) * 3
+            item.keyframe_insert("scale", frame=frame)
+        self.scene.frame_set(6, subframe=0.5)
+        bpy.ops.matterfit.set_resolution()
+        self.assertEqual((self.scene.frame_current, self.scene.frame_subframe), (6, 0.5))
+        self.assertEqual(solver.quality, "STANDARD")
+        bpy.ops.matterfit.estimate()
+        self.assertLessEqual(self.count(), 3000)
+        self.assertAlmostEqual(solver.particle_separation, 0.4 / 12, places=4)
+
+    @needs_library
     def test_shapes_that_have_grown(self):
         """A body that is scaled after it was added: the bake says what to press."""
         item = self.cube(size=0.2)

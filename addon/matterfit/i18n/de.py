@@ -126,9 +126,9 @@ TEXTS = {
         "Ein Partikelabstand von {now} ist zu groß für die Drähte und Wände dieser Form: {share} % davon "
         "hätten Partikel. Einen kleineren nehmen, Most Particles erhöhen oder sie dicker machen.",
     "This makes {particles}, more than Most Particles in Solver: shapes have changed. Press Set from "
-    "Quality there, or type a Particle Separation.":
+    "Quality there; Quality: Custom keeps the separation.":
         "Das macht {particles}, mehr als Most Particles im Löser: Die Formen haben sich geändert. Dort "
-        "Set from Quality drücken, oder einen Partikelabstand eingeben.",
+        "Set from Quality drücken; Quality: Custom behält den Partikelabstand.",
     "The surface crosses itself in places.": "Die Oberfläche durchdringt sich stellenweise.",
     "In places more than two faces share an edge.": "Stellenweise teilen sich mehr als zwei Flächen eine Kante.",
     "Faces looked inward and were turned outward.":

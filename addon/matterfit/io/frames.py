@@ -21,6 +21,18 @@ def frame_kept(scene):
             found.frame_set(frame, subframe=subframe)
 
 
+@contextlib.contextmanager
+def at_first(scene):
+    """The scene stands at the first simulated frame inside."""
+    first, _end = frame_range(scene)
+    if (scene.frame_current, scene.frame_subframe) == (first, 0.0):
+        yield
+        return
+    with frame_kept(scene):
+        scene.frame_set(first)
+        yield
+
+
 def follow_each_other(scene):
     """Whether what is at a frame depends on the frames before having been visited in order: simulations
     of Blender's that are not baked."""

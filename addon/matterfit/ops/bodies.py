@@ -5,7 +5,7 @@ import bpy
 from bpy.props import EnumProperty, IntProperty
 
 from ..compat import translate
-from ..io import attached, fit_rows, motion, presets, resolution, visibility
+from ..io import attached, fit_rows, frames, motion, presets, resolution, visibility
 from ..jobs import JobError
 from ..names import for_file, unique
 from ..props import scene as scene_props
@@ -208,10 +208,14 @@ class MATTERFIT_OT_reset_material(_ActiveBody, PlainOperator, bpy.types.Operator
 class MATTERFIT_OT_set_resolution(PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.set_resolution"
     bl_label = "Set from Quality"
-    bl_description = ("Measure the thinnest part of the bodies and set the particle separation "
-                      "that the quality asks for")
+    bl_description = ("Measure the thinnest part of the bodies, where the simulation begins, and set the "
+                      "particle separation that the quality asks for")
 
     def act(self, context):
+        with frames.at_first(context.scene):
+            self._measure(context)
+
+    def _measure(self, context):
         solver = context.scene.matterfit.solver
         if solver.quality == "CUSTOM":
             solver.quality = "STANDARD"

@@ -54,7 +54,7 @@ def _check_most_particles(settings, particles):
     if solver.quality != "CUSTOM" and not points and particles > OVER * solver.most_particles:
         raise JobError(translate(
             "This makes {particles}, more than Most Particles in Solver: shapes have changed. Press Set from "
-            "Quality there, or type a Particle Separation.").format(
+            "Quality there; Quality: Custom keeps the separation.").format(
                 particles=plain.counted(particles, "particle")))
 
 

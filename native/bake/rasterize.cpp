@@ -29,8 +29,15 @@ struct Kernel {
   float weight = 0.0F;          ///< V_p / h³
   float density = 0.0F;         ///< weight / det F
   float droplet_radius = 0.0F;  ///< in y
-  Vec3i low;                    ///< first and last voxel reached
+  float inside = 0.0F;          ///< voxels that it covers
+  Vec3i low;                    ///< first and last voxel of the box around it
   Vec3i high;
+
+  /// What it costs: its voxels, and a glance at each row of the box.
+  [[nodiscard]] double work() const {
+    const Vec3i sides = (high - low + Vec3i::Ones()).cwiseMax(0);
+    return double(inside) + double(sides[0]) * double(sides[1]);
+  }
 };
 
 /// `flow`: of the body, or null.
@@ -56,6 +63,7 @@ Kernel make_kernel(const capture::ParticleView& body, const FlowKernels* flow, s
   const double h = body.separation;
   shape *= h / voxel_size;  // y → voxels
   kernel.to_rest = shape.inverse().cast<float>();
+  kernel.inside = static_cast<float>(std::pow(2.0 * kSupport, 3) * std::abs(shape.determinant()));
   const double fill = body.volumes[i] / (h * h * h);
   kernel.weight = static_cast<float>(fill / spread);
   kernel.density = static_cast<float>(fill / ratio);
@@ -110,9 +118,7 @@ struct Blocks {
 
 Blocks make_blocks(const std::vector<Kernel>& kernels, double voxel_size) {
   double voxels = 0.0;
-  for (const Kernel& kernel : kernels) {
-    voxels += (kernel.high - kernel.low + Vec3i::Ones()).cast<double>().prod();
-  }
+  for (const Kernel& kernel : kernels) voxels += kernel.work();
   if (voxels > kVoxelLimit) {
     throw_input("voxels of " + std::to_string(voxel_size) +
                 " m are too fine for these particles (" +
@@ -152,6 +158,26 @@ inline float spline(float y) {
   return 0.5F * t * t - 1.5F * u * u;
 }
 
+/// Whether a row of a leaf along z, y = base + z · step, meets the kernel's cube. A kernel that lies
+/// flat and aslant fills a small part of its box.
+inline bool meets(const Vec3f& base, const Vec3f& step) {
+  constexpr float kRoundOff = 1e-4F;
+  float first = 0.0F;
+  float last = static_cast<float>(kLeafSide - 1);
+  for (int k = 0; k < 3; ++k) {
+    const auto reach = static_cast<float>(kSupport) + kRoundOff;
+    if (std::abs(step[k]) < kRoundOff) {
+      if (std::abs(base[k]) > reach + kRoundOff * kLeafSide) return false;
+      continue;
+    }
+    const float one = (-reach - base[k]) / step[k];
+    const float other = (reach - base[k]) / step[k];
+    first = std::max(first, std::min(one, other));
+    last = std::min(last, std::max(one, other));
+  }
+  return first <= last + kRoundOff;
+}
+
 void add_kernel(const Kernel& kernel, const Vec3i& origin, const RasterOptions& options,
                 LeafSums& sums) {
   const Vec3i low = (kernel.low - origin).cwiseMax(0);
@@ -164,6 +190,7 @@ void add_kernel(const Kernel& kernel, const Vec3i& origin, const RasterOptions& 
       const Vec3f d(static_cast<float>(x) - centre[0], static_cast<float>(y) - centre[1],
                     -centre[2]);
       const Vec3f base = m * d;
+      if (!meets(base, m.col(2))) continue;
       const int row = 64 * x + 8 * y;
       for (int z = 0; z < kLeafSide; ++z) {
         const auto s = static_cast<float>(z);

@@ -16,6 +16,7 @@ namespace {
 constexpr double kRehearsed = 1500.0;  ///< particles, about
 /// Ratio of the particle separations below which the job itself is run.
 constexpr double kHardlyFewer = 1.2;
+constexpr double kLongestFrame = 3.0;  ///< times what a rehearsal may take: it ends between frames
 constexpr double kFirstSubsteps = 0.05;  ///< of the time, to see what the first ones take
 /// Share of the frames done that those to come are like.
 constexpr double kLatest = 0.25;
@@ -47,9 +48,9 @@ std::optional<Rehearsal> rehearse(const Job& job, std::size_t particles, double 
   const double level = fewer > kHardlyFewer ? fewer : 1.0;
   try {
     const mpm::Scene scene = scene_at_level(job, level, *arena, interrupter);
-    const double first = mpm::Simulation(scene, arena, {target})
-                             .measure(kFirstSubsteps * seconds, interrupter)
-                             .seconds;
+    const mpm::SubstepCost first =
+        mpm::Simulation(scene, arena, {target}).measure(kFirstSubsteps * seconds, interrupter);
+    if (first.seconds > kLongestFrame * seconds * scene.fps * first.dt) return std::nullopt;
     mpm::Simulation simulation(scene, arena, {.target = target, .hand_over = true});
     BakeCost before;
     if (job.bakes()) {
@@ -67,7 +68,7 @@ std::optional<Rehearsal> rehearse(const Job& job, std::size_t particles, double 
     Rehearsal result;
     const double substeps = over_all_frames(done.substeps, frames);
     result.substeps = job.scene.solver.dt > 0.0 ? substeps : substeps * level;
-    result.dearer = std::max(1.0, over_all_frames(done.seconds, frames) / substeps / first);
+    result.dearer = std::max(1.0, over_all_frames(done.seconds, frames) / substeps / first.seconds);
     if (job.bakes() && before.seconds > 0.0 && before.bytes > 0) {
       const BakeCost after = measure_bake(job, scene, simulation.state(), *arena, interrupter);
       result.baking = 0.5 * (before.seconds + after.seconds) / before.seconds;

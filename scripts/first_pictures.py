@@ -173,7 +173,7 @@ def sand():
     column = bpy.context.active_object
     column.name = "Sand"
     material, shader = shaded("Sand", (0.8, 0.5, 0.2), 0.85)
-    grained(material, shader, (0.45, 0.22, 0.06), (0.95, 0.68, 0.34))
+    grained(material, shader, (0.58, 0.34, 0.13), (0.97, 0.74, 0.42))
     bpy.ops.mesh.primitive_torus_add(location=(0.0, 0.0, 0.45), major_radius=0.18,
                                      minor_radius=0.06, major_segments=64, minor_segments=24)
     ring = bpy.context.active_object

@@ -12,7 +12,7 @@ RUN := bash $(ROOT)/scripts/in_tree.sh
 PYTHON := $(RUN) python
 .DEFAULT_GOAL := help
 SET := small
-.PHONY: help demo test build bench random-solids five-materials other-simulators finite-elements ball-drops blind blind-small blind-set format lint fuzz run package clean
+.PHONY: help demo test build bench estimates random-solids five-materials other-simulators finite-elements ball-drops blind blind-small blind-set format lint fuzz run package clean
 
 help: ## Say what each target does (the default)
 	@grep -hE '^[a-z-]+:.*## ' $(ROOT)/Makefile | sed -E 's/:.*## /\t/' | \
@@ -34,6 +34,11 @@ build: ## build/bin/matterfit and build/lib/libmatterfit.so, optimised
 bench: ## Speed of the solver, one JSON object a line (NEURAL=1: of the neural laws; OTHERS=1: Taichi and Genesis, or PyTorch, beside it, by pip)
 	@bash $(ROOT)/scripts/dependencies.sh build 1>&2
 	@$(PYTHON) $(ROOT)/scripts/bench.py $(if $(NEURAL),--neural) $(if $(OTHERS),--others)
+
+estimates: ## What Estimate says of some runs beside the time that they take, some minutes (THREADS, REPEAT, ONLY="water dam")
+	@bash $(ROOT)/scripts/dependencies.sh build 1>&2
+	@$(RUN) bash $(ROOT)/scripts/build.sh 1>&2
+	@$(PYTHON) $(ROOT)/scripts/estimates.py $(if $(THREADS),--threads $(THREADS)) $(if $(REPEAT),--repeat $(REPEAT)) $(if $(ONLY),--only $(ONLY))
 
 random-solids: ## Throw 200 random elastic bodies at random and say which ran (COUNT, SEED, MESH=file.ply for one mesh)
 	@bash $(ROOT)/scripts/dependencies.sh build 1>&2

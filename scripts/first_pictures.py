@@ -84,9 +84,9 @@ def lets_light_through(material, share):
 def grained(material, shader, dark, light):
     """Each grain of a cloud in a colour of its own."""
     tree = material.node_tree
-    grain, ramp = tree.nodes.new("ShaderNodePointInfo"), tree.nodes.new("ShaderNodeValToRGB")
+    grain, ramp = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeValToRGB")
     ramp.color_ramp.elements[0].color, ramp.color_ramp.elements[1].color = (*dark, 1.0), (*light, 1.0)
-    tree.links.new(grain.outputs["Random"], ramp.inputs["Fac"])
+    tree.links.new(grain.outputs["Random Per Island"], ramp.inputs["Fac"])
     tree.links.new(ramp.outputs["Color"], shader.inputs["Base Color"])
 
 

@@ -52,7 +52,7 @@ class _Builder:
 
 def particles_tree(name, separation, material, attributes, grains=0):
     """Vertices to points with a radius, a material and attributes from textures; of what is granular each
-    to `grains` points (0: it is not).
+    to a mesh of `grains` octahedra (0: it is not).
 
     `attributes`: [(name, image, (width, height), first frame, last frame)].
     """
@@ -82,7 +82,7 @@ def particles_tree(name, separation, material, attributes, grains=0):
 
 
 def _grains(builder, geometry, separation):
-    """Each point as several, scattered about it: what an MPM grid tears into clumps with holes a few cells
+    """A mesh of several grains about each point: what an MPM grid tears into clumps with holes a few cells
     wide closes again, and a pile has no lattice. A grain keeps its place beside its particle and its number
     from frame to frame, so that motion blur knows it, and has all attributes of the particle."""
     entry = builder.add("FunctionNodeInputInt", name=GRAINS, label=GRAINS)
@@ -105,18 +105,29 @@ def _grains(builder, geometry, separation):
     builder.link(several.outputs[0], move.inputs[0])
     builder.link(steps.outputs[0], compat.socket(move.inputs, "Offset"))
     # All grains of a particle fill PACKING of its volume.
-    cube = 3.0 * PACKING / (4.0 * math.pi)
+    cube = 3.0 * PACKING / 4.0  # an octahedron of radius 1 has 4/3
     radius = builder.math("MULTIPLY", builder.math("POWER", amount, -1.0 / 3.0),
                           separation * cube ** (1.0 / 3.0))
     size = builder.add("FunctionNodeRandomValue", data_type="FLOAT")
     compat.socket(size.inputs, "Min", "VALUE").default_value = 1.0 - SIZES
     compat.socket(size.inputs, "Max", "VALUE").default_value = 1.0 + SIZES
     compat.socket(size.inputs, "Seed").default_value = 2
-    sized = builder.add("GeometryNodeSetPointRadius")
-    builder.link(move.outputs[0], sized.inputs[0])
-    builder.link(builder.math("MULTIPLY", radius, compat.socket(size.outputs, "Value", "VALUE")),
-                 compat.socket(sized.inputs, "Radius"))
-    return sized.outputs[0]
+    radius = builder.math("MULTIPLY", radius, compat.socket(size.outputs, "Value", "VALUE"))
+    turn = builder.add("FunctionNodeRandomValue", data_type="FLOAT_VECTOR")
+    compat.socket(turn.inputs, "Max", "VECTOR").default_value = (2.0 * math.pi,) * 3
+    compat.socket(turn.inputs, "Seed").default_value = 3
+    # An octahedron: EEVEE of 3.4 draws no points.
+    grain = builder.add("GeometryNodeMeshUVSphere")
+    for name, value in (("Segments", 4), ("Rings", 2), ("Radius", 1.0)):
+        compat.socket(grain.inputs, name).default_value = value
+    place = builder.add("GeometryNodeInstanceOnPoints")
+    builder.link(move.outputs[0], place.inputs[0])
+    builder.link(grain.outputs[0], compat.socket(place.inputs, "Instance"))
+    builder.link(compat.socket(turn.outputs, "Value", "VECTOR"), compat.socket(place.inputs, "Rotation"))
+    builder.link(radius, compat.socket(place.inputs, "Scale"))
+    real = builder.add("GeometryNodeRealizeInstances")
+    builder.link(place.outputs[0], real.inputs[0])
+    return real.outputs[0]
 
 
 def set_grains(tree, count):

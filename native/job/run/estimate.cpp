@@ -38,6 +38,9 @@ mpm::SubstepCost guess(const mpm::Scene& scene, std::size_t particles, int threa
   return {dt, static_cast<double>(particles) / (kParticlesPerSecond * threads)};
 }
 
+/// What writing and flushing a frame's state takes beside its simulation, on an ordinary disk [s].
+constexpr double kStateSeconds = 0.01;
+
 std::uint64_t state_bytes(std::size_t particles) { return particles * (12 + 12 + 36); }
 
 }  // namespace
@@ -87,7 +90,7 @@ Json estimate_job(const Job& job, const RunOptions& options, bool closely) {
           {"dt", cost.dt},
           {"substeps", substeps},
           {"seconds", building + substeps * cost.seconds + bake.begin +
-                          bake.seconds * double(job.scene.frames())},
+                          (kStateSeconds + bake.seconds) * double(job.scene.frames())},
           {"bake_seconds", bake.begin + bake.seconds * double(job.scene.frames())},
           {"disk_bytes",
            (state_bytes(memory.particles) + bake.bytes) * std::uint64_t(job.scene.frames())},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "diagnose/further.hpp"
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <utility>
 
@@ -11,6 +12,7 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
+using Eigen::VectorXd;
 
 /// How many further causes are tried beside those that are there.
 constexpr std::size_t kFurther = 3;
@@ -25,6 +27,13 @@ class Further {
 
   void run() {
     Linearised slopes;
+    grow(slopes);
+    if (out_.best->causes.size() > 1 && !trials_.cut()) exchange(slopes);
+  }
+
+ private:
+  /// Adds causes to the best model while one more is worth it. `slopes`: at its end.
+  void grow(Linearised& slopes) {
     out_.last = analyse_at(*out_.best, slopes);
     while (int(out_.best->causes.size()) < options_.most_causes) {
       if (!further_seen(*out_.last) || predicts_to_the_floor(*out_.best)) return;
@@ -52,7 +61,6 @@ class Further {
     }
   }
 
- private:
   /// Attempts with each of the best few causes beside those of `trial`, by what was seen there.
   void extend(const Trial& trial, const Analysis& seen, const Linearised& slopes,
               std::vector<Attempt>& attempts) const {
@@ -173,20 +181,104 @@ class Further {
     }
   }
 
-  [[nodiscard]] std::optional<Trial> without(const Trial& trial, std::size_t c) const {
+  /// What is said to be like one of several causes and has no more numbers may be it: each is put
+  /// in that cause's place, where it comes nearest to what the cause does, and the simplest of the
+  /// models that are nearly as likely stays.
+  void exchange(Linearised& slopes) {
+    std::vector<Attempt> attempts;
+    for (std::size_t c = 0; c < out_.best->causes.size(); ++c) {
+      std::size_t tried = 0;
+      for (const Candidate& other : like(out_.best->causes[c])) {
+        if (tried++ < kFurther) put_in_place(c, other, slopes, attempts);
+      }
+    }
+    if (attempts.empty()) return;
+    if (options_.progress) options_.progress(0.88, "Refitting with what is like each cause");
+    std::vector<Trial> trials = trials_.tried(std::move(attempts), "further refits");
+    if (trials.empty()) return;
+    trials.push_back(*out_.best);
+    std::ranges::stable_sort(trials, {}, &Trial::evidence);
+    put_simplest_first(trials);
+    if (trials.front().causes == out_.best->causes) return;
+    out_.best = std::move(trials.front());
+    out_.looseness = looseness_of(out_.best->refit);
+    out_.last = analyse_at(*out_.best, slopes);
+  }
+
+  /// Causes that the catalogue calls like `cause` or that are called like it, in their best shapes,
+  /// with no more numbers, of which the best model has none.
+  [[nodiscard]] std::vector<Candidate> like(const Candidate& cause) const {
+    const std::vector<Effect>& effects = study_.model().effects();
+    const Effect& own = effects[std::size_t(cause.effect)];
+    std::vector<Candidate> result;
+    for (const std::size_t k : best_shapes(out_.first->scores)) {
+      const Candidate& candidate = out_.first->scores[k].candidate;
+      const Effect& other = effects[std::size_t(candidate.effect)];
+      const bool there = std::ranges::any_of(out_.best->causes, [&](const Candidate& known) {
+        return known.effect == candidate.effect;
+      });
+      const bool alike = std::ranges::count(own.confused_with, other.name) > 0 ||
+                         std::ranges::count(other.confused_with, own.name) > 0;
+      if (!there && alike && other.numbers.size() <= own.numbers.size()) {
+        result.push_back(candidate);
+      }
+    }
+    return result;
+  }
+
+  /// Adds an attempt with `other` in place of the best model's cause c, by slopes at that model.
+  void put_in_place(std::size_t c, const Candidate& other, const Linearised& slopes,
+                    std::vector<Attempt>& attempts) const {
+    const MatrixXd& columns = columns_of(slopes, other);
+    if (columns.cols() == 0) return;
+    const Trial& best = *out_.best;
+    const std::vector<Number>& numbers =
+        study_.model().effects()[std::size_t(best.causes[c].effect)].numbers;
+    const Active& active = best.refit.state.causes[c];
+    VectorXd strength(active.values.size());
+    for (Index k = 0; k < strength.size(); ++k) {
+      const Number& number = numbers[std::size_t(k)];
+      strength[k] = (active.values[k] - number.neutral) / number.scale;
+    }
+    const Index rows = std::min(columns.rows(), slopes.active.rows());
+    const VectorXd change =
+        slopes.active.middleCols(first_of(best, c), strength.size()).topRows(rows) * strength;
+    const VectorXd estimate = columns.topRows(rows).completeOrthogonalDecomposition().solve(change);
+    Attempt attempt = fewer_by(best, c);
+    attempt.causes.push_back(other);
+    State& state = attempt.start.states.front();
+    state = extended(study_.model(), state, other, estimate, 1.0);
+    attempt.start.slopes = beside(attempt.start.slopes, columns);
+    attempts.push_back(std::move(attempt));
+  }
+
+  /// Where the numbers of cause c begin among those of all causes.
+  static Index first_of(const Trial& trial, std::size_t c) {
+    Index first = 0;
+    for (std::size_t before = 0; before < c; ++before) {
+      first += trial.refit.state.causes[before].values.size();
+    }
+    return first;
+  }
+
+  /// A trial without its cause c, as it stands.
+  static Attempt fewer_by(const Trial& trial, std::size_t c) {
     Attempt attempt{trial.causes, {{trial.refit.state}, {}}};
     attempt.start.corrections = trial.refit.corrections;
     State& state = attempt.start.states.front();
-    Index first = state.theta.size();
-    for (std::size_t before = 0; before < c; ++before) first += state.causes[before].values.size();
+    const Index first = state.theta.size() + first_of(trial, c);
     const Index count = state.causes[c].values.size();
     const MatrixXd& slopes = trial.refit.slopes;
     attempt.start.slopes =
         beside(slopes.leftCols(first), slopes.rightCols(slopes.cols() - first - count));
     state.causes.erase(state.causes.begin() + std::ptrdiff_t(c));
     attempt.causes.erase(attempt.causes.begin() + std::ptrdiff_t(c));
+    return attempt;
+  }
+
+  [[nodiscard]] std::optional<Trial> without(const Trial& trial, std::size_t c) const {
     std::vector<Attempt> attempts;
-    attempts.push_back(std::move(attempt));
+    attempts.push_back(fewer_by(trial, c));
     std::vector<Trial> trials = trials_.tried(std::move(attempts), "further refits");
     if (trials.empty()) return std::nullopt;
     return std::move(trials.front());

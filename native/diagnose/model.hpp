@@ -58,7 +58,6 @@ enum class Observation : std::uint8_t {
   kTimeOffset,      ///< x(t + α) [s]
   kFrameRate,       ///< x(t₀ + (1 + α)(t − t₀)) [1]
   kScale,           ///< c + (1 + α)(x − c) [1]
-  kRoll,            ///< rotation about n through c by α [rad]
   kDrift,           ///< x + α (t − t₀), three numbers [m/s]
   kOffset,          ///< x + α, three numbers [m]
   kLag,             ///< y of α ẏ = x − y, y(t₀) = x(t₀) [s]; one-sided

@@ -195,15 +195,11 @@ class ThrownModel : public HiddenModel {
                Observation::kTimeOffset),
         effect("frame_rate", "measurement", {number("excess", "", 0.02)}, Observation::kFrameRate),
         effect("scale", "measurement", {number("excess", "", 0.02)}, Observation::kScale),
-        effect("camera_roll", "measurement", {number("angle", "rad", 0.02)}, Observation::kRoll),
         effect("camera_drift", "measurement",
                {number("x", "m/s", 0.02), number("y", "m/s", 0.02), number("z", "m/s", 0.02)},
                Observation::kDrift),
         effect("tracker_lag", "measurement", {number("time", "s", 5e-3, true)}, Observation::kLag),
     };
-    effects_[9].axis = Vec3d::UnitY();
-    // Roll about what was thrown would be a turn of the body alone.
-    effects_[9].pivot = Vec3d(0.0, 0.0, 0.0);
   }
   std::vector<int> own_capture() const override { return own_; }
   std::vector<Experiment> experiments() const override { return experiments_; }
@@ -238,8 +234,10 @@ class ThrownModel : public HiddenModel {
     double quadratic = 0.0;
     double field = 0.0;
     double spin = 0.0;
+    Vec3d shaking = Vec3d::Zero();
     for (const Point::Cause& cause : point.causes) {
       const std::string& name = effects_[std::size_t(cause.effect)].name;
+      if (name == "shaking") shaking = cause.values.head<3>();
       if (name == "gravity_size") gravity *= 1.0 + cause.values[0];
       if (name == "gravity_direction") {
         down = Vec3d(cause.values[0], cause.values[1], -1.0).normalized();
@@ -258,7 +256,7 @@ class ThrownModel : public HiddenModel {
       Vec3d x = Vec3d::Zero();
       Vec3d v = point.theta.segment<3>(Eigen::Index(3 * c));
       const auto acceleration = [&](const Vec3d& at, const Vec3d& u) -> Vec3d {
-        return gravity * down - linear * u - quadratic * u.norm() * u +
+        return gravity * down + shaking - linear * u - quadratic * u.norm() * u +
                field * at[0] * Vec3d::UnitY();
       };
       for (std::size_t f = 0; f < capture.times.size(); ++f) {

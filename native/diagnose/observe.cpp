@@ -57,8 +57,6 @@ Vec3d moved(const Observed& o, double since, const Vec3d& x) {
   switch (o.effect->observation) {
     case Observation::kScale:
       return x + o.values[0] * arm;
-    case Observation::kRoll:
-      return o.effect->pivot + Eigen::AngleAxisd(o.values[0], o.effect->axis) * arm;
     case Observation::kLens: {
       const Vec3d across = arm - o.effect->axis.dot(arm) * o.effect->axis;
       return x + o.values[0] * across.squaredNorm() * across;
@@ -115,8 +113,6 @@ Vec3d undone(const Observed& o, double since, const Vec3d& x) {
   switch (o.effect->observation) {
     case Observation::kScale:
       return pivot + (x - pivot) / (1.0 + o.values[0]);
-    case Observation::kRoll:
-      return pivot + Eigen::AngleAxisd(-o.values[0], o.effect->axis) * (x - pivot);
     case Observation::kDrift:
       return x - since * o.values.head<3>();
     case Observation::kOffset:

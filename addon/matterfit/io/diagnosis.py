@@ -24,6 +24,7 @@ _LABELS = {
     "attached_mass": "Attached Mass", "velocity": "Velocity", "spin": "Spin",
     "time_offset": "Time Offset", "frame_rate": "Frame Rate", "scale": "Scale",
     "camera_drift": "Camera Drift", "camera_roll": "Camera Roll", "tracker_lag": "Tracker Lag",
+    "rolling_shutter": "Rolling Shutter",
     "contact_kind": "Kind of Contact", "yield": "Yielding", "swapped_tracks": "Swapped Tracks",
     "stiffness_change": "Other Stiffness",
 }

@@ -130,6 +130,32 @@ TEST(Causes, AContactMayBeOfAnotherKind) {
   }
 }
 
+/// In the camera's axes, in which the body stands, gravity and ground lean together.
+TEST(Causes, ARolledCameraLeansAllButTheBody) {
+  Json document = sliding_cube();
+  const std::vector<Cause> causes = causes_of(document);
+  const Cause& cause = named(causes, "camera_roll");
+  EXPECT_EQ(cause.row.group, "measurement");
+  const double angle = 0.05;
+  mpm::Scene scene = scene_of(document);
+  const double g = scene.gravity.values.front().norm();
+  cause.apply(std::vector{angle, 0.0}, 0, scene);
+  const Vec3d up(0.0, -std::sin(angle), std::cos(angle));
+  EXPECT_LT((scene.gravity.values.front() + g * up).norm(), 1e-12 * g);
+  const Vec3d above(0.3, 0.1, 1.0);
+  EXPECT_LT((scene.colliders.front()->closest(above, 0.0).normal - up).norm(), 1e-12);
+  // The ground keeps its height below the body, where the camera's axes are laid.
+  EXPECT_NEAR(scene.colliders.front()->closest(Vec3d(0.2, 0.2, 0.0), 0.0).distance, 0.0, 1e-12);
+  // A wall is not turned along, so nothing is said of the camera there.
+  document["scene"]["colliders"].push_back({{"name", "wall"},
+                                            {"shape", "plane"},
+                                            {"point", {3.0, 0.0, 0.0}},
+                                            {"normal", {-1.0, 0.0, 0.0}}});
+  const std::vector<Cause> beside = causes_of(document);
+  EXPECT_FALSE(
+      std::ranges::any_of(beside, [](const Cause& c) { return c.row.name == "camera_roll"; }));
+}
+
 /// A parameter of the law is a cause where no fit moves it, and none where one does.
 TEST(Causes, WhatTheSceneStatesOfAMaterialMayBeWrong) {
   const Json document = sliding_cube();

@@ -6,6 +6,7 @@
 
 #include "job/diagnosis/cause_row.hpp"
 #include "job/diagnosis/extent.hpp"
+#include "job/diagnosis/ground_slope.hpp"
 #include "mpm/contact_law.hpp"
 #include "mpm/default_stiffness.hpp"
 #include "shape/collider.hpp"
@@ -147,19 +148,10 @@ class ContactCauses {
     const Vec3d foot(body_.center.x(), body_.center.y(), doc.height);
     cause.apply = [c, foot](std::span<const double> v, int, mpm::Scene& scene) {
       if (c >= scene.colliders.size()) return;
-      const shape::ColliderPtr old = scene.colliders[c];
-      // The ground turns about the point below the body, at its present height.
-      const Vec3d below = foot - Vec3d(0.0, 0.0, old->closest(foot, 0.0).distance);
-      scene.colliders[c] = shape::make_plane(old->name(), old->contact(), below,
-                                             Vec3d(-v[0], -v[1], 1.0).normalized());
+      scene.colliders[c] = sloped(scene.colliders[c], foot, Vec3d(-v[0], -v[1], 1.0).normalized());
     };
     cause.write = [c, foot](std::span<const double> v, int, Json& scene) {
-      Json& collider = scene.at("colliders").at(c);
-      const Vec3d normal = Vec3d(-v[0], -v[1], 1.0).normalized();
-      collider["shape"] = "plane";
-      collider.erase("height");
-      collider["point"] = {foot.x(), foot.y(), foot.z()};
-      collider["normal"] = {normal.x(), normal.y(), normal.z()};
+      write_slope(foot, Vec3d(-v[0], -v[1], 1.0).normalized(), scene.at("colliders").at(c));
     };
   }
 

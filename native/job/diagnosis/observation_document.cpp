@@ -45,8 +45,6 @@ bool write_observation(const diagnose::Effect& effect, std::span<const double> v
       return true;
     case diagnose::Observation::kScale:
       return correct_places(there * Eigen::Scaling(1.0 / (1.0 + value)) * back, about, capture);
-    case diagnose::Observation::kRoll:
-      return correct_places(there * Eigen::AngleAxisd(-value, effect.axis) * back, about, capture);
     default:
       return false;
   }

@@ -19,9 +19,9 @@ struct ObservedCapture {
 
 /// Corrects a capture of a document by what a camera did to it, so that compared with the
 /// simulation it is as if it had been seen right: `start_frame` for a time offset, `transform`
-/// (with the points' places on the body as `positions`) for a scale and a roll. False where no key
-/// says so: a frame rate, a drift, a lag, a rolling shutter, a lens; a scale or roll of a capture
-/// that is placed by `align`, or whose points are not all known.
+/// (with the points' places on the body as `positions`) for a scale. False where no key says so: a
+/// frame rate, a drift, a lag, a rolling shutter, a lens; a scale of a capture that is placed by
+/// `align`, or whose points are not all known.
 [[nodiscard]] bool write_observation(const diagnose::Effect& effect, std::span<const double> values,
                                      const ObservedCapture& about, Json& capture);
 

@@ -53,8 +53,16 @@ struct Undone {
     const double since = capture.times[std::size_t(f)] - capture.times.front();
     for (std::size_t k = observations.size(); k-- > 0;) {
       const Observed& o = observations[k];
-      x = o.effect->observation == Observation::kLag ? Vec3d(x + o.values[0] * speed(f, i))
-                                                     : diagnose::undone(o, since, x);
+      switch (o.effect->observation) {
+        case Observation::kLag:
+          x += o.values[0] * speed(f, i);
+          break;
+        case Observation::kRollingShutter:
+          x -= diagnose::time_shift(o, since, 0.0, x) * speed(f, i);
+          break;
+        default:
+          x = diagnose::undone(o, since, x);
+      }
     }
     return x;
   }

@@ -146,7 +146,7 @@ TEST(Diagnose, TwoCausesAreNamedTogether) {
 
 /// An acceleration in any direction takes the mean of a drag along, so it is found first; beside
 /// the drag it does no more than a direction of gravity, which has fewer numbers.
-TEST(Diagnose, TheSimplerOfTwoThatAreAlikeIsNamedBesideAnother) {
+TEST(Diagnose, TheSimplerOfTwoThatAreAlikeIsNamedBesideOthers) {
   ThrownModel model({Vec3d(12.0, 0.0, 3.0)});
   Effect shaking =
       effect("shaking", "outside",
@@ -154,11 +154,11 @@ TEST(Diagnose, TheSimplerOfTwoThatAreAlikeIsNamedBesideAnother) {
   shaking.confused_with = {"gravity_direction"};
   model.effects_.push_back(shaking);
   model.record({cause_of(model, {"gravity_direction", {0.02, -0.03}}),
-                cause_of(model, {"drag_quadratic", {0.01}})},
+                cause_of(model, {"drag_quadratic", {0.01}}), cause_of(model, {"spin", {0.3}})},
                {});
   const Report report = diagnose(model);
   EXPECT_EQ(report.verdict, Verdict::kSeveral) << told_by_report(report);
-  EXPECT_THAT(report.classes, UnorderedElementsAre("gravity_direction", "drag_quadratic"))
+  EXPECT_THAT(report.classes, UnorderedElementsAre("gravity_direction", "drag_quadratic", "spin"))
       << told_by_report(report);
 }
 

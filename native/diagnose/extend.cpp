@@ -34,10 +34,8 @@ constexpr double kMateScore = 0.25;
 constexpr int kMoreRounds = 3;
 /// The smallest deviation that counts as noise: rounding of single precision at a metre.
 constexpr double kNoiseFloor = 1e-7;
-/// Causes that are fitted together for a start, and how much of one's signature another may
-/// imitate.
+/// Causes that are fitted together for a start.
 constexpr std::size_t kTogether = 6;
-constexpr double kAlike = 0.9;
 /// χ²/dof of the base beyond which causes with set values are tried whatever the scores are.
 constexpr double kMuchLeft = 2.0;
 
@@ -211,17 +209,11 @@ class Search {
     together_.reset();
     if (looseness_of(out_.base.refit) < kFarOff) return;
     const std::vector<Score>& scores = out_.first->scores;
-    std::vector<std::size_t> chosen;
-    for (const std::size_t k : best_shapes(scores)) {
-      if (chosen.size() >= kTogether) break;
-      const Score& score = scores[k];
-      if (!effect_of(score).onsets.empty()) continue;
-      if (out_.first->placebo.p(score.equivalent) >= options_.analysis.placebo.level) break;
-      const bool alike = std::ranges::any_of(chosen, [&](std::size_t other) {
-        return out_.first->test.imitation(other, scores[other].estimate, k) > kAlike;
-      });
-      if (!alike) chosen.push_back(k);
-    }
+    const std::vector<std::size_t> chosen =
+        unlike_shapes(out_.first->test, scores, kTogether, [&](const Score& score) {
+          return effect_of(score).onsets.empty() &&
+                 out_.first->placebo.p(score.equivalent) < options_.analysis.placebo.level;
+        });
     if (chosen.size() < 2) return;
     tell(0.48, fmt::format("Refitting with {} causes together", chosen.size()));
     study_.begin("refits");

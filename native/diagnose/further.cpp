@@ -35,27 +35,25 @@ class Further {
   /// Adds causes to the best model while one more is worth it. `slopes`: at its end.
   void grow(Linearised& slopes) {
     out_.last = analyse_at(*out_.best, slopes);
+    std::optional<Trial> second = runner_up(out_.singles);
     while (int(out_.best->causes.size()) < options_.most_causes) {
       if (!further_seen(*out_.last) || predicts_to_the_floor(*out_.best)) return;
       if (trials_.cut()) return;
       if (options_.progress) options_.progress(0.85, "Looking for a further cause");
       std::vector<Attempt> attempts;
       extend(*out_.best, *out_.last, slopes, attempts);
-      if (out_.best->causes.size() == 1) {
-        add_pairs(attempts);
-        extend_runner_up(attempts);
-      }
-      std::optional<Trial> next;
-      for (Trial& trial : trials_.tried(std::move(attempts), "further refits")) {
-        if (!next || trial.evidence < next->evidence) next = std::move(trial);
-      }
-      if (!next || !trials_.better(*out_.best, *next)) return;
-      eliminate(*next);
-      if (next->causes.size() <= out_.best->causes.size() &&
-          next->evidence >= out_.best->evidence) {
+      if (out_.best->causes.size() == 1) add_pairs(attempts);
+      if (second) extend_runner_up(*second, attempts);
+      std::vector<Trial> trials = trials_.tried(std::move(attempts), "further refits");
+      std::ranges::stable_sort(trials, {}, &Trial::evidence);
+      if (trials.empty() || !trials_.better(*out_.best, trials.front())) return;
+      second = runner_up(trials);
+      Trial next = std::move(trials.front());
+      eliminate(next);
+      if (next.causes.size() <= out_.best->causes.size() && next.evidence >= out_.best->evidence) {
         return;
       }
-      out_.best = std::move(*next);
+      out_.best = std::move(next);
       out_.looseness = looseness_of(out_.best->refit);
       out_.last = analyse_at(*out_.best, slopes);
     }
@@ -64,9 +62,8 @@ class Further {
   /// Attempts with each of the best few causes beside those of `trial`, by what was seen there.
   void extend(const Trial& trial, const Analysis& seen, const Linearised& slopes,
               std::vector<Attempt>& attempts) const {
-    const std::vector<std::size_t> order = best_shapes(seen.scores);
-    for (std::size_t i = 0; i < std::min(kFurther, order.size()); ++i) {
-      const Score& score = seen.scores[order[i]];
+    for (const std::size_t k : unlike_shapes(seen.test, seen.scores, kFurther)) {
+      const Score& score = seen.scores[k];
       std::vector<Candidate> causes = trial.causes;
       causes.push_back(score.candidate);
       const State& state = trial.refit.state;
@@ -79,18 +76,28 @@ class Further {
     }
   }
 
-  /// Where even the best cause leaves much, another one that explains most by itself may be the one
+  /// The best of sorted trials whose effects are others than the first's; none without any.
+  static std::optional<Trial> runner_up(const std::vector<Trial>& trials) {
+    const auto effects = [](const Trial& trial) {
+      std::vector<int> of;
+      for (const Candidate& cause : trial.causes) of.push_back(cause.effect);
+      std::ranges::sort(of);
+      return of;
+    };
+    for (const Trial& trial : trials) {
+      if (effects(trial) != effects(trials.front())) return trial;
+    }
+    return std::nullopt;
+  }
+
+  /// Where even the best model leaves much, another one that explains most by itself may be the one
   /// that is there beside something else, while the best does a little of both.
-  void extend_runner_up(std::vector<Attempt>& attempts) const {
+  void extend_runner_up(const Trial& second, std::vector<Attempt>& attempts) const {
     if (looseness_of(out_.best->refit) < kFarOff) return;
-    const auto second = std::ranges::find_if(out_.singles, [&](const Trial& trial) {
-      return trial.causes.front().effect != out_.best->causes.front().effect;
-    });
-    if (second == out_.singles.end()) return;
-    if (share_of_excess(out_.base.refit, second->refit) < kMost) return;
+    if (share_of_excess(out_.base.refit, second.refit) < kMost) return;
     Linearised slopes;
-    const Analysis seen = analyse_at(*second, slopes);
-    if (further_seen(seen)) extend(*second, seen, slopes, attempts);
+    const Analysis seen = analyse_at(second, slopes);
+    if (further_seen(seen)) extend(second, seen, slopes, attempts);
   }
 
   /// What is left beside `trial`: first with the derivatives that are there, which cost nothing;

@@ -33,6 +33,22 @@ std::vector<std::size_t> best_shapes(const std::vector<Score>& scores) {
   return result;
 }
 
+std::vector<std::size_t> unlike_shapes(const ScoreTest& test, const std::vector<Score>& scores,
+                                       std::size_t most,
+                                       const std::function<bool(const Score&)>& of_use) {
+  constexpr double kAlike = 0.9;
+  std::vector<std::size_t> chosen;
+  for (const std::size_t k : best_shapes(scores)) {
+    if (chosen.size() >= most) break;
+    if (of_use && !of_use(scores[k])) continue;
+    const bool alike = std::ranges::any_of(chosen, [&](std::size_t other) {
+      return test.imitation(other, scores[other].estimate, k) > kAlike;
+    });
+    if (!alike) chosen.push_back(k);
+  }
+  return chosen;
+}
+
 const MatrixXd& columns_of(const Linearised& slopes, const Candidate& candidate) {
   const auto found = std::ranges::find_if(slopes.columns, [&](const Linearised::Column& column) {
     return column.candidate.effect == candidate.effect &&

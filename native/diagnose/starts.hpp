@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "diagnose/scores.hpp"
@@ -15,6 +16,12 @@ namespace matterfit::diagnose {
 
 /// The effect's shape with the best score, for each effect; best first, observable ones.
 [[nodiscard]] std::vector<std::size_t> best_shapes(const std::vector<Score>& scores);
+
+/// The best few of those of which none imitates nine tenths of what a better one does; where
+/// `of_use` is given, of those alone for which it holds.
+[[nodiscard]] std::vector<std::size_t> unlike_shapes(
+    const ScoreTest& test, const std::vector<Score>& scores, std::size_t most,
+    const std::function<bool(const Score&)>& of_use = nullptr);
 
 /// The candidate's derivatives, stacked; it must be among `slopes`.
 [[nodiscard]] const Eigen::MatrixXd& columns_of(const Linearised& slopes,

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <iterator>
@@ -14,9 +13,9 @@
 #include "job/diagnosis/contact_causes.hpp"
 #include "job/diagnosis/effect_entry.hpp"
 #include "job/diagnosis/extent.hpp"
-#include "job/diagnosis/ground_slope.hpp"
 #include "job/diagnosis/hidden_collider.hpp"
 #include "job/diagnosis/material_causes.hpp"
+#include "job/diagnosis/measurement_causes.hpp"
 #include "job/diagnosis/stiffness_causes.hpp"
 #include "job/diagnosis/surface_places.hpp"
 
@@ -25,15 +24,12 @@ namespace {
 
 using diagnose::Effect;
 using diagnose::Number;
-using diagnose::Observation;
 
 /// Runs up to which each capture with a scene of its own has causes of its own: each costs slopes.
 constexpr std::size_t kMostRuns = 4;
 /// Attached masses that are looked at from far off, in the body's own: a third apart in the
 /// frequency of a beam that they hang on.
 constexpr std::array<double, 4> kTriedMasses = {0.15, 0.3, 0.6, 1.2};
-/// A body's height apart, in frames, at which one would care for a rolling shutter.
-constexpr double kShutter = 0.2;
 /// By which a material may differ between recordings, as a share of its stiffness.
 constexpr double kMostChange = 0.8;
 
@@ -54,8 +50,8 @@ class Causes {
     masses();
     changes();
     motion();
-    roll();
-    measurement();
+    std::ranges::move(measurement_causes(job_, scene_, options_.fitted),
+                      std::back_inserter(causes_));
     return std::move(causes_);
   }
 
@@ -251,85 +247,11 @@ class Causes {
         first_body(scene)[name] = {now.x() + v[0], now.y() + v[1], now.z() + v[2]};
       };
     };
-    const bool held = !scene_.bodies.front().pins.empty();
-    if (held) return;  // what is held and let go has no throw
+    if (!scene_.bodies.front().pins.empty()) return;  // what is held and let go has no throw
     vector("velocity", "m/s", 0.05, &mpm::Body::velocity,
            "The body starts {value} faster than the scene says.");
     vector("spin", "rad/s", 0.2, &mpm::Body::spin,
            "The body turns {value} faster at the start than the scene says.");
-  }
-
-  /// The camera is not as level as the recording says. Points are tied to the body where the
-  /// first frame shows them, so the body stands in the camera's axes, and what is turned against it
-  /// is all else: gravity and level grounds.
-  void roll() {
-    using Shape = ColliderDoc::Shape;
-    const auto& colliders = job_.scene.colliders;
-    if (scene_.gravity.values.size() != 1 || fitted("gravity") ||
-        !std::ranges::all_of(colliders, [](const auto& c) { return c.shape == Shape::kGround; })) {
-      return;
-    }
-    Cause& cause = add("camera_roll", "measurement",
-                       "The camera is rolled: what the recording calls up leans by {value}.");
-    cause.row.numbers = {number("x", "rad", 0.01), number("y", "rad", 0.01)};
-    cause.row.confused_with = {"gravity_direction", "ground_tilt"};
-    std::vector<Vec3d> feet;
-    for (const ColliderDoc& ground : colliders) {
-      feet.emplace_back(body_.center.x(), body_.center.y(), ground.height);
-    }
-    const auto lean = [](std::span<const double> v) -> Mat3d {
-      const Vec3d turn(v[0], v[1], 0.0);
-      const double angle = turn.norm();
-      if (!(angle > 0.0)) return Mat3d::Identity();
-      return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
-    };
-    cause.apply = [lean, feet](std::span<const double> v, int, mpm::Scene& scene) {
-      const Mat3d turn = lean(v);
-      for (Vec3d& gravity : scene.gravity.values) gravity = turn * gravity;
-      const std::size_t grounds = std::min(feet.size(), scene.colliders.size());
-      for (std::size_t c = 0; c < grounds; ++c) {
-        scene.colliders[c] = sloped(scene.colliders[c], feet[c], turn * Vec3d::UnitZ());
-      }
-    };
-    cause.write = [lean, feet, now = scene_.gravity.values.front()](std::span<const double> v, int,
-                                                                    Json& scene) {
-      const Mat3d turn = lean(v);
-      const Vec3d gravity = turn * now;
-      scene["gravity"] = {gravity.x(), gravity.y(), gravity.z()};
-      for (std::size_t c = 0; c < feet.size(); ++c) {
-        write_slope(feet[c], turn * Vec3d::UnitZ(), scene.at("colliders").at(c));
-      }
-    };
-  }
-
-  void measurement() {
-    const auto observation = [&](const char* name, Observation kind, std::vector<Number> numbers,
-                                 const char* sentence, std::vector<std::string> confused) {
-      Cause& cause = add(name, "measurement", sentence);
-      cause.row.observation = kind;
-      cause.row.numbers = std::move(numbers);
-      cause.row.confused_with = std::move(confused);
-      cause.row.pivot = body_.center;
-    };
-    const double frame = 1.0 / scene_.fps;
-    if (!fitted("start_frame")) {
-      observation("time_offset", Observation::kTimeOffset, {number("offset", "s", 0.2 * frame)},
-                  "The recording begins {value} later than stated.", {"velocity"});
-    }
-    observation("frame_rate", Observation::kFrameRate, {number("factor", "", 0.01)},
-                "The recording runs {value} faster than stated.", {"gravity_size", "scale"});
-    observation("scale", Observation::kScale, {number("factor", "", 0.01)},
-                "Lengths of the recording are {value} larger than true.",
-                {"gravity_size", "frame_rate"});
-    observation("camera_drift", Observation::kDrift,
-                {number("x", "m/s", 0.01), number("y", "m/s", 0.01), number("z", "m/s", 0.01)},
-                "The camera drifts by {value}.", {"velocity", "friction"});
-    observation("rolling_shutter", Observation::kRollingShutter,
-                {number("time", "s/m", kShutter * frame / body_.size)},
-                "What is higher is seen {value} later: a rolling shutter.",
-                {"time_offset", "spin"});
-    observation("tracker_lag", Observation::kLag, {number("time", "s", 0.2 * frame, true)},
-                "The tracker lags by {value}.", {"time_offset"});
   }
 
   const Job& job_;

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
+#include "fit/numerics/information.hpp"
 #include "fit/numerics/quadratic_model.hpp"
-#include "fit/numerics/uncertainty.hpp"
 
 namespace matterfit::fit {
 namespace {
@@ -31,13 +31,11 @@ Negligible negligible(const Problem& problem, const std::vector<Parameter>& para
     result.decrease = std::max(kLittle, result.decrease);
   }
   if (!own) return result;
-  const Uncertainty known =
-      uncertainty(parameters, state, independent, options.huber, problem.blocks());
+  const Information known =
+      information(parameters, state, independent, options.huber, problem.blocks());
   for (Index k = 0; k < state.point.size(); ++k) {
-    const Parameter& parameter = parameters[std::size_t(k)];
-    const double slope = derivative(parameter.coordinate, state.point[k]);
-    const double error = known.estimates[std::size_t(k)].standard_error / slope;
-    result.moves[k] = std::min(kNothing * error, kShort * parameter.scale);
+    result.moves[k] =
+        std::min(kNothing * known.error[k], kShort * parameters[std::size_t(k)].scale);
   }
   return result;
 }

@@ -20,7 +20,8 @@ namespace {
 bool is_of_camera(const fit::Address& path) { return path.quantity->is_pose(); }
 
 bool is_of_throw(const fit::Address& path) {
-  return path.quantity->path == "velocity" || path.quantity->path == "spin";
+  return path.quantity == &fit::row_named(fit::Owner::kBody, "velocity") ||
+         path.quantity == &fit::row_named(fit::Owner::kBody, "spin");
 }
 
 }  // namespace

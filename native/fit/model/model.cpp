@@ -335,9 +335,10 @@ std::optional<std::vector<double>> Model::pull_back(
     const std::function<void(double)>& progress) const {
   if (!has_gradient()) return std::nullopt;
   std::vector<double> sum(parameters_.size(), 0.0);
+  const Quantity& move = row_named(Owner::kBody, "material.weight_moves[#]");
   bool weights = false;
   for (std::size_t i = 0; i < parameters_.size(); ++i) {
-    weights = weights || parameters_.path(i).quantity->path == "material.weight_moves[#]";
+    weights = weights || parameters_.path(i).quantity == &move;
   }
   const bool found =
       each_gradient(values, scope, bars, weights, progress,

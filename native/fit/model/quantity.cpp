@@ -5,7 +5,6 @@
 
 #include "base/error.hpp"
 #include "fit/data/follow.hpp"
-#include "material/neural/isotropic_weights.hpp"
 #include "mpm/scene_check.hpp"
 
 namespace matterfit::fit {
@@ -63,17 +62,17 @@ std::string_view Quantity::key() const {
 
 std::size_t Quantity::row() const { return static_cast<std::size_t>(this - quantities().data()); }
 
-const Quantity* find_row(Owner owner, std::string_view path) {
+const Quantity& row_named(Owner owner, std::string_view path) {
   for (const Quantity& row : quantities()) {
-    if (row.owner == owner && row.path == path) return &row;
+    if (row.owner == owner && row.path == path) return row;
   }
-  return nullptr;
+  throw_compute("there is no quantity '" + std::string(path) + "'.");
 }
 
-const Quantity& row_named(Owner owner, std::string_view path) {
-  const Quantity* found = find_row(owner, path);
-  if (found == nullptr) throw_compute("there is no quantity '" + std::string(path) + "'.");
-  return *found;
+bool is_among(const Quantity& row, std::span<const Address> addresses, std::string_view owner) {
+  return std::ranges::any_of(addresses, [&](const Address& at) {
+    return at.quantity == &row && (owner.empty() || at.owner == owner);
+  });
 }
 
 std::string_view list_of(Owner owner) {
@@ -100,46 +99,10 @@ double usual_start(const Quantity& quantity, const material::Material& material)
 
 std::string obstacle(const Address& address, const Bearer& bearer) {
   const Quantity& row = *address.quantity;
-  if (bearer.contact != nullptr) {
-    if (row.path == "height" && !bearer.has_height) return "only the shape 'ground' has a height.";
-    if (row.path == "contact.mu" && bearer.contact->kind != shape::ContactKind::kFriction) {
-      return "the collider's contact is not of the kind 'friction', so mu has no effect.";
-    }
-  }
-  if (bearer.material == nullptr) return {};
-  if (row.path.starts_with("material.maxwell")) {
-    const std::size_t branches = bearer.material->maxwell.size();
-    if (address.index < branches) return {};
-    return "the material has " + std::to_string(branches) +
-           " Maxwell branches; add one to 'maxwell' for the fit to start from.";
-  }
-  if (row.path.starts_with("material.correction")) {
-    if (address.index < material::kCorrectionSize) return {};
-    return "a correction has " + std::to_string(material::kCorrectionSize) +
-           " numbers, correction[0] the first.";
-  }
+  if (row.access.obstacle != nullptr) return row.access.obstacle(address, bearer);
+  if (!row.of_law || bearer.material == nullptr) return {};
   const material::LawTraits& law = bearer.material->traits();
-  if (row.path.starts_with("material.weight_moves")) {
-    if (law.law != material::Law::kNeuralIsotropic && law.law != material::Law::kPublished) {
-      return "the law " + std::string(law.name) + " has no weights.";
-    }
-    const std::size_t moves = bearer.material->weight_moves.size();
-    if (address.index < moves) return {};
-    if (law.law == material::Law::kPublished) {
-      return "the weights of the law neural are fitted together: give fit.weights.";
-    }
-    return "the material has " + std::to_string(moves) + " 'weight_moves'; give it " +
-           std::to_string(material::kIsotropicElastic) + " zeros for the fit to start from.";
-  }
-  if (row.path.starts_with("material.latent")) {
-    if (law.law != material::Law::kLatent) {
-      return "the law " + std::string(law.name) + " has no code; the law latent has one.";
-    }
-    const std::size_t numbers = bearer.material->latent.size();
-    if (address.index < numbers) return {};
-    return "a code has " + std::to_string(numbers) + " numbers, latent[0] the first.";
-  }
-  if (!row.of_law || law.uses(row.key())) return {};
+  if (law.uses(row.key())) return {};
   return "the law " + std::string(law.name) + " does not use it.";
 }
 

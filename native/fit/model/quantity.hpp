@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -47,6 +48,13 @@ using Components = std::array<double, 3>;
 /// a body that is not there: at zero. The solver has no use for it.
 using Origins = std::map<std::string, Vec3d>;
 
+/// What of an owner decides whether a quantity can be set there.
+struct Bearer {
+  const material::Material* material = nullptr;  ///< of a body
+  const shape::Contact* contact = nullptr;       ///< of a collider
+  bool has_height = false;                       ///< the collider is a level ground
+};
+
 /// Where a quantity lies: in a scene (`read`, `write`), in how a body is placed (`placed`, `place`)
 /// or in how a capture is looked at (`look`, `set_view`); the others are empty. Owners are given by
 /// name: the scene has them, and body_index() throws where it has not.
@@ -64,6 +72,9 @@ struct Access {
   /// where one is set.
   double (*look)(const Viewing&, const Address&) = nullptr;
   void (*set_view)(double, const Address&, Viewing&) = nullptr;
+  /// Why it cannot be set at a bearer, of its kind of owner, a sentence; empty: it can. Null: it
+  /// can, of a law's parameter where the law takes it.
+  std::string (*obstacle)(const Address&, const Bearer&) = nullptr;
 };
 
 /// The start of a logarithmic search where the scene has 0: a share of the stiffness (Young's
@@ -129,10 +140,13 @@ inline constexpr double kUsualFactor = 1e4;
 /// The table; rows stay where they are.
 [[nodiscard]] const std::vector<Quantity>& quantities();
 
-/// The row with that path and owner; null: there is none.
-[[nodiscard]] const Quantity* find_row(Owner owner, std::string_view path);
-/// The same for what is known to be there. Throws Error(kCompute) if it is not.
+/// The row with that path and owner. Throws Error(kCompute) if there is none.
 [[nodiscard]] const Quantity& row_named(Owner owner, std::string_view path);
+
+/// Whether one of `addresses` is of that row and, unless `owner` is empty, of the owner of that
+/// name.
+[[nodiscard]] bool is_among(const Quantity& row, std::span<const Address> addresses,
+                            std::string_view owner = {});
 
 /// The list of a document in which owners of that kind stand: "bodies"; empty: the scene itself.
 [[nodiscard]] std::string_view list_of(Owner owner);
@@ -140,12 +154,6 @@ inline constexpr double kUsualFactor = 1e4;
 /// Where a search begins whose material has nothing there.
 [[nodiscard]] double usual_start(const Quantity& quantity, const material::Material& material);
 
-/// What of an owner decides whether a quantity can be set there.
-struct Bearer {
-  const material::Material* material = nullptr;  ///< of a body
-  const shape::Contact* contact = nullptr;       ///< of a collider
-  bool has_height = false;                       ///< the collider is a level ground
-};
 /// Why a quantity cannot be set, a sentence; empty: it can.
 [[nodiscard]] std::string obstacle(const Address& address, const Bearer& bearer);
 

@@ -115,6 +115,12 @@ Access maxwell_access(double MaxwellBranch::*member) {
                           const Address& at) {
     return body_of(gradient, scene, at).material.maxwell[at.index].*member;
   };
+  access.obstacle = [](const Address& at, const Bearer& bearer) -> std::string {
+    const std::size_t branches = bearer.material->maxwell.size();
+    if (at.index < branches) return {};
+    return "the material has " + std::to_string(branches) +
+           " Maxwell branches; add one to 'maxwell' for the fit to start from.";
+  };
   return access;
 }
 
@@ -136,6 +142,18 @@ Access weight_move_access() {
     if (of.published.size() != along.size()) return 0.0;  // were not asked for
     return std::inner_product(along.begin(), along.end(), of.published.begin(), 0.0);
   };
+  access.obstacle = [](const Address& at, const Bearer& bearer) -> std::string {
+    const material::LawTraits& law = bearer.material->traits();
+    const bool published = law.law == material::Law::kPublished;
+    if (law.law != material::Law::kNeuralIsotropic && !published) {
+      return "the law " + std::string(law.name) + " has no weights.";
+    }
+    const std::size_t moves = bearer.material->weight_moves.size();
+    if (at.index < moves) return {};
+    if (published) return "the weights of the law neural are fitted together: give fit.weights.";
+    return "the material has " + std::to_string(moves) + " 'weight_moves'; give it " +
+           std::to_string(material::kIsotropicElastic) + " zeros for the fit to start from.";
+  };
   return access;
 }
 
@@ -152,6 +170,15 @@ Access latent_access() {
   access.slope = [](const mpm::Gradient& gradient, const mpm::Scene& scene, const Address& at) {
     return entry(body_of(gradient, scene, at).material.latent, at.index);
   };
+  access.obstacle = [](const Address& at, const Bearer& bearer) -> std::string {
+    const material::LawTraits& law = bearer.material->traits();
+    if (law.law != material::Law::kLatent) {
+      return "the law " + std::string(law.name) + " has no code; the law latent has one.";
+    }
+    const std::size_t numbers = bearer.material->latent.size();
+    if (at.index < numbers) return {};
+    return "a code has " + std::to_string(numbers) + " numbers, latent[0] the first.";
+  };
   return access;
 }
 
@@ -167,6 +194,11 @@ Access correction_access() {
   };
   access.slope = [](const mpm::Gradient& gradient, const mpm::Scene& scene, const Address& at) {
     return entry(body_of(gradient, scene, at).material.correction, at.index);
+  };
+  access.obstacle = [](const Address& at, const Bearer&) -> std::string {
+    if (at.index < material::kCorrectionSize) return {};
+    return "a correction has " + std::to_string(material::kCorrectionSize) +
+           " numbers, correction[0] the first.";
   };
   return access;
 }
@@ -250,6 +282,10 @@ Access friction_access() {
     });
   };
   access.slope = sum_over_colliders([](const mpm::ColliderGradient& of) { return of.mu; });
+  access.obstacle = [](const Address&, const Bearer& bearer) -> std::string {
+    if (bearer.contact->kind == shape::ContactKind::kFriction) return {};
+    return "the collider's contact is not of the kind 'friction', so mu has no effect.";
+  };
   return access;
 }
 
@@ -284,6 +320,9 @@ Access height_access() {
   };
   access.slope =
       sum_over_colliders([](const mpm::ColliderGradient& of) { return of.translation.z(); });
+  access.obstacle = [](const Address&, const Bearer& bearer) -> std::string {
+    return bearer.has_height ? "" : "only the shape 'ground' has a height.";
+  };
   return access;
 }
 

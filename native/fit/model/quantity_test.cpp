@@ -259,7 +259,7 @@ TEST(Quantities, EachRowIsComplete) {
     Address at = address_of(row);
     at.owner = "my.body";
     EXPECT_TRUE(texts.insert(at.text()).second) << at.text();
-    EXPECT_EQ(find_row(row.owner, row.path), &row);
+    EXPECT_EQ(&row_named(row.owner, row.path), &row);
     EXPECT_EQ(&quantities()[row.row()], &row);
     for (const std::string_view text : {row.label, row.sentence, row.words, row.record}) {
       EXPECT_FALSE(text.empty()) << row.path;
@@ -276,7 +276,7 @@ TEST(Quantities, EachRowIsComplete) {
     EXPECT_EQ(row.member != nullptr, row.is_material() && row.path.find("[#]") == std::string::npos)
         << row.path;
   }
-  EXPECT_EQ(find_row(Owner::kBody, "material.e"), nullptr);
+  EXPECT_THROW((void)row_named(Owner::kBody, "material.e"), Error);
   EXPECT_TRUE(texts.count("bodies.\"my.body\".material.maxwell[0].time") > 0);
   EXPECT_TRUE(texts.count("gravity[2]") > 0);
 }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -43,13 +42,6 @@ inline Cause& add_cause(std::vector<Cause>& causes, const std::string& name, con
   }
   scene["bodies"].push_back({{"name", name}});
   return scene["bodies"].back();
-}
-
-/// Whether a fit moves a number whose document path holds `key`.
-[[nodiscard]] inline bool is_fitted(const std::vector<std::string>& fitted,
-                                    const std::string& key) {
-  return std::ranges::any_of(
-      fitted, [&](const std::string& path) { return path.find(key) != std::string::npos; });
 }
 
 }  // namespace matterfit::job

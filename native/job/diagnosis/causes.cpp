@@ -56,8 +56,11 @@ class Causes {
   }
 
  private:
-  [[nodiscard]] bool fitted(const std::string& key) const {
-    return is_fitted(options_.fitted, key);
+  /// Whether a fit moves that number; of bodies only the first is looked at.
+  [[nodiscard]] bool fitted(fit::Owner owner, std::string_view path) const {
+    const bool of_body = owner == fit::Owner::kBody;
+    return fit::is_among(fit::row_named(owner, path), options_.fitted,
+                         of_body ? scene_.bodies.front().name : std::string());
   }
 
   Cause& add(const char* name, const char* group, const char* sentence) {
@@ -65,7 +68,7 @@ class Causes {
   }
 
   void gravity() {
-    if (scene_.gravity.values.size() != 1 || fitted("gravity")) return;
+    if (scene_.gravity.values.size() != 1 || fitted(fit::Owner::kScene, "gravity")) return;
     const Vec3d g = scene_.gravity.values.front();
     if (!(g.norm() > 0.0)) return;
     const Vec3d down = g.normalized();
@@ -154,7 +157,6 @@ class Causes {
   }
 
   void masses() {
-    if (fitted("masses")) return;
     std::vector<SurfacePlace> places =
         surface_places(scene_.bodies.front(), job_.scene.particle_separation);
     places.push_back({body_.center, "at the centre"});
@@ -234,7 +236,7 @@ class Causes {
   void motion() {
     const auto vector = [&](const char* name, const char* unit, double scale,
                             Vec3d mpm::Body::*member, const char* sentence) {
-      if (fitted(name)) return;
+      if (fitted(fit::Owner::kBody, name)) return;
       Cause& cause = add(name, "state", sentence);
       for (const char* axis : {"x", "y", "z"})
         cause.row.numbers.push_back(number(axis, unit, scale));

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "diagnose/model.hpp"
+#include "fit/model/quantity.hpp"
 #include "job/documents/document.hpp"
 #include "mpm/scene.hpp"
 
@@ -48,7 +49,7 @@ struct Encounter {
 
 /// What the causes of a scene depend on beside the scene itself.
 struct CauseOptions {
-  std::vector<std::string> fitted;    ///< document paths that a fit moves: no causes of their own
+  std::vector<fit::Address> fitted;   ///< what a fit moves: no causes of their own
   double duration = 1.0;              ///< of the longest recording [s]
   std::vector<Encounter> encounters;  ///< places of a collider that nobody listed
   std::vector<OwnScene> own_scenes;   ///< beside the first run's

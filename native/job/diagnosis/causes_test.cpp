@@ -166,7 +166,9 @@ TEST(Causes, WhatTheSceneStatesOfAMaterialMayBeWrong) {
   const double before = scene.bodies.front().material.youngs_modulus;
   EXPECT_NEAR(there.bodies.front().material.youngs_modulus, before + 500.0, 1e-9);
   CauseOptions options;
-  options.fitted = {"bodies.cube.material.E"};
+  options.fitted.resize(1);
+  options.fitted[0].quantity = &fit::row_named(fit::Owner::kBody, "material.E");
+  options.fitted[0].owner = "cube";
   const std::vector<Cause> others = scene_causes(job_of(document, {}), scene, options);
   EXPECT_THROW((void)named(others, "material.E"), std::runtime_error);
   EXPECT_NO_THROW((void)named(others, "material.nu"));

@@ -19,7 +19,7 @@ constexpr std::array<double, 3> kTriedFrictions = {0.1, 0.3, 1.0};
 
 class ContactCauses {
  public:
-  ContactCauses(const Job& job, const mpm::Scene& scene, const std::vector<std::string>& fitted)
+  ContactCauses(const Job& job, const mpm::Scene& scene, const std::vector<fit::Address>& fitted)
       : job_(job), scene_(scene), fitted_(fitted), body_(extent_of(scene.bodies.front())) {}
 
   std::vector<Cause> all() {
@@ -66,7 +66,8 @@ class ContactCauses {
   }
 
   void friction(std::size_t c, const ColliderDoc& doc) {
-    if (is_fitted(fitted_, "colliders." + doc.name + ".contact.mu")) return;
+    const fit::Quantity& friction = fit::row_named(fit::Owner::kCollider, "contact.mu");
+    if (fit::is_among(friction, fitted_, doc.name)) return;
     const shape::Contact contact = scene_.colliders[c]->contact();
     const bool rubs = contact.kind == shape::ContactKind::kFriction;
     const double mu = rubs ? contact.mu : 0.0;
@@ -157,7 +158,7 @@ class ContactCauses {
 
   const Job& job_;
   const mpm::Scene& scene_;
-  const std::vector<std::string>& fitted_;
+  const std::vector<fit::Address>& fitted_;
   Extent body_;
   std::vector<Cause> causes_;
 };
@@ -165,7 +166,7 @@ class ContactCauses {
 }  // namespace
 
 std::vector<Cause> contact_causes(const Job& job, const mpm::Scene& scene,
-                                  const std::vector<std::string>& fitted) {
+                                  const std::vector<fit::Address>& fitted) {
   return ContactCauses(job, scene, fitted).all();
 }
 

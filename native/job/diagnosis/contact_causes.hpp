@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "job/diagnosis/causes.hpp"
@@ -9,9 +8,9 @@
 namespace matterfit::job {
 
 /// What may be wrong with the contact between the first body of a scene and each of its colliders:
-/// friction, its kind, what it takes of a bounce, how a level ground slopes. `fitted`: document
-/// paths that a fit moves. `job` and `scene` are of the same job.
+/// friction, its kind, what it takes of a bounce, how a level ground slopes. `fitted`: what a
+/// fit moves. `job` and `scene` are of the same job.
 [[nodiscard]] std::vector<Cause> contact_causes(const Job& job, const mpm::Scene& scene,
-                                                const std::vector<std::string>& fitted);
+                                                const std::vector<fit::Address>& fitted);
 
 }  // namespace matterfit::job

@@ -55,7 +55,7 @@ void struck_by_another_solver(const diagnose::Numerics& numerics, mpm::Scene& sc
 
 ContactNuisances::ContactNuisances(const std::vector<ContactRun>& runs,
                                    const std::vector<std::string>& grounds,
-                                   const std::vector<std::string>& fitted) {
+                                   const std::vector<fit::Address>& fitted) {
   double size = 0.0;
   for (std::size_t r = 0; r < runs.size(); ++r) {
     const ContactRun& run = runs[r];
@@ -72,15 +72,14 @@ ContactNuisances::ContactNuisances(const std::vector<ContactRun>& runs,
     }
   }
   if (impacts_.empty()) return;
-  const auto is_fitted = [&](const std::string& path) {
-    return std::ranges::any_of(
-        fitted, [&](const std::string& one) { return one.find(path) != std::string::npos; });
+  const auto is_fitted = [&](const char* path, const std::string& ground) {
+    return fit::is_among(fit::row_named(fit::Owner::kCollider, path), fitted, ground);
   };
   for (const std::string& name : grounds) {
     Ground ground;
     ground.name = name;
-    ground.height = !is_fitted("colliders." + name + ".height");
-    ground.stiffness = !is_fitted("colliders." + name + ".contact.stiffness");
+    ground.height = !is_fitted("height", name);
+    ground.stiffness = !is_fitted("contact.stiffness", name);
     if (ground.height) {
       const double sigma = kHeightSigma * size;
       parameters_.push_back(nuisance("height of '" + name + "'", "m", sigma, kMostOff * sigma));

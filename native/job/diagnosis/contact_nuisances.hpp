@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "diagnose/model.hpp"
+#include "fit/model/quantity.hpp"
 #include "fit/numerics/parameter.hpp"
 #include "job/diagnosis/impacts.hpp"
 #include "job/documents/json_reader.hpp"
@@ -39,10 +40,9 @@ class ContactNuisances {
   static constexpr std::size_t kNumbersOfImpact = 6;
 
   ContactNuisances() = default;
-  /// `grounds`: names of the level grounds. `fitted`: paths of what the fit moves, which is left
-  /// out here.
+  /// `grounds`: names of the level grounds. `fitted`: what the fit moves, which is left out here.
   ContactNuisances(const std::vector<ContactRun>& runs, const std::vector<std::string>& grounds,
-                   const std::vector<std::string>& fitted);
+                   const std::vector<fit::Address>& fitted);
 
   /// Heights and stiffnesses, then the impacts' numbers; each has a prior about 0 (the scene's
   /// own).

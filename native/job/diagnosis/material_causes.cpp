@@ -38,7 +38,7 @@ class MaterialCauses {
             "The material damps: {value} of viscosity against shear.");
     damping("damping_bulk", &material::Material::damping_bulk,
             "The material damps: {value} of viscosity against compression.");
-    if (!is_fitted(options_.fitted, "maxwell") &&
+    if (!fitted("material.maxwell[#].modulus") && !fitted("material.maxwell[#].time") &&
         material_.maxwell.size() < material::kMostMaxwellBranches) {
       relaxation();
     }
@@ -50,12 +50,17 @@ class MaterialCauses {
   }
 
  private:
+  [[nodiscard]] bool fitted(std::string_view path) const {
+    return fit::is_among(fit::row_named(fit::Owner::kBody, path), options_.fitted,
+                         scene_.bodies.front().name);
+  }
+
   [[nodiscard]] double modulus() const {
     return material_.traits().fluid ? material_.bulk_modulus : material_.youngs_modulus;
   }
 
   void damping(const char* name, double material::Material::*member, const char* sentence) {
-    if (is_fitted(options_.fitted, name)) return;
+    if (fitted(std::string("material.") + name)) return;
     const double now = material_.*member;
     Cause& cause = add_cause(causes_, name, "material", sentence);
     cause.row.numbers = {number("added", "Pa s", 1e-3 * modulus(), true)};
@@ -125,7 +130,7 @@ class MaterialCauses {
   /// A parameter of the law that the scene states.
   void stated(const fit::Quantity& row) {
     const std::string key(row.key());
-    if (!material_.traits().uses(key) || is_fitted(options_.fitted, row.path)) return;
+    if (!material_.traits().uses(key) || fitted(row.path)) return;
     const double value = material_.*row.member;
     const double usual = fit::usual_start(row, material_);
     const double of = value > 0.0 ? value : usual;

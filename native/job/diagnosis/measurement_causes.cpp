@@ -20,11 +20,12 @@ constexpr double kShutter = 0.2;
 
 class MeasurementCauses {
  public:
-  MeasurementCauses(const Job& job, const mpm::Scene& scene, const std::vector<std::string>& fitted)
+  MeasurementCauses(const Job& job, const mpm::Scene& scene,
+                    const std::vector<fit::Address>& fitted)
       : job_(job), scene_(scene), fitted_(fitted), body_(extent_of(scene.bodies.front())) {}
 
   std::vector<Cause> all() {
-    if (scene_.gravity.values.size() == 1 && !fitted("gravity") &&
+    if (scene_.gravity.values.size() == 1 && !fitted(fit::Owner::kScene, "gravity") &&
         scene_.gravity.values.front().norm() > 0.0) {
       if (free()) scale_of_fall();
       roll();
@@ -34,7 +35,9 @@ class MeasurementCauses {
   }
 
  private:
-  [[nodiscard]] bool fitted(const std::string& key) const { return is_fitted(fitted_, key); }
+  [[nodiscard]] bool fitted(fit::Owner owner, std::string_view path) const {
+    return fit::is_among(fit::row_named(owner, path), fitted_, std::string());
+  }
 
   /// Thrown, not held and let go.
   [[nodiscard]] bool free() const { return scene_.bodies.front().pins.empty(); }
@@ -113,7 +116,7 @@ class MeasurementCauses {
       cause.row.pivot = body_.center;
     };
     const double frame = 1.0 / scene_.fps;
-    if (!fitted("start_frame")) {
+    if (!fitted(fit::Owner::kCapture, "start_frame")) {
       observation("time_offset", Observation::kTimeOffset, {number("offset", "s", 0.2 * frame)},
                   "The recording begins {value} later than stated.", {"velocity"});
     }
@@ -136,7 +139,7 @@ class MeasurementCauses {
 
   const Job& job_;
   const mpm::Scene& scene_;
-  const std::vector<std::string>& fitted_;
+  const std::vector<fit::Address>& fitted_;
   Extent body_;
   std::vector<Cause> causes_;
 };
@@ -144,7 +147,7 @@ class MeasurementCauses {
 }  // namespace
 
 std::vector<Cause> measurement_causes(const Job& job, const mpm::Scene& scene,
-                                      const std::vector<std::string>& fitted) {
+                                      const std::vector<fit::Address>& fitted) {
   return MeasurementCauses(job, scene, fitted).all();
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "job/diagnosis/causes.hpp"
@@ -9,8 +8,8 @@
 namespace matterfit::job {
 
 /// What a camera, a clock or a tracker may do to a recording of the scene's first body; `fitted`:
-/// document paths that a fit moves.
+/// what a fit moves.
 [[nodiscard]] std::vector<Cause> measurement_causes(const Job& job, const mpm::Scene& scene,
-                                                    const std::vector<std::string>& fitted);
+                                                    const std::vector<fit::Address>& fitted);
 
 }  // namespace matterfit::job

@@ -14,9 +14,10 @@
 #include "job/diagnosis/report_json.hpp"
 #include "job/diagnosis/scene_model.hpp"
 #include "job/diagnosis/swapped_tracks.hpp"
+#include "job/documents/capture_scene.hpp"
 #include "job/documents/fit_document.hpp"
+#include "job/documents/fit_path.hpp"
 #include "job/documents/inputs.hpp"
-#include "job/documents/override.hpp"
 #include "job/fit_files.hpp"
 #include "job/fit_run.hpp"
 #include "job/run/build_scene.hpp"
@@ -85,29 +86,27 @@ Settings read_settings(const Json& given) {
   return settings;
 }
 
-/// The entry of the document's list that has this parameter's prior; null:
-/// none.
-Json prior_of(const Json& entries, const std::string& path) {
-  for (const Json& entry : entries) {
-    if (!entry.is_object() || !entry.contains("prior")) continue;
-    const std::string given = entry.at("path").get<std::string>();
-    if (path.size() >= given.size() && path.ends_with(given)) return entry.at("prior");
+/// The prior that a fit has of a number, alone or as a component of a vector, as documents have it;
+/// null: none.
+Json prior_of(const FitDoc& fit, const fit::Address& number) {
+  for (const fit::ParameterSpec& spec : fit.parameters) {
+    fit::Address one = spec.path;
+    if (!one.component) one.component = number.component;
+    if (!spec.prior || one.capture != number.capture || !one.same_number(number)) continue;
+    const std::size_t part = spec.path.component ? 0 : std::size_t(number.component.value_or(0));
+    return {{"mean", spec.prior->mean[part]}, {"sigma", spec.prior->sigma}};
   }
   return {};
 }
 
-/// The fitted scene as a job whose parameters start where the fit ended.
+/// The fitted scene as a job whose parameters start where the fit ended, without priors.
 Json fitted_document(const Job& job, const Fitted& fitted) {
   Json document = fitted.document;
   document["task"] = "diagnose";
   document["output"] = job.document.value("output", Json::object());
   Json entries = Json::array();
-  const Json& given = job.document.at("fit").at("parameters");
   for (const Json& parameter : fitted.fit.at("parameters")) {
-    const std::string path = parameter.at("path").get<std::string>();
-    Json entry = {{"path", path}, {"bounds", parameter.at("bounds")}};
-    if (Json prior = prior_of(given, path); prior.is_object()) entry["prior"] = std::move(prior);
-    entries.push_back(std::move(entry));
+    entries.push_back({{"path", parameter.at("path")}, {"bounds", parameter.at("bounds")}});
   }
   document["fit"] = {{"parameters", std::move(entries)}};
   return document;
@@ -125,25 +124,48 @@ Json narrowed(double start, const Json& bounds) {
   return Json::array({start - kShare * (start - low), start + kShare * (high - start)});
 }
 
-/// What the recording does not tell of a material goes back to where the fit began: there the
-/// search has followed what it could not explain, to an end at which nothing moves or no step is
-/// small enough.
-void forget_the_untold(const Fitted& fitted, Json& document, std::vector<std::string>& statements) {
-  for (const Json& parameter : fitted.fit.at("parameters")) {
-    const std::string path = parameter.at("path").get<std::string>();
-    const std::size_t at = path.find(".material.");
-    if (at == std::string::npos || parameter.value("observable", true)) continue;
-    const fit::Quantity* row = fit::find_row(fit::Owner::kBody, path.substr(at + 1));
-    if (!row) continue;
-    const double start = parameter.at("start").get<double>();
-    apply_override(document, "scene." + path + "=" + parameter.at("start").dump());
-    for (Json& entry : document.at("fit").at("parameters")) {
-      if (entry.at("path") == path) entry["bounds"] = narrowed(start, entry.at("bounds"));
+/// Sets a quantity of a body in a document of `job`: in its scene, or in what the captures of one
+/// scene of their own lay over it.
+void set_in_scenes(const fit::Address& at, double value, const Job& job, Json& document) {
+  if (at.capture.empty()) {
+    set_quantity(document.at("scene"), at, value);
+    return;
+  }
+  for (const SceneGroup& group : scene_groups(job)) {
+    const auto is_named = [&](std::size_t c) { return job.captures[c].name == at.capture; };
+    if (std::ranges::none_of(group.captures, is_named)) continue;
+    for (const std::size_t c : group.captures) {
+      set_quantity(document.at("captures").at(job.captures[c].place).at("scene"), at, value);
     }
-    statements.push_back(
-        fmt::format("The recording does not tell {}: causes are sought with its start, {:.3g}{}{}, "
-                    "and it is fitted again with each of them.",
-                    row->words, start, row->unit.empty() ? "" : " ", row->unit));
+  }
+}
+
+/// Gives the numbers of `document`, which was read as `fitted`, the priors that the fit had.
+void keep_priors(const FitDoc& given, const FitDoc& fitted, Json& document) {
+  for (std::size_t k = 0; k < fitted.parameters.size(); ++k) {
+    Json prior = prior_of(given, fitted.parameters[k].path);
+    if (prior.is_object()) document.at("fit").at("parameters").at(k)["prior"] = std::move(prior);
+  }
+}
+
+/// A number of a material that the recording does not identify goes back to where the fit began:
+/// there the search has followed what it could not explain, to an end at which nothing moves or no
+/// step is small enough. `document` was read as `fitted`, and its numbers are `estimates`.
+void forget_the_unidentified(const Json& estimates, const Job& fitted, Json& document,
+                             std::vector<std::string>& statements) {
+  for (std::size_t k = 0; k < fitted.fit->parameters.size(); ++k) {
+    const Json& parameter = estimates.at(k);
+    const fit::Address& at = fitted.fit->parameters[k].path;
+    const fit::Quantity& row = *at.quantity;
+    if (row.member == nullptr || parameter.at("observable") != false) continue;
+    const double start = parameter.at("start").get<double>();
+    set_in_scenes(at, start, fitted, document);
+    Json& entry = document.at("fit").at("parameters").at(k);
+    entry["bounds"] = narrowed(start, entry.at("bounds"));
+    statements.push_back(fmt::format(
+        "The recording does not identify {}: causes are sought with its start, {:.3g}{}{}, and it "
+        "is fitted again with each of them.",
+        row.words, start, row.unit.empty() ? "" : " ", row.unit));
   }
 }
 
@@ -234,7 +256,9 @@ Json run_diagnose(const Job& given, const RunOptions& options, Interrupter& inte
   }
 
   Json document = fitted_document(job, *fitted);
-  forget_the_untold(*fitted, document, statements);
+  const Job end = read_again(job, document);
+  keep_priors(*job.fit, *end.fit, document);
+  forget_the_unidentified(fitted->fit.at("parameters"), end, document, statements);
   Json sought = document;
   if (factor > 1.0) {
     set_separation(job.document, factor, sought);

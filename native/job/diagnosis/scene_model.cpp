@@ -116,7 +116,7 @@ SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
   settle_steps();
   list_experiments();
   CauseOptions about;
-  for (const fit::Parameter& parameter : parameters()) about.fitted.push_back(parameter.name);
+  about.fitted = fitted_numbers();
   about.duration = 0.0;
   for (const diagnose::Capture& capture : captures_) {
     about.duration = std::max(about.duration, capture.times.back() - capture.times.front());
@@ -176,6 +176,13 @@ std::shared_ptr<const SceneModel::Built> SceneModel::built(const diagnose::Numer
   return built_.emplace(key, std::move(made)).first->second;
 }
 
+std::vector<fit::Address> SceneModel::fitted_numbers() const {
+  std::vector<fit::Address> numbers;
+  numbers.reserve(fitted_count_);
+  for (std::size_t k = 0; k < fitted_count_; ++k) numbers.push_back(parameters_->path(k));
+  return numbers;
+}
+
 void SceneModel::add_nuisances() {
   std::vector<ContactRun> contacts;
   std::vector<std::shared_ptr<const Built>> kept;
@@ -192,9 +199,7 @@ void SceneModel::add_nuisances() {
       if (doc.shape == ColliderDoc::Shape::kGround && !known) grounds.push_back(doc.name);
     }
   }
-  std::vector<std::string> fitted;
-  for (const fit::Parameter& parameter : listed_) fitted.push_back(parameter.name);
-  nuisances_ = ContactNuisances(contacts, grounds, fitted);
+  nuisances_ = ContactNuisances(contacts, grounds, fitted_numbers());
   std::ranges::copy(nuisances_.parameters(), std::back_inserter(listed_));
   add_shooting_nodes();
   add_state_errors();
@@ -203,10 +208,8 @@ void SceneModel::add_nuisances() {
 /// Nodes for a scene's only body: another would be struck otherwise. Not where the fit moves the
 /// time at which the recording began.
 void SceneModel::add_shooting_nodes() {
-  const bool times_move = std::ranges::any_of(listed_, [](const fit::Parameter& parameter) {
-    return parameter.name.find("start_frame") != std::string::npos;
-  });
-  if (times_move || !shooting_) return;
+  const fit::Quantity& start_frame = fit::row_named(fit::Owner::kCapture, "start_frame");
+  if (fit::is_among(start_frame, fitted_numbers()) || !shooting_) return;
   for (std::size_t r = 0; r < runs().size(); ++r) {
     const mpm::Scene& scene = built({}, r)->scene;
     inertias_.push_back(inertia_of(scene.bodies.front().rest, scene.bodies.front().volumes));

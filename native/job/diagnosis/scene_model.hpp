@@ -147,6 +147,7 @@ class SceneModel final : public diagnose::Model {
   void write_observed(const diagnose::Point::Cause& cause, Json& document,
                       std::vector<std::string>& statements) const;
   [[nodiscard]] std::vector<Encounter> encounters_with(const shape::Keyed<Vec3d>& gravity) const;
+  [[nodiscard]] std::vector<fit::Address> fitted_numbers() const;
   void list_captures();
   /// ContactNuisances, as parameters after the fitted ones.
   void add_nuisances();

@@ -119,13 +119,6 @@ AtomicFile::~AtomicFile() {
 
 void AtomicFile::write(const void* data, std::size_t bytes) { impl_->write(data, bytes); }
 
-void AtomicFile::write_at(std::uint64_t offset, const void* data, std::size_t bytes) {
-  const std::uint64_t saved = impl_->position;
-  impl_->position = offset;
-  impl_->write(data, bytes);
-  impl_->position = saved;
-}
-
 std::ostream& AtomicFile::stream() {
   if (!impl_->out) {
     impl_->buffer.emplace(*impl_);

@@ -25,8 +25,6 @@ class AtomicFile {
 
   void write(const void* data, std::size_t bytes);
   void write(std::string_view text) { write(text.data(), text.size()); }
-  /// Overwrites bytes already written (a header whose counts are known at the end).
-  void write_at(std::uint64_t offset, const void* data, std::size_t bytes);
   /// A std::ostream over this file, for libraries that want one. Failures set badbit at once and
   /// are thrown by commit(). Valid until commit() or destruction.
   [[nodiscard]] std::ostream& stream();

@@ -150,12 +150,4 @@ RigidFit align_tracks(const Tracks& tracks, std::span<const Vec3d> positions,
   return fit_rigid(from, positions, weights);
 }
 
-Tracks transformed(const Tracks& tracks, const Eigen::Matrix4d& matrix) {
-  Tracks moved = tracks;
-  for (Vec3d& position : moved.positions) {
-    position = matrix.topLeftCorner<3, 3>() * position + matrix.topRightCorner<3, 1>();
-  }
-  return moved;
-}
-
 }  // namespace matterfit::capture

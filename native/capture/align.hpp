@@ -44,7 +44,4 @@ struct AlignOptions {
 [[nodiscard]] RigidFit align_tracks(const Tracks& tracks, std::span<const Vec3d> positions,
                                     const AlignOptions& options);
 
-/// Tracks moved by a fit (positions only; noise is invariant).
-[[nodiscard]] Tracks transformed(const Tracks& tracks, const Eigen::Matrix4d& matrix);
-
 }  // namespace matterfit::capture

@@ -317,11 +317,6 @@ std::optional<std::size_t> find_marker(const Tracks& tracks, const std::string& 
   return std::nullopt;
 }
 
-bool PointCloudSequence::equal_counts() const {
-  return std::all_of(frames.begin(), frames.end(),
-                     [&](const Points& cloud) { return cloud.size() == frames[0].size(); });
-}
-
 Eigen::Matrix4d tracks_matrix(double unit, char up, const Eigen::Matrix4d& transform) {
   if (!(unit > 0.0) || !std::isfinite(unit)) {
     throw_input("the unit of a capture is " + std::to_string(unit) +

@@ -55,8 +55,6 @@ struct PointCloudSequence {
   std::vector<Points> frames;  ///< [m], Z up
   double noise = 0.0;          ///< standard deviation [m]; 0: not known
   std::string source;
-
-  [[nodiscard]] bool equal_counts() const;
 };
 
 /// Index of the marker of this name (exactly; else without regard to case and spaces, so that

@@ -27,11 +27,9 @@ namespace matterfit::mpm {
 /// in a fixed order. No atomics, no colours, two barriers a substep, the same bits for any number
 /// of threads.
 inline constexpr std::size_t kLanes = 16;
-inline constexpr int kBlockCells = 4;
 inline constexpr std::size_t kSlabs = 4;
 inline constexpr std::size_t kBlockNodes = 64;
-inline constexpr int kHalo = 6;                        ///< nodes a block touches along an axis
-inline constexpr std::size_t kHaloNodes = 216;         ///< kHalo³
+inline constexpr std::size_t kHaloNodes = 216;         ///< 6³, those that a block touches
 inline constexpr std::size_t kExpanded = 54 * kLanes;  ///< numbers of one expanded component
 
 /// Index into one expanded component for the register of slab `x`, stencil place (di, dj, dk).

@@ -65,23 +65,11 @@ typename Map::mapped_type start_named(const Map& starts, const std::string& name
   throw_input("there are no weights '" + name + "'. Use " + known + ", or a file " + file);
 }
 
-template <class Map>
-std::vector<std::string> names_of(const Map& starts) {
-  std::vector<std::string> names;
-  names.reserve(starts.size());
-  for (const auto& [name, start] : starts) names.push_back(name);
-  return names;
-}
-
 }  // namespace
-
-std::vector<std::string> neural_start_names() { return names_of(starts()); }
 
 std::shared_ptr<const material::IsotropicStart> neural_start(const std::string& name) {
   return start_named(starts(), name, "*.safetensors.");
 }
-
-std::vector<std::string> published_start_names() { return names_of(published_starts()); }
 
 std::shared_ptr<const material::PublishedLaw> published_start(const std::string& name) {
   return start_named(published_starts(), name, "*.safetensors, or *.pt as PyTorch saves it.");

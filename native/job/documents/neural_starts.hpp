@@ -26,9 +26,7 @@ inline constexpr const char* kDefaultNeuralStart = "jelly";
     const std::filesystem::path& path);
 inline constexpr const char* kLatentName = "latent";
 
-/// The names of the shipped ones.
-[[nodiscard]] std::vector<std::string> neural_start_names();
-/// Throws Error(kInput) that lists the names. Each is read once a process.
+/// A shipped one. Throws Error(kInput) that lists their names. Each is read once a process.
 [[nodiscard]] std::shared_ptr<const material::IsotropicStart> neural_start(const std::string& name);
 
 /// Whether `weights` of a document are a file rather than a name: *.safetensors, and *.pt of the
@@ -38,9 +36,8 @@ inline constexpr const char* kLatentName = "latent";
 [[nodiscard]] std::shared_ptr<const material::IsotropicStart> read_weights_file(
     const std::filesystem::path& path);
 
-/// The shipped ones of the published law: presets/neural/published_NAME.safetensors.
-[[nodiscard]] std::vector<std::string> published_start_names();
-/// Throws Error(kInput) that lists the names. Each is read once a process.
+/// A shipped one of the published law, of presets/neural/published_NAME.safetensors. Throws
+/// Error(kInput) that lists their names. Each is read once a process.
 [[nodiscard]] std::shared_ptr<const material::PublishedLaw> published_start(
     const std::string& name);
 /// What their files' names begin with.

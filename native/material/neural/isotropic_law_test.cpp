@@ -44,6 +44,11 @@ IsotropicWeights flowing_weights(std::uint32_t seed) {
   return w;
 }
 
+double rest_bulk_modulus(const IsotropicWeights& weights) {
+  const RestStiffness rest = rest_stiffness(isotropic_constants<double>(weights));
+  return rest.bulk_by_shape + rest.bulk_by_volume;
+}
+
 struct Result {
   Mat3d elastic;
   Mat3d tau;

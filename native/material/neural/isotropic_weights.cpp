@@ -168,11 +168,6 @@ double rest_shear_modulus(const IsotropicWeights& weights) {
   return rest_stiffness(isotropic_constants<double>(weights)).shear;
 }
 
-double rest_bulk_modulus(const IsotropicWeights& weights) {
-  const RestStiffness rest = rest_stiffness(isotropic_constants<double>(weights));
-  return rest.bulk_by_shape + rest.bulk_by_volume;
-}
-
 IsotropicWeights plain_isotropic(double shear_modulus, double bulk_modulus) {
   if (!(shear_modulus > 0.0) || !(bulk_modulus > 0.0)) {
     throw_input("plain_isotropic: moduli must be > 0 Pa.");

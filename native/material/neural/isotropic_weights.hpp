@@ -128,7 +128,6 @@ struct RestStiffness {
 void add_rest_stiffness_adjoint(const IsotropicConstants<double>& c, const RestStiffness& bar,
                                 IsotropicConstants<double>& c_bar);
 [[nodiscard]] double rest_shear_modulus(const IsotropicWeights& weights);
-[[nodiscard]] double rest_bulk_modulus(const IsotropicWeights& weights);
 
 /// A law that is Hencky's with these moduli and never yields: units are silent but ready to learn.
 [[nodiscard]] IsotropicWeights plain_isotropic(double shear_modulus, double bulk_modulus);

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
-#include "material/classical/laws_for_test.hpp"
+#include "math/mat3_for_test.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <mutex>
 #include <string>
+#include <vector>
 
 namespace matterfit {
 
@@ -12,8 +13,10 @@ struct Progress {
   double fraction = 0.0;
   int frame = 0;
   int last_frame = 0;
-  std::string
-      label;  ///< What is being done, in words of the panel ("Simulating", "Baking volume").
+  /// What is being done, in words of the panel ("Simulating", "Baking volume").
+  std::string label;
+  /// The same in fewer words, each with less than the last, for those that have little room.
+  std::vector<std::string> shorter = {};
 };
 
 /// Cancellation and progress of one job, shared by the thread that computes and those that watch.

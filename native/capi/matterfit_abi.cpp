@@ -9,6 +9,7 @@
 #include "base/error.hpp"
 #include "capi/job_thread.hpp"
 #include "capi/matterfit.h"
+#include "capi/progress_label.hpp"
 #include "capi/wedge_run.hpp"
 #include "job/curves.hpp"
 #include "job/documents/document.hpp"
@@ -171,10 +172,8 @@ mf_status mf_job_poll(mf_job* handle, mf_progress* progress) {
     now.seconds = handle->thread->seconds();
     now.seconds_left = handle->thread->seconds_left();
     now.memory_bytes = matterfit::capi::resident_bytes();
-    std::size_t length = std::min(at.label.size(), sizeof now.label - 1);
-    // Cut between characters, not inside one.
-    while (length > 0 && length < at.label.size() && (at.label[length] & 0xC0) == 0x80) --length;
-    std::memcpy(now.label, at.label.data(), length);
+    const std::string label = matterfit::capi::label_within(at, sizeof now.label - 1);
+    std::memcpy(now.label, label.data(), label.size());
     std::memcpy(progress, &now, std::min<std::size_t>(size, sizeof now));
     return MF_OK;
   });

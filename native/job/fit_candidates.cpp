@@ -117,8 +117,7 @@ void FitCandidates::show(const fit::SearchProgress& report) {
     }
     progress.fraction = kFitShare * done / double(laws_.size());
   }
-  progress.label =
-      fit_label(report, several ? std::string(material::traits(laws_[state_.law]).name) : "");
+  label_fit(report, several ? std::string(material::traits(laws_[state_.law]).name) : "", progress);
   interrupter_.report(progress);
 }
 

@@ -4,12 +4,10 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <cstddef>
 
 namespace matterfit::job {
 
-std::string fit_label(const fit::SearchProgress& report, const std::string& law) {
-  constexpr std::size_t kMost = 63;  // matterfit.h, mf_progress.label, without its end
+void label_fit(const fit::SearchProgress& report, const std::string& law, Progress& progress) {
   const std::string iteration =
       report.iteration > 0 ? ", iteration " + std::to_string(report.iteration) : "";
   const std::string rms =
@@ -17,10 +15,8 @@ std::string fit_label(const fit::SearchProgress& report, const std::string& law)
   std::string stage = report.stage;
   if (report.level != 1.0) stage += fmt::format(" ×{:g}", report.level);
   const std::string name = law.empty() ? "" : law + ", ";
-  std::string label = "Fitting: " + name + stage + iteration + rms;
-  if (label.size() > kMost) label = "Fitting: " + name + stage + rms;
-  if (label.size() > kMost) label = "Fitting: " + stage + rms;
-  return label;
+  progress.label = "Fitting: " + name + stage + iteration + rms;
+  progress.shorter = {"Fitting: " + name + stage + rms, "Fitting: " + stage + rms};
 }
 
 }  // namespace matterfit::job

@@ -3,12 +3,13 @@
 
 #include <string>
 
+#include "base/interrupter.hpp"
 #include "fit/search/search_progress.hpp"
 
 namespace matterfit::job {
 
-/// As a label of progress, of 63 bytes at most (capi/matterfit.h): where that is too little the
-/// iteration is left out, then the law. `law` empty: the only one.
-[[nodiscard]] std::string fit_label(const fit::SearchProgress& report, const std::string& law);
+/// Labels progress with where a fit is; with less room the iteration is left out, then the law.
+/// `law` empty: the only one.
+void label_fit(const fit::SearchProgress& report, const std::string& law, Progress& progress);
 
 }  // namespace matterfit::job

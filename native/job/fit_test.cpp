@@ -341,19 +341,22 @@ TEST(Fit, WhatTheDocumentMakesImpossibleIsAnInputError) {
   }
 }
 
-TEST(Fit, LabelsFitTheirField) {
+TEST(Fit, LabelsSayWhereItIsInAsManyWordsAsFit) {
   fit::SearchProgress report;
-  report.stage = "frames 1-13";
-  report.level = 1.6;
-  report.iteration = 4;
-  report.rms = 12.34e-3;
-  EXPECT_EQ(fit_label(report, ""), "Fitting: frames 1-13 ×1.6, iteration 4, rms 12.34 mm");
   report.stage = "frames 1000-1130";
   report.level = 2.0;
   report.iteration = 12;
-  const std::string label = fit_label(report, "herschel_bulkley");
-  EXPECT_LE(label.size(), 63U);
-  EXPECT_EQ(label, "Fitting: herschel_bulkley, frames 1000-1130 ×2, rms 12.34 mm");
+  report.rms = 12.34e-3;
+  Progress progress;
+  label_fit(report, "herschel_bulkley", progress);
+  EXPECT_EQ(progress.label,
+            "Fitting: herschel_bulkley, frames 1000-1130 ×2, iteration 12, rms 12.34 mm");
+  EXPECT_THAT(progress.shorter,
+              testing::ElementsAre("Fitting: herschel_bulkley, frames 1000-1130 ×2, rms 12.34 mm",
+                                   "Fitting: frames 1000-1130 ×2, rms 12.34 mm"));
+  report.iteration = 0;
+  label_fit(report, "", progress);
+  EXPECT_EQ(progress.label, "Fitting: frames 1000-1130 ×2, rms 12.34 mm");
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ def enough(what, enough=True, ratio=1.0, parameter=""):
 
 
 def result(body="Cube", **other):
-    """What the library says of a recording that tells most of it."""
+    """What the library says of a recording that identifies most of it."""
     found = {
         "schema": check.SCHEMA, "status": "done", "task": "check",
         "noise": {"sigma": 5e-4, "autocorrelation": 0.1},

@@ -67,7 +67,7 @@ def write(folder, status="done", law=None, change=None, extra=(), held_out=True,
         "correlation": None if status == "cancelled" else [],
         "noise_scale": None if status == "cancelled" else 1.3,
         "statements": [parameters[1]["statement"],
-                       f"bodies.{name}.material.E and bodies.{name}.velocity[2] are hard to tell apart "
+                       f"bodies.{name}.material.E and bodies.{name}.velocity[2] are hard to distinguish "
                        "(correlation 0.962): raise both, and little changes. Fix one of them or give "
                        "it a prior."],
         "before": {"fitted": measure(8.0), "held_out": measure(16.0) if held_out else None},

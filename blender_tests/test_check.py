@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Check: what a recording will tell, in the panel's words."""
+"""Check: what a recording will identify, in the panel's words."""
 
 import json
 import os
@@ -97,21 +97,21 @@ class WordsTest(CheckCase):
         """No path of the document, no NaN, no power of ten; all that the brief of a check holds."""
         self.checked()
         said = self.said()
-        for words in ("tells 6 of 8 values", "Tied: Young's Modulus and Poisson's Ratio",
+        for words in ("identifies 6 of 8 values", "Tied: Young's Modulus and Poisson's Ratio",
                       "at half of it Poisson's Ratio would be 3.3 times as uncertain",
-                      "second half tells most of Young's Modulus", "The noise hides Spin Y: it is "
+                      "second half identifies Young's Modulus the most", "The noise hides Spin Y: it is "
                       "0.5 mm, and would have to be 0.12 mm",
                       "Record instead: Throw it fast and sideways."):
             self.assertIn(words, said)
         for word in ("bodies", "material", "[1]", "nan", "None", "inf", "e+", "library's words"):
             self.assertNotIn(word, said)
 
-    def test_a_recording_that_tells_all(self):
+    def test_a_recording_that_identifies_all(self):
         self.checked(parameters=[parameter("bodies.Cube.material.E", 1e5, 442.5, "Pa")], ties=[],
                      enough=[enough("frame rate"), enough("duration"), enough("noise")],
                      record_instead="")
         said = self.said()
-        for words in ("tells all of it", "The frame rate suffices.", "long enough",
+        for words in ("identifies all of it", "The frame rate suffices.", "long enough",
                       "noise is small enough"):
             self.assertIn(words, said)
         self.assertNotIn("Record instead", said)

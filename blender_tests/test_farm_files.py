@@ -13,8 +13,8 @@ from matterfit.io import takes
 from support import needs_library, read
 from test_batch import BatchCase
 
-# Of Flamenco 3's OpenAPI document (POST /api/v3/jobs): the properties of SubmittedJob, and of settings
-# the types that a job type may name.
+# The properties of SubmittedJob in Flamenco 3's OpenAPI document (POST /api/v3/jobs), and the types
+# that a job type may name for its settings.
 SUBMITTED_JOB = {"name": str, "type": str, "type_etag": str, "priority": int, "settings": dict,
                  "metadata": dict, "submitter_platform": str, "storage": dict, "worker_tag": str,
                  "initial_status": str, "delete_requested_at": str}

@@ -222,7 +222,7 @@ class ResultTest(FakeFitCase):
         said = texts(result_panel.MATTERFIT_PT_fit_result)
         self.assertEqual(said.count("Kind of Material"), 2)
         self.assertIn("Young's Modulus and Kind of Material 3 are alike", " ".join(said.split()))
-        self.assertIn("5 of 8 numbers are told", said)
+        self.assertIn("5 of 8 numbers are identified", said)
         result = fit_results.load(self.run_folder)
         self.assertEqual([len(estimates) for _owner, _label, estimates in
                           words.folded(self.settings, result.estimates)], [1, 1, 1, 1, 1, 8])

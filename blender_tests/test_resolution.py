@@ -281,8 +281,8 @@ class LimitTest(SceneCase):
 
     @needs_library
     def test_wires(self):
-        """Of a Wireframe each wire is filled, in as many particles as the limit leaves; it is refused where
-        most of it is thinner than any particle."""
+        """Each wire of a Wireframe is filled, in as many particles as the limit leaves; the body is refused
+        where most of it is thinner than any particle."""
         bpy.ops.mesh.primitive_monkey_add(size=0.5, location=(0.0, 0.0, 0.5))
         item = bpy.context.active_object
         wires = item.modifiers.new("Wireframe", "WIREFRAME")

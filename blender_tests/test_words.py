@@ -95,12 +95,12 @@ class WordsTest(SceneCase):
             self.assertEqual(self.said(text), wanted)
 
     def test_of_a_result(self):
-        text = "bodies.Soft.material.E and bodies.Soft.velocity[2] are hard to tell apart."
+        text = "bodies.Soft.material.E and bodies.Soft.velocity[2] are hard to distinguish."
         self.assertEqual(words.of_result(text, self.settings), "'Soft', Young's Modulus and 'Soft', "
-                         "Velocity Z are hard to tell apart.")
+                         "Velocity Z are hard to distinguish.")
         self.settings.bodies.remove(0)
         self.assertEqual(words.of_result(text, self.settings),
-                         "Young's Modulus and Velocity Z are hard to tell apart.")
+                         "Young's Modulus and Velocity Z are hard to distinguish.")
 
     def test_of_a_batch(self):
         """What is varied stands before the message, in the document's words."""

@@ -124,5 +124,5 @@ def modal_check():
     report = check.read(bpy.context.scene.matterfit.fit.check)
     if job.state is not State.DONE or report is None:
         raise AssertionError(f"Check gave {job.state}: {job.error}")
-    print(f"window: Check took {job.elapsed:.1f} s and tells {report.known} of "
+    print(f"window: Check took {job.elapsed:.1f} s and identifies {report.known} of "
           f"{len(report.parameters)} values")

@@ -396,7 +396,8 @@ int command(int argc, char** argv, Arguments& arguments) {
   add("fit",
       "identify materials from captures: fitted values with errors, material.json, scene.json");
   add("check",
-      "before a fit: what it will tell and how well, what is tied, what to record instead");
+      "before a fit: which values it will identify and how well, what is tied, what to record "
+      "instead");
   add("diagnose",
       "fit, then find what the simulation gets wrong, name the cause, measure the gain");
   add("compare", "simulate if need be, and measure the error against the captures");

@@ -133,7 +133,7 @@ std::string findings_text(const Json& result) {
                               ? fmt::format("± {:.3g}", p.at("error").get<double>())
                               : std::string("nothing"),
                           p.at("unit").get<std::string>(),
-                          p.at("known").get<bool>() ? "" : " (not told by this recording)");
+                          p.at("known").get<bool>() ? "" : " (not identified by this recording)");
     }
     for (const Json& enough : result.at("enough")) {
       if (enough.at("enough").get<bool>()) {

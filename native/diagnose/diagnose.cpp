@@ -58,7 +58,7 @@ class Writer {
     causes();
     decide();
     probabilities();
-    // Of causes that are hardly likely at all, a refit says more than a score.
+    // A refit says more than a score about causes that are hardly likely at all.
     const auto rank = [](const Cause& cause) {
       return std::tuple(!cause.accepted, -std::floor(1e6 * cause.probability), !cause.refitted,
                         -cause.probability);

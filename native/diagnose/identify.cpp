@@ -180,8 +180,8 @@ class Check {
         span.enough
             ? "The recording is long enough."
             : fmt::format(
-                  "Most of what tells {} is in the second half of the recording: without "
-                  "it, it would be {:.1f} times as uncertain. A longer one would tell more.",
+                  "Most of what identifies {} is in the second half of the recording: without "
+                  "it, it would be {:.1f} times as uncertain. A longer one would show more.",
                   span.parameter, span.ratio);
     result_.enough.push_back(std::move(rate));
     result_.enough.push_back(std::move(span));
@@ -195,7 +195,8 @@ class Check {
     }
     if (!noise.enough) {
       noise.sentence = fmt::format(
-          "With {:.2g} m of noise {} is not told; it would take {:.2g} m, or so many more points.",
+          "With {:.2g} m of noise {} is not identified; it would take {:.2g} m, or so many more "
+          "points.",
           result_.sigma, noise.parameter, result_.sigma / noise.ratio);
     }
     result_.enough.push_back(std::move(noise));
@@ -214,7 +215,7 @@ class Check {
     for (Index i = 0; i < h.cols(); ++i) {
       const double before = scaled_error(i);
       const double after = std::sqrt(inverse.covariance(i, i));
-      // What is not told at all is said elsewhere.
+      // What is not identified at all is said elsewhere.
       if (!(before < 1.0) || !(after > result.ratio * before)) continue;
       result.ratio = after / before;
       result.parameter = model_.parameters()[std::size_t(i)].name;
@@ -288,8 +289,9 @@ class Check {
       if (parameter.known) continue;
       result_.statements.push_back(
           std::isfinite(parameter.error)
-              ? fmt::format("{} cannot be told from this recording: its error would be {:.2g} {}.",
-                            parameter.name, parameter.error, parameter.unit)
+              ? fmt::format(
+                    "{} cannot be identified from this recording: its error would be {:.2g} {}.",
+                    parameter.name, parameter.error, parameter.unit)
               : fmt::format("{} does not change anything that was recorded.", parameter.name));
     }
     for (const Tie& tie : result_.ties) {
@@ -298,7 +300,8 @@ class Check {
         names += (i == 0 ? "" : (i + 1 == tie.names.size() ? " and " : ", ")) + tie.names[i];
       }
       result_.statements.push_back(fmt::format(
-          "{} are tied: the recording tells a combination of them. Give one of them.", names));
+          "{} are tied: the recording identifies only a combination of them. Give one of them.",
+          names));
     }
     for (const Enough& enough : result_.enough) {
       if (!enough.enough) result_.statements.push_back(enough.sentence);

@@ -189,7 +189,8 @@ struct Shown {
 class Model {
  public:
   virtual ~Model() = default;
-  /// Another unit where samples are no places; such quantities are their first coordinate.
+  /// In what sizes of residuals are shown: millimetres, and another unit where samples are no
+  /// places but numbers, each the first coordinate of its sample.
   [[nodiscard]] virtual Shown shown() const { return {}; }
   [[nodiscard]] virtual const std::vector<Capture>& captures() const = 0;
   /// Everything refitted. `start` is the fitted value (for a check before a fit: the start).

@@ -87,10 +87,10 @@ std::string cause(const Report& report) {
 
 std::string one_of(const Report& report) {
   std::string text =
-      fmt::format("One of these is missing, and this recording cannot tell which: {}.",
+      fmt::format("One of these is missing, and this recording does not distinguish them: {}.",
                   list(report.classes, "or"));
   if (const Cause* named = best(report)) text += " " + gain_of(report, *named);
-  if (!report.next_recording.empty()) text += " To tell them apart: " + report.next_recording;
+  if (!report.next_recording.empty()) text += " To distinguish them: " + report.next_recording;
   return text;
 }
 
@@ -191,7 +191,7 @@ std::string headline(const Report& report) {
 
 std::string with_error(const Value& value) {
   if (!std::isfinite(value.error)) {
-    return fmt::format("{:.3g}{}{} (nothing tells it)", value.value, value.unit.empty() ? "" : " ",
+    return fmt::format("{:.3g}{}{} (not identified)", value.value, value.unit.empty() ? "" : " ",
                        value.unit);
   }
   return fmt::format("{:.3g} ± {:.2g}{}{}", value.value, value.error, value.unit.empty() ? "" : " ",

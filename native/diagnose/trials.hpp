@@ -59,9 +59,9 @@ inline constexpr double kFarOff = 1.2;
 /// rival of it, whatever likelihoods say that mean little.
 [[nodiscard]] bool falls_short(const Trial& base, const Trial& good, const Trial& trial);
 
-/// Of trials in the order of their evidence, one at least, moves that to the front which is best
-/// among those whose evidence is within kExcluded of the first's when each number is paid for
-/// twice: chance makes a vector fit a little better than its size.
+/// Moves to the front the trial that is best when each number is paid for twice, among those whose
+/// evidence is within kExcluded of the first's: chance makes a vector fit a little better than its
+/// size. `trials` are one at least, in the order of their evidence.
 void put_simplest_first(std::vector<Trial>& trials);
 
 /// Refits under one covariance and judges what they predict of what was kept back.

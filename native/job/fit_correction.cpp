@@ -121,7 +121,7 @@ std::string share_sentence(const Json& shares, bool known) {
   }
   return fmt::format("To the law's stress it adds {}, {}.", text,
                      known ? "as far as the clip goes"
-                           : "which are usual strains, as the clip does not tell its own");
+                           : "which are usual strains, as those of the clip are not known");
 }
 
 }  // namespace
@@ -134,7 +134,7 @@ void require_hold_out(const fit::Experiment& experiment) {
     }
   }
   throw_input(
-      "fit.correction: nothing is held out, and only that can tell whether a correction predicts "
+      "fit.correction: nothing is held out, and only that shows whether a correction predicts "
       "better. Give a capture a 'holdout': its last frames, or another throw as a whole.");
 }
 

@@ -276,7 +276,7 @@ std::string held_out_warning(const Json& after) {
   if (percent < kLarge || mean(held) < kMuchWorse * mean(fitted)) return "";
   return fmt::format(
       "What was held out is missed by {:.3g} mm ({:.3g} % of the body), what was fitted by {:.3g} "
-      "mm: the one does not tell the other. Fit more frames, or look for what the scene lacks.",
+      "mm: the one does not predict the other. Fit more frames, or look for what the scene lacks.",
       mean(held), percent, mean(fitted));
 }
 

@@ -65,11 +65,11 @@ TEXTS = {
         "{name}: Während die Szene gelesen wurde, wurde ein Objekt oder eine Zeile entfernt, eine Zeile "
         "hinzugefügt, eine andere Szene gezeigt oder Rückgängig gedrückt. Noch einmal drücken.",
     "{n} of {total} done": "{n} von {total} fertig",
-    "This recording tells all of it:": "Diese Aufnahme verrät alles:",
-    "This recording tells {n} of {total} values:": "Diese Aufnahme verrät {n} von {total} Werten:",
+    "This recording identifies all of it:": "Diese Aufnahme bestimmt alles:",
+    "This recording identifies {n} of {total} values:": "Diese Aufnahme bestimmt {n} von {total} Werten:",
     "nothing recorded shows it": "nichts Aufgenommenes zeigt ihn",
     "unknown: {error}": "unbekannt: {error}",
-    "Tied: {names}. Only a combination is told: set one of them, and switch it off in the list.":
+    "Tied: {names}. Only a combination is identified: set one of them, and switch it off in the list.":
         "Gekoppelt: {names}. Nur eine Verbindung ist bekannt: einen davon eintragen und in der "
         "Liste ausschalten.",
     "The frame rate suffices.": "Die Bildrate genügt.",
@@ -321,7 +321,7 @@ TEXTS = {
     "Correction": "Korrektur",
     "Most like {law}": "Am ähnlichsten: {law}",
     "Then: {laws}": "Dann: {laws}",
-    "{n} of {total} numbers are told": "{n} von {total} Zahlen sind bekannt",
+    "{n} of {total} numbers are identified": "{n} von {total} Zahlen sind bestimmt",
     "{n} at their bounds": "{n} an ihren Grenzen",
     "{name}: {n} of {total}": "{name}: {n} von {total}",
     "Not known yet: an elastic solid. Fit, with the law Unknown, finds what it is.":
@@ -401,7 +401,7 @@ TEXTS = {
         "Nichts ist zurückgehalten: Wie gut die Anpassung vorhersagt, bleibt unbekannt.",
     "The result of the fit cannot be read. Fit again.":
         "Das Ergebnis der Anpassung ist nicht lesbar. Neu anpassen.",
-    "What tells a law from the body's own is looked for as well.":
+    "What distinguishes a law from the body's own is looked for as well.":
         "Was ein Gesetz von dem des Körpers unterscheidet, wird mit gesucht.",
     "Press Fit to begin afresh.": "Anpassen drücken, um neu zu beginnen.",
     "cancelling": "wird abgebrochen",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a check says before a fit: what the recording will tell, and how well (docs/formats.md,
+"""What a check says before a fit: which values the recording will identify, and how well (docs/formats.md,
 «check»). The scene keeps it as text, in `fit.check`."""
 
 import json
@@ -45,7 +45,7 @@ class Report:
     """What was found, and for which recordings, frames [first, end) and rows of the list."""
 
     parameters: tuple
-    ties: tuple  # lists of paths of which only a combination is told
+    ties: tuple  # lists of paths of which only a combination is identified
     enough: tuple
     record_instead: str
     sigma: float  # noise of a coordinate [m]; None where it is not known
@@ -117,8 +117,8 @@ def listed(settings, paths):
 
 
 def rows(settings, report):
-    """[(Parameter, name)] as they are shown: three axes that are all told are one row, with the
-    largest of their errors, and so are the numbers of a code that are told, or are not."""
+    """[(Parameter, name)] as they are shown: three axes that are all identified are one row, with the
+    largest of their errors, and so are the numbers of a code that are identified, or are not."""
     found, joined = [], {}
     for parameter in report.parameters:
         owner, key, axis = words.split(settings, parameter.path)
@@ -152,7 +152,7 @@ def _is_code(key):
 
 
 def _of_code(settings, parameters, path):
-    """The row of a code's numbers, which are all told or are all not."""
+    """The row of a code's numbers, which are all identified or are all not."""
     worst = max(parameters, key=lambda each: math.inf if each.error is None else each.error)
     label = translate("{name}: {n} of {total}").format(
         name=words.named(settings, path), n=len(parameters),
@@ -161,7 +161,7 @@ def _of_code(settings, parameters, path):
 
 
 def error_text(settings, parameter):
-    """To what error a parameter is told: ± 440 Pa (0.44 %)."""
+    """To what error a parameter is identified: ± 440 Pa (0.44 %)."""
     if parameter.error is None:
         return translate("nothing recorded shows it")
     unit = f" {parameter.unit}" if parameter.unit else ""
@@ -192,7 +192,7 @@ def verdict(settings, enough, sigma):
             "uncertain. Record more frames a second.").format(name=who, times=times)
     if enough.what == "duration":
         return translate("The recording is long enough.") if enough.enough else translate(
-            "The recording is short: its second half tells most of {name}. Record longer.").format(
+            "The recording is short: its second half identifies {name} the most. Record longer.").format(
                 name=who)
     if enough.enough:
         return translate("The noise is small enough.")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Check: before a fit, what the recording will tell, and how well."""
+"""Check: before a fit, which values the recording will identify, and how well."""
 
 import os
 import tempfile
@@ -19,7 +19,7 @@ from .launch import counted
 class MATTERFIT_OT_check_fit(JobOperator, bpy.types.Operator):
     bl_idname = "matterfit.check_fit"
     bl_label = "Check"
-    bl_description = ("Say before a fit what this recording will tell: each value and to what "
+    bl_description = ("Report before a fit what this recording will identify: each value and to what "
                       "error, which values are tied, whether frame rate, duration and noise "
                       "suffice, and what to record instead. Takes a handful of simulations")
     restart_advice = "Press Check."

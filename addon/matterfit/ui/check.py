@@ -30,7 +30,7 @@ class MATTERFIT_PT_fit_check(MatterfitPanel, bpy.types.Panel):
         self._parameters(layout, settings, report)
         for tie in report.ties:
             lines(layout, translate(
-                "Tied: {names}. Only a combination is told: set one of them, and switch it off in "
+                "Tied: {names}. Only a combination is identified: set one of them, and switch it off in "
                 "the list.").format(names=check.listed(settings, tie)), icon="LINKED")
         for enough in report.enough:
             lines(layout, check.verdict(settings, enough, report.sigma),
@@ -45,9 +45,9 @@ class MATTERFIT_PT_fit_check(MatterfitPanel, bpy.types.Panel):
     def _headline(self, layout, report):
         known, count = report.known, len(report.parameters)
         if known == count:
-            lines(layout, translate("This recording tells all of it:"), icon="CHECKMARK")
+            lines(layout, translate("This recording identifies all of it:"), icon="CHECKMARK")
         else:
-            lines(layout, translate("This recording tells {n} of {total} values:").format(
+            lines(layout, translate("This recording identifies {n} of {total} values:").format(
                 n=known, total=count), icon="ERROR")
 
     def _parameters(self, layout, settings, report):

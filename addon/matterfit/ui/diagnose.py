@@ -91,7 +91,7 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
         if cause.confused_with:
             lines(box, translate("Looks like: {names}").format(names=_names(cause.confused_with)), taken=BOX)
         if not cause.observable:
-            lines(box, translate("This recording tells nothing of it."), icon="INFO", taken=BOX)
+            lines(box, translate("This recording does not identify it."), icon="INFO", taken=BOX)
 
     def _worst(self, layout, report):
         if not report.worst:
@@ -127,7 +127,7 @@ def percent(share):
 
 
 def gain_text(cause):
-    """– where nothing was held out that could tell."""
+    """– where nothing was held out that would show it."""
     return "–" if cause.gain is None else number_text.percent(cause.gain)
 
 

@@ -36,7 +36,7 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
         menu(column, fit, "law")
         if fit.law == "FIND":
             layout.column(align=True).prop(fit, "laws")
-            lines(layout, translate("What tells a law from the body's own is looked for as well."),
+            lines(layout, translate("What distinguishes a law from the body's own is looked for as well."),
                   icon="INFO")
         elif fit.law == "UNKNOWN":
             lines(layout, translate("Its stiffness and what kind of material it is are looked for, "

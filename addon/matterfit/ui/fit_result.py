@@ -122,12 +122,12 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
                 for law, distance in like.others[:_OTHERS])), taken=BOX)
 
     def _code(self, layout, label, estimates):
-        """Numbers that say something together only: how many the recording tells."""
+        """Numbers that say something together only: how many the recording identifies."""
         column = layout.box().column(align=True)
         known = sum(estimate.observable for estimate in estimates)
         bound = sum(estimate.at_bound for estimate in estimates)
         lines(column, label, icon="CHECKMARK" if known and not bound else "ERROR", taken=BOX)
-        lines(column, translate("{n} of {total} numbers are told").format(
+        lines(column, translate("{n} of {total} numbers are identified").format(
             n=known, total=len(estimates)), taken=BOX)
         if bound:
             lines(column, translate("{n} at their bounds").format(n=bound), taken=BOX)

@@ -30,7 +30,7 @@ double within(std::vector<double>& values, double share) {
 std::optional<material::Excitation> excitation(const InteriorTracks& tracks, const Points& places,
                                                bool flows, Arena& arena) {
   if (tracks.frames() < 2) {
-    throw_input("strains cannot be told from fewer than two frames.");
+    throw_input("strains cannot be estimated from fewer than two frames.");
   }
   const TrackMotion motion = track_motion(tracks, places, {}, flows, arena);
   std::vector<double> shapes;

@@ -103,7 +103,7 @@ std::vector<std::string> general(const std::vector<Parameter>& parameters,
       const double c = known.correlation(i, j);
       if (std::abs(c) < kStrong || told(i, j) != 0.0) continue;
       statements.push_back(fmt::format(
-          "{} and {} are hard to tell apart (correlation {:.3f}): {}, and little changes. Fix one "
+          "{} and {} are hard to distinguish (correlation {:.3f}): {}, and little changes. Fix one "
           "of them or give it a prior.",
           parameters[std::size_t(i)].name, parameters[std::size_t(j)].name, c,
           c > 0.0 ? "raise both" : "raise one and lower the other"));

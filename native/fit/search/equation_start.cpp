@@ -199,7 +199,7 @@ std::string obstacle(const mpm::Scene& scene, const Parameters& parameters, std:
     return "there are other bodies, whose contact forces are not known.";
   }
   if (scene.bodies.front().material.traits().pressure_dependent) {
-    return "the pressure that sand's friction depends on cannot be told from noisy tracks.";
+    return "the pressure that sand's friction depends on cannot be identified from noisy tracks.";
   }
   if (!scene.bodies.front().masses.empty()) return "masses are attached to the body.";
   if (parameters.places(run, scene.bodies.front().name)) return "the body's place is fitted too.";
@@ -298,7 +298,8 @@ EquationStart equation_start(const std::vector<Run>& runs, const std::vector<mpm
     while (values_found.back() == ' ') values_found.pop_back();
   }
   result.statement =
-      fmt::format("{}: {}", title, moved.empty() ? "the recording tells none" : values_found);
+      fmt::format("{}: {}", title,
+                  moved.empty() ? "the recording identifies none of the values" : values_found);
   if (!rest.empty()) result.statement += "; not known to a factor of three: " + rest;
   if (moved.empty()) {
     result.statement += ".";

@@ -60,8 +60,8 @@ Json check_json(const diagnose::BeforeFit& before) {
 Json run_check(const Job& job, const RunOptions& options, Interrupter& interrupter) {
   if (!job.fit) {
     throw_input(
-        "fit: a check says what a fit will tell; add a section 'fit' with the parameters that are "
-        "to be found.");
+        "fit: a check reports which parameters a fit will identify; add a section 'fit' with the "
+        "parameters that are to be found.");
   }
   if (job.fit->loss != FitDoc::Loss::kTracks) {
     throw_input("fit.loss: a check needs tracks; clouds without correspondence have none.");

@@ -221,7 +221,7 @@ std::vector<fit::ParameterSpec> with_poses(const Job& job, const LoadedFilms& fi
       if (films.is_fitted(f, spec.path.index)) continue;
       throw_input(what +
                   "no image of this camera is fitted (held out, or outside of the scene's "
-                  "frames), so nothing tells how it stands. Leave the parameter out, or shorten "
+                  "frames), so nothing shows how it stands. Leave the parameter out, or shorten "
                   "the hold-out.");
     }
   }

@@ -200,7 +200,7 @@ Points probe_points(const ProbeDoc& probe, const std::string& path, const mpm::B
   }
   if (!inside.empty()) return inside;
   constexpr double kSlack = 1.01;
-  // Of a body that is no whole number of separations long the last layer stands up to a separation
+  // The last layer of a body that is no whole number of separations long stands up to a separation
   // off each of its faces.
   if (!(least <= kSlack * std::sqrt(3.0) * separation)) {
     throw_input(path + ".region: touches no particle of '" + body.name +

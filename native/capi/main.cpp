@@ -88,8 +88,13 @@ CLI::Validator whole_number(int low, int high) {
       "");
 }
 
-void add_common(CLI::App& app, Arguments& arguments) {
-  app.add_option("JOB", arguments.job, "job document (docs/formats.md)")->required();
+constexpr const char* kJobs = "job document (docs/formats.md)";
+constexpr const char* kJobsOrTests =
+    "job document with recordings, or tests of a testing machine (docs/formats.md)";
+
+/// `documents`: what the verb takes.
+void add_common(CLI::App& app, Arguments& arguments, const char* documents = kJobs) {
+  app.add_option("JOB", arguments.job, documents)->required();
   app.add_option("--set", arguments.set,
                  "PATH=VALUE: change the document, as in scene.gravity=[0,0,-3.7]; may be repeated")
       ->expected(1)
@@ -270,7 +275,7 @@ CLI::App* add_pretrain(CLI::App& app, Arguments& arguments) {
   verb->add_option("--material", pretrain.materials,
                    "job documents or material files of classical laws, which it is made like");
   verb->add_option("--tests", pretrain.tests,
-                   "stresses that a testing machine measured of a rubber (docs/formats.md)");
+                   "tests of a testing machine, of a rubber (docs/formats.md)");
   verb->add_flag("--published", pretrain.published,
                  "the published law's two nets in place of the isotropic law's weights: "
                  "published_LAW.safetensors each");
@@ -388,9 +393,9 @@ int command(int argc, char** argv, Arguments& arguments) {
   app.require_subcommand(1);
   app.footer("Exit status: 0 done, 2 the input is wrong, 3 could not be completed, 130 cancelled.");
   std::vector<CLI::App*> verbs;
-  const auto add = [&](const char* name, const char* what) {
+  const auto add = [&](const char* name, const char* what, const char* documents = kJobs) {
     verbs.push_back(app.add_subcommand(name, what));
-    add_common(*verbs.back(), arguments);
+    add_common(*verbs.back(), arguments, documents);
   };
   add("simulate", "write the states of every frame, and simulated.npz at the captures' points");
   add("fit",
@@ -399,7 +404,9 @@ int command(int argc, char** argv, Arguments& arguments) {
       "before a fit: which values it will identify and how well, what is tied, what to record "
       "instead");
   add("diagnose",
-      "fit, then find what the simulation gets wrong, name the cause, measure the gain");
+      "fit to recordings, or to tests of a testing machine, then find what the simulation gets "
+      "wrong, name the cause, measure the gain",
+      kJobsOrTests);
   add("compare", "simulate if need be, and measure the error against the captures");
   add("bake", "simulate and write every cache under `output`");
   add("render", "draw the scene, or a file of splats, through the cameras of `render` into PNG");

@@ -32,8 +32,11 @@ constexpr double kPoisson = 0.4995;
 constexpr double kReadingError = 0.01;
 
 struct HiddenInTests {
-  std::vector<effects::Effect> effects;
-  double cell = 1.0;  ///< read over true force of the first test
+  std::vector<effects::Effect> effects = {};
+  double cell = 1.0;          ///< read over true force of the first test
+  double zero = 0.0;          ///< what its cell reads without force [Pa]
+  double gauge = 1.0;         ///< true over read elongation
+  double poisson = kPoisson;  ///< of the rubber; the document says kPoisson
 };
 
 effects::Effect effect_of(const char* type, std::vector<double> values) {
@@ -47,7 +50,7 @@ Json machine_tests(const HiddenInTests& hidden, std::uint64_t seed) {
   material::Material material;
   material.law = material::Law::kNeoHookean;
   material.youngs_modulus = kModulus;
-  material.poisson_ratio = kPoisson;
+  material.poisson_ratio = hidden.poisson;
   std::vector<std::unique_ptr<effects::Term>> terms;
   for (const effects::Effect& effect : hidden.effects) {
     terms.push_back(effect.type->make(effect, {}));
@@ -63,14 +66,19 @@ Json machine_tests(const HiddenInTests& hidden, std::uint64_t seed) {
   std::normal_distribution<double> error(0.0, kReadingError);
   Json tests = Json::array();
   for (const material::Pull pull : {material::Pull::kUniaxial, material::Pull::kEquibiaxial}) {
+    std::vector<double> by;
     std::vector<double> stops;
-    for (int k = 1; k <= 24; ++k) stops.push_back(1.0 + 0.1 * k);
+    for (int k = 1; k <= 24; ++k) {
+      by.push_back(1.0 + 0.1 * k);
+      stops.push_back(1.0 + hidden.gauge * 0.1 * k);
+    }
     Json read = Json::array();
     const double cell = tests.empty() ? hidden.cell : 1.0;
+    const double zero = tests.empty() ? hidden.zero : 0.0;
     for (const auto& point : material::stress_curve(material, pull, stops, 1.0, further)) {
-      read.push_back(cell * point.nominal * (1.0 + error(random)));
+      read.push_back((cell * point.nominal + zero) * (1.0 + error(random)));
     }
-    tests.push_back({{"pull", material::pull_name(pull)}, {"by", stops}, {"nominal", read}});
+    tests.push_back({{"pull", material::pull_name(pull)}, {"by", by}, {"nominal", read}});
   }
   return {{"schema", "matterfit.tests/1"},
           {"name", "rubber"},
@@ -102,7 +110,7 @@ TEST(DiagnoseTests, NothingHiddenIsNothing) {
 TEST(DiagnoseTests, AStiffeningIsNamedWithItsSize) {
   const double first = 4.0e4;  // [Pa] of Ī₁ − 3
   const Json report =
-      diagnosed(machine_tests({{effect_of("strain_stiffening", {first, 1.0})}, 1.0}, 7));
+      diagnosed(machine_tests({.effects = {effect_of("strain_stiffening", {first, 1.0})}}, 7));
   EXPECT_EQ(report.at("verdict"), "cause") << report.at("sentence");
   EXPECT_THAT(classes_of(report), ::testing::ElementsAre("strain_stiffening"));
   EXPECT_GT(report.at("causes")[0].at("gain").get<double>(), 0.8);
@@ -116,15 +124,50 @@ TEST(DiagnoseTests, AStiffeningIsNamedWithItsSize) {
 }
 
 TEST(DiagnoseTests, MooneysTermIsNamedWhereTwoAxesArePulledToo) {
-  const Json report = diagnosed(machine_tests({{effect_of("second_invariant", {1.0e5})}, 1.0}, 8));
+  const Json report =
+      diagnosed(machine_tests({.effects = {effect_of("second_invariant", {1.0e5})}}, 8));
   EXPECT_EQ(report.at("verdict"), "cause") << report.at("sentence");
   EXPECT_THAT(classes_of(report), ::testing::ElementsAre("second_invariant"));
   const Json& effect = report.at("model").at("effects")[0];
   EXPECT_NEAR(effect.at("modulus").get<double>(), 1.0e5, 1.5e4);
 }
 
+TEST(DiagnoseTests, FibresAlongThePullAreNamed) {
+  const Json report =
+      diagnosed(machine_tests({.effects = {effect_of("fibres", {1.0, 0.0, 0.0, 4.0e5})}}, 10));
+  EXPECT_EQ(report.at("verdict"), "cause") << report.at("sentence");
+  EXPECT_THAT(classes_of(report), ::testing::ElementsAre("fibres"));
+  const Json& effect = report.at("model").at("effects")[0];
+  EXPECT_EQ(effect.at("direction"), Json({1.0, 0.0, 0.0}));
+  EXPECT_NEAR(effect.at("modulus").get<double>(), 4.0e5, 6.0e4);
+}
+
+TEST(DiagnoseTests, AVolumeThatGivesWayIsNamed) {
+  const Json report = diagnosed(machine_tests({.poisson = 0.35}, 11));
+  EXPECT_EQ(report.at("verdict"), "cause") << report.at("sentence");
+  EXPECT_THAT(classes_of(report), ::testing::ElementsAre("poisson_ratio"));
+  EXPECT_NEAR(report.at("model").at("material").at("nu").get<double>(), 0.35, 0.03);
+}
+
+TEST(DiagnoseTests, ElongationsThatAreReadWrongAreTheMeasurement) {
+  const Json report = diagnosed(machine_tests({.gauge = 1.12}, 12));
+  EXPECT_EQ(report.at("verdict"), "measurement") << report.at("sentence");
+  EXPECT_THAT(classes_of(report), ::testing::ElementsAre("gauge_length"));
+  const Json& share = report.at("causes")[0].at("parameters")[0];
+  EXPECT_NEAR(share.at("value").get<double>(), 0.12, 0.03);
+}
+
+TEST(DiagnoseTests, ALoadCellThatDoesNotReadZeroIsTheMeasurement) {
+  const Json report = diagnosed(machine_tests({.zero = 1.0e5}, 13));
+  EXPECT_EQ(report.at("verdict"), "measurement") << report.at("sentence");
+  EXPECT_THAT(classes_of(report), ::testing::ElementsAre("load_zero"));
+  const Json& cause = report.at("causes")[0];
+  EXPECT_EQ(cause.at("scope"), "capture uniaxial");
+  EXPECT_NEAR(cause.at("parameters")[0].at("value").get<double>(), 1.0e5, 1.5e4);
+}
+
 TEST(DiagnoseTests, ALoadCellThatReadsTooMuchIsTheMeasurement) {
-  const Json report = diagnosed(machine_tests({{}, 1.15}, 9));
+  const Json report = diagnosed(machine_tests({.cell = 1.15}, 9));
   EXPECT_EQ(report.at("verdict"), "measurement") << report.at("sentence");
   EXPECT_THAT(classes_of(report), ::testing::ElementsAre("load_cell"));
 }
@@ -173,7 +216,7 @@ TEST(DiagnoseTests, FurtherTestsReachAsFar) {
 }
 
 TEST(DiagnoseTests, TheOrderOfReadingsAndThreadsDoNotMatter) {
-  const Json tests = machine_tests({{effect_of("strain_stiffening", {4.0e4, 1.0})}, 1.0}, 7);
+  const Json tests = machine_tests({.effects = {effect_of("strain_stiffening", {4.0e4, 1.0})}}, 7);
   Json turned = tests;
   for (Json& test : turned["tests"]) {
     std::reverse(test["by"].begin(), test["by"].end());

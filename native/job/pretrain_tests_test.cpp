@@ -134,7 +134,7 @@ TEST(PretrainTests, AFileThatIsNoneIsNamed) {
   refuses(head + "[]}", "each test is held out");
   refuses(head + R"([{"pull": "twist", "by": [1], "nominal": [0]}]})", "tests[0].pull");
   refuses(head + R"([{"pull": "uniaxial", "by": [1, 2], "nominal": [0]}]})", "not as long");
-  refuses(head + R"([{"pull": "uniaxial", "by": [1], "nominal": [0], "held": true}]})", "held");
+  refuses(head + R"([{"pull": "uniaxial", "by": [2], "nominal": [1], "held": true}]})", "held");
 }
 
 }  // namespace

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
 #include "base/cancel_check.hpp"
@@ -107,18 +106,10 @@ TestsModel::TestsModel(const TestsDoc& doc, int threads, const Interrupter& inte
   add_readings();
 }
 
-void TestsModel::add_test(const material::MachineTest& given, bool held_out) {
-  std::string name(material::pull_name(given.pull));
-  const auto alike = std::ranges::count(tests_, given.pull, &Test::pull);
+void TestsModel::add_test(const material::MachineTest& test, bool held_out) {
+  std::string name(material::pull_name(test.pull));
+  const auto alike = std::ranges::count(tests_, test.pull, &Test::pull);
   if (alike > 0) name += fmt::format(" {}", alike + 1);
-  std::vector<std::size_t> order(given.by.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::ranges::stable_sort(order, {}, [&](std::size_t k) { return given.by[k]; });
-  material::MachineTest test{given.pull, {}, {}};
-  for (const std::size_t k : order) {
-    test.by.push_back(given.by[k]);
-    test.nominal.push_back(given.nominal[k]);
-  }
   const std::size_t count = test.by.size();
   diagnose::Capture capture;
   capture.name = name;
@@ -140,8 +131,8 @@ void TestsModel::add_test(const material::MachineTest& given, bool held_out) {
   }
   if (readings < kFewestStretches) {
     throw_input(
-        fmt::format("the {} test has {} readings under load; a diagnosis needs {} at least.", name,
-                    readings, kFewestStretches));
+        fmt::format("tests: the {} test has {} readings under load; a diagnosis needs {} at least.",
+                    name, readings, kFewestStretches));
   }
   captures_.push_back(std::move(capture));
   tests_.push_back({test.pull, test.by, weights, tests_.size()});

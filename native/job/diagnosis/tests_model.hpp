@@ -61,7 +61,7 @@ class TestsModel final : public diagnose::Model {
   struct Test;
   using Apply = std::function<void(std::span<const double> values, int variant, Specimen&)>;
 
-  void add_test(const material::MachineTest& given, bool held_out);
+  void add_test(const material::MachineTest& test, bool held_out);
   void hold_back_ends();
   void add_experiments();
   diagnose::Effect& add(std::string name, const char* group, std::string sentence, Apply apply);

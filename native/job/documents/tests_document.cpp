@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <tuple>
 #include <utility>
+#include <vector>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
@@ -37,6 +39,18 @@ void check_readings(const JsonValue& item, const material::MachineTest& test) {
   }
   if (std::ranges::all_of(test.nominal, [](double stress) { return stress == 0.0; })) {
     item.refuse("all of 'nominal' are 0.");
+  }
+}
+
+/// By their stretches, so that no sum over them depends on the order in which they were written.
+void sort_readings(material::MachineTest& test) {
+  std::vector<std::pair<double, double>> readings;
+  for (std::size_t k = 0; k < test.by.size(); ++k) {
+    readings.emplace_back(test.by[k], test.nominal[k]);
+  }
+  std::ranges::stable_sort(readings, {}, &std::pair<double, double>::first);
+  for (std::size_t k = 0; k < readings.size(); ++k) {
+    std::tie(test.by[k], test.nominal[k]) = readings[k];
   }
 }
 
@@ -82,6 +96,7 @@ TestsDoc read_tests_file(const std::filesystem::path& file) {
     test.by = numbers_of(one.require("by"));
     test.nominal = numbers_of(one.require("nominal"));
     check_readings(item, test);
+    sort_readings(test);
     (one.boolean("held_out", false) ? doc.held_out : doc.fitted).push_back(std::move(test));
     one.finish();
   }

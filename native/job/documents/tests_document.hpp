@@ -26,7 +26,8 @@ struct TestsDoc {
 /// Whether a file says of itself that it is one; false where it cannot be read.
 [[nodiscard]] bool is_tests_file(const std::filesystem::path& file);
 
-/// Throws Error(kInput) with the path of what is missing, unknown or of another kind.
+/// The readings of each test come in the order of their stretches. Throws Error(kInput) with the
+/// path of what is missing, unknown or of another kind.
 [[nodiscard]] TestsDoc read_tests_file(const std::filesystem::path& file);
 
 }  // namespace matterfit::job

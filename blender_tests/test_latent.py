@@ -117,6 +117,9 @@ class TableTest(SceneCase):
             for name in names:
                 self.assertIsNotNone(quantities.material(name), name)
 
+    def test_every_start_has_its_numbers(self):
+        self.assertEqual([start[0] for start in laws.STARTS], [*laws.START_NUMBERS, "FILE"])
+
     @needs_library
     def test_same_as_the_library(self):
         native.require()

@@ -30,8 +30,7 @@ PARAMETERS["LATENT"] += ("latent",)  # its code, a list and no number in a docum
 # A fit can look for laws that have numbers.
 CANDIDATES = tuple(law for law in LAWS if PARAMETERS[law[0]])
 NEURAL = frozenset({"NEURAL_ISOTROPIC", "LATENT", "NEURAL"})
-# The neural law's start weights that the library carries, and the numbers that each stands for; other
-# numbers have their defaults.
+# The neural law's start weights that the library carries, and the numbers that each stands for.
 STARTS = (
     ("JELLY", "Jelly", "Elastic: fixed corotated, E 1e5 Pa"),
     ("PLASTICINE", "Plasticine", "Yields in shear at 2 % of strain, E 3e5 Pa"),
@@ -39,13 +38,7 @@ STARTS = (
     ("WATER", "Water", "Liquid, bulk modulus 8.3e4 Pa"),
     ("FILE", "File", "Weights of a file that matterfit pretrain wrote"),
 )
-START_NUMBERS = {
-    "JELLY": {"E": 1e5, "nu": 0.2},
-    "PLASTICINE": {"E": 3e5, "nu": 0.25, "yield_strain": 0.0208},
-    "SAND": {"E": 1e6, "nu": 0.2, "yield_strain": 0.0, "internal_friction": 0.5355,
-             "tear_strain": 0.0},
-    "WATER": {"E": 250.0, "nu": 0.4995, "yield_strain": 0.0},
-}
+START_NUMBERS = {name.upper(): numbers for name, numbers in library.STARTS.items()}
 _POURING_STARTS = frozenset({"SAND", "WATER"})  # of the published law
 # Laws whose particles are shown, each as grains.
 GRANULAR = frozenset({"DRUCKER_PRAGER"})

@@ -23,6 +23,8 @@ MOST_BRANCHES = _TABLES["most_branches"]
 FLOWING = frozenset(law["name"] for law in _TABLES["laws"] if law["flows"])
 # {"von_mises": ("E", "nu", "yield_stress", "hardening")}, in the library's order.
 PARAMETERS = {law["name"]: tuple(law["parameters"]) for law in _TABLES["laws"]}
+# {"jelly": {"E": 1e5, …}}: numbers of the isotropic neural law that its start weights stand for.
+STARTS = {start["name"]: start["numbers"] for start in _TABLES["starts"]}
 # {"vortex": {"center": row, …}}, in the library's order.
 EFFECTS = {effect["name"]: {row["key"]: row for row in effect["parameters"]}
            for effect in _TABLES["effects"]}

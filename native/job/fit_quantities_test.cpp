@@ -9,11 +9,14 @@
 #include "base/parallel.hpp"
 #include "fit/model/quantity.hpp"
 #include "job/documents/fit_path.hpp"
+#include "job/documents/neural_starts.hpp"
 #include "job/documents/quantities_json.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/run/build_scene.hpp"
+#include "material/neural/isotropic_material.hpp"
 #include "material/neural/isotropic_weights.hpp"
 #include "material/neural/latent.hpp"
+#include "material/neural/start_laws.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -123,6 +126,19 @@ TEST(FitQuantities, AreHandedOutWhole) {
   const Json table = quantities_json();
   ASSERT_EQ(table["quantities"].size(), fit::quantities().size());
   EXPECT_EQ(table["laws"].size(), material::all_laws().size());
+  ASSERT_EQ(table["starts"].size(), material::kStartLaws.size());
+  EXPECT_EQ(table["starts"][0]["name"], "jelly");
+  EXPECT_EQ(table["starts"][0]["numbers"]["E"], 1e5);
+  // The weights themselves, but for what the regression leaves of a liquid's shear.
+  for (const Json& start : table["starts"]) {
+    const material::Material of_weights =
+        material::isotropic_material(neural_start(start["name"].get<std::string>()));
+    EXPECT_NEAR(start["numbers"]["E"].get<double>() / of_weights.youngs_modulus, 1.0, 0.1) << start;
+    EXPECT_NEAR(start["numbers"]["nu"].get<double>(), of_weights.poisson_ratio, 1e-3) << start;
+    EXPECT_NEAR(start["numbers"]["yield_strain"].get<double>(), of_weights.yield_strain,
+                1e-3 * of_weights.yield_strain)
+        << start;
+  }
   for (const Json& effect : table["effects"]) EXPECT_FALSE(effect["parameters"].empty()) << effect;
   EXPECT_EQ(
       table["effects"][0]["parameters"][0],

@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/documents/quantities_json.hpp"
 
+#include <fmt/format.h>
+
+#include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "effects/catalogue.hpp"
 #include "fit/model/quantity.hpp"
 #include "material/law_table.hpp"
 #include "material/material.hpp"
 #include "material/neural/isotropic_material.hpp"
+#include "material/neural/pretrain.hpp"
+#include "material/neural/start_laws.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -76,6 +82,27 @@ Json effect_json(const effects::EffectType& row) {
   return {{"name", row.name}, {"parameters", parameters}};
 }
 
+/// Weights that the library carries, with the numbers of the isotropic neural law that they were
+/// regressed to, in four figures.
+Json start_json(material::StartLaw law) {
+  const material::Material classical = material::start_material(law);
+  const material::RestModuli moduli = material::rest_moduli(classical);
+  auto wanted = std::make_shared<material::IsotropicStart>();
+  wanted->weights = material::plain_isotropic(moduli.shear, moduli.bulk);
+  material::set_classical_flow(classical, moduli.shear, wanted->weights);
+  material::Material start = material::isotropic_material(std::move(wanted));
+  // Units that are silent, but ready to learn, add a percent to plain weights.
+  const double sum = 3.0 * moduli.bulk + moduli.shear;
+  start.youngs_modulus = 9.0 * moduli.bulk * moduli.shear / sum;
+  start.poisson_ratio = (1.5 * moduli.bulk - moduli.shear) / sum;
+  Json numbers = Json::object();
+  for (const fit::Quantity& row : fit::quantities()) {
+    if (row.member == nullptr || !start.traits().uses(row.key())) continue;
+    numbers[std::string(row.key())] = std::stod(fmt::format("{:.4g}", start.*row.member));
+  }
+  return {{"name", material::start_law_name(law)}, {"numbers", numbers}};
+}
+
 }  // namespace
 
 Json quantities_json() {
@@ -90,12 +117,15 @@ Json quantities_json() {
                     {"parameters", parameters},
                     {"flows", law.flows}});
   }
+  Json starts = Json::array();
+  for (const material::StartLaw law : material::kStartLaws) starts.push_back(start_json(law));
   Json effects = Json::array();
   for (const effects::EffectType* row : effects::catalogue()) {
     if (row->way == effects::Way::kTerm) effects.push_back(effect_json(*row));
   }
   return {{"quantities", rows},
           {"laws", laws},
+          {"starts", starts},
           {"effects", effects},
           {"usual_factor", fit::kUsualFactor},
           {"never_strain", material::kNeverStrain},

@@ -36,7 +36,7 @@ class MeasurementCauses {
 
  private:
   [[nodiscard]] bool fitted(fit::Owner owner, std::string_view path) const {
-    return fit::is_among(fit::row_named(owner, path), fitted_, std::string());
+    return fit::is_among(fit::row_named(owner, path), fitted_);
   }
 
   /// Thrown, not held and let go.

@@ -53,7 +53,9 @@ def render_mesh(work, entry, points):
     item.rotation_mode = "QUATERNION"
     item.location = Vector(place["position"]) * work.unit
     item.rotation_quaternion = Quaternion(place["rotation"])
-    item.scale = (1.0, 1.0, 1.0)
+    # What a negative scale mirrors has its faces inside out, which Blender minds by the object's scale.
+    mirrored = refinement.is_mirrored(path)
+    item.scale = (-1.0 if mirrored else 1.0, 1.0, 1.0)
     for name in ("delta_location",):
         setattr(item, name, (0.0, 0.0, 0.0))
     item.delta_rotation_quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -67,7 +69,7 @@ def render_mesh(work, entry, points):
                        f"'{source.name}' has {count} vertices. It was changed after the bake: "
                        "bake again.")
     # No material of ours: a slot would be made in the artist's mesh, which is shown here.
-    point_cache.play(item, points, work.first)
+    point_cache.play(item, points, work.first, mirrored)
 
 
 def _bare(source, label, kind):

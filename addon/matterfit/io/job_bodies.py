@@ -23,6 +23,7 @@ class BodyPart:
         self.shape = None
         self.render = None
         self.refined = False  # `render` is a finer mesh of ours
+        self.mirrored = False  # by a negative scale
         self.position = Vector()
         self.rotation = Quaternion()
         self.object_position = Vector()
@@ -65,6 +66,7 @@ class BodyPart:
         matrix = job_writer.world_matrix(item, depsgraph)
         scale = self.writer.scale
         self.object_position, self.object_rotation, stretch = transforms.split(matrix, scale)
+        self.mirrored = stretch.determinant() < 0.0
         self.arrays = meshes.read_shape(item, self.shape, stretch, scale,
                                         creases=self.shape.kind == "cage")
         meshes.check_faces(item, self.arrays)
@@ -224,6 +226,8 @@ class BodyPart:
         arrays = dict(self.render)
         if not subdivided:
             del arrays["crease_edges"], arrays["crease_sharpness"]
+        if self.mirrored:
+            arrays[refinement.MIRRORED] = numpy.array([1], dtype=numpy.int32)
         path = self.writer.write_npz("mesh_" + files.safe_name(self.body.name), arrays)
         entry = {"name": files.safe_name(self.body.name), "body": self.body.name}
         if subdivided:

@@ -7,8 +7,9 @@ from . import nodes, shapes
 NAME = "Matterfit Cache"
 
 
-def play(item, points, first):
-    """Moves the vertices of `item` by a PointCache whose first sample is at scene frame `first`."""
+def play(item, points, first, mirrored=False):
+    """Moves the vertices of `item` by a PointCache whose first sample is at scene frame `first`; `mirrored`
+    where the object is scaled by -1 along X, and the cache is not."""
     modifier = item.modifiers.get(NAME)
     if modifier is None:
         stop = shapes.cache_place(item)
@@ -25,3 +26,4 @@ def play(item, points, first):
     modifier.frame_scale = 1.0
     modifier.forward_axis = "POS_Y"
     modifier.up_axis = "POS_Z"
+    modifier.flip_axis = {"X"} if mirrored else set()

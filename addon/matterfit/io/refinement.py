@@ -19,6 +19,7 @@ from . import halving, meshes, shapes
 COARSE = 3.0  # particle separations: faces longer than this do not bend as the body does
 FINE = 2.0  # and these do
 MOST_FACES = 100000  # a mesh of more stays as it is
+MIRRORED = "mirrored"  # in the file of a mesh: the object's scale is negative, the file's faces look outside
 
 
 def is_coarse(arrays, separation):
@@ -54,6 +55,15 @@ def how_refined(path):
             return {name: arrays[name] for name in ("stretch", "longest_edge")}
     except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
         return None
+
+
+def is_mirrored(path):
+    """Whether the mesh in a file of read() is of an object with a negative scale."""
+    try:
+        with numpy.load(path) as arrays:
+            return MIRRORED in arrays
+    except (OSError, EOFError, ValueError, zipfile.BadZipFile):
+        return False
 
 
 def refined_mesh(item, how):

@@ -80,13 +80,14 @@ def _sampled(source, path):
     try:
         with numpy.load(path) as arrays:
             vertices, sizes, corners = (arrays[name] for name in ("vertices", "face_sizes", "face_vertices"))
+            turn = -1 if refinement.MIRRORED in arrays else 1  # as the object's own mesh has its faces
     except (OSError, EOFError, KeyError, ValueError) as error:
         raise JobError(f"{path}: could not be read: {error}. Bake again.") from error
     ends = numpy.cumsum(sizes).tolist()
     corners = corners.tolist()
     mesh = bpy.data.meshes.new(source.name)
     mesh.from_pydata(vertices.tolist(), [],
-                     [corners[first:end] for first, end in zip([0, *ends], ends, strict=False)])
+                     [corners[first:end][::turn] for first, end in zip([0, *ends], ends, strict=False)])
     for material in getattr(source.data, "materials", ()):
         mesh.materials.append(material)
     return mesh

@@ -26,8 +26,8 @@ TEXTS = {
     "Extend Model": "Modell erweitern",
     "Open Report": "Bericht öffnen",
     "All Causes": "Alle Ursachen",
-    "Its keys are not used: it starts with the velocity that is typed.":
-        "Seine Keyframes bleiben unbenutzt: es startet mit der eingetippten Geschwindigkeit.",
+    "It is animated, but starts with the velocity that is typed.":
+        "Es ist animiert, startet aber mit der eingetippten Geschwindigkeit.",
     "Start as Keyed": "Start wie animiert",
     "Its keys hold still from frame {first} on: it starts at rest.":
         "Seine Keyframes ruhen ab Bild {first}: es startet aus der Ruhe.",

@@ -10,6 +10,7 @@ from . import shapes, transforms
 # Modifiers that move a mesh in time by themselves.
 _MOVING = frozenset({"ARMATURE", "CLOTH", "MESH_CACHE", "MESH_SEQUENCE_CACHE", "SOFT_BODY", "WAVE",
                      "BUILD", "EXPLODE", "OCEAN", "FLUID", "DYNAMIC_PAINT"})
+_MOVING_NODES = frozenset({"GeometryNodeInputSceneTime", "GeometryNodeSimulationInput"})
 
 
 def moves(item):
@@ -22,21 +23,39 @@ def moves(item):
 
 
 def is_keyed(item):
-    """Whether the object has keys or drivers of its own."""
-    animation = item.animation_data
-    return animation is not None and (animation.action is not None or bool(animation.drivers))
+    """Whether the object has keys or drivers, or something has that it is parented or constrained to."""
+    return any(_has_keys(other) or _has_keys(other.data) for other in _movers(item))
+
+
+def _has_keys(block):
+    animation = getattr(block, "animation_data", None)
+    return animation is not None and (animation.action is not None or bool(animation.drivers)
+                                      or bool(animation.nla_tracks))
+
+
+def _movers(item):
+    """The object, its parents, and what their constraints follow, theirs too."""
+    found, left = [], [item]
+    while left:
+        other = left.pop()
+        if other is None or other in found:
+            continue
+        found.append(other)
+        left.append(other.parent)
+        left += [getattr(constraint, "target", None) for constraint in other.constraints
+                 if not constraint.mute and constraint.influence > 0.0]
+    return found
 
 
 def leaves_keys(body):
-    """Whether the object of a body has keys of its own and the body starts without them."""
+    """Whether the object of a body is animated (is_keyed) and the body starts without that."""
     return (body.role == "BODY" and body.source == "OBJECT" and body.velocity_from == "VALUE"
             and body.object is not None and is_keyed(body.object))
 
 
 def deforms(item):
     """Whether the object's mesh may have another shape at another frame."""
-    keys = getattr(item.data, "shape_keys", None)
-    if keys is not None and keys.animation_data is not None:
+    if _has_keys(getattr(item.data, "shape_keys", None)) or _has_keys(item.data):
         return True
     return any(_is_moving(modifier) for modifier in item.modifiers
                if shapes.is_used(modifier) and not shapes.is_own(modifier)) or _keys_modifiers(item)
@@ -45,8 +64,36 @@ def deforms(item):
 def _is_moving(modifier):
     if modifier.type in _MOVING:
         return True
+    if modifier.type == "NODES":
+        return _nodes_move(modifier.node_group)
     target = getattr(modifier, "object", None) or getattr(modifier, "target", None)
-    return target is not None and moves(target)
+    return target is not None and (moves(target) or _has_keys(getattr(target.data, "shape_keys", None)))
+
+
+def _nodes_move(tree):
+    """Whether a group of Geometry Nodes gives another mesh at another frame by itself."""
+    if tree is None:
+        return False
+    return _has_keys(tree) or any(
+        node.bl_idname in _MOVING_NODES
+        or node.bl_idname == "GeometryNodeGroup" and _nodes_move(node.node_tree) for node in tree.nodes)
+
+
+def scales(item):
+    """Whether keys or drivers change the scale of the object, or of one that it is parented to."""
+    while item is not None:
+        animation = item.animation_data
+        if animation is not None:
+            curves = [*animation.drivers, *(curve for curve in _curves(animation.action) if _varies(curve))]
+            if any(curve.data_path in {"scale", "delta_scale"} for curve in curves):
+                return True
+        item = item.parent
+    return False
+
+
+def _varies(curve):
+    values = [point.co.y for point in curve.keyframe_points]
+    return not values or bool(curve.modifiers) or max(values) - min(values) > 1e-6
 
 
 def _keys_modifiers(item):
@@ -140,6 +187,6 @@ def collider_kind(body):
     item = body.object
     if item is None:
         return "STATIC"
-    if body.collider_shape == "MESH" and item.type == "MESH" and deforms(item):
+    if body.collider_shape == "MESH" and item.type != "EMPTY" and (deforms(item) or scales(item)):
         return "DEFORMING"
     return "RIGID" if moves(item) else "STATIC"

@@ -121,7 +121,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
 def _offer_animation(column, body):
     """Keys that came after Add Body move nothing until they are chosen."""
     if motion.leaves_keys(body):
-        lines(column, translate("Its keys are not used: it starts with the velocity that is typed."),
+        lines(column, translate("It is animated, but starts with the velocity that is typed."),
               icon="QUESTION")
         column.prop_enum(body, "velocity_from", "ANIMATION", text="Start as Keyed")
 

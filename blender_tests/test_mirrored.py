@@ -5,8 +5,8 @@ import bmesh
 import bpy
 import numpy
 from attach_case import FRAMES, evaluated_points
-from matterfit.io import attach, refinement
 from mathutils import Vector
+from matterfit.io import attach, refinement
 from test_refinement import RefinementCase
 
 

@@ -40,6 +40,15 @@ class RefusalTest(SceneCase):
         with self.assertRaisesRegex(JobError, "has no surface"):
             self.document()
 
+    def test_stretched_time(self):
+        """Keys and caches would be played at another speed than they are simulated at."""
+        self.jelly()
+        self.scene.render.frame_map_new = 50
+        message = self.fails(bpy.ops.matterfit.bake, ["Time Stretching is 100 to 50", "Output > Frame Range"])
+        self.assertNotIn("Traceback", message)
+        self.scene.render.frame_map_old = 50
+        self.document()
+
     def test_what_is_no_number(self):
         """A driver that divides by zero gives a field none."""
         body = self.jelly()

@@ -11,7 +11,7 @@ from matterfit.io import files, lost, takes, visibility
 from matterfit.jobs import JobError
 from matterfit.props import migration
 from matterfit.props.scene import SCHEMA_VERSION
-from support import SceneCase, needs_library
+from support import SceneCase, needs_library, run_cli
 
 
 class FolderTest(SceneCase):
@@ -229,6 +229,17 @@ class CommandLineTest(SceneCase):
         self.assertEqual(files.read_json(path)["scene"]["bodies"][0]["velocity"], [3, 0, 0])
         with self.assertRaisesRegex(JobError, "--take Night.*'Take 1', 'Take 2'"):
             scene_job.choose_take("Night")
+
+    def test_what_is_not_understood(self):
+        """A take beside a document, a take without a name, threads that are no number."""
+        document = os.path.join(self.folder, "job.json")
+        for arguments, words in ((("validate", document, "--take", "Take 1"), "--take Take 1: takes are of the open"),
+                                 (("validate", "--take", ""), "--take : the scene has no such take"),
+                                 (("validate", document, "--threads", "two"), "'two' is not a whole number")):
+            done = run_cli(*arguments)
+            self.assertEqual(done.returncode, 2, arguments)
+            self.assertIn(words, done.stderr)
+            self.assertNotIn("Traceback", done.stderr)
 
 
 class MigrationTest(SceneCase):

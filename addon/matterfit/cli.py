@@ -129,9 +129,12 @@ def run(module, arguments):
     if arguments.verb == "wedge":
         return run_wedge(module, arguments, files)
     if arguments.job:
+        if arguments.take is not None:
+            raise module.jobs.JobError(f"--take {arguments.take}: takes are of the open scene, and a document "
+                                       "was given. Leave one of them out.")
         return run_job(module, arguments, os.path.abspath(arguments.job))
     scene_job = importlib.import_module(module.__name__ + ".scene_job")
-    if arguments.take:
+    if arguments.take is not None:
         scene_job.choose_take(arguments.take)
     if arguments.verb in QUESTIONS:
         with tempfile.TemporaryDirectory(prefix="matterfit_") as folder:
@@ -142,9 +145,12 @@ def run(module, arguments):
 
 def _count(text):
     """A number of threads."""
-    value = int(text)
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
     if value < 0:
-        raise argparse.ArgumentTypeError(f"is {value}, expected a number of threads, or 0")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number, 0 or more")
     return value
 
 

@@ -49,6 +49,10 @@ TEXTS = {
     "Scale under Scene > Units.":
         "Der Partikelabstand ist {now}, und über {most} lässt sich nichts simulieren. Einen kleineren nehmen, "
         "oder Unit Scale unter Scene > Units senken.",
+    "Time Stretching is {old} to {new}: the result would play at another speed than it is simulated at. Set Old "
+    "and New to the same number under Output > Frame Range.":
+        "Time Stretching ist {old} zu {new}: das Ergebnis liefe in anderem Tempo ab, als es simuliert wird. Old und "
+        "New unter Output > Frame Range auf dieselbe Zahl setzen.",
     "Batch: {name} has the value {text}; its field takes from {least} to {most}.":
         "Stapel: {name} hat den Wert {text}; sein Feld nimmt Werte von {least} bis {most}.",
     "{name}: {key} is {value}, and the panel takes from {least} to {most}.":
@@ -135,11 +139,9 @@ TEXTS = {
         "Flächen zeigten nach innen und wurden nach außen gewendet.",
     "Some faces looked the other way than their neighbours and were turned.":
         "Einige Flächen zeigten anders herum als ihre Nachbarn und wurden gewendet.",
-    "Vertices at the same place were joined.":
-        "Eckpunkte an derselben Stelle wurden verbunden.",
+    "Vertices at the same place were joined.": "Eckpunkte an derselben Stelle wurden verbunden.",
     "{particles}; volume matched.": "{particles}; Volumen getroffen.",
-    "{particles}, which hold {share} % of the volume.":
-        "{particles}, die {share} % des Volumens halten.",
+    "{particles}, which hold {share} % of the volume.": "{particles}, die {share} % des Volumens halten.",
     "Batch": "Stapel",
     "Vary": "Variieren",
     "At Once": "Zugleich",
@@ -263,8 +265,7 @@ TEXTS = {
     "A fit moved the cameras: up to {shift} mm and {turn}°.":
         "Eine Anpassung hat die Kameras bewegt: bis zu {shift} mm und {turn}°.",
     "Focal lengths: up to {share} % off.": "Brennweiten: bis zu {share} % daneben.",
-    "No fit has moved the cameras of this capture":
-        "Keine Anpassung hat die Kameras dieser Aufnahme bewegt",
+    "No fit has moved the cameras of this capture": "Keine Anpassung hat die Kameras dieser Aufnahme bewegt",
     "Fit": "Anpassen",
     "The Body's Law": "Das Gesetz des Körpers",
     "Find the Law": "Gesetz suchen",
@@ -312,8 +313,7 @@ TEXTS = {
     "Hardening [Pa]": "Verfestigung [Pa]",
     "Flow Exponent": "Fließexponent",
     "Unknown": "Unbekannt",
-    "Choose a file of weights for this law.":
-        "Für dieses Gesetz eine Datei mit Gewichten wählen.",
+    "Choose a file of weights for this law.": "Für dieses Gesetz eine Datei mit Gewichten wählen.",
     "Kind of Material": "Art des Materials",
     "Pours": "Fließt",
     "Numbers": "Zahlen",
@@ -332,8 +332,7 @@ TEXTS = {
         "auch hat.",
     "Eight numbers, looked for together from all kinds of material.":
         "Acht Zahlen, die zusammen unter allen Arten von Material gesucht werden.",
-    "{name}: '{key}' is not a list of {n} numbers.":
-        "{name}: '{key}' ist keine Liste von {n} Zahlen.",
+    "{name}: '{key}' is not a list of {n} numbers.": "{name}: '{key}' ist keine Liste von {n} Zahlen.",
     "Weights": "Gewichte",
     "Weights File": "Gewichtsdatei",
     "Yield Strain": "Fließdehnung",
@@ -375,8 +374,7 @@ TEXTS = {
     "The scene changed since this fit: {changes}.":
         "Die Szene hat sich seit dieser Anpassung geändert: {changes}.",
     "{what} was {before}, now {now}": "{what} war {before}, jetzt {now}",
-    "Cancelled: the best so far. Resume goes on.":
-        "Abgebrochen: das Beste bis dahin. Fortsetzen geht weiter.",
+    "Cancelled: the best so far. Resume goes on.": "Abgebrochen: das Beste bis dahin. Fortsetzen geht weiter.",
     "'{name}' is loaded": "„{name}“ ist geladen",
     "Doubtful: {reason}": "Zweifelhaft: {reason}",
     "Not converged: {reason}": "Nicht konvergiert: {reason}",

@@ -46,6 +46,7 @@ def scene(writer):
                                "Choose one of the Bodies.")
     if writer.take is not None:
         _take(settings, writer.take)
+    _time(writer.scene.render)
     if writer.first < 0:
         raise JobError(f"Frame range: the first frame is {writer.first}. Cache files carry the "
                        "frame's number, so it must not be negative.")
@@ -54,6 +55,15 @@ def scene(writer):
     if writer.end - writer.first < 1:
         raise JobError(f"Frame range: it ends at {writer.end - 1}, before it starts at "
                        f"{writer.first}. Set another End.")
+
+
+def _time(render):
+    """Keys and caches are played at stretched times, and simulated frame by frame."""
+    if render.frame_map_old != render.frame_map_new:
+        raise JobError(translate(
+            "Time Stretching is {old} to {new}: the result would play at another speed than it is "
+            "simulated at. Set Old and New to the same number under Output > Frame Range.").format(
+                old=render.frame_map_old, new=render.frame_map_new))
 
 
 def separation(metres, typed=False):

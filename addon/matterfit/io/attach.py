@@ -16,6 +16,7 @@ from . import (
     cache,
     files,
     nodes,
+    result_objects,
     transforms,
     visibility,
 )
@@ -136,7 +137,7 @@ class Attachment:
         """One picture of each body; what an earlier bake has left is none."""
         kinds = {}
         for item in self.items:
-            kind, name = attached.kind_and_body(item)
+            kind, name = result_objects.kind_and_body(item)
             kinds.setdefault(name, {})[kind] = item
         for name, items in kinds.items():
             usable = {kind for kind, item in items.items() if item[attached.TAG] in self.kept}

@@ -4,7 +4,7 @@
 import bpy
 
 from ..props import reactions
-from . import attached, nodes
+from . import nodes, result_objects
 from .attached import TAG
 
 SEPARATION_TAG = "matterfit_separation"  # [m], of the particles that a surface is around
@@ -82,7 +82,7 @@ def blur(work):
     """Gives each surface the velocity of the particles, where those have one."""
     if "velocity" not in work.document.get("output", {}).get("attributes", []):
         return
-    shown = [(item, attached.kind_and_body(item)) for item in work.items]
+    shown = [(item, result_objects.kind_and_body(item)) for item in work.items]
     clouds = {name: item for item, (kind, name) in shown if kind == "points"}
     for item, (kind, name) in shown:
         if kind == "surface" and name in clouds:

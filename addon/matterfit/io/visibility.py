@@ -3,7 +3,7 @@
 
 from .. import laws
 from ..props import reactions
-from . import nodes
+from . import files, nodes, result_objects
 
 HIDDEN_TAG = "matterfit_hidden"  # on an artist's object: how it was hidden before we hid it
 CHOSEN_TAG = "matterfit_shown"  # on one of ours: what decide() made of it last
@@ -73,23 +73,45 @@ def show_original(item):
 
 @reactions.take_switched.done_by
 def show_take(settings):
-    """The active take's collection is seen where its cache holds frames, the others' are not."""
-    shown = False
+    """The active take's objects are seen where its cache holds frames, the others' are not."""
+    shown = None
     for index, take in enumerate(settings.takes):
         if take.collection is not None:
             active = index == settings.take_index and take.frames_done > 0
             take.collection.hide_render = not active
             take.collection.hide_viewport = not active
-            shown = shown or active
+            for item in result_objects.strays_of(settings.id_data, take):
+                (show_original if active else hide_original)(item)
+            shown = take if active else shown
     preview = settings.preview.collection
-    if preview is not None and shown:
+    if preview is not None and shown is not None:
         preview.hide_render = preview.hide_viewport = True
-    for body in settings.bodies:
-        if body.role == "BODY" and body.object is not None:
-            if shown and body.enabled:
-                hide_original(body.object)
-            else:
-                show_original(body.object)
+    for body in _stood_for(settings, shown):
+        hide_original(body.object)
+
+
+def _stood_for(settings, shown):
+    """The bodies whose objects give way to results of the take that is shown; all others are seen."""
+    bodies = [body for body in settings.bodies if body.role == "BODY" and body.object is not None]
+    names = set() if shown is None else {result_objects.kind_and_body(item)[1] for item in
+                                         result_objects.objects_of(settings.id_data, shown)}
+    # A result of a name that no body has is of one that was called otherwise.
+    renamed = bool(names - {files.safe_name(body.name) for body in bodies})
+    found = [body for body in bodies if files.safe_name(body.name) in names or renamed and body.enabled]
+    kept = {body.object for body in found}
+    for body in bodies:
+        if body.object not in kept:
+            show_original(body.object)
+    return found
+
+
+def hide_results(settings, body):
+    """What shows a body that is taken out of the list: its object comes back in its place."""
+    name = files.safe_name(body.name)
+    for take in settings.takes:
+        for item in result_objects.objects_of(settings.id_data, take):
+            if result_objects.kind_and_body(item)[1] == name:
+                decide(item, False)
 
 
 def show_only(settings, take):

@@ -83,6 +83,7 @@ class MATTERFIT_OT_remove_body(_ActiveBody, PlainOperator, bpy.types.Operator):
         body = scene_props.active_body(settings)
         if body.object is not None:
             visibility.show_original(body.object)
+            visibility.hide_results(settings, body)
         remove_active(settings, "bodies", "body_index")
         fit_rows.refresh(settings)
         resolution.flow_changed(context.scene)

@@ -133,6 +133,7 @@ class JobTest(unittest.TestCase):
         self.assertIsNone(registry.current)
 
     def test_texts(self):
+        self.assertEqual(jobs.duration_text(0.2), "< 1 s")
         self.assertEqual(jobs.duration_text(3.4), "3 s")
         self.assertEqual(jobs.duration_text(125), "2 min 5 s")
         self.assertEqual(jobs.duration_text(3840), "1 h 4 min")

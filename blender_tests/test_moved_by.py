@@ -3,7 +3,9 @@
 
 import bpy
 import numpy
+from mathutils import Matrix
 from matterfit.io import motion
+from matterfit.ui import throw_overlay
 from support import SceneCase
 
 
@@ -34,6 +36,27 @@ class MovedByTest(SceneCase):
         self.item.parent = self.mover
         self.key(self.mover, "location", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
         self.starts_with(self.body(self.item), (24 / 5, 0.0, 0.0))
+
+    def test_where_it_is_carried_is_known(self):
+        """Without playing frames: for the arrow, and for what is said of keys that set off slowly."""
+        self.item.parent = self.mover
+        self.item.matrix_parent_inverse = Matrix.Translation((0.0, 0.0, -1.0))
+        self.mover.rotation_euler.z = 1.0
+        self.key(self.mover, "location", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+        row = self.body(self.item)
+        for frame, matrix in zip((1, 3, 6), motion.keyed_matrices(self.item, (1, 3, 6)), strict=True):
+            self.scene.frame_set(frame)
+            numpy.testing.assert_allclose(matrix, self.item.matrix_world, atol=1e-6)
+        self.assertIsNone(motion.slow_start(self.item, 1, 6))
+        flights = throw_overlay.flights(self.scene)
+        self.assertEqual([flight.name for flight in flights], [row.name])
+        numpy.testing.assert_allclose(flights[0].velocity, (24 / 5, 0.0, 0.0), atol=2e-3)
+        for curve in motion._curves(self.mover.animation_data.action):
+            for point in curve.keyframe_points:
+                point.interpolation = "BEZIER"
+        self.assertGreater(motion.slow_start(self.item, 1, 6).fastest, 0.0)
+        self.item.constraints.new("COPY_ROTATION")
+        self.assertIsNone(motion.keyed_matrices(self.item, (1, 3, 6)))
 
     def test_a_body_that_follows(self):
         constraint = self.item.constraints.new("COPY_LOCATION")

@@ -117,15 +117,34 @@ def _curves(action):
 
 
 def keyed_matrices(item, frames):
-    """Where the object is in the world at each of `frames`, without playing them; None where anything
-    but keys of its own moves it."""
+    """Where the object is in the world at each of `frames`, without playing them; None where nothing or
+    anything but keys of its own, or of its parents, moves it."""
+    chain = [item]
+    while chain[-1].parent is not None:
+        if chain[-1].parent_type != "OBJECT" or len(chain) > MOST_PARENTS:
+            return None
+        chain.append(chain[-1].parent)
+    if not any(other.animation_data is not None and other.animation_data.action is not None for other in chain):
+        return None
+    found = [Matrix() for _frame in frames]
+    for other in reversed(chain):
+        own = _own_matrices(other, frames)
+        if own is None:
+            return None
+        bound = other.matrix_parent_inverse if other.parent is not None else Matrix()
+        found = [above @ bound @ matrix for above, matrix in zip(found, own, strict=True)]
+    return found
+
+
+def _own_matrices(item, frames):
+    """Of the object's location, rotation and scale alone."""
     animation = item.animation_data
-    if (animation is None or animation.action is None or animation.drivers or animation.nla_tracks
-            or item.parent is not None or item.constraints or item.rigid_body is not None
+    if (animation is not None and (animation.drivers or animation.nla_tracks)
+            or item.constraints or item.rigid_body is not None
             or any(item.delta_location) or any(item.delta_rotation_euler)):
         return None
-    curves = {(curve.data_path, curve.array_index): curve for curve in _curves(animation.action)
-              if not curve.mute}
+    curves = {} if animation is None else {
+        (curve.data_path, curve.array_index): curve for curve in _curves(animation.action) if not curve.mute}
 
     def values(name, frame):
         now = getattr(item, name)
@@ -145,6 +164,7 @@ def keyed_matrices(item, frames):
                                Vector(values("scale", frame))) for frame in frames]
 
 
+MOST_PARENTS = 50
 MOST_FRAMES = 100  # that slow_start() looks at
 SLOW = 0.05  # of the fastest motion: hardly any
 

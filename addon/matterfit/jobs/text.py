@@ -3,10 +3,12 @@
 
 
 def duration_text(seconds):
-    """3 s, 2 min 5 s, 1 h 4 min."""
+    """< 1 s, 3 s, 2 min 5 s, 1 h 4 min."""
     if seconds is None:
         return ""
     seconds = int(round(max(seconds, 0.0)))
+    if seconds == 0:
+        return "< 1 s"
     if seconds < 60:
         return f"{seconds} s"
     if seconds < 3600:

@@ -72,7 +72,7 @@ def estimate_text(estimate):
         parts.append(translate("{size} on disk").format(size=jobs.size_text(disk)))
     seconds = estimate.get("seconds")
     if seconds:
-        parts.append(translate("about {time}").format(time=jobs.duration_text(seconds)))
+        parts.append(translate("about {time}").format(time=jobs.duration_text(max(seconds, 1.0))))
     return "\n".join(parts)
 
 

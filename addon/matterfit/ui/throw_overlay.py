@@ -31,8 +31,8 @@ class Flight:
 
 
 def flights(scene):
-    """The flight of every body that is thrown: with typed values, or by keys of its own. Where more than those
-    moves it, that is not known before the frames are played."""
+    """The flight of every body that is thrown: with typed values, or by keys of its own or of its parents.
+    Where more than those moves it, that is not known before the frames are played."""
     settings = scene.matterfit
     take = scene_props.active_take(settings)
     thrown = {} if take is None else {throw.name: throw for throw in take.throws}

@@ -132,7 +132,7 @@ class NativeTest(SceneCase):
 
         self.assertIn("particles", printed_json(run_cli("estimate", blend=path)))
         self.assertEqual(names(), before)
-        for wrong, words in ((("--threads", "-3"), "-3, expected a number of threads"),
+        for wrong, words in ((("--threads", "-3"), "'-3' is not a whole number"),
                              (("--target", "foo"), "foo")):
             for verb in ("estimate", "validate"):
                 done = run_cli(verb, *wrong, blend=path)

@@ -189,7 +189,8 @@ CLI::App* add_wedge(CLI::App& app, Arguments& arguments) {
   verb->get_option("--set")->description(
       "PATH=VALUE,VALUE,…: one member for each value, and for each combination where --set is "
       "repeated");
-  verb->add_option("--output", arguments.folder, "folder of the members, one each")->required();
+  verb->add_option("--output", arguments.folder,
+                   "folder of the members, one each; JOB_wedge beside JOB where not given");
   verb->add_option("--task", arguments.task, "what each member does; without it the document's");
   verb->add_option("--jobs", arguments.at_once, "members that run side by side")
       ->check(whole_number(1, 1024));
@@ -208,7 +209,12 @@ int wedge(const Arguments& arguments) {
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const job::Farm farm =
       arguments.write.empty() ? job::Farm::kSlurm : job::farm_from_name(arguments.write);
-  const job::WedgeFolder made = job::write_wedge(text, reading, arguments.set, arguments.folder);
+  std::string folder = arguments.folder;
+  if (folder.empty()) {
+    const std::string name = std::filesystem::path(arguments.job).stem().string() + "_wedge";
+    folder = (reading.base_folder / name).string();
+  }
+  const job::WedgeFolder made = job::write_wedge(text, reading, arguments.set, folder);
   if (!arguments.write.empty()) {
     const std::string tool = std::filesystem::read_symlink("/proc/self/exe").string();
     for (const auto& path : job::write_farm_files(made, farm, tool)) {

@@ -198,7 +198,9 @@ std::string summary(const Json& result) {
                    result.contains("frames") ? " frames " + field("frames") : "",
                    result.contains("folder") ? " in " + field("folder") : ""));
   if (result.contains("particles")) {
-    line(fmt::format("particles {}, dt {} s, substeps {}", field("particles"), field("dt"),
+    const bool known = result.contains("dt") && result["dt"].is_number();
+    const std::string step = known ? fmt::format("{:.4g}", result["dt"].get<double>()) : "";
+    line(fmt::format("particles {}, dt {} s, substeps {}", field("particles"), step,
                      field("substeps")));
   }
   if (result.contains("bodies")) {

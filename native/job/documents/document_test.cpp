@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <utility>
 
 #include "base/error.hpp"
 #include "job/documents/override.hpp"
@@ -246,8 +247,16 @@ TEST(Override, PathsByNameIndexAndShortForm) {
   EXPECT_EQ(document["scene"]["bodies"][0]["density"], 900);
   apply_override(document, "bodies.\"dough\".spin=[0,1,0]");
   EXPECT_EQ(document["scene"]["bodies"][0]["spin"][1], 1);
-  apply_override(document, "material.nu=.4");  // no JSON: taken as a text, refused by the reader
-  EXPECT_EQ(document["scene"]["bodies"][0]["material"]["nu"], ".4");
+  // Numbers as people type them, which JSON does not have.
+  for (const auto& [text, value] : {std::pair{".4", 0.4}, {"-.5e3", -500.0}, {"+2", 2.0}}) {
+    apply_override(document, std::string("material.nu=") + text);
+    EXPECT_EQ(document["scene"]["bodies"][0]["material"]["nu"], value) << text;
+  }
+  // What is neither is a text, which the reader refuses.
+  for (const char* text : {"+-2", ".4.", "inf", "1e999", "0x10", "."}) {
+    apply_override(document, std::string("material.nu=") + text);
+    EXPECT_EQ(document["scene"]["bodies"][0]["material"]["nu"], text);
+  }
   apply_override(document, "output.folder=elsewhere");
   EXPECT_EQ(document["output"]["folder"], "elsewhere");
   apply_override(document, "frames=[0,5]");

@@ -4,6 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <system_error>
 
 #include "base/error.hpp"
 
@@ -60,6 +64,17 @@ std::size_t named_index(const Json& list, const PathStep& step, const std::strin
     message += ".";
   }
   bad_path(path, message);
+}
+
+/// A number as people type it and JSON does not have it: .3, -.5, +2, 3.
+std::optional<double> plain_number(const std::string& text) {
+  if (Json::accept(text) || text.starts_with("+-")) return std::nullopt;
+  const bool positive = text.starts_with('+');
+  const char* const end = text.data() + text.size();
+  double value = 0.0;
+  const auto [read, error] = std::from_chars(text.data() + (positive ? 1 : 0), end, value);
+  if (error != std::errc() || read != end || !std::isfinite(value)) return std::nullopt;
+  return value;
 }
 
 Json& descend(Json& json, const PathStep& step, const std::string& path) {
@@ -137,10 +152,14 @@ void apply_override(Json& document, const std::string& assignment) {
   auto steps = parse_path(path, "--set " + path);
   expand(steps, document, path);
   Json value;
-  try {
-    value = parse_json(text, "--set " + path);
-  } catch (const Error&) {
-    value = text;  // a word without quotation marks; what is no value is refused where it is read
+  if (const std::optional<double> plain = plain_number(text)) {
+    value = *plain;
+  } else {
+    try {
+      value = parse_json(text, "--set " + path);
+    } catch (const Error&) {
+      value = text;  // a word without quotation marks; what is no value is refused where it is read
+    }
   }
   Json* target = &document;
   for (const PathStep& step : steps) target = &descend(*target, step, path);

@@ -17,20 +17,6 @@ def add_group_socket(tree, name, in_out, socket_type):
     return sockets.new(socket_type, name)
 
 
-def modifier_input_set(modifier, tree, name, value):
-    """Sets the value of a Geometry Nodes modifier's input by the socket's name."""
-    if hasattr(tree, "interface"):
-        sockets = [item for item in tree.interface.items_tree
-                   if getattr(item, "in_out", "") == "INPUT"]
-    else:
-        sockets = tree.inputs
-    for socket in sockets:
-        if socket.name == name:
-            modifier[socket.identifier] = value
-            return
-    raise KeyError(name)
-
-
 def socket(sockets, name, kind=None):
     """The enabled socket of that name (nodes of 3.4 carry one of each type, all named 'Value')."""
     candidates = [item for item in sockets if item.name == name]
@@ -55,17 +41,6 @@ def progress_bar(layout, fraction, text):
     row.label(text="█" * filled + "░" * (16 - filled) + " " + text)
 
 
-def layout_panel(layout, identifier, title):
-    """A collapsible part of a panel: (header, body or None). Plain box before 4.1."""
-    if hasattr(layout, "panel"):
-        header, body = layout.panel(identifier, default_closed=True)
-        header.label(text=title)
-        return header, body
-    box = layout.box()
-    box.label(text=title)
-    return box, box
-
-
 def flat_shader():
     """The built-in shader for one colour per vertex."""
     import gpu
@@ -86,16 +61,6 @@ def font_size(font, points):
         blf.size(font, points)
     else:
         blf.size(font, points, 72)
-
-
-def eevee_name():
-    """EEVEE's engine name: it was BLENDER_EEVEE_NEXT from 4.2 to 4.5."""
-    engines = {item.identifier for item in
-               bpy.types.RenderSettings.bl_rna.properties["engine"].enum_items}
-    for name in ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT"):
-        if name in engines:
-            return name
-    return "BLENDER_EEVEE_NEXT" if (4, 2, 0) <= VERSION < (5, 0, 0) else "BLENDER_EEVEE"
 
 
 def translate(text):

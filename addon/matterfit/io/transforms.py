@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Object transforms as the job document writes them: metres, quaternions [w, x, y, z]."""
 
-from mathutils import Euler, Matrix, Quaternion, Vector
+from mathutils import Euler, Vector
 
-from .files import number, numbers
+from .files import numbers
 
 # Parts of a frame between the poses that a velocity is measured from.
 VELOCITY_STEP = 0.05
@@ -34,11 +34,6 @@ def quaternion_list(rotation):
 
 def pose(position, rotation):
     return {"position": numbers(position), "rotation": quaternion_list(rotation)}
-
-
-def world_pose(matrix, scale_length):
-    position, rotation, _ = split(matrix, scale_length)
-    return pose(position, rotation)
 
 
 def keyed(frames, values):
@@ -85,11 +80,3 @@ def turned(rotation, points):
     """`points` (N, 3) numpy, turned."""
     import numpy
     return points @ numpy.array(rotation.to_matrix(), dtype=numpy.float64).T
-
-
-def identity():
-    return Vector((0.0, 0.0, 0.0)), Quaternion()
-
-
-def numbers_matrix(matrix):
-    return [[number(value) for value in row] for row in Matrix(matrix)]

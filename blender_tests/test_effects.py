@@ -4,7 +4,7 @@
 import json
 
 import bpy
-from matterfit import effects, native
+from matterfit import effects, library, native
 from matterfit.jobs import JobError
 from support import SceneCase, needs_library
 
@@ -29,6 +29,9 @@ class EffectsTest(SceneCase):
         self.assertNotIn("effects", self.document()[0]["scene"])
         self.add("WIND").enabled = False
         self.assertNotIn("effects", self.document()[0]["scene"])
+
+    def test_the_panel_has_every_effect_of_the_library(self):
+        self.assertEqual([kind.name for kind in effects.KINDS], list(library.EFFECTS))
 
     def test_every_kind_is_written_with_its_own_numbers(self):
         for kind in effects.KINDS:

@@ -20,7 +20,7 @@ constexpr double kOfLiquid = 4.0;
 /// By which default contacts go [Pa].
 double contact_modulus(const Body& body) {
   const double modulus = body.material.p_wave_modulus();
-  if (body.material.law == material::Law::kNewtonian) return modulus;
+  if (body.material.traits().fluid) return modulus;
   return std::min(modulus, 4.0 * body.material.mu());
 }
 
@@ -122,7 +122,7 @@ ContactLaw resolve_contact(const shape::Contact& contact, const Body& body, doub
   if (!(law.stiffness > 0.0)) {
     const double modulus = contact_modulus(body);
     const double size = size_of(body);
-    if (body.material.law == material::Law::kNewtonian) {
+    if (body.material.traits().fluid) {
       law.stiffness = kOfLiquid * modulus / dx;
     } else {
       law.stiffness = std::min(8.0 * modulus / size, modulus / dx);

@@ -26,7 +26,7 @@ enum class Attribute {
   kScale,          ///< "scale": principal stretches times h [m], along those axes
 };
 
-[[nodiscard]] std::string_view name_of(Attribute attribute);
+[[nodiscard]] std::string_view name_of(Attribute attribute);  ///< in documents and files
 /// Throws Error(kInput) listing the names.
 [[nodiscard]] Attribute attribute_from_name(std::string_view name);
 

@@ -29,6 +29,6 @@ class Hasher {
   std::unique_ptr<State> state_;
 };
 
-[[nodiscard]] std::string hash_hex(std::string_view bytes);
+[[nodiscard]] std::string hash_hex(std::string_view bytes);  ///< of all at once, as above
 
 }  // namespace matterfit

@@ -40,7 +40,7 @@ class GradientBench {
     scene_.end_frame = kFrames + 1;
     const mpm::Gradient g = differentiate({});
     state_bytes_ = g.state_bytes;
-    // As in a fit; and without the search for the fastest mode, which a longer run would not feel.
+    // A fit has these too; no search for the fastest mode, which a longer run would not feel.
     stored_.schedule = g.schedule;
     checkpointed_.schedule = g.schedule;
     // The material has no damping, and none is looked for.

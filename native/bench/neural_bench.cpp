@@ -46,7 +46,7 @@ std::vector<float> random_deformations(std::size_t points) {
   return all;
 }
 
-/// As such nets begin: uniform, by the number of inputs.
+/// Weights that such nets begin with: uniform, by the number of inputs.
 std::vector<float> random_net(std::uint64_t seed) {
   using material::kNetFeatures;
   using material::kNetHidden;

@@ -90,7 +90,7 @@ class Acceptance {
     return (residual - slopes * slopes.colPivHouseholderQr().solve(residual)).squaredNorm();
   }
 
-  /// By how many standard errors each cause has a number that is beyond its neutral value.
+  /// The standard errors by which each cause has a number beyond its neutral value.
   [[nodiscard]] double told_by(const Refit& refit) const {
     const double wide = std::sqrt(looseness_of(refit));
     double least = 1e300;

@@ -32,7 +32,7 @@ struct Noise {
   /// made lighter in proportion (Huber), so that heavy tails do not decide.
   Eigen::VectorXd weights;
   Turns turns;  ///< of the bodies; empty: places count as exact
-  /// By what the deviations of Model::corrections() are multiplied: how wrong the solver's impacts
+  /// A factor on the deviations of Model::corrections(): how wrong the solver's impacts
   /// are beside what is stated.
   double corrections = 1.0;
 };

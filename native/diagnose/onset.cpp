@@ -38,7 +38,7 @@ std::optional<State> fitted_before(const Study& study, const Noise& noise, const
   const auto refit = std::move(refitter.fit_all(std::move(starts)).front());
   if (!refit) return std::nullopt;
   // What so little does not tell stays as it was: a stiffness, say, before anything was touched.
-  // By the slopes at `state`: those of the search took steps apart by what they surprised with.
+  // The slopes are those at `state`: the search's took steps apart by what they surprised with.
   State result = refit->state;
   const Eigen::MatrixXd white = refitter.whitening().apply(early_slopes);
   Eigen::MatrixXd h = white.transpose() * white;

@@ -24,7 +24,7 @@ struct Refit {
   Eigen::VectorXd prediction;  ///< stacked, with the bias [m]
   Eigen::VectorXd error;       ///< of the active causes' numbers, physical, linearised
   Eigen::MatrixXd slopes;      ///< [θ | α] derivatives about there, in scales, of the used rows
-  /// By what the stated deviations of Model::corrections() were multiplied in this search.
+  /// The factor on the stated deviations of Model::corrections() in this search.
   double corrections = 1.0;
   bool at_bound = false;  ///< a number of a cause lies at its bound
   bool converged = false;
@@ -83,7 +83,7 @@ class Refitter {
   [[nodiscard]] const Whitening& whitening() const { return whitening_; }
   /// How large a model's corrections are.
   struct Corrections {
-    /// By what the stated deviations of Model::corrections() are to be multiplied to be likeliest:
+    /// The factor with which the stated deviations of Model::corrections() are likeliest:
     /// a cause that explains what they made up for leaves small ones, and what nothing explains is
     /// the solver's. 1 without any.
     double size = 1.0;
@@ -91,7 +91,7 @@ class Refitter {
     /// all models, beside the refit's deviance.
     double term = 0.0;
   };
-  /// By the evidence with all numbers integrated out about the refit (Laplace; MacKay 1992), to
+  /// They follow from the evidence, all numbers integrated out (Laplace; MacKay 1992), to
   /// first order, so that it may have been searched with another size.
   [[nodiscard]] Corrections corrections_of(const Refit& refit) const;
   /// Derivative of the prediction by the bias's amplitude, stacked; no rows where there is none.

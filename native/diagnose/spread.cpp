@@ -99,8 +99,8 @@ MatrixXd rigid_errors_in_contact(const Study& study) {
   return result;
 }
 
-/// By what those errors are to be multiplied for what a simulation misses in the used frames of
-/// contact to be usual: how otherwise another solver holds a body is seen there at once.
+/// The factor on those errors with which what a simulation misses in the used frames of
+/// contact is usual: how otherwise another solver holds a body is seen there at once.
 double size_of_contacts(const Study& study, const MatrixXd& errors, const VectorXd& prediction) {
   constexpr double kLeast = 0.15;
   constexpr double kMost = 3.0;

@@ -130,7 +130,7 @@ struct DifferenceOptions {
   Study::Wanted wanted = Study::Wanted::kAll;
 };
 
-/// By finite differences, those of the state and those of the candidates in a batch each.
+/// Finite differences, those of the state and those of the candidates in a batch each.
 /// Observations cost no run where simulations do not follow the recordings. A run that fails on one
 /// side is taken from the other; a parameter both of whose sides fail has a column of 0. Throws
 /// Error(kCompute) where the state itself cannot be simulated.

@@ -35,7 +35,7 @@ struct FitState {
 [[nodiscard]] Json search_json(const fit::LeastSquaresState& state);
 [[nodiscard]] fit::LeastSquaresState search_of(const Json& json);
 
-/// As JSON with numbers to the last bit, so that a fit that reads it goes on as if it had never
+/// JSON with numbers to the last bit, so that a fit that reads it goes on as if it had never
 /// been stopped. The Jacobian is left out: it is made again.
 [[nodiscard]] std::string format_fit_state(const FitState& state);
 

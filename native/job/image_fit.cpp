@@ -34,7 +34,7 @@ namespace {
 constexpr double kImageFitShare = 0.9;
 constexpr double kNarrow = 1.0;  ///< blurs [reduced pixels]
 constexpr double kWide = 4.0;
-/// By how much of the images after the scene's first frame the throw is looked for, one after
+/// Shares of the images after the scene's first frame by which the throw is looked for, one after
 /// another; at least so many times.
 constexpr double kBeginnings[] = {0.1, 0.2, 0.35};
 constexpr std::size_t kFewestTimes = 2;

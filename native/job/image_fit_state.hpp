@@ -43,7 +43,7 @@ struct ImageFitState {
   double seconds = 0.0;
 };
 
-/// As format_fit_state() and read_fit_state(), in the same file.
+/// The same as format_fit_state() and read_fit_state(), in the same file.
 [[nodiscard]] std::string format_image_fit_state(const ImageFitState& state);
 [[nodiscard]] std::optional<ImageFitState> read_image_fit_state(
     const std::filesystem::path& folder);

@@ -37,7 +37,7 @@ struct AdjointKernels {
   void (*total_forces)(const TotalAdjointView<S>& view, std::size_t block);
 };
 
-/// As kernels().
+/// Those of an instruction set, as kernels().
 template <class S>
 [[nodiscard]] const AdjointKernels<S>& adjoint_kernels(SimdTarget target);
 

@@ -17,7 +17,7 @@ constexpr double kFirmAt = 0.05;
 /// particle separation, for a third more substeps.
 constexpr double kOfLiquid = 4.0;
 
-/// By which default contacts go [Pa].
+/// The modulus that default contacts follow [Pa].
 double contact_modulus(const Body& body) {
   const double modulus = body.material.p_wave_modulus();
   if (body.material.traits().fluid) return modulus;

@@ -66,7 +66,7 @@ struct Firmness {
 /// At `depth` δ [m].
 [[nodiscard]] Firmness firmness_at(const ContactLaw& law, double depth);
 
-/// By how much the tangent of the normal spring exceeds `stiffness` where it carries `pressure`
+/// How many times `stiffness` the tangent of the normal spring is where it carries `pressure`
 /// [Pa], at least nearly; 1 of a linear one.
 [[nodiscard]] double firmness(const ContactLaw& law, double pressure);
 

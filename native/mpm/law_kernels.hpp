@@ -8,7 +8,7 @@
 
 namespace matterfit::mpm {
 
-/// As the functions of the same names in the tables. A formulation that the law is not for has
+/// Functions like those of the same names in the tables. A formulation that the law is not for has
 /// none.
 template <class S>
 struct LawKernels {

@@ -48,7 +48,7 @@ struct UpdatedAdjointKernels {
   void (*updated_published_block)(UpdatedAdjointView<S>& view);
 };
 
-/// As kernels().
+/// Those of an instruction set, as kernels().
 template <class S>
 [[nodiscard]] const UpdatedAdjointKernels<S>& updated_adjoint_kernels(SimdTarget target);
 

@@ -69,7 +69,7 @@ class PublishedBack {
     through = false;
   }
 
-  /// As law_step_adjoint(), of the next register: `stress` again, and the cotangent of the trial
+  /// law_step_adjoint() of the next register: `stress` again, and the cotangent of the trial
   /// deformation.
   template <class Point>
   HWY_INLINE void law_adjoint(const Constants<T>& c, Point& point, const LawTrial<T>& trial,

@@ -338,7 +338,7 @@ inline void differentiate_tile(splat::Frame& frame, std::size_t tile) {
       const auto patch = static_cast<std::size_t>(std::countr_zero(patches));
       patches &= patches - 1;
       const std::size_t i = patch * kPatch;
-      // As in render_tile, to the bit.
+      // The same as in render_tile, to the bit.
       const FloatVector y = hn::Load(d, map.y + i);
       const FloatVector t = hn::Load(d, transmittance + i);
       const FloatVector u = hn::MulAdd(l11, hn::Load(d, map.x + i), hn::MulAdd(l21, y, u0));

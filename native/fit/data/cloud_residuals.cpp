@@ -70,7 +70,7 @@ class Around {
       nearest_ = off;
     }
     if (!met_.empty() && squared <= 0.25 * squared_reach_) {
-      // By several threads at once, all to the same.
+      // Several threads at once set it, all to the same.
       std::atomic_ref(met_[index]).store(1, std::memory_order_relaxed);
     }
     return true;

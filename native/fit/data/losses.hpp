@@ -9,7 +9,7 @@
 
 namespace matterfit::fit {
 
-/// By what a simulation is compared with a recording.
+/// How a simulation is compared with a recording.
 enum class Loss {
   kTracks,   ///< point by point
   kChamfer,  ///< clouds of the body's particles

@@ -31,7 +31,7 @@ class CaptureProblem final : public Problem {
   std::vector<std::optional<Eigen::VectorXd>> evaluate(
       const std::vector<Eigen::VectorXd>& points) override;
   Problem* stand_in() override { return stand_in_; }
-  /// By the model's adjoint.
+  /// Computed by the model's adjoint.
   std::optional<Eigen::VectorXd> transposed(const Eigen::VectorXd& point,
                                             const Eigen::VectorXd& weights) override;
   [[nodiscard]] double transposed_cost() const override;

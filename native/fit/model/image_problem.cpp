@@ -51,7 +51,7 @@ ImageProblem::Memory ImageProblem::memory(const std::vector<Sighting>& sightings
   for (const Sighting& sighting : sightings) {
     const auto pixels = double(sighting.matte.values.size());
     const double channels = sighting.has_colours() ? 4.0 : 1.0;
-    // As read, as a problem keeps it, and its matte blurred.
+    // The image as it is read, as a problem keeps it, and its matte blurred.
     memory.images +=
         sizeof(float) * (2.0 * (channels * pixels + double(sighting.seen.size())) + pixels);
     if (!sighting.held_out) memory.residuals += channels * pixels;

@@ -85,7 +85,7 @@ class Model {
 
   [[nodiscard]] std::size_t runs() const { return models_.size(); }
   [[nodiscard]] const mpm::Scene& scene(std::size_t run) const;
-  /// As it is simulated at these values.
+  /// The scene of a run as it is simulated at these values.
   [[nodiscard]] mpm::Scene scene_at(std::span<const double> values, std::size_t run) const;
   [[nodiscard]] int threads() const { return options_.threads; }
   [[nodiscard]] mpm::SimdTarget target() const { return options_.target; }

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::string_view kIndex = "[#]";
 
-/// As a step of a path: in quotes where it would be read as something else.
+/// A step of a path: in quotes where it would be read as something else.
 std::string quoted(const std::string& name) {
   if (!name.empty() && name.find_first_of(".[]\"'") == std::string::npos) return name;
   const char* quote = name.find('"') == std::string::npos ? "\"" : "'";

@@ -31,7 +31,7 @@ struct StepPlan {
   [[nodiscard]] bool holds(std::size_t run) const {
     return run < runs.size() && !runs[run].substeps.empty();
   }
-  /// By what the substeps of a run are multiplied for a scene. Throws Error(kCompute) where that is
+  /// The factor on the substeps of a run for a scene. Throws Error(kCompute) where that is
   /// more than 32 times, as a run would take as many times as long.
   [[nodiscard]] double factor(std::size_t run, const mpm::Scene& scene) const;
   /// From here on the run takes no fewer substeps than this scene asks for, nor than `before` (an

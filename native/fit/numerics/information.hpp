@@ -45,7 +45,7 @@ struct Information {
                                       double huber = 0.0,
                                       const std::vector<std::uint32_t>& blocks = {});
 
-/// By how much the discretisation moves the values, in natural coordinates: `change` is what a
+/// How far the discretisation moves the values, in natural coordinates: `change` is what a
 /// coarser grid adds to the residuals at the end of the fit, of which `share` is taken to be in the
 /// fit as well (a third with a grid twice as coarse and errors of second order). Most of a change
 /// no values make up for: it counts as noise of its own size, and the values as known to their

@@ -107,7 +107,7 @@ class Iteration {
     all_known_ = std::ranges::all_of(state_.unknown, [](auto u) { return u == 0; });
   }
 
-  /// By how much the model says that the cost can be lowered.
+  /// How much the model says that the cost can be lowered by.
   [[nodiscard]] double promised(const QuadraticModel& model, bool still) const {
     if (still) return 0.0;
     const Box room = room_around(parameters_, bounds_, state_.point);

@@ -25,7 +25,7 @@ constexpr double kStillBallistic = 2.0;
 constexpr double kRigid = 0.005;
 constexpr double kHalfDecade = 3.1622776601683795;
 constexpr double kAngleStep = 8.0;  // [degrees]
-/// That a scan looks at first: between a body that bounces too early and one that is right lie
+/// Steps that a scan takes first: between a body that bounces too early and one that is right lie
 /// worse ones. What is softer is quicker to simulate.
 const std::vector<int> kFirstSteps = {-4, -3, -2, -1, 1, 2};
 /// Between half decades there may be a valley of a body's vibrations, which clouds show as such.

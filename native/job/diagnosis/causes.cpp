@@ -30,7 +30,7 @@ constexpr std::size_t kMostRuns = 4;
 /// Attached masses that are looked at from far off, in the body's own: a third apart in the
 /// frequency of a beam that they hang on.
 constexpr std::array<double, 4> kTriedMasses = {0.15, 0.3, 0.6, 1.2};
-/// By which a material may differ between recordings, as a share of its stiffness.
+/// The most by which a material may differ between recordings, as a share of its stiffness.
 constexpr double kMostChange = 0.8;
 
 class Causes {

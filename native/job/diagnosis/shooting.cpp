@@ -18,7 +18,7 @@ using Eigen::Index;
 
 constexpr Index kFewestFrames = 4;
 constexpr Index kMostFrames = 10;
-/// By what a state's errors are larger than white noise of the tracks makes them: a tracker's
+/// How many times what white noise of the tracks makes of them a state's errors are: a tracker's
 /// errors last for frames, and bodies ring.
 constexpr double kCorrelated = 2.0;
 /// The smallest noise of a coordinate that tracks are thought to have [m].

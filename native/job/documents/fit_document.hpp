@@ -29,7 +29,7 @@ struct FitDoc : fit::SearchOptions {
   int correction = 0;
 };
 
-/// As in a document.
+/// The word for it in a document.
 [[nodiscard]] std::string_view loss_name(FitDoc::Loss loss);
 
 /// The job's section 'fit'. Throws Error(kInput) where it has none.

@@ -42,7 +42,7 @@ void check_readings(const JsonValue& item, const material::MachineTest& test) {
   }
 }
 
-/// By their stretches, so that no sum over them depends on the order in which they were written.
+/// Sorts by stretches, so that no sum over them depends on the order in which they were written.
 void sort_readings(material::MachineTest& test) {
   std::vector<std::pair<double, double>> readings;
   for (std::size_t k = 0; k < test.by.size(); ++k) {

@@ -15,7 +15,7 @@ std::string length(double metres) {
   return fmt::format("{:.2g} m", metres);
 }
 
-/// As a step of a path in the document.
+/// A step of a path in the document.
 std::string step(const std::string& name) {
   const bool plain = !name.empty() && std::all_of(name.begin(), name.end(), [](unsigned char c) {
     return std::isalnum(c) != 0 || c == '_' || c == '-';

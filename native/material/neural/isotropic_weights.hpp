@@ -132,7 +132,7 @@ void add_rest_stiffness_adjoint(const IsotropicConstants<double>& c, const RestS
 /// A law that is Hencky's with these moduli and never yields: units are silent but ready to learn.
 [[nodiscard]] IsotropicWeights plain_isotropic(double shear_modulus, double bulk_modulus);
 
-/// As a material file holds them: one tensor "isotropic" of kIsotropicWeights numbers.
+/// What a material file holds: one tensor "isotropic" of kIsotropicWeights numbers.
 [[nodiscard]] Tensors isotropic_tensors(const IsotropicWeights& weights);
 /// The opposite. Throws Error(kInput).
 [[nodiscard]] IsotropicWeights isotropic_weights(const Tensors& tensors, const std::string& name);

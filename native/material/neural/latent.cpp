@@ -151,7 +151,7 @@ Eigen::VectorXd latent_features(const Material& classical) {
   const RestModuli moduli = rest_moduli(classical);
   IsotropicWeights flow{};
   set_classical_flow(classical, moduli.shear, flow);
-  // As far as it can be felt: strains from a millionth of a strain to one.
+  // The range that can be felt: strains from a millionth of a strain to one.
   const auto strain = [&](std::size_t weight) {
     return std::clamp(flow[weight] + 4.0, -5.0, 5.0) / 4.0;
   };

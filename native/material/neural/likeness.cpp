@@ -31,7 +31,7 @@ constexpr int kSteps = 8;
 constexpr double kSmall = 0.01;
 /// The law flows in a state where the last step loses more of its strain.
 constexpr double kFlows = 0.05;
-/// As near as the nearest: within this share of its distance, and this distance.
+/// A law is as near as the nearest within this share of its distance, and this distance.
 constexpr double kAsNear = 0.01;
 constexpr double kAsNearStress = 1e-4;
 constexpr int kIterations = 40;

@@ -412,7 +412,7 @@ std::shared_ptr<const LatentDecoder> pretrain_latent(const LatentPretraining& op
   }
   whiten(decoder, codes);
   find_classes(decoder, options.seed);
-  // As a file gives it back.
+  // The decoder as a file gives it back.
   return latent_decoder(latent_tensors(decoder), "latent");
 }
 

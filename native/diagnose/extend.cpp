@@ -109,7 +109,7 @@ class Search {
   /// The fit knew of no corrections, so the base ends elsewhere: where about, with an exact solver.
   [[nodiscard]] State come_near(const State& state) const {
     tell(0.0, "Refitting");
-    study_.begin("refits");
+    study_.begin_search("refits");
     DifferenceOptions differences = options_.refit.differences;
     differences.wanted = Study::Wanted::kUsed;
     const Linearised slopes = linearise(study_, state, {}, differences);
@@ -156,7 +156,7 @@ class Search {
   /// `far`: from where the base may have far to go.
   void fit_base(bool far) {
     tell(0.4, "Refitting");
-    study_.begin("refits");
+    study_.begin_search("refits");
     refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
     out_.base = Trial{};
     RefitStart start = base_start();
@@ -174,7 +174,7 @@ class Search {
         differentiate_causes();
       }
       estimate_from(study_.measured() - out_.base.refit.prediction);
-      study_.begin("refits");
+      study_.begin_search("refits");
       refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
       out_.base.refit = refitter_->fit(base_start());
     }
@@ -216,7 +216,7 @@ class Search {
         });
     if (chosen.size() < 2) return;
     tell(0.48, fmt::format("Refitting with {} causes together", chosen.size()));
-    study_.begin("refits");
+    study_.begin_search("refits");
     RefitStart start = base_start();
     for (const std::size_t k : chosen) {
       const Score& score = scores[k];
@@ -341,7 +341,7 @@ class Search {
         study_.model(), out_.first->scores, best.causes.front(), known, far_off ? 0.0 : kMateScore);
     if (mates.empty()) return;
     tell(0.82, "Refitting with causes that are like the best");
-    study_.begin("refits");
+    study_.begin_search("refits");
     std::vector<Attempt> attempts;
     for (auto& [mate, start] : starts_beside(study_, refitter_->whitening(), best.refit, mates,
                                              options_.refit.differences)) {
@@ -372,7 +372,7 @@ class Search {
       const double onset = onsets[std::size_t(score.candidate.variant)];
       const auto [at, fresh] = before_onset_.try_emplace(onset);
       if (fresh) {
-        study_.begin("refits");
+        study_.begin_search("refits");
         at->second = fitted_before(study_, out_.noise, out_.spread, out_.base_state,
                                    out_.slopes.theta, onset, options_.refit);
       }
@@ -393,7 +393,7 @@ class Search {
       attempts.push_back({{cause}, again(trial)});
     }
     if (trials_->cut()) return;
-    study_.begin("refits");
+    study_.begin_search("refits");
     std::vector<Attempt> looked = far_starts(*refitter_, out_.base_state, out_.slopes.theta, begun);
     std::ranges::move(looked, std::back_inserter(attempts));
   }

@@ -143,13 +143,13 @@ Rows Study::used_in(const std::function<bool(int, Index)>& selected) const {
   });
 }
 
-void Study::begin(const std::string& stage) const {
+void Study::begin(const std::string& stage, bool search) const {
   std::vector<Ledger::Stage>& stages = ledger_->stages;
-  if (stages.size() == 1 && stages.front().runs == 0) stages.front().name = stage;
+  if (stages.size() == 1 && stages.front().runs == 0) stages.front() = {stage, 0, search};
   const auto found =
       std::ranges::find_if(stages, [&](const Ledger::Stage& s) { return s.name == stage; });
   ledger_->current = std::size_t(found - stages.begin());
-  if (found == stages.end()) stages.push_back({stage, 0});
+  if (found == stages.end()) stages.push_back({stage, 0, search});
 }
 
 int Study::runs() const {
@@ -161,7 +161,7 @@ int Study::runs() const {
 int Study::search_runs() const {
   int sum = 0;
   for (const Ledger::Stage& stage : ledger_->stages) {
-    sum += stage.name.ends_with("refits") ? stage.runs : 0;
+    sum += stage.search ? stage.runs : 0;
   }
   return sum;
 }

@@ -33,6 +33,7 @@ struct Ledger {
   struct Stage {
     std::string name;
     int runs = 0;
+    bool search = false;  ///< counts for search_runs()
   };
   std::vector<Stage> stages{{"all", 0}};
   std::size_t current = 0;
@@ -77,17 +78,19 @@ class Study {
       const std::vector<std::vector<double>>& until = {}) const;
   /// Simulations asked for so far, and the same by what they were for, in order.
   [[nodiscard]] int runs() const;
-  /// Those of searches, of the stages "refits" and "further refits".
+  /// Those of the stages that began with begin_search().
   [[nodiscard]] int search_runs() const;
   /// Ledger::cut
   [[nodiscard]] bool cut() const { return ledger_->cut; }
   void mark_cut() const { ledger_->cut = true; }
   [[nodiscard]] const std::vector<Ledger::Stage>& stages() const { return ledger_->stages; }
-  /// What simulations from now on are for.
-  void begin(const std::string& stage) const;
+  /// What simulations from now on are for; begin_search(): a search, whose runs are limited.
+  void begin(const std::string& stage) const { begin(stage, false); }
+  void begin_search(const std::string& stage) const { begin(stage, true); }
 
  private:
   Study(const Model& model, Rows used, Rows held, std::shared_ptr<Ledger> ledger);
+  void begin(const std::string& stage, bool search) const;
   [[nodiscard]] Point point_of(const State& state, Wanted wanted) const;
   const Model* model_;
   Rows used_;

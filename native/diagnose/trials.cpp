@@ -71,7 +71,7 @@ void put_simplest_first(std::vector<Trial>& trials) {
 }
 
 std::vector<Trial> Trials::tried(std::vector<Attempt> attempts, const std::string& stage) const {
-  study_.begin(stage);
+  study_.begin_search(stage);
   std::vector<RefitStart> starts;
   starts.reserve(attempts.size());
   for (Attempt& attempt : attempts) starts.push_back(std::move(attempt.start));

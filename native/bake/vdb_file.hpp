@@ -25,10 +25,10 @@ inline constexpr std::size_t kVdbUuidSize = 36;
 inline constexpr const char* kVdbCreator = "Matterfit";
 
 /// Writes the grids so that equal grids give equal bytes: OpenVDB's random UUID is replaced by one
-/// made from the hash of all other bytes, which makes the file check itself (verify_vdb). With grid
-/// offsets, so that readers load single grids and headers only. The bytes are assembled in memory
-/// (OpenVDB's own File reports success on a full disk) and go through AtomicFile. Returns the size.
-/// Throws Error(kOutput).
+/// made from the hash of all other bytes, so that the UUID says whether the file is whole. With
+/// grid offsets, so that readers load single grids and headers only. The bytes are assembled in
+/// memory (OpenVDB's own File reports success on a full disk) and go through AtomicFile. Returns
+/// the size. Throws Error(kOutput).
 std::uint64_t write_vdb(const std::filesystem::path& path, const openvdb::GridCPtrVec& grids,
                         VdbCompression compression);
 

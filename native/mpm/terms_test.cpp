@@ -70,7 +70,7 @@ Effect strong(const std::string& type) {
     set(effect, "modulus", 3e5);
     set(effect, "exponent", 1.2);
   }
-  if (type == "second_invariant") set(effect, "modulus", 2e5);
+  if (type == "second_invariant") set(effect, "modulus", 1e5);
   return effect;
 }
 

@@ -158,8 +158,8 @@ inline float spline(float y) {
   return 0.5F * t * t - 1.5F * u * u;
 }
 
-/// Whether a row of a leaf along z, y = base + z · step, meets the kernel's cube. A kernel that lies
-/// flat and aslant fills a small part of its box.
+/// Whether a row of a leaf along z, y = base + z · step, meets the kernel's cube. A kernel that
+/// lies flat and aslant fills a small part of its box.
 inline bool meets(const Vec3f& base, const Vec3f& step) {
   constexpr float kRoundOff = 1e-4F;
   float first = 0.0F;

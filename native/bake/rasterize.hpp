@@ -34,8 +34,8 @@ struct RasterOptions {
   bool density = false;      ///< Σ W_p / det F: density over rest density, 1 in undeformed bulk
   bool velocity = false;     ///< Σ W_p/det F v_p / Σ W_p/det F [m/s]
   /// Colour is at least that of an ellipsoid of the particle's own size, a sphere of diameter (V)^⅓
-  /// stretched as its kernel is (by F, or with `flows` by the neighbours'), so that single particles
-  /// and sheets one particle thick are seen.
+  /// stretched as its kernel is (by F, or with `flows` by the neighbours'), so that single
+  /// particles and sheets one particle thick are seen.
   bool droplets = true;
   bool flows = false;  ///< kernels of flow_kernels.hpp: for a surface, not for what conserves mass
 };

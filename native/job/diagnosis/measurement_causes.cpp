@@ -76,6 +76,7 @@ class MeasurementCauses {
     cause.row.numbers = {number("x", "rad", 0.01), number("y", "rad", 0.01)};
     cause.row.confused_with = {"gravity_direction", "ground_tilt"};
     std::vector<Vec3d> feet;
+    feet.reserve(colliders.size());
     for (const ColliderDoc& ground : colliders) {
       feet.emplace_back(body_.center.x(), body_.center.y(), ground.height);
     }

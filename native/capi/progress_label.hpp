@@ -8,8 +8,8 @@
 
 namespace matterfit::capi {
 
-/// What is being done in the most words that take no more than `most` bytes; where none is as short
-/// the shortest, cut between two characters of UTF-8.
+/// The longest wording of `progress` that takes no more than `most` bytes; where none is as short
+/// the shortest wording, cut between two characters of UTF-8.
 [[nodiscard]] std::string label_within(const Progress& progress, std::size_t most);
 
 }  // namespace matterfit::capi

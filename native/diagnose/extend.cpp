@@ -28,7 +28,8 @@ using Eigen::VectorXd;
 constexpr double kNearScore = 0.8;
 /// Refitted whatever their scores say of them, for the same reason.
 constexpr std::size_t kAlways = 3;
-/// What the catalogue calls like the best cause is refitted from this share of its score on.
+/// Share of the best cause's score from which on a cause that the catalogue calls like it is
+/// refitted.
 constexpr double kMateScore = 0.25;
 /// How often the searches of base and best causes may begin again.
 constexpr int kMoreRounds = 3;

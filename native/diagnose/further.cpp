@@ -53,10 +53,15 @@ class Further {
       if (next.causes.size() <= out_.best->causes.size() && next.evidence >= out_.best->evidence) {
         return;
       }
-      out_.best = std::move(next);
-      out_.looseness = looseness_of(out_.best->refit);
-      out_.last = analyse_at(*out_.best, slopes);
+      adopt(std::move(next), slopes);
     }
+  }
+
+  /// Makes `trial` the best model and looks at what is left beside it.
+  void adopt(Trial trial, Linearised& slopes) {
+    out_.best = std::move(trial);
+    out_.looseness = looseness_of(out_.best->refit);
+    out_.last = analyse_at(*out_.best, slopes);
   }
 
   /// Attempts with each of the best few causes beside those of `trial`, by what was seen there.
@@ -90,8 +95,8 @@ class Further {
     return std::nullopt;
   }
 
-  /// Where even the best model leaves much, another one that explains most by itself may be the one
-  /// that is there beside something else, while the best does a little of both.
+  /// Extends the second best model too while the best leaves much: one that explains most by itself
+  /// may be what is there beside something else, while the best does a little of both.
   void extend_runner_up(const Trial& second, std::vector<Attempt>& attempts) const {
     if (looseness_of(out_.best->refit) < kFarOff) return;
     if (share_of_excess(out_.base.refit, second.refit) < kMost) return;
@@ -188,9 +193,9 @@ class Further {
     }
   }
 
-  /// What is said to be like one of several causes and has no more numbers may be it: each is put
-  /// in that cause's place, where it comes nearest to what the cause does, and the simplest of the
-  /// models that are nearly as likely stays.
+  /// Tries other causes in the place of each of several: those that the catalogue calls like it and
+  /// that have no more numbers, with the values that come nearest to what it does. The simplest of
+  /// the models that are nearly as likely stays.
   void exchange(Linearised& slopes) {
     std::vector<Attempt> attempts;
     for (std::size_t c = 0; c < out_.best->causes.size(); ++c) {
@@ -207,9 +212,7 @@ class Further {
     std::ranges::stable_sort(trials, {}, &Trial::evidence);
     put_simplest_first(trials);
     if (trials.front().causes == out_.best->causes) return;
-    out_.best = std::move(trials.front());
-    out_.looseness = looseness_of(out_.best->refit);
-    out_.last = analyse_at(*out_.best, slopes);
+    adopt(std::move(trials.front()), slopes);
   }
 
   /// Causes that the catalogue calls like `cause` or that are called like it, in their best shapes,

@@ -53,7 +53,7 @@ def render_mesh(work, entry, points):
     item.rotation_mode = "QUATERNION"
     item.location = Vector(place["position"]) * work.unit
     item.rotation_quaternion = Quaternion(place["rotation"])
-    # What a negative scale mirrors has its faces inside out, which Blender minds by the object's scale.
+    # A mesh that a negative scale mirrors has its faces inside out; Blender takes that from the object's scale.
     mirrored = refinement.is_mirrored(path)
     item.scale = (-1.0 if mirrored else 1.0, 1.0, 1.0)
     for name in ("delta_location",):

@@ -6,7 +6,8 @@
 
 #include "job/diagnosis/causes.hpp"
 
-/// Helpers with which contact_causes, material_causes and causes write their rows.
+/// Helpers with which contact_causes, material_causes, measurement_causes and causes write their
+/// rows.
 namespace matterfit::job {
 
 /// A number that is 0 where its cause is not there; `one_sided`: never below.
@@ -30,6 +31,11 @@ inline Cause& add_cause(std::vector<Cause>& causes, const std::string& name, con
   cause.row.group = group;
   cause.row.sentence = std::move(sentence);
   return cause;
+}
+
+/// Writes a constant gravity [m/s²] into a scene of a document.
+inline void put_gravity(const Vec3d& gravity, Json& scene) {
+  scene["gravity"] = {gravity.x(), gravity.y(), gravity.z()};
 }
 
 [[nodiscard]] inline Json& first_body(Json& scene) { return scene.at("bodies").at(0); }

@@ -72,9 +72,6 @@ class Causes {
     const Vec3d g = scene_.gravity.values.front();
     if (!(g.norm() > 0.0)) return;
     const Vec3d down = g.normalized();
-    const auto put = [](const Vec3d& gravity, Json& scene) {
-      scene["gravity"] = {gravity.x(), gravity.y(), gravity.z()};
-    };
     Cause& size =
         add("gravity_size", "outside", "Gravity is {value} stronger than the scene says.");
     size.row.numbers = {number("added", "m/s²", 0.1)};
@@ -83,8 +80,8 @@ class Causes {
     size.apply = [down](std::span<const double> v, int, mpm::Scene& scene) {
       for (Vec3d& gravity : scene.gravity.values) gravity += v[0] * down;
     };
-    size.write = [g, down, put](std::span<const double> v, int, Json& scene) {
-      put(g + v[0] * down, scene);
+    size.write = [g, down](std::span<const double> v, int, Json& scene) {
+      put_gravity(g + v[0] * down, scene);
     };
     const Vec3d across = down.unitOrthogonal();
     const Vec3d along = down.cross(across);
@@ -95,8 +92,8 @@ class Causes {
     turn.apply = [across, along](std::span<const double> v, int, mpm::Scene& scene) {
       for (Vec3d& gravity : scene.gravity.values) gravity += v[0] * across + v[1] * along;
     };
-    turn.write = [g, across, along, put](std::span<const double> v, int, Json& scene) {
-      put(g + v[0] * across + v[1] * along, scene);
+    turn.write = [g, across, along](std::span<const double> v, int, Json& scene) {
+      put_gravity(g + v[0] * across + v[1] * along, scene);
     };
   }
 

@@ -57,8 +57,7 @@ class MeasurementCauses {
       for (Vec3d& gravity : scene.gravity.values) gravity *= 1.0 + v[0];
     };
     cause.write = [g = scene_.gravity.values.front()](std::span<const double> v, int, Json& scene) {
-      const Vec3d there = (1.0 + v[0]) * g;
-      scene["gravity"] = {there.x(), there.y(), there.z()};
+      put_gravity((1.0 + v[0]) * g, scene);
     };
   }
 
@@ -97,8 +96,7 @@ class MeasurementCauses {
     cause.write = [lean, feet, now = scene_.gravity.values.front()](std::span<const double> v, int,
                                                                     Json& scene) {
       const Mat3d turn = lean(v);
-      const Vec3d gravity = turn * now;
-      scene["gravity"] = {gravity.x(), gravity.y(), gravity.z()};
+      put_gravity(turn * now, scene);
       for (std::size_t c = 0; c < feet.size(); ++c) {
         write_slope(feet[c], turn * Vec3d::UnitZ(), scene.at("colliders").at(c));
       }

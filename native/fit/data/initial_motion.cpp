@@ -9,6 +9,7 @@
 
 #include "base/error.hpp"
 #include "capture/align.hpp"
+#include "math/rotation_vector.hpp"
 
 namespace matterfit::fit {
 namespace {
@@ -30,12 +31,6 @@ Mat3d cross(const Vec3d& v) {
   Mat3d m;
   m << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
   return m;
-}
-
-Mat3d exponential(const Vec3d& v) {
-  const double angle = v.norm();
-  if (angle == 0.0) return Mat3d::Identity();
-  return Eigen::AngleAxisd(angle, v / angle).toRotationMatrix();
 }
 
 /// exp(v + d) = exp(left_jacobian(v) d) exp(v) for small d.
@@ -105,7 +100,7 @@ struct Motion {
 
   [[nodiscard]] std::vector<Mat3d> turned(const Record& record) const {
     std::vector<Mat3d> result;
-    for (const double t : record.times) result.push_back(exponential(t * spin));
+    for (const double t : record.times) result.push_back(rotation_by(t * spin));
     return result;
   }
   [[nodiscard]] Vec3d error(const Record& record, const Sample& sample, const Mat3d& turn) const {
@@ -172,7 +167,7 @@ void set_rotation(const std::vector<Placed>& placed, Motion& motion) {
   }
   if (placed.size() > 1) motion.spin = sum / (placed.back().time - placed.front().time);
   const Placed& middle = placed[placed.size() / 2];
-  motion.rotation = exponential(-middle.time * motion.spin) * middle.rotation;
+  motion.rotation = rotation_by(-middle.time * motion.spin) * middle.rotation;
 }
 
 /// Directions in which a rotation vector may change: all, or across the line as it lies at the
@@ -235,7 +230,7 @@ Motion fitted(const Record& record, CloudShape shape, const Vec3d& line) {
       Motion trial = motion;
       trial.place += length * step.segment<3>(0);
       trial.velocity += length * step.segment<3>(3);
-      trial.rotation = exponential(length * step.segment<3>(6)) * motion.rotation;
+      trial.rotation = rotation_by(length * step.segment<3>(6)) * motion.rotation;
       trial.spin += length * step.segment<3>(9);
       if (shape == CloudShape::kLine) {
         const Vec3d along = trial.rotation * line;
@@ -325,7 +320,7 @@ InitialMotion initial_motion(std::span<const Vec3d> rest, const Vec3d& center,
   result.spin = motion.spin / record.duration;
   result.velocity = velocity - back * gravity;
   result.offset = motion.place * record.extent - back * velocity + 0.5 * back * back * gravity;
-  result.rotation = logarithm(exponential(-back * result.spin) * motion.rotation);
+  result.rotation = logarithm(rotation_by(-back * result.spin) * motion.rotation);
   result.residual = record.extent * std::sqrt(motion.square(record) / count);
   result.spin_observable = shape == CloudShape::kSolid;
   return result;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/diagnosis/measurement_causes.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <utility>
 
 #include "job/diagnosis/cause_row.hpp"
 #include "job/diagnosis/extent.hpp"
 #include "job/diagnosis/ground_slope.hpp"
+#include "math/rotation_vector.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -79,12 +79,7 @@ class MeasurementCauses {
     for (const ColliderDoc& ground : colliders) {
       feet.emplace_back(body_.center.x(), body_.center.y(), ground.height);
     }
-    const auto lean = [](std::span<const double> v) -> Mat3d {
-      const Vec3d turn(v[0], v[1], 0.0);
-      const double angle = turn.norm();
-      if (!(angle > 0.0)) return Mat3d::Identity();
-      return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
-    };
+    const auto lean = [](std::span<const double> v) { return rotation_by(Vec3d(v[0], v[1], 0.0)); };
     cause.apply = [lean, feet](std::span<const double> v, int, mpm::Scene& scene) {
       const Mat3d turn = lean(v);
       for (Vec3d& gravity : scene.gravity.values) gravity = turn * gravity;

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "job/diagnosis/seen_tracks.hpp"
+#include "math/rotation_vector.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -27,12 +28,6 @@ constexpr double kLeastNoise = 1e-6;
 Vec3d log_of(const Mat3d& rotation) {
   const Eigen::AngleAxisd turn(rotation);
   return turn.angle() * turn.axis();
-}
-
-Mat3d exp_of(const Vec3d& turn) {
-  const double angle = turn.norm();
-  if (!(angle > 0.0)) return Mat3d::Identity();
-  return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
 }
 
 /// A measured sample as the world had it.
@@ -88,8 +83,8 @@ Mat3d turned(const Mat3d& rotation, const Vec3d& momentum, const Mat3d& inverse,
   const double h = span / steps;
   Mat3d r = rotation;
   for (int s = 0; s < steps; ++s) {
-    const Mat3d middle = exp_of(0.5 * h * spin(r)) * r;
-    r = exp_of(h * spin(middle)) * r;
+    const Mat3d middle = rotation_by(0.5 * h * spin(r)) * r;
+    r = rotation_by(h * spin(middle)) * r;
   }
   return r;
 }
@@ -108,7 +103,7 @@ Turning free_turning(const std::vector<Mat3d>& seen, const std::vector<double>& 
   const Mat3d inverse = moment.inverse();
   const std::size_t n = seen.size();
   const Vec3d rate = log_of(seen[n - 1] * seen[n - 2].transpose()) / (times[n - 1] - times[n - 2]);
-  Turning at{exp_of((time - times[n - 1]) * rate) * seen[n - 1], Vec3d::Zero()};
+  Turning at{rotation_by((time - times[n - 1]) * rate) * seen[n - 1], Vec3d::Zero()};
   at.momentum = at.rotation * moment * at.rotation.transpose() * rate;
   const double unit = moment.trace();  // a momentum of one radian a second, about
   const auto residuals = [&](const Turning& where) {
@@ -120,7 +115,8 @@ Turning free_turning(const std::vector<Mat3d>& seen, const std::vector<double>& 
     return r;
   };
   const auto moved = [&](const Turning& where, const Eigen::VectorXd& by) {
-    return Turning{exp_of(by.head<3>()) * where.rotation, where.momentum + unit * by.tail<3>()};
+    return Turning{rotation_by(by.head<3>()) * where.rotation,
+                   where.momentum + unit * by.tail<3>()};
   };
   Eigen::Matrix<double, 6, 6> information;
   for (int k = 0; k < kIterations; ++k) {
@@ -187,7 +183,7 @@ RigidState with_errors(RigidState state, const std::array<double, kNumbersOfStat
   const Eigen::Map<const Vec3d> velocity(errors.data() + 6);
   const Eigen::Map<const Vec3d> spin(errors.data() + 9);
   state.place += place;
-  state.rotation = exp_of(turn) * state.rotation;
+  state.rotation = rotation_by(turn) * state.rotation;
   state.velocity += velocity;
   state.spin += spin;
   return state;

@@ -107,7 +107,7 @@ class Finder:
 
     def run(self):
         cases = sorted(path for path in (self.folder / "cases").glob("*")
-                       if not self.options.only or path.name in self.options.only)
+                       if not self.options.only or int(path.name) in self.options.only)
         if not cases:
             sys.exit(f"blind_find.py: {self.folder}/cases holds none; run blind_hide.py first")
         with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
@@ -126,7 +126,7 @@ def main():
     require_in_tree()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("set", choices=["small", "full"])
-    parser.add_argument("--only", nargs="*", default=[], help="numbers of cases")
+    parser.add_argument("--only", nargs="*", type=int, default=[], help="numbers of cases")
     parser.add_argument("--jobs", type=int, default=1, help="cases at a time")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--limit", type=int, help="seconds of CPU that a case may take")

@@ -55,6 +55,14 @@ def uniform_shader():
     return gpu.shader.from_builtin(name)
 
 
+def flip_mesh_cache(modifier, across):
+    """Which axes a Mesh Cache modifier turns round: names of them before 4.5, three flags since."""
+    if modifier.bl_rna.properties["flip_axis"].type == "ENUM":
+        modifier.flip_axis = set(across)
+    else:
+        modifier.flip_axis = [axis in across for axis in "XYZ"]
+
+
 def font_size(font, points):
     import blf
     if VERSION >= (4, 0, 0):

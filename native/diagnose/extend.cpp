@@ -9,6 +9,7 @@
 #include <map>
 #include <utility>
 
+#include "base/error.hpp"
 #include "diagnose/accept.hpp"
 #include "diagnose/far_starts.hpp"
 #include "diagnose/further.hpp"
@@ -37,6 +38,8 @@ constexpr int kMoreRounds = 3;
 constexpr double kNoiseFloor = 1e-7;
 /// Causes that are fitted together for a start.
 constexpr std::size_t kTogether = 6;
+/// χ² a row of the fitted values beyond which the base also begins elsewhere (Model::other_starts).
+constexpr double kBeginsElsewhere = 9.0;
 /// χ²/dof of the base beyond which causes with set values are tried whatever the scores are.
 constexpr double kMuchLeft = 2.0;
 
@@ -108,6 +111,7 @@ class Search {
   }
 
   /// The fit knew of no corrections, so the base ends elsewhere: where about, with an exact solver.
+  /// Where the fitted values are far off, the best of others is searched beside them.
   [[nodiscard]] State come_near(const State& state) const {
     tell(0.0, "Refitting");
     study_.begin_search("refits");
@@ -121,7 +125,27 @@ class Search {
     start.made_there = true;
     start.whole = true;
     start.rough = true;
-    return refitter.fit(std::move(start)).state;
+    const Index used = study_.used().size();
+    const VectorXd left =
+        refitter.whitening().apply((study_.measured() - slopes.prediction).head(used));
+    std::vector<RefitStart> starts;
+    if (left.squaredNorm() > kBeginsElsewhere * double(used)) {
+      RefitStart elsewhere = start;
+      elsewhere.states.clear();
+      for (VectorXd& theta : study_.model().other_starts()) {
+        elsewhere.states.push_back({std::move(theta), state.causes});
+      }
+      elsewhere.made_there = false;
+      elsewhere.renew = true;
+      if (!elsewhere.states.empty()) starts.push_back(std::move(elsewhere));
+    }
+    starts.push_back(std::move(start));
+    std::optional<Refit> best;
+    for (std::optional<Refit>& refit : refitter.fit_all(std::move(starts))) {
+      if (refit && (!best || refit->deviance < best->deviance)) best = std::move(refit);
+    }
+    if (!best) throw_compute("No start of a refit could be simulated.");
+    return best->state;
   }
 
   void differentiate_causes() {

@@ -26,4 +26,4 @@ def play(item, points, first, mirrored=False):
     modifier.frame_scale = 1.0
     modifier.forward_axis = "POS_Y"
     modifier.up_axis = "POS_Z"
-    modifier.flip_axis = {"X"} if mirrored else set()
+    compat.flip_mesh_cache(modifier, "X" if mirrored else "")

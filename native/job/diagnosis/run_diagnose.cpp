@@ -180,6 +180,11 @@ Json run_diagnose(const Job& given, const RunOptions& options, Interrupter& inte
   const Job base = without_probes(read_again(job, sought));
   SceneModel model(base, SceneModel::From::kDocument, options, interrupter, statements,
                    settings.shooting);
+  std::vector<double> before;
+  for (const Json& parameter : fitted->fit.at("parameters")) {
+    before.push_back(parameter.at("start").get<double>());
+  }
+  model.begin_also_from(std::move(before));
   const MotionStore store(folder / "diagnosis",
                           hash_inputs(fit_inputs(base, resolve_target(options.target))));
   model.keep_in(&store);

@@ -6,6 +6,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/interrupter.hpp"
@@ -53,6 +54,11 @@ class SceneModel final : public diagnose::Model {
     return captures_;
   }
   [[nodiscard]] const std::vector<fit::Parameter>& parameters() const override { return listed_; }
+  /// Throws as the first flights show them, and the numbers of the material as they were before the
+  /// fit, or a factor of them: of bodies that meet something, once begin_also_from() was called.
+  [[nodiscard]] std::vector<Eigen::VectorXd> other_starts() const override;
+  /// The fitted parameters as they were before the fit.
+  void begin_also_from(std::vector<double> before) { before_ = std::move(before); }
   [[nodiscard]] std::vector<int> own_capture() const override;
   [[nodiscard]] std::vector<Eigen::Index> corrections() const override;
   [[nodiscard]] std::vector<Eigen::Index> state_errors() const override;
@@ -157,6 +163,8 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] std::size_t first_of_states() const {
     return fitted_count_ + nuisances_.parameters().size();
   }
+  /// Sets throws among values of the fitted parameters to what the first flights show.
+  void set_throws(std::vector<double>& values) const;
   [[nodiscard]] std::vector<double> fitted_values(const diagnose::Point& point) const;
   [[nodiscard]] std::vector<double> nuisance_values(const diagnose::Point& point) const;
   void settle_steps();
@@ -173,6 +181,7 @@ class SceneModel final : public diagnose::Model {
   /// states.
   std::vector<fit::Parameter> listed_;
   std::size_t fitted_count_ = 0;
+  std::vector<double> before_;  ///< begin_also_from()
   ContactNuisances nuisances_;
   std::vector<Target> nodes_;      ///< with the states of a camera that did nothing
   std::vector<Inertia> inertias_;  ///< of each run's only body, where it has nodes

@@ -161,6 +161,16 @@ std::vector<ShootingNode> shooting_nodes(const std::vector<Impact>& impacts,
   return result;
 }
 
+std::optional<ShootingNode> first_flight(const Impact& first) {
+  ShootingNode node;
+  node.run = first.run;
+  node.body = first.body;
+  node.capture = first.capture;
+  node.last = std::min(first.begin, kMostFrames) - 1;
+  if (node.last + 1 < kFewestFrames) return std::nullopt;
+  return node;
+}
+
 Inertia inertia_of(std::span<const Vec3d> places, std::span<const double> volumes) {
   Inertia result;
   double volume = 0.0;

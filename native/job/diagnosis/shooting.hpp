@@ -32,6 +32,10 @@ struct ShootingNode {
 [[nodiscard]] std::vector<ShootingNode> shooting_nodes(const std::vector<Impact>& impacts,
                                                        const mpm::Scene& scene);
 
+/// The frames of a body's flight before the first of its impacts; nothing where they are fewer than
+/// four.
+[[nodiscard]] std::optional<ShootingNode> first_flight(const Impact& first);
+
 /// A rigid body's inertia about its centre, by volume.
 struct Inertia {
   Vec3d center = Vec3d::Zero();      ///< [m]

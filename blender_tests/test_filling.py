@@ -36,7 +36,7 @@ def pressed(name, **properties):
     return stub, jobs.registry.add(jobs.drained(stub.begin_in_steps(bpy.context))).start()
 
 
-def tick_until(job, condition, seconds=60.0):
+def tick_until(job, condition, seconds=300.0):
     end = time.monotonic() + seconds
     while not condition():
         job.tick()

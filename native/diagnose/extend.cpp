@@ -9,8 +9,8 @@
 #include <map>
 #include <utility>
 
-#include "base/error.hpp"
 #include "diagnose/accept.hpp"
+#include "diagnose/approach.hpp"
 #include "diagnose/far_starts.hpp"
 #include "diagnose/further.hpp"
 #include "diagnose/mates.hpp"
@@ -32,14 +32,13 @@ constexpr std::size_t kAlways = 3;
 /// Share of the best cause's score from which on a cause that the catalogue calls like it is
 /// refitted.
 constexpr double kMateScore = 0.25;
+/// Share of the simulations of searches after which the base's and the best causes' end, so that
+/// there are some for what is like the best.
+constexpr double kBeforeMates = 0.75;
 /// How often the searches of base and best causes may begin again.
 constexpr int kMoreRounds = 3;
-/// The smallest deviation that counts as noise: rounding of single precision at a metre.
-constexpr double kNoiseFloor = 1e-7;
 /// Causes that are fitted together for a start.
 constexpr std::size_t kTogether = 6;
-/// χ² a row of the fitted values beyond which the base also begins elsewhere (Model::other_starts).
-constexpr double kBeginsElsewhere = 9.0;
 /// χ²/dof of the base beyond which causes with set values are tried whatever the scores are.
 constexpr double kMuchLeft = 2.0;
 
@@ -53,7 +52,9 @@ class Search {
     if (corrected) {
       // Weighed with the solver's errors the base ends elsewhere again, so causes wait until it
       // has.
-      linearise_base(come_near(study_.fitted()), {});
+      tell(0.0, "Refitting");
+      study_.begin_search("refits");
+      linearise_base(come_near(study_, study_.fitted(), options_.refit), {});
     } else {
       linearise_base(study_.fitted(), all_candidates());
     }
@@ -81,6 +82,7 @@ class Search {
       linearise_base(out_.base.refit.state, all_candidates(), 0.82);
       score_all(0.84);
     }
+    refitter_->end_after(options_.refit.most_runs);
     try_mates();
     choose();
     add_further_causes(study_, *trials_, *judge_, options_, out_);
@@ -110,44 +112,6 @@ class Search {
     out_.spread = numerical_spread(study_, state, out_.slopes.theta, {.members = members_});
   }
 
-  /// The fit knew of no corrections, so the base ends elsewhere: where about, with an exact solver.
-  /// Where the fitted values are far off, the best of others is searched beside them.
-  [[nodiscard]] State come_near(const State& state) const {
-    tell(0.0, "Refitting");
-    study_.begin_search("refits");
-    DifferenceOptions differences = options_.refit.differences;
-    differences.wanted = Study::Wanted::kUsed;
-    const Linearised slopes = linearise(study_, state, {}, differences);
-    const Spread exact = Spread::none(study_.size());
-    const Noise noise = noise_of(study_.measured() - slopes.prediction, slopes, exact);
-    const Refitter refitter(study_, noise, exact, options_.refit);
-    RefitStart start{{state}, slopes.theta};
-    start.made_there = true;
-    start.whole = true;
-    start.rough = true;
-    const Index used = study_.used().size();
-    const VectorXd left =
-        refitter.whitening().apply((study_.measured() - slopes.prediction).head(used));
-    std::vector<RefitStart> starts;
-    if (left.squaredNorm() > kBeginsElsewhere * double(used)) {
-      RefitStart elsewhere = start;
-      elsewhere.states.clear();
-      for (VectorXd& theta : study_.model().other_starts()) {
-        elsewhere.states.push_back({std::move(theta), state.causes});
-      }
-      elsewhere.made_there = false;
-      elsewhere.renew = true;
-      if (!elsewhere.states.empty()) starts.push_back(std::move(elsewhere));
-    }
-    starts.push_back(std::move(start));
-    std::optional<Refit> best;
-    for (std::optional<Refit>& refit : refitter.fit_all(std::move(starts))) {
-      if (refit && (!best || refit->deviance < best->deviance)) best = std::move(refit);
-    }
-    if (!best) throw_compute("No start of a refit could be simulated.");
-    return best->state;
-  }
-
   void differentiate_causes() {
     tell(0.4, "Differentiating all causes");
     study_.begin("derivatives");
@@ -156,19 +120,16 @@ class Search {
     out_.slopes.columns = linearise(study_, out_.base_state, all_candidates(), differences).columns;
   }
 
-  [[nodiscard]] Noise noise_of(const VectorXd& stacked, const Linearised& slopes,
-                               const Spread& spread) const {
-    const Index used = study_.used().size();
-    const std::vector<Capture>& captures = study_.model().captures();
-    return estimate_noise(study_.used(), captures, stacked.head(used),
-                          explained_columns(study_, slopes, spread), kNoiseFloor,
-                          body_turns(study_.used(), captures, slopes.prediction.head(used)));
-  }
-
   void estimate_from(const VectorXd& stacked) {
     const double corrections = out_.noise.corrections;
-    out_.noise = noise_of(stacked, out_.slopes, out_.spread);
+    out_.noise = noise_left(study_, stacked, out_.slopes, out_.spread);
     out_.noise.corrections = corrections;
+  }
+
+  [[nodiscard]] RefitOptions before_mates() const {
+    RefitOptions options = options_.refit;
+    options.most_runs = int(kBeforeMates * options.most_runs);
+    return options;
   }
 
   [[nodiscard]] RefitStart base_start() const {
@@ -182,7 +143,7 @@ class Search {
   void fit_base(bool far) {
     tell(0.4, "Refitting");
     study_.begin_search("refits");
-    refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
+    refitter_.emplace(study_, out_.noise, out_.spread, before_mates());
     out_.base = Trial{};
     RefitStart start = base_start();
     start.whole = far;
@@ -200,7 +161,7 @@ class Search {
       }
       estimate_from(study_.measured() - out_.base.refit.prediction);
       study_.begin_search("refits");
-      refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
+      refitter_.emplace(study_, out_.noise, out_.spread, before_mates());
       out_.base.refit = refitter_->fit(base_start());
     }
     judge_.emplace(study_, out_.noise, out_.spread, out_.slopes.theta, options_.refit);

@@ -100,6 +100,8 @@ class Refitter {
   /// Whether RefitOptions::most_runs are used up. Who leaves something undone for it marks the
   /// study as cut.
   [[nodiscard]] bool spent() const { return study_->search_runs() >= options_.most_runs; }
+  /// From now on RefitOptions::most_runs are so many.
+  void end_after(int most_runs) { options_.most_runs = most_runs; }
   /// Noise::corrections
   [[nodiscard]] double corrections() const { return corrections_; }
 

@@ -21,6 +21,15 @@ def cancel(job, what):
     print(f"window: Cancel of {what} answered after {job.elapsed - asked:.2f} s")
 
 
+def drawn_in():
+    """Seconds that the renderer takes for the window, beside which a Cancel is to be read."""
+    window, area = view()
+    began = time.monotonic()
+    with bpy.context.temp_override(window=window, area=area):
+        bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=DRAWS)
+    return (time.monotonic() - began) / DRAWS
+
+
 def modal_filling(picture, faults):
     """Bake with a body that takes seconds to fill: the button returns at once, the window goes on
     being drawn, Cancel answers; what was added for it is gone."""
@@ -56,6 +65,7 @@ def modal_filling(picture, faults):
     if took > 0.5 * filling:
         faults.append(f"Bake held the window for {took:.2f} s")
     picture("filling")
+    print(f"window: drawing it takes {drawn_in():.2f} s")
     yield from cancel(job, "filling")
     yield
     native.estimate = estimate

@@ -13,10 +13,10 @@ namespace {
 
 using namespace fit_test;
 
-constexpr double kAbove = 0.2;   // more, of the cube above the ground [m]
-constexpr double kNoise = 1e-3;  // of the cube's size
-const Vec3d kVelocity(0.8, 0.3, -1.5);
-const Vec3d kSpin(1.0, -2.0, 1.5);
+constexpr double kHigher = 0.2;        // more, of the cube above the ground [m]
+constexpr double kTracksNoise = 1e-3;  // of the cube's size
+const Vec3d kThrownBy(0.8, 0.3, -1.5);
+const Vec3d kTurning(1.0, -2.0, 1.5);
 
 /// The cube in flight for ten frames and on the ground for as many.
 Json falling_cube() {
@@ -26,9 +26,9 @@ Json falling_cube() {
   scene["frames"] = {0, 20};
   scene["particle_separation"] = 0.1;
   Json& body = scene["bodies"][0];
-  body["source"]["box"] = {{"low", {0.0, 0.0, 0.1 + kAbove}}, {"high", {0.4, 0.4, 0.5 + kAbove}}};
-  body["velocity"] = {kVelocity.x(), kVelocity.y(), kVelocity.z()};
-  body["spin"] = {kSpin.x(), kSpin.y(), kSpin.z()};
+  body["source"]["box"] = {{"low", {0.0, 0.0, 0.1 + kHigher}}, {"high", {0.4, 0.4, 0.5 + kHigher}}};
+  body["velocity"] = {kThrownBy.x(), kThrownBy.y(), kThrownBy.z()};
+  body["spin"] = {kTurning.x(), kTurning.y(), kTurning.z()};
   return document;
 }
 
@@ -40,7 +40,7 @@ Json astray() {
   body["velocity"] = {2.0, 1.0, -3.0};
   body["spin"] = {-4.0, 0.0, 5.0};
   body["material"]["E"] = 3e5;
-  document["captures"] = {{{"tracks", "a.npz"}, {"noise", kNoise * kSize}}};
+  document["captures"] = {{{"tracks", "a.npz"}, {"noise", kTracksNoise * kSize}}};
   document["fit"] = {{"parameters", {"velocity", "spin", "material.E"}}};
   return document;
 }
@@ -48,8 +48,8 @@ Json astray() {
 TEST(SceneModelStarts, AreTheFirstFlightsThrowsAndTheNumbersBeforeTheFit) {
   const Folder folder;
   Points points = markers();
-  for (Vec3d& x : points) x.z() += kAbove;
-  record(falling_cube(), folder.path, "a", 5, kNoise, points);
+  for (Vec3d& x : points) x.z() += kHigher;
+  record(falling_cube(), folder.path, "a", 5, kTracksNoise, points);
   std::vector<std::string> statements;
   const Interrupter interrupter;
   const Job job = job_of(astray(), folder.path);
@@ -63,8 +63,8 @@ TEST(SceneModelStarts, AreTheFirstFlightsThrowsAndTheNumbersBeforeTheFit) {
   const auto stiffness = [](const Eigen::VectorXd& theta) { return std::exp(theta[6]); };
   for (const Eigen::VectorXd& theta : starts) {
     ASSERT_EQ(theta.size(), Eigen::Index(model.parameters().size()));
-    EXPECT_LT((theta.head<3>() - kVelocity).norm(), 0.02);
-    EXPECT_LT((theta.segment<3>(3) - kSpin).norm(), 0.05);
+    EXPECT_LT((theta.head<3>() - kThrownBy).norm(), 0.02);
+    EXPECT_LT((theta.segment<3>(3) - kTurning).norm(), 0.05);
     EXPECT_TRUE(theta.tail(theta.size() - 7).isZero(0.0));
   }
   EXPECT_NEAR(stiffness(starts[0]), 3e5, 1.0);
@@ -79,8 +79,8 @@ TEST(SceneModelStarts, AFlightHasNoOthers) {
   Json truth = falling_cube();
   truth["scene"].erase("colliders");
   Points points = markers();
-  for (Vec3d& x : points) x.z() += kAbove;
-  record(truth, folder.path, "a", 5, kNoise, points);
+  for (Vec3d& x : points) x.z() += kHigher;
+  record(truth, folder.path, "a", 5, kTracksNoise, points);
   Json document = astray();
   document["scene"].erase("colliders");
   std::vector<std::string> statements;

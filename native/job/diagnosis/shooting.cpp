@@ -162,12 +162,21 @@ std::vector<ShootingNode> shooting_nodes(const std::vector<Impact>& impacts,
 }
 
 std::optional<ShootingNode> first_flight(const Impact& first) {
+  const SeenTracks samples{*first.capture};
   ShootingNode node;
   node.run = first.run;
   node.body = first.body;
   node.capture = first.capture;
-  node.last = std::min(first.begin, kMostFrames) - 1;
-  if (node.last + 1 < kFewestFrames) return std::nullopt;
+  // The frame that points are tied in is no sample.
+  const auto shows = [&](Index f) {
+    for (Index i = 0; i < first.capture->tracks(); ++i) {
+      if (samples.seen(f, i)) return true;
+    }
+    return false;
+  };
+  while (node.first < first.begin && !shows(node.first)) ++node.first;
+  node.last = std::min(first.begin, node.first + kMostFrames) - 1;
+  if (node.last + 1 - node.first < kFewestFrames) return std::nullopt;
   return node;
 }
 

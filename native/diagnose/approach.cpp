@@ -6,7 +6,6 @@
 
 #include "diagnose/analysis.hpp"
 #include "diagnose/places.hpp"
-#include "diagnose/whitening.hpp"
 
 namespace matterfit::diagnose {
 namespace {
@@ -16,8 +15,22 @@ using Eigen::VectorXd;
 
 /// The smallest deviation that counts as noise: rounding of single precision at a metre.
 constexpr double kNoiseFloor = 1e-7;
-/// χ² a row beyond which fitted values are far off.
-constexpr double kAstray = 9.0;
+/// Root mean square of what fitted values leave, in the noise that captures state, beyond which a
+/// fit has gone astray. (An estimate of the noise takes up what is left.)
+constexpr double kAstray = 4.0;
+
+bool is_astray(const Study& study, const VectorXd& left) {
+  double sum = 0.0;
+  Index rows = 0;
+  for (const Series& series : study.used().series()) {
+    const double noise = study.model().captures()[std::size_t(series.capture)].noise;
+    if (!(noise > 0.0)) continue;
+    const Index count = series.end - series.begin;
+    sum += left.segment(series.begin, count).squaredNorm() / (noise * noise);
+    rows += count;
+  }
+  return sum > kAstray * kAstray * double(rows);
+}
 
 }  // namespace
 
@@ -41,9 +54,7 @@ State come_near(const Study& study, const State& state, const RefitOptions& opti
   start.made_there = true;
   start.whole = true;
   start.rough = true;
-  const Index used = study.used().size();
-  const double chi_square = refitter.whitening().apply(left.head(used)).squaredNorm();
-  if (chi_square > kAstray * double(used)) {
+  if (is_astray(study, left)) {
     for (VectorXd& theta : study.model().other_starts()) {
       start.states.push_back({std::move(theta), state.causes});
     }

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "diagnose/approach.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "diagnose/models_for_test.hpp"
+
+namespace matterfit::diagnose {
+namespace {
+
+constexpr double kRings = 6.0;     // [Hz]
+constexpr double kAstrayAt = 9.0;  // where a fit has ended: between two of its misfit's hills
+
+/// What rings at a frequency that is fitted, of whose misfit every lag of a period is a hill.
+class RingingModel : public HiddenModel {
+ public:
+  RingingModel() {
+    Capture capture;
+    capture.name = "ringing";
+    for (int f = 0; f < 40; ++f) capture.times.push_back(f / 48.0);
+    for (int i = 0; i < 8; ++i) capture.rest.emplace_back(0.05 * (i % 4), 0.04 * (i / 4), 0.01 * i);
+    capture.use.assign(std::size_t(capture.samples()), Use::kUsed);
+    capture.noise = 5e-4;
+    captures_ = {std::move(capture)};
+    parameters_ = {parameter("frequency", kRings, 0.05, 1.0, 20.0)};
+    record({}, {});
+    parameters_[0].start = kAstrayAt;
+  }
+  std::vector<Eigen::VectorXd> other_starts() const override { return others_; }
+
+  std::vector<Eigen::VectorXd> others_;
+
+ protected:
+  Motion motion(const Point& point) const override {
+    const Capture& capture = captures_[0];
+    Motion result{Eigen::VectorXd(3 * capture.samples()), {}};
+    Eigen::Index row = 0;
+    for (const double time : capture.times) {
+      const double swing = 0.02 * std::cos(2.0 * std::numbers::pi * point.theta[0] * time);
+      for (const Vec3d& rest : capture.rest) {
+        result.positions.segment<3>(row) = rest + swing * Vec3d(1.0, 0.5, rest.x() / 0.2);
+        row += 3;
+      }
+    }
+    return result;
+  }
+};
+
+struct Ended {
+  double frequency = 0.0;
+  int runs = 0;
+};
+
+Ended approach(const RingingModel& model) {
+  const Study study(model, 12000);
+  const State state = come_near(study, study.fitted(), {});
+  return {state.theta[0], study.runs()};
+}
+
+TEST(Approach, LeavesAFalseMinimumForABetterStart) {
+  RingingModel model;
+  EXPECT_GT(std::abs(approach(model).frequency - kRings), 1.0);
+  for (const double start : {12.0, 6.2, 3.0}) {
+    model.others_.push_back(Eigen::VectorXd::Constant(1, start));
+  }
+  EXPECT_NEAR(approach(model).frequency, kRings, 0.05);
+}
+
+/// Where the fit has ended well, others are not looked at.
+TEST(Approach, StaysWhereTheFitIsGood) {
+  RingingModel model;
+  model.parameters_[0].start = kRings;
+  const Ended alone = approach(model);
+  EXPECT_NEAR(alone.frequency, kRings, 0.05);
+  model.others_.push_back(Eigen::VectorXd::Constant(1, 6.2));
+  EXPECT_EQ(approach(model).runs, alone.runs);
+}
+
+}  // namespace
+}  // namespace matterfit::diagnose

@@ -3,10 +3,13 @@
 // format by a file's name.
 #include "capture/splats.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <cstddef>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
@@ -153,6 +156,32 @@ Splats read_splats(const std::filesystem::path& path) {
                 name + " " + path.stem().string() + ".ply");
   }
   return parse_splats(read_file(path), name);
+}
+
+Splats cropped(const Splats& splats, const Eigen::AlignedBox3d& box) {
+  const std::size_t numbers = 3 * splats.sh_bands();
+  Splats kept;
+  kept.sh_degree = splats.sh_degree;
+  kept.isotropic = splats.isotropic;
+  kept.antialiased = splats.antialiased;
+  Eigen::AlignedBox3d all;
+  for (std::size_t i = 0; i < splats.size(); ++i) {
+    const Vec3d centre = splats.means[i].cast<double>();
+    all.extend(centre);
+    if (!box.contains(centre)) continue;
+    kept.means.push_back(splats.means[i]);
+    kept.rotations.push_back(splats.rotations[i]);
+    kept.scales.push_back(splats.scales[i]);
+    kept.opacities.push_back(splats.opacities[i]);
+    const auto first = splats.sh.begin() + static_cast<std::ptrdiff_t>(numbers * i);
+    kept.sh.insert(kept.sh.end(), first, first + static_cast<std::ptrdiff_t>(numbers));
+  }
+  if (kept.size() > 0) return kept;
+  const auto text = [](const Vec3d& x) {
+    return fmt::format("({:.3g}, {:.3g}, {:.3g})", x.x(), x.y(), x.z());
+  };
+  throw_input("no splat lies in the crop box from " + text(box.min()) + " to " + text(box.max()) +
+              ": in the file they lie from " + text(all.min()) + " to " + text(all.max()) + ".");
 }
 
 void write_splats(const std::filesystem::path& path, const Splats& splats) {

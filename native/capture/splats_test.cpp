@@ -149,5 +149,29 @@ TEST_F(SplatsTest, TheRasterisersGaussiansAreTheSame) {
   EXPECT_EQ(g.opacities, splats.opacities);
 }
 
+TEST_F(SplatsTest, ACropKeepsWhatLiesInIt) {
+  const Splats one = read(row(9));
+  Splats splats = one;
+  for (const float x : {-2.0F, 1.5F}) {
+    splats.means.emplace_back(x, 2.0F, 3.0F);
+    splats.rotations.push_back(one.rotations[0]);
+    splats.scales.push_back(one.scales[0]);
+    splats.opacities.push_back(0.25F);
+    for (const float value : one.sh) splats.sh.push_back(x + value);
+  }
+  const Splats kept = cropped(splats, {Vec3d(0.9, 0.0, 0.0), Vec3d(2.0, 4.0, 4.0)});
+  ASSERT_EQ(kept.size(), 2U);
+  EXPECT_EQ(kept.sh_degree, 1);
+  EXPECT_EQ(kept.means[1], Vec3f(1.5F, 2.0F, 3.0F));
+  EXPECT_EQ(kept.opacities[1], 0.25F);
+  ASSERT_EQ(kept.sh.size(), 2 * one.sh.size());
+  EXPECT_EQ(kept.sh[one.sh.size()], 1.5F + one.sh[0]);
+  const std::string message = message_of([&] {
+    (void)cropped(splats, {Vec3d(5.0, 5.0, 5.0), Vec3d(6.0, 6.0, 6.0)});
+  });
+  EXPECT_THAT(message, HasSubstr("(5, 5, 5) to (6, 6, 6)"));
+  EXPECT_THAT(message, HasSubstr("from (-2, 2, 3) to (1.5, 2, 3)"));
+}
+
 }  // namespace
 }  // namespace matterfit::capture

@@ -21,7 +21,9 @@ class RingingModel : public HiddenModel {
     Capture capture;
     capture.name = "ringing";
     for (int f = 0; f < 40; ++f) capture.times.push_back(f / 48.0);
-    for (int i = 0; i < 8; ++i) capture.rest.emplace_back(0.05 * (i % 4), 0.04 * (i / 4), 0.01 * i);
+    for (int row = 0; row < 2; ++row) {
+      for (int i = 0; i < 4; ++i) capture.rest.emplace_back(0.05 * i, 0.04 * row, 0.01 * i * row);
+    }
     capture.use.assign(std::size_t(capture.samples()), Use::kUsed);
     capture.noise = 5e-4;
     captures_ = {std::move(capture)};

@@ -32,8 +32,13 @@ class BodyPart:
         self._follow = {}
         self._regions = {}
         self._motion = []
+        self._crop = None
         if body.source == "OBJECT":
             self._prepare_object()
+        else:
+            self.object_rotation = transforms.upright(body.file_up)
+        if body.source == "GAUSSIANS" and body.crop is not None:
+            self._crop = writer.place(body.crop)
         for index, pin in enumerate(body.pins):
             if pin.follow is not None:
                 self._follow[index] = writer.keyed_matrix(pin.follow)
@@ -105,6 +110,8 @@ class BodyPart:
         if self.throw is not None and self.throw.use_placement:
             self.position, self.rotation = transforms.take_placement(self.throw,
                                                                      self.writer.scale)
+            if self.body.source != "OBJECT":
+                self.rotation = self.rotation @ transforms.upright(self.body.file_up)
 
     def document(self):
         body = self.body
@@ -121,6 +128,8 @@ class BodyPart:
         document["spin"] = numbers(spin)
         if self.position.length > 0.0 or transforms.quaternion_list(self.rotation) != [1, 0, 0, 0]:
             document["placement"] = transforms.pose(self.position, self.rotation)
+        if body.source != "OBJECT" and body.file_scale != 1.0:
+            document.setdefault("placement", {})["scale"] = number(body.file_scale)
         if body.pins:
             document["pins"] = [self._pin(index, pin) for index, pin in enumerate(body.pins)]
         if body.masses:
@@ -138,13 +147,33 @@ class BodyPart:
         if body.source == "POINTS":
             return {"points": self.writer.external(body.filepath, self.where)}
         if body.source == "GAUSSIANS":
-            return {"gaussians": self.writer.external(body.filepath, self.where),
-                    "fill_inside": body.fill_inside,
+            return {**self._gaussians(), "fill_inside": body.fill_inside,
                     "opacity_threshold": number(body.opacity_threshold)}
         path = self.writer.write_npz("body_" + files.safe_name(body.name), self.arrays)
         if self.shape.kind == "cage":
             return {"cage": path, "level": self.shape.level}
         return {"mesh": path}
+
+    def _gaussians(self):
+        """The file and what is kept of it, in its own frame: the crop box stands in the scene, where the
+        file lies without a throw's placement."""
+        document = {"gaussians": self.writer.external(self.body.filepath, self.where)}
+        if self._crop is not None:
+            back = self.object_rotation.conjugated()
+            corners = [back @ corner / self.body.file_scale for corner in self._crop.box(self.writer.scale)]
+            low = [min(a, b) for a, b in zip(*corners, strict=True)]
+            high = [max(a, b) for a, b in zip(*corners, strict=True)]
+            if not all(a < b for a, b in zip(low, high, strict=True)):
+                raise JobError(f"{self.where}: the crop box '{self.body.crop.name}' is flat. Choose an "
+                               "empty or a mesh with a width, depth and height.")
+            document["crop"] = {"low": numbers(low), "high": numbers(high)}
+        return document
+
+    def splat_output(self):
+        """The entry of output.splats, or None."""
+        if self.body.source != "GAUSSIANS":
+            return None
+        return {"name": files.safe_name(self.body.name), "body": self.body.name, **self._gaussians()}
 
     def _velocity(self):
         body, writer = self.body, self.writer

@@ -248,9 +248,7 @@ def _output(writer, bodies, outputs):
         if entries:
             document["mesh"] = entries
     if output.splats:
-        entries = [{"name": files.safe_name(part.body.name), "body": part.body.name,
-                    "gaussians": writer.external(part.body.filepath, part.where)}
-                   for part in bodies if part.body.source == "GAUSSIANS"]
+        entries = [entry for entry in (part.splat_output() for part in bodies) if entry]
         if entries:
             document["splats"] = entries
     return document

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Object transforms as the job document writes them: metres, quaternions [w, x, y, z]."""
 
-from mathutils import Euler, Vector
+import math
+
+from mathutils import Euler, Quaternion, Vector
 
 from .files import numbers
 
@@ -34,6 +36,11 @@ def quaternion_list(rotation):
 
 def pose(position, rotation):
     return {"position": numbers(position), "rotation": quaternion_list(rotation)}
+
+
+def upright(up):
+    """The quaternion that turns a file's axes to Blender's, by what points up in it (FILE_UP_AXES)."""
+    return Quaternion((1.0, 0.0, 0.0), {"Z": 0.0, "Y": math.pi / 2, "-Y": -math.pi / 2}[up])
 
 
 def keyed(frames, values):

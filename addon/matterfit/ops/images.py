@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Importing images with their cameras; drawing splats through Blender's camera."""
 
-import math
 import os
 import tempfile
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
-from mathutils import Matrix
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import blender_cameras, files, job_images
+from ..io import blender_cameras, files, job_images, transforms
 from ..jobs import JobError
 from ..props import choices
 from .base import PlainOperator
@@ -20,13 +18,6 @@ from .capture import blend_relative, import_file
 from .job_operator import JobOperator
 
 SPLAT_KINDS = (".ply", ".splat", ".spz")
-# Maps a file's world to Blender's, by what points up in it.
-UP_AXES = (
-    ("Z", "Z", "As Blender has it"),
-    ("Y", "Y", "Y points up"),
-    ("-Y", "−Y (COLMAP)", "Y points down, as in most trained scenes"),
-)
-TURNS = {"Z": 0.0, "Y": math.pi / 2, "-Y": -math.pi / 2}
 
 
 class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper):
@@ -73,7 +64,7 @@ class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
 
     filter_glob: StringProperty(default=";".join("*" + kind for kind in SPLAT_KINDS),
                                 options={"HIDDEN"})
-    up: EnumProperty(name="Up Axis", items=UP_AXES, default="-Y",
+    up: EnumProperty(name="Up Axis", items=choices.FILE_UP_AXES, default="-Y",
                      description="What points up in the file")
     background: BoolProperty(name="Behind the Camera", default=True,
                              description="Show the image in the camera's view")
@@ -90,7 +81,7 @@ class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
             raise JobError(translate("{path}: splats are {kinds} files. Choose one of them.").format(
                 path=path, kinds=", ".join(SPLAT_KINDS)))
         scene = context.scene
-        world = Matrix.Rotation(TURNS[self.up], 4, "X").inverted()
+        world = transforms.upright(self.up).to_matrix().to_4x4().inverted()
         folder = tempfile.mkdtemp(prefix="matterfit_splats_", dir=bpy.app.tempdir or None)
         shot = blender_cameras.shot(scene, scene.camera, "view", world,
                                     scene.unit_settings.scale_length)

@@ -134,7 +134,17 @@ class MatterfitBody(bpy.types.PropertyGroup):
         description="The object that is simulated, or run into")
     filepath: StringProperty(
         name="File", subtype="FILE_PATH", options=PATH_OPTIONS,
-        description="Particles or Gaussians in metres, Z up")
+        description="A file of particles or Gaussians")
+    file_up: EnumProperty(
+        name="Up Axis", default="Z", items=choices.FILE_UP_AXES,
+        description="What points up in the file")
+    file_scale: FloatProperty(
+        name="File Scale", default=1.0, min=1e-9, soft_min=1e-3, max=1e9, soft_max=1e3, precision=4,
+        description="Metres that one unit of the file stands for")
+    crop: PointerProperty(
+        name="Crop Box", type=bpy.types.Object,
+        description="Gaussians whose centres lie outside of this object's bounds are left out; an empty is a "
+                    "box of its size")
     fill_inside: BoolProperty(
         name="Fill Inside", default=True,
         description="Fill the inside of the Gaussians' surface with particles")

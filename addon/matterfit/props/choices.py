@@ -40,6 +40,13 @@ UP_AXES = (
     ("X", "X Up", "Rare"),
 )
 
+# What points up in a file of points or splats, which does not say it.
+FILE_UP_AXES = (
+    ("Z", "Z", "As Blender has it"),
+    ("Y", "Y", "Y points up"),
+    ("-Y", "−Y (COLMAP)", "Y points down, as in most trained scenes"),
+)
+
 VELOCITY_SOURCES = (
     ("VALUE", "Values Below", "The velocity and spin typed below"),
     ("ANIMATION", "Animation",

@@ -81,7 +81,10 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
                 _slow_start(column, context.scene, body)
         else:
             column.prop(body, "filepath")
+            column.prop(body, "file_up")
+            column.prop(body, "file_scale", text="Scale")
             if body.source == "GAUSSIANS":
+                column.prop(body, "crop")
                 column.prop(body, "fill_inside")
                 column.prop(body, "opacity_threshold", text="Opacity")
         material = body.material

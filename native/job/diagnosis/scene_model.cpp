@@ -219,9 +219,6 @@ void SceneModel::add_shooting_nodes() {
                          [&](const Impact& impact) { return impact.run == r; });
     for (ShootingNode& node : shooting_nodes(of_run, scene)) {
       const double time = (node.frame - scene.first_frame) / scene.fps;
-      const std::array<bool, 3>& axes = node.capture->axes;
-      const bool whole = axes[0] && axes[1] && axes[2];
-      if (!whole) continue;
       if (auto state = flight_state(node, inertias_[r], time, {})) {
         nodes_.push_back({node, std::move(*state)});
       }

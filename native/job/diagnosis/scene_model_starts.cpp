@@ -20,8 +20,6 @@ void SceneModel::set_throws(std::vector<double>& values) const {
     const mpm::Scene& scene = built({}, r)->scene;
     const auto first = std::ranges::find(nuisances_.impacts(), r, &Impact::run);
     if (scene.bodies.size() != 1 || first == nuisances_.impacts().end()) continue;
-    const std::array<bool, 3>& axes = first->capture->axes;
-    if (!(axes[0] && axes[1] && axes[2])) continue;
     const std::optional<ShootingNode> node = first_flight(*first);
     if (!node) continue;
     const std::optional<RigidState> state = flight_state(*node, inertias_[r], 0.0, {});

@@ -211,6 +211,7 @@ RigidState with_errors(RigidState state, const std::array<double, kNumbersOfStat
 std::optional<RigidState> flight_state(const ShootingNode& node, const Inertia& inertia,
                                        double time, std::span<const Observed> observations) {
   const diagnose::Capture& capture = *node.capture;
+  if (!(capture.axes[0] && capture.axes[1] && capture.axes[2])) return std::nullopt;
   const SeenTracks samples{capture};
   RigidState state;
   Points rest;

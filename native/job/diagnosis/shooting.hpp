@@ -71,7 +71,7 @@ inline constexpr std::size_t kNumbersOfState = 12;
 /// The state at scene time `time` [s] that the flight of a node shows: places of its frames by
 /// Kabsch, their centres as a parabola, their turns as the free motion of a body of this inertia
 /// (Gauss–Newton). `observations` of this capture are undone. Nothing where fewer than six tracks
-/// are seen in all of its frames, or they lie on a line.
+/// are seen in all of its frames, they lie on a line, or a coordinate was not measured.
 [[nodiscard]] std::optional<RigidState> flight_state(
     const ShootingNode& node, const Inertia& inertia, double time,
     std::span<const diagnose::Observed> observations);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -68,12 +69,14 @@ struct Source {
   int level = 3;                   ///< cage: subdivision level of the limit surface
   bool fill_inside = true;         ///< gaussians
   double opacity_threshold = 0.1;  ///< gaussians: fainter ones are left out
-  Vec3d low = Vec3d::Zero();       ///< box
-  Vec3d high = Vec3d::Zero();      ///< box
-  Vec3d center = Vec3d::Zero();    ///< sphere, cylinder
-  double radius = 0.0;             ///< sphere, cylinder
-  double height = 0.0;             ///< cylinder
-  Vec3d axis = Vec3d::UnitZ();     ///< cylinder
+  /// gaussians: those whose centres lie outside are left out, in the file's own frame
+  std::optional<Eigen::AlignedBox3d> crop;
+  Vec3d low = Vec3d::Zero();     ///< box
+  Vec3d high = Vec3d::Zero();    ///< box
+  Vec3d center = Vec3d::Zero();  ///< sphere, cylinder
+  double radius = 0.0;           ///< sphere, cylinder
+  double height = 0.0;           ///< cylinder
+  Vec3d axis = Vec3d::UnitZ();   ///< cylinder
   Sampling sampling = Sampling::kAuto;
   std::optional<Vec3d> anchor;         ///< a point that lattice cell faces go through, source frame
   Quatd rotation = Quatd::Identity();  ///< of the lattice's axes, source frame
@@ -236,6 +239,7 @@ struct SplatOutput {
   std::string name;
   std::filesystem::path file;
   std::string body;
+  std::optional<Eigen::AlignedBox3d> crop;  ///< as Source::crop
 };
 
 struct OutputDoc {

@@ -94,6 +94,17 @@ Placement read_placement(const JsonValue& value) {
   return placement;
 }
 
+Eigen::AlignedBox3d read_box(const JsonValue& value) {
+  JsonObject object(value);
+  const Eigen::AlignedBox3d box(object.require("low").vec3(kPlaceRange),
+                                object.require("high").vec3(kPlaceRange));
+  object.finish();
+  if (!(box.min().array() < box.max().array()).all()) {
+    value.refuse("'low' must lie below 'high' on every axis.");
+  }
+  return box;
+}
+
 Source read_source(const JsonValue& value, const ReadContext& context) {
   using Kind = Source::Kind;
   JsonObject object(value);
@@ -116,16 +127,12 @@ Source read_source(const JsonValue& value, const ReadContext& context) {
       source.fill_inside = object.boolean("fill_inside", source.fill_inside);
       source.opacity_threshold =
           object.number("opacity_threshold", source.opacity_threshold, {0.0, 1.0, false, {}});
+      if (const auto crop = object.find("crop")) source.crop = read_box(*crop);
       break;
     case Kind::kBox: {
-      const JsonValue given = object.require("box");
-      JsonObject box(given);
-      source.low = box.require("low").vec3(kPlaceRange);
-      source.high = box.require("high").vec3(kPlaceRange);
-      box.finish();
-      if (!(source.low.array() < source.high.array()).all()) {
-        given.refuse("'low' must lie below 'high' on every axis.");
-      }
+      const Eigen::AlignedBox3d box = read_box(object.require("box"));
+      source.low = box.min();
+      source.high = box.max();
       break;
     }
     case Kind::kSphere: {

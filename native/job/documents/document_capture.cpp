@@ -220,6 +220,7 @@ OutputDoc read_output(const JsonValue& value, const ReadContext& context, const 
         item.refuse("'name' must not be empty or have a / in it.");
       }
       read.body = resolve_body(splat.find("body"), item, scene);
+      if (const auto crop = splat.find("crop")) read.crop = read_box(*crop);
       splat.finish();
       for (const SplatOutput& other : output.splats) {
         if (other.name == read.name) item.refuse("the name '" + read.name + "' is taken.");

@@ -27,6 +27,8 @@ struct ReadContext {
 [[nodiscard]] SceneDoc read_scene(const JsonValue& value, const ReadContext& context);
 [[nodiscard]] material::Material read_material(const JsonValue& value, const ReadContext& context);
 [[nodiscard]] Source read_source(const JsonValue& value, const ReadContext& context);
+/// {`low`, `high`}.
+[[nodiscard]] Eigen::AlignedBox3d read_box(const JsonValue& value);
 [[nodiscard]] Region read_region(const JsonValue& value, const ReadContext& context);
 [[nodiscard]] BodyDoc read_body(const JsonValue& value, const ReadContext& context);
 [[nodiscard]] ColliderDoc read_collider(const JsonValue& value, const ReadContext& context,

@@ -147,6 +147,7 @@ void BakeOutputs::add_splats(std::size_t index) {
   const std::string path = "output.splats[" + std::to_string(index) + "]";
   try {
     capture::Splats splats = capture::read_splats(doc.file);
+    if (doc.crop) splats = capture::cropped(splats, *doc.crop);
     // The file is in the frame of the body's source: it starts where the body does.
     const Placement& placement = body_named(job_.scene, doc.body).placement;
     const Eigen::Quaternionf turn = placement.rotation.cast<float>();

@@ -42,7 +42,8 @@ struct FilledShape {
         for (Vec3d& x : points) x *= scale;
         break;
       case Source::Kind::kGaussians: {
-        const capture::Splats splats = capture::read_splats(source.file);
+        capture::Splats splats = capture::read_splats(source.file);
+        if (source.crop) splats = capture::cropped(splats, *source.crop);
         for (std::size_t i = 0; i < splats.size(); ++i) {
           gaussians.centres.push_back(scale * splats.means[i].cast<double>());
           gaussians.scales.push_back(scale * splats.scales[i].cast<double>());

@@ -108,6 +108,33 @@ class ImportTest(ImagesCase):
         numpy.testing.assert_allclose(seen["transform_matrix"], given["transform_matrix"], atol=1e-6)
 
     @needs_library
+    def test_photographs_behind_the_cameras(self):
+        """Image by image where the recording has the scene's rate, else the first."""
+        for fps, source in ((24, "SEQUENCE"), (30, "FILE")):
+            self.scene.render.fps = fps
+            bpy.ops.matterfit.import_images(filepath=self.clip())
+            name = self.settings.captures[self.settings.capture_index].name
+            camera = blender_cameras.of_capture(self.scene, name)[0]
+            shown = camera.data.background_images[0]
+            self.assertEqual(os.path.basename(shown.image.filepath), "c0_0.png")
+            self.assertEqual((shown.image.source, shown.display_depth), (source, "BACK"))
+            if source == "SEQUENCE":
+                user = shown.image_user
+                self.assertEqual((user.frame_start, user.frame_duration), (self.scene.frame_start, 3))
+                # Frame `frame_start` shows the file of number 0.
+                self.assertEqual(user.frame_offset, -1)
+            bpy.data.images.remove(shown.image)
+
+    def test_images_that_are_numbered_on(self):
+        folder = os.path.join(self.folder, "numbers")
+        os.makedirs(folder)
+        for name in ("a_008.png", "a_009.png", "a_010.png", "a_012.png", "b.png"):
+            open(os.path.join(folder, name), "wb").close()
+        self.assertEqual(blender_cameras.numbered_on(os.path.join(folder, "a_008.png")), 3)
+        self.assertEqual(blender_cameras.numbered_on(os.path.join(folder, "a_012.png")), 1)
+        self.assertEqual(blender_cameras.numbered_on(os.path.join(folder, "b.png")), 1)
+
+    @needs_library
     def test_what_is_broken_leaves_no_row(self):
         path = self.clip()
         os.remove(os.path.join(self.folder, "clip", "c0_1.png"))

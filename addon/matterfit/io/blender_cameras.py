@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender's cameras and those of files: lens and pose both ways."""
 
+import os
+import re
+
 import bpy
 from mathutils import Matrix, Vector
 
@@ -111,6 +114,41 @@ def set_overlays(camera, paths):
     shown.image_user.frame_offset = first - 1
     shown.image_user.frame_duration = last - first + 1
     shown.image_user.use_auto_refresh = True
+
+
+def show_photographs(scene, name, paths, moving):
+    """Each camera's photograph behind what it sees, {number of the camera: path}; where `moving`, those
+    that are numbered on from it follow frame by frame from the scene's first."""
+    for k, item in of_capture(scene, name).items():
+        if k not in paths:
+            continue
+        image = bpy.data.images.load(paths[k], check_existing=True)
+        set_background(item, image)
+        count = numbered_on(paths[k]) if moving else 1
+        if count < 2:
+            continue
+        image.source = "SEQUENCE"
+        user = next(shown for shown in item.data.background_images if shown.image == image).image_user
+        user.frame_start = scene.frame_start
+        user.frame_offset = int(_number_of(paths[k]).group(1)) - 1
+        user.frame_duration = count
+        user.use_auto_refresh = True
+
+
+def _number_of(path):
+    """The digits before a file's ending, as group 1; None without any."""
+    return re.search(r"(\d+)(?=\.\w+$)", path)
+
+
+def numbered_on(path):
+    """How many files there are from this one on, each numbered one higher."""
+    found = _number_of(path)
+    if found is None:
+        return 1
+    digits, count = found.group(1), 1
+    while os.path.isfile(f"{path[:found.start()]}{int(digits) + count:0{len(digits)}d}{path[found.end():]}"):
+        count += 1
+    return count
 
 
 def set_background(camera, image):

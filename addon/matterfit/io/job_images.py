@@ -22,6 +22,21 @@ def clip_name(path):
     return os.path.basename(folder) or "images"
 
 
+def photographs(cameras, places, folder=""):
+    """{number of a camera: its first image} of those that are found where the reader looks: in `folder`,
+    beside the file of the cameras, or in a folder 'images' there or up to two folders above."""
+    beside = cameras if os.path.isdir(cameras) else os.path.dirname(cameras)
+    above = [beside, os.path.dirname(beside), os.path.dirname(os.path.dirname(beside))]
+    folders = [folder] if folder else [beside, *(os.path.join(place, "images") for place in above)]
+    found = {}
+    for k, place in enumerate(places):
+        paths = (os.path.join(base, place["image"]) for base in folders)
+        path = next((path for path in paths if os.path.isfile(path)), None)
+        if path:
+            found[k] = path
+    return found
+
+
 def plate_files(path, where):
     """The clean plates that a file stands for, absolute: itself, or all that differ from it by the
     last number in their names, in the order of these; a name with # as it is."""

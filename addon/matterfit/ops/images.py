@@ -32,7 +32,8 @@ class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper
     up: EnumProperty(name="Up Axis", default="AUTO", items=choices.UP_AXES,
                      description="Which axis of the cameras' world points up")
     cameras: BoolProperty(name="Add Cameras", default=True,
-                          description="Add a camera object for each camera of the file")
+                          description="Add a camera object for each camera of the file, with its images "
+                                      "behind what it sees")
 
     plate: StringProperty(
         name="Clean Plate", subtype="FILE_PATH",
@@ -50,10 +51,13 @@ class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper
         found = import_file(context, job_images.clip_name(path), path, source="IMAGES", up=self.up,
                             use_plate=bool(self.plate), plate=blend_relative(self.plate))
         if self.cameras:
-            settings = context.scene.matterfit
-            blender_cameras.add_cameras(context.scene,
-                                        settings.captures[settings.capture_index].name,
-                                        found["places"])
+            scene = context.scene
+            capture = scene.matterfit.captures[scene.matterfit.capture_index]
+            blender_cameras.add_cameras(scene, capture.name, found["places"])
+            seconds = (found["times"] - 1) * scene.render.fps_base / scene.render.fps
+            blender_cameras.show_photographs(
+                scene, capture.name, job_images.photographs(path, found["places"]),
+                moving=abs(found["duration"] - seconds) < 0.01 * seconds)
 
 
 class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):

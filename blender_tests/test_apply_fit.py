@@ -7,6 +7,7 @@ from unittest import mock
 import bpy
 import fake_fit
 import numpy
+from mathutils import Quaternion
 from matterfit.io import files, fit_results, presets
 from test_fit import FakeFitCase
 
@@ -60,6 +61,26 @@ class ApplyTest(FakeFitCase):
         throw = self.settings.takes[0].throws[0]
         self.assertEqual((throw.velocity_from, tuple(throw.velocity)), ("VALUE", (1.0, 2.0, 3.0)))
         self.assertEqual(tuple(self.settings.bodies[0].velocity), (0.0, 0.0, 0.0))
+
+    def test_a_throw_of_a_body_from_a_file(self):
+        """What the file's own axes are turned by is no part of the throw."""
+        bpy.ops.matterfit.add_take()
+        self.settings.body_index = 0
+        bpy.ops.matterfit.add_throw()
+        throw = self.settings.takes[0].throws[0]
+        throw.use_placement = True
+
+        def change(scene):
+            # Turned by half a right angle about z, after −y to z.
+            turn = Quaternion((0.0, 0.0, 1.0), 0.25 * numpy.pi) @ Quaternion((1.0, 0.0, 0.0), -0.5 * numpy.pi)
+            scene["bodies"][0]["placement"] = {"position": [1.0, 2.0, 3.0], "rotation": list(turn)}
+
+        self.fitted(change=change, extra=[
+            fake_fit.estimate("bodies.Cube.placement.rotation[2]", "", 0.0, 0.25 * numpy.pi, 0.1)])
+        self.settings.bodies[0].source, self.settings.bodies[0].file_up = "GAUSSIANS", "-Y"
+        bpy.ops.matterfit.apply_fit()
+        numpy.testing.assert_allclose(throw.location, (1.0, 2.0, 3.0), atol=1e-6)
+        numpy.testing.assert_allclose(throw.rotation, (0.0, 0.0, 0.25 * numpy.pi), atol=1e-6)
 
     def test_everything_else(self):
         """Placement, gravity, ground, a collider, in Blender's units."""

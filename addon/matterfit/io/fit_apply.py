@@ -183,6 +183,9 @@ class Application:
         position = Vector(placement.get("position", (0, 0, 0))) / self.scale
         rotation = Quaternion(placement.get("rotation", (1, 0, 0, 0)))
         if fitted is not None and fitted.use_placement and throw is not None:
+            if body.source != "OBJECT":
+                # The document turns a file's own axes to Blender's beneath the throw.
+                rotation = rotation @ transforms.upright(body.file_up).conjugated()
             throw.location, throw.rotation = position, rotation.to_euler()
             return
         if body.source != "OBJECT" or body.object is None:

@@ -10,7 +10,7 @@ import struct
 import bpy
 import numpy
 from mathutils import Matrix, Vector
-from matterfit.io import blender_cameras
+from matterfit.io import blender_cameras, job_images
 from matterfit.jobs import JobError
 from support import SceneCase, needs_library
 
@@ -121,18 +121,41 @@ class ImportTest(ImagesCase):
             if source == "SEQUENCE":
                 user = shown.image_user
                 self.assertEqual((user.frame_start, user.frame_duration), (self.scene.frame_start, 3))
+                self.assertTrue(shown.image.filepath.startswith("//"))
                 # Frame `frame_start` shows the file of number 0.
                 self.assertEqual(user.frame_offset, -1)
-            bpy.data.images.remove(shown.image)
+
+    @needs_library
+    def test_photographs_of_cameras_side_by_side(self):
+        """What is numbered on is another camera's image, so each stands still."""
+        path = self.clip()
+        folder = os.path.dirname(path)
+        paths = {k: os.path.join(folder, f"c0_{k}.png") for k in range(3)}
+        places = [{"image": f"c0_{k}.png"} for k in range(3)]
+        self.assertEqual(job_images.photographs(path, places), paths)
+        camera = self.scene.camera
+        blender_cameras.show_photographs([camera] * 3, paths, 1, 2)
+        self.assertEqual([shown.image.source for shown in camera.data.background_images], ["FILE"] * 3)
+
+    def test_photographs_of_a_colmap_model(self):
+        """In the project's folder of images, however the model is named."""
+        project = os.path.join(self.folder, "project")
+        os.makedirs(os.path.join(project, "sparse", "0"))
+        os.makedirs(os.path.join(project, "images"))
+        photo = os.path.join(project, "images", "a.png")
+        open(photo, "wb").close()
+        model = os.path.join(project, "sparse", "0")
+        for named in (project, model, model + "/", os.path.join(model, "images.bin")):
+            self.assertEqual(job_images.photographs(named, [{"image": "a.png"}, {"image": "b.png"}]),
+                             {0: photo}, named)
 
     def test_images_that_are_numbered_on(self):
         folder = os.path.join(self.folder, "numbers")
         os.makedirs(folder)
         for name in ("a_008.png", "a_009.png", "a_010.png", "a_012.png", "b.png"):
             open(os.path.join(folder, name), "wb").close()
-        self.assertEqual(blender_cameras.numbered_on(os.path.join(folder, "a_008.png")), 3)
-        self.assertEqual(blender_cameras.numbered_on(os.path.join(folder, "a_012.png")), 1)
-        self.assertEqual(blender_cameras.numbered_on(os.path.join(folder, "b.png")), 1)
+        for name, count in (("a_008.png", 3), ("a_012.png", 1), ("b.png", 1)):
+            self.assertEqual(len(blender_cameras.numbered_on(os.path.join(folder, name))), count)
 
     @needs_library
     def test_what_is_broken_leaves_no_row(self):
@@ -256,6 +279,16 @@ class RenderTest(ImagesCase):
             file.write(struct.pack("<6f8B", 0.0, -0.5, 0.0, 0.05, 0.05, 0.05,
                                    255, 0, 0, 255, 255, 128, 128, 128))
         return path
+
+    @needs_library
+    def test_splats_of_another_unit(self):
+        """Half a unit below the origin of the file is half a decimetre below the scene's."""
+        camera = self.camera(location=(0.0, -0.2, 0.05))
+        self.scene.camera = camera
+        bpy.context.view_layer.update()
+        bpy.ops.matterfit.render_splats(filepath=self.splat(), up="-Y", scale=0.1)
+        pixels = numpy.array(bpy.data.images["ball"].pixels[:]).reshape(HEIGHT, WIDTH, 4)
+        self.assertGreater(pixels[HEIGHT // 2, WIDTH // 2, 0], 0.9)
 
     @needs_library
     def test_splats_behind_the_camera(self):

@@ -74,9 +74,12 @@ class SplatBodyTest(SceneCase):
         numpy.testing.assert_allclose(body["placement"]["rotation"], (0.5, -0.5, -0.5, 0.5), atol=1e-6)
 
     def test_a_flat_crop(self):
+        """Also where the turn to the file's axes gives it a thickness by rounding."""
         self.box.scale.z = 0.0
-        bpy.context.view_layer.update()
-        self.fails(bpy.ops.matterfit.bake, ["'Empty' is flat"])
+        for height, size in ((0.5, 1.0), (0.0, 1e4)):
+            self.box.location.z, self.box.scale.x, self.box.scale.y = height, size, size
+            bpy.context.view_layer.update()
+            self.fails(bpy.ops.matterfit.bake, ["'Empty' is flat"])
 
     @needs_library
     def test_baked(self):

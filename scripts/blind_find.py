@@ -107,7 +107,8 @@ class Finder:
 
     def run(self):
         cases = sorted(path for path in (self.folder / "cases").glob("*")
-                       if not self.options.only or int(path.name) in self.options.only)
+                       if path.name.isdecimal()
+                       and (not self.options.only or int(path.name) in self.options.only))
         if not cases:
             sys.exit(f"blind_find.py: {self.folder}/cases holds none; run blind_hide.py first")
         with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:

@@ -177,6 +177,7 @@ Splats cropped(const Splats& splats, const Eigen::AlignedBox3d& box) {
     kept.sh.insert(kept.sh.end(), first, first + static_cast<std::ptrdiff_t>(numbers));
   }
   if (kept.size() > 0) return kept;
+  if (splats.size() == 0) throw_input("the file holds no splats.");
   const auto text = [](const Vec3d& x) {
     return fmt::format("({:.3g}, {:.3g}, {:.3g})", x.x(), x.y(), x.z());
   };

@@ -43,7 +43,7 @@ Noise noise_left(const Study& study, const VectorXd& stacked, const Linearised& 
                         body_turns(study.used(), captures, slopes.prediction.head(used)));
 }
 
-State come_near(const Study& study, const State& state, const RefitOptions& options) {
+Approach come_near(const Study& study, const State& state, const RefitOptions& options) {
   DifferenceOptions differences = options.differences;
   differences.wanted = Study::Wanted::kUsed;
   const Linearised slopes = linearise(study, state, {}, differences);
@@ -56,16 +56,11 @@ State come_near(const Study& study, const State& state, const RefitOptions& opti
   start.rough = true;
   if (is_astray(study, left)) {
     for (VectorXd& theta : study.model().other_starts()) {
-      start.states.push_back({std::move(theta), state.causes});
+      if (theta != state.theta) start.states.push_back({std::move(theta), state.causes});
     }
   }
-  if (start.states.size() > 1) {
-    start.made_there = false;
-    start.renew = true;
-    // What flights between impacts do hardly depends on where a fit has ended.
-    start.whole = false;
-  }
-  return refitter.fit(std::move(start)).state;
+  Refit refit = refitter.fit(std::move(start));
+  return {std::move(refit.state), refit.began > 0};
 }
 
 }  // namespace matterfit::diagnose

@@ -15,9 +15,16 @@ namespace matterfit::diagnose {
 [[nodiscard]] Noise noise_left(const Study& study, const Eigen::VectorXd& stacked,
                                const Linearised& slopes, const Spread& spread);
 
+struct Approach {
+  State state;
+  bool elsewhere = false;  ///< it did not begin where the fit had ended
+};
+
 /// Where about the base of a model with corrections ends, with an exact solver: the fit knew of
-/// none. Begins at `state`, or where that is far off at the best of Model::other_starts().
-/// Throws Error(kCompute) where it cannot be simulated.
-[[nodiscard]] State come_near(const Study& study, const State& state, const RefitOptions& options);
+/// none. Begins at `state`; where that leaves more than four times the noise that captures state,
+/// at whichever leaves least of `state` and Model::other_starts(). Throws Error(kCompute) where
+/// none can be simulated.
+[[nodiscard]] Approach come_near(const Study& study, const State& state,
+                                 const RefitOptions& options);
 
 }  // namespace matterfit::diagnose

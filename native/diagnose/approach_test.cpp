@@ -54,12 +54,13 @@ class RingingModel : public HiddenModel {
 struct Ended {
   double frequency = 0.0;
   int runs = 0;
+  bool elsewhere = false;
 };
 
 Ended approach(const RingingModel& model) {
   const Study study(model, 12000);
-  const State state = come_near(study, study.fitted(), {});
-  return {state.theta[0], study.runs()};
+  const Approach near = come_near(study, study.fitted(), {});
+  return {near.state.theta[0], study.runs(), near.elsewhere};
 }
 
 TEST(Approach, LeavesAFalseMinimumForABetterStart) {
@@ -68,7 +69,9 @@ TEST(Approach, LeavesAFalseMinimumForABetterStart) {
   for (const double start : {12.0, 6.2, 3.0}) {
     model.others_.push_back(Eigen::VectorXd::Constant(1, start));
   }
-  EXPECT_NEAR(approach(model).frequency, kRings, 0.05);
+  const Ended end = approach(model);
+  EXPECT_NEAR(end.frequency, kRings, 0.05);
+  EXPECT_TRUE(end.elsewhere);
 }
 
 /// Where the fit has ended well, others are not looked at.
@@ -78,7 +81,21 @@ TEST(Approach, StaysWhereTheFitIsGood) {
   const Ended alone = approach(model);
   EXPECT_NEAR(alone.frequency, kRings, 0.05);
   model.others_.push_back(Eigen::VectorXd::Constant(1, 6.2));
-  EXPECT_EQ(approach(model).runs, alone.runs);
+  const Ended beside = approach(model);
+  EXPECT_EQ(beside.runs, alone.runs);
+  EXPECT_FALSE(beside.elsewhere);
+}
+
+/// What a fit that has gone astray leaves may still be the least.
+TEST(Approach, KeepsTheSlopesOfTheFitWhereThatIsNearest) {
+  RingingModel model;
+  model.parameters_[0].start = kRings + 0.4;
+  const Ended alone = approach(model);
+  model.others_.push_back(Eigen::VectorXd::Constant(1, 12.0));
+  const Ended beside = approach(model);
+  EXPECT_FALSE(beside.elsewhere);
+  EXPECT_EQ(beside.runs, alone.runs + 1);
+  EXPECT_EQ(beside.frequency, alone.frequency);
 }
 
 }  // namespace

@@ -70,6 +70,7 @@ class Writer {
     next();
     report_.runs = study_.runs();
     report_.cut = study_.cut();
+    report_.began_elsewhere = found_.began_elsewhere;
     report_.by_stage.reserve(study_.stages().size());
     for (const Ledger::Stage& stage : study_.stages()) {
       report_.by_stage.emplace_back(stage.name, stage.runs);

@@ -32,9 +32,6 @@ constexpr std::size_t kAlways = 3;
 /// Share of the best cause's score from which on a cause that the catalogue calls like it is
 /// refitted.
 constexpr double kMateScore = 0.25;
-/// Share of the simulations of searches after which the base's and the best causes' end, so that
-/// there are some for what is like the best.
-constexpr double kBeforeMates = 0.75;
 /// How often the searches of base and best causes may begin again.
 constexpr int kMoreRounds = 3;
 /// Causes that are fitted together for a start.
@@ -54,7 +51,9 @@ class Search {
       // has.
       tell(0.0, "Refitting");
       study_.begin_search("refits");
-      linearise_base(come_near(study_, study_.fitted(), options_.refit), {});
+      const Approach near = come_near(study_, study_.fitted(), options_.refit);
+      out_.began_elsewhere = near.elsewhere;
+      linearise_base(near.state, {});
     } else {
       linearise_base(study_.fitted(), all_candidates());
     }
@@ -82,7 +81,6 @@ class Search {
       linearise_base(out_.base.refit.state, all_candidates(), 0.82);
       score_all(0.84);
     }
-    refitter_->end_after(options_.refit.most_runs);
     try_mates();
     choose();
     add_further_causes(study_, *trials_, *judge_, options_, out_);
@@ -126,12 +124,6 @@ class Search {
     out_.noise.corrections = corrections;
   }
 
-  [[nodiscard]] RefitOptions before_mates() const {
-    RefitOptions options = options_.refit;
-    options.most_runs = int(kBeforeMates * options.most_runs);
-    return options;
-  }
-
   [[nodiscard]] RefitStart base_start() const {
     RefitStart start{{out_.base_state}, out_.slopes.theta};
     start.made_there = true;
@@ -143,7 +135,7 @@ class Search {
   void fit_base(bool far) {
     tell(0.4, "Refitting");
     study_.begin_search("refits");
-    refitter_.emplace(study_, out_.noise, out_.spread, before_mates());
+    refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
     out_.base = Trial{};
     RefitStart start = base_start();
     start.whole = far;
@@ -161,7 +153,7 @@ class Search {
       }
       estimate_from(study_.measured() - out_.base.refit.prediction);
       study_.begin_search("refits");
-      refitter_.emplace(study_, out_.noise, out_.spread, before_mates());
+      refitter_.emplace(study_, out_.noise, out_.spread, options_.refit);
       out_.base.refit = refitter_->fit(base_start());
     }
     judge_.emplace(study_, out_.noise, out_.spread, out_.slopes.theta, options_.refit);

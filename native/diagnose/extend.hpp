@@ -28,9 +28,10 @@ struct ExtendOptions {
 struct Extension {
   Noise noise;
   Spread spread;
-  State base_state;   ///< where the search began
-  Linearised slopes;  ///< there
-  Trial base;         ///< nothing added, refitted under the noise
+  State base_state;              ///< where the search began
+  bool began_elsewhere = false;  ///< Approach::elsewhere
+  Linearised slopes;             ///< there
+  Trial base;                    ///< nothing added, refitted under the noise
   std::optional<Analysis> first;
   std::vector<Trial> singles;       ///< smallest evidence first
   std::vector<std::size_t> rivals;  ///< scores (indices) of candidates not excluded by the best

@@ -196,7 +196,8 @@ class Model {
   /// Everything refitted. `start` is the fitted value (for a check before a fit: the start).
   [[nodiscard]] virtual const std::vector<fit::Parameter>& parameters() const = 0;
   /// Other values of all parameters, natural, at which a search may begin where the fitted ones are
-  /// far off: a fit through a whole clip of bounces may have ended in a false minimum.
+  /// far off: a fit through a whole clip of bounces may have ended in a false minimum. Asked for
+  /// where there are corrections() alone.
   [[nodiscard]] virtual std::vector<Eigen::VectorXd> other_starts() const { return {}; }
   /// For each parameter the only capture that it acts in, as its own throw, or -1. Where no sample
   /// of that capture is used, such parameters are fitted to its held-out samples before an error is

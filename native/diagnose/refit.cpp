@@ -211,14 +211,17 @@ class Refitter::Search {
       const double deviance = left(there.residual);
       if (here_ && !(deviance < least)) continue;
       least = deviance;
+      began_ = i;
       here_ = std::move(there);
     }
     if (!here_) return;
     renewed_at_ = here_->residual.squaredNorm();
-    made_here_ = start_.made_there;
+    const bool moved = start_.made_there && began_ > 0;
+    if (moved) start_.whole = false;
+    made_here_ = start_.made_there && !moved;
     scales_ = scales_of(model(), here_->state);
     bounds_ = box_of(model(), here_->state);
-    if (slopes_.cols() != scales_.size() || start_.renew) {
+    if (slopes_.cols() != scales_.size() || start_.renew || moved) {
       slopes_ = made_ = refitter_.slopes_at(here_->state, known());
       made_here_ = true;
     }
@@ -352,6 +355,7 @@ class Refitter::Search {
   RefitStart start_;
   double corrections_;
   std::vector<State> trying_;
+  std::size_t began_ = 0;  ///< of them
   std::size_t share_ = 0;
   std::optional<Place> here_;
   MatrixXd slopes_;
@@ -378,6 +382,7 @@ std::optional<Refit> Refitter::Search::result(const std::optional<VectorXd>& see
   const Index numbers = scales_.size();
   Refit result;
   result.converged = converged_;
+  result.began = began_;
   result.corrections = corrections_;
   result.state = here_->state;
   result.bias = here_->bias;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -17,6 +18,7 @@ namespace matterfit::diagnose {
 /// A model that was fitted to the used rows.
 struct Refit {
   State state;
+  std::size_t began = 0;       ///< in RefitStart::states
   double bias = 0.0;           ///< amplitude of the grid's extrapolated error; 0: not at work
   double deviance = 0.0;       ///< χ² and priors; smaller is better
   double chi_square = 0.0;     ///< of the rows alone
@@ -51,9 +53,11 @@ struct RefitOptions {
 struct RefitStart {
   std::vector<State> states;
   Eigen::MatrixXd slopes;
-  int renewals = 0;         ///< beyond RefitOptions::renewals
-  bool renew = false;       ///< `slopes` are of another place: all but the kept ones are made first
-  bool made_there = false;  ///< `slopes` were made by differences at the only state
+  int renewals = 0;    ///< beyond RefitOptions::renewals
+  bool renew = false;  ///< `slopes` are of another place: all but the kept ones are made first
+  /// `slopes` were made by differences at the first state. From another one they are made anew,
+  /// those of nuisances of known times are kept.
+  bool made_there = false;
   /// Slopes of nuisances of known times are made anew as the others are: for a search from far off.
   bool whole = false;
   bool rough = false;        ///< only on the way: ends where a step promises less than a hundredth
@@ -100,8 +104,6 @@ class Refitter {
   /// Whether RefitOptions::most_runs are used up. Who leaves something undone for it marks the
   /// study as cut.
   [[nodiscard]] bool spent() const { return study_->search_runs() >= options_.most_runs; }
-  /// From now on RefitOptions::most_runs are so many.
-  void end_after(int most_runs) { options_.most_runs = most_runs; }
   /// Noise::corrections
   [[nodiscard]] double corrections() const { return corrections_; }
 

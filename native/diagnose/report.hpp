@@ -144,6 +144,7 @@ struct Report {
   State extended;    ///< the model to go on with: fitted values, and the causes that act
   int runs = 0;      ///< simulations
   bool cut = false;  ///< searches ended since DiagnoseOptions::most_runs were used up
+  bool began_elsewhere = false;  ///< Approach::elsewhere: the fit had gone astray
   std::vector<std::pair<std::string, int>> by_stage;  ///< the same by what they were for
 };
 

@@ -10,6 +10,7 @@ from mathutils import Matrix, Vector
 from ..compat import translate
 from ..jobs import JobError
 from .files import number, numbers
+from .nodes import relative_path
 
 SENSOR = 36.0
 # Properties of the cameras that we add: the capture and the number, the file's matrix and lens.
@@ -47,10 +48,11 @@ def shot(scene, camera, name, world=None, scale=1.0):
 
 
 def add_cameras(scene, name, places):
-    """Camera objects at the places of a summary, in a collection of their own."""
+    """Camera objects at the places of a summary, in their order, in a collection of their own."""
     collection = bpy.data.collections.new(name)
     scene.collection.children.link(collection)
     units = 1.0 / scene.unit_settings.scale_length
+    items = []
     for k, place in enumerate(places):
         data = bpy.data.cameras.new(f"{name} {k}")
         width, height = place["width"], place["height"]
@@ -68,7 +70,8 @@ def add_cameras(scene, name, places):
         item[PLACE] = [value for row in matrix for value in row]
         item[LENS] = data.lens
         collection.objects.link(item)
-    return collection
+        items.append(item)
+    return items
 
 
 def of_capture(scene, name):
@@ -116,23 +119,23 @@ def set_overlays(camera, paths):
     shown.image_user.use_auto_refresh = True
 
 
-def show_photographs(scene, name, paths, moving):
-    """Each camera's photograph behind what it sees, {number of the camera: path}; where `moving`, those
-    that are numbered on from it follow frame by frame from the scene's first."""
-    for k, item in of_capture(scene, name).items():
-        if k not in paths:
-            continue
-        image = bpy.data.images.load(paths[k], check_existing=True)
-        set_background(item, image)
-        count = numbered_on(paths[k]) if moving else 1
-        if count < 2:
+def show_photographs(cameras, paths, first, count):
+    """Each camera's photograph behind what it sees, {number of the camera: path}. Of `count` images a
+    camera those that are numbered on follow frame by frame from `first`, unless what follows is another
+    camera's first."""
+    for k, path in paths.items():
+        image = bpy.data.images.load(path)
+        image.filepath = relative_path(path)
+        set_background(cameras[k], image)
+        following = numbered_on(path)
+        if count < 2 or len(following) < count or set(following[1:count]) & set(paths.values()):
             continue
         image.source = "SEQUENCE"
-        user = next(shown for shown in item.data.background_images if shown.image == image).image_user
-        user.frame_start = scene.frame_start
-        user.frame_offset = int(_number_of(paths[k]).group(1)) - 1
-        user.frame_duration = count
-        user.use_auto_refresh = True
+        shown = next(shown for shown in cameras[k].data.background_images if shown.image == image)
+        shown.image_user.frame_start = first
+        shown.image_user.frame_offset = int(_number_of(path).group(1)) - 1
+        shown.image_user.frame_duration = count
+        shown.image_user.use_auto_refresh = True
 
 
 def _number_of(path):
@@ -141,14 +144,18 @@ def _number_of(path):
 
 
 def numbered_on(path):
-    """How many files there are from this one on, each numbered one higher."""
+    """The files that there are from this one on, each numbered one higher."""
+    paths = [path]
     found = _number_of(path)
     if found is None:
-        return 1
-    digits, count = found.group(1), 1
-    while os.path.isfile(f"{path[:found.start()]}{int(digits) + count:0{len(digits)}d}{path[found.end():]}"):
-        count += 1
-    return count
+        return paths
+    digits = found.group(1)
+    while True:
+        number = f"{int(digits) + len(paths):0{len(digits)}d}"
+        following = path[:found.start()] + number + path[found.end():]
+        if not os.path.isfile(following):
+            return paths
+        paths.append(following)
 
 
 def set_background(camera, image):

@@ -9,6 +9,8 @@ from ..jobs import JobError
 from . import attached, files, job_writer, material_values, meshes, refinement, shapes, throws, transforms
 from .files import number, numbers
 
+FLAT = 1e-6  # a box's shortest side, of its longest
+
 
 class BodyPart:
     """One body while the document is written. Source space: the object's rotation and position
@@ -159,14 +161,15 @@ class BodyPart:
         file lies without a throw's placement."""
         document = {"gaussians": self.writer.external(self.body.filepath, self.where)}
         if self._crop is not None:
-            back = self.object_rotation.conjugated()
-            corners = [back @ corner / self.body.file_scale for corner in self._crop.box(self.writer.scale)]
-            low = [min(a, b) for a, b in zip(*corners, strict=True)]
-            high = [max(a, b) for a, b in zip(*corners, strict=True)]
-            if not all(a < b for a, b in zip(low, high, strict=True)):
+            box = self._crop.box(self.writer.scale)
+            sides = box[1] - box[0]
+            if min(sides) <= FLAT * max(sides):
                 raise JobError(f"{self.where}: the crop box '{self.body.crop.name}' is flat. Choose an "
                                "empty or a mesh with a width, depth and height.")
-            document["crop"] = {"low": numbers(low), "high": numbers(high)}
+            back = self.object_rotation.conjugated()
+            corners = [back @ corner / self.body.file_scale for corner in box]
+            document["crop"] = {name: numbers([which(a, b) for a, b in zip(*corners, strict=True)])
+                                for name, which in (("low", min), ("high", max))}
         return document
 
     def splat_output(self):

@@ -22,12 +22,15 @@ def clip_name(path):
     return os.path.basename(folder) or "images"
 
 
-def photographs(cameras, places, folder=""):
-    """{number of a camera: its first image} of those that are found where the reader looks: in `folder`,
-    beside the file of the cameras, or in a folder 'images' there or up to two folders above."""
+def photographs(cameras, places):
+    """{number of a camera: its first image} of those that are found: beside the file of the cameras, of a
+    COLMAP model also in a folder 'images' there or up to two folders above."""
+    cameras = os.path.abspath(cameras)
     beside = cameras if os.path.isdir(cameras) else os.path.dirname(cameras)
-    above = [beside, os.path.dirname(beside), os.path.dirname(os.path.dirname(beside))]
-    folders = [folder] if folder else [beside, *(os.path.join(place, "images") for place in above)]
+    folders = [beside]
+    if not cameras.endswith(".json"):
+        above = [beside, os.path.dirname(beside), os.path.dirname(os.path.dirname(beside))]
+        folders += [os.path.join(place, "images") for place in above]
     found = {}
     for k, place in enumerate(places):
         paths = (os.path.join(base, place["image"]) for base in folders)

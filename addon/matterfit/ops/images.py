@@ -5,12 +5,12 @@ import os
 import tempfile
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import blender_cameras, files, job_images, transforms
+from ..io import blender_cameras, files, frames, job_images, transforms
 from ..jobs import JobError
 from ..props import choices
 from .base import PlainOperator
@@ -53,11 +53,12 @@ class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper
         if self.cameras:
             scene = context.scene
             capture = scene.matterfit.captures[scene.matterfit.capture_index]
-            blender_cameras.add_cameras(scene, capture.name, found["places"])
+            cameras = blender_cameras.add_cameras(scene, capture.name, found["places"])
             seconds = (found["times"] - 1) * scene.render.fps_base / scene.render.fps
+            same_rate = abs(found["duration"] - seconds) < 0.01 * seconds
             blender_cameras.show_photographs(
-                scene, capture.name, job_images.photographs(path, found["places"]),
-                moving=abs(found["duration"] - seconds) < 0.01 * seconds)
+                cameras, job_images.photographs(path, found["places"]),
+                frames.frame_range(scene)[0], found["times"] if same_rate else 1)
 
 
 class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
@@ -70,6 +71,8 @@ class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
                                 options={"HIDDEN"})
     up: EnumProperty(name="Up Axis", items=choices.FILE_UP_AXES, default="-Y",
                      description="What points up in the file")
+    scale: FloatProperty(name="Scale", default=1.0, min=1e-9, soft_min=1e-3, max=1e9, soft_max=1e3,
+                         precision=4, description="Metres that one unit of the file stands for")
     background: BoolProperty(name="Behind the Camera", default=True,
                              description="Show the image in the camera's view")
 
@@ -88,7 +91,7 @@ class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
         world = transforms.upright(self.up).to_matrix().to_4x4().inverted()
         folder = tempfile.mkdtemp(prefix="matterfit_splats_", dir=bpy.app.tempdir or None)
         shot = blender_cameras.shot(scene, scene.camera, "view", world,
-                                    scene.unit_settings.scale_length)
+                                    scene.unit_settings.scale_length / self.scale)
         files.write_json(os.path.join(folder, "transforms.json"), {"frames": [shot]})
         document = {"schema": "matterfit.job/1", "task": "render",
                     "render": {"cameras": "transforms.json", "gaussians": path},

@@ -142,9 +142,9 @@ class MatterfitBody(bpy.types.PropertyGroup):
         name="File Scale", default=1.0, min=1e-9, soft_min=1e-3, max=1e9, soft_max=1e3, precision=4,
         description="Metres that one unit of the file stands for")
     crop: PointerProperty(
-        name="Crop Box", type=bpy.types.Object,
-        description="Gaussians whose centres lie outside of this object's bounds are left out; an empty is a "
-                    "box of its size")
+        name="Crop Box", type=bpy.types.Object, poll=_object_poll,
+        description="Gaussians whose centres lie outside of this object's bounds, along the world's axes, are "
+                    "left out; an empty is a box of its size")
     fill_inside: BoolProperty(
         name="Fill Inside", default=True,
         description="Fill the inside of the Gaussians' surface with particles")

@@ -40,11 +40,11 @@ UP_AXES = (
     ("X", "X Up", "Rare"),
 )
 
-# What points up in a file of points or splats, which does not say it.
+# What points up in a file of points or splats, which does not say it. Numbered: files store the number.
 FILE_UP_AXES = (
-    ("Z", "Z", "As Blender has it"),
-    ("Y", "Y", "Y points up"),
-    ("-Y", "−Y (COLMAP)", "Y points down, as in most trained scenes"),
+    ("Z", "Z", "As Blender has it", "NONE", 0),
+    ("Y", "Y", "Y points up", "NONE", 1),
+    ("-Y", "−Y (COLMAP)", "Y points down, as in most trained scenes", "NONE", 2),
 )
 
 VELOCITY_SOURCES = (

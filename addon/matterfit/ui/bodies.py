@@ -85,6 +85,9 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
             column.prop(body, "file_scale", text="Scale")
             if body.source == "GAUSSIANS":
                 column.prop(body, "crop")
+                shown = column.operator("matterfit.render_splats", icon="RENDER_STILL")
+                shown.filepath, shown.up, shown.scale = (bpy.path.abspath(body.filepath), body.file_up,
+                                                         body.file_scale)
                 column.prop(body, "fill_inside")
                 column.prop(body, "opacity_threshold", text="Opacity")
         material = body.material

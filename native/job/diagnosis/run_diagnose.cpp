@@ -200,6 +200,11 @@ Json run_diagnose(const Job& given, const RunOptions& options, Interrupter& inte
   };
   const diagnose::Report report = diagnose::diagnose(model, settings.engine);
 
+  if (report.began_elsewhere) {
+    statements.push_back(
+        "The fit had ended far off, so causes were sought from the throw that the first flight of "
+        "the recording shows, and the values of the fit are not the report's.");
+  }
   if (report.cut) {
     statements.push_back(
         fmt::format("The search for causes ended after {} simulations, before it was done: what is "

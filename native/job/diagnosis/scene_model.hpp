@@ -54,11 +54,13 @@ class SceneModel final : public diagnose::Model {
     return captures_;
   }
   [[nodiscard]] const std::vector<fit::Parameter>& parameters() const override { return listed_; }
-  /// Throws as the first flights show them, and the numbers of the material as they were before the
-  /// fit, or a factor of them: of bodies that meet something, once begin_also_from() was called.
+  /// Of bodies that meet something, once begin_also_from() was called: throws as the first flights
+  /// show them, with the material as it was fitted and as it was before the fit, what is in Pa of
+  /// it times 1, 4 and 1/4; all else as it was fitted.
   [[nodiscard]] std::vector<Eigen::VectorXd> other_starts() const override;
-  /// The fitted parameters as they were before the fit.
-  void begin_also_from(std::vector<double> before) { before_ = std::move(before); }
+  /// The fitted parameters (the first of parameters()) as they were before the fit, in SI. Throws
+  /// Error(kCompute) where they are another number.
+  void begin_also_from(std::vector<double> before);
   [[nodiscard]] std::vector<int> own_capture() const override;
   [[nodiscard]] std::vector<Eigen::Index> corrections() const override;
   [[nodiscard]] std::vector<Eigen::Index> state_errors() const override;

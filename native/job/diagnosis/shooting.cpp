@@ -175,7 +175,7 @@ std::optional<ShootingNode> first_flight(const Impact& first) {
     return false;
   };
   while (node.first < first.begin && !shows(node.first)) ++node.first;
-  node.last = std::min(first.begin, node.first + kMostFrames) - 1;
+  node.last = first.begin - 1;
   if (node.last + 1 - node.first < kFewestFrames) return std::nullopt;
   return node;
 }

@@ -96,13 +96,13 @@ Placement read_placement(const JsonValue& value) {
 
 Eigen::AlignedBox3d read_box(const JsonValue& value) {
   JsonObject object(value);
-  const Eigen::AlignedBox3d box(object.require("low").vec3(kPlaceRange),
-                                object.require("high").vec3(kPlaceRange));
+  const Vec3d low = object.require("low").vec3(kPlaceRange);
+  const Vec3d high = object.require("high").vec3(kPlaceRange);
   object.finish();
-  if (!(box.min().array() < box.max().array()).all()) {
+  if (!(low.array() < high.array()).all()) {
     value.refuse("'low' must lie below 'high' on every axis.");
   }
-  return box;
+  return {low, high};
 }
 
 Source read_source(const JsonValue& value, const ReadContext& context) {

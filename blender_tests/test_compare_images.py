@@ -70,13 +70,14 @@ class CompareImagesTest(ImagesCase):
         self.assertNotEqual(camera, other)
         self.assertEqual(bpy.ops.matterfit.show_overlays(), {"FINISHED"}, self.error())
         self.assertEqual(self.scene.camera, camera)
-        shown = camera.data.background_images[0]
+        photograph, shown = camera.data.background_images
+        self.assertEqual(photograph.display_depth, "BACK")
         self.assertEqual((shown.image.source, shown.display_depth), ("SEQUENCE", "FRONT"))
         user = shown.image_user
         for frame in range(1, 6):
             self.assertEqual(frame - user.frame_start + 1 + user.frame_offset, frame)
         bpy.ops.matterfit.show_overlays()
-        self.assertEqual(len(camera.data.background_images), 1, "in place of the one before")
+        self.assertEqual(len(camera.data.background_images), 2, "in place of the one before")
 
         folder = takes.locate(takes.ensure_active(self.settings)).folder
         found = image_comparison.overlays(folder, "clip")

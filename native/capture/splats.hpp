@@ -42,8 +42,8 @@ struct Splats {
 /// PLY. Throws Error(kInput) for `.ksplat` and `.sog`, with the name of a converter.
 [[nodiscard]] Splats read_splats(const std::filesystem::path& path);
 
-/// Those whose centres lie in a box, in the file's own frame. Throws Error(kInput), which says
-/// where they lie, if none does.
+/// The splats whose centres lie in a box, in the file's own frame. Throws Error(kInput), which
+/// says where the splats lie, if none lies in it.
 [[nodiscard]] Splats cropped(const Splats& splats, const Eigen::AlignedBox3d& box);
 
 /// `.splat` where the name ends so, else PLY with the same conventions as read (log, logit,

@@ -20,10 +20,10 @@ struct Approach {
   bool elsewhere = false;  ///< it did not begin where the fit had ended
 };
 
-/// Where about the base of a model with corrections ends, with an exact solver: the fit knew of
-/// none. Begins at `state`; where that leaves more than four times the noise that captures state,
-/// at whichever leaves least of `state` and Model::other_starts(). Throws Error(kCompute) where
-/// none can be simulated.
+/// A search with an exact solver for where the base of a model with corrections ends: the fit knew
+/// of no corrections. Begins at `state`; where that leaves more than four times the noise that
+/// captures state, at whichever leaves least of `state` and Model::other_starts(). Throws
+/// Error(kCompute) where none can be simulated.
 [[nodiscard]] Approach come_near(const Study& study, const State& state,
                                  const RefitOptions& options);
 

@@ -14,7 +14,8 @@ namespace {
 constexpr double kRings = 6.0;     // [Hz]
 constexpr double kAstrayAt = 9.0;  // where a fit has ended: between two of its misfit's hills
 
-/// What rings at a frequency that is fitted, of whose misfit every lag of a period is a hill.
+/// A body that rings at a frequency that is fitted. Its misfit has a hill for every lag of a
+/// period.
 class RingingModel : public HiddenModel {
  public:
   RingingModel() {
@@ -74,7 +75,7 @@ TEST(Approach, LeavesAFalseMinimumForABetterStart) {
   EXPECT_TRUE(end.elsewhere);
 }
 
-/// Where the fit has ended well, others are not looked at.
+/// Other starts are not simulated where the fit has ended well.
 TEST(Approach, StaysWhereTheFitIsGood) {
   RingingModel model;
   model.parameters_[0].start = kRings;
@@ -86,7 +87,7 @@ TEST(Approach, StaysWhereTheFitIsGood) {
   EXPECT_FALSE(beside.elsewhere);
 }
 
-/// What a fit that has gone astray leaves may still be the least.
+/// A fit that has gone astray may still leave less than the other starts.
 TEST(Approach, KeepsTheSlopesOfTheFitWhereThatIsNearest) {
   RingingModel model;
   model.parameters_[0].start = kRings + 0.4;

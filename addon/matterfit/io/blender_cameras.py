@@ -112,11 +112,16 @@ def set_overlays(camera, paths):
     shown.image = image
     shown.alpha = 1.0
     shown.display_depth = "FRONT"
+    _follow_frames(shown.image_user, first, first, last - first + 1)
+
+
+def _follow_frames(user, frame, number, count):
+    """Shows the file of that number at that scene frame, and `count` files in all, one a frame."""
     # The number of a file that is shown is frame − start + 1 + offset.
-    shown.image_user.frame_start = first
-    shown.image_user.frame_offset = first - 1
-    shown.image_user.frame_duration = last - first + 1
-    shown.image_user.use_auto_refresh = True
+    user.frame_start = frame
+    user.frame_offset = number - 1
+    user.frame_duration = count
+    user.use_auto_refresh = True
 
 
 def show_photographs(cameras, paths, first, count):
@@ -126,16 +131,12 @@ def show_photographs(cameras, paths, first, count):
     for k, path in paths.items():
         image = bpy.data.images.load(path)
         image.filepath = relative_path(path)
-        set_background(cameras[k], image)
+        shown = set_background(cameras[k], image)
         following = numbered_on(path)
         if count < 2 or len(following) < count or set(following[1:count]) & set(paths.values()):
             continue
         image.source = "SEQUENCE"
-        shown = next(shown for shown in cameras[k].data.background_images if shown.image == image)
-        shown.image_user.frame_start = first
-        shown.image_user.frame_offset = int(_number_of(path).group(1)) - 1
-        shown.image_user.frame_duration = count
-        shown.image_user.use_auto_refresh = True
+        _follow_frames(shown.image_user, first, int(_number_of(path).group(1)), count)
 
 
 def _number_of(path):
@@ -159,7 +160,8 @@ def numbered_on(path):
 
 
 def set_background(camera, image):
-    """Shows the image behind what the camera sees, in place of one that we set before."""
+    """Shows the image behind what the camera sees, in place of one that we set before; the camera's
+    background image."""
     data = camera.data
     data.show_background_images = True
     ours = [shown for shown in data.background_images if shown.image == image]
@@ -167,3 +169,4 @@ def set_background(camera, image):
     shown.image = image
     shown.alpha = 1.0
     shown.display_depth = "BACK"
+    return shown

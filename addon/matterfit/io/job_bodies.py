@@ -113,7 +113,7 @@ class BodyPart:
             self.position, self.rotation = transforms.take_placement(self.throw,
                                                                      self.writer.scale)
             if self.body.source != "OBJECT":
-                self.rotation = self.rotation @ transforms.upright(self.body.file_up)
+                self.rotation = self.rotation @ self.object_rotation
 
     def document(self):
         body = self.body

@@ -40,7 +40,8 @@ UP_AXES = (
     ("X", "X Up", "Rare"),
 )
 
-# What points up in a file of points or splats, which does not say it. Numbered: files store the number.
+# Axes that may point up in a file of points or splats, which does not say which one does. The items are
+# numbered, as .blend files store the number.
 FILE_UP_AXES = (
     ("Z", "Z", "As Blender has it", "NONE", 0),
     ("Y", "Y", "Y points up", "NONE", 1),

@@ -22,11 +22,11 @@ class PairTest(SceneCase):
         bpy.ops.matterfit.add_pair()
         bpy.ops.matterfit.add_pair()
         self.settings.pairs[0].contact.mu = 0.7
-        self.settings.pairs[1].contact.kind = "STICKY"
+        self.settings.pairs[1].contact.kind = "GLUE"
         document, _folder = self.document()
         self.assertEqual(document["scene"]["contacts"], [
             {"bodies": ["One", "Two"], "kind": "friction", "mu": 0.7},
-            {"bodies": ["One", "Three"], "kind": "sticky"}])
+            {"bodies": ["One", "Three"], "kind": "glue"}])
         self.settings.bodies[2].enabled = False
         document, _folder = self.document()
         self.assertEqual(len(document["scene"]["contacts"]), 1)

@@ -325,7 +325,7 @@ class ExtendTest(DiagnoseCase):
         self.assertEqual((ground.use_damping, ground.damping), (True, 0.125))
 
     def test_another_kind_of_contact(self):
-        self.settings.solver.ground.kind = "STICKY"
+        self.settings.solver.ground.kind = "GLUE"
 
         def change(scene):
             ground = next(item for item in scene["colliders"] if item["name"] == "ground")

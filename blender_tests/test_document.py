@@ -212,10 +212,10 @@ class ColliderTest(SceneCase):
                     if item["name"] == "Wall"), folder
 
     def test_static(self):
-        self.row.contact.kind = "STICKY"
+        self.row.contact.kind = "GLUE"
         collider, folder = self.written()
         self.assertEqual(collider["transform"], {"position": [2, 0, 0], "rotation": [1, 0, 0, 0]})
-        self.assertEqual(collider["contact"], {"kind": "sticky"})
+        self.assertEqual(collider["contact"], {"kind": "glue"})
         self.assertEqual(len(load(folder, collider["mesh"])["vertices"]), 8)
 
     def test_rigid_is_keyed_every_frame(self):

@@ -81,7 +81,7 @@ class ListTest(FitCase):
         self.assertFalse(self.row("material.hardening").enabled)
         self.body(self.cube("Ball", location=(2, 0, 0)), role="COLLIDER")
         self.assertEqual(self.keys("Ball"), ["contact.mu", "contact.stiffness"])
-        self.settings.bodies[1].contact.kind = "STICKY"
+        self.settings.bodies[1].contact.kind = "NO_SLIP"
         self.assertEqual(self.keys("Ball"), ["contact.stiffness"])
         bpy.ops.matterfit.remove_body()
         self.assertEqual(self.keys("Ball"), [])

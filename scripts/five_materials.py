@@ -42,7 +42,7 @@ KNOWN = {"sand": {"E", "nu"}}
 # Particle separation [m]: cells twice as wide as the generator's, 7 to 14 across a body.
 SEPARATION = 0.015
 # The generator's floor holds whole grid nodes, and so does the fit's: known, as in PAC-NeRF.
-CONTACT = {"kind": "sticky", "method": "node"}
+CONTACT = {"kind": "glue", "method": "node"}
 # The first steps of a stage gain nearly all of what it can gain (docs/validation.md).
 ITERATIONS = 8
 

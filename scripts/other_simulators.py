@@ -40,7 +40,8 @@ PARTICLES_ACROSS = 14
 def contact_of(clip):
     """As `sticky` or `friction 0.4`; where the simulator has a grid, its nodes meet the ground."""
     words = str(clip["contact"]).split()
-    contact = {"kind": words[0]}
+    # What these simulators call sticky holds nodes that are inside, which we call glue.
+    contact = {"kind": {"sticky": "glue"}.get(words[0], words[0])}
     if "simulator_grid_spacing" in clip:
         contact["method"] = "node"
     if len(words) > 1:

@@ -120,8 +120,8 @@ double distance(const Track& a, const Track& b) {
 void substeps(const std::vector<std::string>& names, Formulation formulation, const char* word,
               const std::string& contact_word, int cells, int threads) {
   Contact contact;
-  if (contact_word == "sticky_node") {
-    contact.kind = ContactKind::kSticky;
+  if (contact_word == "glue_node") {
+    contact.kind = ContactKind::kGlue;
     contact.method = ContactMethod::kNode;
   } else if (contact_word == "friction_node") {
     contact.method = ContactMethod::kNode;
@@ -211,7 +211,7 @@ int run(int argc, char** argv) {
   app.add_option("case", what)->check(CLI::IsMember({"substeps", "vibration", "columns"}));
   app.add_option("--formulation", word)->check(CLI::IsMember({"renewed", "updated", "total"}));
   app.add_option("--contact", contact)
-      ->check(CLI::IsMember({"friction_particle", "friction_node", "sticky_node"}));
+      ->check(CLI::IsMember({"friction_particle", "friction_node", "glue_node"}));
   app.add_option("--materials", names);
   app.add_option("--cells", cells, "across the ball, or the column's radius");
   app.add_option("--threads", threads);

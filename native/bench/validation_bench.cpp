@@ -123,7 +123,7 @@ void dam(const char* column, double a, const Points& measured, ContactKind floor
     std::printf(
         "{\"case\": \"dam\", \"column\": \"%s\", \"floor\": \"%s\", \"cells\": %d, \"t\": %.3f, "
         "\"front\": %.3f, \"measured\": %.3f}\n",
-        column, floor == ContactKind::kSticky ? "sticky" : "separating", cells, times[i], fronts[i],
+        column, floor == ContactKind::kGlue ? "glue" : "separating", cells, times[i], fronts[i],
         measured[i].z);
   }
   std::fflush(stdout);
@@ -133,7 +133,7 @@ void flows(int threads) {
   for (const int cells : {5, 10, 20}) {
     dam("57.15 mm", 0.05715, validation::kDamLarge, ContactKind::kSeparating, cells, threads);
   }
-  dam("57.15 mm", 0.05715, validation::kDamLarge, ContactKind::kSticky, 10, threads);
+  dam("57.15 mm", 0.05715, validation::kDamLarge, ContactKind::kGlue, 10, threads);
   dam("28.575 mm", 0.028575, validation::kDamSmall, ContactKind::kSeparating, 10, threads);
   for (const double aspect : {0.9, 3.0}) {
     const auto heap = validation::sand_column(aspect, 6, 30.0, threads);

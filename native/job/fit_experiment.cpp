@@ -106,6 +106,23 @@ LoadedExperiment unread_experiment(const Job& job) {
   return loaded;
 }
 
+namespace {
+
+/// Other simulators say «sticky» where a body that is pressed does not slip and may leave.
+void state_what_is_glued(const SceneDoc& scene, std::vector<std::string>& statements) {
+  for (const ColliderDoc& collider : scene.colliders) {
+    if (collider.contact.kind != shape::ContactKind::kGlue ||
+        collider.contact.method == shape::ContactMethod::kNode) {
+      continue;
+    }
+    statements.push_back("Collider '" + collider.name +
+                         "' holds for good what has touched it (contact kind glue). If what was "
+                         "recorded lifts off again, make it no_slip or friction.");
+  }
+}
+
+}  // namespace
+
 LoadedExperiment load_experiment(const Job& job, std::vector<std::string>& statements,
                                  bool others) {
   if (job.captures.empty()) throw_input("captures: a fit needs at least one capture to fit to.");
@@ -114,6 +131,7 @@ LoadedExperiment load_experiment(const Job& job, std::vector<std::string>& state
   std::string extents;
   for (std::size_t r = 0; r < loaded.sources.size(); ++r) {
     const Job& source = loaded.sources[r].job;
+    if (r == 0) state_what_is_glued(source.scene, statements);
     fit::Run& run = loaded.experiment.runs[r];
     const double slack = fit::kFrameSlack / run.clock.fps;
     for (std::size_t k = 0; k < source.captures.size(); ++k) {

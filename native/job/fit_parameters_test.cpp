@@ -69,8 +69,8 @@ TEST(FitParameters, ASceneThatLacksTheQuantityIsRefused) {
                         {"transform", {{"position", {0, 0, -1}}}}}}}};
   EXPECT_THAT(refusal(with_scenes({ball}, {"colliders.ground.height"})),
               HasSubstr("the scene of the capture 'b' too, and there only the shape 'ground'"));
-  const Json sticky = {{"colliders", {{{"name", "ground"}, {"contact", {{"kind", "sticky"}}}}}}};
-  EXPECT_THAT(refusal(with_scenes({sticky, sticky}, {"colliders.ground.contact.mu"})),
+  const Json glued = {{"colliders", {{{"name", "ground"}, {"contact", {{"kind", "glue"}}}}}}};
+  EXPECT_THAT(refusal(with_scenes({glued, glued}, {"colliders.ground.contact.mu"})),
               HasSubstr("the scene of the capture 'b', 'c' too, and there the collider's contact"));
   Json document = with_scenes({thrown_cube()["scene"]}, {"material.yield_stress"});
   document["scene"]["bodies"][0]["material"]["law"] = "von_mises";

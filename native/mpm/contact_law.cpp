@@ -56,8 +56,7 @@ double contact_free_time(double gap, double speed, double acceleration, double f
 Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32_t surface,
                     double dt, ContactMemory& memory) {
   const double depth = point.radius - point.distance;
-  const bool separates =
-      law.kind == shape::ContactKind::kSeparating || law.kind == shape::ContactKind::kFriction;
+  const bool separates = shape::may_lift_off(law.kind);
   const bool held = memory.surface == surface;
   if (depth <= 0.0 && (separates || !held)) {
     if (held) memory = {};
@@ -74,8 +73,7 @@ Vec3d contact_force(const ContactLaw& law, const ContactPoint& point, std::int32
   double normal_force = spring * depth * firmness_at(law, depth).secant + dashpot * approach;
   if (separates) normal_force = std::max(normal_force, 0.0);
   Vec3d force = normal_force * point.normal;
-  if (law.kind == shape::ContactKind::kSlip || law.kind == shape::ContactKind::kSeparating)
-    return force;
+  if (!shape::resists_sliding(law.kind)) return force;
 
   const Vec3d sliding = point.relative_velocity + approach * point.normal;
   Vec3d stretch = Eigen::Map<const Vec3d>(memory.stretch.data()) + dt * sliding;

@@ -17,7 +17,8 @@ namespace matterfit::mpm {
 /// k [Pa/m] a property of the contact (a skin's compliance), so that results converge with dx; it
 /// is linear where it is given (δ₁ infinite), and where it is the default it grows with depth, so
 /// that neither weight nor impact lets a body sink by a tenth of its size (resolve_contact()).
-/// Friction is a tangential spring with memory, capped at μ f_n: it sticks without creeping.
+/// Friction is a tangential spring with memory, capped at μ f_n: it sticks without creeping. `glue`
+/// and `no_slip` have the spring without a cap; `glue` keeps it, and pulls, once it was touched.
 struct ContactLaw {
   shape::ContactKind kind = shape::ContactKind::kFriction;
   double mu = 0.0;

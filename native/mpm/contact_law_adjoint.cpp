@@ -13,8 +13,7 @@ ContactCotangents contact_force_adjoint(const ContactLaw& law, const ContactPoin
                                         const Vec3d& stretch_bar) {
   ContactCotangents bar;
   const double depth = point.radius - point.distance;
-  const bool separates =
-      law.kind == shape::ContactKind::kSeparating || law.kind == shape::ContactKind::kFriction;
+  const bool separates = shape::may_lift_off(law.kind);
   const bool held = memory.surface == surface;
   if (depth <= 0.0 && (separates || !held)) {
     if (!held) bar.stretch = stretch_bar;  // another surface's, untouched
@@ -35,8 +34,7 @@ ContactCotangents contact_force_adjoint(const ContactLaw& law, const ContactPoin
   double dashpot_bar = 0.0;
   double approach_bar = 0.0;
   bar.normal = normal_force * force_bar;
-  const bool smooth =
-      law.kind == shape::ContactKind::kSlip || law.kind == shape::ContactKind::kSeparating;
+  const bool smooth = !shape::resists_sliding(law.kind);
   if (!smooth && spring > 0.0) {
     const Vec3d sliding = v + approach * n;
     Vec3d before = Vec3d::Zero();

@@ -58,8 +58,8 @@ TEST(ContactAdjoint, MatchesDifferencesForEveryKindAndState) {
   int touching = 0;
   int sliding = 0;
   for (const shape::ContactKind kind :
-       {shape::ContactKind::kSticky, shape::ContactKind::kSlip, shape::ContactKind::kSeparating,
-        shape::ContactKind::kFriction}) {
+       {shape::ContactKind::kGlue, shape::ContactKind::kSlip, shape::ContactKind::kSeparating,
+        shape::ContactKind::kFriction, shape::ContactKind::kNoSlip}) {
     for (int repeat = 0; repeat < 40; ++repeat) {
       Touch t;
       t.law = {kind, repeat % 2 == 0 ? 0.1 : 3.0, 4e6, 0.2, repeat % 4 < 2 ? 0.0 : 2e-2};

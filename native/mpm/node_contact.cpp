@@ -26,8 +26,11 @@ Vec3d node_response(const shape::Contact& contact, const shape::SurfacePoint& su
   const double normal = surface.normal.dot(v);
   const Vec3d tangential = v - normal * surface.normal;
   switch (contact.kind) {
-    case shape::ContactKind::kSticky:
+    case shape::ContactKind::kGlue:
       v.setZero();
+      break;
+    case shape::ContactKind::kNoSlip:
+      if (normal < 0.0) v.setZero();
       break;
     case shape::ContactKind::kSlip:
       v = tangential;

@@ -22,16 +22,14 @@ NodeCotangents project_adjoint(const shape::Contact& contact, const Vec3d& n, co
                                const Vec3d& after) {
   NodeCotangents bar;
   const double along = n.dot(u);
-  const bool lifts_off = along >= 0.0 && (contact.kind == shape::ContactKind::kSeparating ||
-                                          contact.kind == shape::ContactKind::kFriction);
-  if (lifts_off) {
+  if (along >= 0.0 && shape::may_lift_off(contact.kind)) {
     bar.velocity = after;
     return bar;
   }
   const Vec3d tangential = u - along * n;
   Vec3d tangential_bar = after;
   double along_bar = 0.0;
-  if (contact.kind == shape::ContactKind::kSticky) {
+  if (contact.kind == shape::ContactKind::kGlue || contact.kind == shape::ContactKind::kNoSlip) {
     tangential_bar.setZero();
   } else if (contact.kind == shape::ContactKind::kFriction) {
     const double speed = tangential.norm();

@@ -69,7 +69,7 @@ Scene dropped(Body body, const Material& material, shape::ContactKind kind,
 
 Scene drop_of_water() {
   return dropped(ball_body("drop", Vec3d(0, 0, 0.065), 0.06, kSpacing), water(),
-                 shape::ContactKind::kSticky, shape::ContactMethod::kNode);
+                 shape::ContactKind::kGlue, shape::ContactMethod::kNode);
 }
 Scene block_of_plasticine() {
   return dropped(box_body("block", Vec3d(-.05, -.05, .01), Vec3d(.05, .05, .11), kSpacing),

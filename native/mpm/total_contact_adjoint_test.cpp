@@ -164,7 +164,8 @@ TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
   const Case cases[] = {
       {"sliding on a plane", Shape::kPlane, shape::ContactKind::kFriction, 0.2, false},
       {"sticking to a plane by friction", Shape::kPlane, shape::ContactKind::kFriction, 5.0, false},
-      {"sticky plane", Shape::kPlane, shape::ContactKind::kSticky, 0.0, false},
+      {"plane with glue", Shape::kPlane, shape::ContactKind::kGlue, 0.0, false},
+      {"plane without slip", Shape::kPlane, shape::ContactKind::kNoSlip, 0.0, false},
       {"slip plane", Shape::kPlane, shape::ContactKind::kSlip, 0.0, false},
       {"separating plane", Shape::kPlane, shape::ContactKind::kSeparating, 0.0, false},
       {"plane, with a mass", Shape::kPlane, shape::ContactKind::kFriction, 0.2, true},
@@ -172,7 +173,7 @@ TEST(TotalContactAdjoint, MatchesDifferencesForEveryKindAndCollider) {
       {"sphere", Shape::kSphere, shape::ContactKind::kFriction, 0.3, false},
       {"edge of a box", Shape::kBox, shape::ContactKind::kFriction, 0.3, false},
       {"moving plane", Shape::kMovingPlane, shape::ContactKind::kFriction, 0.3, false},
-      {"turning box", Shape::kTurningBox, shape::ContactKind::kSticky, 0.0, false},
+      {"turning box", Shape::kTurningBox, shape::ContactKind::kGlue, 0.0, false},
       {"capsule", Shape::kCapsule, shape::ContactKind::kFriction, 0.3, false},
       {"rounded, plane", Shape::kPlane, shape::ContactKind::kFriction, 0.3, false, false, true},
       {"rounded, sphere", Shape::kSphere, shape::ContactKind::kFriction, 0.3, false, false, true},

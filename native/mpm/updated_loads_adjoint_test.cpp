@@ -102,19 +102,20 @@ TEST(UpdatedLoadsAdjoint, MatchesDifferencesForParticleContact) {
   const LoadedCase cases[] = {
       {"sliding", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kFriction, 0.2},
       {"sticking by friction", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kFriction, 5.0},
-      {"sticky", Law::kFixedCorotated, Shape::kPlane, shape::ContactKind::kSticky, 0.0},
+      {"glue", Law::kFixedCorotated, Shape::kPlane, shape::ContactKind::kGlue, 0.0},
+      {"no slip", Law::kFixedCorotated, Shape::kPlane, shape::ContactKind::kNoSlip, 0.0},
       {"slip", Law::kStvkHencky, Shape::kPlane, shape::ContactKind::kSlip, 0.0},
       {"separating", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kSeparating, 0.0},
       {"plasticine on a sphere", Law::kVonMises, Shape::kSphere, shape::ContactKind::kFriction,
        0.3},
       {"sand on a plane", Law::kDruckerPrager, Shape::kPlane, shape::ContactKind::kFriction, 0.4},
-      {"water that sticks", Law::kNewtonian, Shape::kPlane, shape::ContactKind::kSticky, 0.0},
+      {"water that sticks", Law::kNewtonian, Shape::kPlane, shape::ContactKind::kGlue, 0.0},
       {"water with friction", Law::kNewtonian, Shape::kSphere, shape::ContactKind::kFriction, 0.3},
       {"cream with friction", Law::kHerschelBulkley, Shape::kPlane, shape::ContactKind::kFriction,
        0.3},
       {"edge of a box", Law::kNeoHookean, Shape::kBox, shape::ContactKind::kFriction, 0.3},
       {"moving plane", Law::kNewtonian, Shape::kMovingPlane, shape::ContactKind::kFriction, 0.3},
-      {"turning box", Law::kNeoHookean, Shape::kTurningBox, shape::ContactKind::kSticky, 0.0},
+      {"turning box", Law::kNeoHookean, Shape::kTurningBox, shape::ContactKind::kGlue, 0.0},
       {"capsule", Law::kStvkHencky, Shape::kCapsule, shape::ContactKind::kFriction, 0.3},
       {"edge of a mesh", Law::kNeoHookean, Shape::kMesh, shape::ContactKind::kFriction, 0.3},
       {"sand on a moving mesh", Law::kDruckerPrager, Shape::kMovingMesh,
@@ -143,13 +144,14 @@ TEST(UpdatedLoadsAdjoint, MatchesDifferencesForParticleContact) {
 
 TEST(UpdatedLoadsAdjoint, MatchesDifferencesForNodeContact) {
   const LoadedCase cases[] = {
-      {"sticky nodes", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kSticky, 0.0},
+      {"nodes with glue", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kGlue, 0.0},
+      {"nodes without slip", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kNoSlip, 0.0},
       {"slip nodes", Law::kNewtonian, Shape::kPlane, shape::ContactKind::kSlip, 0.0},
       {"separating nodes", Law::kNeoHookean, Shape::kPlane, shape::ContactKind::kSeparating, 0.0},
       {"sliding nodes", Law::kDruckerPrager, Shape::kSphere, shape::ContactKind::kFriction, 0.1},
       {"nodes with friction", Law::kVonMises, Shape::kTurningBox, shape::ContactKind::kFriction,
        1.0},
-      {"nodes in a moving plane", Law::kNewtonian, Shape::kMovingPlane, shape::ContactKind::kSticky,
+      {"nodes in a moving plane", Law::kNewtonian, Shape::kMovingPlane, shape::ContactKind::kGlue,
        0.0},
   };
   for (const LoadedCase& item : cases) {

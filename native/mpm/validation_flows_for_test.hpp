@@ -185,15 +185,15 @@ inline Shear channel_flow(int cells, double offset, shape::ContactMethod method,
   body.material.law = material::Law::kNewtonian;
   body.material.viscosity = kViscosity;
   body.material.bulk_modulus = 1e5;
-  shape::Contact sticky;
-  sticky.kind = shape::ContactKind::kSticky;
-  sticky.method = method;
+  shape::Contact glue;
+  glue.kind = shape::ContactKind::kGlue;
+  glue.method = method;
   shape::Contact slip;
   slip.kind = shape::ContactKind::kSlip;
   scene.colliders.push_back(
-      shape::make_plane("left", sticky, Vec3d(start + touch, 0, 0), Vec3d::UnitX()));
+      shape::make_plane("left", glue, Vec3d(start + touch, 0, 0), Vec3d::UnitX()));
   scene.colliders.push_back(
-      shape::make_plane("right", sticky, Vec3d(start + kGap - touch, 0, 0), -Vec3d::UnitX()));
+      shape::make_plane("right", glue, Vec3d(start + kGap - touch, 0, 0), -Vec3d::UnitX()));
   scene.colliders.push_back(shape::make_plane("front", slip, Vec3d::Zero(), Vec3d::UnitY()));
   scene.colliders.push_back(shape::make_plane("rear", slip, Vec3d(0, slab, 0), -Vec3d::UnitY()));
   const Points rest = body.rest;

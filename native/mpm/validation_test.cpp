@@ -69,7 +69,7 @@ TEST(KnownAnswers, DamBreakNeedsAFreeFloor) {
   };
   const double measured = (4.134 - 1.474) / (3.345 - 1.219);
   EXPECT_NEAR(speed(shape::ContactKind::kSeparating) / measured, 1.0, 0.15);
-  EXPECT_LT(speed(shape::ContactKind::kSticky) / measured, 0.9);
+  EXPECT_LT(speed(shape::ContactKind::kGlue) / measured, 0.9);
 }
 
 /// Poiseuille's flow under its own weight, the walls anywhere in their cells.

@@ -10,11 +10,22 @@
 namespace matterfit::shape {
 
 enum class ContactKind {
-  kSticky,      ///< no motion relative to the surface, in any direction
+  kGlue,        ///< no motion relative to the surface, in any direction, once it was touched
   kSlip,        ///< no normal motion, either way; tangential motion is free
   kSeparating,  ///< may lift off; no friction
   kFriction,    ///< may lift off; Coulomb friction `mu`
+  kNoSlip,      ///< may lift off; no tangential motion while it is pressed
 };
+
+/// Whether a body may leave a surface that it has touched.
+[[nodiscard]] constexpr bool may_lift_off(ContactKind kind) {
+  return kind != ContactKind::kGlue && kind != ContactKind::kSlip;
+}
+
+/// Whether a surface resists motion along it.
+[[nodiscard]] constexpr bool resists_sliding(ContactKind kind) {
+  return kind != ContactKind::kSlip && kind != ContactKind::kSeparating;
+}
 
 enum class ContactMethod {
   kAuto,      ///< particle

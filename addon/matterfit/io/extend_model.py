@@ -134,7 +134,8 @@ class _Extension:
                 raise JobError(translate(
                     "The diagnosis is of the collider '{name}', which is not in the scene any "
                     "more. Name it so again, or diagnose again.").format(name=name))
-            contact.kind = item["contact"].get("kind", contact.kind).upper()
+            kind = item["contact"].get("kind", contact.kind).upper()
+            contact.kind = {"STICKY": "GLUE"}.get(kind, kind)  # as reports of before call it
             setattr(contact, key, now)
             if key == "damping":
                 contact.use_damping = True

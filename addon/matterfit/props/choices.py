@@ -13,7 +13,8 @@ CONTACT_KINDS = (
     ("FRICTION", "Friction", "May lift off; Coulomb friction while it touches"),
     ("SEPARATING", "Separating", "May lift off; no friction"),
     ("SLIP", "Slip", "Never lifts off; slides freely"),
-    ("STICKY", "Sticky", "Never moves relative to the surface"),
+    ("GLUE", "Glue", "Never moves relative to the surface once it has touched it"),
+    ("NO_SLIP", "No Slip", "May lift off; does not slide while it is pressed"),
 )
 
 QUALITIES = (

@@ -296,10 +296,10 @@ TEST(Quantities, AreRefusedWhereTheyDoNothing) {
   EXPECT_THAT(why(Owner::kBody, "material.weight_moves[#]"), testing::HasSubstr("no weights"));
   EXPECT_THAT(why(Owner::kBody, "material.yield_stress"), testing::HasSubstr("neo_hookean"));
   EXPECT_THAT(why(Owner::kBody, "material.maxwell[#].time", 1), testing::HasSubstr("has 1 "));
-  shape::Contact sticky;
-  sticky.kind = shape::ContactKind::kSticky;
+  shape::Contact glue;
+  glue.kind = shape::ContactKind::kGlue;
   scene.colliders[0] =
-      shape::make_sphere("ground", sticky, 0.1, shape::Keyed<shape::Pose>(shape::Pose{}));
+      shape::make_sphere("ground", glue, 0.1, shape::Keyed<shape::Pose>(shape::Pose{}));
   EXPECT_THAT(why(Owner::kCollider, "height"), testing::HasSubstr("'ground'"));
   EXPECT_THAT(why(Owner::kCollider, "contact.mu"), testing::HasSubstr("'friction'"));
   Address gravity;

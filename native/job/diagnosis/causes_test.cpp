@@ -110,7 +110,8 @@ const Cause& named(const std::vector<Cause>& causes, const std::string& name) {
 /// A floor that holds what touches it may let go, one that is free of friction may rub; both become
 /// a contact with friction, in the scene and in the document.
 TEST(Causes, AContactMayBeOfAnotherKind) {
-  for (const auto& [kind, value, mu] : {std::tuple{"sticky", 0.8, 0.25}, {"slip", 0.25, 0.25}}) {
+  for (const auto& [kind, value, mu] :
+       {std::tuple{"glue", 0.8, 0.25}, {"no_slip", 0.8, 0.25}, {"slip", 0.25, 0.25}}) {
     Json document = sliding_cube();
     document["scene"]["colliders"][0]["contact"] = {{"kind", kind}};
     const std::vector<Cause> causes = causes_of(document);

@@ -30,7 +30,8 @@ class ContactCauses {
         case shape::ContactKind::kSeparating:
           friction(c, doc);
           break;
-        case shape::ContactKind::kSticky:
+        case shape::ContactKind::kGlue:
+        case shape::ContactKind::kNoSlip:
           lets_go(c, doc);
           break;
         case shape::ContactKind::kSlip:

@@ -66,7 +66,7 @@ TEST(Diagnose, AFloorThatDoesNotHoldIsFoundFromTheFront) {
   constexpr double kNoise = 2e-3;
   const Folder folder;
   record_front(running_column({{"kind", "friction"}, {"mu", 0.0}}), folder.path, kNoise);
-  const Json report = run(front_job(running_column({{"kind", "sticky"}}), kNoise), folder.path);
+  const Json report = run(front_job(running_column({{"kind", "glue"}}), kNoise), folder.path);
   EXPECT_TRUE(names(report, "contact_kind")) << report.at("sentence");
   ASSERT_TRUE(report.contains("model")) << report.at("sentence");
   EXPECT_EQ(report["model"]["colliders"][0]["contact"]["kind"], "friction");

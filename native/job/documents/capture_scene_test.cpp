@@ -53,7 +53,7 @@ TEST(CaptureScene, ListsMergeByNameAndValuesReplace) {
   EXPECT_EQ(own.bodies[0].material.poisson_ratio, 0.3);
   EXPECT_EQ(own.bodies[0].masses.size(), 1U);
   ASSERT_EQ(own.colliders.size(), 2U);
-  EXPECT_EQ(own.colliders[0].contact.kind, shape::ContactKind::kSticky);
+  EXPECT_EQ(own.colliders[0].contact.kind, shape::ContactKind::kGlue);
   EXPECT_EQ(own.colliders[0].contact.mu, 0.2);
   EXPECT_EQ(job.scene.bodies[0].velocity, Vec3d(1, 0, 0));
 }

@@ -92,6 +92,13 @@ SolverDoc read_solver(const JsonValue& value) {
   return solver;
 }
 
+/// `sticky` was the name of `glue`: documents that have it mean what it did.
+shape::ContactKind read_contact_kind(const JsonValue& value) {
+  if (value.json() == Json("sticky")) return shape::ContactKind::kGlue;
+  return static_cast<shape::ContactKind>(
+      value.choice({"glue", "slip", "separating", "friction", "no_slip"}));
+}
+
 }  // namespace
 
 ByFrame<shape::Pose> read_motion(const JsonValue& value) {
@@ -101,10 +108,7 @@ ByFrame<shape::Pose> read_motion(const JsonValue& value) {
 shape::Contact read_contact(const JsonValue& value) {
   JsonObject object(value);
   shape::Contact contact;
-  if (const auto kind = object.find("kind")) {
-    contact.kind =
-        static_cast<shape::ContactKind>(kind->choice({"sticky", "slip", "separating", "friction"}));
-  }
+  if (const auto kind = object.find("kind")) contact.kind = read_contact_kind(*kind);
   contact.mu = object.number("mu", contact.mu, {0.0, 100.0, false, {}});
   contact.stiffness = object.number("stiffness", contact.stiffness, not_negative("Pa/m"));
   if (const auto damping = object.find("damping")) {

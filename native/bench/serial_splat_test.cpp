@@ -28,7 +28,7 @@ struct Difference {
 };
 
 TEST(SerialSplat, AgreesWithTheRasteriser) {
-  for (const SplatScene kind : {SplatScene::kSurfels, SplatScene::kTrained}) {
+  for (const SplatScene kind : {SplatScene::kObject, SplatScene::kSurfels, SplatScene::kTrained}) {
     const splat::Gaussians scene = splat_scene(kind, 2000);
     const splat::Camera camera = splat_camera(120);
     const splat::Image loss = splat_loss(120);

@@ -99,7 +99,8 @@ int run(int argc, char** argv) {
 
   std::fprintf(stderr, "probe: %s, %.1f GFLOP/s on one thread\n", probe_target().c_str(),
                peak_fma_gflops(1));
-  const std::map<std::string, SplatScene> scenes{{"surfels", SplatScene::kSurfels},
+  const std::map<std::string, SplatScene> scenes{{"object", SplatScene::kObject},
+                                                 {"surfels", SplatScene::kSurfels},
                                                  {"trained", SplatScene::kTrained}};
   for (const int size : sizes) {
     const auto count = static_cast<std::size_t>(size) * 75;

@@ -7,6 +7,9 @@ FORMULATIONS = (
     ("TOTAL", "Total Lagrangian",
      "The grid belongs to the body: no numerical damping, no tearing, no self-contact"),
     ("UPDATED", "Updated Lagrangian", "The grid stands still: flows, tears, mixes"),
+    ("RENEWED", "Renewed",
+     "As total, but the grid is laid anew as motion asks: flows with a damping that does not depend on the "
+     "substep. For all bodies of the scene, without pins and attached masses"),
 )
 
 CONTACT_KINDS = (

@@ -4,6 +4,7 @@ import bpy
 from ..compat import translate, translate_label
 from ..io import diagnosis, fit_results, number_text, takes, words
 from ..props import scene as scene_props
+from ..props.diagnosis import is_ignored
 from . import fit_overlay
 from .common import BOX, MatterfitPanel, form, lines
 
@@ -39,7 +40,10 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
         self._causes(layout, settings, report)
         self._worst(layout, report)
         self._rest(layout, settings, report)
+        if report.frames:
+            form(layout).prop(settings.diagnosis, "show_graph")
         column = layout.column(align=True)
+        column.operator("matterfit.preview_extended", icon="HIDE_OFF")
         column.operator("matterfit.extend_model", icon="ADD")
         column.operator("matterfit.open_report", icon="URL")
 
@@ -52,10 +56,17 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
         for index, cause in enumerate(report.causes[:count]):
             column = box.column(align=True)
             active = index == shown.cause_index
-            pick = column.operator(
+            ignored = is_ignored(settings, cause.effect)
+            row = column.row(align=True)
+            row.active = not ignored
+            pick = row.operator(
                 "matterfit.diagnosis_cause", icon="RADIOBUT_ON" if active else "RADIOBUT_OFF",
                 text=f"{index + 1}  {translate_label(cause.label)}")
             pick.index = index
+            switch = column.row(align=True).operator(
+                "matterfit.ignore_cause", text="Accept" if ignored else "Ignore",
+                icon="CHECKMARK" if ignored else "X")
+            switch.index, switch.ignored = index, not ignored
             self._numbers(column, cause)
         if len(report.causes) > PROBABLE:
             form(layout).prop(shown, "show_all")
@@ -71,6 +82,9 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
         row.label(text=translate("{share} likely").format(share=percent(cause.probability)),
                   translate=False)
         row.label(text=translate("Gain {share}").format(share=gain_text(cause)), translate=False)
+        if cause.explained is not None:
+            column.label(text=translate("Explains {share}").format(share=percent(cause.explained)),
+                         translate=False)
 
     def _evidence(self, layout, settings, cause):
         box = layout.box()

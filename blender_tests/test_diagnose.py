@@ -355,7 +355,7 @@ class ExtendTest(DiagnoseCase):
     def test_what_one_recording_has_alone_is_refused(self):
         self.diagnosed([cause("attached_mass", {}, scope="capture second")],
                        lambda scene: scene["bodies"][0].update(masses=[]))
-        self.fails(bpy.ops.matterfit.extend_model, ["no setting in the panel", "extended.json"])
+        self.fails(bpy.ops.matterfit.extend_model, ["in the recording 'second' alone", "extended.json"])
 
     def test_relaxation_and_mass(self):
         def change(scene):
@@ -375,7 +375,7 @@ class ExtendTest(DiagnoseCase):
         self.assertAlmostEqual(body.masses[0].object.location.x, 0.1, places=6)
 
     def test_what_has_no_place_is_refused(self):
-        for name in ("ground_tilt", "something_new"):
+        for name in ("tracker_lag", "something_new"):
             self.diagnosed([cause(name, {"x": number(0.02)})], lambda scene: None)
             self.fails(bpy.ops.matterfit.extend_model, ["no setting in the panel", "extended.json"])
         self.assertEqual(len(self.settings.effects), 0)
@@ -429,6 +429,12 @@ class NativeTest(SceneCase):
         place = next((index for index, found in enumerate(report.causes)
                       if found.effect == "gravity_size" and found.accepted), None)
         if place is not None:
+            gravity = tuple(self.settings.solver.gravity)
+            self.assertEqual(bpy.ops.matterfit.preview_extended(), {"FINISHED"}, self.error())
+            take = self.settings.takes[self.settings.take_index]
+            self.assertTrue(take.extended and take.baked)
+            self.assertEqual(take.frames_done, 12)
+            self.assertEqual(tuple(self.settings.solver.gravity), gravity)
             self.settings.diagnosis.cause_index = place
             self.assertEqual(bpy.ops.matterfit.extend_model(), {"FINISHED"}, self.error())
             self.assertAlmostEqual(self.settings.solver.gravity[2], -11.0, delta=0.5)

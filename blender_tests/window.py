@@ -158,6 +158,19 @@ def check_legend():
     compare.show_heatmap = compare.show_graph = True
 
 
+def sigma_view(settings):
+    """The heat-map in σ, with the error before and after what was named below it."""
+    fit, compare = settings.fit, settings.compare
+    fit.show_history = fit.show_error = False
+    compare.heat_unit, compare.significant_only = "SIGMA", True
+    bpy.context.scene.frame_set(15)
+    yield
+    yield
+    picture("sigma")
+    fit.show_history = fit.show_error = True
+    compare.heat_unit, compare.significant_only = "MM", False
+
+
 def open_view():
     window, area = view()
     with bpy.context.temp_override(window=window, area=area):
@@ -257,6 +270,7 @@ def script(folder):
     yield
     picture("diagnose", sidebar=True)
     settings.compare.done = True
+    yield from sigma_view(settings)
     settings.compare.worst_index = 0
     if bpy.context.scene.frame_current != settings.compare.worst[0].frame:
         faults.append("the list of worst frames did not jump")

@@ -129,7 +129,13 @@ def record_fall():
 def fake_report():
     """A diagnosis of that fit."""
     folder = takes.locate(bpy.context.scene.matterfit.fit.run).folder
-    fake_diagnosis.write(folder, [
+    frames = [{"capture": "clip", "frame": frame, "time": frame / 24.0, "before": 1e-4 * frame * frame / 4.0,
+               "after": 1.1e-3, "noise": 6e-4, "numerical": 4e-5 * frame, "held_out": frame >= 15}
+              for frame in range(1, 21)]
+    residual = {"by_frame": frames, "wrong": [], "worst": [
+        {"capture": "clip", "frame": frame, "where": [0.1, 0.0, 0.3], "size": size}
+        for frame, size in ((19, 0.011), (12, 0.004))]}
+    fake_diagnosis.write(folder, residual=residual, causes=[
         cause("drag_quadratic", {"drag_coefficient": number(0.47, "", 0.012)}),
         cause("gravity_size", {"added": number(-0.031, "m/s²", 0.012)}, 0.02, accepted=False, gain=0.11),
         cause("time_offset", {"offset": number(0.004, "s", 0.001)}, 0.002, accepted=False, gain=None,

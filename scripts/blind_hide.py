@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Hides effects in recordings: the first of the three programs of the blind benchmark.
 
-    blind_hide.py SET [--seed N] [--cases N] [--only CASE …] [--tool FILE]
+    blind_hide.py SET [--seed N] [--cases N] [--only CASE …] [--tool FILE] [--places]
 
 SET is `small` (a fixed two dozen) or `full` (--cases, 400). Writes below build/blind/SET
     cases/CASE/capture.npz, facts.json   what is recorded, and what the scene is said to be
     sealed/labels.json, CASE_again.npz   what was hidden, and another throw that nobody diagnoses
     seal.json                            SHA-256 of every sealed file, printed as well
-The same seed gives the same bytes. Tiers (docs/validation.md): T0 our own solver with the settings that
-`matterfit new-job` chooses, T1 at another resolution, grid offset and sampling, T2 finite elements
-(blind_elements.py), T4 recordings of real bodies with the effect in them or added.
+    sealed/CASE_places.json, seal_places.json   where and when the recording is another for it, and their SHA-256
+The same seed gives the same bytes. --places writes the last line's files alone, beside a set that was hidden
+before there were any; all else of it stays as it is. Tiers (docs/validation.md): T0 our own solver with the
+settings that `matterfit new-job` chooses, T1 at another resolution, grid offset and sampling, T2 finite
+elements (blind_elements.py), T4 recordings of real bodies with the effect in them or added.
 """
 
 import argparse
@@ -26,6 +28,7 @@ import zlib
 
 import blind_elements
 import blind_real
+import blind_scoring
 import numpy as np
 from blind_effects import ALL, EFFECTS, FPS, LIGHT, OUTSIDE, Scene
 from blind_elements import Obstacle, Run
@@ -171,19 +174,45 @@ def nuisances(scene, poisson):
     return runs
 
 
-def strength_of(effects, base, changed, times, jacobian, used, sigma):
-    """‖M d‖/(σ√N) and the share ‖M d‖/‖d‖ that the fit leaves of the difference d; places and clocks of
-    the first frame are the recording's own."""
+def differences(effects, base, changed, times, jacobian, used):
+    """The difference d that effects make to what is recorded, and what the fit leaves of it, M d, both of the
+    used samples; places and clocks of the first frame are the recording's own."""
     positions, stated = seen(changed, times, effects)
     at = np.array([[np.interp(times, stated, positions[:, i, c]) for c in range(3)]
                    for i in range(positions.shape[1])]).transpose(2, 0, 1)
     difference = (at - at[:1]) - (base - base[:1])
     d = difference[:USED][used]
+    if not np.linalg.norm(d) > 0.0:
+        return d, d
+    return d, d - jacobian @ np.linalg.lstsq(jacobian, d, rcond=1e-9)[0]
+
+
+def strength_of(effects, base, changed, times, jacobian, used, sigma):
+    """‖M d‖/(σ√N) and the share ‖M d‖/‖d‖ that the fit leaves of the differences()."""
+    d, left = differences(effects, base, changed, times, jacobian, used)
     whole = np.linalg.norm(d)
     if not whole > 0.0:
         return 0.0, 0.0
-    left = d - jacobian @ np.linalg.lstsq(jacobian, d, rcond=1e-9)[0]
     return float(np.linalg.norm(left) / (sigma * np.sqrt(d.size))), float(np.linalg.norm(left) / whole)
+
+
+def places_of(apart, sigma, first, visible):
+    """{"raw": …, "left": …}: [[frame, region], …] where the mean of a region's points differs by more than
+    3 σ/√n, n of them seen in that frame. `apart`: the same names, differences (USED, points, 3); `first`
+    (points, 3) the recording's first frame, NaN where a point is not seen there."""
+    region = blind_scoring.body_regions(first)
+    found = {}
+    for name, difference in apart.items():
+        cells = []
+        for frame in range(len(difference)):
+            for number in range(region.max() + 1):
+                inside = (region == number) & visible[frame]
+                if inside.any():
+                    mean = np.linalg.norm(difference[frame, inside].mean(axis=0))
+                    if mean > 3.0 * sigma / np.sqrt(inside.sum()):
+                        cells.append([frame, int(number)])
+        found[name] = cells
+    return found
 
 
 def add_noise(random, positions, sigma, kind):
@@ -225,7 +254,8 @@ class Hider:
         folder = self.folder / "cases" / name
         folder.mkdir(parents=True, exist_ok=True)
         if tier == "T4":
-            self.labels[name] = blind_real.write(names, folder)
+            if not self.options.places:
+                self.labels[name] = blind_real.write(names, folder)
             return
         # Each case from its own seed, so that --only gives the same one.
         seed = zlib.crc32(f"{self.options.set} {self.options.seed} {name}".encode())
@@ -247,7 +277,13 @@ class Hider:
         law, particles = random.choice(["", "neo_hookean"]), int(self.options.particles)
         effects = [(h, h.start * (random.choice([-1.0, 1.0]) if h.signs else 1.0),
                     h.draw(scene, random) if h.draw else {}) for h in hidden]
-        positions, s, keep, effects = self.record(scene, poisson, effects, strength, sigma)
+        positions, s, keep, effects, apart = self.record(scene, poisson, effects, strength, sigma)
+        if self.options.places:
+            if not np.isclose(s, self.labels[name]["strength"], rtol=1e-6):
+                raise FloatingPointError("another body was recorded")
+            with np.load(folder / "capture.npz") as recorded:
+                self.write_places(name, apart, sigma, recorded["positions"][0], recorded["visible"])
+            return self.labels[name]
         again = self.again(random, scene, poisson, effects)
         if tier != "T2":
             settings = {"particles": particles, "law": "neo_hookean", "poisson": poisson}
@@ -258,6 +294,7 @@ class Hider:
         visible = gaps(random, FRAMES, len(shown))
         noisy = add_noise(random, positions, sigma, noise_kind)
         noisy[~visible] = np.nan
+        self.write_places(name, apart, sigma, noisy[0], visible)
         np.savez(folder / "capture.npz", positions=noisy, times=stated, visible=visible,
                  faces=scene.mesh.surface_faces())
         facts = {"density": round(scene.density, 3), "noise": round(sigma, 6), "particles": particles}
@@ -281,6 +318,12 @@ class Hider:
             "again": again[1],
         }
 
+    def write_places(self, name, apart, sigma, first, visible):
+        """What places_of() says, sealed apart from the labels."""
+        places = places_of(apart, sigma, first, visible) | {"frames": USED}
+        path = self.folder / "sealed" / f"{name}_places.json"
+        path.write_text(json.dumps(places), encoding="utf-8")
+
     @staticmethod
     def kind(names, observable):
         if not names:
@@ -294,9 +337,10 @@ class Hider:
     @staticmethod
     def record(scene, poisson, effects, strength, sigma):
         """Node positions of finite elements with the effects, each at the strength that is wanted; the strength
-        of all, the share of it that a fit leaves, and the effects with their sizes."""
+        of all, the share of it that a fit leaves, the effects with their sizes, and what places_of() takes."""
         if not effects:
-            return blind_elements.simulate(scene.mesh, [run_of(scene, poisson)], FPS, FRAMES)[0], 0.0, 0.0, effects
+            still = blind_elements.simulate(scene.mesh, [run_of(scene, poisson)], FPS, FRAMES)[0]
+            return still, 0.0, 0.0, effects, {}
         alone = [run_of(scene, poisson, [effect]) for effect in effects]
         nuisance = nuisances(scene, poisson)
         base, *rest = blind_elements.simulate(scene.mesh, nuisance + alone, FPS, FRAMES)
@@ -317,8 +361,10 @@ class Hider:
             sized.append((hidden, a, where))
         changed = blind_elements.simulate(scene.mesh, [run_of(scene, poisson, sized)], FPS, FRAMES)[0]
         if not any(hidden.observable for hidden, *_ in sized):
-            return changed, 0.0, 0.0, sized
-        return changed, *measure(sized, changed), sized
+            return changed, 0.0, 0.0, sized, {}
+        d, left = differences(sized, base[:, shown], changed[:, shown], times, jacobian, used)
+        apart = {"raw": d.reshape(USED, len(shown), 3), "left": left.reshape(USED, len(shown), 3)}
+        return changed, *measure(sized, changed), sized, apart
 
     @staticmethod
     def again(random, scene, poisson, effects):
@@ -372,23 +418,37 @@ class Hider:
     def run(self):
         (self.folder / "sealed").mkdir(parents=True, exist_ok=True)
         path = self.folder / "sealed" / "labels.json"
-        if self.options.only and path.exists():
+        if (self.options.only or self.options.places) and path.exists():
             self.labels = json.loads(path.read_text(encoding="utf-8"))
         for number, row in enumerate(plan(self.options.set, self.options.cases, self.options.seed)):
             name = f"{number:03d}"
+            if self.options.places and self.labels.get(name, {}).get("kind") in (None, "not made"):
+                continue
             if not self.options.only or name in self.options.only:
                 try:
                     self.case(name, row)
                     say(f"{name} hidden")
                 except (Unsimulated, blind_real.Missing) as error:
+                    if self.options.places:
+                        say(f"{name}: its places cannot be said: {error}")
+                        continue
                     self.labels[name] = {"tier": row[0], "kind": "not made", "effects": row[1], "why": str(error)}
                     say(f"{name} could not be made: {error}")
-                # So that what is broken off can go on with --only; sealed is it at the end.
-                path.write_text(json.dumps(self.labels, indent=1, sort_keys=True), encoding="utf-8")
+                if not self.options.places:
+                    # So that what is broken off can go on with --only; sealed is it at the end.
+                    path.write_text(json.dumps(self.labels, indent=1, sort_keys=True), encoding="utf-8")
+        self.seal("seal_places.json", sorted(path.parent.glob("*_places.json")))
+        if self.options.places:
+            return
         sealed = [path, *sorted(path.parent.glob("*_again.npz")), *sorted((self.folder / "cases").glob("*/*"))]
-        seal = {str(f.relative_to(self.folder)): hashlib.sha256(f.read_bytes()).hexdigest() for f in sealed}
-        (self.folder / "seal.json").write_text(json.dumps(seal, indent=1), encoding="utf-8")
+        seal = self.seal("seal.json", sealed)
         say(f"labels: SHA-256 {seal['sealed/labels.json']}")
+
+    def seal(self, name, sealed):
+        """Writes the hashes of files."""
+        seal = {str(f.relative_to(self.folder)): hashlib.sha256(f.read_bytes()).hexdigest() for f in sealed}
+        (self.folder / name).write_text(json.dumps(seal, indent=1), encoding="utf-8")
+        return seal
 
 
 def main():
@@ -399,6 +459,7 @@ def main():
     parser.add_argument("--cases", type=int, default=400)
     parser.add_argument("--particles", type=int, default=1500, help="of the claimed scene, about")
     parser.add_argument("--only", nargs="*", default=[], help="numbers of cases")
+    parser.add_argument("--places", action="store_true", help="only where and when, beside what is hidden")
     parser.add_argument("--tool", type=pathlib.Path, default=BUILD / "bin" / "matterfit")
     Hider(parser.parse_args()).run()
     return 0

@@ -108,6 +108,70 @@ class Scoring(unittest.TestCase):
         self.assertAlmostEqual(found["relative"], 0.1)
         self.assertFalse(found["covered"])
 
+    def test_vectors_are_compared_as_a_whole(self):
+        def said(effect, names, values):
+            return verdict("cause", [effect], causes=[{"effect": effect, "accepted": True, "parameters": {
+                n: {"value": v, "stderr": 0.1} for n, v in zip(names, values, strict=True)}}])
+
+        def error(effect, names, values):
+            hidden = label("single", effect, sizes={effect: {
+                "number": "", "expected": 2.0, "direction": [0.6, 0.8, 0.0]}})
+            return row(hidden, said(effect, names, values))["parameter"]
+
+        wind = error("wind", ["velocity[0]", "velocity[1]", "velocity[2]"], [1.2, 1.6, 0.2])
+        self.assertAlmostEqual(wind["relative"], 0.1)
+        self.assertAlmostEqual(wind["angle"], np.degrees(np.arctan(0.1)), 3)
+        self.assertTrue(wind["covered"])
+        self.assertFalse(error("ground_tilt", ["x", "y"], [1.2, 1.9])["covered"])
+        # Gravity's numbers are along y and x.
+        self.assertAlmostEqual(error("gravity_direction", ["first", "second"], [1.6, 1.2])["relative"], 0.0)
+
+    def test_localisation(self):
+        places = {"left": [[3, 0], [3, 1], [4, 0]], "raw": [[f, 0] for f in range(8)]}
+        wrong = [{"capture": "a", "frame": f, "region": r, "sigmas": 5.0} for f, r in ((3, 0), (4, 0), (9, 1))]
+        residual = {"train": {"rms": 2e-3}, "wrong": wrong}
+        found = row(label("single", "wind", places=places), verdict("unknown", residual=residual))["localisation"]
+        self.assertAlmostEqual(found["left"], 2 * 2 / 6)
+        self.assertAlmostEqual(found["raw"], 2 * 2 / 11)
+        self.assertIsNone(row(label("nothing", places={"left": [], "raw": []}), verdict("nothing"))["localisation"])
+
+    def test_false_discoveries_are_of_verdicts_that_name_several(self):
+        rows = [row(label("pair", "wind", "friction"), verdict("several", ["wind", "friction", "yield"])),
+                row(label("single", "wind"), verdict("cause", ["friction"]))]
+        found = scoring.figures(rows)
+        self.assertAlmostEqual(found["false_discoveries"]["value"], 1 / 3)
+        self.assertAlmostEqual(found["false_names"]["value"], 2 / 4)
+
+    def test_unknown_counts_in_the_calibration(self):
+        said = verdict("unknown", probability={"nothing": 0.1, "unknown": 0.7},
+                       causes=[{"effect": "wind", "probability": 0.2}])
+        self.assertAlmostEqual(scoring.calibration([row(label("outside", "kick"), said)])["expected_error"], 0.3)
+        self.assertAlmostEqual(scoring.calibration([row(label("single", "wind"), said)])["expected_error"], 0.7)
+
+    def test_the_list_of_what_cannot_be_seen(self):
+        late = label("unobservable", "time_offset")
+        rows = [row(late, verdict("nothing", not_observable=["velocity"])), row(late, verdict("nothing")),
+                row(label("single", "wind"), verdict("nothing", not_observable=["wind"]))]
+        found = scoring.figures(rows)
+        self.assertEqual(found["listed"]["value"], 0.5)
+        self.assertEqual(found["listed_wrongly"]["value"], 1.0)
+
+    def test_power_by_lambda_and_tier(self):
+        rows = [row(label("single", "wind", **{"lambda": x}, tier=t), verdict("cause", ["wind"]))
+                for x, t in ((30.0, "T0"), (2e3, "T0"), (2e3, "T2"))]
+        found = scoring.power_by_lambda(rows)
+        self.assertEqual([(p["from"], p["count"]) for p in found["T0"]], [(10.0, 1), (1e3, 1)])
+        self.assertEqual(scoring.figures(rows)["power_30"]["count"], 1)
+        # Of our own solver weak ones count as well, from λ = 100 on.
+        weak = [row(label("single", "wind", strength=0.5, tier=t), verdict("cause", ["wind"])) for t in ("T0", "T1")]
+        self.assertEqual(scoring.figures(weak)["first"]["count"], 1)
+
+    def test_worst_tenth_of_the_share_of_the_true_gain(self):
+        rows = [row(label("single", "wind"), verdict("cause", ["wind"])) | {"gain_ratio": k / 10} for k in range(11)]
+        found = scoring.figures(rows)
+        self.assertAlmostEqual(found["gain_ratio"], 0.5)
+        self.assertAlmostEqual(found["gain_ratio_worst"], 0.1)
+
     def test_the_error_of_the_throw_that_an_extension_leaves(self):
         def fitted(value, error):
             return {"parameters": [{"path": f"bodies.body.velocity[{k}]", "value": value * (k == 0),
@@ -119,6 +183,15 @@ class Scoring(unittest.TestCase):
         self.assertAlmostEqual(row(hidden, said)["bias"], 0.1)
         self.assertIsNone(row(hidden, verdict("cause", ["wind"], fit=fitted(1.2, 0.1), model=model))["bias"])
 
+    def test_the_error_of_the_material_that_an_extension_leaves(self):
+        fit = {"parameters": [{"path": "bodies.body.material.E", "value": 1.5e4, "standard_error": 10.0},
+                              {"path": "bodies.body.material.nu", "value": 0.4, "standard_error": 0.1}]}
+        hidden = label("single", "wind", truth={"E": 1e4, "nu": 0.3})
+        model = {"bodies": [{"material": {"E": 1.1e4, "nu": 0.3}}]}
+        found = row(hidden, verdict("cause", ["wind"], fit=fit, model=model))["biases"]
+        self.assertEqual(set(found), {"E"})  # the other's error is within three of what was stated
+        self.assertAlmostEqual(found["E"], 0.2)
+
     def test_interval_of_a_share(self):
         low, high = scoring.wilson(8, 10)  # Wilson 1927; as in statistics packages
         self.assertAlmostEqual(low, 0.4902, 3)
@@ -127,7 +200,9 @@ class Scoring(unittest.TestCase):
     def test_the_table_holds_every_case(self):
         rows = [row(label("single", "wind"), verdict("cause", ["wind"])), row(label("nothing"), verdict("nothing"))]
         table, scores = blind_open.tables(rows)
-        self.assertIn("| class first, strength ≥ 2 σ |", table)
+        must, goal = blind_open.ASKED["first"]
+        self.assertIn(f"| class first, λ ≥ 100 (T0), else strength ≥ 2 σ | {must} | {goal} | 100 %", table)
+        self.assertIn("| 10000 to 100000 | T2 | 100 %", table)
         self.assertEqual(len(scores["cases"]), 2)
         json.dumps(scores)
 
@@ -209,12 +284,29 @@ class Hiding(unittest.TestCase):
     def test_effects_get_the_strength_that_is_wanted(self):
         scene = blind_hide.draw_scene(np.random.default_rng(2), False, False)
         effects = [(blind_effects.EFFECTS[n], blind_effects.EFFECTS[n].start, {}) for n in ("gravity_size",)]
-        _, s, keep, sized = blind_hide.Hider.record(scene, 0.3, effects, 5.0, 1e-3)
+        _, s, keep, sized, apart = blind_hide.Hider.record(scene, 0.3, effects, 5.0, 1e-3)
         self.assertAlmostEqual(s, 5.0, delta=0.3)
         # A fall of ½ a t², less what a throw from the same place imitates: √(1/5 − 3/16) of it.
         end = (blind_hide.USED - 1) / blind_effects.FPS
         self.assertAlmostEqual(sized[0][1] * 0.5 * end**2 / np.sqrt(80.0) / np.sqrt(3.0), 5e-3, delta=4e-4)
         self.assertGreater(keep, 0.1)
+        self.assertEqual(apart["left"].shape, (blind_hide.USED, len(scene.mesh.surface), 3))
+        self.assertLess(np.linalg.norm(apart["left"]), np.linalg.norm(apart["raw"]))
+
+    def test_places_are_where_a_region_is_another(self):
+        random = np.random.default_rng(4)
+        first = random.uniform(-1.0, 1.0, (64, 3)) * [2.0, 1.0, 0.1]
+        first[5] = np.nan
+        region = scoring.body_regions(first)
+        self.assertEqual(region[5], -1)
+        self.assertEqual(set(region), {-1, 0, 1, 2, 3})  # flat: not divided along z
+        self.assertTrue((first[(region == 1) | (region == 3), 0] > np.nanmedian(first[:, 0]) - 1e-9).all())
+        apart = np.zeros((3, 64, 3))
+        apart[2, region == 3] = [0.0, 0.0, 1e-3]
+        apart[1] = 1e-5
+        visible = np.ones((3, 64), bool)
+        places = blind_hide.places_of({"left": apart}, 1e-3, first, visible)
+        self.assertEqual(places, {"left": [[2, 3]]})
 
     def test_correlated_noise_has_its_size(self):
         noise = blind_hide.add_noise(np.random.default_rng(1), np.zeros((400, 200, 3)), 2.0, "correlated")

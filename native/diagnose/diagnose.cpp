@@ -64,6 +64,7 @@ class Writer {
                         -cause.probability);
     };
     std::ranges::stable_sort(report_.causes, {}, rank);
+    report_.tested = int(report_.causes.size());
     if (report_.causes.size() > std::size_t(options_.listed)) {
       report_.causes.resize(std::size_t(options_.listed));
     }
@@ -113,6 +114,9 @@ class Writer {
     report_.by_frame = errors_by_frame(study_, residual, noise, solver);
     report_.worst = worst_frames(study_, residual, kWorstFrames);
     report_.wrong = wrong_places(study_, residual, noise, solver);
+    for (const Capture& capture : model_.captures()) {
+      report_.regions.push_back(region_names(capture));
+    }
     report_.threshold = found_.first->placebo.threshold;
     report_.smooth_p = found_.first->smooth.p;
     report_.smooth_p_after = found_.last ? found_.last->smooth.p : found_.first->smooth.p;
@@ -317,7 +321,12 @@ class Writer {
       report_.verdict = Verdict::kUnknown;
     }
     report_.extended = found_.base.refit.state;
-    if (!report_.classes.empty()) report_.extended = found_.best->refit.state;
+    if (report_.classes.empty()) return;
+    report_.extended = found_.best->refit.state;
+    const VectorXd left = study_.measured() - found_.best->refit.prediction;
+    const std::vector<FrameError> after =
+        errors_by_frame(study_, left, found_.noise, found_.spread.deviations());
+    for (std::size_t i = 0; i < after.size(); ++i) report_.by_frame[i].after = after[i].rms;
   }
 
   void name_causes() {

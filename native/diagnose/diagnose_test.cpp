@@ -70,6 +70,19 @@ TEST_P(HidesOne, IsNamedWithItsSizeAndGainsOnUnseenFrames) {
     EXPECT_LT(cause.holdout_after, cause.last_residual);
   }
   EXPECT_LT(cause.holdout_after, cause.holdout_before);
+  double before = 0.0;
+  double after = 0.0;
+  for (const FrameError& frame : report.by_frame) {
+    before += frame.rms * frame.rms;
+    after += frame.after * frame.after;
+  }
+  EXPECT_LT(after, before);
+  std::size_t frames = 0;
+  for (const Capture& capture : model.captures()) frames += capture.times.size();
+  ASSERT_EQ(cause.evidence_by_frame.size(), frames);
+  EXPECT_GT(*std::ranges::max_element(cause.evidence_by_frame), 0.0);
+  EXPECT_GE(std::size_t(report.tested), report.causes.size());
+  ASSERT_EQ(report.regions.size(), model.captures().size());
 }
 
 INSTANTIATE_TEST_SUITE_P(Thrown, HidesOne,

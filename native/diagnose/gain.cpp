@@ -32,11 +32,17 @@ double relative_gain(double before, double after, double floor) {
   return std::clamp((before - after) / excess, -1.0, 1.0);
 }
 
-}  // namespace
+/// Regions of tracks, and the axis along which each bit of their numbers divides the body.
+struct BodySplit {
+  std::vector<int> region;
+  std::vector<std::size_t> axes;
+};
 
-std::vector<int> body_regions(const Capture& capture) {
+BodySplit split_body(const Capture& capture) {
   const std::size_t count = capture.rest.size();
-  std::vector<int> region(count, 0);
+  BodySplit split;
+  std::vector<int>& region = split.region;
+  region.assign(count, 0);
   std::array<double, 3> low{1e300, 1e300, 1e300};
   std::array<double, 3> high{-1e300, -1e300, -1e300};
   for (const Vec3d& x : capture.rest) {
@@ -61,8 +67,28 @@ std::vector<int> body_regions(const Capture& capture) {
       if (capture.rest[i][Index(axis)] >= *middle) region[i] += regions;
     }
     regions *= 2;
+    split.axes.push_back(axis);
   }
-  return region;
+  return split;
+}
+
+}  // namespace
+
+std::vector<int> body_regions(const Capture& capture) { return split_body(capture).region; }
+
+std::vector<std::string> region_names(const Capture& capture) {
+  const std::vector<std::size_t> axes = split_body(capture).axes;
+  if (axes.empty()) return {"all"};
+  std::vector<std::string> names(std::size_t(1) << axes.size());
+  for (std::size_t n = 0; n < names.size(); ++n) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      const auto place = std::ranges::find(axes, a);
+      if (place == axes.end()) continue;
+      const bool beyond = (n >> std::size_t(place - axes.begin())) & 1U;
+      names[n] += std::string(names[n].empty() ? "" : " ") + (beyond ? "+" : "−") + "xyz"[a];
+    }
+  }
+  return names;
 }
 
 double root_mean_square(const Rows& rows, const VectorXd& residual) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <string>
 #include <tuple>
 #include <vector>
 
@@ -81,5 +82,8 @@ void add_by_block(const Rows& rows, const std::vector<Capture>& captures,
 /// Region of each track: octants of the body's rest positions about their medians along axes, as
 /// far as the body is wide there and a region keeps four tracks.
 [[nodiscard]] std::vector<int> body_regions(const Capture& capture);
+/// What people may call each region, by its number: "+x −z" is the part of the body at rest beyond
+/// its medians along x and below that along z; "all" where there is only one.
+[[nodiscard]] std::vector<std::string> region_names(const Capture& capture);
 
 }  // namespace matterfit::diagnose

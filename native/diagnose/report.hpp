@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -88,7 +89,9 @@ struct FrameError {
   int capture = 0;
   int frame = 0;
   double time = 0.0;
-  double rms = 0.0;        ///< over tracks [m]
+  double rms = 0.0;  ///< over tracks [m]
+  /// The same with what is named at work; NaN where nothing is.
+  double after = std::numeric_limits<double>::quiet_NaN();
   double noise = 0.0;      ///< what noise alone makes [m]
   double numerical = 0.0;  ///< what the solver's spread makes [m]
   bool held_out = false;
@@ -98,7 +101,7 @@ struct FrameError {
 struct WrongPlace {
   int capture = 0;
   int frame = 0;
-  int region = 0;       ///< body_regions()
+  int region = 0;       ///< of region_names()
   double sigmas = 0.0;  ///< mean residual over its standard deviation
 };
 
@@ -127,9 +130,11 @@ struct Report {
   std::vector<FrameError> by_frame;
   std::vector<WorstFrame> worst;
   std::vector<WrongPlace> wrong;
+  std::vector<std::vector<std::string>> regions;  ///< region_names() of each capture
   /// "class": names that the recording cannot distinguish, or all that act.
   std::vector<std::string> classes;
-  std::vector<Cause> causes;  ///< the most probable first
+  std::vector<Cause> causes;  ///< the most probable first, DiagnoseOptions::listed of them
+  int tested = 0;             ///< causes in all
   std::vector<std::string> not_observable;
   std::vector<DetectionLimit> detection_limits;
   std::string next_recording;

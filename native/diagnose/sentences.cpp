@@ -59,12 +59,12 @@ std::string next_best(const Report& report, const Cause& named) {
       return fmt::format(
           "It is the best of {} causes tested; no other is a ten-thousandth as "
           "likely.",
-          report.causes.size());
+          report.tested);
     }
     return fmt::format("It is the best of {} causes tested; the next, {}, is {:.2g} % as likely.",
-                       report.causes.size(), plain(next->effect), 100.0 * ratio);
+                       report.tested, plain(next->effect), 100.0 * ratio);
   }
-  return fmt::format("It is the best of {} causes tested.", report.causes.size());
+  return fmt::format("It is the best of {} causes tested.", report.tested);
 }
 
 std::string nothing(const Report& report) {

@@ -9,6 +9,7 @@
 #include "base/error.hpp"
 #include "diagnose/analysis.hpp"
 #include "diagnose/chi_square.hpp"
+#include "diagnose/gain.hpp"
 #include "diagnose/models_for_test.hpp"
 #include "diagnose/random.hpp"
 #include "diagnose/refit.hpp"
@@ -237,6 +238,17 @@ TEST(Model, WhatIsNotAsDocumentedIsRefused) {
   EXPECT_NO_THROW(check(model));
   model.effects_[0].numbers[0].low = 1.0;
   EXPECT_THROW(check(model), Error);
+}
+
+TEST(Regions, AreNamedByTheAxesThatDivideTheBody) {
+  Capture capture;
+  for (int i = 0; i < 16; ++i) capture.rest.emplace_back(0.1 * i, 0.0, i % 2 ? 0.9 : 0.0);
+  EXPECT_THAT(region_names(capture), testing::ElementsAre("−x −z", "+x −z", "−x +z", "+x +z"));
+  const std::vector<int> regions = body_regions(capture);
+  EXPECT_EQ(regions.front(), 0);
+  EXPECT_EQ(regions.back(), 3);
+  capture.rest.resize(3);
+  EXPECT_THAT(region_names(capture), testing::ElementsAre("all"));
 }
 
 }  // namespace

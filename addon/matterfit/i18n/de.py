@@ -26,6 +26,37 @@ TEXTS = {
     "Extend Model": "Modell erweitern",
     "Open Report": "Bericht öffnen",
     "All Causes": "Alle Ursachen",
+    "Ignore": "Übergehen",
+    "Accept": "Annehmen",
+    "Preview Extended": "Erweitert zeigen",
+    "Before and After": "Vorher und nachher",
+    "Error [σ]": "Fehler [σ]",
+    "Significant": "Bedeutsam",
+    "Explains {share}": "Erklärt {share}",
+    "{name}, extended": "{name}, erweitert",
+    "Found Collider": "Gefundenes Hindernis",
+    "The diagnosis has no such cause any more.": "Die Diagnose hat diese Ursache nicht mehr.",
+    "{name} is ignored. Press Accept beside it first.":
+        "{name} wird übergangen. Zuerst Annehmen daneben drücken.",
+    "{name} acts in the recording '{capture}' alone, and settings of the panel are those of all. The model that "
+    "was extended by what was accepted is the job {path}, which the matterfit tool runs.":
+        "{name} wirkt nur in der Aufnahme „{capture}“, und Einstellungen des Panels gelten für alle. Das um das "
+        "Angenommene erweiterte Modell ist der Auftrag {path}, den das Werkzeug matterfit ausführt.",
+    "The diagnosis is of the capture '{name}', which is not in the scene any more. Name it so again, or diagnose "
+    "again.":
+        "Die Diagnose gilt der Aufnahme „{name}“, die nicht mehr in der Szene ist. Sie wieder so nennen, oder noch "
+        "einmal diagnostizieren.",
+    "'{name}': Unit is Automatic, so there is no number that could be scaled. Choose the unit of its file in "
+    "Capture, and diagnose again.":
+        "„{name}“: die Einheit ist Automatisch, also gibt es keine Zahl, die sich skalieren ließe. Die Einheit "
+        "seiner Datei unter Aufnahme wählen und noch einmal diagnostizieren.",
+    "The diagnosis has accepted no cause, so there is no extended model to preview.":
+        "Die Diagnose hat keine Ursache angenommen, also gibt es kein erweitertes Modell zu zeigen.",
+    "{path}: holds no scene. Diagnose again.": "{path}: enthält keine Szene. Noch einmal diagnostizieren.",
+    "{path} does not exist: it is an input of the fit. Diagnose again.":
+        "{path} gibt es nicht: eine Eingabe der Anpassung. Noch einmal diagnostizieren.",
+    "What noise makes is not known: the fit was not diagnosed. Shown in millimetres, all of it.":
+        "Was Rauschen ausmacht, ist nicht bekannt: die Anpassung wurde nicht diagnostiziert. Alles in Millimetern.",
     "It is animated, but starts with the velocity that is typed.":
         "Es ist animiert, startet aber mit der eingetippten Geschwindigkeit.",
     "Start as Keyed": "Start wie animiert",

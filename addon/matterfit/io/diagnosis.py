@@ -69,6 +69,7 @@ class Cause:
     confused_with: tuple = ()
     observable: bool = True
     accepted: bool = False
+    explained: float = None  # share of the excess that it takes away; None where it was not refitted
 
     @property
     def label(self):
@@ -86,6 +87,20 @@ class WorstFrame:
 
 
 @dataclass(frozen=True)
+class FrameError:
+    """Root mean square distances in one frame of a capture [m]; `after` with what was named, None where
+    nothing was; `noise` and `numerical` what noise and the solver's spread make."""
+
+    capture: str
+    frame: int
+    before: float
+    after: float
+    noise: float
+    numerical: float
+    held_out: bool
+
+
+@dataclass(frozen=True)
 class Report:
     verdict: str
     sentence: str
@@ -96,6 +111,8 @@ class Report:
     statements: tuple = ()
     model: dict = None  # the scene with what was accepted; None without
     fitted: dict = field(default_factory=dict)  # path: value of the fit that was diagnosed
+    frames: tuple = ()  # FrameErrors, capture after capture
+    captures: tuple = ()  # entries of the document with what a camera did taken back
 
 
 def label_of(effect):
@@ -153,6 +170,8 @@ def _report(document):
         next_recording=_with_labels(str(document.get("next_recording") or "")),
         statements=tuple(str(text) for text in document.get("statements") or ()),
         model=dict(document["model"]) if document.get("model") else None,
+        frames=tuple(_frame(entry) for entry in document["residual"].get("by_frame", ())),
+        captures=tuple(document.get("model_captures") or ()),
         fitted={entry["path"]: float(entry["value"])
                 for entry in (document.get("fit") or {}).get("parameters", ())})
 
@@ -176,7 +195,15 @@ def _cause(entry):
                       if found["value"] is not None),
         confused_with=tuple(str(rival["effect"]) for rival in entry.get("confused_with") or ()),
         observable=bool(entry.get("observable", True)),
-        accepted=bool(entry.get("accepted")))
+        accepted=bool(entry.get("accepted")),
+        explained=_known(entry.get("explained")) if entry.get("refitted") else None)
+
+
+def _frame(entry):
+    return FrameError(
+        str(entry["capture"]), int(entry["frame"]), float(entry["before"] or 0.0),
+        _known(entry.get("after")), float(entry.get("noise") or 0.0),
+        float(entry.get("numerical") or 0.0), bool(entry.get("held_out")))
 
 
 def _known(value):

@@ -11,6 +11,7 @@ from mathutils import Vector
 from .. import effects
 from ..compat import translate, translate_label
 from ..jobs import JobError
+from ..props.diagnosis import is_ignored
 from . import (
     diagnosis,
     files,
@@ -20,6 +21,7 @@ from . import (
     material_values,
     transforms,
 )
+from .extend_surroundings import OF_CAPTURE, Surroundings, acts_on_body
 from .fit_apply import Application
 
 # Quantities of the scene and of the body that a cause changes, applied as those of a fit are.
@@ -27,16 +29,21 @@ _OF_SCENE = {"gravity_size": "gravity", "gravity_direction": "gravity"}
 _OF_BODY = {"velocity": "velocity", "spin": "spin"}
 _CONTACT = {"friction": "mu", "restitution": "damping"}
 _MATERIAL = ("damping_shear", "damping_bulk")
+_SURROUNDINGS = ("hidden_collider", "ground_tilt", "camera_roll", *OF_CAPTURE)
 _STATED = "material."  # parameters of the law, by their document paths
 _MASS = "Attached Mass"  # the row's name, by which it is found again
 
 
+def _of_one_recording(cause, report):
+    """Whether it is in the scene of one recording alone, which is the document's and not the panel's."""
+    return cause.scope.startswith("capture ") and (
+        cause.effect not in OF_CAPTURE or (cause.effect == "scale" and acts_on_body(report)))
+
+
 def has_place(cause):
     """Whether the panel has a setting for the cause."""
-    if cause.scope.startswith("capture "):  # a scene of its own is the document's alone
-        return False
-    return (cause.effect in {*_OF_SCENE, *_OF_BODY, *_CONTACT, *_MATERIAL, "contact_kind", "yield",
-                             "relaxation", "attached_mass"}
+    return (cause.effect in {*_OF_SCENE, *_OF_BODY, *_CONTACT, *_MATERIAL, *_SURROUNDINGS, "contact_kind",
+                             "yield", "relaxation", "attached_mass"}
             or cause.effect.startswith(_STATED)
             or any(kind.name == cause.effect for kind in effects.KINDS))
 
@@ -47,6 +54,14 @@ def extend(scene, folder, report, cause):
     if not cause.accepted or report.model is None:
         raise JobError(translate("{name} was not accepted as a cause: {evidence}").format(
             name=label, evidence=cause.evidence or cause.sentence))
+    if is_ignored(scene.matterfit, cause.effect):
+        raise JobError(translate("{name} is ignored. Press Accept beside it first.").format(name=label))
+    if _of_one_recording(cause, report):
+        raise JobError(translate(
+            "{name} acts in the recording '{capture}' alone, and settings of the panel are those of all. The "
+            "model that was extended by what was accepted is the job {path}, which the matterfit tool runs."
+            ).format(name=label, capture=cause.scope.removeprefix("capture "),
+                     path=os.path.join(folder, diagnosis.EXTENDED_FILE)))
     if not has_place(cause):
         raise JobError(translate(
             "{name} has no setting in the panel. The model that was extended by what was accepted "
@@ -84,6 +99,8 @@ class _Extension:
                 self._relaxation()
             elif effect == "attached_mass":
                 self._mass()
+            elif effect in _SURROUNDINGS:
+                self._surroundings(effect)
             else:
                 self._effect(effects.find(effect))
         except (KeyError, IndexError, TypeError) as error:
@@ -160,6 +177,17 @@ class _Extension:
             branches.add().name = translate("Found")
         branch = branches[len(given) - 1]
         branch.modulus, branch.time = given[-1]["modulus"], given[-1]["time"]
+
+    def _surroundings(self, effect):
+        work = Surroundings(self.scene, self.folder, self.report, self.cause)
+        if effect == "camera_roll" or (effect == "scale" and acts_on_body(self.report)):
+            self._as_fitted("", "gravity")
+            if work.has_slope():
+                work.ground_tilt()
+        elif effect == "scale":
+            work.scale_of_capture()
+        else:
+            getattr(work, effect)()
 
     def _mass(self):
         body, given = self._body(), self._body_document()["masses"][-1]

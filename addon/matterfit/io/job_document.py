@@ -101,6 +101,9 @@ def _building(writer, task, quality, outputs):
     if task in cache.FIT_TASKS:
         document["fit"] = job_fit.document(settings, scene_document,
                                            document.get("captures", []))
+        ignored = [row.name for row in settings.diagnosis.ignored]
+        if ignored:
+            document["diagnose"] = {"ignored": ignored}
         document["output"] = {"folder": "."}
     else:
         document["output"] = _output(writer, bodies, outputs)

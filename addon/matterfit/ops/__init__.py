@@ -14,10 +14,12 @@ from . import (
                images,
                materials,
                output,
+               preview_extended,
                simulate,
                takes,
 )
 
 CLASSES = (*capture.CLASSES, *images.CLASSES, *bodies.CLASSES, *effects.CLASSES, *simulate.CLASSES,
            *caches.CLASSES, *check.CLASSES, *fit.CLASSES, *materials.CLASSES,
-           *compare.CLASSES, *diagnose.CLASSES, *takes.CLASSES, *output.CLASSES, *batch.CLASSES)
+           *compare.CLASSES, *diagnose.CLASSES, *preview_extended.CLASSES,
+           *takes.CLASSES, *output.CLASSES, *batch.CLASSES)

@@ -5,7 +5,7 @@ import os
 import pathlib
 
 import bpy
-from bpy.props import IntProperty
+from bpy.props import BoolProperty, IntProperty
 
 from .. import jobs
 from ..compat import translate
@@ -13,6 +13,7 @@ from ..io import diagnosis, extend_model, fit_results, takes, words
 from ..jobs import JobError
 from ..props import compare
 from ..props import scene as scene_props
+from ..props.diagnosis import set_ignored
 from .base import NoJobRunning, PlainOperator, greyed, session
 from .fit import FitJob
 
@@ -51,7 +52,9 @@ class MATTERFIT_OT_diagnose(FitJob, bpy.types.Operator):
             context.scene.matterfit)
 
 
-class _HasReport(NoJobRunning):
+class HasReport(NoJobRunning):
+    """Mixin: the scene's fit was diagnosed."""
+
     @classmethod
     def poll(cls, context):
         run = context.scene.matterfit.fit.run
@@ -60,11 +63,12 @@ class _HasReport(NoJobRunning):
             cls, none, "Nothing was diagnosed yet: press Diagnose")
 
 
-def _folder(context):
+def fit_folder(context):
+    """Where the report lies."""
     return takes.locate(context.scene.matterfit.fit.run).folder
 
 
-class MATTERFIT_OT_extend_model(_HasReport, PlainOperator, bpy.types.Operator):
+class MATTERFIT_OT_extend_model(HasReport, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.extend_model"
     bl_label = "Extend Model"
     bl_description = ("Put the active cause into the scene: its own setting where it has one, else "
@@ -72,7 +76,7 @@ class MATTERFIT_OT_extend_model(_HasReport, PlainOperator, bpy.types.Operator):
                       "again afterwards: other values move with it")
 
     def act(self, context):
-        scene, folder = context.scene, _folder(context)
+        scene, folder = context.scene, fit_folder(context)
         settings = scene.matterfit
         report = diagnosis.load(folder)
         if not diagnosis.is_of_fit(report, fit_results.load(folder)):
@@ -87,14 +91,14 @@ class MATTERFIT_OT_extend_model(_HasReport, PlainOperator, bpy.types.Operator):
         self.report({"INFO"}, said)
 
 
-class MATTERFIT_OT_open_report(_HasReport, PlainOperator, bpy.types.Operator):
+class MATTERFIT_OT_open_report(HasReport, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.open_report"
     bl_label = "Open Report"
     bl_description = "Open the report of the diagnosis, one page that needs no network, in the browser"
     bl_options = set()
 
     def act(self, context):
-        path = os.path.join(_folder(context), diagnosis.PAGE_FILE)
+        path = os.path.join(fit_folder(context), diagnosis.PAGE_FILE)
         if not os.path.isfile(path):
             raise JobError(translate("{path} does not exist: the diagnosis has left no page. "
                                      "Diagnose again.").format(path=path))
@@ -127,5 +131,24 @@ class MATTERFIT_OT_diagnosis_cause(PlainOperator, bpy.types.Operator):
         context.scene.matterfit.diagnosis.cause_index = self.index
 
 
+class MATTERFIT_OT_ignore_cause(HasReport, PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.ignore_cause"
+    bl_label = "Ignore"
+    bl_description = ("Extend Model leaves this cause alone, in this diagnosis and in later ones, until it is "
+                      "accepted again; jobs that are written say so too")
+
+    index: IntProperty(name="Cause", default=0, min=0, max=100000, soft_max=100,
+                       description="Its place in the table, from 0")
+    ignored: BoolProperty(name="Ignored", default=True, options={"SKIP_SAVE"},
+                          description="Off: it may extend the model again")
+
+    def act(self, context):
+        settings = context.scene.matterfit
+        report = diagnosis.load(fit_folder(context))
+        if not 0 <= self.index < len(report.causes):
+            raise JobError(translate("The diagnosis has no such cause any more."))
+        set_ignored(settings, report.causes[self.index].effect, self.ignored)
+
+
 CLASSES = (MATTERFIT_OT_diagnose, MATTERFIT_OT_extend_model, MATTERFIT_OT_open_report,
-           MATTERFIT_OT_diagnosis_jump, MATTERFIT_OT_diagnosis_cause)
+           MATTERFIT_OT_diagnosis_jump, MATTERFIT_OT_diagnosis_cause, MATTERFIT_OT_ignore_cause)

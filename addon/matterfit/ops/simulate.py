@@ -144,6 +144,7 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
         try:
             discard_preview(scene)
             folder = takes.claim(take)
+            take.extended = False
             prepared = yield from preparing(context, take, folder, "bake")
         except BaseException:  # a generator that is left, too
             scene, take = takes.still(scene, take, folder)

@@ -141,6 +141,19 @@ class MatterfitCompare(bpy.types.PropertyGroup):
     show_links: BoolProperty(
         name="Lines to Simulation", default=False, update=redraw,
         description="Draw a line from each captured point to its simulated place")
+    heat_unit: EnumProperty(
+        name="Heat-Map In", default="MM", update=redraw,
+        items=(("MM", "Millimetres", "How far a point is off"),
+               ("SIGMA", "Sigma", "How far it is off over what noise and the solver make in that frame, "
+                                  "as the diagnosis of the fit has found it")),
+        description="What colours mean")
+    significant_only: BoolProperty(
+        name="Significant Only", default=False, update=redraw,
+        description="Draw only points that are farther off than noise and the solver make, as the "
+                    "diagnosis of the fit has found it")
+    range_sigma: FloatProperty(
+        name="Red At [σ]", default=10.0, min=1e-3, soft_min=1.0, max=1e6, soft_max=100.0,
+        precision=2, update=redraw, description="From how many times the usual size on errors are red")
     range_mode: EnumProperty(
         name="Range", default="AUTO", update=redraw,
         items=(("AUTO", "Automatic", "Red is the 95th percentile of all errors"),

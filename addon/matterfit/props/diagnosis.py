@@ -1,8 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a diagnosis is shown. What it found lies in the fit's cache (io/diagnosis.py)."""
+"""How a diagnosis is shown, and what was said of its causes. What it found lies in the fit's cache
+(io/diagnosis.py)."""
 
 import bpy
-from bpy.props import BoolProperty, IntProperty
+from bpy.props import BoolProperty, CollectionProperty, IntProperty, StringProperty
+
+from .compare import redraw
+
+
+class MatterfitIgnoredCause(bpy.types.PropertyGroup):
+    """A cause that the artist does not believe, whichever diagnosis names it."""
+
+    name: StringProperty(name="Cause", description="Its name in reports, such as drag_quadratic")
 
 
 class MatterfitDiagnosis(bpy.types.PropertyGroup):
@@ -15,6 +24,24 @@ class MatterfitDiagnosis(bpy.types.PropertyGroup):
     show_all: BoolProperty(
         name="All Causes", default=False,
         description="Show every cause that was tried, not only the most probable ones")
+    ignored: CollectionProperty(type=MatterfitIgnoredCause)
+    show_graph: BoolProperty(
+        name="Before and After", default=True, update=redraw,
+        description="Draw the error over time before and with the causes that were named beside each "
+                    "other in the viewport, above what noise and the solver make")
 
 
-CLASSES = (MatterfitDiagnosis,)
+def is_ignored(settings, effect):
+    return any(row.name == effect for row in settings.diagnosis.ignored)
+
+
+def set_ignored(settings, effect, ignored):
+    rows = settings.diagnosis.ignored
+    for index in reversed(range(len(rows))):
+        if rows[index].name == effect:
+            rows.remove(index)
+    if ignored:
+        rows.add().name = effect
+
+
+CLASSES = (MatterfitIgnoredCause, MatterfitDiagnosis)

@@ -65,6 +65,9 @@ class MatterfitTake(bpy.types.PropertyGroup):
                              description="How many frames the cache holds")
     frame_count: IntProperty(name="Frames", default=0, min=0, max=1048574, soft_max=10000,
                              description="How many frames the cache should hold")
+    extended: BoolProperty(
+        name="Preview of a Diagnosis", default=False,
+        description="The cache holds the model that a diagnosis has extended, not what the scene is")
     compared: BoolProperty(
         name="Compared", default=False,
         description="The cache holds a comparison with the captures as they are")

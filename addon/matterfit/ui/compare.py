@@ -2,7 +2,8 @@
 import bpy
 
 from ..compat import translate
-from ..io import number_text
+from ..io import error_bands, number_text
+from ..props import scene as scene_props
 from .common import MatterfitPanel, form, lines
 
 
@@ -48,9 +49,16 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
         column.prop(compare, "show_links", text="Lines")
         column.prop(compare, "show_graph", text="Graph")
         if compare.show_heatmap:
+            column.prop(compare, "heat_unit", text="In")
+            column.prop(compare, "significant_only", text="Significant")
+            known = error_bands.of_fit(settings, scene_props.compared_capture(settings)) is not None
+            if (compare.heat_unit == "SIGMA" or compare.significant_only) and not known:
+                lines(layout, translate("What noise makes is not known: the fit was not diagnosed. Shown in "
+                                        "millimetres, all of it."), icon="INFO")
             column.prop(compare, "range_mode")
             if compare.range_mode == "FIXED":
-                column.prop(compare, "range_mm", text="Red At")
+                in_sigma = compare.heat_unit == "SIGMA" and known
+                column.prop(compare, "range_sigma" if in_sigma else "range_mm", text="Red At")
             column.prop(compare, "point_size", text="Point Size")
         layout.label(text="Worst Frames [mm]")
         row = layout.row()

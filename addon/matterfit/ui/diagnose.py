@@ -4,6 +4,7 @@ import bpy
 from ..compat import translate, translate_label
 from ..io import diagnosis, fit_results, number_text, takes, words
 from ..props import scene as scene_props
+from ..props.diagnosis import is_ignored
 from . import fit_overlay
 from .common import BOX, MatterfitPanel, form, lines
 
@@ -39,7 +40,10 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
         self._causes(layout, settings, report)
         self._worst(layout, report)
         self._rest(layout, settings, report)
+        if report.frames:
+            form(layout).prop(settings.diagnosis, "show_graph", text="Graph")
         column = layout.column(align=True)
+        column.operator("matterfit.preview_extended", icon="HIDE_OFF")
         column.operator("matterfit.extend_model", icon="ADD")
         column.operator("matterfit.open_report", icon="URL")
 
@@ -52,16 +56,22 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
         for index, cause in enumerate(report.causes[:count]):
             column = box.column(align=True)
             active = index == shown.cause_index
-            pick = column.operator(
+            ignored = is_ignored(settings, cause.effect)
+            row = column.row(align=True)
+            pick_row = row.row(align=True)
+            pick_row.active = not ignored
+            pick = pick_row.operator(
                 "matterfit.diagnosis_cause", icon="RADIOBUT_ON" if active else "RADIOBUT_OFF",
                 text=f"{index + 1}  {translate_label(cause.label)}")
             pick.index = index
+            switch = row.operator("matterfit.ignore_cause", text="", icon="HIDE_ON" if ignored else "HIDE_OFF")
+            switch.index, switch.ignored = index, not ignored
             self._numbers(column, cause)
         if len(report.causes) > PROBABLE:
             form(layout).prop(shown, "show_all")
         cause = scene_props.active_item(report.causes, shown.cause_index)
         if cause is not None:
-            self._evidence(layout, settings, cause)
+            self._evidence(layout, settings, cause, shown.cause_index)
 
     def _numbers(self, column, cause):
         """A line each for value ± error; probability and gain below."""
@@ -71,8 +81,11 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
         row.label(text=translate("{share} likely").format(share=percent(cause.probability)),
                   translate=False)
         row.label(text=translate("Gain {share}").format(share=gain_text(cause)), translate=False)
+        if cause.explained is not None:
+            column.label(text=translate("Explains {share}").format(share=percent(cause.explained)),
+                         translate=False)
 
-    def _evidence(self, layout, settings, cause):
+    def _evidence(self, layout, settings, cause, index):
         box = layout.box()
         lines(box, words.of_result(cause.sentence, settings), icon="CHECKMARK" if cause.accepted else "NONE", taken=BOX)
         if cause.where:
@@ -92,6 +105,10 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
             lines(box, translate("Looks like: {names}").format(names=_names(cause.confused_with)), taken=BOX)
         if not cause.observable:
             lines(box, translate("This recording does not identify it."), icon="INFO", taken=BOX)
+        ignored = is_ignored(settings, cause.effect)
+        switch = box.operator("matterfit.ignore_cause", text="Accept" if ignored else "Ignore",
+                              icon="CHECKMARK" if ignored else "X")
+        switch.index, switch.ignored = index, not ignored
 
     def _worst(self, layout, report):
         if not report.worst:

@@ -11,6 +11,8 @@ RED = (0.9, 0.35, 0.25, 1.0)
 BLUE = (0.3, 0.6, 1.0, 1.0)
 GREY = (0.95, 0.95, 0.95, 0.25)
 HELD_OUT = (0.3, 0.6, 1.0, 0.2)
+NOISE = (0.6, 0.6, 0.6, 0.4)
+SOLVER = (0.85, 0.65, 0.15, 0.4)
 
 
 def text(words, x, y, scale, color=WHITE):
@@ -81,6 +83,23 @@ class Graph:
         points = numpy.stack((x, y, numpy.zeros_like(x)), axis=1).astype(numpy.float32)
         polygons(points, color, kind="LINE_STRIP")
 
+    def band(self, places, low, high, color):
+        """What lies between two curves of finite values; a single place has no width."""
+        if len(places) < 2:
+            return
+        x, below, above = self.x(places), self.y(low), self.y(high)
+        points = numpy.zeros((2 * len(x), 3), dtype=numpy.float32)
+        points[0::2, 0], points[0::2, 1] = x, below
+        points[1::2, 0], points[1::2, 1] = x, above
+        polygons(points, color, kind="TRI_STRIP")
+
+    def floor(self, bands):
+        """What noise, and above it the solver, make of an io.error_bands.Bands."""
+        inside = (bands.frames >= self.first) & (bands.frames <= self.last)
+        places, noise, usual = bands.frames[inside], bands.noise[inside], bands.usual[inside]
+        self.band(places, noise, usual, SOLVER)
+        self.band(places, numpy.zeros_like(noise), noise, NOISE)
+
     def upright(self, place, color):
         x = float(self.x(place))
         polygons(((x, self.bottom, 0), (x, self.bottom + self.height, 0)), color, kind="LINES")
@@ -129,15 +148,17 @@ def frames_compared(found):
     return float(seen[0]), float(seen[-1])
 
 
-def error_over_time(rectangle, scale, found, frame, title, held_out=None):
+def error_over_time(rectangle, scale, found, frame, title, held_out=None, bands=None):
     """Mean and largest error of an io.comparison.Comparison, the present frame as an upright;
-    `held_out` [a, b) is shaded."""
+    `held_out` [a, b) is shaded, and with an io.error_bands.Bands what noise and the solver make."""
     frames = found.frames
     first, last = frames_compared(found)
     largest = max(largest_of(found), 1e-9)
     graph = Graph(rectangle, scale, (first, last), (0.0, largest))
     if held_out is not None:
         graph.shade(held_out[0], held_out[1] - 1, HELD_OUT)
+    if bands is not None:
+        graph.floor(bands)
     graph.curve(frames, found.largest, RED)
     graph.curve(frames, found.means, WHITE)
     graph.upright(frame, BLUE)

@@ -6,10 +6,10 @@ import os
 
 from .. import jobs, laws
 from ..compat import translate_label
-from ..io import comparison, files, fit_results, takes
+from ..io import comparison, error_bands, files, fit_results, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
-from . import drawing
+from . import diagnosis_overlay, drawing
 
 LEFT, BOTTOM, WIDTH, HEIGHT, STEP = 124, 56, 320, 110, 190  # pixels
 COLORS = (drawing.WHITE, (0.35, 0.75, 0.95, 1.0), (0.95, 0.75, 0.3, 1.0), (0.5, 0.85, 0.45, 1.0),
@@ -70,13 +70,16 @@ def draw(context, below):
         found = _error(settings, folder) if whole else None
         if found is not None:
             drawing.error_over_time(_rectangle(place), scale, found[0], scene.frame_current,
-                                    translate_label("Error of the fit; blue: held out"), found[1])
+                                    translate_label("Error of the fit; blue: held out"), found[1],
+                                    error_bands.of_fit(settings, scene_props.compared_capture(settings)))
             place += 1
     if fit.show_history:
         segments = live_curve(folder) if running else curve(folder)
         if segments:
             _draw_curve(_rectangle(place), scale, segments)
             place += 1
+    if not running and diagnosis_overlay.draw(context, LEFT, BOTTOM + place * STEP):
+        place += 1
     return place
 
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The heat-map on captured points, its legend in mm, and error over time, in the 3D View."""
+"""The heat-map on captured points, its legend in mm or σ, and error over time, in the 3D View."""
 
 import bpy
 import numpy
 
 from .. import compat
 from ..compat import translate_label
-from ..io import comparison, takes, transforms
+from ..io import comparison, diagnosis, error_bands, takes, transforms
 from ..props import scene as scene_props
 from . import curves_overlay, drawing, fit_overlay, throw_overlay
 
@@ -44,7 +44,7 @@ def active_comparison(scene):
 
 
 def colors(errors, top):
-    """(N, 4) colours of errors [mm]; `top` is drawn red."""
+    """(N, 4) colours of errors; `top` is drawn red."""
     place = numpy.clip(numpy.nan_to_num(errors) / max(top, 1e-12), 0.0, 1.0) * (len(STOPS) - 1)
     low = numpy.minimum(place.astype(int), len(STOPS) - 2)
     part = (place - low)[:, None]
@@ -52,16 +52,47 @@ def colors(errors, top):
     return numpy.concatenate((rgb, numpy.ones((len(rgb), 1))), axis=1).astype(numpy.float32)
 
 
+def shown_errors(settings, found):
+    """(errors as the heat-map shows them (T, N), which points it leaves out (T, N), unit)."""
+    compare = settings.compare
+    bands = None
+    if compare.heat_unit == "SIGMA" or compare.significant_only:
+        bands = error_bands.of_fit(settings, scene_props.compared_capture(settings))
+    if bands is None:  # nothing was diagnosed that would tell
+        return found.errors, numpy.zeros(found.errors.shape, dtype=bool), "mm"
+    with numpy.errstate(invalid="ignore", divide="ignore"):
+        sigmas = found.errors / bands.usual_at(found.frames)[:, None]
+    left_out = sigmas < error_bands.SIGNIFICANT if compare.significant_only else numpy.zeros(sigmas.shape, dtype=bool)
+    return (sigmas, left_out, "σ") if compare.heat_unit == "SIGMA" else (found.errors, left_out, "mm")
+
+
+def shown_now(settings, found):
+    """The same, done again only where something has changed."""
+    compare = settings.compare
+    folder = takes.locate(settings.fit.run).folder if settings.fit.run.folder else ""
+    key = (compare.heat_unit, compare.significant_only, folder, diagnosis.stamp(folder) if folder else None)
+    if _loaded.get("shown_of") is not found or _loaded.get("shown_key") != key:
+        _loaded.update(shown_of=found, shown_key=key, shown=shown_errors(settings, found))
+    return _loaded["shown"]
+
+
 def top_of_range(settings, found):
     compare = settings.compare
-    return compare.range_mm if compare.range_mode == "FIXED" else max(found.percentile95, 1e-6)
+    errors, _left_out, unit = shown_now(settings, found)
+    if compare.range_mode == "FIXED":
+        return compare.range_sigma if unit == "σ" else compare.range_mm
+    if unit == "mm":
+        return max(found.percentile95, 1e-6)
+    known = errors[numpy.isfinite(errors)]
+    return max(float(numpy.percentile(known, 95.0)), 1e-6) if known.size else 1.0
 
 
 def point_sets(compare, found, row, unit, top):
     """[(points, colours, size in pixels)] of one sample: simulated places as grey ghosts, captured
     ones by their error, in Blender units."""
-    errors = found.errors[row]
-    seen = numpy.isfinite(errors)
+    every, left_out, _unit = shown_now(compare.id_data.matterfit, found)
+    errors = every[row]
+    seen = numpy.isfinite(errors) & ~left_out[row]
     sets = []
     if compare.show_simulation:
         ghosts = (found.simulated[row][seen] * unit).astype(numpy.float32)
@@ -93,11 +124,12 @@ def draw_points():
         gpu.state.point_size_set(size)
         _draw("POINTS", points, color)
     if compare.show_links:
-        seen = numpy.isfinite(found.errors[row])
+        errors, left_out, _unit = shown_now(settings, found)
+        seen = numpy.isfinite(errors[row]) & ~left_out[row]
         ends = numpy.empty((2 * int(seen.sum()), 3), dtype=numpy.float32)
         ends[0::2] = found.captured[row][seen] * unit
         ends[1::2] = found.simulated[row][seen] * unit
-        _draw("LINES", ends, numpy.repeat(colors(found.errors[row][seen], top), 2, axis=0))
+        _draw("LINES", ends, numpy.repeat(colors(errors[row][seen], top), 2, axis=0))
     gpu.state.blend_set("NONE")
     gpu.state.depth_test_set("NONE")
     gpu.state.point_size_set(1.0)
@@ -128,12 +160,12 @@ def draw_legend():
         return
     scale = context.preferences.system.ui_scale
     if compare.show_heatmap:
-        _legend(scale, top_of_range(settings, found))
+        _legend(scale, top_of_range(settings, found), shown_now(settings, found)[2])
     if compare.show_graph:
         _graph(scale, scene, found)
 
 
-def _legend(scale, top):
+def _legend(scale, top, unit):
     from gpu_extras.batch import batch_for_shader
     left, bottom, width, height = (value * scale for value in LEGEND)
     drawing.box(left - 8 * scale, bottom - 12 * scale, width + 64 * scale, height + 40 * scale,
@@ -153,12 +185,15 @@ def _legend(scale, top):
         value = top * index / (count - 1)
         drawing.text(f"{value:.3g}", left + width + 6 * scale,
                      bottom + height * index / (count - 1) - 4 * scale, scale)
-    drawing.text(translate_label("Error [mm]"), left, bottom + height + 12 * scale, scale)
+    title = translate_label("Error [σ]" if unit == "σ" else "Error [mm]")
+    drawing.text(title, left, bottom + height + 12 * scale, scale)
 
 
 def _graph(scale, scene, found):
+    settings = scene.matterfit
     drawing.error_over_time(GRAPH, scale, found, scene.frame_current,
-                            translate_label("Mean (white) and largest (red) error"))
+                            translate_label("Mean (white) and largest (red) error"), None,
+                            error_bands.of_fit(settings, scene_props.compared_capture(settings)))
 
 
 def draw_fit():

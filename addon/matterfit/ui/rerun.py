@@ -10,7 +10,7 @@ class MATTERFIT_UL_takes(bpy.types.UIList):
     def draw_item(self, context, layout, _data, item, _icon, _active, _name, _index=0):
         row = layout.row(align=True)
         row.prop(item, "name", text="", emboss=False,
-                 icon="CHECKMARK" if item.baked else "REC")
+                 icon="VIEWZOOM" if item.extended else "CHECKMARK" if item.baked else "REC")
         error = batch_results.error_of(context.scene.matterfit, item)
         if error >= 0.0:
             row.label(text=batch_results.error_text(error), translate=False)

@@ -12,7 +12,24 @@ Json sizes(const diagnose::Sizes& sizes) {
   return {{"rms", number_json(sizes.rms)}, {"p95", number_json(sizes.p95)}};
 }
 
-Json cause_json(const diagnose::Cause& cause) {
+/// By capture: the frames, and the score over a window about each.
+Json evidence_json(const std::vector<double>& score,
+                   const std::vector<diagnose::Capture>& captures) {
+  Json list = Json::array();
+  std::size_t at = 0;
+  for (const diagnose::Capture& capture : captures) {
+    Json frames = Json::array();
+    Json scores = Json::array();
+    for (std::size_t f = 0; f < capture.times.size(); ++f, ++at) {
+      frames.push_back(capture.frames.empty() ? static_cast<int>(f) : capture.frames[f]);
+      scores.push_back(number_json(score[at]));
+    }
+    list.push_back({{"capture", capture.name}, {"frames", frames}, {"score", scores}});
+  }
+  return list;
+}
+
+Json cause_json(const diagnose::Cause& cause, const std::vector<diagnose::Capture>& captures) {
   Json json = {{"effect", cause.effect},
                {"scope", cause.scope},
                {"group", cause.group},
@@ -46,6 +63,9 @@ Json cause_json(const diagnose::Cause& cause) {
   for (const diagnose::Confusion& rival : cause.confused_with) {
     json["confused_with"].push_back(
         {{"effect", rival.effect}, {"scope", rival.scope}, {"cosine", number_json(rival.cosine)}});
+  }
+  if (!cause.evidence_by_frame.empty()) {
+    json["evidence_by_frame"] = evidence_json(cause.evidence_by_frame, captures);
   }
   return json;
 }
@@ -84,6 +104,7 @@ Json report_json(const diagnose::Report& report, const std::vector<diagnose::Cap
                {"not_observable", report.not_observable},
                {"next_recording", report.next_recording},
                {"runs", report.runs},
+               {"tested", report.tested},
                {"causes", Json::array()},
                {"detection_limits", Json::object()}};
   for (const auto& [stage, runs] : report.by_stage) json["runs_by_stage"][stage] = runs;
@@ -97,6 +118,7 @@ Json report_json(const diagnose::Report& report, const std::vector<diagnose::Cap
                                     {"frame", row.frame},
                                     {"time", row.time},
                                     {"before", number_json(row.rms)},
+                                    {"after", number_json(row.after)},
                                     {"noise", number_json(row.noise)},
                                     {"numerical", number_json(row.numerical)},
                                     {"held_out", row.held_out}});
@@ -113,8 +135,13 @@ Json report_json(const diagnose::Report& report, const std::vector<diagnose::Cap
                                  {"region", wrong.region},
                                  {"sigmas", number_json(wrong.sigmas)}});
   }
+  residual["regions"] = Json::object();
+  for (std::size_t c = 0; c < report.regions.size(); ++c) {
+    residual["regions"][captures[c].name] = report.regions[c];
+  }
   json["residual"] = std::move(residual);
-  for (const diagnose::Cause& cause : report.causes) json["causes"].push_back(cause_json(cause));
+  for (const diagnose::Cause& cause : report.causes)
+    json["causes"].push_back(cause_json(cause, captures));
   for (const diagnose::DetectionLimit& limit : report.detection_limits) {
     const std::string key = limit.number.empty() ? limit.effect : limit.effect + "." + limit.number;
     json["detection_limits"][key] = {{"value", number_json(limit.value)}, {"unit", limit.unit}};

@@ -71,6 +71,18 @@ TEST(Diagnose, AirDragIsFoundAndPaysOnWhatWasHeldOut) {
   const Json& value = cause.at("parameters").at("drag_coefficient");
   EXPECT_NEAR(value.at("value").get<double>(), 1.0, 0.3) << cause.dump(1);
   EXPECT_GT(cause.at("gain").get<double>(), 0.5) << report.at("sentence");
+  // Over time as well, and when the evidence arrives.
+  double before = 0.0;
+  double after = 0.0;
+  for (const Json& row : report.at("residual").at("by_frame")) {
+    before += row.at("before").get<double>();
+    after += row.at("after").get<double>();
+  }
+  EXPECT_LT(after, before);
+  const Json& arrives = cause.at("evidence_by_frame").at(0);
+  EXPECT_EQ(arrives.at("capture"), report.at("residual").at("by_frame").at(0).at("capture"));
+  EXPECT_EQ(arrives.at("frames").size(), arrives.at("score").size());
+  EXPECT_FALSE(report.at("residual").at("regions").empty());
   // The model with what was accepted runs as it is.
   ASSERT_TRUE(report.contains("model")) << report.at("sentence");
   Json extended = read_json(folder.path / "out/extended.json");

@@ -15,9 +15,10 @@ from . import (
                materials,
                output,
                simulate,
+               splats,
                takes,
 )
 
-CLASSES = (*capture.CLASSES, *images.CLASSES, *bodies.CLASSES, *effects.CLASSES, *simulate.CLASSES,
+CLASSES = (*capture.CLASSES, *images.CLASSES, *splats.CLASSES, *bodies.CLASSES, *effects.CLASSES, *simulate.CLASSES,
            *caches.CLASSES, *check.CLASSES, *fit.CLASSES, *materials.CLASSES,
            *compare.CLASSES, *diagnose.CLASSES, *takes.CLASSES, *output.CLASSES, *batch.CLASSES)

@@ -4,11 +4,13 @@ cameras of the scene that stand as a fit has found them."""
 
 import json
 import os
+import re
 
 import bpy
 import numpy
 from matterfit import native
 from matterfit.io import blender_cameras, image_comparison, takes
+from matterfit.props.compare import store
 from matterfit.ui import compare as compare_panel
 from support import needs_library
 from test_camera_poses import POSES
@@ -90,6 +92,25 @@ class CompareImagesTest(ImagesCase):
 
         bpy.data.objects.remove(camera)
         self.fails(bpy.ops.matterfit.show_overlays, ["no cameras of 'clip'", "Add Cameras"])
+
+    def test_colours_that_are_held_out_stand_apart(self):
+        images = {"name": "clip", "images": 4, "iou": 0.9, "contour_px": 1.0, "frames": [],
+                  "held_out": {"iou": 0.8, "psnr_db": 21.25, "ssim": 0.5},
+                  "not_held_out": {"iou": 0.95, "psnr_db": 30.5, "ssim": 0.875}}
+        compare = self.settings.compare
+        shown = {}
+        for name in ("both", "one", "none"):
+            if name == "one":
+                images = {**images, "psnr_db": 25.0, "ssim": 0.7}
+                del images["held_out"], images["not_held_out"]
+            elif name == "none":
+                del images["psnr_db"]
+            with open(os.path.join(self.folder, "report.json"), "w", encoding="utf-8") as file:
+                json.dump({"compare": {"images": [images]}}, file)
+            store(compare, None, image_comparison.load(self.folder, "clip"))
+            shown[name] = re.findall(r"[\d.]+ dB, [\d.]+", texts(compare_panel.MATTERFIT_PT_compare))
+        self.assertEqual(shown, {"both": ["30.5 dB, 0.875", "21.2 dB, 0.500"], "one": ["25.0 dB, 0.700"],
+                                 "none": []})
 
     def test_nothing_is_shown_before_a_comparison(self):
         self.assertFalse(bpy.ops.matterfit.show_overlays.poll())

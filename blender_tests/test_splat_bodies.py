@@ -53,6 +53,12 @@ class SplatBodyTest(SceneCase):
                                       (math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0), atol=1e-6)
         entry = document["output"]["splats"][0]
         self.assertEqual((entry["body"], entry["crop"]), ("Ball", body["source"]["crop"]))
+        self.assertEqual(entry["opacity_threshold"], 0.02)
+        self.assertNotIn("format", entry)
+        self.settings.output.splat_format, self.row.opacity_threshold = "SPLAT", 0.0
+        entry = self.document()[0]["output"]["splats"][0]
+        self.assertEqual(entry["format"], "splat")
+        self.assertNotIn("opacity_threshold", entry)
 
     def test_as_it_is_without_any(self):
         self.row.file_up, self.row.file_scale, self.row.crop = "Z", 1.0, None
@@ -94,6 +100,15 @@ class SplatBodyTest(SceneCase):
         places = numpy.frombuffer(values, dtype="<f4").reshape(BALL, columns)[:, :3]
         numpy.testing.assert_allclose(places.mean(axis=0), (0.0, 0.0, 0.5), atol=0.01)
         self.assertAlmostEqual(places[:, 0].max(), 0.1, delta=0.005)
+
+    @needs_library
+    def test_baked_as_dot_splat(self):
+        self.settings.output.splat_format = "SPLAT"
+        bpy.ops.matterfit.bake()
+        folder = takes.locate(takes.ensure_active(self.settings)).folder
+        written = sorted(os.listdir(os.path.join(folder, "splat")))
+        self.assertEqual(written[0], "Ball_0001.splat")
+        self.assertEqual(len(read(folder, "splat", written[0])), 32 * BALL)
 
     @needs_library
     def test_nothing_in_the_crop(self):

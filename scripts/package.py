@@ -15,6 +15,7 @@ from parts import BUILD, ROOT, require_in_tree, say
 
 ADDON = ROOT / "addon" / "matterfit"
 STAGE = BUILD / "package"
+MOST_BYTES = 60e6  # of the archive
 LEFT_OUT = {"__pycache__", ".DS_Store"}
 
 
@@ -77,8 +78,22 @@ def build_package():
     archive = BUILD / f"matterfit-{version()}.zip"
     partial = archive.with_suffix(".zip.tmp")
     write_zip(partial)
+    require_small(partial)
     partial.rename(archive)
     return archive
+
+
+def require_small(path, most=MOST_BYTES):
+    """PackageError, with the largest files in it, where an archive has more than `most` bytes."""
+    size = path.stat().st_size
+    if size <= most:
+        return
+    with zipfile.ZipFile(path) as content:
+        largest = sorted(content.infolist(), key=lambda info: -info.compress_size)[:5]
+    listed = ", ".join(f"{info.filename} {info.compress_size / 1e6:.1f} MB" for info in largest)
+    raise PackageError(
+        f"{path.name} has {size / 1e6:.1f} MB, and {most / 1e6:.0f} MB are the most. The largest: {listed}"
+    )
 
 
 def is_deterministic(archive):

@@ -180,6 +180,11 @@ def part_package():
         tally.failed.append(("package: build", str(error)))
         return tally
     tally.passed.append("package: build")
+    try:
+        package.require_small(archive, most=1000)
+        tally.failed.append(("package: size", "an archive above the most is not refused"))
+    except package.PackageError:
+        tally.passed.append("package: size")
     same = QUEUE.submit(BLENDER_WEIGHT, package.is_deterministic, archive).result()
     tally.check("package: same bytes again", same, "two builds of it differ")
     script = ROOT / "scripts" / "check_package.py"

@@ -115,23 +115,18 @@ def _declare(library):
     pointer, text = ctypes.c_void_p, ctypes.c_char_p
     options, out = ctypes.POINTER(_Options), ctypes.POINTER(ctypes.c_void_p)
     signatures = {
-        "mf_abi_version": (ctypes.c_uint32, []),
-        "mf_version": (text, []),
-        "mf_last_error": (text, []),
+        "mf_abi_version": (ctypes.c_uint32, []), "mf_version": (text, []), "mf_last_error": (text, []),
         "mf_job_start": (ctypes.c_int, [text, text, options, out]),
         "mf_job_poll": (ctypes.c_int, [pointer, ctypes.POINTER(_Progress)]),
-        "mf_job_cancel": (ctypes.c_int, [pointer]),
-        "mf_job_wait": (ctypes.c_int, [pointer, ctypes.c_double]),
-        "mf_job_result": (text, [pointer]),
-        "mf_job_free": (None, [pointer]),
+        "mf_job_cancel": (ctypes.c_int, [pointer]), "mf_job_free": (None, [pointer]),
+        "mf_job_wait": (ctypes.c_int, [pointer, ctypes.c_double]), "mf_job_result": (text, [pointer]),
         "mf_wedge_start": (ctypes.c_int, [text, text, options, text, ctypes.c_int32, out]),
         "mf_wedge_write": (ctypes.c_int, [text, text, options, text, text, text, out]),
         "mf_estimate": (ctypes.c_int, [text, text, options, out]),
-        "mf_validate": (ctypes.c_int, [text, text, options, out]),
+        "mf_validate": (ctypes.c_int, [text, text, options, out]), "mf_text_free": (None, [pointer]),
         "mf_capture_summary": (ctypes.c_int, [text, text, out]),
-        "mf_inspect": (ctypes.c_int, [text, out]),
+        "mf_splats": (ctypes.c_int, [text, text, text, out]), "mf_inspect": (ctypes.c_int, [text, out]),
         "mf_curves": (ctypes.c_int, [text, text, text, out]),
-        "mf_text_free": (None, [pointer]),
     }
     for name, (result, arguments) in signatures.items():
         function = getattr(library, name)
@@ -283,6 +278,12 @@ def capture_summary(path, options):
     """What a capture file is like. `options`: keys of a job's capture."""
     require()
     return _json_call(_library.mf_capture_summary, path.encode(), json.dumps(options).encode())
+
+
+def splats(path, npz, options):
+    """Writes what a viewport shows of a file of splats as a .npz. `options`: "most", "opacity_threshold"."""
+    require()
+    return _json_call(_library.mf_splats, path.encode(), _json(options), npz.encode())
 
 
 def inspect(folder):

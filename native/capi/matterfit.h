@@ -113,6 +113,11 @@ MF_API mf_status mf_validate(const char* json, const char* base_folder,
 /* What a capture is like: frames, points, spacing, noise, jumps, labels, …
  * `options`: NULL or keys of a job's capture (`unit`, `up`, `fps`, `markers`, …). */
 MF_API mf_status mf_capture_summary(const char* path, const char* options_json, char** text);
+/* Writes what a viewport shows of a file of Gaussian splats to the file `npz`: places, turns,
+ * sizes, colours (job/run/splat_points.hpp says which arrays). `options`: NULL or {"most",
+ * "opacity_threshold"}. {"gaussians", "kept", "written", "low", "high"}. */
+MF_API mf_status mf_splats(const char* path, const char* options_json, const char* npz,
+                           char** text);
 /* What a cache folder holds, its result hash, and each file that is missing or damaged. */
 MF_API mf_status mf_inspect(const char* folder, char** text);
 /* The numbers of a scene that can be fitted or shown, with unit, bounds, label and a sentence each,

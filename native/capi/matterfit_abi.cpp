@@ -19,6 +19,7 @@
 #include "job/documents/wedge.hpp"
 #include "job/run/estimate.hpp"
 #include "job/run/inspect.hpp"
+#include "job/run/splat_points.hpp"
 #include "job/run/validate.hpp"
 #include "job/run_job.hpp"
 
@@ -278,6 +279,16 @@ mf_status mf_capture_summary(const char* path, const char* options_json, char** 
     const job::Json options =
         given ? job::parse_json(options_json, "options") : job::Json::object();
     return give(dump(job::capture_summary(path, options)), text);
+  });
+}
+
+mf_status mf_splats(const char* path, const char* options_json, const char* npz, char** text) {
+  if (path == nullptr || npz == nullptr || text == nullptr) return fail(MF_ERROR_USAGE, kNull);
+  return guarded([&] {
+    const bool given = options_json != nullptr && options_json[0] != '\0';
+    const job::Json options =
+        given ? job::parse_json(options_json, "options") : job::Json::object();
+    return give(dump(job::write_splat_points(path, options, npz)), text);
   });
 }
 

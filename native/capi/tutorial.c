@@ -102,7 +102,11 @@ int main(int argc, char** argv) {
   expect(mf_curves("{}", folder, NULL, &text) == MF_ERROR_INPUT, "no material is told");
   expect(mf_curves(NULL, folder, NULL, &text) == MF_ERROR_USAGE, "a missing pointer is told");
 
-  /* 8. Cancelling: the job ends soon, with its status. */
+  /* 8. Points of a file of Gaussian splats, for a viewport. */
+  expect(mf_splats("nothing.ply", NULL, path, &text) == MF_ERROR_INPUT, "a missing file is told");
+  expect(mf_splats(NULL, NULL, path, &text) == MF_ERROR_USAGE, "a missing pointer is told");
+
+  /* 9. Cancelling: the job ends soon, with its status. */
   options.overrides = NULL;
   options.override_count = 0;
   options.restart = 1;
@@ -111,7 +115,7 @@ int main(int argc, char** argv) {
   expect(mf_job_wait(job, -1.0) == MF_CANCELLED, "a cancelled job says so");
   mf_job_free(job);
 
-  /* 9. One document with several values: written for a farm, then run here side by side. */
+  /* 10. One document with several values: written for a farm, then run here side by side. */
   options.overrides = axes;
   options.override_count = 1;
   options.restart = 0;
@@ -125,7 +129,7 @@ int main(int argc, char** argv) {
   expect(strstr(mf_job_result(job), "\"gravity[2] = -3.7\"") != NULL, "its members are listed");
   mf_job_free(job);
 
-  /* 10. Wrong use is answered, not crashed on. */
+  /* 11. Wrong use is answered, not crashed on. */
   expect(mf_wedge_start(kJob, folder, NULL, NULL, 1, &job) == MF_ERROR_USAGE, "NULL is refused");
   expect(mf_job_start(NULL, folder, NULL, &job) == MF_ERROR_USAGE, "NULL is refused");
   options.size = 0;

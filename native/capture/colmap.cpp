@@ -7,6 +7,8 @@
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <set>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -116,6 +118,7 @@ CameraSet joined(const std::map<std::uint32_t, Lens>& lenses, std::vector<Image>
   std::sort(images.begin(), images.end(),
             [](const Image& a, const Image& b) { return a.name < b.name; });
   CameraSet set;
+  std::set<std::uint32_t> used;
   set.source = folder;
   set.shots.reserve(images.size());
   for (const Image& image : images) {
@@ -136,6 +139,17 @@ CameraSet joined(const std::map<std::uint32_t, Lens>& lenses, std::vector<Image>
     shot.image = image.name;
     shot.number = last_digits(image.name);
     add_shot(set, std::move(shot), camera, lens->second.distortion, where);
+    used.insert(image.camera);
+  }
+  std::string unused;
+  for (const auto& [number, lens] : lenses) {
+    if (used.contains(number)) continue;
+    unused += (unused.empty() ? "" : ", ") + std::to_string(number);
+  }
+  if (!unused.empty()) {
+    set.notes.push_back(
+        folder + ": cameras without an image are left out, by the model's numbers: " + unused +
+        ".");
   }
   return set;
 }

@@ -260,6 +260,18 @@ TEST_F(ColmapFolderTest, ASequenceOfSeveralCamerasIsNotContinued) {
   EXPECT_EQ(read_cameras(scratch_.path).shots.size(), 2U);
 }
 
+TEST_F(ColmapFolderTest, ACameraWithoutAnImageIsSaid) {
+  CameraSet set = two_cameras();
+  const std::string said = "cameras without an image are left out, by the model's numbers: 9.";
+  set.cameras.push_back(set.cameras[1]);
+  touch("images/left/0003.png");
+  write("sparse", colmap_text(set), ".txt");
+  EXPECT_THAT(read_cameras(scratch_.path).notes, ElementsAre(HasSubstr(said)));
+  EXPECT_EQ(read_cameras(scratch_.path).cameras.size(), 2U);
+  write("sparse", colmap_binary(set), ".bin");
+  EXPECT_THAT(read_cameras(scratch_.path).notes, ElementsAre(HasSubstr(said)));
+}
+
 TEST_F(ColmapFolderTest, AFolderWithoutAModelIsSaid) {
   EXPECT_THAT(message_of([&] { (void)read_cameras(scratch_.path); }),
               HasSubstr("holds no COLMAP model"));

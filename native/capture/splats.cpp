@@ -10,6 +10,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
@@ -128,6 +129,26 @@ std::string ending_of(const std::filesystem::path& path) {
   return ending;
 }
 
+/// Those of which `keep` says so, in their order.
+template <class Keep>
+Splats kept_of(const Splats& splats, const Keep& keep) {
+  const std::size_t numbers = 3 * splats.sh_bands();
+  Splats kept;
+  kept.sh_degree = splats.sh_degree;
+  kept.isotropic = splats.isotropic;
+  kept.antialiased = splats.antialiased;
+  for (std::size_t i = 0; i < splats.size(); ++i) {
+    if (!keep(i)) continue;
+    kept.means.push_back(splats.means[i]);
+    kept.rotations.push_back(splats.rotations[i]);
+    kept.scales.push_back(splats.scales[i]);
+    kept.opacities.push_back(splats.opacities[i]);
+    const auto first = splats.sh.begin() + static_cast<std::ptrdiff_t>(numbers * i);
+    kept.sh.insert(kept.sh.end(), first, first + static_cast<std::ptrdiff_t>(numbers));
+  }
+  return kept;
+}
+
 }  // namespace
 
 Splats parse_splats(std::span<const std::byte> bytes, const std::string& name) {
@@ -159,23 +180,12 @@ Splats read_splats(const std::filesystem::path& path) {
 }
 
 Splats cropped(const Splats& splats, const Eigen::AlignedBox3d& box) {
-  const std::size_t numbers = 3 * splats.sh_bands();
-  Splats kept;
-  kept.sh_degree = splats.sh_degree;
-  kept.isotropic = splats.isotropic;
-  kept.antialiased = splats.antialiased;
   Eigen::AlignedBox3d all;
-  for (std::size_t i = 0; i < splats.size(); ++i) {
+  Splats kept = kept_of(splats, [&](std::size_t i) {
     const Vec3d centre = splats.means[i].cast<double>();
     all.extend(centre);
-    if (!box.contains(centre)) continue;
-    kept.means.push_back(splats.means[i]);
-    kept.rotations.push_back(splats.rotations[i]);
-    kept.scales.push_back(splats.scales[i]);
-    kept.opacities.push_back(splats.opacities[i]);
-    const auto first = splats.sh.begin() + static_cast<std::ptrdiff_t>(numbers * i);
-    kept.sh.insert(kept.sh.end(), first, first + static_cast<std::ptrdiff_t>(numbers));
-  }
+    return box.contains(centre);
+  });
   if (kept.size() > 0) return kept;
   if (splats.size() == 0) throw_input("the file holds no splats.");
   const auto text = [](const Vec3d& x) {
@@ -183,6 +193,24 @@ Splats cropped(const Splats& splats, const Eigen::AlignedBox3d& box) {
   };
   throw_input("no splat lies in the crop box from " + text(box.min()) + " to " + text(box.max()) +
               ": in the file they lie from " + text(all.min()) + " to " + text(all.max()) + ".");
+}
+
+Splats opaque(const Splats& splats, double threshold) {
+  if (!(threshold > 0.0)) return splats;
+  Splats kept =
+      kept_of(splats, [&](std::size_t i) { return double(splats.opacities[i]) >= threshold; });
+  if (kept.size() > 0) return kept;
+  if (splats.size() == 0) throw_input("the file holds no splats.");
+  throw_input(
+      fmt::format("no splat has an opacity of {:.3g} or more; the most opaque one has {:.3g}.",
+                  threshold, *std::max_element(splats.opacities.begin(), splats.opacities.end())));
+}
+
+Splats chosen(Splats splats, const std::optional<Eigen::AlignedBox3d>& crop,
+              double opacity_threshold) {
+  if (crop) splats = cropped(splats, *crop);
+  if (opacity_threshold > 0.0) splats = opaque(splats, opacity_threshold);
+  return splats;
 }
 
 void write_splats(const std::filesystem::path& path, const Splats& splats) {

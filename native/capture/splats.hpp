@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -45,6 +46,14 @@ struct Splats {
 /// The splats whose centres lie in a box, in the file's own frame. Throws Error(kInput), which
 /// says where the splats lie, if none lies in it.
 [[nodiscard]] Splats cropped(const Splats& splats, const Eigen::AlignedBox3d& box);
+
+/// The splats of at least that opacity. Throws Error(kInput), which says how opaque the splats are,
+/// if none is.
+[[nodiscard]] Splats opaque(const Splats& splats, double threshold);
+
+/// What a document keeps of a file: those in `crop` (none: all), of these the opaque ones.
+[[nodiscard]] Splats chosen(Splats splats, const std::optional<Eigen::AlignedBox3d>& crop,
+                            double opacity_threshold);
 
 /// `.splat` where the name ends so, else PLY with the same conventions as read (log, logit,
 /// channel-major), binary little endian. Neither has a place for `antialiased`.

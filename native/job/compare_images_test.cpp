@@ -13,6 +13,7 @@ namespace {
 
 using namespace fit_test;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 Json compared_with_clip() {
   Json document = thrown_cube();
@@ -91,6 +92,34 @@ TEST(CompareImages, ColoursOfALaterImageAreMeasured) {
   const Json other = run(document, folder.path).at("compare").at("images")[0];
   EXPECT_LT(other.at("psnr_db").get<double>(), right.at("psnr_db").get<double>() - 3.0);
   EXPECT_LT(other.at("ssim").get<double>(), right.at("ssim").get<double>() - 0.2);
+}
+
+/// A camera that no fit sees is judged by images of their own size, apart from the others.
+TEST(CompareImages, ColoursOfAHeldOutCameraStandApart) {
+  const Folder folder;
+  const auto halves = [](const auto& scene, const auto& state, const auto& camera) {
+    return paint(scene, state, camera, [](const Vec3d& rest) {
+      return rest.z() > 0.5 ? Vec3d(0.7, 0.8, 0.3) : Vec3d(0.3, 0.1, 0.1);
+    });
+  };
+  std::vector<splat::Camera> cameras = two_cameras();
+  cameras.push_back(looking(Vec3d(0.4, -2.1, 1.0), kFlightMiddle));          // beside the first
+  cameras.push_back(looking(Vec3d(0.6, -2.0, 0.9), Vec3d(0.6, -4.0, 0.9)));  // looks away
+  film(filmed_cube(), folder.path, cameras, halves);
+  Json document = compared_with_clip();
+  document["captures"][0]["colours"] = true;
+  document["captures"][0]["holdout"] = {{"cameras", {2, 3}}};
+  const Json result = run(document, folder.path).at("compare");
+  const Json& images = result.at("images")[0];
+  EXPECT_FALSE(images.contains("psnr_db")) << "of images of two sizes";
+  for (const char* which : {"held_out", "not_held_out"}) {
+    EXPECT_GT(images.at(which).at("psnr_db").get<double>(), 16.0) << which << images.dump(1);
+    EXPECT_GT(images.at(which).at("ssim").get<double>(), 0.5) << which;
+  }
+  EXPECT_NE(images.at("held_out").at("psnr_db"), images.at("not_held_out").at("psnr_db"));
+  const Json notes = run(document, folder.path).at("notes");
+  EXPECT_THAT(notes.dump(), HasSubstr("camera 3, which is held out, sees nothing of the body"));
+  EXPECT_THAT(notes.dump(), Not(HasSubstr("camera 2, which is held out")));
 }
 
 /// Poses of the document, of a comparison and of pictures.

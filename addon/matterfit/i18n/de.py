@@ -22,6 +22,43 @@ TEXTS = {
         "Im Ordner des Takes liegen keine Überlagerungen von „{name}“. Noch einmal vergleichen.",
     "The scene has no cameras of '{name}'. Import the images with Add Cameras.":
         "Die Szene hat keine Kameras von „{name}“. Die Bilder mit Kameras importieren.",
+    "Held-Out Colours": "Zurückgehaltene Farben",
+    "Show Splats": "Splats zeigen",
+    "Hide Splats": "Splats verbergen",
+    "Render Splats": "Splats zeichnen",
+    "Photograph or Splats": "Foto oder Splats",
+    "Capture from Cameras": "Aufnahme aus Kameras",
+    "{seen} of {count} Gaussians are shown": "{seen} von {count} Gauß-Splats werden gezeigt",
+    "The active body is not made from a Gaussians file": "Der aktive Körper besteht nicht aus einer Splat-Datei",
+    "The scene's camera needs a background image, and one of Render Splats":
+        "Die Kamera der Szene braucht ein Hintergrundbild und eines von Splats zeichnen",
+    "No camera of the scene has a background image": "Keine Kamera der Szene hat ein Hintergrundbild",
+    "Body '{name}'": "Körper „{name}“",
+    "{where}: no file is chosen. Choose one.": "{where}: keine Datei ist gewählt. Eine wählen.",
+    "The scene has no object '{name}' to crop by. Choose another one, or none.":
+        "Die Szene hat kein Objekt „{name}“ zum Zuschneiden. Ein anderes wählen, oder keines.",
+    "{path}: the image does not exist. Was it moved?": "{path}: Das Bild gibt es nicht. Wurde es verschoben?",
+    "{path}: Blender could not read it. Is it damaged, or of another format than its name says?":
+        "{path}: Blender konnte es nicht lesen. Ist es beschädigt, oder von anderem Format als der Name sagt?",
+    "Camera '{name}' moves: at frame {frame} it stands or looks otherwise than at the first. A capture's cameras "
+    "stand still. Remove its animation, or film from one that does.":
+        "Kamera „{name}“ bewegt sich: bei Bild {frame} steht oder blickt sie anders als beim ersten. Die Kameras "
+        "einer Aufnahme stehen still. Ihre Animation entfernen, oder von einer stehenden filmen.",
+    "Camera '{name}': '{image}' behind its view is no image sequence. Set its Source to Image Sequence.":
+        "Kamera „{name}“: „{image}“ hinter ihrer Ansicht ist keine Bildsequenz. Source auf Image Sequence setzen.",
+    "Camera '{name}': {path} has no number at the end of its name.":
+        "Kamera „{name}“: {path} hat keine Zahl am Ende des Namens.",
+    "Camera '{name}': none of the images of the sequence {path} is there. Look at its Start Frame, Offset and "
+    "Frames.":
+        "Kamera „{name}“: Keines der Bilder der Sequenz {path} ist da. Start Frame, Offset und Frames ansehen.",
+    "Camera '{name}': its images are {w} × {h}, the scene renders {x} × {y}. Set the scene's Resolution to that "
+    "of the images.":
+        "Kamera „{name}“: Ihre Bilder sind {w} × {h}, die Szene rendert {x} × {y}. Die Auflösung der Szene auf die "
+        "der Bilder setzen.",
+    "Camera '{name}': its background image is shifted, scaled, turned or flipped. A capture takes it as it is: "
+    "set these back.":
+        "Kamera „{name}“: Ihr Hintergrundbild ist verschoben, skaliert, gedreht oder gespiegelt. Eine Aufnahme "
+        "nimmt es, wie es ist: zurücksetzen.",
     "Diagnose": "Diagnose",
     "Extend Model": "Modell erweitern",
     "Open Report": "Bericht öffnen",

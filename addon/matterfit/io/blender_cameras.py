@@ -17,6 +17,8 @@ SENSOR = 36.0
 CAPTURE, NUMBER, PLACE, LENS = ("matterfit_capture", "matterfit_camera", "matterfit_place",
                                 "matterfit_lens")
 
+DRAWN = "matterfit_drawn"  # on an image: what Render Splats has drawn
+
 
 def image_size(scene):
     render = scene.render
@@ -24,15 +26,16 @@ def image_size(scene):
     return max(1, int(render.resolution_x * share)), max(1, int(render.resolution_y * share))
 
 
-def shot(scene, camera, name, world=None, scale=1.0):
-    """One image of a `transforms.json` as Blender's camera takes it at the scene's size; `world`
-    maps the scene to the world of what is drawn, `scale` is its metres in a unit."""
+def shot(scene, camera, name, world=None, scale=1.0, size=None):
+    """One image of a `transforms.json` as Blender's camera takes it, of `size` pixels with the scene's
+    aspect (None: of the scene's); `world` maps the scene to the world of what is drawn, `scale` is its
+    metres in a unit."""
     if camera is None or camera.type != "CAMERA":
         raise JobError(translate("The scene has no camera. Add one, and look through it."))
     if camera.data.type != "PERSP":
         raise JobError(translate("Camera '{name}' is not a perspective one. Set its Type to "
                                  "Perspective.").format(name=camera.name))
-    width, height = image_size(scene)
+    width, height = size or image_size(scene)
     corners = camera.data.view_frame(scene=scene)
     left, right = min(c.x for c in corners), max(c.x for c in corners)
     low, high = min(c.y for c in corners), max(c.y for c in corners)
@@ -66,11 +69,9 @@ def add_cameras(scene, name, places):
         matrix = Matrix(place["matrix"])
         matrix.translation *= units
         item.matrix_world = matrix
-        item[CAPTURE], item[NUMBER] = name, k
-        item[PLACE] = [value for row in matrix for value in row]
-        item[LENS] = data.lens
         collection.objects.link(item)
         items.append(item)
+    tag(items, name)
     return items
 
 
@@ -132,6 +133,9 @@ def show_photographs(cameras, paths, first, count):
         image = bpy.data.images.load(path)
         image.filepath = relative_path(path)
         shown = set_background(cameras[k], image)
+        if image.source == "MOVIE":
+            _follow_frames(shown.image_user, first, 1, count)
+            continue
         following = numbered_on(path)
         if count < 2 or len(following) < count or set(following[1:count]) & set(paths.values()):
             continue
@@ -150,23 +154,56 @@ def numbered_on(path):
     found = _number_of(path)
     if found is None:
         return paths
-    digits = found.group(1)
     while True:
-        number = f"{int(digits) + len(paths):0{len(digits)}d}"
-        following = path[:found.start()] + number + path[found.end():]
+        following = numbered(path, int(found.group(1)) + len(paths))
         if not os.path.isfile(following):
             return paths
         paths.append(following)
 
 
+def numbered(path, number):
+    """The file of a sequence that has that number, with as many digits as `path` has at least."""
+    found = _number_of(path)
+    return f"{path[:found.start()]}{number:0{len(found.group(1))}d}{path[found.end():]}"
+
+
+def tag(items, name):
+    """They are the cameras of the capture, in its order, and stand where its file says."""
+    for k, item in enumerate(items):
+        item[CAPTURE], item[NUMBER] = name, k
+        item[PLACE] = [value for row in item.matrix_world for value in row]
+        item[LENS] = item.data.lens
+
+
 def set_background(camera, image):
-    """Shows the image behind what the camera sees, in place of one that we set before; the camera's
-    background image."""
+    """Shows the image behind what the camera sees, in place of one that we set before, of splats that are
+    drawn in place of those before; the camera's background image."""
     data = camera.data
     data.show_background_images = True
     ours = [shown for shown in data.background_images if shown.image == image]
+    if image.get(DRAWN):
+        ours = backgrounds(camera)[1]
     shown = ours[0] if ours else data.background_images.new()
     shown.image = image
     shown.alpha = 1.0
     shown.display_depth = "BACK"
     return shown
+
+
+def backgrounds(camera):
+    """(photographs, drawn splats) among what is shown behind a camera's view."""
+    found = [shown for shown in camera.data.background_images
+             if shown.display_depth == "BACK" and (shown.image is not None or shown.clip is not None)
+             ] if camera is not None and camera.type == "CAMERA" else []
+    drawn = [shown for shown in found if shown.image is not None and shown.image.get(DRAWN)]
+    return [shown for shown in found if shown not in drawn], drawn
+
+
+def flip(camera):
+    """Photographs in place of drawn splats where these are shown, else the other way round."""
+    photographs, drawn = backgrounds(camera)
+    before = any(shown.show_background_image for shown in drawn) and camera.data.show_background_images
+    camera.data.show_background_images = True
+    for kind, seen in ((photographs, before), (drawn, not before)):
+        for shown in kind:
+            shown.show_background_image = seen

@@ -49,6 +49,16 @@ def write_bytes(path, content):
     return path
 
 
+def copy(source, path):
+    """A copy of the file `source` at `path`."""
+    try:
+        with open(source, "rb") as stream:
+            content = stream.read()
+    except OSError as error:
+        raise JobError(f"{source}: could not be read: {error.strerror or error}") from error
+    return write_bytes(path, content)
+
+
 def stamp(path):
     """Changes whenever the file is written; None where there is none."""
     try:

@@ -15,12 +15,16 @@ OVERLAYS = "overlay"
 @dataclass
 class ImageComparison:
     """Masks of the simulation against those of one capture: mean overlap and distance of outlines
-    [pixels, None where none has one], and `frames`, an object an image as the result has it."""
+    [pixels, None where none has one], and `frames`, an object an image as the result has it. `colours` and
+    `held_out_colours`: (PSNR [dB], SSIM) of the images that are not held out and of those that are, None
+    where none has colours that can be compared."""
 
     name: str
     iou: float
     contour: float | None
     frames: list
+    colours: tuple | None = None
+    held_out_colours: tuple | None = None
 
     def worst(self, count=10):
         """The images that agree least, the worst first."""
@@ -38,9 +42,15 @@ def load(folder, name=""):
             return None
         images = found[0]
         return ImageComparison(images["name"], float(images["iou"]), images["contour_px"],
-                               images["frames"])
+                               images["frames"], _colours(images.get("not_held_out", images)),
+                               _colours(images.get("held_out", {})))
     except (JobError, OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
+
+
+def _colours(images):
+    ratio, likeness = (images or {}).get("psnr_db"), (images or {}).get("ssim")
+    return None if ratio is None or likeness is None else (float(ratio), float(likeness))
 
 
 def overlays(folder, name):

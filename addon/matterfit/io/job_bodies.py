@@ -6,10 +6,19 @@ from mathutils import Quaternion, Vector
 
 from .. import laws
 from ..jobs import JobError
-from . import attached, files, job_writer, material_values, meshes, refinement, shapes, throws, transforms
+from . import (
+    attached,
+    files,
+    job_writer,
+    material_values,
+    meshes,
+    refinement,
+    shapes,
+    splat_files,
+    throws,
+    transforms,
+)
 from .files import number, numbers
-
-FLAT = 1e-6  # a box's shortest side, of its longest
 
 
 class BodyPart:
@@ -161,22 +170,20 @@ class BodyPart:
         file lies without a throw's placement."""
         document = {"gaussians": self.writer.external(self.body.filepath, self.where)}
         if self._crop is not None:
-            box = self._crop.box(self.writer.scale)
-            sides = box[1] - box[0]
-            if min(sides) <= FLAT * max(sides):
-                raise JobError(f"{self.where}: the crop box '{self.body.crop.name}' is flat. Choose an "
-                               "empty or a mesh with a width, depth and height.")
-            back = self.object_rotation.conjugated()
-            corners = [back @ corner / self.body.file_scale for corner in box]
-            document["crop"] = {name: numbers([which(a, b) for a, b in zip(*corners, strict=True)])
-                                for name, which in (("low", min), ("high", max))}
+            document["crop"] = splat_files.crop(self._crop.box(self.writer.scale), self.body.file_up,
+                                                self.body.file_scale, self.body.crop.name, self.where)
         return document
 
     def splat_output(self):
         """The entry of output.splats, or None."""
         if self.body.source != "GAUSSIANS":
             return None
-        return {"name": files.safe_name(self.body.name), "body": self.body.name, **self._gaussians()}
+        document = {"name": files.safe_name(self.body.name), "body": self.body.name, **self._gaussians()}
+        if self.body.opacity_threshold > 0.0:
+            document["opacity_threshold"] = number(self.body.opacity_threshold)
+        if self.writer.settings.output.splat_format == "SPLAT":
+            document["format"] = "splat"
+        return document
 
     def _velocity(self):
         body, writer = self.body, self.writer

@@ -3,9 +3,13 @@
 
 import os
 import re
+import shutil
+import tempfile
+
+import bpy
 
 from ..jobs import JobError
-from . import camera_poses, job_captures
+from . import camera_poses, files, job_captures, job_writer, readable_images
 from .files import absolute, number, numbers
 
 # Files of a COLMAP model; Import Images takes these beside a .json.
@@ -61,9 +65,10 @@ def plate_files(path, where):
     return [os.path.join(folder, other) for _number, other in sorted(numbered)]
 
 
-def reading_options(capture, relative=str):
+def reading_options(capture, relative=str, put=None):
     """What the reader is told: unit, up axis, rate, where images lie, how mattes are made. `relative`
-    makes an absolute path one of the document's."""
+    makes an absolute path one of the document's; `put` is that of readable_images.cameras(), for what the
+    library does not read (None: it is read where Blender puts it)."""
     document = job_captures.reading_options(capture)
     document.pop("markers", None)
     if capture.images:
@@ -74,10 +79,41 @@ def reading_options(capture, relative=str):
     if capture.use_key:
         document["key"] = {"colour": numbers(capture.key)}
     if capture.use_plate:
-        files = plate_files(capture.plate, where)
-        files = relative(files) if isinstance(files, str) else [relative(file) for file in files]
-        document["plate"] = {"images": files}
+        plates = plate_files(capture.plate, where)
+        if isinstance(plates, str):
+            document["plate"] = {"images": relative(plates)}
+        else:
+            document["plate"] = {"images": [_plate(capture, path, relative, put) for path in plates]}
     return document
+
+
+def _plate(capture, path, relative, put):
+    if not readable_images.is_foreign(path):
+        return relative(path)
+    ready = readable_images.converted(path)
+    stem, ending = os.path.splitext(os.path.basename(path))[0], os.path.splitext(ready)[1]
+    return put(f"plate_{files.safe_name(capture.name)}_{stem}{ending}", ready) if put else ready
+
+
+def read_summary(capture, reader):
+    """What `reader(path, options)` says of the capture's file; images keep their own names in it."""
+    path, options = absolute(capture.filepath), reading_options(capture)
+    originals = {}
+    folder = tempfile.mkdtemp(prefix="matterfit_import_", dir=bpy.app.tempdir or None)
+    try:
+        ready = readable_images.cameras(path, options.get("images", ""), folder, lambda name, source: files.copy(
+            source, os.path.join(folder, name)))
+        if ready is not None:
+            path, originals = ready
+            options.pop("images", None)
+        options["cameras"] = path
+        options["poses"] = camera_poses.read(capture.poses)
+        found = reader(path, options)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    for place in found["places"]:
+        place["image"] = originals.get(place["image"], place["image"])
+    return found
 
 
 def camera_numbers(text, where):
@@ -99,7 +135,13 @@ class ImagePart:
     def document(self):
         capture, writer = self.capture, self.writer
         found = {"name": capture.name, "cameras": self._cameras()}
-        found.update(reading_options(capture, writer.relative))
+        found.update(reading_options(capture, writer.relative, writer.put_input))
+        ready = readable_images.cameras(
+            absolute(capture.filepath), absolute(capture.images) if capture.images else "",
+            os.path.join(writer.folder, job_writer.INPUT_FOLDER), writer.put_input)
+        if ready is not None:
+            found["cameras"] = ready[0]
+            found.pop("images", None)
         if capture.body:
             found["body"] = capture.body
         transform = job_captures.placement(capture, writer.scale)

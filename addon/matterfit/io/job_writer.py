@@ -181,6 +181,13 @@ class JobWriter:
         self.written.append(relative)
         return relative
 
+    def put_input(self, name, source):
+        """Copies a file to <folder>/input/<name>; returns the path for the document."""
+        relative = f"{INPUT_FOLDER}/{name}"
+        files.copy(source, os.path.join(self.folder, relative))
+        self.written.append(relative)
+        return relative
+
     def external(self, path, what):
         """A file that exists, as a path relative to the document."""
         absolute = files.absolute(path)

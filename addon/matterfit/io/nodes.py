@@ -22,7 +22,7 @@ SIZES = 0.25  # of grains, about their mean
 BLENDINGS = 4  # of a surface's velocity: over about a particle separation
 
 
-class _Builder:
+class Builder:
     """Adds nodes from left to right."""
 
     def __init__(self, tree):
@@ -62,7 +62,7 @@ def particles_tree(name, separation, material, attributes, grains=0):
         compat.add_group_socket(tree, "Geometry", "INPUT", "NodeSocketGeometry")
         compat.add_group_socket(tree, "Geometry", "OUTPUT", "NodeSocketGeometry")
     tree.nodes.clear()
-    builder = _Builder(tree)
+    builder = Builder(tree)
     entry = builder.add("NodeGroupInput")
     points = builder.add("GeometryNodeMeshToPoints")
     compat.socket(points.inputs, "Radius").default_value = 0.5 * separation
@@ -149,7 +149,7 @@ def velocity_tree(name, points, unit):
         compat.add_group_socket(tree, "Geometry", "INPUT", "NodeSocketGeometry")
         compat.add_group_socket(tree, "Geometry", "OUTPUT", "NodeSocketGeometry")
     tree.nodes.clear()
-    builder = _Builder(tree)
+    builder = Builder(tree)
     entry = builder.add("NodeGroupInput")
     info = builder.add("GeometryNodeObjectInfo", transform_space="RELATIVE")
     compat.socket(info.inputs, "Object").default_value = points

@@ -44,6 +44,11 @@ def percent(share):
     return signed(f"{100.0 * share:.0f}") + " %"
 
 
+def grouped(count):
+    """A whole number in groups of three digits: 114 865."""
+    return f"{count:,}".replace(",", " ")
+
+
 def with_prefix(value, unit):
     """Two digits of a value with the prefix of its unit: 91 kPa, 4 MPa/m."""
     value = float(f"{value:.2g}")

@@ -16,10 +16,11 @@ from . import (
                output,
                preview_extended,
                simulate,
+               splats,
                takes,
 )
 
-CLASSES = (*capture.CLASSES, *images.CLASSES, *bodies.CLASSES, *effects.CLASSES, *simulate.CLASSES,
+CLASSES = (*capture.CLASSES, *images.CLASSES, *splats.CLASSES, *bodies.CLASSES, *effects.CLASSES, *simulate.CLASSES,
            *caches.CLASSES, *check.CLASSES, *fit.CLASSES, *materials.CLASSES,
            *compare.CLASSES, *diagnose.CLASSES, *preview_extended.CLASSES,
            *takes.CLASSES, *output.CLASSES, *batch.CLASSES)

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import EnumProperty, IntProperty
 
 from ..compat import translate
-from ..io import attached, fit_rows, frames, motion, presets, resolution, visibility
+from ..io import attached, fit_rows, frames, motion, presets, resolution, splat_preview, visibility
 from ..jobs import JobError
 from ..names import for_file, unique
 from ..props import scene as scene_props
@@ -84,6 +84,7 @@ class MATTERFIT_OT_remove_body(_ActiveBody, PlainOperator, bpy.types.Operator):
         if body.object is not None:
             visibility.show_original(body.object)
             visibility.hide_results(settings, body)
+        splat_preview.hide(body)
         remove_active(settings, "bodies", "body_index")
         fit_rows.refresh(settings)
         resolution.flow_changed(context.scene)

@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from .. import native
 from ..compat import translate
-from ..io import blender_cameras, camera_poses, files, fit_rows, job_captures, job_images
+from ..io import blender_cameras, files, fit_rows, job_captures, job_images
 from ..jobs import JobError
 from ..names import unique
 from ..props import choices
@@ -34,16 +34,15 @@ def read_summary(scene, capture):
     images = capture.source == "IMAGES"
     if not (images and os.path.isdir(path)):
         files.require_file(path, f"capture '{capture.name}'")
-    if job_captures.is_numbered(path):
-        path = job_captures.numbered_pattern(path)
-    options = (job_images if images else job_captures).reading_options(capture)
     if images:
-        options["cameras"] = path
-        options["poses"] = camera_poses.read(capture.poses)
+        found = job_images.read_summary(capture, native.capture_summary)
     else:
+        if job_captures.is_numbered(path):
+            path = job_captures.numbered_pattern(path)
+        options = job_captures.reading_options(capture)
         # Files without times play at the scene's rate.
         options.setdefault("fps", scene.render.fps / scene.render.fps_base)
-    found = native.capture_summary(path, options)
+        found = native.capture_summary(path, options)
     capture.summary = "\n".join(found.get("text", []))
     return found
 

@@ -1,23 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Importing images with their cameras; drawing splats through Blender's camera."""
+"""Importing images with their cameras; images behind the views of Blender's cameras as a capture."""
 
 import os
-import tempfile
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from .. import jobs, native
 from ..compat import translate
-from ..io import blender_cameras, files, frames, job_images, transforms
+from ..io import blender_cameras, camera_capture, files, frames, job_images, takes
 from ..jobs import JobError
 from ..props import choices
-from .base import PlainOperator
+from .base import PlainOperator, greyed
 from .capture import blend_relative, import_file
-from .job_operator import JobOperator
-
-SPLAT_KINDS = (".ply", ".splat", ".spz")
 
 
 class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper):
@@ -61,57 +56,40 @@ class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper
                 frames.frame_range(scene)[0], found["times"] if same_rate else 1)
 
 
-class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
-    bl_idname = "matterfit.render_splats"
-    bl_label = "Render Splats"
-    bl_description = ("Draw a file of Gaussian splats through the scene's camera into an image, "
-                      "blended as they were trained, and show it behind the camera's view")
+class MATTERFIT_OT_capture_cameras(PlainOperator, bpy.types.Operator):
+    bl_idname = "matterfit.capture_cameras"
+    bl_label = "Capture from Cameras"
+    bl_description = ("Add a recording by the images behind the views of the scene's cameras (of the selected "
+                      "ones where any has a sequence of images), as they stand; their file is written beside "
+                      "the .blend")
 
-    filter_glob: StringProperty(default=";".join("*" + kind for kind in SPLAT_KINDS),
-                                options={"HIDDEN"})
-    up: EnumProperty(name="Up Axis", items=choices.FILE_UP_AXES, default="-Y",
-                     description="What points up in the file")
-    scale: FloatProperty(name="Scale", default=1.0, min=1e-9, soft_min=1e-3, max=1e9, soft_max=1e3,
-                         precision=4, description="Metres that one unit of the file stands for")
-    background: BoolProperty(name="Behind the Camera", default=True,
-                             description="Show the image in the camera's view")
+    name: StringProperty(name="Name", default="cameras", description="The capture's name")
+    plate: StringProperty(
+        name="Clean Plate", subtype="FILE_PATH",
+        description="An image without the body, one of a numbered file a camera: mattes are what "
+                    "differs from it. Empty: the images' own mattes")
 
-    def invoke(self, context, event):
-        if self.filepath and os.path.isfile(self.filepath):
-            return JobOperator.invoke(self, context, event)
-        return ImportHelper.invoke(self, context, event)
+    @classmethod
+    def poll(cls, context):
+        return greyed(cls, not camera_capture.cameras(context.scene),
+                      "No camera of the scene has a background image")
 
-    def begin(self, context):
-        native.require()
-        path = files.absolute(self.filepath)
-        if os.path.splitext(path)[1].lower() not in SPLAT_KINDS or not os.path.isfile(path):
-            raise JobError(translate("{path}: splats are {kinds} files. Choose one of them.").format(
-                path=path, kinds=", ".join(SPLAT_KINDS)))
+    def invoke(self, context, _event):
+        return context.window_manager.invoke_props_dialog(self)
+
+    def act(self, context):
+        takes.require_saved()
         scene = context.scene
-        world = transforms.upright(self.up).to_matrix().to_4x4().inverted()
-        folder = tempfile.mkdtemp(prefix="matterfit_splats_", dir=bpy.app.tempdir or None)
-        shot = blender_cameras.shot(scene, scene.camera, "view", world,
-                                    scene.unit_settings.scale_length / self.scale)
-        files.write_json(os.path.join(folder, "transforms.json"), {"frames": [shot]})
-        document = {"schema": "matterfit.job/1", "task": "render",
-                    "render": {"cameras": "transforms.json", "gaussians": path},
-                    "output": {"folder": "out"}}
-        job_path = files.write_json(os.path.join(folder, "job.json"), document)
-        threads = scene.matterfit.solver.threads
-
-        def start():
-            return native.start(job_path, task="render", threads=threads, restart=1)
-
-        return jobs.Job(translate("Render Splats"), start, folder=folder)
-
-    def ended(self, context, job):
-        image = bpy.data.images.load(os.path.join(job.folder, "out", "render", "camera_0.png"))
-        image.name = os.path.splitext(os.path.basename(self.filepath))[0]
-        image.pack()
-        for note in job.result["render"]["notes"]:
-            self.report({"WARNING"}, note)
-        if self.background:
-            blender_cameras.set_background(context.scene.camera, image)
+        items = camera_capture.cameras(scene)
+        folder = os.path.join(os.path.dirname(bpy.data.filepath), "cameras_" + files.safe_name(self.name))
+        path, start = camera_capture.write(scene, items, folder)
+        found = import_file(context, self.name, path, source="IMAGES", use_plate=bool(self.plate),
+                            plate=blend_relative(self.plate))
+        capture = scene.matterfit.captures[scene.matterfit.capture_index]
+        if start != frames.frame_range(scene)[0]:
+            capture.use_start_frame, capture.start_frame = True, start
+        if len(found["places"]) == len(items):  # of one place and lens are one camera
+            blender_cameras.tag(items, capture.name)
 
 
-CLASSES = (MATTERFIT_OT_import_images, MATTERFIT_OT_render_splats)
+CLASSES = (MATTERFIT_OT_import_images, MATTERFIT_OT_capture_cameras)

@@ -32,6 +32,10 @@ def _enabled_changed(self, _context):
     reactions.flow_changed(self.id_data)
 
 
+def _splats_changed(self, _context):
+    reactions.splats_changed(self)
+
+
 class MatterfitContact(bpy.types.PropertyGroup):
     """How a body touches a surface."""
 
@@ -124,7 +128,7 @@ class MatterfitBody(bpy.types.PropertyGroup):
         description="Takes part in the simulation")
 
     source: EnumProperty(
-        name="Source", default="OBJECT",
+        name="Source", default="OBJECT", update=_splats_changed,
         items=(("OBJECT", "Object", "An object of this scene, filled with particles"),
                ("POINTS", "Points File", "Particles from a .ply, .npz or .npy file"),
                ("GAUSSIANS", "Gaussians File", "A 3D Gaussian splat .ply, its inside filled")),
@@ -133,16 +137,20 @@ class MatterfitBody(bpy.types.PropertyGroup):
         name="Object", type=bpy.types.Object, poll=_object_poll,
         description="The object that is simulated, or run into")
     filepath: StringProperty(
-        name="File", subtype="FILE_PATH", options=PATH_OPTIONS,
+        name="File", subtype="FILE_PATH", options=PATH_OPTIONS, update=_splats_changed,
         description="A file of particles or Gaussians")
+    preview: PointerProperty(
+        name="Preview", type=bpy.types.Object,
+        description="The object that shows the file's Gaussians in the viewport")
     file_up: EnumProperty(
-        name="Up Axis", default="Z", items=choices.FILE_UP_AXES,
+        name="Up Axis", default="Z", items=choices.FILE_UP_AXES, update=_splats_changed,
         description="What points up in the file")
     file_scale: FloatProperty(
         name="File Scale", default=1.0, min=1e-9, soft_min=1e-3, max=1e9, soft_max=1e3, precision=4,
+        update=_splats_changed,
         description="Metres that one unit of the file stands for")
     crop: PointerProperty(
-        name="Crop Box", type=bpy.types.Object, poll=_object_poll,
+        name="Crop Box", type=bpy.types.Object, poll=_object_poll, update=_splats_changed,
         description="Gaussians whose centres lie outside of this object's bounds, along the world's axes, are "
                     "left out; an empty is a box of its size")
     fill_inside: BoolProperty(
@@ -150,7 +158,8 @@ class MatterfitBody(bpy.types.PropertyGroup):
         description="Fill the inside of the Gaussians' surface with particles")
     opacity_threshold: FloatProperty(
         name="Opacity Threshold", default=0.02, min=0.0, soft_min=0.0, max=1.0, soft_max=0.5,
-        subtype="FACTOR", description="Gaussians with less opacity are left out, without unit")
+        subtype="FACTOR", update=_splats_changed,
+        description="Gaussians with less opacity are left out, neither filled nor drawn; without unit")
 
     material: PointerProperty(type=MatterfitMaterial)
     density: number("density")

@@ -52,6 +52,12 @@ FILE_UP_AXES = (
     ("-Y", "−Y (COLMAP)", "Y points down, as in most trained scenes", "NONE", 2),
 )
 
+SPLAT_FORMATS = (
+    ("PLY", ".ply", "As trainers write it: every number as it is"),
+    ("SPLAT", ".splat", "A seventh of the size and less; colours and opacities rounded to 1/255, and the same "
+                        "from all sides"),
+)
+
 VELOCITY_SOURCES = (
     ("VALUE", "Values Below", "The velocity and spin typed below"),
     ("ANIMATION", "Animation",

@@ -59,6 +59,9 @@ def store(compare, found, images=None):
         row.largest = largest
 
 
+NONE = (-1000.0, -2.0)  # of colours that were not compared
+
+
 def _store_images(compare, images):
     compare.images_done = images is not None
     compare.worst_images.clear()
@@ -67,6 +70,8 @@ def _store_images(compare, images):
     compare.capture = images.name
     compare.iou = images.iou
     compare.contour_px = -1.0 if images.contour is None else images.contour
+    compare.psnr_db, compare.ssim = images.colours or NONE
+    compare.held_out_psnr_db, compare.held_out_ssim = images.held_out_colours or NONE
     for image in images.worst():
         row = compare.worst_images.add()
         row.name = image["image"]
@@ -126,6 +131,18 @@ class MatterfitCompare(bpy.types.PropertyGroup):
                               soft_max=100.0, precision=2,
                               description="Mean distance between the outlines, in pixels; negative: "
                                           "none was seen")
+    psnr_db: FloatProperty(name="PSNR [dB]", default=NONE[0], min=-1000.0, max=1000.0, precision=1,
+                           description="Mean signal-to-noise ratio of the colours, images that are not held "
+                                       "out, at the size that a fit sees; -1000: none were compared")
+    ssim: FloatProperty(name="SSIM", default=NONE[1], min=-2.0, max=1.0, precision=3,
+                        description="Mean structural similarity of the colours, the same images; -2: none")
+    held_out_psnr_db: FloatProperty(
+        name="Held-Out PSNR [dB]", default=NONE[0], min=-1000.0, max=1000.0, precision=1,
+        description="Mean signal-to-noise ratio of the colours, images that are held out, at their full size; "
+                    "-1000: none were compared")
+    held_out_ssim: FloatProperty(
+        name="Held-Out SSIM", default=NONE[1], min=-2.0, max=1.0, precision=3,
+        description="Mean structural similarity of the colours, the same images; -2: none")
     worst_images: CollectionProperty(type=MatterfitWorstImage)
     worst_image: IntProperty(name="Worst Image", default=0, min=0, soft_max=100, max=100000,
                              update=_jump_to_image, description="Jumps to this image's frame")

@@ -29,6 +29,7 @@ fit_list_outdated = Reaction()  # (settings): what a fit can move is not what it
 fit_row_switched = Reaction()  # (row, what): 'start', 'bounds' or 'prior' of a row was switched on
 preset_items = Reaction()  # (): items of the enumeration of material presets
 preset_chosen = Reaction()  # (material)
+splats_changed = Reaction()  # (body): file, axes, scale or crop of a body made from splats
 flow_changed = Reaction()  # (scene): whether anything pours may be otherwise now
 quality_chosen = Reaction()  # (solver, scene)
 separation_typed = Reaction()  # (solver)

@@ -126,7 +126,10 @@ class MatterfitOutput(bpy.types.PropertyGroup):
         description="The bodies' own meshes, moved with the material, as Mesh Cache")
     splats: BoolProperty(
         name="Splats", default=True,
-        description="Bodies made from Gaussians as .ply files, one a frame, for exchange")
+        description="Bodies made from Gaussians as files of splats, one a frame, for exchange")
+    splat_format: EnumProperty(
+        name="Format", default="PLY", items=choices.SPLAT_FORMATS,
+        description="The format of these files")
     velocity_attribute: BoolProperty(
         name="Velocity", default=True, description="Particle velocity [m/s] as point attribute")
     plastic_strain: BoolProperty(

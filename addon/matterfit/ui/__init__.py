@@ -11,6 +11,7 @@ from . import (
                effects,
                fit,
                fit_result,
+               keys,
                output,
                overlay,
                rerun,
@@ -27,7 +28,9 @@ CLASSES = (*status.CLASSES, *capture.CLASSES, *bodies.CLASSES, *solver.CLASSES, 
 
 def register():
     overlay.register()
+    keys.register()
 
 
 def unregister():
+    keys.unregister()
     overlay.unregister()

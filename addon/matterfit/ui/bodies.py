@@ -3,7 +3,7 @@ import bpy
 
 from .. import laws
 from ..compat import translate
-from ..io import frames, motion, presets, shapes, throws, transforms
+from ..io import frames, motion, number_text, presets, shapes, splat_preview, throws, transforms
 from ..props import scene as scene_props
 from .common import MatterfitPanel, contact, form, lines, menu, quantity, switched
 
@@ -84,12 +84,7 @@ class MATTERFIT_PT_bodies(MatterfitPanel, bpy.types.Panel):
             column.prop(body, "file_up")
             column.prop(body, "file_scale", text="Scale")
             if body.source == "GAUSSIANS":
-                column.prop(body, "crop")
-                shown = column.operator("matterfit.render_splats", icon="RENDER_STILL")
-                shown.filepath, shown.up, shown.scale = (bpy.path.abspath(body.filepath), body.file_up,
-                                                         body.file_scale)
-                column.prop(body, "fill_inside")
-                column.prop(body, "opacity_threshold", text="Opacity")
+                _splats(column, body)
         material = body.material
         column = form(layout)
         column.separator()
@@ -152,6 +147,22 @@ def _slow_start(column, scene, body):
                          "fastest at frame {frame}. Make them linear, or begin there: Solver > Own Range.")
     lines(column, text.format(first=first, frame=found.frame, speed=f"{unit * found.speed:.2g}",
                               fastest=f"{unit * found.fastest:.2g}"), icon="QUESTION")
+
+
+def _splats(column, body):
+    column.prop(body, "crop")
+    column.prop(body, "opacity_threshold", text="Opacity")
+    item = splat_preview.shown(body)
+    column.operator("matterfit.show_splats", text="Hide Splats" if item else "Show Splats",
+                    icon="HIDE_ON" if item else "HIDE_OFF")
+    if item:
+        count, seen = item[splat_preview.TOLD]
+        lines(column, translate("{seen} of {count} Gaussians are shown").format(
+            seen=number_text.grouped(seen), count=number_text.grouped(count)), icon="INFO")
+    drawn = column.operator("matterfit.render_splats", icon="RENDER_STILL")
+    drawn.filepath, drawn.up, drawn.scale = bpy.path.abspath(body.filepath), body.file_up, body.file_scale
+    drawn.crop, drawn.opacity_threshold = body.crop.name if body.crop else "", body.opacity_threshold
+    column.prop(body, "fill_inside")
 
 
 def _unknown(column, material):

@@ -33,6 +33,7 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
         column = row.column(align=True)
         column.operator("matterfit.import_capture", text="", icon="FILE_FOLDER")
         column.operator("matterfit.import_images", text="", icon="IMAGE_DATA")
+        column.operator("matterfit.capture_cameras", text="", icon="CAMERA_DATA")
         column.operator("matterfit.add_capture_object", text="", icon="OBJECT_DATA")
         column.operator("matterfit.remove_capture", text="", icon="REMOVE")
         if not settings.captures:

@@ -78,6 +78,13 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
         row.label(text="Outlines Off")
         row.label(text=f"{compare.contour_px:.2f} px" if compare.contour_px >= 0.0 else "–",
                   translate=False)
+        for title, ratio, likeness in (("Colours", compare.psnr_db, compare.ssim),
+                                       ("Held-Out Colours", compare.held_out_psnr_db,
+                                        compare.held_out_ssim)):
+            if ratio > -1000.0:
+                row = box.row()
+                row.label(text=title)
+                row.label(text=f"{ratio:.1f} dB, {likeness:.3f}", translate=False)
         layout.operator("matterfit.show_overlays", icon="IMAGE_BACKGROUND")
         layout.label(text="Worst Images, Overlap [%]")
         row = layout.row()

@@ -36,6 +36,8 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
             column.prop(output, name)
             if name == "points" and output.points and laws.any_granular(settings.bodies):
                 column.prop(output, "grains")
+        if output.splats and any(body.source == "GAUSSIANS" for body in settings.bodies):
+            column.prop(output, "splat_format")
         column = layout.column(heading="Attributes")
         column.use_property_split = True
         column.use_property_decorate = False
@@ -46,6 +48,7 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
         if take is not None and take.folder:
             self._cache(layout, context, take)
         layout.operator("matterfit.render_splats", icon="RENDER_STILL")
+        layout.operator("matterfit.flip_photograph", icon="ARROW_LEFTRIGHT")
         row = layout.row(align=True)
         row.operator("matterfit.export_alembic", text="Alembic", icon="EXPORT")
         row.operator("matterfit.export_usd", text="USD", icon="EXPORT")

@@ -240,6 +240,8 @@ struct SplatOutput {
   std::filesystem::path file;
   std::string body;
   std::optional<Eigen::AlignedBox3d> crop;  ///< as Source::crop
+  double opacity_threshold = 0.0;           ///< what is less opaque is left out; 0: nothing
+  bool dot_splat = false;                   ///< frames are .splat files, else .ply
 };
 
 struct OutputDoc {

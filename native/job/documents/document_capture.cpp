@@ -221,6 +221,11 @@ OutputDoc read_output(const JsonValue& value, const ReadContext& context, const 
       }
       read.body = resolve_body(splat.find("body"), item, scene);
       if (const auto crop = splat.find("crop")) read.crop = read_box(*crop);
+      read.opacity_threshold =
+          splat.number("opacity_threshold", read.opacity_threshold, {0.0, 1.0, false, {}});
+      if (const auto format = splat.find("format")) {
+        read.dot_splat = format->choice({"ply", "splat"}) == 1;
+      }
       splat.finish();
       for (const SplatOutput& other : output.splats) {
         if (other.name == read.name) item.refuse("the name '" + read.name + "' is taken.");

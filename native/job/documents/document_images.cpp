@@ -181,7 +181,12 @@ RenderDoc read_render(const JsonValue& value, const ReadContext& context) {
       render.chosen = read_numbers(*chosen);
     }
   }
-  if (const auto gaussians = object.find("gaussians")) render.gaussians = context.file(*gaussians);
+  if (const auto gaussians = object.find("gaussians")) {
+    render.gaussians = context.file(*gaussians);
+    if (const auto crop = object.find("crop")) render.crop = read_box(*crop);
+    render.opacity_threshold =
+        object.number("opacity_threshold", render.opacity_threshold, {0.0, 1.0, false, {}});
+  }
   if (const auto background = object.find("background")) {
     render.background = read_colour(*background);
   }

@@ -49,7 +49,9 @@ struct RenderDoc {
   std::vector<int> chosen;             ///< cameras by number; empty: all
   std::vector<fit::CameraPose> poses;  ///< as of a capture
   std::filesystem::path gaussians;     ///< a file of splats that stands still; empty: the scene
-  std::optional<Vec3d> background;     ///< sRGB, 0 to 1; none: transparent
+  std::optional<Eigen::AlignedBox3d> crop;  ///< of `gaussians`, as Source::crop
+  double opacity_threshold = 0.0;           ///< of `gaussians`, as SplatOutput has it
+  std::optional<Vec3d> background;          ///< sRGB, 0 to 1; none: transparent
 };
 
 /// The captures by images of a job, which Job::captures leaves out. read_job() has checked them.

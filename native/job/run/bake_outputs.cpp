@@ -47,6 +47,11 @@ Eigen::Affine3d object_to_world(const Placement& placement) {
 
 }  // namespace
 
+std::string splat_path(const SplatOutput& splats, int frame) {
+  return "splat/" + splats.name + "_" + frame_digits(frame) +
+         (splats.dot_splat ? ".splat" : ".ply");
+}
+
 /// A PC2 under way.
 struct BakeOutputs::Sequence {
   std::string path;  ///< relative to the folder
@@ -68,7 +73,7 @@ struct BakeOutputs::BoundMesh {
 
 struct BakeOutputs::BoundSplats {
   std::size_t body = 0;
-  std::string name;
+  const SplatOutput& doc;  ///< of the job, borrowed
   capture::Splats rest;
   capture::MeshBinding binding;
 };
@@ -146,8 +151,8 @@ void BakeOutputs::add_splats(std::size_t index) {
   const SplatOutput& doc = job_.output.splats[index];
   const std::string path = "output.splats[" + std::to_string(index) + "]";
   try {
-    capture::Splats splats = capture::read_splats(doc.file);
-    if (doc.crop) splats = capture::cropped(splats, *doc.crop);
+    capture::Splats splats =
+        capture::chosen(capture::read_splats(doc.file), doc.crop, doc.opacity_threshold);
     // The file is in the frame of the body's source: it starts where the body does.
     const Placement& placement = body_named(job_.scene, doc.body).placement;
     const Eigen::Quaternionf turn = placement.rotation.cast<float>();
@@ -167,7 +172,7 @@ void BakeOutputs::add_splats(std::size_t index) {
     const std::size_t far = binding.count_beyond(2.0 * separation_);
     if (far > 0) note_distance(path, doc.body, binding.farthest().distance, far);
     splats_.push_back(std::make_unique<BoundSplats>(
-        BoundSplats{body, doc.name, std::move(splats), std::move(binding)}));
+        BoundSplats{body, doc, std::move(splats), std::move(binding)}));
   } catch (const Error& error) {
     throw Error(error.kind(), path + ": " + error.what());
   }
@@ -200,8 +205,7 @@ std::vector<std::string> BakeOutputs::frame_files(int frame) const {
       paths.push_back(attribute_path(body, name, frame));
     }
   }
-  for (const auto& splats : splats_)
-    paths.push_back("splat/" + splats->name + "_" + digits + ".ply");
+  for (const auto& splats : splats_) paths.push_back(splat_path(splats->doc, frame));
   return paths;
 }
 
@@ -256,8 +260,8 @@ void BakeOutputs::bake(const mpm::FrameState& state, std::size_t index, bool fra
   bake_volume(state);
   bake_attributes(state);
   for (const auto& splats : splats_) {
-    const std::string name = "splat/" + splats->name + "_" + frame_digits(state.frame) + ".ply";
-    bake::write_splat_frame(job_.output.folder / name, splats->rest, splats->binding,
+    const std::string path = splat_path(splats->doc, state.frame);
+    bake::write_splat_frame(job_.output.folder / path, splats->rest, splats->binding,
                             view(splats->body), {}, arena_);
   }
 }

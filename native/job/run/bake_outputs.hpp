@@ -14,6 +14,9 @@
 
 namespace matterfit::job {
 
+/// Where a frame of thrown splats lies in the output folder: `splat/NAME_0012.ply`.
+[[nodiscard]] std::string splat_path(const SplatOutput& splats, int frame);
+
 /// The caches of a job's `output`: written frame by frame from states, so a state on disk bakes to
 /// the same bytes as one in memory.
 class BakeOutputs {

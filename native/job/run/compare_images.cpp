@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <utility>
 
 #include "bake/overlay.hpp"
@@ -36,19 +37,33 @@ mpm::ObservedFrame observed(const mpm::FrameState& state) {
 }
 
 /// The agreement of the colours that both show and that are known.
-fit::ColourAgreement agreement_of_colours(const fit::Sighting& sighting, const fit::Drawn& drawn) {
+fit::ColourAgreement agreement_of_colours(const fit::Coverage& matte,
+                                          const std::array<fit::Coverage, 3>& recorded,
+                                          const fit::Drawn& drawn) {
   const std::size_t pixels = drawn.mask.size();
-  fit::Coverage compared = sighting.matte;
+  fit::Coverage compared = matte;
   std::array<fit::Coverage, 3> colours = {compared, compared, compared};
   for (std::size_t i = 0; i < pixels; ++i) {
-    const bool shown = drawn.mask[i] > kAllBody && sighting.matte.values[i] > kAllBody &&
-                       drawn.known[i] > kWellKnown;
+    const bool shown =
+        drawn.mask[i] > kAllBody && matte.values[i] > kAllBody && drawn.known[i] > kWellKnown;
     compared.values[i] = shown ? 1.0F : 0.0F;
     for (std::size_t c = 0; c < 3; ++c) {
       colours[c].values[i] = shown ? drawn.colour[c * pixels + i] / drawn.known[i] : 0.0F;
     }
   }
-  return fit::colour_agreement(colours, sighting.colours, compared);
+  return fit::colour_agreement(colours, recorded, compared);
+}
+
+/// Of an image that is held out in its own size, of others in that which a fit sees.
+fit::ColourAgreement agreement_of_colours(const ImageSighting& sighting, const fit::Drawn& drawn) {
+  const fit::Sighting& reduced = sighting.reduced;
+  if (sighting.planes[0].empty()) {
+    return agreement_of_colours(reduced.matte, reduced.colours, drawn);
+  }
+  const auto whole = [&](std::size_t plane) {
+    return fit::reduced(sighting.planes[plane], sighting.camera.width, sighting.camera.height, 1);
+  };
+  return agreement_of_colours(whole(0), {whole(1), whole(2), whole(3)}, drawn);
 }
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
@@ -63,6 +78,26 @@ Json mean(const std::vector<double>& values) {
     count += 1.0;
   }
   return count > 0.0 ? Json(sum / count) : Json();
+}
+
+/// Adds the means `psnr_db` and `ssim` of those images that `takes` takes; nothing where none of
+/// them has colours. Of images that are not held out those of the first frame are left out, from
+/// which the colours are taken.
+void add_colours(Json& into, const std::vector<ImageSighting>& sightings,
+                 const std::vector<fit::ColourAgreement>& coloured,
+                 const std::function<bool(const fit::Sighting&)>& takes) {
+  std::vector<double> ratios;
+  std::vector<double> similarities;
+  for (std::size_t k = 0; k < sightings.size(); ++k) {
+    const fit::Sighting& sighting = sightings[k].reduced;
+    if (!sighting.has_colours() || !takes(sighting)) continue;
+    if (!sighting.held_out && !(sighting.view.time > 0.0)) continue;
+    ratios.push_back(coloured[k].psnr_db);
+    similarities.push_back(coloured[k].ssim);
+  }
+  if (ratios.empty()) return;
+  into["psnr_db"] = mean(ratios);
+  into["ssim"] = mean(similarities);
 }
 
 std::string text_of(double frame) {
@@ -152,7 +187,7 @@ std::vector<fit::ColourAgreement> ImageComparison::colour_agreements(const Stage
     const fit::Sighting& sighting = all[k].reduced;
     if (!sighting.has_colours()) continue;
     if (sighting.view.time == 0.0 && !sighting.held_out) first.push_back(sighting);
-    filming.views.push_back(sighting.view);
+    filming.views.push_back(all[k].planes[0].empty() ? sighting.view : all[k].whole());
     of.push_back(k);
   }
   if (of.empty()) return result;
@@ -166,7 +201,7 @@ std::vector<fit::ColourAgreement> ImageComparison::colour_agreements(const Stage
       fit::learn_colours(scene_, first, stage.arena, stage.target, interrupter_);
   filming.colours = &colours;
   filming.see = [&](std::size_t, std::size_t v, const fit::Drawn& drawn) {
-    result[of[v]] = agreement_of_colours(all[of[v]].reduced, drawn);
+    result[of[v]] = agreement_of_colours(all[of[v]], drawn);
   };
   film(stage, filming);
   return result;
@@ -182,33 +217,34 @@ Json ImageComparison::run(const std::filesystem::path& folder, const std::shared
   Json cameras = cameras_json(films_, agreed);
   Json list = Json::array();
   for (std::size_t f = 0; f < films_.films.size(); ++f) {
-    const auto summary = [&](const std::function<bool(const fit::Sighting&)>& takes) {
-      return agreement_json(all, agreed, [&](const fit::Sighting& sighting) {
+    // Means of colours are of images of one size each: what is held out stands apart.
+    const auto summary = [&](bool colours, const std::function<bool(const fit::Sighting&)>& takes) {
+      const auto of_film = [&](const fit::Sighting& sighting) {
         return sighting.view.film == f && takes(sighting);
-      });
+      };
+      Json found = agreement_json(all, agreed, of_film);
+      if (colours && !found.is_null()) add_colours(found, all, coloured, of_film);
+      return found;
     };
-    Json one = summary([](const fit::Sighting&) { return true; });
+    const auto held_out = [](const fit::Sighting& sighting) { return sighting.held_out; };
+    const Json held = summary(true, held_out);
+    Json one = summary(held.is_null(), [](const fit::Sighting&) { return true; });
     if (one.is_null()) one = {{"images", 0}};
     one["name"] = films_.films[f].name;
-    const Json held = summary([](const fit::Sighting& sighting) { return sighting.held_out; });
     if (!held.is_null()) {
       one["held_out"] = held;
-      one["not_held_out"] =
-          summary([](const fit::Sighting& sighting) { return !sighting.held_out; });
+      one["not_held_out"] = summary(true, std::not_fn(held_out));
     }
     one["cameras"] = Json::array();
     for (const Json& camera : cameras) {
       if (camera.at("capture") != films_.films[f].name) continue;
       const std::size_t number = camera.at("camera");
-      Json of =
-          summary([&](const fit::Sighting& sighting) { return sighting.view.number == number; });
+      Json of = summary(false, [&](const fit::Sighting& s) { return s.view.number == number; });
       if (of.is_null()) of = {{"images", 0}};
       of["camera"] = number;
       of["particle_size"] = camera.at("particle_size");
       one["cameras"].push_back(std::move(of));
     }
-    std::vector<double> ratios;
-    std::vector<double> similarities;
     one["frames"] = Json::array();
     for (std::size_t k = 0; k < all.size(); ++k) {
       const fit::Sighting& sighting = all[k].reduced;
@@ -225,15 +261,7 @@ Json ImageComparison::run(const std::filesystem::path& folder, const std::shared
         frame["psnr_db"] = number(coloured[k].psnr_db);
         frame["ssim"] = number(coloured[k].ssim);
       }
-      if (sighting.has_colours() && sighting.view.time > 0.0) {
-        ratios.push_back(coloured[k].psnr_db);
-        similarities.push_back(coloured[k].ssim);
-      }
       one["frames"].push_back(std::move(frame));
-    }
-    if (!ratios.empty()) {
-      one["psnr_db"] = mean(ratios);
-      one["ssim"] = mean(similarities);
     }
     list.push_back(std::move(one));
   }

@@ -60,12 +60,14 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& int
   std::vector<double> separations;  // in the cameras' pixels
   std::vector<int> factors;
   std::vector<std::vector<float>> seen;  // reduced
+  std::vector<std::size_t> shown;        // images of each camera that show the body
   const auto begin = [&](const capture::ImageClip& clip) {
     for (std::size_t k = 0; k < clip.cameras.size(); ++k) {
       const splat::Camera& camera = clip.cameras[k];
       separations.push_back(pixels_a_separation(camera, scene));
       factors.push_back(factor_of(camera, separations[k]));
       seen.emplace_back();
+      shown.push_back(0);
       if (clip.seen[k].empty()) continue;
       seen[k] = fit::reduced(clip.seen[k], camera.width, camera.height, factors[k]).values;
     }
@@ -100,9 +102,21 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& int
                            (scene.end_frame - 1 - scene.first_frame) / scene.fps);
     view.oversample = oversample_of(separations[sight.camera] / factor);
     if (!doc.body.empty()) view.body = fit::body_index(scene, doc.body);
-    into.sightings.push_back({std::move(reduced), camera, oversample_of(separations[sight.camera]),
-                              fit::Silhouette(sight.matte, camera.width, camera.height), frame,
-                              sight.image});
+    const bool body = std::any_of(sight.matte.begin(), sight.matte.end(),
+                                  [](std::uint8_t value) { return value >= 128; });
+    if (body) ++shown[sight.camera];
+    const bool whole = reduced.held_out && doc.colours;
+    ImageSighting& added = into.sightings.emplace_back(
+        ImageSighting{std::move(reduced),
+                      camera,
+                      oversample_of(separations[sight.camera]),
+                      fit::Silhouette(sight.matte, camera.width, camera.height),
+                      frame,
+                      sight.image,
+                      {}});
+    if (!whole) return;
+    added.planes[0] = sight.matte;
+    for (std::size_t c = 0; c < 3; ++c) added.planes[c + 1] = sight.colours[c];
   };
   capture::ImageClip clip =
       capture::read_image_clip(doc.cameras, doc.options, statements, take, &interrupter);
@@ -111,6 +125,12 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& int
     if (static_cast<std::size_t>(number) < cameras) continue;
     throw_input("there is no camera " + std::to_string(number) + " to hold out; there are " +
                 std::to_string(cameras) + ", from 0.");
+  }
+  for (const int number : doc.holdout.cameras) {
+    if (shown[static_cast<std::size_t>(number)] > 0) continue;
+    statements.push_back("captures." + doc.name + ": camera " + std::to_string(number) +
+                         ", which is held out, sees nothing of the body in the scene's frames; it "
+                         "judges nothing.");
   }
   fit::check_poses(doc.poses, cameras);
   fit::Film film{doc.name, {start, doc.poses}};

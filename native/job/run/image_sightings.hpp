@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -22,6 +23,9 @@ struct ImageSighting {
   fit::Silhouette matte;  ///< the same
   double frame = 0.0;     ///< of the scene
   std::string image;      ///< the file's name
+  /// Matte, red, green and blue of the whole image, where it is held out and its colours are
+  /// compared; else empty.
+  std::array<std::vector<std::uint8_t>, 4> planes;
 
   [[nodiscard]] fit::View whole() const;  ///< of the whole image
 };

@@ -19,6 +19,7 @@
 #include "fit/model/particle_sizes.hpp"
 #include "job/documents/images_document.hpp"
 #include "job/documents/inputs.hpp"
+#include "job/run/bake_outputs.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/run_scene.hpp"
 #include "job/run/state_file.hpp"
@@ -115,9 +116,17 @@ class Painter {
   bool seen_ = false;
 };
 
+capture::Splats chosen_splats(const RenderDoc& doc) {
+  try {
+    return capture::chosen(capture::read_splats(doc.gaussians), doc.crop, doc.opacity_threshold);
+  } catch (const Error& error) {
+    throw Error(error.kind(), std::string("render.gaussians: ") + error.what());
+  }
+}
+
 Json draw_still(const Job& job, const RenderDoc& doc, const RunOptions& options) {
   Painter painter(job, doc, options);
-  painter.draw(capture::gaussians_of(capture::read_splats(doc.gaussians)), "");
+  painter.draw(capture::gaussians_of(chosen_splats(doc)), "");
   Json result = {{"status", "complete"},
                  {"task", "render"},
                  {"version", MATTERFIT_VERSION},
@@ -136,7 +145,7 @@ splat::Gaussians gaussians_of_body(const Job& job, const mpm::Scene& scene, std:
   splat::Gaussians all;
   for (const SplatOutput& splats : job.output.splats) {
     if (splats.body != body.name) continue;
-    const std::string file = "splat/" + splats.name + "_" + frame_digits(state.frame) + ".ply";
+    const std::string file = splat_path(splats, state.frame);
     bake::append(all, capture::gaussians_of(capture::read_splats(job.output.folder / file)));
   }
   if (all.size() > 0) return all;

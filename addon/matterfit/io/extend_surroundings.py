@@ -163,7 +163,8 @@ class Surroundings:
 
 
 def _set_contact(contact, given):
-    contact.kind = given.get("kind", contact.kind).upper()
+    kind = given.get("kind", contact.kind).upper()
+    contact.kind = {"STICKY": "GLUE"}.get(kind, kind)
     for key in ("mu", "stiffness", "damping"):
         if key in given:
             setattr(contact, key, given[key])

@@ -290,6 +290,29 @@ class ExtendTest(DiagnoseCase):
         for entry, found in zip(entries, written, strict=True):
             self.assertEqual({key: found[key] for key in entry}, entry)
 
+    def test_shaking_has_two_rows(self):
+        entries = [{"effect": "frame_acceleration", "name": name, "acceleration": vector,
+                    "frequency": 3.0, "phase": phase}
+                   for name, vector, phase in (("shaking cosine", [1.0, 0.0, 0.5], 0.0),
+                                               ("shaking sine", [0.0, 2.0, 0.0], -90.0))]
+        self.extended(cause("frame_acceleration", {}),
+                      change=lambda scene: scene.update(effects=entries))
+        bpy.ops.matterfit.extend_model()
+        written = self.document()[0]["scene"]["effects"]
+        self.assertEqual(len(written), 2)
+        for entry, found in zip(entries, written, strict=True):
+            self.assertEqual({key: found[key] for key in entry if key != "name"},
+                             {key: entry[key] for key in entry if key != "name"})
+
+    def test_a_push_for_a_while_is_refused(self):
+        keyed = {"frames": [0, 5, 9], "values": [[0, 0, 0], [0, 9, 0], [0, 0, 0]],
+                 "interpolation": "step"}
+        entry = {"effect": "force_field", "center": [0.0, 1.0, 2.0], "radius": 3.0,
+                 "acceleration": keyed}
+        self.diagnosed([cause("force_field", {})], lambda scene: scene.update(effects=[entry]))
+        self.fails(bpy.ops.matterfit.extend_model, ["no setting in the panel", "extended.json"])
+        self.assertEqual(len(self.settings.effects), 0)
+
     def test_gravity_and_motion(self):
         def change(scene):
             scene["gravity"] = [0.0, 0.0, -9.5]
@@ -373,6 +396,15 @@ class ExtendTest(DiagnoseCase):
         self.assertEqual(len(body.masses), 1)
         self.assertAlmostEqual(body.masses[0].mass, 0.052, places=6)
         self.assertAlmostEqual(body.masses[0].object.location.x, 0.1, places=6)
+
+    def test_a_spectrum_of_relaxation(self):
+        spectrum = [{"modulus": 4000.0, "time": 0.125 * 4.0 ** k} for k in range(4)]
+        self.extended(cause("relaxation", {}),
+                      change=lambda scene: scene["bodies"][0]["material"].update(maxwell=spectrum))
+        bpy.ops.matterfit.extend_model()
+        branches = self.settings.bodies[0].material.maxwell
+        self.assertEqual([(branch.modulus, branch.time) for branch in branches],
+                         [(branch["modulus"], branch["time"]) for branch in spectrum])
 
     def test_what_has_no_place_is_refused(self):
         for name in ("tracker_lag", "something_new"):

@@ -361,7 +361,9 @@ int new_job(Arguments& arguments) {
     }
     arguments.fresh.up = arguments.up.front();
   }
-  job::write_new_job(arguments.fresh);
+  for (const std::string& statement : job::write_new_job(arguments.fresh)) {
+    std::fprintf(stderr, "%s\n", statement.c_str());
+  }
   std::printf("%s\n", arguments.fresh.output.c_str());
   return 0;
 }

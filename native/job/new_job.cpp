@@ -26,7 +26,8 @@ namespace fs = std::filesystem;
 constexpr std::size_t kFewestSamples = 4;  // frames, and points
 constexpr double kStandardCells = 6.0;     // the preset Standard, of the thinnest part
 constexpr double kFewestStandardParticles = 1e3;
-constexpr double kHeldOut = 0.25;  // share of the frames
+constexpr double kSlackFrames = 1e-6;  // of a first sample's time, rounding
+constexpr double kHeldOut = 0.25;      // share of the frames
 // Where a search begins: E/ρ [m²/s²] of soft rubber, for a flight does not tell E, and a foam that
 // is as stiff as rubber has waves that take many times the substeps.
 constexpr double kStiffnessPerDensity = 100.0;
@@ -178,7 +179,7 @@ Json material_of(material::Law law, double density) {
 
 }  // namespace
 
-void write_new_job(const NewJobOptions& options) {
+std::vector<std::string> write_new_job(const NewJobOptions& options) {
   if (const material::LawTraits& law = material::traits(options.law); law.parameters.empty()) {
     throw_input("a new job is a fit, and the law " + std::string(law.name) +
                 " has no numbers that could be fitted.");
@@ -229,6 +230,16 @@ void write_new_job(const NewJobOptions& options) {
                   {"tracks", fs::proximate(fs::absolute(options.capture), folder).generic_string()},
                   {"body", "body"},
                   {"holdout", {{"frames", {frames - held, frames}}}}};
+  std::vector<std::string> statements;
+  // The body is where the first sample shows it, so the scene begins there: also by a part of a
+  // frame, which would otherwise be a late clock.
+  if (const double first = tracks.times.front() * fps; std::abs(first) > kSlackFrames) {
+    capture["start_frame"] = -first;
+    statements.push_back(fmt::format(
+        "{}: the first sample is at {:.6g} s of its clock. The scene begins there, since the body "
+        "is where that sample shows it: 'start_frame' of the capture is {:.6g}.",
+        name, tracks.times.front(), -first));
+  }
   if (options.noise) capture["noise"] = *options.noise;
   if (options.unit > 0.0) capture["unit"] = options.unit;
   if (options.up != 0) capture["up"] = std::string(1, options.up);
@@ -266,6 +277,7 @@ void write_new_job(const NewJobOptions& options) {
   check.base_folder = folder;
   (void)read_job(text, check);
   write_file(options.output, text);
+  return statements;
 }
 
 }  // namespace matterfit::job

@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "material/law_table.hpp"
 
@@ -29,7 +31,10 @@ struct NewJobOptions {
 /// the law's numbers to be fitted, the last quarter of the frames held out. The body's shape lies
 /// beside the document as NAME_body.ply or NAME_body.npz. A point that the first frame does not
 /// show is put where the first frame that shows it has it, taken back by that frame's rigid motion.
-/// Throws Error(kInput) naming the file for a recording of fewer than four frames or points.
-void write_new_job(const NewJobOptions& options);
+/// The scene's first frame is the recording's first sample, whatever its clock says then
+/// (`start_frame` of the capture), since the body is where that sample shows it. Returns sentences
+/// for people about what is odd. Throws Error(kInput) naming the file for a recording of fewer than
+/// four frames or points.
+std::vector<std::string> write_new_job(const NewJobOptions& options);
 
 }  // namespace matterfit::job

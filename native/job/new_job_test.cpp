@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <string>
 #include <vector>
 
 #include "base/folder_for_test.hpp"
@@ -11,6 +12,7 @@
 #include "capture/npz.hpp"
 #include "job/documents/document.hpp"
 #include "job/documents/fit_document.hpp"
+#include "job/run/capture_input.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -101,6 +103,41 @@ TEST(NewJob, WithoutFacesTheHullIsFilled) {
   write_new_job(options_in(folder));
   EXPECT_TRUE(std::filesystem::exists(folder.path / "cube_body.npz"));
   EXPECT_FALSE(std::filesystem::exists(folder.path / "cube_body.ply"));
+}
+
+/// What a clock says before the first sample is the recorder's affair.
+TEST(NewJob, TheSceneBeginsWithTheFirstSample) {
+  const auto written = [](const Folder& folder, double clock) {
+    FallingCube cube;
+    for (double& time : cube.times) time += clock;
+    cube.write(folder.path / "cube.npz", true);
+    return write_new_job(options_in(folder));
+  };
+  const Folder plain;
+  EXPECT_TRUE(written(plain, 0.0).empty());
+  const Job job = read_job_file(options_in(plain).output);
+  EXPECT_FALSE(job.captures.front().start_frame);
+  const std::vector<double> times = load_capture(job, 0, false).tracks.times;
+  for (const double clock : {2.5, -1.0, 0.2 / 30.0}) {  // the last a fifth of a frame
+    const Folder folder;
+    const std::vector<std::string> statements = written(folder, clock);
+    ASSERT_EQ(statements.size(), 1U);
+    EXPECT_THAT(statements.front(), HasSubstr("start_frame"));
+    const Job shifted = read_job_file(options_in(folder).output);
+    EXPECT_NEAR(shifted.captures.front().start_frame.value_or(0.0), -30.0 * clock, 1e-9);
+    EXPECT_NEAR(shifted.scene.fps, job.scene.fps, 1e-9);
+    EXPECT_EQ(shifted.scene.end_frame, job.scene.end_frame);
+    EXPECT_EQ(shifted.captures.front().positions, job.captures.front().positions);
+    const std::vector<double> there = load_capture(shifted, 0, false).tracks.times;
+    ASSERT_EQ(there.size(), times.size());
+    for (std::size_t t = 0; t < times.size(); ++t) EXPECT_NEAR(there[t], times[t], 1e-12);
+    auto document = [](Json json) {
+      json["captures"][0].erase("start_frame");
+      json["scene"].erase("fps");
+      return json;
+    };
+    EXPECT_EQ(document(shifted.document), document(job.document));
+  }
 }
 
 TEST(NewJob, NamesWhatIsWrong) {

@@ -8,7 +8,7 @@ import os
 import bpy
 from mathutils import Vector
 
-from .. import effects
+from .. import effects, names
 from ..compat import translate, translate_label
 from ..jobs import JobError
 from ..props.diagnosis import is_ignored
@@ -63,11 +63,15 @@ def extend(scene, folder, report, cause):
             ).format(name=label, capture=cause.scope.removeprefix("capture "),
                      path=os.path.join(folder, diagnosis.EXTENDED_FILE)))
     if not has_place(cause):
-        raise JobError(translate(
-            "{name} has no setting in the panel. The model that was extended by what was accepted "
-            "is the job {path}, which the matterfit tool runs.").format(
-                name=label, path=os.path.join(folder, diagnosis.EXTENDED_FILE)))
+        raise _without_place(folder, label)
     _Extension(scene, folder, report, cause).run()
+
+
+def _without_place(folder, label):
+    return JobError(translate(
+        "{name} has no setting in the panel. The model that was extended by what was accepted "
+        "is the job {path}, which the matterfit tool runs.").format(
+            name=label, path=os.path.join(folder, diagnosis.EXTENDED_FILE)))
 
 
 class _Extension:
@@ -170,13 +174,16 @@ class _Extension:
         body.formulation = given.get("formulation", body.formulation).upper()
 
     def _relaxation(self):
-        """The last branch of the extended model is the one that was found."""
+        """Branches of the extended model that the body has not are those that were found."""
         branches = self._body().material.maxwell
         given = self._body_document()["material"]["maxwell"]
+        before = len(branches)
         while len(branches) < len(given):
             branches.add().name = translate("Found")
-        branch = branches[len(given) - 1]
-        branch.modulus, branch.time = given[-1]["modulus"], given[-1]["time"]
+        # The last one again where all are there: it may have been found otherwise since.
+        for index in range(min(before, len(given) - 1), len(given)):
+            branch = branches[index]
+            branch.modulus, branch.time = given[index]["modulus"], given[index]["time"]
 
     def _surroundings(self, effect):
         work = Surroundings(self.scene, self.folder, self.report, self.cause)
@@ -203,20 +210,27 @@ class _Extension:
         row.mass = given["mass"]
 
     def _effect(self, kind):
-        """A scene in which an effect of the kind acts is not examined for another one, so that a
-        row that is switched on is this one; what is switched off stays as it is."""
-        given = next(item for item in reversed(self.model["effects"])
-                     if item["effect"] == kind.name)
+        """A scene in which an effect of the kind acts is not examined for another one, so that rows
+        that are switched on are these; what is switched off stays as it is."""
+        given = [item for item in self.model["effects"] if item["effect"] == kind.name]
+        if any(isinstance(item.get(key), dict) for item in given for key in kind.numbers):
+            raise _without_place(self.folder, translate_label(self.cause.label))  # keyed, for a while
+        if not given:
+            raise KeyError(kind.name)
         rows = self.settings.effects
-        row = next((row for row in rows if row.enabled and row.kind == kind.identifier), None)
-        if row is None:
-            row = rows.add()
-            row.name, row.kind = translate_label(kind.title), kind.identifier
-        row.body, row.place = given.get("body", ""), None
-        self.settings.effect_index = next(index for index, other in enumerate(rows) if other == row)
-        for key in kind.numbers:
-            if key in given:
-                setattr(row, key, self._in_scene(key, given[key]))
+        for place, item in enumerate(given):
+            same = [row for row in rows if row.enabled and row.kind == kind.identifier]
+            if place < len(same):
+                row = same[place]
+            else:
+                name = names.unique(translate_label(kind.title), rows)
+                row = rows.add()
+                row.name, row.kind = name, kind.identifier
+            row.body, row.place = item.get("body", ""), None
+            self.settings.effect_index = next(i for i, other in enumerate(rows) if other == row)
+            for key in kind.numbers:
+                if key in item:
+                    setattr(row, key, self._in_scene(key, item[key]))
 
     def _in_scene(self, key, value):
         """A number of the document in the scene's unit."""

@@ -16,6 +16,8 @@
 #include "job/diagnosis/hidden_collider.hpp"
 #include "job/diagnosis/material_causes.hpp"
 #include "job/diagnosis/measurement_causes.hpp"
+#include "job/diagnosis/push.hpp"
+#include "job/diagnosis/shaking.hpp"
 #include "job/diagnosis/stiffness_causes.hpp"
 #include "job/diagnosis/surface_places.hpp"
 
@@ -41,6 +43,8 @@ class Causes {
   std::vector<Cause> all() {
     gravity();
     terms();
+    if (auto cause = shaking(scene_, options_.duration)) causes_.push_back(std::move(*cause));
+    if (auto cause = push(options_.encounters, scene_)) causes_.push_back(std::move(*cause));
     std::ranges::move(contact_causes(job_, scene_, options_.fitted), std::back_inserter(causes_));
     if (auto cause = hidden_collider(options_.encounters, scene_)) {
       causes_.push_back(std::move(*cause));
@@ -99,12 +103,13 @@ class Causes {
 
   /// Rows of the catalogue that are terms of the simulation: their strengths (what has a neutral
   /// value) are the numbers, the rest stands at the usual values. Those that need a place have
-  /// none.
+  /// none, and a frame's acceleration needs a frequency: shaking().
   void terms() {
     for (const effects::EffectType* type : effects::catalogue()) {
       if (type->way != effects::Way::kTerm || type->find("center")) continue;
       // What is inside a body is measured by its own stiffness: stiffness_causes().
       if (type->group == effects::Group::kMaterial) continue;
+      if (type == effects::find_effect_type("frame_acceleration")) continue;
       if (has_effect(scene_, type->name)) continue;
       term(*type);
     }

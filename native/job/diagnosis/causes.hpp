@@ -39,26 +39,29 @@ struct OwnScene {
   Json masses;          ///< that its body has there, a list
 };
 
-/// Where a recording shows that a body ran into something that the simulation passes through.
+/// Where a recording shows that a body ran into something that the simulation passes through, or
+/// was pushed for a while (`lasts` > 0).
 struct Encounter {
-  Vec3d point = Vec3d::Zero();    ///< of the body that went farthest then [m]
+  Vec3d point = Vec3d::Zero();    ///< of the body that went farthest then; its middle then [m]
   Vec3d normal = Vec3d::UnitZ();  ///< unit, in which the body was pushed
-  double reach = 0.0;             ///< how far the simulated body goes beyond `point` [m]
-  double time = 0.0;              ///< after the scene's first frame [s]
+  /// How far the simulated body goes beyond `point`; how far the body went while it was pushed [m].
+  double reach = 0.0;
+  double time = 0.0;   ///< when it began, after the scene's first frame [s]
+  double lasts = 0.0;  ///< [s]; 0: it was over at once
 };
 
 /// What the causes of a scene depend on beside the scene itself.
 struct CauseOptions {
   std::vector<fit::Address> fitted;   ///< what a fit moves: no causes of their own
   double duration = 1.0;              ///< of the longest recording [s]
-  std::vector<Encounter> encounters;  ///< places of a collider that nobody listed
+  std::vector<Encounter> encounters;  ///< where something is that nobody listed
   std::vector<OwnScene> own_scenes;   ///< beside the first run's
 };
 
 /// Every cause that makes sense of the first body of a scene: the catalogue's
 /// terms (effects/), the scene's own numbers that are not fitted (gravity,
-/// contact, damping, relaxation, attached masses), a collider that it lacks, and what a camera or a
-/// tracker may do to the recording. `document` and `scene` are of the same job.
+/// contact, damping, relaxation, attached masses), shaking, a collider or a push that it lacks, and
+/// what a camera or a tracker may do to the recording. `document` and `scene` are of the same job.
 [[nodiscard]] std::vector<Cause> scene_causes(const Job& job, const mpm::Scene& scene,
                                               const CauseOptions& options);
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -128,6 +129,103 @@ TEST(Causes, AContactMayBeOfAnotherKind) {
     const mpm::Scene written = scene_of(document);
     EXPECT_EQ(written.colliders.front()->contact().kind, shape::ContactKind::kFriction);
     EXPECT_NEAR(written.colliders.front()->contact().mu, mu, 1e-12);
+  }
+}
+
+/// A steady acceleration of all that is seen is gravity's; the slowest shaking that is looked for
+/// is none of it, nor a throw. What is written moves the body as it was moved.
+TEST(Causes, ShakingIsNoGravity) {
+  Json document = sliding_cube();
+  document["scene"].erase("colliders");
+  CauseOptions options;
+  options.duration = 7.0 / 24.0;
+  const mpm::Scene scene = scene_of(document);
+  const std::vector<Cause> causes = scene_causes(job_of(document, {}), scene, options);
+  const Cause& cause = named(causes, "frame_acceleration");
+  ASSERT_EQ(cause.row.numbers.size(), 6U);
+  ASSERT_EQ(cause.row.variants.size(), 6U);
+  EXPECT_EQ(cause.row.variants.front(), "3.43 times a second");
+  EXPECT_EQ(cause.row.variants.back(), "6 times a second");
+  // The path of the centre by what is changed, frames × axes as one column.
+  const auto path = [&](mpm::Scene there) {
+    const int end = there.end_frame;
+    there.substeps.assign(std::size_t(end - there.first_frame), kStepsAFrame);
+    mpm::Simulation simulation(std::move(there), std::make_shared<Arena>(1));
+    Eigen::VectorXd result(3 * end);
+    for (int frame = 0; frame < end; ++frame) {
+      if (frame > 0) (void)simulation.advance(Interrupter{});
+      const auto seen = simulation.observe(false);
+      Vec3d sum = Vec3d::Zero();
+      for (const Vec3d& x : seen.bodies.front().positions) sum += x;
+      result.segment<3>(3 * frame) = sum / double(seen.bodies.front().positions.size());
+    }
+    return result;
+  };
+  const Eigen::VectorXd plain = path(scene);
+  Eigen::MatrixXd imitation(plain.size(), 6);  // by gravity and the throw
+  for (int axis = 0; axis < 3; ++axis) {
+    mpm::Scene there = scene;
+    there.gravity.values.front()[axis] += 1.0;
+    imitation.col(axis) = path(there) - plain;
+    there = scene;
+    there.bodies.front().velocity[axis] += 1.0;
+    imitation.col(3 + axis) = path(there) - plain;
+  }
+  for (std::size_t k = 0; k < 6; ++k) {
+    std::vector<double> values(6, 0.0);
+    values[k] = 1.0;
+    mpm::Scene there = scene;
+    cause.apply(values, 0, there);
+    const Eigen::VectorXd column = path(there) - plain;
+    const Eigen::VectorXd left = column - imitation * imitation.colPivHouseholderQr().solve(column);
+    EXPECT_GT(left.norm(), 0.1 * column.norm()) << k;
+    Json extended = document;
+    cause.write(values, 0, extended["scene"]);
+    EXPECT_LT((path(scene_of(extended)) - plain - column).norm(), 1e-3 * column.norm()) << k;
+  }
+  document["scene"]["effects"] = {{{"effect", "frame_acceleration"}, {"acceleration", {1, 0, 0}}}};
+  EXPECT_THROW((void)named(causes_of(document), "frame_acceleration"), std::runtime_error);
+}
+
+/// Loss per cycle of a material's branches [Pa] at a number of cycles a second.
+double loss(const material::Material& material, double frequency) {
+  double sum = 0.0;
+  for (const auto& branch : material.maxwell) {
+    const double turn = 2.0 * 3.141592653589793 * frequency * branch.time;
+    sum += branch.modulus * turn / (1.0 + turn * turn);
+  }
+  return sum;
+}
+
+/// A spectrum of branches loses about as much an octave higher, where a single one does not.
+TEST(Causes, ASpectrumOfRelaxationLosesAlikeAtEveryFrequency) {
+  const Json document = sliding_cube();
+  CauseOptions options;
+  options.duration = 2.0;
+  const std::vector<Cause> causes = scene_causes(job_of(document, {}), scene_of(document), options);
+  const Cause& cause = named(causes, "relaxation");
+  const auto change = [&](int variant, double frequency) {
+    mpm::Scene scene = scene_of(document);
+    cause.apply(std::vector{1e3}, variant, scene);
+    const material::Material& material = scene.bodies.front().material;
+    return loss(material, 2.0 * frequency) / loss(material, frequency);
+  };
+  const int spectrum = variants_of(cause) - 1;
+  for (const double frequency : {1.0, 2.0, 4.0}) {
+    EXPECT_NEAR(change(spectrum, frequency), 1.0, 0.2) << frequency;
+  }
+  EXPECT_GT(std::abs(change(1, 1.0) - 1.0), 0.5);
+  Json extended = document;
+  cause.write(std::vector{1e3}, spectrum, extended["scene"]);
+  const auto& written = scene_of(extended).bodies.front().material.maxwell;
+  mpm::Scene scene = scene_of(document);
+  cause.apply(std::vector{1e3}, spectrum, scene);
+  const auto& applied = scene.bodies.front().material.maxwell;
+  ASSERT_EQ(applied.size(), 4U);
+  ASSERT_EQ(written.size(), applied.size());
+  for (std::size_t k = 0; k < applied.size(); ++k) {
+    EXPECT_EQ(written[k].modulus, applied[k].modulus);
+    EXPECT_NEAR(written[k].time, applied[k].time, 1e-12 * applied[k].time);
   }
 }
 

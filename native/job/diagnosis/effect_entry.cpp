@@ -10,6 +10,7 @@ namespace matterfit::job {
 
 Json effect_entry(const effects::Effect& effect) {
   Json entry = {{"effect", effect.type->name}};
+  if (effect.name != effect.type->name) entry["name"] = effect.name;
   if (!effect.body.empty()) entry["body"] = effect.body;
   for (std::size_t p = 0; p < effect.type->parameters.size(); ++p) {
     const effects::EffectParameter& parameter = effect.type->parameters[p];

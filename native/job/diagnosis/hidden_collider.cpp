@@ -6,25 +6,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
+#include <iterator>
 
 #include "job/diagnosis/extent.hpp"
-#include "job/diagnosis/seen_tracks.hpp"
 #include "shape/collider.hpp"
 
 namespace matterfit::job {
 namespace {
 
-using Eigen::Index;
-
-/// How far above the median of all frames an encounter's missing acceleration is.
-constexpr double kFarAbove = 6.0;
-/// What counts as a usual one at least, in the largest.
-constexpr double kOfLargest = 0.02;
-constexpr std::size_t kMost = 2;
-/// Frames beside an encounter that belong to it.
-constexpr int kNeighbours = 2;
-constexpr std::size_t kFewestFrames = 5;
 /// Radii of spheres that are tried, in longest sides of the body.
 constexpr std::array<double, 2> kRadii = {0.5, 1.5};
 constexpr double kLeastReach = 0.25;
@@ -84,113 +73,12 @@ std::vector<diagnose::Number> numbers_of(double size) {
   return numbers;
 }
 
-struct Samples : SeenTracks {
-  const Eigen::VectorXd& simulated;
-  Index first;  ///< of the capture's rows
-
-  [[nodiscard]] Vec3d simulated_at(Index f, Index i) const {
-    return simulated.segment<3>(first + 3 * (f * capture.tracks() + i));
-  }
-};
-
-/// At a frame.
-struct Missing {
-  Index frame = 0;
-  Vec3d acceleration = Vec3d::Zero();  ///< measured − simulated, mean of the tracks [m/s²]
-  double own = 0.0;                    ///< size of the simulated one beyond gravity
-};
-
-std::vector<Missing> missing_accelerations(const Samples& samples, const Vec3d& gravity) {
-  const std::vector<double>& times = samples.capture.times;
-  std::vector<Missing> result;
-  for (Index f = 1; f + 1 < static_cast<Index>(times.size()); ++f) {
-    const auto at = static_cast<std::size_t>(f);
-    const double before = times[at] - times[at - 1];
-    const double after = times[at + 1] - times[at];
-    const auto second = [&](const Vec3d& a, const Vec3d& b, const Vec3d& c) -> Vec3d {
-      return 2.0 / (before + after) * ((c - b) / after - (b - a) / before);
-    };
-    Missing missing;
-    missing.frame = f;
-    Vec3d own = Vec3d::Zero();
-    double count = 0.0;
-    for (Index i = 0; i < samples.capture.tracks(); ++i) {
-      if (!samples.used(f - 1, i) || !samples.used(f, i) || !samples.used(f + 1, i)) continue;
-      const Vec3d simulated = second(samples.simulated_at(f - 1, i), samples.simulated_at(f, i),
-                                     samples.simulated_at(f + 1, i));
-      missing.acceleration +=
-          second(samples.at(f - 1, i), samples.at(f, i), samples.at(f + 1, i)) - simulated;
-      own += simulated - gravity;
-      count += 1.0;
-    }
-    if (!(count > 0.0)) continue;
-    missing.acceleration /= count;
-    missing.own = own.norm() / count;
-    result.push_back(missing);
-  }
-  return result;
-}
-
-Encounter encounter_at(const Samples& samples, const Missing& missing) {
-  Encounter found;
-  found.normal = missing.acceleration.normalized();
-  // The frame before may have seen the beginning.
-  found.time = samples.capture.times[static_cast<std::size_t>(missing.frame - 1)];
-  double nearest = 1e300;
-  double passed = 1e300;
-  for (Index f = 0; f < static_cast<Index>(samples.capture.times.size()); ++f) {
-    for (Index i = 0; i < samples.capture.tracks(); ++i) {
-      if (!samples.used(f, i)) continue;
-      passed = std::min(passed, samples.simulated_at(f, i).dot(found.normal));
-      if (std::abs(f - missing.frame) > 1) continue;
-      const double along = samples.at(f, i).dot(found.normal);
-      if (along < nearest) {
-        nearest = along;
-        found.point = samples.at(f, i);
-      }
-    }
-  }
-  // One that was fitted to before and after together may turn earlier.
-  found.reach = std::max(0.0, nearest - passed);
-  return found;
-}
-
 }  // namespace
 
-std::vector<Encounter> encounters(const std::vector<diagnose::Capture>& captures,
-                                  const Eigen::VectorXd& simulated, const Vec3d& gravity) {
-  std::vector<std::pair<double, Encounter>> found;
-  Index first = 0;
-  for (const diagnose::Capture& capture : captures) {
-    const Samples samples{{capture}, simulated, first};
-    first += 3 * capture.samples();
-    std::vector<Missing> missing = missing_accelerations(samples, gravity);
-    if (missing.size() < kFewestFrames) continue;
-    std::ranges::stable_sort(missing, std::greater<>(),
-                             [](const Missing& m) { return m.acceleration.norm(); });
-    const double usual = std::max(missing[missing.size() / 2].acceleration.norm(),
-                                  kOfLargest * missing.front().acceleration.norm());
-    std::vector<Index> taken;
-    for (const Missing& m : missing) {
-      const double size = m.acceleration.norm();
-      if (size < kFarAbove * usual || taken.size() >= kMost) break;
-      if (size < m.own) continue;
-      if (std::ranges::any_of(taken, [&](Index f) { return std::abs(f - m.frame) <= kNeighbours; }))
-        continue;
-      taken.push_back(m.frame);
-      found.emplace_back(size / std::max(usual, 1e-12), encounter_at(samples, m));
-    }
-  }
-  std::ranges::stable_sort(found, std::greater<>(), [](const auto& f) { return f.first; });
-  if (found.size() > kMost) found.resize(kMost);
-  std::vector<Encounter> result;
-  result.reserve(found.size());
-  for (const auto& [clear, encounter] : found) result.push_back(encounter);
-  return result;
-}
-
-std::optional<Cause> hidden_collider(const std::vector<Encounter>& encounters,
-                                     const mpm::Scene& scene) {
+std::optional<Cause> hidden_collider(const std::vector<Encounter>& all, const mpm::Scene& scene) {
+  std::vector<Encounter> encounters;
+  std::ranges::copy_if(all, std::back_inserter(encounters),
+                       [](const Encounter& encounter) { return !(encounter.lasts > 0.0); });
   if (encounters.empty()) return std::nullopt;
   const double size = extent_of(scene.bodies.front()).size;
   Cause cause;

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cctype>
+#include <cmath>
 #include <string>
 
 #include "fit/model/quantity.hpp"
@@ -17,6 +18,8 @@ namespace {
 /// Times of a Maxwell branch that are scanned, as shares of the recording's
 /// duration.
 constexpr std::array<double, 5> kRelaxationShares = {0.003, 0.01, 0.03, 0.1, 0.3};
+/// Branches of a spectrum, from the shortest of those times to the longest.
+constexpr std::size_t kOfSpectrum = 4;
 /// In Young's modulus: a yield stress that no body reaches, and those at which searches begin.
 constexpr double kNeverYields = 1.0;
 constexpr std::array<double, 2> kTriedYields = {0.1, 0.03};
@@ -73,23 +76,40 @@ class MaterialCauses {
     };
   }
 
+  /// A single branch at one of several times, or a spectrum: branches of equal modulus whose times
+  /// are as far apart, so that what is lost in a cycle hardly depends on how long it takes.
   void relaxation() {
-    Cause& cause = add_cause(causes_, "relaxation", "material",
-                             "The material relaxes: a branch of {value} {variant}.");
+    Cause& cause =
+        add_cause(causes_, "relaxation", "material", "The material relaxes: {value} {variant}.");
     cause.row.numbers = {number("modulus", "Pa", 0.1 * modulus(), true)};
     cause.row.confused_with = {"damping_shear", "drag_linear", "drag_quadratic"};
-    std::vector<double> times;
+    std::vector<std::vector<double>> times;
     for (const double share : kRelaxationShares) {
-      times.push_back(share * options_.duration);
-      cause.row.variants.push_back(fmt::format("with a time of {:.3g} s", times.back()));
+      times.push_back({share * options_.duration});
+      cause.row.variants.push_back(fmt::format("with a time of {:.3g} s", times.back().front()));
+    }
+    if (material_.maxwell.size() + kOfSpectrum <= material::kMostMaxwellBranches) {
+      std::vector<double>& spectrum = times.emplace_back();
+      const double shortest = kRelaxationShares.front() * options_.duration;
+      const double longest = kRelaxationShares.back() * options_.duration;
+      for (std::size_t k = 0; k < kOfSpectrum; ++k) {
+        spectrum.push_back(shortest *
+                           std::pow(longest / shortest, double(k) / double(kOfSpectrum - 1)));
+      }
+      cause.row.variants.push_back(
+          fmt::format("in each of {} branches with times from {:.3g} to {:.3g} s, which lose about "
+                      "as much at every frequency",
+                      kOfSpectrum, shortest, longest));
     }
     cause.apply = [times](std::span<const double> v, int variant, mpm::Scene& scene) {
-      scene.bodies.front().material.maxwell.push_back(
-          {v[0], times[static_cast<std::size_t>(variant)]});
+      for (const double time : times[static_cast<std::size_t>(variant)]) {
+        scene.bodies.front().material.maxwell.push_back({v[0], time});
+      }
     };
     cause.write = [times](std::span<const double> v, int variant, Json& scene) {
-      first_body(scene)["material"]["maxwell"].push_back(
-          {{"modulus", v[0]}, {"time", times[static_cast<std::size_t>(variant)]}});
+      for (const double time : times[static_cast<std::size_t>(variant)]) {
+        first_body(scene)["material"]["maxwell"].push_back({{"modulus", v[0]}, {"time", time}});
+      }
     };
   }
 

@@ -18,7 +18,7 @@ build_packages="
 demo_packages="blender python3-numpy"
 package_packages="patchelf python3"
 test_packages="
-  python3-openvdb python3-venv xvfb xauth libgl1-mesa-dri slurm-wlm
+  python3-openvdb python3-venv xvfb xauth libgl1-mesa-dri slurm-wlm chromium
   clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14"
 
 # Gigabytes on the disk of this tree: compiled files, and with `test` the three bpy environments.

@@ -96,6 +96,19 @@ def part_blind():
     return tally
 
 
+def part_page():
+    """the page of a diagnosis in headless Chromium, with screenshots"""
+    tally = Tally()
+    command = [sys.executable, "-B", ROOT / "scripts" / "test_page.py", "-v"]
+    done = QUEUE.submit(WINDOW_WEIGHT, run, "page", command, limit=600).result()
+    lines = done.log.read_text(encoding="utf-8", errors="replace").splitlines()
+    tally.passed += [f"page: {line.split(' ')[0]}" for line in lines if line.endswith(" ... ok")]
+    tally.skipped += [(f"page: {line.split(' ')[0]}", line.split(" ... skipped ")[1].strip("'"))
+                      for line in lines if " ... skipped " in line]
+    tally.check("page: all", done.status == 0, f"{done.reason()}\n{done.tail(40)}")
+    return tally
+
+
 def part_fuzz():
     """each parser five seconds of libFuzzer from its saved seeds"""
     BUILDS["sanitize"].result()
@@ -240,6 +253,7 @@ PARTS = {
     "native": part_native,
     "sanitize": part_sanitize,
     "blind": part_blind,
+    "page": part_page,
     "fuzz": part_fuzz,
     "blender": part_blender,
     "window": part_window,
@@ -247,7 +261,7 @@ PARTS = {
     "bpy": part_bpy,
 }
 # What a part runs with must be built in this run, not be what an earlier one left.
-NEEDS_BUILD = {"native", "blender", "window", "package", "bpy", "lint"}
+NEEDS_BUILD = {"native", "page", "blender", "window", "package", "bpy", "lint"}
 NEEDS_SANITIZE = {"fuzz"}
 ON_SANITIZED = {"sanitize", "fuzz"}
 # The bpy wheels are fetched for these while the compiler is busy.

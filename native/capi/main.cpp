@@ -21,6 +21,7 @@
 #include "job/curves.hpp"
 #include "job/diagnosis/diagnose_tests.hpp"
 #include "job/diagnosis/page.hpp"
+#include "job/diagnosis/run_diagnose.hpp"
 #include "job/documents/document.hpp"
 #include "job/documents/farm_files.hpp"
 #include "job/documents/inputs.hpp"
@@ -150,33 +151,38 @@ int finish(const Arguments& arguments, capi::JobThread& thread) {
   watch(arguments, thread);
   const capi::Outcome& outcome = thread.outcome();
   if (!outcome.error.empty()) std::fprintf(stderr, "matterfit: %s\n", outcome.error.c_str());
-  if (!arguments.report.empty()) matterfit::write_file(arguments.report, outcome.result + "\n");
+  const job::Json result = job::Json::parse(outcome.result, nullptr, false);
+  std::filesystem::path file = arguments.report;
+  if (!file.empty()) matterfit::write_file(file, outcome.result + "\n");
+  if (!file.empty() && result.is_object() && result.value("schema", "") == job::kReportSchema) {
+    matterfit::write_file(file.replace_extension(".html"), job::report_page(result));
+  }
   if (arguments.json) {
     std::printf("%s\n", outcome.result.c_str());
-  } else if (const job::Json result = job::Json::parse(outcome.result, nullptr, false);
-             outcome.exit_status == 0 || result.contains("fit")) {
+  } else if (outcome.exit_status == 0 || result.contains("fit")) {
     std::fputs(capi::summary(result).c_str(), stdout);
   }
   return outcome.exit_status;
 }
 
+void refuse_page_as_report(const Arguments& arguments) {
+  if (std::filesystem::path(arguments.report).extension() == ".html") {
+    matterfit::throw_input("--report is the JSON file; the page is written beside it as .html.");
+  }
+}
+
 int run(const Arguments& arguments, const std::string& verb) {
+  if (verb == "diagnose") refuse_page_as_report(arguments);
   capi::JobThread thread(read(arguments, verb), run_options(arguments));
   return finish(arguments, thread);
 }
 
-/// Diagnoses what a testing machine measured; the page lies beside the report.
+/// Diagnoses what a testing machine measured.
 int diagnose_tests(const Arguments& arguments) {
   if (!arguments.set.empty()) matterfit::throw_input("--set changes jobs; these are tests.");
-  if (std::filesystem::path(arguments.report).extension() == ".html") {
-    matterfit::throw_input("--report is the JSON file; the page is written beside it as .html.");
-  }
+  refuse_page_as_report(arguments);
   capi::JobThread thread([&](matterfit::Interrupter& interrupter) {
     const job::Json report = job::diagnose_tests(arguments.job, arguments.threads, interrupter);
-    if (!arguments.report.empty()) {
-      std::filesystem::path page = arguments.report;
-      matterfit::write_file(page.replace_extension(".html"), job::report_page(report));
-    }
     return capi::Outcome{0, report.dump(2, ' ', false, job::Json::error_handler_t::replace), {}};
   });
   return finish(arguments, thread);

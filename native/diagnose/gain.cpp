@@ -32,6 +32,20 @@ double relative_gain(double before, double after, double floor) {
   return std::clamp((before - after) / excess, -1.0, 1.0);
 }
 
+/// Those of which a sample is used or held out; all where no sample has a use.
+std::vector<std::size_t> tracks_looked_at(const Capture& capture) {
+  const std::size_t count = capture.rest.size();
+  std::vector<bool> seen(count, capture.use.empty());
+  for (std::size_t i = 0; i < capture.use.size(); ++i) {
+    if (capture.use[i] != Use::kIgnored) seen[i % count] = true;
+  }
+  std::vector<std::size_t> tracks;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (seen[i]) tracks.push_back(i);
+  }
+  return tracks;
+}
+
 /// Regions of tracks, and the axis along which each bit of their numbers divides the body.
 struct BodySplit {
   std::vector<int> region;
@@ -39,13 +53,16 @@ struct BodySplit {
 };
 
 BodySplit split_body(const Capture& capture) {
-  const std::size_t count = capture.rest.size();
   BodySplit split;
   std::vector<int>& region = split.region;
-  region.assign(count, 0);
+  region.assign(capture.rest.size(), 0);
+  // Where a track that is never looked at is on the body need not be known.
+  const std::vector<std::size_t> tracks = tracks_looked_at(capture);
+  const std::size_t count = tracks.size();
   std::array<double, 3> low{1e300, 1e300, 1e300};
   std::array<double, 3> high{-1e300, -1e300, -1e300};
-  for (const Vec3d& x : capture.rest) {
+  for (const std::size_t track : tracks) {
+    const Vec3d& x = capture.rest[track];
     for (std::size_t a = 0; a < 3; ++a) {
       low[a] = std::min(low[a], x[Index(a)]);
       high[a] = std::max(high[a], x[Index(a)]);
@@ -60,10 +77,10 @@ BodySplit split_body(const Capture& capture) {
     if (high[axis] - low[axis] < 0.25 * longest || std::size_t(regions) * 8 > count) continue;
     std::vector<double> values;
     values.reserve(count);
-    for (const Vec3d& x : capture.rest) values.push_back(x[Index(axis)]);
+    for (const std::size_t track : tracks) values.push_back(capture.rest[track][Index(axis)]);
     const auto middle = values.begin() + std::ptrdiff_t(count / 2);
     std::nth_element(values.begin(), middle, values.end());
-    for (std::size_t i = 0; i < count; ++i) {
+    for (const std::size_t i : tracks) {
       if (capture.rest[i][Index(axis)] >= *middle) region[i] += regions;
     }
     regions *= 2;

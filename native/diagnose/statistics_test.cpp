@@ -247,6 +247,13 @@ TEST(Regions, AreNamedByTheAxesThatDivideTheBody) {
   const std::vector<int> regions = body_regions(capture);
   EXPECT_EQ(regions.front(), 0);
   EXPECT_EQ(regions.back(), 3);
+  // A track that is never seen has no place that is known.
+  capture.times = {0.0, 1.0};
+  capture.rest.emplace_back(0.0, 50.0, 0.0);
+  capture.use.assign(34, Use::kUsed);
+  capture.use[16] = capture.use[33] = Use::kIgnored;
+  EXPECT_EQ(region_names(capture).size(), 4U);
+  capture.use.clear();
   capture.rest.resize(3);
   EXPECT_THAT(region_names(capture), testing::ElementsAre("all"));
 }

@@ -26,13 +26,15 @@ table { border-collapse: collapse; }
 th, td { text-align: left; padding: .35rem .8rem .35rem 0; border-bottom: 1px solid var(--line);
   vertical-align: top; }
 th { font-weight: 600; font-size: .85rem; }
-td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+td.number, th.number { text-align: right; }
+td.number { font-variant-numeric: tabular-nums; white-space: nowrap; }
+th { min-width: 4rem; } td:first-child { min-width: 5rem; }
 details { border: 1px solid var(--line); border-radius: .5rem; padding: .6rem .9rem; margin: .6rem 0; }
 details.named { border: 2px solid var(--after); }
 summary { cursor: pointer; display: flex; flex-wrap: wrap; gap: .2rem .8rem; align-items: baseline; }
 summary b { flex: 1 1 auto; } summary b::first-letter { text-transform: uppercase; }
 details p { margin: .5rem 0 0; }
-dl { display: grid; grid-template-columns: repeat(auto-fill, minmax(10rem, 1fr)); gap: .5rem 1rem;
+dl { display: grid; grid-template-columns: repeat(auto-fill, minmax(8.5rem, 1fr)); gap: .5rem 1rem;
   margin: .7rem 0 0; }
 dt { font-size: .8rem; } dd { margin: 0; font-variant-numeric: tabular-nums; }
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr)); gap: 1rem; }
@@ -208,9 +210,12 @@ std::string limits(const Json& report) {
         "<h2>What would have been seen</h2><div class=\"scroll\"><table><tr><th>Cause</th>"
         "<th class=\"number\">from a size of</th></tr>";
     for (const auto& [name, limit] : limits.items()) {
-      html += "<tr><td>" + plain_name(name) + "</td><td class=\"number\">" +
-              shown(number_at(limit, "value")) + " " + escaped(text_at(limit, "unit")) +
-              "</td></tr>";
+      // Effect and number.
+      const auto dot = name.rfind('.');
+      html += "<tr><td>" + plain_name(name.substr(0, dot)) +
+              (dot == std::string::npos ? "" : ": " + plain_name(name.substr(dot + 1))) +
+              "</td><td class=\"number\">" + shown(number_at(limit, "value")) + " " +
+              escaped(text_at(limit, "unit")) + "</td></tr>";
     }
     html += "</table></div>";
   }

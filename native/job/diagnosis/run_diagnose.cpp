@@ -39,6 +39,7 @@ struct Settings {
   int particles = 1500;  ///< of all bodies together, with which causes are sought; about
   int runs = 0;          ///< DiagnoseOptions::most_runs; 0: as many as kMostWork allows
   bool shooting = true;  ///< SceneModel
+  std::vector<std::string> ignored;  ///< effects that nobody believes
 };
 
 Settings read_settings(const Json& given) {
@@ -75,10 +76,15 @@ Settings read_settings(const Json& given) {
     } else if (key == "shooting") {
       if (!value.is_boolean()) throw_input("diagnose.shooting: expected true or false.");
       settings.shooting = value.get<bool>();
+    } else if (key == "ignored") {
+      if (!value.is_array() || !std::ranges::all_of(value, &Json::is_string)) {
+        throw_input("diagnose.ignored: expected a list of names of causes.");
+      }
+      settings.ignored = value.get<std::vector<std::string>>();
     } else {
       throw_input("diagnose: unknown key '" + key +
                   "'. Known: members, refits, most_causes, seed, central, particles, runs, "
-                  "shooting.");
+                  "shooting, ignored.");
     }
   }
   return settings;
@@ -213,6 +219,11 @@ Json run_diagnose(const Job& given, const RunOptions& options, Interrupter& inte
   }
   Json json = report_json(report, model.captures());
   report_swaps(swapped, json);
+  for (Json& cause : json.at("causes")) {
+    if (std::ranges::count(settings.ignored, cause.at("effect").get<std::string>()) > 0) {
+      cause["ignored"] = true;
+    }
+  }
   json["status"] = "done";
   json["task"] = "diagnose";
   json["version"] = MATTERFIT_VERSION;

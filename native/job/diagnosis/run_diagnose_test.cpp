@@ -48,7 +48,11 @@ Json diagnosed(const Folder& folder, const Change& hide) {
   document["captures"] = {
       {{"tracks", "a.npz"}, {"noise", kNoise * kSize}, {"holdout", {{"frames", {11, 14}}}}}};
   document["fit"] = {{"parameters", {"velocity"}}, {"levels", {1}}};
-  document["diagnose"] = {{"members", 12}, {"refits", 3}, {"most_causes", 1}, {"central", false}};
+  document["diagnose"] = {{"members", 12},
+                          {"refits", 3},
+                          {"most_causes", 1},
+                          {"central", false},
+                          {"ignored", {"drag_quadratic"}}};
   return run(document, folder.path);
 }
 
@@ -71,6 +75,9 @@ TEST(Diagnose, AirDragIsFoundAndPaysOnWhatWasHeldOut) {
   const Json& value = cause.at("parameters").at("drag_coefficient");
   EXPECT_NEAR(value.at("value").get<double>(), 1.0, 0.3) << cause.dump(1);
   EXPECT_GT(cause.at("gain").get<double>(), 0.5) << report.at("sentence");
+  // It is examined as others are, and marked.
+  EXPECT_TRUE(cause.at("ignored").get<bool>());
+  EXPECT_FALSE(report.at("causes").back().contains("ignored"));
   // Over time as well, and when the evidence arrives.
   double before = 0.0;
   double after = 0.0;
@@ -131,6 +138,9 @@ TEST(Diagnose, WithoutAFitItSaysWhatIsMissing) {
   document["diagnose"] = {{"member", 3}};
   EXPECT_THAT(message_of([&] { (void)run(document, folder.path); }),
               HasSubstr("diagnose: unknown key 'member'"));
+  document["diagnose"] = {{"ignored", "wind"}};
+  EXPECT_THAT(message_of([&] { (void)run(document, folder.path); }),
+              HasSubstr("diagnose.ignored: expected a list"));
 }
 
 /// A body that flies without turning tells its throw and nothing of its stiffness.

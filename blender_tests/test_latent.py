@@ -220,6 +220,17 @@ class ResultTest(FakeFitCase):
         self.assertEqual(said.count("differs by 3.4 %"), 1)
         self.assertIn(UNSURE.strip(), said)
 
+    def test_how_sure_the_prediction_is(self):
+        self.found()
+        self.assertNotIn("Predicted to", texts(result_panel.MATTERFIT_PT_fit_result))
+        path = os.path.join(self.run_folder, "result.json")
+        document = files.read_json(path)
+        document["fit"]["predicted"] = {"half_width_mm": 1.234, "coverage": 0.956, "mean_mm": 2.0,
+                                        "samples": 9, "draws": 16, "captures": []}
+        files.write_json(path, document)
+        said = " ".join(texts(result_panel.MATTERFIT_PT_fit_result).split())
+        self.assertIn("Predicted to ± 1.2 mm (95 %); 96 % of what was held out lie within", said)
+
     def test_its_numbers_are_one_row(self):
         self.found()
         said = texts(result_panel.MATTERFIT_PT_fit_result)

@@ -19,8 +19,8 @@ LAWS = (
      "No class is given: eight numbers, which a fit finds, say where the material lies among elastic "
      "solids, plastic ones, pastes, grains and liquids"),
     ("NEURAL", "Neural (published)",
-     "Two networks of a file, as NCLaw publishes and trains them: what they learned is simulated as it "
-     "is, and nothing of it is fitted"),
+     "Two networks of a file, as NCLaw publishes and trains them. It has no numbers that a fit could "
+     "find; All Weights of a fit moves what the networks learned"),
 )
 
 # Parameters of each law in the job document's words, in the panel's order; quantities.py says what

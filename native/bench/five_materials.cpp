@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Makes the clips of the five-material set (docs/validation.md); scripts/five_materials.py fits
-// them.
+// Makes the clips of the five-material set (docs/validation.md), which scripts/five_materials.py
+// fits, and the sequences of five objects, which scripts/neural_sequences.py does.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
@@ -58,13 +58,18 @@ nlohmann::json parameters(const ReferenceMaterial& m) {
               {"viscosity", m.viscosity}};
     case ReferenceLaw::kVonMises:
       return {{"E", m.youngs_modulus}, {"nu", m.poisson_ratio}, {"yield_stress", m.yield_stress}};
+    case ReferenceLaw::kMullins:
+      return {{"E", m.youngs_modulus},
+              {"nu", m.poisson_ratio},
+              {"stiffening", m.stiffening},
+              {"softening", m.softening}};
     case ReferenceLaw::kDruckerPrager:
       break;
   }
   return {{"E", m.youngs_modulus}, {"nu", m.poisson_ratio}, {"friction_angle", m.friction_angle}};
 }
 
-/// The names of laws in job documents.
+/// The names of laws in job documents; `mullins` is of none.
 const char* law_name(ReferenceLaw law) {
   switch (law) {
     case ReferenceLaw::kNeoHookean:
@@ -75,6 +80,8 @@ const char* law_name(ReferenceLaw law) {
       return "herschel_bulkley";
     case ReferenceLaw::kVonMises:
       return "von_mises";
+    case ReferenceLaw::kMullins:
+      return "mullins";
     case ReferenceLaw::kDruckerPrager:
       break;
   }
@@ -180,6 +187,9 @@ int run(int argc, char** argv) {
   double dx = 0.016;
   unsigned threads = std::max(1U, std::thread::hardware_concurrency());
   bool list = false;
+  std::string set = "materials";
+  app.add_option("--set", set, "materials: 45 clips; objects: five, four sequences each")
+      ->check(CLI::IsMember({"materials", "objects"}));
   app.add_option("--folder", folder, "where they go");
   app.add_option("--only", only, "names, or beginnings of names")->delimiter(',');
   app.add_option("--dx", dx, "grid spacing [m]")->check(CLI::PositiveNumber);
@@ -187,7 +197,7 @@ int run(int argc, char** argv) {
   app.add_flag("--list", list, "print the names and make nothing");
   CLI11_PARSE(app, argc, argv);
 
-  std::vector<SetClip> clips = material_set();
+  std::vector<SetClip> clips = set == "objects" ? object_set() : material_set();
   const auto is_left_out = [&](const SetClip& clip) {
     return !only.empty() && std::none_of(only.begin(), only.end(), [&](const std::string& name) {
       return clip.name.compare(0, name.size(), name) == 0;

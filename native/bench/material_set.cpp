@@ -58,6 +58,8 @@ ReferenceMaterial draw(ReferenceLaw law, Random& random) {
       m.youngs_modulus = 1e6;
       m.friction_angle = random.between(20.0, 45.0);
       break;
+    case ReferenceLaw::kMullins:  // not in this set
+      break;
   }
   return m;
 }
@@ -84,7 +86,74 @@ SetClip clip(const Family& family, const ReferenceShape& shape, std::uint64_t se
   return result;
 }
 
+struct Object {
+  const char* name;
+  const char* shape;
+  ReferenceMaterial material;
+  double most_spin;  ///< [rad/s]
+};
+
+std::vector<Object> objects() {
+  std::vector<Object> all(5);
+  all[0] = {"egg", "egg", {.law = ReferenceLaw::kNeoHookean, .youngs_modulus = 1.5e5}, 4.0};
+  all[1] = {"bread",
+            "box",
+            {.law = ReferenceLaw::kVonMises, .youngs_modulus = 3e5, .yield_stress = 5e3},
+            4.0};
+  all[2] = {"cream",
+            "ellipsoid",
+            {.law = ReferenceLaw::kNewtonian, .bulk_modulus = 3e5, .viscosity = 60.0},
+            2.0};
+  all[3] = {"pawn",
+            "pawn",
+            {.law = ReferenceLaw::kDruckerPrager, .youngs_modulus = 5e5, .friction_angle = 35.0},
+            2.0};
+  all[4] = {
+      "rubber",
+      "capsule",
+      {.law = ReferenceLaw::kMullins, .youngs_modulus = 4e4, .stiffening = 4.0, .softening = 0.5},
+      4.0};
+  return all;
+}
+
+Vec3d any_direction(Random& random) {
+  for (;;) {
+    const Vec3d v(random.between(-1, 1), random.between(-1, 1), random.between(-1, 1));
+    const double length = v.norm();
+    if (length > 0.1 && length < 1.0) return v / length;
+  }
+}
+
+SetClip sequence(const Object& object, std::size_t number, Random& random) {
+  SetClip result;
+  result.name = std::string(object.name) + "_" + std::to_string(number);
+  result.shape = object.shape;
+  result.material = object.material;
+  result.volume = 0.01;
+  const double turn = random.between(0.0, 2.0 * std::numbers::pi);
+  result.turn = Eigen::AngleAxisd(turn, any_direction(random));
+  const double across_x = random.between(-1.0, 1.0);
+  const double across_y = random.between(-1.0, 1.0);
+  result.velocity = {across_x, across_y, random.between(-3.0, -1.0)};
+  result.spin = object.most_spin * random.uniform() * any_direction(random);
+  const double flight = random.between(2.0, 4.0) / kSetFramesPerSecond;
+  result.clearance = -result.velocity.z() * flight + 0.5 * 9.81 * flight * flight;
+  result.seed = random.next();
+  return result;
+}
+
 }  // namespace
+
+std::vector<SetClip> object_set() {
+  std::vector<SetClip> clips;
+  Random random(7);
+  for (const Object& object : objects()) {
+    for (std::size_t k = 1; k <= kObjectSequences; ++k) {
+      clips.push_back(sequence(object, k, random));
+    }
+  }
+  return clips;
+}
 
 std::vector<SetClip> material_set() {
   std::vector<SetClip> clips;

@@ -33,4 +33,12 @@ struct SetClip {
 /// the same.
 [[nodiscard]] std::vector<SetClip> material_set();
 
+/// Sequences of each object of object_set().
+inline constexpr std::size_t kObjectSequences = 4;
+/// An egg (neo-Hookean), bread (a box, von Mises), cream (an ellipsoid, Newtonian), a pawn
+/// (Drucker–Prager) and a rubber (a capsule, of a law that the solver does not have), each thrown
+/// four times, turned at random, with another velocity and spin: egg_1 … rubber_4. Always the same.
+/// After MASIV (Table 7), whose objects are not published.
+[[nodiscard]] std::vector<SetClip> object_set();
+
 }  // namespace matterfit::bench

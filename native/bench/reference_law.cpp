@@ -36,6 +36,14 @@ Vec3d returned(const ReferenceMaterial& material, const Vec3d& trial, double dt)
   return deviator * ((stress - share * excess) / stress) + Vec3d::Constant(trace / 3.0);
 }
 
+/// Shear modulus of the rubber at |dev ε| = s; takes s into its memory.
+double rubber_modulus(const ReferenceMaterial& material, double s, ReferenceState& state) {
+  state.largest = std::max(state.largest, s);
+  const double share = state.largest > 0.0 ? s / state.largest : 1.0;
+  return material.mu() * (1.0 + material.stiffening * s) *
+         (1.0 - material.softening * (1.0 - share));
+}
+
 Mat3d with_eigenvalues(const Mat3d& U, const Vec3d& values) {
   return U * values.asDiagonal() * U.transpose();
 }
@@ -49,7 +57,9 @@ double ReferenceMaterial::lambda() const {
 }
 
 double ReferenceMaterial::wave_speed(double density) const {
-  const double modulus = law == ReferenceLaw::kNewtonian ? bulk_modulus : lambda() + 2.0 * mu();
+  double modulus = law == ReferenceLaw::kNewtonian ? bulk_modulus : lambda() + 2.0 * mu();
+  // d/ds of 2 μ (1 + a s) s is 2 μ (1 + 2 a s).
+  if (law == ReferenceLaw::kMullins) modulus += 2.0 * mu() * stiffening;
   return std::sqrt(modulus / density);
 }
 
@@ -73,6 +83,13 @@ Mat3d advance(const ReferenceMaterial& material, const Mat3d& L, double dt, Refe
   }
   const Mat3d& U = solver.eigenvectors();
   const Vec3d trial = 0.5 * solver.eigenvalues().array().log();
+  if (material.law == ReferenceLaw::kMullins) {
+    const double trace = trial.sum();
+    const Vec3d deviator = trial - Vec3d::Constant(trace / 3.0);
+    const double bulk = material.lambda() + 2.0 / 3.0 * material.mu();
+    const double shear = rubber_modulus(material, deviator.norm(), state);
+    return with_eigenvalues(U, 2.0 * shear * deviator + Vec3d::Constant(bulk * trace));
+  }
   const Vec3d strain = returned(material, trial, dt);
   if (strain != trial) state.b = with_eigenvalues(U, (2.0 * strain).array().exp());
   return with_eigenvalues(

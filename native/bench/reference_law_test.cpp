@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 namespace matterfit::bench {
 namespace {
@@ -92,6 +93,40 @@ TEST(ReferenceLaw, SandBearsNoTensionAndShearUpToItsCone) {
   const double sine = std::sin(30.0 * std::numbers::pi / 180.0);
   const double alpha = std::sqrt(2.0 / 3.0) * 2.0 * sine / (3.0 - sine);
   EXPECT_NEAR(deviator(tau).norm() / (-alpha * tau.trace()), 1.0, 1e-6);
+}
+
+TEST(ReferenceLaw, RubberStiffensAndIsSofterOnTheWayBack) {
+  ReferenceMaterial m;
+  m.law = ReferenceLaw::kMullins;
+  m.stiffening = 3.0;
+  m.softening = 0.4;
+  ReferenceState state;
+  constexpr double kFar = 0.02;  // of e₁₂ a step
+  Mat3d shear = Mat3d::Zero();
+  shear(0, 1) = shear(1, 0) = kFar / kStep;
+  const auto moduli = [&](double sign, int steps) {
+    std::vector<double> found;
+    for (int i = 0; i < steps; ++i) {
+      const Mat3d tau = advance(m, sign * shear, kStep, state);
+      const double strain =
+          0.25 * std::log((state.b(0, 0) + state.b(0, 1)) / (state.b(0, 0) - state.b(0, 1)));
+      found.push_back(tau(0, 1) / (2.0 * m.mu() * strain));
+    }
+    return found;
+  };
+  const auto there = moduli(1.0, 10);
+  const auto back = moduli(-1.0, 9);
+  // (I + dt D)² of b: the strain after ten steps is 10 · ln of its stretches.
+  const double far = 5.0 * std::log((1.0 + kFar) / (1.0 - kFar)) * std::sqrt(2.0);
+  EXPECT_NEAR(there.back(), 1.0 + 3.0 * far, 1e-4);
+  EXPECT_GT(there.back(), there.front() + 0.5);
+  for (std::size_t i = 0; i < back.size(); ++i) EXPECT_LT(back[i], there[there.size() - 2 - i]);
+  // At no strain six tenths of μ are left, whatever came before.
+  EXPECT_NEAR(back.back(), 0.6 * (1.0 + 0.3 * far) + 0.04, 0.02);
+  // Out again by the softer way, and from the largest strain on by the first one.
+  const auto again = moduli(1.0, 9);
+  EXPECT_NEAR(again[4], back[3], 2e-3);
+  EXPECT_NEAR(again.back(), there.back(), 2e-3);
 }
 
 TEST(ReferenceLaw, TurningAloneGivesNoStress) {

@@ -63,6 +63,17 @@ bool in_capsule(const Vec3d& x) {
   return (x - Vec3d(0, 0, along)).squaredNorm() <= 1.0;
 }
 
+bool in_ellipsoid(const Vec3d& x) {
+  return x.cwiseQuotient(Vec3d(1.3, 1.0, 0.75)).squaredNorm() <= 1.0;
+}
+
+/// A cone with its tip cut off at z = .8, and above that a ball.
+bool in_pawn(const Vec3d& x) {
+  if (x.z() > 0.8) return (x - Vec3d(0, 0, 1.2)).squaredNorm() <= 0.36;
+  const double radius = 1.0 - 0.35 * (x.z() + 1.2);
+  return x.z() >= -1.2 && x.x() * x.x() + x.y() * x.y() <= radius * radius;
+}
+
 }  // namespace
 
 const std::vector<ReferenceShape>& reference_shapes() {
@@ -78,6 +89,9 @@ const std::vector<ReferenceShape>& reference_shapes() {
       {"ell", {1.5, 0.5, 1.5}, 5.0, in_ell},
       {"cone", {1, 1, 1}, 2.0 / 3.0 * pi * 1.39, in_cone},
       {"capsule", {1, 1, 2}, 10.0 / 3.0 * pi, in_capsule},
+      {"ellipsoid", {1.3, 1.0, 0.75}, 1.3 * pi, in_ellipsoid},
+      // 2π/3 (1 + .3 + .3²) and π ∫ (.36 − t²) dt over −.4 … .6
+      {"pawn", {1, 1, 1.8}, (2.0 / 3.0 * 1.39 + 0.8 / 3.0) * pi, in_pawn},
   };
   return shapes;
 }

@@ -17,7 +17,8 @@ struct ReferenceShape {
   bool (*inside)(const Vec3d&);
 };
 
-/// sphere, box, tee, cross, torus, egg, cylinder, ell, cone (its tip cut off), capsule.
+/// sphere, box, tee, cross, torus, egg, cylinder, ell, cone (its tip cut off), capsule, ellipsoid,
+/// pawn (a cone with a ball on it).
 [[nodiscard]] const std::vector<ReferenceShape>& reference_shapes();
 
 /// Points in the shape scaled to `volume` [m³] and turned by `turn`: the cells of a lattice of

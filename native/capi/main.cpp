@@ -293,6 +293,10 @@ CLI::App* add_pretrain(CLI::App& app, Arguments& arguments) {
                  "published_LAW.safetensors each");
   verb->add_flag("--latent", pretrain.latent,
                  "the latent law's decoder, latent.safetensors (about a minute)");
+  verb->add_flag(
+      "--all", pretrain.all,
+      "all that the library carries, side by side: both kinds of start laws, the decoder");
+  verb->add_option("--threads", pretrain.threads, "how many, with --all; 0: all");
   verb->add_option("--seed", pretrain.seed, "of the samples");
   return verb;
 }

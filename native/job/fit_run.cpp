@@ -21,6 +21,7 @@
 #include "job/fit_files.hpp"
 #include "job/fit_laws.hpp"
 #include "job/fit_like.hpp"
+#include "job/fit_predicted.hpp"
 #include "job/fit_published.hpp"
 #include "job/fit_report.hpp"
 #include "job/fit_state.hpp"
@@ -217,6 +218,11 @@ class FitJob {
                               error.what());
       }
     }
+    Json predicted;
+    if (uncertainty && doc_.draws > 0) {
+      say("Fitting: how sure the prediction is", kFitShare);
+      predicted = predicted_json(of, law, *uncertainty, doc_.draws);
+    }
     document = fitted_document(law, of);
     if (moved && doc_.weights > 0) {
       const std::string name = more->report.at("body").get<std::string>();
@@ -238,6 +244,7 @@ class FitJob {
     laws_->save();
     Json fit = fit_json(law, of, uncertainty);
     if (more) fit[more->key] = more->report;
+    if (predicted.is_object()) fit["predicted"] = predicted;
     fit["warning"] = fit_warning(fit, of.is_far(law));
     if (after.is_object()) fit["after"] = after;
     add_likes(job_from(document), bodies(), loaded_.experiment.runs, of.scenes(), options_.threads,

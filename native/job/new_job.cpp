@@ -16,6 +16,7 @@
 #include "capture/tracks.hpp"
 #include "job/documents/document.hpp"
 #include "job/documents/json_reader.hpp"
+#include "job/documents/usual_parameters.hpp"
 #include "shape/triangle_mesh.hpp"
 
 namespace matterfit::job {
@@ -222,9 +223,8 @@ std::vector<std::string> write_new_job(const NewJobOptions& options) {
   const auto held = static_cast<std::size_t>(std::ceil(kHeldOut * static_cast<double>(frames)));
   const material::LawTraits& traits = material::traits(options.law);
   Json parameters = {"velocity", "spin"};
-  for (const char* key : {"E", "nu", "form_1", "form_2", "yield_stress", "viscosity",
-                          "friction_angle", "bulk_modulus"}) {
-    if (traits.uses(key)) parameters.push_back(std::string("material.") + key);
+  for (const std::string_view key : kUsualNumbers) {
+    if (traits.uses(key)) parameters.push_back("material." + std::string(key));
   }
   Json capture = {{"name", options.capture.stem().string()},
                   {"tracks", fs::proximate(fs::absolute(options.capture), folder).generic_string()},

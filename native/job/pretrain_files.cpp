@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/pretrain_files.hpp"
 
+#include <algorithm>
+#include <functional>
 #include <utility>
 
+#include "base/clock.hpp"
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "base/parallel.hpp"
+#include "base/side_by_side.hpp"
 #include "job/documents/neural_starts.hpp"
 #include "job/documents/safetensors.hpp"
 #include "job/documents/tests_document.hpp"
@@ -54,8 +58,7 @@ auto shipped_metadata(const char* law, const std::string& name, const std::strin
                                      {"source", source}};
 }
 
-Json write_latent(const PretrainOptions& options) {
-  Arena arena(0);
+Json write_latent(const PretrainOptions& options, Arena& arena) {
   material::LatentPretraining training;
   training.seed = options.seed;
   const auto decoder = pretrain_latent(training, arena);
@@ -76,8 +79,7 @@ Json write_latent(const PretrainOptions& options) {
 }
 
 Json write_published(const std::string& name, const material::Material& classical,
-                     const PretrainOptions& options) {
-  Arena arena(0);
+                     const PretrainOptions& options, Arena& arena) {
   material::PublishedPretraining training;
   training.seed = options.seed;
   const material::PublishedWeights weights = pretrain_published(classical, training, arena);
@@ -144,12 +146,52 @@ std::pair<std::string, Json> write_tested(const std::filesystem::path& file,
   return {doc.name, report};
 }
 
+Json write_isotropic(const std::string& name, const material::Material& classical,
+                     const PretrainOptions& options, Arena& arena) {
+  material::Pretraining training;
+  training.seed = options.seed;
+  const material::IsotropicWeights weights = pretrain_isotropic(classical, training);
+  Json accuracy =
+      accuracy_json(material::accuracy(weights, classical, options.seed + kAccuracySeed, arena));
+  Tensors tensors = start_tensors(*material::with_directions(name, weights, options.seed));
+  tensors.metadata = shipped_metadata("neural_isotropic", name, material_json(classical).dump(),
+                                      accuracy, options, "matterfit pretrain");
+  write_file(options.folder / (name + ".safetensors"), format_safetensors(tensors));
+  return accuracy;
+}
+
+/// A file that is to be made; gives its entry of the report.
+struct Wanted {
+  std::string name;
+  std::function<Json(Arena&)> make;
+};
+
+/// Makes all, the first ones first; each entry says what it took where there are several.
+Json made(const std::vector<Wanted>& wanted, int threads) {
+  std::vector<Json> entries(wanted.size());
+  const auto at_once = std::max<std::size_t>(1, wanted.size());
+  side_by_side(wanted.size(), at_once, threads,
+               [&](std::size_t task, const std::shared_ptr<Arena>& arena) {
+                 const auto start = Clock::now();
+                 entries[task] = wanted[task].make(*arena);
+                 if (wanted.size() > 1) entries[task]["seconds"] = seconds_since(start);
+               });
+  Json report = Json::object();
+  for (std::size_t k = 0; k < wanted.size(); ++k) report[wanted[k].name] = std::move(entries[k]);
+  return report;
+}
+
 }  // namespace
 
 Json write_start_laws(const PretrainOptions& options) {
-  std::vector<NamedMaterial> wanted;
+  const bool chosen = !options.laws.empty() || !options.materials.empty() ||
+                      !options.tests.empty() || options.published || options.latent;
+  if (options.all && chosen) {
+    throw_input("pretrain: --all makes what the library carries, and takes no other choice.");
+  }
+  std::vector<NamedMaterial> classical;
   const auto add = [&](material::StartLaw law) {
-    wanted.push_back(
+    classical.push_back(
         {std::string(material::start_law_name(law)), material::start_material(law), {}});
   };
   for (const std::string& name : options.laws) add(material::start_law_from_name(name));
@@ -159,35 +201,37 @@ Json write_start_laws(const PretrainOptions& options) {
         throw_input(file.generic_string() + ": '" + one.name +
                     "' is of the neural law already; its weights are a start as they are.");
       }
-      wanted.push_back(std::move(one));
+      classical.push_back(std::move(one));
     }
   }
-  if (wanted.empty() && !options.latent && options.tests.empty()) {
+  // The decoder alone is made where nothing else is named; of the published law it is all or some.
+  const bool none = classical.empty() && options.tests.empty();
+  if (none && (options.published || !options.latent)) {
     for (const material::StartLaw law : material::kStartLaws) add(law);
   }
-  Arena arena(1);
-  Json report = Json::object();
-  for (const auto& [name, classical, excited] : wanted) {
-    if (options.published) {
-      report[name] = write_published(name, classical, options);
-      continue;
-    }
-    material::Pretraining training;
-    training.seed = options.seed;
-    const material::IsotropicWeights weights = pretrain_isotropic(classical, training);
-    const Json accuracy =
-        accuracy_json(material::accuracy(weights, classical, options.seed + kAccuracySeed, arena));
-    Tensors tensors = start_tensors(*material::with_directions(name, weights, options.seed));
-    tensors.metadata = shipped_metadata("neural_isotropic", name, material_json(classical).dump(),
-                                        accuracy, options, "matterfit pretrain");
-    write_file(options.folder / (name + ".safetensors"), format_safetensors(tensors));
-    report[name] = accuracy;
+  std::vector<Wanted> wanted;
+  // What takes longest begins first.
+  if (options.latent || options.all) {
+    wanted.push_back({"latent", [&](Arena& arena) { return write_latent(options, arena); }});
   }
+  for (const NamedMaterial& one : classical) {
+    const auto name = options.all ? std::string(kPublishedPrefix) + one.name : one.name;
+    if (!options.published && !options.all) continue;
+    wanted.push_back({name, [&](Arena& arena) {
+                        return write_published(one.name, one.material, options, arena);
+                      }});
+  }
+  for (const NamedMaterial& one : classical) {
+    if (options.published) continue;
+    wanted.push_back({one.name, [&](Arena& arena) {
+                        return write_isotropic(one.name, one.material, options, arena);
+                      }});
+  }
+  Json report = made(wanted, options.threads);
   for (const std::filesystem::path& file : options.tests) {
     const auto [name, agreed] = write_tested(file, options);
     report[name] = agreed;
   }
-  if (options.latent) report["latent"] = write_latent(options);
   return report;
 }
 

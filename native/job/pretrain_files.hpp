@@ -21,6 +21,9 @@ struct PretrainOptions {
   /// isotropic law's weights; its files are published_NAME.safetensors.
   bool published = false;
   bool latent = false;  ///< the latent law's decoder; alone where nothing else is named
+  /// All that the library carries: the start laws of both kinds, and the decoder.
+  bool all = false;
+  int threads = 0;  ///< files are made side by side on them; below 1: as many as the machine has
   std::uint64_t seed = 1;
 };
 
@@ -29,8 +32,9 @@ struct PretrainOptions {
 /// provenance (law, seed, accuracy, version) into the folder, and gives the accuracy of each; of
 /// a file of tests R² of each test, fitted and held out, beside that of the neo-Hookean nearest to
 /// the fitted ones. The latent law's decoder (material/neural/pretrain_latent.hpp) goes into
-/// latent.safetensors.
-/// Deterministic in the seed. Throws Error(kInput) for an unknown law.
+/// latent.safetensors. Of several files each has `seconds` beside its accuracy.
+/// Deterministic in the seed. Throws Error(kInput) for an unknown law, and for `all` with another
+/// choice.
 [[nodiscard]] Json write_start_laws(const PretrainOptions& options);
 
 }  // namespace matterfit::job

@@ -381,6 +381,11 @@ TEXTS = {
     "Hardening [Pa]": "Verfestigung [Pa]",
     "Flow Exponent": "Fließexponent",
     "Unknown": "Unbekannt",
+    "Two networks of a file, as NCLaw publishes and trains them. It has no numbers that a fit could "
+    "find; All Weights of a fit moves what the networks learned":
+        "Zwei Netze aus einer Datei, wie NCLaw sie veröffentlicht und anlernt. Zahlen, die eine Anpassung "
+        "finden könnte, hat es nicht; Alle Gewichte in einer Anpassung bewegt, was die Netze gelernt "
+        "haben",
     "Choose a file of weights for this law.": "Für dieses Gesetz eine Datei mit Gewichten wählen.",
     "Kind of Material": "Art des Materials",
     "Pours": "Fließt",
@@ -388,6 +393,8 @@ TEXTS = {
     "All Weights": "Alle Gewichte",
     "Correction": "Korrektur",
     "Most like {law}": "Am ähnlichsten: {law}",
+    "Predicted to ± {size} mm (95 %); {share} % of what was held out lie within":
+        "Vorhergesagt auf ± {size} mm (95 %); {share} % des Zurückgehaltenen liegen darin",
     "Then: {laws}": "Dann: {laws}",
     "{n} of {total} numbers are identified": "{n} von {total} Zahlen sind bestimmt",
     "{n} at their bounds": "{n} an ihren Grenzen",

@@ -60,6 +60,15 @@ class Like:
     parameters: dict = field(default_factory=dict)  # of the nearest law, in a document's words
 
 
+@dataclass(frozen=True)
+class Predicted:
+    """How sure a fit's prediction of what was held out is: half of a 95 % band of a coordinate, root
+    mean square, in mm, and the share of the samples within the band and the noise."""
+
+    half_width_mm: float
+    coverage: float
+
+
 @dataclass
 class FitResult:
     status: str
@@ -77,6 +86,7 @@ class FitResult:
     correlation: list = field(default_factory=list)
     warning: str = ""  # why the values are not to be used as they stand
     likes: dict = field(default_factory=dict)  # {body: Like} of laws that have no formula
+    predicted: Predicted = None  # where something was held out and the fit knows its errors
 
 
 def load(folder):
@@ -112,7 +122,14 @@ def _result(document, found):
         models=list(found.get("models") or []),
         correlation=list(found.get("correlation") or []),
         warning=str(found.get("warning") or ""),
-        likes={str(name): _like(entry) for name, entry in (found.get("like") or {}).items()})
+        likes={str(name): _like(entry) for name, entry in (found.get("like") or {}).items()},
+        predicted=_predicted(found.get("predicted")))
+
+
+def _predicted(entry):
+    if not entry:
+        return None
+    return Predicted(half_width_mm=float(entry["half_width_mm"]), coverage=float(entry["coverage"]))
 
 
 def _like(entry):

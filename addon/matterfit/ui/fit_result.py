@@ -88,6 +88,10 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             row.label(text=title)
             for found in (measure.before, measure.after):
                 row.label(text=error_text(found), translate=False)
+        if result.predicted is not None:
+            text = translate("Predicted to ± {size} mm (95 %); {share} % of what was held out lie within")
+            lines(layout, text.format(size=f"{result.predicted.half_width_mm:.2g}",
+                                      share=f"{100.0 * result.predicted.coverage:.0f}"))
 
     def _estimate(self, layout, settings, label, estimate):
         column = layout.box().column(align=True)

@@ -353,7 +353,8 @@ Eigen::VectorXd EquationError::balance_of(const material::Material* material, st
   return sums;
 }
 
-Eigen::VectorXd EquationError::evaluate(const material::Material& material, Arena& arena) const {
+EquationError::Weighed EquationError::weighed(const material::Material& material,
+                                              Arena& arena) const {
   Eigen::VectorXd residual = balance_of(&material, 0, arena);
   Eigen::VectorXd variance = floor_.cwiseAbs2();
   for (std::size_t k = 1; k <= kRepeats; ++k) {
@@ -375,7 +376,18 @@ Eigen::VectorXd EquationError::evaluate(const material::Material& material, Aren
     to.topRows<3>().array() += share * of.topRows<3>().squaredNorm();
     to.bottomRows<3>().array() += share * of.bottomRows<3>().squaredNorm();
   }
-  return residual.array() / variance.array().max(1e-300).sqrt();
+  return {std::move(residual), variance.array().max(1e-300)};
+}
+
+Eigen::VectorXd EquationError::evaluate(const material::Material& material, Arena& arena) const {
+  const Weighed found = weighed(material, arena);
+  return found.residual.array() / found.variance.array().sqrt();
+}
+
+double EquationError::deviance(const material::Material& material, Arena& arena) const {
+  const Weighed found = weighed(material, arena);
+  return (found.residual.array().square() / found.variance.array() + found.variance.array().log())
+      .mean();
 }
 
 }  // namespace matterfit::fit

@@ -69,11 +69,21 @@ class EquationError {
   [[nodiscard]] std::size_t tests() const { return tests_; }
   /// Residuals over their standard deviation; the same for any number of threads.
   [[nodiscard]] Eigen::VectorXd evaluate(const material::Material& material, Arena& arena) const;
+  /// Minus twice the logarithm of the likelihood, but for a constant, by residual: the mean of
+  /// their squares and of the logarithms of their variances. Stiff materials have residuals that
+  /// are known badly, so that the squares alone do not compare different materials.
+  [[nodiscard]] double deviance(const material::Material& material, Arena& arena) const;
 
  private:
   struct HatNodes;
   struct Ramp;
   struct MeanStress;
+  /// Residuals and their variances.
+  struct Weighed {
+    Eigen::VectorXd residual;
+    Eigen::VectorXd variance;
+  };
+  [[nodiscard]] Weighed weighed(const material::Material& material, Arena& arena) const;
   void choose_hats();
   void find_ramps(const TrackMotion& motion, Arena& arena);
   void check_cover() const;

@@ -27,7 +27,10 @@ constexpr double kContactCells = 1.5;
 /// Standard deviation in the natural coordinate, of angles in degrees, up to which a value is told.
 constexpr double kTold = 1.1;
 constexpr double kToldAngle = 10.0;
+constexpr double kToldCode = 1.0;  // of what is standard normal
 constexpr int kIterations = 15;
+/// Classes of flow that are simulated, of those that the balance ranks.
+constexpr std::size_t kClasses = 3;
 
 void keep_nearer(Clearance& least, double distance, const Vec3d& normal, bool at_rest) {
   if (distance < least.distance) least = {distance, normal, at_rest};
@@ -57,7 +60,8 @@ Clearance clearance_in(const mpm::Scene& scene, const mpm::Body& body, const Vec
 }
 
 /// Keeps the scene.
-Balance balance_of(const Capture& capture, const std::shared_ptr<const mpm::Scene>& held) {
+Balance balance_of(const Capture& capture, const std::shared_ptr<const mpm::Scene>& held,
+                   bool may_flow) {
   const mpm::Scene& scene = *held;
   const mpm::Body& body = scene.bodies.front();
   Balance balance;
@@ -74,7 +78,7 @@ Balance balance_of(const Capture& capture, const std::shared_ptr<const mpm::Scen
   for (const double time : balance.tracks.times) {
     balance.gravity.push_back(scene.gravity.at(time));
   }
-  balance.flows = !body.material.traits().elastic();
+  balance.flows = may_flow || !body.material.traits().elastic();
   balance.contact_reach = kContactCells * scene.dx;
   balance.clearance = [held](const Vec3d& rest, const Vec3d& position, double time) {
     return clearance_in(*held, held->bodies.front(), rest, position, time);
@@ -93,11 +97,12 @@ class BalanceProblem final : public Problem {
         arena_(arena),
         interrupter_(interrupter) {}
 
-  void add(std::size_t run, const mpm::Scene& scene, const Capture& capture) {
+  /// `may_flow`: whatever the scene's own material does.
+  void add(std::size_t run, const mpm::Scene& scene, const Capture& capture, bool may_flow) {
     // Density, gravity, heights of colliders and what else is fitted as the fit begins.
     const auto start = std::make_shared<mpm::Scene>(scene);
     parameters_.apply(values_, run, *start);
-    errors_.emplace_back(balance_of(capture, start), arena_);
+    errors_.emplace_back(balance_of(capture, start, may_flow), arena_);
     Part part{run, *start};
     // Only what parameters are set in: no particles.
     part.scene.bodies.front().rest.clear();
@@ -113,6 +118,18 @@ class BalanceProblem final : public Problem {
       values[numbers_[k]] = value_within_bounds(parameter, point[Eigen::Index(k)]);
     }
     return values;
+  }
+
+  /// EquationError::deviance(), the mean over the captures; infinite where it is not finite.
+  [[nodiscard]] double deviance(const Eigen::VectorXd& point) {
+    const std::vector<double> values = physical(point);
+    double sum = 0.0;
+    for (std::size_t k = 0; k < errors_.size(); ++k) {
+      parameters_.apply(values, parts_[k].run, parts_[k].scene);
+      sum += errors_[k].deviance(parts_[k].scene.bodies.front().material, arena_);
+    }
+    return std::isfinite(sum) ? sum / double(errors_.size())
+                              : std::numeric_limits<double>::infinity();
   }
 
   std::vector<std::optional<Eigen::VectorXd>> evaluate(
@@ -160,13 +177,28 @@ struct Found {
   bool told = false;
 };
 
-std::vector<Found> search(BalanceProblem& problem, const Parameters& parameters,
-                          const std::vector<std::size_t>& numbers, std::span<const double> values) {
+struct Search {
+  std::vector<Found> found;
+  Eigen::VectorXd point;  ///< where it ended
+};
+
+/// What a value's error is to be below, in the natural coordinate.
+double most_error(const Parameter& parameter, const Quantity& row) {
+  if (parameter.coordinate != Coordinate::kLinear) return kTold;
+  return row.always_prior ? kToldCode : kToldAngle;
+}
+
+/// Whether a number is one of a code, which means something as a whole.
+bool of_code(const Address& path) { return path.quantity->path == "material.latent[#]"; }
+
+Search search(BalanceProblem& problem, const Parameters& parameters,
+              const std::vector<std::size_t>& numbers, std::span<const double> values) {
   std::vector<Parameter> sought;
   for (const std::size_t number : numbers) {
     sought.push_back(parameters.parameters()[number]);
     sought.back().start = values[number];
-    sought.back().prior.reset();
+    // A code without it leaves the space of materials.
+    if (!parameters.path(number).quantity->always_prior) sought.back().prior.reset();
   }
   LeastSquaresOptions options;
   options.iterations = kIterations;
@@ -179,7 +211,8 @@ std::vector<Found> search(BalanceProblem& problem, const Parameters& parameters,
   least_squares.linearise(problem, state);
   // Test functions overlap: about one residual of three counts.
   const Uncertainty known = uncertainty(sought, state, double(state.residual.size()) / 3.0);
-  std::vector<Found> found;
+  Search result;
+  result.point = state.point;
   for (std::size_t k = 0; k < numbers.size(); ++k) {
     const Coordinate coordinate = sought[k].coordinate;
     Found one;
@@ -187,23 +220,89 @@ std::vector<Found> search(BalanceProblem& problem, const Parameters& parameters,
     one.error =
         known.estimates[k].standard_error / derivative(coordinate, state.point[Eigen::Index(k)]);
     one.told = !known.estimates[k].at_bound &&
-               one.error < (coordinate == Coordinate::kLinear ? kToldAngle : kTold);
-    found.push_back(one);
+               one.error < most_error(sought[k], *parameters.path(numbers[k]).quantity);
+    result.found.push_back(one);
   }
-  return found;
+  // A code is one place: where some of it is known, the rest is what goes with that.
+  bool some = false;
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    some = some || (of_code(parameters.path(numbers[k])) && result.found[k].told);
+  }
+  for (std::size_t k = 0; some && k < numbers.size(); ++k) {
+    if (of_code(parameters.path(numbers[k]))) result.found[k].told = true;
+  }
+  return result;
 }
 
 /// Why a run's scene cannot be looked at; empty: it can.
-std::string obstacle(const mpm::Scene& scene, const Parameters& parameters, std::size_t run) {
+std::string obstacle(const mpm::Scene& scene, const Parameters& parameters, std::size_t run,
+                     bool any_class) {
   if (scene.bodies.size() != 1) {
     return "there are other bodies, whose contact forces are not known.";
   }
-  if (scene.bodies.front().material.traits().pressure_dependent) {
+  if (!any_class && scene.bodies.front().material.traits().pressure_dependent) {
     return "the pressure that sand's friction depends on cannot be identified from noisy tracks.";
   }
   if (!scene.bodies.front().masses.empty()) return "masses are attached to the body.";
   if (parameters.places(run, scene.bodies.front().name)) return "the body's place is fitted too.";
   return {};
+}
+
+constexpr const char* kTitle = "Starting guess estimated from the recording";
+
+std::vector<std::size_t> of_material(const Parameters& parameters) {
+  std::vector<std::size_t> numbers;
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    if (parameters.path(i).quantity->is_material()) numbers.push_back(i);
+  }
+  return numbers;
+}
+
+/// Adds what captures can be looked at; where none can, why the last one cannot.
+std::string add_captures(const std::vector<Run>& runs, const std::vector<mpm::Scene>& scenes,
+                         const Parameters& parameters, bool any_class, BalanceProblem& problem) {
+  std::string why = "no capture can be used.";
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const std::string in_the_way = obstacle(scenes[r], parameters, r, any_class);
+    for (const Capture& capture : runs[r].captures) {
+      if (capture.used_count == 0) continue;
+      if (!in_the_way.empty() || capture.input.front) {
+        why = in_the_way.empty() ? "a front is no place of the material." : in_the_way;
+        continue;
+      }
+      try {
+        problem.add(r, scenes[r], capture, any_class);
+      } catch (const Error& error) {
+        if (error.kind() != ErrorKind::kInput) throw;
+        why = error.what();
+      }
+    }
+  }
+  return why;
+}
+
+/// What was moved but for one number at a time; those of a code stay together.
+std::vector<std::vector<double>> all_but_one(const Parameters& parameters,
+                                             const std::vector<std::size_t>& moved,
+                                             const std::vector<double>& best,
+                                             std::span<const double> values) {
+  std::vector<std::vector<double>> candidates;
+  std::vector<std::size_t> done;
+  for (const std::size_t number : moved) {
+    if (std::find(done.begin(), done.end(), number) != done.end()) continue;
+    std::vector<double> without = best;
+    for (const std::size_t other : moved) {
+      const Address& path = parameters.path(other);
+      const bool together = of_code(path) && path.quantity == parameters.path(number).quantity &&
+                            path.owner == parameters.path(number).owner;
+      if (other != number && !together) continue;
+      without[other] = values[other];
+      done.push_back(other);
+    }
+    if (done.size() == moved.size() && candidates.empty()) break;  // there is nothing beside it
+    candidates.push_back(std::move(without));
+  }
+  return candidates;
 }
 
 }  // namespace
@@ -243,39 +342,20 @@ EquationStart equation_start(const std::vector<Run>& runs, const std::vector<mpm
                              const Parameters& parameters, std::span<const double> values,
                              int threads, const Interrupter& interrupter) {
   EquationStart result;
-  std::vector<std::size_t> numbers;
-  for (std::size_t i = 0; i < parameters.size(); ++i) {
-    if (parameters.path(i).quantity->is_material()) numbers.push_back(i);
-  }
+  const std::vector<std::size_t> numbers = of_material(parameters);
   if (numbers.empty()) return result;
   Arena arena(threads);
   std::vector<double> best(values.begin(), values.end());
   BalanceProblem problem(parameters, numbers, best, arena, interrupter);
-  std::string why = "no capture can be used.";
-  for (std::size_t r = 0; r < runs.size(); ++r) {
-    const std::string in_the_way = obstacle(scenes[r], parameters, r);
-    for (const Capture& capture : runs[r].captures) {
-      if (capture.used_count == 0) continue;
-      if (!in_the_way.empty() || capture.input.front) {
-        why = in_the_way.empty() ? "a front is no place of the material." : in_the_way;
-        continue;
-      }
-      try {
-        problem.add(r, scenes[r], capture);
-      } catch (const Error& error) {
-        if (error.kind() != ErrorKind::kInput) throw;
-        why = error.what();
-      }
-    }
-  }
-  const std::string title = "Starting guess estimated from the recording";
+  const std::string why = add_captures(runs, scenes, parameters, false, problem);
+  const std::string title = kTitle;
   if (problem.empty()) {
     result.statement = title + ": not possible here, " + why;
     return result;
   }
   std::vector<Found> found;
   try {
-    found = search(problem, parameters, numbers, best);
+    found = search(problem, parameters, numbers, best).found;
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kCompute) throw;
     result.statement =
@@ -306,12 +386,58 @@ EquationStart equation_start(const std::vector<Run>& runs, const std::vector<mpm
     return result;
   }
   result.candidates.push_back(best);
-  for (const std::size_t number : moved) {
-    if (moved.size() < 2) break;
-    std::vector<double> without = best;
-    without[number] = values[number];
+  for (std::vector<double>& without : all_but_one(parameters, moved, best, values)) {
     result.candidates.push_back(std::move(without));
   }
+  return result;
+}
+
+EquationStart rank_classes(const std::vector<Run>& runs, const std::vector<mpm::Scene>& scenes,
+                           const Parameters& parameters, const std::vector<FlowStart>& starts,
+                           int threads, const Interrupter& interrupter) {
+  EquationStart result;
+  const std::vector<std::size_t> numbers = of_material(parameters);
+  if (numbers.empty() || starts.empty()) return result;
+  Arena arena(threads);
+  BalanceProblem problem(parameters, numbers, starts.front().values, arena, interrupter);
+  const std::string why = add_captures(runs, scenes, parameters, true, problem);
+  if (problem.empty()) {
+    result.statement = std::string(kTitle) + ": not possible here, " + why;
+    return result;
+  }
+  struct Ranked {
+    std::string_view name;
+    std::vector<double> values;
+    double deviance;
+  };
+  std::vector<Ranked> ranked;
+  for (const FlowStart& start : starts) {
+    Ranked one{start.name, start.values, std::numeric_limits<double>::infinity()};
+    try {
+      const Search at = search(problem, parameters, numbers, start.values);
+      one.deviance = problem.deviance(at.point);
+      for (std::size_t k = 0; k < numbers.size(); ++k) {
+        if (at.found[k].told) one.values[numbers[k]] = at.found[k].value;
+      }
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::kCompute) throw;
+    }
+    ranked.push_back(std::move(one));
+  }
+  std::stable_sort(ranked.begin(), ranked.end(),
+                   [](const Ranked& a, const Ranked& b) { return a.deviance < b.deviance; });
+  std::string said;
+  for (Ranked& one : ranked) {
+    if (!std::isfinite(one.deviance)) continue;
+    said += fmt::format("{}{} {:+.2f}", said.empty() ? "" : ", ", one.name,
+                        one.deviance - ranked.front().deviance);
+    if (result.candidates.size() < kClasses) result.candidates.push_back(std::move(one.values));
+  }
+  result.statement = fmt::format(
+      "The momentum balance of the recording was looked at from each class of flow, nearest first "
+      "(by what minus twice the logarithm of the likelihood grows, a residual): {}; the first {} "
+      "were simulated",
+      said, result.candidates.size());
   return result;
 }
 

@@ -9,6 +9,7 @@
 #include "fit/data/track_motion.hpp"
 #include "fit/model/experiment.hpp"
 #include "fit/model/parameters.hpp"
+#include "fit/search/flow_start.hpp"
 
 namespace matterfit::fit {
 
@@ -35,5 +36,15 @@ struct EquationStart {
                                            const Parameters& parameters,
                                            std::span<const double> values, int threads,
                                            const Interrupter& interrupter);
+
+/// The same from each class of flow (flow_starts()), priors of codes kept, for what a simulation is
+/// to try first: the candidates are what was found from the three classes in which the balance is
+/// likeliest, that one first. It is looked at for sand too, whose pressure it hardly knows, since
+/// only simulations decide.
+[[nodiscard]] EquationStart rank_classes(const std::vector<Run>& runs,
+                                         const std::vector<mpm::Scene>& scenes,
+                                         const Parameters& parameters,
+                                         const std::vector<FlowStart>& starts, int threads,
+                                         const Interrupter& interrupter);
 
 }  // namespace matterfit::fit

@@ -21,6 +21,9 @@ constexpr std::size_t kFirstSamples = 6;
 constexpr int kNear = 3;
 /// A level does not show the motion where a finer one differs by more of what is missed.
 constexpr double kLevelGap = 0.7;
+/// A start of the momentum balance that misses by so many times what is poor is of the right class:
+/// looking for the classes by simulations would take dozens of runs.
+constexpr double kNearClass = 8.0;
 
 }  // namespace
 
@@ -105,8 +108,13 @@ void StartSearch::begin(LawState& state) {
     const StartLimit limit(runs, problems_.scenes(), problems_.parameters());
     EquationStart balance;
     if (problems_.setup().options.loss == Loss::kTracks) {
-      balance = equation_start(runs, problems_.scenes(), problems_.parameters(), best.values,
-                               problems_.setup().threads, interrupter_);
+      const std::vector<FlowStart> classes =
+          flow_starts(problems_.parameters(), problems_.scenes(), best.values);
+      balance = classes.empty()
+                    ? equation_start(runs, problems_.scenes(), problems_.parameters(), best.values,
+                                     problems_.setup().threads, interrupter_)
+                    : rank_classes(runs, problems_.scenes(), problems_.parameters(), classes,
+                                   problems_.setup().threads, interrupter_);
       bool softer = false;
       for (std::vector<double>& values : balance.candidates) {
         std::vector<double> softened = limit.softened(values);
@@ -176,8 +184,13 @@ void StartSearch::find_material(LawState& state, const Window& window, const Sta
   };
   constexpr int kFar = 8;
   const bool finely = problems_.setup().options.loss != Loss::kTracks;
-  if (const auto flows = flow_starts(problems_.parameters(), problems_.scenes(), start.values);
-      !flows.empty()) {
+  const auto flows = flow_starts(problems_.parameters(), problems_.scenes(), start.values);
+  if (!flows.empty() && start.mean <= kNearClass * problems_.poor() &&
+      !balance.candidates.empty()) {
+    start.statement += " That is near enough: the classes are not looked for one by one.";
+    return;
+  }
+  if (!flows.empty()) {
     take_flow(state, search_flows(problems_.parameters(), flows, costs, finely), start);
     return;
   }
@@ -203,8 +216,10 @@ void StartSearch::take_flow(LawState& state, std::vector<FlowFound> found, Start
 
 std::vector<double> StartSearch::with_law_of(std::vector<double> values,
                                              const std::vector<double>& material) const {
+  const Quantity& latent = row_named(Owner::kBody, "material.latent[#]");
   for (std::size_t k = 0; k < values.size(); ++k) {
-    if (!problems_.parameters().path(k).quantity->law_parameter().empty()) values[k] = material[k];
+    const Quantity* row = problems_.parameters().path(k).quantity;
+    if (row->of_law || row == &latent) values[k] = material[k];
   }
   return values;
 }

@@ -60,7 +60,7 @@ class StartSearch {
                      const EquationStart& balance, Start& start);
   /// A start in the nearest class of flow; the second one is for a search that ends far off.
   void take_flow(LawState& state, std::vector<FlowFound> found, Start& start) const;
-  /// `values` with the law's parameters of `material`.
+  /// `values` with the law's parameters of `material`, a code's among them.
   [[nodiscard]] std::vector<double> with_law_of(std::vector<double> values,
                                                 const std::vector<double>& material) const;
   /// Mean distances of simulations at a level (without one: that of the first stage) [m].

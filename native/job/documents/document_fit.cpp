@@ -8,6 +8,7 @@
 #include "job/documents/document_reading.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/fit_path.hpp"
+#include "job/documents/usual_parameters.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -143,22 +144,57 @@ std::vector<material::Law> read_laws(const JsonValue& value) {
   return laws;
 }
 
+/// What is fitted where `laws` alone is given: the throw of the only body where nothing holds it,
+/// and those numbers of its own law that a candidate takes too; what a candidate has beside them
+/// comes with it (parameters_of_law()).
+std::vector<fit::ParameterSpec> usual_parameters(const JsonValue& where, const FitDoc& fit,
+                                                 const SceneDoc& scene,
+                                                 const std::vector<CaptureDoc>& captures) {
+  if (scene.bodies.size() != 1) {
+    where.refuse("without 'parameters' the law of the only body is sought, and the scene has " +
+                 std::to_string(scene.bodies.size()) +
+                 ": list what is to be fitted, with its body.");
+  }
+  std::vector<std::string> paths;
+  if (scene.bodies.front().pins.empty()) paths = {"velocity", "spin"};
+  const material::LawTraits& own = material::traits(scene.bodies.front().material.law);
+  for (const std::string_view key : kUsualNumbers) {
+    const bool used =
+        own.uses(key) && std::any_of(fit.laws.begin(), fit.laws.end(), [&](material::Law law) {
+          return material::traits(law).uses(key);
+        });
+    if (used) paths.push_back("material." + std::string(key));
+  }
+  std::vector<fit::ParameterSpec> result;
+  for (const std::string& path : paths) {
+    fit::ParameterSpec parameter;
+    parameter.where = "fit.laws";
+    parameter.path = read_fit_path(path, parameter.where, scene, captures);
+    result.push_back(std::move(parameter));
+  }
+  return result;
+}
+
 }  // namespace
 
 FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
                 const std::vector<CaptureDoc>& captures, const std::vector<std::string>& films) {
   JsonObject object(value);
   FitDoc fit;
-  const JsonValue parameters = object.require("parameters");
-  for (const JsonValue& item : parameters.items()) {
-    fit::ParameterSpec parameter = read_parameter(item, scene, captures, films);
-    check_twice(item, parameter.path, fit.parameters);
-    fit.parameters.push_back(std::move(parameter));
+  const auto laws = object.find("laws");
+  if (laws) fit.laws = read_laws(*laws);
+  // Laws have numbers of their own, so that they are enough.
+  const auto parameters = laws ? object.find("parameters") : object.require("parameters");
+  if (parameters) {
+    for (const JsonValue& item : parameters->items()) {
+      fit::ParameterSpec parameter = read_parameter(item, scene, captures, films);
+      check_twice(item, parameter.path, fit.parameters);
+      fit.parameters.push_back(std::move(parameter));
+    }
+  } else {
+    fit.parameters = usual_parameters(*laws, fit, scene, captures);
   }
-  if (const auto laws = object.find("laws")) {
-    fit.laws = read_laws(*laws);
-    fit.body = sought_body(*laws, fit, scene);
-  }
+  if (laws) fit.body = sought_body(*laws, fit, scene);
   for (const fit::ParameterSpec& parameter : fit.parameters) {
     if (parameter.path.capture.empty()) {
       check_law(parameter, fit, scene);
@@ -178,7 +214,8 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
   fit.windows = object.boolean("windows", fit.windows);
   fit.weights = object.integer("weights", fit.weights, 0, 1000);
   // Weights are enough.
-  if (fit.parameters.empty() && fit.weights == 0) parameters.fail("at least one parameter");
+  if (fit.parameters.empty() && fit.weights == 0) parameters->fail("at least one parameter");
+  fit.draws = object.integer("draws", fit.draws, 0, 1000);
   fit.correction = object.integer("correction", fit.correction, 0, 1000);
   if (fit.weights > 0 && fit.correction > 0) {
     value.refuse("'weights' and 'correction' both go on from the fitted law; give one of them.");

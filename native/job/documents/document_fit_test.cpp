@@ -77,6 +77,33 @@ TEST(FitDocument, ShortAndLongPathsAreTheSame) {
                                    "captures.b.bodies.dough.spin", "captures.a.start_frame"));
 }
 
+TEST(FitDocument, LawsAloneAreEnough) {
+  const auto listed = [](const Json& laws) {
+    Json json = fit_document();
+    json["fit"] = {{"laws", laws}};
+    std::vector<std::string> result;
+    for (const fit::ParameterSpec& parameter : read_fit(json).fit->parameters) {
+      result.push_back(parameter.path.text());
+    }
+    return result;
+  };
+  EXPECT_THAT(listed({"latent"}), testing::ElementsAre("bodies.dough.velocity", "bodies.dough.spin",
+                                                       "bodies.dough.material.E"));
+  // The fluid's own come with it.
+  EXPECT_THAT(listed({"neo_hookean", "newtonian"}),
+              testing::ElementsAre("bodies.dough.velocity", "bodies.dough.spin",
+                                   "bodies.dough.material.E", "bodies.dough.material.nu"));
+  EXPECT_THAT(fit_refusal([](Json& d) { d["fit"] = Json::object(); }), HasSubstr("'parameters'"));
+  EXPECT_THAT(fit_refusal([](Json& d) {
+                Json other = d["scene"]["bodies"][0];
+                other["name"] = "other";
+                d["scene"]["bodies"].push_back(other);
+                for (Json& capture : d["captures"]) capture["body"] = "dough";
+                d["fit"] = {{"laws", {"latent"}}};
+              }),
+              HasSubstr("list what is to be fitted"));
+}
+
 TEST(FitDocument, NamesWithQuotesReadBack) {
   for (const std::string name : {"my.dough", "my \"dough\"", "baker's"}) {
     Json json = fit_document();

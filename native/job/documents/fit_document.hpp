@@ -27,6 +27,9 @@ struct FitDoc : fit::SearchOptions {
   int weights = 0;
   /// The same with a correction beside the law (job/fit_correction.hpp); 0: none.
   int correction = 0;
+  /// Sets of values, drawn from their errors, that what is held out is predicted with (job/
+  /// fit_predicted.hpp); 0: none.
+  int draws = 16;
 };
 
 /// The word for it in a document.

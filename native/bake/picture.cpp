@@ -5,8 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-
-#include "base/error.hpp"
+#include <limits>
 
 namespace matterfit::bake {
 namespace {
@@ -16,11 +15,6 @@ constexpr float kDarker = 0.72F;
 
 std::uint8_t byte_of(double value) {
   return static_cast<std::uint8_t>(std::lround(255.0 * std::clamp(value, 0.0, 1.0)));
-}
-
-template <class List>
-void extend(List& into, const List& more) {
-  into.insert(into.end(), more.begin(), more.end());
 }
 
 }  // namespace
@@ -60,25 +54,6 @@ std::vector<Vec3f> block_colours(const Points& rest, double separation, std::siz
     colours.push_back(odd ? Vec3f(kDarker * own) : own);
   }
   return colours;
-}
-
-void append(splat::Gaussians& into, const splat::Gaussians& more) {
-  if (into.size() == 0) {
-    into = more;
-    return;
-  }
-  if (into.sh_degree != more.sh_degree ||
-      into.deformation_gradients.empty() != more.deformation_gradients.empty()) {
-    throw_input(
-        "splats of different degrees, or splats and particles, cannot be drawn in one picture: "
-        "give every body splats of one degree in output.splats, or none.");
-  }
-  extend(into.means, more.means);
-  extend(into.log_scales, more.log_scales);
-  extend(into.rotations, more.rotations);
-  extend(into.opacities, more.opacities);
-  extend(into.sh, more.sh);
-  extend(into.deformation_gradients, more.deformation_gradients);
 }
 
 }  // namespace matterfit::bake

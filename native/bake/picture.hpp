@@ -22,8 +22,4 @@ namespace matterfit::bake {
 [[nodiscard]] std::vector<Vec3f> block_colours(const Points& rest, double separation,
                                                std::size_t body);
 
-/// Gaussians of both, in this order. Throws Error(kInput) where one has deformation gradients or a
-/// degree that the other has not.
-void append(splat::Gaussians& into, const splat::Gaussians& more);
-
 }  // namespace matterfit::bake

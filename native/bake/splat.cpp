@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "bake/spherical_harmonics.hpp"
 #include "base/error.hpp"
+#include "capture/carried_splats.hpp"
 
 namespace matterfit::bake {
 namespace {
@@ -76,8 +76,9 @@ capture::Splats transport(const capture::Splats& rest, const capture::MeshBindin
     throw_input(std::to_string(count) + " splats, but " + std::to_string(binding.points()) +
                 " points are bound.");
   }
-  if (rest.sh_degree < 0 || rest.sh_degree > kMaxShDegree || rest.rotations.size() != count ||
-      rest.scales.size() != count || rest.sh.size() != 3 * count * rest.sh_bands()) {
+  if (rest.sh_degree < 0 || rest.sh_degree > splat::kMaxShDegree ||
+      rest.rotations.size() != count || rest.scales.size() != count ||
+      rest.sh.size() != 3 * count * rest.sh_bands()) {
     throw_input("the splats' rotations, scales and spherical harmonics are not one each.");
   }
   if (!(options.needle_ratio >= 1.0)) {
@@ -106,7 +107,7 @@ capture::Splats transport(const capture::Splats& rest, const capture::MeshBindin
     moved.rotations[i] = rotation.cast<float>();
     if (rest.sh_degree > 0) {
       const std::size_t stride = 3 * rest.sh_bands();
-      ShRotation(polar).apply({moved.sh.data() + i * stride, stride}, rest.sh_degree);
+      capture::carry_colours({moved.sh.data() + i * stride, stride}, rest.sh_degree, polar);
     }
   });
   if (report != nullptr) {

@@ -8,8 +8,8 @@
 #include <numbers>
 #include <random>
 
-#include "bake/spherical_harmonics.hpp"
 #include "bake/test_support.hpp"
+#include "capture/spherical_harmonics.hpp"
 
 namespace matterfit::bake {
 namespace {
@@ -22,7 +22,7 @@ Mat3d random_rotation(std::mt19937& random) {
 }
 
 double evaluate(std::span<const float> sh, int degree, const Vec3d& direction) {
-  const auto basis = sh_basis(direction);
+  const auto basis = capture::sh_basis(direction);
   double sum = 0.0;
   for (int k = 0; k < (degree + 1) * (degree + 1); ++k) {
     sum += basis[static_cast<std::size_t>(k)] *
@@ -40,7 +40,7 @@ TEST(SphericalHarmonics, AreOrthonormal) {
     const double r = std::sqrt(1.0 - z * z);
     for (int j = 0; j < 16; ++j) {
       const double angle = 2.0 * std::numbers::pi * j / 16;
-      const auto b = sh_basis({r * std::cos(angle), r * std::sin(angle), z});
+      const auto b = capture::sh_basis({r * std::cos(angle), r * std::sin(angle), z});
       const Eigen::Map<const Eigen::Matrix<double, 16, 1>> v(b.data());
       gram += v * v.transpose() * (4.0 * std::numbers::pi / (n * 16));
     }
@@ -54,7 +54,7 @@ TEST(SphericalHarmonics, RotateAsFunctions) {
   std::normal_distribution<float> normal;
   for (int trial = 0; trial < 20; ++trial) {
     const Mat3d rotation = random_rotation(random);
-    const ShRotation sh_rotation(rotation);
+    const capture::ShRotation sh_rotation(rotation);
     for (int degree = 0; degree <= 3; ++degree) {
       std::vector<float> before(static_cast<std::size_t>(3 * (degree + 1) * (degree + 1)));
       for (float& c : before) c = normal(random);
@@ -82,7 +82,7 @@ TEST(SphericalHarmonics, DegreeOneTurnsAsAVector) {
                  static_cast<double>(sh[6]));
   };
   const Vec3d expected = rotation * vector();
-  ShRotation(rotation).apply(sh, 1);
+  capture::ShRotation(rotation).apply(sh, 1);
   EXPECT_LT((vector() - expected).norm(), 1e-6);
 }
 

@@ -153,6 +153,10 @@ MeshBinding::Stencil MeshBinding::stencil(std::size_t point) const {
   return result;
 }
 
+BindingGradient binding_gradient(const mpm::Body& body) {
+  return body.material.traits().elastic() ? BindingGradient::kParticle : BindingGradient::kFitted;
+}
+
 void MeshBinding::check_size(std::size_t particles, const std::string& name) const {
   if (particles != rest_.size()) {
     throw_input("body '" + name + "' has " + std::to_string(particles) +

@@ -24,6 +24,9 @@ enum class BindingGradient {
   kFitted,
 };
 
+/// The one that a body's points follow: its F is the gradient of the whole motion for elastic laws.
+[[nodiscard]] BindingGradient binding_gradient(const mpm::Body& body);
+
 struct BindingOptions {
   double radius = 2.0;          ///< of the kernel, in particle separations
   std::size_t neighbours = 64;  ///< at most, the nearest

@@ -33,14 +33,16 @@ splat::Gaussians particle_gaussians(std::span<const Vec3f> positions,
   return gaussians;
 }
 
+void set_colour(std::span<float> sh, const Vec3f& colour) {
+  for (std::size_t c = 0; c < 3; ++c) sh[c] = (colour[static_cast<int>(c)] - 0.5F) / kSh0;
+}
+
 void set_colours(splat::Gaussians& gaussians, std::span<const Vec3f> colours) {
   if (gaussians.sh_degree != 0 || colours.size() != gaussians.size()) {
     throw_input("colours are set of Gaussians of degree 0, one each.");
   }
   for (std::size_t i = 0; i < colours.size(); ++i) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      gaussians.sh[3 * i + c] = (colours[i][static_cast<int>(c)] - 0.5F) / kSh0;
-    }
+    set_colour({gaussians.sh.data() + 3 * i, 3}, colours[i]);
   }
 }
 

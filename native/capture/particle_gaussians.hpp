@@ -16,6 +16,9 @@ namespace matterfit::capture {
                                                   std::span<const Mat3f> deformation_gradients,
                                                   double size);
 
+/// Sets the colour of one Gaussian, its coefficients of band 0 alone: sRGB, 0 to 1.
+void set_colour(std::span<float> sh, const Vec3f& colour);
+
 /// Sets the colours of Gaussians of degree 0: sRGB, 0 to 1, one each.
 void set_colours(splat::Gaussians& gaussians, std::span<const Vec3f> colours);
 

@@ -83,6 +83,18 @@ inline Points cloud(std::size_t count) {
   return points;
 }
 
+/// Those points, each moved onto the cube's nearest face.
+inline Points shell(std::size_t count) {
+  Points points = cloud(count);
+  for (Vec3d& x : points) {
+    const Vec3d from = x - Vec3d(0.2, 0.2, 0.3);
+    int axis = 0;
+    from.cwiseAbs().maxCoeff(&axis);
+    x[axis] += (from[axis] > 0.0 ? 0.2 : -0.2) - from[axis];
+  }
+  return points;
+}
+
 /// What points on the truth's only body do, with Gaussian noise of `noise` times its size;
 /// written to `folder`/`name`.npz.
 inline void record(const Json& truth, const fs::path& folder, const std::string& name,

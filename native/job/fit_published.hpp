@@ -13,12 +13,9 @@
 namespace matterfit::job {
 
 /// Goes on from where a fit ended with all weights of the published law of `from.body`, beside the
-/// parameters. Levenberg–Marquardt in a few directions at a time (Narkiss and Zibulevsky 2005,
-/// sequential subspace optimisation): each net's stress or flow without and with change of volume,
-/// and the strains that it answers to, as factors; the steepest descent of each net, from the
-/// adjoint, in units of each matrix's size; and the last moves. Steps that cannot be simulated are
-/// refused. `taken`, the best iterate and `report` as of go_on(); `key` is "weights". The result's
-/// fit has the parameters alone, and scenes with the weights.
+/// parameters (job/fit_published_search.hpp). Steps that cannot be simulated are refused. `taken`,
+/// the best iterate and `report` as of go_on(); `key` is "weights". The result's fit has the
+/// parameters alone, and scenes with the weights.
 [[nodiscard]] FurtherFit fit_published_weights(const FurtherStart& from,
                                                const Interrupter& interrupter,
                                                std::vector<std::string>& statements,

@@ -142,9 +142,7 @@ class FitJob {
       return fit_weights(from(name, doc_.weights), interrupter_, laws_->law_statements(),
                          laws_->state().history);
     }
-    statements_.push_back(
-        "fit.weights: no fitted body is of the law neural_isotropic or neural, so no weights were "
-        "moved.");
+    statements_.emplace_back(kNoWeights);
     return std::nullopt;
   }
 

@@ -18,8 +18,9 @@ namespace {
 
 constexpr const char* kRow = "material.weight_moves[#]";
 
-/// The builder's scenes with weights that can be moved.
-fit::SceneBuilder with_weights(fit::SceneBuilder build, std::string body) {
+}  // namespace
+
+fit::SceneBuilder with_weight_moves(fit::SceneBuilder build, std::string body) {
   return [build = std::move(build), body = std::move(body)](double level, Arena& arena,
                                                             const Interrupter& interrupter) {
     mpm::Scene scene = build(level, arena, interrupter);
@@ -29,13 +30,11 @@ fit::SceneBuilder with_weights(fit::SceneBuilder build, std::string body) {
   };
 }
 
-}  // namespace
-
 FurtherFit fit_weights(FurtherStart from, const Interrupter& interrupter,
                        std::vector<std::string>& statements, std::vector<Json>& history) {
   const std::string body = from.body;
   for (fit::SceneBuilder& builder : from.setup.builders) {
-    builder = with_weights(std::move(builder), body);
+    builder = with_weight_moves(std::move(builder), body);
   }
   FurtherFit result = go_on(std::move(from), weight_moves_of(body, 1, material::kIsotropicElastic),
                             0.0, interrupter, statements, history);

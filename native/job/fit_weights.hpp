@@ -16,9 +16,17 @@ namespace matterfit::job {
                                      std::vector<std::string>& statements,
                                      std::vector<Json>& history);
 
+/// The builder's scenes with weights of a body's isotropic neural law that can be moved.
+[[nodiscard]] fit::SceneBuilder with_weight_moves(fit::SceneBuilder build, std::string body);
+
 /// Says of a further fit with `what` moved whether that predicts better.
 void add_weights_statement(const std::string& body, const char* what, const FurtherFit& result,
                            std::vector<std::string>& statements);
+
+/// Said where a fit's document asks for weights and no fitted body has such a law.
+inline constexpr const char* kNoWeights =
+    "fit.weights: no fitted body is of the law neural_isotropic or neural, so no weights were "
+    "moved.";
 
 /// The name of the file in a fit's folder that holds a body's weights.
 [[nodiscard]] std::string weights_file_name(const std::string& body);

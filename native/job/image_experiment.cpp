@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -12,6 +13,7 @@
 #include "job/documents/inputs.hpp"
 #include "job/fit_report.hpp"
 #include "job/run/build_scene.hpp"
+#include "job/run/own_splats.hpp"
 #include "mpm/simulation.hpp"
 
 namespace matterfit::job {
@@ -29,30 +31,55 @@ bool is_of_throw(const fit::Address& path) {
 ImageExperiment::ImageExperiment(const Job& job, const FitDoc& fit, const RunOptions& options,
                                  const Interrupter& interrupter,
                                  std::vector<std::string>& statements)
-    : job_(job), doc_(fit), interrupter_(interrupter) {
+    : job_(job), doc_(fit), options_(options), interrupter_(interrupter) {
   loaded_ = job.captures.empty() ? unread_experiment(job) : load_experiment(job, statements, true);
   Arena arena(options.threads);
   std::vector<mpm::Scene> scenes;
-  for (const fit::Run& run : runs()) scenes.push_back(run.build(1.0, arena, interrupter));
+  for (const fit::Run& run : runs()) {
+    builders_.push_back(run.build);
+    scenes.push_back(run.build(1.0, arena, interrupter));
+  }
   has_tracks_ =
       std::any_of(runs().begin(), runs().end(), [](const fit::Run& run) { return run.fitted; });
   films_ = load_films(job, scenes.front(), has_tracks_, statements, interrupter);
   settle_captures(loaded_.experiment, scenes, arena, statements);
   window_ = fit::growing_windows(runs(), false).back();
   runs().front().films = films_.films;
+  runs().front().splats = own_splats(job);
   runs().front().fitted = true;
-  parameters_.emplace(with_poses(job, films_, doc_.parameters), runs(), scenes);
+  make_model(std::move(scenes), {});
+}
+
+void ImageExperiment::make_model(std::vector<mpm::Scene> scenes,
+                                 std::vector<fit::ParameterSpec> more) {
+  tracks_.reset();
+  model_.reset();
+  std::vector<fit::ParameterSpec> specs = with_poses(job_, films_, doc_.parameters);
+  std::ranges::move(more, std::back_inserter(specs));
+  parameters_.emplace(std::move(specs), runs(), scenes);
   fit::Model::Options given;
   given.loss = doc_.loss;
-  given.target = resolve_target(options.target);
-  given.threads = options.threads;
+  given.target = resolve_target(options_.target);
+  given.threads = options_.threads;
   given.memory_limit_gb = memory_left(scenes);
   model_ =
-      std::make_unique<fit::Model>(runs(), std::move(scenes), *parameters_, given, interrupter);
+      std::make_unique<fit::Model>(runs(), std::move(scenes), *parameters_, given, interrupter_);
+  films_.mark_splats(model_->own(0), model_->scene(0));
   if (has_tracks_) {
     tracks_.emplace(*model_, runs(), parameters_->parameters(), doc_.loss, window_,
                     fit::used_samples(runs()));
   }
+}
+
+void ImageExperiment::extend(const std::function<fit::SceneBuilder(fit::SceneBuilder)>& with,
+                             std::vector<fit::ParameterSpec> more) {
+  Arena arena(options_.threads);
+  std::vector<mpm::Scene> scenes;
+  for (std::size_t r = 0; r < builders_.size(); ++r) {
+    runs()[r].build = with ? with(builders_[r]) : builders_[r];
+    scenes.push_back(runs()[r].build(1.0, arena, interrupter_));
+  }
+  make_model(std::move(scenes), std::move(more));
 }
 
 double ImageExperiment::memory_left(const std::vector<mpm::Scene>& scenes) const {
@@ -67,7 +94,11 @@ double ImageExperiment::memory_left(const std::vector<mpm::Scene>& scenes) const
   for (const mpm::Scene& scene : scenes) {
     simulation = std::max(simulation, double(mpm::Simulation::estimate(scene).bytes));
   }
-  simulation += fit::Filmer::bytes(scenes.front(), whole);
+  std::size_t splats = 0;
+  for (const fit::BodySplats& one : loaded_.experiment.runs.front().splats) {
+    splats += one.splats.size();
+  }
+  simulation += fit::Filmer::bytes(scenes.front(), whole, splats);
   const double limit = 1e9 * job_.scene.solver.memory_limit_gb;
   const double held = memory.images + memory.slopes;
   if (held + simulation <= limit) return 1e-9 * (limit - held);
@@ -142,7 +173,7 @@ bool ImageExperiment::learn_colours(const std::vector<double>& values) {
     view.camera = model_->camera_of(values, view);
   }
   if (reduced.empty()) return false;
-  colours_ = fit::learn_colours(model_->scene_at(values, 0), reduced,
+  colours_ = fit::learn_colours(model_->scene_at(values, 0), model_->own(0), reduced,
                                 std::make_shared<Arena>(model_->threads()), model_->target(),
                                 interrupter_);
   return true;

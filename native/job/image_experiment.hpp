@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -29,11 +30,18 @@ struct ImageStanding {
 /// are physical, one a parameter. Throws as a fit does.
 class ImageExperiment {
  public:
-  /// Reads everything and fills the bodies. What is odd goes into `statements`.
+  /// Reads everything and fills the bodies. What is odd goes into `statements`. All else is
+  /// borrowed.
   ImageExperiment(const Job& job, const FitDoc& fit, const RunOptions& options,
                   const Interrupter& interrupter, std::vector<std::string>& statements);
   ImageExperiment(const ImageExperiment&) = delete;
   ImageExperiment& operator=(const ImageExperiment&) = delete;
+
+  /// Makes the model anew: its scenes by what `with` makes of the builders (empty: the builders
+  /// themselves), with `more` parameters after the document's. Problems of before are no longer to
+  /// be used; sizes and colours stay.
+  void extend(const std::function<fit::SceneBuilder(fit::SceneBuilder)>& with,
+              std::vector<fit::ParameterSpec> more);
 
   [[nodiscard]] const LoadedExperiment& loaded() const { return loaded_; }
   [[nodiscard]] const LoadedFilms& films() const { return films_; }
@@ -75,6 +83,7 @@ class ImageExperiment {
 
  private:
   [[nodiscard]] std::vector<fit::Run>& runs() { return loaded_.experiment.runs; }
+  void make_model(std::vector<mpm::Scene> scenes, std::vector<fit::ParameterSpec> more);
   [[nodiscard]] std::vector<std::vector<std::uint8_t>> moved_cameras() const;
   /// What of the memory limit is left for simulations [GB]. Throws Error(kInput) where the fit does
   /// not go into it.
@@ -84,8 +93,10 @@ class ImageExperiment {
 
   const Job& job_;
   const FitDoc& doc_;
+  const RunOptions& options_;
   const Interrupter& interrupter_;
   LoadedExperiment loaded_;
+  std::vector<fit::SceneBuilder> builders_;  ///< one a run, of the document
   LoadedFilms films_;
   bool has_tracks_ = false;
   fit::Window window_;  ///< of the tracks

@@ -21,9 +21,11 @@
 #include "job/fit_report.hpp"
 #include "job/fit_state.hpp"
 #include "job/fit_values.hpp"
+#include "job/fit_weights.hpp"
 #include "job/image_experiment.hpp"
 #include "job/image_fit_state.hpp"
 #include "job/image_fit_words.hpp"
+#include "job/image_weights.hpp"
 #include "job/run/folder_lock.hpp"
 #include "job/run/run_scene.hpp"
 #include "job/run/stage.hpp"
@@ -32,6 +34,7 @@ namespace matterfit::job {
 namespace {
 
 constexpr double kImageFitShare = 0.9;
+constexpr double kNoMisfit = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNarrow = 1.0;  ///< blurs [reduced pixels]
 constexpr double kWide = 4.0;
 /// Shares of the images after the scene's first frame by which the throw is looked for, one after
@@ -77,13 +80,23 @@ class ImageFit {
       state_.refinements.clear();
       save();
     }
+    const std::optional<ImageWeights> more = further();
     say("Fitting: errors of the values", 0.95 * kImageFitShare);
-    const fit::Uncertainty known = uncertainty();
+    const std::optional<fit::Uncertainty> known = uncertainty();
     const ImageStanding after = scene_->standing(state_.values);
-    save();
+    if (more) {
+      // A fit that is taken up goes on with weights from where its numbers ended.
+      state_.seconds += seconds_since(started_);
+      write_history(job_.output.folder, state_.history);
+    } else {
+      save();
+    }
     Json document = document_to_simulate(job_, job_.output.folder);
+    add_lists(scene_->parameters(), document);
     write_values(scene_->parameters(), state_.values, scene_->loaded().sources, job_, document);
-    const Json fit = fit_json(known, after);
+    if (more && more->taken) write_image_weights(*more, job_, document);
+    Json fit = fit_json(known, after);
+    if (more) fit["weights"] = more->report;
     write_fitted(job_.output.folder, {state_.input_hash, state_.inputs, document, fit});
     // Only now: until then the search would go on from it.
     std::error_code code;
@@ -293,6 +306,7 @@ class ImageFit {
   }
 
   void search(fit::ImageProblem at, const char* stage, std::vector<fit::Parameter> parameters) {
+    if (parameters.empty()) return;  // weights alone are fitted
     fit::LeastSquaresOptions options;
     options.huber = doc_.huber;
     options.iterations = doc_.iterations;
@@ -326,7 +340,50 @@ class ImageFit {
     state_.iterations += search.iteration;
   }
 
-  [[nodiscard]] fit::Uncertainty uncertainty() {
+  /// The search goes on with the weights of a neural law, where the document asks for it.
+  [[nodiscard]] std::optional<ImageWeights> further() {
+    if (doc_.weights == 0) return std::nullopt;
+    ImageWeightsStart from;
+    from.values = state_.values;
+    from.iterations = doc_.weights;
+    from.blur = kNarrow;
+    from.options.huber = doc_.huber;
+    from.options.iterations = doc_.weights;
+    from.tell = [this](int) { say("Fitting: weights", 0.92 * kImageFitShare); };
+    from.body = body_with_weights(job_, fitted_bodies(doc_, job_.scene.bodies.front().name));
+    if (from.body.empty()) {
+      statements_.push_back(kNoWeights);
+      return std::nullopt;
+    }
+    search_.reset();
+    ImageWeights more = fit_image_weights(*scene_, from, state_.history);
+    statements_.push_back(more.statement);
+    state_.evaluations += more.evaluations;
+    state_.iterations += more.report.at("iterations").get<int>();
+    if (more.taken) {
+      state_.values = more.values;
+      begin_errors();
+    }
+    settle_steps();
+    return more;
+  }
+
+  /// The errors are those of the present values, whatever their search was.
+  void begin_errors() {
+    search_.emplace(scene_->parameters_from(state_.values), fit::LeastSquaresOptions{});
+    if (state_.values.empty()) return;
+    fit::LeastSquaresState at = search_->start();
+    if (state_.search) {
+      at.finish(state_.search->converged, state_.search->reason);
+    } else {
+      at.finish(true, "Its weights alone were moved.");
+    }
+    state_.search = std::move(at);
+    state_.refinements.clear();
+  }
+
+  [[nodiscard]] std::optional<fit::Uncertainty> uncertainty() {
+    if (state_.values.empty()) return std::nullopt;
     fit::ImageProblem at = problem(kNarrow);
     // Taken up after the last search.
     if (!search_)
@@ -339,31 +396,34 @@ class ImageFit {
                             at.effective(state_.search->residual), 0.0, at.blocks());
   }
 
-  [[nodiscard]] Json fit_json(const fit::Uncertainty& known, const ImageStanding& after) {
+  [[nodiscard]] Json fit_json(const std::optional<fit::Uncertainty>& known,
+                              const ImageStanding& after) {
     std::vector<std::string> statements = statements_;
     statements.push_back(outlines_text(state_.before.at("silhouettes"), after.silhouettes));
     const std::string weights = scene_->has_tracks() ? weights_text(misfit_) : "";
     if (!weights.empty()) statements.push_back(weights);
-    for (const fit::Estimate& estimate : known.estimates) {
-      if (!estimate.statement.empty()) statements.push_back(estimate.statement);
+    if (known) {
+      for (const fit::Estimate& estimate : known->estimates) {
+        if (!estimate.statement.empty()) statements.push_back(estimate.statement);
+      }
+      statements.insert(statements.end(), known->statements.begin(), known->statements.end());
     }
-    statements.insert(statements.end(), known.statements.begin(), known.statements.end());
     const BodyDoc& body = job_.scene.bodies.front();
     const auto scale = [](double square) {
       return std::isfinite(square) ? Json(std::sqrt(square)) : Json();
     };
     Json json = {
         {"law", material::traits(body.material.law).name},
-        {"converged", state_.search->converged},
-        {"reason", state_.search->reason},
+        {"converged", !state_.search || state_.search->converged},
+        {"reason", state_.search ? state_.search->reason : "Weights alone were moved."},
         {"loss", std::string("silhouette") +
                      (scene_->has_tracks() ? " and " + std::string(loss_name(doc_.loss)) : "")},
         {"iterations", state_.iterations},
         {"evaluations", state_.evaluations},
         {"seconds", state_.seconds},
         {"parameters", parameters_json(scene_->parameters().parameters(), state_.values, known)},
-        {"correlation", correlation_json(known)},
-        {"noise_scale", known.noise_scale},
+        {"correlation", known ? correlation_json(*known) : Json()},
+        {"noise_scale", known ? Json(known->noise_scale) : Json()},
         {"noise_scales",
          {{"images", scale(misfit_.images)},
           {"colours", scale(misfit_.colours)},
@@ -396,11 +456,14 @@ class ImageFit {
     extras.begin = kImageFitShare;
     extras.clouds = doc_.loss != FitDoc::Loss::kTracks;
     extras.kept = {kFittedPath, kFitHistoryPath};
+    if (fit.contains("weights") && fit.at("weights").at("taken") == true) {
+      extras.kept.push_back(weights_file_name(fit.at("weights").at("body").get<std::string>()));
+    }
     extras.finish = [&](Json& result) {
       result["fit"] = fit;
       std::vector<std::string> files = write_materials(
           job_.output.folder, scene, fitted_bodies(doc_, scene.scene.bodies.front().name), fit);
-      files.insert(files.end(), {kFittedPath, kFitHistoryPath});
+      files.insert(files.end(), extras.kept.begin(), extras.kept.end());
       return files;
     };
     RunOptions options = options_;
@@ -416,7 +479,7 @@ class ImageFit {
   std::vector<std::string> statements_;
   std::optional<ImageExperiment> scene_;
   std::optional<fit::LeastSquares> search_;
-  fit::ImageProblem::Misfit misfit_;
+  fit::ImageProblem::Misfit misfit_{kNoMisfit, kNoMisfit, kNoMisfit};
   ImageFitState state_;
   bool resumed_ = false;
   std::optional<FolderLock> lock_;

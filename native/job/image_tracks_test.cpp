@@ -99,5 +99,45 @@ TEST(ImageTracks, ValuesOfCapturesStandInTheirEntries) {
   EXPECT_FALSE(scene["captures"][1].contains("start_frame"));
 }
 
+/// Clouds without correspondence beside masks: neither alone says what both do of these.
+TEST(ImageTracks, CloudsBesideMasks) {
+  const Folder folder;
+  film(filmed_cube(), folder.path, two_cameras());
+  for (const char* loss : {"chamfer", "surface"}) {
+    SCOPED_TRACE(loss);
+    const Folder tracks;
+    const Points points = std::string(loss) == "surface" ? shell(300) : cloud(300);
+    record(thrown_cube(), tracks.path, "a", 5, 2e-3, points);
+    Json document = fit_to({kImages, {{"tracks", (tracks.path / "a.npz").string()}}}, loss);
+    document["fit"]["loss"] = loss;
+    document["fit"]["iterations"] = 6;
+    const Json result = run(document, folder.path);
+    const Json& fit = result.at("fit");
+    EXPECT_EQ(fit.at("loss"), "silhouette and " + std::string(loss));
+    EXPECT_NEAR(value_of(result, "bodies.cube.velocity[0]"), 0.8, 0.05) << fit.dump(1);
+    EXPECT_NEAR(value_of(result, "bodies.cube.velocity[1]"), 0.3, 0.05);
+    EXPECT_NEAR(value_of(result, "bodies.cube.velocity[2]"), -1.5, 0.05);
+    EXPECT_TRUE(fit.at("noise_scales").at("tracks").is_number());
+  }
+}
+
+/// The whole fit, its errors too.
+TEST(ImageTracks, SameBitsForAnyThreads) {
+  const Folder folder;
+  Json truth = filmed_cube();
+  truth["scene"]["frames"] = {0, 6};
+  film(truth, folder.path, two_cameras());
+  std::string first;
+  for (const int threads : {1, 2, 8}) {
+    Json document = fit_to({kImages}, "out_" + std::to_string(threads));
+    document["scene"]["frames"] = {0, 6};
+    document["captures"][0].erase("holdout");
+    document["fit"] = {{"parameters", {"velocity", "material.E"}}, {"iterations", 3}};
+    const std::string found = bits(run(document, folder.path, threads));
+    if (first.empty()) first = found;
+    EXPECT_EQ(found, first) << threads;
+  }
+}
+
 }  // namespace
 }  // namespace matterfit::job

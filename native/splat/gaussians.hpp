@@ -28,12 +28,18 @@ struct Gaussians {
   std::vector<float> opacities;            ///< (N) in [0, 1]
   /// (N, (degree + 1)², 3), coefficient-major: [i][band][rgb]; order and signs of Kerbl et al.
   /// 2023. Colour = max(0, ½ + Σ sh Y(d)), d from the camera's centre to the mean, in world axes:
-  /// who turns a body turns its coefficients (bake/spherical_harmonics.hpp), F does not.
+  /// who turns a body turns its coefficients (capture/spherical_harmonics.hpp), F does not.
   std::vector<float> sh;
   std::vector<Mat3f> deformation_gradients;  ///< (N) F, or empty: all I
 
   [[nodiscard]] std::size_t size() const { return means.size(); }
 };
+
+/// Gaussians of both, in this order: of the higher degree, and with deformation gradients (I where
+/// one has none) if either has some.
+void append(Gaussians& into, const Gaussians& more);
+/// The same Gaussians with coefficients up to a degree that is not lower, the further ones 0.
+void raise_degree(Gaussians& gaussians, int degree);
 
 /// Derivatives of a loss with respect to Gaussians, shaped as they are, and to the camera's pose.
 /// Zero for Gaussians that no pixel saw.

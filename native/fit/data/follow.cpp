@@ -13,12 +13,6 @@ namespace {
 
 const Vec3d kUnknown = Vec3d::Constant(std::numeric_limits<double>::quiet_NaN());
 
-/// F is the gradient of the whole motion for elastic laws; plastic ones keep the elastic part only.
-capture::BindingGradient gradient_of(const mpm::Body& body) {
-  return body.material.traits().elastic() ? capture::BindingGradient::kParticle
-                                          : capture::BindingGradient::kFitted;
-}
-
 /// Where a time lies among whole frames.
 struct Moment {
   bool inside = false;  ///< from the first frame to the last
@@ -67,7 +61,7 @@ PointFollower::PointFollower(const mpm::Body& body, Points rest, double separati
     known.push_back(rest_[i]);
   }
   capture::BindingOptions options;
-  options.gradient = gradient_of(body);
+  options.gradient = capture::binding_gradient(body);
   if (!known.empty()) binding_.emplace(known, body.rest, separation, options, arena);
 }
 
@@ -163,26 +157,31 @@ SimulatedCapture at_times(const std::vector<Points>& frames, std::size_t points,
   return result;
 }
 
+void add_at_time(std::vector<Points>& frames, double time, double fps, std::span<const Vec3d> bar) {
+  const Moment at = moment(time, fps, frames.size());
+  if (!at.inside) return;
+  const auto add = [&](std::size_t frame, double weight) {
+    if (weight == 0.0) return;
+    if (frames[frame].empty()) frames[frame].assign(bar.size(), Vec3d::Zero());
+    for (std::size_t i = 0; i < bar.size(); ++i) frames[frame][i] += weight * bar[i];
+  };
+  if (!at.cubic) {
+    add(at.below, 1.0 - at.s);
+    add(at.above, at.s);
+    return;
+  }
+  add(at.below - 1, catmull_rom(1.0, 0.0, 0.0, 0.0, at.s));
+  add(at.below, catmull_rom(0.0, 1.0, 0.0, 0.0, at.s));
+  add(at.above, catmull_rom(0.0, 0.0, 1.0, 0.0, at.s));
+  add(at.above + 1, catmull_rom(0.0, 0.0, 0.0, 1.0, at.s));
+}
+
 std::vector<Points> frames_bar(std::size_t frames, std::size_t points,
                                const std::vector<double>& times, double fps,
                                const std::vector<Vec3d>& bar) {
   std::vector<Points> result(frames, Points(points, Vec3d::Zero()));
   for (std::size_t t = 0; t < times.size(); ++t) {
-    const Moment at = moment(times[t], fps, frames);
-    if (!at.inside) continue;
-    const auto add = [&](std::size_t frame, double weight) {
-      if (weight == 0.0) return;
-      for (std::size_t i = 0; i < points; ++i) result[frame][i] += weight * bar[t * points + i];
-    };
-    if (!at.cubic) {
-      add(at.below, 1.0 - at.s);
-      add(at.above, at.s);
-      continue;
-    }
-    add(at.below - 1, catmull_rom(1.0, 0.0, 0.0, 0.0, at.s));
-    add(at.below, catmull_rom(0.0, 1.0, 0.0, 0.0, at.s));
-    add(at.above, catmull_rom(0.0, 0.0, 1.0, 0.0, at.s));
-    add(at.above + 1, catmull_rom(0.0, 0.0, 0.0, 1.0, at.s));
+    add_at_time(result, times[t], fps, std::span(bar).subspan(t * points, points));
   }
   return result;
 }

@@ -74,6 +74,10 @@ class PointFollower {
 [[nodiscard]] SimulatedCapture at_times(const std::vector<Points>& frames, std::size_t points,
                                         const std::vector<double>& times, double fps);
 
+/// Adds to `frames`, as many as are recorded, the cotangents of positions at one time: the
+/// transpose of at_times(). A frame that is empty counts as zero.
+void add_at_time(std::vector<Points>& frames, double time, double fps, std::span<const Vec3d> bar);
+
 /// The transpose of at_times(): the cotangents of the frames' positions, from those of the
 /// positions at `times`, (T, N) frame-major.
 [[nodiscard]] std::vector<Points> frames_bar(std::size_t frames, std::size_t points,

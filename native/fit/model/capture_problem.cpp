@@ -135,17 +135,7 @@ std::vector<std::optional<Eigen::VectorXd>> CaptureProblem::evaluate(
 }
 
 double CaptureProblem::transposed_cost() const {
-  // One run with all threads and its way back, beside runs with one thread each; the way back of
-  // updated bodies is longer.
-  constexpr double kTotal = 4.0;
-  constexpr double kUpdated = 7.0;
-  if (!model_.has_gradient()) return 0.0;
-  double cost = kTotal;
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    const auto& bodies = model_.scene(r).bodies;
-    if (!std::any_of(bodies.begin(), bodies.end(), mpm::is_total)) cost = kUpdated;
-  }
-  return cost;
+  return model_.has_gradient() ? model_.gradient_cost() : 0.0;
 }
 
 std::vector<std::vector<Points>> CaptureProblem::seen_bars(const Eigen::VectorXd& weights) const {

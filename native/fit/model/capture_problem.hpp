@@ -38,6 +38,8 @@ class CaptureProblem final : public Problem {
   /// The same by the weights of a body's published law (Model::pull_back_published()).
   [[nodiscard]] std::optional<std::vector<double>> transposed_published(
       const Eigen::VectorXd& point, const Eigen::VectorXd& weights, const std::string& body) const;
+  /// Cotangents of what is seen, from those of the residuals of tracks.
+  [[nodiscard]] std::vector<std::vector<Points>> seen_bars(const Eigen::VectorXd& weights) const;
   /// Borrowed: the same captures against a coarser model.
   void set_stand_in(CaptureProblem* problem) { stand_in_ = problem; }
 
@@ -85,8 +87,6 @@ class CaptureProblem final : public Problem {
   }
 
   [[nodiscard]] Scope scope() const;
-  /// Cotangents of what is seen, from those of the residuals of tracks.
-  [[nodiscard]] std::vector<std::vector<Points>> seen_bars(const Eigen::VectorXd& weights) const;
 
   const Model& model_;
   const std::vector<Run>& runs_;

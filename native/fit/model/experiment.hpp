@@ -8,6 +8,7 @@
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "fit/data/capture.hpp"
+#include "fit/model/own_splats.hpp"
 #include "fit/model/quantity.hpp"
 #include "mpm/scene.hpp"
 
@@ -33,7 +34,8 @@ struct Run {
   Origins origins;  ///< of the scene's bodies
   std::vector<Capture> captures;
   std::vector<Film> films;
-  bool fitted = false;  ///< some samples are used
+  std::vector<BodySplats> splats = {};  ///< that bodies of the scene are drawn by, of level 1
+  bool fitted = false;                  ///< some samples are used
   /// The scene is that of these captures alone; `sets` says whether it sets a quantity by itself,
   /// so that a number of all scenes leaves it as it is.
   bool own = false;

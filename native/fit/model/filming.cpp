@@ -23,20 +23,6 @@ constexpr double kBytesAPixel = 2 * 5 * 4 + 4;
 /// F of what flows is not how its particles moved.
 bool carries_shape(const mpm::Body& body) { return !body.material.traits().fluid; }
 
-/// Colours Gaussians of a scene's particles: `of` a body's own, the others black.
-void paint(splat::Gaussians& gaussians, const mpm::Scene& scene, std::optional<std::size_t> body,
-           const std::function<Vec3f(std::size_t b, std::size_t i)>& of) {
-  std::vector<Vec3f> values;
-  values.reserve(gaussians.size());
-  for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
-    const bool shown = !body || *body == b;
-    for (std::size_t i = 0; i < scene.bodies[b].rest.size(); ++i) {
-      values.push_back(shown ? of(b, i) : Vec3f(Vec3f::Zero()));
-    }
-  }
-  capture::set_colours(gaussians, values);
-}
-
 /// The camera that takes images `times` finer.
 splat::Camera finer(splat::Camera camera, int times) {
   camera.width *= times;
@@ -61,6 +47,35 @@ std::vector<float> averaged(const std::vector<float>& fine, const splat::Camera&
   return result;
 }
 
+/// The transpose of averaged(): each pixel's value, shared out among those that it was made of.
+std::vector<float> shared_out(const std::vector<float>& coarse, const splat::Camera& camera,
+                              int times) {
+  if (times == 1) return coarse;
+  const auto n = static_cast<std::size_t>(times);
+  const auto width = static_cast<std::size_t>(camera.width);
+  std::vector<float> result(coarse.size() * n * n);
+  const float share = 1.0F / static_cast<float>(n * n);
+  for (std::size_t i = 0; i < result.size(); ++i) {
+    const std::size_t x = i % (n * width) / n;
+    const std::size_t y = i / (n * width) / n;
+    result[i] = share * coarse[y * width + x];
+  }
+  return result;
+}
+
+/// Adds what counts for places of particles.
+void add_gradients(const splat::GaussianGradients& more, splat::GaussianGradients& sum) {
+  if (sum.means.empty()) {
+    sum.means = more.means;
+    sum.deformation_gradients = more.deformation_gradients;
+    return;
+  }
+  for (std::size_t i = 0; i < more.means.size(); ++i) {
+    sum.means[i] += more.means[i];
+    sum.deformation_gradients[i] += more.deformation_gradients[i];
+  }
+}
+
 std::vector<float> first_channel(const splat::Image& image) {
   return {image.colour.begin(), image.colour.begin() + std::ptrdiff_t(image.pixels())};
 }
@@ -73,7 +88,22 @@ double Filming::until() const {
   return until;
 }
 
-ParticleFilm::ParticleFilm(const mpm::Scene& scene) : scene_(scene), bodies_(scene.bodies.size()) {}
+ParticleFilm::ParticleFilm(const mpm::Scene& scene, std::span<const OwnSplats> own)
+    : scene_(scene),
+      own_(own),
+      begins_{0},
+      has_own_(scene.bodies.size(), 0),
+      bodies_(scene.bodies.size()) {
+  for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
+    std::size_t count = 0;
+    for (const OwnSplats& one : own) {
+      if (one.body != b) continue;
+      count += one.splats.size();
+      has_own_[b] = 1;
+    }
+    begins_.push_back(begins_.back() + (has_own(b) ? count : scene.bodies[b].rest.size()));
+  }
+}
 
 std::size_t ParticleFilm::kept() const {
   return bodies_.empty() ? 0 : bodies_.front().places.size();
@@ -114,9 +144,8 @@ void ParticleFilm::forget_before(double time) {
   first_ += count;
 }
 
-splat::Gaussians ParticleFilm::at(double time, double size) const {
-  std::vector<Vec3f> positions;
-  std::vector<Mat3f> gradients;
+splat::Gaussians ParticleFilm::at(double time, double size, Arena& arena) const {
+  splat::Gaussians all;
   const std::vector<double> times{time - double(first_) / scene_.fps};
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     const OfBody& of = bodies_[b];
@@ -125,19 +154,79 @@ splat::Gaussians ParticleFilm::at(double time, double size) const {
     const bool inside =
         std::all_of(places.begin(), places.end(), [](const Vec3d& x) { return x.allFinite(); });
     if (!inside) return {};
+    std::vector<Vec3f> positions;
+    positions.reserve(particles);
     for (const Vec3d& x : places) positions.push_back(x.cast<float>());
+    std::vector<Mat3f> gradients;
     if (of.columns.empty()) {
-      gradients.insert(gradients.end(), particles, Mat3f::Identity());
+      gradients.assign(particles, Mat3f::Identity());
+    } else {
+      const Points columns = at_times(of.columns, 3 * particles, times, scene_.fps).positions;
+      gradients.resize(particles);
+      for (std::size_t i = 0; i < particles; ++i) {
+        for (int k = 0; k < 3; ++k) {
+          gradients[i].col(k) = columns[3 * i + std::size_t(k)].cast<float>();
+        }
+      }
+    }
+    if (!has_own(b)) {
+      splat::append(all, capture::particle_gaussians(positions, gradients, size * 0.5 * scene_.dx));
       continue;
     }
-    const Points columns = at_times(of.columns, 3 * particles, times, scene_.fps).positions;
-    for (std::size_t i = 0; i < particles; ++i) {
-      Mat3f f;
-      for (int k = 0; k < 3; ++k) f.col(k) = columns[3 * i + std::size_t(k)].cast<float>();
-      gradients.push_back(f);
+    capture::ParticleView view;
+    view.name = scene_.bodies[b].name;
+    view.positions = positions;
+    view.deformation_gradients = gradients;
+    view.separation = 0.5 * scene_.dx;
+    for (const OwnSplats& one : own_) {
+      if (one.body == b) splat::append(all, one.splats.at(view, arena));
     }
   }
-  return capture::particle_gaussians(positions, gradients, size * 0.5 * scene_.dx);
+  return all;
+}
+
+void ParticleFilm::paint(splat::Gaussians& gaussians, std::optional<std::size_t> body, bool keep,
+                         const std::function<Vec3f(std::size_t, std::size_t)>& of) const {
+  const std::size_t stride = 3 * splat::sh_bands(gaussians.sh_degree);
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    const bool shown = !body || *body == b;
+    if (keep && shown && has_own(b)) continue;
+    for (std::size_t i = begins_[b]; i < begins_[b + 1]; ++i) {
+      const std::span<float> sh(gaussians.sh.data() + stride * i, stride);
+      std::fill(sh.begin(), sh.end(), 0.0F);
+      capture::set_colour(sh, shown ? of(b, i - begins_[b]) : Vec3f(Vec3f::Zero()));
+    }
+  }
+}
+
+splat::RenderOptions ParticleFilm::options() const {
+  splat::RenderOptions options;
+  options.antialiased =
+      std::ranges::any_of(own_, [](const OwnSplats& one) { return one.splats.rest().antialiased; });
+  return options;
+}
+
+void ParticleFilm::add_bars(double time, const splat::GaussianGradients& bar, std::size_t frames,
+                            FilmBars& into) const {
+  into.bodies.resize(bodies_.size());
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    const std::size_t particles = scene_.bodies[b].rest.size();
+    FilmBars::OfBody& of = into.bodies[b];
+    Points places(particles);
+    for (std::size_t i = 0; i < particles; ++i) {
+      places[i] = bar.means[begins_[b] + i].cast<double>();
+    }
+    of.places.resize(frames);
+    add_at_time(of.places, time, scene_.fps, places);
+    if (!carries_shape(scene_.bodies[b])) continue;
+    Points columns(3 * particles);
+    for (std::size_t i = 0; i < particles; ++i) {
+      const Mat3f& f = bar.deformation_gradients[begins_[b] + i];
+      for (int k = 0; k < 3; ++k) columns[3 * i + std::size_t(k)] = f.col(k).cast<double>();
+    }
+    of.columns.resize(frames);
+    add_at_time(of.columns, time, scene_.fps, columns);
+  }
 }
 
 Filmer::Filmer(const mpm::Scene& scene, Given given, std::shared_ptr<Arena> arena,
@@ -146,7 +235,7 @@ Filmer::Filmer(const mpm::Scene& scene, Given given, std::shared_ptr<Arena> aren
       given_(std::move(given)),
       arena_(std::move(arena)),
       rasteriser_(arena_, target),
-      film_(scene),
+      film_(scene, given_.own),
       open_(given_.views.size()) {
   std::iota(open_.begin(), open_.end(), std::size_t{0});
   std::stable_sort(open_.begin(), open_.end(), [&](std::size_t a, std::size_t b) {
@@ -154,8 +243,8 @@ Filmer::Filmer(const mpm::Scene& scene, Given given, std::shared_ptr<Arena> aren
   });
 }
 
-double Filmer::bytes(const mpm::Scene& scene, const std::vector<View>& views) {
-  double particles = 0.0;
+double Filmer::bytes(const mpm::Scene& scene, const std::vector<View>& views, std::size_t splats) {
+  auto particles = double(splats);
   for (const mpm::Body& body : scene.bodies) particles += double(body.rest.size());
   double pixels = 0.0;
   for (const View& view : views) {
@@ -181,38 +270,96 @@ void Filmer::finish() {
   for (const std::size_t view : std::exchange(open_, {})) draw(view);
 }
 
+/// What one view is drawn by, pass by pass, with the way back of each.
+class Filmer::Pass {
+ public:
+  Pass(Filmer& filmer, const View& view, std::optional<Drawn> bar)
+      : filmer_(filmer),
+        view_(view),
+        bar_(std::move(bar)),
+        camera_(finer(view.camera, view.oversample)),
+        options_(filmer.film_.options()) {}
+
+  const splat::Image& render(const splat::Gaussians& gaussians) {
+    return filmer_.rasteriser_.render(gaussians, camera_, options_);
+  }
+  void hide(const splat::Image& image) {
+    visible_ = visible_share(filmer_.scene_, view_.time, filmer_.given_.shift, camera_, image,
+                             *filmer_.arena_);
+  }
+  /// As the view has it: what is visible of it, in its own pixels.
+  [[nodiscard]] std::vector<float> seen(std::vector<float> channels) const {
+    return averaged(times_visible(std::move(channels)), view_.camera, view_.oversample);
+  }
+  /// The way back of what was rendered last, of `part`'s cotangents; of the mask or else of as many
+  /// channels of colour as it has.
+  void back(const splat::Gaussians& gaussians, std::vector<float> Drawn::*part, bool mask) {
+    if (!bar_) return;
+    const std::vector<float>& coarse = (*bar_).*part;
+    if (std::all_of(coarse.begin(), coarse.end(), [](float x) { return x == 0.0F; })) return;
+    const std::vector<float> fine =
+        times_visible(shared_out(coarse, view_.camera, view_.oversample));
+    splat::Image channels(camera_.width, camera_.height);
+    std::copy(fine.begin(), fine.end(), (mask ? channels.mask : channels.colour).begin());
+    splat::GaussianGradients gradients;
+    filmer_.rasteriser_.backward(gaussians, channels, gradients);
+    add_gradients(gradients, sum_);
+  }
+  [[nodiscard]] const splat::GaussianGradients& sum() const { return sum_; }
+
+ private:
+  [[nodiscard]] std::vector<float> times_visible(std::vector<float> channels) const {
+    for (std::size_t i = 0; i < (visible_.empty() ? 0 : channels.size()); ++i) {
+      channels[i] *= visible_[i % visible_.size()];
+    }
+    return channels;
+  }
+
+  Filmer& filmer_;
+  const View& view_;
+  std::optional<Drawn> bar_;
+  splat::Camera camera_;
+  splat::RenderOptions options_;
+  std::vector<float> visible_;
+  splat::GaussianGradients sum_;
+};
+
 void Filmer::draw(std::size_t v) {
   const View& view = given_.views[v];
-  splat::Gaussians gaussians = film_.at(view.time, view.size);
+  const splat::Gaussians gaussians = [&] {
+    splat::Gaussians at = film_.at(view.time, view.size, *arena_);
+    for (Vec3f& x : at.means) x -= given_.shift.cast<float>();
+    return at;
+  }();
   if (gaussians.size() == 0) return;
-  for (Vec3f& x : gaussians.means) x -= given_.shift.cast<float>();
+  Pass pass(*this, view, given_.bar ? std::optional(given_.bar(v)) : std::nullopt);
   Drawn drawn;
   const bool alone = !view.body || scene_.bodies.size() == 1;
+  splat::Gaussians painted = gaussians;
   if (!alone) {
-    paint(gaussians, scene_, view.body,
-          [](std::size_t, std::size_t) { return Vec3f(Vec3f::Ones()); });
+    film_.paint(painted, view.body, false,
+                [](std::size_t, std::size_t) { return Vec3f(Vec3f::Ones()); });
   }
-  const splat::Camera camera = finer(view.camera, view.oversample);
-  const splat::Image& image = rasteriser_.render(gaussians, camera);
-  drawn.mask = alone ? image.mask : first_channel(image);
-  const std::vector<float> visible =
-      visible_share(scene_, view.time, given_.shift, camera, image, *arena_);
+  const splat::Image& image = pass.render(painted);
+  pass.hide(image);
+  drawn.mask = pass.seen(alone ? image.mask : first_channel(image));
+  pass.back(painted, &Drawn::mask, alone);
   if (given_.colours != nullptr) {
     const auto& of = given_.colours->bodies;
-    paint(gaussians, scene_, view.body,
-          [&](std::size_t b, std::size_t i) { return Vec3f(of[b].known[i] * of[b].colours[i]); });
-    drawn.colour = rasteriser_.render(gaussians, camera).colour;
-    paint(gaussians, scene_, view.body,
-          [&](std::size_t b, std::size_t i) { return Vec3f(Vec3f::Constant(of[b].known[i])); });
-    drawn.known = first_channel(rasteriser_.render(gaussians, camera));
+    painted = gaussians;
+    film_.paint(painted, view.body, true, [&](std::size_t b, std::size_t i) {
+      return Vec3f(of[b].known[i] * of[b].colours[i]);
+    });
+    drawn.colour = pass.seen(pass.render(painted).colour);
+    pass.back(painted, &Drawn::colour, false);
+    film_.paint(painted, view.body, false, [&](std::size_t b, std::size_t i) {
+      return Vec3f(Vec3f::Constant(film_.has_own(b) ? 1.0F : of[b].known[i]));
+    });
+    drawn.known = pass.seen(first_channel(pass.render(painted)));
+    pass.back(painted, &Drawn::known, false);
   }
-  for (std::vector<float>* channels : {&drawn.mask, &drawn.colour, &drawn.known}) {
-    for (std::size_t i = 0; i < (visible.empty() ? 0 : channels->size()); ++i) {
-      (*channels)[i] *= visible[i % visible.size()];
-    }
-    *channels = averaged(*channels, view.camera, view.oversample);
-  }
-  given_.see(v, drawn);
+  if (!pass.sum().means.empty()) film_.add_bars(view.time, pass.sum(), given_.frames, bars_);
+  if (given_.see) given_.see(v, drawn);
 }
 
 }  // namespace matterfit::fit

@@ -2,13 +2,16 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
+#include "fit/model/own_splats.hpp"
 #include "math/simd_target.hpp"
 #include "mpm/observed_frame.hpp"
 #include "mpm/scene.hpp"
@@ -29,9 +32,12 @@ struct View {
   /// How many times finer it is drawn along each edge, before its pixels become means of these: the
   /// rasteriser blurs by half a pixel, which makes bodies of finer particles too fat.
   int oversample = 1;
+  /// All that is shown are splats of bodies' own, with sizes and colours of their own.
+  bool by_splats = false;
 };
 
-/// Colours of a scene's particles, as far as a recording shows them.
+/// Colours of a scene's particles, as far as a recording shows them. A body that is drawn by splats
+/// of its own has theirs, all of them known, and none here.
 struct ParticleColours {
   struct OfBody {
     std::vector<Vec3f> colours;  ///< (N) sRGB, 0 to 1
@@ -54,16 +60,30 @@ struct Filming {
   const ParticleColours* colours = nullptr;  ///< of that run's scene, borrowed; null: masks alone
   /// Told of every view that lies in the simulated time, by the thread of that query, in no order.
   std::function<void(std::size_t query, std::size_t view, const Drawn&)> see;
+  /// For gradients (Model::pull_back()): the cotangents of what is drawn of a view, parts that have
+  /// none empty. It is asked by one thread.
+  std::function<Drawn(std::size_t view)> bar;
 
   /// The time of the last view [s].
   [[nodiscard]] double until() const;
 };
 
+/// Cotangents of the frames that a ParticleFilm has recorded.
+struct FilmBars {
+  struct OfBody {
+    std::vector<Points> places;   ///< (N) one a frame; empty where nothing is drawn of it
+    std::vector<Points> columns;  ///< of F, three a particle; the same
+  };
+  std::vector<OfBody> bodies;
+};
+
 /// What the particles of a scene's bodies do, recorded frame by frame, as opaque Gaussians that
-/// their deformation gradients carry along, at any time between.
+/// their deformation gradients carry along, at any time between; or the splats that bodies carry in
+/// place of them.
 class ParticleFilm {
  public:
-  explicit ParticleFilm(const mpm::Scene& scene);  ///< borrowed
+  /// Both are borrowed.
+  explicit ParticleFilm(const mpm::Scene& scene, std::span<const OwnSplats> own = {});
   /// The frame has deformation gradients.
   void record(const mpm::ObservedFrame& frame);
   /// How many have been recorded.
@@ -73,7 +93,22 @@ class ParticleFilm {
   /// Nothing is asked any more of what came before `time`, which takes memory.
   void forget_before(double time);
   /// At `time` [s], body after body; empty outside of what was recorded. `size` as View has it.
-  [[nodiscard]] splat::Gaussians at(double time, double size) const;
+  /// Particles are black.
+  [[nodiscard]] splat::Gaussians at(double time, double size, Arena& arena) const;
+  /// The first Gaussian of each body, and the number of all.
+  [[nodiscard]] const std::vector<std::size_t>& begins() const { return begins_; }
+  /// Whether a body is drawn by splats of its own.
+  [[nodiscard]] bool has_own(std::size_t body) const { return has_own_[body] != 0; }
+  /// Gaussians with the colours of the particles, `of` each, those of other bodies than `body`
+  /// black; splats of the body keep their own where `keep`.
+  void paint(splat::Gaussians& gaussians, std::optional<std::size_t> body, bool keep,
+             const std::function<Vec3f(std::size_t body, std::size_t particle)>& of) const;
+  /// How the rasteriser is to draw them: antialiased where splats were trained so.
+  [[nodiscard]] splat::RenderOptions options() const;
+  /// The transpose of at(): adds the cotangents of all of its Gaussians at `time` to those of
+  /// `frames` frames. Bodies have no splats of their own.
+  void add_bars(double time, const splat::GaussianGradients& bar, std::size_t frames,
+                FilmBars& into) const;
 
  private:
   struct OfBody {
@@ -83,6 +118,9 @@ class ParticleFilm {
   [[nodiscard]] std::size_t kept() const;
 
   const mpm::Scene& scene_;
+  std::span<const OwnSplats> own_;
+  std::vector<std::size_t> begins_;
+  std::vector<std::uint8_t> has_own_;
   std::size_t first_ = 0;  ///< frame that is kept
   std::vector<OfBody> bodies_;
 };
@@ -95,6 +133,10 @@ class Filmer {
     const ParticleColours* colours = nullptr;  ///< borrowed; null: masks alone
     Vec3d shift = Vec3d::Zero();               ///< of the whole simulation, taken off [m]
     std::function<void(std::size_t view, const Drawn&)> see;
+    std::span<const OwnSplats> own;  ///< borrowed
+    /// Filming::bar; with it bars() is what the transpose of all views gives.
+    std::function<Drawn(std::size_t view)> bar;
+    std::size_t frames = 0;  ///< that will be recorded; asked for with `bar`
   };
   Filmer(const mpm::Scene& scene, Given given, std::shared_ptr<Arena> arena, SimdTarget target);
 
@@ -103,17 +145,21 @@ class Filmer {
   /// Draws the rest of what lies in the recorded time.
   void finish();
 
-  /// What drawing takes in memory, about [bytes].
-  [[nodiscard]] static double bytes(const mpm::Scene& scene, const std::vector<View>& views);
+  /// What drawing takes in memory, about [bytes]; `splats` of bodies' own.
+  [[nodiscard]] static double bytes(const mpm::Scene& scene, const std::vector<View>& views,
+                                    std::size_t splats);
+  [[nodiscard]] const FilmBars& bars() const { return bars_; }
 
  private:
   void draw(std::size_t view);
+  class Pass;
 
   const mpm::Scene& scene_;
   Given given_;
   std::shared_ptr<Arena> arena_;
   splat::Rasteriser rasteriser_;
   ParticleFilm film_;
+  FilmBars bars_;
   std::vector<std::size_t> open_;  ///< views that are not drawn, by time
 };
 

@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 
 #include "fit/model/occlusion.hpp"
@@ -112,7 +114,7 @@ TEST(Filmer, DrawsWhileFramesComeWhatAWholeFilmShows) {
   EXPECT_EQ(order.size(), 7U) << "that of .7 s lies outside";
   splat::Rasteriser rasteriser(arena);
   for (const std::size_t v : order) {
-    const splat::Image& image = rasteriser.render(whole.at(times[v], 0.4), camera());
+    const splat::Image& image = rasteriser.render(whole.at(times[v], 0.4, *arena), camera());
     ASSERT_EQ(image.pixels(), seen[v].mask.size());
     for (std::size_t i = 0; i < image.pixels(); ++i) {
       ASSERT_NEAR(image.mask[i], seen[v].mask[i], 1e-5) << times[v];
@@ -199,15 +201,166 @@ TEST(Filmer, ACollidersShadowIsCutOut) {
   motion.values[1].position = Vec3d(1.2, -0.6, 0);
   scene.colliders = {shape::make_sphere("ball", {}, 0.1, motion)};
   EXPECT_LT(area(drawn(scene, std::nullopt).mask), 0.75 * whole);
+  Arena arena(1);
   const splat::Image image = splat::render(
       [&] {
         ParticleFilm film(scene);
         film.record(frame_of(scene, 0, [](double) { return Vec3d(Vec3d::Zero()); }));
-        return film.at(0.0, 0.4);
+        return film.at(0.0, 0.4, arena);
       }(),
       camera());
-  Arena arena(1);
   EXPECT_TRUE(visible_share(scene, 0.5, Vec3d::Zero(), camera(), image, arena).empty());
+}
+
+/// The way back from images between frames to the frames, against differences in some direction of
+/// all of them: a body behind another, drawn finer, of known colours, beside a collider.
+TEST(Filmer, GoesBackFromImagesToFrames) {
+  mpm::Scene scene = scene_of({cube_at("a", Vec3d(0, 0, 0)), cube_at("b", Vec3d(0.1, -0.5, 0))});
+  shape::Pose pose;
+  pose.position = Vec3d(-0.6, -0.8, 0.0);
+  scene.colliders = {
+      shape::make_box("wall", {}, Vec3d(0.55, 0.05, 1.0), shape::Keyed<shape::Pose>(pose))};
+  ParticleColours colours;
+  for (const mpm::Body& body : scene.bodies) {
+    auto& of = colours.bodies.emplace_back();
+    for (std::size_t i = 0; i < body.rest.size(); ++i) {
+      const float wave = std::sin(0.7F * float(i));
+      of.colours.emplace_back(0.5F + 0.3F * wave, 0.5F - 0.2F * wave, 0.4F);
+      of.known.push_back(0.6F + 0.3F * std::cos(0.3F * float(i)));
+    }
+  }
+  std::vector<View> views;
+  for (const double time : {0.0, 0.13, 0.25, 0.5}) {
+    views.push_back(view_of(0, time));
+    views.back().oversample = 2;
+  }
+  const auto bar_of = [&](std::size_t v) {
+    Drawn bar;
+    const auto wave = [&](std::size_t count, float phase) {
+      std::vector<float> values(count);
+      for (std::size_t i = 0; i < count; ++i) {
+        values[i] = std::sin(0.05F * float(i % 80) + 0.08F * float(i / 80) + phase + float(v));
+      }
+      return values;
+    };
+    bar.mask = wave(4800, 0.0F);
+    bar.colour = wave(3 * 4800, 1.0F);
+    bar.known = wave(4800, 2.0F);
+    return bar;
+  };
+  // Smooth over the particles, so that no rounding of one counts.
+  const auto direction = [](std::size_t b, std::size_t i, int k) {
+    const double t = 0.02 * double(i) + double(b) + 0.7 * k;
+    return Vec3d(std::sin(t), std::cos(1.3 * t), std::sin(0.7 * t + 1.0));
+  };
+  const auto frame = [&](int k, double by) {
+    mpm::ObservedFrame one =
+        frame_of(scene, k, [](double t) { return Vec3d(0.2 * t, 0.1 * t * t, -0.3 * t * t); });
+    for (std::size_t b = 0; b < one.bodies.size(); ++b) {
+      for (std::size_t i = 0; i < one.bodies[b].positions.size(); ++i) {
+        one.bodies[b].positions[i] += by * direction(b, i, k);
+        for (int c = 0; c < 3; ++c) {
+          one.bodies[b].deformation_gradients[i].col(c) += by * direction(b, i, k + 3 * c + 1);
+        }
+      }
+    }
+    return one;
+  };
+  FilmBars bars;
+  const auto weighed = [&](double by, bool back) {
+    double sum = 0.0;
+    Filmer::Given given;
+    given.views = views;
+    given.colours = &colours;
+    given.see = [&](std::size_t v, const Drawn& image) {
+      const Drawn bar = bar_of(v);
+      for (const auto part : {&Drawn::mask, &Drawn::colour, &Drawn::known}) {
+        for (std::size_t i = 0; i < (bar.*part).size(); ++i) {
+          sum += double((bar.*part)[i]) * double((image.*part)[i]);
+        }
+      }
+    };
+    if (back) given.bar = bar_of;
+    given.frames = 6;
+    Filmer filmer(scene, given, std::make_shared<Arena>(1), SimdTarget::kAuto);
+    for (int k = 0; k < 6; ++k) filmer.record(frame(k, by));
+    filmer.finish();
+    if (back) bars = filmer.bars();
+    return sum;
+  };
+  (void)weighed(0.0, true);
+  double exact = 0.0;
+  ASSERT_EQ(bars.bodies.size(), 2U);
+  for (std::size_t b = 0; b < 2; ++b) {
+    for (int k = 0; k < 6; ++k) {
+      const Points& places = bars.bodies[b].places[std::size_t(k)];
+      const Points& columns = bars.bodies[b].columns[std::size_t(k)];
+      for (std::size_t i = 0; i < places.size(); ++i) {
+        exact += places[i].dot(direction(b, i, k));
+        for (int c = 0; c < 3; ++c) {
+          exact += columns[3 * i + std::size_t(c)].dot(direction(b, i, k + 3 * c + 1));
+        }
+      }
+    }
+  }
+  constexpr double kStep = 1e-3;
+  const double difference = (weighed(-2.0 * kStep, false) - 8.0 * weighed(-kStep, false) +
+                             8.0 * weighed(kStep, false) - weighed(2.0 * kStep, false)) /
+                            (12.0 * kStep);
+  EXPECT_GT(std::abs(difference), 1.0);
+  EXPECT_NEAR(exact, difference, 0.01 * std::abs(difference));
+}
+
+/// Splats that a body carries, turned a quarter about z: red seen from the front at rest, green
+/// then.
+TEST(Filmer, SplatsOfABodysOwnAreDrawnAndTurnWithIt) {
+  const mpm::Scene scene = scene_of({cube_at("a", Vec3d(0, 0, 0))});
+  capture::Splats splats;
+  splats.sh_degree = 1;
+  splats.antialiased = true;
+  splats.means = {Vec3f(0, 0, 0)};
+  splats.rotations = {Eigen::Quaternionf::Identity()};
+  splats.scales = {Vec3f(0.05F, 0.05F, 0.05F)};
+  splats.opacities = {0.9F};
+  // The direction from the camera is y there: red falls along y; green along x, so it is grey.
+  splats.sh.assign(12, 0.0F);
+  splats.sh[3] = 0.8F;      // −C₁ y of red
+  splats.sh[9 + 1] = 0.8F;  // −C₁ x of green
+  Arena arena(1);
+  const std::vector<OwnSplats> own = carried({{0, splats}}, scene, arena);
+  EXPECT_TRUE(drawn_by_splats(own, 1, std::nullopt));
+  EXPECT_FALSE(drawn_by_splats(own, 2, std::nullopt));
+  EXPECT_TRUE(ParticleFilm(scene, own).options().antialiased);
+  EXPECT_FALSE(ParticleFilm(scene).options().antialiased);
+  const ParticleColours colours{{{}}};
+  const auto seen = [&](double angle) {
+    const Mat3d turn = Eigen::AngleAxisd(angle, Vec3d::UnitZ()).toRotationMatrix();
+    mpm::ObservedFrame frame;
+    mpm::ObservedFrame::Body& of = frame.bodies.emplace_back();
+    for (const Vec3d& x : scene.bodies[0].rest) of.positions.push_back(turn * x);
+    of.deformation_gradients.assign(of.positions.size(), turn);
+    Drawn result;
+    Filmer::Given given;
+    given.views = {view_of(std::nullopt)};
+    given.colours = &colours;
+    given.own = own;
+    given.see = [&](std::size_t, const Drawn& image) { result = image; };
+    Filmer filmer(scene, given, std::make_shared<Arena>(1), SimdTarget::kAuto);
+    filmer.record(frame);
+    const std::size_t middle = 30 * 80 + 40;
+    EXPECT_NEAR(result.known[middle], result.mask[middle], 1e-6);
+    return Vec3d(result.colour[middle], result.colour[4800 + middle],
+                 result.colour[9600 + middle]) /
+           double(result.mask[middle]);
+  };
+  const double c1 = 0.4886025119029199;
+  const Vec3d front = seen(0.0);
+  EXPECT_NEAR(front.x(), 0.5 - 0.8 * c1, 5e-3);
+  EXPECT_NEAR(front.y(), 0.5, 5e-3);
+  // What looked along y before now looks along −x; what looked along x now along y.
+  const Vec3d turned = seen(0.5 * std::numbers::pi);
+  EXPECT_NEAR(turned.x(), 0.5, 5e-3);
+  EXPECT_NEAR(turned.y(), 0.5 - 0.8 * c1, 5e-3);
 }
 
 }  // namespace

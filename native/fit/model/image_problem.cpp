@@ -70,6 +70,15 @@ std::vector<double> ImageProblem::physical(const Eigen::VectorXd& point) const {
   return values;
 }
 
+Scope ImageProblem::scope(const Filming& filming) const {
+  Scope scope;
+  scope.until = parts_.window.until;
+  scope.until[0] = std::max(scope.until[0], filming.until());
+  scope.filming = &filming;
+  if (!plan_.runs.empty()) scope.plan = &plan_;
+  return scope;
+}
+
 std::vector<std::optional<Eigen::VectorXd>> ImageProblem::evaluate(
     const std::vector<Eigen::VectorXd>& points) {
   std::vector<std::vector<double>> values;
@@ -84,12 +93,7 @@ std::vector<std::optional<Eigen::VectorXd>> ImageProblem::evaluate(
     const auto begin = Eigen::Index(first_[v]);
     compare(v, drawn, images[query].segment(begin, Eigen::Index(first_[v + 1]) - begin));
   };
-  Scope scope;
-  scope.until = parts_.window.until;
-  scope.until[0] = std::max(scope.until[0], filming.until());
-  scope.filming = &filming;
-  if (!plan_.runs.empty()) scope.plan = &plan_;
-  const Evaluation evaluation = model_.evaluate(values, scope);
+  const Evaluation evaluation = model_.evaluate(values, scope(filming));
   std::vector<std::optional<Eigen::VectorXd>> results(points.size());
   for (std::size_t p = 0; p < points.size(); ++p) {
     if (!evaluation.outcomes[p]) {
@@ -110,18 +114,26 @@ std::vector<std::optional<Eigen::VectorXd>> ImageProblem::evaluate(
   return results;
 }
 
+double ImageProblem::coverage_weight(const Sighting& sighting) const {
+  return 1.0 / coverage_deviation(sighting.noise, std::hypot(blur_, kPixel));
+}
+
+double ImageProblem::colour_weight(const Sighting& sighting) const {
+  return 1.0 / (sighting.colour_noise * std::sqrt(3.0 * mixed(blur_)));
+}
+
 void ImageProblem::compare(std::size_t v, const Drawn& drawn,
                            Eigen::Ref<Eigen::VectorXd> into) const {
   const Sighting& sighting = parts_.sightings[v];
   Coverage ours = seen_of(drawn.mask, sighting.matte, sighting.seen);
   blur(ours, blur_);
   const std::size_t pixels = ours.values.size();
-  const double weight = 1.0 / coverage_deviation(sighting.noise, std::hypot(blur_, kPixel));
+  const double weight = coverage_weight(sighting);
   for (std::size_t i = 0; i < pixels; ++i) {
     into[Eigen::Index(i)] = weight * double(ours.values[i] - mattes_[v].values[i]);
   }
   if (!compares_colours(sighting)) return;
-  const double colour_weight = 1.0 / (sighting.colour_noise * std::sqrt(3.0 * mixed(blur_)));
+  const double of_colour = colour_weight(sighting);
   for (std::size_t c = 0; c < 3; ++c) {
     Coverage apart = sighting.matte;
     for (std::size_t i = 0; i < pixels; ++i) {
@@ -130,9 +142,78 @@ void ImageProblem::compare(std::size_t v, const Drawn& drawn,
     }
     blur(apart, blur_);
     for (std::size_t i = 0; i < pixels; ++i) {
-      into[Eigen::Index((c + 1) * pixels + i)] = colour_weight * double(apart.values[i]);
+      into[Eigen::Index((c + 1) * pixels + i)] = of_colour * double(apart.values[i]);
     }
   }
+}
+
+Drawn ImageProblem::drawn_bar(std::size_t v, const Eigen::VectorXd& weights) const {
+  const Sighting& sighting = parts_.sightings[v];
+  const std::size_t pixels = sighting.matte.values.size();
+  // The blur is its own transpose, as black lies around the image.
+  const auto blurred = [&](std::size_t channel, double weight) {
+    Coverage bar = sighting.matte;
+    const auto begin = Eigen::Index(first_[v] + channel * pixels);
+    for (std::size_t i = 0; i < pixels; ++i) {
+      bar.values[i] = static_cast<float>(weight * weights[begin + Eigen::Index(i)]);
+    }
+    blur(bar, blur_);
+    return bar.values;
+  };
+  Drawn bar;
+  bar.mask = seen_of(blurred(0, coverage_weight(sighting)), sighting.matte, sighting.seen).values;
+  if (!compares_colours(sighting)) return bar;
+  bar.colour.reserve(3 * pixels);
+  bar.known.assign(pixels, 0.0F);
+  for (std::size_t c = 0; c < 3; ++c) {
+    const std::vector<float> apart = blurred(c + 1, colour_weight(sighting));
+    for (std::size_t i = 0; i < pixels; ++i) {
+      const float value = sighting.matte.values[i] * apart[i];
+      bar.colour.push_back(value);
+      bar.known[i] -= value * sighting.colours[c].values[i];
+    }
+  }
+  return bar;
+}
+
+Filming ImageProblem::filming_bar(const Eigen::VectorXd& weights) const {
+  Filming filming;
+  filming.views = views_;
+  filming.colours = parts_.colours;
+  filming.bar = [this, &weights](std::size_t v) { return drawn_bar(v, weights); };
+  return filming;
+}
+
+std::vector<std::vector<Points>> ImageProblem::track_bars(const Eigen::VectorXd& weights) const {
+  if (parts_.tracks == nullptr) return {};
+  return parts_.tracks->seen_bars(tail(weights));
+}
+
+double ImageProblem::transposed_cost() const {
+  // Beside the way back of tracks: a simulation more, and views that are drawn twice.
+  constexpr double kDrawing = 3.0;
+  if (!model_.has_gradient() || !model_.own(0).empty()) return 0.0;
+  return kDrawing + model_.gradient_cost();
+}
+
+std::optional<Eigen::VectorXd> ImageProblem::transposed(const Eigen::VectorXd& point,
+                                                        const Eigen::VectorXd& weights) {
+  if (!(transposed_cost() > 0.0)) return std::nullopt;
+  const Filming filming = filming_bar(weights);
+  const auto sum = model_.pull_back(physical(point), scope(filming), track_bars(weights));
+  if (!sum) return std::nullopt;
+  Eigen::VectorXd result(point.size());
+  for (Eigen::Index k = 0; k < point.size(); ++k) {
+    const auto n = std::size_t(k);
+    result[k] = (*sum)[n] * derivative(parameters_[n].coordinate, point[k]);
+  }
+  return result;
+}
+
+std::optional<std::vector<double>> ImageProblem::transposed_published(
+    const Eigen::VectorXd& point, const Eigen::VectorXd& weights, const std::string& body) const {
+  const Filming filming = filming_bar(weights);
+  return model_.pull_back_published(physical(point), scope(filming), track_bars(weights), body);
 }
 
 Eigen::VectorXd ImageProblem::tail(const Eigen::VectorXd& residual) const {

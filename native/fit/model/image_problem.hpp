@@ -44,7 +44,7 @@ struct Sighting {
 /// captured colour, so that only what is known and seen is compared. σ' = σ √(3 · 4π blur²) (at
 /// least σ √3): errors of colours are those of light, focus and shape, and are taken to hang
 /// together over the channels and over as much as the blur mixes. Images at the scene's first frame
-/// are left out, for the colours are taken from them.
+/// are left out, for the colours are taken from them, but for those that show splats alone.
 class ImageProblem final : public Problem {
  public:
   struct Parts {
@@ -67,6 +67,13 @@ class ImageProblem final : public Problem {
 
   std::vector<std::optional<Eigen::VectorXd>> evaluate(
       const std::vector<Eigen::VectorXd>& points) override;
+  /// By the adjoint of the rasteriser, and of the model through that (Model::pull_back()).
+  std::optional<Eigen::VectorXd> transposed(const Eigen::VectorXd& point,
+                                            const Eigen::VectorXd& weights) override;
+  [[nodiscard]] double transposed_cost() const override;
+  /// The same by the weights of a body's published law (Model::pull_back_published()).
+  [[nodiscard]] std::optional<std::vector<double>> transposed_published(
+      const Eigen::VectorXd& point, const Eigen::VectorXd& weights, const std::string& body) const;
   /// Lengths of the outlines [pixels], for where nothing moves nothing is known; patches of colour
   /// as large as the blur; and of the tracks what CaptureProblem says.
   [[nodiscard]] double effective(const Eigen::VectorXd& residual) const override;
@@ -96,8 +103,19 @@ class ImageProblem final : public Problem {
 
  private:
   [[nodiscard]] bool compares_colours(const Sighting& sighting) const {
-    return parts_.colours != nullptr && sighting.has_colours() && sighting.view.time > 0.0;
+    return parts_.colours != nullptr && sighting.has_colours() &&
+           (sighting.view.time > 0.0 || sighting.view.by_splats);
   }
+  /// What is drawn and stepped, for `filming`, which is borrowed.
+  [[nodiscard]] Scope scope(const Filming& filming) const;
+  /// The cotangents of what is drawn of a sighting, from those of all residuals.
+  [[nodiscard]] Drawn drawn_bar(std::size_t sighting, const Eigen::VectorXd& weights) const;
+  /// The views with these.
+  [[nodiscard]] Filming filming_bar(const Eigen::VectorXd& weights) const;
+  [[nodiscard]] std::vector<std::vector<Points>> track_bars(const Eigen::VectorXd& weights) const;
+  /// One over the standard deviations of its residuals.
+  [[nodiscard]] double coverage_weight(const Sighting& sighting) const;
+  [[nodiscard]] double colour_weight(const Sighting& sighting) const;
   /// Writes the residuals of one sighting into its part of the residual.
   void compare(std::size_t sighting, const Drawn& drawn, Eigen::Ref<Eigen::VectorXd> into) const;
   /// Those of the tracks.

@@ -4,64 +4,20 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <new>
 #include <thread>
 
 #include "base/error.hpp"
 #include "base/side_by_side.hpp"
-#include "fit/model/gradient_chain.hpp"
-#include "fit/model/watcher.hpp"
+#include "fit/model/model_trial.hpp"
 #include "material/neural/published_material.hpp"
-#include "mpm/default_stiffness.hpp"
-#include "mpm/gradient.hpp"
 #include "mpm/step_limit.hpp"
 
 namespace matterfit::fit {
 namespace {
 
 constexpr int kMoreTries = 2;
-/// For the record of a gradient [bytes]. The same whatever the job may take, as its values must not
-/// depend on that.
-constexpr std::size_t kAdjointBudget = std::size_t{1} << 30U;
 
 }  // namespace
-
-struct Model::RunModel {
-  mpm::Scene scene;
-  std::vector<Watcher> watchers;  ///< one a capture, as the loss looks at it
-  std::vector<Points> watched;    ///< points of each, as the body was built
-};
-
-/// What is simulated, and where and when it is looked at.
-struct Model::Trial {
-  Trial() = default;
-  Trial(Trial&&) = default;  // a copy would look at what `moved` was copied from
-  Trial& operator=(Trial&&) = default;
-  Trial(const Trial&) = delete;
-  Trial& operator=(const Trial&) = delete;
-  ~Trial() = default;
-
-  mpm::Scene scene;
-  std::vector<Watcher> moved;  ///< of bodies that are placed anew
-  std::span<const Watcher> watchers;
-  Vec3d shift = Vec3d::Zero();             ///< of the whole scene, to be taken off [m]
-  std::vector<std::vector<double>> times;  ///< of each capture
-  std::vector<Viewing> films;              ///< of each of the run
-  std::vector<double> view_times;          ///< of Filming::views; empty: none is drawn
-  int frames = 0;                          ///< after the first
-  const RunSteps* steps = nullptr;         ///< null: the solver chooses its substeps
-  double finer = 1.0;                      ///< the factor of those that were chosen
-
-  void set_substeps(double factor) {
-    if (steps != nullptr) scene.substeps = multiplied(steps->substeps, factor);
-  }
-};
-
-/// Who is told of one query's simulation.
-struct Model::Listener {
-  std::function<void()> tick;  ///< a frame is done
-  std::size_t query = 0;
-};
 
 Scope whole_scope(const std::vector<Run>& runs) {
   Scope scope;
@@ -86,12 +42,15 @@ Model::Model(const std::vector<Run>& runs, std::vector<mpm::Scene> scenes,
       model->watchers.emplace_back(model->scene, capture.input, options_.loss, rest, arena);
       model->watched.push_back(std::move(rest));
     }
+    model->own = carried(runs[r].splats, model->scene, arena);
     bytes_ = std::max(bytes_, mpm::Simulation::estimate(model->scene).bytes);
     models_.push_back(std::move(model));
   }
 }
 
 Model::~Model() = default;
+
+std::span<const OwnSplats> Model::own(std::size_t run) const { return models_[run]->own; }
 
 const mpm::Scene& Model::scene(std::size_t run) const { return models_[run]->scene; }
 
@@ -135,6 +94,35 @@ Points Model::placed_points(std::size_t run, const Query& query, const std::stri
   alone.bodies.push_back(parameters_.placed(query.values, run, std::move(moved)));
   vary_places(query.variation, runs_[run], alone);
   return std::move(alone.bodies.front().rest);
+}
+
+void Model::carry_splats(std::size_t run, const Query& query, Trial& trial, Arena& arena) const {
+  trial.own = models_[run]->own;
+  const auto is_placed = [&](std::size_t body) {
+    const mpm::Body& of = trial.scene.bodies[body];
+    return parameters_.places(run, of.name) || places(query.variation, of);
+  };
+  if (std::none_of(trial.own.begin(), trial.own.end(),
+                   [&](const OwnSplats& one) { return is_placed(one.body); })) {
+    return;
+  }
+  std::vector<BodySplats> all = runs_[run].splats;
+  for (BodySplats& one : all) {
+    Vec3d to = Vec3d::Zero();
+    Mat3d axes = Mat3d::Identity();
+    if (is_placed(one.body)) {
+      const Points moved = placed_points(run, query, trial.scene.bodies[one.body].name,
+                                         {Vec3d(Vec3d::Zero()), Vec3d(Vec3d::UnitX()),
+                                          Vec3d(Vec3d::UnitY()), Vec3d(Vec3d::UnitZ())});
+      to = moved[0];
+      for (int k = 0; k < 3; ++k) axes.col(k) = moved[std::size_t(k) + 1] - moved[0];
+    }
+    const double scale = std::cbrt(axes.determinant());
+    one.splats =
+        capture::placed(std::move(one.splats), to + trial.shift, Quatd(Mat3d(axes / scale)), scale);
+  }
+  trial.moved_own = carried(all, trial.scene, arena);
+  trial.own = trial.moved_own;
 }
 
 Model::Trial Model::trial(std::size_t run, const Query& query, const Scope& scope,
@@ -196,6 +184,7 @@ Model::Trial Model::trial(std::size_t run, const Query& query, const Scope& scop
       trial.view_times.push_back(std::clamp(view.time + delay, 0.0, end));
       until = std::max(until, trial.view_times.back());
     }
+    carry_splats(run, query, trial, arena);
   }
   trial.frames = std::min(last, int(std::ceil(until * scene.fps - 1e-6)));
   if (scope.plan == nullptr || scene.dt > 0.0 || !scope.plan->holds(run)) return trial;
@@ -210,7 +199,7 @@ Observation Model::observe(const Trial& trial, const Scope& scope,
   mpm::Simulation simulation(scene, arena, simulation_options());
   std::optional<Filmer> filmer;
   if (!trial.view_times.empty()) {
-    filmer.emplace(scene, filmed(trial, scope, listener), arena, options_.target);
+    filmer.emplace(scene, filmed(trial, scope, listener.query), arena, options_.target);
   }
   Observation observation;
   std::vector<std::vector<Points>> seen(trial.watchers.size());
@@ -247,8 +236,7 @@ Observation Model::observe(const Trial& trial, const Scope& scope,
   return observation;
 }
 
-Filmer::Given Model::filmed(const Trial& trial, const Scope& scope,
-                            const Listener& listener) const {
+Filmer::Given Model::filmed(const Trial& trial, const Scope& scope, std::size_t query) const {
   const Filming& filming = *scope.filming;
   Filmer::Given given;
   given.views = filming.views;
@@ -259,7 +247,8 @@ Filmer::Given Model::filmed(const Trial& trial, const Scope& scope,
   }
   given.colours = filming.colours;
   given.shift = trial.shift;
-  given.see = [this, &filming, query = listener.query](std::size_t v, const Drawn& drawn) {
+  given.own = trial.own;
+  given.see = [this, &filming, query](std::size_t v, const Drawn& drawn) {
     interrupter_.check();
     filming.see(query, v, drawn);
   };
@@ -294,133 +283,6 @@ mpm::Simulation::Options Model::simulation_options() const {
   return options;
 }
 
-bool Model::has_gradient() const {
-  if (options_.loss != Loss::kTracks) return false;
-  for (std::size_t r = 0; r < models_.size(); ++r) {
-    const mpm::Scene& scene = models_[r]->scene;
-    if (!has_slopes(parameters_, r, scene)) return false;
-    if (mpm::follows_several_bodies(scene) && !parameters_.moved_materials(r).empty()) return false;
-  }
-  return true;
-}
-
-void Model::add_through_contacts(std::size_t run, std::span<const double> values,
-                                 const mpm::Gradient& gradient, std::span<double> sum) const {
-  constexpr double kDifference = 1e-4;
-  // With several bodies, those that are fitted have no contact that follows: has_gradient().
-  if (models_[run]->scene.bodies.size() > 1) return;
-  const auto stiffnesses = [&](std::size_t i, double value) {
-    std::vector<double> moved(values.begin(), values.end());
-    moved[i] = value;
-    const mpm::Scene scene = scene_at(moved, run);
-    return mpm::contact_stiffnesses(scene, scene.bodies.front());
-  };
-  for (std::size_t i = 0; i < parameters_.size(); ++i) {
-    if (!parameters_.acts_on(i, run) || !parameters_.path(i).quantity->is_material()) continue;
-    const Parameter& parameter = parameters_.parameters()[i];
-    const double high = std::min(parameter.high, values[i] * (1.0 + kDifference));
-    const double low = std::max(parameter.low, values[i] * (1.0 - kDifference));
-    const std::vector<double> more = stiffnesses(i, high);
-    const std::vector<double> less = stiffnesses(i, low);
-    for (std::size_t c = 0; c < more.size(); ++c) {
-      if (more[c] == less[c]) continue;
-      sum[i] += gradient.colliders[c].stiffness * (more[c] - less[c]) / (high - low);
-    }
-  }
-}
-
-std::optional<std::vector<double>> Model::pull_back(
-    const std::vector<double>& values, const Scope& scope,
-    const std::vector<std::vector<Points>>& bars,
-    const std::function<void(double)>& progress) const {
-  if (!has_gradient()) return std::nullopt;
-  std::vector<double> sum(parameters_.size(), 0.0);
-  const Quantity& move = row_named(Owner::kBody, "material.weight_moves[#]");
-  bool weights = false;
-  for (std::size_t i = 0; i < parameters_.size(); ++i) {
-    weights = weights || parameters_.path(i).quantity == &move;
-  }
-  const bool found =
-      each_gradient(values, scope, bars, weights, progress,
-                    [&](std::size_t run, const mpm::Scene& scene, const mpm::Gradient& gradient) {
-                      add_slopes(parameters_, run, scene, gradient, sum);
-                      add_through_contacts(run, values, gradient, sum);
-                    });
-  if (!found) return std::nullopt;
-  return sum;
-}
-
-std::optional<std::vector<double>> Model::pull_back_published(
-    const std::vector<double>& values, const Scope& scope,
-    const std::vector<std::vector<Points>>& bars, const std::string& body,
-    const std::function<void(double)>& progress) const {
-  std::vector<double> sum;
-  const bool found = each_gradient(
-      values, scope, bars, true, progress,
-      [&](std::size_t, const mpm::Scene& scene, const mpm::Gradient& gradient) {
-        const std::vector<double>& of = gradient.bodies[body_index(scene, body)].material.published;
-        sum.resize(std::max(sum.size(), of.size()), 0.0);
-        for (std::size_t i = 0; i < of.size(); ++i) sum[i] += of[i];
-      });
-  if (!found || sum.empty()) return std::nullopt;
-  return sum;
-}
-
-bool Model::each_gradient(const std::vector<double>& values, const Scope& scope,
-                          const std::vector<std::vector<Points>>& bars, bool published_weights,
-                          const std::function<void(double)>& progress,
-                          const UseGradient& use) const {
-  const auto arena = std::make_shared<Arena>(options_.threads);
-  try {
-    for (std::size_t r = 0; r < models_.size(); ++r) {
-      if (scope.until[r] < 0.0) continue;
-      Trial trial = this->trial(r, {values}, scope, *arena);
-      mpm::Scene& scene = trial.scene;
-      trial.set_substeps(trial.finer);
-      scene.end_frame = scene.first_frame + trial.frames + 1;
-      std::vector<std::vector<Points>> frames;
-      frames.reserve(trial.watchers.size());
-      for (std::size_t c = 0; c < trial.watchers.size(); ++c) {
-        frames.push_back(frames_bar(static_cast<std::size_t>(trial.frames) + 1,
-                                    trial.watchers[c].size(), trial.times[c], scene.fps,
-                                    bars[r][c]));
-      }
-      const mpm::Observer observer = [&](const mpm::ObservedFrame& frame, mpm::FrameLoss& loss) {
-        const auto k = static_cast<std::size_t>(frame.frame - scene.first_frame);
-        for (std::size_t c = 0; c < frames.size(); ++c) {
-          const Watcher& watcher = trial.watchers[c];
-          const Points& bar = frames[c][k];
-          if (std::all_of(bar.begin(), bar.end(), [](const Vec3d& x) { return x.isZero(0.0); })) {
-            continue;
-          }
-          mpm::FrameLoss::Body& of = loss.bodies[watcher.body()];
-          const std::size_t particles = scene.bodies[watcher.body()].rest.size();
-          of.positions.resize(particles, Vec3d::Zero());
-          of.deformation_gradients.resize(particles, Mat3d::Zero());
-          watcher.points().spread(bar, frame.bodies[watcher.body()], of.positions,
-                                  of.deformation_gradients);
-        }
-      };
-      mpm::GradientOptions options;
-      options.simulation = simulation_options();
-      options.memory_budget = kAdjointBudget;
-      options.of_no_damping = false;
-      options.published_weights = published_weights;
-      options.deformation_gradients = true;
-      options.progress = progress;
-      const mpm::Gradient gradient =
-          mpm::gradient<float>(scene, arena, observer, options, interrupter_);
-      use(r, scene, gradient);
-    }
-  } catch (const Error& error) {
-    if (error.kind() == ErrorKind::kCancelled) throw;
-    return false;
-  } catch (const std::bad_alloc&) {
-    return false;
-  }
-  return true;
-}
-
 Evaluation Model::evaluate(const std::vector<std::vector<double>>& points, const Scope& scope,
                            const std::function<void(double)>& progress) const {
   std::vector<Query> queries;
@@ -449,7 +311,10 @@ Evaluation Model::evaluate(const std::vector<Query>& queries, const Scope& scope
   // One thread a simulation; those that are left over help where there are few.
   double bytes = std::max(1.0, double(bytes_));
   if (scope.filming != nullptr) {
-    bytes += Filmer::bytes(models_[scope.filming->run]->scene, scope.filming->views);
+    const RunModel& of = *models_[scope.filming->run];
+    std::size_t splats = 0;
+    for (const OwnSplats& one : of.own) splats += one.splats.size();
+    bytes += Filmer::bytes(of.scene, scope.filming->views, splats);
   }
   const double room = 1e9 * options_.memory_limit_gb / bytes;
   side_by_side(tasks, static_cast<std::size_t>(std::clamp(room, 1.0, 1e6)), options_.threads,

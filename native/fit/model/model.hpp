@@ -85,6 +85,8 @@ class Model {
 
   [[nodiscard]] std::size_t runs() const { return models_.size(); }
   [[nodiscard]] const mpm::Scene& scene(std::size_t run) const;
+  /// What bodies of a run's scene() are drawn by in place of their particles.
+  [[nodiscard]] std::span<const OwnSplats> own(std::size_t run) const;
   /// The scene of a run as it is simulated at these values.
   [[nodiscard]] mpm::Scene scene_at(std::span<const double> values, std::size_t run) const;
   [[nodiscard]] int threads() const { return options_.threads; }
@@ -112,12 +114,17 @@ class Model {
   /// change, nor by a quantity that has no slope, nor where the scenes have no adjoint or contacts
   /// of several bodies follow a material that is fitted.
   [[nodiscard]] bool has_gradient() const;
+  /// What pull_back() of tracks takes, in evaluations of a batch.
+  [[nodiscard]] double gradient_cost() const;
   /// The derivative by each parameter (physical values) of Σ bar·x over what the captures see of a
   /// simulation: `bars` run by run and capture by capture, (T, N), none of a run that is not
-  /// simulated. By the adjoint (mpm/gradient.hpp), with substeps held, and with the share of total
+  /// simulated or of which nothing is said. With images, whose Filming has a `bar`, that of these
+  /// too: they are drawn and gone back through in a first simulation, since what lies between
+  /// frames is known only after the next; cameras and what colliders hide are held. By the
+  /// adjoint (mpm/gradient.hpp), with substeps held, and with the share of total
   /// Lagrangian velocities that is smoothed. Nothing where the simulation could not be completed,
-  /// or a gigabyte does not hold its record. Equal bits for any number of threads. Throws
-  /// Error(kCancelled).
+  /// a gigabyte does not hold its record, or images show splats of a body's own. Equal bits for any
+  /// number of threads. Throws Error(kCancelled).
   [[nodiscard]] std::optional<std::vector<double>> pull_back(
       const std::vector<double>& values, const Scope& scope,
       const std::vector<std::vector<Points>>& bars,
@@ -161,7 +168,12 @@ class Model {
                                     const Listener& listener) const;
   /// What is drawn of it.
   [[nodiscard]] Filmer::Given filmed(const Trial& trial, const Scope& scope,
-                                     const Listener& listener) const;
+                                     std::size_t query) const;
+  /// Binds the splats of bodies that are placed anew.
+  void carry_splats(std::size_t run, const Query& query, Trial& trial, Arena& arena) const;
+  /// The cotangents of what is recorded for images of a trial, whose substeps are settled.
+  [[nodiscard]] FilmBars film_bars(const Trial& trial, const Scope& scope,
+                                   const std::shared_ptr<Arena>& arena) const;
 
   const std::vector<Run>& runs_;
   const Parameters& parameters_;

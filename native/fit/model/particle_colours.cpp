@@ -5,7 +5,6 @@
 #include <memory>
 
 #include "base/error.hpp"
-#include "capture/particle_gaussians.hpp"
 
 namespace matterfit::fit {
 namespace {
@@ -30,37 +29,48 @@ struct Shown {
   std::vector<float> weight;  ///< one a pixel: 1 where it is all body
 };
 
-/// The particles of all bodies where they start, as a view with that size of theirs draws them.
-splat::Gaussians at_start(const mpm::Scene& start, double size) {
+mpm::ObservedFrame frame_at_start(const mpm::Scene& start) {
   mpm::ObservedFrame frame;
   for (const mpm::Body& body : start.bodies) {
     mpm::ObservedFrame::Body& of = frame.bodies.emplace_back();
     of.positions = body.rest;
     of.deformation_gradients.assign(body.rest.size(), Mat3d::Identity());
   }
-  ParticleFilm film(start);
-  film.record(frame);
-  return film.at(0.0, size);
+  return frame;
 }
 
-/// Adds the transpose of drawing, times an image's three channels, to each particle's colour.
+/// Adds the transpose of drawing, times an image's three channels, to each Gaussian's colour.
 void spread(splat::Rasteriser& rasteriser, const Shown& shown, const splat::Image& channels,
             std::vector<Vec3f>& into) {
   splat::GaussianGradients gradients;
   rasteriser.backward(shown.gaussians, channels, gradients);
+  const std::size_t stride = 3 * splat::sh_bands(shown.gaussians.sh_degree);
   for (std::size_t i = shown.begin; i < shown.end; ++i) {
-    const float* of = gradients.sh.data() + 3 * i;
+    const float* of = gradients.sh.data() + stride * i;
     into[i] += Vec3f(of[0], of[1], of[2]) / kSh0;
   }
 }
 
 }  // namespace
 
-ParticleColours learn_colours(const mpm::Scene& start, const std::vector<Sighting>& sightings,
+ParticleColours learn_colours(const mpm::Scene& start, std::span<const OwnSplats> own,
+                              const std::vector<Sighting>& sightings,
                               const std::shared_ptr<Arena>& arena, SimdTarget target,
                               const Interrupter& interrupter) {
-  std::vector<std::size_t> first{0};
-  for (const mpm::Body& body : start.bodies) first.push_back(first.back() + body.rest.size());
+  ParticleColours result;
+  result.bodies.resize(start.bodies.size());
+  const bool learns = std::ranges::any_of(sightings, [](const Sighting& sighting) {
+    return !sighting.held_out && sighting.has_colours() && !sighting.view.by_splats;
+  });
+  if (!learns) return result;
+  ParticleFilm film(start, own);
+  film.record(frame_at_start(start));
+  const std::vector<std::size_t>& first = film.begins();
+  /// All Gaussians that are particles in these colours.
+  const auto colour = [&](splat::Gaussians& gaussians, std::span<const Vec3f> colours) {
+    film.paint(gaussians, std::nullopt, true,
+               [&](std::size_t b, std::size_t i) { return colours[first[b] + i]; });
+  };
   splat::Rasteriser rasteriser(arena, target);
   std::vector<Shown> all;
   std::vector<Vec3f> seen(first.back(), Vec3f::Zero());  // pixels
@@ -70,7 +80,7 @@ ParticleColours learn_colours(const mpm::Scene& start, const std::vector<Sightin
     if (sighting.held_out || !sighting.has_colours() || sighting.view.time > 0.0) continue;
     Shown shown;
     shown.sighting = &sighting;
-    shown.gaussians = at_start(start, sighting.view.size);
+    shown.gaussians = film.at(0.0, sighting.view.size, *arena);
     shown.camera = sighting.view.camera;
     shown.end = first.back();
     if (sighting.view.body) {
@@ -78,8 +88,8 @@ ParticleColours learn_colours(const mpm::Scene& start, const std::vector<Sightin
       shown.end = first[*sighting.view.body + 1];
     }
     const std::vector<Vec3f> grey(first.back(), Vec3f::Constant(0.5F));
-    capture::set_colours(shown.gaussians, grey);
-    const splat::Image& image = rasteriser.render(shown.gaussians, shown.camera);
+    colour(shown.gaussians, grey);
+    const splat::Image& image = rasteriser.render(shown.gaussians, shown.camera, film.options());
     splat::Image channels(image.width, image.height);
     const std::size_t pixels = image.pixels();
     for (std::size_t p = 0; p < pixels; ++p) {
@@ -103,8 +113,8 @@ ParticleColours learn_colours(const mpm::Scene& start, const std::vector<Sightin
     std::vector<Vec3f> step(colours.size(), Vec3f::Zero());
     for (Shown& shown : all) {
       interrupter.check();
-      capture::set_colours(shown.gaussians, colours);
-      const splat::Image& image = rasteriser.render(shown.gaussians, shown.camera);
+      colour(shown.gaussians, colours);
+      const splat::Image& image = rasteriser.render(shown.gaussians, shown.camera, film.options());
       const std::size_t pixels = image.pixels();
       splat::Image channels(image.width, image.height);
       for (std::size_t c = 0; c < 3; ++c) {
@@ -121,9 +131,9 @@ ParticleColours learn_colours(const mpm::Scene& start, const std::vector<Sightin
       colours[i] = (colours[i] + step[i] / seen[i].x()).cwiseMax(kDarkest).cwiseMin(1.0F);
     }
   }
-  ParticleColours result;
   for (std::size_t b = 0; b < start.bodies.size(); ++b) {
-    auto& of = result.bodies.emplace_back();
+    if (film.has_own(b)) continue;
+    auto& of = result.bodies[b];
     for (std::size_t i = first[b]; i < first[b + 1]; ++i) {
       of.colours.push_back(colours[i]);
       of.known.push_back(seen[i].x() / (seen[i].x() + kHalfKnown));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "base/interrupter.hpp"
@@ -17,9 +18,10 @@ namespace matterfit::fit {
 /// nearest to the seen ones where both are all body, in least squares, by the simultaneous
 /// algebraic reconstruction technique (SIRT: Gilbert, Journal of Theoretical Biology 36, 1972) on
 /// the rasteriser and its adjoint. Sightings that are held out or have no colours are left out.
-/// `known` is s / (s + ½) for a particle that s pixels see. Equal bits for any number of threads.
-/// Throws Error(kInput) where no sighting with colours shows the first frame.
-[[nodiscard]] ParticleColours learn_colours(const mpm::Scene& start,
+/// `known` is s / (s + ½) for a particle that s pixels see. Bodies that are drawn by splats (`own`)
+/// keep theirs, and nothing is learnt where the sightings show such alone. Equal bits for any
+/// number of threads. Throws Error(kInput) where no sighting with colours shows the first frame.
+[[nodiscard]] ParticleColours learn_colours(const mpm::Scene& start, std::span<const OwnSplats> own,
                                             const std::vector<Sighting>& sightings,
                                             const std::shared_ptr<Arena>& arena, SimdTarget target,
                                             const Interrupter& interrupter);

@@ -56,13 +56,18 @@ void settle_sizes(const std::function<void(const Filming&)>& film,
   Filming filming;
   std::vector<std::size_t> of;
   for (std::size_t s = 0; s < sightings.size(); ++s) {
-    if (sightings[s].held_out || !(sum_of(sightings[s].matte.values) > 1.0)) continue;
+    if (sightings[s].held_out || sightings[s].view.by_splats) continue;
+    if (!(sum_of(sightings[s].matte.values) > 1.0)) continue;
     if (!first.emplace(camera_of(sightings[s]), s).second) continue;
     for (const double size : kSizes) {
       filming.views.push_back(sightings[s].view);
       filming.views.back().size = size;
       of.push_back(s);
     }
+  }
+  if (of.empty()) {
+    for (Sighting& sighting : sightings) sighting.view.size = kUsualSize;
+    return;
   }
   std::vector<double> areas(filming.views.size(), 0.0);
   filming.see = [&](std::size_t, std::size_t v, const Drawn& image) {

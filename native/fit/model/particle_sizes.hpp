@@ -20,9 +20,10 @@ inline constexpr double kUsualSize = 0.4;
 /// that camera. A camera without one takes the mean of its film's others. So does one whose pose is
 /// fitted (`moved`, by film and camera; empty: none is), for its area depends on how near it
 /// stands: the mean of those that stay or, where none does, of all; where none has a size,
-/// kUsualSize. `names` of the films begin messages. `film` draws what it is given, of its first
-/// query. Throws what that does, and Error(kInput) naming the camera that sees nothing of the body
-/// where its matte does, or whose matte no size explains.
+/// kUsualSize. Sightings of splats alone have no size to find. `names` of the films begin messages.
+/// `film` draws what it is given, of its first query. Throws what that does, and Error(kInput)
+/// naming the camera that sees nothing of the body where its matte does, or whose matte no size
+/// explains.
 void settle_sizes(const std::function<void(const Filming&)>& film,
                   const std::vector<std::string>& names,
                   const std::vector<std::vector<std::uint8_t>>& moved,

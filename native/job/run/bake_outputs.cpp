@@ -6,14 +6,14 @@
 
 #include "bake/attributes.hpp"
 #include "bake/pc2.hpp"
-#include "bake/spherical_harmonics.hpp"
 #include "bake/splat.hpp"
 #include "bake/subdivision.hpp"
 #include "bake/volume.hpp"
 #include "base/error.hpp"
 #include "capture/binding.hpp"
+#include "capture/carried_splats.hpp"
 #include "capture/mesh.hpp"
-#include "capture/splats.hpp"
+#include "job/run/own_splats.hpp"
 #include "job/run/state_file.hpp"
 
 namespace matterfit::job {
@@ -29,8 +29,7 @@ std::size_t index_of(const mpm::Scene& scene, const std::string& name) {
 capture::BindingOptions binding_options(const mpm::Body& body, const Interrupter& interrupter) {
   capture::BindingOptions options;
   options.interrupter = &interrupter;
-  options.gradient = body.material.traits().elastic() ? capture::BindingGradient::kParticle
-                                                      : capture::BindingGradient::kFitted;
+  options.gradient = capture::binding_gradient(body);
   return options;
 }
 
@@ -74,8 +73,7 @@ struct BakeOutputs::BoundMesh {
 struct BakeOutputs::BoundSplats {
   std::size_t body = 0;
   const SplatOutput& doc;  ///< of the job, borrowed
-  capture::Splats rest;
-  capture::MeshBinding binding;
+  capture::CarriedSplats splats;
 };
 
 BakeOutputs::~BakeOutputs() = default;
@@ -151,28 +149,12 @@ void BakeOutputs::add_splats(std::size_t index) {
   const SplatOutput& doc = job_.output.splats[index];
   const std::string path = "output.splats[" + std::to_string(index) + "]";
   try {
-    capture::Splats splats =
-        capture::chosen(capture::read_splats(doc.file), doc.crop, doc.opacity_threshold);
-    // The file is in the frame of the body's source: it starts where the body does.
-    const Placement& placement = body_named(job_.scene, doc.body).placement;
-    const Eigen::Quaternionf turn = placement.rotation.cast<float>();
-    const bake::ShRotation turn_colours(placement.rotation.toRotationMatrix());
-    const std::size_t bands = splats.sh_bands();
-    Points points;
-    for (std::size_t i = 0; i < splats.size(); ++i) {
-      points.push_back(placement.apply(splats.means[i].cast<double>()));
-      splats.means[i] = points.back().cast<float>();
-      splats.rotations[i] = turn * splats.rotations[i];
-      splats.scales[i] *= static_cast<float>(placement.scale);
-      turn_colours.apply({splats.sh.data() + 3 * bands * i, 3 * bands}, splats.sh_degree);
-    }
     const std::size_t body = index_of(scene_, doc.body);
-    capture::MeshBinding binding(points, scene_.bodies[body].rest, separation_,
-                                 binding_options(scene_.bodies[body], interrupter_), arena_);
-    const std::size_t far = binding.count_beyond(2.0 * separation_);
-    if (far > 0) note_distance(path, doc.body, binding.farthest().distance, far);
-    splats_.push_back(std::make_unique<BoundSplats>(
-        BoundSplats{body, doc, std::move(splats), std::move(binding)}));
+    capture::CarriedSplats splats(placed_splats(doc, body_named(job_.scene, doc.body).placement),
+                                  scene_.bodies[body], separation_, arena_, &interrupter_);
+    const std::size_t far = splats.binding().count_beyond(2.0 * separation_);
+    if (far > 0) note_distance(path, doc.body, splats.binding().farthest().distance, far);
+    splats_.push_back(std::make_unique<BoundSplats>(BoundSplats{body, doc, std::move(splats)}));
   } catch (const Error& error) {
     throw Error(error.kind(), path + ": " + error.what());
   }
@@ -261,8 +243,8 @@ void BakeOutputs::bake(const mpm::FrameState& state, std::size_t index, bool fra
   bake_attributes(state);
   for (const auto& splats : splats_) {
     const std::string path = splat_path(splats->doc, state.frame);
-    bake::write_splat_frame(job_.output.folder / path, splats->rest, splats->binding,
-                            view(splats->body), {}, arena_);
+    bake::write_splat_frame(job_.output.folder / path, splats->splats.rest(),
+                            splats->splats.binding(), view(splats->body), {}, arena_);
   }
 }
 

@@ -13,6 +13,7 @@
 #include "base/error.hpp"
 #include "fit/model/particle_colours.hpp"
 #include "fit/model/particle_sizes.hpp"
+#include "job/run/own_splats.hpp"
 #include "job/run/state_file.hpp"
 
 namespace matterfit::job {
@@ -91,7 +92,8 @@ void add_colours(Json& into, const std::vector<ImageSighting>& sightings,
   for (std::size_t k = 0; k < sightings.size(); ++k) {
     const fit::Sighting& sighting = sightings[k].reduced;
     if (!sighting.has_colours() || !takes(sighting)) continue;
-    if (!sighting.held_out && !(sighting.view.time > 0.0)) continue;
+    const bool taught = !(sighting.view.time > 0.0) && !sighting.view.by_splats;
+    if (taught && !sighting.held_out) continue;  // colours are from there
     ratios.push_back(coloured[k].psnr_db);
     similarities.push_back(coloured[k].ssim);
   }
@@ -125,6 +127,7 @@ void ImageComparison::film(const Stage& stage, const fit::Filming& filming) cons
   fit::Filmer::Given given;
   given.views = filming.views;
   given.colours = filming.colours;
+  given.own = own_;
   given.see = [&](std::size_t v, const fit::Drawn& drawn) { filming.see(0, v, drawn); };
   fit::Filmer filmer(scene_, std::move(given), stage.arena, stage.target);
   // One more than the last view lies before, for what is between frames.
@@ -190,15 +193,16 @@ std::vector<fit::ColourAgreement> ImageComparison::colour_agreements(const Stage
     filming.views.push_back(all[k].planes[0].empty() ? sighting.view : all[k].whole());
     of.push_back(k);
   }
-  if (of.empty()) return result;
-  if (first.empty()) {
+  const auto by_splats = [&](std::size_t k) { return all[k].reduced.view.by_splats; };
+  if (first.empty() && !std::ranges::all_of(of, by_splats)) {
     notes_.emplace_back(
         "captures: no image shows the colours of the body at the scene's first frame, from which "
         "they are taken; they are not compared.");
     return result;
   }
+  if (of.empty()) return result;
   const fit::ParticleColours colours =
-      fit::learn_colours(scene_, first, stage.arena, stage.target, interrupter_);
+      fit::learn_colours(scene_, own_, first, stage.arena, stage.target, interrupter_);
   filming.colours = &colours;
   filming.see = [&](std::size_t, std::size_t v, const fit::Drawn& drawn) {
     result[of[v]] = agreement_of_colours(all[of[v]], drawn);
@@ -210,6 +214,8 @@ std::vector<fit::ColourAgreement> ImageComparison::colour_agreements(const Stage
 Json ImageComparison::run(const std::filesystem::path& folder, const std::shared_ptr<Arena>& arena,
                           SimdTarget target) {
   const Stage stage{folder, arena, target};
+  own_ = fit::carried(own_splats(job_), scene_, *arena);
+  films_.mark_splats(own_, scene_);
   settle_sizes(stage);
   const std::vector<fit::Agreement> agreed = agreements(stage);
   const std::vector<fit::ColourAgreement> coloured = colour_agreements(stage);

@@ -49,6 +49,7 @@ class ImageComparison {
   const Interrupter& interrupter_;
   std::vector<std::string>& notes_;
   LoadedFilms films_;
+  std::vector<fit::OwnSplats> own_;
   std::vector<std::string> files_;
 };
 

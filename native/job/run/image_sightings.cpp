@@ -178,6 +178,13 @@ void add_refined(const ImagesDoc& doc, std::size_t camera, std::vector<fit::Para
 
 }  // namespace
 
+void LoadedFilms::mark_splats(std::span<const fit::OwnSplats> own, const mpm::Scene& scene) {
+  for (ImageSighting& sighting : sightings) {
+    fit::View& view = sighting.reduced.view;
+    view.by_splats = fit::drawn_by_splats(own, scene.bodies.size(), view.body);
+  }
+}
+
 bool LoadedFilms::is_fitted(std::size_t film, std::size_t camera) const {
   return std::any_of(sightings.begin(), sightings.end(), [&](const ImageSighting& sighting) {
     const fit::View& view = sighting.reduced.view;
@@ -303,7 +310,8 @@ Json cameras_json(const LoadedFilms& films, const std::vector<fit::Agreement>& a
       };
       Json one = {{"capture", films.films[f].name}, {"camera", k}, {"particle_size", nullptr}};
       for (const ImageSighting& sighting : films.sightings) {
-        if (of_camera(sighting.reduced)) one["particle_size"] = sighting.reduced.view.size;
+        const fit::View& view = sighting.reduced.view;
+        if (of_camera(sighting.reduced) && !view.by_splats) one["particle_size"] = view.size;
       }
       for (const bool held_out : {false, true}) {
         one[held_out ? "held_out" : "fitted"] =

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,8 @@ struct LoadedFilms {
   /// What each film's cameras see of their whole images, as capture::ImageClip has it.
   std::vector<std::vector<std::vector<std::uint8_t>>> seen;
 
+  /// Says of each sighting whether all that it shows are splats.
+  void mark_splats(std::span<const fit::OwnSplats> own, const mpm::Scene& scene);
   /// Whether an image of that camera is fitted.
   [[nodiscard]] bool is_fitted(std::size_t film, std::size_t camera) const;
   /// How what is drawn of a whole image agrees with its matte, as far as its lens saw it.

@@ -21,6 +21,7 @@
 #include "job/documents/inputs.hpp"
 #include "job/run/bake_outputs.hpp"
 #include "job/run/build_scene.hpp"
+#include "job/run/own_splats.hpp"
 #include "job/run/run_scene.hpp"
 #include "job/run/state_file.hpp"
 
@@ -75,9 +76,11 @@ class Painter {
   [[nodiscard]] Arena& arena() { return *arena_; }
 
   /// `name`: what stands between camera_N and .png.
-  void draw(const splat::Gaussians& gaussians, const std::string& name) {
+  void draw(const splat::Gaussians& gaussians, bool antialiased, const std::string& name) {
+    splat::RenderOptions options;
+    options.antialiased = antialiased;
     for (const Place& place : places_) {
-      const splat::Image& image = rasteriser_.render(gaussians, place.camera);
+      const splat::Image& image = rasteriser_.render(gaussians, place.camera, options);
       seen_ = seen_ || std::any_of(image.mask.begin(), image.mask.end(),
                                    [](float mask) { return mask > 0.5F; });
       const std::string file = "render/camera_" + std::to_string(place.number) + name + ".png";
@@ -126,7 +129,8 @@ capture::Splats chosen_splats(const RenderDoc& doc) {
 
 Json draw_still(const Job& job, const RenderDoc& doc, const RunOptions& options) {
   Painter painter(job, doc, options);
-  painter.draw(capture::gaussians_of(chosen_splats(doc)), "");
+  const capture::Splats splats = chosen_splats(doc);
+  painter.draw(capture::gaussians_of(splats), splats.antialiased, "");
   Json result = {{"status", "complete"},
                  {"task", "render"},
                  {"version", MATTERFIT_VERSION},
@@ -137,20 +141,26 @@ Json draw_still(const Job& job, const RenderDoc& doc, const RunOptions& options)
   return result;
 }
 
-/// A body's particles, or the splats that stand for it.
+/// A body's particles, or the splats that stand for it: as they were baked, or those of which it
+/// was filled.
 splat::Gaussians gaussians_of_body(const Job& job, const mpm::Scene& scene, std::size_t k,
-                                   const mpm::FrameState& state,
-                                   const std::vector<Vec3f>& colours) {
+                                   std::span<const fit::OwnSplats> own,
+                                   const mpm::FrameState& state, const std::vector<Vec3f>& colours,
+                                   Arena& arena) {
   const mpm::Body& body = scene.bodies[k];
   splat::Gaussians all;
   for (const SplatOutput& splats : job.output.splats) {
     if (splats.body != body.name) continue;
     const std::string file = splat_path(splats, state.frame);
-    bake::append(all, capture::gaussians_of(capture::read_splats(job.output.folder / file)));
+    splat::append(all, capture::gaussians_of(capture::read_splats(job.output.folder / file)));
   }
   if (all.size() > 0) return all;
   const double separation = 0.5 * scene.dx;
   const capture::ParticleView view = capture::particle_view(body, state.bodies[k], separation);
+  for (const fit::OwnSplats& one : own) {
+    if (one.body == k) splat::append(all, one.splats.at(view, arena));
+  }
+  if (all.size() > 0) return all;
   // F of what flows is not how its particles moved.
   const bool whole = !body.material.traits().fluid;
   all = capture::particle_gaussians(view.positions,
@@ -179,6 +189,10 @@ Json run_render(const Job& job, const RunOptions& options, Interrupter& interrup
     Painter painter(job, *doc, options);
     const BuiltScene built = build_scene(simulated, painter.arena(), interrupter);
     const mpm::Scene& scene = built.scene;
+    const std::vector<fit::OwnSplats> own =
+        fit::carried(own_splats(simulated), scene, painter.arena());
+    const bool antialiased = std::ranges::any_of(
+        own, [](const fit::OwnSplats& one) { return one.splats.rest().antialiased; });
     std::vector<std::vector<Vec3f>> colours;
     for (std::size_t k = 0; k < scene.bodies.size(); ++k) {
       colours.push_back(bake::block_colours(scene.bodies[k].rest, 0.5 * scene.dx, k));
@@ -194,9 +208,10 @@ Json run_render(const Job& job, const RunOptions& options, Interrupter& interrup
       const mpm::FrameState state = read_state(job.output.folder / state_path(frame), scene);
       splat::Gaussians all;
       for (std::size_t k = 0; k < scene.bodies.size(); ++k) {
-        bake::append(all, gaussians_of_body(job, scene, k, state, colours[k]));
+        splat::append(all,
+                      gaussians_of_body(job, scene, k, own, state, colours[k], painter.arena()));
       }
-      painter.draw(all, "/" + frame_digits(frame));
+      painter.draw(all, antialiased, "/" + frame_digits(frame));
     }
     result["render"] = painter.json();
     return painter.files();

@@ -9,7 +9,8 @@ namespace matterfit::job {
 
 /// Draws the scene frame by frame through the cameras of the section `render`, simulating what the
 /// output folder does not hold yet: `render/camera_0/0001.png`, … Bodies that have splats in
-/// `output.splats` are drawn by them, others by their particles. With `render.gaussians` that file
+/// `output.splats`, or were filled of some, are drawn by them, others by their particles, and all
+/// antialiased where one of these files was trained so. With `render.gaussians` that file
 /// alone is drawn, once a camera: `render/camera_0.png`. Throws Error of every kind.
 [[nodiscard]] Json run_render(const Job& job, const RunOptions& options, Interrupter& interrupter);
 

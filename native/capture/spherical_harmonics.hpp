@@ -5,11 +5,12 @@
 #include <span>
 
 #include "base/vec.hpp"
+#include "splat/gaussians.hpp"
 
-namespace matterfit::bake {
+namespace matterfit::capture {
 
-/// Coefficients of real spherical harmonics up to degree 3.
-inline constexpr int kMaxShDegree = 3;
+using splat::kMaxShDegree;
+/// Coefficients of real spherical harmonics up to that degree.
 inline constexpr int kMaxShBands = 16;
 
 /// Values of the 16 real spherical harmonics at a unit direction, in the order and with the signs
@@ -31,4 +32,4 @@ class ShRotation {
   std::array<std::array<double, 49>, kMaxShDegree> matrices_{};
 };
 
-}  // namespace matterfit::bake
+}  // namespace matterfit::capture

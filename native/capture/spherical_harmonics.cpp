@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "bake/spherical_harmonics.hpp"
+#include "capture/spherical_harmonics.hpp"
 
 #include <Eigen/Dense>
 #include <cmath>
 #include <numbers>
 
-namespace matterfit::bake {
+namespace matterfit::capture {
 namespace {
 
 constexpr int kDirections = 16;
 
-struct Projection {
+struct ShProjection {
   std::array<Vec3d, kDirections> directions;
   /// B⁺ of degree l: (2l + 1) × kDirections.
   std::array<Eigen::MatrixXd, kMaxShDegree> inverse;
 };
 
-const Projection& projection() {
-  static const Projection result = [] {
-    Projection p;
+const ShProjection& projection() {
+  static const ShProjection result = [] {
+    ShProjection p;
     for (int k = 0; k < kDirections; ++k) {
       // A Fibonacci spiral: well spread, and no plane of symmetry.
       const double z = 1.0 - (2.0 * k + 1.0) / kDirections;
@@ -70,7 +70,7 @@ std::array<double, kMaxShBands> sh_basis(const Vec3d& d) {
 }
 
 ShRotation::ShRotation(const Mat3d& rotation) {
-  const Projection& p = projection();
+  const ShProjection& p = projection();
   std::array<std::array<double, kMaxShBands>, kDirections> turned{};
   for (std::size_t k = 0; k < kDirections; ++k) {
     turned[k] = sh_basis(rotation.transpose() * p.directions[k]);
@@ -111,4 +111,4 @@ void ShRotation::apply(std::span<float> coefficients, int degree) const {
   }
 }
 
-}  // namespace matterfit::bake
+}  // namespace matterfit::capture

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "job/clip_for_test.hpp"
+#include "job/documents/fit_document.hpp"
+#include "job/image_experiment.hpp"
+
+/// The transpose of how images change with a fit's numbers.
+namespace matterfit::job {
+namespace {
+
+using namespace fit_test;
+
+constexpr double kBlur = 2.0;
+
+/// A fit to images made anew of a document, as a problem of its own.
+class ImageFixture {
+ public:
+  ImageFixture(const Json& document, const fs::path& folder, int threads = 2)
+      : job_(job_of(document, folder)) {
+    options_.threads = threads;
+    experiment_.emplace(job_, fit_of(job_), options_, interrupter_, statements_);
+    const std::vector<double> values = experiment_->parameters().starts();
+    experiment_->settle_steps(values);
+    experiment_->settle_sizes(values);
+    (void)experiment_->learn_colours(values);
+    problem_.emplace(experiment_->problem(values, kBlur));
+  }
+  [[nodiscard]] fit::ImageProblem& problem() { return *problem_; }
+  [[nodiscard]] const fit::Parameter& parameter(std::size_t k) const {
+    return experiment_->parameters().parameters()[k];
+  }
+  [[nodiscard]] Eigen::VectorXd start() const {
+    const std::vector<double> values = experiment_->parameters().starts();
+    Eigen::VectorXd point(Eigen::Index(values.size()));
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      point[Eigen::Index(k)] = fit::to_natural(parameter(k).coordinate, values[k]);
+    }
+    return point;
+  }
+
+ private:
+  Job job_;
+  RunOptions options_;
+  Interrupter interrupter_;
+  std::vector<std::string> statements_;
+  std::optional<ImageExperiment> experiment_;
+  std::optional<fit::ImageProblem> problem_;
+};
+
+Json image_fit_of(const std::vector<std::string>& parameters) {
+  Json document = thrown_cube();
+  document["scene"]["frames"] = {0, 6};
+  document["task"] = "fit";
+  document["scene"]["bodies"][0]["velocity"] = {0.6, 0.4, -2.5};
+  document["scene"]["bodies"][0]["spin"] = {1, -2, 3};
+  document["captures"] = Json::array({{{"cameras", "clip/transforms.json"}, {"noise", 0.3}}});
+  document["fit"] = {{"parameters", parameters}};
+  return document;
+}
+
+/// rᵀJ against differences of ½ r², by the residual itself: what a descent goes by. Those are of
+/// float images, whose pairs of Gaussian and pixel come and go.
+void expect_descent(const Json& document, const fs::path& folder, double step, double tolerance) {
+  ImageFixture fixture(document, folder);
+  fit::ImageProblem& problem = fixture.problem();
+  ASSERT_GT(problem.transposed_cost(), 0.0);
+  const Eigen::VectorXd start = fixture.start();
+  const auto n = std::size_t(start.size());
+  std::vector<Eigen::VectorXd> points{start};
+  const double steps[] = {-2.0, -1.0, 1.0, 2.0};
+  for (std::size_t k = 0; k < n; ++k) {
+    for (const double s : steps) {
+      points.push_back(start);
+      points.back()[Eigen::Index(k)] += s * step * fixture.parameter(k).scale;
+    }
+  }
+  const auto results = problem.evaluate(points);
+  for (const auto& result : results) ASSERT_TRUE(result.has_value()) << problem.failure();
+  const Eigen::VectorXd& weights = *results[0];
+  const auto exact = problem.transposed(start, weights);
+  ASSERT_TRUE(exact.has_value());
+  Eigen::VectorXd difference(start.size());
+  for (std::size_t k = 0; k < n; ++k) {
+    const auto value = [&](std::size_t s) { return weights.dot(*results[4 * k + 1 + s]); };
+    const double h = step * fixture.parameter(k).scale;
+    difference[Eigen::Index(k)] =
+        (value(0) - 8.0 * value(1) + 8.0 * value(2) - value(3)) / (12.0 * h);
+  }
+  for (Eigen::Index k = 0; k < start.size(); ++k) {
+    EXPECT_NEAR((*exact)[k], difference[k], tolerance * std::abs(difference[k]))
+        << fixture.parameter(std::size_t(k)).name;
+  }
+}
+
+TEST(ImageGradient, IsTheTransposeOfDifferencesForMasks) {
+  const Folder folder;
+  Json truth = filmed_cube();
+  truth["scene"]["frames"] = {0, 6};
+  film(truth, folder.path, two_cameras());
+  Json document = image_fit_of({"material.E", "material.nu", "density", "velocity", "spin"});
+  // Between frames, images that are drawn finer than they are compared, and a ground before them.
+  document["captures"][0]["start_frame"] = 0.3;
+  expect_descent(document, folder.path, 0.02, 3e-2);
+}
+
+/// One of two bodies, behind the other in places, and what is painted on it.
+TEST(ImageGradient, IsTheTransposeOfDifferencesForColoursOfOneOfTwoBodies) {
+  const Folder folder;
+  Json truth = filmed_cube();
+  truth["scene"]["frames"] = {0, 5};
+  truth["scene"]["bodies"].push_back(
+      Json::parse(R"({ "name": "ball", "density": 800, "velocity": [0, 0, 0.5],
+        "source": { "sphere": { "center": [0.5, -0.45, 0.35], "radius": 0.15 } },
+        "formulation": "updated", "material": { "law": "neo_hookean", "E": 2e4, "nu": 0.3 } })"));
+  truth["scene"]["bodies"][0]["formulation"] = "updated";
+  film(truth, folder.path, two_cameras(), [](const auto& scene, const auto& state, const auto& at) {
+    return paint(scene, state, at, [](const Vec3d& rest) {
+      return Vec3d(0.5 + 0.4 * std::sin(9.0 * rest.x()), 0.5 + 0.4 * std::cos(7.0 * rest.y()),
+                   0.3 + rest.z());
+    });
+  });
+  Json document =
+      image_fit_of({"bodies.cube.material.E", "bodies.cube.velocity", "bodies.cube.spin"});
+  document["scene"]["frames"] = {0, 5};
+  document["scene"]["bodies"][0]["formulation"] = "updated";
+  document["scene"]["bodies"].push_back(truth["scene"]["bodies"][1]);
+  document["captures"][0]["body"] = "cube";
+  document["captures"][0]["colours"] = {{"noise", 0.05}};
+  expect_descent(document, folder.path, 0.02, 6e-2);
+}
+
+TEST(ImageGradient, SameBitsForAnyThreads) {
+  const Folder folder;
+  Json truth = filmed_cube();
+  truth["scene"]["frames"] = {0, 4};
+  film(truth, folder.path, two_cameras());
+  Json document = image_fit_of({"material.E", "velocity"});
+  document["scene"]["frames"] = {0, 4};
+  std::optional<Eigen::VectorXd> first;
+  for (const int threads : {1, 2, 8}) {
+    ImageFixture fixture(document, folder.path, threads);
+    const auto residual = fixture.problem().evaluate({fixture.start()}).front();
+    ASSERT_TRUE(residual.has_value());
+    const auto found = fixture.problem().transposed(fixture.start(), *residual);
+    ASSERT_TRUE(found.has_value());
+    if (!first) first = found;
+    EXPECT_EQ(*first, *found) << threads;
+  }
+}
+
+/// Of poses and of splats of a body's own there is none.
+TEST(ImageGradient, IsNotThereForWhatItDoesNotKnow) {
+  const Folder folder;
+  Json truth = filmed_cube();
+  truth["scene"]["frames"] = {0, 3};
+  film(truth, folder.path, two_cameras());
+  Json document = image_fit_of({"material.E", "captures.clip.poses[0].shift"});
+  document["scene"]["frames"] = {0, 3};
+  ImageFixture fixture(document, folder.path);
+  EXPECT_EQ(fixture.problem().transposed_cost(), 0.0);
+  EXPECT_FALSE(fixture.problem().transposed(fixture.start(), {}).has_value());
+}
+
+}  // namespace
+}  // namespace matterfit::job

@@ -25,9 +25,11 @@ SANITIZER_ENVIRONMENT = {
     "LSAN_OPTIONS": f"suppressions='{ROOT}/scripts/leaks.supp':print_suppressions=0",
 }
 
-# Fits of a minute that tell again what a shorter one tells.
-LONG_TESTS = ["FitLatent.FindsPlasticine", "FitNeural.FindsAFluidWithoutBeingToldThatItFlows",
-              "FitCorrection.OfTwoBodies*"]
+# Fits and diagnoses of a minute and more, most of which tell again what a shorter one tells.
+LONG_TESTS = ["FitLatent.FindsPlasticine", "FitLatent.TheBalanceOf*",
+              "FitNeural.FindsAFluidWithoutBeingToldThatItFlows", "FitCorrection.OfTwoBodies*",
+              "ImageWeights.OfThePublishedLaw*", "Strangers.AKick*", "Strangers.AGust*",
+              "Strangers.NothingIsFoundInABodyThatIsHeld", "Strangers.AnInclusion*"]
 
 # How many tests run one after another in one process, so that a piece takes about half a minute.
 TESTS_A_PIECE = {"test_job": 6, "test_mpm": 12, "test_fit": 20}

@@ -24,9 +24,8 @@ Mat3d random_rotation(std::mt19937& random) {
 double evaluate(std::span<const float> sh, int degree, const Vec3d& direction) {
   const auto basis = capture::sh_basis(direction);
   double sum = 0.0;
-  for (int k = 0; k < (degree + 1) * (degree + 1); ++k) {
-    sum += basis[static_cast<std::size_t>(k)] *
-           static_cast<double>(sh[static_cast<std::size_t>(3 * k + 1)]);
+  for (std::size_t k = 0; k < splat::sh_bands(degree); ++k) {
+    sum += basis[k] * static_cast<double>(sh[3 * k + 1]);
   }
   return sum;
 }

@@ -8,6 +8,9 @@
 namespace matterfit::capture {
 namespace {
 
+/// Of an array that is counted in int, as degrees and orders are.
+constexpr std::size_t sh_place(int index) { return static_cast<std::size_t>(index); }
+
 constexpr int kDirections = 16;
 
 struct ShProjection {
@@ -31,8 +34,7 @@ const ShProjection& projection() {
       Eigen::MatrixXd basis(kDirections, 2 * l + 1);
       for (int k = 0; k < kDirections; ++k) {
         const auto values = sh_basis(p.directions[static_cast<std::size_t>(k)]);
-        for (int m = 0; m < 2 * l + 1; ++m)
-          basis(k, m) = values[static_cast<std::size_t>(l * l + m)];
+        for (int m = 0; m < 2 * l + 1; ++m) basis(k, m) = values[sh_place(l * l + m)];
       }
       p.inverse[static_cast<std::size_t>(l - 1)] =
           basis.completeOrthogonalDecomposition().pseudoInverse();
@@ -83,10 +85,9 @@ ShRotation::ShRotation(const Mat3d& rotation) {
       for (int j = 0; j < size; ++j) {
         double sum = 0.0;
         for (int k = 0; k < kDirections; ++k) {
-          sum += inverse(i, k) *
-                 turned[static_cast<std::size_t>(k)][static_cast<std::size_t>(l * l + j)];
+          sum += inverse(i, k) * turned[sh_place(k)][sh_place(l * l + j)];
         }
-        matrix[static_cast<std::size_t>(i * size + j)] = sum;
+        matrix[sh_place(i * size + j)] = sum;
       }
     }
   }
@@ -100,13 +101,12 @@ void ShRotation::apply(std::span<float> coefficients, int degree) const {
     for (int i = 0; i < size; ++i)
       for (int j = 0; j < size; ++j)
         for (int c = 0; c < 3; ++c) {
-          result[static_cast<std::size_t>(3 * i + c)] +=
-              matrix[static_cast<std::size_t>(i * size + j)] *
-              static_cast<double>(coefficients[static_cast<std::size_t>(3 * (l * l + j) + c)]);
+          result[sh_place(3 * i + c)] +=
+              matrix[sh_place(i * size + j)] *
+              static_cast<double>(coefficients[sh_place(3 * (l * l + j) + c)]);
         }
     for (int i = 0; i < 3 * size; ++i) {
-      coefficients[static_cast<std::size_t>(3 * l * l + i)] =
-          static_cast<float>(result[static_cast<std::size_t>(i)]);
+      coefficients[sh_place(3 * l * l + i)] = static_cast<float>(result[sh_place(i)]);
     }
   }
 }

@@ -370,8 +370,8 @@ class ImageFit {
 
   /// The errors are those of the present values, whatever their search was.
   void begin_errors() {
-    search_.emplace(scene_->parameters_from(state_.values), fit::LeastSquaresOptions{});
     if (state_.values.empty()) return;
+    search_.emplace(scene_->parameters_from(state_.values), fit::LeastSquaresOptions{});
     fit::LeastSquaresState at = search_->start();
     if (state_.search) {
       at.finish(state_.search->converged, state_.search->reason);

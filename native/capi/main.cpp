@@ -104,7 +104,11 @@ void add_common(CLI::App& app, Arguments& arguments, const char* documents = kJo
   app.add_option("--threads", arguments.threads, "threads; 0: as many as the machine has")
       ->check(whole_number(0, std::numeric_limits<int>::max()));
   app.add_option("--target", arguments.target, "instruction set: auto, sse4, avx2, avx512");
-  app.add_option("--report", arguments.report, "write the result to this file too");
+  app.add_option("--report", arguments.report, "write the result to this file too")
+      ->check([](const std::string& file) -> std::string {
+        const bool page = std::filesystem::path(file).extension() == ".html";
+        return page ? "it is the JSON file; a page is written beside it as .html" : "";
+      });
   app.add_flag("--json", arguments.json, "print the result as JSON on standard output");
   app.add_flag("--restart", arguments.restart,
                "begin afresh, removing the results that the output folder's manifest lists");
@@ -165,14 +169,7 @@ int finish(const Arguments& arguments, capi::JobThread& thread) {
   return outcome.exit_status;
 }
 
-void refuse_page_as_report(const Arguments& arguments) {
-  if (std::filesystem::path(arguments.report).extension() == ".html") {
-    matterfit::throw_input("--report is the JSON file; the page is written beside it as .html.");
-  }
-}
-
 int run(const Arguments& arguments, const std::string& verb) {
-  if (verb == "diagnose") refuse_page_as_report(arguments);
   capi::JobThread thread(read(arguments, verb), run_options(arguments));
   return finish(arguments, thread);
 }
@@ -180,7 +177,6 @@ int run(const Arguments& arguments, const std::string& verb) {
 /// Diagnoses what a testing machine measured.
 int diagnose_tests(const Arguments& arguments) {
   if (!arguments.set.empty()) matterfit::throw_input("--set changes jobs; these are tests.");
-  refuse_page_as_report(arguments);
   capi::JobThread thread([&](matterfit::Interrupter& interrupter) {
     const job::Json report = job::diagnose_tests(arguments.job, arguments.threads, interrupter);
     return capi::Outcome{0, report.dump(2, ' ', false, job::Json::error_handler_t::replace), {}};
@@ -293,10 +289,8 @@ CLI::App* add_pretrain(CLI::App& app, Arguments& arguments) {
                  "published_LAW.safetensors each");
   verb->add_flag("--latent", pretrain.latent,
                  "the latent law's decoder, latent.safetensors (about a minute)");
-  verb->add_flag(
-      "--all", pretrain.all,
-      "all that the library carries, side by side: both kinds of start laws, the decoder");
-  verb->add_option("--threads", pretrain.threads, "how many, with --all; 0: all");
+  verb->add_flag("--all", pretrain.all, "all that the library carries, side by side");
+  verb->add_option("--threads", pretrain.threads, "how many; 0: all");
   verb->add_option("--seed", pretrain.seed, "of the samples");
   return verb;
 }

@@ -219,7 +219,13 @@ class FitJob {
     Json predicted;
     if (uncertainty && doc_.draws > 0) {
       say("Fitting: how sure the prediction is", kFitShare);
-      predicted = predicted_json(of, law, *uncertainty, doc_.draws);
+      try {
+        predicted = predicted_json(of, law, *uncertainty, doc_.draws);
+      } catch (const Error& error) {
+        if (error.kind() != ErrorKind::kCompute) throw;
+        statements_.push_back(std::string("How sure the prediction is could not be found: ") +
+                              error.what());
+      }
     }
     document = fitted_document(law, of);
     if (moved && doc_.weights > 0) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <thread>
 #include <utility>
 
 #include "base/clock.hpp"
@@ -168,6 +169,7 @@ struct Wanted {
 
 /// Makes all, the first ones first; each entry says what it took where there are several.
 Json made(const std::vector<Wanted>& wanted, int threads) {
+  if (threads < 1) threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   std::vector<Json> entries(wanted.size());
   const auto at_once = std::max<std::size_t>(1, wanted.size());
   side_by_side(wanted.size(), at_once, threads,

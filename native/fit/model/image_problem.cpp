@@ -212,6 +212,7 @@ std::optional<Eigen::VectorXd> ImageProblem::transposed(const Eigen::VectorXd& p
 
 std::optional<std::vector<double>> ImageProblem::transposed_published(
     const Eigen::VectorXd& point, const Eigen::VectorXd& weights, const std::string& body) const {
+  if (!(transposed_cost() > 0.0)) return std::nullopt;
   const Filming filming = filming_bar(weights);
   return model_.pull_back_published(physical(point), scope(filming), track_bars(weights), body);
 }

@@ -62,7 +62,13 @@ ParticleColours learn_colours(const mpm::Scene& start, std::span<const OwnSplats
   const bool learns = std::ranges::any_of(sightings, [](const Sighting& sighting) {
     return !sighting.held_out && sighting.has_colours() && !sighting.view.by_splats;
   });
-  if (!learns) return result;
+  if (!learns) {  // what is not drawn by its own splats has no known colour
+    for (std::size_t b = 0; b < start.bodies.size(); ++b) {
+      result.bodies[b].colours.assign(start.bodies[b].rest.size(), Vec3f::Zero());
+      result.bodies[b].known.assign(start.bodies[b].rest.size(), 0.0F);
+    }
+    return result;
+  }
   ParticleFilm film(start, own);
   film.record(frame_at_start(start));
   const std::vector<std::size_t>& first = film.begins();

@@ -433,6 +433,10 @@ EquationStart rank_classes(const std::vector<Run>& runs, const std::vector<mpm::
                         one.deviance - ranked.front().deviance);
     if (result.candidates.size() < kClasses) result.candidates.push_back(std::move(one.values));
   }
+  if (result.candidates.empty()) {
+    result.statement = std::string(kTitle) + ": not possible here, in no class of flow.";
+    return result;
+  }
   result.statement = fmt::format(
       "The momentum balance of the recording was looked at from each class of flow, nearest first "
       "(by what minus twice the logarithm of the likelihood grows, a residual): {}; the first {} "

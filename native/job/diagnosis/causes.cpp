@@ -24,6 +24,9 @@
 namespace matterfit::job {
 namespace {
 
+/// Fewer rows than this, as the front of a flow has, six numbers of a swing fit whatever they show.
+constexpr double kRowsForShaking = 200.0;
+
 using diagnose::Effect;
 using diagnose::Number;
 
@@ -43,7 +46,9 @@ class Causes {
   std::vector<Cause> all() {
     gravity();
     terms();
-    if (auto cause = shaking(scene_, options_.duration)) causes_.push_back(std::move(*cause));
+    if (options_.rows >= kRowsForShaking) {
+      if (auto cause = shaking(scene_, options_.duration)) causes_.push_back(std::move(*cause));
+    }
     if (auto cause = push(options_.encounters, scene_)) causes_.push_back(std::move(*cause));
     std::ranges::move(contact_causes(job_, scene_, options_.fitted), std::back_inserter(causes_));
     if (auto cause = hidden_collider(options_.encounters, scene_)) {

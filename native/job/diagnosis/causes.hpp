@@ -54,6 +54,7 @@ struct Encounter {
 struct CauseOptions {
   std::vector<fit::Address> fitted;   ///< what a fit moves: no causes of their own
   double duration = 1.0;              ///< of the longest recording [s]
+  double rows = 1e9;                  ///< coordinates that the recordings show
   std::vector<Encounter> encounters;  ///< where something is that nobody listed
   std::vector<OwnScene> own_scenes;   ///< beside the first run's
 };

@@ -89,9 +89,11 @@ class ContactCauses {
 
   /// The number is 1/(1 + μ): 0 holds for good, 1 is free of friction.
   void lets_go(std::size_t c, const ColliderDoc& doc) {
-    Cause& cause = add("contact_kind", "'" + doc.name +
-                                           "' does not hold what touches it: it lets go and "
-                                           "slips (share {value}; 1 is free of friction).");
+    const bool glued = scene_.colliders[c]->contact().kind == shape::ContactKind::kGlue;
+    Cause& cause = add("contact_kind", "'" + doc.name + "' does not hold what " +
+                                           (glued ? "touches it: it lets go and slips"
+                                                  : "presses on it: that slips") +
+                                           " (share {value}; 1 is free of friction).");
     diagnose::Number slip = number("slip", "", 0.1, true);
     slip.first_step = 0.5;
     slip.high = 1.0;

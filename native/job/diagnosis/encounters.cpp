@@ -111,8 +111,9 @@ std::optional<Encounter> lasting_at(const Samples& samples, const std::vector<Mi
   const auto along = [&](std::size_t k) { return missing[k].acceleration.dot(way) / size; };
   std::size_t first = std::size_t(most - missing.begin());
   std::size_t last = first;
-  while (first > 0 && along(first - 1) > 0.5) --first;
-  while (last + 1 < missing.size() && along(last + 1) > 0.5) ++last;
+  const auto next = [&](std::size_t k) { return missing[k + 1].frame == missing[k].frame + 1; };
+  while (first > 0 && next(first - 1) && along(first - 1) > 0.5) --first;
+  while (last + 1 < missing.size() && next(last) && along(last + 1) > 0.5) ++last;
   const std::size_t count = last - first + 1;
   if (count < kFewestLasting || double(count) > kMostLasting * double(missing.size())) {
     return std::nullopt;

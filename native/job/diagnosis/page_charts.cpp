@@ -188,9 +188,9 @@ std::string chart(const std::string& name, const Recording& recording, const Jso
   html += "</svg>";
   if (const Json* worst = worst_cell(recording)) {
     html += "<p class=\"dim\">Farthest from noise in frame " + whole(number_at(*worst, "frame"));
-    const auto region = static_cast<std::size_t>(number_at(*worst, "region"));
-    if (names.size() > 1 && region < names.size()) {
-      html += ", part " + escaped(names[region].get<std::string>());
+    const double region = number_at(*worst, "region");
+    if (names.size() > 1 && region >= 0.0 && region < double(names.size())) {
+      html += ", part " + escaped(names[static_cast<std::size_t>(region)].get<std::string>());
     }
     html += ": " + shown(number_at(*worst, "sigmas")) + " times its standard deviation.</p>";
   }

@@ -29,6 +29,8 @@ struct Field {
   double end;  ///< not after `begin`: it acts all the time
 };
 
+bool lasts(const Field& field) { return field.end > field.begin; }
+
 void set(effects::Effect& effect, const char* key, std::size_t component, double value) {
   effect.values[effect.type->offset(*effect.type->find(key)) + component] = value;
 }
@@ -42,7 +44,7 @@ effects::Effect placed(const Field& field) {
 
 effects::Effect acting(const Field& field, std::span<const double> v) {
   effects::Effect effect = placed(field);
-  if (!(field.end > field.begin)) {
+  if (!lasts(field)) {
     for (std::size_t axis = 0; axis < 3; ++axis) set(effect, "acceleration", axis, v[axis]);
     return effect;
   }
@@ -50,8 +52,12 @@ effects::Effect acting(const Field& field, std::span<const double> v) {
   effect.keys.resize(effect.values.size());
   for (std::size_t axis = 0; axis < 3; ++axis) {
     shape::Keyed<double>& keys = effect.keys[first + axis];
-    keys.times = {0.0, field.begin, field.end};
-    keys.values = {0.0, v[axis], 0.0};
+    keys.times = {field.begin, field.end};
+    keys.values = {v[axis], 0.0};
+    if (field.begin > 0.0) {
+      keys.times.insert(keys.times.begin(), 0.0);
+      keys.values.insert(keys.values.begin(), 0.0);
+    }
     keys.step = true;
   }
   return effect;
@@ -77,8 +83,9 @@ std::optional<Cause> push(const std::vector<Encounter>& encounters, const mpm::S
   const auto found = std::ranges::find_if(encounters, [](const auto& e) { return e.lasts > 0.0; });
   if (found == encounters.end() || has_effect(scene, kField)) return std::nullopt;
   const double size = extent_of(scene.bodies.front()).size;
-  const double begin = found->time;
-  const double end = begin + found->lasts;
+  const double begin = std::max(0.0, found->time);
+  const double end = found->time + found->lasts;
+  if (!(end > begin)) return std::nullopt;
   std::vector<Field> fields;
   Cause cause;
   cause.row.name = kField;
@@ -109,12 +116,15 @@ std::optional<Cause> push(const std::vector<Encounter>& encounters, const mpm::S
     const Field& field = fields[static_cast<std::size_t>(variant)];
     Json entry = effect_entry(placed(field));
     const Json pushed = {v[0], v[1], v[2]};
-    if (field.end > field.begin) {
+    if (lasts(field)) {
       const Json none = {0.0, 0.0, 0.0};
-      entry["acceleration"] = {
-          {"frames", {first, first + field.begin * fps, first + field.end * fps}},
-          {"values", {none, pushed, none}},
-          {"interpolation", "step"}};
+      Json frames = {first + field.begin * fps, first + field.end * fps};
+      Json values = {pushed, none};
+      if (field.begin > 0.0) {
+        frames.insert(frames.begin(), first);
+        values.insert(values.begin(), none);
+      }
+      entry["acceleration"] = {{"frames", frames}, {"values", values}, {"interpolation", "step"}};
     } else {
       entry["acceleration"] = pushed;
     }

@@ -118,7 +118,10 @@ SceneModel::SceneModel(const Job& job, From from, const RunOptions& options,
   CauseOptions about;
   about.fitted = fitted_numbers();
   about.duration = 0.0;
+  about.rows = 0.0;
   for (const diagnose::Capture& capture : captures_) {
+    const auto axes = std::ranges::count(capture.axes, true);
+    about.rows += double(axes * std::ranges::count(capture.use, diagnose::Use::kUsed));
     about.duration = std::max(about.duration, capture.times.back() - capture.times.front());
   }
   for (std::size_t r = 1; r < runs().size(); ++r) {

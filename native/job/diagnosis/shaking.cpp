@@ -16,7 +16,8 @@ namespace matterfit::job {
 namespace {
 
 constexpr const char* kShakes = "frame_acceleration";
-constexpr std::size_t kFrequencies = 4;  // six runs each
+/// A set of slopes takes six simulations for each.
+constexpr std::size_t kFrequencies = 4;
 /// Of the frame rate: four samples a period.
 constexpr double kHighest = 0.25;
 /// In the acceleration's scale: at high frequencies a hundredth of it moves a body by less than the

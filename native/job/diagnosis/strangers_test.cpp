@@ -132,8 +132,8 @@ TEST(Strangers, DampingIsFoundInABodyThatIsHeld) {
   EXPECT_GT(gain_of(report), 0.5) << report.at("sentence");
 }
 
-/// Springs that are five times as stiff in one place: it is not found (docs/dev/open.md), but nothing
-/// else is named for it.
+/// Springs that are five times as stiff in one place: it is not found (docs/dev/open.md), but
+/// nothing else is named for it.
 TEST(Strangers, AnInclusionIsTakenForNothingElse) {
   const Folder folder;
   Hidden hidden;

@@ -214,7 +214,12 @@ FitDoc read_fit(const JsonValue& value, const SceneDoc& scene,
   fit.windows = object.boolean("windows", fit.windows);
   fit.weights = object.integer("weights", fit.weights, 0, 1000);
   // Weights are enough.
-  if (fit.parameters.empty() && fit.weights == 0) parameters->fail("at least one parameter");
+  if (fit.parameters.empty() && fit.weights == 0) {
+    if (parameters) parameters->fail("at least one parameter");
+    value.refuse(
+        "these laws share no number with the body's own that could be fitted; list what is "
+        "to be fitted in 'parameters'.");
+  }
   fit.draws = object.integer("draws", fit.draws, 0, 1000);
   fit.correction = object.integer("correction", fit.correction, 0, 1000);
   if (fit.weights > 0 && fit.correction > 0) {

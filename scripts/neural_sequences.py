@@ -74,7 +74,7 @@ def body_of(name, material):
 
 def scene_of(name, material):
     clip = clip_of(name)
-    contact = {"kind": "sticky", "method": "node"}  # known: the simulator's floor holds whole nodes
+    contact = {"kind": "glue", "method": "node"}  # known: the simulator's floor holds whole nodes
     return {"fps": clip["fps"], "frames": [0, clip["frames"]], "gravity": clip["gravity"],
             "particle_separation": SEPARATION, "bodies": [body_of(name, material)],
             "colliders": [{"name": "ground", "shape": "ground", "height": clip["ground"], "contact": contact}]}

@@ -8,7 +8,7 @@ import bpy
 
 from ..compat import translate
 from ..jobs import JobError
-from . import blender_cameras, files, frames
+from . import blender_cameras, files, frames, readable_images
 from .files import number
 
 SAME = 1e-6  # of a camera's matrix and lens from frame to frame
@@ -40,7 +40,7 @@ def write(scene, items, folder):
         of_camera = blender_cameras.shot(scene, shown.camera, "", None, scene.unit_settings.scale_length,
                                          shown.size)
         for frame, path in shown.files:
-            name = os.path.relpath(path, folder).replace(os.sep, "/")
+            name = readable_images.relative(path, folder)
             shots.append({**of_camera, "file_path": name, "time": number((frame - start) / fps)})
     return files.write_json(os.path.join(folder, "transforms.json"), {"frames": shots}), start
 

@@ -8,6 +8,7 @@ from mathutils import Matrix, Quaternion, Vector
 
 from ..compat import translate, translate_label
 from ..jobs import JobError
+from ..names import unique
 from . import comparison, fit_values, transforms
 from .job_captures import UNIT_NAMES
 
@@ -68,8 +69,11 @@ class Surroundings:
     def _collider(self, label):
         """The row of that name, made where there is none, with an object to place."""
         name = translate_label(label)
-        body = next((row for row in self.settings.bodies if row.name == name and row.role == "COLLIDER"), None)
+        fitted = {item["name"] for item in self.model.get("colliders", ())}  # is in the scene that was diagnosed
+        body = next((row for row in self.settings.bodies if row.role == "COLLIDER"
+                     and row.name.startswith(name) and row.name not in fitted), None)
         if body is None:
+            name = unique(name, self.settings.bodies)
             body = self.settings.bodies.add()
             body.name, body.role = name, "COLLIDER"
             self.settings.body_index = len(self.settings.bodies) - 1
@@ -131,7 +135,9 @@ class Surroundings:
 
     def frame_rate(self):
         """Times of the recording are the stated ones times 1 + the factor."""
-        factor = next(number.value for number in self.cause.numbers if number.name == "factor")
+        factor = next((number.value for number in self.cause.numbers if number.name == "factor"), None)
+        if factor is None:
+            raise KeyError("factor")
         rates = [self._rate(capture) for capture, _entry in self.captures()]
         for (capture, _entry), rate in zip(self.captures(), rates, strict=True):
             capture.use_fps = True

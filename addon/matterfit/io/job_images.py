@@ -138,7 +138,7 @@ class ImagePart:
         found.update(reading_options(capture, writer.relative, writer.put_input))
         ready = readable_images.cameras(
             absolute(capture.filepath), absolute(capture.images) if capture.images else "",
-            os.path.join(writer.folder, job_writer.INPUT_FOLDER), writer.put_input)
+            os.path.join(writer.folder, job_writer.INPUT_FOLDER), writer.put_input, self._prefix())
         if ready is not None:
             found["cameras"] = ready[0]
             found.pop("images", None)
@@ -164,6 +164,11 @@ class ImagePart:
         if holdout:
             found["holdout"] = holdout
         return found
+
+    def _prefix(self):
+        """For inputs of this capture alone: names that look alike in a file's name may be two captures'."""
+        index = next(k for k, row in enumerate(self.capture.id_data.matterfit.captures) if row == self.capture)
+        return f"{files.safe_name(self.capture.name)}_{index}"
 
     def _cameras(self):
         path = absolute(self.capture.filepath)

@@ -30,13 +30,13 @@ def is_movie(name):
     return os.path.splitext(name)[1].lower() in MOVIES
 
 
-def cameras(path, images, folder, put):
+def cameras(path, images, folder, put, prefix=""):
     """(path, originals) of a file of the cameras in a .json whose images the library reads, None where it
     reads all of them as they are. Images lie in the folder `images`, "": beside the file. `put(name,
     source)` copies a file into `folder` and returns what the document calls it, as `path` is; `originals`
     are the images' own files by the names that they have in the new file. A movie stands for all its
-    frames, at its own rate."""
-    if not path.endswith(".json") or not os.path.isfile(path):
+    frames, at its own rate. Names begin with `prefix`, "": the name of the file's folder."""
+    if not path.lower().endswith(".json") or not os.path.isfile(path):
         return None
     document = files.read_json(path)
     shots = document.get("frames") if isinstance(document, dict) else document
@@ -44,7 +44,7 @@ def cameras(path, images, folder, put):
         return None
     base = images or os.path.dirname(os.path.abspath(path))
     originals, found = {}, []
-    prefix = files.safe_name(os.path.basename(os.path.dirname(os.path.abspath(path))))
+    prefix = prefix or files.safe_name(os.path.basename(os.path.dirname(os.path.abspath(path))))
     for shot in shots:
         movie = isinstance(shot, dict) and is_movie(str(shot.get("file_path", "")))
         count, fps = movie_length(os.path.join(base, shot["file_path"])) if movie else (1, 1.0)
@@ -57,7 +57,7 @@ def cameras(path, images, folder, put):
                     ready = converted(source, n + 1 if is_movie(one[key]) else 0)
                     one[key] = os.path.basename(put(name + os.path.splitext(ready)[1], ready))
                 else:
-                    one[key] = _relative(source, folder)
+                    one[key] = relative(source, folder)
                 if key == "file_path":
                     originals[one[key]] = source
             if movie:
@@ -72,7 +72,7 @@ def cameras(path, images, folder, put):
         shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _relative(path, folder):
+def relative(path, folder):
     try:
         return os.path.relpath(path, folder).replace(os.sep, "/")
     except ValueError:  # another drive on Windows

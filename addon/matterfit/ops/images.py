@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Importing images with their cameras; images behind the views of Blender's cameras as a capture."""
 
+import itertools
 import os
 
 import bpy
@@ -10,6 +11,7 @@ from bpy_extras.io_utils import ImportHelper
 from ..compat import translate
 from ..io import blender_cameras, camera_capture, files, frames, job_images, takes
 from ..jobs import JobError
+from ..names import unique
 from ..props import choices
 from .base import PlainOperator, greyed
 from .capture import blend_relative, import_file
@@ -81,9 +83,12 @@ class MATTERFIT_OT_capture_cameras(PlainOperator, bpy.types.Operator):
         takes.require_saved()
         scene = context.scene
         items = camera_capture.cameras(scene)
-        folder = os.path.join(os.path.dirname(bpy.data.filepath), "cameras_" + files.safe_name(self.name))
+        name = unique(self.name, scene.matterfit.captures)
+        folder = os.path.join(os.path.dirname(bpy.data.filepath), "cameras_" + files.safe_name(name))
+        if os.path.exists(folder):  # another capture's, of a name that is written alike, or of before undo
+            folder = next(other for n in itertools.count(2) if not os.path.exists(other := f"{folder}_{n}"))
         path, start = camera_capture.write(scene, items, folder)
-        found = import_file(context, self.name, path, source="IMAGES", use_plate=bool(self.plate),
+        found = import_file(context, name, path, source="IMAGES", use_plate=bool(self.plate),
                             plate=blend_relative(self.plate))
         capture = scene.matterfit.captures[scene.matterfit.capture_index]
         if start != frames.frame_range(scene)[0]:

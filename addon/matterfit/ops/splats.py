@@ -57,9 +57,11 @@ class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
     scale: FloatProperty(name="Scale", default=1.0, min=1e-9, soft_min=1e-3, max=1e9, soft_max=1e3,
                          precision=4, description="Metres that one unit of the file stands for")
     crop: StringProperty(name="Crop Box", description="Gaussians outside of this object's bounds, along the "
-                                                      "world's axes, are left out; empty: none")
+                                                      "world's axes, are left out; empty: none",
+                         options={"SKIP_SAVE"})
     opacity_threshold: FloatProperty(name="Opacity", default=0.0, min=0.0, soft_max=0.5, max=1.0,
-                                     subtype="FACTOR", description="Gaussians with less opacity are left out")
+                                     subtype="FACTOR", options={"SKIP_SAVE"},
+                                     description="Gaussians with less opacity are left out")
     background: BoolProperty(name="Behind the Camera", default=True,
                              description="Show the image in the camera's view")
 

@@ -16,6 +16,7 @@ STOPS = numpy.array(((0.10, 0.20, 0.60), (0.10, 0.65, 0.80), (0.25, 0.75, 0.30),
 LEGEND = (24, 60, 14, 160)  # left, bottom, width, height in pixels
 GRAPH = (124, 56, 320, 110)
 
+_LEAST = 1e-6  # mm, of what noise makes
 GHOST = (0.85, 0.85, 0.9, 0.6)
 
 _handles = []
@@ -61,7 +62,7 @@ def shown_errors(settings, found):
     if bands is None:  # nothing was diagnosed that would tell
         return found.errors, numpy.zeros(found.errors.shape, dtype=bool), "mm"
     with numpy.errstate(invalid="ignore", divide="ignore"):
-        sigmas = found.errors / bands.usual_at(found.frames)[:, None]
+        sigmas = found.errors / numpy.maximum(bands.usual_at(found.frames), _LEAST)[:, None]
     left_out = sigmas < error_bands.SIGNIFICANT if compare.significant_only else numpy.zeros(sigmas.shape, dtype=bool)
     return (sigmas, left_out, "σ") if compare.heat_unit == "SIGMA" else (found.errors, left_out, "mm")
 

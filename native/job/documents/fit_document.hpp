@@ -29,7 +29,7 @@ struct FitDoc : fit::SearchOptions {
   int correction = 0;
   /// Sets of values, drawn from their errors, that what is held out is predicted with (job/
   /// fit_predicted.hpp); 0: none.
-  int draws = 16;
+  int draws = 0;
 };
 
 /// The word for it in a document.

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""German."""
+"""German, but for de_recordings.py."""
+
+from . import de_recordings
 
 TEXTS = {
+    **de_recordings.TEXTS,
     "Status": "Status",
     "Capture": "Aufnahme",
     "Captures": "Aufnahmen",
@@ -12,88 +15,23 @@ TEXTS = {
     "Simulate": "Simulieren",
     "Compare": "Vergleichen",
     "Overlap": "Überdeckung",
-    "Outlines Off": "Abstand der Umrisse",
-    "Worst Images": "Schlechteste Bilder",
-    "Show in Cameras": "In den Kameras zeigen",
     "Press Compare first": "Zuerst Vergleichen drücken",
-    "Outlines overlap by {share} %, in {time}": "Die Umrisse decken sich zu {share} %, in {time}",
-    "{image}: {outside} pixels outside, {missing} missing": "{image}: {outside} Pixel außerhalb, {missing} fehlen",
-    "There are no overlays of '{name}' in the take's folder. Compare again.":
-        "Im Ordner des Takes liegen keine Überlagerungen von „{name}“. Noch einmal vergleichen.",
-    "The scene has no cameras of '{name}'. Import the images with Add Cameras.":
-        "Die Szene hat keine Kameras von „{name}“. Die Bilder mit Kameras importieren.",
-    "Held-Out Colours": "Zurückgehaltene Farben",
-    "Show Splats": "Splats zeigen",
-    "Hide Splats": "Splats verbergen",
-    "Render Splats": "Splats zeichnen",
-    "Photograph or Splats": "Foto oder Splats",
-    "Capture from Cameras": "Aufnahme aus Kameras",
-    "{seen} of {count} Gaussians are shown": "{seen} von {count} Gauß-Splats werden gezeigt",
-    "The active body is not made from a Gaussians file": "Der aktive Körper besteht nicht aus einer Splat-Datei",
-    "The scene's camera needs a background image, and one of Render Splats":
-        "Die Kamera der Szene braucht ein Hintergrundbild und eines von Splats zeichnen",
-    "No camera of the scene has a background image": "Keine Kamera der Szene hat ein Hintergrundbild",
     "Body '{name}'": "Körper „{name}“",
     "{where}: no file is chosen. Choose one.": "{where}: keine Datei ist gewählt. Eine wählen.",
     "The scene has no object '{name}' to crop by. Choose another one, or none.":
         "Die Szene hat kein Objekt „{name}“ zum Zuschneiden. Ein anderes wählen, oder keines.",
-    "{path}: the image does not exist. Was it moved?": "{path}: Das Bild gibt es nicht. Wurde es verschoben?",
     "{path}: Blender could not read it. Is it damaged, or of another format than its name says?":
         "{path}: Blender konnte es nicht lesen. Ist es beschädigt, oder von anderem Format als der Name sagt?",
-    "Camera '{name}' moves: at frame {frame} it stands or looks otherwise than at the first. A capture's cameras "
-    "stand still. Remove its animation, or film from one that does.":
-        "Kamera „{name}“ bewegt sich: bei Bild {frame} steht oder blickt sie anders als beim ersten. Die Kameras "
-        "einer Aufnahme stehen still. Ihre Animation entfernen, oder von einer stehenden filmen.",
-    "Camera '{name}': '{image}' behind its view is no image sequence. Set its Source to Image Sequence.":
-        "Kamera „{name}“: „{image}“ hinter ihrer Ansicht ist keine Bildsequenz. Source auf Image Sequence setzen.",
-    "Camera '{name}': {path} has no number at the end of its name.":
-        "Kamera „{name}“: {path} hat keine Zahl am Ende des Namens.",
-    "Camera '{name}': none of the images of the sequence {path} is there. Look at its Start Frame, Offset and "
-    "Frames.":
-        "Kamera „{name}“: Keines der Bilder der Sequenz {path} ist da. Start Frame, Offset und Frames ansehen.",
-    "Camera '{name}': its images are {w} × {h}, the scene renders {x} × {y}. Set the scene's Resolution to that "
-    "of the images.":
-        "Kamera „{name}“: Ihre Bilder sind {w} × {h}, die Szene rendert {x} × {y}. Die Auflösung der Szene auf die "
-        "der Bilder setzen.",
-    "Camera '{name}': its background image is shifted, scaled, turned or flipped. A capture takes it as it is: "
-    "set these back.":
-        "Kamera „{name}“: Ihr Hintergrundbild ist verschoben, skaliert, gedreht oder gespiegelt. Eine Aufnahme "
-        "nimmt es, wie es ist: zurücksetzen.",
-    "Diagnose": "Diagnose",
     "Extend Model": "Modell erweitern",
     "Open Report": "Bericht öffnen",
-    "All Causes": "Alle Ursachen",
     "Ignore": "Übergehen",
     "Accept": "Annehmen",
-    "Preview Extended": "Erweitert zeigen",
     "Before and After": "Vorher und nachher",
-    "Error [σ]": "Fehler [σ]",
     "Significant": "Bedeutsam",
     "Explains {share}": "Erklärt {share}",
-    "{name}, extended": "{name}, erweitert",
     "Found Collider": "Gefundenes Hindernis",
-    "The diagnosis has no such cause any more.": "Die Diagnose hat diese Ursache nicht mehr.",
     "{name} is ignored. Press Accept beside it first.":
         "{name} wird übergangen. Zuerst Annehmen daneben drücken.",
-    "{name} acts in the recording '{capture}' alone, and settings of the panel are those of all. The model that "
-    "was extended by what was accepted is the job {path}, which the matterfit tool runs.":
-        "{name} wirkt nur in der Aufnahme „{capture}“, und Einstellungen des Panels gelten für alle. Das um das "
-        "Angenommene erweiterte Modell ist der Auftrag {path}, den das Werkzeug matterfit ausführt.",
-    "The diagnosis is of the capture '{name}', which is not in the scene any more. Name it so again, or diagnose "
-    "again.":
-        "Die Diagnose gilt der Aufnahme „{name}“, die nicht mehr in der Szene ist. Sie wieder so nennen, oder noch "
-        "einmal diagnostizieren.",
-    "'{name}': Unit is Automatic, so there is no number that could be scaled. Choose the unit of its file in "
-    "Capture, and diagnose again.":
-        "„{name}“: die Einheit ist Automatisch, also gibt es keine Zahl, die sich skalieren ließe. Die Einheit "
-        "seiner Datei unter Aufnahme wählen und noch einmal diagnostizieren.",
-    "The diagnosis has accepted no cause, so there is no extended model to preview.":
-        "Die Diagnose hat keine Ursache angenommen, also gibt es kein erweitertes Modell zu zeigen.",
-    "{path}: holds no scene. Diagnose again.": "{path}: enthält keine Szene. Noch einmal diagnostizieren.",
-    "{path} does not exist: it is an input of the fit. Diagnose again.":
-        "{path} gibt es nicht: eine Eingabe der Anpassung. Noch einmal diagnostizieren.",
-    "What noise makes is not known: the fit was not diagnosed. Shown in millimetres, all of it.":
-        "Was Rauschen ausmacht, ist nicht bekannt: die Anpassung wurde nicht diagnostiziert. Alles in Millimetern.",
     "It is animated, but starts with the velocity that is typed.":
         "Es ist animiert, startet aber mit der eingetippten Geschwindigkeit.",
     "Start as Keyed": "Start wie animiert",
@@ -137,24 +75,19 @@ TEXTS = {
         "{name}: Während die Szene gelesen wurde, wurde ein Objekt oder eine Zeile entfernt, eine Zeile "
         "hinzugefügt, eine andere Szene gezeigt oder Rückgängig gedrückt. Noch einmal drücken.",
     "{n} of {total} done": "{n} von {total} fertig",
-    "This recording identifies all of it:": "Diese Aufnahme bestimmt alles:",
-    "This recording identifies {n} of {total} values:": "Diese Aufnahme bestimmt {n} von {total} Werten:",
     "nothing recorded shows it": "nichts Aufgenommenes zeigt ihn",
     "unknown: {error}": "unbekannt: {error}",
     "Tied: {names}. Only a combination is identified: set one of them, and switch it off in the list.":
         "Gekoppelt: {names}. Nur eine Verbindung ist bekannt: einen davon eintragen und in der "
         "Liste ausschalten.",
     "The frame rate suffices.": "Die Bildrate genügt.",
-    "The recording is long enough.": "Die Aufnahme ist lang genug.",
     "The noise is small enough.": "Das Rauschen ist klein genug.",
     "Record instead: {text}": "Besser aufnehmen: {text}",
     "{names} and {last}": "{names} und {last}",
-    "Diagnose {name}": "Diagnose von {name}",
     "{share} likely": "{share} wahrsch.",
     "Gain {share}": "Gewinn {share}",
     "Held-out error {before} → {after} mm": "Zurückgehaltener Fehler {before} → {after} mm",
     "Not observable: {names}": "Nicht beobachtbar: {names}",
-    "Next recording: {text}": "Nächste Aufnahme: {text}",
     "Looks like: {names}": "Sieht aus wie: {names}",
     "{n} particle": "{n} Teilchen",
     "{n} particles": "{n} Teilchen",
@@ -261,9 +194,7 @@ TEXTS = {
     "Modulus": "Modul",
     "Graph": "Kurve",
     "Red At": "Rot bei",
-    "Refine": "Verfeinern",
     "Focal": "Brennweite",
-    "Images": "Bilder",
     "Young's": "E-Modul",
     "Yield": "Fließgrenze",
     "Shear": "Scherung",
@@ -319,21 +250,10 @@ TEXTS = {
     "Up Axis": "Hochachse",
     "Hold-out": "Zurückgehalten",
     "Noise": "Rauschen",
-    "Colours": "Farben",
-    "Colour Noise": "Rauschen der Farben",
-    "Refine Cameras": "Kameras nachstellen",
     "Shift": "Verschiebung",
     "Turn": "Drehung",
     "Focal Length": "Brennweite",
-    "Camera {n}, Shift": "Kamera {n}, Verschiebung",
-    "Camera {n}, Turn": "Kamera {n}, Drehung",
-    "Camera {n}, Focal Length": "Kamera {n}, Brennweite",
-    "Camera Poses": "Stellung der Kameras",
-    "Forget Camera Poses": "Stellung der Kameras vergessen",
-    "A fit moved the cameras: up to {shift} mm and {turn}°.":
-        "Eine Anpassung hat die Kameras bewegt: bis zu {shift} mm und {turn}°.",
     "Focal lengths: up to {share} % off.": "Brennweiten: bis zu {share} % daneben.",
-    "No fit has moved the cameras of this capture": "Keine Anpassung hat die Kameras dieser Aufnahme bewegt",
     "Fit": "Anpassen",
     "The Body's Law": "Das Gesetz des Körpers",
     "Find the Law": "Gesetz suchen",
@@ -442,8 +362,6 @@ TEXTS = {
     "{value}, not observable": "{value}, nicht beobachtbar",
     "Grid: ± {error}": "Gitter: ± {error}",
     "95 %: {low} to {high}": "95 %: {low} bis {high}",
-    "Remaining error: {factor} × the recording's noise (1 is ideal)":
-        "Verbleibender Fehler: {factor} × Rauschen der Aufnahme (1 ist ideal)",
     "The scene changed since this bake: {changes}.":
         "Die Szene hat sich seit diesem Backen geändert: {changes}.",
     "The scene changed since this fit: {changes}.":
@@ -524,28 +442,16 @@ TEXTS = {
     "and Start Frame right?":
         "Punkte liegen in Ruhe bis zu {distance} neben {body}. Stimmen Einheit, Position, "
         "Rotation und Startbild der Aufnahme?",
-    "samples lie between frames and are interpolated: Start Frame lies between two, or the recording's "
-    "rate is not the scene's Frame Rate.":
-        "Abtastungen liegen zwischen Bildern und werden interpoliert: das Startbild liegt zwischen zweien, "
-        "oder die Rate der Aufnahme ist nicht die Bildrate der Szene.",
     "Every sample is held out, not seen, before the end of Quiet Start, or outside the frame range; nothing "
     "is left to fit to ({covered}). Hold out less, or look at Quiet Start, Start Frame, the frame range and "
     "the file's times, which are in seconds.":
         "Jede Abtastung ist zurückgehalten, nicht zu sehen, vor dem Ende der Ruhe zu Beginn oder außerhalb des "
         "Bildbereichs; nichts bleibt zum Anpassen ({covered}). Weniger zurückhalten, oder Ruhe zu Beginn, "
         "Startbild, Bildbereich und die Zeiten der Datei ansehen, die in Sekunden sind.",
-    "no point is seen in any frame: every place is missing. Export the recording again, or choose another "
-    "file.":
-        "kein Punkt ist in irgendeinem Bild zu sehen: jeder Ort fehlt. Die Aufnahme noch einmal exportieren "
-        "oder eine andere Datei wählen.",
     "Frame {n} would need too many steps in time ({why}). Soften the material or what it touches, slow it "
     "down, or use a larger Particle Separation.":
         "Bild {n} brauchte zu viele Zeitschritte ({why}). Das Material oder was es berührt weicher machen, "
         "langsamer werfen, oder einen größeren Partikelabstand nehmen.",
-    "Every image is held out, or lies outside the frame range; nothing is left to fit to. Hold out less, or "
-    "look at Start Frame, Rate and the frame range.":
-        "Jedes Bild ist zurückgehalten oder liegt außerhalb des Bildbereichs; nichts bleibt zum Anpassen. "
-        "Weniger zurückhalten, oder Startbild, Rate und Bildbereich ansehen.",
     "{where}: the hold-out starts at frame {n}, after the last frame {last}. Set From, below Hold-out, to an "
     "earlier frame, or let the frame range reach further.":
         "{where}: das Zurückgehaltene beginnt bei Bild {n}, nach dem letzten Bild {last}. Von, unter "
@@ -554,8 +460,6 @@ TEXTS = {
         "Kein Sicherungspunkt gefunden: vom ersten Bild an simuliert.",
     "Went on after frame {n}.": "Nach Bild {n} fortgesetzt.",
     "Law: {law}": "Gesetz: {law}",
-    "No point of the recording is seen in the simulated frames; compared in {time}":
-        "Kein Punkt der Aufnahme ist in den simulierten Bildern zu sehen; verglichen in {time}",
     "This take is one of a batch. Compare it or write its job in Batch, or choose another take in "
     "Rerun.":
         "Dieser Take gehört zu einem Stapel. Unter Stapel vergleichen oder dort seinen Auftrag "
@@ -564,8 +468,4 @@ TEXTS = {
     "one of its own.":
         "Dieser Take gehört der kopierten Szene und ist nur lesend verknüpft. Backen drücken, um "
         "einen eigenen zu machen.",
-    "'{name}' was changed while it was simulated: the result has the shape that was, but may "
-    "lack UVs and colours. Bake again to have all of it.":
-        "'{name}' wurde während der Simulation geändert: Das Ergebnis hat die frühere Form, und UVs oder "
-        "Farben können fehlen. Noch einmal backen, um alles zu haben.",
 }

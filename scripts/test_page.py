@@ -158,7 +158,8 @@ class PageTest(unittest.TestCase):
     def numbers(self, texts, document):
         """Each number of the page is one of the report."""
         numbers, said = gathered(document)
-        plain = "\n".join([*said, *(text.replace("_", " ") for text in said)])
+        plain = "\n".join([*said, *(text.replace("_", " ") for text in said),
+                           *(text.replace("_", " ").replace(".", ": ", 1) for text in said)])
         factor = document["shown"]["factor"]
         shown = 0
         for text, value in texts:

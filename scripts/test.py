@@ -85,28 +85,27 @@ def part_sanitize():
     return tally
 
 
+def run_unittests(name, weight, limit):
+    """The tally of scripts/test_NAME.py."""
+    tally = Tally()
+    command = [sys.executable, "-B", ROOT / "scripts" / f"test_{name}.py", "-v"]
+    done = QUEUE.submit(weight, run, name, command, limit=limit).result()
+    lines = done.log.read_text(encoding="utf-8", errors="replace").splitlines()
+    tally.passed += [f"{name}: {line.split(' ')[0]}" for line in lines if line.endswith(" ... ok")]
+    tally.skipped += [(f"{name}: {line.split(' ')[0]}", line.split(" ... skipped ")[1].strip("'"))
+                      for line in lines if " ... skipped " in line]
+    tally.check(f"{name}: all", done.status == 0, f"{done.reason()}\n{done.tail(40)}")
+    return tally
+
+
 def part_blind():
     """the blind benchmark's scorer, seal and finite elements"""
-    tally = Tally()
-    command = [sys.executable, "-B", ROOT / "scripts" / "test_blind.py", "-v"]
-    done = QUEUE.submit(PIECE_WEIGHT, run, "blind", command, limit=900).result()
-    lines = done.log.read_text(encoding="utf-8", errors="replace").splitlines()
-    tally.passed += [f"blind: {line.split(' ')[0]}" for line in lines if line.endswith(" ... ok")]
-    tally.check("blind: all", done.status == 0, f"{done.reason()}\n{done.tail(40)}")
-    return tally
+    return run_unittests("blind", PIECE_WEIGHT, 900)
 
 
 def part_page():
     """the page of a diagnosis in headless Chromium, with screenshots"""
-    tally = Tally()
-    command = [sys.executable, "-B", ROOT / "scripts" / "test_page.py", "-v"]
-    done = QUEUE.submit(WINDOW_WEIGHT, run, "page", command, limit=600).result()
-    lines = done.log.read_text(encoding="utf-8", errors="replace").splitlines()
-    tally.passed += [f"page: {line.split(' ')[0]}" for line in lines if line.endswith(" ... ok")]
-    tally.skipped += [(f"page: {line.split(' ')[0]}", line.split(" ... skipped ")[1].strip("'"))
-                      for line in lines if " ... skipped " in line]
-    tally.check("page: all", done.status == 0, f"{done.reason()}\n{done.tail(40)}")
-    return tally
+    return run_unittests("page", WINDOW_WEIGHT, 600)
 
 
 def part_fuzz():

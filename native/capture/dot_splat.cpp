@@ -13,12 +13,12 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "capture/byte_reader.hpp"
+#include "capture/spherical_harmonics.hpp"
 
 namespace matterfit::capture {
 namespace {
 
 constexpr std::size_t kRow = 32;
-constexpr float kSh0 = 0.28209479F;
 constexpr float kSmallestScale = 1e-9F;  // [m]: PLY files hold its logarithm
 
 [[noreturn]] void refuse(const std::string& name, std::size_t row, const std::string& reason) {
@@ -63,7 +63,7 @@ Splats parse_dot_splat(std::span<const std::byte> bytes, const std::string& name
     }
     if (!splats.means[i].allFinite()) refuse(name, i, "the position is not finite.");
     for (std::size_t c = 0; c < 3; ++c) {
-      splats.sh[3 * i + c] = (byte_at(row, 24 + c) / 255.0F - 0.5F) / kSh0;
+      splats.sh[3 * i + c] = (byte_at(row, 24 + c) / 255.0F - 0.5F) / kShBand0;
     }
     splats.opacities[i] = byte_at(row, 27) / 255.0F;
     std::array<float, 4> q;
@@ -83,7 +83,7 @@ void write_dot_splat(const std::filesystem::path& path, const Splats& splats) {
     std::memcpy(row, splats.means[i].data(), 12);
     std::memcpy(row + 12, splats.scales[i].data(), 12);
     for (std::size_t c = 0; c < 3; ++c) {
-      row[24 + c] = to_byte(255.0F * (0.5F + kSh0 * splats.sh[i * stride + c]));
+      row[24 + c] = to_byte(255.0F * (0.5F + kShBand0 * splats.sh[i * stride + c]));
     }
     row[27] = to_byte(255.0F * splats.opacities[i]);
     const Eigen::Quaternionf& q = splats.rotations[i];

@@ -4,13 +4,10 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "capture/spherical_harmonics.hpp"
 
 namespace matterfit::capture {
-namespace {
-
-constexpr float kSh0 = 0.28209479F;
-
-}  // namespace
+namespace {}  // namespace
 
 splat::Gaussians particle_gaussians(std::span<const Vec3f> positions,
                                     std::span<const Mat3f> deformation_gradients, double size) {
@@ -24,7 +21,7 @@ splat::Gaussians particle_gaussians(std::span<const Vec3f> positions,
   gaussians.log_scales.assign(count, Vec3f::Constant(static_cast<float>(std::log(size))));
   gaussians.rotations.assign(count, Eigen::Vector4f(1, 0, 0, 0));
   gaussians.opacities.assign(count, 1.0F);
-  gaussians.sh.assign(3 * count, -0.5F / kSh0);
+  gaussians.sh.assign(3 * count, -0.5F / kShBand0);
   gaussians.deformation_gradients.assign(deformation_gradients.begin(),
                                          deformation_gradients.end());
   for (Mat3f& f : gaussians.deformation_gradients) {
@@ -34,7 +31,7 @@ splat::Gaussians particle_gaussians(std::span<const Vec3f> positions,
 }
 
 void set_colour(std::span<float> sh, const Vec3f& colour) {
-  for (std::size_t c = 0; c < 3; ++c) sh[c] = (colour[static_cast<int>(c)] - 0.5F) / kSh0;
+  for (std::size_t c = 0; c < 3; ++c) sh[c] = (colour[static_cast<int>(c)] - 0.5F) / kShBand0;
 }
 
 void set_colours(splat::Gaussians& gaussians, std::span<const Vec3f> colours) {

@@ -8,7 +8,7 @@
 namespace matterfit::capture {
 namespace {
 
-/// Of an array that is counted in int, as degrees and orders are.
+/// An index into arrays from numbers that are int, as degrees and orders are.
 constexpr std::size_t sh_place(int index) { return static_cast<std::size_t>(index); }
 
 constexpr int kDirections = 16;

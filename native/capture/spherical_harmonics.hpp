@@ -12,6 +12,8 @@ namespace matterfit::capture {
 using splat::kMaxShDegree;
 /// Coefficients of real spherical harmonics up to that degree.
 inline constexpr int kMaxShBands = 16;
+/// The harmonic of degree 0: a colour is ½ + this times its coefficient.
+inline constexpr float kShBand0 = 0.28209479F;
 
 /// Values of the 16 real spherical harmonics at a unit direction, in the order and with the signs
 /// of 3D Gaussian Splatting (Kerbl et al. 2023, sh_utils: Y₁ = −C₁y, C₁z, −C₁x, …).

@@ -129,7 +129,7 @@ std::string ending_of(const std::filesystem::path& path) {
   return ending;
 }
 
-/// Those of which `keep` says so, in their order.
+/// The splats of which `keep(number)` says so, in their order.
 template <class Keep>
 Splats kept_of(const Splats& splats, const Keep& keep) {
   const std::size_t numbers = 3 * splats.sh_bands();
@@ -195,7 +195,7 @@ Splats cropped(const Splats& splats, const Eigen::AlignedBox3d& box) {
               ": in the file they lie from " + text(all.min()) + " to " + text(all.max()) + ".");
 }
 
-Splats opaque(const Splats& splats, double threshold) {
+Splats opaque(Splats splats, double threshold) {
   if (!(threshold > 0.0)) return splats;
   Splats kept =
       kept_of(splats, [&](std::size_t i) { return double(splats.opacities[i]) >= threshold; });
@@ -209,8 +209,7 @@ Splats opaque(const Splats& splats, double threshold) {
 Splats chosen(Splats splats, const std::optional<Eigen::AlignedBox3d>& crop,
               double opacity_threshold) {
   if (crop) splats = cropped(splats, *crop);
-  if (opacity_threshold > 0.0) splats = opaque(splats, opacity_threshold);
-  return splats;
+  return opaque(std::move(splats), opacity_threshold);
 }
 
 void write_splats(const std::filesystem::path& path, const Splats& splats) {

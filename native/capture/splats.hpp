@@ -49,9 +49,9 @@ struct Splats {
 
 /// The splats of at least that opacity. Throws Error(kInput), which says how opaque the splats are,
 /// if none is.
-[[nodiscard]] Splats opaque(const Splats& splats, double threshold);
+[[nodiscard]] Splats opaque(Splats splats, double threshold);
 
-/// What a document keeps of a file: those in `crop` (none: all), of these the opaque ones.
+/// The splats of a file that a document keeps: the opaque ones in `crop` (none: everywhere).
 [[nodiscard]] Splats chosen(Splats splats, const std::optional<Eigen::AlignedBox3d>& crop,
                             double opacity_threshold);
 

@@ -32,7 +32,7 @@ double relative_gain(double before, double after, double floor) {
   return std::clamp((before - after) / excess, -1.0, 1.0);
 }
 
-/// Those of which a sample is used or held out; all where no sample has a use.
+/// The tracks of which a sample is used or held out; all where no sample has a use.
 std::vector<std::size_t> tracks_looked_at(const Capture& capture) {
   const std::size_t count = capture.rest.size();
   std::vector<bool> seen(count, capture.use.empty());
@@ -56,7 +56,7 @@ BodySplit split_body(const Capture& capture) {
   BodySplit split;
   std::vector<int>& region = split.region;
   region.assign(capture.rest.size(), 0);
-  // Where a track that is never looked at is on the body need not be known.
+  // The place on the body of a track that is never looked at need not be known.
   const std::vector<std::size_t> tracks = tracks_looked_at(capture);
   const std::size_t count = tracks.size();
   std::array<double, 3> low{1e300, 1e300, 1e300};

@@ -127,11 +127,11 @@ LoadedExperiment load_experiment(const Job& job, std::vector<std::string>& state
                                  bool others) {
   if (job.captures.empty()) throw_input("captures: a fit needs at least one capture to fit to.");
   LoadedExperiment loaded = unread_experiment(job);
+  state_what_is_glued(loaded.sources.front().job.scene, statements);
   bool any = false;
   std::string extents;
   for (std::size_t r = 0; r < loaded.sources.size(); ++r) {
     const Job& source = loaded.sources[r].job;
-    if (r == 0) state_what_is_glued(source.scene, statements);
     fit::Run& run = loaded.experiment.runs[r];
     const double slack = fit::kFrameSlack / run.clock.fps;
     for (std::size_t k = 0; k < source.captures.size(); ++k) {

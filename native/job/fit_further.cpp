@@ -21,6 +21,10 @@ Json both(const std::optional<double>& without, const std::optional<double>& wit
 
 }  // namespace
 
+bool is_nearer(const FurtherMeans& now, const FurtherMeans& best) {
+  return best.held ? now.held && *now.held < *best.held : now.seen && *now.seen < *best.seen;
+}
+
 FurtherMeans means_of(fit::LawFit& fit, const fit::LawState& state) {
   std::string failure;
   const auto errors = errors_of(fit, state, true, failure);

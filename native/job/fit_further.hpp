@@ -40,6 +40,10 @@ struct FurtherMeans {
   std::optional<double> seen;
 };
 
+/// Whether `now` is nearer than `best`, by what is held out where `best` has that. Both are of
+/// states that can be simulated, or `now` has nothing.
+[[nodiscard]] bool is_nearer(const FurtherMeans& now, const FurtherMeans& best);
+
 /// The mean errors of a fit at a state's values.
 [[nodiscard]] FurtherMeans means_of(fit::LawFit& fit, const fit::LawState& state);
 

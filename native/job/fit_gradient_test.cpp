@@ -14,6 +14,7 @@
 #include "job/documents/fit_document.hpp"
 #include "job/fit_experiment.hpp"
 #include "job/fit_fixture_for_test.hpp"
+#include "job/fourth_order_for_test.hpp"
 #include "mpm/default_stiffness.hpp"
 
 namespace matterfit::job {
@@ -79,23 +80,19 @@ void expect_transposed(const Json& document, const fs::path& folder, double step
   ASSERT_GT(problem.transposed_cost(), 0.0);
   const Eigen::VectorXd start = fixture.start();
   const auto n = std::size_t(start.size());
-  std::vector<Eigen::VectorXd> points{start};
-  const double steps[] = {-2.0, -1.0, 1.0, 2.0};
+  Eigen::VectorXd steps(start.size());
   for (std::size_t k = 0; k < n; ++k) {
-    for (const double s : steps) {
-      points.push_back(start);
-      points.back()[Eigen::Index(k)] += s * step * fixture.parameters().parameters()[k].scale;
-    }
+    steps[Eigen::Index(k)] = step * fixture.parameters().parameters()[k].scale;
   }
-  const auto results = problem.evaluate(points);
+  const auto results = problem.evaluate(points_about(start, steps));
   for (const auto& result : results) ASSERT_TRUE(result.has_value());
   const Eigen::VectorXd weights = some_weights(results[0]->size());
   const auto exact = problem.transposed(start, weights);
   ASSERT_TRUE(exact.has_value());
+  const Eigen::VectorXd slopes = slopes_of(results, weights, steps);
   for (std::size_t k = 0; k < n; ++k) {
-    const auto value = [&](std::size_t s) { return weights.dot(*results[4 * k + 1 + s]); };
-    const double h = step * fixture.parameters().parameters()[k].scale;
-    const double difference = (value(0) - 8.0 * value(1) + 8.0 * value(2) - value(3)) / (12.0 * h);
+    const double h = steps[Eigen::Index(k)];
+    const double difference = slopes[Eigen::Index(k)];
     const std::string& name = fixture.parameters().parameters()[k].name;
     EXPECT_GT(std::abs(difference), 5.0 * kGradientNoise / h) << name;
     EXPECT_NEAR((*exact)[Eigen::Index(k)], difference,

@@ -121,8 +121,7 @@ class PublishedSearch {
       described = true;
       if (taken == 0) continue;
       const FurtherMeans now = of_.means();
-      const bool nearer = found.without.held ? now.held && *now.held < *found.best.held
-                                             : now.seen && *now.seen < *found.best.seen;
+      const bool nearer = is_nearer(now, found.best);
       worse = nearer ? 0 : worse + 1;
       if (!nearer) continue;
       found.best = now;

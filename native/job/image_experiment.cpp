@@ -41,7 +41,8 @@ ImageExperiment::ImageExperiment(const Job& job, const FitDoc& fit, const RunOpt
   }
   has_tracks_ =
       std::any_of(runs().begin(), runs().end(), [](const fit::Run& run) { return run.fitted; });
-  films_ = load_films(job, scenes.front(), has_tracks_, statements, interrupter);
+  films_ = load_films(job, scenes.front(), has_tracks_ ? FilmUse::kBesideMore : FilmUse::kFitted,
+                      statements, interrupter);
   settle_captures(loaded_.experiment, scenes, arena, statements);
   window_ = fit::growing_windows(runs(), false).back();
   runs().front().films = films_.films;

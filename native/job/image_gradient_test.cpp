@@ -8,6 +8,7 @@
 
 #include "job/clip_for_test.hpp"
 #include "job/documents/fit_document.hpp"
+#include "job/fourth_order_for_test.hpp"
 #include "job/image_experiment.hpp"
 
 /// The transpose of how images change with a fit's numbers.
@@ -53,6 +54,13 @@ class ImageFixture {
   std::optional<fit::ImageProblem> problem_;
 };
 
+/// The cube's first frames, by two cameras.
+void film_frames(int end, const fs::path& folder) {
+  Json truth = filmed_cube();
+  truth["scene"]["frames"] = {0, end};
+  film(truth, folder, two_cameras());
+}
+
 Json image_fit_of(const std::vector<std::string>& parameters) {
   Json document = thrown_cube();
   document["scene"]["frames"] = {0, 6};
@@ -74,28 +82,14 @@ void expect_descent(const Json& document, const fs::path& folder, double step, d
   ASSERT_GT(problem.transposed_cost(), 0.0);
   const Eigen::VectorXd start = fixture.start();
   const auto n = std::size_t(start.size());
-  std::vector<Eigen::VectorXd> points{start};
-  const double steps[] = {-2.0, -1.0, 1.0, 2.0};
-  for (std::size_t k = 0; k < n; ++k) {
-    for (const double s : steps) {
-      points.push_back(start);
-      points.back()[Eigen::Index(k)] += s * step * fixture.parameter(k).scale;
-    }
-  }
-  const auto results = problem.evaluate(points);
+  Eigen::VectorXd scales(start.size());
+  for (std::size_t k = 0; k < n; ++k) scales[Eigen::Index(k)] = fixture.parameter(k).scale;
+  const auto results = problem.evaluate(points_about(start, step * scales));
   for (const auto& result : results) ASSERT_TRUE(result.has_value()) << problem.failure();
   const Eigen::VectorXd& weights = *results[0];
   const auto exact = problem.transposed(start, weights);
   ASSERT_TRUE(exact.has_value());
-  Eigen::VectorXd difference(start.size());
-  for (std::size_t k = 0; k < n; ++k) {
-    const auto value = [&](std::size_t s) { return weights.dot(*results[4 * k + 1 + s]); };
-    const double h = step * fixture.parameter(k).scale;
-    difference[Eigen::Index(k)] =
-        (value(0) - 8.0 * value(1) + 8.0 * value(2) - value(3)) / (12.0 * h);
-  }
-  Eigen::VectorXd scales(start.size());
-  for (std::size_t k = 0; k < n; ++k) scales[Eigen::Index(k)] = fixture.parameter(k).scale;
+  const Eigen::VectorXd difference = slopes_of(results, weights, step * scales);
   const double largest = difference.cwiseProduct(scales).cwiseAbs().maxCoeff();
   EXPECT_GT(largest, 0.0);
   for (std::size_t k = 0; k < n; ++k) {
@@ -107,9 +101,7 @@ void expect_descent(const Json& document, const fs::path& folder, double step, d
 
 TEST(ImageGradient, IsTheTransposeOfDifferencesForMasks) {
   const Folder folder;
-  Json truth = filmed_cube();
-  truth["scene"]["frames"] = {0, 6};
-  film(truth, folder.path, two_cameras());
+  film_frames(6, folder.path);
   Json document = image_fit_of({"material.E", "material.nu", "density", "velocity", "spin"});
   // Between frames, images that are drawn finer than they are compared, and a ground before them.
   document["captures"][0]["start_frame"] = 0.3;
@@ -143,9 +135,7 @@ TEST(ImageGradient, IsTheTransposeOfDifferencesForColoursOfOneOfTwoBodies) {
 
 TEST(ImageGradient, SameBitsForAnyThreads) {
   const Folder folder;
-  Json truth = filmed_cube();
-  truth["scene"]["frames"] = {0, 4};
-  film(truth, folder.path, two_cameras());
+  film_frames(4, folder.path);
   Json document = image_fit_of({"material.E", "velocity"});
   document["scene"]["frames"] = {0, 4};
   std::optional<Eigen::VectorXd> first;
@@ -163,9 +153,7 @@ TEST(ImageGradient, SameBitsForAnyThreads) {
 /// Of poses and of splats of a body's own there is none.
 TEST(ImageGradient, IsNotThereForWhatItDoesNotKnow) {
   const Folder folder;
-  Json truth = filmed_cube();
-  truth["scene"]["frames"] = {0, 3};
-  film(truth, folder.path, two_cameras());
+  film_frames(3, folder.path);
   Json document = image_fit_of({"material.E", "captures.clip.poses[0].shift"});
   document["scene"]["frames"] = {0, 3};
   ImageFixture fixture(document, folder.path);

@@ -139,8 +139,7 @@ Found move_isotropic(ImageSteps& steps, const ImageWeightsStart& from, ImageWeig
     if (taken == found.steps) break;
     found.steps = taken;
     const FurtherMeans now = steps.means();
-    const bool nearer = found.without.held ? now.held && *now.held < *found.best.held
-                                           : now.seen && *now.seen < *found.best.seen;
+    const bool nearer = is_nearer(now, found.best);
     worse = nearer ? 0 : worse + 1;
     if (!nearer) continue;
     found.best = now;

@@ -21,7 +21,7 @@ from . import (
     material_values,
     transforms,
 )
-from .extend_surroundings import OF_CAPTURE, Surroundings, acts_on_body
+from .extend_surroundings import OF_CAPTURE, Surroundings, acts_on_body, set_contact_kind
 from .fit_apply import Application
 
 # Quantities of the scene and of the body that a cause changes, applied as those of a fit are.
@@ -155,8 +155,7 @@ class _Extension:
                 raise JobError(translate(
                     "The diagnosis is of the collider '{name}', which is not in the scene any "
                     "more. Name it so again, or diagnose again.").format(name=name))
-            kind = item["contact"].get("kind", contact.kind).upper()
-            contact.kind = {"STICKY": "GLUE"}.get(kind, kind)  # as reports of before call it
+            set_contact_kind(contact, item["contact"])
             setattr(contact, key, now)
             if key == "damping":
                 contact.use_damping = True

@@ -47,7 +47,7 @@ class Surroundings:
 
     def ground_tilt(self):
         """The panel's ground is level: a plane takes its place."""
-        given = self._slope()
+        given = self._slopes()[0]
         ground = self.settings.solver.ground
         body = self._collider(_SLOPE)
         body.object.matrix_world = self._plane(body, given)
@@ -55,9 +55,6 @@ class Surroundings:
             setattr(body.contact, key, getattr(ground, key))
         _set_contact(body.contact, given.get("contact", {}))
         self.settings.solver.use_ground = False
-
-    def _slope(self):
-        return self._slopes()[0]
 
     def _slopes(self):
         return [item for item in self.model.get("colliders", ())
@@ -168,9 +165,14 @@ class Surroundings:
             capture.rotation = Quaternion(turn).to_euler()
 
 
-def _set_contact(contact, given):
+def set_contact_kind(contact, given):
+    """That of a document's contact; one that it does not say stays."""
     kind = given.get("kind", contact.kind).upper()
-    contact.kind = {"STICKY": "GLUE"}.get(kind, kind)
+    contact.kind = {"STICKY": "GLUE"}.get(kind, kind)  # its former name
+
+
+def _set_contact(contact, given):
+    set_contact_kind(contact, given)
     for key in ("mu", "stiffness", "damping"):
         if key in given:
             setattr(contact, key, given[key])

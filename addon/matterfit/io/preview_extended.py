@@ -2,10 +2,9 @@
 """The job of a take that shows the model which a diagnosis has extended, as it lies in the fit's cache."""
 
 import os
-import shutil
 
 from ..compat import translate
-from ..jobs import EXIT_COMPUTE, JobError
+from ..jobs import JobError
 from . import diagnosis, files, job_document, job_writer, material_values
 
 
@@ -28,13 +27,8 @@ def document(fit_folder, folder):
 
 def _copy_inputs(source, folder):
     for relative in job_writer.listed_inputs(source):
-        target = os.path.join(folder, relative)
-        try:
-            os.makedirs(os.path.dirname(target), exist_ok=True)
-            shutil.copy2(os.path.join(source, relative), target)
-        except FileNotFoundError as error:
+        path = os.path.join(source, relative)
+        if not os.path.isfile(path):
             raise JobError(translate("{path} does not exist: it is an input of the fit. Diagnose again.").format(
-                path=error.filename)) from error
-        except OSError as error:
-            raise JobError(f"{target}: could not be written: {error.strerror or error}. Is the disk full, or "
-                           "the folder read-only?", EXIT_COMPUTE) from error
+                path=path))
+        files.copy(path, os.path.join(folder, relative))

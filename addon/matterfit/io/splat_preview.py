@@ -37,7 +37,7 @@ def show(scene, body):
     files.require_file(path, where)
     arrays, told = _read(path)
     hide(body)
-    # Of those that are thinned out each stands for several: together they have the volume of all.
+    # A splat that is shown stands for several where they are thinned out: together they have the volume of all.
     grown = (told["gaussians"] / told["written"]) ** (1.0 / 3.0)
     mesh = _mesh(f"{body.name} Splats", arrays, grown)
     item = bpy.data.objects.new(mesh.name, mesh)

@@ -171,12 +171,7 @@ std::optional<Eigen::VectorXd> CaptureProblem::transposed(const Eigen::VectorXd&
   if (!model_.has_gradient()) return std::nullopt;
   const auto sum = model_.pull_back(physical(point), scope(), seen_bars(weights), progress);
   if (!sum) return std::nullopt;
-  Eigen::VectorXd result(point.size());
-  for (Eigen::Index k = 0; k < point.size(); ++k) {
-    const auto n = std::size_t(k);
-    result[k] = (*sum)[n] * derivative(parameters_[n].coordinate, point[k]);
-  }
-  return result;
+  return natural_gradient(parameters_, point, *sum);
 }
 
 Eigen::VectorXd CaptureProblem::residuals(const Outcome& outcome) const {

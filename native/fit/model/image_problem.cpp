@@ -202,12 +202,7 @@ std::optional<Eigen::VectorXd> ImageProblem::transposed(const Eigen::VectorXd& p
   const Filming filming = filming_bar(weights);
   const auto sum = model_.pull_back(physical(point), scope(filming), track_bars(weights));
   if (!sum) return std::nullopt;
-  Eigen::VectorXd result(point.size());
-  for (Eigen::Index k = 0; k < point.size(); ++k) {
-    const auto n = std::size_t(k);
-    result[k] = (*sum)[n] * derivative(parameters_[n].coordinate, point[k]);
-  }
-  return result;
+  return natural_gradient(parameters_, point, *sum);
 }
 
 std::optional<std::vector<double>> ImageProblem::transposed_published(

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "base/error.hpp"
+#include "capture/spherical_harmonics.hpp"
 
 namespace matterfit::fit {
 namespace {
@@ -17,8 +18,6 @@ constexpr float kHalfKnown = 0.5F;
 /// The rasteriser cuts colours at 0, where they would have no slope.
 constexpr float kDarkest = 0.01F;
 /// ∂ colour / ∂ coefficient of band 0.
-constexpr float kSh0 = 0.28209479F;
-
 /// What one image tells.
 struct Shown {
   splat::Gaussians gaussians;
@@ -47,7 +46,7 @@ void spread(splat::Rasteriser& rasteriser, const Shown& shown, const splat::Imag
   const std::size_t stride = 3 * splat::sh_bands(shown.gaussians.sh_degree);
   for (std::size_t i = shown.begin; i < shown.end; ++i) {
     const float* of = gradients.sh.data() + stride * i;
-    into[i] += Vec3f(of[0], of[1], of[2]) / kSh0;
+    into[i] += Vec3f(of[0], of[1], of[2]) / capture::kShBand0;
   }
 }
 

@@ -94,4 +94,15 @@ double derivative(Coordinate coordinate, double natural) {
   return 1.0;
 }
 
+Eigen::VectorXd natural_gradient(const std::vector<Parameter>& parameters,
+                                 const Eigen::VectorXd& point,
+                                 const std::vector<double>& physical) {
+  Eigen::VectorXd result(point.size());
+  for (Eigen::Index k = 0; k < point.size(); ++k) {
+    const auto n = std::size_t(k);
+    result[k] = physical[n] * derivative(parameters[n].coordinate, point[k]);
+  }
+  return result;
+}
+
 }  // namespace matterfit::fit

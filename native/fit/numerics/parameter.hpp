@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace matterfit::fit {
 
@@ -44,5 +46,9 @@ void check(const Parameter& parameter);
 [[nodiscard]] double value_within_bounds(const Parameter& parameter, double natural);
 /// dx/dξ at the natural coordinate ξ: turns a standard error in ξ into one in x.
 [[nodiscard]] double derivative(Coordinate coordinate, double natural);
+/// A gradient by physical values as one by natural coordinates at `point`, one a parameter.
+[[nodiscard]] Eigen::VectorXd natural_gradient(const std::vector<Parameter>& parameters,
+                                               const Eigen::VectorXd& point,
+                                               const std::vector<double>& physical);
 
 }  // namespace matterfit::fit

@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "job/diagnosis/flight_for_test.hpp"
+
 namespace matterfit::job {
 namespace {
 
@@ -16,26 +18,12 @@ constexpr double kInterval = 1.0 / 60.0;
 constexpr double kSpeed = 3.0;  // [m/s]
 const Vec3d kGravity(0.0, 0.0, -9.81);
 
-/// The corners of a cube of 20 cm that flies along x; from `turn` on backwards.
+/// A cube that flies along x; from `turn` on backwards.
 diagnose::Capture flight(Index turn, double speed_after) {
-  diagnose::Capture capture;
-  capture.name = "a";
-  capture.positions.resize(3 * kFrames * kTracks);
-  capture.use.assign(std::size_t(kFrames * kTracks), diagnose::Use::kUsed);
-  for (Index i = 0; i < kTracks; ++i) {
-    capture.rest.push_back(0.2 * Vec3d(double(i & 1), double((i >> 1) & 1), double(i >> 2)));
-  }
-  for (Index f = 0; f < kFrames; ++f) {
-    const double t = double(f) * kInterval;
+  return flight_of_a_cube(kFrames, kInterval, [&](Index f, double t) -> Vec3d {
     const double met = double(std::min(f, turn)) * kInterval;
-    const Vec3d moved =
-        Vec3d(kSpeed * met + speed_after * (t - met), 0.0, 0.0) + 0.5 * t * t * kGravity;
-    capture.times.push_back(t);
-    for (Index i = 0; i < kTracks; ++i) {
-      capture.positions.segment<3>(3 * (f * kTracks + i)) = capture.rest[std::size_t(i)] + moved;
-    }
-  }
-  return capture;
+    return Vec3d(kSpeed * met + speed_after * (t - met), 0.0, 0.0) + 0.5 * t * t * kGravity;
+  });
 }
 
 TEST(Encounters, AreWhereARecordingTurnsAndTheSimulationPasses) {

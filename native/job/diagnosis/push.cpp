@@ -31,6 +31,19 @@ struct Field {
 
 bool lasts(const Field& field) { return field.end > field.begin; }
 
+/// A time [s] after the scene's first frame, and whether a field acts from then on.
+struct Switch {
+  double time;
+  bool on;
+};
+
+/// The switches of a field that lasts, in order; the first is at the first frame or after it.
+std::vector<Switch> switches_of(const Field& field) {
+  std::vector<Switch> switches = {{field.begin, true}, {field.end, false}};
+  if (field.begin > 0.0) switches.insert(switches.begin(), {0.0, false});
+  return switches;
+}
+
 void set(effects::Effect& effect, const char* key, std::size_t component, double value) {
   effect.values[effect.type->offset(*effect.type->find(key)) + component] = value;
 }
@@ -52,11 +65,9 @@ effects::Effect acting(const Field& field, std::span<const double> v) {
   effect.keys.resize(effect.values.size());
   for (std::size_t axis = 0; axis < 3; ++axis) {
     shape::Keyed<double>& keys = effect.keys[first + axis];
-    keys.times = {field.begin, field.end};
-    keys.values = {v[axis], 0.0};
-    if (field.begin > 0.0) {
-      keys.times.insert(keys.times.begin(), 0.0);
-      keys.values.insert(keys.values.begin(), 0.0);
+    for (const Switch& at : switches_of(field)) {
+      keys.times.push_back(at.time);
+      keys.values.push_back(at.on ? v[axis] : 0.0);
     }
     keys.step = true;
   }
@@ -117,12 +128,11 @@ std::optional<Cause> push(const std::vector<Encounter>& encounters, const mpm::S
     Json entry = effect_entry(placed(field));
     const Json pushed = {v[0], v[1], v[2]};
     if (lasts(field)) {
-      const Json none = {0.0, 0.0, 0.0};
-      Json frames = {first + field.begin * fps, first + field.end * fps};
-      Json values = {pushed, none};
-      if (field.begin > 0.0) {
-        frames.insert(frames.begin(), first);
-        values.insert(values.begin(), none);
+      Json frames = Json::array();
+      Json values = Json::array();
+      for (const Switch& at : switches_of(field)) {
+        frames.push_back(first + at.time * fps);
+        values.push_back(at.on ? pushed : Json({0.0, 0.0, 0.0}));
       }
       entry["acceleration"] = {{"frames", frames}, {"values", values}, {"interpolation", "step"}};
     } else {

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "job/diagnosis/encounters.hpp"
+#include "job/diagnosis/flight_for_test.hpp"
 #include "job/diagnosis/hidden_collider.hpp"
 #include "job/fit_fixture_for_test.hpp"
 #include "job/run/build_scene.hpp"
@@ -18,34 +19,19 @@ using Eigen::Index;
 using namespace fit_test;
 
 constexpr Index kPushedFrames = 30;
-constexpr Index kPushedTracks = 8;
 constexpr double kPushedInterval = 1.0 / 60.0;
 constexpr double kPushBegins = 0.175;  // [s], in the middle between frames
 constexpr double kPushEnds = 0.258;
 const Vec3d kPush(0.0, 20.0, 0.0);  // [m/s²]
 
-/// The corners of a cube of 20 cm that flies along x, pushed for a while.
+/// A cube that flies along x, pushed for a while.
 diagnose::Capture pushed_flight(const Vec3d& push, double begin, double end) {
-  diagnose::Capture capture;
-  capture.name = "a";
-  capture.positions.resize(3 * kPushedFrames * kPushedTracks);
-  capture.use.assign(std::size_t(kPushedFrames * kPushedTracks), diagnose::Use::kUsed);
-  for (Index i = 0; i < kPushedTracks; ++i) {
-    capture.rest.push_back(0.2 * Vec3d(double(i & 1), double((i >> 1) & 1), double(i >> 2)));
-  }
-  for (Index f = 0; f < kPushedFrames; ++f) {
-    const double t = double(f) * kPushedInterval;
+  return flight_of_a_cube(kPushedFrames, kPushedInterval, [&](Index, double t) -> Vec3d {
     const double under = std::clamp(t - begin, 0.0, end - begin);
     const double after = std::max(0.0, t - end);
-    const Vec3d moved =
-        Vec3d(3.0 * t, 0.0, -4.905 * t * t) + (0.5 * under * under + (end - begin) * after) * push;
-    capture.times.push_back(t);
-    for (Index i = 0; i < kPushedTracks; ++i) {
-      capture.positions.segment<3>(3 * (f * kPushedTracks + i)) =
-          capture.rest[std::size_t(i)] + moved;
-    }
-  }
-  return capture;
+    return Vec3d(3.0 * t, 0.0, -4.905 * t * t) +
+           (0.5 * under * under + (end - begin) * after) * push;
+  });
 }
 
 std::vector<Encounter> encounters_of(const diagnose::Capture& seen) {

@@ -114,7 +114,7 @@ ImageComparison::ImageComparison(const Job& job, const mpm::Scene& scene,
       scene_(scene),
       interrupter_(interrupter),
       notes_(notes),
-      films_(load_films(job, scene, true, notes, interrupter)) {
+      films_(load_films(job, scene, FilmUse::kCompared, notes, interrupter)) {
   for (ImageSighting& sighting : films_.sightings) {
     fit::View& view = sighting.reduced.view;
     const fit::CameraPose& pose = films_.films[view.film].viewing.poses[view.number];

@@ -53,7 +53,7 @@ bool is_held_out(const ImagesDoc& doc, double frame, std::size_t camera) {
          (held.frames && frame >= (*held.frames)[0] - kSlack && frame < (*held.frames)[1] - kSlack);
 }
 
-void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& into,
+void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, LoadedFilms& into,
                  std::vector<std::string>& statements, const Interrupter& interrupter) {
   const double start = doc.start_frame.value_or(scene.first_frame);
   std::size_t outside = 0;
@@ -105,7 +105,7 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, LoadedFilms& int
     const bool body = std::any_of(sight.matte.begin(), sight.matte.end(),
                                   [](std::uint8_t value) { return value >= 128; });
     if (body) ++shown[sight.camera];
-    const bool whole = reduced.held_out && doc.colours;
+    const bool whole = use == FilmUse::kCompared && reduced.held_out && doc.colours;
     ImageSighting& added = into.sightings.emplace_back(
         ImageSighting{std::move(reduced),
                       camera,
@@ -209,12 +209,12 @@ fit::Agreement LoadedFilms::agreement(std::size_t sighting, std::vector<float> m
   return fit::agreement(mask, of.matte);
 }
 
-LoadedFilms load_films(const Job& job, const mpm::Scene& scene, bool others,
+LoadedFilms load_films(const Job& job, const mpm::Scene& scene, FilmUse use,
                        std::vector<std::string>& statements, const Interrupter& interrupter) {
   LoadedFilms loaded;
   for (const ImagesDoc& doc : images_of(job)) {
     try {
-      add_capture(doc, scene, loaded, statements, interrupter);
+      add_capture(doc, scene, use, loaded, statements, interrupter);
     } catch (const Error& error) {
       throw Error(error.kind(), doc.path + ": " + error.what());
     }
@@ -223,8 +223,9 @@ LoadedFilms load_films(const Job& job, const mpm::Scene& scene, bool others,
   std::stable_sort(all.begin(), all.end(), [](const ImageSighting& a, const ImageSighting& b) {
     return a.reduced.view.time < b.reduced.view.time;
   });
-  if (!others && std::all_of(all.begin(), all.end(),
-                             [](const ImageSighting& s) { return s.reduced.held_out; })) {
+  if (use == FilmUse::kFitted && std::all_of(all.begin(), all.end(), [](const ImageSighting& s) {
+        return s.reduced.held_out;
+      })) {
     throw_input(
         "captures: every image is held out or outside of the scene's frames; nothing is left to "
         "fit to. Shorten a 'holdout', or look at start_frame, fps and scene.frames.");

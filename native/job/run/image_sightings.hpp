@@ -25,7 +25,7 @@ struct ImageSighting {
   double frame = 0.0;     ///< of the scene
   std::string image;      ///< the file's name
   /// Matte, red, green and blue of the whole image, where it is held out and its colours are
-  /// compared; else empty.
+  /// compared (FilmUse::kCompared); else empty.
   std::array<std::vector<std::uint8_t>, 4> planes;
 
   [[nodiscard]] fit::View whole() const;  ///< of the whole image
@@ -47,12 +47,20 @@ struct LoadedFilms {
   [[nodiscard]] fit::Agreement agreement(std::size_t sighting, std::vector<float> mask) const;
 };
 
+/// What films are loaded for.
+enum class FilmUse : std::uint8_t {
+  kFitted,      ///< some image of them is to be fitted
+  kBesideMore,  ///< to be fitted beside something else
+  kCompared,    ///< with ImageSighting::planes, which nobody else reads
+};
+
 /// Reads the images of a job, those outside of the scene's frames left out. They are reduced so
 /// that a particle separation is about two pixels, or the image 128 pixels wide; what is drawn has
 /// two pixels to a separation at least, and is reduced afterwards. What is odd and no
 /// error goes into `statements`. Throws Error(kInput) beginning with the capture's path, and where
-/// no image is left to fit, unless something else is fitted too (`others`).
-[[nodiscard]] LoadedFilms load_films(const Job& job, const mpm::Scene& scene, bool others,
+/// no image is left to fit, unless something else is fitted too or nothing is fitted at all
+/// (`use`).
+[[nodiscard]] LoadedFilms load_films(const Job& job, const mpm::Scene& scene, FilmUse use,
                                      std::vector<std::string>& statements,
                                      const Interrupter& interrupter);
 

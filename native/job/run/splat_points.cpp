@@ -8,6 +8,7 @@
 
 #include "base/error.hpp"
 #include "capture/npz.hpp"
+#include "capture/spherical_harmonics.hpp"
 #include "capture/splats.hpp"
 #include "job/documents/document_reading.hpp"
 
@@ -15,8 +16,6 @@ namespace matterfit::job {
 namespace {
 
 constexpr int kMostShown = 100'000'000;
-constexpr float kBand0 = 0.28209479F;  // the harmonic of degree 0
-
 }  // namespace
 
 Json write_splat_points(const std::filesystem::path& path, const Json& options,
@@ -49,7 +48,7 @@ Json write_splat_points(const std::filesystem::path& path, const Json& options,
       positions.push_back(splats.means[i][axis]);
       scales.push_back(splats.scales[i][axis]);
       const std::size_t band = 3 * splats.sh_bands() * i + static_cast<std::size_t>(axis);
-      colours.push_back(std::clamp(0.5F + kBand0 * splats.sh[band], 0.0F, 1.0F));
+      colours.push_back(std::clamp(0.5F + capture::kShBand0 * splats.sh[band], 0.0F, 1.0F));
     }
     opacities.push_back(splats.opacities[i]);
   }

@@ -51,7 +51,7 @@ Splats parse_dot_splat(std::span<const std::byte> bytes, const std::string& name
   for (std::size_t i = 0; i < count; ++i) {
     const auto row = bytes.subspan(i * kRow, kRow);
     for (int axis = 0; axis < 3; ++axis) {
-      const auto at = static_cast<std::size_t>(4 * axis);
+      const auto at = 4 * static_cast<std::size_t>(axis);
       splats.means[i][axis] = load<float>(row.data() + at);
       const float scale = load<float>(row.data() + 12 + at);
       if (!std::isfinite(scale) || scale < 0.0F) {

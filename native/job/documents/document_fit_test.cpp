@@ -82,7 +82,8 @@ TEST(FitDocument, LawsAloneAreEnough) {
     Json json = fit_document();
     json["fit"] = {{"laws", laws}};
     std::vector<std::string> result;
-    for (const fit::ParameterSpec& parameter : read_fit(json).fit->parameters) {
+    const Job job = read_fit(json);
+    for (const fit::ParameterSpec& parameter : job.fit->parameters) {
       result.push_back(parameter.path.text());
     }
     return result;

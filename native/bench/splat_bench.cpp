@@ -87,11 +87,16 @@ void print(const std::string& name, const std::string& scene, int size, std::siz
 int run(int argc, char** argv) {
   std::vector<int> sizes{400, 800};
   std::vector<int> thread_counts{1, 2};
+  std::vector<std::string> names{"object", "surfels", "trained"};
   int images = 10;
   int repetitions = 3;
   CLI::App app("Speed of the Gaussian rasteriser in images a second");
   app.add_option("--sizes", sizes, "edge of the image; 400: 30 000 Gaussians, 800: 60 000")
       ->capture_default_str();
+  const std::map<std::string, SplatScene> scenes{{"object", SplatScene::kObject},
+                                                 {"surfels", SplatScene::kSurfels},
+                                                 {"trained", SplatScene::kTrained}};
+  app.add_option("--scenes", names)->capture_default_str()->check(CLI::IsMember(scenes));
   app.add_option("--threads", thread_counts)->capture_default_str();
   app.add_option("--images", images, "of one repetition")->capture_default_str();
   app.add_option("--repetitions", repetitions)->capture_default_str()->check(CLI::Range(1, 99));
@@ -99,13 +104,10 @@ int run(int argc, char** argv) {
 
   std::fprintf(stderr, "probe: %s, %.1f GFLOP/s on one thread\n", probe_target().c_str(),
                peak_fma_gflops(1));
-  const std::map<std::string, SplatScene> scenes{{"object", SplatScene::kObject},
-                                                 {"surfels", SplatScene::kSurfels},
-                                                 {"trained", SplatScene::kTrained}};
   for (const int size : sizes) {
     const auto count = static_cast<std::size_t>(size) * 75;
-    for (const auto& [name, kind] : scenes) {
-      const splat::Gaussians scene = splat_scene(kind, count);
+    for (const std::string& name : names) {
+      const splat::Gaussians scene = splat_scene(scenes.at(name), count);
       const splat::Camera camera = splat_camera(size);
       const splat::Image loss = splat_loss(size);
       SerialSplat yardstick = serial_splat(scene, camera);

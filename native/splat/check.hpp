@@ -9,6 +9,6 @@ namespace matterfit::splat {
 /// Throw Error(kInput), with what is wrong and where.
 void check_camera(const Camera& camera, const RenderOptions& options);
 void check_gaussians(const Gaussians& gaussians, Arena& arena);
-void check_loss_gradient(const Image& loss_gradient, int width, int height);
+void check_loss_gradient(const Image& loss_gradient, int width, int height, Arena& arena);
 
 }  // namespace matterfit::splat

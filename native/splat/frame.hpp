@@ -6,8 +6,8 @@
 // pair. A pair's footprint is u = u0 + l11 X + l21 Y, w = w0 + l22 Y in the tile's own coordinates
 // (X, Y in ±7.5 about its centre), log₂ α = log₂ σ − u² − w²: u0 and w0 are formed in double, so
 // single precision loses nothing on thin footprints far from their mean. A pair also owns a slot,
-// where the backward pass leaves its sums; slots lie in the order of the sorted Gaussians and are
-// added in that order, hence the same bits for any number of threads.
+// where the backward pass leaves its sums; a Gaussian's slots lie together, by its index, and are
+// added in the order of its tiles, hence the same bits for any number of threads.
 #pragma once
 
 #include <cstddef>
@@ -21,7 +21,7 @@
 namespace matterfit::splat {
 
 inline constexpr int kTile = 16;  ///< pixels along an edge
-inline constexpr std::size_t kTilePixels = kTile * kTile;
+inline constexpr std::size_t kTilePixels = std::size_t{kTile} * kTile;
 /// Gaussians to a task. Fixed: partial sums are per chunk.
 inline constexpr std::size_t kChunk = 512;
 /// log₂ of kSmallestAlpha.
@@ -61,17 +61,17 @@ struct Pair {
 };
 
 /// Sums over a tile's pixels, with v = ∂L/∂ln α: v, vu, vw, vu², vuw, vw², then the derivatives in
-/// colour and depth.
-inline constexpr std::size_t kSums = 10;
+/// colour and depth; two more are 0.
+inline constexpr std::size_t kSums = 12;
 struct Slot {
   float sum[kSums];
 };
 
-/// Pairs that a chunk of the sorted Gaussians makes, in order.
+/// Pairs that a chunk of the sorted Gaussians makes, in order. The vectors only grow.
 struct ChunkPairs {
   std::vector<Pair> pairs;
   std::vector<std::uint32_t> tiles;  ///< of each pair
-  std::uint32_t first_slot;
+  std::size_t count;                 ///< of them
 };
 
 struct Frame {
@@ -84,17 +84,18 @@ struct Frame {
   std::vector<std::uint32_t> depth_keys;  ///< (N) bits of the depth, or kUnseen
   std::vector<std::uint32_t> order;       ///< (seen) indices, by depth
   std::vector<Shade> shades;              ///< (seen)
-  std::vector<std::uint32_t> first_slot;  ///< (seen + 1)
+  std::vector<std::uint32_t> first_slot;  ///< (N + 1) by index
   std::vector<ChunkPairs> chunks;         ///< of `order`
   std::vector<std::uint32_t> offsets;     ///< (chunks, tiles) where a chunk writes in a tile's list
   std::vector<std::uint32_t> tile_begin;  ///< (tiles + 1)
   std::vector<Pair> pairs;                ///< by tile
   Image image;
+  std::vector<std::uint8_t> blank;  ///< (tiles) where `image` is 0
 
   const Image* loss = nullptr;  ///< derivatives in `image`
   std::vector<Slot> slots;
   GaussianGradients* gradients = nullptr;
-  std::vector<double> pose;  ///< (chunks, 6)
+  std::vector<double> pose;  ///< (chunks of the N, 6)
 
   [[nodiscard]] std::size_t tiles() const {
     return static_cast<std::size_t>(tiles_x) * static_cast<std::size_t>(tiles_y);
@@ -104,12 +105,13 @@ struct Frame {
 struct Kernels {
   /// Footprints and depth keys of Gaussians [begin, end).
   void (*project)(Frame& frame, std::size_t begin, std::size_t end);
-  /// Shades and pairs of a chunk of the order; slots count from 0.
+  /// Shades and pairs of a chunk of the order; slots count from 0 in each Gaussian, their number is
+  /// left in first_slot of the next index.
   void (*find_pairs)(Frame& frame, std::size_t chunk);
   void (*render_tile)(Frame& frame, std::size_t tile);
   /// The slots of a tile's pairs.
   void (*differentiate_tile)(Frame& frame, std::size_t tile);
-  /// Gradients of a chunk of the order, and its part of the pose's.
+  /// Gradients of a chunk of the Gaussians by their index, and its part of the pose's.
   void (*gather)(Frame& frame, std::size_t chunk);
 };
 

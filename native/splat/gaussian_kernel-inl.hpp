@@ -152,22 +152,29 @@ inline void gather_gradients(splat::Frame& frame, std::size_t chunk) {
   splat::GaussianGradients& out = *frame.gradients;
   const std::size_t bands = splat::sh_bands(g.sh_degree);
   const std::size_t begin = chunk * splat::kChunk;
-  const std::size_t end = std::min(begin + splat::kChunk, frame.order.size());
+  const std::size_t end = std::min(begin + splat::kChunk, g.size());
   double* pose = frame.pose.data() + 6 * chunk;
   std::fill(pose, pose + 6, 0.0);
-  for (std::size_t first = begin; first < end; first += kDoubles) {
-    const std::size_t count = std::min(kDoubles, end - first);
+  std::uint32_t seen[splat::kChunk];
+  std::size_t seen_count = 0;
+  for (std::size_t i = begin; i < end; ++i) {
+    seen[seen_count] = static_cast<std::uint32_t>(i);
+    seen_count += frame.depth_keys[i] != splat::kUnseen ? 1 : 0;
+  }
+  for (std::size_t first = 0; first < seen_count; first += kDoubles) {
+    const std::size_t count = std::min(kDoubles, seen_count - first);
     std::size_t index[kDoubles];
     alignas(64) double sums[splat::kSums][kDoubles] = {};
     for (std::size_t n = 0; n < kDoubles; ++n) {
-      const std::size_t rank = first + std::min(n, count - 1);
-      index[n] = frame.order[rank];
+      index[n] = seen[first + std::min(n, count - 1)];
       if (n >= count) continue;  // zeros: adds nothing to the pose
-      for (std::uint32_t s = frame.first_slot[rank]; s < frame.first_slot[rank + 1]; ++s) {
+      double total[splat::kSums] = {};
+      for (std::uint32_t s = frame.first_slot[index[n]]; s < frame.first_slot[index[n] + 1]; ++s) {
         for (std::size_t k = 0; k < splat::kSums; ++k) {
-          sums[k][n] += static_cast<double>(frame.slots[s].sum[k]);
+          total[k] += static_cast<double>(frame.slots[s].sum[k]);
         }
       }
+      for (std::size_t k = 0; k < splat::kSums; ++k) sums[k][n] = total[k];
     }
     GaussianShape<DoubleLanes> shape;
     const bool deformed = load_shape(g, index, shape);

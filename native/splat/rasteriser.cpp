@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "base/error.hpp"
@@ -79,7 +80,7 @@ void Rasteriser::Work::fill_tiles() {
   const std::size_t chunks = chunks_of(seen);
   const std::size_t tiles = frame.tiles();
   frame.shades.resize(seen);
-  frame.first_slot.resize(seen + 1);
+  frame.first_slot.assign(frame.footprints.size() + 1, 0);
   if (frame.chunks.size() < chunks) frame.chunks.resize(chunks);
   frame.offsets.resize(chunks * tiles);
   arena->parallel_for(0, chunks, 1, [&](std::size_t c) { kernels.find_pairs(frame, c); });
@@ -88,8 +89,7 @@ void Rasteriser::Work::fill_tiles() {
   frame.tile_begin.assign(tiles + 1, 0);
   std::uint64_t total = 0;
   for (std::size_t c = 0; c < chunks; ++c) {
-    frame.chunks[c].first_slot = static_cast<std::uint32_t>(total);
-    total += frame.chunks[c].pairs.size();
+    total += frame.chunks[c].count;
     std::uint32_t* offsets = frame.offsets.data() + c * tiles;
     for (std::size_t tile = 0; tile < tiles; ++tile) {
       frame.tile_begin[tile + 1] += std::exchange(offsets[tile], frame.tile_begin[tile + 1]);
@@ -102,19 +102,15 @@ void Rasteriser::Work::fill_tiles() {
     frame.tile_begin[tile + 1] += frame.tile_begin[tile];
   }
   frame.pairs.resize(total);
-  frame.first_slot[seen] = static_cast<std::uint32_t>(total);
+  std::partial_sum(frame.first_slot.begin(), frame.first_slot.end(), frame.first_slot.begin());
   arena->parallel_for(0, chunks, 1, [&](std::size_t c) {
     const ChunkPairs& chunk = frame.chunks[c];
     std::uint32_t* offsets = frame.offsets.data() + c * tiles;
-    for (std::size_t k = 0; k < chunk.pairs.size(); ++k) {
+    for (std::size_t k = 0; k < chunk.count; ++k) {
       const std::uint32_t tile = chunk.tiles[k];
       Pair& pair = frame.pairs[frame.tile_begin[tile] + offsets[tile]++];
       pair = chunk.pairs[k];
-      pair.slot += chunk.first_slot;
-    }
-    const std::size_t end = std::min((c + 1) * kChunk, seen);
-    for (std::size_t rank = c * kChunk; rank < end; ++rank) {
-      frame.first_slot[rank] += chunk.first_slot;
+      pair.slot += frame.first_slot[frame.order[pair.rank]];
     }
   });
 }
@@ -131,6 +127,7 @@ const Image& Rasteriser::render(const Gaussians& gaussians, const Camera& camera
   frame.tiles_y = (camera.height + kTile - 1) / kTile;
   if (frame.image.width != camera.width || frame.image.height != camera.height) {
     frame.image = Image(camera.width, camera.height);
+    frame.blank.assign(frame.tiles(), 1);
   }
   const std::size_t count = gaussians.size();
   frame.footprints.resize(count);
@@ -153,7 +150,7 @@ void Rasteriser::backward(const Gaussians& gaussians, const Image& loss_gradient
     throw_input("backward() is for the Gaussians that render() got last.");
   }
   frame.gaussians = &gaussians;
-  check_loss_gradient(loss_gradient, frame.image.width, frame.image.height);
+  check_loss_gradient(loss_gradient, frame.image.width, frame.image.height, *work.arena);
   const std::size_t count = gaussians.size();
   gradients.means.assign(count, Vec3f::Zero());
   gradients.log_scales.assign(count, Vec3f::Zero());
@@ -167,7 +164,7 @@ void Rasteriser::backward(const Gaussians& gaussians, const Image& loss_gradient
   frame.slots.resize(frame.pairs.size());
   work.arena->parallel_for(0, frame.tiles(), kTileGrain,
                            [&](std::size_t tile) { work.kernels.differentiate_tile(frame, tile); });
-  const std::size_t chunks = chunks_of(frame.order.size());
+  const std::size_t chunks = chunks_of(count);
   frame.pose.resize(6 * chunks);
   work.arena->parallel_for(0, chunks, 1, [&](std::size_t c) { work.kernels.gather(frame, c); });
   for (std::size_t c = 0; c < chunks; ++c) {

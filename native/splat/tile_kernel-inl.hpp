@@ -10,11 +10,15 @@
 #define MATTERFIT_SPLAT_TILE_KERNEL_INL_HPP
 #endif
 
+#include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <initializer_list>
 #include <type_traits>
 
 #include "splat/frame.hpp"
@@ -33,12 +37,29 @@ inline constexpr std::size_t kPatches = splat::kTilePixels / kPatch;
 inline constexpr std::size_t kPatchRows = splat::kTile / 2;
 static_assert(kPatches <= 64);
 
+inline constexpr std::size_t kPatchesLog2 = static_cast<std::size_t>(std::bit_width(kPatches)) - 1;
+
+/// A tile's numbers, patch by patch: were they channel by channel, a kilobyte apart, a load of one
+/// would wait for a store of another whose address ends in the same twelve bits.
+template <std::size_t Channels>
+struct TileState {
+  alignas(64) float values[kPatches][Channels][kPatch];
+
+  HWY_INLINE float* patch(std::size_t at) { return values[at][0]; }
+  /// Of the pixel at a place of the tile's memory.
+  HWY_INLINE float* at(std::size_t channel, std::size_t place) {
+    return values[place / kPatch][channel] + place % kPatch;
+  }
+};
+
 /// Places of a tile's pixels in its memory.
 struct TileMap {
   alignas(64) float x[splat::kTilePixels];  ///< about the tile's centre
   alignas(64) float y[splat::kTilePixels];
   std::uint8_t column[splat::kTilePixels];
   std::uint8_t row[splat::kTilePixels];
+  /// Bits of the patches of one column, by those of its rows.
+  std::uint64_t spread[1U << kPatchRows];
 };
 
 inline const TileMap& tile_map() {
@@ -54,57 +75,92 @@ inline const TileMap& tile_map() {
       map.x[i] = static_cast<float>(column) + 0.5F - 0.5F * splat::kTile;
       map.y[i] = static_cast<float>(row) + 0.5F - 0.5F * splat::kTile;
     }
+    for (std::size_t rows = 0; rows < (1U << kPatchRows); ++rows) {
+      map.spread[rows] = 0;
+      for (std::size_t r = 0; r < kPatchRows; ++r) {
+        map.spread[rows] |= (rows >> r & std::uint64_t{1}) << (r * kPatchColumns);
+      }
+    }
     return map;
   }();
   return kMap;
 }
 
-/// Bits of the patches whose pixels may have α ≥ 1/255: in each row of pixels
-/// |u| ≤ √(E − w²) with E = log₂ σ − log₂ 1/255, an interval.
-HWY_INLINE std::uint64_t patches_of(float u0, float w0, float l11, float l21, float l22, float e) {
-  const hn::CappedTag<float, kPatchRows> d;
+/// Columns of patches, counted on over a row of tiles, whose pixels may have α ≥ 1/255: the first
+/// and the last of each row of patches; low > high where there is none.
+struct PatchIntervals {
+  alignas(64) std::int32_t low[kPatchRows];
+  alignas(64) std::int32_t high[kPatchRows];
+};
+
+/// In each row of pixels those are |u| ≤ √(E − w²) with E = log₂ σ − log₂ 1/255, an interval.
+/// `u0` and `w0` are of the first tile's centre, `inverse` is 1/l11.
+HWY_INLINE PatchIntervals patch_intervals(float u0, float w0, float inverse, float l21, float l22,
+                                          float e) {
+  const hn::CappedTag<float, splat::kTile> d;
   const hn::RebindToSigned<decltype(d)> di;
   using V = hn::Vec<decltype(d)>;
-  // Rounding in the tile's own sums is 1e-5 at most: the interval may only be too wide.
-  constexpr float kSlack = 1e-3F;
+  // Rounding in the tile's own sums is 1e-5 at most, over a hundred tiles 1e-3: the interval may
+  // only be too wide. A reciprocal root of 11 bits will do.
+  constexpr float kSlack = 4e-3F;
+  constexpr float kWider = 1.001F;
+  constexpr float kNone = 1 << 24;
+  // Rows 0, 2, 4 …, then 1, 3, 5 …: a row of patches is the same lane of both halves.
+  alignas(64) constexpr float kRows[splat::kTile] = {-7.5F, -5.5F, -3.5F, -1.5F, 0.5F,  2.5F,
+                                                     4.5F,  6.5F,  -6.5F, -4.5F, -2.5F, -0.5F,
+                                                     1.5F,  3.5F,  5.5F,  7.5F};
+  alignas(64) std::int32_t low[splat::kTile];
+  alignas(64) std::int32_t high[splat::kTile];
   const V zero = hn::Zero(d);
-  const V inverse = hn::Set(d, 1.0F / l11);
   const V limit = hn::Set(d, e + kSlack);
-  alignas(64) std::int32_t bits[kPatchRows];
-  constexpr std::int32_t kAll = (1 << kPatchColumns) - 1;
-  for (std::size_t i = 0; i < kPatchRows; i += hn::Lanes(d)) {
-    const V first = hn::MulAdd(hn::Iota(d, static_cast<float>(i)), hn::Set(d, 2.0F),
-                               hn::Set(d, 0.5F - 0.5F * splat::kTile));
-    V low = hn::Set(d, static_cast<float>(splat::kTile));
-    V high = hn::Set(d, -1.0F);
-    for (const float next : {0.0F, 1.0F}) {
-      const V y = hn::Add(first, hn::Set(d, next));
-      const V w = hn::MulAdd(hn::Set(d, l22), y, hn::Set(d, w0));
-      const V rest = hn::NegMulAdd(w, w, limit);
-      const V half = hn::Sqrt(hn::Max(rest, zero));
-      const V u = hn::MulAdd(hn::Set(d, l21), y, hn::Set(d, u0));
-      // Pixel i is at X = i − 7.5.
-      const V shift = hn::Set(d, 0.5F * splat::kTile - 0.5F);
-      const V begin =
-          hn::Sub(hn::MulAdd(hn::Neg(hn::Add(u, half)), inverse, shift), hn::Set(d, kSlack));
-      const V end = hn::Add(hn::MulAdd(hn::Sub(half, u), inverse, shift), hn::Set(d, kSlack));
-      const V from = hn::Max(hn::Ceil(begin), zero);
-      const V to = hn::Min(hn::Floor(end), hn::Set(d, static_cast<float>(splat::kTile - 1)));
-      const auto some = hn::And(hn::Ge(rest, zero), hn::Le(from, to));
-      low = hn::IfThenElse(some, hn::Min(low, from), low);
-      high = hn::IfThenElse(some, hn::Max(high, to), high);
-    }
-    // Columns of patches; those of an empty row leave no bit: low 16 shifts all of them out.
-    const V per_patch = hn::Set(d, 1.0F / static_cast<float>(kPatchWidth));
-    const auto a = hn::ConvertTo(di, hn::Floor(hn::Mul(low, per_patch)));
-    const auto b = hn::ConvertTo(di, hn::Floor(hn::Mul(high, per_patch)));
-    const auto columns = hn::Set(di, static_cast<std::int32_t>(kPatchColumns) - 1);
-    const auto all = hn::Set(di, kAll);
-    hn::Store(hn::And(hn::Shl(all, a), hn::Shr(all, hn::Sub(columns, b))), di, bits + i);
+  const V scale = hn::Set(d, inverse);
+  // Pixel i is at X = i − 7.5.
+  const V begin_at = hn::Set(d, 0.5F * splat::kTile - 0.5F - kSlack);
+  const V end_at = hn::Set(d, 0.5F * splat::kTile - 0.5F + kSlack);
+  const V per_patch = hn::Set(d, 1.0F / static_cast<float>(kPatchWidth));
+  for (std::size_t i = 0; i < splat::kTile; i += hn::Lanes(d)) {
+    const V y = hn::Load(d, kRows + i);
+    const V w = hn::MulAdd(hn::Set(d, l22), y, hn::Set(d, w0));
+    const V rest = hn::NegMulAdd(w, w, limit);
+    const V positive = hn::Max(rest, hn::Set(d, 1e-6F));
+    const V half =
+        hn::Mul(hn::Mul(positive, hn::Set(d, kWider)), hn::ApproximateReciprocalSqrt(positive));
+    const V u = hn::MulAdd(hn::Set(d, l21), y, hn::Set(d, u0));
+    const V from = hn::Ceil(hn::NegMulAdd(hn::Add(u, half), scale, begin_at));
+    const V to = hn::Floor(hn::MulAdd(hn::Sub(half, u), scale, end_at));
+    const auto some = hn::And(hn::Ge(rest, zero), hn::Le(from, to));
+    const V first = hn::Floor(hn::Mul(hn::Max(from, hn::Set(d, -kNone)), per_patch));
+    const V last = hn::Floor(hn::Mul(hn::Min(to, hn::Set(d, kNone)), per_patch));
+    hn::Store(hn::ConvertTo(di, hn::IfThenElse(some, first, hn::Set(d, kNone))), di, low + i);
+    hn::Store(hn::ConvertTo(di, hn::IfThenElse(some, last, hn::Set(d, -kNone))), di, high + i);
   }
+  PatchIntervals result;
+  const hn::CappedTag<std::int32_t, kPatchRows> dr;
+  for (std::size_t i = 0; i < kPatchRows; i += hn::Lanes(dr)) {
+    hn::Store(hn::Min(hn::Load(dr, low + i), hn::Load(dr, low + kPatchRows + i)), dr,
+              result.low + i);
+    hn::Store(hn::Max(hn::Load(dr, high + i), hn::Load(dr, high + kPatchRows + i)), dr,
+              result.high + i);
+  }
+  return result;
+}
+
+/// Bits of a tile's patches in these intervals, `column` the first of its columns of patches.
+HWY_INLINE std::uint64_t patches_of(const PatchIntervals& intervals, std::size_t column,
+                                    const TileMap& map) {
+  const hn::CappedTag<std::int32_t, kPatchRows> d;
   std::uint64_t patches = 0;
-  for (std::size_t r = 0; r < kPatchRows; ++r) {
-    patches |= static_cast<std::uint64_t>(bits[r]) << (r * kPatchColumns);
+  for (std::size_t c = 0; c < kPatchColumns; ++c) {
+    const auto at = hn::Set(d, static_cast<std::int32_t>(column + c));
+    std::size_t rows = 0;
+    for (std::size_t i = 0; i < kPatchRows; i += hn::Lanes(d)) {
+      const auto in = hn::Not(hn::Or(hn::Gt(hn::Load(d, intervals.low + i), at),
+                                     hn::Gt(at, hn::Load(d, intervals.high + i))));
+      std::uint8_t bits[8];
+      hn::StoreMaskBits(d, in, bits);
+      rows |= static_cast<std::size_t>(bits[0]) << i;
+    }
+    patches |= map.spread[rows] << c;
   }
   return patches;
 }
@@ -121,15 +177,22 @@ HWY_INLINE bool tile_range(double mean, double half, int tiles, int& first, int&
 
 inline void find_pairs(splat::Frame& frame, std::size_t chunk) {
   splat::ChunkPairs& out = frame.chunks[chunk];
-  out.pairs.clear();
-  out.tiles.clear();
+  const TileMap& map = tile_map();
   const std::size_t tiles = frame.tiles();
   std::uint32_t* counts = frame.offsets.data() + chunk * tiles;
   std::fill(counts, counts + tiles, 0U);
   const std::size_t begin = chunk * splat::kChunk;
   const std::size_t end = std::min(begin + splat::kChunk, frame.order.size());
+  constexpr std::size_t kAhead = 8;  // places in the order; the footprints lie anywhere
+  std::size_t size = 0;
   for (std::size_t rank = begin; rank < end; ++rank) {
     const splat::Footprint& f = frame.footprints[frame.order[rank]];
+    if (rank + kAhead < end) {
+      const auto* next =
+          reinterpret_cast<const char*>(&frame.footprints[frame.order[rank + kAhead]]);
+      hwy::Prefetch(next);
+      hwy::Prefetch(next + 64);
+    }
     splat::Shade& shade = frame.shades[rank];
     shade = {static_cast<float>(f.l11),
              static_cast<float>(f.l21),
@@ -137,7 +200,9 @@ inline void find_pairs(splat::Frame& frame, std::size_t chunk) {
              f.log2_opacity,
              {f.colour[0], f.colour[1], f.colour[2]},
              f.depth};
-    frame.first_slot[rank] = static_cast<std::uint32_t>(out.pairs.size());
+    const std::size_t own = size;
+    std::uint32_t& slots = frame.first_slot[frame.order[rank] + 1];
+    slots = 0;
     int x0 = 0;
     int x1 = -1;
     int y0 = 0;
@@ -147,25 +212,43 @@ inline void find_pairs(splat::Frame& frame, std::size_t chunk) {
       continue;
     }
     const float e = f.log2_opacity - static_cast<float>(splat::kSmallestLog2);
+    const auto inverse = static_cast<float>(1.0 / f.l11);
+    const std::size_t most =
+        size + static_cast<std::size_t>(x1 - x0 + 1) * static_cast<std::size_t>(y1 - y0 + 1);
+    if (out.pairs.size() < most) {
+      out.pairs.resize(2 * most);
+      out.tiles.resize(2 * most);
+    }
+    splat::Pair* const pairs = out.pairs.data();
+    std::uint32_t* const tile_of = out.tiles.data();
     for (int ty = y0; ty <= y1; ++ty) {
+      const double dy = (ty + 0.5) * splat::kTile - f.mean[1];
+      const auto w0 = static_cast<float>(f.l22 * dy);
+      const double u_row = f.l21 * dy - f.l11 * f.mean[0];
+      const auto u_of = [&](int tx) {
+        return static_cast<float>(u_row + f.l11 * ((tx + 0.5) * splat::kTile));
+      };
+      const PatchIntervals intervals =
+          patch_intervals(u_of(x0), w0, inverse, shade.l21, shade.l22, e);
       for (int tx = x0; tx <= x1; ++tx) {
-        const double dx = (tx + 0.5) * splat::kTile - f.mean[0];
-        const double dy = (ty + 0.5) * splat::kTile - f.mean[1];
-        const auto u0 = static_cast<float>(f.l11 * dx + f.l21 * dy);
-        const auto w0 = static_cast<float>(f.l22 * dy);
-        const std::uint64_t patches = patches_of(u0, w0, shade.l11, shade.l21, shade.l22, e);
-        if (patches == 0) continue;
+        const std::uint64_t patches =
+            patches_of(intervals, static_cast<std::size_t>(tx - x0) * kPatchColumns, map);
         const auto tile = static_cast<std::uint32_t>(ty * frame.tiles_x + tx);
-        const auto slot = static_cast<std::uint32_t>(out.pairs.size());
-        out.pairs.push_back({patches, static_cast<std::uint32_t>(rank), slot, u0, w0});
-        out.tiles.push_back(tile);
-        ++counts[tile];
+        pairs[size] = {patches, static_cast<std::uint32_t>(rank),
+                       static_cast<std::uint32_t>(size - own), u_of(tx), w0};
+        tile_of[size] = tile;
+        // What touches no patch is written over by the next.
+        const std::uint32_t touches = patches == 0 ? 0 : 1;
+        counts[tile] += touches;
+        size += touches;
       }
     }
+    slots = static_cast<std::uint32_t>(size - own);
   }
+  out.count = size;
 }
 
-/// 2^e to 1e-7 for e in [−126, 1].
+/// 2^e to 1e-7 for e in [−126, 1], any number elsewhere.
 HWY_INLINE FloatVector exp2_small(FloatVector e) {
   const FloatTag d;
   const hn::RebindToSigned<FloatTag> di;
@@ -186,18 +269,19 @@ HWY_INLINE FloatVector exp2_small(FloatVector e) {
 
 /// Transmittance of a tile's pixels before the first Gaussian, 0 outside the image; bits of the
 /// patches that lie in it.
-inline std::uint64_t start_tile(const splat::Frame& frame, std::size_t tile, float* transmittance) {
+template <class Start>
+HWY_INLINE std::uint64_t start_tile(const splat::Frame& frame, std::size_t tile, const Start& set) {
   const TileMap& map = tile_map();
   const int width = frame.view.width - static_cast<int>(tile) % frame.tiles_x * splat::kTile;
   const int height = frame.view.height - static_cast<int>(tile) / frame.tiles_x * splat::kTile;
   if (width >= splat::kTile && height >= splat::kTile) {
-    std::fill_n(transmittance, splat::kTilePixels, 1.0F);
+    for (std::size_t i = 0; i < splat::kTilePixels; ++i) set(i, 1.0F);
     return ~std::uint64_t{0} >> (64 - kPatches);
   }
   std::uint64_t alive = 0;
   for (std::size_t i = 0; i < splat::kTilePixels; ++i) {
     const bool inside = map.column[i] < width && map.row[i] < height;
-    transmittance[i] = inside ? 1.0F : 0.0F;
+    set(i, inside ? 1.0F : 0.0F);
     if (inside) alive |= std::uint64_t{1} << (i / kPatch);
   }
   return alive;
@@ -228,72 +312,216 @@ HWY_INLINE void for_runs(const splat::Frame& frame, std::size_t tile, const Run&
   }
 }
 
-inline void render_tile(splat::Frame& frame, std::size_t tile) {
+/// What a patch's pixels need of a pair.
+struct PairNumbers {
+  alignas(64) float l11;
+  float l21;
+  float l22;
+  float log2_opacity;
+  float colour[3];
+  float depth;
+  float u0;
+  float w0;
+};
+static_assert(sizeof(splat::Shade) == offsetof(PairNumbers, u0));
+
+/// Pairs of a tile's list that are taken at a time, and the most patches that they touch. All their
+/// opacities are made before any pixel is drawn: so many do not depend on each other, which hides
+/// how long each takes.
+inline constexpr std::size_t kBatch = 8;
+inline constexpr std::size_t kVisits = kBatch * kPatches;
+
+/// Pairs at patches, in the order of the list.
+struct Batch {
+  PairNumbers pairs[kBatch];
+  std::uint32_t begin[kBatch + 1];           ///< where each pair's visits begin
+  std::uint32_t visits[kVisits + 16];        ///< pair · kPatches + patch, and room for a register
+  alignas(64) float alpha[kVisits][kPatch];  ///< as if nothing were in front
+
+  [[nodiscard]] HWY_INLINE std::size_t patch(std::size_t visit) const {
+    return visits[visit] % kPatches;
+  }
+  [[nodiscard]] HWY_INLINE const PairNumbers& pair(std::size_t visit) const {
+    return pairs[visits[visit] >> kPatchesLog2];
+  }
+};
+
+/// u and w of a pair at the patch whose pixels begin at a place.
+HWY_INLINE FloatVector u_at(const PairNumbers& pair, const TileMap& map, std::size_t place) {
+  const FloatTag d;
+  return hn::MulAdd(
+      hn::Set(d, pair.l11), hn::Load(d, map.x + place),
+      hn::MulAdd(hn::Set(d, pair.l21), hn::Load(d, map.y + place), hn::Set(d, pair.u0)));
+}
+
+HWY_INLINE FloatVector w_at(const PairNumbers& pair, const TileMap& map, std::size_t place) {
+  const FloatTag d;
+  return hn::MulAdd(hn::Set(d, pair.l22), hn::Load(d, map.y + place), hn::Set(d, pair.w0));
+}
+
+/// Fills a batch from the `left` pairs at `pair`, at the patches that are alive.
+HWY_INLINE void fill_batch(const splat::Frame& frame, const splat::Pair* pair, std::size_t left,
+                           std::uint64_t alive, Batch& batch) {
+  const hn::CappedTag<std::uint32_t, 16> ids;
+  std::uint32_t size = 0;
+  const std::size_t pairs = std::min(kBatch, left);
+  for (std::size_t k = 0; k < pairs; ++k) {
+    // Shades lie anywhere: those of a later batch are asked for now.
+    if (k + 2 * kBatch < left) hwy::Prefetch(&frame.shades[pair[k + 2 * kBatch].rank]);
+    std::memcpy(&batch.pairs[k], &frame.shades[pair[k].rank], sizeof(splat::Shade));
+    batch.pairs[k].u0 = pair[k].u0;
+    batch.pairs[k].w0 = pair[k].w0;
+    batch.begin[k] = size;
+    const std::uint64_t patches = pair[k].patches & alive;
+    for (std::size_t i = 0; i < kPatches; i += hn::Lanes(ids)) {
+      const std::uint64_t part = patches >> i & ((std::uint64_t{1} << hn::Lanes(ids)) - 1);
+      std::uint8_t bits[sizeof(part)];
+      std::memcpy(bits, &part, sizeof(part));
+      const auto at = hn::Add(hn::Iota(ids, static_cast<std::uint32_t>(i)),
+                              hn::Set(ids, static_cast<std::uint32_t>(k * kPatches)));
+      size += static_cast<std::uint32_t>(hn::CompressBitsStore(at, bits, ids, batch.visits + size));
+    }
+  }
+  for (std::size_t k = pairs; k <= kBatch; ++k) batch.begin[k] = size;
+
   const FloatTag d;
   const TileMap& map = tile_map();
-  alignas(64) float transmittance[splat::kTilePixels];
-  alignas(64) float channels[4][splat::kTilePixels] = {};
-  std::uint64_t alive = start_tile(frame, tile, transmittance);
   const FloatVector smallest = hn::Set(d, static_cast<float>(splat::kSmallestLog2));
   const FloatVector largest = hn::Set(d, static_cast<float>(splat::kLargestAlpha));
-  const FloatVector stop = hn::Set(d, static_cast<float>(splat::kSmallestTransmittance));
+  for (std::size_t v = 0; v < size; ++v) {
+    const PairNumbers& p = batch.pair(v);
+    const std::size_t place = batch.patch(v) * kPatch;
+    const FloatVector u = u_at(p, map, place);
+    const FloatVector w = w_at(p, map, place);
+    const FloatVector e = hn::NegMulAdd(w, w, hn::NegMulAdd(u, u, hn::Set(d, p.log2_opacity)));
+    hn::Store(
+        hn::IfThenElseZero(hn::Ge(e, smallest), hn::Min(exp2_small(hn::Max(e, smallest)), largest)),
+        d, batch.alpha[v]);
+  }
+}
+
+/// Copies a run of for_runs.
+template <class Count>
+HWY_INLINE void copy_run(const float* from, float* to, Count count) {
+  if constexpr (std::is_same_v<Count, std::size_t>) {
+    std::copy_n(from, count, to);
+  } else {
+    const hn::CappedTag<float, kPatchWidth> d;
+    for (std::size_t k = 0; k < kPatchWidth; k += hn::Lanes(d)) {
+      hn::StoreU(hn::LoadU(d, from + k), d, to + k);
+    }
+  }
+}
+
+/// to += a · b over a run of for_runs.
+template <class Count>
+HWY_INLINE void add_products(const float* a, const float* b, float* to, Count count) {
+  if constexpr (std::is_same_v<Count, std::size_t>) {
+    for (std::size_t k = 0; k < count; ++k) to[k] += a[k] * b[k];
+  } else {
+    const hn::CappedTag<float, kPatchWidth> d;
+    for (std::size_t k = 0; k < kPatchWidth; k += hn::Lanes(d)) {
+      hn::StoreU(hn::MulAdd(hn::LoadU(d, a + k), hn::LoadU(d, b + k), hn::LoadU(d, to + k)), d,
+                 to + k);
+    }
+  }
+}
+
+/// Asks for a tile's pixels of some channels, a line of the cache each row.
+HWY_INLINE void ask_for(const splat::Frame& frame, std::size_t tile,
+                        std::initializer_list<const float*> channels) {
+  const auto width = static_cast<std::size_t>(frame.view.width);
+  const std::size_t x = tile % static_cast<std::size_t>(frame.tiles_x) * splat::kTile;
+  const std::size_t y = tile / static_cast<std::size_t>(frame.tiles_x) * splat::kTile;
+  const std::size_t rows =
+      std::min<std::size_t>(splat::kTile, static_cast<std::size_t>(frame.view.height) - y);
+  for (const float* channel : channels) {
+    for (std::size_t row = 0; row < rows; ++row) hwy::Prefetch(channel + (y + row) * width + x);
+  }
+}
+
+inline void render_tile(splat::Frame& frame, std::size_t tile) {
+  const FloatTag d;
+  const std::size_t pixels = frame.image.pixels();
+  float* const out[5] = {frame.image.colour.data(), frame.image.colour.data() + pixels,
+                         frame.image.colour.data() + 2 * pixels, frame.image.depth.data(),
+                         frame.image.mask.data()};
   const splat::Pair* pair = frame.pairs.data() + frame.tile_begin[tile];
   const splat::Pair* const end = frame.pairs.data() + frame.tile_begin[tile + 1];
-  for (; pair != end && alive != 0; ++pair) {
-    std::uint64_t patches = pair->patches & alive;
-    const splat::Shade& shade = frame.shades[pair->rank];
-    const FloatVector u0 = hn::Set(d, pair->u0);
-    const FloatVector w0 = hn::Set(d, pair->w0);
-    const FloatVector l11 = hn::Set(d, shade.l11);
-    const FloatVector l21 = hn::Set(d, shade.l21);
-    const FloatVector l22 = hn::Set(d, shade.l22);
-    const FloatVector opacity = hn::Set(d, shade.log2_opacity);
-    while (patches != 0) {
-      const auto patch = static_cast<std::size_t>(std::countr_zero(patches));
-      patches &= patches - 1;
-      const std::size_t i = patch * kPatch;
-      const FloatVector y = hn::Load(d, map.y + i);
-      const FloatVector t = hn::Load(d, transmittance + i);
-      const FloatVector u = hn::MulAdd(l11, hn::Load(d, map.x + i), hn::MulAdd(l21, y, u0));
-      const FloatVector w = hn::MulAdd(l22, y, w0);
-      const FloatVector e = hn::NegMulAdd(w, w, hn::NegMulAdd(u, u, opacity));
-      const auto active = hn::And(hn::Ge(e, smallest), hn::Ge(t, stop));
-      const FloatVector alpha =
-          hn::IfThenElseZero(active, hn::Min(exp2_small(hn::Max(e, smallest)), largest));
+  if (pair == end) {
+    if (frame.blank[tile] != 0) return;
+    frame.blank[tile] = 1;
+    for_runs(frame, tile, [&](std::size_t, std::size_t pixel, auto count) {
+      for (float* channel : out) std::fill_n(channel + pixel, std::size_t{count}, 0.0F);
+    });
+    return;
+  }
+  frame.blank[tile] = 0;
+  ask_for(frame, tile, {out[0], out[1], out[2], out[3], out[4]});
+  // Colour, depth, transmittance.
+  TileState<5> state{};
+  std::uint64_t alive =
+      start_tile(frame, tile, [&](std::size_t i, float value) { *state.at(4, i) = value; });
+  const FloatVector stop = hn::Set(d, static_cast<float>(splat::kSmallestTransmittance));
+  Batch batch;
+  for (; pair < end && alive != 0; pair += kBatch) {
+    fill_batch(frame, pair, static_cast<std::size_t>(end - pair), alive, batch);
+    for (std::size_t v = 0; v < batch.begin[kBatch]; ++v) {
+      const std::size_t patch = batch.patch(v);
+      const PairNumbers& p = batch.pair(v);
+      float* const own = state.patch(patch);
+      const FloatVector t = hn::Load(d, own + 4 * kPatch);
+      const FloatVector alpha = hn::IfThenElseZero(hn::Ge(t, stop), hn::Load(d, batch.alpha[v]));
       const FloatVector weight = hn::Mul(alpha, t);
       const FloatVector after = hn::NegMulAdd(alpha, t, t);
-      hn::Store(after, d, transmittance + i);
-      for (std::size_t c = 0; c < 3; ++c) {
-        hn::Store(hn::MulAdd(weight, hn::Set(d, shade.colour[c]), hn::Load(d, channels[c] + i)), d,
-                  channels[c] + i);
+      hn::Store(after, d, own + 4 * kPatch);
+      for (std::size_t c = 0; c < 4; ++c) {
+        const FloatVector value = hn::Set(d, c < 3 ? p.colour[c] : p.depth);
+        hn::Store(hn::MulAdd(weight, value, hn::Load(d, own + c * kPatch)), d, own + c * kPatch);
       }
-      hn::Store(hn::MulAdd(weight, hn::Set(d, shade.depth), hn::Load(d, channels[3] + i)), d,
-                channels[3] + i);
       if (HWY_UNLIKELY(hn::AllFalse(d, hn::Ge(after, stop)))) alive &= ~(std::uint64_t{1} << patch);
     }
   }
-  const std::size_t pixels = frame.image.pixels();
-  float* const colour = frame.image.colour.data();
-  float* const mask = frame.image.mask.data();
-  float* const depth = frame.image.depth.data();
+  for (std::size_t patch = 0; patch < kPatches; ++patch) {
+    float* const t = state.patch(patch) + 4 * kPatch;
+    hn::Store(hn::Sub(hn::Set(d, 1.0F), hn::Load(d, t)), d, t);
+  }
   for_runs(frame, tile, [&](std::size_t i, std::size_t pixel, auto count) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      for (std::size_t k = 0; k < count; ++k) colour[c * pixels + pixel + k] = channels[c][i + k];
-    }
-    for (std::size_t k = 0; k < count; ++k) mask[pixel + k] = 1.0F - transmittance[i + k];
-    for (std::size_t k = 0; k < count; ++k) depth[pixel + k] = channels[3][i + k];
+    for (std::size_t c = 0; c < 5; ++c) copy_run(state.at(c, i), out[c] + pixel, count);
   });
+}
+
+/// Four registers into one whose blocks hold their blocks' sums.
+HWY_INLINE FloatVector sum_blocks(FloatVector a, FloatVector b, FloatVector c, FloatVector e) {
+  const FloatTag d;
+  const hn::Repartition<double, FloatTag> dd;
+  const FloatVector ab = hn::Add(hn::InterleaveLower(d, a, b), hn::InterleaveUpper(d, a, b));
+  const FloatVector ce = hn::Add(hn::InterleaveLower(d, c, e), hn::InterleaveUpper(d, c, e));
+  const auto low = hn::InterleaveLower(dd, hn::BitCast(dd, ab), hn::BitCast(dd, ce));
+  const auto high = hn::InterleaveUpper(dd, hn::BitCast(dd, ab), hn::BitCast(dd, ce));
+  return hn::Add(hn::BitCast(d, low), hn::BitCast(d, high));
+}
+
+/// The sum of a register's blocks of four lanes.
+template <class D>
+HWY_INLINE hn::Vec<hn::CappedTag<float, 4>> over_blocks(D d, hn::Vec<D> v) {
+  if constexpr (hn::MaxLanes(d) <= 4) {
+    return v;
+  } else {
+    const hn::Half<D> half;
+    return over_blocks(half, hn::Add(hn::LowerHalf(half, v), hn::UpperHalf(half, v)));
+  }
 }
 
 inline void differentiate_tile(splat::Frame& frame, std::size_t tile) {
   if (frame.tile_begin[tile] == frame.tile_begin[tile + 1]) return;
   const FloatTag d;
   const TileMap& map = tile_map();
-  alignas(64) float transmittance[splat::kTilePixels];
-  // Derivatives of the loss in colour, depth and mask, and Q = dL · (what is still behind).
-  alignas(64) float loss[5][splat::kTilePixels] = {};
-  alignas(64) float behind[splat::kTilePixels] = {};
-  std::uint64_t alive = start_tile(frame, tile, transmittance);
+  // Derivatives of the loss in colour, depth and mask, transmittance, and Q = dL · (what is still
+  // behind).
+  TileState<7> state{};
+  std::uint64_t alive =
+      start_tile(frame, tile, [&](std::size_t i, float value) { *state.at(5, i) = value; });
   const std::size_t pixels = frame.image.pixels();
   const float* const loss_from[5] = {frame.loss->colour.data(), frame.loss->colour.data() + pixels,
                                      frame.loss->colour.data() + 2 * pixels,
@@ -301,29 +529,30 @@ inline void differentiate_tile(splat::Frame& frame, std::size_t tile) {
   const float* const image_from[5] = {frame.image.colour.data(), frame.image.colour.data() + pixels,
                                       frame.image.colour.data() + 2 * pixels,
                                       frame.image.depth.data(), frame.image.mask.data()};
+  if (tile + 1 < frame.tiles()) {
+    ask_for(frame, tile + 1,
+            {loss_from[0], loss_from[1], loss_from[2], loss_from[3], loss_from[4], image_from[0],
+             image_from[1], image_from[2], image_from[3], image_from[4]});
+  }
   for_runs(frame, tile, [&](std::size_t i, std::size_t pixel, auto count) {
     for (std::size_t c = 0; c < 5; ++c) {
-      for (std::size_t k = 0; k < count; ++k) {
-        loss[c][i + k] = loss_from[c][pixel + k];
-        behind[i + k] += loss[c][i + k] * image_from[c][pixel + k];
-      }
+      copy_run(loss_from[c] + pixel, state.at(c, i), count);
+      add_products(loss_from[c] + pixel, image_from[c] + pixel, state.at(6, i), count);
     }
   });
-  const FloatVector smallest = hn::Set(d, static_cast<float>(splat::kSmallestLog2));
   const FloatVector largest = hn::Set(d, static_cast<float>(splat::kLargestAlpha));
   const FloatVector stop = hn::Set(d, static_cast<float>(splat::kSmallestTransmittance));
   const FloatVector one = hn::Set(d, 1.0F);
   const splat::Pair* pair = frame.pairs.data() + frame.tile_begin[tile];
   const splat::Pair* const end = frame.pairs.data() + frame.tile_begin[tile + 1];
-  for (; pair != end && alive != 0; ++pair) {
-    std::uint64_t patches = pair->patches & alive;
-    const splat::Shade& shade = frame.shades[pair->rank];
-    const FloatVector u0 = hn::Set(d, pair->u0);
-    const FloatVector w0 = hn::Set(d, pair->w0);
-    const FloatVector l11 = hn::Set(d, shade.l11);
-    const FloatVector l21 = hn::Set(d, shade.l21);
-    const FloatVector l22 = hn::Set(d, shade.l22);
-    const FloatVector opacity = hn::Set(d, shade.log2_opacity);
+  Batch batch;
+  for (std::size_t k = kBatch; pair != end; ++pair, ++k) {
+    if (k == kBatch) {
+      if (alive == 0) break;
+      k = 0;
+      fill_batch(frame, pair, static_cast<std::size_t>(end - pair), alive, batch);
+    }
+    const PairNumbers& p = batch.pairs[k];
     FloatVector s0 = hn::Zero(d);
     FloatVector su = s0;
     FloatVector sw = s0;
@@ -334,41 +563,40 @@ inline void differentiate_tile(splat::Frame& frame, std::size_t tile) {
     FloatVector green = s0;
     FloatVector blue = s0;
     FloatVector depth = s0;
-    while (patches != 0) {
-      const auto patch = static_cast<std::size_t>(std::countr_zero(patches));
-      patches &= patches - 1;
-      const std::size_t i = patch * kPatch;
+    for (std::size_t visit = batch.begin[k]; visit < batch.begin[k + 1]; ++visit) {
+      const std::size_t patch = batch.patch(visit);
+      float* const own = state.patch(patch);
+      const FloatVector u = u_at(p, map, patch * kPatch);
+      const FloatVector w = w_at(p, map, patch * kPatch);
       // The same as in render_tile, to the bit.
-      const FloatVector y = hn::Load(d, map.y + i);
-      const FloatVector t = hn::Load(d, transmittance + i);
-      const FloatVector u = hn::MulAdd(l11, hn::Load(d, map.x + i), hn::MulAdd(l21, y, u0));
-      const FloatVector w = hn::MulAdd(l22, y, w0);
-      const FloatVector e = hn::NegMulAdd(w, w, hn::NegMulAdd(u, u, opacity));
-      const auto active = hn::And(hn::Ge(e, smallest), hn::Ge(t, stop));
-      const FloatVector exact = exp2_small(hn::Max(e, smallest));
-      const FloatVector alpha = hn::IfThenElseZero(active, hn::Min(exact, largest));
+      const FloatVector t = hn::Load(d, own + 5 * kPatch);
+      const FloatVector alpha =
+          hn::IfThenElseZero(hn::Ge(t, stop), hn::Load(d, batch.alpha[visit]));
       const FloatVector weight = hn::Mul(alpha, t);
       const FloatVector after = hn::NegMulAdd(alpha, t, t);
-      hn::Store(after, d, transmittance + i);
+      hn::Store(after, d, own + 5 * kPatch);
 
-      const FloatVector l_red = hn::Load(d, loss[0] + i);
-      const FloatVector l_green = hn::Load(d, loss[1] + i);
-      const FloatVector l_blue = hn::Load(d, loss[2] + i);
-      const FloatVector l_depth = hn::Load(d, loss[3] + i);
+      const FloatVector l_red = hn::Load(d, own);
+      const FloatVector l_green = hn::Load(d, own + kPatch);
+      const FloatVector l_blue = hn::Load(d, own + 2 * kPatch);
+      const FloatVector l_depth = hn::Load(d, own + 3 * kPatch);
       red = hn::MulAdd(weight, l_red, red);
       green = hn::MulAdd(weight, l_green, green);
       blue = hn::MulAdd(weight, l_blue, blue);
       depth = hn::MulAdd(weight, l_depth, depth);
-      FloatVector g = hn::MulAdd(l_red, hn::Set(d, shade.colour[0]), hn::Load(d, loss[4] + i));
-      g = hn::MulAdd(l_green, hn::Set(d, shade.colour[1]), g);
-      g = hn::MulAdd(l_blue, hn::Set(d, shade.colour[2]), g);
-      g = hn::MulAdd(l_depth, hn::Set(d, shade.depth), g);
-      const FloatVector rest = hn::NegMulAdd(weight, g, hn::Load(d, behind + i));
-      hn::Store(rest, d, behind + i);
+      FloatVector g = hn::MulAdd(l_red, hn::Set(d, p.colour[0]), hn::Load(d, own + 4 * kPatch));
+      g = hn::MulAdd(l_green, hn::Set(d, p.colour[1]), g);
+      g = hn::MulAdd(l_blue, hn::Set(d, p.colour[2]), g);
+      g = hn::MulAdd(l_depth, hn::Set(d, p.depth), g);
+      const FloatVector rest = hn::NegMulAdd(weight, g, hn::Load(d, own + 6 * kPatch));
+      hn::Store(rest, d, own + 6 * kPatch);
       // ∂L/∂ln α = α (T g − Q/(1 − α)); none where α is clamped.
-      const FloatVector hidden = hn::Div(hn::Mul(alpha, rest), hn::Sub(one, alpha));
+      const FloatVector clear = hn::Sub(one, alpha);
+      const FloatVector guess = hn::ApproximateReciprocal(clear);
+      const FloatVector inverse = hn::Mul(guess, hn::NegMulAdd(clear, guess, hn::Set(d, 2.0F)));
+      const FloatVector hidden = hn::Mul(hn::Mul(alpha, rest), inverse);
       const FloatVector v =
-          hn::IfThenElseZero(hn::Lt(exact, largest), hn::MulSub(weight, g, hidden));
+          hn::IfThenElseZero(hn::Lt(alpha, largest), hn::MulSub(weight, g, hidden));
       const FloatVector vu = hn::Mul(v, u);
       const FloatVector vw = hn::Mul(v, w);
       s0 = hn::Add(s0, v);
@@ -380,9 +608,11 @@ inline void differentiate_tile(splat::Frame& frame, std::size_t tile) {
       if (HWY_UNLIKELY(hn::AllFalse(d, hn::Ge(after, stop)))) alive &= ~(std::uint64_t{1} << patch);
     }
     splat::Slot& slot = frame.slots[pair->slot];
-    const FloatVector sums[splat::kSums] = {s0, su, sw, suu, suw, sww, red, green, blue, depth};
-    for (std::size_t k = 0; k < splat::kSums; ++k)
-      slot.sum[k] = hn::GetLane(hn::SumOfLanes(d, sums[k]));
+    const hn::CappedTag<float, 4> block;
+    hn::StoreU(over_blocks(d, sum_blocks(s0, su, sw, suu)), block, slot.sum);
+    hn::StoreU(over_blocks(d, sum_blocks(suw, sww, red, green)), block, slot.sum + 4);
+    hn::StoreU(over_blocks(d, sum_blocks(blue, depth, hn::Zero(d), hn::Zero(d))), block,
+               slot.sum + 8);
   }
   for (; pair != end; ++pair) frame.slots[pair->slot] = {};
 }

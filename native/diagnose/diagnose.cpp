@@ -68,6 +68,7 @@ class Writer {
     if (report_.causes.size() > std::size_t(options_.listed)) {
       report_.causes.resize(std::size_t(options_.listed));
     }
+    law();
     next();
     report_.runs = study_.runs();
     report_.cut = study_.cut();
@@ -140,19 +141,21 @@ class Writer {
     return found_.best && std::ranges::count(found_.best->causes, candidate) > 0;
   }
 
-  void fill_values(const Candidate& candidate, const Refit& refit, Cause& cause) const {
+  [[nodiscard]] std::vector<Value> values_of(const Candidate& candidate, const Refit& refit) const {
+    std::vector<Value> values;
     Index at = 0;
     const double wide = std::sqrt(std::max(1.0, refit.chi_square / refit.freedom));
     for (const Active& active : refit.state.causes) {
       if (active.effect == candidate.effect) {
         const Effect& e = effect(candidate);
         for (std::size_t k = 0; k < e.numbers.size(); ++k) {
-          cause.parameters.push_back({e.numbers[k].name, e.numbers[k].unit, active.values[Index(k)],
-                                      wide * refit.error[at + Index(k)]});
+          values.push_back({e.numbers[k].name, e.numbers[k].unit, active.values[Index(k)],
+                            wide * refit.error[at + Index(k)]});
         }
       }
       at += active.values.size();
     }
+    return values;
   }
 
   void fill_gain(const Trial& trial, Cause& cause) const {
@@ -213,10 +216,10 @@ class Writer {
       cause.p = found_.first->placebo.p(found_.base.evidence - trial->evidence);
     }
     if (acts(score.candidate)) {
-      fill_values(score.candidate, found_.best->refit, cause);
+      cause.parameters = values_of(score.candidate, found_.best->refit);
       fill_gain(*found_.best, cause);
     } else if (trial) {
-      fill_values(score.candidate, trial->refit, cause);
+      cause.parameters = values_of(score.candidate, trial->refit);
       fill_gain(*trial, cause);
     } else {
       for (std::size_t i = 0; i < e.numbers.size(); ++i) {
@@ -241,6 +244,9 @@ class Writer {
         cause.evidence_by_frame = evidence_by_frame(study_, *found_.first, k, score.estimate);
       }
     }
+    if (found_.law && score.observable) {
+      cause.absorbed = found_.law->absorbed[k];
+    }
     cause.evidence = evidence(cause);
     cause.sentence = fill_sentence(e, cause);
     return cause;
@@ -261,6 +267,29 @@ class Writer {
     }
     return fmt::format("Explains {:.0f} % of the excess, and {:.0f} % of it on samples kept back.",
                        100.0 * cause.explained, 100.0 * cause.gain);
+  }
+
+  void law() {
+    if (!found_.law) return;
+    const FreeLaw& free = *found_.law;
+    LawRow& row = report_.law.emplace();
+    row.score = free.score.statistic;
+    row.p = free.p;
+    row.keep = free.score.keep;
+    row.observable = free.score.observable;
+    if (free.trial) {
+      row.refitted = true;
+      row.parameters = values_of(free.candidate, free.trial->refit);
+      row.explained = std::clamp(share_of_excess(found_.base.refit, free.trial->refit), 0.0, 1.0);
+      row.gain = free.trial->gain.value;
+      row.gain_low = free.trial->gain.low;
+      row.gain_high = free.trial->gain.high;
+      row.gain_measurable = free.trial->gain.measurable;
+    }
+    // What is not accepted beside it would come along with its causes.
+    row.improves = free.improves && (report_.classes.empty() ? !found_.accepted : true);
+    if (row.improves) extend_by(free.trial->refit);
+    row.sentence = law_sentence(row);
   }
 
   void limits(std::size_t k) {
@@ -322,8 +351,12 @@ class Writer {
     }
     report_.extended = found_.base.refit.state;
     if (report_.classes.empty()) return;
-    report_.extended = found_.best->refit.state;
-    const VectorXd left = study_.measured() - found_.best->refit.prediction;
+    extend_by(found_.best->refit);
+  }
+
+  void extend_by(const Refit& refit) {
+    report_.extended = refit.state;
+    const VectorXd left = study_.measured() - refit.prediction;
     const std::vector<FrameError> after =
         errors_by_frame(study_, left, found_.noise, found_.spread.deviations());
     for (std::size_t i = 0; i < after.size(); ++i) report_.by_frame[i].after = after[i].rms;

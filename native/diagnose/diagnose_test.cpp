@@ -199,6 +199,38 @@ TEST(Diagnose, WhatIsKnownIsNamedBesideWhatIsNot) {
   EXPECT_THAT(report.headline, testing::HasSubstr("something else is missing too"));
 }
 
+TEST(Diagnose, AFreeLawIsLookedAtLast) {
+  ThrownModel model = two_throws();
+  model.add_law();
+  model.record({cause_of(model, {"law", {0.02}})}, {});
+  const Report report = diagnose(model);
+  EXPECT_EQ(report.verdict, Verdict::kUnknown) << told_by_report(report);
+  EXPECT_TRUE(std::ranges::none_of(report.causes,
+                                   [](const Cause& cause) { return cause.effect == "law"; }));
+  ASSERT_TRUE(report.law && report.law->refitted);
+  EXPECT_TRUE(report.law->improves);
+  EXPECT_GT(report.law->explained, 0.9);
+  EXPECT_GT(report.law->gain, 0.9);
+  EXPECT_NEAR(report.law->parameters.front().value, 0.02, 2e-3);
+  ASSERT_EQ(report.extended.causes.size(), 1U);
+  EXPECT_EQ(report.extended.causes.front().effect, model.effect_index("law"));
+  EXPECT_THAT(report.headline, testing::HasSubstr("A law of another form explains"));
+}
+
+/// What acts on the whole body no bend can make; without anything left the law stays as it is.
+TEST(Diagnose, AFreeLawTakesNothingFromWhatIsOutsideTheBody) {
+  ThrownModel model = two_throws();
+  model.add_law();
+  model.record({cause_of(model, {"drag_linear", {0.6}})}, {});
+  const Report report = diagnose(model);
+  EXPECT_EQ(report.verdict, Verdict::kCause) << told_by_report(report);
+  EXPECT_LT(report.causes.front().absorbed, 0.2);
+  ASSERT_TRUE(report.law.has_value());
+  EXPECT_FALSE(report.law->refitted);
+  ASSERT_EQ(report.extended.causes.size(), 1U);
+  EXPECT_EQ(report.extended.causes.front().effect, model.effect_index("drag_linear"));
+}
+
 TEST(Diagnose, TheSameModelGivesTheSameReport) {
   ThrownModel model = two_throws();
   model.record({cause_of(model, {"scale", {0.02}})}, {});

@@ -85,6 +85,7 @@ class Search {
     choose();
     add_further_causes(study_, *trials_, *judge_, options_, out_);
     accept(study_, *refitter_, *judge_, options_, out_);
+    out_.law = free_law(study_, *trials_, *judge_, options_, out_);
     return std::move(out_);
   }
 

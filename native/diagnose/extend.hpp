@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "diagnose/analysis.hpp"
+#include "diagnose/free_law.hpp"
 #include "diagnose/spread.hpp"
 #include "diagnose/trials.hpp"
 
@@ -43,10 +44,11 @@ struct Extension {
   /// The best extension takes away no more than the estimate of the solver's error may be off by.
   bool within_solver = false;
   bool exact_solver_significant = false;  ///< something is wrong if the solver counts as exact
+  std::optional<FreeLaw> law;
 };
 
-/// Steps 2 to 8 of a diagnosis: covariance, scores, refits of the best candidates and what is like
-/// them, a second and third cause, and the gain on unseen samples.
+/// Steps 2 to 8 and 10 of a diagnosis: covariance, scores, refits of the best candidates and what
+/// is like them, a second and third cause, the gain on unseen samples, and the law freed last.
 [[nodiscard]] Extension extend(const Study& study, int members, const ExtendOptions& options);
 
 }  // namespace matterfit::diagnose

@@ -108,6 +108,9 @@ struct Effect {
   Vec3d pivot = Vec3d::Zero();             ///< observations: a fixed point [m]
   Vec3d axis = Vec3d::UnitZ();             ///< observations: unit
   double prior = 1.0;  ///< how often it is met, relative to others; for probabilities
+  /// A law whose form is free: no candidate, but scored and refitted when all is done
+  /// (free_law.hpp). One at most.
+  bool last = false;
 };
 
 /// The solver's own freedom: what a simulation with another grid would have differed in. The

@@ -219,6 +219,11 @@ class ThrownModel : public HiddenModel {
     return result;
   }
   std::vector<Experiment> experiments_;
+  /// Adds what the body's law might be instead: it bends about y as time goes on.
+  void add_law() {
+    effects_.push_back(effect("law", "material", {number("bend", "m", 0.01)}));
+    effects_.back().last = true;
+  }
   /// A push that no effect knows: sideways, by a bump in time, growing along the body [m/s²].
   double unknown_push = 0.0;
 
@@ -234,6 +239,7 @@ class ThrownModel : public HiddenModel {
     double quadratic = 0.0;
     double field = 0.0;
     double spin = 0.0;
+    double bend = 0.0;
     Vec3d shaking = Vec3d::Zero();
     for (const Point::Cause& cause : point.causes) {
       const std::string& name = effects_[std::size_t(cause.effect)].name;
@@ -246,6 +252,7 @@ class ThrownModel : public HiddenModel {
       if (name == "drag_quadratic" || name == "drag_twin") quadratic += cause.values[0];
       if (name == "force_field") field = cause.values[0];
       if (name == "spin") spin = cause.values[0];
+      if (name == "law") bend = cause.values[0];
     }
     Eigen::Index size = 0;
     for (const Capture& capture : captures_) size += 3 * capture.samples();
@@ -284,7 +291,7 @@ class ThrownModel : public HiddenModel {
           const Vec3d turned = turn * arm;
           result.positions.segment<3>(row) =
               x + Vec3d(0.075, 0.06, 1.0) + turned +
-              Vec3d(0.0, 0.0, push * bump * arm[0] * arm[0] / 0.0056);
+              Vec3d(0.0, 0.0, (push * bump + bend * u * u) * arm[0] * arm[0] / 0.0056);
           result.velocities.segment<3>(row) = v + spin * Vec3d::UnitZ().cross(turned);
           row += 3;
         }

@@ -64,10 +64,29 @@ struct Cause {
   double gain_low = 0.0;
   double gain_high = 0.0;
   bool gain_measurable = false;
+  /// The share of what it makes that a law of free form could make as well; NaN: not known.
+  double absorbed = std::numeric_limits<double>::quiet_NaN();
   std::vector<Confusion> confused_with;
   std::vector<double> evidence_by_frame;  ///< T over a sliding window, capture after capture
   std::string evidence;                   ///< a sentence: why it is believed or not
   std::string sentence;                   ///< the effect's own, with values
+};
+
+/// What a law of free form explains, looked at last (free_law.hpp).
+struct LawRow {
+  double score = 0.0;
+  double p = 1.0;
+  double keep = 0.0;
+  bool observable = false;
+  bool refitted = false;
+  bool improves = false;  ///< it is in the extended model
+  std::vector<Value> parameters;
+  double explained = 0.0;  ///< share of the excess χ², with the causes beside it
+  double gain = 0.0;
+  double gain_low = 0.0;
+  double gain_high = 0.0;
+  bool gain_measurable = false;
+  std::string sentence;
 };
 
 struct DetectionLimit {
@@ -135,6 +154,7 @@ struct Report {
   std::vector<std::string> classes;
   std::vector<Cause> causes;  ///< the most probable first, DiagnoseOptions::listed of them
   int tested = 0;             ///< causes in all
+  std::optional<LawRow> law;  ///< nothing where the model has none
   std::vector<std::string> not_observable;
   std::vector<DetectionLimit> detection_limits;
   std::string next_recording;
@@ -155,6 +175,8 @@ struct Report {
 
 /// Sentences for people, one function a verdict, all from the report's numbers.
 [[nodiscard]] std::string headline(const Report& report);
+/// What a law of free form explains, for people; empty where nothing was left to explain.
+[[nodiscard]] std::string law_sentence(const LawRow& law);
 /// "0.021 ± 0.0006 m²"
 [[nodiscard]] std::string with_error(const Value& value);
 /// The effect's template with values put in.

@@ -164,12 +164,14 @@ const char* name(Verdict verdict) {
 
 std::string headline(const Report& report) {
   const bool exact = !(report.numerical > 0.0);
-  const std::string more =
-      report.remains ? fmt::format(
-                           " What is left is still more than noise{} make{}: something else "
-                           "is missing too.",
-                           exact ? "" : " and the grid", exact ? "s" : "")
-                     : "";
+  std::string more = report.remains
+                         ? fmt::format(
+                               " What is left is still more than noise{} make{}: something else "
+                               "is missing too.",
+                               exact ? "" : " and the grid", exact ? "s" : "")
+                         : "";
+  const bool law = report.law && !report.law->sentence.empty();
+  if (law) more += " " + report.law->sentence;
   switch (report.verdict) {
     case Verdict::kCause:
       return cause(report) + more;
@@ -178,7 +180,7 @@ std::string headline(const Report& report) {
     case Verdict::kSeveral:
       return several(report) + more;
     case Verdict::kUnknown:
-      return unknown(report);
+      return unknown(report) + more;
     case Verdict::kNumerical:
       return numerical(report);
     case Verdict::kMeasurement:
@@ -187,6 +189,20 @@ std::string headline(const Report& report) {
       break;
   }
   return nothing(report);
+}
+
+std::string law_sentence(const LawRow& law) {
+  if (!law.refitted) return "";
+  const std::string share = fmt::format("A law of another form explains {:.0f} % of what is wrong",
+                                        100.0 * law.explained);
+  if (!law.improves) return share + ", and does not predict what was kept back.";
+  const std::string gain =
+      law.gain_measurable
+          ? fmt::format(", and {:.0f} % of it in what was kept back", 100.0 * law.gain)
+          : "";
+  return share + gain +
+         ": the extended model corrects its law. That it is the material, another motion has to "
+         "confirm.";
 }
 
 std::string with_error(const Value& value) {

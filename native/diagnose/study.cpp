@@ -234,7 +234,7 @@ std::vector<Candidate> candidates_of(const Model& model, const State& state) {
   for (std::size_t e = 0; e < model.effects().size(); ++e) {
     const bool active = std::ranges::any_of(
         state.causes, [&](const Active& cause) { return cause.effect == int(e); });
-    if (active) continue;
+    if (active || model.effects()[e].last) continue;
     const int shapes = std::max(1, int(model.effects()[e].variants.size()));
     for (int v = 0; v < shapes; ++v) result.push_back({int(e), v});
   }

@@ -31,6 +31,13 @@ constexpr double kFarthest = 10.0;
 /// Where such a number is searched for because its slope says little of values that are far off.
 constexpr std::array<double, 2> kTriedFactors = {0.6, 1.5};
 
+/// Of a correction's numbers: a size at which one would care for it, the most by which each
+/// stiffens, and by which it softens; with all of these something still holds the body together
+/// (material::check_correction).
+constexpr double kShareOfLaw = 0.5;
+constexpr std::array<double, material::kCorrectionSize> kStiffest = {5.0, 5.0, 5.0, 0.2, 5.0};
+constexpr std::array<double, material::kCorrectionSize> kSoftest = {0.16, 0.16, 0.16, 0.2, 0.7};
+
 class MaterialCauses {
  public:
   MaterialCauses(const mpm::Scene& scene, const CauseOptions& options)
@@ -46,6 +53,7 @@ class MaterialCauses {
       relaxation();
     }
     yield();
+    law();
     for (const fit::Quantity& row : fit::quantities()) {
       if (row.owner == fit::Owner::kBody && row.of_law && row.member) stated(row);
     }
@@ -144,6 +152,27 @@ class MaterialCauses {
       Json& material = first_body(scene)["material"];
       material["law"] = "von_mises";
       material["yield_stress"] = v[0];
+    };
+  }
+
+  /// The law's form itself, by the correction that any law takes: looked at when all is done.
+  void law() {
+    if (!material_.correction.empty() || fitted("material.correction[#]")) return;
+    Cause& cause = add_cause(causes_, "law_correction", "material",
+                             "The material's law is another: a correction of {value}.");
+    cause.row.last = true;
+    for (std::size_t k = 0; k < material::kCorrectionSize; ++k) {
+      diagnose::Number share = number(fmt::format("correction[{}]", k).c_str(), "", kShareOfLaw);
+      share.first_step = kShareOfLaw / 10.0;
+      share.low = -kSoftest[k];
+      share.high = kStiffest[k];
+      cause.row.numbers.push_back(share);
+    }
+    cause.apply = [](std::span<const double> v, int, mpm::Scene& scene) {
+      scene.bodies.front().material.correction.assign(v.begin(), v.end());
+    };
+    cause.write = [](std::span<const double> v, int, Json& scene) {
+      first_body(scene)["material"]["correction"] = std::vector<double>(v.begin(), v.end());
     };
   }
 

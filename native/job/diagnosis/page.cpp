@@ -98,6 +98,9 @@ std::string numbers_of(const Json& cause, const ShownUnit& size) {
   add_entry(html, "score T", shown(number_at(cause, "score")));
   add_entry(html, "p where nothing is hidden", shown(number_at(cause, "p")));
   add_entry(html, "left when the fit adapts", percent(number_at(cause, "keep")));
+  if (const double share = number_at(cause, "absorbed"); std::isfinite(share)) {
+    add_entry(html, "of which another law could make", percent(share));
+  }
   if (const Json rivals = cause.value("confused_with", Json::array()); !rivals.empty()) {
     add_entry(html, "looks like", listed(rivals));
   }

@@ -24,7 +24,7 @@ Json report_of_drag() {
     "causes": [
       {"effect": "drag_quadratic", "scope": "shared", "sentence": "The air's own sentence.",
        "evidence": "Explains most of it.", "probability": 0.97, "score": 812.5, "p": 0.001,
-       "keep": 0.41, "refitted": true, "accepted": true, "explained": 0.94, "gain": 0.82,
+       "keep": 0.41, "refitted": true, "accepted": true, "explained": 0.94, "absorbed": 0.125, "gain": 0.82,
        "gain_interval": [0.78, 0.85], "holdout_before": 0.0061, "holdout_after": 0.0011,
        "holdout_floor": 0.0007, "last_residual": 0.0052, "free_field": 0.0033,
        "parameters": {"drag_coefficient": {"value": 0.47, "unit": "", "stderr": 0.012}},
@@ -88,6 +88,7 @@ TEST(Page, SaysTheCausesOwnSentences) {
   EXPECT_THAT(html, HasSubstr("A wind."));
   EXPECT_THAT(html, HasSubstr("Air drags &lt;it&gt;."));
   EXPECT_THAT(html, HasSubstr("share of the excess explained"));
+  EXPECT_THAT(html, HasSubstr("of which another law could make"));
 }
 
 TEST(Page, ShowsTheReportsNumbersToTheLastDigit) {

@@ -29,6 +29,37 @@ Json evidence_json(const std::vector<double>& score,
   return list;
 }
 
+void put_values(const std::vector<diagnose::Value>& values, Json& json) {
+  for (const diagnose::Value& value : values) {
+    json[value.name] = {{"value", number_json(value.value)},
+                        {"unit", value.unit},
+                        {"stderr", number_json(value.error)}};
+  }
+}
+
+/// `Row`: a cause or the law's row.
+template <class Row>
+void put_gain(const Row& row, Json& json) {
+  json["gain"] = row.gain_measurable ? number_json(row.gain) : Json();
+  json["gain_interval"] =
+      row.gain_measurable ? Json{number_json(row.gain_low), number_json(row.gain_high)} : Json();
+}
+
+Json law_json(const diagnose::LawRow& law) {
+  Json json = {{"score", number_json(law.score)},
+               {"p", number_json(law.p)},
+               {"keep", number_json(law.keep)},
+               {"observable", law.observable},
+               {"refitted", law.refitted},
+               {"improves", law.improves},
+               {"explained", number_json(law.explained)},
+               {"parameters", Json::object()},
+               {"sentence", law.sentence}};
+  put_gain(law, json);
+  put_values(law.parameters, json["parameters"]);
+  return json;
+}
+
 Json cause_json(const diagnose::Cause& cause, const std::vector<diagnose::Capture>& captures) {
   Json json = {{"effect", cause.effect},
                {"scope", cause.scope},
@@ -43,6 +74,7 @@ Json cause_json(const diagnose::Cause& cause, const std::vector<diagnose::Captur
                {"refitted", cause.refitted},
                {"accepted", cause.accepted},
                {"explained", number_json(cause.explained)},
+               {"absorbed", number_json(cause.absorbed)},
                {"holdout_before", number_json(cause.holdout_before)},
                {"holdout_after", number_json(cause.holdout_after)},
                {"holdout_floor", number_json(cause.holdout_floor)},
@@ -51,15 +83,8 @@ Json cause_json(const diagnose::Cause& cause, const std::vector<diagnose::Captur
                {"parameters", Json::object()},
                {"confused_with", Json::array()}};
   if (!cause.where.empty()) json["where"] = cause.where;
-  json["gain"] = cause.gain_measurable ? number_json(cause.gain) : Json();
-  json["gain_interval"] = cause.gain_measurable
-                              ? Json{number_json(cause.gain_low), number_json(cause.gain_high)}
-                              : Json();
-  for (const diagnose::Value& value : cause.parameters) {
-    json["parameters"][value.name] = {{"value", number_json(value.value)},
-                                      {"unit", value.unit},
-                                      {"stderr", number_json(value.error)}};
-  }
+  put_gain(cause, json);
+  put_values(cause.parameters, json["parameters"]);
   for (const diagnose::Confusion& rival : cause.confused_with) {
     json["confused_with"].push_back(
         {{"effect", rival.effect}, {"scope", rival.scope}, {"cosine", number_json(rival.cosine)}});
@@ -142,6 +167,7 @@ Json report_json(const diagnose::Report& report, const std::vector<diagnose::Cap
   json["residual"] = std::move(residual);
   for (const diagnose::Cause& cause : report.causes)
     json["causes"].push_back(cause_json(cause, captures));
+  if (report.law) json["law"] = law_json(*report.law);
   for (const diagnose::DetectionLimit& limit : report.detection_limits) {
     const std::string key = limit.number.empty() ? limit.effect : limit.effect + "." + limit.number;
     json["detection_limits"][key] = {{"value", number_json(limit.value)}, {"unit", limit.unit}};

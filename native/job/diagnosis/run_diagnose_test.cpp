@@ -78,6 +78,10 @@ TEST(Diagnose, AirDragIsFoundAndPaysOnWhatWasHeldOut) {
   // It is examined as others are, and marked.
   EXPECT_TRUE(cause.at("ignored").get<bool>());
   EXPECT_FALSE(report.at("causes").back().contains("ignored"));
+  // A body that flies without a change of shape says nothing of another law, nor can that fly as
+  // in air.
+  EXPECT_FALSE(report.at("law").at("refitted").get<bool>());
+  EXPECT_LT(cause.at("absorbed").get<double>(), 0.5);
   // Over time as well, and when the evidence arrives.
   double before = 0.0;
   double after = 0.0;

@@ -24,7 +24,8 @@ struct DiagnoseOptions {
   int refits = 10;      ///< single causes refitted at most
   int most_causes = 3;  ///< named together
   int iterations = 15;  ///< of a refit
-  int most_runs = std::numeric_limits<int>::max();  ///< simulations, after which searches end
+  int most_runs =
+      std::numeric_limits<int>::max();  ///< Study::search_work() after which searches end
   int limit = 6000;  ///< rows (coordinates of samples) used, and held out; tracks are left out
   int listed = 12;   ///< causes in the table
   /// What log-likelihood ratios are divided by before they become probabilities: they are of a

@@ -163,6 +163,7 @@ struct Point {
 struct Motion {
   Eigen::VectorXd positions;   ///< [m]
   Eigen::VectorXd velocities;  ///< [m/s]; empty: the engine differentiates between frames
+  double work = 1.0;           ///< that it took, in simulations of the fitted values to the end
 };
 
 /// A frame of a capture in which its body touches something. Solvers hold a contact for different

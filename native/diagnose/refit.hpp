@@ -43,7 +43,7 @@ struct RefitOptions {
   /// far below what excludes a rival.
   double tolerance = 0.1;
   double share = 1e-4;
-  /// Study::search_runs() after which searches end where they are.
+  /// Study::search_work() after which searches end where they are.
   int most_runs = std::numeric_limits<int>::max();
   DifferenceOptions differences;
 };
@@ -103,7 +103,7 @@ class Refitter {
   [[nodiscard]] const Study& study() const { return *study_; }
   /// Whether RefitOptions::most_runs are used up. Who leaves something undone for it marks the
   /// study as cut.
-  [[nodiscard]] bool spent() const { return study_->search_runs() >= options_.most_runs; }
+  [[nodiscard]] bool spent() const { return study_->search_work() >= options_.most_runs; }
   /// Noise::corrections
   [[nodiscard]] double corrections() const { return corrections_; }
 

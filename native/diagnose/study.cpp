@@ -145,11 +145,11 @@ Rows Study::used_in(const std::function<bool(int, Index)>& selected) const {
 
 void Study::begin(const std::string& stage, bool search) const {
   std::vector<Ledger::Stage>& stages = ledger_->stages;
-  if (stages.size() == 1 && stages.front().runs == 0) stages.front() = {stage, 0, search};
+  if (stages.size() == 1 && stages.front().runs == 0) stages.front() = {stage, 0, search, 0.0};
   const auto found =
       std::ranges::find_if(stages, [&](const Ledger::Stage& s) { return s.name == stage; });
   ledger_->current = std::size_t(found - stages.begin());
-  if (found == stages.end()) stages.push_back({stage, 0, search});
+  if (found == stages.end()) stages.push_back({stage, 0, search, 0.0});
 }
 
 int Study::runs() const {
@@ -158,12 +158,20 @@ int Study::runs() const {
   return sum;
 }
 
-int Study::search_runs() const {
-  int sum = 0;
+double Study::search_work() const {
+  double sum = 0.0;
   for (const Ledger::Stage& stage : ledger_->stages) {
-    sum += stage.search ? stage.runs : 0;
+    if (stage.search) sum += stage.work;
   }
   return sum;
+}
+
+std::vector<std::optional<Motion>> Study::simulate(const std::vector<Point>& points) const {
+  auto motions = model_->simulate(points);
+  Ledger::Stage& stage = ledger_->stages[ledger_->current];
+  stage.runs += int(points.size());
+  for (const std::optional<Motion>& motion : motions) stage.work += motion ? motion->work : 1.0;
+  return motions;
 }
 
 VectorXd Study::stack(const VectorXd& motion) const {
@@ -187,8 +195,7 @@ std::vector<std::optional<Motion>> Study::motions(const std::vector<State>& stat
   std::vector<Point> points;
   points.reserve(states.size());
   for (const State& state : states) points.push_back(point_of(state, wanted));
-  ledger_->stages[ledger_->current].runs += int(points.size());
-  return model_->simulate(points);
+  return simulate(points);
 }
 
 VectorXd Study::seen(const Motion& motion, const State& state) const {
@@ -220,8 +227,7 @@ std::vector<std::optional<VectorXd>> Study::predict_variants(
     points.back().numerics = variants[i];
     if (!until.empty()) points.back().until = until[i];
   }
-  ledger_->stages[ledger_->current].runs += int(points.size());
-  const auto runs = model_->simulate(points);
+  const auto runs = simulate(points);
   std::vector<std::optional<VectorXd>> result(variants.size());
   for (std::size_t i = 0; i < variants.size(); ++i) {
     if (runs[i]) result[i] = seen(*runs[i], states[i]);

@@ -15,6 +15,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// What a file holds: files of another layout have other names.
+constexpr std::string_view kLayout = "positions, work";
+
 void add(const Eigen::VectorXd& values, Hasher& hasher) {
   const auto count = values.size();
   hasher.add(&count, sizeof(count));
@@ -33,6 +36,7 @@ MotionStore::MotionStore(fs::path folder, std::string inputs)
 
 fs::path MotionStore::path_of(const diagnose::Point& point) const {
   Hasher hasher;
+  hasher.add(std::string(kLayout));
   hasher.add(inputs_);
   add(point.theta, hasher);
   for (const diagnose::Point::Cause& cause : point.causes) {
@@ -53,26 +57,31 @@ fs::path MotionStore::path_of(const diagnose::Point& point) const {
   return folder_ / (hasher.hex() + ".motion");
 }
 
-/// A file is the doubles of the positions, then the hash of their bytes.
+/// A file is the doubles of the positions and of the work, then the hash of their bytes.
 std::optional<diagnose::Motion> MotionStore::find(const diagnose::Point& point) const {
   const fs::path path = path_of(point);
   std::error_code code;
   if (!fs::is_regular_file(path, code)) return std::nullopt;
   const std::vector<std::byte> bytes = read_file(path);
   constexpr std::size_t kHash = 32;
-  if (bytes.size() < kHash || (bytes.size() - kHash) % sizeof(double) != 0) return std::nullopt;
+  if (bytes.size() < kHash + sizeof(double)) return std::nullopt;
+  if ((bytes.size() - kHash) % sizeof(double) != 0) return std::nullopt;
   const std::size_t size = bytes.size() - kHash;
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   if (hash_hex(text.substr(0, size)) != text.substr(size)) return std::nullopt;
   diagnose::Motion motion;
-  motion.positions.resize(static_cast<Eigen::Index>(size / sizeof(double)));
-  std::memcpy(motion.positions.data(), bytes.data(), size);
+  const std::size_t count = size / sizeof(double) - 1;
+  motion.positions.resize(static_cast<Eigen::Index>(count));
+  std::memcpy(motion.positions.data(), bytes.data(), count * sizeof(double));
+  std::memcpy(&motion.work, bytes.data() + count * sizeof(double), sizeof(double));
   return motion;
 }
 
 void MotionStore::keep(const diagnose::Point& point, const diagnose::Motion& motion) const {
-  const std::string_view values(reinterpret_cast<const char*>(motion.positions.data()),
-                                static_cast<std::size_t>(motion.positions.size()) * sizeof(double));
+  std::vector<double> numbers(motion.positions.begin(), motion.positions.end());
+  numbers.push_back(motion.work);
+  const std::string_view values(reinterpret_cast<const char*>(numbers.data()),
+                                numbers.size() * sizeof(double));
   AtomicFile file(path_of(point));
   file.write(values);
   file.write(hash_hex(values));

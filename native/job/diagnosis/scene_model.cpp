@@ -355,21 +355,13 @@ void SceneModel::settle_steps() {
   const std::vector<double> values = fitted_values(start);
   const auto arena = std::make_shared<Arena>(options_.threads);
   steps_.clear();
+  work_ = 0.0;
   for (std::size_t r = 0; r < runs().size(); ++r) {
     const std::shared_ptr<const Built> base = built({}, r);
-    steps_.push_back(solvers_steps(scene_at(start, *base, values, r),
-                                   {*base, values, r, arena, targets_of(start, r)}));
+    const mpm::Scene scene = scene_at(start, *base, values, r);
+    steps_.push_back(solvers_steps(scene, {*base, values, r, arena, targets_of(start, r)}));
+    work_ += work_of(scene, steps_.back().substeps);
   }
-}
-
-double SceneModel::work() const {
-  double work = 0.0;
-  for (std::size_t r = 0; r < runs().size(); ++r) {
-    double particles = 0.0;
-    for (const mpm::Body& body : built({}, r)->scene.bodies) particles += double(body.rest.size());
-    work += particles * std::accumulate(steps_[r].substeps.begin(), steps_[r].substeps.end(), 0.0);
-  }
-  return work;
 }
 
 void SceneModel::list_experiments() {

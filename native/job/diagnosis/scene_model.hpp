@@ -77,8 +77,8 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] std::vector<std::optional<diagnose::Motion>> simulate_experiment(
       int experiment, const std::vector<diagnose::Point>& points) const override;
 
-  /// Particles times substeps of all runs at the fitted values.
-  [[nodiscard]] double work() const;
+  /// work_of() all runs at the fitted values.
+  [[nodiscard]] double work() const { return work_; }
 
   /// Keeps what is simulated from now on, and takes what was kept (for parameters that were fitted
   /// alike, of the same inputs). It outlives the model.
@@ -120,8 +120,15 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] Vec3d free_offset(const Vec3d& offset, std::size_t run) const;
   [[nodiscard]] std::shared_ptr<const Built> built(const diagnose::Numerics& numerics,
                                                    std::size_t run) const;
-  [[nodiscard]] std::optional<std::vector<fit::SimulatedCapture>> simulate_run(
-      const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const;
+  struct SimulatedRun {
+    std::vector<fit::SimulatedCapture> captures;
+    double work = 0.0;  ///< work_of()
+  };
+  [[nodiscard]] std::optional<SimulatedRun> simulate_run(const diagnose::Point& point,
+                                                         std::size_t run,
+                                                         const std::shared_ptr<Arena>& arena) const;
+  /// Particles times substeps, twice where a body damps or relaxes.
+  [[nodiscard]] static double work_of(const mpm::Scene& scene, const std::vector<int>& substeps);
   /// A point without what sets in only after all that is looked at, so that it is simulated once.
   [[nodiscard]] diagnose::Point as_looked_at(diagnose::Point point) const;
   /// scene.end_frame of a run that shows what is looked at of a point.
@@ -129,7 +136,7 @@ class SceneModel final : public diagnose::Model {
                               std::size_t run) const;
   /// What all runs' captures see, as one motion; nothing where one could not be simulated.
   [[nodiscard]] std::optional<diagnose::Motion> motion_of(
-      const std::vector<std::optional<std::vector<fit::SimulatedCapture>>>& seen) const;
+      const std::vector<std::optional<SimulatedRun>>& seen) const;
   /// A run's scene at a point, without what was set right after impacts.
   [[nodiscard]] mpm::Scene scene_at(const diagnose::Point& point, const Built& base,
                                     const std::vector<double>& values, std::size_t run) const;
@@ -138,15 +145,16 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] Seen watched(const mpm::Scene& scene, const Watch& watch,
                              std::vector<int>* substeps = nullptr) const;
   /// The same, or nothing.
-  [[nodiscard]] std::optional<Seen> watched_if_possible(const mpm::Scene& scene,
-                                                        const Watch& watch) const;
+  [[nodiscard]] std::optional<Seen> watched_if_possible(const mpm::Scene& scene, const Watch& watch,
+                                                        std::vector<int>& substeps) const;
   [[nodiscard]] std::vector<Target> targets_of(const diagnose::Point& point, std::size_t run) const;
   /// Takes the simulation to the states of this frame, the last that was `seen`.
   void take_up(const Watch& watch, const mpm::Scene& scene, const Seen& seen,
                const mpm::ObservedFrame& frame, mpm::Simulation& simulation) const;
   /// The same with substeps that were settled, more of them where the scene asks for it.
   [[nodiscard]] std::optional<Seen> watch_in_steps(mpm::Scene scene, const fit::RunSteps& steps,
-                                                   const Watch& watch) const;
+                                                   const Watch& watch,
+                                                   std::vector<int>& substeps) const;
   /// The substeps that the solver chooses for a scene. Throws Error(kCompute) where it cannot be
   /// simulated to its end.
   [[nodiscard]] fit::RunSteps solvers_steps(const mpm::Scene& scene, const Watch& watch) const;
@@ -192,6 +200,7 @@ class SceneModel final : public diagnose::Model {
   std::vector<diagnose::Capture> captures_;
   std::vector<const fit::CaptureInput*> inputs_;   ///< of each of them
   std::vector<fit::RunSteps> steps_;               ///< of each run, at the fitted values
+  double work_ = 1.0;                              ///< work_of() them
   std::vector<Remake> remakes_;                    ///< of the first run
   std::vector<diagnose::Experiment> experiments_;  ///< of each of them
   const MotionStore* store_ = nullptr;

@@ -3,6 +3,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "base/error.hpp"
@@ -105,19 +106,30 @@ void SceneModel::take_up(const Watch& watch, const mpm::Scene& scene, const Seen
 
 std::optional<SceneModel::Seen> SceneModel::watch_in_steps(mpm::Scene scene,
                                                            const fit::RunSteps& steps,
-                                                           const Watch& watch) const {
+                                                           const Watch& watch,
+                                                           std::vector<int>& substeps) const {
   const double ratio = steps.limit / mpm::step_limit(scene) / kNoiseMargin;
   if (ratio > kMostFiner) return std::nullopt;
   const double finer =
       std::pow(kFiner, std::max(0.0, std::ceil(std::log(ratio) / std::log(kFiner))));
   for (int attempt = 0; attempt <= kMoreTries; ++attempt) {
     scene.substeps = fit::multiplied(steps.substeps, std::ldexp(finer, attempt));
-    if (auto seen = watched_if_possible(scene, watch)) return seen;
+    if (auto seen = watched_if_possible(scene, watch, substeps)) return seen;
   }
   return std::nullopt;
 }
 
-std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
+double SceneModel::work_of(const mpm::Scene& scene, const std::vector<int>& substeps) {
+  double particles = 0.0;
+  for (const mpm::Body& body : scene.bodies) {
+    const material::Material& m = body.material;
+    const bool damped = m.damping_shear > 0.0 || m.damping_bulk > 0.0 || !m.maxwell.empty();
+    particles += (damped ? 2.0 : 1.0) * static_cast<double>(body.rest.size());
+  }
+  return particles * std::accumulate(substeps.begin(), substeps.end(), 0.0);
+}
+
+std::optional<SceneModel::SimulatedRun> SceneModel::simulate_run(
     const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const {
   const std::shared_ptr<const Built> base = built(point.numerics, run);
   const std::vector<double> values = fitted_values(point);
@@ -129,14 +141,16 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
   if (!shift.isZero(0.0)) fit::move_world(shift, scene);
   const Watch watch{*base, values, run, arena, targets_of(point, run), shift};
   std::optional<Seen> seen;
+  std::vector<int> substeps;
   if (has_own_steps(point.numerics)) {
-    seen = watch_in_steps(scene, steps_[run], watch);
+    seen = watch_in_steps(scene, steps_[run], watch, substeps);
   } else {
     scene.dt_safety *= point.numerics.step;
-    seen = watched_if_possible(scene, watch);
+    seen = watched_if_possible(scene, watch, substeps);
   }
   if (!seen) return std::nullopt;
-  std::vector<fit::SimulatedCapture> captures;
+  SimulatedRun result;
+  result.work = work_of(scene, substeps);
   const double end = (scene.end_frame - 1 - scene.first_frame) / scene.fps;
   for (std::size_t c = 0; c < seen->size(); ++c) {
     const fit::Capture& capture = runs()[run].captures[c];
@@ -148,9 +162,10 @@ std::optional<std::vector<fit::SimulatedCapture>> SceneModel::simulate_run(
       time += delay;
       if (inside) time = std::clamp(time, 0.0, end);
     }
-    captures.push_back(fit::at_times((*seen)[c], base->followers[c].size(), times, scene.fps));
+    result.captures.push_back(
+        fit::at_times((*seen)[c], base->followers[c].size(), times, scene.fps));
   }
-  return captures;
+  return result;
 }
 
 int SceneModel::end_frame(const diagnose::Point& point, const std::vector<double>& values,
@@ -220,9 +235,11 @@ SceneModel::Seen SceneModel::watched(const mpm::Scene& scene, const Watch& watch
 }
 
 std::optional<SceneModel::Seen> SceneModel::watched_if_possible(const mpm::Scene& scene,
-                                                                const Watch& watch) const {
+                                                                const Watch& watch,
+                                                                std::vector<int>& substeps) const {
+  substeps.clear();
   try {
-    return watched(scene, watch);
+    return watched(scene, watch, &substeps);
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
     return std::nullopt;
@@ -270,7 +287,7 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
     }
   }
   struct Runs {
-    std::vector<std::optional<std::vector<fit::SimulatedCapture>>> seen;
+    std::vector<std::optional<SimulatedRun>> seen;
     std::atomic<std::size_t> left;
   };
   const std::size_t each = runs().size();
@@ -294,15 +311,17 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate(
 }
 
 std::optional<diagnose::Motion> SceneModel::motion_of(
-    const std::vector<std::optional<std::vector<fit::SimulatedCapture>>>& seen) const {
+    const std::vector<std::optional<SimulatedRun>>& seen) const {
   Eigen::Index rows = 0;
   for (const diagnose::Capture& capture : captures_) rows += 3 * capture.samples();
   diagnose::Motion motion;
   motion.positions = Eigen::VectorXd::Zero(rows);
+  motion.work = 0.0;
   Eigen::Index at = 0;
-  for (const auto& run : seen) {
+  for (const std::optional<SimulatedRun>& run : seen) {
     if (!run) return std::nullopt;
-    for (const fit::SimulatedCapture& capture : *run) {
+    motion.work += run->work / std::max(1.0, work_);
+    for (const fit::SimulatedCapture& capture : run->captures) {
       for (const Vec3d& x : capture.positions) {
         if (x.allFinite()) motion.positions.segment<3>(at) = x;
         at += 3;
@@ -337,7 +356,9 @@ std::vector<std::optional<diagnose::Motion>> SceneModel::simulate_experiment(
       points.size(), points.size(), options_.threads,
       [&](std::size_t p, const std::shared_ptr<Arena>& arena) {
         const std::vector<double> values = fitted_values(points[p]);
-        const auto seen = watch_in_steps(scene_of(points[p]), steps, {*base, values, 0, arena, {}});
+        std::vector<int> substeps;
+        const auto seen =
+            watch_in_steps(scene_of(points[p]), steps, {*base, values, 0, arena, {}}, substeps);
         if (!seen) return;
         const fit::SimulatedCapture capture =
             fit::at_times(seen->front(), base->followers.front().size(), times, base->scene.fps);

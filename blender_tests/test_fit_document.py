@@ -203,7 +203,7 @@ class DocumentTest(FitCase):
         self.assertEqual(document["fit"], {
             "parameters": ["bodies.Cube.material.E", "bodies.Cube.material.nu",
                            "bodies.Cube.velocity", "bodies.Cube.spin"],
-            "loss": "tracks", "huber": 0, "iterations": 30, "windows": True})
+            "loss": "tracks", "huber": 0, "iterations": 30, "windows": True, "draws": 16})
 
     def test_settings(self):
         fit = self.fit

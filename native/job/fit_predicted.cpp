@@ -10,12 +10,15 @@
 
 #include "base/random.hpp"
 #include "fit/numerics/student.hpp"
+#include "mpm/step_limit.hpp"
 
 namespace matterfit::job {
 namespace {
 
 constexpr std::uint64_t kDrawSeed = 1;
 constexpr std::size_t kFewestDraws = 4;
+/// Times the substeps of the fitted values that a draw may take: nine times the stiffness.
+constexpr double kDear = 3.0;
 
 double normal(Random& random) {
   const double u = 1.0 - random.uniform();
@@ -88,6 +91,29 @@ bool holds_out(const std::vector<fit::Run>& runs) {
   });
 }
 
+/// The pairs of sets of which neither takes many times the substeps of the fitted values: E that a
+/// recording hardly identifies is drawn up to its bound, and the rest waits for those.
+std::vector<std::vector<double>> without_dear(fit::LawFit& fit, const std::vector<double>& values,
+                                              const std::vector<std::vector<double>>& sets) {
+  std::vector<double> usual;
+  for (std::size_t r = 0; r < fit.runs().size(); ++r) {
+    usual.push_back(mpm::step_limit(fit.model().scene_at(values, r)));
+  }
+  const auto is_dear = [&](const std::vector<double>& set) {
+    for (std::size_t r = 0; r < usual.size(); ++r) {
+      if (usual[r] > kDear * mpm::step_limit(fit.model().scene_at(set, r))) return true;
+    }
+    return false;
+  };
+  std::vector<std::vector<double>> kept;
+  for (std::size_t pair = 0; pair + 1 < sets.size(); pair += 2) {
+    if (is_dear(sets[pair]) || is_dear(sets[pair + 1])) continue;
+    kept.push_back(sets[pair]);
+    kept.push_back(sets[pair + 1]);
+  }
+  return kept;
+}
+
 }  // namespace
 
 std::vector<std::vector<double>> drawn_values(const std::vector<fit::Parameter>& parameters,
@@ -148,8 +174,10 @@ Json predicted_json(fit::LawFit& fit, const fit::LawState& state, const fit::Unc
   if (draws == 0 || fit.loss() != fit::Loss::kTracks || !holds_out(fit.runs())) return {};
   const std::vector<std::vector<double>> sets =
       drawn_values(fit.parameters().parameters(), state.values, known, draws, kDrawSeed);
-  if (sets.empty()) return {};
-  const fit::Evaluation found = fit.model().evaluate(sets, fit::whole_scope(fit.runs()), progress);
+  const std::vector<std::vector<double>> affordable = without_dear(fit, state.values, sets);
+  if (affordable.empty()) return {};
+  const fit::Evaluation found =
+      fit.model().evaluate(affordable, fit::whole_scope(fit.runs()), progress);
   std::vector<const fit::Outcome*> outcomes;
   for (const std::optional<fit::Outcome>& outcome : found.outcomes) {
     if (outcome) outcomes.push_back(&*outcome);
@@ -173,6 +201,7 @@ Json predicted_json(fit::LawFit& fit, const fit::LawState& state, const fit::Unc
   if (all.samples == 0) return {};
   Json json = all.json();
   json["draws"] = outcomes.size();
+  json["too_dear"] = sets.size() - affordable.size();
   json["captures"] = std::move(captures);
   return json;
 }

@@ -23,8 +23,9 @@ namespace matterfit::job {
     const fit::Uncertainty& known, int count, std::uint64_t seed);
 
 /// `fit.predicted` (docs/formats.md), of the captures by tracks of which something is held out: one
-/// simulation a set, side by side. Null where nothing is held out, no set differs from the values,
-/// or fewer than four could be simulated. Throws Error(kCancelled).
+/// simulation a set, side by side, but of pairs that would take over three times the substeps of
+/// the fitted values. Null where nothing is held out, no set differs from the values, or fewer than
+/// four could be simulated. Throws Error(kCancelled).
 [[nodiscard]] Json predicted_json(fit::LawFit& fit, const fit::LawState& state,
                                   const fit::Uncertainty& known, int draws,
                                   const std::function<void(double)>& progress = {});

@@ -75,6 +75,7 @@ TEST(FitPredicted, AThrowThatTheFitDidNotSeeLiesWithinTheBand) {
   ASSERT_TRUE(predicted.is_object()) << result["fit"].dump(1);
   RecordProperty("predicted", predicted.dump());
   EXPECT_EQ(predicted["draws"], 16);
+  EXPECT_EQ(predicted["too_dear"], 0);
   ASSERT_EQ(predicted["captures"].size(), 1U);
   EXPECT_EQ(predicted["captures"][0]["name"], "b");
   EXPECT_EQ(predicted["samples"], 13 * 64);
@@ -87,6 +88,22 @@ TEST(FitPredicted, AThrowThatTheFitDidNotSeeLiesWithinTheBand) {
   const Json without = run(document, folder.path, 2, Restart::kAlways);
   EXPECT_FALSE(without["fit"].contains("predicted"));
   EXPECT_EQ(without["fit"]["parameters"], result["fit"]["parameters"]);
+}
+
+/// With noise of five times the body E is known to a factor of several: what would take many times
+/// the substeps is left out, and said.
+TEST(FitPredicted, DrawsThatAreTooDearAreLeftOutAndCounted) {
+  const Folder folder;
+  record(thrown_cube(), folder.path, "a", 1);
+  Json document = fit_of(thrown_cube(), {"material.E"});
+  document["captures"][0]["noise"] = 2.0;
+  document["captures"][0]["holdout"] = {{"frames", {9, 14}}};
+  document["fit"]["draws"] = 32;
+  const Json result = run(document, folder.path);
+  const Json& predicted = result["fit"]["predicted"];
+  ASSERT_TRUE(predicted.is_object()) << result["fit"].dump(1);
+  EXPECT_GE(predicted["too_dear"].get<int>(), 2);
+  EXPECT_LE(predicted["draws"].get<int>() + predicted["too_dear"].get<int>(), 32);
 }
 
 }  // namespace

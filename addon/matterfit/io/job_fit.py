@@ -10,6 +10,8 @@ from ..quantities import LINEAR, LOGIT
 from . import fit_rows
 from .files import number, numbers
 
+# Simulations at the end of a fit to tracks that say how sure what is held out is predicted.
+_DRAWS = 16
 _PLAIN = re.compile(r"^[\w-]+$")
 _STEP = re.compile(r"""\[(\d+)\]|"([^"]*)"|'([^']*)'|([^.\[\]"']+)""")
 
@@ -44,6 +46,8 @@ def document(settings, scene_document, captures):
         "iterations": fit.iterations,
         "windows": fit.windows,
     }
+    if fit.loss == "TRACKS":
+        found["draws"] = _DRAWS
     if fit.levels:
         found["levels"] = [2**level for level in reversed(range(fit.levels))]
     if tried:

@@ -362,5 +362,24 @@ TEST(Causes, AddToWhatAnotherSceneSays) {
   }
 }
 
+/// An inclusion is looked for beside the centre, at faces, edges and corners; across a plate that
+/// is thinner than an inclusion there is one place.
+TEST(Causes, AnInclusionIsLookedForInEveryPartOfTheBody) {
+  const auto places = [](const Json& document) {
+    const std::vector<Cause> causes = causes_of(document);
+    const auto found = std::ranges::find_if(
+        causes, [](const Cause& cause) { return cause.row.name == "stiffness_inclusion"; });
+    return found->row.variants;
+  };
+  Json document = sliding_cube();
+  const std::vector<std::string> all = places(document);
+  EXPECT_EQ(all.size(), 27U);
+  EXPECT_EQ(std::ranges::count(all, "at the centre"), 1);
+  EXPECT_EQ(std::ranges::count(all, "towards +x, -y and +z"), 1);
+  document["scene"]["bodies"][0]["source"]["box"] = {{"low", {0.0, 0.0, 0.02}},
+                                                     {"high", {1.2, 1.2, 0.22}}};
+  EXPECT_EQ(places(document).size(), 9U);
+}
+
 }  // namespace
 }  // namespace matterfit::job

@@ -11,16 +11,19 @@
 #include "effects/effect_type.hpp"
 #include "job/diagnosis/effect_entry.hpp"
 #include "job/diagnosis/extent.hpp"
+#include "job/diagnosis/surface_places.hpp"
 
 namespace matterfit::job {
 namespace {
 
 using diagnose::Number;
 
-/// How far towards the surface an inclusion lies, and its radius, in longest sides: two neighbours
-/// overlap by half.
+/// How far towards the surface an inclusion lies, along one axis or several, as a share of the way,
+/// and its radius, in longest sides: two neighbours overlap by half.
 constexpr double kTowardsSurface = 0.6;
 constexpr double kRadius = 0.35;
+/// In radii: places nearer to each other are one.
+constexpr double kSamePlace = 0.25;
 /// What may be taken away of the body's own modulus; more and a corner has none.
 constexpr double kMostTaken = 0.8;
 constexpr double kMostAdded = 20.0;
@@ -98,6 +101,17 @@ class StiffnessCauses {
     return number;
   }
 
+  /// A place at the body's centre, or from there towards its surface along some axes.
+  [[nodiscard]] Vec3d towards_surface(const std::array<int, 3>& towards) const {
+    Vec3d place = extent_.center;
+    for (int axis = 0; axis < 3; ++axis) {
+      if (towards[std::size_t(axis)] == 0) continue;
+      const double end = towards[std::size_t(axis)] > 0 ? extent_.high[axis] : extent_.low[axis];
+      place[axis] += kTowardsSurface * (end - place[axis]);
+    }
+    return place;
+  }
+
   void inclusion() {
     if (has_effect(scene_, "stiffness_inclusion")) return;
     std::vector<effects::Effect> shapes;
@@ -110,15 +124,21 @@ class StiffnessCauses {
       shapes.push_back(std::move(effect));
       variants.push_back(std::move(where));
     };
-    place(extent_.center, "at the centre");
-    for (int axis = 0; axis < 3; ++axis) {
-      for (const bool high : {false, true}) {
-        Vec3d center = extent_.center;
-        const double end = high ? extent_.high[axis] : extent_.low[axis];
-        center[axis] += kTowardsSurface * (end - center[axis]);
-        place(center, fmt::format("towards {}{}", high ? '+' : '-', "xyz"[axis]));
-      }
-    }
+    // Places beside each other along an axis in which the body is thin would be one and the same.
+    const auto room = [&](int axis) {
+      const double side = extent_.high[axis] - extent_.low[axis];
+      return 0.5 * kTowardsSurface * side > kSamePlace * kRadius * extent_.size ? 1 : 0;
+    };
+    const int x = room(0);
+    const int y = room(1);
+    const int z = room(2);
+    for (int i = -x; i <= x; ++i)
+      for (int j = -y; j <= y; ++j)
+        for (int k = -z; k <= z; ++k) {
+          const std::array<int, 3> towards{i, j, k};
+          place(towards_surface(towards),
+                towards == std::array<int, 3>{} ? "at the centre" : words_of(towards));
+        }
     add("Something inside is {value} stiffer {variant} (below 0: softer).", std::move(shapes),
         std::move(variants), "modulus", of_modulus(modulus_));
   }

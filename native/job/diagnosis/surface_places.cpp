@@ -26,9 +26,21 @@ Vec3d outermost(const mpm::Body& body, const Vec3d& direction, double slack) {
 
 }  // namespace
 
+std::string words_of(const std::array<int, 3>& towards) {
+  std::vector<std::string> axes;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (towards[axis] != 0) axes.push_back({towards[axis] > 0 ? '+' : '-', "xyz"[axis]});
+  }
+  std::string words = "towards";
+  for (std::size_t k = 0; k < axes.size(); ++k) {
+    if (k > 0) words += k + 1 == axes.size() ? " and" : ",";
+    words += " " + axes[k];
+  }
+  return words;
+}
+
 std::vector<SurfacePlace> surface_places(const mpm::Body& body, double separation) {
   constexpr std::array<const char*, 4> kKinds = {"", "end", "edge", "corner"};
-  constexpr std::array<char, 3> kAxes = {'x', 'y', 'z'};
   const Extent extent = extent_of(body);
   const Vec3d half = 0.5 * (extent.high - extent.low).cwiseMax(separation);
   std::vector<SurfacePlace> places;
@@ -42,15 +54,8 @@ std::vector<SurfacePlace> surface_places(const mpm::Body& body, double separatio
       const Vec3d direction = sign.cwiseQuotient(half);
       const double slack = 0.5 * separation / sign.cwiseAbs().cwiseProduct(half).maxCoeff();
       place.position = outermost(body, direction, slack) + 0.5 * separation * sign;
-      place.words = std::string("at the ") + kKinds[wanted] + " towards";
-      std::size_t said = 0;
-      for (int axis = 0; axis < 3; ++axis) {
-        if (sign[axis] == 0.0) continue;
-        if (said > 0) place.words += said + 1 == wanted ? " and" : ",";
-        place.words += sign[axis] > 0.0 ? " +" : " -";
-        place.words += kAxes[std::size_t(axis)];
-        ++said;
-      }
+      place.words = std::string("at the ") + kKinds[wanted] + " " +
+                    words_of({int(sign.x()), int(sign.y()), int(sign.z())});
     }
   }
   return places;

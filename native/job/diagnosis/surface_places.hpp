@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,9 @@ struct SurfacePlace {
   Vec3d position = Vec3d::Zero();  ///< at rest [m]
   std::string words;               ///< "at the end towards +x"
 };
+
+/// "towards +x, +y and -z" of {1, 1, -1}: axes whose number is 0 are left out, one at least is not.
+[[nodiscard]] std::string words_of(const std::array<int, 3>& towards);
 
 /// Ends, edges and corners of a body, the 26 directions of a box: the middle of its outermost
 /// particles in each, and half a separation on. `separation` [m] is that of its particles.

@@ -375,6 +375,18 @@ class ExtendTest(DiagnoseCase):
         self.assertEqual(bpy.ops.matterfit.extend_model(), {"FINISHED"}, self.error())
         self.assertEqual(body.material.nu, 0.25)
 
+    def test_a_correction_of_the_law(self):
+        """A law that improves the extended model is a row of the table although nothing was accepted."""
+        def change(model):
+            model["bodies"][0]["material"]["correction"] = [0.1, -0.2, 0, 0, 0.3]
+        law = {"score": 90.0, "p": 1e-3, "keep": 0.5, "observable": True, "refitted": True, "improves": True,
+               "explained": 0.8, "gain": 0.6, "gain_interval": [0.4, 0.7],
+               "parameters": {"correction[0]": number(0.1, "", 0.02)}, "sentence": "A law of another form."}
+        self.diagnosed([], change, law=law, verdict="unknown")
+        self.assertEqual(bpy.ops.matterfit.extend_model(), {"FINISHED"}, self.error())
+        correction = self.settings.bodies[0].material.correction
+        self.assertEqual([round(value, 6) for value in correction], [0.1, -0.2, 0, 0, 0.3])
+
     def test_what_one_recording_has_alone_is_refused(self):
         self.diagnosed([cause("attached_mass", {}, scope="capture second")],
                        lambda scene: scene["bodies"][0].update(masses=[]))

@@ -43,12 +43,8 @@ class Acceptance {
     out_.best->gain =
         judge_.gain_of(out_.base.opinion, out_.best->opinion, out_.best->numbers, options_.gain);
     const Gain& g = out_.best->gain;
-    // Below the floor distances say nothing, but likelihoods of what was kept back do.
     const double kept_back = out_.base.opinion.deviance;
-    const bool predicts =
-        g.measurable ? g.low > 0.0 && g.after < g.last_residual && g.after <= kAsGood * g.free_field
-        : kept_back > 0.0 ? kept_back - out_.best->opinion.deviance > kPrice * out_.best->numbers
-                          : g.after <= 1.05 * g.before;
+    const bool forecasts = predicts(g, out_.base.opinion, out_.best->opinion, out_.best->numbers);
     const bool likelier = out_.base.evidence - out_.best->evidence > kExcluded * out_.looseness;
     // An error that is beyond what solver and noise make, and that the cause takes away, is not the
     // solver's.
@@ -65,10 +61,10 @@ class Acceptance {
                                    cause_took > kAsTheSolver * solver_took);
     const bool accounts = large && told_by(out_.best->refit) > kSure &&
                           kept_back - out_.best->opinion.deviance > kExcluded * out_.looseness;
-    out_.within_solver = out_.exact_solver_significant && !(g.measurable && predicts) &&
+    out_.within_solver = out_.exact_solver_significant && !(g.measurable && forecasts) &&
                          !accounts &&
                          out_.base.evidence - out_.best->evidence < kExtrapolated * solver_took;
-    out_.accepted = predicts && likelier && told_by(out_.best->refit) > kTold &&
+    out_.accepted = forecasts && likelier && told_by(out_.best->refit) > kTold &&
                     !out_.best->refit.at_bound && !out_.within_solver;
     for (std::size_t k = 0; k < out_.first->scores.size(); ++k) {
       if (is_rival(out_.first->scores[k])) out_.rivals.push_back(k);
@@ -137,6 +133,16 @@ class Acceptance {
 };
 
 }  // namespace
+
+bool predicts(const Gain& gain, const Judge::Opinion& without, const Judge::Opinion& with,
+              int numbers) {
+  if (gain.measurable) {
+    return gain.low > 0.0 && gain.after < gain.last_residual &&
+           gain.after <= kAsGood * gain.free_field;
+  }
+  if (without.deviance > 0.0) return without.deviance - with.deviance > kPrice * numbers;
+  return gain.after <= 1.05 * gain.before;
+}
 
 void accept(const Study& study, const Refitter& refitter, const Judge& judge,
             const ExtendOptions& options, Extension& out) {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "diagnose/chi_square.hpp"
+#include "diagnose/priors.hpp"
 #include "diagnose/refit.hpp"
 
 namespace matterfit::diagnose {
@@ -28,12 +29,20 @@ std::vector<Tested> tested_of(const Model& model, const Linearised& slopes) {
   for (const Linearised::Column& column : slopes.columns) {
     if (column.values.cols() == 0) continue;
     const Effect& effect = model.effects()[std::size_t(column.candidate.effect)];
-    Tested t{column.candidate, first, column.values.cols(), VectorXd(column.values.cols()),
-             VectorXd(column.values.cols())};
+    Tested t{column.candidate,
+             first,
+             column.values.cols(),
+             VectorXd(column.values.cols()),
+             VectorXd(column.values.cols()),
+             {}};
     for (Index k = 0; k < t.count; ++k) {
       const Number& number = effect.numbers[std::size_t(k)];
       t.low[k] = number.one_sided ? 0.0 : (number.low - number.neutral) / number.scale;
       t.high[k] = (number.high - number.neutral) / number.scale;
+      const double precision = precision_of(number);
+      if (!(precision > 0.0)) continue;
+      if (t.precision.size() == 0) t.precision = VectorXd::Zero(t.count);
+      t.precision[k] = precision;
     }
     first += t.count;
     tested.push_back(std::move(t));

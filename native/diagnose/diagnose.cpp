@@ -269,6 +269,8 @@ class Writer {
                        100.0 * cause.explained, 100.0 * cause.gain);
   }
 
+  /// After the verdict: beside causes that are named, else by itself where something unknown is
+  /// left. The model is extended by it in these cases alone.
   void law() {
     if (!found_.law) return;
     const FreeLaw& free = *found_.law;
@@ -277,19 +279,27 @@ class Writer {
     row.p = free.p;
     row.keep = free.score.keep;
     row.observable = free.score.observable;
-    if (free.trial) {
-      row.refitted = true;
-      row.parameters = values_of(free.candidate, free.trial->refit);
-      row.explained = std::clamp(share_of_excess(found_.base.refit, free.trial->refit), 0.0, 1.0);
-      row.gain = free.trial->gain.value;
-      row.gain_low = free.trial->gain.low;
-      row.gain_high = free.trial->gain.high;
-      row.gain_measurable = free.trial->gain.measurable;
+    const bool named = !report_.classes.empty();
+    const std::optional<LawTrial>& tried = named ? free.beside : free.alone;
+    if (!tried || (!named && report_.verdict != Verdict::kUnknown)) return;
+    row.refitted = true;
+    row.end = tried->end;
+    row.parameters = values_of(free.candidate, tried->trial.refit);
+    row.explained = tried->explained;
+    row.gain = tried->trial.gain.value;
+    row.gain_low = tried->trial.gain.low;
+    row.gain_high = tried->trial.gain.high;
+    row.gain_measurable = tried->trial.gain.measurable;
+    row.sentence = law_sentence(row, named);
+    if (row.end != LawTrial::End::kImproves) return;
+    extend_by(tried->trial.refit);
+    // Values of what acts beside it are those that were fitted with it.
+    for (Cause& cause : report_.causes) {
+      if (!cause.accepted) continue;
+      const Candidate candidate{cause.effect_index, cause.variant};
+      cause.parameters = values_of(candidate, tried->trial.refit);
+      cause.sentence = fill_sentence(effect(candidate), cause);
     }
-    // What is not accepted beside it would come along with its causes.
-    row.improves = free.improves && (report_.classes.empty() ? !found_.accepted : true);
-    if (row.improves) extend_by(free.trial->refit);
-    row.sentence = law_sentence(row);
   }
 
   void limits(std::size_t k) {

@@ -9,8 +9,8 @@
 #include <numeric>
 #include <utility>
 
+#include "diagnose/priors.hpp"
 #include "diagnose/refit.hpp"
-#include "diagnose/theta_prior.hpp"
 
 namespace matterfit::diagnose {
 namespace {

@@ -75,6 +75,7 @@ struct Number {
   double low = -1e300;      ///< physical bounds, low <= neutral <= high
   double high = 1e300;
   bool one_sided = false;  ///< only values above neutral exist: differences go upward
+  double deviation = 0.0;  ///< standard one of a normal prior about `neutral`; 0: none
 };
 
 /// A candidate cause: one row of the catalogue in one scope. Two scopes of one effect (shared, and

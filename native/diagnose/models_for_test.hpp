@@ -37,6 +37,7 @@ class HiddenModel : public Model {
     result.reserve(points.size());
     for (const Point& point : points) {
       result.emplace_back(motion(point));
+      result.back()->work = work_of_each;
       spoil(point, result.back()->positions);
     }
     return result;
@@ -73,6 +74,7 @@ class HiddenModel : public Model {
       first += 3 * captures_[c].samples();
     }
   }
+  double work_of_each = 1.0;  ///< Motion::work
   /// The fitted values before the truth was known: the same start from which the engine refits.
   std::vector<fit::Parameter> parameters_;
   std::vector<Effect> effects_;
@@ -219,7 +221,7 @@ class ThrownModel : public HiddenModel {
     return result;
   }
   std::vector<Experiment> experiments_;
-  /// Adds what the body's law might be instead: it bends about y as time goes on.
+  /// Adds what the body's law might be instead: it turns about y as time goes on.
   void add_law() {
     effects_.push_back(effect("law", "material", {number("bend", "m", 0.01)}));
     effects_.back().last = true;
@@ -252,7 +254,7 @@ class ThrownModel : public HiddenModel {
       if (name == "drag_quadratic" || name == "drag_twin") quadratic += cause.values[0];
       if (name == "force_field") field = cause.values[0];
       if (name == "spin") spin = cause.values[0];
-      if (name == "law") bend = cause.values[0];
+      if (name == "law" || name == "like_law") bend += cause.values[0];
     }
     Eigen::Index size = 0;
     for (const Capture& capture : captures_) size += 3 * capture.samples();
@@ -291,7 +293,8 @@ class ThrownModel : public HiddenModel {
           const Vec3d turned = turn * arm;
           result.positions.segment<3>(row) =
               x + Vec3d(0.075, 0.06, 1.0) + turned +
-              Vec3d(0.0, 0.0, (push * bump + bend * u * u) * arm[0] * arm[0] / 0.0056);
+              Vec3d(0.0, 0.0,
+                    push * bump * arm[0] * arm[0] / 0.0056 + bend * u * u * arm[0] / 0.075);
           result.velocities.segment<3>(row) = v + spin * Vec3d::UnitZ().cross(turned);
           row += 3;
         }

@@ -60,7 +60,7 @@ struct Refitter::Place {
   State state;
   double bias = 0.0;
   VectorXd prediction;  ///< stacked, with bias
-  VectorXd residual;    ///< whitened, then prior rows: (θ − θ₀)/σ of each, bias
+  VectorXd residual;  ///< whitened, then prior rows: (θ − θ₀)/σ of each, bias, α/σ of each
   double chi_square = 0.0;
 };
 
@@ -90,8 +90,10 @@ VectorXd Refitter::with_priors(const VectorXd& white, const State& state, double
                                double corrections) const {
   const ThetaPrior prior = theta_prior(study_->model(), corrections);
   const Index p = state.theta.size();
-  VectorXd result(white.size() + p + 1);
+  const CausePriors causes = cause_priors(study_->model(), state);
+  VectorXd result(white.size() + p + 1 + causes.precision.size());
   result.head(white.size()) = white;
+  result.tail(causes.precision.size()) = causes.precision.cwiseSqrt().cwiseProduct(causes.beyond);
   for (Index i = 0; i < p; ++i) {
     const double scale = study_->model().parameters()[std::size_t(i)].scale;
     result[white.size() + i] =
@@ -113,8 +115,8 @@ MatrixXd Refitter::slopes_at(const State& state, const MatrixXd& known) const {
   return slopes;
 }
 
-/// Derivatives of Place::residual by [θ | α | bias], in scales.
-MatrixXd Refitter::residual_slopes(const MatrixXd& slopes, double corrections) const {
+MatrixXd Refitter::residual_slopes(const MatrixXd& slopes, const State& state,
+                                   double corrections) const {
   const VectorXd precision = theta_prior(study_->model(), corrections).precision;
   const Index used = study_->used().size();
   const Index p = Index(study_->model().parameters().size());
@@ -123,10 +125,14 @@ MatrixXd Refitter::residual_slopes(const MatrixXd& slopes, double corrections) c
   MatrixXd columns(used, numbers + (biased ? 1 : 0));
   columns.leftCols(numbers) = slopes.topRows(used);
   if (biased) columns.col(numbers) = bias_.head(used);
-  MatrixXd result = MatrixXd::Zero(used + p + 1, columns.cols());
+  const VectorXd known = cause_priors(study_->model(), state).precision;
+  MatrixXd result = MatrixXd::Zero(used + p + 1 + known.size(), columns.cols());
   result.topRows(used) = -whitening_.apply(columns);
   for (Index i = 0; i < p; ++i) result(used + i, i) = std::sqrt(precision[i]);
   if (biased) result(used + p, numbers) = 1.0 / kBiasSigma;
+  for (Index k = 0; k < known.size(); ++k) {
+    result(used + p + 1 + k, p + k) = std::sqrt(known[k]);
+  }
   return result;
 }
 
@@ -225,7 +231,7 @@ class Refitter::Search {
       slopes_ = made_ = refitter_.slopes_at(here_->state, known());
       made_here_ = true;
     }
-    jacobian_ = refitter_.residual_slopes(slopes_, corrections_);
+    jacobian_ = refitter_.residual_slopes(slopes_, start_.states.front(), corrections_);
   }
 
   /// The deviance of a residual once nuisances of known times have adapted to first order, where
@@ -236,7 +242,8 @@ class Refitter::Search {
     if (trying_.size() < 2 || adapting.empty() || slopes_.cols() == 0) {
       return [](const VectorXd& residual) { return residual.squaredNorm(); };
     }
-    const MatrixXd columns = refitter_.residual_slopes(slopes_, corrections_)(Eigen::all, adapting);
+    const MatrixXd columns = refitter_.residual_slopes(slopes_, start_.states.front(),
+                                                       corrections_)(Eigen::all, adapting);
     MatrixXd h = columns.transpose() * columns;
     h.diagonal() *= 1.0 + 1e-9;
     h.diagonal().array() += 1e-300;
@@ -252,7 +259,7 @@ class Refitter::Search {
     if (fresh_) return false;
     if (made_here_) {
       slopes_ = made_;
-      jacobian_ = refitter_.residual_slopes(slopes_, corrections_);
+      jacobian_ = refitter_.residual_slopes(slopes_, start_.states.front(), corrections_);
       return false;
     }
     const RefitOptions& options = refitter_.options_;
@@ -263,7 +270,7 @@ class Refitter::Search {
     }
     renewed_at_ = now;
     slopes_ = made_ = refitter_.slopes_at(here_->state, known());
-    jacobian_ = refitter_.residual_slopes(slopes_, corrections_);
+    jacobian_ = refitter_.residual_slopes(slopes_, start_.states.front(), corrections_);
     fresh_ = true;
     made_here_ = true;
     return true;
@@ -347,7 +354,7 @@ class Refitter::Search {
     VectorXd surprise = there.prediction - here_->prediction - slopes_ * moved;
     if (biased()) surprise -= (there.bias - here_->bias) * refitter_.bias_;
     slopes_ += surprise * moved.transpose() / length;
-    jacobian_ = refitter_.residual_slopes(slopes_, corrections_);
+    jacobian_ = refitter_.residual_slopes(slopes_, start_.states.front(), corrections_);
     fresh_ = false;
   }
 

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "diagnose/noise.hpp"
+#include "diagnose/priors.hpp"
 #include "diagnose/spread.hpp"
 #include "diagnose/study.hpp"
-#include "diagnose/theta_prior.hpp"
 #include "diagnose/whitening.hpp"
 
 namespace matterfit::diagnose {
@@ -119,7 +119,8 @@ class Refitter {
   /// [θ | α] derivatives at a state, in scales. Columns of nuisances of known times are taken from
   /// `known` where it has any: they are the dearest and change least.
   [[nodiscard]] Eigen::MatrixXd slopes_at(const State& state, const Eigen::MatrixXd& known) const;
-  [[nodiscard]] Eigen::MatrixXd residual_slopes(const Eigen::MatrixXd& slopes,
+  /// Derivatives of Place::residual by [θ | α | bias], in scales; `state`: one with these causes.
+  [[nodiscard]] Eigen::MatrixXd residual_slopes(const Eigen::MatrixXd& slopes, const State& state,
                                                 double corrections) const;
 
   const Study* study_;

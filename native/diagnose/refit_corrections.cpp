@@ -41,7 +41,7 @@ Refitter::Corrections Refitter::corrections_of(const Refit& refit) const {
   if (told.empty()) return {};
   const VectorXd white = whitening_.apply((study_->measured() - refit.prediction).head(used));
   const VectorXd residual = with_priors(white, refit.state, refit.bias, refit.corrections);
-  const MatrixXd slopes = residual_slopes(refit.slopes, refit.corrections);
+  const MatrixXd slopes = residual_slopes(refit.slopes, refit.state, refit.corrections);
   const MatrixXd hessian = slopes.transpose() * slopes;
   const VectorXd gradient = slopes.transpose() * residual;
   const VectorXd stated = theta_prior(study_->model()).precision;

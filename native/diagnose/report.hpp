@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
+#include "diagnose/free_law.hpp"
 #include "diagnose/study.hpp"
 
 namespace matterfit::diagnose {
@@ -64,7 +65,7 @@ struct Cause {
   double gain_low = 0.0;
   double gain_high = 0.0;
   bool gain_measurable = false;
-  /// The share of what it makes that a law of free form could make as well; NaN: not known.
+  /// The share of what it makes that a law of free form could make as well at most; NaN: not known.
   double absorbed = std::numeric_limits<double>::quiet_NaN();
   std::vector<Confusion> confused_with;
   std::vector<double> evidence_by_frame;  ///< T over a sliding window, capture after capture
@@ -72,16 +73,16 @@ struct Cause {
   std::string sentence;                   ///< the effect's own, with values
 };
 
-/// What a law of free form explains, looked at last (free_law.hpp).
+/// The law of free form, looked at last (free_law.hpp), and what it explains.
 struct LawRow {
   double score = 0.0;
   double p = 1.0;
   double keep = 0.0;
   bool observable = false;
   bool refitted = false;
-  bool improves = false;  ///< it is in the extended model
+  LawTrial::End end = LawTrial::End::kUnlikely;  ///< kImproves: it is in the extended model
   std::vector<Value> parameters;
-  double explained = 0.0;  ///< share of the excess χ², with the causes beside it
+  double explained = 0.0;  ///< share of the excess χ² that the named causes leave; gain likewise
   double gain = 0.0;
   double gain_low = 0.0;
   double gain_high = 0.0;
@@ -109,7 +110,7 @@ struct FrameError {
   int frame = 0;
   double time = 0.0;
   double rms = 0.0;  ///< over tracks [m]
-  /// The same with what is named at work; NaN where nothing is.
+  /// The same with the extended model; NaN without.
   double after = std::numeric_limits<double>::quiet_NaN();
   double noise = 0.0;      ///< what noise alone makes [m]
   double numerical = 0.0;  ///< what the solver's spread makes [m]
@@ -175,8 +176,8 @@ struct Report {
 
 /// Sentences for people, one function a verdict, all from the report's numbers.
 [[nodiscard]] std::string headline(const Report& report);
-/// What a law of free form explains, for people; empty where nothing was left to explain.
-[[nodiscard]] std::string law_sentence(const LawRow& law);
+/// What a refitted law explains, for people. `named`: beside causes that are named.
+[[nodiscard]] std::string law_sentence(const LawRow& law, bool named);
 /// "0.021 ± 0.0006 m²"
 [[nodiscard]] std::string with_error(const Value& value);
 /// The effect's template with values put in.

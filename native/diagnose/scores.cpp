@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -61,6 +62,9 @@ ScoreTest::ScoreTest(const MatrixXd& gram, const VectorXd& precision, std::vecto
       part.inverse += v * v.transpose() / value;
       ++part.freedom;
     }
+    if (t.precision.size() > 0 && part.freedom > 0) {
+      part.inverse = MatrixXd(own + MatrixXd(t.precision.asDiagonal())).inverse();
+    }
     parts_.push_back(std::move(part));
   }
 }
@@ -68,6 +72,13 @@ ScoreTest::ScoreTest(const MatrixXd& gram, const VectorXd& precision, std::vecto
 VectorXd ScoreTest::numerators(const VectorXd& products, const VectorXd& pull) const {
   const Index n = precision_.size();
   return products.tail(products.size() - n) - project_ * (products.head(n) - pull);
+}
+
+MatrixXd ScoreTest::curvature(std::size_t k) const {
+  const Tested& t = tested_[k];
+  MatrixXd result = information_.block(t.first, t.first, t.count, t.count);
+  if (t.precision.size() > 0) result.diagonal() += t.precision;
+  return result;
 }
 
 double ScoreTest::statistic(std::size_t k, const VectorXd& s, VectorXd* estimate) const {
@@ -81,8 +92,7 @@ double ScoreTest::statistic(std::size_t k, const VectorXd& s, VectorXd* estimate
   if (inside != alpha) {
     // The gain of the nearest allowed values.
     alpha = inside;
-    const MatrixXd info = information_.block(t.first, t.first, t.count, t.count);
-    value = 2.0 * own.dot(alpha) - alpha.dot(info * alpha);
+    value = 2.0 * own.dot(alpha) - alpha.dot(curvature(k) * alpha);
   }
   if (estimate) *estimate = alpha;
   return std::max(value, 0.0);

@@ -22,6 +22,7 @@ struct Tested {
   Eigen::Index count = 0;
   Eigen::VectorXd low;  ///< α in scales, from neutral
   Eigen::VectorXd high;
+  Eigen::VectorXd precision = {};  ///< of the numbers' priors about neutral; empty: none
 };
 
 /// The score of one candidate.
@@ -42,7 +43,8 @@ inline constexpr double kKeepLimit = 0.02;
 
 /// Score (Lagrange multiplier) test of every candidate with all nuisances projected out (Rao 1948;
 /// the modification index of structural-equation models, Sörbom 1989):
-///   s = Jᵀ (r − N H⁻¹ (Nᵀ r − pull)), H = NᵀN + Λ, I = JᵀJ − JᵀN H⁻¹ NᵀJ, T = sᵀ I⁺ s
+///   s = Jᵀ (r − N H⁻¹ (Nᵀ r − pull)), H = NᵀN + Λ, I = JᵀJ − JᵀN H⁻¹ NᵀJ, T = sᵀ I⁺ s,
+/// with priors of the candidate's own numbers sᵀ (I + Λ_k)⁻¹ s,
 /// on whitened columns, from their Gram matrix alone: whatever draws or reweights works on that.
 class ScoreTest {
  public:
@@ -79,10 +81,12 @@ class ScoreTest {
 
  private:
   struct Part {
-    Eigen::MatrixXd inverse;  ///< I_kk⁺
+    Eigen::MatrixXd inverse;  ///< I_kk⁺, or (I_kk + Λ_k)⁻¹
     int freedom = 0;
     double keep = 0.0;
   };
+  /// I_kk + Λ_k
+  [[nodiscard]] Eigen::MatrixXd curvature(std::size_t k) const;
   [[nodiscard]] double statistic(std::size_t k, const Eigen::VectorXd& s,
                                  Eigen::VectorXd* estimate) const;
   Eigen::VectorXd precision_;

@@ -164,43 +164,53 @@ const char* name(Verdict verdict) {
 
 std::string headline(const Report& report) {
   const bool exact = !(report.numerical > 0.0);
-  std::string more = report.remains
-                         ? fmt::format(
-                               " What is left is still more than noise{} make{}: something else "
-                               "is missing too.",
-                               exact ? "" : " and the grid", exact ? "s" : "")
-                         : "";
-  const bool law = report.law && !report.law->sentence.empty();
-  if (law) more += " " + report.law->sentence;
+  const std::string rest =
+      report.remains ? fmt::format(
+                           " What is left is still more than noise{} make{}: something else "
+                           "is missing too.",
+                           exact ? "" : " and the grid", exact ? "s" : "")
+                     : "";
+  const bool told = report.law && !report.law->sentence.empty();
+  const std::string law = told ? " " + report.law->sentence : "";
   switch (report.verdict) {
     case Verdict::kCause:
-      return cause(report) + more;
+      return cause(report) + rest + law;
     case Verdict::kClass:
-      return one_of(report) + more;
+      return one_of(report) + rest + law;
     case Verdict::kSeveral:
-      return several(report) + more;
+      return several(report) + rest + law;
     case Verdict::kUnknown:
-      return unknown(report) + more;
+      return unknown(report) + law;
     case Verdict::kNumerical:
       return numerical(report);
     case Verdict::kMeasurement:
-      return measurement(report) + more;
+      return measurement(report) + rest + law;
     case Verdict::kNothing:
       break;
   }
   return nothing(report);
 }
 
-std::string law_sentence(const LawRow& law) {
-  if (!law.refitted) return "";
-  const std::string share = fmt::format("A law of another form explains {:.0f} % of what is wrong",
-                                        100.0 * law.explained);
-  if (!law.improves) return share + ", and does not predict what was kept back.";
+std::string law_sentence(const LawRow& law, bool named) {
+  const std::string text = fmt::format("A law of another form explains {:.0f} % of what is {}",
+                                       100.0 * law.explained, named ? "left" : "wrong");
+  switch (law.end) {
+    case LawTrial::End::kUnlikely:
+      return text + ", no more than so many numbers may by chance.";
+    case LawTrial::End::kAtBound:
+      return text + ", at the bounds of what a law may be.";
+    case LawTrial::End::kNoTest:
+      return text + "; nothing was kept back that could test it.";
+    case LawTrial::End::kNoForecast:
+      return text + ", but does not predict what was kept back.";
+    case LawTrial::End::kImproves:
+      break;
+  }
   const std::string gain =
       law.gain_measurable
-          ? fmt::format(", and {:.0f} % of it in what was kept back", 100.0 * law.gain)
+          ? fmt::format(" and {:.0f} % of it in what was kept back", 100.0 * law.gain)
           : "";
-  return share + gain +
+  return text + gain +
          ": the extended model corrects its law. That it is the material, another motion has to "
          "confirm.";
 }

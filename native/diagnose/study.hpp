@@ -79,14 +79,15 @@ class Study {
       const std::vector<std::vector<double>>& until = {}) const;
   /// Simulations asked for so far, and the same by what they were for, in order.
   [[nodiscard]] int runs() const;
-  /// What those of the stages that began with begin_search() took, in simulations of the fitted
-  /// values: one with ten times the stiffness counts three times.
+  /// The work of the stages that began with begin_search(), in simulations of the fitted values:
+  /// one with ten times the stiffness counts three times.
   [[nodiscard]] double search_work() const;
   /// Ledger::cut
   [[nodiscard]] bool cut() const { return ledger_->cut; }
   void mark_cut() const { ledger_->cut = true; }
   [[nodiscard]] const std::vector<Ledger::Stage>& stages() const { return ledger_->stages; }
-  /// What simulations from now on are for; begin_search(): a search, whose runs are limited.
+  /// What simulations from now on are for; begin_search(): a search, whose work is limited. A stage
+  /// is the one or the other.
   void begin(const std::string& stage) const { begin(stage, false); }
   void begin_search(const std::string& stage) const { begin(stage, true); }
 

@@ -96,6 +96,7 @@ bool holds_out(const std::vector<fit::Run>& runs) {
 std::vector<std::vector<double>> without_dear(fit::LawFit& fit, const std::vector<double>& values,
                                               const std::vector<std::vector<double>>& sets) {
   std::vector<double> usual;
+  usual.reserve(fit.runs().size());
   for (std::size_t r = 0; r < fit.runs().size(); ++r) {
     usual.push_back(mpm::step_limit(fit.model().scene_at(values, r)));
   }

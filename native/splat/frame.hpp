@@ -104,7 +104,7 @@ struct Frame {
 
 struct Kernels {
   /// Footprints and depth keys of Gaussians [begin, end).
-  void (*project)(Frame& frame, std::size_t begin, std::size_t end);
+  void (*project)(Frame& frame, const Gaussians& gaussians, std::size_t begin, std::size_t end);
   /// Shades and pairs of a chunk of the order; slots count from 0 in each Gaussian, their number is
   /// left in first_slot of the next index.
   void (*find_pairs)(Frame& frame, std::size_t chunk);

@@ -74,8 +74,8 @@ HWY_INLINE void colour_of(const splat::Gaussians& g, const std::size_t (&index)[
   }
 }
 
-inline void project_gaussians(splat::Frame& frame, std::size_t begin, std::size_t end) {
-  const splat::Gaussians& g = *frame.gaussians;
+inline void project_gaussians(splat::Frame& frame, const splat::Gaussians& g, std::size_t begin,
+                              std::size_t end) {
   const splat::View& view = frame.view;
   for (std::size_t first = begin; first < end; first += kDoubles) {
     const std::size_t count = std::min(kDoubles, end - first);

@@ -53,8 +53,9 @@ constexpr double kOracleCameras[2][18] = {
     {64, 96, 90, 85, 30.5, 50, 0.96, 0, -0.28, 0.168, 0.8, 0.576, 0.224, -0.6, 0.768, -0.5, 0.25,
      4}};
 
-/// Of each Gaussian in the first camera, then in the second: mean, depth; Σ₂ (xx, xy, yy) without
-/// blur; Σ₂⁻¹ and √(det (Σ₂ − blur I) / det Σ₂) with a blur of 0.3; colour before it is cut at 0.
+/// Expected values, of each Gaussian in the first camera, then in the second: mean, depth; Σ₂ (xx,
+/// xy, yy) without blur; Σ₂⁻¹ and √(det (Σ₂ − blur I) / det Σ₂) with a blur of 0.3; colour before
+/// it is cut at 0.
 constexpr double kOracleExpected[2][6][13] = {
     {{46.083333333333336, 19.75, 3, 14.530701548679655, 2.7498115157294274, 7.7993729952014927,
       0.071957379606193708, -0.02443019122592005, 0.13176062169216818, 0.96937309016966933,

@@ -85,7 +85,7 @@ void Rasteriser::Work::fill_tiles() {
   frame.offsets.resize(chunks * tiles);
   arena->parallel_for(0, chunks, 1, [&](std::size_t c) { kernels.find_pairs(frame, c); });
 
-  // Where each chunk writes in each tile's list, and its slots.
+  // Where each chunk writes in each tile's list.
   frame.tile_begin.assign(tiles + 1, 0);
   std::uint64_t total = 0;
   for (std::size_t c = 0; c < chunks; ++c) {
@@ -121,24 +121,25 @@ const Image& Rasteriser::render(const Gaussians& gaussians, const Camera& camera
   Frame& frame = work.frame;
   check_camera(camera, options);
   check_gaussians(gaussians, *work.arena);
-  frame.gaussians = &gaussians;
+  frame.gaussians = nullptr;  // nothing to go back through until all is drawn
   frame.view = View(camera, options);
   frame.tiles_x = (camera.width + kTile - 1) / kTile;
   frame.tiles_y = (camera.height + kTile - 1) / kTile;
   if (frame.image.width != camera.width || frame.image.height != camera.height) {
-    frame.image = Image(camera.width, camera.height);
     frame.blank.assign(frame.tiles(), 1);
+    frame.image = Image(camera.width, camera.height);
   }
   const std::size_t count = gaussians.size();
   frame.footprints.resize(count);
   frame.depth_keys.resize(count);
   work.arena->parallel_for(0, chunks_of(count), 1, [&](std::size_t c) {
-    work.kernels.project(frame, c * kChunk, std::min((c + 1) * kChunk, count));
+    work.kernels.project(frame, gaussians, c * kChunk, std::min((c + 1) * kChunk, count));
   });
   work.order_by_depth();
   work.fill_tiles();
   work.arena->parallel_for(0, frame.tiles(), kTileGrain,
                            [&](std::size_t tile) { work.kernels.render_tile(frame, tile); });
+  frame.gaussians = &gaussians;
   return frame.image;
 }
 

@@ -54,7 +54,8 @@ struct Image {
 
 /// Renders Gaussians and differentiates what it rendered last. Keeps its memory between calls.
 /// The results' bits do not depend on the number of threads; between SIMD targets they differ by
-/// rounding. Not for use by two threads at once.
+/// rounding, and those of gradients between makers of processors, whose reciprocals are approximate
+/// in ways of their own. Not for use by two threads at once.
 class Rasteriser {
  public:
   /// Throws Error(kInput) if the processor lacks the target.

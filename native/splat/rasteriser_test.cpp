@@ -310,15 +310,18 @@ TEST(Rasteriser, NothingToSeeGivesZeros) {
 
 TEST(Rasteriser, WhatWasDrawnBeforeDoesNotStay) {
   const Camera camera = camera_for_test(80, 60);
+  const Camera turned = camera_for_test(60, 80);  // as many tiles
   const Gaussians one = one_at(camera, 10.5, 7.5, 0.02, 0.8F);
   const Gaussians other = one_at(camera, 60.5, 45.5, 0.02, 0.8F);
   Rasteriser rasteriser(std::make_shared<Arena>(1));
   for (const Gaussians& scene : {one, other, Gaussians(), one, one, other}) {
-    const Image& image = rasteriser.render(scene, camera);
-    const Image fresh = render(scene, camera, {}, 1);
-    EXPECT_EQ(image.mask, fresh.mask);
-    EXPECT_EQ(image.colour, fresh.colour);
-    EXPECT_EQ(image.depth, fresh.depth);
+    for (const Camera& view : {camera, camera, turned}) {
+      const Image& image = rasteriser.render(scene, view);
+      const Image fresh = render(scene, view, {}, 1);
+      EXPECT_EQ(image.mask, fresh.mask);
+      EXPECT_EQ(image.colour, fresh.colour);
+      EXPECT_EQ(image.depth, fresh.depth);
+    }
   }
 }
 

@@ -26,7 +26,7 @@ _LABELS = {
     "camera_drift": "Camera Drift", "camera_roll": "Camera Roll", "tracker_lag": "Tracker Lag",
     "rolling_shutter": "Rolling Shutter",
     "contact_kind": "Kind of Contact", "yield": "Yielding", "swapped_tracks": "Swapped Tracks",
-    "stiffness_change": "Other Stiffness",
+    "stiffness_change": "Other Stiffness", "law_correction": "Material Law",
 }
 
 
@@ -161,7 +161,7 @@ def _report(document):
     return Report(
         verdict=str(document["verdict"]),
         sentence=str(document["sentence"]),
-        causes=tuple(_cause(entry) for entry in document["causes"]),
+        causes=_causes(document),
         worst=tuple(WorstFrame(str(entry["capture"]), int(entry["frame"]),
                                tuple(float(value) for value in entry["where"]),
                                float(entry["size"]))
@@ -174,6 +174,16 @@ def _report(document):
         captures=tuple(document.get("model_captures") or ()),
         fitted={entry["path"]: float(entry["value"])
                 for entry in (document.get("fit") or {}).get("parameters", ())})
+
+
+def _causes(document):
+    """The table's rows; a law that improves the extended model is one, after what was accepted."""
+    causes = [_cause(entry) for entry in document["causes"]]
+    law = document.get("law") or {}
+    if law.get("improves"):
+        place = sum(cause.accepted for cause in causes)
+        causes.insert(place, _cause({**law, "effect": "law_correction", "accepted": True, "probability": 1.0}))
+    return tuple(causes)
 
 
 def _cause(entry):

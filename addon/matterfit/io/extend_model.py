@@ -43,7 +43,7 @@ def _of_one_recording(cause, report):
 def has_place(cause):
     """Whether the panel has a setting for the cause."""
     return (cause.effect in {*_OF_SCENE, *_OF_BODY, *_CONTACT, *_MATERIAL, *_SURROUNDINGS, "contact_kind",
-                             "yield", "relaxation", "attached_mass"}
+                             "yield", "relaxation", "attached_mass", "law_correction"}
             or cause.effect.startswith(_STATED)
             or any(kind.name == cause.effect for kind in effects.KINDS))
 
@@ -95,7 +95,7 @@ class _Extension:
                 self._contact(_CONTACT[effect])
             elif effect == "contact_kind":
                 self._contact("mu")
-            elif effect == "yield" or effect.startswith(_STATED):
+            elif effect in ("yield", "law_correction") or effect.startswith(_STATED):
                 self._law()
             elif effect in _MATERIAL:
                 setattr(self._body().material, effect, self._body_document()["material"][effect])

@@ -21,6 +21,9 @@ struct Cause {
   /// observations, which act on what is seen. `values` are physical, one a
   /// number of the row.
   std::function<void(std::span<const double> values, int variant, mpm::Scene& scene)> apply;
+  /// Whether such numbers make a scene; empty: all within their bounds do. Others count as what
+  /// cannot be simulated.
+  std::function<bool(std::span<const double> values)> allowed = {};
   /// Puts it into the scene of a document, so that the extended model runs with
   /// it; empty for observations and with `run`.
   std::function<void(std::span<const double> values, int variant, Json& scene)> write;

@@ -8,8 +8,10 @@
 #include <cmath>
 #include <string>
 
+#include "base/error.hpp"
 #include "fit/model/quantity.hpp"
 #include "job/diagnosis/cause_row.hpp"
+#include "material/correction.hpp"
 #include "mpm/scene_check.hpp"
 
 namespace matterfit::job {
@@ -31,12 +33,22 @@ constexpr double kFarthest = 10.0;
 /// Where such a number is searched for because its slope says little of values that are far off.
 constexpr std::array<double, 2> kTriedFactors = {0.6, 1.5};
 
-/// Of a correction's numbers: a size at which one would care for it, the most by which each
-/// stiffens, and by which it softens; with all of these something still holds the body together
-/// (material::check_correction).
+/// A size of a correction's numbers at which one would care for it, and the standard deviation of
+/// their prior, as a fit of them has it (`fit.correction`).
 constexpr double kShareOfLaw = 0.5;
-constexpr std::array<double, material::kCorrectionSize> kStiffest = {5.0, 5.0, 5.0, 0.2, 5.0};
-constexpr std::array<double, material::kCorrectionSize> kSoftest = {0.16, 0.16, 0.16, 0.2, 0.7};
+/// The most by which each stiffens, and by which it softens by itself; of several together
+/// material::check_correction says more.
+constexpr std::array<double, material::kCorrectionSize> kStiffest = {5.0, 5.0, 5.0, 0.6, 5.0};
+constexpr std::array<double, material::kCorrectionSize> kSoftest = {0.7, 0.7, 0.7, 0.6, 0.7};
+
+bool holds_together(std::span<const double> correction) {
+  try {
+    material::check_correction(correction, "correction");
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
+}
 
 class MaterialCauses {
  public:
@@ -164,10 +176,12 @@ class MaterialCauses {
     for (std::size_t k = 0; k < material::kCorrectionSize; ++k) {
       diagnose::Number share = number(fmt::format("correction[{}]", k).c_str(), "", kShareOfLaw);
       share.first_step = kShareOfLaw / 10.0;
+      share.deviation = kShareOfLaw;
       share.low = -kSoftest[k];
       share.high = kStiffest[k];
       cause.row.numbers.push_back(share);
     }
+    cause.allowed = holds_together;
     cause.apply = [](std::span<const double> v, int, mpm::Scene& scene) {
       scene.bodies.front().material.correction.assign(v.begin(), v.end());
     };

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What a file holds: files of another layout have other names.
+/// The content of a file: files of another layout have other names.
 constexpr std::string_view kLayout = "positions, work";
 
 void add(const Eigen::VectorXd& values, Hasher& hasher) {

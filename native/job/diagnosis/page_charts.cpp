@@ -203,7 +203,7 @@ std::string legend(bool after, bool solver, bool held, bool wrong) {
     if (there) html += std::string("<span><i class=\"") + kind + "\"></i>" + words + "</span>";
   };
   entry(true, "before", "fitted model");
-  entry(after, "after", "with the causes named");
+  entry(after, "after", "with the extended model");
   entry(true, "noise", "noise of the recording");
   entry(solver, "solver", "with the solver’s own error");
   entry(held, "held", "held out");

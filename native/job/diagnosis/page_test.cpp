@@ -66,12 +66,12 @@ TEST(Page, ShowsBeforeAndAfterAboveNoiseAndSolver) {
   const std::string html = report_page(report_of_drag());
   for (const char* part :
        {"polyline class=\"before\"", "polyline class=\"after\"", "polygon class=\"noise\"",
-        "polygon class=\"solver\"", "rect class=\"held\"", "with the causes named"}) {
+        "polygon class=\"solver\"", "rect class=\"held\"", "with the extended model"}) {
     EXPECT_THAT(html, HasSubstr(part));
   }
   Json unnamed = report_of_drag();
   for (Json& row : unnamed["residual"]["by_frame"]) row["after"] = nullptr;
-  EXPECT_THAT(report_page(unnamed), Not(HasSubstr("with the causes named")));
+  EXPECT_THAT(report_page(unnamed), Not(HasSubstr("with the extended model")));
 }
 
 TEST(Page, ShowsWhatIsWrongWhereAndWhenTheEvidenceArrives) {

@@ -51,7 +51,7 @@ Json law_json(const diagnose::LawRow& law) {
                {"keep", number_json(law.keep)},
                {"observable", law.observable},
                {"refitted", law.refitted},
-               {"improves", law.improves},
+               {"improves", law.refitted && law.end == diagnose::LawTrial::End::kImproves},
                {"explained", number_json(law.explained)},
                {"parameters", Json::object()},
                {"sentence", law.sentence}};

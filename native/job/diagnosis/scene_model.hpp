@@ -144,7 +144,7 @@ class SceneModel final : public diagnose::Model {
   /// Error(kCompute) where it cannot be simulated to its end.
   [[nodiscard]] Seen watched(const mpm::Scene& scene, const Watch& watch,
                              std::vector<int>* substeps = nullptr) const;
-  /// The same, or nothing.
+  /// The same, or nothing. Appends to `substeps`, also those of a run that failed.
   [[nodiscard]] std::optional<Seen> watched_if_possible(const mpm::Scene& scene, const Watch& watch,
                                                         std::vector<int>& substeps) const;
   [[nodiscard]] std::vector<Target> targets_of(const diagnose::Point& point, std::size_t run) const;

@@ -131,6 +131,12 @@ double SceneModel::work_of(const mpm::Scene& scene, const std::vector<int>& subs
 
 std::optional<SceneModel::SimulatedRun> SceneModel::simulate_run(
     const diagnose::Point& point, std::size_t run, const std::shared_ptr<Arena>& arena) const {
+  for (const diagnose::Point::Cause& cause : point.causes) {
+    const auto& allowed = causes_[static_cast<std::size_t>(cause.effect)].allowed;
+    if (allowed && !allowed({cause.values.data(), static_cast<std::size_t>(cause.values.size())})) {
+      return std::nullopt;
+    }
+  }
   const std::shared_ptr<const Built> base = built(point.numerics, run);
   const std::vector<double> values = fitted_values(point);
   mpm::Scene scene = scene_at(point, *base, values, run);
@@ -237,7 +243,6 @@ SceneModel::Seen SceneModel::watched(const mpm::Scene& scene, const Watch& watch
 std::optional<SceneModel::Seen> SceneModel::watched_if_possible(const mpm::Scene& scene,
                                                                 const Watch& watch,
                                                                 std::vector<int>& substeps) const {
-  substeps.clear();
   try {
     return watched(scene, watch, &substeps);
   } catch (const Error& error) {

@@ -46,7 +46,8 @@ std::vector<SurfacePlace> surface_places(const mpm::Body& body, double separatio
   std::vector<SurfacePlace> places;
   for (std::size_t wanted = 1; wanted <= 3; ++wanted) {
     for (int code = 0; code < 27; ++code) {
-      const Vec3d sign(code / 9 - 1, code / 3 % 3 - 1, code % 3 - 1);
+      const std::array<int, 3> towards{code / 9 - 1, code / 3 % 3 - 1, code % 3 - 1};
+      const Vec3d sign(towards[0], towards[1], towards[2]);
       if (std::size_t(sign.cwiseAbs().sum()) != wanted) continue;
       SurfacePlace& place = places.emplace_back();
       // In the body's own proportions, so that an edge of a long body is one; half a step along its
@@ -54,8 +55,7 @@ std::vector<SurfacePlace> surface_places(const mpm::Body& body, double separatio
       const Vec3d direction = sign.cwiseQuotient(half);
       const double slack = 0.5 * separation / sign.cwiseAbs().cwiseProduct(half).maxCoeff();
       place.position = outermost(body, direction, slack) + 0.5 * separation * sign;
-      place.words = std::string("at the ") + kKinds[wanted] + " " +
-                    words_of({int(sign.x()), int(sign.y()), int(sign.z())});
+      place.words = std::string("at the ") + kKinds[wanted] + " " + words_of(towards);
     }
   }
   return places;

@@ -56,10 +56,14 @@ ScoreTest::ScoreTest(const MatrixXd& gram, const VectorXd& precision, std::vecto
     part.inverse = MatrixXd::Zero(t.count, t.count);
     for (Index i = 0; i < t.count; ++i) {
       const double value = solver.eigenvalues()[i];
-      part.keep = std::max(part.keep, std::sqrt(std::max(value, 0.0)));
+      // Numbers that act alike have more in common than each has by itself.
+      const VectorXd direction = unit.asDiagonal() * solver.eigenvectors().col(i);
+      const double before = std::max(direction.dot(whole * direction), 1e-300);
+      if (i + 1 == t.count || value > kKeepLimit * kKeepLimit) {
+        part.keep = std::max(part.keep, std::sqrt(std::clamp(value / before, 0.0, 1.0)));
+      }
       if (!(value > kKeepLimit * kKeepLimit) || !(whole.diagonal().maxCoeff() > 0.0)) continue;
-      const VectorXd v = unit.asDiagonal() * solver.eigenvectors().col(i);
-      part.inverse += v * v.transpose() / value;
+      part.inverse += direction * direction.transpose() / value;
       ++part.freedom;
     }
     if (t.precision.size() > 0 && part.freedom > 0) {

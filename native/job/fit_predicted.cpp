@@ -190,6 +190,7 @@ Json predicted_json(fit::LawFit& fit, const fit::LawState& state, const fit::Unc
   for (std::size_t r = 0; r < runs.size(); ++r) {
     for (std::size_t c = 0; c < runs[r].captures.size(); ++c) {
       std::vector<const fit::SimulatedCapture*> drawn;
+      drawn.reserve(outcomes.size());
       for (const fit::Outcome* outcome : outcomes) drawn.push_back(&(*outcome)[r].captures[c]);
       const Band band = band_of(runs[r].captures[c], drawn);
       if (band.samples == 0) continue;

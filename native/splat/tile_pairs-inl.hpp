@@ -212,23 +212,22 @@ inline void find_pairs(splat::Frame& frame, std::size_t chunk) {
       const auto u_of = [&](int tx) {
         return static_cast<float>(u_row + f.l11 * ((tx + 0.5) * splat::kTile));
       };
-      PatchIntervals intervals;
-      int from = x0;
-      for (int tx = x0; tx <= x1; ++tx) {
-        if ((tx - x0) % kRowOfTiles == 0) {
-          from = tx;
-          intervals = patch_intervals(u_of(tx), w0, inverse, shade.l21, shade.l22, e);
+      for (int from = x0; from <= x1; from += kRowOfTiles) {
+        const PatchIntervals intervals =
+            patch_intervals(u_of(from), w0, inverse, shade.l21, shade.l22, e);
+        const int last = std::min(x1, from + kRowOfTiles - 1);
+        for (int tx = from; tx <= last; ++tx) {
+          const std::uint64_t patches =
+              patches_of(intervals, static_cast<std::size_t>(tx - from) * kPatchColumns, map);
+          const auto tile = static_cast<std::uint32_t>(ty * frame.tiles_x + tx);
+          pairs[size] = {patches, static_cast<std::uint32_t>(rank),
+                         static_cast<std::uint32_t>(size - own), u_of(tx), w0};
+          tile_of[size] = tile;
+          // The next is written over one that touches no patch.
+          const std::uint32_t touches = patches == 0 ? 0 : 1;
+          counts[tile] += touches;
+          size += touches;
         }
-        const std::uint64_t patches =
-            patches_of(intervals, static_cast<std::size_t>(tx - from) * kPatchColumns, map);
-        const auto tile = static_cast<std::uint32_t>(ty * frame.tiles_x + tx);
-        pairs[size] = {patches, static_cast<std::uint32_t>(rank),
-                       static_cast<std::uint32_t>(size - own), u_of(tx), w0};
-        tile_of[size] = tile;
-        // The next is written over one that touches no patch.
-        const std::uint32_t touches = patches == 0 ? 0 : 1;
-        counts[tile] += touches;
-        size += touches;
       }
     }
     slots = static_cast<std::uint32_t>(size - own);

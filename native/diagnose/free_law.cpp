@@ -46,13 +46,13 @@ class LawLast {
       result.absorbed.push_back(seen ? all.test.imitation(k, score.estimate, own) : 0.0);
     }
     if (!result.score.observable || found_.within_solver || trials_.cut()) return result;
-    const double level = options_.analysis.placebo.level;
-    const bool left =
-        found_.accepted && found_.last && found_.last->smooth.p < options_.further_level;
-    if (left || (!found_.accepted && result.p < level)) {
-      result.alone = tried(found_.base, found_.base_state, result.score, slopes);
+    if (!found_.accepted) {
+      if (result.p < options_.analysis.placebo.level) {
+        result.alone = tried(found_.base, found_.base_state, result.score, slopes);
+      }
+    } else if (found_.last && found_.last->smooth.p < options_.further_level) {
+      result.beside = beside_best();
     }
-    if (left) result.beside = beside_best();
     return result;
   }
 
@@ -95,6 +95,7 @@ class LawLast {
     }
     attempt.start.slopes = beside(beside(slopes.theta, slopes.active), columns_of(slopes, law_));
     attempt.start.corrections = without.corrections;
+    attempt.start.rough = true;  // such simulations are dear
     std::vector<Attempt> attempts;
     attempts.push_back(std::move(attempt));
     std::vector<Trial> refitted = trials_.tried(std::move(attempts), "free law refits");

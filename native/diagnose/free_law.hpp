@@ -40,8 +40,7 @@ struct FreeLaw {
   std::vector<double> absorbed;
   /// Beside the causes of the best extension, where that is accepted and leaves something.
   std::optional<LawTrial> beside;
-  /// Beside nothing, where no extension is accepted and its score stands out, or the accepted one
-  /// leaves something.
+  /// Beside nothing, where no extension is accepted and its score stands out.
   std::optional<LawTrial> alone;
 };
 

@@ -127,7 +127,7 @@ class SceneModel final : public diagnose::Model {
   [[nodiscard]] std::optional<SimulatedRun> simulate_run(const diagnose::Point& point,
                                                          std::size_t run,
                                                          const std::shared_ptr<Arena>& arena) const;
-  /// Particles times substeps, twice where a body damps or relaxes.
+  /// Particles times substeps, several times that of bodies whose substep is dearer.
   [[nodiscard]] static double work_of(const mpm::Scene& scene, const std::vector<int>& substeps);
   /// A point without what sets in only after all that is looked at, so that it is simulated once.
   [[nodiscard]] diagnose::Point as_looked_at(diagnose::Point point) const;

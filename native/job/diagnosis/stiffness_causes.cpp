@@ -23,7 +23,7 @@ using diagnose::Number;
 constexpr double kTowardsSurface = 0.6;
 constexpr double kRadius = 0.35;
 /// In radii: places nearer to each other are one.
-constexpr double kSamePlace = 0.25;
+constexpr double kSamePlace = 0.35;
 /// What may be taken away of the body's own modulus; more and a corner has none.
 constexpr double kMostTaken = 0.8;
 constexpr double kMostAdded = 20.0;

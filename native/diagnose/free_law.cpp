@@ -71,11 +71,7 @@ class LawLast {
   /// By what the best extension leaves, with the law alone to be scored there.
   [[nodiscard]] std::optional<LawTrial> beside_best() const {
     const Refit& best = found_.best->refit;
-    const Index p = best.state.theta.size();
-    Linearised slopes;
-    slopes.prediction = best.prediction;
-    slopes.theta = best.slopes.leftCols(p);
-    slopes.active = best.slopes.rightCols(best.slopes.cols() - p);
+    Linearised slopes = linearised_at(best);
     if (!add_law(best.state, slopes)) return std::nullopt;
     const Analysis there = analyse(study_, best.state, slopes, found_.spread, found_.noise,
                                    best.prediction, best.bias, options_.analysis);

@@ -29,7 +29,7 @@ struct LawTrial {
   End end = End::kUnlikely;
 };
 
-/// What a free law does of what is wrong.
+/// A free law beside a diagnosed model: its score, and what it explains.
 struct FreeLaw {
   Candidate candidate;
   Score score;     ///< at the base, beside all candidates

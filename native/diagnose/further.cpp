@@ -112,11 +112,7 @@ class Further {
       return analyse(study_, trial.refit.state, slopes, out_.spread, out_.noise,
                      trial.refit.prediction, trial.refit.bias, options_.analysis);
     };
-    const Index p = trial.refit.state.theta.size();
-    slopes.prediction = trial.refit.prediction;
-    slopes.theta = trial.refit.slopes.leftCols(p);
-    slopes.active = trial.refit.slopes.rightCols(trial.refit.slopes.cols() - p);
-    slopes.columns.clear();
+    slopes = linearised_at(trial.refit);
     for (const Linearised::Column& column : out_.slopes.columns) {
       const bool active = std::ranges::any_of(trial.causes, [&](const Candidate& cause) {
         return cause.effect == column.candidate.effect;

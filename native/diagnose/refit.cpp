@@ -201,6 +201,11 @@ class Refitter::Search {
   [[nodiscard]] MatrixXd known() const { return start_.whole ? MatrixXd() : made_; }
   [[nodiscard]] bool biased() const { return refitter_.bias_.size() > 0; }
 
+  /// Derivatives of the residual by the present slopes; all states have the same causes.
+  [[nodiscard]] MatrixXd residual_slopes() const {
+    return refitter_.residual_slopes(slopes_, start_.states.front(), corrections_);
+  }
+
   [[nodiscard]] std::vector<State> closer() {
     trying_ = start_.states;
     for (State& state : trying_) shrink(model(), kShares[share_], state);
@@ -231,7 +236,7 @@ class Refitter::Search {
       slopes_ = made_ = refitter_.slopes_at(here_->state, known());
       made_here_ = true;
     }
-    jacobian_ = refitter_.residual_slopes(slopes_, start_.states.front(), corrections_);
+    jacobian_ = residual_slopes();
   }
 
   /// The deviance of a residual once nuisances of known times have adapted to first order, where
@@ -242,8 +247,7 @@ class Refitter::Search {
     if (trying_.size() < 2 || adapting.empty() || slopes_.cols() == 0) {
       return [](const VectorXd& residual) { return residual.squaredNorm(); };
     }
-    const MatrixXd columns = refitter_.residual_slopes(slopes_, start_.states.front(),
-                                                       corrections_)(Eigen::all, adapting);
+    const MatrixXd columns = residual_slopes()(Eigen::all, adapting);
     MatrixXd h = columns.transpose() * columns;
     h.diagonal() *= 1.0 + 1e-9;
     h.diagonal().array() += 1e-300;
@@ -259,7 +263,7 @@ class Refitter::Search {
     if (fresh_) return false;
     if (made_here_) {
       slopes_ = made_;
-      jacobian_ = refitter_.residual_slopes(slopes_, start_.states.front(), corrections_);
+      jacobian_ = residual_slopes();
       return false;
     }
     const RefitOptions& options = refitter_.options_;
@@ -270,7 +274,7 @@ class Refitter::Search {
     }
     renewed_at_ = now;
     slopes_ = made_ = refitter_.slopes_at(here_->state, known());
-    jacobian_ = refitter_.residual_slopes(slopes_, start_.states.front(), corrections_);
+    jacobian_ = residual_slopes();
     fresh_ = true;
     made_here_ = true;
     return true;
@@ -354,7 +358,7 @@ class Refitter::Search {
     VectorXd surprise = there.prediction - here_->prediction - slopes_ * moved;
     if (biased()) surprise -= (there.bias - here_->bias) * refitter_.bias_;
     slopes_ += surprise * moved.transpose() / length;
-    jacobian_ = refitter_.residual_slopes(slopes_, start_.states.front(), corrections_);
+    jacobian_ = residual_slopes();
     fresh_ = false;
   }
 

@@ -176,7 +176,7 @@ struct Report {
 
 /// Sentences for people, one function a verdict, all from the report's numbers.
 [[nodiscard]] std::string headline(const Report& report);
-/// What a refitted law explains, for people. `named`: beside causes that are named.
+/// A sentence for people on what a refitted law explains. `named`: beside causes that are named.
 [[nodiscard]] std::string law_sentence(const LawRow& law, bool named);
 /// "0.021 ± 0.0006 m²"
 [[nodiscard]] std::string with_error(const Value& value);

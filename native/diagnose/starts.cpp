@@ -49,6 +49,15 @@ std::vector<std::size_t> unlike_shapes(const ScoreTest& test, const std::vector<
   return chosen;
 }
 
+Linearised linearised_at(const Refit& refit) {
+  const Index p = refit.state.theta.size();
+  Linearised slopes;
+  slopes.prediction = refit.prediction;
+  slopes.theta = refit.slopes.leftCols(p);
+  slopes.active = refit.slopes.rightCols(refit.slopes.cols() - p);
+  return slopes;
+}
+
 const MatrixXd& columns_of(const Linearised& slopes, const Candidate& candidate) {
   const auto found = std::ranges::find_if(slopes.columns, [&](const Linearised::Column& column) {
     return column.candidate.effect == candidate.effect &&

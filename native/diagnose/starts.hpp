@@ -6,6 +6,7 @@
 #include <functional>
 #include <vector>
 
+#include "diagnose/refit.hpp"
 #include "diagnose/scores.hpp"
 #include "diagnose/study.hpp"
 
@@ -22,6 +23,9 @@ namespace matterfit::diagnose {
 [[nodiscard]] std::vector<std::size_t> unlike_shapes(
     const ScoreTest& test, const std::vector<Score>& scores, std::size_t most,
     const std::function<bool(const Score&)>& of_use = nullptr);
+
+/// A refit's prediction and derivatives at its end, without candidates.
+[[nodiscard]] Linearised linearised_at(const Refit& refit);
 
 /// The candidate's derivatives, stacked; it must be among `slopes`.
 [[nodiscard]] const Eigen::MatrixXd& columns_of(const Linearised& slopes,

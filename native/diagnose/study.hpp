@@ -86,8 +86,8 @@ class Study {
   [[nodiscard]] bool cut() const { return ledger_->cut; }
   void mark_cut() const { ledger_->cut = true; }
   [[nodiscard]] const std::vector<Ledger::Stage>& stages() const { return ledger_->stages; }
-  /// What simulations from now on are for; begin_search(): a search, whose work is limited. A stage
-  /// is the one or the other.
+  /// Names the stage that simulations from now on count for; begin_search(): of a search, whose
+  /// work is limited. A stage is the one or the other.
   void begin(const std::string& stage) const { begin(stage, false); }
   void begin_search(const std::string& stage) const { begin(stage, true); }
 

@@ -85,7 +85,7 @@ void Rasteriser::Work::fill_tiles() {
   frame.offsets.resize(chunks * tiles);
   arena->parallel_for(0, chunks, 1, [&](std::size_t c) { kernels.find_pairs(frame, c); });
 
-  // Where each chunk writes in each tile's list.
+  // Offsets at which each chunk writes in each tile's list.
   frame.tile_begin.assign(tiles + 1, 0);
   std::uint64_t total = 0;
   for (std::size_t c = 0; c < chunks; ++c) {

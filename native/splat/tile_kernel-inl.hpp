@@ -18,8 +18,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace matterfit::HWY_NAMESPACE {
 
-/// A tile's numbers, patch by patch: were they channel by channel, a kilobyte apart, a load of one
-/// would wait for a store of another whose address ends in the same twelve bits.
+/// A tile's numbers, patch by patch, so that all channels of a patch lie together.
 template <std::size_t Channels>
 struct TileState {
   alignas(64) float values[kPatches][Channels][kPatch];

@@ -28,8 +28,8 @@ constexpr int kMoreTries = 2;
 /// The share of the solver's margin (dt_safety) that a point beside the fitted values may use.
 constexpr double kNoiseMargin = 1.1;
 
-/// What a particle's substep takes where its body damps or relaxes, and with a correction beside
-/// its law, which is not compiled for registers: jelly_throw takes ten times as long with one.
+/// Cost of a particle's substep where its body damps or relaxes, and with a correction beside its
+/// law, which is not compiled for registers: jelly_throw takes ten times as long with one.
 constexpr double kOfDamping = 2.0;
 constexpr double kOfCorrection = 10.0;
 

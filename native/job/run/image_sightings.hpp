@@ -47,7 +47,7 @@ struct LoadedFilms {
   [[nodiscard]] fit::Agreement agreement(std::size_t sighting, std::vector<float> mask) const;
 };
 
-/// What films are loaded for.
+/// The purpose that films are loaded for.
 enum class FilmUse : std::uint8_t {
   kFitted,      ///< some image of them is to be fitted
   kBesideMore,  ///< to be fitted beside something else

@@ -18,10 +18,11 @@ namespace matterfit::diagnose {
 
 /// Noise of the recordings that tests make.
 struct TestNoise {
-  double sigma = 5e-4;       ///< [m]
-  double correlation = 0.0;  ///< of each coordinate from frame to frame
-  double common = 0.0;       ///< shared by all tracks [m], white
-  double outliers = 0.0;     ///< share of samples that are 20 sigma off
+  double sigma = 5e-4;              ///< [m]
+  double correlation = 0.0;         ///< of each coordinate from frame to frame
+  double common = 0.0;              ///< shared by all tracks [m]
+  double common_correlation = 0.0;  ///< of that
+  double outliers = 0.0;            ///< share of samples that are 20 sigma off
   std::uint64_t seed = 1;
 };
 
@@ -103,13 +104,17 @@ class HiddenModel : public Model {
 
   static void add_noise(Capture& capture, const TestNoise& noise, std::size_t c) {
     const double rest = std::sqrt(1.0 - noise.correlation * noise.correlation);
+    const double memory = noise.common_correlation;
     for (Eigen::Index i = 0; i < capture.tracks(); ++i) {
       for (int axis = 0; axis < 3; ++axis) {
         Random random(noise.seed, 1000000 * (c + 1) + std::uint64_t(3 * i + axis));
         double e = random.normal();
+        double shared = 0.0;
         for (std::size_t f = 0; f < capture.times.size(); ++f) {
           Random common(noise.seed, 77000000 + 1000 * c + 3 * f + std::uint64_t(axis));
-          double value = noise.sigma * e + noise.common * common.normal();
+          const double fresh = common.normal();
+          shared = f == 0 ? fresh : memory * shared + std::sqrt(1.0 - memory * memory) * fresh;
+          double value = noise.sigma * e + noise.common * shared;
           if (noise.outliers > 0.0 && random.uniform() < noise.outliers) {
             value += 20.0 * noise.sigma * random.normal();
           }

@@ -3,10 +3,12 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 namespace matterfit::diagnose {
@@ -135,7 +137,13 @@ constexpr double kLowestOwn = 0.0;
 /// below 0.
 constexpr double kLowestShared = -0.4;
 
-Autoregression fit_autoregression(const Moments& moments, double lowest) {
+/// How far the memory of the shared part is from that of the own part, as a standard deviation:
+/// means of few frames say little of it, and both come of one tracker.
+constexpr double kMemoryDeviation = 0.3;
+
+/// The correlation's mean over its posterior, from a flat prior or a normal one about `expected`.
+Autoregression fit_autoregression(const Moments& moments, double lowest,
+                                  std::optional<double> expected = {}) {
   constexpr double kStep = 0.05;
   std::vector<double> grid;
   for (int i = 0; lowest + kStep * i < 0.96; ++i) grid.push_back(lowest + kStep * i);
@@ -144,6 +152,7 @@ Autoregression fit_autoregression(const Moments& moments, double lowest) {
   double best = -1e300;
   for (std::size_t i = 0; i < grid.size(); ++i) {
     weight[i] = moments.at(grid[i]).value;
+    if (expected) weight[i] -= 0.5 * std::pow((grid[i] - *expected) / kMemoryDeviation, 2);
     best = std::max(best, weight[i]);
   }
   double sum = 0.0;
@@ -244,6 +253,37 @@ Cleaned clean(const VectorXd& residual, const MatrixXd& explained) {
   result.value = rest(residual);
   const double limit = kOutlier * robust_deviation(result.value);
   result.value = rest(result.value.cwiseMin(limit).cwiseMax(-limit));
+  return result;
+}
+
+/// Above it, the share of a displacement of all tracks alike that explained columns can make, that
+/// displacement says nothing of the noise.
+constexpr double kExplainedShare = 0.5;
+
+/// What the frames' means say of the noise that all tracks share. `means`: a row a frame and axis,
+/// the means of columns that are orthonormal over all rows, and in the last column of the data,
+/// from which these columns were taken out; `members`: tracks that are seen in each. Many columns
+/// leave no row of the means to itself, yet most of them move tracks against each other: by the
+/// principal angles between their span and displacements of all tracks alike (Björck and Golub
+/// 1973), those displacements that are theirs are returned as columns, and the data is scaled back
+/// in the others by the share that went with the columns.
+MatrixXd of_all_tracks(const MatrixXd& means, const VectorXd& members) {
+  const VectorXd scale = members.cwiseSqrt();
+  const Index width = means.cols() - 1;
+  const MatrixXd scaled = scale.asDiagonal() * means.leftCols(width);
+  const Eigen::BDCSVD<MatrixXd> svd(scaled, Eigen::ComputeThinU);
+  const VectorXd share = svd.singularValues().cwiseAbs2();
+  Index explained = 0;
+  while (explained < share.size() && share[explained] > kExplainedShare) ++explained;
+  MatrixXd result(means.rows(), explained + 1);
+  const VectorXd inverse = scale.cwiseInverse();
+  result.leftCols(explained) = inverse.asDiagonal() * svd.matrixU().leftCols(explained);
+  VectorXd data = scale.asDiagonal() * means.col(width);
+  for (Index i = explained; i < share.size(); ++i) {
+    const auto direction = svd.matrixU().col(i);
+    data += direction * (direction.dot(data) * share[i] / (1.0 - share[i]));
+  }
+  result.col(explained) = inverse.asDiagonal() * data;
   return result;
 }
 
@@ -398,6 +438,7 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
 
     MatrixXd own = all;
     MatrixXd means(Index(frames.size()), all.cols());
+    VectorXd members_of(Index(frames.size()));
     std::vector<std::vector<Index>> mean_chains;
     if (shared) {
       Index at = 0;
@@ -407,6 +448,7 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
         for (const Index i : members) mean += all.row(i) / double(members.size());
         for (const Index i : members) own.row(i) -= mean;
         means.row(at) = mean;
+        members_of[at] = double(members.size());
         if (key.first != before.first || key.second != before.second + 1)
           mean_chains.emplace_back();
         mean_chains.back().push_back(at++);
@@ -434,7 +476,8 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
       track.place_sigma = lost * std::sqrt(std::max(square, 0.0));
     }
     if (shared) {
-      const Autoregression mean = fit_autoregression(Moments(means, mean_chains), kLowestShared);
+      const Autoregression mean = fit_autoregression(
+          Moments(of_all_tracks(means, members_of), mean_chains), kLowestShared, track.correlation);
       const double own_part = track.sigma * track.sigma / tracks;
       const double ratio = mean.sigma * mean.sigma / own_part;
       // Two standard deviations of a variance that was seen in so many degrees of freedom.

@@ -41,6 +41,7 @@ TEST(Noise, IsFoundBesideADiscrepancy) {
   noise.correlation = 0.6;
   noise.sigma = 1e-3;
   noise.common = 2e-3;
+  noise.common_correlation = 0.6;
   // A field that twists the throw by a hundred times the noise.
   model.record({{model.effect_index("force_field"), 0, VectorXd::Constant(1, 2.0)}}, noise);
   const Study study(model, 0);
@@ -53,8 +54,36 @@ TEST(Noise, IsFoundBesideADiscrepancy) {
                      explained_columns(study, slopes, none), 1e-9);
   EXPECT_NEAR(found.captures[0].sigma, 1e-3, 1e-4);
   EXPECT_NEAR(found.captures[0].correlation, 0.6, 0.06);
-  EXPECT_NEAR(found.captures[0].common_sigma, 2e-3, 6e-4);
+  EXPECT_NEAR(found.captures[0].common_sigma, 2e-3, 6e-4) << found.captures[0].common_correlation;
   EXPECT_NEAR(found.captures[0].kurtosis, 0.0, 1.0);
+}
+
+/// A long catalogue has more columns than there are means of frames.
+TEST(Noise, OfAllTracksIsFoundBesideManyColumns) {
+  ThrownModel model({Vec3d(2.0, 0.5, 1.0)}, 40);
+  TestNoise noise;
+  noise.correlation = 0.8;
+  noise.sigma = 1e-3;
+  noise.common = 1e-3;
+  noise.common_correlation = 0.8;
+  model.record({}, noise);
+  const Study study(model, 0);
+  const Linearised slopes =
+      linearise(study, study.fitted(), candidates_of(model, study.fitted()), {});
+  const MatrixXd few = explained_columns(study, slopes, Spread::none(study.size()));
+  MatrixXd many(few.rows(), few.cols() + 300);
+  Random random(7, 0);
+  for (Index k = 0; k < 300; ++k) {
+    for (Index i = 0; i < few.rows(); ++i) many(i, k) = random.normal();
+  }
+  many.rightCols(few.cols()) = few;
+  many.colwise().normalize();
+  const Noise found =
+      estimate_noise(study.used(), model.captures(),
+                     (study.measured() - slopes.prediction).head(study.used().size()), many, 1e-9);
+  EXPECT_NEAR(found.captures[0].sigma, 1e-3, 1.5e-4);
+  EXPECT_NEAR(found.captures[0].common_sigma, 1e-3, 4e-4);
+  EXPECT_NEAR(found.captures[0].common_correlation, 0.8, 0.15);
 }
 
 /// A noisy frame says where on the body the tracks are: what that gets wrong stays with a track and

@@ -321,6 +321,7 @@ def main():
     matterfit.register()
     native.require()
     bpy.context.preferences.view.show_splash = False
+    window_support.draw_plainly()
     steps, end = script(), time.monotonic() + LIMIT
 
     def tick():

@@ -17,7 +17,7 @@ def cancel(job, what):
     between, by a renderer in software; what the library takes is judged in test_cancel."""
     asked = job.elapsed
     bpy.ops.matterfit.cancel()
-    yield from wait_for(lambda: job.ended, 10.0, "the end after Cancel")
+    yield from wait_for(lambda: job.ended, 100.0, "the end after Cancel")
     print(f"window: Cancel of {what} answered after {job.elapsed - asked:.2f} s")
 
 
@@ -50,7 +50,7 @@ def modal_filling(picture, faults):
         raise AssertionError("Bake does not run modally")
     took = time.monotonic() - began
     job = yield from begun()
-    yield from wait_for(lambda: job.snapshot.stage, 30.0, "a stage")
+    yield from wait_for(lambda: job.snapshot.stage, 200.0, "a stage")
     ticks = 0
     while ticks < DRAWS:
         yield
@@ -129,7 +129,7 @@ def modal_check():
     if modal("check_fit") != {"RUNNING_MODAL"}:
         raise AssertionError("Check does not run modally")
     job = yield from begun()
-    yield from wait_for(lambda: job.ended, 90.0, "the end of Check")
+    yield from wait_for(lambda: job.ended, 400.0, "the end of Check")
     yield
     report = check.read(bpy.context.scene.matterfit.fit.check)
     if job.state is not State.DONE or report is None:

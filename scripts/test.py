@@ -170,7 +170,7 @@ def run_windows():
     env = {**LIBRARY, **user_folder("window"), "LIBGL_ALWAYS_SOFTWARE": "1"}
     screen = ["xvfb-run", "-a", "-s", "-screen 0 1400x900x24"]
     blender = ["blender", "--factory-startup", "--python-exit-code", "1", "-P", script, "--", picture]
-    done = run("window", [*screen, *blender], limit=480, env=env)
+    done = run("window", [*screen, *blender], limit=1600, env=env)
     ok = done.status == 0 and picture.exists() and picture.stat().st_size > 10_000
     tally.check("window: panel", ok, f"{done.reason()}\n{done.tail(40)}")
     if ok:

@@ -65,6 +65,20 @@ Inverse invert(const MatrixXd& h, const VectorXd& whole) {
   return result;
 }
 
+/// What is taken not to be there: effects of one shape. Those of many (a place, a frequency, an
+/// onset) cost a simulation for each, and which of them a recording would have nobody knows before
+/// it.
+std::vector<Candidate> assumed_absent(const Model& model) {
+  std::vector<Candidate> result;
+  for (std::size_t e = 0; e < model.effects().size(); ++e) {
+    const Effect& effect = model.effects()[e];
+    if (effect.variants.size() <= 1 && effect.onsets.empty() && !effect.last) {
+      result.push_back({int(e), 0});
+    }
+  }
+  return result;
+}
+
 class Check {
  public:
   Check(const Model& model, const IdentifyOptions& options)
@@ -75,7 +89,7 @@ class Check {
   BeforeFit run() {
     tell(0.0, "Differentiating");
     const State state = study_.fitted();
-    slopes_ = linearise(study_, state, candidates_of(model_, state), differences_);
+    slopes_ = linearise(study_, state, assumed_absent(model_), differences_);
     measure_noise();
     const Index used = study_.used().size();
     MatrixXd members(used, 0);

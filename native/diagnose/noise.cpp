@@ -2,8 +2,8 @@
 #include "diagnose/noise.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -271,16 +271,18 @@ MatrixXd of_all_tracks(const MatrixXd& means, const VectorXd& members) {
   const VectorXd scale = members.cwiseSqrt();
   const Index width = means.cols() - 1;
   const MatrixXd scaled = scale.asDiagonal() * means.leftCols(width);
-  const Eigen::BDCSVD<MatrixXd> svd(scaled, Eigen::ComputeThinU);
-  const VectorXd share = svd.singularValues().cwiseAbs2();
-  Index explained = 0;
-  while (explained < share.size() && share[explained] > kExplainedShare) ++explained;
+  // Squared cosines of the angles, smallest first.
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(scaled * scaled.transpose());
+  const VectorXd& share = solver.eigenvalues();
+  Index free = share.size();
+  while (free > 0 && share[free - 1] > kExplainedShare) --free;
+  const Index explained = share.size() - free;
   MatrixXd result(means.rows(), explained + 1);
   const VectorXd inverse = scale.cwiseInverse();
-  result.leftCols(explained) = inverse.asDiagonal() * svd.matrixU().leftCols(explained);
+  result.leftCols(explained) = inverse.asDiagonal() * solver.eigenvectors().rightCols(explained);
   VectorXd data = scale.asDiagonal() * means.col(width);
-  for (Index i = explained; i < share.size(); ++i) {
-    const auto direction = svd.matrixU().col(i);
+  for (Index i = 0; i < free; ++i) {
+    const auto direction = solver.eigenvectors().col(i);
     data += direction * (direction.dot(data) * share[i] / (1.0 - share[i]));
   }
   result.col(explained) = inverse.asDiagonal() * data;

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs the Blender tests: every `test_*.py` beside this file, in one process.
 
-    blender -b --factory-startup --python-exit-code 1 -P blender_tests/run.py -- [--json FILE] [PATTERN …]
-    python blender_tests/run.py [--json FILE] [PATTERN …]        where `import bpy` works (bpy wheels)
+    blender -b --factory-startup --python-exit-code 1 -P blender_tests/run.py -- [OPTION …] [PATTERN …]
+    python blender_tests/run.py [OPTION …] [PATTERN …]           where `import bpy` works (bpy wheels)
 
-PATTERN picks files by name (`test_job*`). The add-on is importable as `matterfit`. The JSON file
-holds {"passed": [name], "failed": [{"name", "detail"}], "skipped": [{"name", "reason"}]}.
+PATTERN picks files by name (`test_job*`), --without PATTERN leaves some out. The add-on is importable
+as `matterfit`. The JSON file holds {"passed": [name], "failed": [{"name", "detail"}],
+"skipped": [{"name", "reason"}], "seconds": {file: of all its tests}}; the slowest files are said at the
+end.
 """
 
 import argparse
@@ -13,10 +15,12 @@ import fnmatch
 import json
 import os
 import sys
+import time
 import traceback
 import unittest
 
 HERE = os.path.dirname(os.path.abspath(__file__))
+SLOWEST = 12  # files that are said
 
 
 class CollectingResult(unittest.TextTestResult):
@@ -24,7 +28,16 @@ class CollectingResult(unittest.TextTestResult):
 
     def __init__(self, *arguments, **options):
         super().__init__(*arguments, **options)
-        self.record = {"passed": [], "failed": [], "skipped": []}
+        self.record = {"passed": [], "failed": [], "skipped": [], "seconds": {}}
+
+    def startTest(self, test):
+        self._begun = time.monotonic()
+        super().startTest(test)
+
+    def stopTest(self, test):
+        super().stopTest(test)
+        seconds, file = self.record["seconds"], test.id().split(".")[0]
+        seconds[file] = seconds.get(file, 0.0) + time.monotonic() - self._begun
 
     def addSuccess(self, test):
         super().addSuccess(test)
@@ -66,6 +79,7 @@ def main():
         arguments = sys.argv[1:]
     parser = argparse.ArgumentParser(prog="run.py")
     parser.add_argument("--json")
+    parser.add_argument("--without", action="append", default=[], metavar="PATTERN")
     parser.add_argument("patterns", nargs="*", default=[])
     options = parser.parse_args(arguments)
 
@@ -74,10 +88,14 @@ def main():
     for name in sorted(os.listdir(HERE)):
         module = name[:-3]
         wanted = not options.patterns or any(fnmatch.fnmatch(module, p) for p in options.patterns)
-        if fnmatch.fnmatch(name, "test_*.py") and wanted:
+        left_out = any(fnmatch.fnmatch(module, p) for p in options.without)
+        if fnmatch.fnmatch(name, "test_*.py") and wanted and not left_out:
             suite.addTests(unittest.defaultTestLoader.loadTestsFromName(module))
     runner = unittest.TextTestRunner(stream=sys.stderr, verbosity=2, resultclass=CollectingResult)
     result = runner.run(suite)
+    seconds = result.record["seconds"]
+    for file in sorted(seconds, key=seconds.get, reverse=True)[:SLOWEST]:
+        print(f"  {file:24} {seconds[file]:6.1f} s", file=sys.stderr)
     if options.json:
         with open(options.json, "w", encoding="utf-8") as file:
             json.dump(result.record, file, indent=1)

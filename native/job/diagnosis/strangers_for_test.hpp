@@ -32,6 +32,7 @@ struct Hidden {
   double delay = 0.0;            // of all frames but the first [frames]
   std::size_t swapped_from = 0;  // frame from which two vertices go on as each other; 0: none
   double correlation = 0.0;      // of the noise from frame to frame
+  double shared = 0.0;           // share of its variance that all points have alike
   double dashpots = 0.0;         // along springs, of a mass [1/s]
   double stiffer = 1.0;          // factor of the springs in a ball towards +y
   double kick = 0.0;             // that one half of the masses gets after frame 6 [m/s]
@@ -171,6 +172,9 @@ inline void record_stranger(const std::filesystem::path& file, const Hidden& hid
   constexpr int kSubsteps = 200;
   const int late = int(std::lround(hidden.delay * kSubsteps));
   const double fresh = std::sqrt(1.0 - hidden.correlation * hidden.correlation);
+  const double shared_share = std::sqrt(hidden.shared);
+  const double own_share = std::sqrt(1.0 - hidden.shared);
+  std::array<double, 3> shaking{};
   std::vector<double> noise(3 * skin.masses.size(), 0.0);
   std::vector<double> positions;
   std::vector<double> times;
@@ -180,13 +184,20 @@ inline void record_stranger(const std::filesystem::path& file, const Hidden& hid
     if (frame == 7) body.kick();
     for (int s = 0; s < steps; ++s) body.step(1.0 / kFps / kSubsteps, frame > 5 && frame <= 9);
     times.push_back(hidden.clock + frame / kFps);
+    if (hidden.shared > 0.0) {
+      for (double& axis : shaking) {
+        axis =
+            frame == 0 ? normal(generator) : hidden.correlation * axis + fresh * normal(generator);
+      }
+    }
     for (std::size_t k = 0; k < skin.masses.size(); ++k) {
       const bool seen = frame == 0 || unit(generator) > kLost;
       visible.push_back(seen ? 1 : 0);
       for (std::size_t axis = 0; axis < 3; ++axis) {
         double& own = noise[3 * k + axis];
         own = frame == 0 ? normal(generator) : hidden.correlation * own + fresh * normal(generator);
-        positions.push_back(seen ? body.positions()[skin.masses[k]][int(axis)] + own
+        const double off = own_share * own + shared_share * shaking[axis];
+        positions.push_back(seen ? body.positions()[skin.masses[k]][int(axis)] + off
                                  : std::numeric_limits<double>::quiet_NaN());
       }
     }

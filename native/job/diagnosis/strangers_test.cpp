@@ -84,6 +84,18 @@ TEST(Strangers, ATrackersOwnMemoryIsNoCause) {
   EXPECT_FALSE(report.contains("model")) << report.at("sentence");
 }
 
+/// A camera on a stand that gives shakes all points alike.
+TEST(Strangers, ATrackersShakingIsNoCause) {
+  const Folder folder;
+  Hidden hidden;
+  hidden.correlation = 0.8;
+  hidden.shared = 0.4;
+  const Json report = diagnosed(folder, hidden, 4);
+  EXPECT_TRUE(report.at("class").empty()) << report.at("sentence");
+  EXPECT_NE(report.at("verdict"), "unknown") << report.at("sentence");
+  EXPECT_GT(report.at("noise").at("common").get<double>(), 0.0);
+}
+
 TEST(Strangers, AirAndAWrongGravityAreBothNamed) {
   const Folder folder;
   Hidden hidden;

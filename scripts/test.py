@@ -218,8 +218,8 @@ def part_package():
     return tally
 
 
-# Versions between the oldest and the newest, which run (nearly) all tests: what a version may change under the
-# add-on.
+# Versions between the oldest and the newest, which run nearly all tests: what a version may change under
+# the add-on.
 BETWEEN = ["test_register", "test_panels", "test_document", "test_operators", "test_bake"]
 WHOLE = list(VERSIONS)[-1]
 # Minutes of the library's own work, which are the same in each version.

@@ -315,7 +315,7 @@ TEST(Diagnose, ProposesTheThrowThatSeparatesAClass) {
   ThrownModel model({Vec3d(3.0, 0.0, 1.0)});
   for (Use& use : model.captures_[0].use) use = Use::kUsed;
   model.experiments_ = {{"fast", "Throw it fast and sideways.", model.captures_[0]}};
-  model.record({cause_of(model, {"drag_quadratic", {0.0012}})}, {});
+  model.record({cause_of(model, {"drag_quadratic", {0.0006}})}, {});
   const Report report = diagnose(model);
   EXPECT_EQ(report.verdict, Verdict::kClass) << told_by_report(report);
   EXPECT_EQ(report.next_recording, "Throw it fast and sideways.") << told_by_report(report);
@@ -328,7 +328,7 @@ TEST(Diagnose, ProposesARecordingAlthoughTwoOfTheClassAreAlikeInAny) {
   for (Use& use : model.captures_[0].use) use = Use::kUsed;
   model.effects_.push_back(effect("drag_twin", "outside", {number("rate", "1/m", 0.05, true)}));
   model.experiments_ = {{"fast", "Throw it fast and sideways.", model.captures_[0]}};
-  model.record({cause_of(model, {"drag_quadratic", {0.0012}})}, {});
+  model.record({cause_of(model, {"drag_quadratic", {0.0006}})}, {});
   const Report report = diagnose(model);
   EXPECT_EQ(report.verdict, Verdict::kClass) << told_by_report(report);
   EXPECT_THAT(report.next_recording,

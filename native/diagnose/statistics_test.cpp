@@ -54,7 +54,8 @@ TEST(Noise, IsFoundBesideADiscrepancy) {
                      explained_columns(study, slopes, none), 1e-9);
   EXPECT_NEAR(found.captures[0].sigma, 1e-3, 1e-4);
   EXPECT_NEAR(found.captures[0].correlation, 0.6, 0.06);
-  EXPECT_NEAR(found.captures[0].common_sigma, 2e-3, 6e-4) << found.captures[0].common_correlation;
+  EXPECT_NEAR(found.captures[0].common_sigma, 2e-3, 9e-4);
+  EXPECT_NEAR(found.captures[0].common_correlation, 0.6, 0.2);
   EXPECT_NEAR(found.captures[0].kurtosis, 0.0, 1.0);
 }
 
@@ -232,7 +233,8 @@ TEST(ScoreTest, APriorIsNotShrunkTwice) {
   h(0, 0) += precision;
   VectorXd g = columns.transpose() * r;
   g[0] -= pull;
-  EXPECT_NEAR(score.estimate[0], h.ldlt().solve(g)[1], 1e-10);
+  const VectorXd solution = h.inverse() * g;
+  EXPECT_NEAR(score.estimate[0], solution[1], 1e-10);
 }
 
 TEST(Observe, LagScaleAndShiftsAreTheirDefinitions) {

@@ -131,9 +131,10 @@ struct Skin {
   std::vector<std::int32_t> faces;
 
   Skin() {
-    std::vector<std::int32_t> vertex(kAcross * kAcross * kAcross, -1);
+    std::vector<std::int32_t> vertex(std::size_t(kAcross) * kAcross * kAcross, -1);
     const auto index = [&](std::array<int, 3> at) {
-      const std::size_t mass = std::size_t(at[0] + kAcross * (at[1] + kAcross * at[2]));
+      const int place = at[0] + kAcross * (at[1] + kAcross * at[2]);
+      const auto mass = std::size_t(place);
       if (vertex[mass] < 0) {
         vertex[mass] = std::int32_t(masses.size());
         masses.push_back(mass);

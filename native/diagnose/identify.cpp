@@ -84,6 +84,7 @@ class Check {
   Check(const Model& model, const IdentifyOptions& options)
       : model_(model), study_(model, options.limit), progress_(options.progress) {
     differences_.central = options.central;
+    differences_.numbers = 1;  // what is not there is tried in one direction
   }
 
   BeforeFit run() {

@@ -265,7 +265,8 @@ Linearised linearise(const Study& study, const State& state,
     const Effect& effect = model.effects()[std::size_t(candidate.effect)];
     State extended = state;
     extended.causes.push_back({candidate.effect, candidate.variant, neutral_values(effect)});
-    for (std::size_t k = 0; k < effect.numbers.size(); ++k) {
+    const std::size_t count = std::min(effect.numbers.size(), options.numbers);
+    for (std::size_t k = 0; k < count; ++k) {
       differences.push_back(
           cause_difference(model, extended, extended.causes.size() - 1, Index(k), false));
     }
@@ -328,7 +329,8 @@ Linearised linearise(const Study& study, const State& state,
   for (const Active& cause : state.causes) active += cause.values.size();
   result.active = take(active).first;
   for (const Candidate& candidate : candidates) {
-    const Index count = Index(model.effects()[std::size_t(candidate.effect)].numbers.size());
+    const Effect& effect = model.effects()[std::size_t(candidate.effect)];
+    const auto count = Index(std::min(effect.numbers.size(), options.numbers));
     auto [columns, all] = take(count);
     result.columns.push_back({candidate, all ? std::move(columns) : MatrixXd(study.size(), 0)});
   }

@@ -135,6 +135,7 @@ struct DifferenceOptions {
   /// first estimates, take one.
   bool central = true;
   std::vector<Eigen::Index> left_out;  ///< parameters, whose columns stay 0
+  std::size_t numbers = SIZE_MAX;      ///< of a candidate: the first ones, so many at most
   Study::Wanted wanted = Study::Wanted::kAll;
 };
 

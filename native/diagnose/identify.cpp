@@ -79,10 +79,16 @@ std::vector<Candidate> assumed_absent(const Model& model) {
   return result;
 }
 
+/// None is held out: simulations end where the samples do that a fit will see.
+Study of_used(const Model& model, Index limit) {
+  return {Study(model, limit), Rows(model.captures(), Use::kUsed, limit),
+          Rows(model.captures(), [](int, Index, Index) { return false; })};
+}
+
 class Check {
  public:
   Check(const Model& model, const IdentifyOptions& options)
-      : model_(model), study_(model, options.limit), progress_(options.progress) {
+      : model_(model), study_(of_used(model, options.limit)), progress_(options.progress) {
     differences_.central = options.central;
     differences_.numbers = 1;  // what is not there is tried in one direction
   }

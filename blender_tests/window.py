@@ -5,10 +5,9 @@
         blender --factory-startup --python-exit-code 1 -P blender_tests/window.py -- PICTURE.png
 
 PICTURE shows the tab as it opens; beside it lie panel_status.png, panel_capture.png, …
-With the native library a bake and a fit run modally, are cancelled, resumed to their end, and
-undone. Fails
-where a panel is not drawn, raises, the overlay raises or shows nothing, or a modal job does not end
-as it should, also when the add-on is switched off under it.
+With the native library a bake and a fit run modally, are cancelled, resumed to their end, and undone.
+Fails where a panel is not drawn or raises, the overlay raises or shows nothing, or a modal job does not
+end as it should, also when the add-on is switched off under it.
 """
 
 import os

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "diagnose/noise.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
-#include <optional>
 #include <utility>
+
+#include "diagnose/autoregression.hpp"
 
 namespace matterfit::diagnose {
 namespace {
@@ -20,8 +20,6 @@ using Eigen::VectorXd;
 
 /// Huber's limit in robust standard deviations: 1 of 16 000 normal values lies beyond.
 constexpr double kOutlier = 4.0;
-/// Beyond it a stationary part cannot be told from a constant within a clip.
-constexpr double kHighestCorrelation = 0.98;
 /// Samples of a capture, in all its series, from which slow noise can be told from a motion that is
 /// wrong; with fewer the stated noise is taken, white, where there is one.
 constexpr std::size_t kSamplesForNoise = 30;
@@ -50,135 +48,11 @@ double robust_deviation(const VectorXd& values) {
   return median(std::move(sizes)) / 0.6745;
 }
 
-/// A matrix whose last column is the data: what its Gram matrix is after AR(1) whitening with any
-/// correlation φ is a quadratic polynomial of φ.
-class Moments {
- public:
-  /// `chains`: rows of each in time, a frame's interval apart; `lost`: degrees of freedom that the
-  /// rows no longer have.
-  Moments(const MatrixXd& rows, const std::vector<std::vector<Index>>& chains, double lost = 0.0) {
-    const Index width = rows.cols();
-    Index steps = 0;
-    for (const auto& chain : chains) steps += Index(chain.size()) - 1;
-    MatrixXd first(Index(chains.size()), width);
-    MatrixXd later(steps, width);
-    MatrixXd before(steps, width);
-    Index at = 0;
-    for (std::size_t c = 0; c < chains.size(); ++c) {
-      first.row(Index(c)) = rows.row(chains[c][0]);
-      for (std::size_t j = 1; j < chains[c].size(); ++j, ++at) {
-        later.row(at) = rows.row(chains[c][j]);
-        before.row(at) = rows.row(chains[c][j - 1]);
-      }
-    }
-    first_ = first.transpose() * first;
-    later_ = later.transpose() * later;
-    before_ = before.transpose() * before;
-    const MatrixXd both = later.transpose() * before;
-    cross_ = both + both.transpose();
-    steps_ = double(steps);
-    size_ = double(steps) + double(chains.size()) - lost;
-  }
-
-  struct Likelihood {
-    double value = 0.0;  ///< ln, restricted, up to a constant
-    double sigma = 0.0;  ///< where it is largest
-    double freedom = 1.0;
-  };
-  [[nodiscard]] Likelihood at(double phi) const {
-    const double variance = 1.0 - phi * phi;
-    MatrixXd gram = first_ + (later_ - phi * cross_ + phi * phi * before_) / variance;
-    const Index width = gram.cols() - 1;
-    Likelihood result;
-    double rest = gram(width, width);
-    double log_determinant = 0.0;
-    double rank = 0.0;
-    if (width > 0) {
-      // Pivots that are nothing but rounding belong to columns that the others already span.
-      const Eigen::LDLT<MatrixXd> factors(gram.topLeftCorner(width, width));
-      const VectorXd pivots = factors.vectorD();
-      const MatrixXd right = factors.transpositionsP() * gram.col(width).head(width);
-      const MatrixXd y = factors.matrixL().solve(right);
-      const double least = 1e-9 * pivots.maxCoeff();
-      for (Index i = 0; i < width; ++i) {
-        if (!(pivots[i] > least)) continue;
-        rest -= y(i, 0) * y(i, 0) / pivots[i];
-        log_determinant += std::log(pivots[i]);
-        rank += 1.0;
-      }
-    }
-    result.freedom = std::max(size_ - rank, 1.0);
-    rest = std::max(rest, 1e-300);
-    result.sigma = std::sqrt(rest / result.freedom);
-    result.value =
-        -0.5 * (result.freedom * std::log(rest) + log_determinant + steps_ * std::log(variance));
-    return result;
-  }
-
- private:
-  MatrixXd first_;
-  MatrixXd later_;
-  MatrixXd before_;
-  MatrixXd cross_;
-  double steps_ = 0.0;
-  double size_ = 0.0;
-};
-
-struct Autoregression {
-  double sigma = 0.0;
-  double correlation = 0.0;
-  double freedom = 1.0;
-  std::vector<double> plausible;
-};
-
 /// A tracker's own errors last; those that seem to alternate are a fit that took their slow part.
 constexpr double kLowestOwn = 0.0;
 /// The lowest correlation of the shared part, which is seen in few values: their scatter reaches
 /// below 0.
 constexpr double kLowestShared = -0.4;
-
-/// How far the memory of the shared part is from that of the own part, as a standard deviation:
-/// means of few frames say little of it, and both come of one tracker.
-constexpr double kMemoryDeviation = 0.3;
-
-/// The correlation's mean over its posterior, from a flat prior or a normal one about `expected`.
-Autoregression fit_autoregression(const Moments& moments, double lowest,
-                                  std::optional<double> expected = {}) {
-  constexpr double kStep = 0.05;
-  std::vector<double> grid;
-  for (int i = 0; lowest + kStep * i < 0.96; ++i) grid.push_back(lowest + kStep * i);
-  grid.push_back(kHighestCorrelation);
-  std::vector<double> weight(grid.size());
-  double best = -1e300;
-  for (std::size_t i = 0; i < grid.size(); ++i) {
-    weight[i] = moments.at(grid[i]).value;
-    if (expected) weight[i] -= 0.5 * std::pow((grid[i] - *expected) / kMemoryDeviation, 2);
-    best = std::max(best, weight[i]);
-  }
-  double sum = 0.0;
-  double mean = 0.0;
-  for (std::size_t i = 0; i < grid.size(); ++i) {
-    weight[i] = std::exp(weight[i] - best);
-    sum += weight[i];
-    mean += weight[i] * grid[i];
-  }
-  Autoregression result;
-  result.correlation = mean / sum;
-  const Moments::Likelihood there = moments.at(result.correlation);
-  result.sigma = there.sigma;
-  result.freedom = there.freedom;
-  for (const double share : {0.1, 0.3, 0.5, 0.7, 0.9}) {
-    double passed = 0.0;
-    std::size_t i = 0;
-    while (i + 1 < grid.size() && passed + weight[i] < share * sum) passed += weight[i++];
-    // Between the edges of the grid's cell, so that a narrow posterior is not a jump.
-    const double left = i > 0 ? 0.5 * (grid[i - 1] + grid[i]) : grid[i];
-    const double right = i + 1 < grid.size() ? 0.5 * (grid[i] + grid[i + 1]) : grid[i];
-    const double part = (share * sum - passed) / std::max(weight[i], 1e-300);
-    result.plausible.push_back(left + std::clamp(part, 0.0, 1.0) * (right - left));
-  }
-  return result;
-}
 
 /// Rows of one capture, as chains without gaps.
 std::vector<std::vector<Index>> chains_of(const Rows& rows, int capture, double interval) {
@@ -347,16 +221,6 @@ bool places_are_wrong(const Places& places, const Autoregression& fit, double sm
          limit * (places.count - smooth) * square_of_noise(places, fit.sigma, fit.correlation);
 }
 
-/// An AR(1) from which a constant of each series was taken out comes out too small (Kendall 1954);
-/// `frames` of a series.
-void correct_for_constants(double frames, Autoregression& fit) {
-  const auto corrected = [&](double phi) {
-    return std::min(kHighestCorrelation, phi + (1.0 + 3.0 * phi) / frames);
-  };
-  fit.correlation = corrected(fit.correlation);
-  for (double& phi : fit.plausible) phi = corrected(phi);
-}
-
 }  // namespace
 
 MatrixXd smooth_basis(const Rows& rows, const std::vector<Capture>& captures, int cosines) {
@@ -478,6 +342,7 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
       track.place_sigma = lost * std::sqrt(std::max(square, 0.0));
     }
     if (shared) {
+      // Means of few frames say little of its memory, and both parts come of one tracker.
       const Autoregression mean = fit_autoregression(
           Moments(of_all_tracks(means, members_of), mean_chains), kLowestShared, track.correlation);
       const double own_part = track.sigma * track.sigma / tracks;

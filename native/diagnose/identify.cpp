@@ -79,7 +79,7 @@ std::vector<Candidate> assumed_absent(const Model& model) {
   return result;
 }
 
-/// None is held out: simulations end where the samples do that a fit will see.
+/// A study without held-out samples: simulations end where the samples do that a fit will see.
 Study of_used(const Model& model, Index limit) {
   return {Study(model, limit), Rows(model.captures(), Use::kUsed, limit),
           Rows(model.captures(), [](int, Index, Index) { return false; })};

@@ -130,8 +130,8 @@ Cleaned clean(const VectorXd& residual, const MatrixXd& explained) {
   return result;
 }
 
-/// Above it, the share of a displacement of all tracks alike that explained columns can make, that
-/// displacement says nothing of the noise.
+/// A displacement of all tracks alike says nothing of the noise where explained columns make more
+/// than this share of it.
 constexpr double kExplainedShare = 0.5;
 
 /// What the frames' means say of the noise that all tracks share. `means`: a row a frame and axis,

@@ -65,9 +65,9 @@ Inverse invert(const MatrixXd& h, const VectorXd& whole) {
   return result;
 }
 
-/// What is taken not to be there: effects of one shape. Those of many (a place, a frequency, an
-/// onset) cost a simulation for each, and which of them a recording would have nobody knows before
-/// it.
+/// Effects that a fit takes not to be there, those of one shape. One of many shapes (a place, a
+/// frequency, an onset) costs a simulation for each, and nobody knows before a recording which of
+/// them it would have.
 std::vector<Candidate> assumed_absent(const Model& model) {
   std::vector<Candidate> result;
   for (std::size_t e = 0; e < model.effects().size(); ++e) {

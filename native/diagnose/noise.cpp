@@ -134,13 +134,13 @@ Cleaned clean(const VectorXd& residual, const MatrixXd& explained) {
 /// than this share of it.
 constexpr double kExplainedShare = 0.5;
 
-/// What the frames' means say of the noise that all tracks share. `means`: a row a frame and axis,
-/// the means of columns that are orthonormal over all rows, and in the last column of the data,
-/// from which these columns were taken out; `members`: tracks that are seen in each. Many columns
-/// leave no row of the means to itself, yet most of them move tracks against each other: by the
-/// principal angles between their span and displacements of all tracks alike (Björck and Golub
-/// 1973), those displacements that are theirs are returned as columns, and the data is scaled back
-/// in the others by the share that went with the columns.
+/// The noise that all tracks share, as the frames' means show it: columns that it is to be told
+/// from, and the data last. `means`: a row a frame and axis, the means of columns that are
+/// orthonormal over all rows, and in the last column of the data, from which these columns were
+/// taken out; `members`: tracks that are seen in each. Many columns leave no row of the means to
+/// itself, yet most of them move tracks against each other. Principal angles between their span and
+/// displacements of all tracks alike (Björck and Golub 1973) tell which displacements are theirs:
+/// these become the columns, and the data is scaled back in the others by the share that went.
 MatrixXd of_all_tracks(const MatrixXd& means, const VectorXd& members) {
   const VectorXd scale = members.cwiseSqrt();
   const Index width = means.cols() - 1;

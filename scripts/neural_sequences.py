@@ -11,7 +11,8 @@ moved), `isotropic`, `latent`, `classical` (the best of five by its own hold-out
 sequence it is trained on; whatever is chosen is chosen by the four frames after them. It knows
 neither the class (but for `correction`, which begins where `classical` ended) nor the throw of
 these; of the fourth sequence it is told the throw.
-Rows that are done for the same document are kept in build/neural_sequences/rows.json.
+Rows that are done for the same document are kept, each in its own folder of build/neural_sequences,
+so that several of these programs may run beside each other.
 Progress on standard error; the table as Markdown on standard output and in table.md.
 """
 
@@ -27,7 +28,6 @@ from parts import BUILD, ROOT, require_in_tree
 
 DONE = BUILD / "neural_sequences"
 CLIPS = DONE / "clips"
-ROWS = DONE / "rows.json"
 OBJECTS = ["egg", "bread", "cream", "pawn", "rubber"]
 LAWS = ["published", "isotropic", "latent", "classical", "correction"]
 CLASSICAL = ["neo_hookean", "von_mises", "herschel_bulkley", "drucker_prager", "newtonian"]
@@ -146,21 +146,31 @@ def predict(name, folder, material, options):
     return {"score": scores["future"], "floor": scores["future_floor"], "mm": scores["future_track_mm"]}
 
 
-def fit_one(thing, law, count, rows, options):
+def folder_of(thing, law, count):
+    return DONE / f"{thing}_{law}_{count}"
+
+
+def kept_row(thing, law, count):
+    """A row of an earlier run, if there is one."""
+    path = folder_of(thing, law, count) / "row.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+
+
+def fit_one(thing, law, count, options):
     """A row: from an earlier run where the document is still the same."""
     names = [f"{thing}_{k}" for k in range(1, count + 1)]
     key = f"{thing} {law} {count}"
     classical = None
     if law == "correction":
-        before = fit_one(thing, "classical", count, rows, options)
+        before = fit_one(thing, "classical", count, options)
         if "material" not in before:
             return {"failed": "the classical law failed"}
         classical = before["material"]
     document = fit_document(names, law, classical)
-    kept = rows.get(key)
+    kept = kept_row(thing, law, count)
     if kept is not None and kept["document"] == document and not options.again:
         return kept
-    folder = DONE / key.replace(" ", "_")
+    folder = folder_of(thing, law, count)
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
         write_inputs(name, folder)
@@ -181,8 +191,7 @@ def fit_one(thing, law, count, rows, options):
     say(f"{key}: " + (row["failed"][-300:] if "failed" in row else
                       f"{row['score'] - row['floor']:.3f}, {row['mm']:.1f} mm, {row['seconds']:.0f} s, "
                       f"{row['fit']['law']}, {row['fit']['evaluations']} runs"))
-    rows[key] = row
-    ROWS.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    (folder / "row.json").write_text(json.dumps(row, indent=1), encoding="utf-8")
     return row
 
 
@@ -195,12 +204,12 @@ def cell(row):
     return f"{row['score'] - row['floor']:.3f}, {row['mm']:.0f} mm{name}" + ("" if row["taken"] else ", not taken")
 
 
-def table_of(rows, options):
+def table_of(options):
     """A line for each object and number of sequences: score − floor of the unseen one, mean distance."""
     lines = ["| object, sequences | " + " | ".join(options.laws) + " |", "|---" * (len(options.laws) + 1) + "|"]
     for count in options.sequences:
         for thing in options.only:
-            cells = [cell(rows.get(f"{thing} {law} {count}")) for law in options.laws]
+            cells = [cell(kept_row(thing, law, count)) for law in options.laws]
             if any(cells):
                 lines.append(f"| {thing}, {count} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -218,12 +227,11 @@ def main():
         sys.exit("neural_sequences.py: no object is called " + ", ".join(unknown))
     DONE.mkdir(parents=True, exist_ok=True)
     make_clips(options.only, options)
-    rows = json.loads(ROWS.read_text(encoding="utf-8")) if ROWS.exists() else {}
     for count in options.sequences:
         for thing in options.only:
             for law in options.laws:
-                fit_one(thing, law, count, rows, options)
-    table = table_of(rows, options)
+                fit_one(thing, law, count, options)
+    table = table_of(options)
     print(table)
     (DONE / "table.md").write_text(table + "\n", encoding="utf-8")
     return 0

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Puts a cause that a diagnosis has accepted into the scene: its own properties where it has one for
-it, else the list of effects. The values are those of the report's extended model, so that doing it
-twice changes nothing more."""
+it, else the list of effects; and with it the numbers that were fitted, as they are beside the cause. The
+values are those of the report's extended model, so that doing it twice changes nothing more."""
 
 import os
 
 import bpy
 from mathutils import Vector
 
-from .. import effects, names
+from .. import effects, names, quantities
 from ..compat import translate, translate_label
 from ..jobs import JobError
 from ..props.diagnosis import is_ignored
@@ -49,7 +49,8 @@ def has_place(cause):
 
 
 def extend(scene, folder, report, cause):
-    """Sets what `cause` of the Report in `folder` changes; JobError where nothing is set."""
+    """Sets what `cause` of the Report in `folder` changes, and what was fitted. Returns what could not be
+    set, a sentence each; JobError where nothing is set."""
     label = translate_label(cause.label)
     if not cause.accepted or report.model is None:
         raise JobError(translate("{name} was not accepted as a cause: {evidence}").format(
@@ -64,7 +65,7 @@ def extend(scene, folder, report, cause):
                      path=os.path.join(folder, diagnosis.EXTENDED_FILE)))
     if not has_place(cause):
         raise _without_place(folder, label)
-    _Extension(scene, folder, report, cause).run()
+    return _Extension(scene, folder, report, cause).run()
 
 
 def _without_place(folder, label):
@@ -72,6 +73,19 @@ def _without_place(folder, label):
         "{name} has no setting in the panel. The model that was extended by what was accepted "
         "is the job {path}, which the matterfit tool runs.").format(
             name=label, path=os.path.join(folder, diagnosis.EXTENDED_FILE)))
+
+
+def _set_number(material, key, given):
+    """`key` of a body's material, from the document's `material`."""
+    branch = quantities.branch_of(key)
+    if branch is not None:
+        index, name = branch
+        setattr(material.maxwell[index], name, given["maxwell"][index][name])
+        return
+    name = key.removeprefix("material.")
+    if name == "latent":
+        material.use_latent = True
+    setattr(material, name, given[name])
 
 
 class _Extension:
@@ -84,9 +98,26 @@ class _Extension:
         self.cause = cause
         self.scale = transforms.metres(scene)
 
+    def _application(self):
+        run = self.settings.fit.run
+        take = next((take for take in self.settings.takes if take.name == run.name), None)
+        return Application(self.scene, {**self.model, "captures": list(self.report.captures)}, run, take)
+
+    def _what_was_fitted(self):
+        work = self._application()
+        starts = {item.get("name"): item.get("start_frame") for item in self.report.captures}
+        for path in self.report.fitted:
+            owner, key, _axis = job_fit.split_path(path, work.document)
+            if key == "start_frame" and starts.get(owner) is None:
+                continue
+            work.note(fit_results.Estimate(path, value=starts.get(owner, 0.0)))
+        work.check()
+        return work
+
     def run(self):
         effect = self.cause.effect
         try:
+            fitted = self._what_was_fitted()
             if effect in _OF_SCENE:
                 self._as_fitted("", _OF_SCENE[effect])
             elif effect in _OF_BODY:
@@ -96,6 +127,7 @@ class _Extension:
             elif effect == "contact_kind":
                 self._contact("mu")
             elif effect in ("yield", "law_correction") or effect.startswith(_STATED):
+                self._body()
                 self._law()
             elif effect in _MATERIAL:
                 setattr(self._body().material, effect, self._body_document()["material"][effect])
@@ -107,11 +139,32 @@ class _Extension:
                 self._surroundings(effect)
             else:
                 self._effect(effects.find(effect))
+            self._set_fitted(fitted)
+            return fitted.left
         except (KeyError, IndexError, TypeError) as error:
             raise JobError(translate(
                 "{path}: its model holds nothing of {name} ({error}). Diagnose again.").format(
                     path=os.path.join(self.folder, diagnosis.REPORT_FILE), name=self.cause.label,
                     error=f"{type(error).__name__}: {error}")) from error
+
+    def _set_fitted(self, work):
+        """Of a material the numbers that were fitted alone: the rest may be another cause's."""
+        for owner, keys in work.wanted.items():
+            given = next((item for item in self.model["bodies"] if item["name"] == owner), None)
+            if given is None:
+                continue  # the scene, or a collider
+            body = fit_values.find_body(self.settings, owner)
+            numbers = [key for key in keys if key.startswith("material.")]
+            if numbers and body.material.law != given["material"]["law"].upper():
+                self._law(given)  # the fit has found it
+            for key in numbers:
+                _set_number(body.material, key, given["material"])
+            if "density" in keys:
+                body.density = given["density"]
+        work.motions()
+        work.surroundings()
+        work.captures()
+        work.say_clamped()
 
     def _body_document(self):
         """Causes of a body are those of the first one."""
@@ -129,9 +182,7 @@ class _Extension:
     def _as_fitted(self, owner, key):
         if owner:
             self._body()
-        run = self.settings.fit.run
-        take = next((take for take in self.settings.takes if take.name == run.name), None)
-        work = Application(self.scene, self.model, run, take)
+        work = self._application()
         work.wanted[owner] = [key]
         work.motions()
         work.surroundings()
@@ -163,9 +214,10 @@ class _Extension:
         if not found:
             raise KeyError(key)
 
-    def _law(self):
-        """The law and its parameters as the extended model has them."""
-        given, body = self._body_document(), self._body()
+    def _law(self, given=None):
+        """The law and its parameters as the extended model has them, of one of its bodies."""
+        given = given or self._body_document()
+        body = fit_values.find_body(self.settings, given["name"])
         values = dict(given["material"])
         material_values.resolve(values, self.folder)
         body.material.preset = "CUSTOM"

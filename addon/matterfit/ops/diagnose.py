@@ -72,8 +72,8 @@ class MATTERFIT_OT_extend_model(HasReport, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.extend_model"
     bl_label = "Extend Model"
     bl_description = ("Put the active cause into the scene: its own setting where it has one, else "
-                      "the list of effects, where it can be edited, keyed and switched off. Fit "
-                      "again afterwards: other values move with it")
+                      "the list of effects, where it can be edited, keyed and switched off; and what was "
+                      "fitted, as it is beside the cause. Fit again afterwards to refine both")
 
     def act(self, context):
         scene, folder = context.scene, fit_folder(context)
@@ -84,11 +84,13 @@ class MATTERFIT_OT_extend_model(HasReport, PlainOperator, bpy.types.Operator):
         cause = scene_props.active_item(report.causes, settings.diagnosis.cause_index)
         if cause is None:
             raise JobError(translate("The diagnosis names no cause to extend the model by."))
-        extend_model.extend(scene, folder, report, cause)
+        left = extend_model.extend(scene, folder, report, cause)
         compare.forget(settings)
-        said = translate("The model is extended. Fit again: other values move with it")
-        session(context).last_report = said
+        said = translate("The model is extended, with what was fitted beside it. Fit again to refine both")
+        session(context).last_report = "\n".join([said, *left])
         self.report({"INFO"}, said)
+        for sentence in left:
+            self.report({"WARNING"}, sentence)
 
 
 class MATTERFIT_OT_open_report(HasReport, PlainOperator, bpy.types.Operator):

@@ -168,7 +168,7 @@ def fit_one(thing, law, count, options):
         classical = before["material"]
     document = fit_document(names, law, classical)
     kept = kept_row(thing, law, count)
-    if kept is not None and kept["document"] == document and not options.again:
+    if kept is not None and "failed" not in kept and kept["document"] == document and not options.again:
         return kept
     folder = folder_of(thing, law, count)
     folder.mkdir(parents=True, exist_ok=True)

@@ -38,7 +38,7 @@ Json to_json(const std::vector<std::vector<fit::Standing>>& all) {
   for (const auto& stage : all) {
     Json standings = Json::array();
     for (const fit::Standing& standing : stage) {
-      standings.push_back({standing.rms, standing.firm, standing.far});
+      standings.push_back({standing.rms, standing.firm, standing.far, standing.early});
     }
     stages.push_back(std::move(standings));
   }
@@ -50,7 +50,8 @@ std::vector<std::vector<fit::Standing>> to_standings(const Json& json) {
   for (const Json& stage : json) {
     std::vector<fit::Standing>& standings = stages.emplace_back();
     for (const Json& one : stage) {
-      standings.push_back({one.at(0).get<double>(), one.at(1).get<bool>(), one.at(2).get<bool>()});
+      standings.push_back({one.at(0).get<double>(), one.at(1).get<bool>(), one.at(2).get<bool>(),
+                           one.size() > 3 && one.at(3).get<bool>()});
     }
   }
   return stages;

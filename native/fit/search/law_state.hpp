@@ -14,9 +14,10 @@ namespace matterfit::fit {
 
 /// How far a law missed what its stage looks at, some iterations into it.
 struct Standing {
-  double rms = 0.0;   ///< [m]
-  bool firm = false;  ///< over the whole clip, and not in a valley that another scan may leave
-  bool far = false;   ///< by more than noise and grid explain
+  double rms = 0.0;    ///< [m]
+  bool firm = false;   ///< over the whole clip, and not in a valley that another scan may leave
+  bool far = false;    ///< by more than noise and grid explain
+  bool early = false;  ///< far, and a coarser grid than the last stage's may be why
 };
 
 /// The start is still to be looked for.

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
+#include <limits>
 #include <utility>
 #include <variant>
 
@@ -15,12 +15,24 @@ namespace {
 constexpr double kHopeless = 3.0;
 /// Before that: what is more is more than a wrong valley.
 constexpr double kLost = 15.0;
+/// The same beside a law whose search is done, which explains the clip as well as it ever will.
+constexpr double kBehind = 4.0;
 
-/// How far a law has come: its stage, and how many standings it has there.
-std::pair<std::size_t, std::size_t> place(const LawState& law) {
-  const std::size_t here =
-      law.stage < law.standings.size() ? law.standings[law.stage].size() : std::size_t{0};
-  return {law.stage, here};
+/// What [m] a law had at its newest standing; 0: it has none.
+double newest(const LawState& law) {
+  for (auto stage = law.standings.rbegin(); stage != law.standings.rend(); ++stage) {
+    if (!stage->empty()) return stage->back().rms;
+  }
+  return 0.0;
+}
+
+bool is_done(const LawState& law) { return law.finished() && !law.left() && law.failed.empty(); }
+
+/// How many times what another law had at the same standing is too much.
+double most_beside(const LawState& other, const Standing& own) {
+  if (own.firm) return kHopeless;
+  if (is_done(other)) return kBehind;
+  return own.early ? std::numeric_limits<double>::infinity() : kLost;
 }
 
 /// What [m] a law had at a place, or with what it left that stage before; nothing if it has not
@@ -45,7 +57,7 @@ std::optional<std::size_t> next_law(const std::vector<LawState>& laws) {
   std::optional<std::size_t> next;
   for (std::size_t k = 0; k < laws.size(); ++k) {
     if (laws[k].finished()) continue;
-    if (!next || place(laws[k]) < place(laws[*next])) next = k;
+    if (!next || newest(laws[k]) < newest(laws[*next])) next = k;
   }
   return next;
 }
@@ -59,10 +71,9 @@ std::vector<LeftLaw> hopeless_laws(const std::vector<LawState>& laws) {
     if (count == 0) continue;
     const Standing own = laws[k].standings.back().back();
     if (!own.far) continue;
-    const double most = own.firm ? kHopeless : kLost;
     for (const LawState& other : laws) {
       const auto rms = standing_at(other, stage, count);
-      if (!rms || own.rms <= most * *rms) continue;
+      if (!rms || own.rms <= most_beside(other, own) * *rms) continue;
       left.push_back({k, fmt::format("Left early: it missed the capture by {:.3g} mm where {} "
                                      "missed it by {:.3g} mm.",
                                      1e3 * own.rms, other.law, 1e3 * *rms)});

@@ -9,14 +9,16 @@
 #include "fit/search/law_state.hpp"
 
 /// The order in which the candidate laws of a fit are fitted, and which of them are left early: all
-/// of them go on side by side, from one standing to the next, and a law that misses the capture by
-/// far more than another at the same standing is not followed further.
+/// of them come to a first standing, then the one that misses the capture least goes on (a window
+/// that grows makes it miss more, so that another one may have its turn), and a law that misses the
+/// capture by far more than another at the same standing is not followed further.
 namespace matterfit::fit {
 
 /// Adds to the standings of its present stage.
 void add_standing(LawState& law, const Standing& standing);
 
-/// The law that is behind all others, the first of equals; nothing if all are finished.
+/// The law that goes on: one without a standing, then the one that is nearest; the first of equals;
+/// nothing if all are finished.
 [[nodiscard]] std::optional<std::size_t> next_law(const std::vector<LawState>& laws);
 
 struct LeftLaw {

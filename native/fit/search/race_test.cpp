@@ -18,19 +18,21 @@ LawState law_at(const char* name, std::size_t stage,
   return law;
 }
 
-TEST(FitRace, GoesFromStandingToStandingSideBySide) {
+TEST(FitRace, TheNearestGoesOnOnceEachHasAStanding) {
   std::vector<LawState> laws{law_at("a", 0, {}), law_at("b", 0, {})};
   EXPECT_EQ(next_law(laws), 0U);
-  laws[0].stage = 1;
+  add_standing(laws[0], {0.01, false, true});
   EXPECT_EQ(next_law(laws), 1U);
-  laws[1].stage = 1;
-  add_standing(laws[0], {0.01, true, true});
-  EXPECT_EQ(next_law(laws), 1U);
-  add_standing(laws[1], {0.01, true, true});
+  add_standing(laws[1], {0.02, false, true});
   EXPECT_EQ(next_law(laws), 0U);
-  laws[0].phase = Finished{};
+  // A longer window, which it misses by more.
+  laws[0].stage = 1;
+  EXPECT_EQ(next_law(laws), 0U);
+  add_standing(laws[0], {0.03, true, true});
   EXPECT_EQ(next_law(laws), 1U);
   laws[1].phase = Finished{};
+  EXPECT_EQ(next_law(laws), 0U);
+  laws[0].phase = Finished{};
   EXPECT_FALSE(next_law(laws));
 }
 
@@ -51,6 +53,27 @@ TEST(FitRace, BeforeTheWholeClipOnlyWhatIsLostIsLeft) {
   const LawState near = law_at("near", 0, {{0.001}}, false);
   EXPECT_TRUE(hopeless_laws({near, law_at("far", 0, {{0.01}}, false)}).empty());
   EXPECT_EQ(hopeless_laws({near, law_at("lost", 0, {{0.02}}, false)}).size(), 1U);
+}
+
+TEST(FitRace, BesideOneThatIsDoneLessIsNoWrongValley) {
+  LawState done = law_at("done", 0, {{0.001}}, false);
+  LawState behind = law_at("behind", 0, {{0.005}}, false);
+  behind.standings[0][0].early = true;
+  EXPECT_TRUE(hopeless_laws({done, behind}).empty());
+  done.phase = Finished{};
+  EXPECT_EQ(hopeless_laws({done, behind}).size(), 1U);
+  behind.standings[0][0].rms = 0.0035;
+  EXPECT_TRUE(hopeless_laws({done, behind}).empty());
+  // What is left early says nothing of what can be reached.
+  behind.standings[0][0].rms = 0.005;
+  leave(done, "far off");
+  EXPECT_TRUE(hopeless_laws({done, behind}).empty());
+}
+
+TEST(FitRace, OnACoarseGridNobodyIsLostBesideOneThatGoesOn) {
+  LawState lost = law_at("lost", 0, {{1.0}}, false);
+  lost.standings[0][0].early = true;
+  EXPECT_TRUE(hopeless_laws({law_at("near", 0, {{0.001}}, false), lost}).empty());
 }
 
 TEST(FitRace, WhatEndedAStageBeforeCountsWithWhatItEndedWith) {

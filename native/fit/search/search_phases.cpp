@@ -170,9 +170,8 @@ void SearchPhases::take_standing(LawState& state, int iterations_before) {
   const bool far = work_.is_far(state);
   const SearchStage& stage = stages_[state.stage];
   const bool early = far && may_rescan(state);
-  // A coarse grid may be why.
-  if (early && stage.level != stages_.back().level) return;
-  add_standing(state, {work_.rms_missed(state), stage.whole && !early, far});
+  const bool by_grid = early && stage.level != stages_.back().level;
+  add_standing(state, {work_.rms_missed(state), stage.whole && !early, far, by_grid});
 }
 
 }  // namespace matterfit::fit

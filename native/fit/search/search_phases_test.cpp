@@ -379,17 +379,20 @@ TEST(SearchPhases, StandingsAreTakenEveryFifthIterationAndAtTheEndOfAStage) {
   EXPECT_EQ(search.state.standings[0].back().rms, 0.125);
 }
 
-TEST(SearchPhases, AFirstStageThatAnotherScanMayLeaveIsNoStandingAtACoarseLevel) {
+TEST(SearchPhases, AFirstStageThatAnotherScanMayLeaveIsAnEarlyStandingAtACoarseLevel) {
   FakeSearch search;
   search.work.ends = {4.0, 4.0};
   search.begin();
   search.step();
-  EXPECT_TRUE(search.state.standings.empty());
+  ASSERT_EQ(search.state.standings.size(), 1U);
+  EXPECT_TRUE(search.state.standings[0].back().early);
+  EXPECT_FALSE(search.state.standings[0].back().firm);
   search.step();  // the scan, which finds nothing
   search.step();
   search.step();
   ASSERT_EQ(search.state.standings.size(), 2U);
   EXPECT_TRUE(search.state.standings[1].back().firm);
+  EXPECT_FALSE(search.state.standings[1].back().early);
   EXPECT_TRUE(search.state.standings[1].back().far);
 }
 

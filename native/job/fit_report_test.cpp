@@ -39,5 +39,23 @@ TEST(FitReport, WarnsOfWhatPredictsNothing) {
   EXPECT_EQ(held_out_warning({{"fitted", errors(1, 0.4)}, {"held_out", nullptr}}), "");
 }
 
+TEST(FitReport, OfTwoModelsThatPredictAlikeTheOneOfFewerNumbersIsFirst) {
+  std::vector<fit::LawState> laws(2);
+  laws[0].law = "von_mises";
+  laws[1].law = "neo_hookean";
+  const auto model = [](double held_out, const Json& parameters) {
+    return Json{
+        {"held_out_mm", held_out}, {"fitted_mm", 5.0}, {"frames", 4.0}, {"parameters", parameters}};
+  };
+  const Json three = {{"E", 1e5}, {"nu", 0.3}, {"yield_stress", 2e5}};
+  const Json two = {{"E", 1e5}, {"nu", 0.3}};
+  const Json alike = ranked_models(laws, {model(15.3, three), model(15.5, two)});
+  EXPECT_EQ(alike[0]["law"], "neo_hookean");
+  EXPECT_LT(alike[0]["probability"].get<double>(), 0.6);
+  const Json better = ranked_models(laws, {model(7.0, three), model(15.5, two)});
+  EXPECT_EQ(better[0]["law"], "von_mises");
+  EXPECT_GT(better[0]["probability"].get<double>(), 0.9);
+}
+
 }  // namespace
 }  // namespace matterfit::job

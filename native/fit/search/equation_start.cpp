@@ -19,8 +19,11 @@
 namespace matterfit::fit {
 namespace {
 
-constexpr double kUneven = 0.01;      // of the time between frames
-constexpr double kMostPlaces = 2000;  // about, by which the balance is summed up
+constexpr double kUneven = 0.01;  // of the time between frames
+/// Places, about, by which the balance is summed up; fewer where each class of flow is searched
+/// with a neural law, a microsecond a place, substep and class.
+constexpr double kMostPlaces = 2000;
+constexpr double kMostPlacesOfClasses = 500;
 constexpr std::size_t kMostFrames = 400;
 /// Unknown forces act so far off a collider, in cells: of contact by nodes.
 constexpr double kContactCells = 1.5;
@@ -28,7 +31,14 @@ constexpr double kContactCells = 1.5;
 constexpr double kTold = 1.1;
 constexpr double kToldAngle = 10.0;
 constexpr double kToldCode = 1.0;  // of what is standard normal
-constexpr int kIterations = 15;
+/// How far a search goes. That of a class is where simulations begin, and no more.
+struct Effort {
+  int iterations;
+  double step_tolerance;
+  double cost_tolerance;
+};
+constexpr Effort kWhole{15, 2e-2, 1e-4};
+constexpr Effort kOfClass{6, 0.1, 1e-2};
 /// Classes of flow that are simulated, of those that the balance ranks.
 constexpr std::size_t kClasses = 3;
 
@@ -69,8 +79,9 @@ Balance balance_of(const Capture& capture, const std::shared_ptr<const mpm::Scen
   for (const double part : body.volumes) volume += part;
   balance.places = body.rest;
   balance.volumes = body.volumes;
-  const double separation = std::cbrt(volume / kMostPlaces);
-  if (double(balance.places.size()) > 1.5 * kMostPlaces) {
+  const double most = may_flow ? kMostPlacesOfClasses : kMostPlaces;
+  const double separation = std::cbrt(volume / most);
+  if (double(balance.places.size()) > 1.5 * most) {
     capture::thin(balance.places, balance.volumes, separation);
   }
   balance.tracks = interior_tracks(capture, volume);
@@ -192,7 +203,8 @@ double most_error(const Parameter& parameter, const Quantity& row) {
 bool of_code(const Address& path) { return path.quantity->path == "material.latent[#]"; }
 
 Search search(BalanceProblem& problem, const Parameters& parameters,
-              const std::vector<std::size_t>& numbers, std::span<const double> values) {
+              const std::vector<std::size_t>& numbers, std::span<const double> values,
+              const Effort& effort) {
   std::vector<Parameter> sought;
   for (const std::size_t number : numbers) {
     sought.push_back(parameters.parameters()[number]);
@@ -201,9 +213,9 @@ Search search(BalanceProblem& problem, const Parameters& parameters,
     if (!parameters.path(number).quantity->always_prior) sought.back().prior.reset();
   }
   LeastSquaresOptions options;
-  options.iterations = kIterations;
-  options.step_tolerance = 2e-2;
-  options.cost_tolerance = 1e-4;
+  options.iterations = effort.iterations;
+  options.step_tolerance = effort.step_tolerance;
+  options.cost_tolerance = effort.cost_tolerance;
   options.difference = 2e-2;
   const LeastSquares least_squares(sought, options);
   LeastSquaresState state = least_squares.start();
@@ -355,7 +367,7 @@ EquationStart equation_start(const std::vector<Run>& runs, const std::vector<mpm
   }
   std::vector<Found> found;
   try {
-    found = search(problem, parameters, numbers, best).found;
+    found = search(problem, parameters, numbers, best, kWhole).found;
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kCompute) throw;
     result.statement =
@@ -414,7 +426,7 @@ EquationStart rank_classes(const std::vector<Run>& runs, const std::vector<mpm::
   for (const FlowStart& start : starts) {
     Ranked one{start.name, start.values, std::numeric_limits<double>::infinity()};
     try {
-      const Search at = search(problem, parameters, numbers, start.values);
+      const Search at = search(problem, parameters, numbers, start.values, kOfClass);
       one.deviance = problem.deviance(at.point);
       for (std::size_t k = 0; k < numbers.size(); ++k) {
         if (at.found[k].told) one.values[numbers[k]] = at.found[k].value;

@@ -89,27 +89,27 @@ def write_inputs(name, folder):
     np.savez(folder / f"tracks_{name}.npz", positions=tracks, times=arrays["times"])
 
 
+def law_of(law, start="jelly"):
+    """What of a document is the law's: its material, the numbers that are fitted, more of `fit`."""
+    if law == "published":
+        return {"law": "neural", "weights": start}, [], {"weights": WEIGHTS}
+    if law == "isotropic":
+        return {"law": "neural_isotropic", "weights": start}, ["E", "nu", "form_1", "form_2", *FLOW], {}
+    material = {"law": "neo_hookean", **START}
+    if law == "latent":
+        return material, [], {"laws": ["latent"]}
+    return material, ["E", "nu"], {"laws": CLASSICAL}
+
+
 def fit_document(names, law, classical):
     """`classical`: the fitted material of the row `classical`, for `correction`."""
-    material = {"law": "neo_hookean", **START}
-    fit = {"iterations": ITERATIONS}
-    numbers = []
-    if law == "published":
-        material = {"law": "neural", "weights": "jelly"}
-        fit["weights"] = WEIGHTS
-    elif law == "isotropic":
-        material = {"law": "neural_isotropic", "weights": "jelly"}
-        numbers = ["E", "nu", "form_1", "form_2", *FLOW]
-    elif law == "latent":
-        fit["laws"] = ["latent"]
-    elif law == "classical":
-        fit["laws"] = CLASSICAL
-        numbers = ["E", "nu"]
-    else:
-        material = classical
+    if law == "correction":
+        material, extra = classical, {"correction": CORRECTION}
         numbers = [key for key in classical if key in ("E", "nu", "yield_stress", "viscosity", "friction_angle",
                                                        "bulk_modulus")]
-        fit["correction"] = CORRECTION
+    else:
+        material, numbers, extra = law_of(law)
+    fit = {"iterations": ITERATIONS, **extra}
     paths = [f"material.{number}" for number in numbers]
     captures = []
     for k, name in enumerate(names):

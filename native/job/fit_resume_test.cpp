@@ -157,7 +157,8 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   law.second = fit::FirstEnd{{0.1, 0.2}, 1.0 / 7.0};
   law.rescanned = law.spared = true;
   law.first_stage = 2;
-  law.standings = {{}, {{1.0 / 3.0, true, false}, {0.1, false, true}}};
+  law.standings = {{}, {{1.0 / 3.0, true, false}, {0.1, false, true, true}}};
+  law.nearest = fit::Nearest{1.0 / 7.0, Eigen::Vector3d(0.1, 1.0 / 3.0, -2.0), 1};
   law.search.emplace();
   law.search->point = Eigen::Vector3d(0.1, -0.2, 1e10 / 3.0);
   law.search->residual = Eigen::Vector2d(1.0 / 3.0, -0.0);

@@ -127,6 +127,11 @@ Json to_json(const fit::LawState& law) {
                {"evaluations", law.evaluations},
                {"statements", law.statements}};
   if (law.search) json["search"] = search_json(*law.search);
+  if (law.nearest) {
+    json["nearest"] = {{"cost", law.nearest->cost},
+                       {"point", to_json(law.nearest->point)},
+                       {"worse", law.nearest->worse}};
+  }
   return json;
 }
 
@@ -147,6 +152,11 @@ fit::LawState to_law(const Json& json) {
   law.steps = to_steps(json.at("steps"));
   law.stand_in_steps = to_steps(json.at("stand_in_steps"));
   json.at("refinements").get_to(law.refinements);
+  if (json.contains("nearest")) {
+    const Json& nearest = json.at("nearest");
+    law.nearest = fit::Nearest{nearest.at("cost").get<double>(), to_vector(nearest.at("point")),
+                               nearest.at("worse").get<int>()};
+  }
   law.standings = to_standings(json.at("standings"));
   json.at("failed").get_to(law.failed);
   json.at("iterations").get_to(law.iterations);

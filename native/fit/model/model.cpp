@@ -42,7 +42,7 @@ Model::Model(const std::vector<Run>& runs, std::vector<mpm::Scene> scenes,
       model->watchers.emplace_back(model->scene, capture.input, options_.loss, rest, arena);
       model->watched.push_back(std::move(rest));
     }
-    model->own = carried(runs[r].splats, model->scene, arena);
+    model->own = carried(runs[r].splats, model->scene, arena, &interrupter_);
     bytes_ = std::max(bytes_, mpm::Simulation::estimate(model->scene).bytes);
     models_.push_back(std::move(model));
   }
@@ -121,7 +121,7 @@ void Model::carry_splats(std::size_t run, const Query& query, Trial& trial, Aren
     one.splats =
         capture::placed(std::move(one.splats), to + trial.shift, Quatd(Mat3d(axes / scale)), scale);
   }
-  trial.moved_own = carried(all, trial.scene, arena);
+  trial.moved_own = carried(all, trial.scene, arena, &interrupter_);
   trial.own = trial.moved_own;
 }
 

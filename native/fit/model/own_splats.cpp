@@ -6,12 +6,12 @@
 namespace matterfit::fit {
 
 std::vector<OwnSplats> carried(const std::vector<BodySplats>& all, const mpm::Scene& scene,
-                               Arena& arena) {
+                               Arena& arena, const Interrupter* interrupter) {
   std::vector<OwnSplats> result;
   result.reserve(all.size());
   for (const BodySplats& one : all) {
     result.push_back({one.body, capture::CarriedSplats(one.splats, scene.bodies[one.body],
-                                                       0.5 * scene.dx, arena)});
+                                                       0.5 * scene.dx, arena, interrupter)});
   }
   return result;
 }

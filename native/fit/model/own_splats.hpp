@@ -24,9 +24,10 @@ struct OwnSplats {
   capture::CarriedSplats splats;
 };
 
-/// `scene`'s bodies are those that the splats start with.
+/// `scene`'s bodies are those that the splats start with. Throws as CarriedSplats does.
 [[nodiscard]] std::vector<OwnSplats> carried(const std::vector<BodySplats>& all,
-                                             const mpm::Scene& scene, Arena& arena);
+                                             const mpm::Scene& scene, Arena& arena,
+                                             const Interrupter* interrupter = nullptr);
 
 /// Whether a body, or without one each of the scene's, is drawn by splats of its own.
 [[nodiscard]] bool drawn_by_splats(std::span<const OwnSplats> own, std::size_t bodies,

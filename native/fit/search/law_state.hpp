@@ -52,6 +52,14 @@ struct FirstEnd {
 };
 using SecondStart = std::variant<std::monostate, OtherStart, FirstEnd>;
 
+/// Of the points that a stage's iterations began at the one that missed least with the substeps
+/// that the solver takes there.
+struct Nearest {
+  double cost = 0.0;
+  Eigen::VectorXd point;  ///< natural coordinates
+  int worse = 0;          ///< iterations since then that began farther off
+};
+
 /// Where the fit of one law stands.
 struct LawState {
   std::string law;
@@ -69,6 +77,7 @@ struct LawState {
   std::vector<RunSteps> steps;           ///< of the present stage
   std::vector<RunSteps> stand_in_steps;  ///< of the coarser level that leads it; empty: none
   std::vector<int> refinements;          ///< of `steps`, that the residuals were computed with
+  std::optional<Nearest> nearest;        ///< of the present stage
   std::vector<std::vector<Standing>> standings;  ///< by stage; candidates are compared by them
   std::optional<LeastSquaresState> search;       ///< of the present stage
   std::string failed;  ///< why this law could not be fitted, or its end not simulated; else empty

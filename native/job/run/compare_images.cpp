@@ -214,7 +214,7 @@ std::vector<fit::ColourAgreement> ImageComparison::colour_agreements(const Stage
 Json ImageComparison::run(const std::filesystem::path& folder, const std::shared_ptr<Arena>& arena,
                           SimdTarget target) {
   const Stage stage{folder, arena, target};
-  own_ = fit::carried(own_splats(job_), scene_, *arena);
+  own_ = fit::carried(own_splats(job_), scene_, *arena, &interrupter_);
   films_.mark_splats(own_, scene_);
   settle_sizes(stage);
   const std::vector<fit::Agreement> agreed = agreements(stage);

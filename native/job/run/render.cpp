@@ -190,7 +190,7 @@ Json run_render(const Job& job, const RunOptions& options, Interrupter& interrup
     const BuiltScene built = build_scene(simulated, painter.arena(), interrupter);
     const mpm::Scene& scene = built.scene;
     const std::vector<fit::OwnSplats> own =
-        fit::carried(own_splats(simulated), scene, painter.arena());
+        fit::carried(own_splats(simulated), scene, painter.arena(), &interrupter);
     const bool antialiased = std::ranges::any_of(
         own, [](const fit::OwnSplats& one) { return one.splats.rest().antialiased; });
     std::vector<std::vector<Vec3f>> colours;

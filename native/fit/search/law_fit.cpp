@@ -25,11 +25,6 @@ constexpr double kCoarseCost = 1e-3;
 /// short window does not constrain do not drift. Its standard deviation, in units of
 /// Parameter::scale.
 constexpr double kLeash = 2.0;
-/// Iterations that begin so much farther off than the nearest one, each with the substeps of its
-/// own values, end a stage: of flows, whose motion depends on the substep, a stiffer trial gains
-/// with the substeps that it is compared by and loses more with its own.
-constexpr double kFartherOff = 1.02;
-constexpr int kMostFartherOff = 2;
 
 /// The document's levels, or the usual ones.
 std::vector<double> levels_of(const SearchProblems& problems) {
@@ -267,7 +262,8 @@ std::optional<LawState> LawFit::iterated(const LawState& state, std::vector<Sear
     if (step.accepted && moved) taken.values = next.values;
   }
   const bool again = search.history.size() > known && search.history[known].iteration == iterations;
-  if (!note_nearest(next, again ? search.history[known].cost : state.search->cost, from)) {
+  const double began_with = again ? search.history[known].cost : state.search->cost;
+  if (leads_astray(next.nearest, began_with, from) && !end_at_nearest(next)) {
     failure = "the simulation could not be completed where the search had come nearest.";
     return std::nullopt;
   }
@@ -275,26 +271,19 @@ std::optional<LawState> LawFit::iterated(const LawState& state, std::vector<Sear
   return next;
 }
 
-bool LawFit::note_nearest(LawState& state, double cost, const Eigen::VectorXd& point) {
+bool LawFit::end_at_nearest(LawState& state) {
   LeastSquaresState& search = *state.search;
-  if (!state.nearest || cost < state.nearest->cost) {
-    state.nearest = Nearest{cost, point, 0};
-    return true;
-  }
-  if (cost < kFartherOff * state.nearest->cost) return true;
-  if (++state.nearest->worse < kMostFartherOff) return true;
-  Context& at = context(state);
   search.point = state.nearest->point;
   search.residual.resize(0);
   state.refinements.clear();
   settle(state);
-  const auto found = at.problem.evaluate({search.point});
+  const auto found = context(state).problem.evaluate({search.point});
   ++state.evaluations;
   if (!found.front()) return false;
   search.residual = *found.front();
   search.finish(true,
-                "With the substeps that it takes, each further step missed the capture by more: "
-                "the values that came nearest are taken.");
+                "With the substeps that they take, further steps missed the capture by more: the "
+                "values that came nearest are taken.");
   return true;
 }
 

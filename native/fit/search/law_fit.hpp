@@ -87,9 +87,9 @@ class LawFit final : private SearchWork {
   [[nodiscard]] double far() override { return problems_.far(); }
 
   void settle(LawState& state);
-  /// Takes down what an iteration began with; where several were farther off than the nearest goes
-  /// back there and ends the stage. False if that cannot be simulated.
-  [[nodiscard]] bool note_nearest(LawState& state, double cost, const Eigen::VectorXd& point);
+  /// Goes back to the nearest point of the stage and ends it there. False if that cannot be
+  /// simulated.
+  [[nodiscard]] bool end_at_nearest(LawState& state);
   /// The substeps of a level at the start of a stage; nothing if it cannot be run.
   [[nodiscard]] std::optional<std::vector<RunSteps>> fix(double level, LawState& state,
                                                          const Window& window, Failure& failure);

@@ -9,6 +9,7 @@
 
 #include "fit/model/model.hpp"
 #include "fit/numerics/least_squares.hpp"
+#include "fit/search/nearest.hpp"
 
 namespace matterfit::fit {
 
@@ -51,14 +52,6 @@ struct FirstEnd {
   double mean = 0.0;  ///< distance from the capture [m]
 };
 using SecondStart = std::variant<std::monostate, OtherStart, FirstEnd>;
-
-/// Of the points that a stage's iterations began at the one that missed least with the substeps
-/// that the solver takes there.
-struct Nearest {
-  double cost = 0.0;
-  Eigen::VectorXd point;  ///< natural coordinates
-  int worse = 0;          ///< iterations since then that began farther off
-};
 
 /// Where the fit of one law stands.
 struct LawState {

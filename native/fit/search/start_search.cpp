@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <utility>
+#include <variant>
 
 #include "fit/search/start.hpp"
 
@@ -75,7 +76,10 @@ std::vector<double> StartSearch::start_distances(LawState& state, const StartLim
 void StartSearch::choose_material(LawState& state) {
   const SearchStage& stage = stages_[state.stage];
   const bool finer = state.stage > 0 && stages_[state.stage - 1].level != stage.level;
-  if (!finer || state.repeats > 0) return;
+  // A second start is searched from where it is.
+  const bool second =
+      state.stage == state.first_stage && std::holds_alternative<FirstEnd>(state.second);
+  if (!finer || second || state.repeats > 0) return;
   std::vector<std::vector<double>> points{state.values};
   for (const std::vector<double>& candidate : state.candidates) {
     std::vector<double> point = with_law_of(state.values, candidate);

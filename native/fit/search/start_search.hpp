@@ -42,7 +42,7 @@ class StartSearch {
   bool skip_level(LawState& state);
   /// Where a finer level begins: with the material of the coarser one, or with one of those that
   /// were tried as a start, whichever is nearest there. A coarse grid is viscous by itself, and a
-  /// fit there makes up for it.
+  /// fit there makes up for it. A second start stays what it is.
   void choose_material(LawState& state);
 
  private:

@@ -57,7 +57,8 @@ void advance(fit::LawFit& fit, fit::LawState& state, std::vector<Json>& history)
 
 /// The models of a search for the law, the best first, with how sure that is: weights ∝ mean
 /// error^(−n) on what is held out, n its frames, where each of k parameters has to take off 2 % of
-/// it; without a hold-out on what was fitted, times n^(−k/2). Failed ones at the end. `models`: FitState::models.
+/// it; without a hold-out on what was fitted, times n^(−k/2). Failed ones at the end. `models`:
+/// FitState::models.
 [[nodiscard]] Json ranked_models(const std::vector<fit::LawState>& laws,
                                  const std::vector<Json>& models);
 

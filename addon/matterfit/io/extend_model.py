@@ -75,6 +75,11 @@ def _without_place(folder, label):
             name=label, path=os.path.join(folder, diagnosis.EXTENDED_FILE)))
 
 
+def _is_whole(material, given):
+    """Whether a fitted material is one as a whole: of a law that the fit found, or with its weights."""
+    return material.law != given["law"].upper() or "weights" in given
+
+
 def _set_number(material, key, given):
     """`key` of a body's material, from the document's `material`."""
     branch = quantities.branch_of(key)
@@ -155,8 +160,8 @@ class _Extension:
                 continue  # the scene, or a collider
             body = fit_values.find_body(self.settings, owner)
             numbers = [key for key in keys if key.startswith("material.")]
-            if numbers and body.material.law != given["material"]["law"].upper():
-                self._law(given)  # the fit has found it
+            if numbers and _is_whole(body.material, given["material"]):
+                self._law(given)
             for key in numbers:
                 _set_number(body.material, key, given["material"])
             if "density" in keys:

@@ -29,7 +29,7 @@ STARTS = ["jelly", "plasticine", "sand"]
 LOSSES = ["tracks", "chamfer", "surface"]
 NO_SURFACE = ("newtonian", "sand")  # their surface does not stay the same points
 TRACKS = 400
-SKIN = 1.2  # particles nearer to the outside than so many spacings are of the surface
+OFF_CENTRE = 0.42  # of a spacing: how far off a particle of the surface the centre of its neighbours lies
 
 
 def clip_of(name):
@@ -37,7 +37,7 @@ def clip_of(name):
 
 
 def of_the_surface(rest, volume):
-    """Which of a body's particles lie at its outside: their neighbours are on one side of them."""
+    """A mask of the body's particles that lie at its outside: their neighbours are on one side of them."""
     spacing = np.cbrt(volume / len(rest))
     reach = 2.5 * spacing
     outside = np.zeros(len(rest), bool)
@@ -46,7 +46,7 @@ def of_the_surface(rest, volume):
         away = rest[None] - block[:, None]
         near = (away ** 2).sum(axis=2) < reach ** 2
         centre = (away * near[..., None]).sum(axis=1) / near.sum(axis=1)[:, None]
-        outside[begin:begin + 512] = np.linalg.norm(centre, axis=1) > 0.35 * SKIN * spacing
+        outside[begin:begin + 512] = np.linalg.norm(centre, axis=1) > OFF_CENTRE * spacing
     return outside
 
 

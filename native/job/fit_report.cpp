@@ -19,8 +19,8 @@ namespace {
 
 Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
-/// What each further number of a law has to take off the held-out error: a yield stress that is
-/// never reached predicts as well as none, and a rounding better.
+/// The share of the held-out error that each further number of a law has to take off: a yield
+/// stress that is never reached predicts as well as none, and a rounding better.
 constexpr double kGainOfNumber = 0.02;
 
 /// What the rank of a model is by: the logarithm of its weight.

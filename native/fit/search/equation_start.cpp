@@ -31,7 +31,7 @@ constexpr double kContactCells = 1.5;
 constexpr double kTold = 1.1;
 constexpr double kToldAngle = 10.0;
 constexpr double kToldCode = 1.0;  // of what is standard normal
-/// How far a search goes. That of a class is where simulations begin, and no more.
+/// How far a search goes; a class is only searched for values that simulations begin at.
 struct Effort {
   int iterations;
   double step_tolerance;

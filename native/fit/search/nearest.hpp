@@ -6,7 +6,7 @@
 
 namespace matterfit::fit {
 
-/// Of the points that a stage's iterations began at the one that missed least with the substeps
+/// The point, among those that a stage's iterations began at, that missed least with the substeps
 /// that the solver takes there. An iteration compares its runs with the substeps of the point that
 /// it begins at, and the next one begins with those of its own: of flows, whose motion depends on
 /// the substep, a stiffer point may gain with the one and lose more with the other.

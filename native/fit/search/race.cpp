@@ -15,10 +15,10 @@ namespace {
 constexpr double kHopeless = 3.0;
 /// Before that: what is more is more than a wrong valley.
 constexpr double kLost = 15.0;
-/// The same beside a law whose search is done, which explains the clip as well as it ever will.
+/// The factor beside a law whose search is done, which explains the clip as well as it ever will.
 constexpr double kBehind = 4.0;
 
-/// What [m] a law had at its newest standing; 0: it has none.
+/// The distance [m] of a law's newest standing; 0: it has none.
 double newest(const LawState& law) {
   for (auto stage = law.standings.rbegin(); stage != law.standings.rend(); ++stage) {
     if (!stage->empty()) return stage->back().rms;

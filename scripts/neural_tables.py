@@ -29,7 +29,7 @@ STARTS = ["jelly", "plasticine", "sand"]
 LOSSES = ["tracks", "chamfer", "surface"]
 NO_SURFACE = ("newtonian", "sand")  # their surface does not stay the same points
 TRACKS = 400
-OFF_CENTRE = 0.42  # of a spacing: how far off a particle of the surface the centre of its neighbours lies
+OFF_CENTRE = 0.65  # of a spacing: how far off a particle of the surface the centre of its neighbours lies
 
 
 def clip_of(name):

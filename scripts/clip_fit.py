@@ -101,7 +101,7 @@ def fingerprint(clip, arrays):
     return found.hexdigest()
 
 
-def kept_row(path, document, clip_hash):
+def kept_row(path, document, clip_hash=None):
     """The row of an earlier run of the same document and clip, or None. Older rows have no hash of
     their clip and are taken as they are; one that failed is not taken."""
     if not path.exists():

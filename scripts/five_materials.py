@@ -81,18 +81,23 @@ def parameter_paths(material):
     return [*paths, "velocity", "spin"]
 
 
-def write_inputs(name, folder):
-    """What the fit is given: the tracks with noise, and the surface around the first frame's points."""
-    arrays = np.load(CLIPS / f"{name}.npz")
-    positions = clip_fit.with_noise(name, arrays["positions"])
-    np.savez(folder / "capture.npz", positions=positions, times=arrays["times"])
-    vertices, faces = surface_of_points(arrays["rest"])
+def write_body(name, folder):
+    """The surface around the first frame's points."""
+    vertices, faces = surface_of_points(np.load(CLIPS / f"{name}.npz")["rest"])
     np.savez(
         folder / "body.npz",
         vertices=vertices.astype(np.float32),
         face_sizes=np.full(len(faces), 4, np.int32),
         face_vertices=faces.astype(np.int32).ravel(),
     )
+
+
+def write_inputs(name, folder):
+    """What the fit is given: the tracks with noise, and the body."""
+    arrays = np.load(CLIPS / f"{name}.npz")
+    positions = clip_fit.with_noise(name, arrays["positions"])
+    np.savez(folder / "capture.npz", positions=positions, times=arrays["times"])
+    write_body(name, folder)
 
 
 def job_document(material, clip):

@@ -150,8 +150,8 @@ def folder_of(thing, law, count):
     return DONE / f"{thing}_{law}_{count}"
 
 
-def kept_row(thing, law, count):
-    """A row of an earlier run, if there is one."""
+def row_of(thing, law, count):
+    """The row of the newest run, if there is one."""
     path = folder_of(thing, law, count) / "row.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
@@ -167,10 +167,10 @@ def fit_one(thing, law, count, options):
             return {"failed": "the classical law failed"}
         classical = before["material"]
     document = fit_document(names, law, classical)
-    kept = kept_row(thing, law, count)
-    if kept is not None and "failed" not in kept and kept["document"] == document and not options.again:
-        return kept
     folder = folder_of(thing, law, count)
+    kept = None if options.again else clip_fit.kept_row(folder / "row.json", document)
+    if kept is not None:
+        return kept
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
         write_inputs(name, folder)
@@ -209,7 +209,7 @@ def table_of(options):
     lines = ["| object, sequences | " + " | ".join(options.laws) + " |", "|---" * (len(options.laws) + 1) + "|"]
     for count in options.sequences:
         for thing in options.only:
-            cells = [cell(kept_row(thing, law, count)) for law in options.laws]
+            cells = [cell(row_of(thing, law, count)) for law in options.laws]
             if any(cells):
                 lines.append(f"| {thing}, {count} | " + " | ".join(cells) + " |")
     return "\n".join(lines)

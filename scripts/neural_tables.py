@@ -51,7 +51,7 @@ def of_the_surface(rest, volume):
 
 
 def write_inputs(name, loss, folder):
-    five_materials.write_inputs(name, folder)
+    five_materials.write_body(name, folder)
     arrays = np.load(five_materials.CLIPS / f"{name}.npz")
     positions = clip_fit.with_noise(name, arrays["positions"].astype(float))
     if loss == "surface":
@@ -80,18 +80,18 @@ def truth_of(name):
 def before(name, law, start, options):
     """The score of a law as it begins, in the throw that the clip has."""
     folder = DONE / f"{name}_{law}_{start}_before"
-    kept = folder / "row.json"
-    if kept.exists() and not options.again:
-        return json.loads(kept.read_text(encoding="utf-8"))
-    (folder / "out").mkdir(parents=True, exist_ok=True)
-    five_materials.write_inputs(name, folder)
     clip = clip_of(name)
     document = fit_document(name, law, start, "tracks")
     document["scene"]["bodies"][0].update(velocity=clip["velocity"], spin=clip["spin"])
+    kept = None if options.again else clip_fit.kept_row(folder / "row.json", document)
+    if kept is not None:
+        return kept
+    (folder / "out").mkdir(parents=True, exist_ok=True)
+    five_materials.write_body(name, folder)
     for path in (folder / "job.json", folder / "out" / "scene.json"):
         path.write_text(json.dumps(document, indent=1), encoding="utf-8")
-    row = clip_fit.score(folder, *truth_of(name), clip["fitted_frames"], options)
-    kept.write_text(json.dumps(row, indent=1), encoding="utf-8")
+    row = {"document": document, **clip_fit.score(folder, *truth_of(name), clip["fitted_frames"], options)}
+    (folder / "row.json").write_text(json.dumps(row, indent=1), encoding="utf-8")
     return row
 
 
@@ -113,9 +113,11 @@ def cell(row):
 
 
 def mean_of(cells):
-    """Of the numbers among a column's texts."""
-    numbers = [float(text) for text in cells if text and not text.startswith("failed")]
-    return f"{np.mean(numbers):.3f}" if numbers and len(numbers) == len([text for text in cells if text]) else ""
+    """The mean of a column's texts; empty where one of them failed."""
+    texts = [text for text in cells if text]
+    if not texts or any(text.startswith("failed") for text in texts):
+        return ""
+    return f"{np.mean([float(text) for text in texts]):.3f}"
 
 
 def markdown(heads, rows):

@@ -155,17 +155,16 @@ class _Extension:
     def _set_fitted(self, work):
         """Of a material the numbers that were fitted alone: the rest may be another cause's."""
         for owner, keys in work.wanted.items():
-            given = next((item for item in self.model["bodies"] if item["name"] == owner), None)
-            if given is None:
-                continue  # the scene, or a collider
-            body = fit_values.find_body(self.settings, owner)
             numbers = [key for key in keys if key.startswith("material.")]
-            if numbers and _is_whole(body.material, given["material"]):
+            if not numbers:
+                continue
+            given, material = work.item(owner), fit_values.find_body(self.settings, owner).material
+            if _is_whole(material, given["material"]):
                 self._law(given)
+                continue
             for key in numbers:
-                _set_number(body.material, key, given["material"])
-            if "density" in keys:
-                body.density = given["density"]
+                _set_number(material, key, given["material"])
+        work.densities()
         work.motions()
         work.surroundings()
         work.captures()

@@ -56,6 +56,7 @@ def apply(scene, result, folder, fitted_take, take, given=()):
     work.check()
     with resolution.kept(scene):
         work.materials(folder)
+        work.densities()
     work.motions()
     work.surroundings()
     work.captures()
@@ -96,7 +97,7 @@ class Application:
             self.starts[owner] = estimate.value
             return
         if quantities.camera_of(key) is not None:
-            self.posed[owner] = (self._item(owner, "captures") or {}).get("poses", [])
+            self.posed[owner] = (self.item(owner, "captures") or {}).get("poses", [])
             return
         keys = self.wanted.setdefault(owner, [])
         if key not in keys:
@@ -125,11 +126,11 @@ class Application:
                 raise JobError(translate(
                     "The fit is of '{name}', which is not among the Bodies any more. Name it so "
                     "again, or fit again.").format(name=owner))
-        if self._item(owner, "colliders" if _is_surface(key) else "bodies") is None:
+        if self.item(owner, "colliders" if _is_surface(key) else "bodies") is None:
             raise JobError(translate("scene.json holds nothing of '{name}'. Fit again.")
                            .format(name=owner))
 
-    def _item(self, owner, listed="bodies"):
+    def item(self, owner, listed="bodies"):
         return next((item for item in self.document.get(listed, [])
                      if item.get("name") == owner), None)
 
@@ -139,21 +140,23 @@ class Application:
                 continue
             body = fit_values.find_body(self.settings, owner)
             found = _saved(folder, owner)
-            values = dict(self._item(owner)["material"])
+            values = dict(self.item(owner)["material"])
             material_values.resolve(values, folder)
             values = material_values.with_weights_kept(values, folder)
             body.material.preset = "CUSTOM"
             material_values.fill(body.material, values, presets.like_of(found),
-                                 self._item(owner).get("excited"))
+                                 self.item(owner).get("excited"))
             body.material.source = found.get("source") or translate("Fitted")
+
+    def densities(self):
         for owner, keys in self.wanted.items():
             if "density" in keys:
                 body = fit_values.find_body(self.settings, owner)
-                body.density = self._item(owner)["density"]
+                body.density = self.item(owner)["density"]
 
     def motions(self):
         for owner, keys in self.wanted.items():
-            item = self._item(owner)
+            item = self.item(owner)
             if "velocity" in keys or "spin" in keys:
                 self._velocity(owner, item)
             if any(key.startswith("placement.") for key in keys):
@@ -210,7 +213,7 @@ class Application:
         for owner, keys in self.wanted.items():
             if not any(_is_surface(key) for key in keys):
                 continue
-            item = self._item(owner, "colliders")
+            item = self.item(owner, "colliders")
             contact = fit_values.contact_of(self.settings, owner)
             if "contact.mu" in keys:
                 contact.mu = item["contact"]["mu"]
@@ -237,7 +240,7 @@ class Application:
     def _number(self, owner, key):
         """What the fit's scene has of a quantity that is one number; None where it has none."""
         branch = quantities.branch_of(key)
-        part = self._item(owner, "colliders" if _is_surface(key) else "bodies")
+        part = self.item(owner, "colliders" if _is_surface(key) else "bodies")
         if branch is not None:
             branches = (part or {}).get("material", {}).get("maxwell", [])
             part, key = (branches[branch[0]] if branch[0] < len(branches) else {}), branch[1]

@@ -30,15 +30,13 @@ constexpr double kContactCells = 1.5;
 /// Standard deviation in the natural coordinate, of angles in degrees, up to which a value is told.
 constexpr double kTold = 1.1;
 constexpr double kToldAngle = 10.0;
-constexpr double kToldCode = 1.0;  // of what is standard normal
-/// How far a search goes; a class is only searched for values that simulations begin at.
-struct Effort {
-  int iterations;
-  double step_tolerance;
-  double cost_tolerance;
-};
-constexpr Effort kWhole{15, 2e-2, 1e-4};
-constexpr Effort kOfClass{6, 0.1, 1e-2};
+constexpr double kToldCode = 1.0;     // of what is standard normal
+constexpr double kDifference = 2e-2;  // of a parameter's scale
+constexpr LeastSquaresOptions kWhole{
+    .iterations = 15, .step_tolerance = 2e-2, .cost_tolerance = 1e-4, .difference = kDifference};
+/// A class is only searched for values that simulations begin at.
+constexpr LeastSquaresOptions kOfClass{
+    .iterations = 6, .step_tolerance = 0.1, .cost_tolerance = 1e-2, .difference = kDifference};
 /// Classes of flow that are simulated, of those that the balance ranks.
 constexpr std::size_t kClasses = 3;
 
@@ -204,7 +202,7 @@ bool of_code(const Address& path) { return path.quantity->path == "material.late
 
 Search search(BalanceProblem& problem, const Parameters& parameters,
               const std::vector<std::size_t>& numbers, std::span<const double> values,
-              const Effort& effort) {
+              const LeastSquaresOptions& options) {
   std::vector<Parameter> sought;
   for (const std::size_t number : numbers) {
     sought.push_back(parameters.parameters()[number]);
@@ -212,11 +210,6 @@ Search search(BalanceProblem& problem, const Parameters& parameters,
     // A code without it leaves the space of materials.
     if (!parameters.path(number).quantity->always_prior) sought.back().prior.reset();
   }
-  LeastSquaresOptions options;
-  options.iterations = effort.iterations;
-  options.step_tolerance = effort.step_tolerance;
-  options.cost_tolerance = effort.cost_tolerance;
-  options.difference = 2e-2;
   const LeastSquares least_squares(sought, options);
   LeastSquaresState state = least_squares.start();
   while (!state.finished) least_squares.iterate(problem, state);

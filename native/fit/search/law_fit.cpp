@@ -267,7 +267,6 @@ std::optional<LawState> LawFit::iterated(const LawState& state, std::vector<Sear
     failure = "the simulation could not be completed where the search had come nearest.";
     return std::nullopt;
   }
-  next.values = at.problem.physical(search.point);
   return next;
 }
 
@@ -276,14 +275,22 @@ bool LawFit::end_at_nearest(LawState& state) {
   search.point = state.nearest->point;
   search.residual.resize(0);
   state.refinements.clear();
-  settle(state);
-  const auto found = context(state).problem.evaluate({search.point});
-  ++state.evaluations;
-  if (!found.front()) return false;
-  search.residual = *found.front();
+  if (!observe(state)) return false;
+  state.values = context(state).problem.physical(search.point);
   search.finish(true,
                 "With the substeps that they take, further steps missed the capture by more: the "
                 "values that came nearest are taken.");
+  return true;
+}
+
+bool LawFit::observe(LawState& state) {
+  Context& at = context(state);
+  settle(state);
+  if (state.search->residual.size() > 0) return true;
+  const auto found = at.problem.evaluate({state.search->point});
+  ++state.evaluations;
+  if (!found.front()) return false;
+  state.search->residual = *found.front();
   return true;
 }
 
@@ -318,13 +325,7 @@ Uncertainty LawFit::uncertainty(const LawState& state) {
 void LawFit::compare(LawState& state) {
   if (!state.search) phases_.begin_stage(state);
   if (!state.search) throw_compute(state.reason());
-  Context& at = context(state);
-  settle(state);
-  if (state.search->residual.size() > 0) return;
-  const auto found = at.problem.evaluate({state.search->point});
-  ++state.evaluations;
-  if (!found.front()) throw_compute("fit: the simulation could not be completed.");
-  state.search->residual = *found.front();
+  if (!observe(state)) throw_compute("fit: the simulation could not be completed.");
 }
 
 std::optional<std::vector<double>> LawFit::published_slope(const LawState& state,

@@ -87,6 +87,9 @@ class LawFit final : private SearchWork {
   [[nodiscard]] double far() override { return problems_.far(); }
 
   void settle(LawState& state);
+  /// Has the residuals at the search's point with the substeps that it takes; false if that cannot
+  /// be simulated.
+  [[nodiscard]] bool observe(LawState& state);
   /// Goes back to the nearest point of the stage and ends it there. False if that cannot be
   /// simulated.
   [[nodiscard]] bool end_at_nearest(LawState& state);

@@ -20,10 +20,8 @@ constexpr double kBehind = 4.0;
 
 /// The distance [m] of a law's newest standing; 0: it has none.
 double newest(const LawState& law) {
-  for (auto stage = law.standings.rbegin(); stage != law.standings.rend(); ++stage) {
-    if (!stage->empty()) return stage->back().rms;
-  }
-  return 0.0;
+  if (law.standings.empty() || law.standings.back().empty()) return 0.0;
+  return law.standings.back().back().rms;
 }
 
 bool is_done(const LawState& law) { return law.finished() && !law.left() && law.failed.empty(); }

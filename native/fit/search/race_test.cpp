@@ -64,7 +64,7 @@ TEST(FitRace, BesideOneThatIsDoneLessIsNoWrongValley) {
   EXPECT_EQ(hopeless_laws({done, behind}).size(), 1U);
   behind.standings[0][0].rms = 0.0035;
   EXPECT_TRUE(hopeless_laws({done, behind}).empty());
-  // What is left early says nothing of what can be reached.
+  // A law that was left early says nothing of how near a search can come.
   behind.standings[0][0].rms = 0.005;
   leave(done, "far off");
   EXPECT_TRUE(hopeless_laws({done, behind}).empty());

@@ -2,7 +2,6 @@
 #include "capture/fill_lattice.hpp"
 
 #include <fmt/format.h>
-#include <openvdb/openvdb.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -10,6 +9,7 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "shape/openvdb_trees.hpp"
 
 namespace matterfit::capture {
 namespace {

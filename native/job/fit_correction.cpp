@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 #include <utility>
 
 #include "base/error.hpp"
@@ -24,22 +25,35 @@ constexpr double kLeastGain = 0.02;
 constexpr std::size_t kAsymmetry = 3;
 constexpr std::array<double, 2> kAsymmetryBounds = {-0.3, 0.3};
 
-/// Those of the body's numbers that the document does not fit already.
+constexpr std::string_view kDamping = "material.damping_shear";
+
+[[nodiscard]] bool is_damping(const fit::ParameterSpec& spec) {
+  return spec.path.quantity->path == kDamping;
+}
+
+/// Those of the body's numbers that the document does not fit already: the energy's, and a damping
+/// as the part that depends on the rate.
 std::vector<fit::ParameterSpec> all_numbers(const fit::SearchSetup& setup,
                                             const std::string& body) {
   std::vector<fit::ParameterSpec> specs;
-  for (std::size_t i = 0; i < material::kCorrectionSize; ++i) {
+  const auto add = [&](std::string_view path, std::size_t index) {
     fit::ParameterSpec spec;
     spec.where = "fit.correction";
-    spec.path.quantity = &fit::row_named(fit::Owner::kBody, "material.correction[#]");
+    spec.path.quantity = &fit::row_named(fit::Owner::kBody, path);
     spec.path.owner = body;
-    spec.path.index = i;
-    if (i == kAsymmetry) spec.bounds = kAsymmetryBounds;
+    spec.path.index = index;
+    if (is_damping(spec)) {
+      spec.from_zero = true;
+    } else if (index == kAsymmetry) {
+      spec.bounds = kAsymmetryBounds;
+    }
     const bool listed = std::any_of(
         setup.parameters.begin(), setup.parameters.end(),
         [&](const fit::ParameterSpec& other) { return other.path.same_number(spec.path); });
     if (!listed) specs.push_back(std::move(spec));
-  }
+  };
+  for (std::size_t i = 0; i < material::kCorrectionSize; ++i) add("material.correction[#]", i);
+  add(kDamping, 0);
   return specs;
 }
 
@@ -146,7 +160,9 @@ FurtherFit fit_correction(FurtherStart from, const std::vector<std::string>& bod
   const std::vector<fit::Run>& runs = from.setup.experiment->runs;
   FurtherFit result;
   Json each = Json::object();
-  for (const std::string& body : bodies) each[body] = {{"freed", Json::array()}};
+  for (const std::string& body : bodies) {
+    each[body] = {{"freed", Json::array()}, {"damping_freed", false}};
+  }
   std::string refusal;
   try {
     std::vector<fit::ParameterSpec> numbers;
@@ -157,7 +173,12 @@ FurtherFit fit_correction(FurtherStart from, const std::vector<std::string>& bod
     }
     std::vector<fit::ParameterSpec> freed = excited_numbers(from, numbers, interrupter, statements);
     for (const fit::ParameterSpec& spec : freed) {
-      each[spec.path.owner]["freed"].push_back(spec.path.index);
+      Json& own = each[spec.path.owner];
+      if (is_damping(spec)) {
+        own["damping_freed"] = true;
+      } else {
+        own["freed"].push_back(spec.path.index);
+      }
     }
     if (freed.empty()) {
       refusal = "the capture excites no number of a correction, as its strains are too small";
@@ -182,7 +203,8 @@ FurtherFit fit_correction(FurtherStart from, const std::vector<std::string>& bod
     Arena arena(threads);
     for (const std::string& body : bodies) {
       Json& own = each[body];
-      if (own.at("freed").empty()) {
+      const bool damped = own.at("damping_freed").get<bool>();
+      if (own.at("freed").empty() && !damped) {
         statements.push_back(
             body + ": the captures excite no number of a correction; its law stays as it is.");
         continue;
@@ -199,6 +221,11 @@ FurtherFit fit_correction(FurtherStart from, const std::vector<std::string>& bod
           "missed by {:.3g} mm in the mean, without by {:.3g}. {}",
           body, material.traits().name, held.at("with").get<double>(),
           held.at("without").get<double>(), share_sentence(shares, over.has_value()));
+      if (damped) {
+        own["damping_shear"] = material.damping_shear;
+        own["sentence"] = fmt::format("{} It damps change of shape by {:.3g} Pa s.",
+                                      own["sentence"].get<std::string>(), material.damping_shear);
+      }
       statements.push_back(own.at("sentence").get<std::string>());
     }
   }

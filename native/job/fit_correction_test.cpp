@@ -124,10 +124,34 @@ TEST(FitCorrection, IsLeftBitForBitWhereNothingIsLacking) {
   EXPECT_THAT(result["fit"]["statements"].dump(), HasSubstr("the law stays as it is"));
 }
 
+TEST(FitCorrection, HasADampingForWhatDependsOnTheRate) {
+  constexpr double kDamping = 20.0;  // [Pa s]
+  const Folder folder;
+  Json truth = thrown_cube();
+  Json& cube = truth["scene"]["bodies"][0];
+  cube["velocity"] = {0.8, 0.3, -2.5};
+  cube["material"]["damping_shear"] = kDamping;
+  record(truth, folder.path, "a", 1);
+  cube["material"].erase("damping_shear");
+  Json document = fit_of(truth, {"material.E", "material.nu"});
+  document["fit"]["levels"] = {1};
+  document["fit"]["correction"] = 8;
+  document["captures"][0]["holdout"] = {{"frames", {10, 14}}};
+  const Json result = fit_test::run(document, folder.path);
+  const Json& correction = result["fit"]["correction"];
+  ASSERT_TRUE(correction["taken"].get<bool>()) << correction;
+  EXPECT_TRUE(correction["damping_freed"].get<bool>());
+  EXPECT_NEAR(correction["damping_shear"].get<double>(), kDamping, 0.25 * kDamping);
+  EXPECT_THAT(correction["sentence"].get<std::string>(), HasSubstr("damps change of shape"));
+  const Json scene = Json::parse(read_file(folder.path / "out" / "scene.json"));
+  EXPECT_EQ(scene["scene"]["bodies"][0]["material"]["damping_shear"], correction["damping_shear"]);
+}
+
 TEST(FitCorrection, OfAClipThatHardlyStrainsIsNotEvenTried) {
   const Folder folder;
   Json truth = thrown_cube();
   truth["scene"]["bodies"][0]["velocity"] = {0.4, 0.2, -0.05};
+  truth["scene"]["gravity"] = {0.0, 0.0, 0.0};  // it does not land
   truth["scene"]["bodies"][0]["material"]["E"] = 1e6;
   record(truth, folder.path, "a", 1);
   Json document = fit_of(truth, {"velocity"});

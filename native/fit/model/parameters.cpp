@@ -153,25 +153,32 @@ void Parameters::add(const ParameterSpec& spec, std::size_t component,
   parameter.unit = row.unit;
   parameter.words = row.words;
   parameter.record = row.record;
-  parameter.coordinate = row.coordinate;
+  parameter.coordinate = spec.from_zero ? Coordinate::kLinear : row.coordinate;
   parameter.scale = row.scale_is_separation ? 0.5 * scenes[*first].dx : row.scale;
+  const auto owner = bearer(scenes[*first], number.path);
+  const bool of_material = owner && owner->material != nullptr;
+  const double usual = usual_start(row, of_material ? *owner->material : material::Material{});
   parameter.start =
       given ? spec.start[component] : value_in(runs_[*first], scenes[*first], number.path);
-  const bool unset = row.coordinate != Coordinate::kLinear && !(parameter.start > 0.0);
+  const bool unset = parameter.coordinate != Coordinate::kLinear && !(parameter.start > 0.0);
   const bool never = row.never > 0.0 && parameter.start >= row.never;
-  if (!given && (unset || never)) {
-    const auto owner = bearer(scenes[*first], number.path);
-    const bool of_material = owner && owner->material != nullptr;
-    parameter.start = usual_start(row, of_material ? *owner->material : material::Material{});
-  }
-  const bool too_low = row.coordinate != Coordinate::kLinear && !(parameter.start > 0.0);
-  const bool too_high = row.coordinate == Coordinate::kLogit && !(parameter.start < 0.5);
+  if (!given && (unset || never)) parameter.start = usual;
+  const bool too_low = parameter.coordinate != Coordinate::kLinear && !(parameter.start > 0.0);
+  const bool too_high = parameter.coordinate == Coordinate::kLogit && !(parameter.start < 0.5);
   if (too_low || too_high) {
     throw_input(spec.where + ": " + parameter.name + " starts at " + number_text(parameter.start) +
-                (row.coordinate == Coordinate::kLogit ? ", expected a start between 0 and 0.5."
-                                                      : ", expected a start above 0."));
+                (parameter.coordinate == Coordinate::kLogit
+                     ? ", expected a start between 0 and 0.5."
+                     : ", expected a start above 0."));
   }
-  set_bounds(spec, row, parameter);
+  if (spec.from_zero) {
+    parameter.scale = usual;
+    parameter.low = parameter.start;
+    parameter.high = parameter.start + kUsualFactor * usual;
+    parameter.prior = Prior{parameter.start, usual};
+  } else {
+    set_bounds(spec, row, parameter);
+  }
   if (parameter.start < parameter.low || parameter.start > parameter.high) {
     throw_input(spec.where + ": " + parameter.name + " starts at " + number_text(parameter.start) +
                 ", outside its bounds [" + number_text(parameter.low) + ", " +
@@ -179,25 +186,26 @@ void Parameters::add(const ParameterSpec& spec, std::size_t component,
   }
   if (spec.prior) {
     const double mean = spec.prior->mean[component];
-    const bool outside = (row.coordinate != Coordinate::kLinear && !(mean > 0.0)) ||
-                         (row.coordinate == Coordinate::kLogit && !(mean < 0.5));
+    const bool outside = (parameter.coordinate != Coordinate::kLinear && !(mean > 0.0)) ||
+                         (parameter.coordinate == Coordinate::kLogit && !(mean < 0.5));
     if (outside) {
       throw_input(spec.where + ".prior.mean is " + number_text(mean) +
-                  (row.coordinate == Coordinate::kLogit ? ", expected a number between 0 and 0.5."
-                                                        : ", expected a number above 0."));
+                  (parameter.coordinate == Coordinate::kLogit
+                       ? ", expected a number between 0 and 0.5."
+                       : ", expected a number above 0."));
     }
     Prior prior;
-    prior.mean = to_natural(row.coordinate, mean);
+    prior.mean = to_natural(parameter.coordinate, mean);
     prior.sigma = spec.prior->sigma;
-    if (row.coordinate != Coordinate::kLinear) {
-      prior.sigma *= mean / derivative(row.coordinate, prior.mean);
+    if (parameter.coordinate != Coordinate::kLinear) {
+      prior.sigma *= mean / derivative(parameter.coordinate, prior.mean);
     }
     parameter.prior = prior;
   }
   if (!parameter.prior && row.always_prior) {
     double about = row.member != nullptr ? material::Material{}.*row.member : 0.0;
     if (row.access.look != nullptr) about = value_in(runs_[*first], scenes[*first], number.path);
-    parameter.prior = Prior{to_natural(row.coordinate, about), row.prior_sigma};
+    parameter.prior = Prior{to_natural(parameter.coordinate, about), row.prior_sigma};
   }
   try {
     check(parameter);

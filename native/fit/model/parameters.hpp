@@ -27,6 +27,9 @@ struct ParameterSpec {
   std::vector<double> start;                    ///< one a component; empty: the scene's value
   std::optional<std::array<double, 2>> bounds;  ///< physical; none: the usual ones
   std::optional<Prior> prior;
+  /// The quantity may be 0, where its usual coordinate cannot be: it is moved linearly and upwards
+  /// from the scene's value, with its usual start as scale and as the width of a prior there.
+  bool from_zero = false;
 };
 
 /// The numbers that a fit moves, in the order of the specs with vectors taken apart, and how to put

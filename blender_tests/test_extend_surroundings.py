@@ -134,6 +134,14 @@ class SurroundingsTest(DiagnoseCase):
         self.fails(bpy.ops.matterfit.extend_model, ["not in the scene any more"])
 
 
+class SearchTest(DiagnoseCase):
+    def test_its_limit_stands_in_jobs(self):
+        self.assertNotIn("diagnose", self.document(task="diagnose")[0])
+        self.settings.diagnosis.use_limit = True
+        self.settings.diagnosis.limit = 450
+        self.assertEqual(self.document(task="diagnose")[0]["diagnose"], {"runs": 450})
+
+
 class IgnoreTest(DiagnoseCase):
     def test_what_is_ignored_is_not_used_and_said_in_jobs(self):
         self.diagnosed([self.DRAG, self.OTHER], lambda scene: scene.update(effects=[]))

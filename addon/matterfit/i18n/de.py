@@ -27,6 +27,8 @@ TEXTS = {
     "Ignore": "Übergehen",
     "Accept": "Annehmen",
     "Before and After": "Vorher und nachher",
+    "Limit Runs": "Läufe begrenzen",
+    "Simulations": "Simulationen",
     "Significant": "Bedeutsam",
     "Explains {share}": "Erklärt {share}",
     "Found Collider": "Gefundenes Hindernis",

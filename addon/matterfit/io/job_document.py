@@ -101,9 +101,9 @@ def _building(writer, task, quality, outputs):
     if task in cache.FIT_TASKS:
         document["fit"] = job_fit.document(settings, scene_document,
                                            document.get("captures", []))
-        ignored = [row.name for row in settings.diagnosis.ignored]
-        if ignored:
-            document["diagnose"] = {"ignored": ignored}
+        diagnosis = _diagnosis(settings.diagnosis)
+        if diagnosis:
+            document["diagnose"] = diagnosis
         document["output"] = {"folder": "."}
     else:
         document["output"] = _output(writer, bodies, outputs)
@@ -112,6 +112,16 @@ def _building(writer, task, quality, outputs):
             document["output"]["overlays"] = True
     job_checks.finite(document)
     writer.finish_inputs()
+    return document
+
+
+def _diagnosis(settings):
+    document = {}
+    ignored = [row.name for row in settings.ignored]
+    if ignored:
+        document["ignored"] = ignored
+    if settings.use_limit:
+        document["runs"] = settings.limit
     return document
 
 

@@ -25,6 +25,14 @@ class MatterfitDiagnosis(bpy.types.PropertyGroup):
         name="All Causes", default=False,
         description="Show every cause that was tried, not only the most probable ones")
     ignored: CollectionProperty(type=MatterfitIgnoredCause)
+    use_limit: BoolProperty(
+        name="Limit Runs", default=False,
+        description="End the search for causes after so many simulations, with the verdict of what was "
+                    "found; else after as many as a scene of this size can afford")
+    limit: IntProperty(
+        name="Simulations", default=1000, min=100, max=1000000, soft_max=10000,
+        description="Simulations of the search for causes; those of derivatives and of the solver's "
+                    "error come on top")
     show_graph: BoolProperty(
         name="Before and After", default=True, update=redraw,
         description="Draw the error over time before and with the causes that were named beside each "

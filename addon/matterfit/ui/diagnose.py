@@ -6,7 +6,7 @@ from ..io import diagnosis, fit_results, number_text, takes, words
 from ..props import scene as scene_props
 from ..props.diagnosis import is_ignored
 from . import fit_overlay
-from .common import BOX, MatterfitPanel, form, lines
+from .common import BOX, MatterfitPanel, form, lines, switched
 
 PROBABLE = 6  # causes in the table before All Causes is switched on
 
@@ -23,6 +23,7 @@ class MATTERFIT_PT_diagnose(MatterfitPanel, bpy.types.Panel):
         row = layout.row()
         row.scale_y = 1.4
         row.operator("matterfit.diagnose", icon="VIEWZOOM")
+        switched(form(layout), settings.diagnosis, "use_limit", "limit")
         run = settings.fit.run
         if not run.folder or fit_overlay.running_fit(settings):
             return

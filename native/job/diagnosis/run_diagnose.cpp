@@ -214,7 +214,8 @@ Json run_diagnose(const Job& given, const RunOptions& options, Interrupter& inte
   if (report.cut) {
     statements.push_back(
         fmt::format("The search for causes ended after {} simulations, before it was done: what is "
-                    "named may be missing something. \"diagnose\": {{\"runs\": {}}} looks longer.",
+                    "named may be missing something. \"diagnose\": {{\"runs\": {}}}, in the panel "
+                    "Limit Runs, looks longer.",
                     report.runs, std::min(kMostSimulations, 3 * settings.engine.most_runs)));
   }
   Json json = report_json(report, model.captures());

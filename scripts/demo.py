@@ -25,7 +25,6 @@ SAMPLE = os.path.join(ROOT, "docs", "examples", "beam_gravity_V2_a.npz")
 REPEAT = os.path.join(ROOT, "docs", "examples", "beam_gravity_V2_b.npz")
 REPEAT_START = 6.5  # it was let go at its own frame 64.5, the first one at 71
 FIRST_FRAME, LAST_FRAME = 66, 140  # the beam is held still until 71
-SEARCH = 450  # simulations of the search for causes: the damping is named after fewer
 STARTED = time.monotonic()
 
 MATERIAL = os.path.join(FOLDER, "silicone.json")
@@ -244,7 +243,6 @@ def diagnose_beam():
     say(f"fitting an elastic law to the frames {capture.release + 1} to {capture.holdout_start - 1}, "
         f"particles {1e3 * settings().solver.particle_separation:.2g} mm apart, and asking what it "
         "gets wrong …")
-    settings().diagnosis.use_limit, settings().diagnosis.limit = True, SEARCH
     call(bpy.ops.matterfit.diagnose)
     folder = take_folder(fit.run)
     report = diagnosis.load(folder)

@@ -105,7 +105,7 @@ class _Extension:
 
     def _application(self):
         run = self.settings.fit.run
-        take = next((take for take in self.settings.takes if take.name == run.name), None)
+        take = self.settings.takes.get(run.name)
         return Application(self.scene, {**self.model, "captures": list(self.report.captures)}, run, take)
 
     def _what_was_fitted(self):

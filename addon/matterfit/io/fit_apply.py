@@ -33,7 +33,7 @@ def apply_run(scene, folder, run=None, given=()):
     settings = scene.matterfit
     run = settings.fit.run if run is None else run
     # The take that was fitted gets what it throws; it was named after it.
-    take = next((take for take in settings.takes if take.name == run.name), None)
+    take = settings.takes.get(run.name)
     if take is None:
         raise JobError(translate(
             "The fit is of the take '{name}', which is not among the Takes any more. Name it so "

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <openvdb/openvdb.h>
+
 #include <span>
 
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "capture/particles.hpp"
-#include "shape/openvdb_trees.hpp"
 
 namespace matterfit::bake {
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <openvdb/openvdb.h>
+
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>
-
-#include "shape/openvdb_trees.hpp"
 
 namespace matterfit::bake {
 

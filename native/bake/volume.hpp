@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <openvdb/openvdb.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <span>
@@ -11,7 +13,6 @@
 #include "base/interrupter.hpp"
 #include "base/parallel.hpp"
 #include "capture/particles.hpp"
-#include "shape/openvdb_trees.hpp"
 
 namespace matterfit::bake {
 

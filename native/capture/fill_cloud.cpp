@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <fmt/format.h>
+#include <openvdb/openvdb.h>
 #include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/VolumeToMesh.h>
 #include <tbb/task_arena.h>
@@ -11,7 +12,6 @@
 #include "base/error.hpp"
 #include "capture/fill_lattice.hpp"
 #include "capture/point_tree.hpp"
-#include "shape/openvdb_trees.hpp"
 #include "shape/triangle_mesh.hpp"
 
 namespace matterfit::capture {

@@ -2,6 +2,7 @@
 #include "capture/fill_lattice.hpp"
 
 #include <fmt/format.h>
+#include <openvdb/openvdb.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -9,7 +10,6 @@
 #include <cmath>
 
 #include "base/error.hpp"
-#include "shape/openvdb_trees.hpp"
 
 namespace matterfit::capture {
 namespace {

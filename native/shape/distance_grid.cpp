@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "shape/distance_grid.hpp"
 
+#include <openvdb/openvdb.h>
 #include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/SignedFloodFill.h>
 #include <tbb/task_arena.h>
@@ -11,7 +12,6 @@
 #include <vector>
 
 #include "base/error.hpp"
-#include "shape/openvdb_trees.hpp"
 
 namespace matterfit::shape {
 namespace {

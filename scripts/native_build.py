@@ -30,7 +30,8 @@ SANITIZER_ENVIRONMENT = {
 LONG_TESTS = ["FitLatent.FindsPlasticine", "FitLatent.TheBalanceOf*",
               "FitNeural.FindsAFluidWithoutBeingToldThatItFlows", "FitCorrection.OfTwoBodies*",
               "ImageWeights.OfThePublishedLaw*", "Strangers.AKick*", "Strangers.AGust*",
-              "Strangers.NothingIsFoundInABodyThatIsHeld", "Strangers.AnInclusion*"]
+              "Strangers.NothingIsFoundInABodyThatIsHeld", "Strangers.AnInclusion*",
+              "Strangers.AirIsFound*"]
 
 # How many tests run one after another in one process, so that a piece takes about half a minute.
 TESTS_A_PIECE = {"test_job": 6, "test_mpm": 12, "test_fit": 20}

@@ -31,8 +31,8 @@ constexpr std::string_view kDamping = "material.damping_shear";
   return spec.path.quantity->path == kDamping;
 }
 
-/// Those of the body's numbers that the document does not fit already: the energy's, and a damping
-/// as the part that depends on the rate.
+/// The body's numbers that a correction moves and the document does not: those of its energy, and a
+/// damping as the part that depends on the rate.
 std::vector<fit::ParameterSpec> all_numbers(const fit::SearchSetup& setup,
                                             const std::string& body) {
   std::vector<fit::ParameterSpec> specs;
@@ -216,16 +216,16 @@ FurtherFit fit_correction(FurtherStart from, const std::vector<std::string>& bod
       const Json& held = result.report.at("held_out_mm");
       own["numbers"] = material.correction;
       own["stress_share"] = shares;
-      own["sentence"] = fmt::format(
-          "{}: with a correction beside the law {} what was held out, which has chosen it, is "
-          "missed by {:.3g} mm in the mean, without by {:.3g}. {}",
-          body, material.traits().name, held.at("with").get<double>(),
-          held.at("without").get<double>(), share_sentence(shares, over.has_value()));
+      std::string damping;
       if (damped) {
         own["damping_shear"] = material.damping_shear;
-        own["sentence"] = fmt::format("{} It damps change of shape by {:.3g} Pa s.",
-                                      own["sentence"].get<std::string>(), material.damping_shear);
+        damping = fmt::format(" It damps change of shape by {:.3g} Pa s.", material.damping_shear);
       }
+      own["sentence"] = fmt::format(
+          "{}: with a correction beside the law {} what was held out, which has chosen it, is "
+          "missed by {:.3g} mm in the mean, without by {:.3g}. {}{}",
+          body, material.traits().name, held.at("with").get<double>(),
+          held.at("without").get<double>(), share_sentence(shares, over.has_value()), damping);
       statements.push_back(own.at("sentence").get<std::string>());
     }
   }

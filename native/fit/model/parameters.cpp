@@ -63,6 +63,11 @@ void set_bounds(const ParameterSpec& spec, const Quantity& row, Parameter& param
     return;
   }
   const double start = parameter.start;
+  if (spec.from_zero) {
+    parameter.low = start;
+    parameter.high = start + kUsualFactor * parameter.scale;
+    return;
+  }
   if (row.low == 0.0 && row.high == 0.0) {
     parameter.low = start / kUsualFactor;
     parameter.high = start * kUsualFactor;
@@ -153,11 +158,12 @@ void Parameters::add(const ParameterSpec& spec, std::size_t component,
   parameter.unit = row.unit;
   parameter.words = row.words;
   parameter.record = row.record;
-  parameter.coordinate = spec.from_zero ? Coordinate::kLinear : row.coordinate;
-  parameter.scale = row.scale_is_separation ? 0.5 * scenes[*first].dx : row.scale;
   const auto owner = bearer(scenes[*first], number.path);
   const bool of_material = owner && owner->material != nullptr;
   const double usual = usual_start(row, of_material ? *owner->material : material::Material{});
+  parameter.coordinate = spec.from_zero ? Coordinate::kLinear : row.coordinate;
+  parameter.scale = row.scale_is_separation ? 0.5 * scenes[*first].dx : row.scale;
+  if (spec.from_zero) parameter.scale = usual;
   parameter.start =
       given ? spec.start[component] : value_in(runs_[*first], scenes[*first], number.path);
   const bool unset = parameter.coordinate != Coordinate::kLinear && !(parameter.start > 0.0);
@@ -171,14 +177,7 @@ void Parameters::add(const ParameterSpec& spec, std::size_t component,
                      ? ", expected a start between 0 and 0.5."
                      : ", expected a start above 0."));
   }
-  if (spec.from_zero) {
-    parameter.scale = usual;
-    parameter.low = parameter.start;
-    parameter.high = parameter.start + kUsualFactor * usual;
-    parameter.prior = Prior{parameter.start, usual};
-  } else {
-    set_bounds(spec, row, parameter);
-  }
+  set_bounds(spec, row, parameter);
   if (parameter.start < parameter.low || parameter.start > parameter.high) {
     throw_input(spec.where + ": " + parameter.name + " starts at " + number_text(parameter.start) +
                 ", outside its bounds [" + number_text(parameter.low) + ", " +
@@ -202,6 +201,7 @@ void Parameters::add(const ParameterSpec& spec, std::size_t component,
     }
     parameter.prior = prior;
   }
+  if (spec.from_zero) parameter.prior = Prior{parameter.start, usual};
   if (!parameter.prior && row.always_prior) {
     double about = row.member != nullptr ? material::Material{}.*row.member : 0.0;
     if (row.access.look != nullptr) about = value_in(runs_[*first], scenes[*first], number.path);

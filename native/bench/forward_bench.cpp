@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
-#include <map>
 #include <memory>
 #include <string>
 #include <utility>
@@ -128,10 +127,6 @@ int run(int argc, char** argv) {
 
   std::fprintf(stderr, "probe: %s, %.1f GFLOP/s on one thread\n", probe_target().c_str(),
                peak_fma_gflops(1));
-  const std::map<std::string, mpm::Formulation> formulations{
-      {"updated", mpm::Formulation::kUpdated},
-      {"total", mpm::Formulation::kTotal},
-      {"renewed", mpm::Formulation::kRenewed}};
   for (const std::size_t size : sizes) {
     const int edge = edge_of(size);
     const std::size_t count = static_cast<std::size_t>(edge) * static_cast<std::size_t>(edge) *
@@ -140,7 +135,7 @@ int run(int argc, char** argv) {
     const Measurement serial = measure_serial(edge, seconds, repetitions);
     print("serial", "updated", 1, count, serial, serial.mps);
     for (const std::string& name : chosen) {
-      const mpm::Formulation formulation = formulations.at(name);
+      const mpm::Formulation formulation = formulations().at(name);
       for (const int threads : thread_counts) {
         const Measurement forward =
             measure_forward(edge, formulation, threads, seconds, repetitions);

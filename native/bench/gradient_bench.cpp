@@ -157,23 +157,22 @@ void measure(const std::string& name, mpm::Formulation formulation, std::size_t 
 int run(int argc, char** argv) {
   std::vector<std::size_t> sizes{1'000, 10'000, 100'000};
   std::vector<int> thread_counts{1, 2};
-  std::vector<std::string> formulations{"total", "updated"};
+  std::vector<std::string> chosen{"total", "updated"};
   double seconds = 0.3;
   int repetitions = 5;
   CLI::App app("Speed of gradients of whole runs in million particle-steps a second");
   app.add_option("--particles", sizes, "about how many particles")->capture_default_str();
   app.add_option("--threads", thread_counts)->capture_default_str();
-  app.add_option("--formulations", formulations)
+  app.add_option("--formulations", chosen)
       ->capture_default_str()
-      ->check(CLI::IsMember({"total", "updated"}));
+      ->check(CLI::IsMember({"total", "updated", "renewed"}));
   app.add_option("--seconds", seconds, "of one measurement, at least")->capture_default_str();
   app.add_option("--repetitions", repetitions)->capture_default_str()->check(CLI::Range(1, 99));
   CLI11_PARSE(app, argc, argv);
 
   std::fprintf(stderr, "probe: %s, %.1f GFLOP/s on one thread\n", probe_target().c_str(),
                peak_fma_gflops(1));
-  for (const std::string& name : formulations) {
-    const bool total = name == "total";
+  for (const std::string& name : chosen) {
     std::fprintf(stderr, "%9s %7s | %7s | %7s %5s %10s | %7s %5s %6s %10s\n", name.c_str(), "",
                  "forward", "stored", "back", "state", "checkp.", "back", "again", "B/particle");
     std::fprintf(stderr, "%9s %7s | %7s | %7s %5s %10s | %7s %5s %6s %10s\n", "particles",
@@ -181,8 +180,7 @@ int run(int argc, char** argv) {
                  "-step");
     for (const std::size_t size : sizes) {
       for (const int threads : thread_counts) {
-        measure(name, total ? mpm::Formulation::kTotal : mpm::Formulation::kUpdated, size, threads,
-                seconds, repetitions);
+        measure(name, formulations().at(name), size, threads, seconds, repetitions);
       }
     }
   }

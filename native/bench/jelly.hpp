@@ -3,6 +3,8 @@
 
 #include <cmath>
 #include <cstddef>
+#include <map>
+#include <string>
 #include <utility>
 
 #include "base/vec.hpp"
@@ -32,6 +34,15 @@ inline Vec3d initial_velocity(const Vec3d& p, double side) {
   const Vec3d r = p - Vec3d::Constant(0.5 * side);
   const double spin = kTwistRate * (p.z() / side - 0.5);
   return {kStretchRate * r.x() - spin * r.y(), -kStretchRate * r.y() + spin * r.x(), kFall};
+}
+
+/// The formulations by the names that documents have for them.
+inline const std::map<std::string, mpm::Formulation>& formulations() {
+  static const std::map<std::string, mpm::Formulation> kAll{
+      {"total", mpm::Formulation::kTotal},
+      {"updated", mpm::Formulation::kUpdated},
+      {"renewed", mpm::Formulation::kRenewed}};
+  return kAll;
 }
 
 /// A cube of jelly, stretched and twisted, that falls on the ground `clearance` cells below it; ten

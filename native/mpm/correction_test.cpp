@@ -27,7 +27,8 @@ std::string name_of(Formulation formulation) {
 class CorrectedGradient : public ::testing::TestWithParam<Formulation> {};
 
 INSTANTIATE_TEST_SUITE_P(Formulations, CorrectedGradient,
-                         ::testing::Values(Formulation::kTotal, Formulation::kUpdated),
+                         ::testing::Values(Formulation::kTotal, Formulation::kUpdated,
+                                           Formulation::kRenewed),
                          [](const auto& info) { return name_of(info.param); });
 
 class CorrectedLaw : public ::testing::TestWithParam<Formulation> {};

@@ -17,19 +17,15 @@ namespace {
 /// Share of the progress that the forward pass takes.
 constexpr double kForwardShare = 0.3;
 
-[[nodiscard]] bool all_updated(const Scene& scene) {
+/// None is total Lagrangian.
+[[nodiscard]] bool all_of_particles(const Scene& scene) {
   return std::none_of(scene.bodies.begin(), scene.bodies.end(),
                       [](const Body& body) { return is_total(body); });
 }
 
 void check_adjoints(const Scene& scene) {
   if (!scene.nudges.empty()) throw_input("A scene with nudges has no gradient.");
-  const auto renewed = std::find_if(scene.bodies.begin(), scene.bodies.end(), is_renewed);
-  if (renewed != scene.bodies.end()) {
-    throw_input("Body '" + renewed->name +
-                "': formulation 'renewed' has no gradient. Fit by differences, or set 'updated'.");
-  }
-  if (all_updated(scene) || scene.bodies.size() == 1) return;
+  if (all_of_particles(scene) || scene.bodies.size() == 1) return;
   const auto total = std::find_if(scene.bodies.begin(), scene.bodies.end(),
                                   [](const Body& body) { return is_total(body); });
   const Body& other = scene.bodies[total == scene.bodies.begin() ? 1 : 0];
@@ -259,7 +255,10 @@ void with_run(const Scene& scene, const std::shared_ptr<Arena>& arena, const Obs
   check_scene(scene);
   check_adjoints(scene);
   arena->execute([&] {
-    if (all_updated(scene)) {
+    if (is_renewed(scene.bodies.front())) {  // and so are the others (check_scene)
+      Run<S, RenewedTape<S>> run(scene, arena, observer, options, interrupter);
+      use(run);
+    } else if (all_of_particles(scene)) {
       Run<S, UpdatedTape<S>> run(scene, arena, observer, options, interrupter);
       use(run);
     } else {

@@ -22,7 +22,7 @@ GradientCase everything(Formulation formulation = Formulation::kTotal) {
   run.formulation = formulation;
   run.fps = 50.0;
   run.ground = true;
-  run.hold = GradientCase::Hold::kPatch;
+  if (formulation != Formulation::kRenewed) run.hold = GradientCase::Hold::kPatch;
   run.release = 0.013;
   run.masses = formulation == Formulation::kTotal;
   run.neighbour = !run.masses;
@@ -106,6 +106,23 @@ TEST(GradientRecord, EveryBudgetGivesTheSameBitsOfUpdatedBodies) {
   }
   options.memory_budget = 4 * whole.state_bytes;
   EXPECT_THROW((void)run.gradient<float>(options), Error);
+}
+
+TEST(GradientRecord, EveryBudgetGivesTheSameBitsOfRenewedBodies) {
+  const GradientCase run = everything(Formulation::kRenewed);
+  const Gradient whole = run.gradient<float>();
+  ASSERT_GT(whole.substeps, 30U);
+  // The last substeps before renewals, and no others.
+  EXPECT_GT(whole.recomputed, 0U);
+  EXPECT_LT(whole.recomputed, whole.substeps / 4);
+  GradientOptions options;
+  for (const std::size_t states : {60U, 40U, 25U}) {
+    options.memory_budget = states * whole.state_bytes;
+    const Gradient g = run.gradient<float>(options);
+    EXPECT_TRUE(same_bits(g, whole)) << states;
+    EXPECT_LE(g.peak_bytes, options.memory_budget);
+    EXPECT_GT(g.recomputed, whole.recomputed);
+  }
 }
 
 TEST(GradientRecord, ABudgetThatIsTooSmallSaysWhatIsNeeded) {
@@ -232,9 +249,12 @@ TEST_P(GradientOf, TheForwardPassHasTheBitsOfSimulation) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Formulations, GradientOf,
-                         testing::Values(Formulation::kTotal, Formulation::kUpdated),
+                         testing::Values(Formulation::kTotal, Formulation::kUpdated,
+                                         Formulation::kRenewed),
                          [](const auto& info) {
-                           return info.param == Formulation::kTotal ? "total" : "updated";
+                           return info.param == Formulation::kTotal     ? "total"
+                                  : info.param == Formulation::kUpdated ? "updated"
+                                                                        : "renewed";
                          });
 
 TEST(GradientRecord, ProgressRisesAndCancelStopsBothWays) {

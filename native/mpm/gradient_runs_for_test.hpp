@@ -34,7 +34,7 @@ struct GradientCase {
   double release = std::numeric_limits<double>::infinity();
   bool masses = false;
   bool observes_f = false;
-  bool neighbour = false;  ///< another updated body of water beside it
+  bool neighbour = false;  ///< a body of water beside it, updated or renewed as it is
   shape::ContactMethod method = shape::ContactMethod::kParticle;
   int length = 6;  ///< particles
   int frames = 6;
@@ -150,7 +150,7 @@ struct GradientCase {
     Body body = bar;
     body.name = "water";
     body.density = 1000.0;
-    body.formulation = Formulation::kUpdated;
+    if (bar.formulation != Formulation::kRenewed) body.formulation = Formulation::kUpdated;
     body.material = material::Material{};
     body.material.law = material::Law::kNewtonian;
     body.material.bulk_modulus = 2e5;

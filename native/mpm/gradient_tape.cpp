@@ -2,6 +2,7 @@
 #include "mpm/gradient_tape.hpp"
 
 #include <algorithm>
+#include <numeric>
 #include <utility>
 
 #include "mpm/initial_velocity.hpp"
@@ -157,32 +158,124 @@ void UpdatedTape<S>::back(std::size_t begin, std::size_t end, State first, const
   }
 }
 
+namespace {
+
+/// What the adjoint of bodies whose particles carry the state says of the n-th of them, the index
+/// `of` in the scene, with the cotangents of its start.
+template <class Adjoint, class Cotangents>
+void collect_body(const Scene& scene, const Adjoint& adjoint, const Cotangents& bar, std::size_t n,
+                  std::size_t of, StartCotangents start, Gradient& out) {
+  BodyGradient& body = out.bodies[of];
+  body.material = adjoint.material_gradient(n, bar);
+  body.density = start.log_density / scene.bodies[of].density;
+  body.offset = start.offset;
+  body.rotation = start.rotation;
+  body.velocity = start.velocity;
+  body.spin = start.spin;
+  body.particle_velocities = std::move(start.particle_velocities);
+  adjoint.add_terms(n, bar, body.density, out.effects, body.material);
+  const TermCotangents& terms = bar.bodies[n].terms;
+  body.offset += terms.rest;
+  body.rotation += terms.rest_turn - center_of_volume(scene.bodies[of]).cross(terms.rest);
+}
+
+template <class Cotangents>
+void collect_scene(const Cotangents& bar, Gradient& out) {
+  out.gravity += bar.gravity;
+  for (std::size_t c = 0; c < out.colliders.size(); ++c) out.colliders[c] += bar.colliders[c];
+}
+
+}  // namespace
+
 template <class S>
 void UpdatedTape<S>::collect(const std::vector<Vec3d>& /*observed*/, Gradient& out) const {
   const std::vector<std::size_t>& bodies = stepper_.updated_bodies();
   for (std::size_t m = 0; m < bodies.size(); ++m) {
-    BodyGradient& body = out.bodies[bodies[m]];
-    UpdatedStartCotangents start = adjoint_->start(stepper_.arena(), m, bar_);
-    body.material = adjoint_->material_gradient(m, bar_);
-    body.density = start.log_density / stepper_.scene().bodies[bodies[m]].density;
-    body.offset = start.offset;
-    body.rotation = start.rotation;
-    body.velocity = start.velocity;
-    body.spin = start.spin;
-    body.particle_velocities = std::move(start.particle_velocities);
-    adjoint_->add_terms(m, bar_, body.density, out.effects, body.material);
-    const TermCotangents& terms = bar_.bodies[m].terms;
-    body.offset += terms.rest;
-    body.rotation +=
-        terms.rest_turn - center_of_volume(stepper_.scene().bodies[bodies[m]]).cross(terms.rest);
+    collect_body(stepper_.scene(), *adjoint_, bar_, m, bodies[m],
+                 adjoint_->start(stepper_.arena(), m, bar_), out);
   }
-  out.gravity += bar_.gravity;
-  for (std::size_t c = 0; c < out.colliders.size(); ++c) out.colliders[c] += bar_.colliders[c];
+  collect_scene(bar_, out);
+}
+
+template <class S>
+void RenewedTape<S>::before_substep() {
+  stepper_.renewed()->follow(&log_.emplace_back());
+}
+
+template <class S>
+void RenewedTape<S>::after_substep() {
+  stepper_.renewed()->follow(nullptr);
+  touches_ += log_.back().touches.size();
+}
+
+template <class S>
+void RenewedTape<S>::forget_from(std::size_t substep) {
+  stepper_.renewed()->follow(nullptr);
+  log_.resize(substep);
+  touches_ = 0;
+  for (const RenewedSubstep& taken : log_) touches_ += taken.touches.size();
+}
+
+template <class S>
+std::size_t RenewedTape<S>::log_bytes() const {
+  return log_.size() * sizeof(RenewedSubstep) + touches_ * sizeof(RenewedTouch);
+}
+
+template <class S>
+void RenewedTape<S>::turn() {
+  std::vector<std::size_t> bodies(stepper_.scene().bodies.size());
+  std::iota(bodies.begin(), bodies.end(), std::size_t{0});
+  adjoint_ = std::make_unique<RenewedAdjoint<S>>(stepper_.scene(), bodies,
+                                                 renewed_adjoint_kernels<S>(target_), rates_);
+  after_ = state();
+  bar_ = adjoint_->zero(after_);
+}
+
+template <class S>
+void RenewedTape<S>::back(std::size_t begin, std::size_t end, State first, const StepAgain& again,
+                          const SubstepPassed& passed) {
+  RenewedGroup<S>& group = *stepper_.renewed();
+  std::vector<State> states{std::move(first)};
+  if (begin + 1 < end) group.restore(states.front());
+  for (std::size_t n = begin; n + 1 < end; ++n) {
+    again(n);
+    states.push_back(group.record());
+  }
+  while (end > begin) {
+    --end;
+    const RenewedSubstep& taken = log_[end];
+    if (adjoint_->looks_into(taken)) {
+      std::vector<double> pushed;
+      group.restore(states.back());
+      group.look_into(&pushed);
+      again(end);
+      group.look_into(nullptr);
+      const State left = group.record();
+      if (taken.renewed) adjoint_->renewal(stepper_.arena(), left, after_, bar_);
+      adjoint_->substep(stepper_.arena(), taken, states.back(), pushed, left, bar_);
+    } else {
+      adjoint_->substep(stepper_.arena(), taken, states.back(), after_.velocity, after_, bar_);
+    }
+    after_ = std::move(states.back());
+    states.pop_back();
+    passed(end);
+  }
+}
+
+template <class S>
+void RenewedTape<S>::collect(const std::vector<Vec3d>& /*observed*/, Gradient& out) const {
+  for (std::size_t m = 0; m < bar_.bodies.size(); ++m) {
+    collect_body(stepper_.scene(), *adjoint_, bar_, m, m,
+                 adjoint_->start(stepper_.arena(), m, after_, bar_), out);
+  }
+  collect_scene(bar_, out);
 }
 
 template class TotalTape<float>;
 template class TotalTape<double>;
 template class UpdatedTape<float>;
 template class UpdatedTape<double>;
+template class RenewedTape<float>;
+template class RenewedTape<double>;
 
 }  // namespace matterfit::mpm

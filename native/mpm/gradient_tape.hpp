@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "mpm/gradient.hpp"
+#include "mpm/renewed_adjoint.hpp"
 #include "mpm/stepper.hpp"
 #include "mpm/total_group_adjoint.hpp"
 #include "mpm/updated_adjoint.hpp"
@@ -116,9 +117,50 @@ class UpdatedTape {
   UpdatedCotangents<S> bar_;
 };
 
+/// The tape of renewed bodies: as that of total Lagrangian ones, whose nodes they share. A substep
+/// at whose end the reference is renewed is taken again up to there.
+template <class S>
+class RenewedTape {
+ public:
+  using State = RenewedState<S>;  ///< before a substep
+  static constexpr std::size_t kFirstInterval = 1;
+
+  RenewedTape(Stepper<S>& stepper, const GradientOptions& options)
+      : stepper_(stepper), target_(options.simulation.target), rates_(options.of_no_damping) {}
+
+  [[nodiscard]] State state() const { return stepper_.renewed()->record(); }
+  /// A reference is shared by all that lies between two renewals, and not counted.
+  [[nodiscard]] static std::size_t bytes(const State& state) { return state.bytes(); }
+  void before_substep();
+  void after_substep();
+  void forget_from(std::size_t substep);
+  [[nodiscard]] std::size_t log_bytes() const;
+  [[nodiscard]] static std::size_t spare_bytes() { return 0; }
+  void give_up() {}
+  [[nodiscard]] static bool has_all() { return false; }
+
+  void turn();
+  void observe(const FrameLoss& loss) { adjoint_->observe(stepper_.arena(), after_, loss, bar_); }
+  void back(std::size_t begin, std::size_t end, State first, const StepAgain& again,
+            const SubstepPassed& passed);
+  void collect(const std::vector<Vec3d>& observed, Gradient& out) const;
+
+ private:
+  Stepper<S>& stepper_;
+  SimdTarget target_;
+  bool rates_;
+  std::vector<RenewedSubstep> log_;  ///< of every substep
+  std::size_t touches_ = 0;          ///< in all of it
+  std::unique_ptr<RenewedAdjoint<S>> adjoint_;
+  RenewedCotangents<S> bar_;
+  State after_;  ///< the next substep to go back over
+};
+
 extern template class TotalTape<float>;
 extern template class TotalTape<double>;
 extern template class UpdatedTape<float>;
 extern template class UpdatedTape<double>;
+extern template class RenewedTape<float>;
+extern template class RenewedTape<double>;
 
 }  // namespace matterfit::mpm

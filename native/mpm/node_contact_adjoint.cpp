@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mpm/node_contact_adjoint.hpp"
 
-#include <algorithm>
-#include <array>
+#include <cstddef>
 
 #include "mpm/layout.hpp"
 #include "mpm/node_contact.hpp"
@@ -51,6 +50,13 @@ NodeCotangents project_adjoint(const shape::Contact& contact, const Vec3d& n, co
   return bar;
 }
 
+/// A node inside a collider, and its velocity before that answers.
+struct Meeting {
+  std::size_t collider;
+  shape::SurfacePoint surface;
+  Vec3d before;
+};
+
 template <class Number>
 Vec3d at_node(const Number* field, std::size_t n) {
   return {static_cast<double>(field[n]), static_cast<double>(field[kBlockNodes + n]),
@@ -62,29 +68,44 @@ Vec3d at_node(const Number* field, std::size_t n) {
 template <class S>
 void node_contact_adjoint(const std::vector<shape::ColliderPtr>& colliders, const Vec3d& origin,
                           double dx, double time, const S* mass, const S* velocity,
-                          double* velocity_bar, shape::ColliderCotangents* bars) {
-  std::vector<std::array<S, 3 * kBlockNodes>> before(colliders.size() + 1);
-  std::copy_n(velocity, 3 * kBlockNodes, before[0].data());
+                          double* velocity_bar, shape::ColliderCotangents* bars,
+                          const double* displacement, double* displacement_bar) {
+  std::vector<std::size_t> near;
   for (std::size_t c = 0; c < colliders.size(); ++c) {
-    before[c + 1] = before[c];
-    apply_node_contact(*colliders[c], origin, dx, time, mass, before[c + 1].data());
+    if (displacement != nullptr || reaches_nodes(*colliders[c], origin, dx, time)) {
+      near.push_back(c);
+    }
   }
-  for (std::size_t c = colliders.size(); c-- > 0;) {
-    const shape::Collider& collider = *colliders[c];
-    if (!reaches_nodes(collider, origin, dx, time)) continue;
-    for (std::size_t n = 0; n < kBlockNodes; ++n) {
-      if (!(mass[n] > S(0))) continue;
-      const Vec3d node = position_of_node(origin, dx, n);
-      const shape::SurfacePoint surface = collider.closest(node, time);
+  std::vector<Meeting> met;
+  for (std::size_t n = 0; n < kBlockNodes && !near.empty(); ++n) {
+    if (!(mass[n] > S(0))) continue;
+    Vec3d node = position_of_node(origin, dx, n);
+    if (displacement != nullptr) node += at_node(displacement, n);
+    // As the forward pass rounds.
+    Eigen::Matrix<S, 3, 1> v(velocity[n], velocity[kBlockNodes + n], velocity[2 * kBlockNodes + n]);
+    met.clear();
+    for (const std::size_t c : near) {
+      const shape::SurfacePoint surface = colliders[c]->closest(node, time);
       if (surface.distance > kNodeInside * dx) continue;
-      const Vec3d u = at_node(before[c].data(), n) - surface.velocity;
+      met.push_back({c, surface, v.template cast<double>()});
+      v = node_response(colliders[c]->contact(), surface, met.back().before).template cast<S>();
+    }
+    while (!met.empty()) {
+      const Meeting at = met.back();
+      met.pop_back();
+      const shape::Collider& collider = *colliders[at.collider];
       const NodeCotangents bar =
-          project_adjoint(collider.contact(), surface.normal, u, at_node(velocity_bar, n));
-      bars[c].mu += bar.mu;
-      (void)back_to_surface(collider, node, time, shape::kColliderProbe * dx, surface, 0.0,
-                            bar.normal, bar.surface_velocity, bars[c]);
+          project_adjoint(collider.contact(), at.surface.normal, at.before - at.surface.velocity,
+                          at_node(velocity_bar, n));
+      bars[at.collider].mu += bar.mu;
+      const Vec3d x_bar =
+          back_to_surface(collider, node, time, shape::kColliderProbe * dx, at.surface, 0.0,
+                          bar.normal, bar.surface_velocity, bars[at.collider]);
       for (std::size_t k = 0; k < 3; ++k) {
         velocity_bar[k * kBlockNodes + n] = bar.velocity[static_cast<int>(k)];
+        if (displacement_bar != nullptr) {
+          displacement_bar[k * kBlockNodes + n] += x_bar[static_cast<int>(k)];
+        }
       }
     }
   }
@@ -92,9 +113,9 @@ void node_contact_adjoint(const std::vector<shape::ColliderPtr>& colliders, cons
 
 template void node_contact_adjoint<float>(const std::vector<shape::ColliderPtr>&, const Vec3d&,
                                           double, double, const float*, const float*, double*,
-                                          shape::ColliderCotangents*);
+                                          shape::ColliderCotangents*, const double*, double*);
 template void node_contact_adjoint<double>(const std::vector<shape::ColliderPtr>&, const Vec3d&,
                                            double, double, const double*, const double*, double*,
-                                           shape::ColliderCotangents*);
+                                           shape::ColliderCotangents*, const double*, double*);
 
 }  // namespace matterfit::mpm

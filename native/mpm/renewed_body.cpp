@@ -117,20 +117,6 @@ RenewedView<S> RenewedBody<S>::view(const std::vector<double>& displacement,
 }
 
 template <class S>
-Mat3d RenewedBody<S>::elastic(std::size_t slot) const {
-  const std::size_t kept = renewed_history(law_.law);
-  const S* h = store_.history.data() + slot / kLanes * (kept * kLanes) + slot % kLanes;
-  if (is_fluid()) {
-    return std::cbrt(1.0 + static_cast<double>(h[0])) * Mat3d::Identity();
-  }
-  Mat3d f = Mat3d::Identity();
-  for (std::size_t i = 0; i < 9; ++i) {
-    f(static_cast<int>(i / 3), static_cast<int>(i % 3)) += static_cast<double>(h[i * kLanes]);
-  }
-  return f;
-}
-
-template <class S>
 double RenewedBody<S>::plastic_strain(std::size_t slot) const {
   return static_cast<double>(
       store_.history[slot / kLanes * (10 * kLanes) + 9 * kLanes + slot % kLanes]);
@@ -233,11 +219,26 @@ void RenewedBody<S>::settle(Arena& arena, const std::vector<Arrival>& arrivals) 
       take(next_carried_, carried_, RenewedCarried::kAttributes, RenewedCarried::kVelocity);
     }
   });
-  const std::size_t count = store_.coordinates.size();
+  make_blocks();
+}
+
+template <class S>
+void RenewedBody<S>::make_blocks() {
+  const std::size_t count = store_.blocks();
   halo_.resize(count * 4 * kHaloNodes);
   moved_.resize(count * 3);
   extremes_.assign(count, {S(1), S(1)});
   departure_.assign(count, {S(0), S(0)});
+}
+
+template <class S>
+void RenewedBody<S>::restore(const RenewedStore<S>& reference, const std::vector<S>& history,
+                             const std::vector<S>& maxwell) {
+  store_ = reference;
+  store_.history = history;
+  store_.maxwell = maxwell;
+  carried_.assign(store_.chunks() * RenewedCarried::kAttributes * kLanes, S(0));
+  make_blocks();
 }
 
 template <class S>
@@ -274,10 +275,7 @@ void RenewedBody<S>::load(ByteReader& in) {
   for (const std::uint32_t id : store_.id) {
     if (id != RenewedStore<S>::kNobody && id >= particles_) ByteReader::fail();
   }
-  halo_.assign(coordinates.size() * 4 * kHaloNodes, S(0));
-  moved_.assign(coordinates.size() * 3, 0.0);
-  extremes_.assign(coordinates.size(), {S(1), S(1)});
-  departure_.assign(coordinates.size(), {S(0), S(0)});
+  make_blocks();
 }
 
 template class RenewedBody<float>;

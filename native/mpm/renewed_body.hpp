@@ -9,26 +9,11 @@
 #include "base/parallel.hpp"
 #include "base/vec.hpp"
 #include "mpm/renewed_kernels.hpp"
+#include "mpm/renewed_store.hpp"
 #include "mpm/scene.hpp"
 #include "mpm/state_bytes.hpp"
-#include "mpm/updated_place.hpp"
 
 namespace matterfit::mpm {
-
-/// What a body's particles have at a reference, in blocks of cells (layout.hpp), and what they do
-/// there.
-template <class S>
-struct RenewedStore {
-  std::vector<Vec3i> coordinates;          ///< of blocks, sorted
-  std::vector<std::uint32_t> first_chunk;  ///< of each slab, 4 a block, and the end
-  std::vector<std::uint32_t> id;           ///< chunks × [16]: particle, or kNobody
-  std::vector<S> geometry;                 ///< chunks × [4][16], as RenewedView
-  std::vector<S> history;                  ///< chunks × [renewed_history()][16]
-  std::vector<S> maxwell;                  ///< chunks × branches × [12][16], or empty
-
-  static constexpr std::uint32_t kNobody = 0xffffffffU;
-  [[nodiscard]] std::size_t chunks() const { return first_chunk.back(); }
-};
 
 /// One body of the renewed formulation: its particles between two renewals, and how they find
 /// their places in the next reference.
@@ -57,33 +42,16 @@ class RenewedBody {
   [[nodiscard]] RenewedView<S> view(const std::vector<double>& displacement,
                                     const std::vector<double>& velocity,
                                     const std::vector<std::uint32_t>& nodes);
-  /// Calls visit(slot, place) for each particle of block b; slot = chunk · 16 + lane.
+  /// RenewedStore::for_each.
   template <class Visit>
   void for_each(std::size_t b, const Visit& visit) const {
-    for (std::size_t slab = 0; slab < kSlabs; ++slab) {
-      const std::size_t at = b * kSlabs + slab;
-      for (std::size_t chunk = store_.first_chunk[at]; chunk < store_.first_chunk[at + 1];
-           ++chunk) {
-        for (std::size_t lane = 0; lane < kLanes; ++lane) {
-          const std::size_t slot = chunk * kLanes + lane;
-          if (store_.id[slot] == RenewedStore<S>::kNobody) continue;
-          visit(slot, place(b, slab, slot));
-        }
-      }
-    }
+    store_.for_each(b, visit);
   }
-  [[nodiscard]] UpdatedPlace<S> place(std::size_t block, std::size_t slab, std::size_t slot) const {
-    const S* g = store_.geometry.data() + slot / kLanes * (4 * kLanes) + slot % kLanes;
-    return {static_cast<std::uint32_t>(block),
-            static_cast<std::uint32_t>(slab * kLanes + slot % kLanes),
-            {g[0], g[kLanes], g[2 * kLanes]}};
-  }
-  [[nodiscard]] double volume(std::size_t slot) const {
-    return static_cast<double>(
-        store_.geometry[slot / kLanes * (4 * kLanes) + 3 * kLanes + slot % kLanes]);
-  }
+  [[nodiscard]] double volume(std::size_t slot) const { return store_.volume(slot); }
   /// Elastic F at the reference.
-  [[nodiscard]] Mat3d elastic(std::size_t slot) const;
+  [[nodiscard]] Mat3d elastic(std::size_t slot) const {
+    return renewed_elastic(store_.history, is_fluid(), slot);
+  }
   [[nodiscard]] double plastic_strain(std::size_t slot) const;
 
   /// After `leave` of every block: particles take their places among the blocks they have come to.
@@ -94,6 +62,10 @@ class RenewedBody {
   }
   [[nodiscard]] const std::vector<BlockExtremes<S>>& extremes() const { return extremes_; }
   [[nodiscard]] const std::vector<RenewedDeparture<S>>& departure() const { return departure_; }
+
+  /// Back to another state: of another reference, or with other histories at this one.
+  void restore(const RenewedStore<S>& reference, const std::vector<S>& history,
+               const std::vector<S>& maxwell);
 
   void save(ByteWriter& out) const;
   void load(ByteReader& in);
@@ -109,6 +81,7 @@ class RenewedBody {
   /// `arrivals` of each slot that has a particle in store_.
   void settle(Arena& arena, const std::vector<Arrival>& arrivals);
   void make_room();
+  void make_blocks();
 
   std::size_t index_;
   std::string name_;

@@ -5,7 +5,7 @@
 #include <sstream>
 #include <string>
 
-#include "mpm/total_block_field.hpp"
+#include "mpm/renewed_sample.hpp"
 #include "mpm/total_stencil.hpp"
 #include "mpm/unstable_error.hpp"
 
@@ -22,13 +22,9 @@ void fail_renewed(const Scene& scene, const std::vector<RenewedBody<S>>& bodies,
       BlockField field;
       field.gather(grid.nodes_of(m).data() + 8 * b, displacement.data());
       body.for_each(b, [&](std::size_t slot, const UpdatedPlace<S>& place) {
-        const BlockField::Stencil s({place.block, place.cell / kLanes, place.cell / 4 % 4,
-                                     place.cell % 4, place.fraction()},
-                                    scene.dx);
+        const BlockField::Stencil s = block_stencil(place, scene.dx);
         const Vec3d x =
-            place.position(body.coordinates()[b].template cast<double>() * (4.0 * scene.dx),
-                           scene.dx) +
-            field.at(s);
+            place.position(block_origin(body.coordinates()[b], scene.dx), scene.dx) + field.at(s);
         const double j = (Mat3d::Identity() + field.gradient(s)).determinant() *
                          body.elastic(slot).determinant();
         if (j > 0.0 && std::isfinite(j)) return;

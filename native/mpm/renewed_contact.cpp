@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "mpm/node_contact.hpp"
-#include "mpm/total_block_field.hpp"
+#include "mpm/renewed_sample.hpp"
 
 namespace matterfit::mpm {
 
@@ -23,15 +23,12 @@ struct RenewedContact<S>::Field {
     Mat3d gradient;  ///< H
     Mat3d rate;      ///< Σ v ⊗ ∇w
   };
-  static CellPoint point(const UpdatedPlace<S>& place) {
-    return {place.block, place.cell / kLanes, place.cell / 4 % 4, place.cell % 4, place.fraction()};
-  }
   [[nodiscard]] Vec3d position(const UpdatedPlace<S>& place) const {
-    const BlockField::Stencil s(point(place), dx);
+    const BlockField::Stencil s = block_stencil(place, dx);
     return place.position(corner, dx) + displacement.at(s);
   }
   [[nodiscard]] Particle particle(const UpdatedPlace<S>& place) const {
-    const BlockField::Stencil s(point(place), dx);
+    const BlockField::Stencil s = block_stencil(place, dx);
     return {place.position(corner, dx) + displacement.at(s), velocity.at(s),
             displacement.gradient(s), velocity.gradient(s)};
   }
@@ -99,7 +96,8 @@ template <class S>
 void RenewedContact<S>::apply(const RenewedBody<S>& body, std::size_t b, const std::uint32_t* nodes,
                               const std::vector<double>& displacement,
                               const std::vector<double>& velocity, double dx, double time,
-                              double dt, std::vector<RenewedLoad<S>>& loads) {
+                              double dt, std::vector<RenewedLoad<S>>& loads,
+                              std::vector<RenewedTouch>* touches) {
   loads.clear();
   if (!any()) return;
   BlockNear& near = blocks_[b];
@@ -107,7 +105,7 @@ void RenewedContact<S>::apply(const RenewedBody<S>& body, std::size_t b, const s
   if (!again && near.particles.empty()) return;
   Field field;
   field.dx = dx;
-  field.corner = body.coordinates()[b].template cast<double>() * (4.0 * dx);
+  field.corner = block_origin(body.coordinates()[b], dx);
   field.displacement.gather(nodes, displacement.data());
   field.velocity.gather(nodes, velocity.data());
   if (again) look(body, b, field, dx, time, near);
@@ -128,7 +126,11 @@ void RenewedContact<S>::apply(const RenewedBody<S>& body, std::size_t b, const s
         face = moved.inverse() * (-point.radius * point.normal);
         point.relative_velocity += particle.rate * face;
       }
+      const ContactMemory before = memory;
       const Vec3d force = contact_force(laws_[c], point, id, dt, memory);
+      if (touches != nullptr && (before.surface == id || memory.surface == id)) {
+        touches->push_back({0, at.place.block, at.slot, static_cast<std::uint32_t>(c), before});
+      }
       if (force.isZero(0.0)) continue;
       if (body.wets()) {
         // The normal part at the centre: on the face it would depend on where the face is in its
@@ -142,6 +144,21 @@ void RenewedContact<S>::apply(const RenewedBody<S>& body, std::size_t b, const s
       near.penetration = std::max(near.penetration, point.radius - point.distance);
     }
   }
+}
+
+template <class S>
+ContactMemories RenewedContact<S>::memories() const {
+  ContactMemories out;
+  for (std::size_t p = 0; p < memory_.size(); ++p) {
+    if (memory_[p].surface >= 0) out.emplace_back(static_cast<std::uint32_t>(p), memory_[p]);
+  }
+  return out;
+}
+
+template <class S>
+void RenewedContact<S>::restore(const ContactMemories& memories) {
+  std::fill(memory_.begin(), memory_.end(), ContactMemory{});
+  for (const auto& [particle, memory] : memories) memory_[particle] = memory;
 }
 
 template <class S>

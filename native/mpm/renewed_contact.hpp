@@ -10,6 +10,7 @@
 #include "mpm/contact_law.hpp"
 #include "mpm/renewed_body.hpp"
 #include "mpm/renewed_grid.hpp"
+#include "mpm/renewed_state.hpp"
 #include "mpm/scene.hpp"
 #include "mpm/state_bytes.hpp"
 
@@ -35,11 +36,17 @@ class RenewedContact {
   /// At the start of a frame, and where the reference is another: every block looks again.
   void wake(std::size_t blocks);
   void begin_frame(double frame_seconds, double acceleration);
-  /// Forces of block b at `time`, displacements and velocities those of the nodes.
+  /// Forces of block b at `time`, displacements and velocities those of the nodes. `touches` gets
+  /// what a way back needs, but RenewedTouch::member; null: nothing.
   void apply(const RenewedBody<S>& body, std::size_t b, const std::uint32_t* nodes,
              const std::vector<double>& displacement, const std::vector<double>& velocity,
-             double dx, double time, double dt, std::vector<RenewedLoad<S>>& loads);
+             double dx, double time, double dt, std::vector<RenewedLoad<S>>& loads,
+             std::vector<RenewedTouch>* touches);
   [[nodiscard]] double max_penetration() const;
+
+  /// What particles remember that do, ascending.
+  [[nodiscard]] ContactMemories memories() const;
+  void restore(const ContactMemories& memories);
 
   void save(ByteWriter& out) const { out.put(memory_); }
   void load(ByteReader& in) { in.get_same_size(memory_); }

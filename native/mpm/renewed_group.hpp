@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "base/parallel.hpp"
+#include "mpm/observed_frame.hpp"
 #include "mpm/renewed_kernels.hpp"
+#include "mpm/renewed_state.hpp"
 #include "mpm/scene.hpp"
 #include "mpm/simulation.hpp"
 #include "mpm/state_bytes.hpp"
@@ -51,6 +53,9 @@ class RenewedGroup {
   std::pair<double, double> step(Arena& arena, double time, double dt, const Vec3d& gravity);
 
   void sample(Arena& arena, std::vector<BodyState>& bodies) const;
+  /// The same without rounding.
+  void observe(Arena& arena, bool deformation_gradients,
+               std::vector<ObservedFrame::Body>& bodies) const;
   void report(FrameReport& report) const;
   /// Renewals since the start.
   [[nodiscard]] std::uint64_t renewals() const;
@@ -58,6 +63,15 @@ class RenewedGroup {
   [[nodiscard]] std::pair<Vec3d, Vec3d> momentum() const;
   /// Renews the reference now.
   void renew(Arena& arena);
+  // For a way back.
+  [[nodiscard]] RenewedState<S> record();
+  void restore(const RenewedState<S>& state);
+  /// From here on each substep fills it; null: none.
+  void follow(RenewedSubstep* substep);
+  /// From here on no substep renews the reference, and each puts here the velocities of nodes
+  /// between its forces and contact by nodes; null: as ever.
+  void look_into(std::vector<double>* pushed);
+
   /// At the start of a frame.
   void save(ByteWriter& out) const;
   void load(ByteReader& in);

@@ -47,6 +47,24 @@ mpm::BlockExtremes<S> extremes_of(T low, T high, T broken) {
   return out;
 }
 
+/// The trial state of a register's particles: (I + h)(I + G), of a fluid its J. `history` at the
+/// reference.
+template <StressFamily kFamily, class T, class S>
+HWY_INLINE LawTrial<T> renewed_trial(const material::LawConstants<S>& law, const S* history,
+                                     const Mat3<T>& h, T jh) {
+  if constexpr (kFamily == StressFamily::kNewtonian) {
+    const T before = T::load(history);
+    const T jm1 = fma(jh, before, jh + before);
+    return {h, jm1, jm1, jm1, scalar<T>(0)};
+  } else {
+    const Mat3<T> elastic = compose(h, load_mat3<T>(history));
+    const T jm1 = determinant_minus_one(elastic);
+    T strain = scalar<T>(0);
+    if (law.plastic) strain = T::load(history + 9 * kLanes);
+    return {elastic, jm1, jm1, jm1, strain};
+  }
+}
+
 /// A register's particles in law_step().
 template <StressFamily kFamily, bool kDamped, class T, class S>
 struct RenewedPoint {
@@ -63,19 +81,8 @@ struct RenewedPoint {
   std::size_t slab;
   std::size_t lane;
 
-  /// (I+H)(I+G), of a fluid its J.
   HWY_INLINE LawTrial<T> trial() const {
-    if constexpr (kFamily == StressFamily::kNewtonian) {
-      const T before = T::load(history);
-      const T jm1 = fma(jh, before, jh + before);
-      return {h, jm1, jm1, jm1, scalar<T>(0)};
-    } else {
-      const Mat3<T> elastic = compose(h, load_mat3<T>(history));
-      const T jm1 = determinant_minus_one(elastic);
-      T strain = scalar<T>(0);
-      if (view.law.plastic) strain = T::load(history + 9 * kLanes);
-      return {elastic, jm1, jm1, jm1, strain};
-    }
+    return renewed_trial<kFamily, T, S>(view.law, history, h, jh);
   }
   /// (I+H)(I+G)(I+flow): the flow is on the right, so it is G's.
   template <StressFamily>

@@ -4,7 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 
-#include "mpm/total_block_field.hpp"
+#include "mpm/renewed_sample.hpp"
 
 namespace matterfit::mpm {
 
@@ -29,11 +29,9 @@ void RenewedTerms<S>::add(RenewedBody<S>& body, std::size_t member, std::size_t 
   displacements.gather(nodes, displacement.data());
   velocities.gather(nodes, velocity.data());
   forces.clear();
-  const Vec3d origin = body.coordinates()[b].template cast<double>() * (4.0 * dx);
+  const Vec3d origin = block_origin(body.coordinates()[b], dx);
   body.for_each(b, [&](std::size_t slot, const UpdatedPlace<S>& place) {
-    const BlockField::Stencil stencil(
-        {place.block, place.cell / kLanes, place.cell / 4 % 4, place.cell % 4, place.fraction()},
-        dx);
+    const BlockField::Stencil stencil = block_stencil(place, dx);
     effects::MaterialPoint point = terms.point(body.store().id[slot], body.volume(slot));
     point.position = place.position(origin, dx) + displacements.at(stencil);
     point.velocity = velocities.at(stencil);

@@ -434,20 +434,7 @@ ObservedFrame Stepper<S>::observe(bool deformation_gradients) const {
       }
     }
   }
-  if (renewed_) {
-    // These give their state rounded only.
-    std::vector<BodyState> rounded(scene_.bodies.size());
-    renewed_->sample(*arena_, rounded);
-    for (std::size_t i = 0; i < rounded.size(); ++i) {
-      ObservedFrame::Body& seen = out.bodies[i];
-      for (const Vec3f& x : rounded[i].positions) seen.positions.push_back(x.cast<double>());
-      for (const Vec3f& v : rounded[i].velocities) seen.velocities.push_back(v.cast<double>());
-      if (!deformation_gradients) continue;
-      for (const Mat3f& f : rounded[i].deformation_gradients) {
-        seen.deformation_gradients.push_back(f.cast<double>());
-      }
-    }
-  }
+  if (renewed_) renewed_->observe(*arena_, deformation_gradients, out.bodies);
   return out;
 }
 

@@ -62,7 +62,7 @@ class Stepper {
   void substep(int frame, const FrameSchedule& plan, int k);
 
   [[nodiscard]] FrameState state() const;
-  /// The same without rounding; bodies of the formulation `renewed` are rounded still.
+  /// The same without rounding.
   [[nodiscard]] ObservedFrame observe(bool deformation_gradients) const;
   [[nodiscard]] std::string save() const;
   void load(const std::string& bytes);

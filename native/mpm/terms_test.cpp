@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Effects as terms of a simulation, in both formulations: their derivatives against fourth-order
-// differences of whole runs in double, motions with a known answer, and what absent ones change.
+// Effects as terms of a simulation, in the three formulations: their derivatives against
+// fourth-order differences of whole runs in double, motions with a known answer, and what absent
+// ones change.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -93,7 +94,8 @@ TEST_P(EachTerm, HasItsDerivatives) {
 
 INSTANTIATE_TEST_SUITE_P(Catalogue, EachTerm,
                          ::testing::Combine(::testing::Values(Formulation::kTotal,
-                                                              Formulation::kUpdated),
+                                                              Formulation::kUpdated,
+                                                              Formulation::kRenewed),
                                             ::testing::ValuesIn(term_names())),
                          [](const auto& info) {
                            return std::get<1>(info.param) + "_" +
@@ -186,7 +188,8 @@ TEST_P(Flight, HasTheSameBitsForAnyNumberOfThreads) {
 
 /// An effect that does nothing yet has the derivative that says what it would do.
 TEST(NeutralEffects, HaveDerivatives) {
-  for (const Formulation formulation : {Formulation::kTotal, Formulation::kUpdated}) {
+  for (const Formulation formulation :
+       {Formulation::kTotal, Formulation::kUpdated, Formulation::kRenewed}) {
     // Both are vectors, so that differences may go to either side of 0.
     TermCase run(formulation, {strong("wind"), strong("force_field")});
     set(run.with[0], "velocity", 0.0);

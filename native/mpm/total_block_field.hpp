@@ -84,6 +84,18 @@ class BlockField {
     h << x.head<3>(), y.head<3>(), z.head<3>();
     return h;
   }
+  /// Σ (∇∇w_I) rowsᵀ u_I: how rows : gradient() changes with the place.
+  [[nodiscard]] Vec3d slope(const Stencil& s, const Mat3d& rows) const {
+    const double inverse_dx = s.spline.g[0][2] - s.spline.g[0][0];
+    Vec3d sum = Vec3d::Zero();
+    for_each_row(s, [&](std::size_t i, std::size_t j, const Eigen::Vector4d* row) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        sum +=
+            s.spline.curvature(i, j, k, 1.0 / inverse_dx) * (rows.transpose() * row[k].head<3>());
+      }
+    });
+    return sum;
+  }
   /// The transpose of at(): adds w_I value to the nodes.
   void add(const Stencil& s, const Vec3d& value) { add(s, value, Mat3d::Zero()); }
   /// The transposes of both: adds w_I value + rows ∇w_I to the nodes.

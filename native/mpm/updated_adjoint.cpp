@@ -293,24 +293,15 @@ void UpdatedAdjoint<S>::substep(Arena& arena, const UpdatedRecord<S>& record,
 
 namespace {
 
-/// What one particle's first transfer gives back.
-struct ParticleStart {
-  Vec3d x = Vec3d::Zero();
-  Vec3d v = Vec3d::Zero();
-  Mat3d spin = Mat3d::Zero();  ///< of the velocity gradient
-  double log_density = 0.0;
-};
-
 template <class S>
 Vec3d vector_of(const std::array<S, 3>& a) {
   return {static_cast<double>(a[0]), static_cast<double>(a[1]), static_cast<double>(a[2])};
 }
 
-/// The first transfer: momentum Σ w m (v + C (x_I − x)) and mass, without stress.
 template <class S>
 void add_first_transfer(const Body& body, std::size_t p, double dx, const Vec3d& center,
                         const TopologyIndex& index, const UpdatedCotangents<S>& bar,
-                        ParticleStart& out) {
+                        TransferCotangents& out) {
   const Vec3d v = start_velocity(body, p, center);
   const Mat3d spin = spin_matrix(body.spin);
   const double mass = body.density * body.volumes[p];
@@ -319,63 +310,35 @@ void add_first_transfer(const Body& body, std::size_t p, double dx, const Vec3d&
                               start.particle.cell,
                               {start.particle.f[0], start.particle.f[1], start.particle.f[2]}};
   const PointStencil stencil(place.fraction(), dx);
-  const auto add = [&](const Vec3d& n, double m, std::size_t i, std::size_t j, std::size_t k) {
-    const double w = stencil.weight(i, j, k);
-    const Vec3d arm = dx * (stencil_node(i, j, k) - place.fraction());
-    const double all = n.dot(v + spin * arm) + m;
-    out.v += mass * w * n;
-    out.spin += mass * w * n * arm.transpose();
-    out.x += mass * (all * stencil.gradient(i, j, k) - w * (spin.transpose() * n));
-    out.log_density += mass * w * all;
-  };
-  for_each_cotangent(*bar.topology, bar.nodes, place, add);
+  for_each_cotangent(*bar.topology, bar.nodes, place,
+                     [&](const Vec3d& n, double m, std::size_t i, std::size_t j, std::size_t k) {
+                       out.add_node(stencil, place.fraction(), dx, i, j, k, mass, v, spin, n, m);
+                     });
 }
 
 }  // namespace
 
 template <class S>
-UpdatedStartCotangents UpdatedAdjoint<S>::start(Arena& arena, std::size_t body,
-                                                const UpdatedCotangents<S>& bar) const {
+StartCotangents UpdatedAdjoint<S>::start(Arena& arena, std::size_t body,
+                                         const UpdatedCotangents<S>& bar) const {
   const Impl& s = *impl_;
   const Body& of = s.scene->bodies[s.members[body].index];
   const UpdatedBodyCotangents<S>& own = bar.bodies[body];
   const Vec3d center = center_of_volume(of);
-  const Mat3d spin = spin_matrix(of.spin);
   std::unique_ptr<TopologyIndex> index;
   if (bar.topology) index = std::make_unique<TopologyIndex>(*bar.topology);
-  std::vector<ParticleStart> particles(of.rest.size());
+  std::vector<TransferCotangents> particles(of.rest.size());
   arena.parallel_for(0, particles.size(), 256, [&](std::size_t p) {
     particles[p].x = vector_of(own.particles[p].position);
+    if (!own.rest.empty()) particles[p].x += own.rest[p];
     particles[p].v = vector_of(own.particles[p].velocity);
     if (index) add_first_transfer(of, p, s.dx, center, *index, bar, particles[p]);
   });
-
-  UpdatedStartCotangents out;
+  StartCotangents out;
   out.log_density = own.log_density;
-  Vec3d center_bar = Vec3d::Zero();
-  double volume = 0.0;
-  for (std::size_t p = 0; p < particles.size(); ++p) {
-    const ParticleStart& at = particles[p];
-    const Vec3d arm = of.rest[p] - center;
-    volume += of.volumes[p];
-    out.log_density += at.log_density;
-    out.velocity += at.v;
-    out.particle_velocities.push_back(at.v);
-    out.spin +=
-        arm.cross(at.v) + Vec3d(at.spin(2, 1) - at.spin(1, 2), at.spin(0, 2) - at.spin(2, 0),
-                                at.spin(1, 0) - at.spin(0, 1));
-    const Vec3d arm_bar = spin.transpose() * at.v;
-    center_bar -= arm_bar;
-    out.positions.emplace_back(at.x + arm_bar);
-    if (!own.rest.empty()) out.positions.back() += own.rest[p];
-  }
   out.offset = own.pivots;
   out.rotation = own.turn - center.cross(own.pivots);
-  for (std::size_t p = 0; p < of.rest.size(); ++p) {
-    out.positions[p] += of.volumes[p] / volume * center_bar;
-    out.offset += out.positions[p];
-    out.rotation += (of.rest[p] - center).cross(out.positions[p]);
-  }
+  add_first_transfers(of, particles, out);
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include "base/parallel.hpp"
 #include "material/classical/law_gradient.hpp"
 #include "mpm/body_terms.hpp"
+#include "mpm/start_cotangents.hpp"
 #include "mpm/updated_adjoint_kernels.hpp"
 #include "mpm/updated_member.hpp"
 #include "mpm/updated_record.hpp"
@@ -45,17 +46,6 @@ struct UpdatedCotangents {
   std::vector<shape::ColliderCotangents> colliders;  ///< in the order of Scene::colliders
 };
 
-/// Derivatives with respect to how a body starts.
-struct UpdatedStartCotangents {
-  Points positions;  ///< of Body::rest, each; without what attached masses are shared out by
-  Vec3d offset = Vec3d::Zero();    ///< of all of them together, with the pins
-  Vec3d rotation = Vec3d::Zero();  ///< of them about their centre, with the pins and their motion
-  Vec3d velocity = Vec3d::Zero();
-  Vec3d spin = Vec3d::Zero();
-  std::vector<Vec3d> particle_velocities;
-  double log_density = 0.0;  ///< ∂/∂ln ρ, of the whole run
-};
-
 /// The adjoint of UpdatedGroup's substep (MLS-MPM with APIC): particles to grid with the weights'
 /// derivatives, grid with node-wise contact, grid to particles, every law with its history, contact
 /// with colliders, and pins. Exact for the discrete scheme: what the forward pass computed is
@@ -78,8 +68,8 @@ class UpdatedAdjoint {
   /// Takes `bar` from after the substep to before it.
   void substep(Arena& arena, const UpdatedRecord<S>& record, UpdatedCotangents<S>& bar);
   /// The cotangents of the n-th body's start, with `bar` taken back to before the first substep.
-  [[nodiscard]] UpdatedStartCotangents start(Arena& arena, std::size_t body,
-                                             const UpdatedCotangents<S>& bar) const;
+  [[nodiscard]] StartCotangents start(Arena& arena, std::size_t body,
+                                      const UpdatedCotangents<S>& bar) const;
   [[nodiscard]] material::MaterialGradient material_gradient(std::size_t body,
                                                              const UpdatedCotangents<S>& bar) const;
   /// Adds those by the effects' numbers and the material's correction (BodyTerms::add_to),

@@ -1,7 +1,4 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include <algorithm>
-#include <cmath>
-
 #include "mpm/contact_law_adjoint.hpp"
 #include "mpm/updated_back.hpp"
 #include "mpm/updated_contact.hpp"
@@ -45,17 +42,9 @@ FluidImpulse fluid_impulse_adjoint(const UpdatedPlace<S>& place, const ContactPo
 
   // Place of the face, in cells: f + reach · offset.
   const Vec3d face_bar = dx * (at_face.momentum_by.transpose() * tangential);
-  const auto reach = static_cast<double>(face.reach);
-  Vec3d offset_bar = reach * face_bar;
-  Vec3d f_bar = face_bar;
-  if (face.axis >= 0 && reach > 0.0) {
-    const auto o = static_cast<double>(offset[face.axis]);
-    double reach_bar = 0.0;
-    for (int a = 0; a < 3; ++a) reach_bar += face_bar[a] * static_cast<double>(offset[a]);
-    const double size = std::max(std::abs(o), 1e-6);
-    f_bar[face.axis] += (o < 0.0 ? -1.0 : 1.0) * reach_bar / size;
-    if (std::abs(o) > 1e-6) offset_bar[face.axis] -= reach_bar * reach / o;
-  }
+  Vec3d offset_bar = Vec3d::Zero();
+  Vec3d f_bar = Vec3d::Zero();
+  face.back(offset, face_bar, f_bar, offset_bar);
   bar.x += f_bar / dx;
   bar.radius = -n.dot(offset_bar) / dx;
   bar.normal -= point.radius / dx * offset_bar;

@@ -62,6 +62,21 @@ struct OffsetPlace {
     reach = std::max(reach, S(0));
     for (int a = 0; a < 3; ++a) f[a] = place.f[a] + reach * offset[a];
   }
+
+  /// Adds to the cotangents of the particle's place and of the offset, both in cells, what comes
+  /// back from that of `f`.
+  void back(const S offset[3], const Vec3d& f_bar, Vec3d& place_bar, Vec3d& offset_bar) const {
+    const auto share = static_cast<double>(reach);
+    place_bar += f_bar;
+    offset_bar += share * f_bar;
+    if (axis < 0 || !(share > 0.0)) return;
+    const auto o = static_cast<double>(offset[axis]);
+    double share_bar = 0.0;
+    for (int a = 0; a < 3; ++a) share_bar += f_bar[a] * static_cast<double>(offset[a]);
+    const double size = std::max(std::abs(o), 1e-6);
+    place_bar[axis] += (o < 0.0 ? -1.0 : 1.0) * share_bar / size;
+    if (std::abs(o) > 1e-6) offset_bar[axis] -= share_bar * share / o;
+  }
 };
 
 /// The block that holds node 0…5 along each axis of a block with its halo, as an index into its 27

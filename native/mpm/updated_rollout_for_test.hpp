@@ -38,7 +38,7 @@ template <class Act, class S>
 
 struct UpdatedRollout {
   struct Gradient {
-    std::vector<UpdatedStartCotangents> start;
+    std::vector<StartCotangents> start;
     std::vector<material::MaterialGradient> material;
     Vec3d gravity = Vec3d::Zero();
     std::vector<shape::ColliderCotangents> colliders;
@@ -166,7 +166,7 @@ struct UpdatedRollout {
   /// What every body has: motion, place, density, gravity.
   void expect_start(const Gradient& g, double least, const std::string& name) {
     for (std::size_t b = 0; b < scene.bodies.size(); ++b) {
-      const UpdatedStartCotangents& start = g.start[b];
+      const StartCotangents& start = g.start[b];
       Vec3d offset = Vec3d::Zero();
       for (const Vec3d& x : start.positions) offset += x;
       for (int axis = 0; axis < 3; ++axis) {

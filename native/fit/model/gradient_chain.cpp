@@ -10,7 +10,6 @@ namespace matterfit::fit {
 bool has_slopes(const Parameters& parameters, std::size_t run, const mpm::Scene& scene) {
   const auto total = std::count_if(scene.bodies.begin(), scene.bodies.end(), mpm::is_total);
   if (total > 0 && scene.bodies.size() > 1) return false;
-  if (std::any_of(scene.bodies.begin(), scene.bodies.end(), mpm::is_renewed)) return false;
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     if (parameters.acts_on(i, run) && !has_slope(parameters.path(i), scene)) return false;
   }

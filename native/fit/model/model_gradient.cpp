@@ -72,12 +72,15 @@ bool Model::has_gradient() const {
 double Model::gradient_cost() const {
   // One run with all threads and its way back, beside runs with one thread each; the way back of
   // updated bodies is longer.
-  constexpr double kTotal = 4.0;
+  constexpr double kNodes = 4.0;  // of what keeps nodes alone
   constexpr double kUpdated = 7.0;
-  double cost = kTotal;
+  const auto is_updated = [](const mpm::Body& body) {
+    return !mpm::is_total(body) && !mpm::is_renewed(body);
+  };
+  double cost = kNodes;
   for (const auto& model : models_) {
     const auto& bodies = model->scene.bodies;
-    if (!std::any_of(bodies.begin(), bodies.end(), mpm::is_total)) cost = kUpdated;
+    if (std::any_of(bodies.begin(), bodies.end(), is_updated)) cost = kUpdated;
   }
   return cost;
 }

@@ -177,7 +177,9 @@ void expect_slope(const Quantity& row, Formulation formulation) {
         (8.0 * (loss(step) - loss(-step)) - (loss(2.0 * step) - loss(-2.0 * step))) / (12.0 * step);
     error = std::abs(expected - found) / std::max(std::abs(expected), 0.1);
   }
-  const std::string name = at.text() + (formulation == Formulation::kTotal ? ", total" : "");
+  const std::string name = at.text() + (formulation == Formulation::kTotal     ? ", total"
+                                        : formulation == Formulation::kRenewed ? ", renewed"
+                                                                               : "");
   EXPECT_LE(error, 1e-6) << name << ": difference " << expected << ", gradient " << found;
   EXPECT_GT(std::abs(expected), 1e-7) << name << " does nothing";
 }
@@ -244,6 +246,7 @@ TEST(Quantities, HaveTheirSlopeOrNone) {
     if (!has_slope(at, updated)) without.insert("updated: " + row.path);
     expect_slope(row, Formulation::kTotal);
     expect_slope(row, Formulation::kUpdated);
+    expect_slope(row, Formulation::kRenewed);
   }
   EXPECT_THAT(without,
               testing::ElementsAre(

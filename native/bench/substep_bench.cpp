@@ -187,10 +187,11 @@ void vibration(Formulation formulation, const char* word, int cells, int threads
   }
 }
 
-void columns(Formulation formulation, const char* word, int cells, int threads) {
-  for (const double aspect : {0.4, 0.9, 2.0}) {
+void columns(const std::vector<double>& aspects, Formulation formulation, const char* word,
+             shape::ContactMethod method, int cells, int threads) {
+  for (const double aspect : aspects) {
     const auto begin = std::chrono::steady_clock::now();
-    const auto column = validation::sand_column(aspect, cells, 30.0, threads, formulation);
+    const auto column = validation::sand_column(aspect, cells, method, threads, formulation);
     std::printf(
         "{\"case\": \"column\", \"formulation\": \"%s\", \"cells\": %d, \"aspect\": %g, "
         "\"runout\": %.4f, \"outer\": %.4f, \"lube\": %.4f, \"height\": %.4f, \"seconds\": %.1f}\n",
@@ -205,6 +206,7 @@ int run(int argc, char** argv) {
   std::string word = "renewed";
   std::string contact = "friction_particle";
   std::vector<std::string> names{"elastic", "newtonian", "non_newtonian", "plasticine", "sand"};
+  std::vector<double> aspects{0.4, 0.9, 2.0};
   int cells = 12;
   int threads = 1;
   CLI::App app("Does motion depend on the substep?");
@@ -213,6 +215,7 @@ int run(int argc, char** argv) {
   app.add_option("--contact", contact)
       ->check(CLI::IsMember({"friction_particle", "friction_node", "glue_node"}));
   app.add_option("--materials", names);
+  app.add_option("--aspects", aspects, "height over radius of columns, which have friction");
   app.add_option("--cells", cells, "across the ball, or the column's radius");
   app.add_option("--threads", threads);
   CLI11_PARSE(app, argc, argv);
@@ -221,7 +224,11 @@ int run(int argc, char** argv) {
                                                       : Formulation::kTotal;
   if (what == "substeps") substeps(names, formulation, word.c_str(), contact, cells, threads);
   if (what == "vibration") vibration(formulation, word.c_str(), cells, threads);
-  if (what == "columns") columns(formulation, word.c_str(), cells, threads);
+  if (what == "columns") {
+    const auto method = contact == "friction_particle" ? shape::ContactMethod::kParticle
+                                                       : shape::ContactMethod::kNode;
+    columns(aspects, formulation, word.c_str(), method, cells, threads);
+  }
   return 0;
 }
 

@@ -117,6 +117,7 @@ template <class Points>
 void dam(const char* column, double a, const Points& measured, ContactKind floor, int cells,
          int threads) {
   std::vector<double> times;
+  times.reserve(measured.size());
   for (const auto& point : measured) times.push_back(point.t);
   const std::vector<double> fronts = validation::dam_break(a, times, floor, cells, threads);
   for (std::size_t i = 0; i < fronts.size(); ++i) {
@@ -136,7 +137,7 @@ void flows(int threads) {
   dam("57.15 mm", 0.05715, validation::kDamLarge, ContactKind::kGlue, 10, threads);
   dam("28.575 mm", 0.028575, validation::kDamSmall, ContactKind::kSeparating, 10, threads);
   for (const double aspect : {0.9, 3.0}) {
-    const auto heap = validation::sand_column(aspect, 6, 30.0, threads);
+    const auto heap = validation::sand_column(aspect, 6, ContactMethod::kParticle, threads);
     std::printf(
         "{\"case\": \"sand\", \"aspect\": %g, \"cells\": 6, \"runout\": %.3f, \"lube\": %.3f, "
         "\"height\": %.3f}\n",

@@ -101,9 +101,20 @@ struct Column {
   double expected = 0.0;  ///< Lube et al. 2004
 };
 
-/// Dry sand of friction angle 30° released from a cylinder of radius r₀ and height a·r₀.
-inline Column sand_column(double aspect, int cells, double friction_angle = 30.0, int threads = 1,
+/// The friction angle [degrees] of a Drucker-Prager material whose slopes hold up to `slope`
+/// [degrees], as an angle of repose is measured: in simple shear its cone, which meets
+/// Mohr-Coulomb's in triaxial compression, has τ/p = 2√3 sin φ/(3 − sin φ).
+inline double friction_angle_of_slope(double slope) {
+  constexpr double kDegree = std::numbers::pi / 180.0;
+  const double t = std::tan(slope * kDegree);
+  return std::asin(3.0 * t / (2.0 * std::sqrt(3.0) + t)) / kDegree;
+}
+
+/// Dry sand whose slopes hold up to 30°, released from a cylinder of radius r₀ and height a·r₀ on a
+/// floor of the same friction.
+inline Column sand_column(double aspect, int cells, shape::ContactMethod method, int threads = 1,
                           Formulation formulation = Formulation::kUpdated) {
+  constexpr double kSlope = 30.0;
   constexpr double kRadius = 0.05;
   Scene scene;
   scene.dx = kRadius / cells;
@@ -117,11 +128,12 @@ inline Column sand_column(double aspect, int cells, double friction_angle = 30.0
   body.material.law = material::Law::kDruckerPrager;
   body.material.youngs_modulus = 5e5;
   body.material.poisson_ratio = 0.2;
-  body.material.friction_angle = friction_angle;
+  body.material.friction_angle = friction_angle_of_slope(kSlope);
   scene.bodies.push_back(std::move(body));
   shape::Contact ground;
   ground.kind = shape::ContactKind::kFriction;
-  ground.mu = std::tan(friction_angle * std::numbers::pi / 180);
+  ground.mu = std::tan(kSlope * std::numbers::pi / 180);
+  ground.method = method;
   scene.colliders.push_back(shape::make_plane("floor", ground, Vec3d::Zero(), Vec3d::UnitZ()));
   const double fall = std::sqrt(height / kPull);
   scene.fps = 100;

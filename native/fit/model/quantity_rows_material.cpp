@@ -108,7 +108,8 @@ std::vector<Quantity> law_rows() {
        .prior_sigma = 5.0,
        .scanned = true,
        .label = "Friction Angle",
-       .sentence = "Angle of internal friction: dry sand 25 to 40 degrees",
+       .sentence = "Angle of internal friction in triaxial compression: dry sand 25 to 40 degrees. "
+                   "Slopes hold more: 30 degrees at 25.4, 35 at 30",
        .words = "the friction angle",
        .record = "a column or a heap that collapses, until it lies still",
        .member = &M::friction_angle,

@@ -9,6 +9,7 @@
 #include <memory>
 #include <set>
 
+#include "base/error.hpp"
 #include "material/neural/isotropic_material.hpp"
 #include "material/neural/pretrain_latent.hpp"
 #include "mpm/scene_check.hpp"

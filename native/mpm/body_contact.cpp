@@ -83,10 +83,10 @@ struct BodyContacts::Surface {
 };
 
 BodyContacts::BodyContacts(const Scene& scene, const std::vector<Member>& total,
-                           UpdatedGroup<float>* updated,
-                           const std::vector<std::size_t>& updated_bodies)
-    : updated_(updated) {
-  if (total.empty() || total.size() + updated_bodies.size() < 2) return;
+                           ParticleBodies<float>* particles,
+                           const std::vector<std::size_t>& without_skin)
+    : particles_(particles) {
+  if (total.empty() || total.size() + without_skin.size() < 2) return;
   for (const Member& member : total) {
     Skin skin{};
     skin.index = member.index;
@@ -111,7 +111,7 @@ BodyContacts::BodyContacts(const Scene& scene, const std::vector<Member>& total,
     Pair pair;
     pair.surface = surface;
     pair.skin = skin;
-    pair.updated = body;
+    pair.looking = body;
     pair.law = resolve_contact(contact, looking, scene.dx);
     pair.law.stiffness =
         share * std::min(pair.law.stiffness, resolve_contact(contact, seen, scene.dx).stiffness);
@@ -119,7 +119,7 @@ BodyContacts::BodyContacts(const Scene& scene, const std::vector<Member>& total,
     pair.memory.resize(looking.rest.size());
     // Both sides give way; a pair of skins has half the stiffness in each of its two directions.
     const double other =
-        skin == kUpdatedBody ? 1.0 / (looking.density * 0.5 * scene.dx) : skins_[skin].response;
+        skin == kWithoutSkin ? 1.0 / (looking.density * 0.5 * scene.dx) : skins_[skin].response;
     frequency_squared_ = std::max(frequency_squared_,
                                   pair.law.stiffness / share * (skins_[surface].response + other));
     pairs_.push_back(std::move(pair));
@@ -128,7 +128,7 @@ BodyContacts::BodyContacts(const Scene& scene, const std::vector<Member>& total,
     for (std::size_t b = 0; b < skins_.size(); ++b) {
       if (a != b) add(a, b, skins_[b].index, 0.5);
     }
-    for (const std::size_t body : updated_bodies) add(a, kUpdatedBody, body, 1.0);
+    for (const std::size_t body : without_skin) add(a, kWithoutSkin, body, 1.0);
   }
 }
 
@@ -182,10 +182,10 @@ void BodyContacts::apply(Arena& arena, double time, double dt, double accelerati
     refresh(arena, seen, time, false);
     const double reach = 2.5 * seen.edge;
     std::vector<Looking> looking;
-    std::vector<UpdatedPoint<float>> points;
+    std::vector<BodyPoint<float>> points;
     double distance = 0.0;  // between the bounding boxes
-    double speed = seen.speed + (pair.skin == kUpdatedBody ? updated_->max_speed() : 0.0);
-    if (pair.skin != kUpdatedBody) {
+    double speed = seen.speed + (pair.skin == kWithoutSkin ? particles_->max_speed() : 0.0);
+    if (pair.skin != kWithoutSkin) {
       Skin& other = skins_[pair.skin];
       refresh(arena, other, time, false);
       distance = (seen.low - other.high).cwiseMax(other.low - seen.high).cwiseMax(0.0).norm();
@@ -204,10 +204,10 @@ void BodyContacts::apply(Arena& arena, double time, double dt, double accelerati
         }
       }
     } else {
-      updated_->collect(seen.low - Vec3d::Constant(reach), seen.high + Vec3d::Constant(reach),
-                        points);
+      particles_->collect(seen.low - Vec3d::Constant(reach), seen.high + Vec3d::Constant(reach),
+                          points);
       for (std::size_t i = 0; i < points.size(); ++i) {
-        if (points[i].body != pair.updated) continue;
+        if (points[i].body != pair.looking) continue;
         const double edge = std::cbrt(points[i].volume);
         looking.push_back({points[i].position, points[i].velocity, 0.5 * edge, edge * edge,
                            points[i].mass, points[i].id, i});
@@ -215,8 +215,8 @@ void BodyContacts::apply(Arena& arena, double time, double dt, double accelerati
     }
     if (looking.empty()) {
       const double fastest = 2.0 * speed + 2.0 * acceleration * frame_seconds + 1e-9;
-      // Particles of an updated body were not seen: they may be just outside the reach.
-      const double gap = pair.skin == kUpdatedBody ? 0.25 * reach : std::max(distance, 0.1 * reach);
+      // Particles without a skin were not seen: they may be just outside the reach.
+      const double gap = pair.skin == kWithoutSkin ? 0.25 * reach : std::max(distance, 0.1 * reach);
       pair.wake = time + std::min(0.25 * frame_seconds, 0.25 * gap / fastest);
       continue;
     }
@@ -250,8 +250,8 @@ void BodyContacts::apply(Arena& arena, double time, double dt, double accelerati
     // In order, on one thread: sums must not depend on threads.
     for (std::size_t i = 0; i < looking.size(); ++i) {
       if (forces[i].isZero(0.0)) continue;
-      if (pair.skin == kUpdatedBody) {
-        updated_->add_impulse(points[looking[i].source], dt * forces[i]);
+      if (pair.skin == kWithoutSkin) {
+        particles_->push(points[looking[i].source], forces[i], dt);
       } else {
         add_load(skins_[pair.skin], looking[i].source, forces[i]);
       }

@@ -7,10 +7,10 @@
 
 #include "base/parallel.hpp"
 #include "mpm/contact_law.hpp"
+#include "mpm/particle_bodies.hpp"
 #include "mpm/scene.hpp"
 #include "mpm/state_bytes.hpp"
 #include "mpm/total_body.hpp"
-#include "mpm/updated_group.hpp"
 
 namespace matterfit::mpm {
 
@@ -27,12 +27,13 @@ class BodyContacts {
     std::size_t index;  ///< into scene.bodies
     TotalBody<float>* body;
   };
-  BodyContacts(const Scene& scene, const std::vector<Member>& total, UpdatedGroup<float>* updated,
-               const std::vector<std::size_t>& updated_bodies);
+  /// `particles`: the bodies, of the indices `without_skin`, that are none of `total`; or null.
+  BodyContacts(const Scene& scene, const std::vector<Member>& total,
+               ParticleBodies<float>* particles, const std::vector<std::size_t>& without_skin);
 
   [[nodiscard]] bool any() const { return !pairs_.empty(); }
   void wake();
-  /// Adds forces to total bodies and impulses to updated ones, at `time` over `dt`. `acceleration`:
+  /// Adds forces to all of them, at `time` over `dt`. `acceleration`:
   /// of gravity; `frame_seconds`: the longest a pair may sleep.
   void apply(Arena& arena, double time, double dt, double acceleration, double frame_seconds);
   /// Highest k/(ρ h) of any particle on its contact spring [1/s²].
@@ -60,20 +61,20 @@ class BodyContacts {
   };
   struct Pair {
     std::size_t surface;  ///< skin that is seen as a surface
-    std::size_t skin;     ///< skin whose particles look, or kUpdatedBody
-    std::size_t updated;  ///< body index of the updated one that looks
+    std::size_t skin;     ///< skin whose particles look, or kWithoutSkin
+    std::size_t looking;  ///< body index of the one that looks
     ContactLaw law;
     double wake = -1e300;
     std::vector<ContactMemory> memory;  ///< per looking particle
   };
   struct Surface;
-  static constexpr std::size_t kUpdatedBody = static_cast<std::size_t>(-1);
+  static constexpr std::size_t kWithoutSkin = static_cast<std::size_t>(-1);
 
   void refresh(Arena& arena, Skin& skin, double time, bool with_normals);
   /// On the face of its particle i.
   static void add_load(const Skin& skin, std::size_t i, const Vec3d& force);
 
-  UpdatedGroup<float>* updated_;
+  ParticleBodies<float>* particles_;
   std::vector<Skin> skins_;
   std::vector<Pair> pairs_;
   double frequency_squared_ = 0.0;

@@ -51,6 +51,8 @@ std::pair<double, double> RenewedGroup<S>::step(Arena& arena, double time, doubl
     s.contacts[m].apply(s.bodies[m], b, s.grid.nodes_of(m).data() + std::size_t{8} * b,
                         s.displacement, s.velocity, s.dx, time, dt, s.loads[i],
                         s.followed != nullptr ? &s.touches[i] : nullptr);
+    s.loads[i].insert(s.loads[i].end(), s.pushes[i].begin(), s.pushes[i].end());
+    s.pushes[i].clear();
     s.kernels->forces(all[m], b);
     s.add_loads(i, m, b);
     s.terms.add(s.bodies[m], m, b, s.grid.nodes_of(m).data() + std::size_t{8} * b, s.displacement,
@@ -88,6 +90,24 @@ std::uint64_t RenewedGroup<S>::renewals() const {
 template <class S>
 void RenewedGroup<S>::renew(Arena& arena) {
   impl_->renew(arena);
+}
+
+template <class S>
+void RenewedGroup<S>::push(const BodyPoint<S>& point, const Vec3d& force, double /*dt*/) {
+  Impl& s = *impl_;
+  std::size_t m = 0;
+  while (s.bodies[m].index() != point.body) ++m;
+  s.pushes[s.first_work[m] + point.place.block].push_back({point.place, force});
+}
+
+template <class S>
+double RenewedGroup<S>::max_speed() const {
+  return impl_->fastest();
+}
+
+template <class S>
+double RenewedGroup<S>::term_acceleration() const {
+  return impl_->term_acceleration();
 }
 
 template <class S>

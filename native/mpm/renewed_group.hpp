@@ -9,6 +9,7 @@
 
 #include "base/parallel.hpp"
 #include "mpm/observed_frame.hpp"
+#include "mpm/particle_bodies.hpp"
 #include "mpm/renewed_kernels.hpp"
 #include "mpm/renewed_state.hpp"
 #include "mpm/scene.hpp"
@@ -34,13 +35,11 @@ namespace matterfit::mpm {
 /// third of a cell relative to the common motion; the second not where all there is is one elastic
 /// body that no node-wise contact holds. So the schedule does not depend on the substep.
 template <class S>
-class RenewedGroup {
+class RenewedGroup final : public ParticleBodies<S> {
  public:
   RenewedGroup(const Scene& scene, const std::vector<std::size_t>& bodies,
                const RenewedKernels<S>& kernels, std::size_t memory_limit);
-  ~RenewedGroup();
-  RenewedGroup(const RenewedGroup&) = delete;
-  RenewedGroup& operator=(const RenewedGroup&) = delete;
+  ~RenewedGroup() override;
 
   /// The largest stable substep at the present state [s] and what sets it.
   [[nodiscard]] std::pair<double, std::string> limit_step(double time) const;
@@ -51,6 +50,11 @@ class RenewedGroup {
   /// One substep from `time`. Returns the smallest and largest elastic J. Throws UnstableError for
   /// a NaN or an inverted element, Error(kCompute) where the grid outgrows the memory limit.
   std::pair<double, double> step(Arena& arena, double time, double dt, const Vec3d& gravity);
+
+  void collect(const Vec3d& low, const Vec3d& high, std::vector<BodyPoint<S>>& out) const override;
+  void push(const BodyPoint<S>& point, const Vec3d& force, double dt) override;
+  [[nodiscard]] double max_speed() const override;
+  [[nodiscard]] double term_acceleration() const override;
 
   void sample(Arena& arena, std::vector<BodyState>& bodies) const;
   /// The same without rounding.

@@ -50,8 +50,11 @@ struct RenewedGroup<S>::Impl {
   std::vector<double> mass;          ///< node blocks × [64] [kg]
   /// Blocks of all bodies, one after the other: body, block.
   std::vector<std::pair<std::uint32_t, std::uint32_t>> work;
+  std::vector<std::size_t> first_work;             ///< of each body, and the end
   std::vector<std::vector<RenewedLoad<S>>> loads;  ///< by `work`
   std::vector<std::vector<RenewedTouch>> touches;  ///< by `work`, of a substep that is followed
+  /// By `work`, of the next substep: what total Lagrangian bodies do.
+  std::vector<std::vector<RenewedLoad<S>>> pushes;
   RenewedSubstep* followed = nullptr;
   std::vector<double>* pushed = nullptr;
   /// What record() shares; null where it is of another reference.
@@ -84,7 +87,7 @@ struct RenewedGroup<S>::Impl {
       for (const double volume : body.volumes) total_mass += body.density * volume;
     }
     // A node that a collider holds would hold an elastic body that rebounds for ever.
-    moves_apart = indices.size() > 1 || node_contact.any() ||
+    moves_apart = s.bodies.size() > 1 || node_contact.any() ||
                   !s.bodies[indices.front()].material.traits().elastic();
     Arena arena(1);
     link();
@@ -140,10 +143,12 @@ struct RenewedGroup<S>::Impl {
     return std::sqrt(fastest);
   }
 
+  [[nodiscard]] double term_acceleration() const { return terms.acceleration_bound(fastest()); }
+
   [[nodiscard]] double pull(double time) const {
     return std::max(scene->gravity.at(time).norm(),
                     scene->gravity.at(time + 1.0 / scene->fps).norm()) +
-           terms.acceleration_bound(fastest());
+           term_acceleration();
   }
 
   [[nodiscard]] int looks_of_frame(double time) const {
@@ -180,6 +185,10 @@ struct RenewedGroup<S>::Impl {
     reference.reset();
     loads.resize(work.size());
     touches.resize(work.size());
+    pushes.assign(work.size(), {});
+    first_work.assign(1, 0);
+    for (const RenewedBody<S>& body : bodies)
+      first_work.push_back(first_work.back() + body.blocks());
     const std::size_t bytes = work.size() * 4 * kHaloNodes * sizeof(S) +
                               grid.size() * (3 * kNodeBlock + kBlockNodes) * sizeof(double);
     if (bytes <= memory_limit) return;

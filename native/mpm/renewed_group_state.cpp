@@ -81,6 +81,32 @@ std::pair<Vec3d, Vec3d> RenewedGroup<S>::momentum() const {
 }
 
 template <class S>
+void RenewedGroup<S>::collect(const Vec3d& low, const Vec3d& high,
+                              std::vector<BodyPoint<S>>& out) const {
+  const Impl& s = *impl_;
+  out.clear();
+  for (const auto& [m, b] : s.work) {
+    const RenewedBody<S>& body = s.bodies[m];
+    const std::uint32_t* nodes = s.grid.nodes_of(m).data() + std::size_t{8} * b;
+    BlockField displacement;
+    displacement.gather(nodes, s.displacement.data());
+    const Vec3d origin = block_origin(body.coordinates()[b], s.dx);
+    BlockField velocity;
+    bool has_velocity = false;
+    body.for_each(b, [&](std::size_t slot, const UpdatedPlace<S>& place) {
+      const BlockField::Stencil at = block_stencil(place, s.dx);
+      const Vec3d x = place.position(origin, s.dx) + displacement.at(at);
+      if ((x.array() < low.array()).any() || (x.array() > high.array()).any()) return;
+      if (!has_velocity) velocity.gather(nodes, s.velocity.data());
+      has_velocity = true;
+      const double volume = body.volume(slot);
+      out.push_back({place, static_cast<std::uint32_t>(body.index()), body.store().id[slot], x,
+                     velocity.at(at), volume, volume * body.density()});
+    });
+  }
+}
+
+template <class S>
 RenewedState<S> RenewedGroup<S>::record() {
   Impl& s = *impl_;
   if (!s.reference) {
@@ -164,6 +190,8 @@ template void RenewedGroup<float>::sample(Arena&, std::vector<BodyState>&) const
 template void RenewedGroup<float>::observe(Arena&, bool, std::vector<ObservedFrame::Body>&) const;
 template void RenewedGroup<float>::report(FrameReport&) const;
 template std::pair<Vec3d, Vec3d> RenewedGroup<float>::momentum() const;
+template void RenewedGroup<float>::collect(const Vec3d&, const Vec3d&,
+                                           std::vector<BodyPoint<float>>&) const;
 template RenewedState<float> RenewedGroup<float>::record();
 template void RenewedGroup<float>::restore(const RenewedState<float>&);
 template void RenewedGroup<float>::save(ByteWriter&) const;
@@ -172,6 +200,8 @@ template void RenewedGroup<double>::sample(Arena&, std::vector<BodyState>&) cons
 template void RenewedGroup<double>::observe(Arena&, bool, std::vector<ObservedFrame::Body>&) const;
 template void RenewedGroup<double>::report(FrameReport&) const;
 template std::pair<Vec3d, Vec3d> RenewedGroup<double>::momentum() const;
+template void RenewedGroup<double>::collect(const Vec3d&, const Vec3d&,
+                                            std::vector<BodyPoint<double>>&) const;
 template RenewedState<double> RenewedGroup<double>::record();
 template void RenewedGroup<double>::restore(const RenewedState<double>&);
 template void RenewedGroup<double>::save(ByteWriter&) const;

@@ -93,11 +93,13 @@ void check_scene(const Scene& scene) {
     }
   }
   const auto renewed = std::find_if(scene.bodies.begin(), scene.bodies.end(), is_renewed);
-  const auto other = std::find_if_not(scene.bodies.begin(), scene.bodies.end(), is_renewed);
+  const auto other = std::find_if(scene.bodies.begin(), scene.bodies.end(), [](const Body& body) {
+    return !is_renewed(body) && !is_total(body);
+  });
   if (renewed != scene.bodies.end() && other != scene.bodies.end()) {
     throw_input("Bodies '" + renewed->name + "' and '" + other->name +
-                "' may touch each other, and a body of formulation 'renewed' touches only its "
-                "like. Set it for all bodies of the scene, or for none.");
+                "' may touch each other, and bodies of the formulations 'renewed' and 'updated' "
+                "share no grid. Set one of them for both.");
   }
   for (std::size_t i = 0; i < scene.contacts.size(); ++i) {
     const BodyContact& pair = scene.contacts[i];

@@ -232,8 +232,10 @@ class Pairs : public ::testing::TestWithParam<std::pair<Formulation, Formulation
 INSTANTIATE_TEST_SUITE_P(Solver, Pairs,
                          ::testing::Values(std::pair(Formulation::kTotal, Formulation::kTotal),
                                            std::pair(Formulation::kTotal, Formulation::kUpdated),
-                                           std::pair(Formulation::kUpdated,
-                                                     Formulation::kUpdated)));
+                                           std::pair(Formulation::kUpdated, Formulation::kUpdated),
+                                           std::pair(Formulation::kTotal, Formulation::kRenewed),
+                                           std::pair(Formulation::kRenewed,
+                                                     Formulation::kRenewed)));
 
 TEST_P(Pairs, CollideWithoutPassingThrough) {
   Body left = block("left", Vec3d(0, 0, 0), Vec3i(6, 6, 6), 0.01);

@@ -56,17 +56,17 @@ void Stepper<S>::build_groups() {
   updated_.reset();
   renewed_.reset();
   total_ = std::make_unique<TotalGroup<S>>(scene_, table, options_.interrupter);
-  std::vector<std::size_t> renewed;
+  renewed_bodies_.clear();
   for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
     if (is_renewed(scene_.bodies[i])) {
-      renewed.push_back(i);
+      renewed_bodies_.push_back(i);
     } else if (!is_total(scene_.bodies[i])) {
       updated_bodies_.push_back(i);
     }
   }
-  if (!renewed.empty()) {
+  if (!renewed_bodies_.empty()) {
     renewed_ = std::make_unique<RenewedGroup<S>>(
-        scene_, renewed, renewed_kernels<S>(options_.target), options_.memory_limit);
+        scene_, renewed_bodies_, renewed_kernels<S>(options_.target), options_.memory_limit);
   }
   if (!updated_bodies_.empty()) {
     updated_ = std::make_unique<UpdatedGroup<S>>(scene_, updated_bodies_, table,
@@ -78,8 +78,8 @@ void Stepper<S>::build_groups() {
     for (std::size_t m = 0; m < total_->size(); ++m) {
       members.push_back({total_->index(m), &total_->body(m)});
     }
-    body_contacts_ =
-        std::make_unique<BodyContacts>(scene_, members, updated_.get(), updated_bodies_);
+    body_contacts_ = std::make_unique<BodyContacts>(scene_, members, particle_bodies(),
+                                                    renewed_ ? renewed_bodies_ : updated_bodies_);
   } else if (total_->size() > 0 && scene_.bodies.size() > 1) {
     throw_input(
         "In double precision a scene has one body of formulation 'total', or bodies that are all "
@@ -241,7 +241,9 @@ void Stepper<S>::step(double time, double dt, FrameReport& report) {
   total_->touch(*arena_, time, dt);
   if (body_contacts_ && body_contacts_->any()) {
     double pull = total_->term_acceleration();
-    if (updated_) pull = std::max(pull, updated_->term_acceleration());
+    if (const auto* others = particle_bodies()) {
+      pull = std::max(pull, others->term_acceleration());
+    }
     body_contacts_->apply(*arena_, time, dt, gravity.norm() + pull, 1.0 / scene_.fps);
   }
   total_->step(*arena_, time, dt, gravity, frame_, report);

@@ -76,6 +76,11 @@ class Stepper {
   [[nodiscard]] bool hand_over(const std::string& before, std::size_t body);
   void check_start() const;
   void check_walls(const FrameState& state) const;
+  /// Those that are not total Lagrangian, all of one formulation; or null.
+  [[nodiscard]] ParticleBodies<S>* particle_bodies() const {
+    if (renewed_) return renewed_.get();
+    return updated_.get();
+  }
   [[nodiscard]] double time_of(int at) const { return (at - scene_.first_frame) / scene_.fps; }
   [[nodiscard]] StepLimit choose_step(double time, const Interrupter& interrupter);
   [[nodiscard]] double substeps(const StepLimit& step) const;
@@ -92,6 +97,7 @@ class Stepper {
   std::unique_ptr<RenewedGroup<S>> renewed_;
   UpdatedRecord<S>* record_ = nullptr;
   std::vector<std::size_t> updated_bodies_;
+  std::vector<std::size_t> renewed_bodies_;
   std::unique_ptr<BodyContacts> body_contacts_;  ///< null where S is not float
   Schedule schedule_;
   FrameSchedule taken_;

@@ -319,12 +319,13 @@ std::pair<double, double> UpdatedGroup<S>::step(Arena& arena, double time, doubl
 
 template <class S>
 void UpdatedGroup<S>::collect(const Vec3d& low, const Vec3d& high,
-                              std::vector<UpdatedPoint<S>>& out) const {
+                              std::vector<BodyPoint<S>>& out) const {
   collect_points(impl_->grid, impl_->members, low, high, out);
 }
 
 template <class S>
-void UpdatedGroup<S>::add_impulse(const UpdatedPoint<S>& point, const Vec3d& impulse) {
+void UpdatedGroup<S>::push(const BodyPoint<S>& point, const Vec3d& force, double dt) {
+  const Vec3d impulse = dt * force;
   impl_->grid.add_momentum(point.place, impulse.cast<S>(), S(0));
 }
 

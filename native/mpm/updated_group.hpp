@@ -22,14 +22,12 @@ namespace matterfit::mpm {
 /// al. 2015), on one sparse grid that they share, which is how they touch each other. S is the
 /// scalar of grid and particles.
 template <class S>
-class UpdatedGroup {
+class UpdatedGroup final : public ParticleBodies<S> {
  public:
   UpdatedGroup(const Scene& scene, const std::vector<std::size_t>& bodies,
                const Kernels<S>& kernels, std::size_t memory_limit,
                const Interrupter* interrupter = nullptr);
-  ~UpdatedGroup();
-  UpdatedGroup(const UpdatedGroup&) = delete;
-  UpdatedGroup& operator=(const UpdatedGroup&) = delete;
+  ~UpdatedGroup() override;
 
   /// Tidies the grid; the largest stable substep at the present state [s] and what sets it.
   [[nodiscard]] std::pair<double, std::string> begin_frame(double time);
@@ -38,14 +36,10 @@ class UpdatedGroup {
   /// adjoint needs, if not null.
   std::pair<double, double> step(Arena& arena, double time, double dt, const Vec3d& gravity,
                                  UpdatedRecord<S>* record = nullptr);
-  /// Particles inside a box, in storage order.
-  void collect(const Vec3d& low, const Vec3d& high, std::vector<UpdatedPoint<S>>& out) const;
-  /// Adds an impulse [N s] to what the grid takes up in the next step.
-  void add_impulse(const UpdatedPoint<S>& point, const Vec3d& impulse);
-  /// The largest acceleration [m/s²] that terms give to a body in the frame that began last.
-  [[nodiscard]] double term_acceleration() const;
-  /// The largest speed of any particle in the last substep [m/s].
-  [[nodiscard]] double max_speed() const;
+  void collect(const Vec3d& low, const Vec3d& high, std::vector<BodyPoint<S>>& out) const override;
+  void push(const BodyPoint<S>& point, const Vec3d& force, double dt) override;
+  [[nodiscard]] double term_acceleration() const override;
+  [[nodiscard]] double max_speed() const override;
 
   /// Particles of the n-th of these bodies, in the order of Body::rest.
   [[nodiscard]] std::vector<UpdatedParticle> particles(std::size_t body) const;

@@ -7,7 +7,7 @@ namespace matterfit::mpm {
 
 template <class S>
 void collect_points(const UpdatedGrid<S>& grid, const std::vector<UpdatedMember<S>>& members,
-                    const Vec3d& low, const Vec3d& high, std::vector<UpdatedPoint<S>>& out) {
+                    const Vec3d& low, const Vec3d& high, std::vector<BodyPoint<S>>& out) {
   out.clear();
   for (std::size_t b = 0; b < grid.blocks.size(); ++b) {
     const UpdatedBlock<S>& block = grid.blocks[b];
@@ -20,7 +20,7 @@ void collect_points(const UpdatedGrid<S>& grid, const std::vector<UpdatedMember<
     for (std::size_t m = 0; m < members.size(); ++m) {
       block.bodies[m].for_each([&](std::size_t slab, const UpdatedChunk<S>& chunk,
                                    std::size_t lane) {
-        UpdatedPoint<S> p;
+        BodyPoint<S> p;
         p.place = grid.place(b, slab, chunk, lane);
         p.position = grid.position(p.place);
         if ((p.position.array() < low.array()).any() || (p.position.array() > high.array()).any()) {
@@ -107,10 +107,10 @@ void report_particles(const UpdatedGrid<S>& grid, const std::vector<UpdatedMembe
 
 template void collect_points<float>(const UpdatedGrid<float>&,
                                     const std::vector<UpdatedMember<float>>&, const Vec3d&,
-                                    const Vec3d&, std::vector<UpdatedPoint<float>>&);
+                                    const Vec3d&, std::vector<BodyPoint<float>>&);
 template void collect_points<double>(const UpdatedGrid<double>&,
                                      const std::vector<UpdatedMember<double>>&, const Vec3d&,
-                                     const Vec3d&, std::vector<UpdatedPoint<double>>&);
+                                     const Vec3d&, std::vector<BodyPoint<double>>&);
 template std::vector<UpdatedParticle> particles_of<float>(const UpdatedGrid<float>&,
                                                           const std::vector<UpdatedMember<float>>&,
                                                           std::size_t);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "mpm/particle_bodies.hpp"
 #include "mpm/simulation.hpp"
 #include "mpm/updated_grid.hpp"
 #include "mpm/updated_member.hpp"
@@ -12,19 +13,6 @@
 
 /// What the particles of updated Lagrangian bodies do, read from the blocks of the grid.
 namespace matterfit::mpm {
-
-/// One particle of an updated Lagrangian body, for contact with bodies of the other formulation.
-/// Valid until the next step.
-template <class S>
-struct UpdatedPoint {
-  UpdatedPlace<S> place;
-  std::uint32_t body;  ///< into scene.bodies
-  std::uint32_t id;    ///< particle of the body
-  Vec3d position = Vec3d::Zero();
-  Vec3d velocity = Vec3d::Zero();
-  double volume = 0.0;  ///< at rest [m³]
-  double mass = 0.0;
-};
 
 /// What a particle does, world axes.
 struct UpdatedParticle {
@@ -37,7 +25,7 @@ struct UpdatedParticle {
 /// Particles inside a box, in storage order.
 template <class S>
 void collect_points(const UpdatedGrid<S>& grid, const std::vector<UpdatedMember<S>>& members,
-                    const Vec3d& low, const Vec3d& high, std::vector<UpdatedPoint<S>>& out);
+                    const Vec3d& low, const Vec3d& high, std::vector<BodyPoint<S>>& out);
 
 /// Particles of the n-th of the members, in the order of Body::rest.
 template <class S>
@@ -56,10 +44,10 @@ void report_particles(const UpdatedGrid<S>& grid, const std::vector<UpdatedMembe
 
 extern template void collect_points<float>(const UpdatedGrid<float>&,
                                            const std::vector<UpdatedMember<float>>&, const Vec3d&,
-                                           const Vec3d&, std::vector<UpdatedPoint<float>>&);
+                                           const Vec3d&, std::vector<BodyPoint<float>>&);
 extern template void collect_points<double>(const UpdatedGrid<double>&,
                                             const std::vector<UpdatedMember<double>>&, const Vec3d&,
-                                            const Vec3d&, std::vector<UpdatedPoint<double>>&);
+                                            const Vec3d&, std::vector<BodyPoint<double>>&);
 extern template std::vector<UpdatedParticle> particles_of<float>(
     const UpdatedGrid<float>&, const std::vector<UpdatedMember<float>>&, std::size_t);
 extern template std::vector<UpdatedParticle> particles_of<double>(

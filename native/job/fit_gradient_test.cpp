@@ -125,15 +125,19 @@ TEST(FitGradient, IsTheTransposeOfDifferencesForElasticBodies) {
 }
 
 TEST(FitGradient, IsTheTransposeOfDifferencesForPlasticBodies) {
-  const Folder folder;
-  Json truth = thrown_cube();
-  truth["scene"]["frames"] = {0, 6};
-  truth["scene"]["bodies"][0]["material"] = {
-      {"law", "von_mises"}, {"E", 3e4}, {"nu", 0.3}, {"yield_stress", 800}, {"hardening", 2e3}};
-  record(truth, folder.path, "a", 1);
-  expect_transposed(fit_of(truth, {"material.E", "material.nu", "material.yield_stress",
-                                   "material.hardening", "velocity", "spin"}),
-                    folder.path, 0.03);
+  for (const char* formulation : {"updated", "renewed"}) {
+    const Folder folder;
+    Json truth = thrown_cube();
+    truth["scene"]["frames"] = {0, 6};
+    truth["scene"]["bodies"][0]["formulation"] = formulation;
+    truth["scene"]["bodies"][0]["material"] = {
+        {"law", "von_mises"}, {"E", 3e4}, {"nu", 0.3}, {"yield_stress", 800}, {"hardening", 2e3}};
+    record(truth, folder.path, "a", 1);
+    SCOPED_TRACE(formulation);
+    expect_transposed(fit_of(truth, {"material.E", "material.nu", "material.yield_stress",
+                                     "material.hardening", "velocity", "spin"}),
+                      folder.path, 0.03);
+  }
 }
 
 TEST(FitGradient, GoesThroughContactsThatFollowTheMaterial) {

@@ -152,7 +152,7 @@ TEST(Fit, TheStateIsKeptToTheLastBit) {
   fit::LawState law;
   law.law = "neo_hookean";
   law.values = {1.0 / 3.0, 1e-300, 12345.678901234567};
-  law.steps = {{{7, 8}, 2.0 / 7.0}};
+  law.steps = {{{7, 8}, 2.0 / 7.0, {{0.5, 1.0}, {}}}};
   law.phase = fit::LeftEarly{"it missed by more", fit::FarOff{}};
   law.second = fit::FirstEnd{{0.1, 0.2}, 1.0 / 7.0};
   law.rescanned = law.spared = true;

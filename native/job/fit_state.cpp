@@ -21,14 +21,18 @@ Eigen::VectorXd to_vector(const Json& json) {
 
 Json to_json(const std::vector<fit::RunSteps>& all) {
   Json steps = Json::array();
-  for (const fit::RunSteps& step : all) steps.push_back({step.substeps, step.limit});
+  for (const fit::RunSteps& step : all) {
+    steps.push_back({step.substeps, step.limit});
+    if (!step.renewals.empty()) steps.back().push_back(step.renewals);
+  }
   return steps;
 }
 
 std::vector<fit::RunSteps> to_steps(const Json& json) {
   std::vector<fit::RunSteps> steps;
   for (const Json& step : json) {
-    steps.push_back({step.at(0).get<std::vector<int>>(), step.at(1).get<double>()});
+    steps.push_back({step.at(0).get<std::vector<int>>(), step.at(1).get<double>(), {}});
+    if (step.size() > 2) step.at(2).get_to(steps.back().renewals);
   }
   return steps;
 }

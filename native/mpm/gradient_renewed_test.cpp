@@ -40,6 +40,11 @@ TEST(GradientRenewed, OfASolidOnTheGroundMatchesDifferences) {
 TEST(GradientRenewed, OfWhatFlowsMatchesDifferences) {
   GradientCase run = renewed_bar();
   run.ground = true;
+  run.material.law = Law::kVonMises;
+  run.material.yield_stress = 800.0;
+  run.material.hardening = 1e4;
+  expect_renewed("von Mises", run);
+  run.material.hardening = 0.0;
   run.material.law = Law::kHerschelBulkley;
   run.material.yield_stress = 800.0;
   run.material.viscosity = 30.0;

@@ -32,11 +32,14 @@ double RenewedGroup<S>::whole_substeps(double time, double count) const {
 }
 
 template <class S>
-void RenewedGroup<S>::begin_frame(double time, int substeps) {
+void RenewedGroup<S>::begin_frame(double time, int substeps,
+                                  const std::optional<std::vector<double>>& renewals) {
   Impl& s = *impl_;
   s.looks = s.looks_of_frame(time);
   s.substeps = substeps;
   s.substep = 0;
+  s.planned = renewals;
+  s.renewed_at.clear();
   const double speed = s.fastest() + s.pull(time) / s.scene->fps;
   for (std::size_t m = 0; m < s.bodies.size(); ++m) s.terms.of(m).check_step(speed);
   s.begin_contact(s.pull(time));
@@ -73,10 +76,10 @@ std::pair<double, double> RenewedGroup<S>::step(Arena& arena, double time, doubl
   if (s.pushed != nullptr) s.pushed->resize(s.velocity.size());
   s.move_nodes(arena, kick, time, dt, gravity);
   s.last_dt = dt;
-  const auto look = [&](int k) { return static_cast<std::int64_t>(k) * s.looks / s.substeps; };
   ++s.substep;
-  if (s.pushed == nullptr && look(s.substep) != look(s.substep - 1) && s.asks_for_renewal(arena)) {
+  if (s.pushed == nullptr && s.is_due(arena)) {
     if (s.followed != nullptr) s.followed->renewed = true;
+    s.renewed_at.push_back(static_cast<double>(s.substep) / s.substeps);
     s.renew(arena);
   }
   return {least, most};

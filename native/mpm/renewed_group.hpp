@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -33,7 +34,8 @@ namespace matterfit::mpm {
 /// nothing goes farther than half a cell from one to the next. Then the reference is renewed where
 /// any particle is strained by more than a third since the last renewal, or has gone farther than a
 /// third of a cell relative to the common motion; the second not where all there is is one elastic
-/// body that no node-wise contact holds. So the schedule does not depend on the substep.
+/// body that no node-wise contact holds. So the schedule does not depend on the substep. A frame
+/// that is given its renewals has others only where motion goes twice as far as that.
 template <class S>
 class RenewedGroup final : public ParticleBodies<S> {
  public:
@@ -46,7 +48,9 @@ class RenewedGroup final : public ParticleBodies<S> {
   /// Substeps of the frame at `time`, `count` at least, so that every time to look is the end of
   /// one.
   [[nodiscard]] double whole_substeps(double time, double count) const;
-  void begin_frame(double time, int substeps);
+  /// `renewals`: FrameSchedule's.
+  void begin_frame(double time, int substeps,
+                   const std::optional<std::vector<double>>& renewals = {});
   /// One substep from `time`. Returns the smallest and largest elastic J. Throws UnstableError for
   /// a NaN or an inverted element, Error(kCompute) where the grid outgrows the memory limit.
   std::pair<double, double> step(Arena& arena, double time, double dt, const Vec3d& gravity);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <utility>
 #include <vector>
@@ -30,6 +31,8 @@ struct RenewedGroup<S>::Impl {
   static constexpr double kMostStrain = 1.0 / 3.0;
   /// Way relative to the common motion that does [cells].
   static constexpr double kMostWay = 1.0 / 3.0;
+  /// How many times as far motion goes before it asks for a renewal that is not planned.
+  static constexpr double kBeyondPlan = 2.0;
   /// Way of the fastest particle between two looks [cells], and how many looks a frame has at most.
   static constexpr double kLookWay = 0.5;
   static constexpr int kMostLooks = 1 << 20;
@@ -68,6 +71,8 @@ struct RenewedGroup<S>::Impl {
   int looks = 1;              ///< of this frame
   int substeps = 1;
   int substep = 0;
+  std::optional<std::vector<double>> planned;  ///< renewals of this frame
+  std::vector<double> renewed_at;              ///< in this frame so far
 
   Impl(const Scene& s, const std::vector<std::size_t>& indices, const RenewedKernels<S>& k,
        std::size_t limit)
@@ -243,7 +248,20 @@ struct RenewedGroup<S>::Impl {
     ++renewals;
   }
 
-  [[nodiscard]] bool asks_for_renewal(Arena& arena) {
+  /// At the end of a substep. Where renewals are planned motion asks for one at `kBeyondPlan` times
+  /// the limits.
+  [[nodiscard]] bool is_due(Arena& arena) {
+    if (planned) {
+      for (const double at : *planned) {
+        if (std::max(std::lround(at * substeps), 1L) == substep) return true;
+      }
+    }
+    const auto look = [&](int k) { return static_cast<std::int64_t>(k) * looks / substeps; };
+    return look(substep) != look(substep - 1) &&
+           asks_for_renewal(arena, planned ? kBeyondPlan : 1.0);
+  }
+
+  [[nodiscard]] bool asks_for_renewal(Arena& arena, double times) {
     const std::vector<RenewedView<S>> all = views(0.0, mean(displacement));
     for_blocks(arena, [&](std::size_t, std::uint32_t m, std::uint32_t b) {
       kernels->departure(all[m], b);
@@ -256,8 +274,9 @@ struct RenewedGroup<S>::Impl {
         way = std::max(way, static_cast<double>(d.way));
       }
     }
-    return strain > kMostStrain * kMostStrain ||
-           (moves_apart && way > kMostWay * dx * (kMostWay * dx));
+    const double most_strain = times * kMostStrain;
+    const double most_way = times * kMostWay * dx;
+    return strain > most_strain * most_strain || (moves_apart && way > most_way * most_way);
   }
 
   // --- substep ----------------------------------------------------------------------------------

@@ -54,6 +54,7 @@ template <class S>
 void RenewedGroup<S>::report(FrameReport& report) const {
   const Impl& s = *impl_;
   report.max_speed = std::max(report.max_speed, s.fastest());
+  report.renewals = s.renewed_at;
   for (const RenewedContact<S>& contact : s.contacts) {
     report.max_penetration = std::max(report.max_penetration, contact.max_penetration());
   }
@@ -120,8 +121,18 @@ RenewedState<S> RenewedGroup<S>::record() {
     }
     s.reference = std::move(made);
   }
-  RenewedState<S> out{s.reference, s.displacement, s.velocity, {},         s.last_dt,
-                      s.min_j,     s.acceleration, s.looks,    s.substeps, s.substep};
+  RenewedState<S> out;
+  out.reference = s.reference;
+  out.displacement = s.displacement;
+  out.velocity = s.velocity;
+  out.last_dt = s.last_dt;
+  out.min_j = s.min_j;
+  out.acceleration = s.acceleration;
+  out.looks = s.looks;
+  out.substeps = s.substeps;
+  out.substep = s.substep;
+  out.planned = s.planned;
+  out.renewed_at = s.renewed_at;
   for (std::size_t m = 0; m < s.bodies.size(); ++m) {
     const RenewedBody<S>& body = s.bodies[m];
     out.bodies.push_back({body.law().plastic ? body.store().history : std::vector<S>{},
@@ -149,6 +160,8 @@ void RenewedGroup<S>::restore(const RenewedState<S>& state) {
   s.looks = state.looks;
   s.substeps = state.substeps;
   s.substep = state.substep;
+  s.planned = state.planned;
+  s.renewed_at = state.renewed_at;
   s.begin_contact(state.acceleration);
 }
 

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "mpm/renewed_grid.hpp"
@@ -39,6 +40,8 @@ struct RenewedState {
   int looks = 1;
   int substeps = 1;
   int substep = 0;
+  std::optional<std::vector<double>> planned;  ///< renewals of this frame
+  std::vector<double> renewed_at;              ///< in this frame so far
 
   [[nodiscard]] const std::vector<S>& history(std::size_t member) const {
     return bodies[member].history.empty() ? reference->bodies[member].history

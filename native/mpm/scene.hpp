@@ -134,6 +134,8 @@ struct Scene {
   /// other take the same ones; 0, or past the end: the solver chooses. A frame that fails is not
   /// tried again with more.
   std::vector<int> substeps;
+  /// FrameSchedule::renewals of each frame that `substeps` has; past the end: none are given.
+  std::vector<std::vector<double>> renewals;
   /// Moves the total Lagrangian grid inside each body by this fraction of a cell (tests of
   /// accuracy below the cell).
   Vec3d grid_shift = Vec3d::Zero();

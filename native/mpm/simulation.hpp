@@ -46,6 +46,7 @@ struct FrameReport {
   double kinetic_energy = 0.0;   ///< [J]
   std::string note;              ///< what the solver did to go on, a sentence; mostly empty
   double seconds = 0.0;          ///< wall clock
+  std::vector<double> renewals;  ///< FrameSchedule::renewals; empty without renewed bodies
 };
 
 struct MemoryEstimate {

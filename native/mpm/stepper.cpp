@@ -229,9 +229,9 @@ int Stepper<S>::fixed_substeps() const {
 }
 
 template <class S>
-void Stepper<S>::begin_frame(int substeps) {
+void Stepper<S>::begin_frame(int substeps, const std::optional<std::vector<double>>& renewals) {
   total_->begin_frame(time_of(frame_));
-  if (renewed_) renewed_->begin_frame(time_of(frame_), substeps);
+  if (renewed_) renewed_->begin_frame(time_of(frame_), substeps, renewals);
   if (body_contacts_) body_contacts_->wake();
 }
 
@@ -265,7 +265,7 @@ void Stepper<S>::substep(int frame, const FrameSchedule& plan, int k) {
   if (k == 0) {
     total_->set_elastic_dt(plan.elastic_dt);
     if (updated_) (void)updated_->begin_frame(time_of(frame_));
-    begin_frame(plan.substeps);
+    begin_frame(plan.substeps, plan.renewals);
   }
   const double dt = 1.0 / (scene_.fps * plan.substeps);
   FrameReport report;
@@ -294,15 +294,20 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
   const bool scheduled = at < schedule_.size();
   StepLimit step;
   int fixed = 0;
+  std::optional<std::vector<double>> renewals;
   if (scheduled) {
     fixed = schedule_[at].substeps;
+    renewals = schedule_[at].renewals;
     step = {1.0 / (scene_.fps * fixed), "schedule"};
     total_->set_elastic_dt(schedule_[at].elastic_dt);
     if (updated_) (void)updated_->begin_frame(time_of(frame_));
   } else {
     step = choose_step(time_of(frame_), interrupter);
     fixed = fixed_substeps();
-    if (fixed > 0) step = {1.0 / (scene_.fps * fixed), "scene.substeps"};
+    if (fixed > 0) {
+      step = {1.0 / (scene_.fps * fixed), "scene.substeps"};
+      if (at < scene_.renewals.size()) renewals = scene_.renewals[at];
+    }
   }
   const bool may_retry = !(scene_.dt > 0.0) && fixed == 0;
   std::string before = may_retry ? save() : "";  // with the limits just found
@@ -328,7 +333,7 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
     report.dt = 1.0 / (scene_.fps * report.substeps);
     report.dt_limit = step.reason + (attempt > 0 ? ", halved after a failed try" : "");
     try {
-      begin_frame(report.substeps);
+      begin_frame(report.substeps, renewals);
       for (int k = 0; k < report.substeps; ++k) {
         interrupter.check();
         if (hooks.before) hooks.before(k, report.substeps);
@@ -360,12 +365,12 @@ FrameReport Stepper<S>::advance(const Interrupter& interrupter, const SubstepHoo
     }
   }
   report.note = note;
-  taken_ = {report.substeps, total_->elastic_dt()};
   ++frame_;
   report.frame = frame_;
   total_->report(report);
   if (updated_) updated_->report(report);
   if (renewed_) renewed_->report(report);
+  taken_ = {report.substeps, total_->elastic_dt(), report.renewals};
   if (scene_.walls) check_walls(state());
   return report;
 }
@@ -379,7 +384,7 @@ SubstepCost Stepper<S>::measure(double seconds, const Interrupter& interrupter) 
   SubstepCost cost;
   cost.dt = 1.0 / (scene_.fps * count);
   FrameReport report;
-  begin_frame(static_cast<int>(count));
+  begin_frame(static_cast<int>(count), {});
   const auto begin = Clock::now();
   int done = 0;
   double spent = 0.0;

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -85,7 +86,7 @@ class Stepper {
   [[nodiscard]] StepLimit choose_step(double time, const Interrupter& interrupter);
   [[nodiscard]] double substeps(const StepLimit& step) const;
   [[nodiscard]] int fixed_substeps() const;
-  void begin_frame(int substeps);
+  void begin_frame(int substeps, const std::optional<std::vector<double>>& renewals);
   void step(double time, double dt, FrameReport& report);
 
   Scene scene_;

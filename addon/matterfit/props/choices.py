@@ -9,7 +9,7 @@ FORMULATIONS = (
     ("UPDATED", "Updated Lagrangian", "The grid stands still: flows, tears, mixes"),
     ("RENEWED", "Renewed",
      "As total, but the grid is laid anew as motion asks: flows with a damping that does not depend on the "
-     "substep. For all bodies of the scene, without pins and attached masses"),
+     "substep, and sand runs out as far as measured. Not beside updated, without pins and attached masses"),
 )
 
 CONTACT_KINDS = (

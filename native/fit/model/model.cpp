@@ -72,7 +72,8 @@ StepPlan Model::plan_of(std::span<const double> values, const Outcome& outcome) 
   std::vector<RunSteps> runs(models_.size());
   for (std::size_t r = 0; r < models_.size(); ++r) {
     if (outcome[r].substeps.empty()) continue;
-    runs[r] = {with_neighbours(outcome[r].substeps), mpm::step_limit(scene_at(values, r))};
+    runs[r] = {with_neighbours(outcome[r].substeps), mpm::step_limit(scene_at(values, r)),
+               outcome[r].renewals};
   }
   return StepPlan(std::move(runs));
 }
@@ -220,7 +221,9 @@ Observation Model::observe(const Trial& trial, const Scope& scope,
   record();
   for (int k = 0; k < trial.frames; ++k) {
     interrupter_.check();
-    observation.substeps.push_back(simulation.advance(interrupter_).substeps);
+    mpm::FrameReport report = simulation.advance(interrupter_);
+    observation.substeps.push_back(report.substeps);
+    observation.renewals.push_back(std::move(report.renewals));
     record();
     listener.tick();
   }

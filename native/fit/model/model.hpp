@@ -27,8 +27,9 @@ namespace matterfit::fit {
 
 /// What the captures of one run would have seen of a simulation.
 struct Observation {
-  std::vector<SimulatedCapture> captures;  ///< in the run's order; empty: was not simulated
-  std::vector<int> substeps;               ///< of each frame
+  std::vector<SimulatedCapture> captures;     ///< in the run's order; empty: was not simulated
+  std::vector<int> substeps;                  ///< of each frame
+  std::vector<std::vector<double>> renewals;  ///< the same (mpm::FrameReport)
 };
 /// What was observed in all runs.
 using Outcome = std::vector<Observation>;

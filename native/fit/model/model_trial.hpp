@@ -42,7 +42,9 @@ struct Model::Trial {
   double finer = 1.0;                      ///< the factor of those that were chosen
 
   void set_substeps(double factor) {
-    if (steps != nullptr) scene.substeps = multiplied(steps->substeps, factor);
+    if (steps == nullptr) return;
+    scene.substeps = multiplied(steps->substeps, factor);
+    scene.renewals = steps->renewals;
   }
 };
 

@@ -14,6 +14,9 @@ namespace matterfit::fit {
 struct RunSteps {
   std::vector<int> substeps;  ///< of each frame; empty: the solver chooses
   double limit = 0.0;         ///< the estimated limit of stability where they were chosen [s]
+  /// mpm::Scene::renewals of the same frames, so that slopes do not have the jumps of others;
+  /// empty: of a run without renewed bodies, or of an older checkpoint.
+  std::vector<std::vector<double>> renewals;
 };
 
 /// How every run of an evaluation is stepped. The solver chooses where there is no plan.

@@ -17,7 +17,7 @@
 namespace matterfit::mpm {
 namespace {
 
-/// Of a block's particles: what comes back to the nodes and to what is summed.
+/// What comes back from a block's particles, to the nodes and to sums.
 struct RenewedBlockBar {
   RenewedFields fields;
   TermCotangents terms;
@@ -260,7 +260,7 @@ struct RenewedAdjoint<S>::Impl {
     }
   }
 
-  /// Those of one block lie together.
+  /// The touches of one block lie together.
   void touches(Arena& arena, const RenewedSubstep& substep, const RenewedState<S>& before,
                RenewedCotangents<S>& bar) const {
     const std::vector<RenewedTouch>& all = substep.touches;

@@ -27,10 +27,10 @@ class RenewedAdjoint {
   RenewedAdjoint(const RenewedAdjoint&) = delete;
   RenewedAdjoint& operator=(const RenewedAdjoint&) = delete;
 
-  /// Of `state`, the last of a run.
+  /// Cotangents of zero at `state`, the last of a run.
   [[nodiscard]] RenewedCotangents<S> zero(const RenewedState<S>& state) const;
-  /// Some of a substep can only be gone back over where it was looked into
-  /// (RenewedGroup::look_into).
+  /// Whether the way back over a substep needs what happened inside it
+  /// (RenewedGroup::look_into): the state before a renewal, or velocities before contact by nodes.
   [[nodiscard]] bool looks_into(const RenewedSubstep& substep) const;
   /// Takes `bar` from after the substep to before it. `after`: a state with the history after it;
   /// `pushed`: the velocities of nodes between its forces and contact by nodes, which are those of

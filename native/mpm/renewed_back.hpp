@@ -30,8 +30,8 @@ struct RenewedBodyCotangents {
   TermCotangents terms;                           ///< sums
 };
 
-/// … of all bodies of a group, of its nodes and of what acts on them. Slots and nodes are those of
-/// the reference that the state has.
+/// Derivatives with respect to all bodies of a group, its nodes and what acts on them. Slots and
+/// nodes are those of the reference that the state has.
 template <class S>
 struct RenewedCotangents {
   std::vector<RenewedBodyCotangents<S>> bodies;

@@ -71,7 +71,7 @@ class RenewedGroup final : public ParticleBodies<S> {
   [[nodiscard]] std::pair<Vec3d, Vec3d> momentum() const;
   /// Renews the reference now.
   void renew(Arena& arena);
-  // For a way back.
+  // What a way back needs.
   [[nodiscard]] RenewedState<S> record();
   void restore(const RenewedState<S>& state);
   /// From here on each substep fills it; null: none.

@@ -22,14 +22,15 @@ struct RenewedMomentumBar {
   std::vector<double> mass;      ///< node blocks × [64]
 };
 
-/// From the cotangents of the velocities after the transfer and of the masses.
+/// Takes the cotangents of the velocities after the transfer and of the masses to those of momentum
+/// and mass.
 template <class S>
 [[nodiscard]] RenewedMomentumBar renewed_momentum_adjoint(Arena& arena,
                                                           const RenewedState<S>& entered,
                                                           const RenewedCotangents<S>& bar);
 
-/// What the nodes give back to the particle at `place`, that has `mass`, `velocity` and the affine
-/// part C of it.
+/// What the nodes give back to the particle at `place`, which has `mass`, `velocity` and its affine
+/// part C [1/s].
 template <class S>
 [[nodiscard]] TransferCotangents renewed_enter_adjoint(const RenewedGrid& grid, std::size_t member,
                                                        const UpdatedPlace<S>& place, double dx,
@@ -42,7 +43,7 @@ template <class S>
 void renewal_adjoint(Arena& arena, const RenewedState<S>& left, const RenewedState<S>& entered,
                      const std::vector<RenewedCargo>& cargo, double dx, RenewedCotangents<S>& bar);
 
-/// Cotangents of zeros at the reference of `state`, sums aside.
+/// Sets the cotangents of a state to zero, at the reference of `state`; sums stay.
 template <class S>
 void clear_state_bars(const RenewedState<S>& state, RenewedCotangents<S>& bar,
                       const std::vector<RenewedCargo>& cargo);

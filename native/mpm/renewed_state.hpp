@@ -20,6 +20,15 @@ struct RenewedReference {
   RenewedGrid grid;
   std::vector<double> mass;             ///< node blocks × [64] [kg]
   std::vector<RenewedStore<S>> bodies;  ///< history of those that do not flow; no branches
+
+  [[nodiscard]] std::size_t bytes() const {
+    std::size_t bytes = mass.size() * sizeof(double);
+    for (const RenewedStore<S>& body : bodies) {
+      bytes += body.id.size() * sizeof(body.id[0]) +
+               (body.geometry.size() + body.history.size()) * sizeof(S);
+    }
+    return bytes;
+  }
 };
 
 /// A group between two substeps.
@@ -47,7 +56,7 @@ struct RenewedState {
     return bodies[member].history.empty() ? reference->bodies[member].history
                                           : bodies[member].history;
   }
-  /// Without what it shares with its neighbours.
+  /// Without its reference.
   [[nodiscard]] std::size_t bytes() const {
     std::size_t bytes = (displacement.size() + velocity.size()) * sizeof(double);
     for (const Body& body : bodies) {

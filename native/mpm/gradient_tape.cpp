@@ -198,6 +198,15 @@ void UpdatedTape<S>::collect(const std::vector<Vec3d>& /*observed*/, Gradient& o
 }
 
 template <class S>
+RenewedState<S> RenewedTape<S>::state() {
+  State state = stepper_.renewed()->record();
+  // All states between two renewals share one.
+  if (last_ != state.reference) references_ += state.reference->bytes();
+  last_ = state.reference;
+  return state;
+}
+
+template <class S>
 void RenewedTape<S>::before_substep() {
   stepper_.renewed()->follow(&log_.emplace_back());
 }
@@ -218,7 +227,7 @@ void RenewedTape<S>::forget_from(std::size_t substep) {
 
 template <class S>
 std::size_t RenewedTape<S>::log_bytes() const {
-  return log_.size() * sizeof(RenewedSubstep) + touches_ * sizeof(RenewedTouch);
+  return log_.size() * sizeof(RenewedSubstep) + touches_ * sizeof(RenewedTouch) + references_;
 }
 
 template <class S>

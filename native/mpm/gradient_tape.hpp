@@ -128,13 +128,8 @@ class RenewedTape {
   RenewedTape(Stepper<S>& stepper, const GradientOptions& options)
       : stepper_(stepper), target_(options.simulation.target), rates_(options.of_no_damping) {}
 
-  [[nodiscard]] State state() const { return stepper_.renewed()->record(); }
-  /// A reference is shared by all that lies between two renewals: it counts where it is new.
-  [[nodiscard]] std::size_t bytes(const State& state) {
-    const bool is_new = counted_ != state.reference;
-    counted_ = state.reference;
-    return state.bytes() + (is_new ? state.reference->bytes() : 0);
-  }
+  [[nodiscard]] State state();
+  [[nodiscard]] static std::size_t bytes(const State& state) { return state.bytes(); }
   void before_substep();
   void after_substep();
   void forget_from(std::size_t substep);
@@ -153,9 +148,10 @@ class RenewedTape {
   Stepper<S>& stepper_;
   SimdTarget target_;
   bool rates_;
-  std::vector<RenewedSubstep> log_;  ///< of every substep
-  std::size_t touches_ = 0;          ///< in all of it
-  std::shared_ptr<const RenewedReference<S>> counted_;
+  std::vector<RenewedSubstep> log_;                  ///< of every substep
+  std::size_t touches_ = 0;                          ///< in all of it
+  std::shared_ptr<const RenewedReference<S>> last_;  ///< of a state that was recorded
+  std::size_t references_ = 0;                       ///< of all such [bytes]
   std::unique_ptr<RenewedAdjoint<S>> adjoint_;
   RenewedCotangents<S> bar_;
   State after_;  ///< the next substep to go back over

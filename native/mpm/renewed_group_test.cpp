@@ -240,6 +240,42 @@ TEST(RenewedGroup, MovesAlikeAtAQuarterOfTheSubstep) {
   EXPECT_LT(apart(block_of_plasticine()), 0.015 * 0.1);
 }
 
+/// What every frame says of it.
+std::vector<FrameReport> reports_of(const Scene& scene) {
+  Simulation simulation(scene, std::make_shared<Arena>(1));
+  std::vector<FrameReport> out;
+  while (simulation.frame() + 1 < scene.end_frame) {
+    out.push_back(simulation.advance(Interrupter()));
+  }
+  return out;
+}
+
+TEST(RenewedGroup, IsRenewedWhenItsScheduleSaysAndWhereMotionGoesTwiceAsFar) {
+  Scene scene = drop_of_water();
+  scene.end_frame = 9;
+  std::vector<std::vector<double>> free;
+  for (const FrameReport& report : reports_of(scene)) {
+    scene.substeps.push_back(report.substeps);
+    free.push_back(report.renewals);
+  }
+  EXPECT_FALSE(free.back().empty());
+  scene.renewals = free;
+  scene.bodies[0].velocity *= 1.02;
+  std::vector<FrameReport> held = reports_of(scene);
+  for (std::size_t f = 0; f < free.size(); ++f) EXPECT_EQ(held[f].renewals, free[f]) << f;
+  // None planned: it goes on with its own, later.
+  for (std::vector<double>& of_frame : scene.renewals) of_frame.clear();
+  held = reports_of(scene);
+  std::size_t planned = 0;
+  std::size_t own = 0;
+  for (std::size_t f = 0; f < free.size(); ++f) {
+    planned += free[f].size();
+    own += held[f].renewals.size();
+  }
+  EXPECT_GT(own, 0U);
+  EXPECT_LT(own, planned);
+}
+
 std::string error_of(const Scene& scene) {
   try {
     Simulation simulation(scene, std::make_shared<Arena>(1));

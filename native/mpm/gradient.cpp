@@ -255,7 +255,7 @@ void with_run(const Scene& scene, const std::shared_ptr<Arena>& arena, const Obs
   check_scene(scene);
   check_adjoints(scene);
   arena->execute([&] {
-    if (is_renewed(scene.bodies.front())) {  // and so are the others (check_scene)
+    if (is_renewed(scene.bodies.front())) {  // and so are the others (check_adjoints, check_scene)
       Run<S, RenewedTape<S>> run(scene, arena, observer, options, interrupter);
       use(run);
     } else if (all_of_particles(scene)) {

@@ -26,6 +26,7 @@ const mpm::AdjointKernels<double>& adjoint_table_double() { return adjoint_table
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
+#include "material/classical/law_gradient.hpp"
 #include "mpm/simd_dispatch.hpp"
 
 namespace matterfit::mpm {
@@ -38,6 +39,16 @@ LawCotangents& LawCotangents::operator+=(const LawCotangents& other) {
     relaxed[i] += other.relaxed[i];
   }
   return *this;
+}
+
+void LawCotangents::add_branches(const material::Material& material, double dt,
+                                 std::vector<material::MaxwellBranch>& sums) const {
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    const material::MaxwellBranch g =
+        material::maxwell_gradient(material.maxwell[i], dt, stiffness[i], relaxed[i]);
+    sums[i].modulus += g.modulus;
+    sums[i].time += g.time;
+  }
 }
 
 MATTERFIT_DISPATCH(AdjointKernels, adjoint_kernels, adjoint_table)

@@ -3,8 +3,10 @@
 
 #include <array>
 #include <cstddef>
+#include <vector>
 
 #include "material/classical/constants_adjoint.hpp"
+#include "material/material.hpp"
 #include "mpm/kernels.hpp"
 
 namespace matterfit::mpm {
@@ -18,6 +20,9 @@ struct LawCotangents {
   double work = 0.0;  ///< force_bar · force
 
   LawCotangents& operator+=(const LawCotangents& other);
+  /// Adds to the cotangents of a material's branches, by modulus and time, those of a substep.
+  void add_branches(const material::Material& material, double dt,
+                    std::vector<material::MaxwellBranch>& sums) const;
 };
 
 /// The adjoint of a substep's internal forces of a total Lagrangian body.

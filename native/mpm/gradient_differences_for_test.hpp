@@ -34,7 +34,7 @@ inline std::vector<GradientEntry> gradient_entries(const GradientCase& run, cons
     add(name, found, run.material.*member,
         [member](GradientCase& c) -> double& { return c.material.*member; });
   };
-  // What the case's numbers move: of a neighbour all but its material and density.
+  // The case's numbers move the neighbour too, but for its material and density.
   BodyGradient body = g.bodies[0];
   for (std::size_t b = 1; b < g.bodies.size(); ++b) {
     body.offset += g.bodies[b].offset;
@@ -114,6 +114,21 @@ inline void make_fluid(material::Material& material, double viscosity = 10.0) {
   material.law = material::Law::kNewtonian;
   material.bulk_modulus = 2e5;
   material.viscosity = viscosity;
+}
+
+/// A Herschel-Bulkley paste that relaxes.
+inline void make_paste(material::Material& material) {
+  material.law = material::Law::kHerschelBulkley;
+  material.yield_stress = 800.0;
+  material.viscosity = 30.0;
+  material.maxwell = {{2e4, 5e-3}};
+}
+
+inline void make_sand(material::Material& material) {
+  material.law = material::Law::kDruckerPrager;
+  material.friction_angle = 30.0;
+  material.cohesion = 2e3;
+  material.maxwell.clear();
 }
 
 /// Every entry, or `only` some, to 1e-6 of its difference, or of 1 where that is larger; losses are

@@ -45,15 +45,9 @@ TEST(GradientRenewed, OfWhatFlowsMatchesDifferences) {
   run.material.hardening = 1e4;
   expect_renewed("von Mises", run);
   run.material.hardening = 0.0;
-  run.material.law = Law::kHerschelBulkley;
-  run.material.yield_stress = 800.0;
-  run.material.viscosity = 30.0;
-  run.material.maxwell = {{2e4, 5e-3}};
+  make_paste(run.material);
   expect_renewed("Herschel-Bulkley, relaxing", run);
-  run.material.maxwell.clear();
-  run.material.law = Law::kDruckerPrager;
-  run.material.friction_angle = 30.0;
-  run.material.cohesion = 2e3;
+  make_sand(run.material);
   expect_renewed("Drucker-Prager", run);
   make_fluid(run.material);
   expect_renewed("fluid", run);

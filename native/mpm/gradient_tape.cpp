@@ -2,7 +2,6 @@
 #include "mpm/gradient_tape.hpp"
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "mpm/initial_velocity.hpp"
@@ -160,8 +159,8 @@ void UpdatedTape<S>::back(std::size_t begin, std::size_t end, State first, const
 
 namespace {
 
-/// What the adjoint of bodies whose particles carry the state says of the n-th of them, the index
-/// `of` in the scene, with the cotangents of its start.
+/// Puts together the gradient of one body, the n-th of the adjoint's and `of` in the scene, with
+/// the cotangents of its start.
 template <class Adjoint, class Cotangents>
 void collect_body(const Scene& scene, const Adjoint& adjoint, const Cotangents& bar, std::size_t n,
                   std::size_t of, StartCotangents start, Gradient& out) {
@@ -232,9 +231,7 @@ std::size_t RenewedTape<S>::log_bytes() const {
 
 template <class S>
 void RenewedTape<S>::turn() {
-  std::vector<std::size_t> bodies(stepper_.scene().bodies.size());
-  std::iota(bodies.begin(), bodies.end(), std::size_t{0});
-  adjoint_ = std::make_unique<RenewedAdjoint<S>>(stepper_.scene(), bodies,
+  adjoint_ = std::make_unique<RenewedAdjoint<S>>(stepper_.scene(), stepper_.renewed_bodies(),
                                                  renewed_adjoint_kernels<S>(target_), rates_);
   after_ = state();
   bar_ = adjoint_->zero(after_);
@@ -273,8 +270,9 @@ void RenewedTape<S>::back(std::size_t begin, std::size_t end, State first, const
 
 template <class S>
 void RenewedTape<S>::collect(const std::vector<Vec3d>& /*observed*/, Gradient& out) const {
-  for (std::size_t m = 0; m < bar_.bodies.size(); ++m) {
-    collect_body(stepper_.scene(), *adjoint_, bar_, m, m,
+  const std::vector<std::size_t>& bodies = stepper_.renewed_bodies();
+  for (std::size_t m = 0; m < bodies.size(); ++m) {
+    collect_body(stepper_.scene(), *adjoint_, bar_, m, bodies[m],
                  adjoint_->start(stepper_.arena(), m, after_, bar_), out);
   }
   collect_scene(bar_, out);

@@ -54,14 +54,9 @@ TEST(Gradient, OfPlasticBodiesMatchesDifferences) {
   run.material.yield_stress = 800.0;
   run.material.hardening = 1e4;
   expect_differences("von Mises", run);
-  run.material.law = Law::kHerschelBulkley;
-  run.material.viscosity = 30.0;
-  run.material.maxwell = {{2e4, 5e-3}};
+  make_paste(run.material);
   expect_differences("Herschel-Bulkley, relaxing", run);
-  run.material.maxwell.clear();
-  run.material.law = Law::kDruckerPrager;
-  run.material.friction_angle = 30.0;
-  run.material.cohesion = 2e3;
+  make_sand(run.material);
   expect_differences("Drucker-Prager", run);
 }
 
@@ -76,10 +71,7 @@ TEST(Gradient, OfUpdatedBodiesMatchesDifferences) {
   run.method = shape::ContactMethod::kNode;
   expect_differences("updated, met by nodes", run);
   run.method = shape::ContactMethod::kParticle;
-  run.material.law = Law::kHerschelBulkley;
-  run.material.yield_stress = 800.0;
-  run.material.viscosity = 30.0;
-  run.material.maxwell = {{2e4, 5e-3}};
+  make_paste(run.material);
   expect_differences("updated Herschel-Bulkley, relaxing", run);
   run.material.maxwell.clear();
   make_fluid(run.material);

@@ -17,7 +17,7 @@
 namespace matterfit::mpm {
 namespace {
 
-/// What comes back from a block's particles, to the nodes and to sums.
+/// Cotangents that a block's particles give back, to the nodes and to sums.
 struct RenewedBlockBar {
   RenewedFields fields;
   TermCotangents terms;
@@ -241,12 +241,7 @@ struct RenewedAdjoint<S>::Impl {
     LawCotangents all;
     for (const LawCotangents& block : laws) all += block;
     own.law += all;
-    for (std::size_t i = 0; i < own.branches.size(); ++i) {
-      const material::MaxwellBranch g = material::maxwell_gradient(
-          members[m].material.maxwell[i], substep.dt, all.stiffness[i], all.relaxed[i]);
-      own.branches[i].modulus += g.modulus;
-      own.branches[i].time += g.time;
-    }
+    all.add_branches(members[m].material, substep.dt, own.branches);
   }
   static void sum_halos(const RenewedGrid& grid, std::size_t m, std::size_t n,
                         const std::vector<S>& halos, double* out) {

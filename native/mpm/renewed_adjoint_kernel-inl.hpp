@@ -10,6 +10,7 @@
 
 #include "material/classical/law_step_adjoint-inl.hpp"
 #include "mpm/lane_sums-inl.hpp"
+#include "mpm/relaxed_point-inl.hpp"
 #include "mpm/renewed_adjoint_kernels.hpp"
 #include "mpm/renewed_kernel-inl.hpp"
 #include "mpm/spline_sums-inl.hpp"
@@ -99,26 +100,14 @@ class RenewedForcesAdjoint {
     [[nodiscard]] HWY_INLINE const Mat3<T>& velocity_gradient() const { return l; }
     HWY_INLINE void relax(Sym3<T>& tau) const {
       if (branches() == 0) return;
-      HWY_ALIGN S scratch[12 * material::kMostMaxwellBranches * kLanes];
-      const S* from = branch();
-      for (std::size_t i = 0; i < 12 * branches(); ++i) {
-        T::load(from + i * kLanes).store(scratch + i * kLanes);
-      }
-      add_maxwell_stress<T>(of.law_, of.relaxation_, h, jh, true, scratch, kLanes, tau);
+      add_maxwell_stress_again<T, S>(of.law_, of.relaxation_, h, jh, branch(), tau);
     }
 
     HWY_INLINE void relax_adjoint(const Sym3<T>& tau_bar, PointBar<T>& /*bar*/) {
       if (branches() == 0) return;
-      Sym3<T> g_bar[material::kMostMaxwellBranches];
-      S* of_branch = of.view_.maxwell_bar + chunk * (6 * branches() * kLanes) + lane;
-      for (std::size_t i = 0; i < branches(); ++i) {
-        g_bar[i] = load_sym3<T>(of_branch + i * 6 * kLanes, kLanes);
-      }
-      maxwell_stress_adjoint<T>(of.law_, of.relaxation_, h, jh, branch(), kLanes, tau_bar, g_bar,
+      maxwell_stress_back<T, S>(of.law_, of.relaxation_, h, jh, branch(), tau_bar,
+                                of.view_.maxwell_bar + chunk * (6 * branches() * kLanes) + lane,
                                 moved_bar, of.relaxation_bar_);
-      for (std::size_t i = 0; i < branches(); ++i) {
-        store_sym3(g_bar[i], of_branch + i * 6 * kLanes, kLanes);
-      }
     }
     HWY_INLINE Mat3<T>& velocity_gradient_bar() { return l_bar; }
     HWY_INLINE void velocity_gradient_adjoint(PointBar<T>& /*bar*/) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What the adjoints of renewed bodies share: the cotangents, and the way from those of a particle's
-// motion to those of the nodes around it.
+// Cotangents of renewed bodies, and the way from those of a particle's motion to those of the nodes
+// around it: shared by the adjoints of substeps, touches and renewals.
 #pragma once
 
 #include <cmath>
@@ -101,7 +101,7 @@ class RenewedFields {
 template <class S>
 void renewed_elastic_adjoint(const std::vector<S>& history, bool fluid, std::size_t slot,
                              const Mat3d& elastic_bar, std::vector<S>& history_bar) {
-  const std::size_t kept = fluid ? 1 : 10;
+  const std::size_t kept = renewed_history(fluid);
   S* bar = history_bar.data() + slot / kLanes * (kept * kLanes) + slot % kLanes;
   if (fluid) {
     const double stretch = std::cbrt(1.0 + static_cast<double>(history[slot]));

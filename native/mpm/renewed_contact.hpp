@@ -44,7 +44,7 @@ class RenewedContact {
              std::vector<RenewedTouch>* touches);
   [[nodiscard]] double max_penetration() const;
 
-  /// What particles remember that do, ascending.
+  /// Memories of the particles that have one, ascending.
   [[nodiscard]] ContactMemories memories() const;
   void restore(const ContactMemories& memories);
 

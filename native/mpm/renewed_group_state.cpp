@@ -71,7 +71,7 @@ std::pair<Vec3d, Vec3d> RenewedGroup<S>::momentum() const {
   Vec3d angular = Vec3d::Zero();
   for (std::size_t n = 0; n < s.mass.size(); ++n) {
     if (!(s.mass[n] > 0.0)) continue;
-    const Vec3d origin = s.grid.coordinates(n / kBlockNodes).template cast<double>() * (4.0 * s.dx);
+    const Vec3d origin = block_origin(s.grid.coordinates(n / kBlockNodes), s.dx);
     const Vec3d x =
         position_of_node(origin, s.dx, n % kBlockNodes) + field_value(s.displacement, n);
     const Vec3d momentum = s.mass[n] * field_value(s.velocity, n);

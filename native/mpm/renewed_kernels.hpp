@@ -13,8 +13,9 @@ namespace matterfit::mpm {
 
 /// Numbers of history a particle of the renewed formulation has: J − 1 of a fluid; else elastic
 /// F − I at the reference (9) and the equivalent plastic strain.
+[[nodiscard]] constexpr std::size_t renewed_history(bool fluid) { return fluid ? 1 : 10; }
 [[nodiscard]] inline std::size_t renewed_history(material::Law law) {
-  return material::traits(law).fluid ? 1 : 10;
+  return renewed_history(material::traits(law).fluid);
 }
 
 /// What a particle takes from one reference to the next, besides its history.

@@ -10,29 +10,6 @@
 namespace matterfit::mpm {
 namespace {
 
-Mat3d cofactor_of(const Mat3d& m) {
-  Mat3d c;
-  for (int j = 0; j < 3; ++j) {
-    c.col(j) = m.col((j + 1) % 3).cross(m.col((j + 2) % 3));
-  }
-  return c;
-}
-
-/// Numbers that lie `kLanes` apart.
-template <class S>
-class Strided {
- public:
-  Strided(std::vector<S>& all, std::size_t count, std::size_t slot)
-      : first_(all.data() + slot / kLanes * (count * kLanes) + slot % kLanes) {}
-  [[nodiscard]] double operator[](std::size_t i) const {
-    return static_cast<double>(first_[i * kLanes]);
-  }
-  void set(std::size_t i, double value) const { first_[i * kLanes] = static_cast<S>(value); }
-
- private:
-  S* first_;
-};
-
 template <class S>
 Mat3d matrix_at(const std::vector<S>& all, std::size_t count, std::size_t slot) {
   const S* first = all.data() + slot / kLanes * (count * kLanes) + slot % kLanes;
@@ -51,28 +28,31 @@ Mat3d symmetric_of(const Get& get) {
   return m;
 }
 
-/// The adjoint of what `leave` does with one particle's history, H the motion that it takes.
-/// Returns the cotangent of H.
+/// The adjoint of what `leave` does with one particle's history, H the motion that it takes and
+/// `inverse` that of I + H. Returns the cotangent of H.
 template <class S>
 Mat3d history_adjoint(const std::vector<S>& history, const RenewedCargo& cargo,
                       const std::vector<S>& maxwell, std::size_t slot, const Mat3d& h,
-                      std::vector<S>& history_bar, std::vector<S>& maxwell_bar) {
+                      const Mat3d& inverse, std::vector<S>& history_bar,
+                      std::vector<S>& maxwell_bar) {
   const Mat3d moved = Mat3d::Identity() + h;
   const double volume = moved.determinant();
+  const Mat3d cofactor = volume * inverse.transpose();
   Mat3d h_bar = Mat3d::Zero();
+  const std::size_t kept = renewed_history(cargo.fluid);
+  S* bar = history_bar.data() + slot / kLanes * (kept * kLanes) + slot % kLanes;
   if (cargo.fluid) {
-    const Strided<S> bar(history_bar, 1, slot);
     const double before = 1.0 + static_cast<double>(history[slot]);
-    h_bar += bar[0] * before * cofactor_of(moved);
-    bar.set(0, volume * bar[0]);
+    const auto after_bar = static_cast<double>(bar[0]);
+    h_bar += after_bar * before * cofactor;
+    bar[0] = static_cast<S>(volume * after_bar);
   } else {
-    const Mat3d after_bar = matrix_at(history_bar, 10, slot);
-    const Mat3d before = Mat3d::Identity() + matrix_at(history, 10, slot);
-    h_bar += after_bar * before.transpose();
+    const Mat3d after_bar = matrix_at(history_bar, kept, slot);
+    h_bar += after_bar * renewed_elastic(history, false, slot).transpose();
     const Mat3d before_bar = moved.transpose() * after_bar;
-    const Strided<S> bar(history_bar, 10, slot);
     for (std::size_t i = 0; i < 9; ++i) {
-      bar.set(i, before_bar(static_cast<int>(i / 3), static_cast<int>(i % 3)));
+      bar[i * kLanes] =
+          static_cast<S>(before_bar(static_cast<int>(i / 3), static_cast<int>(i % 3)));
     }
   }
   const double iso = std::pow(volume, -2.0 / 3.0);
@@ -89,8 +69,7 @@ Mat3d history_adjoint(const std::vector<S>& history, const RenewedCargo& cargo,
         symmetric_of([&](std::size_t i) { return static_cast<double>(to[i * kLanes]); });
     const Mat3d carried = moved * whole * moved.transpose();
     h_bar += 2.0 * iso * after_bar * moved * whole;
-    h_bar -=
-        2.0 / 3.0 * iso / volume * (after_bar.array() * carried.array()).sum() * cofactor_of(moved);
+    h_bar -= 2.0 / 3.0 * iso / volume * (after_bar.array() * carried.array()).sum() * cofactor;
     const Mat3d before_bar = iso * moved.transpose() * after_bar * moved;
     constexpr int kRow[6] = {0, 1, 2, 1, 0, 0};
     constexpr int kColumn[6] = {0, 1, 2, 2, 2, 1};
@@ -174,7 +153,7 @@ void clear_state_bars(const RenewedState<S>& state, RenewedCotangents<S>& bar,
   for (std::size_t m = 0; m < cargo.size(); ++m) {
     const std::size_t slots = state.reference->bodies[m].id.size();
     bar.bodies[m].place.assign(slots * 3, S(0));
-    bar.bodies[m].history.assign(slots * (cargo[m].fluid ? 1 : 10), S(0));
+    bar.bodies[m].history.assign(slots * renewed_history(cargo[m].fluid), S(0));
     bar.bodies[m].maxwell.assign(slots * 6 * cargo[m].branches, S(0));
   }
 }
@@ -194,7 +173,7 @@ void renewal_adjoint(Arena& arena, const RenewedState<S>& left, const RenewedSta
     const RenewedStore<S>& store = left.reference->bodies[m];
     const Arrivals<S> arrivals(entered.reference->bodies[m], bar.bodies[m].stretch.size());
     RenewedBodyCotangents<S>& own = bar.bodies[m];
-    const std::size_t kept = cargo[m].fluid ? 1 : 10;
+    const std::size_t kept = renewed_history(cargo[m].fluid);
     std::vector<RenewedFields> fields;
     fields.reserve(store.blocks());
     for (std::size_t b = 0; b < store.blocks(); ++b) {
@@ -231,9 +210,10 @@ void renewal_adjoint(Arena& arena, const RenewedState<S>& left, const RenewedSta
           };
           copy_slot(after[m].maxwell, at(to), own.maxwell, at(slot), 6);
         }
-        motion_bar.gradient = history_adjoint(left.history(m), cargo[m], left.bodies[m].maxwell,
-                                              slot, motion.gradient, own.history, own.maxwell) -
-                              affine.transpose() * motion_bar.rate;
+        motion_bar.gradient =
+            history_adjoint(left.history(m), cargo[m], left.bodies[m].maxwell, slot,
+                            motion.gradient, inverse, own.history, own.maxwell) -
+            affine.transpose() * motion_bar.rate;
         add_place_bar(slot, fields[b].back(s, motion, motion_bar), own.place);
       });
     });

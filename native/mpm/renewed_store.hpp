@@ -8,6 +8,7 @@
 
 #include "base/vec.hpp"
 #include "mpm/layout.hpp"
+#include "mpm/renewed_kernels.hpp"
 #include "mpm/updated_place.hpp"
 
 namespace matterfit::mpm {
@@ -55,7 +56,7 @@ struct RenewedStore {
 /// J − 1 alone.
 template <class S>
 [[nodiscard]] Mat3d renewed_elastic(const std::vector<S>& history, bool fluid, std::size_t slot) {
-  const std::size_t kept = fluid ? 1 : 10;
+  const std::size_t kept = renewed_history(fluid);
   const S* h = history.data() + slot / kLanes * (kept * kLanes) + slot % kLanes;
   if (fluid) return std::cbrt(1.0 + static_cast<double>(h[0])) * Mat3d::Identity();
   Mat3d f = Mat3d::Identity();

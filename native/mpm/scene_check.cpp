@@ -16,6 +16,7 @@ bool is_total(const Body& body) {
 }
 
 bool is_renewed(const Body& body) { return body.formulation == Formulation::kRenewed; }
+bool is_updated(const Body& body) { return !is_renewed(body) && !is_total(body); }
 
 void check_scene(const Scene& scene) {
   const auto positive = [](double value, const char* name) {
@@ -93,9 +94,7 @@ void check_scene(const Scene& scene) {
     }
   }
   const auto renewed = std::find_if(scene.bodies.begin(), scene.bodies.end(), is_renewed);
-  const auto other = std::find_if(scene.bodies.begin(), scene.bodies.end(), [](const Body& body) {
-    return !is_renewed(body) && !is_total(body);
-  });
+  const auto other = std::find_if(scene.bodies.begin(), scene.bodies.end(), is_updated);
   if (renewed != scene.bodies.end() && other != scene.bodies.end()) {
     throw_input("Bodies '" + renewed->name + "' and '" + other->name +
                 "' may touch each other, and bodies of the formulations 'renewed' and 'updated' "

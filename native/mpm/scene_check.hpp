@@ -11,5 +11,6 @@ void check_scene(const Scene& scene);
 /// The formulation that a body takes: its own word, or by its law.
 [[nodiscard]] bool is_total(const Body& body);
 [[nodiscard]] bool is_renewed(const Body& body);
+[[nodiscard]] bool is_updated(const Body& body);
 
 }  // namespace matterfit::mpm

@@ -60,7 +60,7 @@ void Stepper<S>::build_groups() {
   for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
     if (is_renewed(scene_.bodies[i])) {
       renewed_bodies_.push_back(i);
-    } else if (!is_total(scene_.bodies[i])) {
+    } else if (is_updated(scene_.bodies[i])) {
       updated_bodies_.push_back(i);
     }
   }

@@ -43,6 +43,7 @@ class Stepper {
   [[nodiscard]] RenewedGroup<S>* renewed() { return renewed_.get(); }
   /// Indices of the updated bodies into scene().bodies.
   [[nodiscard]] const std::vector<std::size_t>& updated_bodies() const { return updated_bodies_; }
+  [[nodiscard]] const std::vector<std::size_t>& renewed_bodies() const { return renewed_bodies_; }
   /// From here on each substep of the updated bodies fills it; null: none.
   void keep(UpdatedRecord<S>* record) { record_ = record; }
   /// The frame the state stands at.

@@ -183,12 +183,7 @@ void TotalAdjoint<S>::substep(Arena& arena, const TotalSubstep& substep,
   all.constants.mu += work / modulus;
   bar.law += all;
   bar.log_density -= all.work;
-  for (std::size_t i = 0; i < bar.maxwell.size(); ++i) {
-    const material::MaxwellBranch g = material::maxwell_gradient(material_.maxwell[i], substep.dt,
-                                                                 all.stiffness[i], all.relaxed[i]);
-    bar.maxwell[i].modulus += g.modulus;
-    bar.maxwell[i].time += g.time;
-  }
+  all.add_branches(material_, substep.dt, bar.maxwell);
 }
 
 template <class S>

@@ -232,12 +232,7 @@ struct UpdatedAdjoint<S>::Impl {
           body.published[i] += static_cast<double>(sums[i]);
         }
       }
-      for (std::size_t i = 0; i < body.branches.size(); ++i) {
-        const material::MaxwellBranch g = material::maxwell_gradient(
-            members[m].material.maxwell[i], record.dt, all.stiffness[i], all.relaxed[i]);
-        body.branches[i].modulus += g.modulus;
-        body.branches[i].time += g.time;
-      }
+      all.add_branches(members[m].material, record.dt, body.branches);
     }
 
     std::vector<S> nodes_bar(blocks * kNodes);

@@ -74,13 +74,10 @@ double Model::gradient_cost() const {
   // updated bodies is longer.
   constexpr double kNodes = 4.0;  // of what keeps nodes alone
   constexpr double kUpdated = 7.0;
-  const auto is_updated = [](const mpm::Body& body) {
-    return !mpm::is_total(body) && !mpm::is_renewed(body);
-  };
   double cost = kNodes;
   for (const auto& model : models_) {
     const auto& bodies = model->scene.bodies;
-    if (std::any_of(bodies.begin(), bodies.end(), is_updated)) cost = kUpdated;
+    if (std::any_of(bodies.begin(), bodies.end(), mpm::is_updated)) cost = kUpdated;
   }
   return cost;
 }
